@@ -1,0 +1,70 @@
+# Everything a newcomer types. Python 3.11 or later and make are all that must be there.
+#
+#   make tables    the thesis's tables and figures for three scenes: results/tables/index.html
+#   make test      the whole test suite
+#   make smoke     the same pipeline, tiny: what continuous integration runs
+#   make lint      formatting and static checks
+#   make sweep SWEEP=config/sweeps/crf.tsv    one run for each row of a sweep
+#   make clean     forget results; make distclean forgets the environment, too
+
+SHELL := /bin/sh
+PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+VENV := .venv
+BIN := $(VENV)/bin
+CORES ?= 2
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+
+# A run of ours must not see packages of the user's home, nor of another checkout.
+export PYTHONNOUSERSITE := 1
+unexport PYTHONPATH PYTHONHOME
+
+.PHONY: tables test smoke sweep lint format clean distclean pins
+.DELETE_ON_ERROR:
+
+tables: $(VENV)/installed
+	$(BIN)/snakemake --cores $(CORES) results/tables/
+
+smoke: $(VENV)/installed
+	$(BIN)/snakemake --cores $(CORES) --configfile config/smoke.yaml -- results/tables/
+
+sweep: $(VENV)/installed
+	$(BIN)/python -m workflow.sweep $(SWEEP) --cores $(CORES)
+
+test: $(VENV)/installed-dev
+	$(BIN)/python -m pytest -n $(CORES) --dist loadfile
+
+lint: $(VENV)/installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/snakefmt --check Snakefile workflow
+	$(BIN)/snakemake --lint
+
+format: $(VENV)/installed-dev
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+	$(BIN)/snakefmt Snakefile workflow
+
+$(VENV)/bin/python:
+	@test -n "$(PYTHON)" || { echo "Python 3.11 or later was not found. Install it, or run: make PYTHON=/path/to/python3.11"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/installed: pyproject.toml constraints.txt | $(VENV)/bin/python
+	@echo "Installing the pinned packages into $(VENV) ..."
+	PIP_CONSTRAINT=constraints.txt $(PIP) install --editable .
+	@touch $@
+
+$(VENV)/installed-dev: $(VENV)/installed
+	@echo "Installing the test tools into $(VENV) ..."
+	PIP_CONSTRAINT=constraints.txt $(PIP) install --editable '.[dev]'
+	@touch $@
+
+# Pins of what is installed now: run it after a package was added to pyproject.toml.
+pins: $(VENV)/installed-dev
+	$(BIN)/python -m workflow.pins
+
+clean:
+	rm -rf results logs .snakemake .pytest_cache .hypothesis .ruff_cache
+
+distclean: clean
+	rm -rf $(VENV)

@@ -1,0 +1,279 @@
+"""Encoder settings for macropixels and views: bits, error and speed, on one core.
+
+    python benchmarks/codecs.py --scenes bike cabin bedroom --views 16 64 512 --out codecs.csv
+
+The material is traced, in 4:4:4: patches of pixels spread over the picture of each scene, or with
+``--kind views`` up to 16 x 16 views from the middle of the lens (error then is that of their mean).
+For each setting every patch is one segment, encoded through SegmentWriter and decoded through
+SegmentReader, one thread each; seconds are CPU seconds of the process, so that other programs
+disturb them little.  Columns: bits a ray (of the packets), PSNR of the frames (RGB, sRGB-encoded),
+PSNR of the picture that the whole lens gives and of the one that its middle quarter (a sixteenth
+of the area) gives, both in focus, and million rays a second of encoding and decoding.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.errors import StorageError
+from lfcore.optics.slab import Slab
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.colour import (
+    frames_from_rgb,
+    rgb_from_frames,
+    srgb_decode,
+    srgb_encode,
+    ycbcr_to_rgb,
+)
+from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.storage.segment import SegmentReader, SegmentWriter
+
+ROOT = Path(__file__).resolve().parents[1]
+SPOTS = ((0.2, 0.3), (0.45, 0.55), (0.65, 0.75))
+"""Corners of the patches, as fractions of the picture."""
+COMPARED_RAYS = 2_000_000
+"""Of each patch: enough for the decibels, and encoding stays the larger part of the time."""
+COLUMNS = (
+    "scene", "views", "variant", "codec", "pixel_format", "crf", "bits_per_ray", "psnr_frames",
+    "psnr_lens", "psnr_quarter", "encode_mrays", "decode_mrays",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Traced elements: ``cells`` (rows, columns, 3, n, n) uint8, YCbCr, from ``corner``."""
+
+    corner: tuple[int, int]
+    cells: np.ndarray
+
+
+def trace_patches(scene_name: str, kind: str, views: int, pixels: int, mrays: float) -> list[Patch]:
+    """Patches of about ``mrays`` million rays in all."""
+    from lfcore.scene.build import build_scene
+    from lfcore.tracing.bvh import build_bvh
+    from lfcore.tracing.tracer import Tracer
+
+    scene = build_scene(ROOT / "scenes" / scene_name / "scene.yaml")
+    tracer = Tracer(scene, build_bvh(scene.triangles))
+    slab = Slab(scene.camera, views, pixels)
+    layout = FrameLayout(kind, views, pixels, "raster", 1, "yuv444p")
+    if kind == "views":
+        side = min(views, 16)
+        corners, wide, high = [((views - side) // 2,) * 2], side, side
+    else:
+        high = int(np.sqrt(mrays * 1e6 / len(SPOTS) / views**2 / 4)) // 8 * 8
+        high = min(max(4, high), pixels // 8 // 8 * 8)
+        wide = 4 * high
+        corners = [
+            tuple(min(int(x * pixels), pixels - wide) // 8 * 8 for x in spot) for spot in SPOTS
+        ]
+    patches = []
+    for corner in corners:
+        tile = layout.tile(*corner, wide, high)
+        frames = np.concatenate([c.frames.copy() for c in tracer.trace_tile(slab, tile)])
+        size, inner = layout.frame_width, layout.inner
+        cells = frames.reshape(high, wide, 3, size, size)[..., :inner, :inner]
+        patches.append(Patch(corner, np.ascontiguousarray(cells)))
+    return patches
+
+
+def frames_of(patch: Patch, tile: Tile) -> np.ndarray:
+    """(F, frame_bytes) uint8: the patch in the tile's layout and pixel format."""
+    layout, form = tile.layout, tile.layout.format
+    size, n = layout.frame_width, layout.inner
+    codes = np.empty((tile.frame_count, 3, size, size), np.uint8)
+    codes[:, 0], codes[:, 1:] = 16, 128
+    elements = tile.elements()
+    for (u, v), (frame, x, y) in zip(elements, tile.placement(elements), strict=True):
+        codes[frame, :, y : y + n, x : x + n] = patch.cells[v - tile.row, u - tile.column]
+    out = np.empty((len(codes), layout.frame_bytes), np.uint8)
+    for at in range(0, len(codes), 64):
+        part = codes[at : at + 64]
+        if form.name == "yuv444p":
+            out[at : at + 64] = part.reshape(len(part), -1)
+            continue
+        rgb = ycbcr_to_rgb(np.moveaxis(part, 1, -1))
+        out[at : at + 64] = frames_from_rgb(rgb, form.name)
+    return out
+
+
+class Errors:
+    """Squared errors of the frames' RGB, and the pictures that both sides give in focus."""
+
+    def __init__(self, kind: str):
+        self.kind, self.square, self.count = kind, 0.0, 0
+        # Of truth and found by the whole lens, of truth and found by its quarter.
+        self.pictures: list[list] = [[], [], [], []]
+        self.counts: dict[int, int] = {}
+
+    def add(self, truth: np.ndarray, found: np.ndarray, central: bool) -> None:
+        """Two elements (n, n, 3) float32 sRGB; ``central`` is a view in the middle quarter."""
+        self.square += float(np.square(truth - found, dtype=np.float64).sum())
+        self.count += truth.size
+        n = len(truth)
+        quarter = slice(n * 3 // 8, n * 3 // 8 + max(1, n // 4))
+        for side, picture in enumerate((truth, found)):
+            cell = srgb_decode(picture)
+            if self.kind == "macropixels":
+                self.pictures[side].append(cell.mean((0, 1), dtype=np.float64))
+                part = cell[quarter, quarter].mean((0, 1), dtype=np.float64)
+                self.pictures[side + 2].append(part)
+                continue
+            for at in (side, side + 2)[: 2 if central else 1]:
+                self.pictures[at] = [cell + (self.pictures[at][0] if self.pictures[at] else 0.0)]
+                self.counts[at] = self.counts.get(at, 0) + 1
+
+    def psnr(self) -> tuple[float, float, float]:
+        """Of frames, of the whole lens, of its middle quarter; decibels."""
+        sides = [np.array(each) for each in self.pictures]
+        if self.kind == "views":
+            sides = [each / self.counts[at] for at, each in enumerate(sides)]
+        wide, wide_found, narrow, narrow_found = (srgb_encode(each) for each in sides)
+        squares = (
+            self.square / self.count,
+            np.square(wide - wide_found).mean(),
+            np.square(narrow - narrow_found).mean(),
+        )
+        return tuple(round(float(-10 * np.log10(value + 1e-12)), 2) for value in squares)
+
+
+def measure(patches: list[Patch], layout: FrameLayout, spec: CodecSpec) -> tuple:
+    """bits a ray, three PSNR, encoding and decoding rate."""
+    size = layout.frame_width, layout.frame_height
+    encode = decode = bits = rays = 0
+    errors = Errors(layout.kind)
+    for patch in patches:
+        rows, columns = patch.cells.shape[:2]
+        tile = layout.tile(*patch.corner, columns, rows)
+        frames = frames_of(patch, tile)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "segment.mp4"
+            start = time.process_time()
+            with SegmentWriter(path, spec, *size) as writer:
+                writer.write(frames)
+            encode += time.process_time() - start
+            reader = SegmentReader(path)
+            start = time.process_time()
+            decoded = np.concatenate(list(reader.frames()))
+            decode += time.process_time() - start
+            bits += reader.info().bytes * 8
+        rays += tile.rays
+        compare(patch, tile, decoded, errors)
+    rates = (round(rays / encode / 1e6, 1), round(rays / decode / 1e6, 1))
+    return (round(bits / rays, 5), *errors.psnr(), *rates)
+
+
+def compare(patch: Patch, tile: Tile, decoded: np.ndarray, errors: Errors) -> None:
+    """Add a fair share of the macropixels of a decoded tile to ``errors``."""
+    layout, n = tile.layout, tile.layout.inner
+    step = 1 if layout.kind == "views" else max(1, tile.rays // COMPARED_RAYS)
+    elements = tile.elements()[::step]
+    middle = np.array([tile.column + tile.columns / 2, tile.row + tile.rows / 2]) - 0.5
+    last, picture = -1, None
+    for (u, v), (frame, x, y) in zip(elements, tile.placement(elements), strict=True):
+        if frame != last:
+            one = decoded[frame : frame + 1]
+            args = (layout.pixel_format, layout.frame_width, layout.frame_height)
+            last, picture = frame, rgb_from_frames(one, *args)[0]
+        truth = ycbcr_to_rgb(np.moveaxis(patch.cells[v - tile.row, u - tile.column], 0, -1))
+        central = max(abs(np.array([u, v]) - middle)) <= tile.columns / 8
+        errors.add(truth, picture[y : y + n, x : x + n], central)
+
+
+def variants(views: int) -> Iterator[tuple[str, dict, dict]]:
+    """(name, changes of the codec settings, changes of the layout)."""
+    yield "base", {}, {}
+    for preset in ("ultrafast", "veryfast", "faster", "medium"):
+        yield f"preset {preset}", {"preset": preset}, {}
+    for bframes, refs in ((0, 1), (3, 1), (8, 2), (16, 4)):
+        yield f"bframes {bframes} refs {refs}", {"bframes": bframes, "refs": refs}, {}
+    for gop in (16, 64):
+        yield f"gop {gop}", {"gop": gop}, {}
+    for order in ("raster", "hilbert"):
+        yield f"order {order}", {}, {"order": order}
+    for pack in (1, 2, 4, 8):
+        if views * pack <= 512:
+            yield f"pack {pack}", {}, {"pack": pack}
+    yield "4:4:4", {"pixel_format": "yuv444p"}, {}
+    yield "10 bit", {"pixel_format": "yuv420p10le"}, {}
+    for codec, preset in (("libx265", "ultrafast"), ("libx265", "fast"), ("libsvtav1", "12")):
+        yield f"{codec} {preset}", {"codec": codec, "preset": preset}, {}
+    yield "lossless", {"codec": "ffv1", "preset": None, "pixel_format": "gbrp"}, {}
+    for name, extra in EXTRA.items():
+        yield f"x264 {name}", {"extra": extra}, {}
+
+
+EXTRA = {
+    "no lookahead": (("rc-lookahead", "0"), ("sync-lookahead", "0"), ("mbtree", "0")),
+    "no mbtree": (("mbtree", "0"),),
+    "dia": (("me", "dia"),),
+    "hex": (("me", "hex"),),
+    "no deblock": (("no-deblock", "1"),),
+    "cavlc": (("no-cabac", "1"),),
+    "subme 0": (("subme", "0"),),
+    "subme 2": (("subme", "2"),),
+    "partitions": (("partitions", "i8x8,i4x4,p8x8,b8x8"),),
+    "no 8x8dct": (("no-8x8dct", "1"),),
+    "merange 64": (("merange", "64"),),
+    "deadzone": (("deadzone-inter", "6"), ("deadzone-intra", "6")),
+    "weightp": (("weightp", "2"),),
+    "qpmin 14": (("qpmin", "14"),),
+    "trellis": (("trellis", "1"),),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom"])
+    parser.add_argument("--views", type=int, nargs="+", default=[16, 64, 512], metavar="N")
+    parser.add_argument("--kind", choices=("macropixels", "views"), default="macropixels")
+    parser.add_argument("--pixels", type=int, default=512, metavar="M")
+    parser.add_argument("--crf", type=float, nargs="+", default=[16, 22])
+    parser.add_argument("--preset", default="superfast", help="of libx264, where not varied")
+    parser.add_argument("--extra", nargs="*", default=[], metavar="KEY=VALUE", help="for libx264")
+    parser.add_argument("--pack", type=int, default=1)
+    parser.add_argument("--mrays", type=float, default=12.0, help="million rays of material")
+    parser.add_argument("--only", nargs="+", help="variants whose name has one of these words")
+    parser.add_argument("--out", type=Path, required=True)
+    args = parser.parse_args()
+    extra = tuple(tuple(pair.split("=", 1)) for pair in args.extra)
+    with open(args.out, "w", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(COLUMNS)
+        for scene in args.scenes:
+            for views in args.views:
+                patches = trace_patches(scene, args.kind, views, args.pixels, args.mrays)
+                for name, codec, how in variants(views):
+                    if args.only and not any(word in name for word in args.only):
+                        continue
+                    settings = {"preset": args.preset, "extra": extra} | codec
+                    if settings.get("codec"):
+                        settings["extra"] = ()
+                    elif "extra" in codec:
+                        settings["extra"] = tuple((dict(extra) | dict(codec["extra"])).items())
+                    for crf in args.crf if codec.get("codec") != "ffv1" else args.crf[:1]:
+                        spec = CodecSpec(**settings, crf=crf)
+                        place = {"pack": args.pack, "pixel_format": spec.pixel_format} | how
+                        layout = FrameLayout(args.kind, views, args.pixels, **place)
+                        found = measure(patches, layout, spec)
+                        row = (scene, views, name, spec.codec, spec.pixel_format, crf, *found)
+                        table.writerow(row)
+                        file.flush()
+                        print("{:8} {:4} {:22} {:9} {:11}".format(*row[:5]),
+                              *(f"{value:>9}" for value in row[5:]), flush=True)  # fmt: skip
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except StorageError as error:
+        sys.exit(str(error))

@@ -1,0 +1,1 @@
+"""What benchmarks/tracer.py measures: the sampled rays, our own methods, one module a mode."""

@@ -1,0 +1,147 @@
+"""Ours against every peer, in turn in one run; and whole pictures estimated from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from peers.embree_packets import EmbreePackets
+from peers.embreex_rays import EmbreexRays
+from peers.method import Method, SkippedError
+from peers.mitsuba_picture import MitsubaPicture
+from peers.povray_picture import PovrayPicture
+
+from lfcore.optics.slab import Slab
+from measured import ours
+from measured.rows import in_turn, rates, say
+from measured.sample import sample_slab
+from measured.scenes import Loaded
+
+PEERS = ("embree", "embreex", "mitsuba", "povray")
+THESIS_SECONDS = {"bike": 1598, "cabin": 2789, "bedroom": 4230}
+GOAL_SECONDS = {"bike": 400, "cabin": 500, "bedroom": 700}
+TILE_RAYS = 1 << 30
+
+
+class Peers:
+    """The wanted peers of one scene; those that cannot run are skipped aloud."""
+
+    def __init__(self, loaded: Loaded, wanted: Sequence[str], threads: int):
+        scene = loaded.scene
+        self._threads, self._open = threads, {}
+        makers = {
+            "embree": lambda: EmbreePackets(scene.triangles),
+            "embreex": lambda: EmbreexRays(scene.triangles, threads),
+            "mitsuba": lambda: MitsubaPicture(scene, threads),
+            "povray": lambda: PovrayPicture(scene, threads),
+        }
+        for name in wanted:
+            try:
+                self._open[name] = makers[name]()
+            except SkippedError as error:
+                say(f"SKIPPED {name}: {error}")
+
+    def methods(self, sample) -> list[Method]:
+        out = []
+        for name, peer in list(self._open.items()):
+            try:
+                if name == "embree":
+                    out.append(peer.method(sample, self._threads))
+                else:
+                    out.append(peer.method(sample if name == "embreex" else sample.slab))
+            except SkippedError as error:
+                say(f"SKIPPED {name}: {error}")
+                del self._open[name]
+        return out
+
+    def close(self) -> None:
+        for peer in self._open.values():
+            peer.close()
+
+
+def compare(options) -> list[dict]:
+    """Rows of the comparison over scenes and N."""
+    rows = []
+    for name in options.scenes:
+        loaded = Loaded.open(name)
+        peers = Peers(loaded, options.peers, loaded.tracer.device.threads)
+        for views in options.angular:
+            say(f"{name}, N = {views}")
+            rows += _rows(loaded, views, options, peers)
+        peers.close()
+    return rows
+
+
+def _rows(loaded: Loaded, views: int, options, peers: Peers) -> list[dict]:
+    scene = loaded.scene
+    sample = sample_slab(Slab(scene.camera, views, options.size), options.mrays)
+    planes = ours.planes_of(scene)
+    methods = [ours.visibility(loaded.tracer, sample)]
+    methods += [ours.algorithm1(loaded.tracer, sample, planes), *peers.methods(sample)]
+    rows = []
+    for work in ("visibility", "algorithm1"):
+        chosen = [method for method in methods if method.work == work]
+        found = {m.name: rates(runs) for m, runs in _measured(chosen, options.repeats)}
+        others = [m for m in chosen if not m.ours]
+        for method in chosen:
+            row = found[method.name]
+            best = max((found[m.name]["mrays_per_second"] for m in others), default=None)
+            core = max((found[m.name]["mrays_per_core_second"] for m in others), default=None)
+            hits, depth = method.check() or (None, None)
+            rows.append({
+                "scene": loaded.name,
+                "triangles": scene.triangle_count,
+                "N": views,
+                "M": options.size,
+                "method": method.name,
+                "work": work,
+                "mrays_per_second": row["mrays_per_second"],
+                "ratio_to_best_peer": row["mrays_per_second"] / best if best else None,
+                **{key: row[key] for key in row if key != "mrays_per_second"},
+                "core_ratio_to_best_peer": row["mrays_per_core_second"] / core if core else None,
+                "hit_share": hits,
+                "mean_depth_m": depth,
+                "tile_seconds": _tile_seconds(method),
+                "threads": loaded.tracer.device.threads,
+                "note": method.note,
+            })  # fmt: skip
+    return rows
+
+
+def _measured(methods: list[Method], repeats: int):
+    runs = in_turn(methods, repeats)
+    return [(method, runs[method.name]) for method in methods]
+
+
+def _tile_seconds(method: Method) -> float | None:
+    """What one tile costs beyond its rays: accumulators made and read back."""
+    seconds = method.extra.get("tile_seconds")
+    return float(np.median(seconds)) if seconds else None
+
+
+def estimate(rows: list[dict]) -> list[dict]:
+    """Whole-picture seconds of Algorithm 1 from the sampled rate, beside the thesis's.
+
+    The picture is taken to be cut into tiles of TILE_RAYS rays, each of which pays once for its
+    accumulators.  ``seconds_free_cores`` is what CPU time says that unshared cores would take.
+    """
+    out = []
+    for row in rows:
+        if row["method"] != ours.NAME or row["work"] != "algorithm1":
+            continue
+        rays = (row["N"] * row["M"]) ** 2
+        fixed = -(-rays // TILE_RAYS) * (row["tile_seconds"] or 0.0)
+        free = rays / 1e6 / (row["mrays_per_core_second"] * row["threads"])
+        thesis = row["N"] == row["M"] == 512
+        out.append({
+            "scene": row["scene"],
+            "N": row["N"],
+            "M": row["M"],
+            "estimated_seconds": rays / 1e6 / row["mrays_per_second"] + fixed,
+            "estimated_seconds_free_cores": free + fixed,
+            "goal_seconds": GOAL_SECONDS.get(row["scene"]) if thesis else None,
+            "thesis_seconds": THESIS_SECONDS.get(row["scene"]) if thesis else None,
+            "sampled_rays": row["sampled_rays"],
+            "share_of_picture": row["sampled_rays"] / rays,
+        })  # fmt: skip
+    return out

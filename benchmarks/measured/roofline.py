@@ -1,0 +1,186 @@
+"""Where a ray's cycles go, and what the chip could do.
+
+Parts of visibility are told apart by doing each of them twice: kernels are built from the same
+sources with one function called a second time (which changes nothing), and what that adds is what
+the function costs.  Parts of Algorithm 1 are told apart by leaving them out.  Cycles are of CPU
+time, so that other programs on the machine disturb them little.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+from peers.method import Method, clocked
+
+from lfcore.opencl.device import SHARED_KERNELS, Device, cl
+from measured import ours
+from measured.costs import each
+from measured.rows import in_turn, print_table, rates, say
+
+FENCE = "mem_fence(CLK_GLOBAL_MEM_FENCE | CLK_LOCAL_MEM_FENCE)"
+TWICE = {
+    "triangle rows": (
+        '#include "triangles.cl"\n'
+        "#define hit_triangle(...) (hit_triangle(__VA_ARGS__) | hit_triangle(__VA_ARGS__))\n"
+    ),
+    "triangle setup": (
+        '#include "triangles.cl"\n'
+        "inline Cull same(Cull a, Cull b) { a.keep &= b.keep; a.cover &= b.cover; return a; }\n"
+        "inline Cull fenced(Cull a) { " + FENCE + "; return a; }\n"
+        "#define setup_triangles(...) "
+        "same(fenced(setup_triangles(__VA_ARGS__)), setup_triangles(__VA_ARGS__))\n"
+    ),
+    "box tests": (
+        '#include "bundle.cl"\n'
+        "inline vi fenced_mask(vi a) { " + FENCE + "; return a; }\n"
+        "#define beam_meets(...) "
+        "(fenced_mask(beam_meets(__VA_ARGS__)) & beam_meets(__VA_ARGS__))\n"
+    ),
+}
+PEAKS = """
+kernel __attribute__((reqd_work_group_size(1, 1, 1)))
+void chain(global float *x, const int count)
+{
+    float a = x[0], b = x[1];
+    for (int k = 0; k < count; ++k) a = fma(a, b, 1.0f);
+    x[2 + get_global_id(0)] = a;
+}
+kernel __attribute__((reqd_work_group_size(1, 1, 1)))
+void flops(global float *x, const int count)
+{
+    const float16 b = x[1];
+    float16 a0 = x[0], a1 = a0 + 1, a2 = a0 + 2, a3 = a0 + 3, a4 = a0 + 4, a5 = a0 + 5;
+    float16 a6 = a0 + 6, a7 = a0 + 7, a8 = a0 + 8, a9 = a0 + 9, aa = a0 + 10, ab = a0 + 11;
+    for (int k = 0; k < count; ++k) {
+        a0 = fma(a0, b, b); a1 = fma(a1, b, b); a2 = fma(a2, b, b); a3 = fma(a3, b, b);
+        a4 = fma(a4, b, b); a5 = fma(a5, b, b); a6 = fma(a6, b, b); a7 = fma(a7, b, b);
+        a8 = fma(a8, b, b); a9 = fma(a9, b, b); aa = fma(aa, b, b); ab = fma(ab, b, b);
+    }
+    const float16 s = a0 + a1 + a2 + a3 + a4 + a5 + a6 + a7 + a8 + a9 + aa + ab;
+    x[2 + get_global_id(0)] = s.s0 + s.s5 + s.sf;
+}
+kernel __attribute__((reqd_work_group_size(1, 1, 1)))
+void stream(global const float *restrict data, global float *x, const int words, const int times)
+{
+    global const float *at = data + get_global_id(0) * (ulong)words;
+    float16 a = 0, b = 0, c = 0, d = 0;
+    for (int k = 0; k < times; ++k)
+        for (int i = 0; i < words; i += 64) {
+            a += vload16(0, at + i); b += vload16(1, at + i);
+            c += vload16(2, at + i); d += vload16(3, at + i);
+        }
+    const float16 s = a + b + c + d;
+    x[2 + get_global_id(0)] = s.s0 + s.s3 + s.sf;
+}
+"""
+CHAIN_LATENCY = 4
+"""Cycles of a dependent fused multiply-add on Intel since Skylake and AMD since Zen 2."""
+
+
+def _best(device: Device, launch, repeats: int) -> tuple[float, float]:
+    """Least wall and CPU seconds of a launch."""
+    walls, cpus = [], []
+    for _ in range(repeats + 1):
+        wall, cpu = time.perf_counter(), time.process_time()
+        launch()
+        device.queue.finish()
+        walls.append(time.perf_counter() - wall)
+        cpus.append(time.process_time() - cpu)
+    return min(walls), min(cpus)
+
+
+def peaks(device: Device, repeats: int) -> dict[str, float]:
+    """What the device reaches at best: clock, flops, bytes a second; per core from CPU time."""
+    program = cl.Program(device.context, PEAKS).build()
+    chain, flops, stream = (cl.Kernel(program, name) for name in ("chain", "flops", "stream"))
+    size = (device.threads,)
+    head = np.array([0.5, 0.5, *np.zeros(device.threads)], np.float32)
+    flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
+    x = cl.Buffer(device.context, flags, hostbuf=head)
+    steps = np.int32(20_000_000)
+    _, cpu = _best(device, lambda: chain(device.queue, (1,), (1,), x, steps), repeats)
+    clock = float(steps) * CHAIN_LATENCY / cpu
+    wall, cpu = _best(device, lambda: flops(device.queue, size, (1,), x, steps), repeats)
+    work = float(steps) * 12 * 16 * 2 * device.threads
+    out = {
+        "clock_ghz": clock / 1e9,
+        "gflops": work / wall / 1e9,
+        "gflops_per_core": work / cpu / 1e9,
+        "flops_per_cycle": work / cpu / clock,
+    }
+    for name, words, times in (("memory", 64 << 20, 1), ("cache", 64 << 10, 2000)):
+        data = device.buffer(np.zeros(words * device.threads, np.float32))
+        arguments = data, x, np.int32(words), np.int32(times)
+        launch = lambda a=arguments: stream(device.queue, size, (1,), *a)  # noqa: E731
+        wall, cpu = _best(device, launch, repeats)
+        count = 4.0 * words * times * device.threads
+        out[f"{name}_gbytes"] = count / wall / 1e9
+        out[f"{name}_bytes_per_cycle"] = count / cpu / clock
+    return out
+
+
+def doubled(tracer, sample, part: str) -> Method | None:
+    """Visibility with one part done twice; None where the kernels no longer have that form."""
+    launches = tracer.record(sample)
+    device = tracer.device
+    values = {"LANES": device.lanes, **tracer.defines}
+    options = [f"-D{key}={value}" for key, value in values.items()]
+    source = TWICE[part] + '#include "hits.cl"\n'
+    try:
+        program = cl.Program(device.context, source).build([*options, "-I", str(SHARED_KERNELS)])
+    except cl.Error as error:
+        say(f"SKIPPED {part}: the doubled kernel does not build: {str(error)[:200]}")
+        return None
+    kernel = cl.Kernel(program, "slab_hits")
+
+    def work() -> None:
+        ours.replay(device, launches, kernel)
+
+    return Method(part, "visibility", lambda: clocked(work, sample.rays), ours=True)
+
+
+def _measured(loaded, sample, repeats: int, ghz: float) -> dict[str, float]:
+    """Cycles per ray of every program variant."""
+    tracer, planes = loaded.tracer, ours.planes_of(loaded.scene)
+    dark = [replace(light, casts_shadows=False) for light in loaded.scene.lights]
+    methods = {"visibility": ours.visibility(tracer, sample)}
+    for part in TWICE:
+        method = doubled(tracer, sample, part)
+        if method:
+            methods[part] = method
+    methods["all"] = ours.algorithm1(tracer, sample, planes)
+    methods["no planes"] = ours.algorithm1(tracer, sample, [])
+    methods["no shadows"] = ours.algorithm1(loaded.with_lights(dark), sample, [])
+    for name, method in methods.items():
+        method.name = name
+    runs = in_turn(list(methods.values()), repeats)
+    return {name: ghz * 1e3 / rates(one)["mrays_per_core_second"] for name, one in runs.items()}
+
+
+def roofline(options) -> list[dict]:
+    """Rows of (part, cycles per ray); the peaks stand on every row and are printed once."""
+    rows, peak = [], None
+    for loaded, sample, head in each(options):
+        if peak is None:
+            peak = peaks(loaded.tracer.device, options.repeats)
+            print_table([peak])
+        took = _measured(loaded, sample, options.repeats, peak["clock_ghz"])
+        parts = {part: took[part] - took["visibility"] for part in TWICE if part in took}
+        parts["walk, lists, depth buffers"] = took["visibility"] - sum(parts.values())
+        parts["shading"] = took["no shadows"] - took["visibility"]
+        parts["shadows"] = took["no planes"] - took["no shadows"]
+        parts["planes"] = took["all"] - took["no planes"]
+        for part, cycles in [*parts.items(), ("whole Algorithm 1", took["all"])]:
+            rows.append({
+                **head,
+                "work": "algorithm1",
+                "part": part,
+                "cycles_per_ray": cycles,
+                "share": cycles / took["all"],
+                "flops_possible_per_ray": cycles * peak["flops_per_cycle"],
+                "bytes_possible_per_ray": cycles * peak["memory_bytes_per_cycle"],
+                **peak,
+            })  # fmt: skip
+    return rows

@@ -1,0 +1,75 @@
+"""Methods measured in turn, and the rows that come of it."""
+
+from __future__ import annotations
+
+import csv
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from peers.method import Method, Run
+
+
+def say(text: str) -> None:
+    """Progress, apart from the tables on standard output."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def in_turn(methods: Sequence[Method], repeats: int) -> dict[str, list[Run]]:
+    """``repeats`` rounds over all methods after one unseen; a disturbance meets all alike."""
+    runs: dict[str, list[Run]] = {method.name: [] for method in methods}
+    for turn in range(repeats + 1):
+        for method in methods:
+            run = method.run()
+            if turn:
+                runs[method.name].append(run)
+    return runs
+
+
+def rates(runs: list[Run]) -> dict[str, float]:
+    """Median million rays a second by the wall clock and per core-second, and their spread."""
+    wall = np.array([run.rays / run.seconds for run in runs]) / 1e6
+    core = np.array([run.rays / max(run.cpu_seconds, 1e-9) for run in runs]) / 1e6
+    low, high = np.percentile(wall, (25, 75))
+    return {
+        "mrays_per_second": float(np.median(wall)),
+        "mrays_per_core_second": float(np.median(core)),
+        "quartile_1": float(low),
+        "quartile_3": float(high),
+        "fastest": float(wall.max()),
+        "repeats": len(runs),
+        "sampled_rays": runs[0].rays,
+    }
+
+
+def shown(value) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}" if abs(value) < 1000 else f"{value:.0f}"
+    return "" if value is None else str(value)
+
+
+def write_csv(path: Path, rows: Sequence[dict]) -> None:
+    """Write ``rows``, whole or not at all; columns in order of first appearance."""
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, columns)
+        writer.writeheader()
+        for row in rows:
+            writer.writerow({key: shown(value) for key, value in row.items()})
+    os.replace(part, path)
+
+
+def print_table(rows: Sequence[dict], leave_out: Sequence[str] = ()) -> None:
+    """``rows`` as aligned columns on standard output."""
+    if not rows:
+        return
+    columns = [k for k in dict.fromkeys(k for row in rows for k in row) if k not in leave_out]
+    cells = [columns, *([shown(row.get(column)) for column in columns] for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    for line in cells:
+        print("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)))
+    sys.stdout.flush()

@@ -1,0 +1,87 @@
+"""The rays that every method traces: a fair, deterministic sample of a light slab.
+
+The picture is cut into CELLS x CELLS equal cells; within each, a square of pixels at a place drawn
+from a fixed seed takes part with all of its N x N rays.  The squares grow as N falls, so that
+every N has about as many rays, and begin at multiples of four pixels where they are that large, as
+tiles do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lfcore.optics.slab import Slab
+from lfcore.storage.layout import FrameLayout, Tile
+
+CELLS = 8
+SEED = 2024
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Squares of ``side`` pixels; ``corners`` (CELLS**2, 2) int32, the first (u, v) of each."""
+
+    slab: Slab
+    side: int
+    corners: np.ndarray = field(repr=False)
+
+    @property
+    def pixels(self) -> np.ndarray:
+        """(P, 2) int32 (u, v), square after square, rows within a square."""
+        v, u = np.divmod(np.arange(self.side**2, dtype=np.int32), np.int32(self.side))
+        return (self.corners[:, None] + np.stack([u, v], axis=1)).reshape(-1, 2)
+
+    @property
+    def rays(self) -> int:
+        return len(self.corners) * self.side**2 * self.slab.views**2
+
+    def square(self, index: int) -> Sample:
+        """One square alone."""
+        return Sample(self.slab, self.side, self.corners[index : index + 1])
+
+    def thinned(self, most_rays: int) -> np.ndarray:
+        """(P, 2): whole pixels of the sample, evenly taken, of at most ``most_rays`` rays."""
+        keep = max(1, most_rays // self.slab.views**2)
+        pixels = self.pixels
+        return pixels[np.linspace(0, len(pixels) - 1, min(keep, len(pixels))).astype(int)]
+
+
+def sample_slab(slab: Slab, mrays: float = 24.0) -> Sample:
+    """About ``mrays`` million rays of ``slab``, but at least one pixel in each cell."""
+    cells = min(CELLS, slab.pixels)
+    cell = slab.pixels // cells
+    wanted = np.sqrt(mrays * 1e6 / cells**2) / slab.views
+    side = 1 << max(0, round(float(np.log2(wanted))))
+    while side > cell:
+        side //= 2
+    step = min(side, 4)
+    rng = np.random.default_rng(SEED)
+    free = (cell - side) // step + 1
+    offsets = rng.integers(0, free, (cells, cells, 2)) * step
+    grid = np.stack(np.meshgrid(np.arange(cells), np.arange(cells)), axis=-1)
+    corners = (grid * cell // step * step + offsets).reshape(-1, 2)
+    return Sample(slab, side, corners.astype(np.int32))
+
+
+class SampledTile(Tile):
+    """The whole picture as one tile of which only a sample's pixels are traced.
+
+    Planes are as large as the picture, as they are for a real tile.
+    """
+
+    @classmethod
+    def of(cls, sample: Sample) -> SampledTile:
+        size = sample.slab.pixels
+        layout = FrameLayout("macropixels", sample.slab.views, size, "raster")
+        tile = cls(layout, 0, 0, 0, size, size)
+        object.__setattr__(tile, "_pixels", sample.pixels)
+        return tile
+
+    @property
+    def rays(self) -> int:
+        return len(self._pixels) * self.layout.inner**2
+
+    def elements(self) -> np.ndarray:
+        return self._pixels

@@ -1,0 +1,1 @@
+"""Other tracers on the same triangles: each is a :class:`Method` or says why it cannot be one."""

@@ -1,0 +1,92 @@
+"""Embree's 16-wide coherent packets, through a driver compiled when it is first needed."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from peers.method import Method, Run, SkippedError
+
+SOURCE = Path(__file__).with_suffix(".cpp")
+NAME = "embree 16-wide coherent"
+
+
+class EmbreePackets:
+    """The driver with one scene: a process that traces what it is told to, and says how long."""
+
+    def __init__(self, triangles: np.ndarray):
+        self._files = 0
+        self._folder = tempfile.TemporaryDirectory(prefix="embree-packets-")
+        folder = Path(self._folder.name)
+        try:
+            program = compile_driver(folder)
+        except SkippedError:
+            self._folder.cleanup()
+            raise
+        path = folder / "triangles.bin"
+        np.ascontiguousarray(triangles, np.float32).tofile(path)
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen([program, path], stdin=pipe, stdout=pipe, text=True)
+        version, native, seconds = self._answer()
+        number = int(version)
+        self.version = f"{number // 10000}.{number // 100 % 100}.{number % 100}"
+        self.native16, self.build_seconds = bool(int(native)), float(seconds)
+
+    def method(self, sample, threads: int) -> Method:
+        """Visibility of ``sample`` with this scene."""
+        path = self._write_rays(sample)
+
+        def trace() -> tuple[Run, float, float]:
+            self._say(f"rays {path} {threads}\nrun")
+            wall, cpu, hits, depth = (float(word) for word in self._answer())
+            return Run(wall, cpu, sample.rays), hits / sample.rays, depth / max(hits, 1)
+
+        width = "native 16-wide" if self.native16 else "16-wide calls split by Embree"
+        note = f"Embree {self.version}, {width}, {threads} threads"
+        return Method(NAME, "visibility", lambda: trace()[0], note, lambda: trace()[1:])
+
+    def close(self) -> None:
+        self._process.stdin.close()
+        self._process.wait(timeout=60)
+        self._process.stdout.close()
+        self._folder.cleanup()
+
+    def _write_rays(self, sample) -> Path:
+        slab = sample.slab
+        self._files += 1
+        path = Path(self._folder.name) / f"rays-{self._files}.bin"
+        tangents = slab.pixel_tangents()[sample.pixels]
+        head = np.array([slab.views, len(tangents)], np.int32).tobytes()
+        floats = np.concatenate([[slab.camera.delta], slab.lens_positions(), tangents.ravel()])
+        path.write_bytes(head + floats.astype(np.float32).tobytes())
+        return path
+
+    def _say(self, line: str) -> None:
+        self._process.stdin.write(line + "\n")
+        self._process.stdin.flush()
+
+    def _answer(self) -> list[str]:
+        line = self._process.stdout.readline()
+        if not line:
+            raise SkippedError("the Embree driver ended early; its message is above")
+        return line.split()
+
+
+def compile_driver(folder: Path) -> Path:
+    """Build the driver in ``folder``; raise SkippedError where compiler or headers are missing."""
+    compiler = next(filter(None, map(shutil.which, ("g++", "clang++", "c++"))), None)
+    if compiler is None:
+        raise SkippedError("no C++ compiler is installed")
+    program = folder / "embree_packets"
+    command = [compiler, "-O3", "-march=native", "-std=c++17", SOURCE, "-o", program]
+    done = subprocess.run(
+        [*command, "-lembree3", "-pthread"], capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        first = (done.stderr.strip().splitlines() or ["no message"])[0]
+        raise SkippedError(f"its driver does not compile (libembree-dev 3 needed): {first}")
+    return program

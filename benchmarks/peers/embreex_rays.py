@@ -1,0 +1,87 @@
+"""Embree through ``embreex``: single rays, one process a core."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import ProcessPoolExecutor
+from importlib.metadata import version
+from multiprocessing import get_context
+
+import numpy as np
+
+from peers.method import Method, Run, SkippedError
+
+NAME = "embreex"
+MOST_RAYS = 1 << 20
+
+_here: dict = {}
+
+
+def _open(triangles: np.ndarray) -> None:
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    _here["scene"] = EmbreeScene()
+    _here["mesh"] = TriangleMesh(_here["scene"], triangles)
+
+
+def _set_rays(origins: np.ndarray, directions: np.ndarray) -> None:
+    _here["rays"] = origins, directions
+    _trace()
+
+
+def _trace() -> tuple[float, int, float]:
+    cpu = time.process_time()
+    found = _here["scene"].run(*_here["rays"], query="INTERSECT", output=1)
+    cpu = time.process_time() - cpu
+    seen = found["primID"] >= 0
+    return cpu, int(seen.sum()), float(found["tfar"][seen].sum(dtype=np.float64))
+
+
+class EmbreexRays:
+    """``threads`` processes that each hold the scene and their share of the rays."""
+
+    def __init__(self, triangles: np.ndarray, threads: int):
+        try:
+            self._version = version("embreex")
+        except ModuleNotFoundError:
+            raise SkippedError("the package embreex is not installed") from None
+        spawn = get_context("spawn")
+        self._pools = [
+            ProcessPoolExecutor(1, spawn, _open, (np.ascontiguousarray(triangles),))
+            for _ in range(threads)
+        ]
+
+    def method(self, sample) -> Method:
+        """Visibility of at most MOST_RAYS rays of ``sample``, whole pixels evenly taken."""
+        from lfcore.optics.bundles import macropixels
+
+        pixels = sample.thinned(MOST_RAYS)
+        origins, directions = macropixels(sample.slab, pixels).rays()
+        parts = len(self._pools)
+        shares = [
+            np.array_split(a.reshape(-1, 3).astype(np.float32), parts)
+            for a in (origins, directions)
+        ]
+        ready = [
+            pool.submit(_set_rays, *share)
+            for pool, *share in zip(self._pools, *shares, strict=True)
+        ]
+        for one in ready:
+            one.result()
+        count, last = origins[..., 0].size, {}
+
+        def run() -> Run:
+            wall = time.perf_counter()
+            answers = [one.result() for one in [pool.submit(_trace) for pool in self._pools]]
+            wall = time.perf_counter() - wall
+            cpu, hits, depth = map(sum, zip(*answers, strict=True))
+            last["check"] = hits / count, depth / max(hits, 1)
+            return Run(wall, cpu, count)
+
+        note = f"embreex {self._version}, single rays, {parts} processes, {count} of the rays"
+        return Method(NAME, "visibility", run, note, lambda: last.get("check"))
+
+    def close(self) -> None:
+        for pool in self._pools:
+            pool.shutdown()

@@ -1,0 +1,46 @@
+"""What every measured method has in common."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+
+class SkippedError(Exception):
+    """This method cannot run here; the message says what is missing."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: wall seconds, CPU seconds of all threads, rays."""
+
+    seconds: float
+    cpu_seconds: float
+    rays: int
+
+
+@dataclass
+class Method:
+    """A named piece of work that can be run again and again.
+
+    ``run`` does the work once; ``close`` frees what it holds.  ``note`` says what a reader must
+    know to compare: threads, instruction set, what does not match.  ``check`` returns (share of
+    rays that hit, mean depth of those), or None where that cannot be told.
+    """
+
+    name: str
+    work: str
+    run: Callable[[], Run]
+    note: str = ""
+    check: Callable[[], tuple[float, float] | None] = lambda: None
+    close: Callable[[], None] = lambda: None
+    ours: bool = False
+    extra: dict = field(default_factory=dict)
+
+
+def clocked(work: Callable[[], object], rays: int) -> Run:
+    """Run ``work`` in this process under both clocks."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    work()
+    return Run(time.perf_counter() - wall, time.process_time() - cpu, rays)

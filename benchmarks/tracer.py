@@ -1,0 +1,89 @@
+"""The tracer against its peers and against itself, in one run on one machine.
+
+    python benchmarks/tracer.py --out tracer.csv
+    python benchmarks/tracer.py --scenes bike --angular 512 --peers embree --out bike.csv
+    python benchmarks/tracer.py --estimate --out estimate.csv
+
+Without a mode it compares: visibility (closest triangle and depth of every ray) and Algorithm 1
+(interpolated normals, textures, Blinn-Phong, shadows, five sensor planes), ours and the peers' in
+turn on the same sampled rays; see benchmarks/README.md for the modes, the columns and the rules.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from measured import compare, costs, fixed, roofline, scaling
+from measured.rows import print_table, say, write_csv
+
+from lfcore.evaluation.timing import machine
+
+MODES = {
+    "scaling": (scaling.scaling, "time against triangle count, and building the hierarchy"),
+    "threads": (costs.threads, "two cores against one"),
+    "planes": (costs.planes, "100 sensor planes against 5"),
+    "needs": (costs.needs, "what each feature of a scene costs"),
+    "lanes": (costs.lanes, "kernels at 1, 4, 8 and 16 lanes"),
+    "fixed": (fixed.fixed, "what a job costs before its first ray"),
+    "roofline": (roofline.roofline, "cycles a ray by part, against the chip's peaks"),
+}
+
+
+def parse(arguments: list[str] | None = None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom"])
+    parser.add_argument("--angular", nargs="+", type=int, help="N; default 16 64 512")
+    parser.add_argument("--size", type=int, default=512, help="M; default 512")
+    parser.add_argument(
+        "--peers", nargs="*", default=list(compare.PEERS), choices=[*compare.PEERS, "none"]
+    )
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--mrays", type=float, default=16.0, help="million rays to sample")
+    parser.add_argument("--out", type=Path, required=True, help="CSV file")
+    parser.add_argument("--triangles", nargs="+", type=int, help="sizes of --scaling")
+    modes = parser.add_mutually_exclusive_group()
+    modes.add_argument("--estimate", action="store_true", help="whole pictures at N = 512")
+    for name, (_, text) in MODES.items():
+        modes.add_argument(f"--{name}", action="store_true", help=text)
+    options = parser.parse_args(arguments)
+    options.peers = [peer for peer in options.peers if peer != "none"]
+    if options.repeats < 1:
+        parser.error("--repeats must be at least 1")
+    if options.angular is None:
+        options.angular = [512] if options.estimate or _mode(options) else [16, 64, 512]
+    return options
+
+
+def _mode(options: argparse.Namespace) -> str | None:
+    return next((name for name in MODES if getattr(options, name)), None)
+
+
+def main() -> None:
+    options = parse()
+    about = machine()
+    say(", ".join(f"{key} {value}" for key, value in about.items()))
+    say(f"load of the machine over the last minute: {os.getloadavg()[0]:.1f}")
+    mode = _mode(options)
+    if mode:
+        rows = MODES[mode][0](options)
+    elif options.estimate:
+        options.peers = []
+        rows = compare.estimate(compare.compare(options))
+    else:
+        rows = compare.compare(options)
+    rows = [{**row, "processor": about["processor"], "cores": about["cores"]} for row in rows]
+    write_csv(options.out, rows)
+    print_table(
+        rows, leave_out=("note", "processor", "cores", "threads", "sampled_rays", "repeats")
+    )
+    if options.estimate:
+        say("estimated from the sampled share of each picture, not measured whole")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+"""The ``lfcore`` command: light fields and pictures from the command line.
+
+Every command adapts: it reads options, calls the library, shows progress on standard error and
+writes files that appear whole or not at all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from lfcore import __version__
+from lfcore.errors import LfcoreError
+
+COMMANDS = {
+    "refocus": ("refocus", "pictures at any focus and aperture from a light field file"),
+    "stack": ("stack", "focal and aperture stacks: pictures, contact sheet, MP4"),
+    "view": ("inspect", "one view or macropixel of a light field file"),
+    "info": ("inspect", "what a light field file holds; check it"),
+    "depth": ("depth", "depth, disparity and an all-in-focus picture of a scene"),
+    "render": ("render", "pictures straight from a scene, without storing a light field"),
+    "trace": ("render", "a light field file from a scene"),
+    "plenoptic": ("plenoptic", "the photograph of a plenoptic camera, from a scene"),
+    "imgtool": ("imgtool", "camera arrays: synthesise pictures, convert EXR"),
+    "devices": ("inspect", "OpenCL devices that can be used"),
+}
+DESCRIPTION = "Synthetic light fields: trace a scene, store it, refocus it."
+EPILOG = """examples:
+  lfcore trace scenes/bike -o bike.mkv --size 256 --views 32
+  lfcore refocus bike.mkv --focus 3.2 --f-number 2.8 -o bike.png
+  lfcore stack bike.mkv --focus 2 3 4 6 -o focal.mp4
+  lfcore render table.glb -o table.png --size 512 --views 16
+
+'lfcore COMMAND --help' explains each command with examples.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns the exit status.
+
+    Errors of the user's making go to standard error, one line, with status 1.
+    """
+    argv = list(sys.argv[1:] if argv is None else argv)
+    if argv[:1] == ["imgtool"]:
+        return import_module("lfcore.imgtool").main(argv[1:])
+    try:
+        arguments = _parser(argv).parse_args(argv)
+        arguments.run(arguments)
+    except LfcoreError as error:
+        return _failed(str(error))
+    except BrokenPipeError:
+        # Whoever read our output has seen enough; nothing is left to be flushed on exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        return _failed(f"{place}{error.strerror or error}.")
+    except KeyboardInterrupt:
+        return _failed("Interrupted.", 130)
+    return 0
+
+
+def _failed(message: str, status: int = 1) -> int:
+    # Below a line of progress, not behind it.
+    print(f"\r{message}" if sys.stderr.isatty() else message, file=sys.stderr)
+    return status
+
+
+def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
+    """The parser; only the command that is asked for is imported and described in full."""
+    top = argparse.ArgumentParser(
+        "lfcore",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    top.add_argument("--version", action="version", version=f"lfcore {__version__}")
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    asked = next((word for word in argv if not word.startswith("-")), None)
+    for name, (module, summary) in COMMANDS.items():
+        if name != asked:
+            commands.add_parser(name, help=summary)
+            continue
+        import_module(f"lfcore.cli.{module}").add_parser(commands, name, summary)
+    return top

@@ -1,0 +1,7 @@
+"""``python -m lfcore.cli``, the same as ``lfcore``."""
+
+import sys
+
+from lfcore.cli import main
+
+sys.exit(main())

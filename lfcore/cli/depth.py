@@ -1,0 +1,113 @@
+"""``lfcore depth``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.cli.output import check_suffix, write_picture
+from lfcore.cli.progress import progress, say
+from lfcore.cli.render import add_scene, load, open_tracer
+from lfcore.errors import OpticsError
+
+DESCRIPTION = """\
+Depth (metres along the axis) and disparity (pixels from view to view) of every view of a scene,
+exact and without anti-aliasing; and a picture in which everything is in focus."""
+EPILOG = """\
+examples:
+  lfcore depth scenes/bike --lightfield bike.mkv -o bike_depth.npz
+      depth_m and disparity_px, (views, rows, columns), of the light field that was traced
+  lfcore depth scenes/bike --size 512 -o centre.pfm
+      of the view through the middle of the lens alone, as a float map
+  lfcore depth scenes/bike --lightfield bike.mkv --all-in-focus sharp.png
+"""
+
+
+def add_parser(commands, name: str, summary: str) -> None:
+    command = commands.add_parser(
+        name,
+        help=summary,
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_scene(command)
+    command.add_argument("-o", "--output", type=Path, help=".npz (every view) or .pfm (one view)")
+    command.add_argument("--all-in-focus", type=Path, metavar="PICTURE", help="picture to write")
+    command.add_argument("--lightfield", type=Path, metavar="FILE",
+                         help="whose lens, size and views to use")  # fmt: skip
+    command.add_argument("--views", type=int, default=1, metavar="N", help="N x N views (1)")
+    command.add_argument("--view", nargs=2, type=int, metavar=("I", "J"), help="which for .pfm")
+    command.add_argument("--disparity", action="store_true", help="write disparity to .pfm")
+    command.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    from lfcore.optics.slab import Slab
+    from lfcore.refocus import depth as depths
+
+    field = _checked(arguments)
+    scene = load(arguments.scene)
+    slab = field.slab if field else Slab(scene.camera, arguments.views, arguments.size)
+    tracer = open_tracer(scene, arguments.device)
+    if arguments.output:
+        samples = depths.all_samples(slab)
+        if arguments.output.suffix.lower() == ".pfm":
+            middle = slab.views // 2
+            samples = np.array([arguments.view or (middle, middle)])
+        with progress(f"tracing the depth of {len(samples)} views", "views") as report:
+            depth = depths.depth_of_views(tracer, slab, samples, progress=report)
+        if arguments.output.suffix.lower() == ".npz":
+            depths.save_depth(arguments.output, slab, samples, depth)
+        else:
+            picture = depths.disparity(slab, depth) if arguments.disparity else depth
+            depths.write_pfm(arguments.output, picture[0])
+        say(f"wrote {arguments.output}")
+    if arguments.all_in_focus:
+        write_picture(arguments.all_in_focus, _sharp(field, slab, tracer))
+        say(f"wrote {arguments.all_in_focus}")
+
+
+def _checked(arguments: argparse.Namespace):
+    """The light field that is named, if any; :class:`LfcoreError` for options that miss others."""
+    from lfcore.refocus.api import LightField
+
+    if not (arguments.output or arguments.all_in_focus):
+        raise OpticsError("nothing to write", remedy="Give --output or --all-in-focus")
+    if arguments.output:
+        check_suffix(arguments.output, (".npz", ".pfm"))
+    if arguments.all_in_focus:
+        check_suffix(arguments.all_in_focus, key="--all-in-focus")
+        if not arguments.lightfield:
+            raise OpticsError(
+                "needs the colours of a light field", key="--all-in-focus",
+                remedy="Give --lightfield",
+            )  # fmt: skip
+    if not arguments.lightfield:
+        return None
+    field = LightField.open(arguments.lightfield)
+    field.require_slab()
+    return field
+
+
+def _sharp(field, slab, tracer) -> np.ndarray:
+    from lfcore.optics.slab import Slab
+    from lfcore.refocus import depth as depths
+    from lfcore.refocus.views import read_views
+
+    centre = depths.depth_of_views(tracer, Slab(slab.camera, 1, slab.pixels))[0]
+    everything = depths.all_samples(slab)
+    # Macropixels are decoded whole for each group of views: few, large groups.
+    step = max(1, (1 << 26) // slab.pixels**2)
+
+    def groups():
+        for start in range(0, len(everything), step):
+            samples = everything[start : start + step]
+            light = read_views(field, samples, device=tracer.device)
+            yield samples, light, depths.depth_of_views(tracer, slab, samples)
+            report(start + len(samples), len(everything))
+
+    with progress("bringing everything into focus", "views") as report:
+        return depths.all_in_focus(slab, centre, groups())

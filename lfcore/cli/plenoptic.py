@@ -1,0 +1,103 @@
+"""``lfcore plenoptic``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.cli.output import check_suffix, write_pictures
+from lfcore.cli.planes import distance
+from lfcore.cli.progress import progress, say
+from lfcore.cli.render import load, open_tracer, recorded_camera
+
+DESCRIPTION = """\
+Trace a scene through a plenoptic camera: microlenses in the image of a main lens, N x N
+photosensor pixels behind each. The photograph has M N x M N pixels; sub-aperture views and
+refocused pictures of M x M can be made from it."""
+EPILOG = """\
+examples:
+  lfcore plenoptic scenes/chart -o photograph.png --lenses 512 --samples 16 --focus 2
+      8192 x 8192 pixels, the background in focus
+  lfcore plenoptic scenes/chart -o photograph.png --lenses 128 --samples 8 --refocus 1 near.png
+  lfcore plenoptic scenes/chart -o photograph.png --view 0 0 corner.png
+"""
+
+
+def add_parser(commands, name: str, summary: str) -> None:
+    command = commands.add_parser(
+        name,
+        help=summary,
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = command.add_argument
+    add("scene", type=Path, help="scene.yaml, its folder, a mesh or a .pbrt file")
+    add("-o", "--output", type=Path, required=True, help="the photograph")
+    add("--lenses", type=int, default=128, metavar="M", help="M x M microlenses (128)")
+    add("--samples", type=int, default=16, metavar="N", help="N x N pixels behind each (16)")
+    add("--focus", type=distance, metavar="M", help="of the main lens, metres, or 'inf'")
+    add("--f-number", type=float, metavar="F", help="of the main lens")
+    add("--refocus", nargs=2, action="append", default=[], metavar=("M", "PICTURE"),
+        help="refocus digitally; again for more")  # fmt: skip
+    add("--view", nargs=3, action="append", default=[], metavar=("I", "J", "PICTURE"),
+        help="extract a sub-aperture view; again for more")  # fmt: skip
+    add("--device", help="part of an OpenCL device's name")
+    command.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    from lfcore.optics.planes import SensorPlane
+    from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture
+    from lfcore.refocus.plenoptic import photograph, refocus_photograph
+
+    refocus, views = _requests(arguments)
+    scene = load(arguments.scene)
+    lens = recorded_camera(scene.camera, arguments.focus, arguments.f_number)
+    camera = PlenopticCamera(lens, arguments.lenses, arguments.samples)
+    planes = [SensorPlane(metres, lens.f_number) for metres, _ in refocus]
+    for plane in planes:
+        plane.check(camera.slab())
+    tracer = open_tracer(scene, arguments.device)
+    side = camera.photograph_side
+    say(
+        f"{camera.lenses} x {camera.lenses} microlenses of {1e6 * camera.pitch_m:.4g} um, focal "
+        f"length {1e3 * camera.microlens_focal_length_m:.4g} mm, hyperfocal distance "
+        f"{1e3 * camera.hyperfocal_distance_m:.4g} mm; main lens at "
+        f"{1e3 * lens.image_distance_m:.4g} mm"
+    )
+    with progress(f"tracing a photograph of {side} x {side}", "microlenses") as report:
+        picture = photograph(tracer, camera, progress=report)
+    named = [(arguments.output, picture)]
+    for i, j, path in views:
+        named.append((path, np.ascontiguousarray(sub_aperture(picture, camera.samples, i, j))))
+    if planes:
+        made = refocus_photograph(camera, picture, planes, device=tracer.device)
+        named += [(path, one) for (_, path), one in zip(refocus, made, strict=True)]
+    write_pictures(named)
+    for path, _ in named:
+        say(f"wrote {path}")
+
+
+def _requests(arguments: argparse.Namespace):
+    """(metres, path) of --refocus and (i, j, path) of --view, checked before any work."""
+    from lfcore.errors import OpticsError
+
+    check_suffix(arguments.output)
+    refocus, views = [], []
+    for text, path in arguments.refocus:
+        try:
+            refocus.append((distance(text), Path(path)))
+        except argparse.ArgumentTypeError as error:
+            raise OpticsError(str(error), key="--refocus") from None
+    for i, j, path in arguments.view:
+        if not (i.isdigit() and j.isdigit() and max(int(i), int(j)) < arguments.samples):
+            raise OpticsError(
+                f"pixels are from 0 to {arguments.samples - 1}, not ({i}, {j})", key="--view"
+            )
+        views.append((int(i), int(j), Path(path)))
+    for path in (*(p for _, p in refocus), *(p for *_, p in views)):
+        check_suffix(path, key="--refocus or --view")
+    return refocus, views

@@ -1,0 +1,122 @@
+"""From a tracer to a light field file, in one process (Algorithm 3)."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+from lfcore.optics.slab import Slab
+from lfcore.storage.codecs import CODECS, CodecSpec
+from lfcore.storage.container import join_segments
+from lfcore.storage.defaults import default_kind, default_spec, macropixel_pack
+from lfcore.storage.layout import FrameLayout
+from lfcore.storage.metadata import Metadata
+from lfcore.storage.segment import SegmentWriter
+from lfcore.tracing.tracer import Tracer
+
+TILE_RAYS = 1 << 27
+PRESETS = {"libx265": "fast", "libsvtav1": "8"}
+OTHER_CRF = 24.0
+AHEAD = 1
+
+
+def codec_spec(
+    views: int,
+    codec: str = "libx264",
+    *,
+    pixel_format: str | None = None,
+    crf: float | None = None,
+    preset: str | None = None,
+) -> CodecSpec:
+    """Settings of an encoder; what is None is as measured best for N = ``views``, or the codec's.
+
+    Raises :class:`StorageError` for settings that it does not take.
+    """
+    base = default_spec(views)
+    if codec != base.codec:
+        form = "yuv444p" if "yuv444p" in CODECS[codec] else "yuv420p"
+        tune = None if codec == "ffv1" else "psnr"
+        base = CodecSpec(codec, form, crf=OTHER_CRF, preset=PRESETS.get(codec), tune=tune)
+    given = {"pixel_format": pixel_format, "crf": crf, "preset": preset}
+    return replace(base, **{key: value for key, value in given.items() if value is not None})
+
+
+def frame_layout(slab: Slab, kind: str | None, pixel_format: str) -> FrameLayout:
+    """Views or macropixels, as measured best unless said; small macropixels share a frame."""
+    kind = kind or default_kind(slab.views, slab.pixels)
+    pack = min(macropixel_pack(slab.views), slab.pixels) if kind == "macropixels" else 1
+    return FrameLayout(kind, slab.views, slab.pixels, pack=pack, pixel_format=pixel_format)
+
+
+def record(
+    path: Path,
+    tracer: Tracer,
+    slab: Slab,
+    layout: FrameLayout,
+    spec: CodecSpec,
+    *,
+    scene: Path,
+    progress: Callable[[int, int], None] | None = None,
+) -> Metadata:
+    """Trace ``slab`` and write the light field file ``path``.
+
+    Frames go from the tracer to the encoder as they come; segments lie in a temporary folder
+    beside ``path`` until they are joined.
+
+    Parameters
+    ----------
+    scene : the file that the scene was read from, for the name and digest in the metadata.
+    progress : called with (outer elements done, of all).
+
+    Raises
+    ------
+    StorageError : a file cannot be written; none is left then.
+    """
+    tiles = layout.tiles(TILE_RAYS)
+    done, everything = 0, layout.outer**2
+    with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
+        segments = [Path(folder) / f"{tile.index:04d}.mp4" for tile in tiles]
+        for tile, segment in zip(tiles, segments, strict=True):
+            count = (
+                (lambda n, _, before=done: progress(before + n, everything)) if progress else None
+            )
+            tracing = tracer.trace_tile(slab, tile, progress=count)
+            with SegmentWriter(segment, spec, layout.frame_width, layout.frame_height) as writer:
+                for chunk in _copied_ahead(tracing):
+                    writer.write(chunk)
+            done += tile.element_count
+        return join_segments(
+            path,
+            segments,
+            tiles,
+            layout,
+            geometry=slab,
+            scene={"name": tracer.scene.name, "digest": _digest(scene)},
+            spec=spec,
+        )
+
+
+def _copied_ahead(tracing):
+    """Frames of a tile, traced by one thread while the other encodes those before."""
+    chunks, end = iter(tracing), object()
+
+    def following():
+        chunk = next(chunks, end)
+        return chunk if chunk is end else chunk.frames.copy()
+
+    with ThreadPoolExecutor(AHEAD) as pool:
+        coming = pool.submit(following)
+        while (frames := coming.result()) is not end:
+            coming = pool.submit(following)
+            yield frames
+
+
+def _digest(scene: Path) -> str:
+    """SHA-256 of the scene's file; of a folder, of its scene.yaml."""
+    file = scene / "scene.yaml" if scene.is_dir() else scene
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -1,0 +1,180 @@
+"""``lfcore render`` and ``lfcore trace``."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+from dataclasses import replace
+from pathlib import Path
+
+from lfcore.cli import planes as plane_options
+from lfcore.cli.output import check_suffix
+from lfcore.cli.progress import progress, say
+from lfcore.errors import LfcoreError, OpticsError
+from lfcore.optics.camera import Camera
+
+RENDER = """\
+Trace a scene and make pictures from its rays at once; no light field is stored. SCENE is a
+scene.yaml, a folder that holds one, a mesh (GLB, OBJ, PLY, STL, ...) or a .pbrt file."""
+RENDER_EPILOG = """\
+examples:
+  lfcore render scenes/bike -o bike.png --size 512 --views 16
+  lfcore render table.glb -o table.png --focus 2.5 --f-number 1.4
+      a single picture is traced at its own focus: every ray counts in the pixel it is sent from
+  lfcore render scene.pbrt -o scene.exr --pinhole
+      one ray a pixel, all in focus
+  lfcore render scenes/bike -o bike.png --plane focus=2 --plane focus=6
+      several pictures from the same rays (Algorithm 1 of the thesis)
+"""
+TRACE = """\
+Trace a scene into a light field file that 'lfcore refocus' makes pictures from: N x N views of
+M x M pixels, as H.264 video or another codec. SCENE is as for 'lfcore render'."""
+TRACE_EPILOG = """\
+examples:
+  lfcore trace scenes/bike -o bike.mkv --size 256 --views 32
+  lfcore trace table.glb -o table.mkv --size 512 --views 16 --layout views --crf 18
+  lfcore trace table.glb -o table.mkv --size 128 --views 16 --codec ffv1     lossless video
+"""
+
+
+def add_parser(commands, name: str, summary: str) -> None:
+    text = (RENDER, RENDER_EPILOG) if name == "render" else (TRACE, TRACE_EPILOG)
+    command = commands.add_parser(
+        name,
+        help=summary,
+        description=text[0],
+        epilog=text[1],
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_scene(command)
+    if name == "render":
+        command.add_argument("-o", "--output", type=Path, required=True, help="picture to write")
+        command.add_argument("--views", type=int, metavar="N", help="N x N rays a pixel (16)")
+        command.add_argument("--pinhole", action="store_true", help="one ray through a point")
+        plane_options.add_options(command)
+        command.set_defaults(run=render)
+        return
+    command.add_argument("-o", "--output", type=Path, required=True, help="file to write, .mkv")
+    command.add_argument("--views", type=int, default=16, metavar="N", help="N x N views (16)")
+    lens = command.add_argument_group("the lens (default: the scene's)")
+    lens.add_argument("--focus", type=plane_options.distance, metavar="M", help="metres, or 'inf'")
+    lens.add_argument("--f-number", type=float, metavar="F", help="widest that can be refocused")
+    how = command.add_argument_group("storage")
+    how.add_argument("--layout", choices=("macropixels", "views"), help="default: by N and M")
+    how.add_argument("--codec", choices=("libx264", "libx265", "libsvtav1", "ffv1"),
+                     default="libx264")  # fmt: skip
+    how.add_argument("--crf", type=float, help="lower is better and larger (default: by N)")
+    how.add_argument("--preset", help="of the encoder (default: by N)")
+    how.add_argument("--pixel-format", choices=("yuv444p", "yuv420p"), help="default: by N")
+    command.set_defaults(run=trace)
+
+
+def add_scene(command: argparse.ArgumentParser) -> None:
+    """Options of every command that traces a scene."""
+    command.add_argument("scene", type=Path, help="scene.yaml, its folder, a mesh or a .pbrt file")
+    command.add_argument("--size", type=int, default=256, metavar="M", help="M x M pixels (256)")
+    command.add_argument("--device", help="part of an OpenCL device's name")
+
+
+def load(path: Path):
+    """The scene of any file that describes one; what could not be read exactly is told.
+
+    Raises :class:`SceneError` for whatever is wrong with it.
+    """
+    from lfcore.scene.build import build_scene
+    from lfcore.scene.files import load_scene
+
+    if path.suffix.lower() == ".npz":
+        return load_scene(path)
+    if ".pbrt" not in path.name.lower():
+        return build_scene(path)
+    from lfcore.scene.pbrt import build_pbrt_scene
+
+    scene = build_pbrt_scene(path)
+    if scene.notes:
+        say(scene.summary())
+    return scene
+
+
+def open_tracer(scene, device: str | None):
+    """A tracer of the scene, with a line of progress for its hierarchy."""
+    from lfcore.opencl.device import open_device
+    from lfcore.tracing.bvh import build_bvh
+    from lfcore.tracing.tracer import Tracer
+
+    say(f"{scene.name}: {scene.triangle_count} triangles")
+    for reason, count in scene.dropped.items():
+        say(f"{count} triangles were left out: {reason}")
+    opened = open_device(device)
+    return Tracer(scene, build_bvh(scene.triangles), opened)
+
+
+def recorded_camera(camera: Camera, focus: float | None, f_number: float | None) -> Camera:
+    """The scene's camera with another focus or lens; the extent of the picture stays."""
+    from lfcore.optics.planes import SensorPlane
+    from lfcore.refocus.direct import focused_camera
+
+    plane = SensorPlane(
+        camera.focus_distance_m if focus is None else focus,
+        camera.f_number if f_number is None else f_number,
+    )
+    return focused_camera(camera, plane)
+
+
+def render(arguments: argparse.Namespace) -> None:
+    from lfcore.cli.refocus import save
+    from lfcore.optics.slab import Slab
+    from lfcore.refocus.direct import trace_picture, trace_planes
+
+    check_suffix(arguments.output)
+    if arguments.pinhole and (arguments.views or arguments.f_number or arguments.plane):
+        raise OpticsError(
+            "has neither aperture nor focus", key="--pinhole",
+            remedy="Leave out --views, --f-number and --plane",
+        )  # fmt: skip
+    scene = load(arguments.scene)
+    views = 1 if arguments.pinhole else 16 if arguments.views is None else arguments.views
+    planes = plane_options.read_planes(arguments, scene.camera)
+    widest = min(plane.f_number for plane in planes)
+    # A wider lens than the scene's can be traced: the scene knows all light.
+    camera = replace(scene.camera, f_number=min(widest, scene.camera.f_number))
+    slab = Slab(camera, views, arguments.size)
+    plane_options.check_planes(planes, slab, arguments.scene)
+    tracer = open_tracer(scene, arguments.device)
+    with progress(f"tracing {slab.rays:,} rays", "pixels") as report:
+        if len(planes) == 1:
+            pictures = trace_picture(
+                tracer, camera, slab.pixels, planes[0], views=views, progress=report
+            )[None]
+        else:
+            pictures = trace_planes(tracer, slab, planes, progress=report)
+    save(arguments.output, planes, pictures)
+
+
+def trace(arguments: argparse.Namespace) -> None:
+    from lfcore.cli.record import codec_spec, frame_layout, record
+    from lfcore.optics.slab import Slab
+
+    check_suffix(arguments.output, (".mkv",))
+    scene = load(arguments.scene)
+    camera = recorded_camera(scene.camera, arguments.focus, arguments.f_number)
+    if not math.isfinite(camera.field_width):
+        raise LfcoreError("the picture has no extent", file=arguments.scene)
+    slab = Slab(camera, arguments.views, arguments.size)
+    spec = codec_spec(
+        slab.views,
+        arguments.codec,
+        pixel_format=arguments.pixel_format,
+        crf=arguments.crf,
+        preset=arguments.preset,
+    )
+    layout = frame_layout(slab, arguments.layout, spec.pixel_format)
+    tracer = open_tracer(scene, arguments.device)
+    arguments.output.parent.mkdir(parents=True, exist_ok=True)
+    with progress(f"tracing {slab.rays:,} rays", "elements") as report:
+        metadata = record(
+            arguments.output, tracer, slab, layout, spec, scene=arguments.scene, progress=report
+        )
+    size = os.path.getsize(arguments.output)
+    say(f"wrote {arguments.output}: {len(metadata.segments)} segments, {size:,} bytes")

@@ -1,0 +1,190 @@
+"""``lfcore stack``: focal and aperture stacks."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.cli import planes as plane_options
+from lfcore.cli.output import CODED, SUFFIXES, check_suffix, write_picture
+from lfcore.cli.progress import progress, say
+from lfcore.cli.refocus import add_method, make_pictures, open_field, save
+from lfcore.errors import LfcoreError, OpticsError
+
+DESCRIPTION = """\
+Make a focal stack (one aperture, several focus distances) or an aperture stack (one focus,
+several f-numbers) from a light field file, all from one pass over it."""
+EPILOG = """\
+examples:
+  lfcore stack bike.mkv --focus 2 3 4 6 -o focal.png
+      focal_00_focus2m_f2_circle.png and so on
+  lfcore stack bike.mkv --focus-from 1.5 --focus-to 8 --count 60 -o focal.mp4
+      a film through the scene, evenly in dioptres
+  lfcore stack bike.mkv --f-numbers 2 2.8 4 5.6 --focus 3 --no-normalise --sheet -o stops.png
+      one picture with all of them side by side, which dim as the lens stops down
+
+A name that ends in .mp4 gives a film, --sheet a contact sheet, else each picture has a file.
+"""
+SHEET_WIDTH = 4
+GAP_PX = 4
+
+
+def add_parser(commands, name: str, summary: str) -> None:
+    command = commands.add_parser(
+        name,
+        help=summary,
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.add_argument("lightfield", type=Path, help="light field file, .mkv")
+    command.add_argument("-o", "--output", type=Path, required=True, help="picture or .mp4")
+    what = command.add_argument_group("the stack")
+    what.add_argument("--focus", nargs="+", type=plane_options.distance, metavar="M",
+                      help="focus distances, metres, or 'inf'")  # fmt: skip
+    what.add_argument("--focus-from", type=plane_options.distance, metavar="M")
+    what.add_argument("--focus-to", type=plane_options.distance, metavar="M")
+    what.add_argument("--count", type=int, metavar="K", help="pictures from one to the other (10)")
+    what.add_argument("--f-numbers", nargs="+", type=float, metavar="F",
+                      help="default: the whole lens")  # fmt: skip
+    what.add_argument("--aperture", choices=plane_options.SHAPES, default="circle")
+    what.add_argument("--blades", type=int, default=6, help="corners of a polygon (6)")
+    what.add_argument("--rotation", type=float, default=0.0, metavar="DEG")
+    what.add_argument(
+        "--normalise", action=argparse.BooleanOptionalAction, default=True,
+        help="same brightness at every aperture; --no-normalise dims as the lens stops down",
+    )  # fmt: skip
+    what.add_argument("--keep-magnification", action="store_true")
+    form = command.add_argument_group("form")
+    form.add_argument("--sheet", action="store_true", help="all pictures in one")
+    form.add_argument("--fps", type=int, default=12, help="pictures a second of a film (12)")
+    add_method(command)
+    form.add_argument("--fast", action="store_true",
+                      help="a focal stack by adding views in blocks first: a little blur, and "
+                      "many pictures for the price of a few")  # fmt: skip
+    command.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    path, film = arguments.output, arguments.output.suffix.lower() == ".mp4"
+    check_suffix(path, (*CODED, ".mp4") if arguments.sheet else (*SUFFIXES, ".mp4"))
+    if film and arguments.sheet:
+        raise LfcoreError("a contact sheet is no film", key="--sheet", remedy="Write a .png")
+    if not 1 <= arguments.fps <= 240:
+        raise LfcoreError(f"must be from 1 to 240, not {arguments.fps}", key="--fps")
+    field = open_field(arguments)
+    planes = stack_planes(arguments, field.require_slab().camera)
+    plane_options.check_planes(planes, field.slab, arguments.lightfield)
+    make = _make_fast if arguments.fast else make_pictures
+    pictures = make(arguments, field, planes)
+    if film:
+        write_film(path, pictures, arguments.fps)
+    elif arguments.sheet:
+        write_picture(path, contact_sheet(pictures))
+    else:
+        save(path, planes, pictures)
+        return
+    say(f"wrote {path}: {len(planes)} pictures")
+
+
+def _make_fast(arguments: argparse.Namespace, field, planes) -> np.ndarray:
+    from lfcore.refocus.focal_stack import focal_stack
+
+    if arguments.method or arguments.filter != "nearest" or arguments.salvage:
+        raise OpticsError(
+            "excludes --method, --filter and --salvage", key="--fast", remedy="Leave one out"
+        )
+    with progress(f"refocusing {len(planes)} planes", "frames") as report:
+        return focal_stack(field.path, planes, device=arguments.device, progress=report)
+
+
+def stack_planes(arguments: argparse.Namespace, camera):
+    """Every focus distance at every f-number.
+
+    Raises :class:`OpticsError` for options that contradict each other or too many planes.
+    """
+    from lfcore.optics.planes import SensorPlane
+
+    lens = arguments.f_numbers or [camera.f_number]
+    distances = focus_distances(arguments) or [camera.focus_distance_m]
+    if len(lens) * len(distances) > plane_options.MOST_PLANES:
+        raise OpticsError(
+            f"{len(lens) * len(distances)} pictures were asked for",
+            remedy=f"Ask for {plane_options.MOST_PLANES} at a time",
+        )
+    first = SensorPlane(
+        distances[0], lens[0], arguments.aperture, arguments.blades, arguments.rotation,
+        "aperture" if arguments.normalise else "lens", arguments.keep_magnification,
+    )  # fmt: skip
+    return [
+        replace(first, focus_distance_m=distance, f_number=number)
+        for distance in distances
+        for number in lens
+    ]
+
+
+def focus_distances(arguments: argparse.Namespace) -> list[float]:
+    """Those given, or evenly in dioptres from one to the other."""
+    ends = (arguments.focus_from, arguments.focus_to)
+    if ends == (None, None):
+        if arguments.count is not None:
+            raise OpticsError("belongs to --focus-from and --focus-to", key="--count")
+        return arguments.focus or []
+    if None in ends or arguments.focus:
+        raise OpticsError(
+            "--focus-from and --focus-to belong together, without --focus",
+            remedy="Give both, or a list with --focus",
+        )
+    count = 10 if arguments.count is None else arguments.count
+    if count < 2:
+        raise OpticsError(f"must be at least 2, not {count}", key="--count")
+    if not all(end > 0 for end in ends):
+        raise OpticsError("focus distances are positive", key="--focus-from")
+    dioptres = np.linspace(1 / ends[0], 1 / ends[1], count).tolist()
+    return [1 / delta if delta else math.inf for delta in dioptres]
+
+
+def contact_sheet(pictures: np.ndarray) -> np.ndarray:
+    """(H, W, 3) of pictures (P, M, M, 3): up to four side by side, with white gaps."""
+    count, size = pictures.shape[:2]
+    columns = min(SHEET_WIDTH, count)
+    rows = -(-count // columns)
+    step = size + GAP_PX
+    sheet = np.ones((rows * step - GAP_PX, columns * step - GAP_PX, 3), np.float32)
+    for k, picture in enumerate(pictures):
+        y, x = (step * at for at in divmod(k, columns))
+        sheet[y : y + size, x : x + size] = picture
+    return sheet
+
+
+def write_film(path: Path, pictures: np.ndarray, fps: int) -> None:
+    """An H.264 film (4:2:0, BT.709, as players want it) of pictures of linear light."""
+    import av
+
+    from lfcore.evaluation.pictures import encode_srgb
+    from lfcore.storage.atomic import whole_file, writing
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    size = pictures.shape[1] + pictures.shape[1] % 2
+    with whole_file(path) as file, writing(path, "encoding the film"):
+        with av.open(file, "w", format="mp4") as output:
+            stream = output.add_stream("libx264", fps, width=size, height=size)
+            stream.pix_fmt = "yuv420p"
+            stream.options = {"crf": "16", "preset": "medium"}
+            context = stream.codec_context
+            context.color_primaries, context.colorspace, context.color_trc = 1, 1, 13
+            context.color_range = 1
+            for picture in pictures:
+                codes = encode_srgb(picture)
+                edge = size - len(codes)
+                codes = np.pad(codes, ((0, edge), (0, edge), (0, 0)), mode="edge")
+                frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(codes), format="rgb24")
+                frame = frame.reformat(
+                    format="yuv420p", src_colorspace="ITU709", dst_colorspace="ITU709"
+                )
+                output.mux(stream.encode(frame))
+            output.mux(stream.encode(None))

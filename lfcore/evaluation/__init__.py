@@ -1,0 +1,1 @@
+"""Metrics, timing, convergence, tables and plots."""

@@ -1,0 +1,239 @@
+"""Measurements on camera arrays: pictures from them against a directly traced thin lens.
+
+Source: CS348b assignment 3, steps 4 and 6.  Errors are of linear radiance (RMSE) and of sRGB codes
+(PSNR, the convention of :mod:`lfcore.evaluation.metrics`).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from lfcore.errors import LfcoreError, OpticsError
+from lfcore.evaluation.metrics import mse, psnr
+from lfcore.optics.array import CameraArray
+from lfcore.optics.bundles import Bundles
+from lfcore.refocus.array import sampling
+from lfcore.refocus.array.device_field import DeviceField
+from lfcore.refocus.array.focal_surface import parallel
+from lfcore.refocus.array.isaksen import isaksen
+from lfcore.refocus.array.monte_carlo import monte_carlo
+from lfcore.refocus.array.quadrature import quadrature
+from lfcore.refocus.array.result import Synthesis
+from lfcore.refocus.array.trace import trace_array
+from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore.scene.colour import linear_to_srgb
+from lfcore.tracing.tracer import Tracer
+
+PEAK = 255.0
+COLUMNS = {
+    "camera_array": ("scene", "cameras", "pixels", "seconds", "mrays_per_second", "bytes"),
+    "reconstruction": (
+        "scene",
+        "cameras_per_dim",
+        "method",
+        "filter_or_samples",
+        "rmse",
+        "psnr_db",
+        "seconds",
+    ),
+}
+DECIMALS = {"seconds": 4, "mrays_per_second": 3, "rmse": 6, "psnr_db": 3}
+_CHUNK = 32  # lens points at once: what their pictures take in memory
+
+
+def thin_lens_bundles(camera: VirtualCamera, focus_z: float, samples: np.ndarray) -> Bundles:
+    """Pinholes on a thin lens, sheared so that their pictures coincide on the plane z = focus_z.
+
+    Parameters
+    ----------
+    camera : looking along +z, as the data cameras do, anywhere.
+    focus_z : metres before the data cameras' plane.
+    samples : (S, 4) in [0, 1): film x, film y, lens a, lens b; one pinhole each.
+
+    Rays start in z = 0, where the bundles have their origins: what lies between a camera at z > 0
+    and that plane would hide the scene, and what lies behind it is seen through.
+
+    Raises
+    ------
+    OpticsError : a camera that is turned, or a focus that is not before it.
+    """
+    if not np.allclose(camera.rotation, np.eye(3), atol=1e-12):
+        raise OpticsError("a directly traced thin lens must look along z", key="rotation")
+    x, y, z = camera.position_m
+    distance = focus_z - z
+    if not distance > 0:
+        raise OpticsError(f"the focus lies {-distance:g} m behind the camera", key="focus_z")
+    lens = np.stack(sampling.concentric_disk(samples[:, 2], samples[:, 3]), -1)
+    lens = lens * camera.lens_radius_m
+    pitch = camera.pixel_pitch
+    tangents = (samples[:, :2] - 0.5) * pitch - lens / distance
+    origins = np.array([x, y]) + lens - z * tangents
+    elements = np.concatenate([origins, tangents], 1).astype(np.float32)
+    step = np.array([-z * pitch, -z * pitch, pitch, pitch], np.float32)
+    # Many samples fall within a pixel; textures are filtered over half of one.
+    return Bundles(elements, step, *camera.size, pitch / 2)
+
+
+def direct_thin_lens(
+    tracer: Tracer,
+    camera: VirtualCamera,
+    focus_z: float,
+    samples_per_pixel: int,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """The scene itself through a thin lens: (h, w, 3) float32 linear radiance.
+
+    All pixels share one Halton set over film and lens, so there is no noise from pixel to pixel.
+    ``progress`` is called with (samples done, samples).  Raises as :func:`thin_lens_bundles`, and
+    :class:`OpticsError` for no samples.
+    """
+    if samples_per_pixel < 1:
+        raise OpticsError(f"must be at least 1, not {samples_per_pixel}", key="samples_per_pixel")
+    # Half of a cell on: the set's first point is the corner (0, 0, 0, 0).
+    samples = (sampling.halton_table(samples_per_pixel) + 0.5 / samples_per_pixel) % 1.0
+    bundles = thin_lens_bundles(camera, focus_z, samples)
+    total = np.zeros((*camera.size[::-1], 3), np.float64)
+    for first in range(0, samples_per_pixel, _CHUNK):
+        part = replace(bundles, elements=bundles.elements[first : first + _CHUNK])
+        total += tracer.bundle_radiance(part).sum(0, dtype=np.float64)
+        if progress is not None:
+            progress(min(first + _CHUNK, samples_per_pixel), samples_per_pixel)
+    return (total / samples_per_pixel).astype(np.float32)
+
+
+def errors(image: np.ndarray, reference: np.ndarray) -> dict[str, float]:
+    """``rmse`` of linear radiance and ``psnr_db`` of sRGB codes, clipped to [0, 1]."""
+    codes = (PEAK * linear_to_srgb(np.clip(part, 0.0, 1.0)) for part in (image, reference))
+    return {"rmse": math.sqrt(mse(image, reference)), "psnr_db": psnr(*codes, peak=PEAK)}
+
+
+def timed(work: Callable[[], Synthesis]) -> tuple[Synthesis, float]:
+    """A synthesis and its wall seconds; run once before, so that kernels are built."""
+    work()
+    begun = time.perf_counter()
+    return work(), time.perf_counter() - begun
+
+
+def reconstructions(
+    field: DeviceField,
+    camera: VirtualCamera,
+    focus_z: float,
+    reference: np.ndarray,
+    *,
+    filters: Sequence[float] = (1.0, 2.0),
+    samples: Sequence[int] = (4, 16, 64),
+    lens_points: Sequence[int] = (8,),
+) -> list[dict]:
+    """Every method on one array against a reference: rows of the ``reconstruction`` table.
+
+    Parameters
+    ----------
+    filters : Isaksen's filter, as multiples of the lens radius.  The cone of twice the radius
+        spreads about as the disk of the lens does; that of one radius has its support.
+    samples : Monte Carlo's rays a pixel (Halton).
+    lens_points : a side of the quadrature's lens rule; 2 x 2 points on the film.
+    """
+    surface, radius = parallel(focus_z), camera.lens_radius_m
+    works = [
+        ("isaksen", f"{factor * radius:g} m", lambda f=factor: (isaksen, f * radius))
+        for factor in filters
+    ]
+    works += [("monte_carlo", str(count), lambda c=count: (monte_carlo, c)) for count in samples]
+    works += [
+        ("quadrature", f"{4 * points * points}", lambda p=points: (quadrature, p))
+        for points in lens_points
+    ]
+    rows = []
+    for method, label, chosen in works:
+        function, value = chosen()
+        made, seconds = timed(lambda f=function, v=value: f(field, camera, surface, v))
+        row = {"cameras_per_dim": field.array.cameras[0], "method": method}
+        row |= {"filter_or_samples": label, **errors(made.image, reference), "seconds": seconds}
+        rows.append(row)
+    return rows
+
+
+def convergence(
+    field: DeviceField,
+    camera: VirtualCamera,
+    focus_z: float,
+    counts: Sequence[int],
+    *,
+    sampler: str,
+    lens_points: int = 24,
+    film_points: int = 4,
+) -> dict:
+    """Monte Carlo against the fine quadrature: ``counts``, ``rmse`` and their log-log ``slope``."""
+    surface = parallel(focus_z)
+    limit = quadrature(field, camera, surface, lens_points, film_points).image
+    found = [
+        math.sqrt(mse(monte_carlo(field, camera, surface, n, sampler=sampler).image, limit))
+        for n in counts
+    ]
+    return {"counts": list(counts), "rmse": found, "slope": slope(counts, found)}
+
+
+def slope(counts: Sequence[float], values: Sequence[float]) -> float:
+    """Exponent p of ``values ~ counts^p``, by least squares on logarithms.
+
+    Raises
+    ------
+    LfcoreError : fewer than two different counts, or a value that is not positive.
+    """
+    if len(set(counts)) < 2 or len(counts) != len(values) or min(*counts, *values) <= 0:
+        raise LfcoreError(
+            "a slope needs positive values at two or more counts",
+            key="monte_carlo_samples",
+            remedy="Give at least two different numbers of samples",
+        )
+    return float(np.polyfit(np.log(counts), np.log(values), 1)[0])
+
+
+def square_field(
+    tracer: Tracer,
+    cameras: int,
+    bounds: Sequence[float],
+    fov_deg: float,
+    tile: int,
+    samples_per_pixel: int,
+) -> DeviceField:
+    """Trace a square array of square pictures, ready for synthesis.
+
+    A wide array of tiny pictures samples each pixel ``samples_per_pixel`` times, as any other.
+    """
+    array = CameraArray.on_grid((cameras, cameras), bounds, fov_deg, (tile, tile))
+    return DeviceField(tracer.device, trace_array(tracer, array, samples_per_pixel), array)
+
+
+def overview(image: np.ndarray, width: int) -> np.ndarray:
+    """A light field's picture averaged down to at most ``width`` columns, whole blocks only.
+
+    Raises :class:`LfcoreError` for a width below 1.
+    """
+    if width < 1:
+        raise LfcoreError(f"an overview of {width} columns shows nothing", key="picture_px")
+    factor = max(1, math.ceil(image.shape[1] / width))
+    rows, columns = (length // factor for length in image.shape[:2])
+    cut = image[: rows * factor, : columns * factor].astype(np.float32)
+    return cut.reshape(rows, factor, columns, factor, 3).mean((1, 3))
+
+
+def make_array_table(name: str, records: Iterable[Mapping]) -> pd.DataFrame:
+    """The table ``camera_array`` or ``reconstruction``, rows in the order of the records.
+
+    Raises :class:`LfcoreError` for a record that lacks a column or has one too many.
+    """
+    records = list(records)
+    for record in records:
+        if set(record) != set(COLUMNS[name]):
+            odd = ", ".join(sorted(set(record) ^ set(COLUMNS[name])))
+            raise LfcoreError(f"a record of {name} lacks or has too many of: {odd}")
+    table = pd.DataFrame(records, columns=list(COLUMNS[name]))
+    return table.round({c: d for c, d in DECIMALS.items() if c in table})

@@ -1,0 +1,214 @@
+"""How far the ways to one refocused picture part (thesis sections 3.3, 4.3 and 6.3).
+
+The same focus and aperture by slicing the slab while it is traced, by shift-sum on views of the
+slab, by shift-sum on the photograph of a plenoptic camera, against the picture traced directly,
+with 4096 rays a pixel, at its own focus.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from lfcore.evaluation.metrics import psnr, ssim
+from lfcore.optics.camera import Camera
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.plenoptic import PlenopticCamera
+from lfcore.optics.slab import Slab
+from lfcore.refocus.direct import trace_picture, trace_planes
+from lfcore.refocus.plenoptic import photograph, refocus_photograph
+from lfcore.refocus.resampling import FILTERS, coverage
+from lfcore.refocus.shift_sum import ViewSummer
+from lfcore.refocus.stored_views import FrameSummer
+from lfcore.scene.colour import linear_to_srgb
+from lfcore.storage.layout import FrameLayout
+from lfcore.tracing.tracer import Tracer
+
+PEAK = 255
+COLUMNS = [
+    "scene", "N", "M", "focus_m", "f_number", "method", "filter", "rays_per_pixel", "psnr_db",
+    "psnr_inside_db", "ssim", "error_at_edges", "trace_seconds", "refocus_seconds", "seconds",
+]  # fmt: skip
+EDGE_SHARE = 0.1
+TILE_RAYS = 1 << 26
+
+
+class Made(NamedTuple):
+    """Pictures (P, M, M, 3) of linear light by one method, and the seconds of its parts.
+
+    Seconds are of all planes together; ``trace`` is 0 where tracing cannot be told apart.
+    """
+
+    method: str
+    filter: str
+    pictures: np.ndarray
+    trace: float
+    refocus: float
+
+
+@dataclass
+class Equivalence:
+    """``table`` has one row a plane and method; ``made`` holds the pictures behind it, the
+    reference first."""
+
+    table: pd.DataFrame
+    made: list[Made] = field(default_factory=list)
+
+    def errors(self) -> Iterator[tuple[Made, np.ndarray]]:
+        """Each method with its error maps (P, M, M): root mean square over channels, in codes."""
+        reference = _codes(self.made[0].pictures)
+        for one in self.made[1:]:
+            yield one, np.sqrt(np.square(_codes(one.pictures) - reference).mean(axis=-1))
+
+
+def equivalence(
+    tracer: Tracer,
+    camera: Camera,
+    planes: Sequence[SensorPlane],
+    *,
+    views: int,
+    pixels: int,
+    reference_views: int = 64,
+    progress: Callable[[int, int], None] | None = None,
+) -> Equivalence:
+    """Make every picture every way, and compare.
+
+    Parameters
+    ----------
+    tracer : of the scene.
+    camera : records the light field; ``planes`` are refocused from it.
+    views, pixels : N and M, of the slab and of the plenoptic camera's N x N pixels a microlens.
+    reference_views : side of the grid of rays a pixel of the reference: 64 are 4096.
+    progress : called with (steps done, of all).
+
+    Returns
+    -------
+    The table (columns :data:`COLUMNS`, the reference's own rows last) and the pictures.  PSNR and
+    SSIM are of sRGB codes that are not rounded, peak 255.  ``psnr_inside_db`` leaves out pixels
+    for which the light field lacks rays, beyond its border; ``error_at_edges`` is the share of
+    the squared error in the tenth of the picture where the reference has the steepest edges (a
+    tenth, if errors were everywhere alike).  ``seconds`` are those of one picture: of all planes,
+    over their number.
+
+    Raises
+    ------
+    OpticsError : a plane that the camera does not record, or too coarse microlenses.
+    """
+    slab = Slab(camera, views, pixels)
+    for plane in planes:
+        plane.check(slab)
+    steps = [
+        lambda: [_reference(tracer, camera, pixels, planes, reference_views)],
+        lambda: [_slicing(tracer, slab, planes)],
+        lambda: _views(tracer, slab, planes),
+        lambda: _plenoptic(tracer, PlenopticCamera(camera, pixels, views), planes),
+    ]
+    made: list[Made] = []
+    for done, step in enumerate(steps):
+        made += step()
+        if progress:
+            progress(done + 1, len(steps))
+    rows = []
+    for one in made[1:]:
+        rows += _rows(tracer.scene.name, slab, planes, one, made[0].pictures, views**2)
+    truth = made[0]
+    rows += _rows(tracer.scene.name, slab, planes, truth, truth.pictures, reference_views**2)
+    return Equivalence(pd.DataFrame(rows, columns=COLUMNS), made)
+
+
+def _reference(tracer, camera, pixels, planes, views) -> Made:
+    begun = time.perf_counter()
+    pictures = [trace_picture(tracer, camera, pixels, plane, views=views) for plane in planes]
+    seconds = time.perf_counter() - begun
+    return Made("traced directly", "none", np.stack(pictures), seconds, 0.0)
+
+
+def _slicing(tracer, slab, planes) -> Made:
+    begun = time.perf_counter()
+    pictures = trace_planes(tracer, slab, planes)
+    return Made("slicing the slab", "nearest", pictures, time.perf_counter() - begun, 0.0)
+
+
+def _views(tracer, slab, planes) -> list[Made]:
+    """Both filters; views pass as 8-bit frames, as they would be stored, without a codec."""
+    layout = FrameLayout("views", slab.views, slab.pixels, pixel_format="yuv444p")
+    summers = [ViewSummer(slab, planes, filter=name, device=tracer.device) for name in FILTERS]
+    frames = [FrameSummer(summer, layout) for summer in summers]
+    trace, refocus = 0.0, [0.0] * len(FILTERS)
+    for tile in layout.tiles(TILE_RAYS):
+        tracing = tracer.trace_tile(slab, tile)
+        for chunk in tracing:
+            for k, summer in enumerate(frames):
+                begun = time.perf_counter()
+                summer.add(chunk.frames, tile, chunk.first)
+                refocus[k] += time.perf_counter() - begun
+        trace += tracing.seconds
+    return [
+        Made("shift-sum on views", name, summer.pictures(), trace, seconds)
+        for name, summer, seconds in zip(FILTERS, summers, refocus, strict=True)
+    ]
+
+
+def _plenoptic(tracer, camera, planes) -> list[Made]:
+    begun = time.perf_counter()
+    picture = photograph(tracer, camera)
+    trace = time.perf_counter() - begun
+    made = []
+    for name in FILTERS:
+        begun = time.perf_counter()
+        refocused = refocus_photograph(camera, picture, planes, filter=name, device=tracer.device)
+        seconds = time.perf_counter() - begun
+        made.append(Made("shift-sum on the plenoptic photograph", name, refocused, trace, seconds))
+    return made
+
+
+def _rows(scene, slab, planes, made: Made, reference, rays) -> Iterator[dict]:
+    for plane, picture, truth in zip(planes, made.pictures, reference, strict=True):
+        ours, theirs = _codes(picture), _codes(truth)
+        inside = _inside(slab, plane)
+        trace, refocus = made.trace / len(planes), made.refocus / len(planes)
+        yield {
+            "scene": scene,
+            "N": slab.views,
+            "M": slab.pixels,
+            "focus_m": plane.focus_distance_m,
+            "f_number": plane.f_number,
+            "method": made.method,
+            "filter": made.filter,
+            "rays_per_pixel": rays,
+            "psnr_db": psnr(ours, theirs, peak=PEAK),
+            "psnr_inside_db": psnr(ours[inside], theirs[inside], peak=PEAK)
+            if inside.any()
+            else None,
+            "ssim": ssim(ours, theirs, peak=PEAK),
+            "error_at_edges": _error_at_edges(ours, theirs),
+            "trace_seconds": trace,
+            "refocus_seconds": refocus,
+            "seconds": trace + refocus,
+        }
+
+
+def _codes(pictures: np.ndarray) -> np.ndarray:
+    return PEAK * linear_to_srgb(np.clip(pictures, 0, 1))
+
+
+def _inside(slab: Slab, plane: SensorPlane) -> np.ndarray:
+    """(M, M) bool: pixels to which every open view contributes in full."""
+    return coverage(slab, plane, "bilinear") > plane.mask(slab).sum() * (1 - 1e-6)
+
+
+def _error_at_edges(ours: np.ndarray, theirs: np.ndarray) -> float | None:
+    """Share of the squared error where the reference is steepest; None without any error."""
+    error = np.square(ours - theirs).sum(axis=-1)
+    if not error.any():
+        return None
+    slopes = np.gradient(theirs.mean(axis=-1))
+    steep = np.hypot(*slopes)
+    count = max(1, round(EDGE_SHARE * steep.size))
+    where = np.argsort(steep, axis=None)[-count:]
+    return float(error.reshape(-1)[where].sum() / error.sum())

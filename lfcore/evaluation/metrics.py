@@ -1,0 +1,119 @@
+"""How far a picture is from its reference: PSNR and SSIM.
+
+Convention of all published tables: pictures are sRGB-encoded, on the scale of 8-bit codes
+(``peak=255``), but not rounded to codes -- rounding two pictures alone would cap PSNR at
+56 dB.  The mean squared error is pooled over pixels and channels; a table's figure is the mean
+of the decibels of its planes.
+"""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from lfcore.errors import LfcoreError
+
+SSIM_WINDOW = 11
+SSIM_SIGMA = 1.5
+
+
+class MetricError(LfcoreError):
+    """Pictures that cannot be compared."""
+
+
+def mse(image: np.ndarray, reference: np.ndarray) -> float:
+    """Mean squared error, pooled over all pixels and channels, in float64.
+
+    Parameters
+    ----------
+    image, reference : arrays of one shape, any dtype.
+
+    Raises
+    ------
+    MetricError
+        when the shapes differ, a picture is empty, or a value is not finite.
+    """
+    image, reference = _pair(image, reference)
+    return float(np.mean(np.square(image - reference)))
+
+
+def psnr(image: np.ndarray, reference: np.ndarray, *, peak: float) -> float:
+    """Peak signal-to-noise ratio in dB, ``10 log10(peak^2 / MSE)``; ``inf`` for equal pictures.
+
+    Parameters
+    ----------
+    image, reference : arrays of one shape, any dtype.
+    peak : the value of white on the scale of the pictures: 255 or 1.
+
+    Raises
+    ------
+    MetricError
+        when the pictures cannot be compared or ``peak`` is not positive.
+    """
+    error = mse(image, reference)
+    return math.inf if error == 0 else 10.0 * math.log10(_positive(peak) ** 2 / error)
+
+
+def ssim(image: np.ndarray, reference: np.ndarray, *, peak: float) -> float:
+    """Mean structural similarity of Wang et al. [1]_, averaged over channels.
+
+    Gaussian window of 11 x 11 and sigma 1.5, K1 = 0.01, K2 = 0.03, population covariance;
+    windows that leave the picture are not counted.
+
+    Parameters
+    ----------
+    image, reference : (H, W) or (H, W, C), any dtype, H and W at least 11.
+    peak : the value of white on the scale of the pictures: 255 or 1.
+
+    Raises
+    ------
+    MetricError
+        when the pictures cannot be compared, are smaller than the window, or ``peak`` is not
+        positive.
+
+    References
+    ----------
+    .. [1] Z. Wang, A. C. Bovik, H. R. Sheikh, E. P. Simoncelli, "Image quality assessment: from
+       error visibility to structural similarity", IEEE TIP 13(4), 2004.
+       doi:10.1109/TIP.2003.819861
+    """
+    image, reference = _pair(image, reference)
+    if image.ndim not in (2, 3) or min(image.shape[:2]) < SSIM_WINDOW:
+        raise MetricError(
+            f"SSIM needs pictures of at least {SSIM_WINDOW} x {SSIM_WINDOW}, not {image.shape}"
+        )
+    c1, c2 = (0.01 * _positive(peak)) ** 2, (0.03 * peak) ** 2
+    mean_x, mean_y = _window_mean(image), _window_mean(reference)
+    var_x = _window_mean(image * image) - mean_x * mean_x
+    var_y = _window_mean(reference * reference) - mean_y * mean_y
+    cov = _window_mean(image * reference) - mean_x * mean_y
+    score = (2 * mean_x * mean_y + c1) * (2 * cov + c2)
+    score /= (mean_x * mean_x + mean_y * mean_y + c1) * (var_x + var_y + c2)
+    return float(score.mean())
+
+
+def _window_mean(values: np.ndarray) -> np.ndarray:
+    blurred = cv2.GaussianBlur(
+        values, (SSIM_WINDOW, SSIM_WINDOW), SSIM_SIGMA, borderType=cv2.BORDER_REFLECT_101
+    )
+    margin = SSIM_WINDOW // 2
+    return blurred[margin:-margin, margin:-margin]
+
+
+def _pair(image: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    image, reference = np.asarray(image, np.float64), np.asarray(reference, np.float64)
+    if image.shape != reference.shape:
+        raise MetricError(f"pictures of shapes {image.shape} and {reference.shape} do not compare")
+    if image.size == 0:
+        raise MetricError("an empty picture does not compare")
+    if not (np.isfinite(image).all() and np.isfinite(reference).all()):
+        raise MetricError("a picture holds values that are not finite")
+    return image, reference
+
+
+def _positive(peak: float) -> float:
+    if not (peak > 0 and math.isfinite(peak)):
+        raise MetricError(f"peak must be positive and finite, not {peak}")
+    return peak

@@ -1,0 +1,43 @@
+"""The cheapest setting that reaches a quality, per scene, from measured work-precision points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+TASKS = {"quadrature": "trace one picture", "methods": "refocus a light field"}
+COLUMNS = ("scene", "task", "f_number", "target_db", "method", "setting", "psnr_db", "seconds")
+
+
+def recommendation(points: pd.DataFrame, targets_db: Sequence[float]) -> pd.DataFrame:
+    """Columns :data:`COLUMNS`, one row a scene, task, aperture and target.
+
+    Parameters
+    ----------
+    points : columns of :mod:`lfcore.evaluation.work_precision.point`.
+    targets_db : PSNR to reach.
+
+    Where no point reaches a target, method and seconds are unknown, ``setting`` says so and
+    ``psnr_db`` is the best that was reached.
+    """
+    rows = []
+    for (scene, panel, f_number), group in points.groupby(
+        ["scene", "panel", "f_number"], sort=False
+    ):
+        measured = group[group.psnr_db.notna()]
+        if panel not in TASKS or measured.empty:
+            continue
+        context = {"scene": scene, "task": TASKS[panel], "f_number": f_number}
+        for target in targets_db:
+            rows.append({**context, "target_db": target, **_cheapest(measured, target)})
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def _cheapest(points: pd.DataFrame, target: float) -> dict:
+    enough = points[points.psnr_db >= target]
+    if enough.empty:
+        return {"setting": "none measured reaches it", "psnr_db": points.psnr_db.max()}
+    best = enough.loc[enough.seconds.idxmin()]
+    kept = {key: best[key] for key in ("method", "psnr_db", "seconds")}
+    return {**kept, "setting": best["knob"]}

@@ -1,0 +1,58 @@
+"""Blocks of a slab's rays at once: the arithmetic that the lone rays of other cases do not use.
+
+A triangle is set up once for 16 x 16 rays, so its rounding errors scale with the block and not
+with the triangle.  Errors as in ``extents``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from lfcore.evaluation.stability import naive
+from lfcore.evaluation.stability.judge import depth_error, mismatches, row
+from lfcore.evaluation.stability.rows import Row
+from lfcore.evaluation.stability.subject import CAMERA, Subject
+from lfcore.optics.bundles import macropixels
+from lfcore.optics.slab import Slab
+from lfcore.oracle.intersect import closest_hits
+
+PIXELS = 24
+
+
+def triangle_sizes(subject: Subject) -> Iterator[Row]:
+    """Triangles of ever smaller size at 1 to 3 m, each met by rays of some pixel; N = 16."""
+    for size in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5):
+        yield from _rows(subject, "blocks: triangle size", "m", size, Slab(CAMERA, 16, 64), size)
+
+
+def lens_samples(subject: Subject) -> Iterator[Row]:
+    """Triangles of 1 cm, from one lens sample (in a corner of its block) to many."""
+    for views in (1, 2, 5, 16, 40):
+        yield from _rows(subject, "blocks: lens samples", "N", views, Slab(CAMERA, views, 64), 1e-2)
+
+
+def _rows(subject, case, parameter, value, slab, size) -> Iterator[Row]:
+    rng = np.random.default_rng(21)
+    pixels = rng.integers(0, slab.pixels, (PIXELS, 2))
+    pixels = np.unique(pixels, axis=0)
+    rays = [part.reshape(-1, 3) for part in macropixels(slab, pixels).rays()]
+    aimed = rng.integers(0, len(rays[0]), 600)
+    centres = rays[0][aimed] + rng.uniform(1, 3, (600, 1)) * rays[1][aimed]
+    mesh = np.float32(centres[:, None] + rng.normal(0, size, (600, 3, 3)))
+    hits = closest_hits(mesh, *rays)
+    plain = naive.moeller_trumbore(mesh, *rays)
+    found = subject.slab_hits(mesh, slab, pixels)
+    for suffix, measure, bound in ((" (triangle)", mismatches, 0.0), (" (depth)", depth_error, 16)):
+        yield row(
+            case + suffix,
+            parameter,
+            value,
+            bound,
+            lambda measure=measure: measure(plain, hits),
+            lambda measure=measure: measure(found, hits),
+        )
+
+
+CASES = (triangle_sizes, lens_samples)

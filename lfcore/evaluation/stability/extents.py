@@ -1,0 +1,131 @@
+"""Cases 3, 4, 8, 12, 13 and 16: where a scene is and how large.
+
+Error, unless a case says otherwise: share of rays that name another triangle than the oracle
+outside 16 ulp of an edge or tie (bound 0), or the error of the depth in ulp over the condition
+number (bound 16).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from lfcore.evaluation.stability import naive
+from lfcore.evaluation.stability.judge import depth_error, mismatches, row, truth
+from lfcore.evaluation.stability.rows import Row
+from lfcore.evaluation.stability.shapes import grid, random_rays, rays_at, soup, sphere
+from lfcore.evaluation.stability.subject import Subject
+
+RAYS = 1500
+
+
+def far_from_the_origin(subject: Subject) -> Iterator[Row]:
+    """Scene and camera moved by |c| together; error of depth in units of 2^-24 of it.
+
+    Ours subtracts the camera's place in float64 and rounds once, as scenes are read; the naive
+    method rounds world coordinates.
+    """
+    local = soup(600, 0.1)
+    origins, directions = random_rays(RAYS, 0.4)
+    hits = truth(local, origins, directions)
+    for distance in (0.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7):
+        centre = np.array([0.6, 0.64, 0.48]) * distance
+        world = local + centre
+
+        def plain(world=world, centre=centre):
+            found = naive.moeller_trumbore(
+                np.float32(world), np.float32(origins + centre), directions
+            )
+            return _or_lost(found, hits)
+
+        def ours(world=world, centre=centre):
+            return _or_lost(subject.closest(np.float32(world - centre), origins, directions), hits)
+
+        # World coordinates in float64 are themselves rounded, by 2^-53 of |c|.
+        yield row("far from the origin", "|c| m", distance, 16 + distance * 2.0**-26, plain, ours)
+
+
+def _or_lost(found, hits) -> float:
+    """The depth error, but 2^24 (all digits) when more than 1% of the hits differ."""
+    return 2.0**24 if mismatches(found, hits) > 0.01 else depth_error(found, hits)
+
+
+def long_rays(subject: Subject) -> Iterator[Row]:
+    """An object of 1 m at depth L.  The parameter is depth, so the bound is relative to L."""
+    for length in 10.0 ** np.arange(0, 8):
+        mesh = np.float32(soup(300, 0.1, depth=0.0) * 0.2 + [0, 0, length])
+        points = mesh.mean(1, dtype=float)
+        rays = rays_at(points, (0.01, -0.01))
+        yield from _two_rows(subject, "long rays", "L / size", length, mesh, rays)
+
+
+def tiny_triangles(subject: Subject) -> Iterator[Row]:
+    """A tilted wall at 1 m in triangles of ever smaller side, rays at their centres.
+
+    Naive: with the customary cut-off at a determinant of 1e-6.
+    """
+    for size in 10.0 ** -np.arange(0, 9):
+        half, side = -6 * size, 12 * size
+        mesh = np.float32(grid(12, 12, [half, half, 1.0], [side, 0, side], [0, side, 0]))
+        rays = rays_at(mesh.mean(1, dtype=float), (0.01, -0.01))
+        yield from _two_rows(subject, "tiny triangles", "side / distance", size, mesh, rays, 1e-6)
+
+
+def scaled_scene(subject: Subject) -> Iterator[Row]:
+    """The whole scene and lens scaled: the float32 range ends at 1e38, products long before."""
+    origins, directions = random_rays(RAYS, 0.4)
+    base = soup(600, 0.1)
+    for exponent in (20, 15, 12, 9, 6, 3, -3, -6, -9, -12, -15, -20, -30, -40):
+        scale = 10.0**exponent
+        mesh, origin = np.float32(base * scale), np.float32(origins * scale)
+        yield from _two_rows(subject, "scaled scene", "scale", scale, mesh, (origin, directions))
+
+
+def far_sphere(subject: Subject) -> Iterator[Row]:
+    """A sphere of 1 m at distance D; naive: the quadratic formula, error over 2^-24 D."""
+    for distance in (1e1, 1e2, 1e3, 1e4, 1e5):
+        centre = (0.0, 0.0, distance)
+        mesh = np.float32(sphere(12, 24, 1.0, centre))
+        targets = np.random.default_rng(1).uniform(-0.6, 0.6, (RAYS // 5, 2))
+        points = np.concatenate([targets, np.full((RAYS // 5, 1), distance)], 1)
+        rays = rays_at(points, (0.0, 0.0))
+        hits = truth(mesh, *rays)
+
+        def plain(rays=rays, centre=centre, distance=distance):
+            d = rays[1].astype(float)
+            a, b, c = (d**2).sum(1), -2 * d[:, 2] * distance, distance**2 - 1.0
+            # -b is positive: the stable root, c over the half sum, is the near one.
+            exact = 2 * c / (-b + np.sqrt(b * b - 4 * a * c))
+            error = np.abs(naive.sphere(centre, 1.0, *rays) - exact) / distance * 2**24
+            return np.nan_to_num(error, nan=np.inf).max()
+
+        def ours(mesh=mesh, rays=rays, hits=hits):
+            return depth_error(subject.closest(mesh, *rays), hits)
+
+        yield row("far sphere", "D / r", distance, 16, plain, ours)
+
+
+def _two_rows(subject, case, parameter, value, mesh, rays, epsilon=0.0) -> Iterator[Row]:
+    """Triangle and depth."""
+    hits = truth(mesh, *rays)
+    plain = naive.moeller_trumbore(mesh, *rays, epsilon=epsilon)
+    found = []
+
+    def ours(measure):
+        if not found:
+            found.append(subject.closest(mesh, *rays))
+        return measure(found[0], hits)
+
+    for suffix, measure, bound in ((" (triangle)", mismatches, 0.0), (" (depth)", depth_error, 16)):
+        yield row(
+            case + suffix,
+            parameter,
+            value,
+            bound,
+            lambda measure=measure: measure(plain, hits),
+            lambda measure=measure: ours(measure),
+        )
+
+
+CASES = (far_from_the_origin, long_rays, tiny_triangles, scaled_scene, far_sphere)

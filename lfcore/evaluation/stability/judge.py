@@ -1,0 +1,51 @@
+"""How far found hits are from the oracle's."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfcore.errors import LfcoreError
+from lfcore.evaluation.stability.rows import Row
+from lfcore.oracle.crossings import ULP
+from lfcore.oracle.intersect import Hits, closest_hits
+
+
+def truth(triangles, origins, directions) -> Hits:
+    """The oracle's hits of the same float32 numbers."""
+    return closest_hits(np.float32(triangles), origins, directions)
+
+
+def leaks(found, hits: Hits) -> float:
+    """Share of the rays that miss although the oracle hits."""
+    ids = np.asarray(found[0]).ravel()
+    return float(((ids < 0) & (hits.triangle >= 0)).mean())
+
+
+def mismatches(found, hits: Hits, ulp: float = 16.0) -> float:
+    """Share of the rays that name another triangle, of those ``ulp`` from any edge or tie."""
+    ids = np.asarray(found[0]).ravel()
+    clear = hits.clear(ulp)
+    return float((ids != hits.triangle)[clear].mean()) if clear.any() else 0.0
+
+
+def depth_error(found, hits: Hits) -> float:
+    """Largest error of t where the triangle is right: units of 2^-24 t, over the condition
+    number 1 / sin of the incidence.  Infinite if any such t is not finite."""
+    ids, t = (np.asarray(part).ravel() for part in found)
+    same = (ids == hits.triangle) & (ids >= 0)
+    if not same.any():
+        return 0.0
+    with np.errstate(all="ignore"):
+        error = np.abs(t[same] - hits.t[same]) / (hits.t * hits.grazing)[same] / ULP
+    return float(np.where(np.isfinite(error), error, np.inf).max())
+
+
+def row(case, parameter, value, bound, naive, ours) -> Row:
+    """A row of two callables that give an error each; ``ours`` may raise LfcoreError."""
+    with np.errstate(all="ignore"):
+        naive_error = float(naive())
+        try:
+            return Row(case, parameter, float(value), naive_error, float(ours()), float(bound))
+        except LfcoreError:
+            nan = float("nan")
+            return Row(case, parameter, float(value), naive_error, nan, float(bound), refused=True)

@@ -1,0 +1,96 @@
+"""Textbook methods in float32, as they are usually written: what the cases compare with."""
+
+from __future__ import annotations
+
+import numpy as np
+
+F = np.float32
+
+
+def moeller_trumbore(
+    triangles: np.ndarray, origins: np.ndarray, directions: np.ndarray, *, epsilon: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Closest (triangle, t) by brute force, (R,) int64 and float32; -1 and inf for a miss.
+
+    T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", 1997; triangles
+    of a determinant of at most ``epsilon`` are culled, as in the paper.
+    """
+    p, q, r = (np.asarray(triangles, F)[:, k].T for k in range(3))  # (3, T) each
+    one, two = q - p, r - p
+    best = np.full(len(origins), np.inf, F)
+    number = np.full(len(origins), -1)
+    step = max(1, (1 << 18) // max(1, p.shape[1]))
+    with np.errstate(all="ignore"):
+        for first in range(0, len(origins) if p.size else 0, step):
+            part = slice(first, first + step)
+            origin = np.asarray(origins[part], F).T[:, :, None]
+            direction = np.asarray(directions[part], F).T[:, :, None]
+            across = _cross(direction, two[:, None])
+            determinant = _dot(one[:, None], across)
+            inverse = F(1) / determinant
+            offset = origin - p[:, None]
+            u = _dot(offset, across) * inverse
+            other = _cross(offset, one[:, None])
+            v = _dot(direction, other) * inverse
+            t = _dot(two[:, None], other) * inverse
+            hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
+            hit &= np.abs(determinant) > epsilon
+            t = np.where(hit, t, F(np.inf))
+            rows, at = np.arange(len(t)), np.argmin(t, axis=1)
+            best[part] = t[rows, at]
+            number[part] = np.where(hit[rows, at], at, -1)
+    return number, best
+
+
+def _cross(a, b):
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def slab_test(lo: np.ndarray, hi: np.ndarray, origins: np.ndarray, directions: np.ndarray):
+    """(R,) bool: whether rays meet the boxes (R, 3), by reciprocals and without any margin.
+
+    T. L. Kay, J. T. Kajiya, "Ray tracing complex scenes", 1986.
+    """
+    with np.errstate(all="ignore"):
+        inverse = F(1) / np.asarray(directions, F)
+        near, far = (lo - origins) * inverse, (hi - origins) * inverse
+        enter = np.minimum(near, far).max(1)
+        leave = np.maximum(near, far).min(1)
+        return (enter <= leave) & (leave >= 0)
+
+
+def sphere(centre, radius: float, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """(R,) float32 distance to a sphere by the quadratic formula; NaN for a miss."""
+    with np.errstate(all="ignore"):
+        offset = np.asarray(origins, F) - np.asarray(centre, F)
+        directions = np.asarray(directions, F)
+        a = (directions**2).sum(1, dtype=F)
+        b = F(2) * (offset * directions).sum(1, dtype=F)
+        c = (offset**2).sum(1, dtype=F) - F(radius) ** 2
+        return (-b - np.sqrt(b * b - F(4) * a * c)) / (F(2) * a)
+
+
+def image_distance(focal_length_m: np.ndarray, distance_m: np.ndarray) -> np.ndarray:
+    """float32 ``1 / (1/f - 1/u)``."""
+    with np.errstate(all="ignore"):
+        return F(1) / (F(1) / F(focal_length_m) - F(1) / F(distance_m))
+
+
+def lens_directions(lens: np.ndarray, tangents: np.ndarray, focus_m: float) -> np.ndarray:
+    """float32 unit directions from lens points (R, 2) through tangents (R, 2) in focus at
+    ``focus_m``: the difference of two points, normalised."""
+    with np.errstate(all="ignore"):
+        distance = F(focus_m)
+        point = np.concatenate(
+            [tangents.astype(F) * distance, np.full((len(lens), 1), distance)], 1
+        )
+        away = point - np.concatenate([lens.astype(F), np.zeros((len(lens), 1), F)], 1)
+        return away / np.sqrt((away**2).sum(1, keepdims=True, dtype=F))

@@ -1,0 +1,102 @@
+"""Cases 5 and 6: surfaces that shade themselves, and occluders that nearly touch.
+
+Error: share of the pixels that are dark and should be lit or the other way round; bound 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from lfcore.evaluation.stability import naive
+from lfcore.evaluation.stability.judge import row
+from lfcore.evaluation.stability.rows import Row
+from lfcore.evaluation.stability.shapes import grid, sphere
+from lfcore.evaluation.stability.subject import Subject, bare_scene
+from lfcore.optics.camera import Camera
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.oracle.slab import all_pixels, slab_hits, slab_rays, trace
+from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material
+
+PIXELS = 32
+WHITE = [Material("white", diffuse=(1.0, 1.0, 1.0))]
+
+
+def self_shadow(subject: Subject) -> Iterator[Row]:
+    """A sphere, lit from beside the camera, of ever other size: convex, so no part is shaded."""
+    for exponent in range(-4, 5):
+        scale = 10.0**exponent
+        mesh = np.float32(sphere(12, 24, 0.5, (0, 0, 2.0)) * scale)
+        light = Light(POINT, (-1.0 * scale, -1.5 * scale, 0.0), (1.0, 1.0, 1.0))
+        yield _row(
+            subject, "self-shadow", "scale", scale, mesh, light, 0.6, 1e-4, max(1, 1 / scale)
+        )
+
+
+def thin_gap(subject: Subject) -> Iterator[Row]:
+    """A plate before a wall at 3 m, at a distance of ``gap``: its shadow is 100 gaps long."""
+    slant = 100.0
+    towards = np.array([-slant, 0, -1]) / np.hypot(slant, 1)
+    light = Light(DIRECTIONAL, tuple(towards.tolist()), (slant, slant, slant))
+    for gap in (1e-1, 1e-2, 1e-3, 1e-4, 3e-5, 1e-5, 3e-6):
+        wall = grid(1, 1, [-60, -60, 3], [120, 0, 0], [0, 120, 0])
+        plate = grid(1, 1, [-30, -30, 3 - gap], [30, 0, 0], [0, 60, 0])
+        mesh = np.float32(np.concatenate([wall, plate]))
+        field = 8 * slant * gap / 3
+        yield _row(subject, "thin gap", "gap m", gap, mesh, light, field, 1e-3)
+
+
+def _row(subject, case, parameter, value, mesh, light, field, offset, stop=1.0) -> Row:
+    """``stop`` times f/2 keeps the lens small beside a small scene."""
+    camera = Camera(0.05, 0.05 * field, 2.0 * stop, float("inf"))
+    slab = Slab(camera, 1, PIXELS)
+    scene = bare_scene(
+        mesh,
+        camera=camera,
+        materials=WHITE,
+        lights=[light],
+        ambient=(0.0,) * 3,
+        background=(0.5,) * 3,
+    )
+    pixels = all_pixels(slab)
+    clear = slab_hits(scene, slab, pixels).clear()
+    expected = trace(scene, slab, pixels)[:, 0, 0, 0]
+    clear &= (expected > 0.05) | (expected == 0)
+
+    def wrong(found):
+        return ((found > 0.5 * expected) != (expected > 0))[clear].mean()
+
+    def ours():
+        plane = SensorPlane(float("inf"), camera.f_number, "square")
+        return wrong(subject.picture(scene, slab, plane)[..., 0].ravel())
+
+    def plain():
+        rays = [part.reshape(-1, 3) for part in slab_rays(slab, pixels)]
+        return wrong(_naive_picture(mesh, light, rays, np.float32(offset)))
+
+    return row(case, parameter, value, 0.0, plain, ours)
+
+
+def _naive_picture(mesh, light, rays, offset) -> np.ndarray:
+    """(R,) float32: cosine law with a shadow ray from the hit point moved ``offset`` along N."""
+    number, t = naive.moeller_trumbore(mesh, *rays)
+    hit = np.flatnonzero(number >= 0)
+    colour = np.full(len(number), 0.5, np.float32)
+    p, q, r = mesh[number[hit]].swapaxes(0, 1)
+    normal = np.cross(q - p, r - p)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal *= -np.sign((normal * rays[1][hit]).sum(1, keepdims=True))
+    point = rays[0][hit] + t[hit, None] * rays[1][hit]
+    towards = np.tile(np.float32(light.vector), (len(hit), 1))
+    if light.kind == POINT:
+        towards -= point
+    cosine = (normal * towards).sum(1) / np.linalg.norm(towards, axis=1)
+    blocker, distance = naive.moeller_trumbore(mesh, point + offset * normal, towards)
+    dark = (blocker >= 0) & ((distance < 1) | (light.kind == DIRECTIONAL))
+    colour[hit] = np.where(dark, 0, np.maximum(cosine, 0) * light.colour[0])
+    return np.minimum(colour, 1)
+
+
+CASES = (self_shadow, thin_gap)

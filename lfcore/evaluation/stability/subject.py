@@ -1,0 +1,114 @@
+"""What the cases test: lfcore's tracer behind three plain functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.errors import SceneError
+from lfcore.opencl.device import Device, open_device
+from lfcore.optics.bundles import Bundles
+from lfcore.optics.camera import Camera
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.scene.assemble import sound
+from lfcore.scene.model import Material, Scene
+from lfcore.storage.layout import FrameLayout
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=2.0, focus_distance_m=2.0)
+
+ClosestHit = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+SlabHits = Callable[[np.ndarray, Slab, np.ndarray], tuple[np.ndarray, np.ndarray]]
+Picture = Callable[[Scene, Slab, SensorPlane], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A tracer.
+
+    Attributes
+    ----------
+    closest : of triangles (T, 3, 3) and rays (R, 3), (R, 3), all float32: the triangle (R,),
+        -1 for a miss, and t (R,).  Origins have z = 0 and directions z = 1, as in a slab.
+    any_closest : the same for any origins and directions.
+    slab_hits : of triangles, a slab and pixels (P, 2): triangle and depth, (P, N, N).
+    picture : of a scene, a slab and a plane: (M, M, 3) linear light.
+    """
+
+    closest: ClosestHit
+    any_closest: ClosestHit
+    slab_hits: SlabHits
+    picture: Picture
+
+
+def bare_scene(triangles: np.ndarray, **changes) -> Scene:
+    """Grey triangles without lights; ``changes`` are fields of :class:`Scene`."""
+    triangles = np.asarray(triangles, np.float32)
+    values = {
+        "name": "stability",
+        "camera": CAMERA,
+        "triangles": triangles,
+        "normals": np.zeros((0, 3, 3), np.float32),
+        "uvs": np.zeros((0, 3, 2), np.float32),
+        "colours": np.zeros((0, 3, 3), np.float32),
+        "material_ids": np.zeros(len(triangles), np.int32),
+        "materials": [Material("grey")],
+        "textures": [],
+        "lights": [],
+    }
+    return Scene(**{**values, **changes})
+
+
+def _loaded(triangles: np.ndarray) -> np.ndarray:
+    """Numbers of the triangles that a scene file's loader keeps.
+
+    Raises :class:`SceneError` where the loader warns that coordinates are out of range.
+    """
+    keep, dropped = sound(triangles.astype(np.float64))
+    if "out of range" in dropped:
+        raise SceneError(f"{dropped['out of range']} triangles are out of range")
+    return np.flatnonzero(keep)
+
+
+def tracer_subject(device: Device | None = None, *, general: bool = False) -> Subject:
+    """The OpenCL tracer on ``device``.
+
+    Lone rays go through the slab's kernel, each a bundle of its own, or with ``general`` through
+    the kernel for rays of any direction.
+    """
+    device = device or open_device()
+
+    def tracer(scene: Scene) -> Tracer:
+        return Tracer(scene, build_bvh(scene.triangles), device)
+
+    def any_closest(triangles, origins, directions):
+        triangles = np.float32(triangles)
+        keep = _loaded(triangles)
+        found = tracer(bare_scene(triangles[keep])).closest_hit(origins, directions)
+        return np.append(keep, -1)[found[0]], found[1]
+
+    def closest(triangles, origins, directions):
+        triangles = np.float32(triangles)
+        keep = _loaded(triangles)
+        elements = np.concatenate([origins[:, :2], directions[:, :2]], axis=1)
+        bundles = Bundles(elements.astype(np.float32), np.zeros(4, np.float32), 1, 1, 0.0)
+        triangle, depth = tracer(bare_scene(triangles[keep])).bundle_hits(bundles)
+        return np.append(keep, -1)[triangle[:, 0, 0]], depth[:, 0, 0]
+
+    def slab_hits(triangles, slab, pixels):
+        return tracer(bare_scene(triangles)).slab_hits(slab, pixels)
+
+    def picture(scene, slab, plane):
+        layout = FrameLayout("macropixels", slab.views, slab.pixels)
+        tile = layout.tile(0, 0, slab.pixels, slab.pixels)
+        tracing = tracer(scene).trace_tile(slab, tile, [plane], frames=False)
+        for _ in tracing:
+            pass
+        return tracing.plane_sums.pictures()[0]
+
+    lone = any_closest if general else closest
+    return Subject(lone, any_closest, slab_hits, picture)

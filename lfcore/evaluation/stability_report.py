@@ -1,0 +1,151 @@
+"""Stability sweeps as a report: verdicts against documented ranges, a heat map, error growth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+
+from lfcore.evaluation.figures import save_figure
+from lfcore.evaluation.stability.rows import COLUMNS, Row
+
+DECADES = 3
+"""Decades over and under its bound at which an error's colour saturates."""
+OURS, NAIVE = "#1f6f8b", "#c8553d"
+COLOURS = LinearSegmentedColormap.from_list("bound", ["#1f6f8b", "#e8f1f2", "#f6e3c5", "#b3261e"])
+
+
+@dataclass(frozen=True)
+class Range:
+    """Where a case is documented to hold (docs/stability.md); ``case`` is how its name begins."""
+
+    case: str
+    holds: Callable[[float], bool]
+    text: str
+
+
+RANGES = (
+    Range("scaled scene", lambda v: v >= 1e-12, "scenes of 1e-12 m and larger"),
+    Range("thin gap", lambda v: v >= 3e-5, "shadows of occluders 0.03 mm or more away at 1 m"),
+    Range("blocks: triangle size", lambda v: v > 1e-5, "triangles larger than 1e-5 of their depth"),
+    Range("codec 4:2:0 lossy, black", lambda v: v >= 15, "frames of 15 pixels a side or more"),
+    Range("codec 4:2:0 lossy, noise", lambda v: v >= 33, "noise on frames of 33 pixels or more"),
+)
+
+
+def verdict(row: Row) -> str:
+    """``pass``, ``refused``, ``out of range`` where the documentation says so, else ``fail``."""
+    if row.verdict != "fail":
+        return row.verdict
+    known = [limit for limit in RANGES if row.case.startswith(limit.case)]
+    return "out of range" if any(not limit.holds(row.value) for limit in known) else "fail"
+
+
+def stability_table(rows: Iterable[Row]) -> pd.DataFrame:
+    """Rows with the columns of ``stability.csv``, in the order of running."""
+    return pd.DataFrame(
+        [{**row.as_dict(), "verdict": verdict(row)} for row in rows], columns=COLUMNS
+    )
+
+
+def summary(table: pd.DataFrame) -> str:
+    """A sentence: how many rows have which verdict."""
+    counts = table.verdict.value_counts()
+    return ", ".join(f"{counts[name]} {name}" for name in counts.index)
+
+
+def _excess(error: pd.Series, bound: pd.Series) -> np.ndarray:
+    """Decades by which the error is over its bound, saturated; a bound of 0 admits none."""
+    error, bound = error.to_numpy(float), bound.to_numpy(float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        decades = np.log10(error / bound)
+    decades = np.where(error == 0, -DECADES, np.where(bound == 0, DECADES, decades))
+    decades = np.where(np.isnan(error), np.nan, decades)
+    return np.clip(np.where(np.isinf(error), DECADES, decades), -DECADES, DECADES)
+
+
+def heat_map(path: str | Path, table: pd.DataFrame) -> None:
+    """Every row as a cell, cases down and the sweep across, naive float32 beside ours."""
+    cases = list(dict.fromkeys(table.case))
+    width = int(table.groupby("case").size().max())
+    figure = Figure(figsize=(11, 0.23 * len(cases) + 1.6), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    for axis, column, title in zip(
+        axes, ("naive_error", "error"), ("naive float32", "lfcore"), strict=True
+    ):
+        cells = np.full((len(cases), width), np.nan)
+        for number, case in enumerate(cases):
+            rows = table[table.case == case]
+            cells[number, : len(rows)] = _excess(rows[column], rows.bound)
+            _marks(axis, number, rows, column)
+        image = axis.imshow(cells, cmap=COLOURS, vmin=-DECADES, vmax=DECADES, aspect="auto")
+        axis.set_title(title)
+        axis.set_xlabel("step of the sweep")
+        axis.set_xticks(range(0, width, 2), range(1, width + 1, 2))
+        axis.tick_params(length=0)
+        axis.spines[:].set_visible(False)
+    axes[0].set_yticks(range(len(cases)), cases, fontsize=8)
+    bar = figure.colorbar(image, ax=axes, shrink=0.5)
+    bar.set_label("log10 of error / bound")
+    figure.supxlabel(
+        "r: refused with a reason     o: outside the documented range     ×: failed", fontsize=9
+    )
+    save_figure(path, figure)
+
+
+def _marks(axis, number: int, rows: pd.DataFrame, column: str) -> None:
+    signs = {"refused": "r", "out of range": "o", "fail": "×"}
+    for step, name in enumerate(rows.verdict):
+        if column == "error" and name in signs:
+            axis.text(step, number, signs[name], ha="center", va="center", fontsize=8)
+
+
+def error_growth(path: str | Path, table: pd.DataFrame, cases: Iterable[str] | None = None) -> None:
+    """Error over the stiffness parameter of some cases, ours and naive, with the bound."""
+    wanted = [case for case in cases or _growing(table) if (table.case == case).any()]
+    columns = min(4, len(wanted))
+    lines = math.ceil(len(wanted) / columns)
+    figure = Figure(figsize=(3.5 * columns, 2.9 * lines), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(lines, columns)).ravel()
+    for axis, case in zip(axes, wanted, strict=False):
+        _growth(axis, table[table.case == case], case)
+    for axis in axes[len(wanted) :]:
+        axis.set_visible(False)
+    axes[0].legend(frameon=False, fontsize=8)
+    save_figure(path, figure)
+
+
+def _growing(table: pd.DataFrame) -> list[str]:
+    """Cases with a sweep of at least four values whose naive error grows most."""
+    found = {}
+    for case, rows in table.groupby("case", sort=False):
+        naive = rows.naive_error[np.isfinite(rows.naive_error) & (rows.naive_error > 0)]
+        if len(naive) >= 3 and rows.value.nunique() >= 4 and (rows.value > 0).sum() >= 4:
+            found[case] = math.log10(naive.max() / naive.min())
+    return sorted(found, key=found.get, reverse=True)[:8]
+
+
+def _growth(axis, rows: pd.DataFrame, case: str) -> None:
+    rows = rows[(rows.value > 0) & np.isfinite(rows.value)].sort_values("value")
+    shown = np.concatenate([rows.naive_error, rows.error, rows.bound])
+    shown = shown[np.isfinite(shown) & (shown > 0)]
+    floor, top = shown.min() / 10, shown.max() * 10
+    for column, style, colour, label in (
+        ("naive_error", "x--", NAIVE, "naive float32"),
+        ("error", "o-", OURS, "lfcore"),
+    ):
+        values = rows[column].clip(floor, top)
+        axis.plot(rows.value, values, style, color=colour, label=label, markersize=4, clip_on=False)
+    if (rows.bound > 0).any():
+        axis.plot(rows.value, rows.bound.where(rows.bound > 0), ":", color="0.4", label="bound")
+    axis.set(xscale="log", yscale="log", ylim=(floor, top))
+    axis.set_title(case, fontsize=9)
+    axis.set_xlabel(rows.parameter.iloc[0], fontsize=8)
+    axis.tick_params(labelsize=7)
+    axis.grid(alpha=0.3)

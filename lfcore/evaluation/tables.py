@@ -1,0 +1,194 @@
+"""Tables 7.1, 7.2 and 7.3 of the thesis, each row beside the thesis's own figures.
+
+A table is made from records: one dictionary a row, with the measured columns.  Figures of the
+thesis are joined by scene and N; a scene that the thesis does not know has empty cells there.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from lfcore.errors import LfcoreError
+from lfcore.evaluation.files import whole, write_text
+
+THESIS_FILE = Path(__file__).with_name("thesis_tables.csv")
+MIB = 2**20
+KEY = ("scene", "N")
+CONTEXT = ("triangles", "M", "device", "threads")
+# Decimals kept in CSV: what the measurement carries, no more.
+DECIMALS = {"seconds": 3, "psnr_db": 3, "ssim": 5, "ratio_float32": 2, "ratio_uint8": 2}
+
+
+class TableError(LfcoreError):
+    """Records that do not make the table asked for."""
+
+
+@dataclass(frozen=True)
+class TableSpec:
+    """Columns of one table: measured ones in order, and the thesis's beside them.
+
+    ``thesis`` maps a column of the table to a column of :func:`thesis_figures`.
+    """
+
+    name: str
+    title: str
+    measured: tuple[str, ...]
+    thesis: Mapping[str, str]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return (*KEY, *self.measured, *CONTEXT, *self.thesis)
+
+
+SPECS = {
+    spec.name: spec
+    for spec in (
+        TableSpec(
+            "table_7_1",
+            "Angular resolution: time and quality on the fly",
+            ("seconds", "psnr_db", "ssim"),
+            {
+                "thesis_seconds": "quality_seconds",
+                "thesis_psnr_db": "quality_psnr_db",
+                "thesis_ssim": "quality_ssim",
+            },
+        ),
+        TableSpec(
+            "table_7_2",
+            "Encoding: time and size of the stored light field",
+            (
+                "seconds",
+                "raw_bytes_float32",
+                "raw_bytes_uint8",
+                "video_bytes",
+                "ratio_float32",
+                "ratio_uint8",
+            ),
+            {
+                "thesis_seconds": "encode_seconds",
+                "thesis_raw_bytes_float32": "raw_bytes_float32",
+                "thesis_video_bytes": "video_bytes",
+                "thesis_ratio_float32": "compression_ratio",
+                "thesis_ratio_uint8": "ratio_uint8",
+            },
+        ),
+        TableSpec(
+            "table_7_3",
+            "Retrieval: time and quality from the stored light field",
+            ("seconds", "psnr_db", "ssim"),
+            {
+                "thesis_seconds": "decode_seconds",
+                "thesis_psnr_db": "decode_psnr_db",
+                "thesis_ssim": "decode_ssim",
+            },
+        ),
+    )
+}
+
+
+@functools.cache
+def thesis_figures() -> pd.DataFrame:
+    """The thesis's tables 7.1 to 7.3, indexed by (scene, N); M = 512 on a GTX 1080 Ti.
+
+    Its sizes are in MiB of float32 RGB (12 bytes a ray); ``ratio_uint8`` is its compression
+    ratio against the 3 bytes of 8-bit RGB.
+    """
+    figures = pd.read_csv(THESIS_FILE).rename(columns={"angular_resolution": "N"})
+    figures["raw_bytes_float32"] = figures.raw_mib_float32_rgb * MIB
+    figures["video_bytes"] = (figures.video_mb * MIB).round().astype("int64")
+    figures["ratio_uint8"] = figures.compression_ratio / 4
+    return figures.set_index(list(KEY))
+
+
+def make_table(name: str, records: Iterable[Mapping]) -> pd.DataFrame:
+    """The table ``name`` (a key of :data:`SPECS`) with rows sorted as the records come.
+
+    Raises
+    ------
+    TableError
+        when a record lacks a column, has one too many, or two records share scene and N.
+    """
+    spec = SPECS[name]
+    own = (*KEY, *spec.measured, *CONTEXT)
+    rows, seen = [], set()
+    for record in records:
+        if set(record) != set(own):
+            odd = ", ".join(sorted(set(record) ^ set(own)))
+            raise TableError(f"a record of {name} lacks or has too many of: {odd}")
+        key = (record["scene"], record["N"])
+        if key in seen:
+            raise TableError(f"{name} has two records for scene {key[0]} and N = {key[1]}")
+        seen.add(key)
+        rows.append({column: record[column] for column in own} | _thesis_cells(spec, key))
+    table = pd.DataFrame(rows, columns=list(spec.columns))
+    return table.round({c: DECIMALS[c] for c in spec.measured if c in DECIMALS})
+
+
+def _thesis_cells(spec: TableSpec, key: tuple[str, int]) -> dict:
+    figures = thesis_figures()
+    if key not in figures.index:
+        return dict.fromkeys(spec.thesis)
+    row = figures.loc[key]
+    return {column: row[source] for column, source in spec.thesis.items()}
+
+
+def sizes(*, rays: int, video_bytes: int) -> dict[str, float]:
+    """Raw sizes and compression ratios in both conventions: 12 and 3 bytes a ray.
+
+    The thesis's "expected size" counts float32 RGB; its chapter 5 speaks of 8-bit RGB.
+    """
+    return {
+        "raw_bytes_float32": 12 * rays,
+        "raw_bytes_uint8": 3 * rays,
+        "video_bytes": video_bytes,
+        "ratio_float32": 12 * rays / video_bytes,
+        "ratio_uint8": 3 * rays / video_bytes,
+    }
+
+
+def write_csv(path: str | Path, table: pd.DataFrame) -> None:
+    """Write any table as CSV; infinities as ``inf``, unknown cells empty."""
+    with whole(path) as draft:
+        table.to_csv(draft, index=False, lineterminator="\n")
+
+
+def write_markdown(path: str | Path, table: pd.DataFrame, *, title: str, caption: str) -> None:
+    """Write any table as Markdown under its title, with the caption below."""
+    body = readable(table).to_markdown(index=False, disable_numparse=True)
+    write_text(path, f"# {title}\n\n{body}\n\n{caption.strip()}\n")
+
+
+def readable(table: pd.DataFrame) -> pd.DataFrame:
+    """The table as text for people: sizes in KiB, MiB, GiB, unknown cells as a dash."""
+    text = pd.DataFrame(index=table.index)
+    for column in table.columns:
+        in_bytes = "bytes" in column
+        name = column.replace("_bytes", "").replace("bytes_", "") if in_bytes else column
+        text[name.replace("_", " ")] = [
+            _cell(value, in_bytes=in_bytes) for value in table[column].tolist()
+        ]
+    return text
+
+
+def _cell(value: object, *, in_bytes: bool) -> str:
+    if value is None or value != value:
+        return "–"
+    if in_bytes:
+        return human_bytes(float(value))
+    if isinstance(value, float):
+        return f"{value:.0f}" if value.is_integer() and abs(value) < 1e15 else f"{value:.6g}"
+    return str(value)
+
+
+def human_bytes(count: float) -> str:
+    """``1536`` as ``1.5 KiB``."""
+    for unit in ("B", "KiB", "MiB", "GiB"):
+        if count < 1024:
+            return f"{count:.4g} {unit}"
+        count /= 1024
+    return f"{count:.4g} TiB"

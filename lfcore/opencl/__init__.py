@@ -1,0 +1,1 @@
+"""OpenCL drivers, device choice, program build and specialisation."""

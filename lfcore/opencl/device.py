@@ -1,0 +1,167 @@
+"""Choose an OpenCL device and build programs for it."""
+
+from __future__ import annotations
+
+import functools
+import logging
+import os
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from lfcore.errors import DeviceError
+from lfcore.opencl import drivers
+
+drivers.prepare()
+
+import pyopencl as cl  # noqa: E402  (the loader reads its environment on import)
+
+log = logging.getLogger(__name__)
+
+# The compiler's remarks on a successful build ("vectorization skipped") are of no use to a user.
+warnings.filterwarnings("ignore", category=cl.CompilerWarning)
+
+KERNELS = Path(__file__).parent.parent
+SHARED_KERNELS = KERNELS / "tracing" / "kernels"
+_REMEDY = (
+    "Install a driver, e.g. 'pip install intel-opencl-rt intel-cmplr-lib-rt' on Linux x86-64, or "
+    "the distribution's pocl-opencl-icd"
+)
+
+
+@dataclass(frozen=True)
+class Device:
+    """An OpenCL device with its context and an in-order queue.
+
+    ``lanes`` is the width kernels are built for, ``threads`` the number of persistent workers
+    that a CPU job may use.
+    """
+
+    device: cl.Device
+    context: cl.Context
+    queue: cl.CommandQueue
+    lanes: int
+    threads: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.device.name.strip()} ({self.device.platform.name.strip()})"
+
+    @property
+    def is_cpu(self) -> bool:
+        return bool(self.device.type & cl.device_type.CPU)
+
+    def buffer(self, array) -> cl.Buffer:
+        """Read-only device copy of a numpy array; an empty array gets a few zero bytes."""
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        return cl.Buffer(self.context, flags, hostbuf=array if array.nbytes else bytes(64))
+
+    def empty(self, nbytes: int) -> cl.Buffer:
+        return cl.Buffer(self.context, cl.mem_flags.READ_WRITE, max(int(nbytes), 64))
+
+
+@functools.cache
+def usable_devices() -> tuple[cl.Device, ...]:
+    """Every device that can build a one-line kernel, GPUs first, then CPUs.
+
+    A driver that cannot is passed over with a line in the log that says why.
+    """
+    try:
+        platforms = cl.get_platforms()
+    except cl.Error as error:
+        raise DeviceError(f"no OpenCL driver was found ({error})", remedy=_REMEDY) from None
+    found = []
+    for platform in platforms:
+        try:
+            devices = platform.get_devices()
+        except cl.Error as error:
+            log.warning("OpenCL platform %s passed over: %s", platform.name, error)
+            continue
+        for device in devices:
+            try:
+                _compile(cl.Context([device]), "kernel void one(global int *x) { *x = 1; }", [])
+            except cl.Error as error:
+                reason = str(error).strip().splitlines()[0]
+                log.warning("OpenCL device %s passed over: %s", device.name, reason)
+            else:
+                found.append(device)
+    if not found:
+        raise DeviceError("no OpenCL device can build a kernel", remedy=_REMEDY)
+    return tuple(sorted(found, key=lambda device: device.type & cl.device_type.CPU))
+
+
+def open_device(
+    name: str | None = None, *, threads: int | None = None, lanes: int | None = None
+) -> Device:
+    """Open a device.
+
+    Parameters
+    ----------
+    name : part of a device's or platform's name, upper or lower case; default the environment
+        variable ``LFCORE_DEVICE``, else the first GPU, else the first CPU.
+    threads : CPU threads to use; default ``LFCORE_THREADS``, else all of them.
+    lanes : 1, 4, 8 or 16; default 1 on a GPU and the native float width on a CPU.
+
+    Raises
+    ------
+    DeviceError : no driver, or none whose name fits.
+    """
+    name = name or os.environ.get("LFCORE_DEVICE")
+    device = _choose(name)
+    is_cpu = bool(device.type & cl.device_type.CPU)
+    if lanes is None:
+        lanes = min(16, max(4, device.native_vector_width_float)) if is_cpu else 1
+    if lanes not in (1, 4, 8, 16):
+        raise DeviceError(f"lanes must be 1, 4, 8 or 16, not {lanes}")
+    available = len(os.sched_getaffinity(0)) if is_cpu else 64 * device.max_compute_units
+    threads = threads or int(os.environ.get("LFCORE_THREADS", 0)) or available
+    context = cl.Context([device])
+    return Device(device, context, cl.CommandQueue(context), lanes, min(threads, available))
+
+
+def _choose(name: str | None) -> cl.Device:
+    devices = usable_devices()
+    if not name:
+        return devices[0]
+    for device in devices:
+        if name.lower() in f"{device.name} {device.platform.name}".lower():
+            return device
+    known = ", ".join(f"{device.name.strip()} ({device.platform.name})" for device in devices)
+    raise DeviceError(
+        f"no OpenCL device is named like {name!r}", key="device", remedy=f"Found: {known}"
+    )
+
+
+def build_program(
+    device: Device, files: Sequence[str], defines: Mapping[str, object] | None = None
+) -> cl.Program:
+    """Build kernel ``files`` (paths below ``lfcore/``) with ``-D`` ``defines``.
+
+    Builds are cached on disk by pyopencl, keyed by source, included files and options, so that
+    a second job or run pays nothing.
+
+    Raises
+    ------
+    DeviceError : the build failed; the compiler's words are in the message.
+    """
+    values = {"LANES": device.lanes, **(defines or {})}
+    options = [f"-D{key}={_literal(value)}" for key, value in sorted(values.items())]
+    folders = {str((KERNELS / file).parent) for file in files} | {str(SHARED_KERNELS)}
+    # The loader strips no quotes on every platform, so paths go as separate arguments.
+    options += [part for folder in sorted(folders) for part in ("-I", folder)]
+    source = "\n".join(f'#include "{Path(file).name}"' for file in files)
+    try:
+        return _compile(device.context, source, options)
+    except cl.Error as error:
+        raise DeviceError(f"building {', '.join(files)} failed: {error}") from None
+
+
+def _compile(context: cl.Context, source: str, options: list[str]) -> cl.Program:
+    return cl.Program(context, source).build(options=options)
+
+
+def _literal(value: object) -> str:
+    if isinstance(value, bool):
+        return str(int(value))
+    return str(value)

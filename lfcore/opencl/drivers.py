@@ -1,0 +1,80 @@
+"""Find OpenCL drivers on a bare machine, before ``pyopencl`` is imported.
+
+``pyopencl`` brings a loader and no driver.  The Intel CPU runtime comes as a wheel whose own
+``.icd`` holds a placeholder path, and a GPU's driver may be installed without one.  The loader
+looks into a single directory, ``OCL_ICD_VENDORS``: this module fills one with what there is.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import sys
+import sysconfig
+import tempfile
+from pathlib import Path
+
+SYSTEM_VENDORS = Path("/etc/OpenCL/vendors")
+
+
+def prepare() -> Path | None:
+    """Point the OpenCL loader at every driver found; return the directory used.
+
+    A directory that the user named in ``OCL_ICD_VENDORS`` is left alone (returns None).
+    """
+    if os.environ.get("OCL_ICD_VENDORS") and "LFCORE_ICD_VENDORS" not in os.environ:
+        return None
+    entries = _entries()
+    if not entries:
+        return None
+    directory = _write(entries)
+    os.environ["OCL_ICD_VENDORS"] = os.environ["LFCORE_ICD_VENDORS"] = f"{directory}/"
+    return directory
+
+
+def _entries() -> dict[str, str]:
+    """``.icd`` name -> library path, in the order of preference."""
+    entries: dict[str, str] = {}
+    intel = Path(sys.prefix) / "lib" / "libintelocl.so"
+    if intel.exists():
+        entries["lfcore-intel.icd"] = str(intel)
+    wheel = Path(sysconfig.get_paths()["platlib"]) / "pyopencl" / ".libs"
+    for folder in (SYSTEM_VENDORS, wheel):
+        for icd in sorted(folder.glob("*.icd")) if folder.is_dir() else ():
+            library = icd.read_text(encoding="utf-8", errors="replace").strip()
+            if library and library not in entries.values():
+                entries[icd.name] = library
+    if not any("nvidia" in library for library in entries.values()) and _loads(
+        "libnvidia-opencl.so.1"
+    ):
+        entries["lfcore-nvidia.icd"] = "libnvidia-opencl.so.1"
+    return entries
+
+
+def _loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
+def _write(entries: dict[str, str]) -> Path:
+    """Write the vendor directory once per set of entries; safe against parallel jobs."""
+    digest = hashlib.sha256(repr(sorted(entries.items())).encode()).hexdigest()[:16]
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    for root in (cache / "lfcore", Path(tempfile.gettempdir()) / f"lfcore-{os.getuid()}"):
+        directory = root / f"opencl-vendors-{digest}"
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            for name, library in entries.items():
+                target = directory / name
+                if not target.exists():
+                    part = directory / f"{name}.{os.getpid()}.part"
+                    part.write_text(library + "\n", encoding="utf-8")
+                    os.replace(part, target)
+            return directory
+        except OSError:
+            continue
+    return Path(tempfile.mkdtemp(prefix="lfcore-opencl-"))

@@ -1,0 +1,1 @@
+"""Where rays run: thin lens, light slab, camera arrays, sensor planes, bundles."""

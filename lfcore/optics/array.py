@@ -1,0 +1,233 @@
+"""A camera array: parallel pinholes on a grid, the assignment's "data cameras".
+
+Camera space is x right, y down, z forward; the pinholes lie in z = 0 and look along +z.  Column
+``i`` of the grid stands at ``columns_m[i]``, row ``j`` at ``rows_m[j]``, and its picture is tile
+(j, i) of one image: the top-left tile is the top-left camera seen from behind.  It is the light
+slab at ``delta = 0``: the ray of camera (s, t) and pixel tangent (x, y) is
+
+    O + z D,   O = (s, t, 0),   D = (x - s delta, y - t delta, 1)
+
+The assignment's cameras have ``delta = 0``; another value is the sheared array that the views of a
+focused slab are.
+
+Source: CS348b assignment 3, step 2; Isaksen, McMillan, Gortler, "Dynamically Reparameterized Light
+Fields", SIGGRAPH 2000.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+from lfcore.optics.slab import Slab
+
+SPACINGS = ("ends", "cells")
+
+
+@dataclass(frozen=True)
+class CameraArray:
+    """Nx x Ny parallel pinholes of equal field and resolution.
+
+    Parameters
+    ----------
+    columns_m, rows_m : strictly increasing x and y of the cameras, metres, camera space.
+    fov_deg : full field of view over the *shorter* side of a tile (as pbrt), degrees.
+    tile : (width, height) of each camera's picture in pixels.
+    margin_m : (x, y), how far beyond the outermost cameras rays still belong to the array: half a
+        spacing where the cameras stand in the middle of cells, else 0.
+    delta : inverse of the distance at which the pictures coincide, dioptres; 0 for parallel axes.
+
+    Raises
+    ------
+    OpticsError : positions that are not finite or not increasing, a field outside (0, 180), an
+        empty tile.
+    """
+
+    columns_m: tuple[float, ...]
+    rows_m: tuple[float, ...]
+    fov_deg: float
+    tile: tuple[int, int]
+    margin_m: tuple[float, float] = (0.0, 0.0)
+    delta: float = 0.0
+
+    def __post_init__(self) -> None:
+        for key in ("columns_m", "rows_m"):
+            axis = np.asarray(getattr(self, key), np.float64)
+            if axis.ndim != 1 or not len(axis) or not np.isfinite(axis).all():
+                raise OpticsError("needs one finite position or more", key=key)
+            if (np.diff(axis) <= 0).any():
+                raise OpticsError(
+                    "positions must increase strictly",
+                    key=key,
+                    remedy="Give a grid with different bounds, or a single camera",
+                )
+            object.__setattr__(self, key, tuple(axis.tolist()))
+        if not 0 < self.fov_deg < 180:
+            raise OpticsError(f"must lie between 0 and 180, not {self.fov_deg}", key="fov_deg")
+        if len(self.tile) != 2 or min(self.tile) < 1:
+            raise OpticsError(f"{self.tile} pixels are no picture", key="tile")
+
+    @classmethod
+    def on_grid(
+        cls,
+        cameras: Sequence[int],
+        bounds: Sequence[float],
+        fov_deg: float,
+        tile: Sequence[int],
+        spacing: str = "ends",
+    ) -> CameraArray:
+        """Cameras equally spaced within the assignment's bounds.
+
+        Parameters
+        ----------
+        cameras : (Nx, Ny).
+        bounds : minX maxX minY maxY, metres, **y up** as in pbrt's camera space.
+        spacing : ``ends`` puts the outermost cameras on the bounds (n - 1 gaps), ``cells`` puts
+            each camera in the middle of one of n cells.
+        """
+        if spacing not in SPACINGS:
+            raise OpticsError(f"unknown spacing {spacing!r}", remedy=f"Use one of {SPACINGS}")
+        low_x, high_x, low_y, high_y = (float(bound) for bound in bounds)
+        columns, margin_x = _axis(int(cameras[0]), low_x, high_x, spacing, "x")
+        rows, margin_y = _axis(int(cameras[1]), -high_y, -low_y, spacing, "y")
+        size = (int(tile[0]), int(tile[1]))
+        return cls(columns, rows, float(fov_deg), size, (margin_x, margin_y))
+
+    @classmethod
+    def single(cls, fov_deg: float, tile: Sequence[int]) -> CameraArray:
+        """One pinhole at the origin."""
+        return cls((0.0,), (0.0,), float(fov_deg), (int(tile[0]), int(tile[1])))
+
+    @classmethod
+    def from_slab(cls, slab: Slab) -> CameraArray:
+        """The views of a light slab as an array: the same rays, sheared by the slab's focus."""
+        positions = tuple(slab.lens_positions().tolist())
+        fov_deg = math.degrees(2 * math.atan(slab.camera.field_width / 2))
+        margin = slab.lens_pitch_m / 2
+        size = (slab.pixels, slab.pixels)
+        return cls(positions, positions, fov_deg, size, (margin, margin), slab.camera.delta)
+
+    @property
+    def cameras(self) -> tuple[int, int]:
+        """(Nx, Ny)."""
+        return len(self.columns_m), len(self.rows_m)
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """(width, height) of the image that holds all tiles."""
+        return self.cameras[0] * self.tile[0], self.cameras[1] * self.tile[1]
+
+    @property
+    def rays(self) -> int:
+        return self.image_size[0] * self.image_size[1]
+
+    @property
+    def field_width(self) -> float:
+        """Tangent extent of the shorter side of a tile."""
+        return 2.0 * math.tan(math.radians(self.fov_deg) / 2.0)
+
+    @property
+    def pixel_pitch(self) -> float:
+        """Tangent between neighbouring pixels; pixels are square."""
+        return self.field_width / min(self.tile)
+
+    @property
+    def half_field(self) -> tuple[float, float]:
+        """Tangents from the axis to the side and to the bottom of a tile."""
+        return self.tile[0] * self.pixel_pitch / 2, self.tile[1] * self.pixel_pitch / 2
+
+    def pixel_tangents(self) -> tuple[np.ndarray, np.ndarray]:
+        """(w,) x of columns and (h,) y of rows, float64, at pixel centres."""
+        return tuple(
+            (np.arange(count) - (count - 1) / 2.0) * self.pixel_pitch for count in self.tile
+        )
+
+    def origins(self) -> np.ndarray:
+        """(Ny, Nx, 3) float64: O of every data camera, metres."""
+        y, x = np.meshgrid(self.rows_m, self.columns_m, indexing="ij")
+        return np.stack([x, y, np.zeros_like(x)], -1)
+
+    def directions(self, column: int = 0, row: int = 0) -> np.ndarray:
+        """(h, w, 3) float64: D of a camera's pixels, unit in z; alike in all when delta is 0."""
+        x, y = self.pixel_tangents()
+        y, x = np.meshgrid(y, x, indexing="ij")
+        s, t = self.columns_m[column], self.rows_m[row]
+        return np.stack([x - s * self.delta, y - t * self.delta, np.ones_like(x)], -1)
+
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(x low, x high, y low, y high) within which rays belong to the array, camera space."""
+        (a, b), (c, d) = (
+            (axis[0] - margin, axis[-1] + margin)
+            for axis, margin in zip((self.columns_m, self.rows_m), self.margin_m, strict=True)
+        )
+        return a, b, c, d
+
+    def tiles(self, image: np.ndarray) -> np.ndarray:
+        """(Ny, Nx, h, w, ...) view of an image (Ny h, Nx w, ...).
+
+        Raises :class:`OpticsError` when the image is not that of this array.
+        """
+        (nx, ny), (w, h) = self.cameras, self.tile
+        if image.shape[:2] != (ny * h, nx * w):
+            raise OpticsError(
+                f"an image of {image.shape[1]} x {image.shape[0]} is not {nx} x {ny} tiles of "
+                f"{w} x {h}",
+                remedy="Check the number of cameras",
+            )
+        return image.reshape(ny, h, nx, w, *image.shape[2:]).swapaxes(1, 2)
+
+    def mosaic(self, tiles: np.ndarray) -> np.ndarray:
+        """The image (Ny h, Nx w, ...) of tiles (Ny, Nx, h, w, ...)."""
+        ny, nx, h, w = tiles.shape[:4]
+        return np.ascontiguousarray(tiles.swapaxes(1, 2)).reshape(ny * h, nx * w, *tiles.shape[4:])
+
+    def to_json(self) -> dict:
+        return {
+            "columns_m": list(self.columns_m),
+            "rows_m": list(self.rows_m),
+            "fov_deg": self.fov_deg,
+            "tile": list(self.tile),
+            "margin_m": list(self.margin_m),
+            "delta": self.delta,
+        }
+
+    @classmethod
+    def from_json(cls, data: dict) -> CameraArray:
+        """Raises :class:`OpticsError` for what :meth:`to_json` does not write."""
+        try:
+            return cls(
+                tuple(data["columns_m"]),
+                tuple(data["rows_m"]),
+                float(data["fov_deg"]),
+                (int(data["tile"][0]), int(data["tile"][1])),
+                (float(data["margin_m"][0]), float(data["margin_m"][1])),
+                float(data["delta"]),
+            )
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            raise OpticsError(f"not the description of a camera array: {error!r}") from None
+
+
+def _axis(
+    count: int, low: float, high: float, spacing: str, name: str
+) -> tuple[tuple[float, ...], float]:
+    """Positions along one axis, and the margin beyond them."""
+    if count < 1:
+        raise OpticsError(f"{count} cameras along {name} are no array", key="cameras")
+    if not (math.isfinite(low) and math.isfinite(high)) or high < low:
+        raise OpticsError(f"bounds along {name} are not ordered", key="bounds")
+    if count == 1:
+        return ((low + high) / 2,), (high - low) / 2
+    if not high > low:
+        raise OpticsError(
+            f"{count} cameras along {name} share one position",
+            key="bounds",
+            remedy="Give the bounding box of the data cameras",
+        )
+    if spacing == "ends":
+        return tuple(np.linspace(low, high, count).tolist()), 0.0
+    pitch = (high - low) / count
+    return tuple((low + (np.arange(count) + 0.5) * pitch).tolist()), pitch / 2

@@ -1,0 +1,68 @@
+"""Rays as bundles: outer elements times an inner grid, affine in both.
+
+Ray (i, j) of element e, counted from the middle of the inner grid, is at depth z
+
+    x(z) = (ox_e + i sx) + z (dx_e + i tx)        y(z) = (oy_e + j sy) + z (dy_e + j ty)
+
+The lens samples of one pixel, the pixels of one lens sample or data camera, and orthographic
+rays all have this form, so one kernel traces them all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.optics.slab import Slab
+
+
+@dataclass(frozen=True)
+class Bundles:
+    """What the tracer is given.
+
+    Attributes
+    ----------
+    elements : (E, 4) float32: ox, oy (metres), dx, dy (tangents) of the middle ray of each element.
+    step : (4,) float32: sx, sy, tx, ty, change per column and row of the inner grid.
+    columns, rows : size of the inner grid.
+    pixel_pitch : tangent between neighbouring pixels, which texture filtering looks at.
+    """
+
+    elements: np.ndarray
+    step: np.ndarray
+    columns: int
+    rows: int
+    pixel_pitch: float
+
+    def rays(self) -> tuple[np.ndarray, np.ndarray]:
+        """Origins and directions, float64 (E, rows, columns, 3), evaluated from the float32
+        coefficients; for references and tests."""
+        e, s = self.elements.astype(float), self.step.astype(float)
+        i = np.arange(self.columns) - (self.columns - 1) / 2
+        j = np.arange(self.rows) - (self.rows - 1) / 2
+        shape = (len(e), self.rows, self.columns, 3)
+        origin, direction = np.zeros(shape), np.ones(shape)
+        origin[..., 0] = e[:, 0, None, None] + i * s[0]
+        origin[..., 1] = e[:, 1, None, None] + j[:, None] * s[1]
+        direction[..., 0] = e[:, 2, None, None] + i * s[2]
+        direction[..., 1] = e[:, 3, None, None] + j[:, None] * s[3]
+        return origin, direction
+
+
+def macropixels(slab: Slab, pixels: np.ndarray) -> Bundles:
+    """One element a pixel, (E, 2) integer (u, v); the inner grid is the lens."""
+    tangents, pitch = slab.pixel_tangents(), slab.lens_pitch_m
+    elements = np.zeros((len(pixels), 4), np.float32)
+    elements[:, 2:] = tangents[np.asarray(pixels)]
+    shear = -slab.camera.delta * pitch
+    step = np.array([pitch, pitch, shear, shear], np.float32)
+    return Bundles(elements, step, slab.views, slab.views, slab.pixel_pitch)
+
+
+def views(slab: Slab, samples: np.ndarray) -> Bundles:
+    """One element a lens sample, (E, 2) integer (i, j); the inner grid is the picture."""
+    lens = slab.lens_positions()[np.asarray(samples)]
+    elements = np.concatenate([lens, -slab.camera.delta * lens], axis=1).astype(np.float32)
+    step = np.array([0.0, 0.0, slab.pixel_pitch, slab.pixel_pitch], np.float32)
+    return Bundles(elements, step, slab.pixels, slab.pixels, slab.pixel_pitch)

@@ -1,0 +1,303 @@
+"""A realistic lens: a list of spherical surfaces, traced one after the other in float64.
+
+Lens space has the film in z = 0 and the scene at +z, x and y as in camera space; metres.  The file
+format is pbrt's: one surface a line from the front (scene side) to the back, ``curvature radius,
+thickness to the next surface, index behind it, aperture diameter`` in millimetres; a radius of 0
+is the aperture stop; the last thickness is the distance to the film.  A positive radius bulges
+towards the scene.  Source: Kolb, Mitchell, Hanrahan, "A Realistic Camera Model for Computer
+Graphics", SIGGRAPH 1995; pbrt 6.4.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+
+_PUPIL_BINS = 32
+_PUPIL_GRID = 48
+
+
+@dataclass(frozen=True, eq=False)
+class LensSystem:
+    """Surfaces from front to back; arrays (K,) float64, metres.
+
+    ``index`` is the refractive index behind each surface; ``aperture_m`` are radii, not diameters;
+    ``radius_m`` 0 marks the stop.
+    """
+
+    radius_m: np.ndarray
+    thickness_m: np.ndarray
+    index: np.ndarray
+    aperture_m: np.ndarray
+
+    @classmethod
+    def read(cls, path: str | Path) -> LensSystem:
+        """Read pbrt's lens file.
+
+        Raises
+        ------
+        OpticsError : unreadable, not four numbers a surface, or no lens; names file and line.
+        """
+        rows = []
+        try:
+            lines = Path(path).read_text(encoding="utf-8").splitlines()
+        except (OSError, UnicodeDecodeError) as error:
+            raise OpticsError(f"lens file cannot be read: {error}", file=path) from None
+        for number, line in enumerate(lines, 1):
+            words = line.split("#")[0].split()
+            if not words:
+                continue
+            try:
+                values = [float(word) for word in words]
+            except ValueError:
+                values = []
+            if len(values) != 4 or not np.isfinite(values).all():
+                raise OpticsError(
+                    f"{line.strip()!r} is not four numbers",
+                    file=path,
+                    key=f"line {number}",
+                    remedy="Write radius, thickness, index and aperture diameter in millimetres",
+                )
+            rows.append(values)
+        if not rows:
+            raise OpticsError("the lens file holds no surface", file=path)
+        radius, thickness, index, diameter = np.array(rows).T * np.array([[1e-3, 1e-3, 1, 1e-3]]).T
+        if (diameter <= 0).any() or (thickness[:-1] < 0).any():
+            raise OpticsError("an aperture or thickness is not positive", file=path)
+        return cls(radius, thickness, np.where(index == 0, 1.0, index), diameter / 2)
+
+    @property
+    def film_distance_m(self) -> float:
+        """From the last surface to the film."""
+        return float(self.thickness_m[-1])
+
+    @property
+    def positions_m(self) -> np.ndarray:
+        """(K,) z of each surface's vertex, film at 0."""
+        return np.cumsum(self.thickness_m[::-1])[::-1]
+
+    def stopped_down(self, diameter_m: float) -> LensSystem:
+        """With another stop; no wider than the lens's own.
+
+        Raises :class:`OpticsError` when the lens has no stop or it would be opened too far.
+        """
+        stop = self.radius_m == 0
+        if not stop.any():
+            raise OpticsError("this lens has no aperture stop")
+        if not 0 < diameter_m / 2 <= self.aperture_m[stop].max() * (1 + 1e-9):
+            raise OpticsError(f"a stop of {diameter_m} m is wider than the lens's own")
+        return replace(self, aperture_m=np.where(stop, diameter_m / 2, self.aperture_m))
+
+    def focused(self, distance_m: float) -> LensSystem:
+        """With the film moved so that the paraxial image of ``distance_m`` lies on it.
+
+        The distance is measured from the film along the axis, as pbrt does; ``inf`` is allowed.
+
+        Raises
+        ------
+        OpticsError : the lens cannot focus there.
+        """
+        length = float(self.thickness_m[:-1].sum())
+        film = self.paraxial_image(math.inf)
+        if math.isfinite(distance_m):
+            for _ in range(60):  # the film moves the object: a contraction far from the lens
+                before, film = film, self.paraxial_image(distance_m - length - film)
+                if not film > 0 or not math.isfinite(film):
+                    break
+                if abs(film - before) <= 1e-15 + 1e-13 * film:
+                    break
+            else:
+                film = math.nan
+        if not (film > 0 and math.isfinite(film)):
+            raise OpticsError(
+                f"the lens cannot focus at {distance_m} m", remedy="Focus farther away"
+            )
+        return replace(self, thickness_m=np.append(self.thickness_m[:-1], film))
+
+    def paraxial_image(self, distance_m: float) -> float:
+        """Distance behind the last surface of the paraxial image of an axial point.
+
+        ``distance_m`` is before the front vertex.  Negative: a virtual image.
+        """
+        height, angle = (1.0, 0.0) if math.isinf(distance_m) else (distance_m, 1.0)
+        before = 1.0
+        for k, radius in enumerate(self.radius_m):
+            power = (self.index[k] - before) / radius if radius else 0.0
+            angle = (before * angle - height * power) / self.index[k]
+            before = self.index[k]
+            if k < len(self.radius_m) - 1:
+                height += angle * self.thickness_m[k]
+        return -height / angle if angle else math.inf
+
+    @property
+    def focal_length_m(self) -> float:
+        """Effective focal length, paraxial."""
+        height, angle, before = 1.0, 0.0, 1.0
+        for k, radius in enumerate(self.radius_m):
+            power = (self.index[k] - before) / radius if radius else 0.0
+            angle = (before * angle - height * power) / self.index[k]
+            before = self.index[k]
+            if k < len(self.radius_m) - 1:
+                height += angle * self.thickness_m[k]
+        return -1.0 / angle if angle else math.inf
+
+    def trace(
+        self, origins: np.ndarray, directions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rays from the film side through all surfaces, back to front.
+
+        Parameters
+        ----------
+        origins, directions : (R, 3) float64 in lens space, directions towards +z.
+
+        Returns
+        -------
+        origins on the front surface and unit directions, (R, 3), and (R,) bool: who got through.
+        Blocked rays keep the values they had last.
+        """
+        o = np.array(origins, np.float64)
+        d = np.array(directions, np.float64)
+        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        alive = d[:, 2] > 0
+        for k in range(len(self.radius_m) - 1, -1, -1):
+            hit, normal, met = self._meet(k, o, d)
+            alive &= met & ((hit[:, :2] ** 2).sum(1) <= self.aperture_m[k] ** 2)
+            if self.radius_m[k]:
+                ahead = 1.0 if k == 0 else self.index[k - 1]
+                bent, passed = _refract(d, normal, self.index[k] / ahead)
+                alive &= passed
+                d = np.where(alive[:, None], bent, d)
+            o = np.where(alive[:, None], hit, o)
+        return o, d, alive
+
+    def _meet(self, k: int, o: np.ndarray, d: np.ndarray):
+        """Points, unit normals against the ray, and whether surface k is met at all."""
+        vertex, radius = self.positions_m[k], self.radius_m[k]
+        if radius == 0:
+            t = (vertex - o[:, 2]) / np.where(d[:, 2] > 0, d[:, 2], 1.0)
+            return o + t[:, None] * d, None, d[:, 2] > 0
+        offset = o - np.array([0.0, 0.0, vertex - radius])
+        b = (offset * d).sum(1)
+        # (|offset|^2 - r^2) loses digits for flat surfaces; factored it does not.
+        c = (offset[:, :2] ** 2).sum(1) + (offset[:, 2] - radius) * (offset[:, 2] + radius)
+        root = b * b - c
+        met = root >= 0
+        root = np.sqrt(np.maximum(root, 0.0))
+        # A surface that bulges towards the scene is left by the far root, else by the near one.
+        if radius > 0:
+            t = np.where(b > 0, -c / np.where(b + root != 0, b + root, 1.0), root - b)
+        else:
+            t = np.where(b < 0, c / np.where(root - b != 0, root - b, 1.0), -b - root)
+        hit = o + t[:, None] * d
+        normal = (hit - np.array([0.0, 0.0, vertex - radius])) / radius
+        normal = np.where((normal * d).sum(1, keepdims=True) > 0, -normal, normal)
+        return hit, normal, met
+
+    @cached_property
+    def _rear_reach(self) -> float:
+        return 1.5 * float(self.aperture_m[-1])
+
+    def pupil_bounds(self, film_radius_m: float) -> np.ndarray:
+        """(bins, 4) float64 x low, x high, y low, y high on the plane of the rear vertex.
+
+        Row b bounds the exit pupil as seen from film points (r, 0), r in the b-th of equal
+        shares of ``film_radius_m``; where nothing passes, the whole search square.
+        """
+        reach, grid = self._rear_reach, _PUPIL_GRID
+        cell = 2 * reach / grid
+        axis = (np.arange(grid) + 0.5) * cell - reach
+        x, y = (plane.ravel() for plane in np.meshgrid(axis, axis))
+        bounds = np.tile([-reach, reach, -reach, reach], (_PUPIL_BINS, 1))
+        for index in range(_PUPIL_BINS):
+            low, high = (film_radius_m * (index + n) / _PUPIL_BINS for n in (0, 1))
+            open_x, open_y = [], []
+            for r in np.linspace(low, high, 3):
+                passed = self._passes(r, x, y)
+                open_x.append(x[passed])
+                open_y.append(y[passed])
+            xs, ys = np.concatenate(open_x), np.concatenate(open_y)
+            if len(xs):
+                bounds[index] = xs.min() - cell, xs.max() + cell, ys.min() - cell, ys.max() + cell
+        return bounds
+
+    def axial_pupil_area(self, grid: int = 256) -> float:
+        """Open area of the exit pupil on the rear plane, seen from the middle of the film."""
+        reach = self._rear_reach
+        axis = ((np.arange(grid) + 0.5) / grid * 2 - 1) * reach
+        x, y = (plane.ravel() for plane in np.meshgrid(axis, axis))
+        return float(self._passes(0.0, x, y).mean()) * (2 * reach) ** 2
+
+    def _passes(self, r: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        film = np.broadcast_to([r, 0.0, 0.0], (len(x), 3))
+        rear = np.stack([x, y, np.full_like(x, self.film_distance_m)], 1)
+        return self.trace(film, rear - film)[2]
+
+
+@dataclass(frozen=True, eq=False)
+class LensSampler:
+    """Draws rays from film points through a lens's exit pupil, with weights.
+
+    The weight is ``cos^4`` of the angle at the film times the sampled area over the open area on
+    the axis (pbrt's simple weighting), so a scene of radiance 1 gives 1 in the picture's middle.
+    """
+
+    lens: LensSystem
+    film_radius_m: float
+
+    @cached_property
+    def _bounds(self) -> np.ndarray:
+        return self.lens.pupil_bounds(self.film_radius_m)
+
+    @cached_property
+    def _area(self) -> float:
+        area = self.lens.axial_pupil_area()
+        if not area > 0:
+            raise OpticsError("no light passes this lens", remedy="Check the lens file")
+        return area
+
+    def rays(
+        self, film_xy: np.ndarray, samples: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Origins and directions (R, 3) in lens space, weights (R,): 0 where the lens blocks.
+
+        ``film_xy`` (R, 2) metres; ``samples`` (R, 2) in [0, 1).
+
+        Raises :class:`OpticsError` when the lens lets nothing through.
+        """
+        r = np.hypot(film_xy[:, 0], film_xy[:, 1])
+        share = r / self.film_radius_m * _PUPIL_BINS
+        box = self._bounds[np.minimum(share.astype(np.int64), _PUPIL_BINS - 1)]
+        x = box[:, 0] + samples[:, 0] * (box[:, 1] - box[:, 0])
+        y = box[:, 2] + samples[:, 1] * (box[:, 3] - box[:, 2])
+        area = (box[:, 1] - box[:, 0]) * (box[:, 3] - box[:, 2])
+        safe = np.where(r > 0, r, 1.0)
+        cosine = np.where(r > 0, film_xy[:, 0] / safe, 1.0)
+        sine = np.where(r > 0, film_xy[:, 1] / safe, 0.0)
+        rear = np.stack(
+            [
+                cosine * x - sine * y,
+                sine * x + cosine * y,
+                np.full(len(x), self.lens.film_distance_m),
+            ],
+            1,
+        )
+        film = np.concatenate([film_xy, np.zeros((len(film_xy), 1))], 1)
+        towards = rear - film
+        slope = towards[:, 2] / np.linalg.norm(towards, axis=1)
+        origins, directions, alive = self.lens.trace(film, towards)
+        return origins, directions, np.where(alive, slope**4 * area / self._area, 0.0)
+
+
+def _refract(d: np.ndarray, normal: np.ndarray, ratio: float) -> tuple[np.ndarray, np.ndarray]:
+    """Snell's law for unit vectors, ``normal`` against ``d``; total reflection does not pass."""
+    cosine = -(d * normal).sum(1)
+    square = 1.0 - ratio * ratio * (1.0 - cosine * cosine)
+    root = np.sqrt(np.maximum(square, 0.0))
+    bent = ratio * d + (ratio * cosine - root)[:, None] * normal
+    return bent / np.linalg.norm(bent, axis=1, keepdims=True), square > 0

@@ -1,0 +1,123 @@
+"""Sensor planes while they are formed: exact integer sums, and how to read pictures from them.
+
+Radiance is summed in fixed point, 2^20 to one, so the sum of a plane's rays is the same in
+whatever order and on however many threads or tiles they were added.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+
+FIXED_ONE = 1 << 20
+
+
+def targets(slab: Slab, plane: SensorPlane) -> np.ndarray:
+    """Pixel that a ray of pixel u and lens column i falls on: (M, N) int32 (rows v, j alike).
+
+    ``floor(u + shift_i + 1/2)``, after magnification about the centre where it is kept; a pixel
+    outside [0, M) is outside the picture.
+    """
+    return np.arange(slab.pixels, dtype=np.int32)[:, None] + offsets(slab, plane)
+
+
+def offsets(slab: Slab, plane: SensorPlane) -> np.ndarray:
+    """:func:`targets` relative to the pixel: (M, N) int32, or (1, N) where all pixels agree,
+    which they do unless magnification is kept."""
+    shifts = np.clip(plane.shifts(slab), -1e6, 1e6)
+    magnification = plane.magnification(slab)
+    if magnification == 1.0:
+        return np.floor(shifts + 0.5).astype(np.int32)[None, :]
+    pixels, centre = np.arange(slab.pixels)[:, None], (slab.pixels - 1) / 2
+    moved = (pixels + shifts[None, :] - centre) * magnification + centre
+    return np.floor(np.clip(moved, -1e6, 1e6) + 0.5).astype(np.int32) - pixels.astype(np.int32)
+
+
+def ray_counts(slab: Slab, plane: SensorPlane) -> np.ndarray:
+    """(M, M) int64: how many recorded rays within the aperture fall on each pixel.
+
+    Separable but for the mask: count = A mask A^T with A[x, i] the number of pixel columns u
+    whose ray through lens column i falls on x.
+    """
+    size, columns = slab.pixels, targets(slab, plane)
+    inside = (columns >= 0) & (columns < size)
+    lens = np.broadcast_to(np.arange(slab.views), columns.shape)
+    keys = columns[inside].astype(np.int64) * slab.views + lens[inside]
+    hits = np.bincount(keys, minlength=size * slab.views).reshape(size, slab.views)
+    hits = hits.astype(np.float64)
+    return np.rint(hits @ plane.mask(slab).astype(np.float64) @ hits.T).astype(np.int64)
+
+
+@dataclass
+class PlaneSums:
+    """Sums of some or all rays of a slab on ``planes``.
+
+    Attributes
+    ----------
+    sums : (P, 3, height, width) uint64, fixed point, of the region of the planes that starts at
+        pixel (left, top).
+    """
+
+    slab: Slab
+    planes: list[SensorPlane]
+    sums: np.ndarray
+    left: int = 0
+    top: int = 0
+
+    @classmethod
+    def zeros(cls, slab: Slab, planes: list[SensorPlane]) -> PlaneSums:
+        shape = (len(planes), 3, slab.pixels, slab.pixels)
+        return cls(slab, list(planes), np.zeros(shape, np.uint64))
+
+    def add(self, part: PlaneSums) -> None:
+        """Add the sums of other rays of the same slab on the same planes."""
+        if (part.slab, part.planes) != (self.slab, self.planes):
+            raise OpticsError("these partial planes belong to another slab or other planes")
+        height, width = part.sums.shape[2:]
+        top, left = part.top - self.top, part.left - self.left
+        self.sums[:, :, top : top + height, left : left + width] += part.sums
+
+    def pictures(self) -> np.ndarray:
+        """(P, M, M, 3) float32, linear light: sums over open lens samples or over all N^2.
+
+        A pixel that no recorded ray reaches is black.
+        """
+        if self.sums.shape[2:] != (self.slab.pixels, self.slab.pixels):
+            raise OpticsError("the planes are not whole yet", remedy="Add all tiles first")
+        out = np.empty((len(self.planes), self.slab.pixels, self.slab.pixels, 3), np.float32)
+        for picture, plane, sums in zip(out, self.planes, self.sums, strict=True):
+            if plane.normalise == "lens":
+                rays = np.full(sums.shape[1:], self.slab.views**2)
+            else:
+                rays = np.maximum(ray_counts(self.slab, plane), 1)
+            picture[:] = (sums / (rays * float(FIXED_ONE))).transpose(1, 2, 0)
+        return out
+
+    def save(self, path: str | Path) -> None:
+        """Write the region and sums (npz); slab and planes are the configuration's."""
+        part = Path(f"{path}.part")
+        with open(part, "wb") as file:
+            np.savez(file, sums=self.sums, corner=np.array([self.left, self.top]))
+        os.replace(part, path)
+
+    @classmethod
+    def load(cls, path: str | Path, slab: Slab, planes: list[SensorPlane]) -> PlaneSums:
+        with np.load(path, allow_pickle=False) as data:
+            left, top = data["corner"].tolist()
+            return cls(slab, list(planes), data["sums"], left, top)
+
+
+def total(slab: Slab, planes: list[SensorPlane], parts: Iterable[PlaneSums]) -> PlaneSums:
+    """The sum of all partial sums, which together must cover the slab."""
+    whole = PlaneSums.zeros(slab, planes)
+    for part in parts:
+        whole.add(part)
+    return whole

@@ -1,0 +1,129 @@
+"""Tables from which kernels form sensor planes: where rays fall and which of them count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.optics.plane_sums import offsets, targets
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+
+BLOCK = 16
+RUN_WORDS = 34
+"""A run record: count, 17 starts, 16 offsets -- the columns of a block that share a target."""
+
+
+@dataclass(frozen=True)
+class PlaneTables:
+    """Planes of a slab over the tile of pixels [u0, u1) x [v0, v1), for blocks of lens samples.
+
+    Attributes
+    ----------
+    order : (P,) int64: ``planes[order[k]]`` is the kernel's plane k; planes that share a mask are
+        neighbours, so that a block's summed-area table serves them all.
+    info : (P, 4) int32: mask, offset into ``runs``, runs per pixel (0: the same for all), 0.
+    runs : flat int32 records of RUN_WORDS.
+    masks : (masks, N, N) uint8, 255 where open, indexed [j, i].
+    kinds : (masks, blocks, blocks) uint8: 0 closed, 1 partly, 2 wholly open.
+    left, top, width, height : region of the planes that the tile's rays can reach.
+    """
+
+    order: np.ndarray
+    info: np.ndarray
+    runs: np.ndarray
+    masks: np.ndarray
+    kinds: np.ndarray
+    left: int
+    top: int
+    width: int
+    height: int
+
+    @property
+    def blocks(self) -> int:
+        return self.kinds.shape[1]
+
+
+def lens_tables(
+    slab: Slab, planes: list[SensorPlane], u0: int, v0: int, u1: int, v1: int
+) -> PlaneTables:
+    """Tables for a tile of macropixels."""
+    masks, which = _distinct_masks(slab, planes)
+    order = np.argsort(which, kind="stable")
+    info = np.zeros((len(planes), 4), np.int32)
+    records, offset = [], 0
+    reach = [slab.pixels, slab.pixels, 0, 0]
+    for row, plane in enumerate(order):
+        moves = offsets(slab, planes[plane])
+        for axis, (first, last) in enumerate(((u0, u1), (v0, v1))):
+            part = moves if len(moves) == 1 else moves[first:last]
+            low, high = part.min(axis=1), part.max(axis=1)
+            pixels = np.arange(first, last)
+            reach[axis] = min(reach[axis], int((pixels + low).min()))
+            reach[2 + axis] = max(reach[2 + axis], int((pixels + high).max()) + 1)
+        table = run_records(moves)
+        info[row] = which[plane], offset, 0 if len(moves) == 1 else table.shape[1], 0
+        records.append(table.reshape(-1))
+        offset += table.size
+    left, top = (min(max(low, 0), slab.pixels) for low in reach[:2])
+    right, bottom = (min(max(high, 0), slab.pixels) for high in reach[2:])
+    runs = np.concatenate(records) if records else np.zeros(0, np.int32)
+    kinds = block_kinds(masks)
+    size = max(right - left, 0), max(bottom - top, 0)
+    return PlaneTables(order, info, runs, masks, kinds, left, top, *size)
+
+
+def view_tables(slab: Slab, planes: list[SensorPlane]) -> PlaneTables:
+    """Tables for views: ``runs`` holds, per plane and lens column, the target of every pixel."""
+    masks, which = _distinct_masks(slab, planes)
+    order = np.argsort(which, kind="stable")
+    info = np.zeros((len(planes), 4), np.int32)
+    info[:, 0] = which[order]
+    info[:, 1] = np.arange(len(planes)) * (slab.views * slab.pixels)
+    runs = [np.ascontiguousarray(targets(slab, planes[k]).T).reshape(-1) for k in order]
+    flat = np.concatenate(runs) if runs else np.zeros(0, np.int32)
+    return PlaneTables(order, info, flat, masks, block_kinds(masks), 0, 0, slab.pixels, slab.pixels)
+
+
+def _distinct_masks(slab: Slab, planes: list[SensorPlane]) -> tuple[np.ndarray, np.ndarray]:
+    """(masks, N, N) uint8 0 / 255, and for each plane which of them it uses."""
+    found: dict[bytes, int] = {}
+    stack, which = [], np.zeros(len(planes), np.int64)
+    for row, plane in enumerate(planes):
+        mask = plane.mask(slab)
+        which[row] = found.setdefault(mask.tobytes(), len(found))
+        if len(found) > len(stack):
+            stack.append(mask.astype(np.uint8) * 255)
+    return np.array(stack, np.uint8).reshape(-1, slab.views, slab.views), which
+
+
+def block_kinds(masks: np.ndarray) -> np.ndarray:
+    """(masks, blocks, blocks) uint8: 0 closed, 1 partly, 2 wholly open; a block that sticks out
+    of the lens grid is at most partly open."""
+    count, size = masks.shape[0], masks.shape[1]
+    blocks = -(-size // BLOCK)
+    padded = np.zeros((count, blocks * BLOCK, blocks * BLOCK), bool)
+    padded[:, :size, :size] = masks > 0
+    cells = padded.reshape(count, blocks, BLOCK, blocks, BLOCK)
+    return cells.any(axis=(2, 4)).astype(np.uint8) + cells.all(axis=(2, 4))
+
+
+def run_records(moves: np.ndarray) -> np.ndarray:
+    """(positions, blocks, RUN_WORDS) int32 from offsets (positions, N): runs of equal offset."""
+    positions, size = moves.shape
+    blocks = -(-size // BLOCK)
+    padded = np.empty((positions, blocks * BLOCK), np.int32)
+    padded[:, :size] = moves
+    padded[:, size:] = moves[:, -1:]
+    cells = padded.reshape(-1, BLOCK)
+    begins = np.ones(cells.shape, bool)
+    begins[:, 1:] = cells[:, 1:] != cells[:, :-1]
+    slot = np.cumsum(begins, axis=1) - 1
+    records = np.zeros((len(cells), RUN_WORDS), np.int32)
+    records[:, 0] = slot[:, -1] + 1
+    row, column = np.nonzero(begins)
+    records[row, 1 + slot[row, column]] = column
+    records[row, 18 + slot[row, column]] = cells[row, column]
+    records[np.arange(len(cells)), 1 + records[:, 0]] = BLOCK
+    return records.reshape(positions, blocks, RUN_WORDS)

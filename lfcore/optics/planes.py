@@ -1,0 +1,131 @@
+"""Sensor planes: the pictures that a light slab can give.
+
+Refocusing from ``delta`` to ``delta'`` moves the ray of lens point ``s`` and tangent ``x_f`` to
+
+    x_f' = x_f + s (delta' - delta)
+
+so on a recorded pixel grid it is a shift by ``s (delta' - delta) / pixel_pitch`` pixels.  With
+the sensor's magnification kept, tangents are further multiplied by v'/v about the centre.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+from lfcore.optics.camera import check_focus, image_distance
+from lfcore.optics.slab import Slab
+
+SHAPES = ("circle", "square", "diamond", "polygon")
+NORMALISATIONS = ("aperture", "lens")
+
+
+@dataclass(frozen=True)
+class Aperture:
+    """An opening in the lens plane.
+
+    ``shape`` is inscribed in the circle of radius ``radius_m`` -- except ``square``, whose half
+    side is ``radius_m`` so that the square of the whole lens grid is reachable.  ``polygon``
+    has ``blades`` corners, the first at ``rotation_deg`` from +x.
+    """
+
+    shape: str
+    radius_m: float
+    blades: int = 6
+    rotation_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.shape not in SHAPES:
+            raise OpticsError(f"unknown aperture {self.shape!r}", remedy=f"Use one of {SHAPES}")
+        if self.shape == "polygon" and self.blades < 3:
+            raise OpticsError(f"a polygon needs at least 3 blades, not {self.blades}")
+
+    def contains(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Boolean mask of the lens points (s, t), metres, float64, that let light through."""
+        radius = self.radius_m
+        if self.shape == "square":
+            return (np.abs(s) <= radius) & (np.abs(t) <= radius)
+        if self.shape == "diamond":
+            return np.abs(s) + np.abs(t) <= radius
+        if self.shape == "circle":
+            return s * s + t * t <= radius * radius
+        inside = np.ones(np.broadcast(s, t).shape, bool)
+        apothem = radius * math.cos(math.pi / self.blades)
+        for blade in range(self.blades):
+            angle = math.radians(self.rotation_deg) + (2 * blade + 1) * math.pi / self.blades
+            inside &= s * math.cos(angle) + t * math.sin(angle) <= apothem
+        return inside
+
+
+@dataclass(frozen=True)
+class SensorPlane:
+    """One picture: where it is focused, through which aperture, how it is normalised.
+
+    ``normalise`` divides by the open lens samples (``aperture``, thesis figure 4.4) or by all
+    N^2 of them, so that the picture dims as the lens stops down (``lens``, figure 4.3).
+    ``keep_magnification`` keeps the physical sensor's v'/v.
+    """
+
+    focus_distance_m: float
+    f_number: float
+    shape: str = "circle"
+    blades: int = 6
+    rotation_deg: float = 0.0
+    normalise: str = "aperture"
+    keep_magnification: bool = False
+
+    def __post_init__(self) -> None:
+        if self.normalise not in NORMALISATIONS:
+            raise OpticsError(
+                f"unknown normalisation {self.normalise!r}", remedy=f"Use one of {NORMALISATIONS}"
+            )
+
+    @property
+    def delta(self) -> float:
+        return 1.0 / self.focus_distance_m
+
+    def aperture(self, slab: Slab) -> Aperture:
+        """The opening in metres for this slab's lens."""
+        radius = slab.camera.focal_length_m / (2.0 * self.f_number)
+        return Aperture(self.shape, radius, self.blades, self.rotation_deg)
+
+    def check(self, slab: Slab) -> None:
+        """Raise :class:`OpticsError` when ``slab`` did not record what this plane asks for."""
+        camera = slab.camera
+        check_focus(self.focus_distance_m, camera.focal_length_m, key="focus_distance_m")
+        if not self.f_number >= camera.f_number * (1 - 1e-9):
+            raise OpticsError(
+                f"aperture f/{self.f_number:g} is wider than the lens, f/{camera.f_number:g}",
+                key="f_number",
+                remedy=f"Use f/{camera.f_number:g} or a larger number, or trace a wider lens",
+            )
+
+    def mask(self, slab: Slab) -> np.ndarray:
+        """(N, N) bool, indexed [j, i]: lens samples inside the aperture.
+
+        An aperture too small to hold any sample opens the one (or the two, four) nearest to
+        the axis: a pinhole is the central view, never a black picture.
+        """
+        s = slab.lens_positions()
+        mask = self.aperture(slab).contains(s[None, :], s[:, None])
+        if not mask.any():
+            near = np.abs(s) <= np.abs(s).min() * (1 + 1e-9) + 1e-30
+            mask = near[:, None] & near[None, :]
+        return mask
+
+    def magnification(self, slab: Slab) -> float:
+        """v'/v when the sensor's magnification is kept, else 1."""
+        if not self.keep_magnification:
+            return 1.0
+        focal = slab.camera.focal_length_m
+        return image_distance(focal, self.focus_distance_m) / slab.camera.image_distance_m
+
+    def shifts(self, slab: Slab) -> np.ndarray:
+        """(N,) float64: shift in pixels of lens column i (rows alike), before magnification."""
+        return slab.lens_positions() * ((self.delta - slab.camera.delta) / slab.pixel_pitch)
+
+    def to_json(self) -> dict:
+        return asdict(self)

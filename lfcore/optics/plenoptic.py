@@ -1,0 +1,181 @@
+"""The plenoptic camera: a main lens, an array of microlenses, a photosensor at their focus.
+
+Thesis section 3.2 and Algorithm 2.  From the scene: the main lens at z = 0, the microlenses at
+z = -v where the main lens forms its image, the photosensor one microlens focal length behind.
+A photosensor pixel sees the main lens through its microlens; which point, follows from the line
+from the middle of the pixel through the middle of the microlens.
+
+**Approximation.**  That is one ray a pixel.  A real pixel gathers a bundle as wide as its
+microlens: rays that leave the microlens parallel, since the sensor lies at its focus, and so a
+blur of one microlens in the picture and of one microlens pitch on the main lens.  The latter must
+be small beside the spot of main lens that a pixel stands for, which is to say that the main lens
+lies beyond the hyperfocal distance of the microlenses; :class:`PlenopticCamera` refuses less.
+Diffraction is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+from lfcore.optics.bundles import Bundles
+from lfcore.optics.camera import Camera
+from lfcore.optics.slab import Slab
+
+
+@dataclass(frozen=True)
+class PlenopticCamera:
+    """A plenoptic camera behind the main lens of ``camera``.
+
+    Parameters
+    ----------
+    camera : main lens; its ``sensor_width_m`` is the width of the microlens array, which lies
+        where the sensor would, so the camera is focused at ``camera.focus_distance_m``.
+    lenses : M, microlenses along a side.
+    samples : N, photosensor pixels along a side of the image of the main lens under a microlens.
+
+    Raises
+    ------
+    OpticsError
+        when the main lens does not lie beyond the microlenses' hyperfocal distance, or counts
+        make no camera.
+    """
+
+    camera: Camera
+    lenses: int
+    samples: int
+
+    def __post_init__(self) -> None:
+        slab = self.slab()  # refuses impossible counts
+        if self.lens_diameter_m <= self.pitch_m:
+            raise OpticsError(
+                f"microlenses of {1e3 * self.pitch_m:.3g} mm are wider than the main lens",
+                key="lenses",
+                remedy="Use more microlenses, or a wider main lens",
+            )
+        if not slab.camera.image_distance_m > self.hyperfocal_distance_m:
+            away, least = self.camera.image_distance_m, self.hyperfocal_distance_m
+            raise OpticsError(
+                f"the main lens, {1e3 * away:.4g} mm away, is nearer than the microlenses' "
+                f"hyperfocal distance of {1e3 * least:.4g} mm",
+                key="samples",
+                remedy="Use more microlenses, fewer samples, or a wider main lens",
+            )
+
+    @property
+    def pitch_m(self) -> float:
+        """Of the microlenses."""
+        return self.camera.sensor_width_m / self.lenses
+
+    @property
+    def lens_diameter_m(self) -> float:
+        """Of the main lens."""
+        return 2.0 * self.camera.lens_radius_m
+
+    @property
+    def microlens_focal_length_m(self) -> float:
+        """So long that neighbouring images of the main lens touch: p v / (D - p).
+
+        Seen from the main lens, images lie p (1 + f / v) apart; each is D f / v wide.
+        """
+        distance, pitch = self.camera.image_distance_m, self.pitch_m
+        return pitch * distance / (self.lens_diameter_m - pitch)
+
+    @property
+    def image_pitch_m(self) -> float:
+        """From the image of the main lens under one microlens to the next, on the photosensor."""
+        return self.pitch_m * (1 + self.microlens_focal_length_m / self.camera.image_distance_m)
+
+    @property
+    def pixel_pitch_m(self) -> float:
+        """Of the photosensor."""
+        return self.image_pitch_m / self.samples
+
+    @property
+    def photosensor_width_m(self) -> float:
+        """A little wider than the microlens array: images lie behind it, away from the axis."""
+        return self.image_pitch_m * self.lenses
+
+    @property
+    def hyperfocal_distance_m(self) -> float:
+        """Of a microlens, for a circle of confusion of one photosensor pixel: f^2 / (N c) + f."""
+        focal = self.microlens_focal_length_m
+        return focal * self.pitch_m / self.pixel_pitch_m + focal
+
+    @property
+    def photograph_side(self) -> int:
+        """M N, pixels."""
+        return self.lenses * self.samples
+
+    def main_lens_points(self) -> np.ndarray:
+        """(M, N) float64, metres: where the ray of each photosensor pixel meets the main lens.
+
+        Indexed [microlens, pixel] along one axis, both counted so that the picture is upright:
+        on the sensor it stands on its head, and so does each image of the main lens.
+        """
+        distance, focal = self.camera.image_distance_m, self.microlens_focal_length_m
+        centre = -self._centred(self.lenses) * self.pitch_m
+        # The image of the main lens's middle, and pixels about it.
+        image = centre * (1 + focal / distance)
+        pixel = image[:, None] - self._centred(self.samples) * self.pixel_pitch_m
+        slope = (centre[:, None] - pixel) / focal
+        return centre[:, None] + slope * distance
+
+    def bundles(self, lenses: np.ndarray) -> Bundles:
+        """One element a microlens, (E, 2) integer (column, row), upright; the inner grid is its
+        photosensor pixels.
+
+        A ray is refracted by the main lens to the point that is conjugate to its microlens.
+        """
+        points = self.main_lens_points()
+        step = (points[0, -1] - points[0, 0]) / max(self.samples - 1, 1)
+        tangents = self._centred(self.lenses) * self.pitch_m / self.camera.image_distance_m
+        middle = points.mean(axis=1)
+        chosen = np.asarray(lenses)
+        origin = middle[chosen]
+        direction = tangents[chosen] - origin * self.camera.delta
+        elements = np.concatenate([origin, direction], axis=1).astype(np.float32)
+        shear = -step * self.camera.delta
+        pitch = self.pitch_m / self.camera.image_distance_m
+        return Bundles(
+            elements,
+            np.array([step, step, shear, shear], np.float32),
+            self.samples,
+            self.samples,
+            pitch,
+        )
+
+    def slab(self) -> Slab:
+        """The light slab of the same rays (thesis section 3.3): pixels are microlenses, lens
+        samples photosensor pixels."""
+        return Slab(self.camera, self.samples, self.lenses)
+
+    @staticmethod
+    def _centred(count: int) -> np.ndarray:
+        return np.arange(count) - (count - 1) / 2.0
+
+
+def sub_aperture(photograph: np.ndarray, samples: int, i: int, j: int) -> np.ndarray:
+    """(M, M, 3): the same pixel (column i, row j) of every microlens's image (section 3.2.1).
+
+    Raises :class:`OpticsError` for a photograph that is no mosaic of N x N images.
+    """
+    views = sub_apertures(photograph, samples)
+    if not (0 <= i < samples and 0 <= j < samples):
+        raise OpticsError(f"pixels are from 0 to {samples - 1}, not ({i}, {j})")
+    return views[j, i]
+
+
+def sub_apertures(photograph: np.ndarray, samples: int) -> np.ndarray:
+    """(N, N, M, M, 3) view of a photograph (M N, M N, 3), indexed [j, i, v, u]; no copy."""
+    side = len(photograph)
+    if photograph.shape != (side, side, 3) or side % samples:
+        raise OpticsError(
+            f"a photograph of {photograph.shape} is no mosaic of {samples} x {samples} pixels",
+            key="samples",
+        )
+    lenses = side // samples
+    mosaic = photograph.reshape(lenses, samples, lenses, samples, 3)
+    return mosaic.transpose(1, 3, 0, 2, 4)

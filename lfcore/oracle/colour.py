@@ -1,0 +1,43 @@
+"""Colour by the letter of the standards, one formula a function, float64.
+
+Sources: IEC 61966-2-1 (sRGB), ITU-R BT.709-6 (luma weights, limited range codes).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+RED, GREEN, BLUE = 0.2126, 0.7152, 0.0722
+
+
+def srgb_encode(linear: np.ndarray) -> np.ndarray:
+    """Display values of linear light in [0, 1]; any shape, float64."""
+    linear = np.asarray(linear, np.float64)
+    bright = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
+    return np.where(linear <= 0.0031308, 12.92 * linear, bright)
+
+
+def srgb_decode(encoded: np.ndarray) -> np.ndarray:
+    """Linear light of display values in [0, 1]; any shape, float64."""
+    encoded = np.asarray(encoded, np.float64)
+    bright = ((np.maximum(encoded, 0.04045) + 0.055) / 1.055) ** 2.4
+    return np.where(encoded <= 0.04045, encoded / 12.92, bright)
+
+
+def ycbcr(encoded: np.ndarray, bits: int = 8) -> np.ndarray:
+    """BT.709 limited-range codes Y, Cb, Cr (..., 3), not rounded, of sRGB-encoded (..., 3)."""
+    red, green, blue = np.moveaxis(np.asarray(encoded, np.float64), -1, 0)
+    luma = RED * red + GREEN * green + BLUE * blue
+    cb = (blue - luma) / (2 * (1 - BLUE))
+    cr = (red - luma) / (2 * (1 - RED))
+    return np.stack([219 * luma + 16, 224 * cb + 128, 224 * cr + 128], -1) * 2.0 ** (bits - 8)
+
+
+def rgb(codes: np.ndarray, bits: int = 8) -> np.ndarray:
+    """sRGB-encoded (..., 3), not clipped, of BT.709 limited-range codes Y, Cb, Cr (..., 3)."""
+    y, cb, cr = np.moveaxis(np.asarray(codes, np.float64) / 2.0 ** (bits - 8), -1, 0)
+    luma = (y - 16) / 219
+    red = luma + 2 * (1 - RED) * (cr - 128) / 224
+    blue = luma + 2 * (1 - BLUE) * (cb - 128) / 224
+    green = (luma - RED * red - BLUE * blue) / GREEN
+    return np.stack([red, green, blue], -1)

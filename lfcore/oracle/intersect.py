@@ -1,0 +1,136 @@
+"""The first triangle that a ray meets: the reference that every tracer is held to.
+
+Brute force over all pairs, decided exactly (see ``crossings``), so that it is right at edges,
+at vertices and at grazing incidence, and slow: 10^4 rays by 10^4 triangles take seconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.oracle.crossings import ULP, crossings
+
+# Crossings nearer to each other than this, relatively, are one: t is known to 1e-10.
+SAME = 4e-10
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What R rays meet first.
+
+    Attributes
+    ----------
+    triangle : (R,) int64, -1 for a miss; of several at one distance the lowest.
+    t : (R,) float64, the parameter: the hit is origin + t * direction; inf for a miss.
+    weights : (R, 3) float64, barycentric weights of the corners p, q, r; NaN for a miss.
+    margin : (R,) float64, angle seen from the origin between the ray and the nearest edge of
+        any triangle not behind the hit, in units of 2^-24; ``near`` at most.  Float32 cannot
+        be asked to agree where it is small.
+    gap : (R,) float64, distance to the next crossing behind, relative to t and in units of
+        2^-24; 0 for equal depths, inf without one.
+    grazing : (R,) float64, condition number of t, 1 / |sine| of the angle of incidence.
+    near : where ``margin`` ends.
+    """
+
+    triangle: np.ndarray
+    t: np.ndarray
+    weights: np.ndarray
+    margin: np.ndarray
+    gap: np.ndarray
+    grazing: np.ndarray
+    near: float
+
+    def clear(self, ulp: float = 16.0) -> np.ndarray:
+        """(R,) bool: rays farther than ``ulp`` from every edge and from an equal depth.
+
+        Raises :class:`ValueError` when ``ulp`` is not below ``near``, where nothing is known.
+        """
+        if not ulp < self.near:
+            raise ValueError(f"margins were measured up to {self.near} only, not {ulp}")
+        grazing = np.where(self.triangle < 0, 1.0, self.grazing)
+        return (self.margin > ulp) & (self.gap > ulp * grazing)
+
+
+def closest_hits(
+    triangles: np.ndarray,
+    origins: np.ndarray,
+    directions: np.ndarray,
+    *,
+    near: float = 64.0,
+    exclude: np.ndarray | None = None,
+) -> Hits:
+    """First crossings at t > 0, from both sides of the triangles.
+
+    Parameters
+    ----------
+    triangles : (T, 3, 3), float32 or float64 taken as they are; those without area or not
+        finite are never hit.
+    origins, directions : (R, 3) likewise; rays that are not finite or have no direction miss.
+        Directions need not be of unit length.
+    near : largest ``margin`` reported, in units of 2^-24.
+    exclude : (R,) int, a triangle each ray ignores; -1 for none.
+    """
+    rays = len(origins)
+    best = np.full(rays, np.inf)
+    hits = Hits(
+        np.full(rays, -1),
+        best,
+        np.full((rays, 3), np.nan),
+        np.full(rays, float(near)),
+        np.full(rays, np.inf),
+        np.full(rays, np.inf),
+        float(near),
+    )
+    for found in crossings(triangles, origins, directions, near=near):
+        seen = np.ones(len(found.ray), bool)
+        if exclude is not None:
+            seen = found.triangle != np.asarray(exclude)[found.ray]
+        hit = np.flatnonzero(found.inside & (found.t > 0) & seen)
+        np.minimum.at(best, found.ray[hit], found.t[hit])
+        first = hit[found.t[hit] <= best[found.ray[hit]] * (1 + SAME)]
+        _take_lowest(hits, found, first)
+        _gaps(hits, found, hit)
+        # NaN, the ray in the plane of the triangle, counts as not behind.
+        close = seen & (np.abs(found.margin) < near) & ~(found.nearest > best[found.ray])
+        close &= ~(found.t <= 0)
+        np.minimum.at(hits.margin, found.ray[close], np.abs(found.margin[close]))
+    return hits
+
+
+def _take_lowest(hits: Hits, found, first: np.ndarray) -> None:
+    order = first[np.lexsort((found.triangle[first], found.ray[first]))]
+    ray, at = np.unique(found.ray[order], return_index=True)
+    chosen = order[at]
+    hits.triangle[ray] = found.triangle[chosen]
+    hits.t[ray] = found.t[chosen]
+    hits.weights[ray] = found.weights[chosen]
+    hits.grazing[ray] = found.grazing[chosen]
+
+
+def _gaps(hits: Hits, found, hit: np.ndarray) -> None:
+    other = hit[found.triangle[hit] != hits.triangle[found.ray[hit]]]
+    ray = found.ray[other]
+    gap = np.abs(found.t[other] - hits.t[ray]) / hits.t[ray] / ULP
+    np.minimum.at(hits.gap, ray, gap)
+
+
+def occluded(
+    triangles: np.ndarray,
+    origins: np.ndarray,
+    directions: np.ndarray,
+    *,
+    after: np.ndarray | float = 0.0,
+    until: np.ndarray | float = np.inf,
+    exclude: np.ndarray | None = None,
+) -> np.ndarray:
+    """(R,) bool: whether anything but triangle ``exclude`` lies at ``after`` < t < ``until``."""
+    result = np.zeros(len(origins), bool)
+    after, until = (np.broadcast_to(t, len(origins)) for t in (after, until))
+    for found in crossings(triangles, origins, directions, near=0.0):
+        blocks = found.inside & (found.t > after[found.ray]) & (found.t < until[found.ray])
+        if exclude is not None:
+            blocks &= found.triangle != np.asarray(exclude)[found.ray]
+        result[found.ray[blocks]] = True
+    return result

@@ -1,0 +1,62 @@
+"""Sensor planes by scattering every ray to the pixel that it falls on, float64.
+
+Thesis chapter 4, Algorithm 1, in the form of the design: refocusing from delta to delta' moves
+a ray from x_f to ``x_f + s (delta' - delta)``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+
+
+def form_plane(
+    slab: Slab, plane: SensorPlane, light: np.ndarray, *, bilinear: bool = False
+) -> np.ndarray:
+    """One picture (M, M, 3) float64, linear light, row v and column u.
+
+    Parameters
+    ----------
+    light : (M, M, N, N, 3) linear RGB, indexed [v, u, j, i]: all rays of the slab.
+    bilinear : share a ray among the four nearest pixels; else it falls on the nearest one, the
+        larger index where two are equally near.
+
+    A pixel is the sum of its rays through the open lens samples, divided by their number (or
+    share) with ``normalise='aperture'``, by N^2 with ``'lens'``; black where none fell.
+    """
+    size, views = slab.pixels, slab.views
+    total, weight = np.zeros((size, size, 3)), np.zeros((size, size))
+    mask = plane.mask(slab)
+    for j in range(views):
+        for i in range(views):
+            if not mask[j, i]:
+                continue
+            for x, share_x in _targets(slab, plane, i, bilinear):
+                for y, share_y in _targets(slab, plane, j, bilinear):
+                    _scatter(total, weight, light[:, :, j, i], x, y, share_x, share_y)
+    if plane.normalise == "lens":
+        return total / views**2
+    return total / np.where(weight > 0, weight, 1)[:, :, None]
+
+
+def _targets(slab, plane, sample, bilinear) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(target, share) of the rays of pixels 0 .. M - 1 through one lens column (or row)."""
+    centre = (slab.pixels - 1) / 2
+    position = np.arange(slab.pixels) + plane.shifts(slab)[sample]
+    position = (position - centre) * plane.magnification(slab) + centre
+    if not bilinear:
+        return [(np.floor(position + 0.5).astype(np.int64), np.ones(slab.pixels))]
+    low = np.floor(position).astype(np.int64)
+    return [(low, 1 - (position - low)), (low + 1, position - low)]
+
+
+def _scatter(total, weight, view, x, y, share_x, share_y) -> None:
+    size = len(total)
+    column, row = np.meshgrid(x, y)
+    share = share_y[:, None] * share_x[None, :]
+    inside = (column >= 0) & (column < size) & (row >= 0) & (row < size)
+    at = row[inside], column[inside]
+    np.add.at(total, at, view[inside] * share[inside][:, None])
+    np.add.at(weight, at, share[inside])

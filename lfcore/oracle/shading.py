@@ -1,0 +1,142 @@
+"""Blinn-Phong in float64, written as the formula reads.
+
+    colour = emission + ambient * diffuse
+             + sum over lights in sight: strength * (diffuse * (N . L)
+                                                     + specular * max(N . H, 0) ^ shininess)
+
+A light is in sight of a point when N . L > 0 and, if it casts shadows, when no other triangle
+lies between.  N is the interpolated normal turned towards the viewer, H halfway between L and
+the direction to the viewer.  Textures are filtered bilinearly at full size: no mip levels.
+
+Source: J. F. Blinn, "Models of light reflection for computer synthesized pictures", 1977.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfcore.oracle.colour import srgb_decode
+from lfcore.oracle.intersect import Hits, closest_hits, occluded
+from lfcore.scene.model import POINT, Light, Scene
+
+# An occluder nearer than this share of the way touches the point: another triangle there.
+TOUCHING = 1e-9
+
+
+def radiance(scene: Scene, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """(R, 3) float64 linear RGB in [0, 1] seen along rays (R, 3) float32."""
+    return shade(scene, directions, closest_hits(scene.triangles, origins, directions))
+
+
+def shade(scene: Scene, directions: np.ndarray, hits: Hits) -> np.ndarray:
+    """(R, 3) float64 linear RGB in [0, 1] of ``hits`` seen along ``directions`` (R, 3)."""
+    colours = np.tile(np.array(scene.background, np.float64), (len(hits.triangle), 1))
+    hit = np.flatnonzero(hits.triangle >= 0)
+    if len(hit):
+        triangle, weights = hits.triangle[hit], hits.weights[hit]
+        view = -_unit(np.asarray(directions, np.float64)[hit])
+        colours[hit] = _shade_points(scene, triangle, weights, view)
+    return np.clip(colours, 0, 1)
+
+
+def _shade_points(scene, triangle, weights, view) -> np.ndarray:
+    materials = [scene.materials[k] for k in scene.material_ids[triangle]]
+    point = _interpolate(scene.triangles[triangle], weights)
+    normal = normals(scene, triangle, weights, view)
+    diffuse = albedo(scene, triangle, weights)
+    specular = np.array([m.specular for m in materials], np.float64)
+    shininess = np.array([m.shininess for m in materials], np.float64)
+    colour = np.array([m.emission for m in materials], np.float64)
+    colour += np.array(scene.ambient, np.float64) * diffuse
+    for light in scene.lights:
+        towards, strength = arriving(light, point)
+        cosine = (normal * towards).sum(1)
+        half = _unit(towards + view)
+        gloss = np.maximum((normal * half).sum(1), 0) ** shininess
+        seen = cosine > 0
+        if light.casts_shadows:
+            seen &= ~_in_shadow(scene, light, point, triangle)
+        reflected = diffuse * cosine[:, None] + specular * gloss[:, None]
+        colour += np.where(seen[:, None], strength * reflected, 0)
+    return colour
+
+
+def normals(
+    scene: Scene, triangle: np.ndarray, weights: np.ndarray, view: np.ndarray
+) -> np.ndarray:
+    """(R, 3) unit normals on the viewer's side; ``view`` (R, 3) points to the viewer."""
+    if len(scene.normals):
+        normal = _unit(_interpolate(scene.normals[triangle], weights))
+    else:
+        p, q, r = scene.triangles[triangle].astype(np.float64).swapaxes(0, 1)
+        normal = _unit(np.cross(q - p, r - p))
+    return np.where((normal * view).sum(1, keepdims=True) < 0, -normal, normal)
+
+
+def albedo(scene: Scene, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(R, 3) diffuse colour: material times texture times vertex colour."""
+    materials = [scene.materials[k] for k in scene.material_ids[triangle]]
+    colour = np.array([m.diffuse for m in materials], np.float64)
+    texture = np.array([m.texture for m in materials])
+    for number, picture in enumerate(scene.textures):
+        uses = texture == number
+        if uses.any():
+            uv = _interpolate(scene.uvs[triangle[uses]], weights[uses])
+            colour[uses] *= bilinear(picture, uv)
+    if len(scene.colours):
+        colour *= _interpolate(scene.colours[triangle], weights)
+    return colour
+
+
+def bilinear(texture: np.ndarray, uv: np.ndarray) -> np.ndarray:
+    """(R, 3) linear RGB of ``texture`` (H, W, 3) uint8, sRGB, row 0 on top, at ``uv`` (R, 2).
+
+    v runs up from the bottom; texel (0, 0) has its centre at u = 0.5 / W, v = 1 - 0.5 / H; both
+    coordinates wrap.
+    """
+    linear = srgb_decode(texture / 255.0)
+    height, width = texture.shape[:2]
+    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    colour = np.zeros((len(uv), 3))
+    for right in (0, 1):
+        for below in (0, 1):
+            share_x = x - left if right else 1 - (x - left)
+            share_y = y - top if below else 1 - (y - top)
+            texel = linear[(top + below) % height, (left + right) % width]
+            colour += (share_x * share_y)[:, None] * texel
+    return colour
+
+
+def arriving(light: Light, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit directions to the light (R, 3) and its colour (R, 3) at ``point`` (R, 3)."""
+    vector, colour = np.array(light.vector, np.float64), np.array(light.colour, np.float64)
+    if light.kind != POINT:
+        ones = np.ones((len(point), 1))
+        return _unit(vector * ones), colour * ones
+    away = vector - point
+    distance = np.linalg.norm(away, axis=1, keepdims=True)
+    fall_off = np.ones_like(distance)
+    if light.reference_distance_m:
+        fall_off = (light.reference_distance_m / distance) ** 2
+    return away / distance, colour * fall_off
+
+
+def _in_shadow(scene, light, point, triangle) -> np.ndarray:
+    vector = np.array(light.vector, np.float64)
+    if light.kind == POINT:
+        towards, until = vector - point, 1 - TOUCHING
+        after = TOUCHING
+    else:
+        towards, until = np.tile(vector, (len(point), 1)), np.inf
+        after = TOUCHING * np.linalg.norm(point, axis=1)
+    return occluded(scene.triangles, point, towards, after=after, until=until, exclude=triangle)
+
+
+def _interpolate(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(R, K) of corner values (R, 3, K) and weights (R, 3)."""
+    return (weights[:, :, None] * corners.astype(np.float64)).sum(1)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

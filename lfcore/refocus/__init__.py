@@ -1,0 +1,1 @@
+"""Pictures from light fields: slicing, shift-sum, focal stacks, synthesis."""

@@ -1,0 +1,179 @@
+"""Light fields that can be refocused: one call from a file to a picture.
+
+import lfcore
+picture = lfcore.LightField.open("lightfield.mkv").refocus(focus_m=3.2, f_number=2.8)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+from lfcore.opencl.device import open_device
+from lfcore.optics.plane_sums import total
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.refocus.resampling import check_filter
+from lfcore.refocus.shift_sum import shift_sum
+from lfcore.refocus.slicing import PlaneFormer, form_planes
+from lfcore.storage import lightfield
+
+METHODS = ("slicing", "shift-sum")
+CHUNK_BYTES = 64 << 20
+MOST_PLANES = 100
+
+
+class LightField(lightfield.LightField):
+    """A light field file with :meth:`refocus`; everything else is of the class below."""
+
+    def plane(
+        self,
+        focus_m: float | None = None,
+        f_number: float | None = None,
+        aperture: str = "circle",
+        *,
+        blades: int = 6,
+        rotation_deg: float = 0.0,
+        normalise: bool = True,
+        keep_magnification: bool = False,
+    ) -> SensorPlane:
+        """The sensor plane of these settings; focus and f-number default to the recorded ones.
+
+        Raises :class:`OpticsError`, naming file and key, for what was not recorded.
+        """
+        camera = self.require_slab().camera
+        plane = SensorPlane(
+            camera.focus_distance_m if focus_m is None else float(focus_m),
+            camera.f_number if f_number is None else float(f_number),
+            aperture,
+            blades,
+            rotation_deg,
+            "aperture" if normalise else "lens",
+            keep_magnification,
+        )
+        try:
+            plane.check(self.slab)
+            plane.aperture(self.slab)
+        except OpticsError as error:
+            raise OpticsError(
+                error.problem, file=self.path, key=error.key, remedy=error.remedy
+            ) from None
+        return plane
+
+    def refocus(
+        self,
+        focus_m: float | None = None,
+        f_number: float | None = None,
+        aperture: str = "circle",
+        *,
+        blades: int = 6,
+        rotation_deg: float = 0.0,
+        normalise: bool = True,
+        keep_magnification: bool = False,
+        method: str | None = None,
+        filter: str = "nearest",
+        device: str | None = None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> np.ndarray:
+        """One picture, (M, M, 3) float32, linear light.
+
+        Parameters
+        ----------
+        focus_m : focus distance, metres; default the recorded one; ``math.inf`` allowed.
+        f_number : no wider than the lens; default the whole lens.
+        aperture : ``circle``, ``square``, ``diamond`` or ``polygon`` (of ``blades`` corners).
+        normalise : divide by the open aperture; else the picture dims as the lens stops down.
+        keep_magnification : of the physical sensor, which moves when it is focused.
+        method, filter : as of :meth:`refocus_many`.
+
+        Raises
+        ------
+        OpticsError : the slab does not hold what is asked for.
+        StorageError : the file is damaged.
+        """
+        plane = self.plane(
+            focus_m,
+            f_number,
+            aperture,
+            blades=blades,
+            rotation_deg=rotation_deg,
+            normalise=normalise,
+            keep_magnification=keep_magnification,
+        )
+        return self.refocus_many(
+            [plane], method=method, filter=filter, device=device, progress=progress
+        )[0]
+
+    def refocus_many(
+        self,
+        planes: Sequence[SensorPlane],
+        *,
+        method: str | None = None,
+        filter: str = "nearest",
+        device: str | None = None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> np.ndarray:
+        """(P, M, M, 3) float32, linear light: up to 100 pictures from one pass over the file.
+
+        Parameters
+        ----------
+        method : ``slicing`` (Algorithm 4), which has the nearest filter only, or ``shift-sum``
+            (equation 6.1); default slicing where the filter is the nearest.
+        filter : ``nearest`` or ``bilinear``.
+        progress : called with (frames done, frames in all).
+        """
+        self.require_slab()
+        method = check_method(method, filter)
+        if not 1 <= len(planes) <= MOST_PLANES:
+            raise OpticsError(
+                f"{len(planes)} planes were asked for",
+                file=self.path,
+                remedy=f"Ask for 1 to {MOST_PLANES} at a time",
+            )
+        if method == "shift-sum":
+            return shift_sum(
+                self.path, planes, filter=filter, device=device, salvage=self._salvage,
+                progress=progress,
+            ).pictures  # fmt: skip
+        if self._salvage:
+            return self._slice_what_is_whole(planes, device, progress)
+        return form_planes(self.path, planes, device=device, progress=progress).sums.pictures()
+
+    def require_slab(self) -> Slab:
+        """The slab; :class:`OpticsError` for a camera array."""
+        if self.slab is None:
+            raise OpticsError(
+                "holds a camera array, no slab", file=self.path, remedy="Use lfcore imgtool"
+            )
+        return self.slab
+
+    def _slice_what_is_whole(self, planes, device, progress) -> np.ndarray:
+        opened, sums = open_device(device), []
+        frames, done = sum(part.frames for part in self.segments), 0
+        chunk = max(1, CHUNK_BYTES // self.layout.frame_bytes)
+        for part in self.segments:
+            former, first = PlaneFormer(self.slab, part.tile, planes, opened), 0
+            for some in self.frames(part.index, chunk=chunk):
+                former.add(some, first)
+                first, done = first + len(some), done + len(some)
+                if progress:
+                    progress(done, frames)
+            sums.append(former.plane_sums())
+        return total(self.slab, list(planes), sums).pictures()
+
+
+def check_method(method: str | None, filter: str) -> str:
+    """The method to use; :class:`OpticsError` for one that is unknown or lacks the filter."""
+    check_filter(filter)
+    method = method or ("slicing" if filter == "nearest" else "shift-sum")
+    if method not in METHODS:
+        raise OpticsError(
+            f"unknown method {method!r}", key="method", remedy=f"Use one of {METHODS}"
+        )
+    if method == "slicing" and filter != "nearest":
+        raise OpticsError(
+            f"slicing has no {filter} filter", key="filter", remedy="Use the method shift-sum"
+        )
+    return method

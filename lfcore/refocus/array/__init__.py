@@ -1,0 +1,1 @@
+"""Pictures from camera arrays: Isaksen's filter, Monte Carlo and quadrature thin lenses."""

@@ -1,0 +1,151 @@
+"""A camera array's picture on an OpenCL device, ready for many syntheses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from lfcore.errors import DeviceError
+from lfcore.opencl.device import Device, build_program
+from lfcore.optics.array import CameraArray
+from lfcore.refocus.array import focal_surface as surfaces
+from lfcore.refocus.array.focal_surface import FocalSurface
+from lfcore.refocus.array.result import Synthesis
+from lfcore.refocus.array.virtual_camera import VirtualCamera
+
+# The structs of kernels/lookup.cl; every member is four bytes, so there is no padding.
+ARRAY = np.dtype(
+    [(name, np.int32) for name in ("columns", "rows", "width", "height")]
+    + [(name, np.float32) for name in ("inv_pitch", "delta", "low_x", "high_x", "low_y", "high_y")]
+)
+VIEW = np.dtype(
+    [
+        ("position", np.float32, 3),
+        ("rotation", np.float32, 9),
+        ("width", np.int32),
+        ("height", np.int32),
+        ("pitch", np.float32),
+        ("lens_radius", np.float32),
+    ]
+)
+SURFACE = np.dtype(
+    [
+        ("kind", np.int32),
+        ("map_width", np.int32),
+        ("map_height", np.int32),
+        ("point", np.float32, 3),
+        ("normal", np.float32, 3),
+        ("radius", np.float32),
+    ]
+)
+_FOLDER = "refocus/array/kernels"
+
+
+class DeviceField:
+    """The tiles of ``array`` on ``device``.
+
+    Parameters
+    ----------
+    image : (Ny h, Nx w, 3) float32 or float16, linear radiance; anything else becomes float32.
+
+    Raises
+    ------
+    OpticsError : the image is not that of the array.
+    DeviceError : it does not fit on the device.
+    """
+
+    def __init__(self, device: Device, image: np.ndarray, array: CameraArray):
+        array.tiles(image)
+        if image.dtype != np.float16:
+            image = np.asarray(image, np.float32)
+        self.image = np.ascontiguousarray(image)
+        self.device, self.array = device, array
+        limit = device.device.max_mem_alloc_size
+        if self.image.nbytes > limit:
+            raise DeviceError(
+                f"the light field of {self.image.nbytes / 1e9:.1f} GB exceeds the "
+                f"{limit / 1e9:.1f} GB that {device.name} allocates at once",
+                remedy="Store it in 16-bit floats, or choose another device",
+            )
+        if self.image.size > np.iinfo(np.int32).max:
+            raise DeviceError(
+                f"a light field of {self.image.size} numbers exceeds the kernels' 32-bit index",
+                remedy="Use fewer cameras or pixels",
+            )
+        # A CPU reads the host's own memory; nothing is copied.
+        source = cl.mem_flags.USE_HOST_PTR if device.is_cpu else cl.mem_flags.COPY_HOST_PTR
+        self.buffer = cl.Buffer(device.context, cl.mem_flags.READ_ONLY | source, hostbuf=self.image)
+        self.columns, self.rows = (
+            device.buffer(np.asarray(axis, np.float32)) for axis in (array.columns_m, array.rows_m)
+        )
+        self._kernels: dict[tuple, cl.Kernel] = {}
+
+    def kernel(self, file: str, name: str, **defines: int) -> cl.Kernel:
+        """A kernel built for this field's number format, kept for the next call."""
+        key = (name, *sorted(defines.items()))
+        if key not in self._kernels:
+            values = {"HALF": int(self.image.dtype == np.float16), **defines}
+            program = build_program(self.device, [f"{_FOLDER}/{file}"], values)
+            self._kernels[key] = cl.Kernel(program, name)
+        return self._kernels[key]
+
+    def arguments(self, camera: VirtualCamera, surface: FocalSurface) -> tuple:
+        """The arguments that all kernels start with."""
+        record, depth = surface_record(surface, camera)
+        map_buffer = self.device.buffer(depth)
+        return (
+            self.buffer, array_record(self.array), self.columns, self.rows,
+            view_record(camera), record, map_buffer,
+        )  # fmt: skip
+
+    def run_rows(self, kernel: cl.Kernel, camera: VirtualCamera, arguments, progress=None):
+        """Run a per-pixel kernel in bands of rows; ``arguments`` end before first_row and out."""
+        width, height = camera.size
+        out = np.empty((height, width, 4), np.float32)
+        target = self.device.empty(out.nbytes)
+        band = max(1, min(height, 65536 // width))
+        for first in range(0, height, band):
+            count = min(band, height - first)
+            kernel(self.device.queue, (width, count), None, *arguments, np.int32(first), target)
+            if progress is not None:
+                self.device.queue.finish()
+                progress(first + count, height)
+        cl.enqueue_copy(self.device.queue, out, target)
+        return Synthesis(np.ascontiguousarray(out[..., :3]), out[..., 3].copy())
+
+
+def array_record(array: CameraArray) -> np.ndarray:
+    record = np.zeros((), ARRAY)
+    record["columns"], record["rows"] = array.cameras
+    record["width"], record["height"] = array.tile
+    record["inv_pitch"], record["delta"] = 1.0 / array.pixel_pitch, array.delta
+    names = ("low_x", "high_x", "low_y", "high_y")
+    for name, bound in zip(names, array.bounds(), strict=True):
+        record[name] = bound
+    return record
+
+
+def view_record(camera: VirtualCamera) -> np.ndarray:
+    record = np.zeros((), VIEW)
+    record["position"], record["rotation"] = camera.position_m, camera.rotation.ravel()
+    record["width"], record["height"] = camera.size
+    record["pitch"], record["lens_radius"] = camera.pixel_pitch, camera.lens_radius_m
+    return record
+
+
+def surface_record(surface: FocalSurface, camera: VirtualCamera) -> tuple[np.ndarray, np.ndarray]:
+    """The struct of a surface, and its map of inverse depths (empty but for a depth map)."""
+    record = np.zeros((), SURFACE)
+    if isinstance(surface, surfaces.FunctionSurface):
+        surface = surface.to_map(camera)
+    if isinstance(surface, surfaces.DepthMapSurface):
+        record["kind"] = surfaces.DEPTH_MAP
+        record["map_height"], record["map_width"] = surface.depth.shape
+        return record, np.ascontiguousarray(1.0 / surface.depth, np.float32)
+    if isinstance(surface, surfaces.SphereSurface):
+        record["kind"], record["radius"] = surfaces.SPHERE, surface.radius
+        record["point"] = surface.centre
+    else:
+        record["kind"] = surfaces.PLANE
+        record["point"], record["normal"] = surface.point, surface.normal
+    return record, np.zeros(0, np.float32)

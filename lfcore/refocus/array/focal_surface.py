@@ -1,0 +1,167 @@
+"""Focal surfaces: where a synthetic picture is sharp.
+
+A surface answers with the *inverse* ray parameter ``q`` at which a ray ``O + z D`` meets it, so
+that focus at infinity is 0 and nothing overflows on a tilted plane's horizon.  The space is the
+camera array's: data cameras in z = 0, x right, y down, z forward, metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+
+PLANE, SPHERE, DEPTH_MAP = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneSurface:
+    """The plane through ``point`` with ``normal``; any tilt.
+
+    Rays that run away from it are focused at infinity.
+    """
+
+    point: np.ndarray
+    normal: np.ndarray
+
+    def __post_init__(self) -> None:
+        point, normal = (np.asarray(v, np.float64) for v in (self.point, self.normal))
+        if not np.isfinite(point).all() or not np.linalg.norm(normal) > 0:
+            raise OpticsError("a focal plane needs a finite point and a normal of some length")
+        object.__setattr__(self, "point", point)
+        object.__setattr__(self, "normal", normal / np.linalg.norm(normal))
+
+    def inverse_depth(self, origins, directions) -> np.ndarray:
+        """(...,) float64 q >= 0 of rays (..., 3)."""
+        towards = directions @ self.normal
+        distance = (self.point - origins) @ self.normal
+        with np.errstate(divide="ignore", invalid="ignore"):
+            q = towards / distance
+        # A ray that starts on the plane meets it at once: q is as large as it gets.
+        return np.where(distance == 0, _NEAREST, np.clip(q, 0.0, _NEAREST))
+
+
+@dataclass(frozen=True, eq=False)
+class SphereSurface:
+    """The far side, as seen by the rays, of a sphere.
+
+    A ray that misses is focused where it comes nearest to the centre, which continues the
+    surface without a jump; one that leaves the sphere behind, at infinity.
+    """
+
+    centre: np.ndarray
+    radius: float
+
+    def __post_init__(self) -> None:
+        centre = np.asarray(self.centre, np.float64)
+        if not np.isfinite(centre).all() or not self.radius > 0:
+            raise OpticsError("a focal sphere needs a finite centre and a radius above 0")
+        object.__setattr__(self, "centre", centre)
+
+    def inverse_depth(self, origins, directions) -> np.ndarray:
+        """(...,) float64 q >= 0 of rays (..., 3)."""
+        offset = self.centre - origins
+        square = (directions**2).sum(-1)
+        along = (offset * directions).sum(-1)
+        root = np.maximum(along**2 - square * ((offset**2).sum(-1) - self.radius**2), 0.0)
+        far = along + np.sqrt(root)
+        with np.errstate(divide="ignore"):
+            q = np.where(far > 0, square / np.where(far > 0, far, 1.0), 0.0)
+        return np.clip(q, 0.0, _NEAREST)
+
+
+@dataclass(frozen=True, eq=False)
+class DepthMapSurface:
+    """A depth for every place on the film.
+
+    ``depth`` is (H, W): along the virtual camera's axis, metres, row 0 on top, bilinear between
+    texel centres and spread over the whole film whatever its resolution; ``inf`` is allowed.
+    """
+
+    depth: np.ndarray
+
+    def __post_init__(self) -> None:
+        depth = np.asarray(self.depth, np.float64)
+        if depth.ndim != 2 or not depth.size or not (depth > 0).all():
+            raise OpticsError("a depth map is two-dimensional and above 0 everywhere")
+        object.__setattr__(self, "depth", depth)
+
+
+@dataclass(frozen=True, eq=False)
+class FunctionSurface:
+    """``depth(x, y)``: from film tangents (arrays) to depth along the virtual camera's axis.
+
+    The float64 reference calls it for every sample; kernels see it sampled to a depth map of
+    ``oversampling`` texels a pixel.
+    """
+
+    depth: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    oversampling: int = 2
+
+    def to_map(self, camera) -> DepthMapSurface:
+        """Sample it over a camera's film."""
+        width, height = (count * self.oversampling for count in camera.size)
+        u = (np.arange(width) + 0.5) / self.oversampling
+        v = (np.arange(height) + 0.5) / self.oversampling
+        grid = np.meshgrid(*camera.film_tangents(u, v))
+        depth = np.broadcast_to(np.asarray(self.depth(*grid), np.float64), (height, width))
+        return DepthMapSurface(depth)
+
+
+FocalSurface = PlaneSurface | SphereSurface | DepthMapSurface | FunctionSurface
+_NEAREST = 1e6  # dioptres
+
+
+def parallel(z: float) -> PlaneSurface:
+    """The plane z metres before the data cameras, parallel to theirs.
+
+    Raises :class:`OpticsError` unless it lies before them.
+    """
+    if not z > 0:
+        raise OpticsError(f"a focal plane at z = {z} lies behind the cameras", key="focalplanez")
+    return PlaneSurface(np.array([0.0, 0.0, z]), np.array([0.0, 0.0, 1.0]))
+
+
+def at_distance(camera, distance: float) -> PlaneSurface:
+    """The plane perpendicular to the virtual camera's axis, ``distance`` metres along it."""
+    if not distance > 0:
+        raise OpticsError(f"a focus at {distance} m lies behind the camera", key="focaldistance")
+    axis = camera.rotation[:, 2]
+    return PlaneSurface(camera.position_m + distance * axis, axis)
+
+
+def inverse_depth(surface: FocalSurface, camera, origins, directions, film) -> np.ndarray:
+    """q of rays (..., 3) at film positions (..., 2) in pixels; the float64 reference."""
+    if isinstance(surface, FunctionSurface):
+        x, y = camera.film_tangents(film[..., 0], film[..., 1])
+        near = 1.0 / np.asarray(surface.depth(x, y), np.float64)
+        return _along_axis_of(camera, near, origins, directions)
+    if isinstance(surface, DepthMapSurface):
+        share = film / np.array(camera.size, np.float64)
+        return _along_axis_of(camera, bilinear(1.0 / surface.depth, share), origins, directions)
+    return surface.inverse_depth(origins, directions)
+
+
+def _along_axis_of(camera, near, origins, directions) -> np.ndarray:
+    """q where a ray has depth 1 / near along the camera's axis, measured from its lens."""
+    axis = camera.rotation[:, 2]
+    start = (origins - camera.position_m) @ axis
+    forward = directions @ axis
+    return np.clip(near * forward / np.maximum(1.0 - near * start, 1e-12), 0.0, _NEAREST)
+
+
+def bilinear(grid: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Look up (H, W) at (..., 2) in [0, 1]: texel centres, clamped at the edge."""
+    height, width = grid.shape
+    x = np.clip(share[..., 0] * width - 0.5, 0, width - 1)
+    y = np.clip(share[..., 1] * height - 0.5, 0, height - 1)
+    i = np.minimum(x.astype(np.int64), max(width - 2, 0))
+    j = np.minimum(y.astype(np.int64), max(height - 2, 0))
+    fx, fy = x - i, y - j
+    i1, j1 = np.minimum(i + 1, width - 1), np.minimum(j + 1, height - 1)
+    top = grid[j, i] * (1 - fx) + grid[j, i1] * fx
+    bottom = grid[j1, i] * (1 - fx) + grid[j1, i1] * fx
+    return top * (1 - fy) + bottom * fy

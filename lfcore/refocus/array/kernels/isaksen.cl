@@ -1,0 +1,55 @@
+// Cone-filtered sum over the data cameras near the central ray; one work-item a pixel.
+
+#include "lookup.cl"
+
+kernel void isaksen(
+    global const IMAGE *restrict image,
+    const Array array,
+    global const float *restrict columns,
+    global const float *restrict rows,
+    const View view,
+    const Surface surface,
+    global const float *restrict map,
+    const float filter_width,
+    const int first_row,
+    global float4 *restrict out)
+{
+    const int u = get_global_id(0);
+    const int v = get_global_id(1) + first_row;
+    if (u >= view.width || v >= view.height) {
+        return;
+    }
+    const float3 origin = view_position(&view);
+    const float3 direction = view_direction(&view, u + 0.5f, v + 0.5f);
+    const float q =
+        surface_inverse_depth(&surface, map, &view, origin, direction, u + 0.5f, v + 0.5f);
+    float s, t, share;
+    const bool inside = crossing(&array, origin, direction, &s, &t);
+    const bool ahead = direction.z > 0.0f;
+    Sum sum = sum_zero();
+    // A closed filter is the nearest data camera alone.
+    if (filter_width == 0.0f) {
+        int i = interval(columns, array.columns, inside ? s : columns[0], &share);
+        i += share > 0.5f;
+        int j = interval(rows, array.rows, inside ? t : rows[0], &share);
+        j += share > 0.5f;
+        add_lookup(
+            &sum, inside ? 1.0f : 0.0f, image, &array, i, j, columns[i], rows[j],
+            origin, direction, q);
+    } else if (ahead) {
+        const int first = interval(columns, array.columns, s - filter_width, &share);
+        int j = interval(rows, array.rows, t - filter_width, &share);
+        for (; j < array.rows && rows[j] < t + filter_width; ++j) {
+            for (int i = first; i < array.columns && columns[i] < s + filter_width; ++i) {
+                const float distance = hypot(s - columns[i], t - rows[j]);
+                const float weight = fmax(1.0f - distance / filter_width, 0.0f);
+                add_lookup(
+                    &sum, weight, image, &array, i, j, columns[i], rows[j],
+                    origin, direction, q);
+            }
+        }
+    }
+    const float scale = sum.weight > 0.0f ? 1.0f / sum.weight : 0.0f;
+    out[(size_t)v * view.width + u] = (float4)(
+        sum.red * scale, sum.green * scale, sum.blue * scale, sum.weight > 0.0f ? 1.0f : 0.0f);
+}

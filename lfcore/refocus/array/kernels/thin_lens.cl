@@ -1,0 +1,124 @@
+// Average over film and lens samples of a thin lens; one work-item a pixel.
+//
+// -DSAMPLER: 0 fixed table (quadrature), 1 Halton table with a random shift a pixel,
+// 2 stratified, 3 independent; as in lfcore/refocus/array/sampling.py.
+
+#include "lookup.cl"
+
+inline uint hash32(uint x)
+{
+    x ^= x >> 16;
+    x *= 0x7feb352du;
+    x ^= x >> 15;
+    x *= 0x846ca68bu;
+    return x ^ (x >> 16);
+}
+
+inline float uniform(uint pixel, uint index, uint dimension, uint seed)
+{
+    uint key = hash32(pixel + hash32(seed));
+    key = hash32(key + index * 0x9e3779b9u);
+    key = hash32(key + dimension);
+    return (key >> 8) * 0x1p-24f;
+}
+
+inline float4 uniform4(uint pixel, uint index, uint seed)
+{
+    return (float4)(
+        uniform(pixel, index, 0, seed),
+        uniform(pixel, index, 1, seed),
+        uniform(pixel, index, 2, seed),
+        uniform(pixel, index, 3, seed));
+}
+
+inline float2 concentric_disk(float a, float b)
+{
+    const float x = 2.0f * a - 1.0f, y = 2.0f * b - 1.0f;
+    const bool wide = fabs(x) > fabs(y);
+    const float radius = wide ? x : y;
+    const float ratio = (wide ? y : x) / (radius == 0.0f ? 1.0f : radius);
+    const float angle = wide ? M_PI_4_F * ratio : M_PI_2_F - M_PI_4_F * ratio;
+    float cosine;
+    const float sine = sincos(angle, &cosine);
+    return radius * (float2)(cosine, sine);
+}
+
+// A permutation of 0 ... count - 1 for every key; see sampling.permute.
+inline uint permute(uint index, uint count, int bits, uint key)
+{
+    const uint mask = (1u << bits) - 1u;
+    uint x = index;
+    do {
+        uint mix = key;
+        for (int round = 0; round < 4; ++round) {
+            x = (x * (mix | 1u) + (mix >> 8)) & mask;
+            x ^= x >> ((bits + 1) / 2);
+            mix = hash32(mix);
+        }
+    } while (x >= count);
+    return x;
+}
+
+kernel void thin_lens(
+    global const IMAGE *restrict image,
+    const Array array,
+    global const float *restrict columns,
+    global const float *restrict rows,
+    const View view,
+    const Surface surface,
+    global const float *restrict map,
+    global const float4 *restrict table,
+    const int count,
+    const int strata_columns,
+    const int strata_rows,
+    const int film_bits,  // of count - 1, at least 1
+    const uint seed,
+    const int first_row,
+    global float4 *restrict out)
+{
+    const int u = get_global_id(0);
+    const int v = get_global_id(1) + first_row;
+    if (u >= view.width || v >= view.height) {
+        return;
+    }
+    const uint pixel = (uint)v * (uint)view.width + (uint)u;
+#if SAMPLER == 1
+    const float4 shift_by = uniform4(pixel, 0, seed);
+#elif SAMPLER == 2
+    const uint key = (uint)(uniform(pixel, 0, 4, seed) * 16777216.0f);
+#endif
+    const float3 centre = view_position(&view);
+    Sum total = sum_zero();
+    for (int k = 0; k < count; ++k) {
+#if SAMPLER == 0
+        const float4 sample = table[k];
+#elif SAMPLER == 1
+        const float4 moved = table[k] + shift_by;
+        const float4 sample = moved - floor(moved);
+#else
+        float4 sample = uniform4(pixel, (uint)k, seed);
+#if SAMPLER == 2
+        const int film = (int)permute((uint)k, (uint)count, film_bits, key);
+        sample.x = (film % strata_columns + sample.x) / strata_columns;
+        sample.y = (film / strata_columns + sample.y) / strata_rows;
+        sample.z = (k % strata_columns + sample.z) / strata_columns;
+        sample.w = (k / strata_columns + sample.w) / strata_rows;
+#endif
+#endif
+        const float fu = u + sample.x, fv = v + sample.y;
+        const float3 direction = view_direction(&view, fu, fv);
+        const float q =
+            surface_inverse_depth(&surface, map, &view, centre, direction, fu, fv);
+        const float2 lens = view.lens_radius * concentric_disk(sample.z, sample.w);
+        const float3 shift = to_array(&view, (float3)(lens, 0.0f));
+        const Sum value = quadrilinear(
+            image, &array, columns, rows, centre + shift, direction - shift * q, q);
+        total.red += value.red;
+        total.green += value.green;
+        total.blue += value.blue;
+        total.weight += value.weight;
+    }
+    const float scale = total.weight > 0.0f ? 1.0f / total.weight : 0.0f;
+    out[pixel] = (float4)(
+        total.red * scale, total.green * scale, total.blue * scale, total.weight / count);
+}

@@ -1,0 +1,98 @@
+"""The camera that a picture is synthesised for: a thin lens anywhere, at any angle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+
+# pbrt's camera space has y up, ours y down.
+FLIP = np.diag([1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualCamera:
+    """A thin lens of ``lens_radius_m`` (0: a pinhole) in the space of the camera array.
+
+    Parameters
+    ----------
+    position_m : (3,) of the lens centre; the data cameras lie in z = 0, x right, y down.
+    rotation : (3, 3), columns are the camera's right, down and forward in that space.
+    fov_deg : full field over the shorter side of the picture, degrees.
+    size : (width, height) in pixels.
+
+    Raises
+    ------
+    OpticsError : a rotation that is none, a field outside (0, 180), an empty picture, a lens of
+        negative radius.
+    """
+
+    position_m: np.ndarray
+    rotation: np.ndarray
+    fov_deg: float
+    size: tuple[int, int]
+    lens_radius_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        position = np.asarray(self.position_m, np.float64)
+        rotation = np.asarray(self.rotation, np.float64)
+        if position.shape != (3,) or not np.isfinite(position).all():
+            raise OpticsError("needs three finite numbers", key="position_m")
+        if rotation.shape != (3, 3) or not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9):
+            raise OpticsError("is not a rotation", key="rotation")
+        if not 0 < self.fov_deg < 180:
+            raise OpticsError(f"must lie between 0 and 180, not {self.fov_deg}", key="fov_deg")
+        if len(self.size) != 2 or min(self.size) < 1:
+            raise OpticsError(f"{self.size} pixels are no picture", key="size")
+        if not (self.lens_radius_m >= 0 and math.isfinite(self.lens_radius_m)):
+            raise OpticsError(f"must not be {self.lens_radius_m}", key="lens_radius_m")
+        object.__setattr__(self, "position_m", position)
+        object.__setattr__(self, "rotation", rotation)
+
+    @classmethod
+    def from_pbrt(
+        cls,
+        position: tuple[float, float, float],
+        rotation_deg: tuple[float, float, float],
+        fov_deg: float,
+        size: tuple[int, int],
+        lens_radius_m: float = 0.0,
+    ) -> VirtualCamera:
+        """As the assignment's command line puts it: y up, left-handed.
+
+        The camera is turned about z first, then y, then x (``Rx Ry Rz``), each by pbrt's own
+        RotateX, RotateY, RotateZ, and then moved to ``position``.
+        """
+        turn = np.eye(3)
+        for axis, angle in enumerate(np.radians(rotation_deg)):
+            turn = turn @ _axis_rotation(axis, float(angle))
+        place = FLIP @ np.asarray(position, np.float64)
+        return cls(place, FLIP @ turn @ FLIP, fov_deg, tuple(size), lens_radius_m)
+
+    @property
+    def pixel_pitch(self) -> float:
+        """Tangent between neighbouring pixels."""
+        return 2.0 * math.tan(math.radians(self.fov_deg) / 2.0) / min(self.size)
+
+    def film_tangents(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Tangents of film positions in pixels (0 ... width, 0 ... height), float64."""
+        width, height = self.size
+        pitch = self.pixel_pitch
+        return (np.asarray(u) - width / 2) * pitch, (np.asarray(v) - height / 2) * pitch
+
+    def directions(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(..., 3) float64 rays through the lens centre, of unit extent along the axis."""
+        x, y = self.film_tangents(u, v)
+        return np.stack([x, y, np.ones_like(x)], -1) @ self.rotation.T
+
+
+def _axis_rotation(axis: int, angle: float) -> np.ndarray:
+    cosine, sine = math.cos(angle), math.sin(angle)
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[first, first] = matrix[second, second] = cosine
+    matrix[first, second], matrix[second, first] = -sine, sine
+    return matrix

@@ -1,0 +1,144 @@
+"""Depth and disparity of views, and a picture in which everything is in focus.
+
+The parameter of a slab's ray is depth, so the tracer knows it for every ray: planar z, of the ray
+through the middle of a pixel, never a mixture of two surfaces.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+from lfcore.optics import bundles
+from lfcore.optics.slab import Slab
+from lfcore.storage.atomic import whole_file, writing
+from lfcore.tracing.tracer import Tracer
+
+VIEWS_AT_A_TIME_RAYS = 1 << 24
+
+
+def depth_of_views(
+    tracer: Tracer,
+    slab: Slab,
+    samples: np.ndarray | None = None,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """(K, M, M) float32, metres along the axis, indexed [view, v, u]; infinity for a miss.
+
+    Parameters
+    ----------
+    samples : (K, 2) integer, lens samples (i, j); default all, row by row.
+    progress : called with (views done, of all).
+    """
+    samples = all_samples(slab) if samples is None else np.asarray(samples).reshape(-1, 2)
+    if samples.size and not (0 <= samples.min() and samples.max() < slab.views):
+        raise OpticsError(f"lens samples are from 0 to {slab.views - 1}", key="samples")
+    depth = np.empty((len(samples), slab.pixels, slab.pixels), np.float32)
+    step = max(1, VIEWS_AT_A_TIME_RAYS // slab.pixels**2)
+    for start in range(0, len(samples), step):
+        part = samples[start : start + step]
+        depth[start : start + step] = tracer.bundle_hits(bundles.views(slab, part), part)[1]
+        if progress:
+            progress(start + len(part), len(samples))
+    return depth
+
+
+def all_samples(slab: Slab) -> np.ndarray:
+    """(N N, 2) int32 (i, j), row by row."""
+    j, i = np.divmod(np.arange(slab.views**2, dtype=np.int32), np.int32(slab.views))
+    return np.stack([i, j], 1)
+
+
+def disparity(slab: Slab, depth: np.ndarray) -> np.ndarray:
+    """Pixels by which a point moves from one view to the next, float32, of ``depth`` in metres.
+
+    A point at depth z is in view s at the tangent ``X / z - s (1 / z - delta)``, so it moves
+    *against* the lens sample: by ``-(1 / z - delta) lens pitch / pixel pitch`` pixels a sample.
+    Disparity is that without the sign: 0 in the recorded plane of focus, positive before it,
+    ``-delta lens pitch / pixel pitch`` at infinity.
+    """
+    scale = slab.lens_pitch_m / slab.pixel_pitch
+    with np.errstate(divide="ignore"):
+        return ((1.0 / depth.astype(np.float64) - slab.camera.delta) * scale).astype(np.float32)
+
+
+def all_in_focus(
+    slab: Slab,
+    depth: np.ndarray,
+    views: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]],
+    *,
+    tolerance_px: float = 0.5,
+) -> np.ndarray:
+    """The picture through the lens centre, every point averaged over all views that see it.
+
+    Parameters
+    ----------
+    depth : (M, M) float32 of the view through the lens centre (of a slab of one view).
+    views : of some or all lens samples, in groups: samples (K, 2), linear light (K, M, M, 3) and
+        depths (K, M, M).
+    tolerance_px : a view sees a point if what it has there lies at the same depth, to within
+        this blur at the rim of the lens.
+
+    Returns
+    -------
+    (M, M, 3) float32, linear light.  A point that no view sees has the colour of the view
+    nearest to the axis.
+    """
+    size, lens = slab.pixels, slab.lens_positions()
+    near = _inverse(depth)
+    limit = tolerance_px * slab.pixel_pitch / max(slab.camera.lens_radius_m, 1e-30)
+    shift = (near - slab.camera.delta) / slab.pixel_pitch  # pixels a metre of lens
+    total, weight = np.zeros((size, size, 3)), np.zeros((size, size, 1))
+    fallback, closest = np.zeros((size, size, 3)), np.inf
+    v, u = np.mgrid[:size, :size]
+    for samples, light, depths in views:
+        for (i, j), picture, there in zip(samples, light, depths, strict=True):
+            x = np.floor(u - lens[i] * shift + 0.5).astype(np.int64)
+            y = np.floor(v - lens[j] * shift + 0.5).astype(np.int64)
+            inside = (x >= 0) & (x < size) & (y >= 0) & (y < size)
+            x, y = x.clip(0, size - 1), y.clip(0, size - 1)
+            seen = inside & (np.abs(_inverse(there[y, x]) - near) <= limit)
+            total += picture[y, x] * seen[..., None]
+            weight += seen[..., None]
+            if (radius := np.hypot(lens[i], lens[j])) < closest:
+                closest, fallback = radius, picture[y, x]
+    return np.where(weight > 0, total / np.maximum(weight, 1), fallback).astype(np.float32)
+
+
+def _inverse(depth: np.ndarray) -> np.ndarray:
+    with np.errstate(divide="ignore"):
+        return 1.0 / np.asarray(depth, np.float64)
+
+
+def save_depth(path: str | Path, slab: Slab, samples: np.ndarray, depth: np.ndarray) -> None:
+    """Write depths and disparities beside the light field, as npz; the slab is in it as JSON.
+
+    Arrays: ``depth_m`` and ``disparity_px`` (K, M, M) float32, ``samples`` (K, 2) int32,
+    ``slab`` the bytes of the JSON.
+    """
+    path = Path(path)
+    header = np.frombuffer(json.dumps(slab.to_json()).encode(), np.uint8)
+    with whole_file(path) as file, writing(path, "writing depths"):
+        np.savez_compressed(
+            file,
+            depth_m=depth,
+            disparity_px=disparity(slab, depth),
+            samples=np.asarray(samples, np.int32),
+            slab=header,
+        )
+
+
+def write_pfm(path: str | Path, picture: np.ndarray) -> None:
+    """Write (H, W) or (H, W, 3) float32 as a Portable FloatMap: little-endian, last row first."""
+    path, picture = Path(path), np.asarray(picture, "<f4")
+    if picture.ndim not in (2, 3) or picture.shape[2:] not in ((), (3,)):
+        raise OpticsError(f"a float map is (H, W) or (H, W, 3), not {picture.shape}", file=path)
+    kind = "Pf" if picture.ndim == 2 else "PF"
+    head = f"{kind}\n{picture.shape[1]} {picture.shape[0]}\n-1.0\n".encode("ascii")
+    with whole_file(path) as file, writing(path, "writing a float map"):
+        file.write(head + np.ascontiguousarray(picture[::-1]).tobytes())

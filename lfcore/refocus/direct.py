@@ -1,0 +1,93 @@
+"""Pictures traced directly from a scene, without storing the light field (thesis section 6.3.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lfcore.optics.camera import Camera, check_focus, image_distance
+from lfcore.optics.plane_sums import total
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.storage.layout import FrameLayout
+from lfcore.tracing.tracer import Tracer
+
+TILE_RAYS = 1 << 26
+
+
+def trace_planes(
+    tracer: Tracer,
+    slab: Slab,
+    planes: Sequence[SensorPlane],
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """Trace a slab and form ``planes`` on the fly (Algorithm 1): (P, M, M, 3) float32, linear.
+
+    ``progress`` is called with (pixels done, pixels in all).
+    Raises :class:`OpticsError` for a plane that the slab does not hold.
+    """
+    layout = FrameLayout("macropixels", slab.views, slab.pixels, pixel_format="yuv444p")
+    done, parts = 0, []
+    for tile in layout.tiles(TILE_RAYS):
+        count = (
+            (lambda n, _, before=done: progress(before + n, slab.pixels**2)) if progress else None
+        )
+        tracing = tracer.trace_tile(slab, tile, planes, frames=False, progress=count)
+        for _ in tracing:
+            pass
+        parts.append(tracing.plane_sums)
+        done += tile.element_count
+    return total(slab, list(planes), parts).pictures()
+
+
+def focused_camera(camera: Camera, plane: SensorPlane) -> Camera:
+    """A camera that sees what ``plane`` shows, already focused there and stopped down.
+
+    Its picture has the extent of the plane's: without the magnification the sensor is scaled with
+    its distance, so that tangents stay; with it the sensor stays.  No ray has to move between
+    pixels then, so this is the reference for refocused pictures.
+
+    Raises :class:`OpticsError` for a focus inside the focal length.
+    """
+    check_focus(plane.focus_distance_m, camera.focal_length_m, key="focus_distance_m")
+    scale = 1.0
+    if not plane.keep_magnification:
+        moved = image_distance(camera.focal_length_m, plane.focus_distance_m)
+        scale = moved / camera.image_distance_m
+    return replace(
+        camera,
+        sensor_width_m=camera.sensor_width_m * scale,
+        f_number=plane.f_number,
+        focus_distance_m=plane.focus_distance_m,
+    )
+
+
+def trace_picture(
+    tracer: Tracer,
+    camera: Camera,
+    pixels: int,
+    plane: SensorPlane,
+    *,
+    views: int = 64,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """One picture traced at its own focus, (M, M, 3) float32, linear light.
+
+    Parameters
+    ----------
+    camera : the lens and sensor that ``plane`` belongs to.
+    views : side of the grid of rays over the square around the aperture: 64 are 4096 rays a pixel.
+
+    Raises :class:`OpticsError` for a focus inside the focal length.
+    """
+    slab = Slab(focused_camera(camera, plane), views, pixels)
+    own = replace(plane, normalise="aperture", keep_magnification=False)
+    picture = trace_planes(tracer, slab, [own], progress=progress)[0]
+    if plane.normalise == "lens":
+        # Of the whole lens's N^2 rays this aperture lets through a share, spread by v' / v.
+        open_share = own.mask(slab).mean() * (camera.f_number / plane.f_number) ** 2
+        picture *= open_share / plane.magnification(Slab(camera, 1, 1)) ** 2
+    return picture

@@ -1,0 +1,182 @@
+// Shift-sum refocusing: views are unpacked to fixed-point light, then every output pixel gathers one
+// sample of each view (equation 6.1).  A row of the picture reads rows of views, LANES pixels at a
+// time, for one plane after another, so rows stay in the cache; sums are integers, the same in whatever order views come.
+//
+// MAGNIFIED: source pixels come from tables instead of one shift a view.  BILINEAR: four taps, not one.
+// Of unpack_views: BITS, CHROMA, RGB, VIEWS as in slicing.cl.
+#include "lanes.cl"
+
+#define FIXED_ONE 1048576.0f
+
+#ifdef BITS
+#if BITS == 8
+typedef uchar sample;
+#else
+typedef ushort sample;
+#endif
+#define SCALE (1.0f / (1 << (BITS - 8)))
+
+// IEC 61966-2-1 decoding of a value in [0, 1] to fixed point
+inline uint linear_light(float x)
+{
+    const float curve = native_exp2(native_log2((x + 0.055f) * (1.0f / 1.055f)) * 2.4f);
+    return convert_uint(fma(x > 0.04045f ? curve : x * (1.0f / 12.92f), FIXED_ONE, 0.5f));
+}
+
+// One ray of frames to red, green, blue of a planar view.
+inline void unpack(global const sample *frame, int width, int height, int x, int y, global uint *out, ulong plane)
+{
+    const ulong pixels = (ulong)width * height, chroma = pixels / (CHROMA * CHROMA);
+    global const sample *small = frame + pixels + (ulong)(y / CHROMA) * (width / CHROMA) + x / CHROMA;
+    const float first = frame[(ulong)y * width + x] * SCALE, second = small[0] * SCALE, third = small[chroma] * SCALE;
+#if RGB
+    const float g = first / 255.0f, b = second / 255.0f, r = third / 255.0f;
+#else
+    const float luma = (first - 16.0f) * (1.0f / 219.0f), cb = (second - 128.0f) * (1.0f / 224.0f), cr = (third - 128.0f) * (1.0f / 224.0f);
+    const float r = fma(cr, 1.5748f, luma), b = fma(cb, 1.8556f, luma);
+    const float g = (luma - 0.2126f * r - 0.0722f * b) * (1.0f / 0.7152f);
+#endif
+    out[0] = linear_light(clamp(r, 0.0f, 1.0f));
+    out[plane] = linear_light(clamp(g, 0.0f, 1.0f));
+    out[2 * plane] = linear_light(clamp(b, 0.0f, 1.0f));
+}
+
+// views (K, 3, height, width) of the pixels of one tile, from frames that hold all their rays.
+kernel void unpack_views(global const sample *restrict frames,
+                         const int frame_width,
+                         const int frame_height,
+                         global const int4 *restrict places,   // per element: frame, x0, y0, 0
+                         global const int2 *restrict samples,  // (K,) lens sample (i, j) [macropixels]
+                         const int width,
+                         const int height,
+                         const int count,                      // K
+                         global uint *restrict views)
+{
+    const ulong frame_samples = (ulong)frame_width * frame_height + 2 * (ulong)(frame_width / CHROMA) * (frame_height / CHROMA);
+    const ulong plane = (ulong)width * height;
+#if VIEWS
+    const int x = get_global_id(0), y = get_global_id(1), k = get_global_id(2);
+    const int4 place = places[k];
+    const int2 at = (int2)(place.y + x, place.z + y);
+#else
+    // Lens samples innermost: they are neighbours in a frame.
+    const int k = get_global_id(0), x = get_global_id(1), y = get_global_id(2);
+    const int4 place = places[y * width + x];
+    const int2 at = (int2)(place.y, place.z) + samples[k];
+#endif
+    unpack(frames + place.x * frame_samples, frame_width, frame_height, at.x, at.y, views + k * 3 * plane + (ulong)y * width + x, plane);
+}
+#endif
+
+#ifdef BILINEAR
+#ifndef SUM
+#define SUM ulong  // of the accumulators
+#endif
+
+// LANES pixels of a row that starts at x; what lies outside the view is zero.
+inline vu load_pixels(global const uint *row, int x, int width, int good)
+{
+    if (!good || x >= width || x + LANES <= 0) return (vu)(0);
+    if (x >= 0 && x + LANES <= width) return VLOAD(row + x);
+    private uint some[LANES];
+    for (int k = 0; k < LANES; ++k) some[k] = x + k >= 0 && x + k < width ? row[clamp(x + k, 0, width - 1)] : 0;
+    return VLOAD(some);
+}
+
+inline vu gather_pixels(global const uint *row, const int *at, int step, int width, int good)
+{
+    private uint some[LANES];
+    for (int k = 0; k < LANES; ++k) {
+        const int x = at[k] + step;
+        some[k] = good && x >= 0 && x < width ? row[x] : 0;
+    }
+    return VLOAD(some);
+}
+
+#if MAGNIFIED
+#define PIXELS(line, step) gather_pixels(view + max(line, 0) * width, at, step, width, line >= 0 && line < height)
+#else
+#define PIXELS(line, step) load_pixels(view + max(line, 0) * width, source + step, width, line >= 0 && line < height)
+#endif
+#if BILINEAR
+#define SAMPLE(view) mix_pixels(PIXELS(line, 0), PIXELS(line, 1), PIXELS(below, 0), PIXELS(below, 1), right, down)
+#else
+#define SAMPLE(view) PIXELS(line, 0)
+#endif
+
+inline vu mix_pixels(vu a, vu b, vu c, vu d, vf right, float down)
+{
+    const vf fa = TO_VF(a), fc = TO_VF(c);
+    const vf upper = fma(right, TO_VF(b) - fa, fa), lower = fma(right, TO_VF(d) - fc, fc);
+    return TO_VU(fma((vf)(down), lower - upper, upper) + 0.5f);
+}
+
+inline void add_row(global SUM *sums, vu values, int count)
+{
+    private uint some[LANES];
+    VSTORE(values, some);
+    for (int k = 0; k < count; ++k) sums[k] += some[k];
+}
+
+// Add a group of at most 4095 views (or a rectangle of them) to one row of one plane.
+kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
+void add_views(global const uint *restrict views,    // (K, 3, height, width)
+               const int4 region,                    // first column and row, width, height
+               const int4 output,                    // rectangle of the planes: left, top, right, bottom
+               const int size,                       // side M of a plane
+               global const int2 *restrict lists,    // per plane: its entries, first and last + 1
+               global const int4 *restrict entries,  // view k, and dx, dy or lens sample i, j; 0
+               global const float2 *restrict shares, // per entry: of the right and lower tap
+               global const int *restrict first,     // (planes, N, M) source pixel [MAGNIFIED]
+               global const float *restrict share,   // (planes, N, M) of the next pixel
+               const int lens,                       // N
+               global SUM *restrict sums)            // (planes, 3, M, M)
+{
+    const int y = get_global_id(2) + output.y, plane = get_global_id(1);
+    const int width = region.z, height = region.w;
+    const ulong area = (ulong)width * height, square = (ulong)size * size;
+    global SUM *out = sums + plane * 3 * square + (ulong)y * size;
+    const int stretch = (output.z - output.x + get_global_size(0) - 1) / get_global_size(0);
+    const int begin = output.x + get_global_id(0) * stretch, end = min(begin + stretch, output.z);
+    for (int x = begin; x < end; x += LANES) {
+        vu red = (vu)(0), green = (vu)(0), blue = (vu)(0);
+        for (int entry = lists[plane].x; entry < lists[plane].y; ++entry) {
+            const int4 e = entries[entry];
+#if MAGNIFIED
+            const int across = (plane * lens + e.y) * size, row = (plane * lens + e.z) * size + y;
+            const int line = first[row] - region.y, below = line + 1;
+            private int at[LANES];
+            private float next[LANES];
+            for (int k = 0; k < LANES; ++k) {
+                at[k] = first[across + min(x + k, size - 1)] - region.x;
+                next[k] = share[across + min(x + k, size - 1)];
+            }
+            const vf right = VLOAD(next);
+            const float down = share[row];
+#else
+            const int source = x + e.y - region.x, line = y + e.z - region.y, below = line + 1;
+            const vf right = (vf)(shares[entry].x);
+            const float down = shares[entry].y;
+            if (line >= height || below < 0) continue;
+#endif
+            global const uint *view = views + e.x * 3 * area;
+            red += SAMPLE(view);
+            view += area;
+            green += SAMPLE(view);
+            view += area;
+            blue += SAMPLE(view);
+        }
+        const int count = min(LANES, end - x);
+        add_row(out + x, red, count);
+        add_row(out + square + x, green, count);
+        add_row(out + 2 * square + x, blue, count);
+    }
+}
+
+// Sums of groups of views to their means, in place.
+kernel void scale_views(global uint *restrict views, const uint divisor)
+{
+    const ulong at = get_global_id(0);
+    views[at] = (views[at] + divisor / 2) / divisor;
+}
+#endif

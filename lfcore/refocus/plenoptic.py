@@ -1,0 +1,82 @@
+"""The photograph of a plenoptic camera, and refocusing it (thesis Algorithm 2, section 6.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from lfcore.opencl.device import Device
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.plenoptic import PlenopticCamera, sub_apertures
+from lfcore.refocus.shift_sum import shift_sum_views
+from lfcore.storage.colour import rgb_from_planes, to_uint8
+from lfcore.storage.layout import FrameLayout
+from lfcore.tracing.tracer import Tracer
+
+TILE_RAYS = 1 << 24
+BLOCK_PX = 512
+
+
+def photograph(
+    tracer: Tracer,
+    camera: PlenopticCamera,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """(M N, M N, 3) uint8 sRGB: what the photosensor records, upright.
+
+    All rays of a microlens meet in one point of the scene if that lies at the focus distance, so
+    they are traced together, one bundle a microlens.  Colours pass as 8-bit YCbCr 4:4:4.
+    ``progress`` is called with (microlenses done, of all).
+    """
+    pack = max(1, min(BLOCK_PX // camera.samples, camera.lenses))
+    layout = FrameLayout(
+        "macropixels", camera.samples, camera.lenses, "raster", pack, pixel_format="yuv444p"
+    )
+    out = np.empty((camera.photograph_side, camera.photograph_side, 3), np.uint8)
+    done = 0
+    for tile in layout.tiles(TILE_RAYS):
+        corners = _block_corners(tile, camera.samples)
+        tracing = tracer.trace_tile(camera.slab(), tile)
+        for chunk in tracing:
+            planes = layout.format.views(chunk.frames, layout.frame_width, layout.frame_height)
+            for k in range(len(chunk.frames)):
+                block = to_uint8(rgb_from_planes([p[k : k + 1] for p in planes], layout.format))[0]
+                x, y, width, height = corners[chunk.first + k]
+                out[y : y + height, x : x + width] = block[:height, :width]
+        done += tile.element_count
+        if progress:
+            progress(done, camera.lenses**2)
+    return out
+
+
+def _block_corners(tile, samples: int) -> dict[int, tuple[int, int, int, int]]:
+    """Where each frame of a tile lies in the photograph: column, row, width, height in pixels."""
+    elements = tile.elements()
+    frames = tile.placement(elements)[:, 0]
+    found = {}
+    for frame in range(tile.frame_count):
+        inside = elements[frames == frame]
+        low, high = inside.min(0), inside.max(0) + 1
+        size = (high - low) * samples
+        found[frame] = (*(low * samples).tolist(), *size.tolist())
+    return found
+
+
+def refocus_photograph(
+    camera: PlenopticCamera,
+    picture: np.ndarray,
+    planes: Sequence[SensorPlane],
+    *,
+    filter: str = "bilinear",
+    device: Device | None = None,
+) -> np.ndarray:
+    """Digital refocusing: (P, M, M, 3) float32, linear light, of a photograph.
+
+    ``picture`` is (M N, M N, 3), uint8 sRGB or floating linear light.
+    Raises :class:`OpticsError` for a picture that is not of this camera, or a plane that it did
+    not record.
+    """
+    views = sub_apertures(picture, camera.samples)
+    return shift_sum_views(camera.slab(), views, planes, filter=filter, device=device)

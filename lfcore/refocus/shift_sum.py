@@ -1,0 +1,308 @@
+"""Shift-sum refocusing on views (thesis section 6.2, equation 6.1).
+
+Every view is shifted to the plane in focus and added.  Without the sensor's magnification the
+nearest filter shifts a whole view by one whole number, and the sums are those of slicing to the
+last bit; bilinear shifts by fractions.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+from lfcore.opencl.device import Device, build_program, cl, open_device
+from lfcore.optics.plane_sums import FIXED_ONE
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.refocus.resampling import check_filter, normalise, taps
+from lfcore.refocus.stored_views import FrameSummer, ahead, frame_chunks
+from lfcore.storage.colour import srgb_decode
+from lfcore.storage.lightfield import LightField
+
+GROUP_BYTES = 64 << 20
+MOST_VIEWS = 4095  # of a group: 32-bit sums hold no more
+_SOURCE = "refocus/kernels/shift_sum.cl"
+
+
+class ViewSummer:
+    """Adds views, or rectangles of them, to planes.
+
+    Parameters
+    ----------
+    slab : what the views were recorded by.
+    planes : pictures to make.
+    filter : ``nearest`` or ``bilinear``.
+
+    Raises
+    ------
+    OpticsError : a plane asks for what the slab did not record, or an unknown filter.
+    """
+
+    def __init__(
+        self,
+        slab: Slab,
+        planes: Sequence[SensorPlane],
+        *,
+        filter: str = "nearest",
+        device: Device | None = None,
+    ):
+        check_filter(filter)
+        for plane in planes:
+            plane.check(slab)
+        self.slab, self.planes, self.filter = slab, list(planes), filter
+        self.device = device or open_device()
+        self._masks = [plane.mask(slab) for plane in planes]
+        self._taps = [taps(slab, plane, filter) for plane in planes]
+        magnified = [plane.magnification(slab) != 1.0 for plane in planes]
+        # One program for shifts, one for tables: each with the planes that need it.
+        self._batches = [
+            _Batch(self, [k for k, other in enumerate(magnified) if other == kind], kind)
+            for kind in (False, True)
+            if kind in magnified
+        ]
+
+    @property
+    def open_samples(self) -> np.ndarray:
+        """(K, 2) int32 (i, j): lens samples that some plane's aperture lets through."""
+        union = np.any(self._masks, axis=0) if self._masks else np.zeros((0, 0), bool)
+        return np.argwhere(union)[:, ::-1].astype(np.int32)
+
+    def add(self, views: np.ndarray, samples: np.ndarray, region: tuple[int, int] = (0, 0)) -> None:
+        """Add views.
+
+        Parameters
+        ----------
+        views : (K, h, w, 3), uint8 sRGB or floating linear light in [0, 1].
+        samples : (K, 2) integer, lens samples (i, j) of the views.
+        region : first column and row of the pixels that are given.
+        """
+        samples = np.asarray(samples, np.int32).reshape(-1, 2)
+        height, width = views.shape[1:3]
+        step = self.group_size(width, height)
+        for start in range(0, len(samples), step):
+            buffer = self.device.buffer(to_fixed(views[start : start + step]))
+            self.add_fixed(buffer, samples[start : start + step], (*region, width, height))
+
+    def group_size(self, width: int, height: int) -> int:
+        """Views of that size that go to the device at a time."""
+        return int(np.clip(GROUP_BYTES // (12 * width * height), 1, MOST_VIEWS))
+
+    def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
+        """Add (K, 3, h, w) uint32 fixed point on the device; region is (column, row, w, h)."""
+        for batch in self._batches:
+            batch.add(views, samples, region)
+        self.device.queue.finish()
+
+    def pictures(self) -> np.ndarray:
+        """(P, M, M, 3) float32, linear light, of what was added."""
+        size = self.slab.pixels
+        out = np.zeros((len(self.planes), size, size, 3), np.float32)
+        for batch in self._batches:
+            for index, sums in zip(batch.indices, batch.collect(), strict=True):
+                light = sums / float(FIXED_ONE)
+                out[index] = normalise(self.slab, self.planes[index], self.filter, light)
+        return out
+
+
+def to_fixed(views: np.ndarray) -> np.ndarray:
+    """(K, 3, h, w) uint32 fixed point of views (K, h, w, 3), uint8 sRGB or linear light."""
+    light = srgb_decode(views) if views.dtype == np.uint8 else np.clip(views, 0, 1)
+    fixed = np.floor(light.astype(np.float32) * np.float32(FIXED_ONE) + np.float32(0.5))
+    return np.ascontiguousarray(np.moveaxis(fixed, -1, 1).astype(np.uint32))
+
+
+class _Batch:
+    """Planes of one :class:`ViewSummer` that one program serves."""
+
+    def __init__(self, summer: ViewSummer, indices: list[int], magnified: bool):
+        self.summer, self.indices, self.magnified = summer, indices, magnified
+        device, slab = summer.device, summer.slab
+        defines = {"BILINEAR": int(summer.filter == "bilinear"), "MAGNIFIED": int(magnified)}
+        self._kernel = cl.Kernel(build_program(device, [_SOURCE], defines), "add_views")
+        self._first = np.stack([summer._taps[k][0] for k in indices])  # (planes, N, M)
+        self._share = np.stack([summer._taps[k][1] for k in indices])
+        tables = (self._first, self._share) if magnified else (np.zeros(1, np.int32),) * 2
+        self._tables = [device.buffer(table) for table in tables]
+        self._sums = zeroed(device, len(indices) * 24 * slab.pixels**2)
+
+    def add(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
+        device, size = self.summer.device, self.summer.slab.pixels
+        lists, entries, shares = self._entries(samples)
+        if not len(entries):
+            return
+        spans = [self._reach(samples[:, axis], region[axis], region[2 + axis]) for axis in (0, 1)]
+        if any(low >= high for low, high in spans):
+            return
+        (left, right), (top, bottom) = spans
+        launch_add(
+            self._kernel, device, views, region, (left, top, right, bottom), size, lists, entries,
+            self._sums, shares, self._tables, self.summer.slab.views,
+        )  # fmt: skip
+
+    def _entries(self, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Per plane the views that it lets through, and how each is shifted."""
+        lists, entries, shares = [], [], []
+        i, j = samples.T
+        count = 0
+        for row, index in enumerate(self.indices):
+            views = np.flatnonzero(self.summer._masks[index][j, i])
+            entry = np.zeros((len(views), 4), np.int32)
+            share = np.zeros((len(views), 2), np.float32)
+            entry[:, 0] = views
+            for axis, lens in enumerate((i[views], j[views])):
+                entry[:, 1 + axis] = lens if self.magnified else self._first[row, lens, 0]
+                share[:, axis] = self._share[row, lens, 0]
+            lists.append((count, count + len(views)))
+            count += len(views)
+            entries.append(entry)
+            shares.append(share)
+        return np.array(lists, np.int32), np.concatenate(entries), np.concatenate(shares)
+
+    def _reach(self, lens: np.ndarray, first: int, length: int) -> tuple[int, int]:
+        """Output pixels along one axis that can read pixels first ... first + length - 1."""
+        table = self._first[:, lens.min() : lens.max() + 1]
+        touched = ((table >= first - 1) & (table < first + length)).any(axis=(0, 1))
+        where = np.flatnonzero(touched)
+        return (int(where[0]), int(where[-1]) + 1) if len(where) else (0, 0)
+
+    def collect(self) -> Iterator[np.ndarray]:
+        """(3, M, M) uint64 of each plane."""
+        yield from read_sums(self.summer.device, self._sums, len(self.indices), self.summer.slab)
+
+
+def zeroed(device: Device, nbytes: int) -> cl.Buffer:
+    """A buffer of zeros; nothing of its size is needed on the host."""
+    buffer = device.empty(nbytes)
+    cl.enqueue_fill_buffer(device.queue, buffer, np.uint32(0), 0, nbytes)
+    return buffer
+
+
+def read_sums(device: Device, sums: cl.Buffer, count: int, slab: Slab) -> Iterator[np.ndarray]:
+    """(3, M, M) uint64 of each of ``count`` planes, one at a time; the array is used again."""
+    host = np.empty((3, slab.pixels, slab.pixels), np.uint64)
+    for k in range(count):
+        cl.enqueue_copy(device.queue, host, sums, src_offset=k * host.nbytes)
+        yield host
+
+
+def launch_add(
+    kernel: cl.Kernel,
+    device: Device,
+    views: cl.Buffer,
+    region: tuple,
+    output: tuple,
+    size: int,
+    lists: np.ndarray,
+    entries: np.ndarray,
+    sums: cl.Buffer,
+    shares: np.ndarray | None = None,
+    tables: Sequence[cl.Buffer] | None = None,
+    lens: int = 0,
+) -> None:
+    """Start the kernel ``add_views``; arguments are its own, in kernels/shift_sum.cl."""
+    nothing = np.zeros(1, np.int32)
+    left, top, right, bottom = output
+    # A GPU wants many work-items, a CPU long ones.
+    across = 1 if device.is_cpu else -(-(right - left) // device.lanes)
+    kernel(
+        device.queue,
+        (across, len(lists), bottom - top),
+        (1, 1, 1),
+        views,
+        np.array(region, np.int32),
+        np.array(output, np.int32),
+        np.int32(size),
+        device.buffer(np.ascontiguousarray(lists, np.int32)),
+        device.buffer(np.ascontiguousarray(entries, np.int32)),
+        device.buffer(nothing if shares is None else shares),
+        *(tables or [device.buffer(nothing)] * 2),
+        np.int32(lens),
+        sums,
+    )
+
+
+@dataclass(frozen=True)
+class ShiftSum:
+    """``pictures`` (P, M, M, 3) float32, linear light, and the wall ``seconds`` they took."""
+
+    pictures: np.ndarray
+    seconds: float
+
+
+def shift_sum(
+    path: str | Path,
+    planes: Sequence[SensorPlane],
+    *,
+    filter: str = "nearest",
+    device: Device | str | None = None,
+    salvage: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> ShiftSum:
+    """Refocus a stored light field by shift-sum; the next frames are decoded meanwhile.
+
+    Parameters
+    ----------
+    path : light field file, of views or of macropixels.
+    planes : pictures to make.
+    filter : ``nearest`` or ``bilinear``.
+    salvage : leave out damaged segments instead of refusing them.
+    progress : called with (frames done, frames in all).
+
+    Raises
+    ------
+    StorageError : the file is damaged or foreign, or holds no slab.
+    OpticsError : a plane asks for what the slab did not record.
+    """
+    begun = time.perf_counter()
+    field = LightField.open(path, salvage=salvage)
+    if field.slab is None:
+        raise OpticsError("holds a camera array, no slab", file=path, remedy="Use lfcore imgtool")
+    device = device if isinstance(device, Device) else open_device(device)
+    summer = ViewSummer(field.slab, planes, filter=filter, device=device)
+    frames, done = FrameSummer(summer, field.layout), 0
+    total = sum(part.frames for part in field.segments)
+    for tile, first, chunk in ahead(frame_chunks(field)):
+        frames.add(chunk, tile, first)
+        done += len(chunk)
+        if progress:
+            progress(done, total)
+    return ShiftSum(summer.pictures(), time.perf_counter() - begun)
+
+
+def shift_sum_views(
+    slab: Slab,
+    views: np.ndarray,
+    planes: Sequence[SensorPlane],
+    *,
+    filter: str = "nearest",
+    device: Device | None = None,
+) -> np.ndarray:
+    """Refocus views in memory: (P, M, M, 3) float32, linear light.
+
+    ``views`` is (N, N, M, M, 3), indexed [j, i, v, u], uint8 sRGB or floating linear light.
+    Raises :class:`OpticsError` when its shape is not the slab's.
+    """
+    summer = ViewSummer(slab, planes, filter=filter, device=device)
+    add_views(summer, slab, views)
+    return summer.pictures()
+
+
+def add_views(summer: ViewSummer, slab: Slab, views: np.ndarray) -> None:
+    """Add those of all views (N, N, M, M, 3) that ``summer`` wants, some at a time.
+
+    Raises :class:`OpticsError` when their shape is not the slab's.
+    """
+    expected = (slab.views, slab.views, slab.pixels, slab.pixels, 3)
+    if views.shape != expected:
+        raise OpticsError(f"views are {expected} for this slab, not {views.shape}")
+    samples = summer.open_samples
+    step = summer.group_size(slab.pixels, slab.pixels)
+    for start in range(0, len(samples), step):
+        part = samples[start : start + step]
+        buffer = summer.device.buffer(to_fixed(views[part[:, 1], part[:, 0]]))
+        summer.add_fixed(buffer, part, (0, 0, slab.pixels, slab.pixels))

@@ -1,0 +1,179 @@
+"""Slicing-based refocusing: sensor planes from stored frames (Algorithm 4, thesis section 6.1)."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.opencl.device import Device, build_program, cl, open_device
+from lfcore.optics.plane_sums import PlaneSums, total
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.storage.lightfield import LightField
+from lfcore.tracing.plane_buffers import TABLE_WORDS, PlaneBuffers
+
+CHUNK_BYTES = 64 << 20
+
+
+class PlaneFormer:
+    """Forms sensor planes from the frames of one tile.
+
+    Parameters
+    ----------
+    slab : geometry of the light field.
+    tile : the :class:`lfcore.storage.layout.Tile` whose frames will be added.
+    planes : pictures to form.
+
+    Raises
+    ------
+    OpticsError : a plane asks for what the slab did not record.
+    """
+
+    def __init__(
+        self, slab: Slab, tile, planes: Sequence[SensorPlane], device: Device | None = None
+    ):
+        for plane in planes:
+            plane.check(slab)
+        self.tile, self.device = tile, device or open_device()
+        layout = tile.layout
+        defines = {
+            "BITS": layout.format.bits,
+            "CHROMA": layout.format.subsampling,
+            "RGB": int(layout.format.rgb),
+            "VIEWS": int(layout.kind == "views"),
+        }
+        program = build_program(self.device, ["refocus/kernels/slicing.cl"], defines)
+        self._kernel = cl.Kernel(program, "form_planes")
+        self._sums = PlaneBuffers(self.device, slab, list(planes), tile)
+        words = 6 * 256 + TABLE_WORDS
+        self._scratch = self.device.empty(4 * words * self.device.threads)
+        elements = tile.elements()
+        self._places = np.zeros((len(elements), 4), np.int32)
+        self._places[:, :3] = tile.placement(elements)
+        self._places[:, 3] = elements[:, 0] | elements[:, 1] << 16
+
+    def add(self, frames: np.ndarray, first: int) -> None:
+        """Add consecutive frames of the tile: (F, frame_bytes) uint8, the first being number
+        ``first``; returns when the device has done with them."""
+        layout, device = self.tile.layout, self.device
+        start, stop = np.searchsorted(self._places[:, 0], [first, first + len(frames)])
+        if start == stop:
+            return
+        places = self._places[start:stop].copy()
+        places[:, 0] -= first
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
+        host = np.ascontiguousarray(frames)
+        self._kernel(
+            device.queue,
+            (device.threads,),
+            (1,),
+            cl.Buffer(device.context, flags, hostbuf=host),
+            np.int32(layout.frame_width),
+            np.int32(layout.frame_height),
+            device.buffer(places),
+            np.int32(len(places)),
+            np.int32(layout.inner),
+            device.buffer(np.zeros(1, np.int32)),
+            self._scratch,
+            *self._sums.arguments(),
+        )
+        device.queue.finish()
+
+    def plane_sums(self) -> PlaneSums:
+        """What was added so far."""
+        return self._sums.collect()
+
+
+def form_planes(
+    path: str | Path,
+    planes: Sequence[SensorPlane],
+    *,
+    threads: int | None = None,
+    device: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Retrieval:
+    """Form ``planes`` from a stored light field (Algorithm 4), whole segments side by side.
+
+    Parameters
+    ----------
+    path : the light field file.
+    threads : segments decoded at a time, each by one thread that also forms its planes.
+    device : name of the OpenCL device.
+    progress : called with (frames done, frames in all), from any thread but one at a time.
+
+    Raises
+    ------
+    StorageError : the file is damaged or foreign.
+    OpticsError : a plane asks for what the slab did not record.
+    """
+    first = LightField.open(path)
+    for plane in planes:
+        plane.check(first.slab)
+    begun = time.perf_counter()
+    count = _Progress(progress, sum(part.frames for part in first.segments))
+    threads = min(threads or open_device(device).threads, len(first.segments))
+    local = threading.local()
+
+    def one(index: int) -> Retrieval:
+        if not hasattr(local, "field"):
+            local.field = LightField.open(path)
+            local.device = open_device(device, threads=1)
+        return _form_segment(local.field, index, planes, local.device, count)
+
+    with ThreadPoolExecutor(threads) as pool:
+        parts = list(pool.map(one, [part.index for part in first.segments]))
+    return Retrieval(
+        total(first.slab, list(planes), (part.sums for part in parts)),
+        seconds=time.perf_counter() - begun,
+        decode_seconds=sum(part.decode_seconds for part in parts),
+        plane_seconds=sum(part.plane_seconds for part in parts),
+        threads=threads,
+    )
+
+
+@dataclass(frozen=True)
+class Retrieval:
+    """Planes formed from a file: wall ``seconds``, and seconds of all threads by part."""
+
+    sums: PlaneSums
+    seconds: float
+    decode_seconds: float
+    plane_seconds: float
+    threads: int = 1
+
+
+class _Progress:
+    """Adds up the frames of several threads."""
+
+    def __init__(self, callback: Callable[[int, int], None] | None, total: int):
+        self._callback, self._total, self._done = callback, total, 0
+        self._lock = threading.Lock()
+
+    def add(self, frames: int) -> None:
+        with self._lock:
+            self._done += frames
+            if self._callback:
+                self._callback(self._done, self._total)
+
+
+def _form_segment(
+    field: LightField, index: int, planes: Sequence[SensorPlane], device: Device, count: _Progress
+) -> Retrieval:
+    part = field.metadata.segments[index]
+    former = PlaneFormer(field.slab, part.tile, planes, device)
+    chunk = max(1, CHUNK_BYTES // field.layout.frame_bytes)
+    begun, forming, first = time.perf_counter(), 0.0, 0
+    for frames in field.frames(index, chunk=chunk):
+        start = time.perf_counter()
+        former.add(frames, first)
+        forming += time.perf_counter() - start
+        first += len(frames)
+        count.add(len(frames))
+    seconds = time.perf_counter() - begun
+    return Retrieval(former.plane_sums(), seconds, seconds - forming, forming)

@@ -1,0 +1,134 @@
+"""Frames of a stored light field, in either layout, as views in fixed-point linear light."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Protocol
+
+import numpy as np
+
+from lfcore.opencl.device import Device, build_program, cl
+from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.storage.lightfield import LightField
+
+CHUNK_BYTES = 64 << 20
+_SOURCE = "refocus/kernels/shift_sum.cl"
+
+
+class TakesViews(Protocol):
+    """Whatever views are handed to, on the device."""
+
+    device: Device
+
+    @property
+    def open_samples(self) -> np.ndarray:
+        """(K, 2) int32 (i, j): the views that are wanted."""
+
+    def group_size(self, width: int, height: int) -> int:
+        """How many views of that size are taken at a time."""
+
+    def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
+        """Take views (K, 3, h, w) uint32, 2^20 to one, of samples (K, 2); region is their
+        rectangle of pixels: (column, row, w, h)."""
+
+
+class FrameSummer:
+    """Unpacks frames of a stored light field on the device and hands views to ``summer``."""
+
+    def __init__(self, summer: TakesViews, layout: FrameLayout):
+        self.summer, self.layout = summer, layout
+        defines = {
+            "BITS": layout.format.bits,
+            "CHROMA": layout.format.subsampling,
+            "RGB": int(layout.format.rgb),
+            "VIEWS": int(layout.kind == "views"),
+        }
+        self._kernel = cl.Kernel(build_program(summer.device, [_SOURCE], defines), "unpack_views")
+        self._open = summer.open_samples
+        self._is_open = np.zeros((layout.views, layout.views), bool)
+        self._is_open[self._open[:, 1], self._open[:, 0]] = True
+
+    def add(self, frames: np.ndarray, tile: Tile, first: int) -> None:
+        """Add consecutive frames (F, frame_bytes) uint8 of a tile, the first being ``first``.
+
+        Of macropixels all frames of a tile have to come together.
+        """
+        elements = tile.elements()
+        places = np.zeros((len(elements), 4), np.int32)
+        places[:, :3] = tile.placement(elements)
+        here = (places[:, 0] >= first) & (places[:, 0] < first + len(frames))
+        elements, places = elements[here], places[here]
+        places[:, 0] -= first
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
+        frames = np.ascontiguousarray(frames)
+        buffer = cl.Buffer(self.summer.device.context, flags, hostbuf=frames)
+        if self.layout.kind == "views":
+            self._add_views(buffer, elements, places)
+        else:
+            raster = np.lexsort((elements[:, 0], elements[:, 1]))
+            self._add_macropixels(buffer, places[raster], tile)
+
+    def _add_views(self, frames, elements, places) -> None:
+        size = self.layout.pixels
+        wanted = self._is_open[elements[:, 1], elements[:, 0]]
+        elements, places = elements[wanted], places[wanted]
+        step = self.summer.group_size(size, size)
+        for start in range(0, len(elements), step):
+            part = slice(start, start + step)
+            self._unpack(frames, places[part], elements[part], (0, 0, size, size))
+
+    def _add_macropixels(self, frames, places, tile) -> None:
+        region = (tile.column, tile.row, tile.columns, tile.rows)
+        step = self.summer.group_size(tile.columns, tile.rows)
+        for start in range(0, len(self._open), step):
+            self._unpack(frames, places, self._open[start : start + step], region)
+
+    def _unpack(self, frames, places, samples, region) -> None:
+        device, layout = self.summer.device, self.layout
+        (width, height), count = region[2:], len(samples)
+        views = device.empty(12 * count * width * height)
+        views_layout = layout.kind == "views"
+        self._kernel(
+            device.queue,
+            (width, height, count) if views_layout else (count, width, height),
+            None,
+            frames,
+            np.int32(layout.frame_width),
+            np.int32(layout.frame_height),
+            device.buffer(np.ascontiguousarray(places)),
+            device.buffer(np.ascontiguousarray(samples)),
+            np.int32(width),
+            np.int32(height),
+            np.int32(count),
+            views,
+        )
+        self.summer.add_fixed(views, samples, region)
+
+
+def frame_chunks(field: LightField) -> Iterator[tuple[Tile, int, np.ndarray]]:
+    """(tile, number of the first frame, frames): some views at a time, or a tile of macropixels."""
+    step = max(1, CHUNK_BYTES // field.layout.frame_bytes)
+    for part in field.segments:
+        if field.layout.kind == "views":
+            first = 0
+            for frames in field.frames(part.index, chunk=step):
+                yield part.tile, first, frames
+                first += len(frames)
+        else:
+            frames = np.empty((part.frames, field.layout.frame_bytes), np.uint8)
+            first = 0
+            for some in field.frames(part.index, chunk=step):
+                frames[first : first + len(some)] = some
+                first += len(some)
+            yield part.tile, 0, frames
+
+
+def ahead(items: Iterator) -> Iterator:
+    """The items, each made by another thread while the one before is in use."""
+    with ThreadPoolExecutor(1) as pool:
+        end = object()
+        coming = pool.submit(next, items, end)
+        while (item := coming.result()) is not end:
+            coming = pool.submit(next, items, end)
+            yield item

@@ -1,0 +1,65 @@
+"""Many views out of a light field file at once, in either layout."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+from lfcore.opencl.device import Device, cl, open_device
+from lfcore.optics.plane_sums import FIXED_ONE
+from lfcore.refocus.shift_sum import GROUP_BYTES
+from lfcore.refocus.stored_views import FrameSummer, ahead, frame_chunks
+from lfcore.storage.lightfield import LightField
+
+
+def read_views(
+    field: LightField,
+    samples: np.ndarray,
+    *,
+    device: Device | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """(K, M, M, 3) float32, linear light, of lens samples (K, 2) (i, j).
+
+    From macropixels every frame is decoded, once, however many views are asked for.
+    ``progress`` is called with (frames done, frames in all).
+    Raises :class:`OpticsError` for samples outside the lens or asked for twice.
+    """
+    collector = _Collector(field, np.asarray(samples, np.int32).reshape(-1, 2), device)
+    summer, done = FrameSummer(collector, field.layout), 0
+    total = sum(part.frames for part in field.segments)
+    for tile, first, frames in ahead(frame_chunks(field)):
+        summer.add(frames, tile, first)
+        done += len(frames)
+        if progress:
+            progress(done, total)
+    return collector.views
+
+
+class _Collector:
+    """Takes unpacked views as a :class:`ViewSummer` does, and keeps them."""
+
+    def __init__(self, field: LightField, samples: np.ndarray, device: Device | None):
+        size, views = field.layout.pixels, field.layout.views
+        if len(samples) and not (0 <= samples.min() and samples.max() < views):
+            raise OpticsError(f"lens samples are from 0 to {views - 1}", file=field.path)
+        self.device, self.open_samples = device or open_device(), samples
+        self.views = np.zeros((len(samples), size, size, 3), np.float32)
+        self._place = {tuple(sample): k for k, sample in enumerate(samples.tolist())}
+        if len(self._place) < len(samples):
+            raise OpticsError("a view is asked for twice", file=field.path)
+
+    def group_size(self, width: int, height: int) -> int:
+        return max(1, GROUP_BYTES // (12 * width * height))
+
+    def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
+        column, row, width, height = region
+        light = np.empty((len(samples), 3, height, width), np.uint32)
+        cl.enqueue_copy(self.device.queue, light, views)
+        for picture, sample in zip(light, samples.tolist(), strict=True):
+            out = self.views[
+                self._place[tuple(sample)], row : row + height, column : column + width
+            ]
+            out[:] = np.moveaxis(picture, 0, -1) / np.float32(FIXED_ONE)

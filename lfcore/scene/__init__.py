@@ -1,0 +1,1 @@
+"""What is looked at: description, meshes, procedural models, textures, needs."""

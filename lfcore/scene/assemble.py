@@ -1,0 +1,166 @@
+"""From parts in world space to the flat float32 arrays that the tracer sees."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lfcore.scene.model import Material
+from lfcore.scene.parts import Part, Surface, normalise, stack
+
+# Beyond this a product of two coordinates comes near the end of the float32 range.
+LARGEST_COORDINATE = 1e12
+# Collinear corners are no longer exactly so once they have been rotated in float64.
+FLAT = 1e-13
+
+
+@dataclass
+class Geometry:
+    """The geometric half of a :class:`~lfcore.scene.model.Scene`; same shapes and dtypes."""
+
+    triangles: np.ndarray
+    normals: np.ndarray
+    uvs: np.ndarray
+    colours: np.ndarray
+    material_ids: np.ndarray
+    materials: list[Material]
+    textures: list[np.ndarray]
+    dropped: dict[str, int] = field(default_factory=dict)
+
+
+def assemble(parts: list[Part], to_camera: np.ndarray) -> Geometry:
+    """Move parts into camera space in float64, drop what cannot be traced, round once.
+
+    Parameters
+    ----------
+    parts : in world space.
+    to_camera : (4, 4) rigid world-to-camera matrix.
+
+    Returns
+    -------
+    Geometry; arrays that no part uses are empty.  ``dropped`` counts the triangles left out,
+    by reason: ``not finite``, ``out of range``, ``zero area`` (after rounding to float32).
+    """
+    parts = [part.transformed(to_camera) for part in parts if part.count]
+    materials, textures, ids = _materials(parts)
+    if not parts:
+        empty = np.zeros((0, 3, 3), np.float32)
+        return Geometry(
+            empty, empty, np.zeros((0, 3, 2), np.float32), empty, np.zeros(0, np.int32), [], []
+        )
+    corners = [part.triangles for part in parts]
+    triangles = np.concatenate(corners)
+    keep, dropped = sound(triangles)
+    # A texture that nobody samples costs a texture coordinate per corner: leave both out.
+    columns = {
+        name: stack([getattr(part, name) for part in parts], corners, name)
+        for name in ("normals", "uvs", "colours")
+    }
+    if not textures:
+        columns["uvs"] = None
+    if columns["normals"] is not None:
+        columns["normals"] = _sound_normals(columns["normals"], triangles)
+    widths = {"normals": 3, "uvs": 2, "colours": 3}
+    arrays = {
+        name: np.zeros((0, 3, widths[name]), np.float32)
+        if column is None
+        else np.ascontiguousarray(column[keep], np.float32)
+        for name, column in columns.items()
+    }
+    material_ids = np.repeat(np.array(ids, np.int32), [part.count for part in parts])[keep]
+    return Geometry(
+        np.ascontiguousarray(triangles[keep], np.float32),
+        arrays["normals"],
+        arrays["uvs"],
+        arrays["colours"],
+        np.ascontiguousarray(material_ids),
+        materials,
+        textures,
+        dropped,
+    )
+
+
+def sound(triangles: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:
+    """Which of (T, 3, 3) triangles can be traced: (T,) bool, and counts of the others by reason."""
+    flat = triangles.reshape(len(triangles), 9)
+    finite = np.isfinite(flat).all(1)
+    bounded = finite & (np.abs(np.where(finite[:, None], flat, 0)) <= LARGEST_COORDINATE).all(1)
+    rounded = np.where(bounded[:, None, None], triangles, 0).astype(np.float32).astype(np.float64)
+    keep = bounded & _has_area(np.where(bounded[:, None, None], triangles, 0), FLAT)
+    keep &= _has_area(rounded, 0.0)
+    counts = {
+        "not finite": int((~finite).sum()),
+        "out of range": int((finite & ~bounded).sum()),
+        "zero area": int((bounded & ~keep).sum()),
+    }
+    return keep, {reason: number for reason, number in counts.items() if number}
+
+
+def _has_area(triangles: np.ndarray, tolerance: float) -> np.ndarray:
+    """(T,) bool: twice the area exceeds ``tolerance`` times the longest edge squared."""
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    longest = np.maximum.reduce([((p - q) ** 2).sum(1) for p, q in ((a, b), (b, c), (c, a))])
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return area > tolerance * longest
+
+
+def _sound_normals(normals: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Unit normals; corners whose normal is zero or not finite take the triangle's own."""
+    finite = np.isfinite(normals).all(-1, keepdims=True)
+    unit = normalise(np.where(finite, normals, 0.0))
+    bad = ~(unit != 0).any(-1)
+    if bad.any():
+        rows = bad.any(1)
+        with np.errstate(all="ignore"):
+            corners = np.nan_to_num(triangles[rows])
+            own = normalise(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+        unit[rows] = np.where(bad[rows][..., None], own[:, None], unit[rows])
+    return unit
+
+
+def _materials(parts: list[Part]) -> tuple[list[Material], list[np.ndarray], list[int]]:
+    """Distinct materials and textures, and the material index of each part."""
+    materials: list[Material] = []
+    textures: list[np.ndarray] = []
+    texture_index: dict[bytes, int] = {}
+    material_index: dict[tuple, int] = {}
+    ids = []
+    for part in parts:
+        surface = part.surface
+        texture = -1
+        if surface.texture is not None and part.uvs is not None:
+            digest = _digest(surface.texture)
+            if digest not in texture_index:
+                texture_index[digest] = len(textures)
+                textures.append(np.ascontiguousarray(surface.texture, np.uint8))
+            texture = texture_index[digest]
+        material = _material(surface, texture)
+        key = tuple(vars(material).values())
+        if key not in material_index:
+            material_index[key] = len(materials)
+            materials.append(material)
+        ids.append(material_index[key])
+    return materials, textures, ids
+
+
+def _material(surface: Surface, texture: int) -> Material:
+    def triple(colour):
+        red, green, blue = (float(channel) for channel in colour)
+        return red, green, blue
+
+    return Material(
+        surface.name,
+        triple(surface.diffuse),
+        triple(surface.specular),
+        float(surface.shininess),
+        triple(surface.emission),
+        texture,
+    )
+
+
+def _digest(texture: np.ndarray) -> bytes:
+    digest = hashlib.blake2b(str(texture.shape).encode(), digest_size=16)
+    digest.update(np.ascontiguousarray(texture, np.uint8).tobytes())
+    return digest.digest()

@@ -1,0 +1,190 @@
+"""One call from a scene file to the scene that the tracer sees."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.errors import OpticsError, SceneError
+from lfcore.optics.camera import check_focus
+from lfcore.scene import framing, procedural
+from lfcore.scene.assemble import assemble
+from lfcore.scene.colour import parse_colour
+from lfcore.scene.description import check, complete, read_description
+from lfcore.scene.meshes import load_mesh, read_texture
+from lfcore.scene.model import DIRECTIONAL, POINT, Light, Scene
+from lfcore.scene.parts import Part, transform_all
+from lfcore.scene.transforms import parse_transform
+
+DESCRIPTIONS = (".yaml", ".yml")
+PBRT = (".pbrt", ".pbrt.gz")
+
+
+def build_scene(path: str | Path) -> Scene:
+    """Read a scene and everything it names.
+
+    Parameters
+    ----------
+    path : a ``scene.yaml``, the folder that holds one, a ``.pbrt`` file, or a mesh file, which
+        is then a scene of its own with default camera, light and materials.
+
+    Raises
+    ------
+    SceneError
+        for whatever is wrong with the scene; it names file, key and remedy.
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / "scene.yaml"
+    if path.name.lower().endswith(PBRT):
+        return _pbrt(path)
+    if path.suffix.lower() in DESCRIPTIONS:
+        description = read_description(path)
+        name = description.get("name") or _default_name(path)
+    else:
+        description = complete(check({"objects": [{"file": path.name}]}, file=path))
+        name = path.stem
+    return build(description, file=path, name=name)
+
+
+def _pbrt(path: Path) -> Scene:
+    from lfcore.scene.pbrt import build_pbrt_scene  # a package of its own, seldom needed
+
+    scene = build_pbrt_scene(path)
+    if scene.focus_distances_m:
+        return scene
+    distances = framing.default_focus_distances(scene.camera, scene.triangles)
+    return dataclasses.replace(scene, focus_distances_m=distances)
+
+
+def _default_name(path: Path) -> str:
+    if path.stem != "scene":
+        return path.stem
+    return path.resolve().parent.name or "scene"
+
+
+def build(description: dict, *, file: str | Path, name: str) -> Scene:
+    """The scene of a checked and completed description; paths are relative to ``file``."""
+    file = Path(file)
+    parts: list[Part] = []
+    for index, entry in enumerate(description["objects"]):
+        parts += _object(entry, file=file, key=f"objects[{index}]")
+    camera, to_camera = framing.place_camera(description["camera"], parts, file=file)
+    geometry = assemble(parts, to_camera)
+    if not len(geometry.triangles):
+        raise SceneError(
+            f"the scene is empty: every triangle was dropped ({geometry.dropped})",
+            file=file,
+            key="objects",
+            remedy="Check the meshes for zero-area triangles, NaN and huge coordinates",
+        )
+    focus = description.get("focus_distances_m")
+    _check_focus_distances(focus or [], camera.focal_length_m, file)
+    return Scene(
+        name=name,
+        camera=camera,
+        lights=_lights(description, to_camera, file),
+        ambient=parse_colour(description["ambient"]),
+        background=parse_colour(description["background"]),
+        focus_distances_m=tuple(float(d) for d in focus)
+        if focus
+        else framing.default_focus_distances(camera, geometry.triangles),
+        **vars(geometry),
+    )
+
+
+def _check_focus_distances(distances: list[float], focal_length_m: float, file: Path) -> None:
+    for index, distance in enumerate(distances):
+        try:
+            check_focus(distance, focal_length_m, key=f"focus_distances_m[{index}]")
+        except OpticsError as error:
+            raise SceneError(error.problem, file=file, key=error.key, remedy=error.remedy) from None
+
+
+def _object(entry: dict, *, file: Path, key: str) -> list[Part]:
+    """World-space parts of one entry of ``objects``."""
+    if "builder" in entry:
+        parts = procedural.build(
+            entry["builder"], entry["parameters"], entry["seed"], file=file, key=key
+        )
+        if entry["shading"] == "flat":
+            parts = [Part(p.triangles, p.surface, None, p.uvs, p.colours) for p in parts]
+    else:
+        mesh = file.parent / entry["file"]
+        if not mesh.is_file():
+            raise SceneError(
+                f"mesh file {str(mesh)!r} not found",
+                file=file,
+                key=f"{key}.file",
+                remedy="Give a path relative to the scene file",
+            )
+        parts = load_mesh(mesh, shading=entry["shading"], crease_deg=entry["crease_deg"])
+    if "material" in entry:
+        changes = _material(entry["material"], file, f"{key}.material")
+        parts = [part.with_surface(**changes) for part in parts]
+    parts = _override_by_name(parts, entry["materials"], file, f"{key}.materials")
+    if "transform" in entry:
+        matrix = parse_transform(entry["transform"], file=file, key=f"{key}.transform")
+        parts = transform_all(parts, matrix)
+    return parts
+
+
+def _override_by_name(parts: list[Part], overrides: dict, file: Path, key: str) -> list[Part]:
+    known = sorted({part.surface.name for part in parts})
+    for name, material in overrides.items():
+        if name not in known:
+            raise SceneError(
+                "no material of this name",
+                file=file,
+                key=f"{key}.{name}",
+                remedy=f"The object has: {', '.join(known)}",
+            )
+        changes = _material(material, file, f"{key}.{name}")
+        parts = [
+            part.with_surface(**changes) if part.surface.name == name else part for part in parts
+        ]
+    return parts
+
+
+def _material(material: dict, file: Path, key: str) -> dict:
+    changes: dict = {}
+    for name in ("diffuse", "specular", "emission"):
+        if name in material:
+            changes[name] = parse_colour(material[name])
+    if "shininess" in material:
+        changes["shininess"] = float(material["shininess"])
+    if "texture" in material:
+        texture = material["texture"]
+        changes["texture"] = (
+            None
+            if texture is None
+            else read_texture(file.parent / texture, file=file, key=f"{key}.texture")
+        )
+    return changes
+
+
+def _lights(description: dict, to_camera: np.ndarray, file: Path) -> list[Light]:
+    if "lights" not in description:
+        return [framing.default_light(to_camera)]
+    lights = []
+    for index, entry in enumerate(description["lights"]):
+        colour, shadows = parse_colour(entry["colour"]), entry["casts_shadows"]
+        if "position_m" in entry:
+            x, y, z = (to_camera[:3, :3] @ entry["position_m"] + to_camera[:3, 3]).tolist()
+            reference = float(entry["reference_distance_m"])
+            lights.append(Light(POINT, (x, y, z), colour, reference, shadows))
+            continue
+        towards = to_camera[:3, :3] @ np.asarray(entry["towards_light"], np.float64)
+        length = float(np.linalg.norm(towards))
+        if not length > 0:
+            raise SceneError(
+                "direction has no length",
+                file=file,
+                key=f"lights[{index}].towards_light",
+                remedy="Give the direction from the scene towards the light",
+            )
+        x, y, z = (towards / length).tolist()
+        lights.append(Light(DIRECTIONAL, (x, y, z), colour, 0.0, shadows))
+    return lights

@@ -1,0 +1,38 @@
+"""Colours of scene files: linear RGB lists, or ``"#rrggbb"`` in sRGB."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfcore.scene.parts import Colour
+
+
+def srgb_to_linear(encoded: np.ndarray) -> np.ndarray:
+    """sRGB in [0, 1] to linear light, float64 (IEC 61966-2-1)."""
+    encoded = np.asarray(encoded, np.float64)
+    return np.where(
+        encoded <= 0.04045, encoded / 12.92, (np.maximum(encoded, 0) / 1.055 + 0.055 / 1.055) ** 2.4
+    )
+
+
+def linear_to_srgb(linear: np.ndarray) -> np.ndarray:
+    """Linear light in [0, 1] to sRGB in [0, 1], float64 (IEC 61966-2-1)."""
+    linear = np.asarray(linear, np.float64)
+    return np.where(
+        linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0) ** (1 / 2.4) - 0.055
+    )
+
+
+def parse_colour(value: str | list[float]) -> Colour:
+    """A colour as the schema admits it, to linear RGB."""
+    if isinstance(value, str):
+        return hex_colour(value)
+    red, green, blue = (float(channel) for channel in value)
+    return red, green, blue
+
+
+def hex_colour(code: str) -> Colour:
+    """``"#rrggbb"``, sRGB, to linear RGB."""
+    encoded = np.array([int(code[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
+    red, green, blue = srgb_to_linear(encoded).tolist()
+    return red, green, blue

@@ -1,0 +1,167 @@
+"""Reading and checking scene.yaml: a plain dictionary comes out, with every default filled in."""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import math
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import yaml
+
+from lfcore.errors import SceneError
+
+SCHEMA_PATH = Path(__file__).with_name("scene.schema.yaml")
+
+
+@functools.cache
+def schema() -> dict:
+    """The JSON schema (2020-12) of scene.yaml."""
+    return yaml.safe_load(SCHEMA_PATH.read_text(encoding="utf-8"))
+
+
+def read_description(path: str | Path) -> dict:
+    """Parse, validate and complete a scene.yaml.
+
+    Raises :class:`SceneError` that names file and key for whatever the schema refuses.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise SceneError(
+            "scene file not found", file=path, remedy="Check the path, or create the file"
+        ) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(f"scene file cannot be read: {error}", file=path) from error
+    try:
+        description = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise SceneError(
+            f"not valid YAML: {' '.join(str(error).split())}", file=path, remedy="Mend the syntax"
+        ) from error
+    return complete(check(description, file=path))
+
+
+def check(description: Any, *, file: str | Path) -> dict:
+    """``description`` itself when the schema accepts it and all its numbers are finite."""
+    if not isinstance(description, dict):
+        raise SceneError(
+            "a scene is a mapping with the key 'objects'",
+            file=file,
+            remedy="Start with 'objects:' and a list of '- file: mesh.glb'",
+        )
+    _check_finite(description, file, "")
+    validator = jsonschema.Draft202012Validator(schema())
+    errors = sorted(validator.iter_errors(description), key=lambda e: [str(p) for p in e.path])
+    if errors:
+        raise _explain(_most_telling(errors[0]), file)
+    return description
+
+
+def complete(description: dict) -> dict:
+    """Fill in the schema's defaults, recursively; the input is not changed."""
+    result = _with_defaults({"camera": {}, **description}, schema())
+    for entry in result["objects"]:
+        entry.setdefault("materials", {})
+        entry.setdefault("parameters", {})
+    return result
+
+
+def _with_defaults(value: Any, rule: dict) -> Any:
+    if "$ref" in rule:
+        rule = {**_resolve(rule["$ref"]), **rule}
+    if isinstance(value, dict):
+        properties = dict(rule.get("properties", {}))
+        for option in rule.get("oneOf", []):
+            known = option.get("properties", {})
+            if known and set(value) <= set(known):
+                properties.update(known)
+        result = {k: _with_defaults(v, properties.get(k, {})) for k, v in value.items()}
+        for key, sub in properties.items():
+            if key not in result and "default" in sub:
+                result[key] = sub["default"]
+        return result
+    if isinstance(value, list) and isinstance(rule.get("items"), dict):
+        return [_with_defaults(item, rule["items"]) for item in value]
+    return value
+
+
+def _resolve(reference: str) -> dict:
+    return schema()["$defs"][reference.removeprefix("#/$defs/")]
+
+
+def _check_finite(value: Any, file: str | Path, key: str) -> None:
+    # YAML's .nan and .inf are numbers to the schema; here they are mistakes.
+    if isinstance(value, float) and not math.isfinite(value):
+        raise SceneError(f"{value} is not a finite number", file=file, key=key)
+    items = value.items() if isinstance(value, dict) else ()
+    if isinstance(value, list):
+        items = enumerate(value)
+    for name, item in items:
+        _check_finite(item, file, _join(key, name))
+
+
+def _join(key: str, name: Any) -> str:
+    if isinstance(name, int):
+        return f"{key}[{name}]"
+    return f"{key}.{name}" if key else str(name)
+
+
+def _most_telling(error: jsonschema.ValidationError) -> jsonschema.ValidationError:
+    """Of an alternative's failures, the one of the alternative that nearly fitted."""
+    while error.context:
+        branches: dict[int, list] = {}
+        for sub in error.context:
+            branches.setdefault(sub.schema_path[0], []).append(sub)
+        kinds = {sub.validator for subs in branches.values() for sub in subs}
+        if kinds == {"required"} or len(branches) < 2:
+            return error
+        # An alternative of another type than the value is not what the author meant.
+        meant = [
+            subs
+            for subs in branches.values()
+            if not any(sub.validator in ("type", "const", "enum") and not sub.path for sub in subs)
+        ]
+        if not meant:
+            return error
+        error = min(meant, key=len)[0]
+    return error
+
+
+def _explain(error: jsonschema.ValidationError, file: str | Path) -> SceneError:
+    key = ""
+    for name in error.absolute_path:
+        key = _join(key, name)
+    rule, value = error.schema, error.instance
+    if error.validator == "additionalProperties":
+        known = list(rule.get("properties", {}))
+        unknown = sorted(set(value) - set(known))[0]
+        near = difflib.get_close_matches(str(unknown), known, n=1)
+        hint = f"Did you mean {near[0]!r}" if near else f"Known keys: {', '.join(known)}"
+        return SceneError("unknown key", file=file, key=_join(key, str(unknown)), remedy=hint)
+    owner = error
+    while "description" not in owner.schema and owner.parent is not None:
+        owner = owner.parent
+    remedy = owner.schema.get("description")
+    if error.validator == "required":
+        missing = next(k for k in error.validator_value if k not in value)
+        return SceneError(
+            f"key {missing!r} is missing", file=file, key=key or None, remedy="Add it"
+        )
+    if error.validator == "oneOf" and isinstance(value, dict):
+        names = [" and ".join(option.get("required", [])) for option in error.validator_value]
+        problem = f"needs exactly one of {', '.join(name for name in names if name)}"
+        return SceneError(problem, file=file, key=key or None, remedy="Give one of them")
+    if error.validator == "minItems" and key == "objects":
+        return SceneError(
+            "the scene is empty", file=file, key=key, remedy="List a mesh file or a builder"
+        )
+    problem = " ".join(error.message.split())
+    if error.validator == "oneOf":
+        problem = f"{value!r} is not admitted here"
+    if remedy:
+        remedy = "Expected: " + " ".join(remedy.split()).rstrip(".")
+    return SceneError(problem, file=file, key=key or None, remedy=remedy)

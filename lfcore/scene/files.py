@@ -1,0 +1,136 @@
+"""A scene on disk: one npz of plain arrays with a JSON header, no pickles."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import zipfile
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.errors import SceneError
+from lfcore.optics.camera import Camera
+from lfcore.scene.model import Light, Material, Scene
+from lfcore.scene.needs import Needs
+
+FORMAT = "lfcore scene 1"
+ARRAYS = {
+    "triangles": (np.float32, (3, 3)),
+    "normals": (np.float32, (3, 3)),
+    "uvs": (np.float32, (3, 2)),
+    "colours": (np.float32, (3, 3)),
+    "material_ids": (np.int32, ()),
+}
+
+
+def save_scene(path: str | Path, scene: Scene) -> None:
+    """Write ``scene``; equal scenes give equal bytes. The file appears only when whole."""
+    path = Path(path)
+    arrays = {name: np.ascontiguousarray(getattr(scene, name), ARRAYS[name][0]) for name in ARRAYS}
+    for index, texture in enumerate(scene.textures):
+        arrays[f"texture_{index:04d}"] = np.ascontiguousarray(texture, np.uint8)
+    header = json.dumps(_header(scene), sort_keys=True).encode()
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("wb") as stream:
+            np.savez(stream, header=np.frombuffer(header, np.uint8), **arrays)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _header(scene: Scene) -> dict:
+    camera = asdict(scene.camera)
+    if math.isinf(camera["focus_distance_m"]):
+        camera["focus_distance_m"] = "infinity"  # JSON has no infinity
+    return {
+        "format": FORMAT,
+        "name": scene.name,
+        "camera": camera,
+        "needs": Needs.of(scene).to_json(),
+        "materials": [asdict(material) for material in scene.materials],
+        "textures": len(scene.textures),
+        "lights": [asdict(light) for light in scene.lights],
+        "ambient": scene.ambient,
+        "background": scene.background,
+        "dropped": scene.dropped,
+        "focus_distances_m": scene.focus_distances_m,
+        "triangles": scene.triangle_count,
+    }
+
+
+def read_header(path: str | Path) -> dict:
+    """The JSON header alone (name, camera, needs, ...), without loading the arrays."""
+    return _read(path, lambda archive: _parse_header(archive, path))
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Inverse of :func:`save_scene`; :class:`SceneError` if missing, damaged or foreign."""
+    return _read(path, lambda archive: _scene(archive, path))
+
+
+def _read(path: str | Path, reader):
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return reader(archive)
+    except FileNotFoundError:
+        raise SceneError(
+            "scene file not found", file=path, remedy="Parse the scene first"
+        ) from None
+    except (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise _damaged(path, error) from error
+    except zipfile.BadZipFile as error:
+        raise _damaged(path, error) from error
+
+
+def _damaged(path: str | Path, error: Exception | str) -> SceneError:
+    return SceneError(
+        f"not a whole scene file: {' '.join(str(error).split())[:200]}",
+        file=path,
+        remedy="Delete it and parse the scene again",
+    )
+
+
+def _parse_header(archive, path: str | Path) -> dict:
+    header = json.loads(archive["header"].tobytes())
+    if header.get("format") != FORMAT:
+        raise _damaged(path, f"format {header.get('format')!r} instead of {FORMAT!r}")
+    return header
+
+
+def _scene(archive, path: str | Path) -> Scene:
+    header = _parse_header(archive, path)
+    arrays = {name: archive[name] for name in ARRAYS}
+    for name, (dtype, shape) in ARRAYS.items():
+        array = arrays[name]
+        lengths = (
+            (header["triangles"],)
+            if name in ("triangles", "material_ids")
+            else (
+                0,
+                header["triangles"],
+            )
+        )
+        if array.dtype != dtype or array.shape[1:] != shape or len(array) not in lengths:
+            raise _damaged(path, f"array {name!r} is {array.dtype} {array.shape}")
+    camera = header["camera"]
+    camera["focus_distance_m"] = float(camera["focus_distance_m"])
+    return Scene(
+        name=header["name"],
+        camera=Camera(**camera),
+        materials=[Material(**_tuples(material)) for material in header["materials"]],
+        textures=[archive[f"texture_{index:04d}"] for index in range(header["textures"])],
+        lights=[Light(**_tuples(light)) for light in header["lights"]],
+        ambient=tuple(header["ambient"]),
+        background=tuple(header["background"]),
+        dropped=header["dropped"],
+        focus_distances_m=tuple(header["focus_distances_m"]),
+        **arrays,
+    )
+
+
+def _tuples(data: dict) -> dict:
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}

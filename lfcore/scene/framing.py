@@ -1,0 +1,149 @@
+"""A camera for a scene that does not say: pose, lens and focus from the geometry's extent.
+
+Everything is chosen relative to the size of the scene, so a ring of 2 cm and a house of 20 m
+give the same picture with the same defocus.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.errors import OpticsError, SceneError
+from lfcore.optics.camera import Camera
+from lfcore.scene.model import DIRECTIONAL, Light
+from lfcore.scene.parts import Part
+from lfcore.scene.transforms import look_at, pose_from_matrix
+
+# Tangent extent of the field of a fitted lens (39 degrees), the share of it that the scene may
+# fill, and the focal length per distance: at f/2 the lens is an eighth of the distance wide.
+FIELD_WIDTH = 0.7
+FILLED = 0.9
+FOCAL_PER_DISTANCE = 0.25
+VIEW_DIRECTION = (0.45, 0.35, 1.0)
+NEAREST_FOCUS = 1.05
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The finite vertices and their axis-aligned box, world space, metres."""
+
+    low: np.ndarray
+    high: np.ndarray
+    points: np.ndarray  # (V, 3), the vertices themselves
+
+    @property
+    def centre(self) -> np.ndarray:
+        return (self.low + self.high) / 2
+
+    @property
+    def radius(self) -> float:
+        return float(np.linalg.norm(self.high - self.low) / 2)
+
+
+def bounds(parts: list[Part], *, file: str | Path) -> Bounds:
+    """Raises :class:`SceneError` when no triangle has finite corners."""
+    corners = [_finite(part.triangles) for part in parts]
+    points = np.concatenate([np.zeros((0, 3)), *corners])
+    if not len(points):
+        raise SceneError(
+            "the scene is empty: no triangle has finite corners",
+            file=file,
+            key="objects",
+            remedy="Check the meshes for NaN or infinite coordinates",
+        )
+    return Bounds(points.min(0), points.max(0), points)
+
+
+def _finite(triangles: np.ndarray) -> np.ndarray:
+    flat = triangles.reshape(len(triangles), 9)
+    good = (np.isfinite(flat) & (np.abs(np.nan_to_num(flat)) <= 1e18)).all(1)
+    return triangles[good].reshape(-1, 3)
+
+
+def place_camera(
+    description: dict, parts: list[Part], *, file: str | Path
+) -> tuple[Camera, np.ndarray]:
+    """The lens and the (4, 4) world-to-camera matrix of a checked ``camera`` mapping.
+
+    Raises :class:`SceneError` for a pose that cannot be, a scene wholly behind the lens when
+    the focus must be found, and a focus inside the focal length.
+    """
+    extent = bounds(parts, file=file)
+    pose = description.get("pose")
+    if pose is None:
+        to_camera = _framing_pose(description, extent)
+    elif "matrix" in pose:
+        to_camera = pose_from_matrix(pose["matrix"], file=file, key="camera.pose.matrix")
+    else:
+        to_camera = look_at(pose["position_m"], pose["look_at_m"], pose["up"], file=file)
+    middle = float((to_camera[:3, :3] @ extent.centre + to_camera[:3, 3])[2])
+    focus = description.get("focus_distance_m", middle)
+    focus = math.inf if focus == "infinity" else float(focus)
+    if not focus > 0:
+        raise SceneError(
+            "the scene's middle lies behind the lens, so there is nothing to focus on",
+            file=file,
+            key="camera.pose",
+            remedy="Turn the camera round, or give camera.focus_distance_m",
+        )
+    fit = focus if math.isfinite(focus) else max(middle, extent.radius, 1e-6)
+    focal_m, sensor_m = _lens(description, fit)
+    try:
+        return Camera(focal_m, sensor_m, float(description["f_number"]), focus), to_camera
+    except OpticsError as error:
+        raise SceneError(
+            error.problem, file=file, key=f"camera.{error.key}", remedy=error.remedy
+        ) from None
+
+
+def _framing_pose(description: dict, extent: Bounds) -> np.ndarray:
+    """Just far enough along :data:`VIEW_DIRECTION` that every vertex lies in the picture."""
+    width = FIELD_WIDTH
+    if "focal_length_mm" in description or "sensor_width_mm" in description:
+        focal_m, sensor_m = _lens(description, 0.0)
+        width = sensor_m / focal_m
+    direction = np.asarray(VIEW_DIRECTION) / np.linalg.norm(VIEW_DIRECTION)
+    turn = look_at(direction, (0, 0, 0))[:3, :3]
+    x, y, z = turn @ (extent.points - extent.centre).T
+    # A vertex at depth distance + z is in the picture when |x| <= FILLED width / 2 * depth.
+    reach = np.maximum(np.abs(x), np.abs(y)) / (FILLED * width / 2)
+    distance = max(float((reach - z).max()), 1.5 * extent.radius, 1e-6)
+    return look_at(extent.centre + distance * direction, extent.centre)
+
+
+def _lens(description: dict, distance: float) -> tuple[float, float]:
+    """Focal length and sensor width in metres; fitted to ``distance`` when neither is given."""
+    focal, sensor = description.get("focal_length_mm"), description.get("sensor_width_mm")
+    if focal is None and sensor is None:
+        focal_m = FOCAL_PER_DISTANCE * distance
+        return focal_m, FIELD_WIDTH * focal_m / (1 - FOCAL_PER_DISTANCE)
+    return float(focal or 50.0) / 1000, float(sensor or 36.0) / 1000
+
+
+def default_light(to_camera: np.ndarray) -> Light:
+    """Directional, with shadows, over the camera's left shoulder; already in camera space."""
+    towards = np.array([-0.5, -0.8, -0.7])
+    x, y, z = (towards / np.linalg.norm(towards)).tolist()
+    return Light(DIRECTIONAL, (x, y, z), (0.85, 0.83, 0.8))
+
+
+def default_focus_distances(camera: Camera, triangles: np.ndarray, number: int = 5) -> tuple:
+    """``number`` distances in metres, near to far, even in dioptres over the visible depths.
+
+    ``triangles`` is (T, 3, 3) in camera space.  Depths are those of the vertices inside the
+    field, without the nearest and farthest 2 percent; the recorded focus when there are none.
+    """
+    points = triangles.reshape(-1, 3).astype(np.float64)
+    depth = points[:, 2]
+    nearest = max(NEAREST_FOCUS * camera.focal_length_m, 1e-9)
+    inside = (depth > nearest) & (
+        np.abs(points[:, :2]).max(axis=1, initial=0.0) <= camera.field_width / 2 * depth
+    )
+    if not inside.any():
+        return (camera.focus_distance_m,)
+    near, far = np.percentile(depth[inside], [2, 98])
+    return tuple(float(1 / d) for d in np.linspace(1 / near, 1 / far, number))

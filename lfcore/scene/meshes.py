@@ -1,0 +1,277 @@
+"""Mesh files, through trimesh: geometry, normals, textures, vertex colours, materials.
+
+Whatever trimesh loads is accepted; PBR materials are mapped to Blinn-Phong (see
+:func:`surface_of_pbr`).  Texture alpha is ignored: every surface is opaque.
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.errors import SceneError
+from lfcore.scene.colour import srgb_to_linear
+from lfcore.scene.parts import Colour, Part, Surface
+from lfcore.scene.smoothing import crease_normals
+
+# Formats whose vertex colours are linear; everywhere else they are display values.
+LINEAR_COLOUR_FORMATS = (".glb", ".gltf")
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tga", ".bmp", ".webp", ".tif", ".tiff", ".gif")
+
+
+def load_mesh(path: str | Path, *, shading: str = "auto", crease_deg: float = 40.0) -> list[Part]:
+    """The parts of a mesh file, in its own coordinates (taken as metres, y up).
+
+    Parameters
+    ----------
+    shading : ``auto`` (the file's normals, else smoothed), ``smooth`` or ``flat``.
+    crease_deg : edges sharper than this stay sharp when smoothing.
+
+    Raises
+    ------
+    SceneError
+        for a file that is missing, that trimesh cannot read, that holds no triangles, or that
+        names a texture or material file which cannot be found.
+    """
+    import trimesh  # the heaviest import of the package, not needed by procedural scenes
+
+    path = Path(path)
+    scene = _load(trimesh, path)
+    parts = []
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph[node]
+        mesh = scene.geometry[name]
+        if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
+            part = _part(mesh, path, shading, crease_deg)
+            parts.append(part.transformed(np.asarray(matrix, np.float64)))
+    if not parts:
+        raise SceneError(
+            "mesh holds no triangles",
+            file=path,
+            remedy="Export faces, not only points, lines or curves",
+        )
+    return parts
+
+
+def _load(trimesh, path: Path):
+    from trimesh.resolvers import FilePathResolver
+
+    class Resolver(FilePathResolver):
+        """Finds side files; trimesh passes over what is missing or damaged, so remember it."""
+
+        def __init__(self, source: str, allow_anywhere: bool = False):
+            super().__init__(source, allow_anywhere)
+            self.trouble: list[str] = []
+
+        def get(self, name: str):
+            try:
+                data = super().get(name)
+            except (OSError, ValueError):
+                self.trouble.append(f"texture or material file {name!r} not found")
+                raise
+            if Path(name.strip()).suffix.lower() in IMAGE_SUFFIXES and not _is_image(data):
+                self.trouble.append(f"texture {name!r} cannot be decoded")
+            return data
+
+    if not path.is_file():
+        raise SceneError("mesh file not found", file=path, remedy="Check the path")
+    kind = path.suffix[1:].lower()
+    if kind not in trimesh.available_formats():
+        known = ", ".join(sorted(trimesh.exchange.load.mesh_formats()))
+        raise SceneError(
+            f"no reader for mesh files named *{path.suffix}",
+            file=path,
+            remedy=f"Use one of {known}",
+        )
+    resolver = Resolver(str(path), allow_anywhere=True)
+    try:
+        with path.open("rb") as stream:
+            scene = trimesh.load_scene(stream, file_type=kind, resolver=resolver, process=False)
+    except Exception as error:  # trimesh's readers raise whatever they stumble over
+        _check_found(resolver.trouble, path)
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise SceneError(
+            f"mesh cannot be read: {reason[:200]}",
+            file=path,
+            remedy="Export it again, or open it in a mesh viewer to see what is damaged",
+        ) from error
+    _check_found(resolver.trouble, path)
+    return scene
+
+
+def _is_image(data: bytes) -> bool:
+    from PIL import Image
+
+    try:
+        Image.open(io.BytesIO(data)).load()
+    except Exception:  # Pillow raises many kinds on damaged images
+        return False
+    return True
+
+
+def _check_found(trouble: list[str], path: Path) -> None:
+    if trouble:
+        raise SceneError(
+            trouble[0],
+            file=path,
+            remedy=f"Put a sound file beside the mesh in {path.parent}, or edit the material",
+        )
+
+
+def _part(mesh, path: Path, shading: str, crease_deg: float) -> Part:
+    vertices = np.asarray(mesh.vertices, np.float64)
+    faces = np.asarray(mesh.faces, np.int64)
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise SceneError(
+            f"face names vertex {int(faces.max())} of {len(vertices)}",
+            file=path,
+            remedy="Export the mesh again",
+        )
+    triangles = vertices[faces]
+    normals = None
+    # trimesh computes normals on demand; only those in the cache came with the file.
+    given = mesh._cache.cache.get("vertex_normals") if shading == "auto" else None
+    if given is not None and np.shape(given) == vertices.shape:
+        normals = np.asarray(given, np.float64)[faces]
+    elif shading != "flat":
+        normals = _smoothed(triangles, crease_deg)
+    surface, uvs = _surface(mesh.visual, faces, path)
+    colours = _colours(mesh.visual, faces, path)
+    return Part(triangles, surface, normals, uvs, colours)
+
+
+def _smoothed(triangles: np.ndarray, crease_deg: float) -> np.ndarray | None:
+    """Crease normals; None when no corner of the mesh is smooth, so that it stays flat shaded."""
+    finite = np.nan_to_num(triangles, nan=0.0, posinf=0.0, neginf=0.0)
+    normals = crease_normals(finite, crease_deg)
+    return None if np.ptp(normals, axis=1).max(initial=0.0) < 1e-6 else normals
+
+
+def _surface(visual, faces: np.ndarray, path: Path) -> tuple[Surface, np.ndarray | None]:
+    from trimesh.visual.material import PBRMaterial, SimpleMaterial
+
+    material = getattr(visual, "material", None)
+    if isinstance(material, PBRMaterial):
+        surface = surface_of_pbr(material, path)
+    elif isinstance(material, SimpleMaterial):
+        surface = _surface_of_simple(material, path)
+    else:
+        surface = Surface(path.stem)
+    uv = getattr(visual, "uv", None)
+    if surface.texture is None or uv is None or len(uv) == 0:
+        return surface, None
+    return surface, np.nan_to_num(np.asarray(uv, np.float64)[faces][..., :2])
+
+
+def surface_of_pbr(material, path: Path) -> Surface:
+    """glTF metallic-roughness to Blinn-Phong.
+
+    Diffuse keeps the base colour, darkened for metals; the highlight has the reflectance at
+    normal incidence, 0.04 or the base colour of a metal, and the exponent 2 / alpha^2 - 2 whose
+    lobe matches GGX of alpha = roughness^2 near its peak (Karis 2013).  A metallic factor counts
+    only where the file gives one: exporters that leave it out rarely mean glTF's default of 1.
+    """
+    base = np.ones(3) if material.baseColorFactor is None else _unit(material.baseColorFactor)[:3]
+    metallic = float(material.metallicFactor or 0.0)
+    if material.metallicRoughnessTexture is not None:
+        metallic = 0.0  # its blue channel varies over the surface; a constant would be wrong
+    roughness = 1.0 if material.roughnessFactor is None else float(material.roughnessFactor)
+    alpha = max(roughness, 0.05) ** 2
+    specular = (0.04 * (1 - metallic) + base * metallic) * (1 - min(roughness, 1.0) ** 2)
+    emission = np.zeros(3)
+    if material.emissiveFactor is not None and material.emissiveTexture is None:
+        emission = np.clip(np.asarray(material.emissiveFactor, np.float64)[:3], 0, 1)
+    return Surface(
+        material.name or path.stem,
+        _triple(base * (1 - 0.6 * metallic)),
+        _triple(specular),
+        float(np.clip(2 / alpha**2 - 2, 1, 1000)),
+        _triple(emission),
+        _image(material.baseColorTexture, path),
+    )
+
+
+def _surface_of_simple(material, path: Path) -> Surface:
+    """OBJ's MTL: Kd, Ks, Ns and map_Kd; Kd and Ks are linear, and Ks needs an Ns to count."""
+    given = {key.lower(): value for key, value in (material.kwargs or {}).items()}
+    texture = _image(material.image, path)
+    diffuse = np.asarray(given["kd"], np.float64) if "kd" in given else np.full(3, 0.8)
+    if texture is not None and not diffuse.any():
+        diffuse = np.ones(3)  # exporters write Kd 0 0 0 beside a texture and mean the texture
+    shininess = float(np.ravel(given.get("ns", 0.0))[0])
+    specular = np.asarray(given["ks"], np.float64) if "ks" in given and shininess >= 1 else [0] * 3
+    emission = np.asarray(given.get("ke", [0, 0, 0]), np.float64)
+    return Surface(
+        material.name or path.stem,
+        _triple(diffuse),
+        _triple(specular),
+        float(np.clip(shininess, 1, 1000)),
+        _triple(emission),
+        texture,
+    )
+
+
+def _image(image, path: Path) -> np.ndarray | None:
+    if image is None:
+        return None
+    try:
+        return np.array(image.convert("RGB"), np.uint8)
+    except Exception as error:  # Pillow raises many kinds on damaged images
+        raise SceneError(
+            f"texture cannot be decoded: {error}", file=path, remedy="Replace the image"
+        ) from error
+
+
+def _colours(visual, faces: np.ndarray, path: Path) -> np.ndarray | None:
+    """(T, 3, 3) linear vertex or face colours, None when the file has none."""
+    kind = getattr(visual, "kind", None)
+    if kind == "vertex":
+        corner = np.asarray(visual.vertex_colors)[faces]
+    elif kind == "face":
+        corner = np.repeat(np.asarray(visual.face_colors)[:, None], 3, axis=1)
+    else:
+        attribute = getattr(visual, "vertex_attributes", {}).get("color")
+        if attribute is None or len(attribute) <= faces.max():
+            return None
+        corner = np.asarray(attribute)[faces]
+    colours = _unit(corner)[..., :3]
+    return colours if path.suffix.lower() in LINEAR_COLOUR_FORMATS else srgb_to_linear(colours)
+
+
+def _unit(values) -> np.ndarray:
+    """Colours in [0, 1] from either floats or whole numbers of their type's range."""
+    values = np.asarray(values)
+    if np.issubdtype(values.dtype, np.integer):
+        return values / float(np.iinfo(values.dtype).max)
+    return np.clip(values.astype(np.float64), 0, 1)
+
+
+def _triple(colour) -> Colour:
+    red, green, blue = np.clip(np.asarray(colour, np.float64), 0, 1).tolist()
+    return red, green, blue
+
+
+def read_texture(path: str | Path, *, file: str | Path, key: str) -> np.ndarray:
+    """An image file as (H, W, 3) uint8 sRGB; :class:`SceneError` if missing or damaged."""
+    from PIL import Image
+
+    path = Path(path)
+    if not path.is_file():
+        raise SceneError(
+            f"texture {str(path)!r} not found",
+            file=file,
+            key=key,
+            remedy="Give a path relative to the scene file",
+        )
+    try:
+        with Image.open(path) as image:
+            return np.array(image.convert("RGB"), np.uint8)
+    except Exception as error:
+        raise SceneError(
+            f"texture {str(path)!r} cannot be decoded: {error}",
+            file=file,
+            key=key,
+            remedy="Use a PNG or JPEG",
+        ) from error

@@ -1,0 +1,88 @@
+"""The scene as the tracer sees it: flat arrays in camera space.
+
+Camera space is x right, y down, z forward (as OpenCV and COLMAP), in metres.  Whoever builds
+a :class:`Scene` moves the geometry there in float64 and rounds to float32 once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lfcore.optics.camera import Camera
+
+POINT, DIRECTIONAL = 0, 1
+
+
+@dataclass(frozen=True)
+class Material:
+    """Blinn-Phong reflectance, all colours linear RGB in [0, 1].
+
+    ``texture`` indexes :attr:`Scene.textures` (-1: none) and multiplies ``diffuse``.
+    ``emission`` is added whatever the light: a lamp shade, a screen, test charts.
+    """
+
+    name: str
+    diffuse: tuple[float, float, float] = (0.8, 0.8, 0.8)
+    specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shininess: float = 32.0
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    texture: int = -1
+
+
+@dataclass(frozen=True)
+class Light:
+    """A point or directional light in camera space.
+
+    ``vector`` is the position in metres (:data:`POINT`) or the unit direction *towards* the
+    light (:data:`DIRECTIONAL`).  ``colour`` is linear RGB: for a point light the irradiance at
+    ``reference_distance_m`` (inverse-square fall-off; 0 means no fall-off), for a directional
+    light the irradiance everywhere.
+    """
+
+    kind: int
+    vector: tuple[float, float, float]
+    colour: tuple[float, float, float]
+    reference_distance_m: float = 0.0
+    casts_shadows: bool = True
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything a ray can meet.
+
+    Attributes
+    ----------
+    triangles : (T, 3, 3) float32, corner positions in camera space, metres; finite.
+    normals : (T, 3, 3) float32, unit shading normals per corner; (0, 3, 3) when every
+        triangle is flat shaded with its geometric normal.
+    uvs : (T, 3, 2) float32, texture coordinates (v up, wrapping); (0, 3, 2) without textures.
+    colours : (T, 3, 3) float32, linear RGB per corner multiplying the diffuse colour;
+        (0, 3, 3) without vertex colours.
+    material_ids : (T,) int32 into ``materials``.
+    textures : list of (H, W, 3) uint8, sRGB encoded, row 0 on top.
+    ambient, background : linear RGB.
+    dropped : counts of triangles left out on loading, by reason (``"not finite"``,
+        ``"zero area"``, ...).
+    focus_distances_m : distances that show the focal stack, near to far, metres.
+    """
+
+    name: str
+    camera: Camera
+    triangles: np.ndarray
+    normals: np.ndarray
+    uvs: np.ndarray
+    colours: np.ndarray
+    material_ids: np.ndarray
+    materials: list[Material]
+    textures: list[np.ndarray]
+    lights: list[Light]
+    ambient: tuple[float, float, float] = (0.1, 0.1, 0.1)
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    dropped: dict[str, int] = field(default_factory=dict)
+    focus_distances_m: tuple[float, ...] = ()
+
+    @property
+    def triangle_count(self) -> int:
+        return len(self.triangles)

@@ -1,0 +1,71 @@
+"""What a scene uses: whatever it does not use is left out of programs, buffers and jobs."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields
+
+from lfcore.scene.model import DIRECTIONAL, POINT, Scene
+
+
+@dataclass(frozen=True)
+class Needs:
+    """Features of a scene, derived once and read everywhere.
+
+    Booleans say that a feature occurs on some surface or light with an effect on the picture;
+    counts are of lights.
+
+    Attributes
+    ----------
+    textures : some triangle's material has a texture.
+    smooth_normals : shading normals are stored.
+    vertex_colours : vertex colours are stored.
+    specular : a material in use has a highlight, and there is a light to make it.
+    emission : a material in use glows.
+    ambient : ambient light is not black.
+    background : the background is not black.
+    shadows : some light casts shadows.
+    point_lights, directional_lights : how many of each.
+    falloff : some point light falls off with distance.
+    coloured_lights : some light's colour is not grey.
+    """
+
+    textures: bool
+    smooth_normals: bool
+    vertex_colours: bool
+    specular: bool
+    emission: bool
+    ambient: bool
+    background: bool
+    shadows: bool
+    point_lights: int
+    directional_lights: int
+    falloff: bool
+    coloured_lights: bool
+
+    @classmethod
+    def of(cls, scene: Scene) -> Needs:
+        """Only materials that some triangle has, and lights that are not black, count."""
+        used = [scene.materials[i] for i in sorted(set(scene.material_ids.tolist()))]
+        lights = [light for light in scene.lights if any(light.colour)]
+        return cls(
+            textures=any(material.texture >= 0 for material in used) and len(scene.uvs) > 0,
+            smooth_normals=len(scene.normals) > 0,
+            vertex_colours=len(scene.colours) > 0,
+            specular=bool(lights) and any(any(material.specular) for material in used),
+            emission=any(any(material.emission) for material in used),
+            ambient=any(scene.ambient),
+            background=any(scene.background),
+            shadows=any(light.casts_shadows for light in lights),
+            point_lights=sum(light.kind == POINT for light in lights),
+            directional_lights=sum(light.kind == DIRECTIONAL for light in lights),
+            falloff=any(light.kind == POINT and light.reference_distance_m for light in lights),
+            coloured_lights=any(len(set(light.colour)) > 1 for light in lights),
+        )
+
+    def to_json(self) -> dict:
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: dict) -> Needs:
+        """Inverse of :meth:`to_json`; KeyError for a feature that ``data`` does not know."""
+        return cls(**{field.name: data[field.name] for field in fields(cls)})

@@ -1,0 +1,129 @@
+"""Parts: the triangles of one surface in world space, before the scene is assembled.
+
+Mesh files and procedural builders both return a list of :class:`Part`; ``lfcore.scene.assemble``
+turns the list into the flat arrays of a :class:`~lfcore.scene.model.Scene`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+Colour = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What a part is made of: a Blinn-Phong material that carries its own texture.
+
+    Colours are linear RGB; ``texture`` is (H, W, 3) uint8, sRGB encoded, row 0 on top.
+    """
+
+    name: str = "default"
+    diffuse: Colour = (0.8, 0.8, 0.8)
+    specular: Colour = (0.0, 0.0, 0.0)
+    shininess: float = 32.0
+    emission: Colour = (0.0, 0.0, 0.0)
+    texture: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Triangles that share a surface; float64, metres.
+
+    Attributes
+    ----------
+    triangles : (T, 3, 3) corner positions.
+    normals : (T, 3, 3) shading normals of the corners, need not be unit; None: flat shaded.
+    uvs : (T, 3, 2) texture coordinates, v up; None when the surface has no texture.
+    colours : (T, 3, 3) linear RGB of the corners; None when white.
+    """
+
+    triangles: np.ndarray
+    surface: Surface = field(default_factory=Surface)
+    normals: np.ndarray | None = None
+    uvs: np.ndarray | None = None
+    colours: np.ndarray | None = None
+
+    @property
+    def count(self) -> int:
+        return len(self.triangles)
+
+    def transformed(self, matrix: np.ndarray) -> Part:
+        """The part moved by a (4, 4) affine matrix; normals by its inverse transpose."""
+        matrix = np.asarray(matrix, np.float64)
+        with np.errstate(invalid="ignore", over="ignore"):  # bad vertices are dropped later
+            triangles = self.triangles @ matrix[:3, :3].T + matrix[:3, 3]
+        normals = self.normals
+        if normals is not None:
+            # The cofactor matrix is the inverse transpose up to scale, and exists for any matrix.
+            a, b, c = matrix[:3, :3]
+            cofactor = np.array([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+            normals = normals @ (cofactor * np.sign(np.linalg.det(matrix[:3, :3]) or 1.0)).T
+        return replace(self, triangles=triangles, normals=normals)
+
+    def with_surface(self, **changes) -> Part:
+        return replace(self, surface=replace(self.surface, **changes))
+
+
+def count(parts: list[Part]) -> int:
+    """Triangles in all parts."""
+    return sum(part.count for part in parts)
+
+
+def transform_all(parts: list[Part], matrix: np.ndarray) -> list[Part]:
+    return [part.transformed(matrix) for part in parts]
+
+
+def merge(parts: list[Part]) -> list[Part]:
+    """One part for each surface, in order of first appearance; missing arrays are filled in."""
+    groups: dict[int, list[Part]] = {}
+    for part in parts:
+        groups.setdefault(id(part.surface), []).append(part)
+    return [_concatenate(group) for group in groups.values()]
+
+
+def _concatenate(group: list[Part]) -> Part:
+    if len(group) == 1:
+        return group[0]
+    columns = {
+        name: stack([getattr(part, name) for part in group], [p.triangles for p in group], name)
+        for name in ("normals", "uvs", "colours")
+    }
+    return Part(np.concatenate([p.triangles for p in group]), group[0].surface, **columns)
+
+
+def stack(arrays: list, triangles: list[np.ndarray], name: str) -> np.ndarray | None:
+    """Concatenate one attribute over parts, filling in the default where a part lacks it.
+
+    None when every part lacks it: what a scene does not use is left out.
+    """
+    if all(array is None for array in arrays):
+        return None
+    filled = []
+    for array, corners in zip(arrays, triangles, strict=True):
+        if array is not None:
+            filled.append(np.asarray(array, np.float64))
+        elif name == "normals":
+            filled.append(np.repeat(face_normals(corners)[:, None], 3, 1))
+        elif name == "uvs":
+            filled.append(np.zeros((len(corners), 3, 2)))
+        else:
+            filled.append(np.ones((len(corners), 3, 3)))
+    return np.concatenate(filled)
+
+
+def face_normals(triangles: np.ndarray) -> np.ndarray:
+    """(T, 3) float64 unit geometric normals (counter-clockwise front), zero if degenerate."""
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    return normalise(normal)
+
+
+def normalise(vectors: np.ndarray) -> np.ndarray:
+    """Unit vectors along the last axis; zero stays zero. Scaled first against overflow."""
+    vectors = np.asarray(vectors, np.float64)
+    largest = np.abs(vectors).max(axis=-1, keepdims=True) if vectors.size else np.ones(1)
+    scaled = vectors / np.where(largest > 0, largest, 1.0)
+    length = np.linalg.norm(scaled, axis=-1, keepdims=True)
+    return scaled / np.where(length > 0, length, 1.0)

@@ -1,0 +1,265 @@
+"""Runs the directives of a pbrt scene: what they do to the state, and what they leave behind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.scene.pbrt import state as graphics
+from lfcore.scene.pbrt.camera import TO_OURS, View, read_camera, read_film
+from lfcore.scene.pbrt.lexer import Place, syntax_error
+from lfcore.scene.pbrt.lights import LightRig, add_area_light, add_light, emitted
+from lfcore.scene.pbrt.materials import Definition, MaterialTable
+from lfcore.scene.pbrt.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
+from lfcore.scene.pbrt.parameters import ParameterSet
+from lfcore.scene.pbrt.parser import Directive
+from lfcore.scene.pbrt.shapes import Mesh, tessellate, with_uvs
+from lfcore.scene.pbrt.textures import TextureTable
+
+_TRANSFORMS = ("Translate", "Scale", "Rotate", "LookAt", "Transform", "ConcatTransform", "Identity")
+_HEADER_ONLY = ("Camera", "Film")
+_IGNORED = (
+    "Sampler", "Integrator", "SurfaceIntegrator", "VolumeIntegrator", "Accelerator",
+    "PixelFilter", "Renderer", "Option", "ColorSpace", "TransformTimes",
+)  # fmt: skip
+_LEFT_OUT = ("MediumInterface", "MakeNamedMedium", "Attribute")
+
+
+@dataclass(frozen=True, eq=False)
+class Item:
+    """A shape in place: mesh, surface, texture placement, object-to-world at open and close."""
+
+    mesh: Mesh
+    definition: Definition
+    emission: tuple
+    two_sided: bool
+    matrices: tuple[np.ndarray, np.ndarray]
+    place: Place
+    reversed: bool
+
+
+class Interpreter:
+    """Feed it directives with :meth:`run`, then read ``items``, ``rig`` and ``view``."""
+
+    def __init__(self, folder: Path, notebook: Notebook, tolerance: float, light_points: int):
+        self.folder, self.notebook = folder, notebook
+        self.tolerance, self.light_points = tolerance, light_points
+        self.state = graphics.GraphicsState()
+        self.textures = TextureTable(folder, notebook)
+        self.materials = MaterialTable(self.textures, notebook)
+        self.rig = LightRig()
+        self.items: list[Item] = []
+        self.view: View | None = None
+        self.world_to_camera: np.ndarray | None = None
+        self._camera: tuple[str, ParameterSet] | None = None
+        self._film: ParameterSet | None = None
+        self._objects: dict[str, list[Item]] = {}
+        self._open_object: tuple[str, Place] | None = None
+        self._in_world = self._after_world = False
+        self._default = Definition("matte", ParameterSet("default material", None))
+
+    def run(self, directives) -> None:
+        """Raises :class:`SceneError` naming file, line and token."""
+        for directive in directives:
+            if self._after_world:
+                raise syntax_error(
+                    f"{directive.name} after WorldEnd", directive.place, "One scene a file"
+                )
+            self.handle(directive)
+        if not self._in_world:
+            raise syntax_error("the scene has no WorldBegin", Place(self.folder, 1, 1))
+        self.state.check_closed()
+        if self._open_object is not None:
+            raise syntax_error("ObjectBegin is never closed", self._open_object[1])
+
+    def handle(self, directive: Directive) -> None:
+        name = directive.name
+        if name in _HEADER_ONLY and self._in_world:
+            raise syntax_error(f"{name} inside the world block", directive.place)
+        if name in _TRANSFORMS:
+            self._transform(directive)
+        elif name.endswith(("Begin", "End")):
+            self._block(directive)
+        elif name in _IGNORED:
+            self.notebook.add(NOT_USED, directive.place, directive.parameters.owner)
+        elif name in _LEFT_OUT:
+            self.notebook.add(LEFT_OUT, directive.place, directive.parameters.owner)
+        else:
+            getattr(self, f"_{_snake(name)}")(directive)
+
+    def _transform(self, directive: Directive) -> None:
+        if directive.name == "Identity":
+            self.state.assign(np.eye(4))
+            return
+        matrix = graphics.transform_matrix(directive.name, directive.numbers, directive.place)
+        if directive.name == "Transform":
+            self.state.assign(matrix)
+        else:
+            self.state.concatenate(matrix)
+
+    def _block(self, directive: Directive) -> None:
+        name, place = directive.name, directive.place
+        if name == "WorldBegin":
+            self._world_begin(place)
+        elif name == "WorldEnd":
+            self._after_world = True
+        elif name == "ObjectBegin":
+            if self._open_object is not None:
+                raise syntax_error("ObjectBegin inside ObjectBegin", place)
+            self.state.push("Object", place)
+            self._open_object = (directive.strings[0], place)
+            self._objects[directive.strings[0]] = []
+        elif name == "ObjectEnd":
+            self.state.pop("Object", place)
+            self._open_object = None
+        elif name.endswith("Begin"):
+            self.state.push(name.removesuffix("Begin"), place)
+        else:
+            self.state.pop(name.removesuffix("End"), place)
+
+    def _world_begin(self, place: Place) -> None:
+        if self._in_world:
+            raise syntax_error("WorldBegin a second time", place)
+        self._in_world = True
+        film = read_film(self._film, self.notebook)
+        if self._camera is None:
+            self.notebook.add(APPROXIMATED, place, "no Camera: pbrt's default perspective")
+            self._camera = ("perspective", ParameterSet('Camera "perspective"', place))
+            self.world_to_camera = TO_OURS.copy()
+        self.view = read_camera(*self._camera, film, self.notebook)
+        self.state.set(matrices=(np.eye(4), np.eye(4)), active=(graphics.START, graphics.END))
+        self.state.coordinate_systems["world"] = (np.eye(4), np.eye(4))
+
+    def _active_transform(self, directive: Directive) -> None:
+        active = {"StartTime": (0,), "EndTime": (1,), "All": (0, 1)}.get(directive.strings[0])
+        if active is None:
+            raise syntax_error(
+                f"ActiveTransform {directive.strings[0]}",
+                directive.place,
+                "Use StartTime, EndTime or All",
+            )
+        self.state.set(active=active)
+
+    def _coordinate_system(self, directive: Directive) -> None:
+        self.state.coordinate_systems[directive.strings[0]] = self.state.now.matrices
+
+    def _coord_sys_transform(self, directive: Directive) -> None:
+        self.state.use_coordinate_system(directive.strings[0], directive.place)
+
+    def _camera_directive(self, directive: Directive) -> None:
+        start, end = self.state.now.matrices
+        if not np.array_equal(start, end):
+            self.notebook.add(
+                LEFT_OUT, directive.place, "motion of the camera: shutter open's pose"
+            )
+        self._camera = (directive.strings[0], directive.parameters)
+        self.world_to_camera = TO_OURS @ start
+        inverse = (np.linalg.inv(start), np.linalg.inv(end))
+        self.state.coordinate_systems["camera"] = inverse
+
+    def _film_directive(self, directive: Directive) -> None:
+        self._film = directive.parameters
+
+    def _reverse_orientation(self, directive: Directive) -> None:
+        self.state.set(reversed=not self.state.now.reversed)
+
+    def _material(self, directive: Directive) -> None:
+        self.state.set(material=Definition(directive.strings[0], directive.parameters))
+
+    def _make_named_material(self, directive: Directive) -> None:
+        parameters, name = directive.parameters, directive.strings[0]
+        kind = parameters.string("type")
+        if kind is None:
+            raise parameters.error("type", "is missing", 'Write "string type" "matte"')
+        named = replace(parameters, owner=f'Material "{kind}" named "{name}"')
+        self.materials.named[name] = Definition(kind, named)
+
+    def _named_material(self, directive: Directive) -> None:
+        self.state.set(material=self.materials.find(directive.strings[0], directive.place))
+
+    def _texture(self, directive: Directive) -> None:
+        self.textures.define(*directive.strings, directive.parameters)
+
+    def _light_source(self, directive: Directive) -> None:
+        start, end = self.state.now.matrices
+        if not np.array_equal(start, end):
+            self.notebook.add(LEFT_OUT, directive.place, "motion of a light: shutter open's pose")
+        to_camera = self.world_to_camera @ start
+        add_light(
+            self.rig,
+            directive.strings[0],
+            directive.parameters,
+            to_camera,
+            self.textures,
+            self.notebook,
+        )
+
+    def _area_light_source(self, directive: Directive) -> None:
+        parameters = directive.parameters
+        if directive.strings[0] not in ("diffuse", "area"):
+            self.notebook.add(APPROXIMATED, directive.place, f"{parameters.owner}: as diffuse")
+        # Read now, so that the note about points stands once, at its own line.
+        self.notebook.add(
+            APPROXIMATED,
+            directive.place,
+            f"{parameters.owner}: {self.light_points} point lights a shape, without a cosine",
+        )
+        for name in ("samples", "nsamples"):
+            parameters.get(name)
+        self.state.set(area_light=parameters)
+
+    def _shape(self, directive: Directive) -> None:
+        now, parameters = self.state.now, directive.parameters
+        mesh = tessellate(
+            directive.strings[0], parameters, self.folder, self.notebook, self.tolerance
+        )
+        if mesh is None:
+            return
+        emission, two_sided = (0.0, 0.0, 0.0), False
+        if now.area_light is not None:
+            emission = tuple(emitted(now.area_light, "L", self.textures).tolist())
+            two_sided = now.area_light.bool("twosided", False)
+            now.area_light.note_unused(self.notebook)
+        item = Item(
+            mesh, now.material or self._default, emission, two_sided, now.matrices,
+            directive.place, now.reversed,
+        )  # fmt: skip
+        if self._open_object is None:
+            self.items.append(item)
+            return
+        if any(emission):
+            self.notebook.add(LEFT_OUT, directive.place, "light of an emitter inside an object")
+        self._objects[self._open_object[0]].append(item)
+
+    def _object_instance(self, directive: Directive) -> None:
+        name = directive.strings[0]
+        if name not in self._objects:
+            raise syntax_error(f'object "{name}" is not defined', directive.place)
+        if self._open_object is not None:
+            raise syntax_error("ObjectInstance inside ObjectBegin", directive.place)
+        for item in self._objects[name]:
+            pair = zip(self.state.now.matrices, item.matrices, strict=True)
+            matrices = tuple(outer @ inner for outer, inner in pair)
+            self.items.append(replace(item, matrices=matrices, emission=(0.0, 0.0, 0.0)))
+
+    def light(self, item: Item, triangles: np.ndarray) -> None:
+        """Add the point lights of an emitting item; ``triangles`` in camera space."""
+        if any(item.emission):
+            add_area_light(
+                self.rig, triangles, np.array(item.emission), item.two_sided, self.light_points
+            )
+
+    def uvs(self, item: Item) -> tuple[np.ndarray | None, object]:
+        """Texture coordinates of an item (None without texture) and its surface."""
+        resolved = self.materials.resolve(item.definition, item.emission)
+        if resolved.surface is None or resolved.surface.texture is None:
+            return None, resolved.surface
+        uvs = with_uvs(item.mesh) * np.array(resolved.uv_scale) + np.array(resolved.uv_offset)
+        return uvs, resolved.surface
+
+
+def _snake(name: str) -> str:
+    words = "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in name)[1:]
+    return f"{words}_directive" if words in ("camera", "film") else words

@@ -1,0 +1,164 @@
+"""pbrt lights as what the tracer has: point and directional lights, ambient, background.
+
+The tracer multiplies diffuse colours by irradiance without dividing by pi, so every irradiance
+here is pbrt's over pi: a matte surface of reflectance Kd then has pbrt's radiance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lfcore.scene.model import DIRECTIONAL, POINT, Light
+from lfcore.scene.pbrt.notes import APPROXIMATED, LEFT_OUT, Notebook
+from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet
+from lfcore.scene.pbrt.spectra import parameter_rgb
+from lfcore.scene.pbrt.textures import TextureTable, read_picture
+
+# Point lights that stand for one area light.
+AREA_LIGHT_POINTS = 4
+# An area light's points float above its surface by this share of its size, so that the
+# emitter does not shadow its own light.
+_LIFT = 1e-3
+
+
+@dataclass
+class LightRig:
+    """Lights in camera space and the light from everywhere, collected while reading."""
+
+    lights: list[Light] = field(default_factory=list)
+    ambient: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    background: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+
+def emitted(parameters: ParameterSet, name: str, textures: TextureTable) -> np.ndarray:
+    """(3,) linear RGB of a light's colour, with version 3 and 4 ``scale`` applied."""
+    parameter = parameters.get(name, *COLOUR_TYPES)
+    colour = np.ones(3) if parameter is None else parameter_rgb(parameter, textures.folder)
+    scale = parameters.get("scale", "float", *COLOUR_TYPES)
+    if scale is not None:
+        colour = colour * parameter_rgb(scale, textures.folder)
+    return np.asarray(colour, np.float64)
+
+
+def add_light(
+    rig: LightRig,
+    kind: str,
+    parameters: ParameterSet,
+    to_camera: np.ndarray,
+    textures: TextureTable,
+    notebook: Notebook,
+) -> None:
+    """Handle ``LightSource "kind"``; ``to_camera`` is (4, 4), light space to camera space."""
+    if kind in ("point", "spot"):
+        _point(rig, kind, parameters, to_camera, textures, notebook)
+    elif kind == "distant":
+        start = parameters.vector("from", (0, 0, 0))
+        towards = to_camera[:3, :3] @ (start - parameters.vector("to", (0, 0, 1)))
+        length = np.linalg.norm(towards)
+        if not length > 0:
+            raise parameters.error("to", "coincides with from")
+        irradiance = emitted(parameters, "L", textures)
+        if "illuminance" in parameters.items:
+            notebook.add(LEFT_OUT, parameters.place, f"illuminance of {parameters.owner}")
+            parameters.get("illuminance")
+        rig.lights.append(
+            Light(DIRECTIONAL, tuple((towards / length).tolist()), _over_pi(irradiance))
+        )
+    elif kind == "infinite":
+        _infinite(rig, parameters, textures, notebook)
+    else:
+        notebook.add(LEFT_OUT, parameters.place, f'LightSource "{kind}"')
+    parameters.note_unused(notebook)
+
+
+def _over_pi(irradiance: np.ndarray) -> tuple[float, float, float]:
+    red, green, blue = (np.asarray(irradiance, np.float64) / math.pi).tolist()
+    return red, green, blue
+
+
+def _point(rig, kind, parameters, to_camera, textures, notebook) -> None:
+    intensity = emitted(parameters, "I", textures)
+    start = parameters.vector("from", (0, 0, 0))
+    position = to_camera[:3, :3] @ start + to_camera[:3, 3]
+    if kind == "spot":
+        for name in ("to", "coneangle", "conedeltaangle"):
+            parameters.get(name)
+        notebook.add(APPROXIMATED, parameters.place, f"{parameters.owner}: shines everywhere")
+    if "power" in parameters.items:
+        power = parameters.float("power", 0.0)
+        if power > 0:
+            # Version 4: total power in watts of an isotropic source.
+            intensity = intensity / max(intensity.mean(), 1e-12) * power / (4 * math.pi)
+    rig.lights.append(Light(POINT, tuple(position.tolist()), _over_pi(intensity), 1.0))
+
+
+def _infinite(rig, parameters, textures, notebook) -> None:
+    radiance = emitted(parameters, "L", textures)
+    parameters.get("samples")
+    parameters.get("nsamples")
+    for name, octahedral in (("mapname", False), ("filename", True)):
+        if name not in parameters.items:
+            continue
+        path = textures.folder / parameters.string(name)
+        picture, encoded = read_picture(path, parameters.items[name].place)
+        if encoded:
+            from lfcore.scene.colour import srgb_to_linear
+
+            picture = srgb_to_linear(picture / 255.0)
+        # Version 3 maps by latitude, whose rows shrink towards the poles; version 4's
+        # octahedral map has texels of equal solid angle.
+        rows = len(picture)
+        weight = np.ones(rows) if octahedral else np.sin((np.arange(rows) + 0.5) / rows * math.pi)
+        radiance = radiance * np.average(picture.mean(1), axis=0, weights=weight)
+        notebook.add(
+            APPROXIMATED, parameters.items[name].place, f"{parameters.owner}: the mean of its map"
+        )
+    notebook.add(
+        APPROXIMATED, parameters.place, f"{parameters.owner}: ambient light without shadows"
+    )
+    rig.ambient = rig.ambient + radiance
+    rig.background = rig.background + radiance
+
+
+def add_area_light(
+    rig: LightRig, triangles: np.ndarray, radiance: np.ndarray, two_sided: bool, points: int
+) -> None:
+    """Let ``points`` point lights stand for an emitting surface.
+
+    ``triangles`` (T, 3, 3) is in camera space, front side counter-clockwise.  Points are spread
+    over the area at equal shares.  A point light cannot follow a cosine, so together they carry
+    what a far receiver gets: the radiance times the area facing it, which is the whole area of
+    a flat emitter seen along its normal and, by Cauchy, a quarter of a closed convex surface --
+    of whose points it sees half.
+    """
+    edge = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    double_area = np.linalg.norm(edge, axis=1)
+    area = double_area.sum() / 2
+    if not area > 0:
+        return
+    flatness = np.linalg.norm(edge.sum(0)) / double_area.sum()  # 1 flat, 0 closed
+    # What a receiver must get from all points together, and the share of points it sees.
+    projected = area * (flatness + (1 - flatness) / 4)
+    seen = 1.0 if two_sided or flatness > 0.5 else 0.5
+    intensity = radiance * projected / (points * seen)
+    size = np.ptp(triangles.reshape(-1, 3), axis=0).max()
+    for position, normal in _spread(triangles, edge, double_area, points):
+        lifted = position + _LIFT * size * normal
+        rig.lights.append(Light(POINT, tuple(lifted.tolist()), _over_pi(intensity), 1.0))
+
+
+def _spread(triangles, edge, double_area, points):
+    """Positions and unit normals of points at equal shares of the area (stratified, no seed)."""
+    cumulative = np.cumsum(double_area) / double_area.sum()
+    golden = (math.sqrt(5) - 1) / 2
+    for index in range(points):
+        share = (index + 0.5) / points
+        face = min(int(np.searchsorted(cumulative, share)), len(triangles) - 1)
+        a = math.sqrt((0.5 + index * golden) % 1.0) if len(triangles) <= 2 * points else 0.8165
+        b = (0.5 + index * golden * golden) % 1.0
+        first, second, third = triangles[face]
+        position = (1 - a) * first + a * (1 - b) * second + a * b * third
+        yield position, edge[face] / max(double_area[face], 1e-300)

@@ -1,0 +1,243 @@
+"""pbrt materials as Blinn-Phong surfaces.
+
+With the lights divided by pi (``lights.py``) the diffuse colour is pbrt's Kd.  A microfacet lobe of
+roughness ``alpha`` becomes the Blinn-Phong lobe of the same peak: exponent ``2 / alpha^2 - 2``
+(Walter et al. 2007) and specular colour ``R / (4 alpha^2)``, R the reflectance at normal
+incidence, clipped to one.  What Blinn-Phong has no word for -- mirror images, refraction,
+transparency, bumps -- is noted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.scene.parts import Surface
+from lfcore.scene.pbrt.lexer import Place, syntax_error
+from lfcore.scene.pbrt.notes import APPROXIMATED, LEFT_OUT, Notebook
+from lfcore.scene.pbrt.parameters import ParameterSet
+from lfcore.scene.pbrt.spectra import METALS, metal_reflectance, parameter_rgb
+from lfcore.scene.pbrt.textures import Texture, TextureTable, constant
+
+# Normal reflectance of a dielectric of index 1.5, pbrt's plastic.
+DIELECTRIC = 0.04
+# A polished metal shows its surroundings; Blinn-Phong has none, so this share of its
+# reflectance is diffuse: without it a metal out of the highlight would be black.
+METAL_DIFFUSE = 0.4
+MIRROR_SHININESS = 2000.0
+
+
+@dataclass(frozen=True, eq=False)
+class Resolved:
+    """A surface and where its texture lies; ``surface`` None: the material is no surface."""
+
+    surface: Surface | None
+    uv_scale: tuple[float, float] = (1.0, 1.0)
+    uv_offset: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Definition:
+    """A material directive, kept until a shape uses it."""
+
+    kind: str
+    parameters: ParameterSet
+
+
+def roughness_to_alpha(roughness: float) -> float:
+    """pbrt version 3's map from roughness in [0, 1] to the microfacet width."""
+    x = np.log(max(roughness, 1e-3))
+    coefficients = (0.000640711, 0.0171201, 0.1734, 0.819955, 1.62142)
+    return float(np.polyval(coefficients, x))
+
+
+def lobe(reflectance: np.ndarray, alpha: float) -> tuple[np.ndarray, float]:
+    """Specular colour and exponent of the Blinn-Phong lobe of equal peak (see above)."""
+    alpha = float(np.clip(alpha, 0.03, 1.0))
+    shininess = max(1.0, 2.0 / alpha**2 - 2.0)
+    return np.clip(reflectance / (4 * alpha**2), 0.0, 1.0), shininess
+
+
+class MaterialTable:
+    """Named materials, and surfaces made from definitions on first use."""
+
+    def __init__(self, textures: TextureTable, notebook: Notebook):
+        self.textures = textures
+        self.notebook = notebook
+        self.named: dict[str, Definition] = {}
+        self._resolved: dict[tuple[int, tuple], tuple[Definition, Resolved]] = {}
+
+    def find(self, name: str, place: Place) -> Definition:
+        if name not in self.named:
+            raise syntax_error(
+                f'material "{name}" is not defined', place, "Define it with MakeNamedMaterial"
+            )
+        return self.named[name]
+
+    def resolve(self, definition: Definition, emission: tuple = (0.0, 0.0, 0.0)) -> Resolved:
+        """The surface of a definition; one object for each definition and emission."""
+        key = id(definition), tuple(emission)
+        if key not in self._resolved:
+            self._resolved[key] = definition, self._make(definition, tuple(emission))
+        return self._resolved[key][1]
+
+    def _make(self, definition: Definition, emission: tuple) -> Resolved:
+        kind, parameters = definition.kind, definition.parameters
+        if kind in ("", "none", "interface"):
+            return Resolved(None)
+        makers = {
+            "matte": self._matte, "diffuse": self._diffuse, "plastic": self._plastic,
+            "coateddiffuse": self._coated, "uber": self._uber, "substrate": self._substrate,
+            "metal": self._metal, "conductor": self._metal, "mirror": self._mirror,
+            "mix": self._mix,
+        }  # fmt: skip
+        maker = makers.get(kind, self._unknown)
+        texture, specular, shininess = maker(parameters)
+        if parameters.get("bumpmap") or parameters.get("displacement"):
+            self.notebook.add(LEFT_OUT, parameters.place, f"bumps of {parameters.owner}")
+        parameters.note_unused(self.notebook)
+        surface = Surface(
+            name=parameters.owner.replace('"', ""),
+            diffuse=tuple(np.clip(texture.factor, 0, None).tolist()),
+            specular=tuple(np.asarray(specular, np.float64).tolist()),
+            shininess=shininess,
+            emission=emission,
+            texture=texture.image,
+        )
+        return Resolved(surface, texture.uv_scale, texture.uv_offset)
+
+    def _matte(self, parameters: ParameterSet):
+        if self.textures.number(parameters, "sigma", 0.0) > 0:
+            self.notebook.add(
+                APPROXIMATED, parameters.place, f"{parameters.owner}: sigma, Lambert instead"
+            )
+        return self.textures.colour(parameters, "Kd", 0.5), np.zeros(3), 32.0
+
+    def _diffuse(self, parameters: ParameterSet):
+        return self.textures.colour(parameters, "reflectance", 0.5), np.zeros(3), 32.0
+
+    def _alpha(self, parameters: ParameterSet, default: float, version4: bool = False) -> float:
+        rough = self.textures.number(parameters, "roughness", default)
+        u = self.textures.number(parameters, "uroughness", rough)
+        v = self.textures.number(parameters, "vroughness", rough)
+        if u != v:
+            self.notebook.add(
+                APPROXIMATED, parameters.place, f"{parameters.owner}: anisotropy, mean roughness"
+            )
+        rough = (u + v) / 2
+        if not parameters.bool("remaproughness", True):
+            return rough
+        return float(np.sqrt(rough)) if version4 else roughness_to_alpha(rough)
+
+    def _plastic(self, parameters: ParameterSet):
+        diffuse = self.textures.colour(parameters, "Kd", 0.25)
+        gloss = self.textures.rgb(parameters, "Ks", 0.25)
+        return diffuse, *lobe(gloss * DIELECTRIC, self._alpha(parameters, 0.1))
+
+    def _coated(self, parameters: ParameterSet):
+        diffuse = self.textures.colour(parameters, "reflectance", 0.5)
+        return diffuse, *lobe(np.full(3, DIELECTRIC), self._alpha(parameters, 0.0, True))
+
+    def _uber(self, parameters: ParameterSet):
+        diffuse = self.textures.colour(parameters, "Kd", 0.25)
+        gloss = self.textures.rgb(parameters, "Ks", 0.25)
+        for name, default, what in (("Kr", 0.0, "mirror image"), ("Kt", 0.0, "transmission")):
+            if self.textures.rgb(parameters, name, default).any():
+                self.notebook.add(
+                    LEFT_OUT, parameters.place, f"{what} ({name}) of {parameters.owner}"
+                )
+        if (self.textures.rgb(parameters, "opacity", 1.0) < 1).any():
+            self.notebook.add(APPROXIMATED, parameters.place, f"{parameters.owner}: opaque instead")
+        for name in ("eta", "index"):
+            parameters.get(name)
+        return diffuse, *lobe(gloss * DIELECTRIC, self._alpha(parameters, 0.1))
+
+    def _substrate(self, parameters: ParameterSet):
+        diffuse = self.textures.colour(parameters, "Kd", 0.5)
+        gloss = self.textures.rgb(parameters, "Ks", 0.5)
+        return diffuse, *lobe(gloss, self._alpha(parameters, 0.1))
+
+    def _metal(self, parameters: ParameterSet):
+        version4 = "conductor" in parameters.owner
+        alpha = self._alpha(parameters, 0.0 if version4 else 0.01, version4)
+        reflectance = self._metal_colour(parameters)
+        self.notebook.add(
+            APPROXIMATED,
+            parameters.place,
+            f"{parameters.owner}: highlights and {METAL_DIFFUSE:g} of its reflectance as diffuse",
+        )
+        return constant(METAL_DIFFUSE * reflectance), *lobe(reflectance, alpha)
+
+    def _metal_colour(self, parameters: ParameterSet) -> np.ndarray:
+        if "reflectance" in parameters.items:
+            return self.textures.rgb(parameters, "reflectance", 0.8)
+        eta, k = parameters.get("eta"), parameters.get("k")
+        named = [p.values[0] for p in (eta, k) if p is not None and isinstance(p.values, list)]
+        for metal, reflectance in METALS.items():
+            if any(metal in name.replace("-", "/").replace(".", "/").split("/") for name in named):
+                return np.array(reflectance)
+        if eta is None or k is None:
+            return np.array(METALS["Cu"])  # pbrt's default
+        folder = self.textures.folder
+        return metal_reflectance(parameter_rgb(eta, folder), parameter_rgb(k, folder))
+
+    def _mirror(self, parameters: ParameterSet):
+        reflectance = self.textures.rgb(parameters, "Kr", 0.9)
+        self.notebook.add(
+            APPROXIMATED,
+            parameters.place,
+            f"{parameters.owner}: highlights and {METAL_DIFFUSE:g} of its reflectance as diffuse",
+        )
+        return constant(METAL_DIFFUSE * reflectance), np.clip(reflectance, 0, 1), MIRROR_SHININESS
+
+    def _mix(self, parameters: ParameterSet):
+        pair = parameters.get("materials", "string")
+        if pair is not None:  # version 4: amount is the weight of the second
+            names = list(pair.values)
+            weight = 1.0 - self.textures.number(parameters, "amount", 0.5)
+        else:
+            names = [parameters.string(f"namedmaterial{n}") for n in (1, 2)]
+            weight = float(self.textures.rgb(parameters, "amount", 0.5).mean())
+        if len(names) != 2 or None in names:
+            raise syntax_error(f"{parameters.owner} wants two named materials", parameters.place)
+        first, second = (self.resolve(self.find(name, parameters.place)) for name in names)
+        if first.surface is None or second.surface is None:
+            raise syntax_error(
+                f"{parameters.owner} mixes a material that is none", parameters.place
+            )
+        return self._blend(first, second, weight, parameters)
+
+    def _blend(self, first: Resolved, second: Resolved, weight: float, parameters: ParameterSet):
+        halves = []
+        for half, share in ((first, weight), (second, 1.0 - weight)):
+            surface = half.surface
+            factor = np.array(surface.diffuse) * share
+            halves.append(Texture(factor, surface.texture, half.uv_scale, half.uv_offset))
+        images = [half for half in halves if half.image is not None]
+        if images:
+            # One texture multiplies the whole diffuse colour, so the other half takes its pattern.
+            kept = max(images, key=lambda half: half.factor.sum())
+            others = sum((h.mean() for h in halves if h is not kept), np.zeros(3))
+            mean = np.maximum(kept.mean(), 1e-6)
+            texture = Texture(
+                kept.factor * (1 + others / mean), kept.image, kept.uv_scale, kept.uv_offset
+            )
+            self.notebook.add(
+                APPROXIMATED, parameters.place, f"{parameters.owner}: one texture, of equal mean"
+            )
+        else:
+            texture = Texture(halves[0].factor + halves[1].factor)
+        a, b = first.surface, second.surface
+        specular = weight * np.array(a.specular) + (1 - weight) * np.array(b.specular)
+        glossier = max((a, b), key=lambda surface: sum(surface.specular))
+        return texture, specular, glossier.shininess
+
+    def _unknown(self, parameters: ParameterSet):
+        self.notebook.add(
+            APPROXIMATED, parameters.place, f"{parameters.owner}: as matte grey of 0.5"
+        )
+        for name in ("Kd", "reflectance", "color", "Kr"):
+            if name in parameters.items:
+                return self.textures.colour(parameters, name, 0.5), np.zeros(3), 32.0
+        return constant(0.5), np.zeros(3), 32.0

@@ -1,0 +1,47 @@
+"""What a pbrt scene asked for and did not get: one list, with file and line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from lfcore.scene.pbrt.lexer import Place
+
+LEFT_OUT, APPROXIMATED, NOT_USED = "left out", "approximated", "not used"
+
+
+@dataclass(frozen=True)
+class Note:
+    """One thing that could not be mapped exactly.
+
+    ``kind`` is :data:`LEFT_OUT` (missing from the picture), :data:`APPROXIMATED` (mapped to the
+    nearest thing there is) or :data:`NOT_USED` (has no meaning here, e.g. pbrt's sampler).
+    """
+
+    kind: str
+    file: Path
+    line: int
+    what: str
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}: {self.kind}: {self.what}"
+
+
+class Notebook:
+    """Collects notes while a scene is read; the same words at the same line count once."""
+
+    def __init__(self) -> None:
+        self._notes: dict[Note, None] = {}
+
+    def add(self, kind: str, place: Place, what: str) -> None:
+        self._notes.setdefault(Note(kind, place.file, place.line, what))
+
+    def notes(self) -> tuple[Note, ...]:
+        return tuple(self._notes)
+
+
+def summary(notes: tuple[Note, ...]) -> str:
+    """All notes as text, what is missing first; empty when everything was mapped."""
+    order = (LEFT_OUT, APPROXIMATED, NOT_USED)
+    ranked = sorted(notes, key=lambda note: order.index(note.kind))
+    return "\n".join(str(note) for note in ranked)

@@ -1,0 +1,155 @@
+"""Parameter lists ``"type name" [values]`` of pbrt directives, checked and typed."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lfcore.errors import SceneError
+from lfcore.scene.pbrt.lexer import Place, syntax_error
+from lfcore.scene.pbrt.notes import NOT_USED, Notebook
+
+COLOUR_TYPES = ("rgb", "color", "spectrum", "blackbody", "xyz")
+_POINTS = ("point", "point3", "vector", "vector3", "normal", "normal3")
+_PAIRS = ("point2", "vector2")
+NUMERIC_TYPES = ("integer", "float", "rgb", "color", "xyz", "blackbody", *_POINTS, *_PAIRS)
+TYPES = (*NUMERIC_TYPES, "spectrum", "bool", "string", "texture")
+
+
+@dataclass(eq=False)
+class Parameter:
+    """``values`` is a float64 array for numeric types, else a list of str or bool."""
+
+    type: str
+    name: str
+    values: np.ndarray | list
+    place: Place
+    used: bool = False
+
+
+@dataclass
+class ParameterSet:
+    """The parameters of one directive; whoever reads one marks it as used."""
+
+    owner: str  # e.g. 'Shape "sphere"', for messages
+    place: Place
+    items: dict[str, Parameter] = field(default_factory=dict)
+
+    def get(self, name: str, *types: str) -> Parameter | None:
+        """The parameter, marked as used; None when absent.
+
+        Raises :class:`SceneError` when its type is none of ``types``.
+        """
+        parameter = self.items.get(name)
+        if parameter is None:
+            return None
+        if types and parameter.type not in types:
+            raise syntax_error(
+                f'{self.owner} wants "{name}" as {" or ".join(types)}, not "{parameter.type}"',
+                parameter.place,
+                f'Write "{types[0]} {name}"',
+            )
+        parameter.used = True
+        return parameter
+
+    def floats(self, name: str, count: int | None = None) -> np.ndarray | None:
+        """All numbers of a float or integer parameter, float64; checked for ``count``."""
+        parameter = self.get(name, "float", "integer")
+        if parameter is None:
+            return None
+        if count is not None and len(parameter.values) != count:
+            raise self.wrong_count(parameter, str(count))
+        return parameter.values
+
+    def float(self, name: str, default: float) -> float:
+        values = self.floats(name, 1)
+        return default if values is None else float(values[0])
+
+    def integer(self, name: str, default: int) -> int:
+        value = self.float(name, default)
+        if value != int(value):
+            raise self.error(name, f"must be a whole number, not {value}")
+        return int(value)
+
+    def bool(self, name: str, default: bool) -> bool:
+        parameter = self.get(name, "bool")
+        return default if parameter is None else bool(parameter.values[0])
+
+    def string(self, name: str, default: str | None = None) -> str | None:
+        parameter = self.get(name, "string")
+        if parameter is None:
+            return default
+        if len(parameter.values) != 1:
+            raise self.wrong_count(parameter, "one string")
+        return parameter.values[0]
+
+    def vectors(self, name: str) -> np.ndarray | None:
+        """(n, 3) float64 of a point, vector or normal parameter."""
+        parameter = self.get(name, *_POINTS)
+        if parameter is None:
+            return None
+        if len(parameter.values) % 3:
+            raise self.wrong_count(parameter, "a multiple of 3")
+        return parameter.values.reshape(-1, 3)
+
+    def vector(self, name: str, default: tuple[float, float, float]) -> np.ndarray:
+        values = self.vectors(name)
+        if values is None:
+            return np.array(default, np.float64)
+        if len(values) != 1:
+            raise self.error(name, "must be 3 numbers")
+        return values[0]
+
+    def pairs(self, name: str) -> np.ndarray | None:
+        """(n, 2) float64 of a point2, vector2 or float parameter."""
+        parameter = self.get(name, "float", *_PAIRS)
+        if parameter is None:
+            return None
+        if len(parameter.values) % 2:
+            raise self.wrong_count(parameter, "a multiple of 2")
+        return parameter.values.reshape(-1, 2)
+
+    def indices(self, name: str) -> np.ndarray | None:
+        """Whole numbers, int64."""
+        values = self.floats(name)
+        if values is None:
+            return None
+        whole = values.astype(np.int64)
+        if not np.array_equal(whole, values):
+            raise self.error(name, "must be whole numbers")
+        return whole
+
+    def error(self, name: str, problem: str, remedy: str | None = None) -> SceneError:
+        """A :class:`SceneError` at the parameter, or at the directive when it is absent."""
+        parameter = self.items.get(name)
+        place = parameter.place if parameter else self.place
+        return syntax_error(f'"{name}" of {self.owner} {problem}', place, remedy)
+
+    def wrong_count(self, parameter: Parameter, wanted: str) -> SceneError:
+        return self.error(parameter.name, f"has {len(parameter.values)} values, wants {wanted}")
+
+    def note_unused(self, notebook: Notebook) -> None:
+        """Record the parameters that nobody read."""
+        for parameter in self.items.values():
+            if not parameter.used:
+                notebook.add(
+                    NOT_USED, parameter.place, f'parameter "{parameter.name}" of {self.owner}'
+                )
+
+
+def declare(text: str, place: Place) -> tuple[str, str]:
+    """Split ``"type name"``.  Raises :class:`SceneError` for an unknown type."""
+    words = text.split()
+    if len(words) != 2:
+        raise syntax_error(
+            f'"{text}" is not a parameter',
+            place,
+            'Write "type name", for example "float fov"',
+        )
+    if words[0] not in TYPES:
+        near = difflib.get_close_matches(words[0], TYPES, n=1)
+        hint = f"Did you mean {near[0]!r}" if near else f"Known types: {', '.join(TYPES)}"
+        raise syntax_error(f"unknown parameter type {words[0]!r}", place, hint)
+    return words[0], words[1]

@@ -1,0 +1,214 @@
+"""Directives of a pbrt scene file, included files in place."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.scene.pbrt import lexer
+from lfcore.scene.pbrt.lexer import Place, Token, syntax_error
+from lfcore.scene.pbrt.notes import APPROXIMATED, Notebook
+from lfcore.scene.pbrt.parameters import NUMERIC_TYPES, Parameter, ParameterSet, declare
+
+# What follows each directive: n numbers, s strings, w a word, p a parameter list; m one or two
+# strings.  Versions 3 and 4 together.
+GRAMMAR = {
+    "AttributeBegin": "", "AttributeEnd": "", "TransformBegin": "", "TransformEnd": "",
+    "WorldBegin": "", "WorldEnd": "", "ObjectEnd": "", "ReverseOrientation": "", "Identity": "",
+    "LookAt": "n9", "Translate": "n3", "Scale": "n3", "Rotate": "n4",
+    "Transform": "n16", "ConcatTransform": "n16", "TransformTimes": "n2",
+    "ActiveTransform": "w",
+    "CoordinateSystem": "s", "CoordSysTransform": "s", "Include": "s", "Import": "s",
+    "ObjectBegin": "s", "ObjectInstance": "s", "NamedMaterial": "s", "ColorSpace": "s",
+    "MediumInterface": "m",
+    "Camera": "sp", "Film": "sp", "Sampler": "sp", "Integrator": "sp", "Accelerator": "sp",
+    "PixelFilter": "sp", "SurfaceIntegrator": "sp", "VolumeIntegrator": "sp", "Renderer": "sp",
+    "Shape": "sp", "Material": "sp", "MakeNamedMaterial": "sp", "MakeNamedMedium": "sp",
+    "LightSource": "sp", "AreaLightSource": "sp", "Attribute": "sp",
+    "Texture": "sssp",
+    "Option": "p",
+}  # fmt: skip
+_INCLUDES = ("Include", "Import")
+
+
+@dataclass
+class Directive:
+    """``strings`` and ``numbers`` are the plain arguments, in order of reading."""
+
+    name: str
+    place: Place
+    strings: list[str]
+    numbers: np.ndarray
+    parameters: ParameterSet
+
+
+def read_directives(path: Path, notebook: Notebook) -> Iterator[Directive]:
+    """Every directive of the scene, in order, ``Include`` and ``Import`` followed.
+
+    Raises :class:`SceneError` naming file, line and token.
+    """
+    yield from _Parser(path, notebook).file(path, [], None)
+
+
+class _Parser:
+    def __init__(self, main: Path, notebook: Notebook):
+        self.folder = main.parent
+        self.notebook = notebook
+
+    def file(self, path: Path, stack: list[Path], asked: Place | None) -> Iterator[Directive]:
+        identity = path.resolve()
+        if identity in stack:
+            raise syntax_error(f"{str(path)!r} includes itself", asked, "Break the circle")
+        tokens = _Cursor(lexer.tokenize(lexer.read_text(path, asked), path))
+        while tokens.peek.kind != lexer.END:
+            directive = self.directive(tokens)
+            if directive.name in _INCLUDES:
+                target = self.locate(directive.strings[0], path)
+                yield from self.file(target, [*stack, identity], directive.place)
+            else:
+                yield directive
+
+    def locate(self, name: str, includer: Path) -> Path:
+        """Beside the main file, as pbrt; else beside the file that includes it."""
+        beside_main = self.folder / name
+        return beside_main if beside_main.exists() else includer.parent / name
+
+    def directive(self, tokens: _Cursor) -> Directive:
+        token = tokens.take()
+        if token.kind != lexer.WORD or token.value not in GRAMMAR:
+            near = difflib.get_close_matches(token.text, GRAMMAR, n=1)
+            hint = f"Did you mean {near[0]}" if near else "Give a directive such as Shape"
+            raise syntax_error(f"{token.text} is not a directive", token.place, hint)
+        name, grammar = token.value, GRAMMAR[token.value]
+        strings: list[str] = []
+        numbers = np.zeros(0)
+        if grammar.startswith("n"):
+            numbers = _numbers(tokens, int(grammar[1:]), name)
+        elif grammar == "w":
+            strings.append(str(tokens.take_kind(lexer.WORD, name).value))
+        elif grammar == "m":
+            strings.append(str(tokens.take_kind(lexer.STRING, name).value))
+            if tokens.peek.kind == lexer.STRING:
+                strings.append(str(tokens.take().value))
+        else:
+            for _ in range(grammar.count("s")):
+                strings.append(str(tokens.take_kind(lexer.STRING, name).value))
+        owner = " ".join([name, *(f'"{text}"' for text in strings)])
+        parameters = ParameterSet(owner, token.place)
+        if grammar.endswith("p"):
+            self.parameters(tokens, parameters)
+        return Directive(name, token.place, strings, numbers, parameters)
+
+    def parameters(self, tokens: _Cursor, into: ParameterSet) -> None:
+        while tokens.peek.kind == lexer.STRING:
+            head = tokens.take()
+            kind, name = declare(str(head.value), head.place)
+            if head.unclosed:
+                self.notebook.add(
+                    APPROXIMATED,
+                    head.place,
+                    f'"{head.value} lacks its closing quote: read as closed',
+                )
+            if name in into.items:
+                raise syntax_error(f'"{name}" is given twice', head.place, "Remove one of them")
+            values = _values(tokens, kind, head)
+            into.items[name] = Parameter(kind, name, values, head.place)
+
+
+class _Cursor:
+    """A token stream with one token of look-ahead."""
+
+    def __init__(self, tokens: Iterator[Token]):
+        self._tokens = tokens
+        self.peek = next(tokens)
+
+    def take(self) -> Token:
+        token = self.peek
+        if token.kind != lexer.END:
+            self.peek = next(self._tokens)
+        return token
+
+    def take_kind(self, kind: str, directive: str) -> Token:
+        token = self.take()
+        if token.kind != kind:
+            raise syntax_error(f"{directive} wants a {kind} here, not {token.text}", token.place)
+        return token
+
+
+def _numbers(tokens: _Cursor, count: int, directive: str) -> np.ndarray:
+    first = tokens.peek
+    if first.kind == lexer.NUMBERS:
+        values = tokens.take().value
+    else:
+        collected = []
+        while len(collected) < count and tokens.peek.kind == lexer.NUMBER:
+            collected.append(tokens.take().value)
+        values = np.array(collected, np.float64)
+        if len(values) < count:
+            stop = tokens.peek
+            raise syntax_error(
+                f"{directive} wants {count} numbers, but after {len(values)} comes {stop.text}",
+                stop.place,
+            )
+    if len(values) != count:
+        raise syntax_error(f"{directive} wants {count} numbers, not {len(values)}", first.place)
+    return values
+
+
+def _values(tokens: _Cursor, kind: str, head: Token) -> np.ndarray | list:
+    """The value or bracketed values that follow a parameter's name."""
+    token = tokens.take()
+    if token.kind == lexer.NUMBERS:
+        items: list | np.ndarray = token.value
+    elif token.kind == lexer.OPEN:
+        items = []
+        while tokens.peek.kind != lexer.CLOSE:
+            inner = tokens.take()
+            if inner.kind not in (lexer.NUMBER, lexer.STRING, lexer.WORD):
+                raise syntax_error(
+                    f'{inner.text} inside the values of "{head.value}"',
+                    inner.place,
+                    "Close the list with ]",
+                )
+            items.append(_scalar(inner))
+        tokens.take()
+    elif token.kind in (lexer.NUMBER, lexer.STRING, lexer.WORD):
+        items = [_scalar(token)]
+    else:
+        raise syntax_error(f'"{head.value}" has no value; {token.text} follows', token.place)
+    return _typed(items, kind, head, token)
+
+
+def _scalar(token: Token):
+    if token.kind != lexer.WORD:
+        return token.value
+    if token.value not in ("true", "false"):
+        raise syntax_error(f"{token.text} is not a value", token.place, "Quote strings")
+    return token.value == "true"
+
+
+def _typed(items, kind: str, head: Token, token: Token):
+    if len(items) == 0:
+        raise syntax_error(f'"{head.value}" has no value', head.place)
+    if kind == "bool":
+        words = {"true": True, "false": False, True: True, False: False}
+        # 0.0 == False in Python, so numbers are refused by type before the look-up.
+        if any(isinstance(item, float) or item not in words for item in items):
+            raise syntax_error(f'"{head.value}" must be true or false', token.place)
+        return [words[item] for item in items]
+    if kind in ("string", "texture"):
+        if not all(isinstance(item, str) for item in items):
+            raise syntax_error(f'"{head.value}" must be quoted text, not {token.text}', token.place)
+        return list(items)
+    if kind == "spectrum" and isinstance(items[0], str):
+        return list(items)
+    if not isinstance(items, np.ndarray):
+        if not all(isinstance(item, float) for item in items):
+            raise syntax_error(f'"{head.value}" must be numbers, not {token.text}', token.place)
+        items = np.array(items, np.float64)
+    assert kind in (*NUMERIC_TYPES, "spectrum")
+    return items

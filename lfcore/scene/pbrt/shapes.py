@@ -1,0 +1,253 @@
+"""pbrt shapes as triangles, in object space, float64.
+
+Curved shapes are tessellated so that no triangle leaves its surface by more than ``tolerance``
+times the radius; normals are the surface's own.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from lfcore.scene.pbrt.lexer import syntax_error
+from lfcore.scene.pbrt.loop_subdivision import loop_subdivide
+from lfcore.scene.pbrt.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
+from lfcore.scene.pbrt.parameters import ParameterSet
+
+TOLERANCE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """(T, 3, 3) corners, and per corner normals (T, 3, 3) or None, uvs (T, 3, 2) or None."""
+
+    triangles: np.ndarray
+    normals: np.ndarray | None
+    uvs: np.ndarray | None
+
+
+# Corners of a triangle without texture coordinates, as pbrt gives them.
+_DEFAULT_UVS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+
+
+def tessellate(
+    kind: str,
+    parameters: ParameterSet,
+    folder: Path,
+    notebook: Notebook,
+    tolerance: float = TOLERANCE,
+) -> Mesh | None:
+    """The triangles of ``Shape "kind"``; None and a note for a shape that is not mapped.
+
+    Raises :class:`SceneError` naming the place for parameters that make no shape.
+    """
+    makers = {
+        "trianglemesh": _trianglemesh,
+        "plymesh": _plymesh,
+        "sphere": _sphere,
+        "disk": _disk,
+        "cylinder": _cylinder,
+        "loopsubdiv": _loopsubdiv,
+    }
+    if kind not in makers:
+        notebook.add(LEFT_OUT, parameters.place, f'Shape "{kind}"')
+        return None
+    for name in ("alpha", "shadowalpha"):
+        if name in parameters.items:
+            parameters.get(name)
+            notebook.add(
+                APPROXIMATED, parameters.items[name].place, f'{parameters.owner}: "{name}", opaque'
+            )
+    if kind in ("trianglemesh", "plymesh", "loopsubdiv"):
+        mesh = makers[kind](parameters, folder)
+    else:
+        mesh = makers[kind](parameters, tolerance)
+    if "S" in parameters.items:
+        parameters.get("S")
+        notebook.add(NOT_USED, parameters.place, f'"S" (tangents) of {parameters.owner}')
+    parameters.note_unused(notebook)
+    return mesh
+
+
+def with_uvs(mesh: Mesh) -> np.ndarray:
+    """(T, 3, 2): the mesh's texture coordinates, or pbrt's default for each triangle."""
+    if mesh.uvs is not None:
+        return mesh.uvs
+    return np.broadcast_to(_DEFAULT_UVS, (len(mesh.triangles), 3, 2))
+
+
+def _indexed(points, faces, normals, uvs) -> Mesh:
+    pick = lambda values: None if values is None else values[faces]  # noqa: E731
+    return Mesh(points[faces], pick(normals), pick(uvs))
+
+
+def _faces(parameters: ParameterSet, count: int) -> np.ndarray:
+    indices = parameters.indices("indices")
+    if indices is None:
+        if count == 3:
+            return np.array([[0, 1, 2]])
+        raise parameters.error("indices", "is missing")
+    if len(indices) % 3:
+        raise parameters.error("indices", f"has {len(indices)} values, not a multiple of 3")
+    if len(indices) and (indices.min() < 0 or indices.max() >= count):
+        wrong = int(indices[(indices < 0) | (indices >= count)][0])
+        raise parameters.error("indices", f"holds {wrong}, but there are {count} points")
+    return indices.reshape(-1, 3)
+
+
+def _trianglemesh(parameters: ParameterSet, folder: Path) -> Mesh:
+    points = parameters.vectors("P")
+    if points is None:
+        raise parameters.error("P", "is missing")
+    normals = parameters.vectors("N")
+    uvs = parameters.pairs("uv")
+    uvs = parameters.pairs("st") if uvs is None else uvs
+    for name, values in (("N", normals), ("uv", uvs)):
+        if values is not None and len(values) != len(points):
+            raise parameters.error(name, f"has {len(values)} entries for {len(points)} points")
+    return _indexed(points, _faces(parameters, len(points)), normals, uvs)
+
+
+def _plymesh(parameters: ParameterSet, folder: Path) -> Mesh:
+    name = parameters.string("filename")
+    if name is None:
+        raise parameters.error("filename", "is missing", "Name the PLY file")
+    place, path = parameters.items["filename"].place, folder / name
+    try:
+        data = path.read_bytes()
+        if path.suffix == ".gz":
+            data = gzip.decompress(data)
+        loaded = trimesh.load(io.BytesIO(data), file_type="ply", process=False)
+        points = np.asarray(loaded.vertices, np.float64)
+        faces = np.asarray(loaded.faces, np.int64)
+        if not len(faces):
+            raise ValueError("it holds no faces")
+    except Exception as error:  # the reader raises whatever its parts raise on damage
+        reason = getattr(error, "strerror", None) or error
+        raise syntax_error(f"PLY file {str(path)!r} cannot be read: {reason}", place) from error
+    raw = loaded.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
+    return _indexed(
+        points,
+        faces,
+        _columns(raw, len(points), ("nx", "ny", "nz")),
+        _first(_columns(raw, len(points), pair) for pair in (("u", "v"), ("s", "t"))),
+    )
+
+
+def _columns(raw, count: int, names: tuple[str, ...]) -> np.ndarray | None:
+    """Vertex properties of a PLY file as (count, len(names)) float64; None when it lacks them."""
+    # The reader gives a structured array for binary files and a dictionary for text.
+    known = raw.keys() if isinstance(raw, dict) else getattr(raw, "dtype", np.dtype("f4")).names
+    if not set(names) <= set(known or ()) or any(len(raw[name]) != count for name in names):
+        return None
+    return np.stack([np.asarray(raw[name], np.float64).reshape(count) for name in names], -1)
+
+
+def _first(candidates):
+    return next((candidate for candidate in candidates if candidate is not None), None)
+
+
+def _loopsubdiv(parameters: ParameterSet, folder: Path) -> Mesh:
+    points = parameters.vectors("P")
+    if points is None:
+        raise parameters.error("P", "is missing")
+    levels = parameters.integer("levels", parameters.integer("nlevels", 3))
+    if not 0 <= levels <= 10:
+        raise parameters.error("levels", f"must be from 0 to 10, not {levels}")
+    parameters.get("scheme")
+    limit, faces, normals = loop_subdivide(points, _faces(parameters, len(points)), levels)
+    return _indexed(limit, faces, normals, None)
+
+
+def _angle_steps(angle: float, tolerance: float) -> int:
+    """Chords of an arc that stay within ``tolerance`` radii of it."""
+    step = 2.0 * math.acos(1.0 - min(tolerance, 0.5))
+    return max(3 if angle > 6 else 1, math.ceil(angle / step - 1e-9))
+
+
+def _phi_max(parameters: ParameterSet) -> float:
+    return math.radians(min(max(parameters.float("phimax", 360.0), 0.0), 360.0))
+
+
+def _radius(parameters: ParameterSet, default: float = 1.0) -> float:
+    radius = parameters.float("radius", default)
+    if not radius > 0:
+        raise parameters.error("radius", f"must be above 0, not {radius}")
+    return radius
+
+
+def _sphere(parameters: ParameterSet, tolerance: float) -> Mesh:
+    radius = _radius(parameters)
+    ends = [parameters.float("zmin", -radius), parameters.float("zmax", radius)]
+    low, high = (min(max(z, -radius), radius) for z in (min(ends), max(ends)))
+    start, stop = math.acos(low / radius), math.acos(high / radius)
+    phi_max = _phi_max(parameters)
+    # Both directions bend: half the tolerance for each, so that their sum keeps it.
+    rows = _angle_steps(start - stop, tolerance / 2)
+    columns = _angle_steps(phi_max, tolerance / 2)
+    theta = np.linspace(start, stop, rows + 1)[:, None]
+    phi = np.linspace(0.0, phi_max, columns + 1)[None, :]
+    # sin(pi) is not zero in floating point; a pole must be one point to stay closed.
+    sine = np.where(np.isclose(np.abs(np.cos(theta)), 1.0, atol=1e-15), 0.0, np.sin(theta))
+    outward = np.stack(
+        [
+            sine * np.cos(phi),
+            sine * np.sin(phi),
+            np.broadcast_to(np.cos(theta), (rows + 1, columns + 1)),
+        ],
+        -1,
+    )
+    _close(outward, phi_max)
+    return _grid(radius * outward, outward)
+
+
+def _disk(parameters: ParameterSet, tolerance: float) -> Mesh:
+    radius, inner = _radius(parameters), parameters.float("innerradius", 0.0)
+    height, phi_max = parameters.float("height", 0.0), _phi_max(parameters)
+    columns = _angle_steps(phi_max, tolerance)
+    phi = np.linspace(0.0, phi_max, columns + 1)[None, :]
+    reach = np.array([radius, inner])[:, None]
+    points = np.stack(np.broadcast_arrays(reach * np.cos(phi), reach * np.sin(phi), height), -1)
+    _close(points, phi_max)
+    return _grid(points, np.broadcast_to([0.0, 0.0, 1.0], points.shape))
+
+
+def _cylinder(parameters: ParameterSet, tolerance: float) -> Mesh:
+    radius = _radius(parameters)
+    low, high = sorted([parameters.float("zmin", -1.0), parameters.float("zmax", 1.0)])
+    phi_max = _phi_max(parameters)
+    phi = np.linspace(0.0, phi_max, _angle_steps(phi_max, tolerance) + 1)[None, :]
+    z = np.array([low, high])[:, None]
+    outward = np.stack(np.broadcast_arrays(np.cos(phi), np.sin(phi), 0.0 * z), -1)
+    points = np.stack(np.broadcast_arrays(radius * np.cos(phi), radius * np.sin(phi), z), -1)
+    _close(outward, phi_max)
+    _close(points, phi_max)
+    return _grid(points, outward)
+
+
+def _close(points: np.ndarray, phi_max: float) -> None:
+    """Make the last column the first to the last bit when the shape goes all the way round."""
+    if phi_max >= 2 * math.pi * (1 - 1e-12):
+        points[:, -1] = points[:, 0]
+
+
+def _grid(points: np.ndarray, normals: np.ndarray) -> Mesh:
+    """Triangles of an (R, C, 3) grid, u along columns and v along rows, without degenerate ones."""
+    rows, columns = points.shape[0] - 1, points.shape[1] - 1
+    corner = np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)[None, :]
+    a, b = corner.ravel(), corner.ravel() + 1
+    d, c = a + columns + 1, b + columns + 1
+    faces = np.stack([a, b, c, a, c, d], -1).reshape(-1, 3)
+    flat = points.reshape(-1, 3)
+    first, second, third = (flat[faces[:, i]] for i in range(3))
+    same = lambda p, q: (p == q).all(1)  # noqa: E731
+    faces = faces[~(same(first, second) | same(second, third) | same(third, first))]
+    u, v = np.meshgrid(np.linspace(0, 1, columns + 1), np.linspace(0, 1, rows + 1))
+    uvs = np.stack([u.ravel(), v.ravel()], -1)
+    return _indexed(flat, faces, normals.reshape(-1, 3), uvs)

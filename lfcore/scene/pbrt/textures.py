@@ -1,0 +1,233 @@
+"""pbrt textures as what the tracer has: one colour, times one image with a uv transform."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from lfcore.errors import SceneError
+from lfcore.scene.colour import linear_to_srgb, srgb_to_linear
+from lfcore.scene.pbrt.lexer import Place, syntax_error
+from lfcore.scene.pbrt.notes import APPROXIMATED, LEFT_OUT, Notebook
+from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet
+from lfcore.scene.pbrt.spectra import parameter_rgb
+
+# Side in texels of one field of a checkerboard: bilinear filtering blurs 1 / 64 of its edge.
+CHECK_TEXELS = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """``factor`` (linear RGB) times ``image`` looked up at ``uv * uv_scale + uv_offset``.
+
+    ``image`` is (H, W, 3) uint8, sRGB encoded, row 0 on top; None: the factor alone.
+    """
+
+    factor: np.ndarray
+    image: np.ndarray | None = None
+    uv_scale: tuple[float, float] = (1.0, 1.0)
+    uv_offset: tuple[float, float] = (0.0, 0.0)
+
+    def mean(self) -> np.ndarray:
+        """(3,) average linear RGB."""
+        if self.image is None:
+            return self.factor
+        return self.factor * srgb_to_linear(self.image / 255.0).mean((0, 1))
+
+    @property
+    def placement(self) -> tuple:
+        return (*self.uv_scale, *self.uv_offset)
+
+
+def constant(value: float | np.ndarray) -> Texture:
+    return Texture(np.broadcast_to(np.asarray(value, np.float64), (3,)).copy())
+
+
+def encode(linear: np.ndarray) -> tuple[np.ndarray, float]:
+    """Linear (H, W, 3) as sRGB uint8 and the factor that restores values above one."""
+    top = max(1.0, float(linear.max(initial=0.0)))
+    return np.rint(linear_to_srgb(np.clip(linear / top, 0, 1)) * 255).astype(np.uint8), top
+
+
+def read_picture(path: Path, place: Place) -> tuple[np.ndarray, bool]:
+    """A picture as (H, W, 3), RGB, row 0 on top, and whether it is encoded 8-bit sRGB.
+
+    Anything else (EXR, PFM, HDR, 16 bit) comes as linear float32.
+    Raises :class:`SceneError` at ``place`` when it cannot be read.
+    """
+    if not path.exists():
+        raise syntax_error(f"image {str(path)!r} does not exist", place, "Check the path")
+    if path.suffix.lower() == ".exr":
+        from lfcore.storage.tiled_exr import read_picture as read_exr
+
+        return read_exr(path), False
+    picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if picture is None:
+        raise syntax_error(f"image {str(path)!r} cannot be decoded", place, "Use PNG, EXR or TGA")
+    if picture.ndim == 2:
+        picture = np.repeat(picture[..., None], 3, -1)
+    picture = np.ascontiguousarray(picture[..., 2::-1])
+    if picture.dtype == np.uint8:
+        return picture, True
+    if picture.dtype == np.uint16:
+        return srgb_to_linear(picture / 65535.0).astype(np.float32), False
+    return picture.astype(np.float32), False
+
+
+class TextureTable:
+    """The named textures of a scene, resolved as they are defined."""
+
+    def __init__(self, folder: Path, notebook: Notebook):
+        self.folder = folder
+        self.notebook = notebook
+        self._named: dict[tuple[bool, str], Texture] = {}
+
+    def define(self, name: str, value_type: str, kind: str, parameters: ParameterSet) -> None:
+        """Handle ``Texture "name" "type" "class"``; an unknown class becomes its mean, noted."""
+        makers = {
+            "constant": self._constant,
+            "imagemap": self._imagemap,
+            "scale": self._scale,
+            "checkerboard": self._checkerboard,
+        }
+        if kind in makers:
+            texture = makers[kind](parameters)
+        else:
+            texture = constant(0.5)
+            self.notebook.add(
+                LEFT_OUT, parameters.place, f'Texture "{name}" of class "{kind}": a grey of 0.5'
+            )
+        parameters.note_unused(self.notebook)
+        self._named[value_type == "float", name] = texture
+
+    def find(self, name: str, place: Place, is_float: bool) -> Texture:
+        texture = self._named.get((is_float, name))
+        if texture is None:
+            raise syntax_error(
+                f'texture "{name}" is not defined', place, "Define it before with Texture"
+            )
+        return texture
+
+    def colour(self, parameters: ParameterSet, name: str, default) -> Texture:
+        """A colour parameter that may be a texture."""
+        parameter = parameters.get(name, "texture", "float", *COLOUR_TYPES)
+        if parameter is None:
+            return constant(default)
+        if parameter.type == "texture":
+            try:
+                return self.find(parameter.values[0], parameter.place, False)
+            except SceneError:
+                return self.find(parameter.values[0], parameter.place, True)
+        return Texture(parameter_rgb(parameter, self.folder).astype(np.float64))
+
+    def number(self, parameters: ParameterSet, name: str, default: float) -> float:
+        """A float parameter; a texture counts with its mean, noted."""
+        parameter = parameters.get(name, "texture", "float")
+        if parameter is None:
+            return default
+        if parameter.type == "float":
+            return float(parameter.values[0])
+        texture = self.find(parameter.values[0], parameter.place, True)
+        if texture.image is not None:
+            self.notebook.add(
+                APPROXIMATED,
+                parameter.place,
+                f'"{name}" of {parameters.owner}: the mean of its texture',
+            )
+        return float(texture.mean()[0])
+
+    def rgb(self, parameters: ParameterSet, name: str, default) -> np.ndarray:
+        """A colour parameter as one colour; a texture counts with its mean, noted."""
+        texture = self.colour(parameters, name, default)
+        if texture.image is not None:
+            self.notebook.add(
+                APPROXIMATED,
+                parameters.items[name].place,
+                f'"{name}" of {parameters.owner}: the mean of its texture',
+            )
+        return texture.mean()
+
+    def _constant(self, parameters: ParameterSet) -> Texture:
+        return self.colour(parameters, "value", 1.0)
+
+    def _scale(self, parameters: ParameterSet) -> Texture:
+        # Version 3 multiplies tex1 by tex2, version 4 tex by scale.
+        old = "tex1" in parameters.items or "tex2" in parameters.items
+        first, second = ("tex1", "tex2") if old else ("tex", "scale")
+        a, b = self.colour(parameters, first, 1.0), self.colour(parameters, second, 1.0)
+        if a.image is None:
+            return replace(b, factor=a.factor * b.factor)
+        if b.image is None:
+            return replace(a, factor=a.factor * b.factor)
+        if a.placement != b.placement:
+            self.notebook.add(
+                APPROXIMATED,
+                parameters.place,
+                f"{parameters.owner}: images of different uv mapping, the second as its mean",
+            )
+            return replace(a, factor=a.factor * b.mean())
+        return _product(a, b)
+
+    def _imagemap(self, parameters: ParameterSet) -> Texture:
+        name = parameters.string("filename")
+        if name is None:
+            raise parameters.error("filename", "is missing", "Name the image file")
+        place = parameters.items["filename"].place
+        picture, encoded = read_picture(self.folder / name, place)
+        is_linear = parameters.string("encoding", "sRGB") == "linear" or not parameters.bool(
+            "gamma", True
+        )
+        factor = 1.0
+        if encoded and is_linear:
+            picture, encoded = picture / 255.0, False
+        if not encoded:
+            picture, factor = encode(picture)
+        if parameters.bool("invert", False):
+            picture, factor = encode(1.0 - srgb_to_linear(picture / 255.0) * factor)
+        if (wrap := parameters.string("wrap", "repeat")) != "repeat":
+            self.notebook.add(
+                APPROXIMATED, parameters.items["wrap"].place, f'wrap "{wrap}": repeats instead'
+            )
+        for sampling in ("trilinear", "maxanisotropy", "filter"):
+            parameters.get(sampling)
+        factor *= parameters.float("scale", 1.0)
+        return self._placed(Texture(np.full(3, factor), picture), parameters)
+
+    def _checkerboard(self, parameters: ParameterSet) -> Texture:
+        if parameters.integer("dimension", 2) != 2:
+            self.notebook.add(
+                APPROXIMATED, parameters.place, f"{parameters.owner}: 3D, drawn in 2D"
+            )
+        parameters.get("aamode")
+        one, two = (self.rgb(parameters, name, d) for name, d in (("tex1", 1.0), ("tex2", 0.0)))
+        fields = np.stack([np.stack([two, one]), np.stack([one, two])])  # row 0 on top
+        board = np.repeat(np.repeat(fields, CHECK_TEXELS, 0), CHECK_TEXELS, 1)
+        image, top = encode(board)
+        # One repeat of the image holds two fields each way.
+        return self._placed(Texture(np.full(3, top), image), parameters, period=2.0)
+
+    def _placed(self, texture: Texture, parameters: ParameterSet, period: float = 1.0) -> Texture:
+        mapping = parameters.string("mapping", "uv")
+        if mapping != "uv":
+            self.notebook.add(
+                APPROXIMATED,
+                parameters.items["mapping"].place,
+                f'{parameters.owner}: mapping "{mapping}" as "uv"',
+            )
+        scale = tuple(parameters.float(name, 1.0) / period for name in ("uscale", "vscale"))
+        offset = tuple(parameters.float(name, 0.0) / period for name in ("udelta", "vdelta"))
+        return replace(texture, uv_scale=scale, uv_offset=offset)
+
+
+def _product(a: Texture, b: Texture) -> Texture:
+    height = max(a.image.shape[0], b.image.shape[0])
+    width = max(a.image.shape[1], b.image.shape[1])
+    linear = [
+        cv2.resize(srgb_to_linear(t.image / 255.0), (width, height), interpolation=cv2.INTER_LINEAR)
+        for t in (a, b)
+    ]
+    image, top = encode(linear[0] * linear[1])
+    return replace(a, factor=a.factor * b.factor * top, image=image)

@@ -1,0 +1,237 @@
+"""The bedroom scene: a sunny furnished room, toys on the rug in front, the bed behind them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lfcore.scene.colour import hex_colour
+from lfcore.scene.parts import Part, Surface, count, merge, transform_all
+from lfcore.scene.procedural import foliage, furniture, softgoods, textures, toys
+from lfcore.scene.procedural.bedroom_surfaces import surfaces
+from lfcore.scene.procedural.budget import fill_to
+from lfcore.scene.procedural.pictures import art_print, wallpaper
+from lfcore.scene.procedural.primitives import (
+    box,
+    cylinder,
+    disc,
+    lathe,
+    quad,
+    rectangle,
+    scattered,
+    sphere,
+    tube,
+)
+from lfcore.scene.transforms import chain, rotate, scale, translate
+
+LEFT, RIGHT, BACK, FRONT, CEILING = -2.1, 2.1, -2.7, 3.6, 2.65
+# The window in the left wall: z from, z to, sill, head.
+WINDOW = (-1.35, 0.75, 0.62, 2.30)
+SHEEPSKIN = chain(rotate("y", 12), translate(0.92, 0, -0.95))
+
+
+def build(seed: int, *, triangles: int = 207000) -> list[Part]:
+    """Exactly ``triangles`` of them; a sheepskin's fleece takes up what the rest leaves."""
+    rng = np.random.default_rng(seed)
+    look = surfaces(seed)
+    parts = _room(seed, look) + _window(look, seed)
+    parts += transform_all(furniture.bed(seed, look), translate(-0.42, 0, BACK + 0.06))
+    parts += _beside_bed(look)
+    shelf = furniture.bookshelf(rng, look, width=0.98)
+    parts += transform_all(shelf, translate(1.10, 0, BACK + 0.01))
+    chair = furniture.armchair(seed + 50, look)
+    parts += transform_all(chair, chain(rotate("y", -42), translate(1.50, 0, -0.15)))
+    plant = furniture.potted_plant(rng, look)
+    parts += transform_all(plant, translate(-1.62, 0, -2.2))
+    carpet = softgoods.rug(1.9, 1.35, look["rug"], look["fringe"], seed=seed + 60)
+    parts += transform_all(carpet, chain(rotate("y", 4), translate(-0.15, 0, 0.42)))
+    parts += _toys(seed, look) + _on_walls(seed, look) + _lantern(look)
+    parts += transform_all(furniture.tulip_table(rng, look), translate(0.98, 0, 1.72))
+    hide = disc((0, 0, 0), (0, 1, 0), 1.0, look["fleece"], segments=48)
+    parts.append(hide.transformed(chain(scale(0.33, 1, 0.5), SHEEPSKIN, translate(0, 0.006, 0))))
+    unit = foliage.tuft(rng, 8, look["fleece"], height=0.045, radius=0.02)
+    # Fleece is lit as one soft surface, not as hundreds of blades.
+    unit = replace(unit, normals=np.broadcast_to((0.0, 1.0, 0.0), unit.triangles.shape))
+    parts += fill_to(triangles - count(parts), unit, lambda n: _sheepskin(rng, n, unit))
+    return merge(parts)
+
+
+def _room(seed: int, look) -> list[Part]:
+    boards = textures.planks(seed + 20, (138, 98, 60), (190, 146, 98), rows=8)
+    floor = Surface("floor", (0.95, 0.95, 0.95), (0.06, 0.06, 0.06), 40.0, texture=boards)
+    paint = Surface(
+        "wall", (0.95, 0.95, 0.95), texture=textures.plaster(seed + 21, (206, 208, 192), contrast=5)
+    )
+    paper = Surface("wallpaper", (0.95, 0.95, 0.95), texture=wallpaper(seed + 22))
+    ceiling = Surface("ceiling", hex_colour("#efece4"))
+    deep, wide, tall = FRONT - BACK, RIGHT - LEFT, CEILING
+    z0, z1, sill, head = WINDOW
+    parts = [
+        rectangle((LEFT, 0, FRONT), (0, 0, -deep), (wide, 0, 0), floor, repeat=0.62),
+        rectangle((LEFT, 0, BACK), (wide, 0, 0), (0, tall, 0), paper, repeat=1.05),
+        rectangle((RIGHT, 0, BACK), (0, 0, deep), (0, tall, 0), paint, repeat=0.5),
+        rectangle((LEFT, tall, BACK), (wide, 0, 0), (0, 0, deep), ceiling),
+    ]
+    for start, end, low, high in (
+        (BACK, z0, 0, tall), (z0, z1, 0, sill), (z0, z1, head, tall), (z1, FRONT, 0, tall)
+    ):  # fmt: skip
+        parts.append(
+            rectangle((LEFT, low, end), (0, 0, start - end), (0, high - low, 0), paint, repeat=0.5)
+        )
+    for origin, size in (
+        ((0, 0.06, BACK + 0.011), (wide, 0.12, 0.022)),
+        ((RIGHT - 0.011, 0.06, (BACK + FRONT) / 2), (0.022, 0.12, deep)),
+        ((LEFT + 0.011, 0.06, (BACK + FRONT) / 2), (0.022, 0.12, deep)),
+        ((0, tall - 0.04, BACK + 0.03), (wide, 0.08, 0.06)),
+        ((RIGHT - 0.03, tall - 0.04, (BACK + FRONT) / 2), (0.06, 0.08, deep)),
+        ((LEFT + 0.03, tall - 0.04, (BACK + FRONT) / 2), (0.06, 0.08, deep)),
+    ):
+        parts.append(box(size, look["white"], centre=origin))
+    return parts
+
+
+def _window(look, seed: int) -> list[Part]:
+    z0, z1, sill, head = WINDOW
+    x, middle, wide, tall = LEFT - 0.09, (z0 + z1) / 2, z1 - z0, head - sill
+    parts = []
+    for z in (z0 + 0.03, middle, z1 - 0.03):
+        parts.append(box((0.06, tall, 0.07), look["white"], centre=(x, (sill + head) / 2, z)))
+    for y in (sill + 0.03, sill + 0.62, head - 0.03):
+        parts.append(box((0.05, 0.05, wide), look["white"], centre=(x, y, middle)))
+    for z in ((z0 + middle) / 2, (z1 + middle) / 2):
+        parts.append(box((0.03, tall, 0.03), look["white"], centre=(x, (sill + head) / 2, z)))
+    parts.append(
+        box((0.30, 0.035, wide + 0.16), look["white"], centre=(LEFT + 0.06, sill - 0.018, middle))
+    )
+    reveal = [
+        (z0, sill, z0, head),
+        (z1, sill, z1, head),
+        (z0, sill, z1, sill),
+        (z0, head, z1, head),
+    ]
+    for za, ya, zb, yb in reveal:
+        corners = [(LEFT - 0.12, ya, za), (LEFT, ya, za), (LEFT, yb, zb), (LEFT - 0.12, yb, zb)]
+        parts.append(quad(corners, look["white"]))
+    rod = [(LEFT + 0.10, head + 0.16, z0 - 0.55), (LEFT + 0.10, head + 0.16, z1 + 0.55)]
+    parts.append(tube(rod, 0.014, look["brass"], segments=16))
+    for z in (z0 - 0.57, z1 + 0.57):
+        parts.append(
+            sphere(0.03, look["brass"], centre=(LEFT + 0.10, head + 0.16, z), segments=24, rings=16)
+        )
+    for start, pull in ((z1 + 0.50, 1.0), (z0 + 0.22, -1.0)):
+        drape = softgoods.curtain(
+            0.72, head + 0.10, look["curtain"], seed=seed + int(start > 0), pull=pull, repeat=1.4
+        )
+        turn = chain(rotate("y", 90), translate(LEFT + 0.11, 0.04, start))
+        parts.append(drape.transformed(turn))
+    pot = lathe(
+        [(0, 0), (0.05, 0), (0.065, 0.10), (0.058, 0.10), (0, 0.09)], look["clay"], segments=28
+    )
+    rng = np.random.default_rng(seed + 70)
+    leaf = foliage.blade(0.13, 0.035, look["leaf"], bend=0.25, pieces=5, widest=0.3)
+    for z in (-1.0, -0.35):
+        place = translate(LEFT + 0.10, sill, z)
+        parts.append(pot.transformed(place))
+        parts.append(
+            foliage.rosette(rng, 26, leaf, foot=(0, 0.09, 0), lift=(0.25, 1.0)).transformed(place)
+        )
+    return parts
+
+
+def _beside_bed(look) -> list[Part]:
+    parts = transform_all(furniture.night_table(look), translate(0.78, 0, BACK + 0.24))
+    parts += transform_all(furniture.table_lamp(look), translate(0.85, 0.52, BACK + 0.20))
+    for number in range(2):
+        volume = furniture.book(
+            (0.035, 0.21, 0.15), 4 + 7 * number, look["books"], look["paper"], lying=True
+        )
+        parts += transform_all(
+            volume,
+            chain(
+                rotate("y", 8 - 20 * number), translate(0.58, 0.52 + 0.036 * number, BACK + 0.38)
+            ),
+        )
+    mug = lathe(
+        [
+            (0, 0),
+            (0.032, 0),
+            (0.036, 0.01),
+            (0.036, 0.085),
+            (0.032, 0.085),
+            (0.031, 0.012),
+            (0, 0.01),
+        ],
+        look["white"],
+        segments=36,
+    )
+    parts.append(mug.transformed(translate(0.92, 0.52, BACK + 0.37)))
+    return parts
+
+
+def _toys(seed: int, look) -> list[Part]:
+    parts = transform_all(
+        toys.toy_corner(seed), chain(rotate("y", 6), translate(0.14, 0.022, 0.84))
+    )
+    bear = softgoods.teddy(look["fur"], look["light fur"], look["button"], seed=seed + 80)
+    parts += transform_all(bear, chain(rotate("y", 20), translate(-0.56, 0.022, 0.78)))
+    return parts
+
+
+def _on_walls(seed: int, look) -> list[Part]:
+    """Three framed prints over the bed, a mirror on the right, a string of lights."""
+    parts = []
+    for number, (x, y, width, tall) in enumerate(
+        ((-1.02, 1.86, 0.46, 0.60), (-0.42, 1.92, 0.56, 0.72), (0.18, 1.86, 0.46, 0.60))
+    ):
+        picture = Surface(
+            f"print {number}", (1, 1, 1), texture=art_print(seed + 90 + number, number)
+        )
+        low = (x - width / 2, y - tall / 2, BACK + 0.016)
+        parts.append(rectangle(low, (width, 0, 0), (0, tall, 0), picture))
+        for side in (-1, 1):
+            upright = (x + side * width / 2, y, BACK + 0.02)
+            parts.append(box((0.03, tall + 0.03, 0.04), look["oak"], centre=upright, grain=1))
+            level = (x, y + side * tall / 2, BACK + 0.02)
+            parts.append(box((width + 0.03, 0.03, 0.036), look["oak"], centre=level))
+    bulb = Surface("bulb", hex_colour("#e8cf90"), emission=(0.75, 0.55, 0.28))
+    wire = Surface("wire", hex_colour("#3a3a34"))
+    path = []
+    for k in range(4):
+        t = np.linspace(0, 1, 16, endpoint=k == 3)
+        x = -2.0 + (k + t) * 1.0
+        path.append(
+            np.stack([x, 2.46 - 0.26 * (1 - (2 * t - 1) ** 2), np.full(len(t), BACK + 0.05)], -1)
+        )
+    path = np.concatenate(path)
+    parts.append(tube(path, 0.004, wire, segments=5))
+    drop = sphere((0.018, 0.024, 0.018), bulb, segments=14, rings=10)
+    spots = path[2::4] - (0, 0.028, 0)
+    matrices = np.tile(np.eye(4), (len(spots), 1, 1))
+    matrices[:, :3, 3] = spots
+    parts.append(scattered(drop, matrices))
+    return parts
+
+
+def _lantern(look) -> list[Part]:
+    """A ribbed paper globe under the ceiling."""
+    v = np.linspace(-np.pi / 2, np.pi / 2, 81)
+    radius = 0.20 * np.cos(v) * (1 + 0.02 * np.abs(np.sin(v * 20)))
+    profile = np.stack([np.maximum(radius, 0.05), 0.185 * np.sin(v)], -1)
+    shell = lathe(profile, look["paper lantern"], segments=48, crease_deg=80)
+    shell = Part(shell.triangles, shell.surface, shell.normals)
+    place = translate(0.92, 2.18, 0.25)
+    cord = cylinder((0, 0.18, 0), (0, CEILING - 2.18, 0), 0.006, look["white"], segments=8)
+    return transform_all([shell, cord], place)
+
+
+def _sheepskin(rng, number: int, unit: Part) -> Part:
+    """Tufts over an oval with a nicked outline, beside the bed."""
+    turn, out = rng.uniform(0, 2 * np.pi, number), np.sqrt(rng.random(number))
+    shape = 1 + 0.13 * np.cos(2 * turn + 0.4) + 0.07 * np.cos(5 * turn)
+    x, z = 0.34 * out * shape * np.cos(turn), 0.50 * out * shape * np.sin(turn)
+    directions = np.stack([0.5 * np.cos(turn) * out, np.ones(number), 0.5 * np.sin(turn) * out], -1)
+    positions = np.stack([x, np.full(number, 0.004), z], -1)
+    matrices = foliage.orient(rng, positions, directions, rng.uniform(0.75, 1.3, number))
+    skin = scattered(unit, matrices)
+    return skin.transformed(SHEEPSKIN)

@@ -1,0 +1,138 @@
+"""What the bedroom is made of: its cloths, paints and things, by name."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfcore.scene.colour import hex_colour
+from lfcore.scene.parts import Surface
+from lfcore.scene.procedural import furniture, textures
+from lfcore.scene.procedural.bicycle import wicker
+from lfcore.scene.procedural.pictures import earth_map, rug_pattern
+
+
+def surfaces(seed: int) -> dict[str, Surface]:
+    return furniture.bedroom_wood(seed + 100) | _cloths(seed) | _things(seed)
+
+
+def _cloths(seed: int) -> dict[str, Surface]:
+    def cloth(name, colour, number, **more):
+        return Surface(name, (1, 1, 1), texture=textures.weave(seed + number, colour, **more))
+
+    velvet = {"specular": (0.05, 0.05, 0.05), "shininess": 8.0}
+    return {
+        "linen": cloth("linen", (238, 232, 220), 1),
+        "blush": cloth("blush cotton", (214, 152, 138), 2),
+        "mustard": cloth("mustard cotton", (212, 158, 52), 3),
+        "stripe": Surface(
+            "striped cotton",
+            (1, 1, 1),
+            texture=textures.stripes(
+                seed + 4,
+                (
+                    (236, 230, 216),
+                    (62, 96, 124),
+                    (236, 230, 216),
+                    (62, 96, 124),
+                    (236, 230, 216),
+                    (196, 120, 96),
+                ),
+                (4, 1, 2, 1, 4, 2),
+            ),
+        ),
+        "quilt": Surface("quilt", (1, 1, 1), texture=patchwork(seed + 5)),
+        "knit": Surface("knitted throw", (1, 1, 1), texture=knitting(seed + 6, (196, 108, 78))),
+        "velvet": Surface("velvet", hex_colour("#3f6570"), **velvet),
+        "velvet 2": Surface("ochre velvet", hex_colour("#b8863b"), **velvet),
+        "curtain": Surface(
+            "curtain",
+            (1, 1, 1),
+            texture=textures.stripes(
+                seed + 7, ((204, 194, 176), (178, 158, 130)), (3, 1), depth=0.08
+            ),
+        ),
+    }
+
+
+def _things(seed: int) -> dict[str, Surface]:
+    return {
+        "rug": Surface("rug", (1, 1, 1), texture=rug_pattern(seed + 8)),
+        "fringe": Surface("fringe", hex_colour("#e2d6bc")),
+        "fleece": Surface("fleece", hex_colour("#e9e2d4")),
+        "fur": Surface("fur", hex_colour("#a87542")),
+        "light fur": Surface("light fur", hex_colour("#dcbf92")),
+        "button": Surface("button", hex_colour("#241a16"), (0.5, 0.5, 0.5), 80.0),
+        "glaze": Surface("glaze", hex_colour("#4d7f86"), (0.4, 0.4, 0.4), 70.0),
+        "clay": Surface("clay", hex_colour("#bd6f4c")),
+        "shade": Surface("lamp shade", hex_colour("#e8d3a8"), emission=(0.42, 0.32, 0.18)),
+        "paper lantern": Surface("paper lantern", hex_colour("#d6cab4")),
+        "paper": Surface("paper", hex_colour("#ece3cd")),
+        "books": Surface(
+            "books", (1, 1, 1), (0.05, 0.05, 0.05), 25.0, texture=furniture.spine_atlas(seed + 9)
+        ),
+        "leaf": Surface(
+            "plant leaf",
+            (1, 1, 1),
+            (0.14, 0.15, 0.13),
+            35.0,
+            texture=textures.leaf(seed + 10, (26, 70, 40), (92, 150, 74)),
+        ),
+        "tulip": Surface("tulip", hex_colour("#e0526a"), (0.06, 0.06, 0.06), 20.0),
+        "stalk": Surface("stalk", hex_colour("#5b6b34")),
+        "basket": Surface("basket", (1, 1, 1), texture=wicker(seed + 11)),
+        "earth": Surface(
+            "globe", (1, 1, 1), (0.25, 0.25, 0.25), 60.0, texture=earth_map(seed + 12)
+        ),
+        "white": Surface("white paint", hex_colour("#efebe2"), (0.06, 0.06, 0.06), 30.0),
+    }
+
+
+def patchwork(seed: int) -> np.ndarray:
+    """(512, 512, 3) uint8: 4 x 4 squares of different cloths, stitched."""
+    rng = np.random.default_rng(seed)
+    tones = (
+        (226, 214, 190),
+        (108, 140, 150),
+        (202, 138, 118),
+        (232, 196, 120),
+        (74, 104, 128),
+        (150, 168, 140),
+    )
+    picture = np.zeros((512, 512, 3), np.uint8)
+    v, u = np.mgrid[:128, :128] / 128.0
+    for row in range(4):
+        for column in range(4):
+            base = np.array(tones[(row * 2 + column * 5 + (row * column) % 3) % 6])
+            other = np.array(tones[(row * 3 + column + 2) % 6])
+            kind = int(rng.integers(4))
+            if kind == 0:
+                mask = np.hypot((u * 4) % 1 - 0.5, (v * 4) % 1 - 0.5) < 0.22
+            elif kind == 1:
+                mask = (u * 6 % 1) < 0.4
+            elif kind == 2:
+                mask = np.abs(u - 0.5) + np.abs(v - 0.5) < 0.34
+            else:
+                mask = ((np.floor(u * 4) + np.floor(v * 4)) % 2) > 0
+            cloth = textures.weave(
+                seed + row * 4 + column, (255, 255, 255), size=(128, 128), threads=32
+            )
+            patch = np.where(mask[..., None], 0.55 * base + 0.45 * other, base) * (cloth / 255.0)
+            seam = np.minimum.reduce([u, 1 - u, v, 1 - v])
+            patch *= (0.80 + 0.20 * np.clip(seam / 0.05, 0, 1))[..., None]
+            stitch = (np.abs(seam - 0.075) < 0.008) & (((u + v) * 16 % 1) < 0.6)
+            patch[stitch] = (246, 240, 228)
+            picture[row * 128 : row * 128 + 128, column * 128 : column * 128 + 128] = (
+                textures.finish(patch)
+            )
+    return picture
+
+
+def knitting(seed: int, colour) -> np.ndarray:
+    """(256, 256, 3) uint8: stocking stitch with a cable."""
+    v, u = np.mgrid[:256, :256] / 256.0
+    x = u * 20 % 1
+    stitch = np.sin(np.pi * ((v * 20 + np.abs(x - 0.5)) % 1)) * np.sin(np.pi * x) ** 0.6
+    cable = np.exp(-(((u % 0.5 - 0.25 - 0.05 * np.sin(v * 2 * np.pi * 4)) / 0.04) ** 2))
+    fuzz = textures.noise(seed, cells=(40, 40), octaves=2, size=(256, 256))
+    shade = 0.62 + 0.30 * stitch + 0.12 * cable + 0.10 * fuzz
+    return textures.finish(np.asarray(colour) * shade[..., None])

@@ -1,0 +1,294 @@
+"""A city bicycle, along +x with its wheels on the ground and its frame in the plane z = 0."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfcore.scene.colour import hex_colour
+from lfcore.scene.parts import Part, Surface, transform_all
+from lfcore.scene.procedural import textures
+from lfcore.scene.procedural.primitives import (
+    box,
+    curve,
+    cushion,
+    cylinder,
+    lathe,
+    mesh_grid,
+    ring,
+    sphere,
+    tube,
+)
+from lfcore.scene.transforms import chain, rotate, translate
+
+WHEEL = 0.335
+REAR, FRONT = np.array([-0.53, WHEEL + 0.02, 0.0]), np.array([0.56, WHEEL + 0.02, 0.0])
+BRACKET, SEAT = np.array([-0.08, 0.29, 0.0]), np.array([-0.24, 0.80, 0.0])
+HEAD_LOW, HEAD_HIGH = np.array([0.385, 0.71, 0.0]), np.array([0.335, 0.90, 0.0])
+
+
+def paints(seed: int, paint: str) -> dict[str, Surface]:
+    """The surfaces of the bicycle by name."""
+    chrome = {"specular": (0.55, 0.55, 0.55), "shininess": 60.0}
+    return {
+        "paint": Surface("paint", hex_colour(paint), (0.35, 0.35, 0.35), 90.0),
+        "cream": Surface("cream", hex_colour("#e9dfc4"), (0.25, 0.25, 0.25), 60.0),
+        "rubber": Surface("rubber", hex_colour("#2b2a2c"), (0.06, 0.06, 0.06), 12.0),
+        "wall": Surface("tyre wall", hex_colour("#b99b6b"), (0.05, 0.05, 0.05), 12.0),
+        "chrome": Surface("chrome", hex_colour("#a8adb4"), **chrome),
+        "steel": Surface("steel", hex_colour("#7d8188"), **chrome),
+        "leather": Surface(
+            "leather",
+            (1, 1, 1),
+            (0.12, 0.10, 0.08),
+            25.0,
+            texture=textures.speckle(seed + 1, ((84, 44, 22), (128, 72, 38)), size=(128, 128)),
+        ),
+        "wicker": Surface("wicker", (1, 1, 1), texture=wicker(seed + 2)),
+        "glass": Surface("lamp glass", hex_colour("#f4ecc8"), (0.5, 0.5, 0.5), 80.0),
+    }
+
+
+def wicker(seed: int) -> np.ndarray:
+    """Basket weave: horizontal willow over and under upright rods."""
+    v, u = np.mgrid[:256, :256] / 256.0
+    rows, rods = 12, 8
+    over = (np.floor(v * rows) + np.floor(u * rods)) % 2
+    bulge = np.sin(np.pi * (v * rows % 1)) * (0.65 + 0.35 * np.sin(np.pi * (u * rods % 1)))
+    rod = np.sin(np.pi * (u * rods % 1)) ** 0.5 * 0.75
+    shade = np.where(over > 0, bulge, np.maximum(0.55 * bulge, 0.8 * rod * (bulge < 0.45)))
+    grain = textures.noise(seed, cells=(32, 8), octaves=3, size=(256, 256))
+    tone = np.clip(0.8 * shade + 0.25 * grain, 0, 1)
+    return textures.finish(textures.ramp(tone, (58, 34, 14), (158, 108, 54), (214, 168, 100)))
+
+
+def bicycle(seed: int, paint: str = "#1f6f78") -> list[Part]:
+    """About 5,000 triangles."""
+    look = paints(seed, paint)
+    parts = [*_wheel(REAR, look), *_wheel(FRONT, look)]
+    parts += _frame(look) + _mudguards(look) + _drive(look) + _saddle(look) + _handlebar(look)
+    parts += _rack(look) + _basket(look) + _lamp(look)
+    return parts
+
+
+def _wheel(hub: np.ndarray, look) -> list[Part]:
+    rim = tube(ring(WHEEL - 0.045, 36), 0.014, look["chrome"], segments=4, closed=True)
+    tread = tube(ring(WHEEL - 0.012, 40), 0.024, look["rubber"], segments=6, closed=True)
+    spokes = []
+    for index in range(28):
+        angle = index * 2 * np.pi / 28
+        side = 0.035 if index % 2 else -0.035
+        lean = angle + (0.55 if index % 4 < 2 else -0.55)
+        foot = (0.028 * np.cos(lean), 0.028 * np.sin(lean), side)
+        reach = WHEEL - 0.055
+        tip = (reach * np.cos(angle), reach * np.sin(angle), 0)
+        spokes.append(cylinder(foot, tip, 0.0022, look["chrome"], segments=3, caps=False))
+    axle = lathe(
+        [(0, -0.07), (0.012, -0.07), (0.012, -0.045), (0.03, -0.04), (0.03, -0.03), (0.016, -0.022)]
+        + [(0.016, 0.022), (0.03, 0.03), (0.03, 0.04), (0.012, 0.045), (0.012, 0.07), (0, 0.07)],
+        look["steel"],
+        segments=8,
+    )
+    axle = axle.transformed(rotate("x", 90))
+    return transform_all([rim, tread, *spokes, axle], translate(*hub))
+
+
+def _frame(look) -> list[Part]:
+    paint = look["paint"]
+
+    def bar(points, radius, segments=8):
+        return tube(points, radius, paint, segments=segments)
+
+    swan = curve([HEAD_HIGH - (0, 0.05, 0), (0.12, 0.58, 0), (-0.10, 0.50, 0), (-0.17, 0.56, 0)], 8)
+    down = curve([HEAD_LOW, (0.18, 0.44, 0), BRACKET], 6)
+    parts = [
+        bar(swan, 0.016),
+        bar(down, 0.019),
+        bar([BRACKET, SEAT], 0.017),
+        bar([HEAD_LOW - (0, 0.02, 0), HEAD_HIGH], 0.021, 10),
+        cylinder(BRACKET - (0, 0, 0.045), BRACKET + (0, 0, 0.045), 0.024, paint, segments=10),
+    ]
+    for side in (-1, 1):
+        z = np.array([0, 0, 0.055 * side])
+        parts.append(bar([BRACKET + 0.5 * z, REAR + z], 0.010, 6))
+        parts.append(bar([SEAT - (0, 0.05, 0) + 0.3 * z, REAR + z], 0.009, 6))
+        fork = [
+            HEAD_LOW + (0, -0.01, 0) + 0.5 * z,
+            (0.43, 0.55, z[2]),
+            (0.50, 0.40, z[2]),
+            FRONT + z,
+        ]
+        parts.append(tube(curve(fork, 6), [0.016, 0.014, 0.013, 0.012, 0.011, 0.009], paint))
+    return parts
+
+
+def _mudguards(look) -> list[Part]:
+    parts = []
+    for hub, start, stop in ((REAR, 5, 190), (FRONT, 15, 165)):
+        angle = np.radians(np.linspace(start, stop, 19))
+        across = np.linspace(-1, 1, 5)
+        radius = WHEEL + 0.045 - 0.018 * across**2
+        a, r = np.meshgrid(angle, radius, indexing="ij")
+        x, y = np.cos(a) * r, np.sin(a) * r
+        points = np.stack([x, y, np.broadcast_to(across * 0.034, x.shape)], -1) + hub
+        parts.append(mesh_grid(points, look["cream"], crease_deg=80))
+        for side in (-1, 1):
+            for turn in (stop - 25, 90):
+                turn = np.radians(turn)
+                tip = hub + np.array(
+                    [np.cos(turn) * (WHEEL + 0.03), np.sin(turn) * (WHEEL + 0.03), 0.032 * side]
+                )
+                stay = [hub + (0, 0, 0.06 * side), tip]
+                parts.append(tube(stay, 0.003, look["chrome"], segments=3, caps=False))
+    return parts
+
+
+def _drive(look) -> list[Part]:
+    z = 0.055
+    parts = []
+    wheel = tube(ring(0.085, 28), 0.006, look["steel"], segments=4, closed=True)
+    arms = [
+        cylinder(
+            (0, 0, 0), (0.085 * np.cos(a), 0.085 * np.sin(a), 0), 0.006, look["steel"], segments=4
+        )
+        for a in np.arange(5) * 2 * np.pi / 5
+    ]
+    parts += transform_all([wheel, *arms], translate(*(BRACKET + (0, 0, z))))
+    chain_path = []
+    for angle in np.radians(np.linspace(100, -95, 9)):
+        chain_path.append(BRACKET + (0.09 * np.cos(angle), 0.09 * np.sin(angle), z))
+    for angle in np.radians(np.linspace(265, 95, 7)):
+        chain_path.append(REAR + (0.045 * np.cos(angle), 0.045 * np.sin(angle), z))
+    parts.append(tube(chain_path, 0.006, look["rubber"], segments=4, closed=True))
+    cog = lathe(
+        [(0, -0.006), (0.042, -0.006), (0.042, 0.006), (0, 0.006)], look["steel"], segments=14
+    )
+    parts.append(cog.transformed(chain(rotate("x", 90), translate(*(REAR + (0, 0, z))))))
+    # The guard covers the upper run of the chain.
+    top = [BRACKET + (0.10, 0.03, z), BRACKET + (0.03, 0.115, z), REAR + (0.12, 0.085, z)]
+    path = curve(top, 9)
+    sheet = np.stack(
+        [path + (0, -0.035, 0.012), path + (0, 0.0, 0.016), path + (0, 0.012, -0.014)], 1
+    )
+    parts.append(mesh_grid(sheet, look["paint"], crease_deg=80))
+    for side, turn in ((1, -50.0), (-1, 130.0)):
+        angle = np.radians(turn)
+        end = BRACKET + np.array([0.17 * np.cos(angle), 0.17 * np.sin(angle), 0.085 * side])
+        start = BRACKET + (0, 0, 0.07 * side)
+        parts.append(cylinder(start, end, [0.012, 0.009], look["chrome"], segments=6))
+        parts.append(box((0.09, 0.018, 0.075), look["rubber"], centre=end + (0, 0, 0.05 * side)))
+    stand = [(-0.16, 0.27, -0.03), (-0.20, 0.12, -0.14), (-0.22, 0.01, -0.20)]
+    parts.append(tube(curve(stand, 4), 0.009, look["steel"], segments=6))
+    return parts
+
+
+def _saddle(look) -> list[Part]:
+    post = cylinder(
+        SEAT - (0, 0.02, 0), SEAT + (-0.045, 0.13, 0), 0.012, look["chrome"], segments=8
+    )
+    body = cushion((0.27, 0.07, 0.2), look["leather"], pieces=5, power=3.0, repeat=4.0)
+
+    # Narrow the nose: width falls towards +x.
+    def pinch(vectors):
+        x = np.clip(vectors[..., 0:1] / 0.135, -1, 1)
+        width = np.interp(x, [-1, -0.2, 0.35, 1], [0.95, 1.0, 0.42, 0.30])
+        return vectors * np.concatenate([np.ones_like(x), np.ones_like(x), width], -1)
+
+    lean = chain(rotate("z", 4), translate(-0.275, 0.975, 0))
+    shaped = Part(pinch(body.triangles), body.surface, body.normals, body.uvs).transformed(lean)
+    springs = []
+    for side in (-0.05, 0.05):
+        angle = np.linspace(0, 6 * np.pi, 19)
+        coil = np.stack(
+            [
+                -0.345 + 0.016 * np.cos(angle),
+                0.90 + angle / angle[-1] * 0.055,
+                side + 0.016 * np.sin(angle),
+            ],
+            -1,
+        )
+        springs.append(tube(coil, 0.004, look["chrome"], segments=3, caps=False))
+    return [post, shaped, *springs]
+
+
+def _handlebar(look) -> list[Part]:
+    stem = [HEAD_HIGH, HEAD_HIGH + (-0.02, 0.11, 0), HEAD_HIGH + (0.03, 0.16, 0)]
+    parts = [tube(curve(stem, 5), 0.013, look["chrome"], segments=8)]
+    x, y = HEAD_HIGH[0] + 0.03, HEAD_HIGH[1] + 0.16
+    half = [
+        (x, y, 0),
+        (x + 0.03, y + 0.03, 0.14),
+        (x - 0.06, y + 0.06, 0.27),
+        (x - 0.24, y + 0.03, 0.30),
+    ]
+    for side in (-1, 1):
+        path = curve(half, 10) * (1, 1, side)
+        parts.append(tube(path, 0.011, look["chrome"], segments=7))
+        grip = np.array(path[-1]), np.array(path[-1]) + (0.11, 0.015, -0.012 * side)
+        parts.append(cylinder(grip[0] - (0.015, 0, 0), grip[1], 0.017, look["leather"], segments=8))
+        lever = [path[6] + (0.02, -0.02, 0), path[8] + (0.02, -0.045, 0.01 * side)]
+        parts.append(tube(lever, 0.005, look["chrome"], segments=4))
+    bell = lathe(
+        [(0.03, 0), (0.029, 0.012), (0.02, 0.024), (0.0, 0.029)], look["chrome"], segments=12
+    )
+    parts.append(bell.transformed(translate(x - 0.04, y + 0.065, 0.20)))
+    return parts
+
+
+def _rack(look) -> list[Part]:
+    parts, y = [], 0.775
+    for z in (-0.06, 0.0, 0.06):
+        parts.append(tube([(-0.82, y, z), (-0.34, y, z)], 0.005, look["chrome"], segments=5))
+    for x in (-0.82, -0.58, -0.34):
+        parts.append(tube([(x, y, -0.062), (x, y, 0.062)], 0.005, look["chrome"], segments=5))
+    for side in (-1, 1):
+        strut = [(-0.66, y, 0.06 * side), REAR + (0, 0, 0.065 * side)]
+        parts.append(tube(strut, 0.005, look["chrome"], segments=5))
+    parts.append(
+        sphere(
+            (0.02, 0.025, 0.025),
+            Surface("tail lamp", hex_colour("#b3161b"), (0.4,) * 3, 60.0),
+            centre=(-0.868, 0.575, 0),
+            segments=8,
+            rings=6,
+        )
+    )
+    return parts
+
+
+def _basket(look) -> list[Part]:
+    """A tapered wicker basket before the handlebar, open on top, with a rolled rim."""
+    angle = np.arange(20) * 2 * np.pi / 20
+    square = np.stack([np.cos(angle), np.sin(angle)], -1)
+    square /= (np.abs(square) ** 5).sum(1, keepdims=True) ** 0.2
+    rows = []
+    for height, size in (
+        (0.0, 0.0),
+        (0.0, 0.80),
+        (0.02, 0.84),
+        (0.19, 1.0),
+        (0.19, 0.94),
+        (0.03, 0.80),
+    ):
+        rows.append(
+            np.stack(
+                [square[:, 0] * 0.125 * size, np.full(20, height), square[:, 1] * 0.17 * size], -1
+            )
+        )
+    v = np.array([0.0, 0.3, 0.4, 1.4, 1.45, 2.4])
+    uv = np.stack(np.meshgrid(np.linspace(0, 6, 21), v), -1)
+    shell = mesh_grid(np.array(rows), look["wicker"], uv, close_columns=True, crease_deg=50)
+    rim = tube(
+        rows[3] * (0.985, 1, 0.985), 0.009, look["wicker"], segments=5, closed=True, repeat=20
+    )
+    return transform_all([shell, rim], translate(0.52, 0.80, 0))
+
+
+def _lamp(look) -> list[Part]:
+    shell = lathe(
+        [(0, -0.07), (0.025, -0.06), (0.042, -0.02), (0.046, 0.0), (0.040, 0.004)],
+        look["chrome"],
+        segments=14,
+    )
+    glass = lathe([(0.040, 0.0), (0.030, 0.012), (0.0, 0.016)], look["glass"], segments=14)
+    place = chain(rotate("z", -90), translate(0.50, 0.74, 0))
+    return transform_all([shell, glass], place)

@@ -1,0 +1,348 @@
+"""The bike scene: a city bicycle on cobbles, potted plants before it, a house front behind."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfcore.scene.colour import hex_colour
+from lfcore.scene.parts import Part, Surface, count, merge, transform_all
+from lfcore.scene.procedural import foliage, lettering, textures
+from lfcore.scene.procedural.bicycle import bicycle
+from lfcore.scene.procedural.budget import fill_to
+from lfcore.scene.procedural.primitives import (
+    box,
+    cylinder,
+    lathe,
+    quad,
+    rectangle,
+    scattered,
+    sphere,
+)
+from lfcore.scene.transforms import chain, rotate, translate
+
+WALL_Z = -2.35
+PAVEMENT_Y = 0.09
+
+
+def build(seed: int, *, triangles: int = 10000, paint: str = "#1d7a80") -> list[Part]:
+    """Exactly ``triangles`` of them; the ivy on the wall takes up what the rest leaves.
+
+    Parameters
+    ----------
+    paint : colour of the bicycle, ``#rrggbb`` in sRGB.
+    """
+    rng = np.random.default_rng(seed)
+    place = chain(rotate("x", -2.5), rotate("y", 24), translate(0.05, 0, 0.0))
+    parts = transform_all(bicycle(seed, paint), place)
+    parts += transform_all(_basket_load(seed), chain(translate(0.52, 0.80, 0), place))
+    parts += _ground(seed) + _house(seed) + _lamp_post() + _foreground(rng, seed)
+    parts += _window_box(rng, seed)
+    leaf = _ivy_leaf(seed)
+    ivy = triangles - count(parts)
+    parts += fill_to(ivy, leaf, lambda number: _ivy(rng, number, leaf))
+    return merge(parts)
+
+
+def _basket_load(seed: int) -> list[Part]:
+    """Two baguettes, a bottle and apples."""
+    crust = textures.speckle(
+        seed + 40, ((150, 88, 34), (222, 164, 88), (240, 200, 130)), size=(128, 128)
+    )
+    bread = Surface("bread", (1, 1, 1), texture=crust)
+    parts = []
+    for x, z, lean in ((-0.03, 0.05, 16.0), (0.03, 0.0, 8.0)):
+        loaf = lathe(
+            [
+                (0, 0),
+                (0.022, 0.02),
+                (0.031, 0.08),
+                (0.033, 0.22),
+                (0.030, 0.34),
+                (0.018, 0.40),
+                (0, 0.415),
+            ],
+            bread,
+            segments=9,
+        )
+        parts.append(loaf.transformed(chain(rotate("z", lean), translate(x, 0.03, z))))
+    glass = Surface("bottle", hex_colour("#24472c"), (0.5, 0.5, 0.5), 90.0)
+    bottle = lathe(
+        [(0.0, 0), (0.034, 0), (0.036, 0.17), (0.014, 0.225), (0.013, 0.29), (0.0, 0.29)],
+        glass,
+        segments=12,
+    )
+    parts.append(bottle.transformed(chain(rotate("x", -9), translate(0.04, 0.03, -0.08))))
+    apple = Surface("apple", hex_colour("#b8261f"), (0.25, 0.25, 0.25), 50.0)
+    for x, y, z in ((-0.05, 0.19, -0.06), (0.07, 0.18, 0.08), (-0.06, 0.185, 0.12)):
+        parts.append(sphere(0.038, apple, centre=(x, y, z), segments=10, rings=6))
+    return parts
+
+
+def _ground(seed: int) -> list[Part]:
+    stones = ((104, 98, 92), (138, 128, 116), (162, 148, 128), (120, 116, 118))
+    sett = textures.cobbles(seed + 1, stones, (58, 54, 48), cells=9)
+    street = Surface("cobbles", (0.92, 0.92, 0.92), (0.05, 0.05, 0.05), 20.0, texture=sett)
+    slab = textures.bricks(
+        seed + 2,
+        ((150, 146, 140), (172, 168, 160)),
+        (96, 92, 86),
+        rows=4,
+        columns=4,
+        size=(256, 256),
+        gap=0.03,
+    )
+    paving = Surface("paving", (0.9, 0.9, 0.9), texture=slab)
+    stone = textures.plaster(seed + 3, (168, 164, 156), contrast=30)
+    kerb = Surface("kerb", (0.9, 0.9, 0.9), texture=stone)
+    edge = -1.35
+    parts = [
+        rectangle((-5, 0, 4), (10, 0, 0), (0, 0, WALL_Z - 4), street, repeat=0.95),
+        rectangle(
+            (-5, PAVEMENT_Y, edge - 0.14),
+            (10, 0, 0),
+            (0, 0, WALL_Z - edge + 0.14),
+            paving,
+            repeat=0.8,
+        ),
+    ]
+    for index in range(9):
+        centre = (-4 + index + 0.02, PAVEMENT_Y / 2, edge - 0.07)
+        parts.append(box((0.985, PAVEMENT_Y + 0.004, 0.14), kerb, centre=centre))
+    return parts
+
+
+def _house(seed: int) -> list[Part]:
+    """A brick wall with a plinth, a door and a shuttered window, cut out of four rectangles."""
+    tones = ((98, 50, 42), (140, 70, 52), (168, 92, 66), (152, 84, 64), (122, 66, 58))
+    brick = Surface(
+        "brick",
+        (0.95, 0.95, 0.95),
+        texture=textures.bricks(seed + 4, tones, (166, 154, 138), rows=12, columns=6, gap=0.07),
+    )
+    stone = Surface(
+        "sandstone",
+        (0.95, 0.95, 0.95),
+        texture=textures.plaster(seed + 5, (196, 180, 150), contrast=34),
+    )
+    parts = []
+    # Openings: the door (x 0.95 .. 1.85, up to 2.1) and the window (x -1.25 .. -0.25, 1.0 .. 2.15).
+    for left, right, low, high in (
+        (-5, -1.25, 0.35, 4.0),
+        (-1.25, -0.25, 0.35, 1.0),
+        (-1.25, -0.25, 2.15, 4.0),
+        (-0.25, 0.95, 0.35, 4.0),
+        (0.95, 1.85, 2.15, 4.0),
+        (1.85, 5, 0.35, 4.0),
+    ):
+        sheet = rectangle(
+            (left, low, WALL_Z), (right - left, 0, 0), (0, high - low, 0), brick, repeat=0.9
+        )
+        parts.append(_continuous(sheet, 0.9))
+    for left, right in ((-5, 0.95), (1.85, 5)):
+        size = (right - left, 0.35 - PAVEMENT_Y, 0.06)
+        centre = ((left + right) / 2, (0.35 + PAVEMENT_Y) / 2, WALL_Z + 0.01)
+        parts.append(box(size, stone, centre=centre))
+    parts += _window(seed, stone) + _door(seed, stone)
+    return parts
+
+
+def _continuous(part: Part, repeat: float) -> Part:
+    """Texture coordinates from the position, so that courses run on across pieces."""
+    return Part(part.triangles, part.surface, None, part.triangles[..., :2] * repeat)
+
+
+def _window(seed: int, stone: Surface) -> list[Part]:
+    left, right, low, high = -1.25, -0.25, 1.0, 2.15
+    width, middle, back = right - left, (left + right) / 2, WALL_Z - 0.14
+    white = Surface("window frame", hex_colour("#ece6d8"), (0.1, 0.1, 0.1), 40.0)
+    pane = Surface("pane", (1, 1, 1), (0.35, 0.35, 0.35), 60.0, texture=_pane(seed + 6))
+    parts = [
+        rectangle((left, low, back), (width, 0, 0), (0, high - low, 0), pane),
+        box((width + 0.24, 0.09, 0.22), stone, centre=(middle, low - 0.045, WALL_Z + 0.02)),
+        box((width + 0.2, 0.16, 0.10), stone, centre=(middle, high + 0.08, WALL_Z + 0.01)),
+    ]
+    for x in (left + 0.03, middle, right - 0.03):
+        parts.append(
+            box((0.06, high - low, 0.06), white, centre=(x, (low + high) / 2, back + 0.03))
+        )
+    for y in (low + 0.03, low + 0.42, low + 0.79, high - 0.03):
+        parts.append(box((width, 0.05, 0.05), white, centre=(middle, y, back + 0.03)))
+    parts += _reveal(left, right, low, high, back, stone)
+    shutter = Surface("shutter", hex_colour("#40684f"), (0.08, 0.08, 0.08), 25.0)
+    for x in (left - 0.27, right + 0.27):
+        centre_y = (low + high) / 2
+        for dx in (-0.22, 0.22):
+            parts.append(
+                box((0.06, high - low, 0.045), shutter, centre=(x + dx, centre_y, WALL_Z + 0.04))
+            )
+        for y in (low + 0.04, centre_y, high - 0.04):
+            parts.append(box((0.40, 0.08, 0.045), shutter, centre=(x, y, WALL_Z + 0.04)))
+        for index in range(14):
+            y = low + 0.11 + index * 0.036 + (0.067 if index > 6 else 0) + index * 0.0335
+            slat = rectangle((x - 0.2, y, WALL_Z + 0.05), (0.4, 0, 0), (0, 0.05, -0.035), shutter)
+            parts.append(slat)
+    return parts
+
+
+def _reveal(left, right, low, high, back, stone: Surface) -> list[Part]:
+    """The sides, top and bottom of an opening, from the wall's face back to what closes it."""
+    corners = [(left, low), (right, low), (right, high), (left, high)]
+    return [
+        quad([(xa, ya, back), (xa, ya, WALL_Z), (xb, yb, WALL_Z), (xb, yb, back)], stone)
+        for (xa, ya), (xb, yb) in zip(corners, corners[1:] + corners[:1], strict=True)
+    ]
+
+
+def _pane(seed: int) -> np.ndarray:
+    """What old glass shows: a dark room, a curtain, the sky's reflection."""
+    v, u = np.mgrid[:128, :128] / 128.0
+    wave = textures.noise(seed, cells=(3, 3), octaves=3, size=(128, 128))
+    sky = np.clip(1.3 - 1.5 * v + 0.5 * (wave - 0.5) - 0.4 * u, 0, 1)
+    picture = textures.ramp(sky, (38, 42, 48), (82, 100, 116), (168, 190, 206))
+    curtain = (np.abs(u - 0.5) > 0.30 + 0.06 * np.cos(6 * v)) * (0.75 + 0.25 * np.sin(u * 90))
+    return textures.finish(
+        picture * (1 - 0.6 * curtain[..., None]) + 150 * 0.6 * curtain[..., None]
+    )
+
+
+def _door(seed: int, stone: Surface) -> list[Part]:
+    left, right, high = 0.95, 1.85, 2.15
+    middle, back = (left + right) / 2, WALL_Z - 0.12
+    wood = textures.planks(
+        seed + 7, (44, 74, 110), (66, 100, 138), rows=5, size=(256, 256), stagger=False
+    )
+    leaf = Surface("door", (1, 1, 1), (0.08, 0.08, 0.08), 30.0, texture=np.rot90(wood).copy())
+    brass = Surface("brass", hex_colour("#b8903c"), (0.5, 0.42, 0.25), 60.0)
+    parts = [
+        rectangle((left, PAVEMENT_Y, back), (right - left, 0, 0), (0, high - PAVEMENT_Y, 0), leaf),
+        box((right - left + 0.36, 0.2, 0.12), stone, centre=(middle, high + 0.1, WALL_Z + 0.01)),
+        box(
+            (right - left + 0.3, 0.12, 0.5),
+            stone,
+            centre=(middle, PAVEMENT_Y + 0.06, WALL_Z + 0.18),
+        ),
+        sphere(0.035, brass, centre=(left + 0.14, 1.08, back + 0.06), segments=10, rings=6),
+        cylinder(
+            (left + 0.14, 1.08, back),
+            (left + 0.14, 1.08, back + 0.05),
+            0.014,
+            brass,
+            segments=6,
+            caps=False,
+        ),
+    ]
+    parts += _reveal(left, right, PAVEMENT_Y, high, back, stone)
+    for x in (left - 0.07, right + 0.07):
+        parts.append(
+            box(
+                (0.16, high - PAVEMENT_Y, 0.12),
+                stone,
+                centre=(x, (high + PAVEMENT_Y) / 2, WALL_Z + 0.01),
+                grain=1,
+            )
+        )
+    plate = lettering.plain((28, 56, 120), (64, 96))
+    plate = lettering.write(plate, "12", (48, 31), 52, (245, 245, 240))
+    sign = Surface("number", (1, 1, 1), (0.2, 0.2, 0.2), 60.0, texture=plate)
+    parts.append(
+        rectangle((middle - 0.12, high + 0.025, WALL_Z + 0.075), (0.24, 0, 0), (0, 0.15, 0), sign)
+    )
+    return parts
+
+
+def _lamp_post() -> list[Part]:
+    iron = Surface("cast iron", hex_colour("#2f3a38"), (0.2, 0.2, 0.2), 40.0)
+    shaft = lathe(
+        [(0, 0), (0.12, 0), (0.12, 0.06), (0.09, 0.10), (0.085, 0.34), (0.10, 0.36), (0.06, 0.42)]
+        + [(0.045, 0.6), (0.038, 3.4)],
+        iron,
+        segments=12,
+    )
+    return [shaft.transformed(translate(-1.62, PAVEMENT_Y, -1.65))]
+
+
+def _pot(radius: float, height: float, surface: Surface, earth: Surface, segments=20) -> list[Part]:
+    r, h = radius, height
+    shell = lathe(
+        [
+            (0, 0),
+            (0.68 * r, 0),
+            (0.92 * r, 0.80 * h),
+            (1.03 * r, 0.80 * h),
+            (1.06 * r, h),
+            (0.94 * r, h),
+        ]
+        + [(0.90 * r, 0.88 * h)],
+        surface,
+        segments=segments,
+    )
+    return [shell, lathe([(0.90 * r, 0.88 * h), (0, 0.9 * h)], earth, segments=segments)]
+
+
+def _foreground(rng, seed: int) -> list[Part]:
+    """Left a big leafy pot, right geraniums in terracotta and a crate, all nearer than the bike."""
+    clay = textures.speckle(
+        seed + 8, ((150, 78, 50), (190, 108, 74), (206, 132, 100)), size=(256, 256)
+    )
+    terracotta = Surface("terracotta", (0.95, 0.95, 0.95), texture=clay)
+    glaze = Surface("glazed pot", hex_colour("#2c5c8c"), (0.45, 0.45, 0.45), 70.0)
+    soil = Surface("soil", hex_colour("#3b2a1e"))
+    blade_texture = textures.leaf(seed + 9, (28, 74, 30), (112, 168, 70))
+    green = Surface("leaf", (1, 1, 1), (0.10, 0.12, 0.08), 25.0, texture=blade_texture)
+    parts = []
+    pot = _pot(0.20, 0.34, glaze, soil, 24)
+    big = foliage.blade(0.52, 0.15, green, bend=0.55, fold=0.18, pieces=5)
+    pot.append(
+        foliage.rosette(rng, 30, big, foot=(0, 0.31, 0), lift=(0.30, 0.98), size=(0.65, 1.05))
+    )
+    parts += transform_all(pot, translate(-0.72, 0, 1.35))
+    small = foliage.blade(0.085, 0.085, green, bend=0.3, fold=0.15, pieces=2, widest=0.5)
+    petal = Surface("geranium", hex_colour("#d3202f"), (0.05, 0.05, 0.05), 10.0)
+    for x, z, number in ((0.74, 1.40, 46), (1.02, 0.95, 34)):
+        pot = _pot(0.15, 0.25, terracotta, soil, 20)
+        pot.append(
+            foliage.shrub(
+                rng, number, small, (0.19, 0.12, 0.19), centre=(0, 0.34, 0), size=(0.8, 1.25)
+            )
+        )
+        heads = rng.normal(size=(9, 3)) * (0.11, 0.045, 0.11) + (0, 0.50, 0.03)
+        blossoms = (heads[:, None] + rng.normal(scale=0.020, size=(9, 3, 3))).reshape(-1, 3)
+        pot.append(foliage.flowers(rng, blossoms, petal, size=0.026, petals=4))
+        parts += transform_all(pot, chain(rotate("y", 40 * x), translate(x, 0, z)))
+    return parts
+
+
+def _window_box(rng, seed: int) -> list[Part]:
+    wood = Surface("window box", hex_colour("#7b5433"))
+    leaf = Surface("box leaf", hex_colour("#3f7a35"))
+    parts = [box((0.96, 0.15, 0.2), wood, centre=(-0.75, 1.08, WALL_Z + 0.14))]
+    petal = foliage.diamond(0.10, 0.06, leaf)
+    parts.append(
+        foliage.shrub(rng, 70, petal, (0.46, 0.10, 0.12), centre=(-0.75, 1.18, WALL_Z + 0.15))
+    )
+    for colour in ("#e8c33a", "#d8578c"):
+        places = rng.uniform((-1.18, 1.20, WALL_Z + 0.10), (-0.32, 1.30, WALL_Z + 0.28), (9, 3))
+        bloom = Surface(f"bloom {colour}", hex_colour(colour))
+        parts.append(foliage.flowers(rng, places, bloom, size=0.034, petals=5))
+    return parts
+
+
+def _ivy_leaf(seed: int) -> Part:
+    texture = textures.leaf(seed + 10, (34, 70, 28), (104, 140, 56), size=(64, 64))
+    green = Surface("ivy", (1, 1, 1), (0.05, 0.06, 0.04), 20.0, texture=texture)
+    return foliage.diamond(0.14, 0.13, green, fold=0.12)
+
+
+def _ivy(rng, number: int, leaf: Part) -> Part:
+    """Climbs the wall at the right of the window, thinning out upwards and sideways."""
+    height = rng.beta(1.3, 1.8, number) * 2.7
+    x = 0.42 + rng.normal(scale=0.13 + 0.10 * np.sin(height * 2.1) ** 2, size=number)
+    x = x + 0.16 * np.sin(height * 1.7)
+    positions = np.stack([x, PAVEMENT_Y + height, WALL_Z + rng.uniform(0.02, 0.10, number)], -1)
+    hang = np.stack(
+        [rng.normal(scale=0.5, size=number), np.full(number, -1.0), np.full(number, 0.3)], -1
+    )
+    matrices = foliage.orient(
+        rng, positions, hang, rng.uniform(0.6, 1.15, number), roll=0.5, face=(0, 0.5, 1)
+    )
+    return scattered(leaf, matrices)

@@ -1,0 +1,118 @@
+"""A book with a readable cover on a floor, standing as the assignment's book stands.
+
+A box with a cover, a spine and page edges; its rotation is that of the pbrt book scene, so the
+cover leans back and the title, the authors and the edges lie at different depths.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfcore.errors import SceneError
+from lfcore.scene.parts import Part, Surface
+from lfcore.scene.procedural import textures
+from lfcore.scene.procedural.lettering import plain, write
+from lfcore.scene.procedural.primitives import quad, rectangle
+from lfcore.scene.transforms import chain, rotate, translate
+
+# Rotation of the book in pbrt-book/book.pbrt: angle in degrees and axis.
+POSE = (77.3425, (0.403388, -0.754838, -0.517202))
+CENTRE = (0.0, 2.2, 0.0)
+NAVY, CREAM, GOLD, RED = (24, 38, 78), (244, 236, 214), (222, 178, 84), (178, 48, 42)
+
+
+def build(
+    seed: int,
+    *,
+    title: str = "LIGHT FIELDS",
+    authors: str = "A. Lumen   B. Parallax   C. Aperture",
+    width_m: float = 4.0,
+    height_m: float = 5.0,
+    thickness_m: float = 1.2,
+) -> list[Part]:
+    """16 triangles: cover, back, spine, three page edges, floor and wall.
+
+    The book's middle is 2.2 m above the floor at the origin, its cover towards +z; the
+    assignment's cameras stand at about z = 7.6 m.  ``seed`` draws the cover's pattern.
+    """
+    for key, value in (("width_m", width_m), ("height_m", height_m), ("thickness_m", thickness_m)):
+        if not value > 0:
+            raise SceneError(f"must be above 0, not {value:g}", key=key)
+    parts = _box(np.array([width_m, height_m, thickness_m]) / 2, seed, title, authors)
+    # The mesh this stands for lies on its back: cover up (+y), top of the page at -x.
+    lie = np.eye(4)
+    lie[:3, :3] = np.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0]])
+    pose = chain(lie, rotate(POSE[1], POSE[0]), translate(*CENTRE))
+    parts = [part.transformed(pose) for part in parts]
+    lowest = min(part.triangles[..., 1].min() for part in parts)
+    return [*parts, *_room(seed, lowest - 0.02)]
+
+
+def _box(half: np.ndarray, seed: int, title: str, authors: str) -> list[Part]:
+    """The book facing +z, upright, its spine on the left."""
+    x, y, z = half
+    cover = Surface(
+        "cover", (1, 1, 1), (0.25, 0.25, 0.25), 60.0, texture=_cover(seed, title, authors)
+    )
+    back = Surface("back cover", (1, 1, 1), (0.25, 0.25, 0.25), 60.0, texture=plain(NAVY, (8, 8)))
+    spine = Surface("spine", (1, 1, 1), (0.25, 0.25, 0.25), 60.0, texture=_spine(title))
+    pages = Surface("pages", (1, 1, 1), texture=_pages(seed))
+    face = lambda corners, surface: quad(np.array(corners), surface)  # noqa: E731
+    return [
+        face([(-x, -y, z), (x, -y, z), (x, y, z), (-x, y, z)], cover),
+        face([(x, -y, -z), (-x, -y, -z), (-x, y, -z), (x, y, -z)], back),
+        face([(-x, -y, -z), (-x, -y, z), (-x, y, z), (-x, y, -z)], spine),
+        face([(x, -y, z), (x, -y, -z), (x, y, -z), (x, y, z)], pages),
+        face([(-x, y, z), (x, y, z), (x, y, -z), (-x, y, -z)], pages),
+        face([(-x, -y, -z), (x, -y, -z), (x, -y, z), (-x, -y, z)], pages),
+    ]
+
+
+def _room(seed: int, floor_y: float) -> list[Part]:
+    boards = textures.planks(seed + 1, (96, 66, 42), (150, 108, 70))
+    floor = Surface("floor", (1, 1, 1), texture=boards)
+    wall = Surface("wall", (1, 1, 1), texture=textures.plaster(seed + 2, (196, 204, 210)))
+    return [
+        rectangle((-14, floor_y, 8), (28, 0, 0), (0, 0, -18), floor, repeat=0.25),
+        rectangle((-14, floor_y, -10), (28, 0, 0), (0, 16, 0), wall, repeat=0.2),
+    ]
+
+
+def _cover(seed: int, title: str, authors: str) -> np.ndarray:
+    """(1280, 1024, 3): frame, title, a picture of ripples and the authors' line."""
+    page = plain(NAVY, (1280, 1024))
+    page[40:1240, 40:984] = CREAM
+    page[52:1228, 52:972] = NAVY
+    page[360:960, 112:912] = _ripples(seed, (600, 800))
+    words = title.split()
+    size = min(150.0, 1500.0 / max(1, max(len(word) for word in words)))
+    for line, word in enumerate(words):
+        page = write(page, word, (512, 140 + line * size), size, GOLD)
+    page = write(page, "from rays to pictures", (512, 1010), 44, CREAM)
+    return write(page, authors, (512, 1120), min(54.0, 1700.0 / max(1, len(authors))), RED_ON_DARK)
+
+
+RED_ON_DARK = (240, 120, 96)
+
+
+def _ripples(seed: int, size: tuple[int, int]) -> np.ndarray:
+    """Interfering waves of five sources."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[: size[0], : size[1]] / size[0]
+    wave = np.zeros(size)
+    for centre_x, centre_y in rng.uniform(0, 1.3, (5, 2)):
+        wave += np.sin(38.0 * np.hypot(x - centre_x, y - centre_y))
+    return textures.finish(textures.ramp(wave / 8 + 0.5, NAVY, RED, GOLD, CREAM))
+
+
+def _spine(title: str) -> np.ndarray:
+    page = plain(NAVY, (1280, 320))
+    page[60:72, 30:290] = page[1208:1220, 30:290] = GOLD
+    return write(page, title, (160, 640), 110, GOLD, turn=-1)
+
+
+def _pages(seed: int) -> np.ndarray:
+    """Lines of paper edges along v."""
+    rng = np.random.default_rng(seed + 3)
+    shade = rng.uniform(0.78, 1.0, (1, 256, 1))
+    return textures.finish(np.broadcast_to(np.array(CREAM) * shade, (256, 256, 3)))

@@ -1,0 +1,37 @@
+"""Meeting a triangle count exactly, with copies of one small part and cut-down remainders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from lfcore.errors import SceneError
+from lfcore.scene.parts import Part
+
+
+def fill_to(budget: int, unit: Part, make: Callable[[int], Part]) -> list[Part]:
+    """``make(number)`` copies of ``unit``, cut off at ``budget`` triangles.
+
+    Raises :class:`SceneError` when the rest of the scene has used the budget up.
+    """
+    if budget < 0:
+        raise SceneError(
+            f"the model alone has {-budget} triangles more than asked for",
+            key="triangles",
+            remedy="Ask for more triangles",
+        )
+    if budget == 0:
+        return []
+    whole = make(-(-budget // unit.count))
+
+    def head(array):
+        return None if array is None else array[:budget]
+
+    return [
+        Part(
+            whole.triangles[:budget],
+            whole.surface,
+            head(whole.normals),
+            head(whole.uvs),
+            head(whole.colours),
+        )
+    ]

@@ -1,0 +1,224 @@
+"""A log cabin with a shingled roof, a stone chimney and a porch; its front faces +z."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfcore.scene.colour import hex_colour
+from lfcore.scene.parts import Part, Surface
+from lfcore.scene.procedural import textures
+from lfcore.scene.procedural.primitives import box, cylinder, join, log, quad, rectangle, tube
+
+WIDTH, DEPTH, RADIUS, COURSES = 4.0, 3.0, 0.105, 11
+EAVES = 0.30 + (COURSES - 0.5) * 2 * RADIUS * 0.96
+RIDGE = EAVES + 1.45
+
+
+def surfaces(seed: int) -> dict[str, Surface]:
+    timber = textures.wood(seed + 31, (112, 68, 36), (182, 126, 74), size=(128, 512), rings=5)
+    grain = textures.end_grain(seed + 32, (132, 88, 48), (214, 172, 116), size=(128, 128))
+    boards = textures.planks(seed + 33, (104, 70, 42), (156, 112, 70), rows=8, stagger=False)
+    shingle = textures.wood(seed + 34, (86, 70, 60), (138, 116, 98), size=(256, 256), rings=9)
+    stone = textures.cobbles(
+        seed + 35,
+        ((112, 106, 100), (150, 142, 130), (132, 120, 106)),
+        (84, 78, 70),
+        cells=6,
+        size=(256, 256),
+    )
+    door = textures.planks(
+        seed + 36, (72, 96, 60), (104, 132, 82), rows=5, size=(256, 256), stagger=False
+    )
+    return {
+        "timber": Surface("log", (1, 1, 1), texture=np.rot90(timber).copy()),
+        "grain": Surface("log end", (1, 1, 1), texture=grain),
+        "boards": Surface("boards", (0.95, 0.95, 0.95), texture=boards),
+        "shingle": Surface("shingle", (1, 1, 1), texture=np.rot90(shingle).copy()),
+        "stone": Surface("chimney stone", (0.95, 0.95, 0.95), texture=stone),
+        "door": Surface("cabin door", (1, 1, 1), texture=np.rot90(door).copy()),
+        "trim": Surface("trim", hex_colour("#e6dcc6")),
+        "glow": Surface("lit pane", (0.12, 0.08, 0.05), emission=(0.72, 0.40, 0.11)),
+        "iron": Surface("iron", hex_colour("#2c2c2e"), (0.3, 0.3, 0.3), 40.0),
+    }
+
+
+def loghouse(seed: int) -> list[Part]:
+    """About 4,700 triangles, standing on y = 0 with its middle at the origin."""
+    rng = np.random.default_rng(seed + 30)
+    look = surfaces(seed)
+    parts = _walls(look) + _gables(look) + _roof(rng, look) + _chimney(look)
+    parts += _door(look) + _porch(rng, look)
+    for x in (-1.25, 1.3):
+        parts += _window(look, np.array([x, 1.45, DEPTH / 2 + RADIUS]), np.array([1.0, 0, 0]))
+    for z in (-0.7, 0.7):
+        parts += _window(look, np.array([-WIDTH / 2 - RADIUS, 1.45, z]), np.array([0, 0, 1.0]))
+        parts += _window(look, np.array([WIDTH / 2 + RADIUS, 1.45, z]), np.array([0, 0, -1.0]))
+    return parts
+
+
+def _walls(look) -> list[Part]:
+    parts = [box((WIDTH + 0.3, 0.34, DEPTH + 0.3), look["stone"], centre=(0, 0.08, 0), repeat=1.2)]
+    step = 2 * RADIUS * 0.96
+    for course in range(COURSES):
+        y = 0.30 + (course + 0.5) * step
+        for z in (-DEPTH / 2, DEPTH / 2):
+            ends = (-WIDTH / 2 - 0.24, y, z), (WIDTH / 2 + 0.24, y, z)
+            parts += log(*ends, RADIUS, look["timber"], look["grain"], segments=8)
+        for x in (-WIDTH / 2, WIDTH / 2) if course < COURSES - 1 else ():
+            ends = (x, y + step / 2, -DEPTH / 2 - 0.24), (x, y + step / 2, DEPTH / 2 + 0.24)
+            parts += log(*ends, RADIUS, look["timber"], look["grain"], segments=8)
+    return parts
+
+
+def _gables(look) -> list[Part]:
+    """Boarded triangles over the side walls; the ridge runs along x."""
+    parts = []
+    for x in (-WIDTH / 2, WIDTH / 2):
+        corners = np.array(
+            [
+                [x, EAVES - 0.1, -DEPTH / 2 - 0.1],
+                [x, EAVES - 0.1, DEPTH / 2 + 0.1],
+                [x, RIDGE - 0.06, 0],
+            ]
+        )
+        parts.append(Part(corners[None], look["boards"], None, corners[None][..., [1, 2]] * 0.5))
+        barge = 0.42 * np.sign(x)
+        for side in (-1, 1):
+            foot = np.array([x + barge, EAVES - 0.30, side * (DEPTH / 2 + 0.52)])
+            top = np.array([x + barge, RIDGE + 0.02, 0])
+            parts.append(quad([foot - (0, 0.16, 0), top - (0, 0.16, 0), top, foot], look["trim"]))
+    return parts
+
+
+def _roof(rng, look) -> list[Part]:
+    """Two slopes of boards, the front one shingled, and the ridge log."""
+    half, parts = WIDTH / 2 + 0.45, []
+    for side in (-1.0, 1.0):
+        foot = np.array([0, EAVES - 0.30, side * (DEPTH / 2 + 0.55)])
+        slope = np.array([0, RIDGE, 0]) - foot
+        surface = look["boards"] if side > 0 else look["shingle"]
+        across = np.array([2 * half, 0, 0])
+        parts.append(
+            rectangle(foot - across / 2 - (0, 0.06, 0), across, slope, surface, repeat=0.5)
+        )
+        if side > 0:
+            parts.append(
+                _shingles(rng, foot - across / 2, across, slope, (13, 17), look["shingle"])
+            )
+    ridge = [(-half, RIDGE + 0.03, 0), (half, RIDGE + 0.03, 0)]
+    return [*parts, tube(ridge, 0.06, look["timber"], segments=8)]
+
+
+def _shingles(rng, corner, across, slope, number, surface: Surface) -> Part:
+    """Overlapping rows of single shingles, 4 triangles each, every one a little askew.
+
+    ``corner`` is the lower left of the roof, ``across`` its eaves and ``slope`` its rise;
+    ``number`` (rows, columns).
+    """
+    rows, columns = number
+    out = np.cross(across, slope)
+    out = out / np.linalg.norm(out) * np.sign(out[1])
+    parts = []
+    for row in range(rows):
+        offset = 0.5 * (row % 2)
+        for column in range(columns + row % 2):
+            left = max((column - offset) / columns, 0.0)
+            right = min((column - offset + 0.96) / columns, 1.0)
+            low = corner + slope * ((row - 0.10 + rng.uniform(-0.06, 0.06)) / rows)
+            high = corner + slope * min((row + 1.15) / rows, 1.0)
+            lift = out * (0.055 + rng.uniform(0, 0.015))
+            a, b = low + left * across + lift, low + right * across + lift
+            c, d = high + right * across, high + left * across
+            uv = rng.random() + np.array([[0, 0], [0.25, 0], [0.25, 0.5], [0, 0.5]])
+            parts.append(quad([a, b, c, d], surface, uv))
+            parts.append(quad([a - lift * 0.7, b - lift * 0.7, b, a], surface, uv * 0.3))
+    return join(parts)
+
+
+def _chimney(look) -> list[Part]:
+    x, z = 1.05, -0.55
+    return [
+        box((0.62, 2.6, 0.55), look["stone"], centre=(x, EAVES + 0.75, z), repeat=1.4),
+        box((0.74, 0.12, 0.67), look["stone"], centre=(x, EAVES + 2.08, z), repeat=1.4),
+        cylinder((x, EAVES + 2.1, z), (x, EAVES + 2.4, z), 0.13, look["iron"], segments=10),
+    ]
+
+
+def _window(look, centre: np.ndarray, across: np.ndarray) -> list[Part]:
+    """A lit window of four panes in a board frame, ``across`` pointing right from outside."""
+    up, width, tall = np.array([0, 1.0, 0]), 0.74, 0.84
+    out = np.cross(across, up)
+
+    def bar(middle, half_x, half_y, depth, surface):
+        size = np.abs(across) * 2 * half_x + up * 2 * half_y + np.abs(out) * depth
+        return box(
+            size, surface, centre=centre + middle[0] * across + middle[1] * up + out * depth / 2
+        )
+
+    corner = centre - across * width / 2 - up * tall / 2 + out * 0.02
+    parts = [rectangle(corner, across * width, up * tall, look["glow"])]
+    for x in (-width / 2 - 0.04, width / 2 + 0.04):
+        parts.append(bar((x, 0), 0.05, tall / 2 + 0.09, 0.07, look["trim"]))
+    for y in (-tall / 2 - 0.04, tall / 2 + 0.04):
+        parts.append(bar((0, y), width / 2 + 0.02, 0.05, 0.08, look["trim"]))
+    parts.append(bar((0, 0), 0.02, tall / 2, 0.05, look["trim"]))
+    parts.append(bar((0, 0), width / 2, 0.02, 0.05, look["trim"]))
+    parts.append(bar((0, -tall / 2 - 0.12), width / 2 + 0.14, 0.025, 0.14, look["boards"]))
+    return parts
+
+
+def _door(look) -> list[Part]:
+    z = DEPTH / 2 + RADIUS
+    parts = [box((0.9, 1.85, 0.06), look["door"], centre=(0, 0.33 + 0.925, z), repeat=1.0)]
+    for x in (-0.51, 0.51):
+        parts.append(box((0.12, 1.95, 0.10), look["trim"], centre=(x, 0.33 + 0.975, z)))
+    parts.append(box((1.14, 0.13, 0.11), look["trim"], centre=(0, 0.33 + 1.94, z)))
+    parts.append(rectangle((-0.2, 1.62, z + 0.035), (0.4, 0, 0), (0, 0.36, 0), look["glow"]))
+    parts.append(
+        cylinder((0.33, 1.2, z + 0.05), (0.33, 1.36, z + 0.05), 0.018, look["iron"], segments=6)
+    )
+    return parts
+
+
+def _porch(rng, look) -> list[Part]:
+    parts, front = [], DEPTH / 2 + 1.25
+    for index in range(9):
+        z = DEPTH / 2 + 0.18 + index * 0.125
+        parts.append(box((3.1, 0.05, 0.115), look["boards"], centre=(0, 0.30, z), repeat=0.5))
+    for step, y in enumerate((0.19, 0.07)):
+        parts.append(
+            box((1.0, 0.07, 0.28), look["boards"], centre=(0, y, front + 0.14 + 0.26 * step))
+        )
+    eave = EAVES - 0.34
+    for x in (-1.5, -0.62, 0.62, 1.5):
+        parts += log(
+            (x, 0.0, front - 0.06),
+            (x, eave - 0.1, front - 0.06),
+            0.06,
+            look["timber"],
+            look["grain"],
+            segments=8,
+        )
+    beam = (-1.62, eave - 0.12, front - 0.06), (1.62, eave - 0.12, front - 0.06)
+    parts += log(*beam, 0.075, look["timber"], look["grain"], segments=8)
+    roof_low = np.array([-1.8, eave - 0.12, front + 0.28])
+    slope = np.array([0, 0.52, -1.35])
+    parts.append(rectangle(roof_low - (0, 0.02, 0), (3.6, 0, 0), slope, look["boards"], repeat=0.5))
+    parts.append(_shingles(rng, roof_low, np.array([3.6, 0, 0]), slope, (5, 14), look["shingle"]))
+    parts.append(rectangle(roof_low - (0, 0.05, 0), (3.6, 0, 0), (0, 0.05, 0), look["trim"]))
+    for left, right in ((-1.5, -0.62), (0.62, 1.5)):
+        for y in (0.48, 0.92):
+            rail = (left, y, front - 0.06), (right, y, front - 0.06)
+            parts.append(tube(rail, 0.03, look["timber"], segments=6))
+        for x in np.linspace(left, right, 6)[1:-1]:
+            parts.append(
+                cylinder(
+                    (x, 0.48, front - 0.06),
+                    (x, 0.92, front - 0.06),
+                    0.018,
+                    look["timber"],
+                    segments=5,
+                    caps=False,
+                )
+            )
+    return parts

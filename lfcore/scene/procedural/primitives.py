@@ -1,0 +1,297 @@
+"""Shapes that the procedural models are made of; every one returns a Part.
+
+World space, metres, y up.  Texture coordinates run in metres times ``repeat`` (textures per
+metre) unless said otherwise, so that a brick has one size on every wall.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lfcore.scene.parts import Part, Surface, normalise
+from lfcore.scene.smoothing import crease_normals
+
+UNIT_SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+
+
+def quad(corners, surface: Surface, uv=UNIT_SQUARE) -> Part:
+    """Two triangles over four corners in turn, counter-clockwise from outside."""
+    corners, uv = np.asarray(corners, np.float64), np.asarray(uv, np.float64)
+    order = [[0, 1, 2], [0, 2, 3]]
+    return Part(corners[order], surface, None, uv[order])
+
+
+def rectangle(
+    origin, across, up, surface: Surface, *, repeat: float | None = None, pieces=(1, 1)
+) -> Part:
+    """A flat rectangle from ``origin`` along ``across`` and ``up``, cut into ``pieces``.
+
+    ``repeat`` None stretches one texture over it.
+    """
+    origin, across, up = (np.asarray(v, np.float64) for v in (origin, across, up))
+    a, b = np.meshgrid(np.linspace(0, 1, pieces[0] + 1), np.linspace(0, 1, pieces[1] + 1))
+    points = origin + a[..., None] * across + b[..., None] * up
+    uv = np.stack([a, b], -1)
+    if repeat is not None:
+        uv = uv * (np.linalg.norm(across) * repeat, np.linalg.norm(up) * repeat)
+    return mesh_grid(points, surface, uv, smooth=False)
+
+
+def mesh_grid(
+    points: np.ndarray,
+    surface: Surface,
+    uv: np.ndarray | None = None,
+    *,
+    close_columns: bool = False,
+    close_rows: bool = False,
+    smooth: bool = True,
+    crease_deg: float = 60.0,
+) -> Part:
+    """A sheet through (R, C, 3) ``points`` with ``uv`` (R, C, 2); zero-area triangles left out.
+
+    Closed directions join the last row or column to the first; ``uv`` then has one row or
+    column more than ``points``.
+    """
+    points = np.asarray(points, np.float64)
+    if close_columns:
+        points = np.concatenate([points, points[:, :1]], 1)
+    if close_rows:
+        points = np.concatenate([points, points[:1]], 0)
+    triangles = _cells(points)
+    edges = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    size = np.abs(points - points.mean((0, 1))).max()
+    keep = np.abs(edges).max(1) > 1e-12 * size * size
+    normals = crease_normals(triangles[keep], crease_deg) if smooth else None
+    uvs = None if uv is None else _cells(np.asarray(uv, np.float64))[keep]
+    return Part(triangles[keep], surface, normals, uvs)
+
+
+def _cells(grid: np.ndarray) -> np.ndarray:
+    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
+    both = np.stack([np.stack([a, b, c], 2), np.stack([a, c, d], 2)], 2)
+    return both.reshape(-1, 3, grid.shape[-1])
+
+
+def box(size, surface: Surface, *, centre=(0, 0, 0), repeat: float = 1.0, grain: int = 0) -> Part:
+    """12 triangles, flat shaded. The texture's u runs along axis ``grain`` where it can."""
+    half, centre = np.asarray(size, np.float64) / 2, np.asarray(centre, np.float64)
+    parts = []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            first, second = (axis + 1) % 3, (axis + 2) % 3
+            if sign < 0:
+                first, second = second, first
+            corners = np.zeros((4, 3))
+            corners[:, axis] = sign * half[axis]
+            corners[:, first] = np.array([-1, 1, 1, -1]) * half[first]
+            corners[:, second] = np.array([-1, -1, 1, 1]) * half[second]
+            along = grain if axis != grain else first
+            other = 3 - axis - along
+            uv = (corners + half)[:, [along, other]] * repeat + (0.13 * axis, 0.37 * axis)
+            parts.append(quad(corners + centre, surface, uv))
+    return join(parts)
+
+
+def join(parts: list[Part]) -> Part:
+    """Parts of one surface that carry the same attributes, as one part."""
+    columns = {}
+    for name in ("normals", "uvs", "colours"):
+        arrays = [getattr(part, name) for part in parts]
+        present = [array is not None for array in arrays]
+        if any(present) != all(present):
+            raise ValueError(f"parts to join differ in {name}")
+        columns[name] = np.concatenate(arrays) if all(present) else None
+    return Part(np.concatenate([p.triangles for p in parts]), parts[0].surface, **columns)
+
+
+def cushion(size, surface: Surface, *, pieces: int = 12, power: float = 4.0, repeat=1.0) -> Part:
+    """A box with rounded edges (superellipsoid of ``power``): pillow at 2.5, crate at 10.
+
+    12 * pieces^2 triangles; the texture is laid on from the nearest of six sides.
+    """
+    half = np.asarray(size, np.float64) / 2
+    steps = np.tan(np.linspace(-np.pi / 4, np.pi / 4, pieces + 1))
+    a, b = np.meshgrid(steps, steps)
+    parts = []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            first, second = (axis + 1) % 3, (axis + 2) % 3
+            cube = np.zeros((*a.shape, 3))
+            cube[..., axis] = sign
+            cube[..., first], cube[..., second] = (a, b) if sign > 0 else (b, a)
+            radius = (np.abs(cube) ** power).sum(-1, keepdims=True) ** (-1 / power)
+            points = cube * radius * half
+            # Upright and unmirrored on every side as seen from outside.
+            along = points[..., [0, 2] if axis == 1 else ([2, 1] if axis == 0 else [0, 1])]
+            flip = {0: (-sign, 1.0), 1: (1.0, -sign), 2: (sign, 1.0)}[axis]
+            parts.append(mesh_grid(points, surface, along * flip * repeat + 0.5, smooth=False))
+    whole = join(parts)
+    # The six sides meet at equal positions up to rounding; make them equal to smooth across.
+    triangles = np.round(whole.triangles, 9)
+    return Part(triangles, surface, crease_normals(triangles, 60.0), whole.uvs)
+
+
+def lathe(
+    profile, surface: Surface, *, segments: int = 24, repeat: float | None = None, crease_deg=40.0
+) -> Part:
+    """A profile of (radius, height) pairs, bottom to top outside, turned about the y axis.
+
+    ``repeat`` None wraps one texture once around and once from the first to the last pair.
+    """
+    profile = np.asarray(profile, np.float64)
+    angle = -np.arange(segments) * (2 * np.pi / segments)
+    ring = np.stack([np.cos(angle), np.zeros(segments), np.sin(angle)], -1)
+    points = profile[:, :1, None] * ring[None]
+    points[..., 1] = profile[:, 1:]
+    length = np.r_[0, np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))]
+    u, v = np.linspace(0, 1, segments + 1), length / (length[-1] or 1.0)
+    if repeat is not None:
+        u, v = u * 2 * np.pi * profile[:, 0].max() * repeat, length * repeat
+    uv = np.stack(np.meshgrid(u, v), -1)
+    return mesh_grid(points, surface, uv, close_columns=True, crease_deg=crease_deg)
+
+
+def sphere(radius, surface: Surface, *, centre=(0, 0, 0), segments=16, rings=10) -> Part:
+    """An ellipsoid when ``radius`` is a triple; 2 * segments * (rings - 1) triangles."""
+    latitude = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
+    across = np.cos(latitude)
+    across[[0, -1]] = 0.0
+    part = lathe(np.stack([across, np.sin(latitude)], -1), surface, segments=segments)
+    radius = np.broadcast_to(np.asarray(radius, np.float64), 3)
+    return Part(
+        part.triangles * radius + np.asarray(centre, np.float64),
+        surface,
+        normalise(part.triangles / radius),
+        part.uvs,
+    )
+
+
+def tube(
+    path,
+    radius,
+    surface: Surface,
+    *,
+    segments: int = 8,
+    closed: bool = False,
+    caps: bool = True,
+    repeat: float = 1.0,
+) -> Part:
+    """A round tube along (K, 3) ``path``; ``radius`` a number or one for each point.
+
+    Caps are cones of no height, so that one sheet covers all.
+    """
+    path = np.asarray(path, np.float64)
+    radius = np.broadcast_to(np.asarray(radius, np.float64), len(path)).copy()
+    length = np.r_[0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))]
+    tangents = _tangents(path, closed)
+    if caps and not closed:
+        path = np.concatenate([path[:1], path, path[-1:]])
+        radius = np.r_[0, radius, 0]
+        tangents = np.concatenate([tangents[:1], tangents, tangents[-1:]])
+        length = np.r_[0, length, length[-1]]
+    right, up = _frames(tangents, closed)
+    angle = np.arange(segments) * (2 * np.pi / segments)
+    ring = (
+        np.cos(angle)[None, :, None] * right[:, None] + np.sin(angle)[None, :, None] * up[:, None]
+    )
+    points = path[:, None] + radius[:, None, None] * ring
+    u = np.linspace(0, 1, segments + 1) * max(1.0, round(2 * np.pi * radius.max() * repeat))
+    if closed:
+        length = np.r_[length, length[-1] + np.linalg.norm(path[0] - path[-1])]
+    uv = np.stack(np.meshgrid(u, length * repeat), -1)
+    return mesh_grid(points, surface, uv, close_columns=True, close_rows=closed, crease_deg=70.0)
+
+
+def _tangents(path: np.ndarray, closed: bool) -> np.ndarray:
+    if closed:
+        return normalise(np.roll(path, -1, 0) - np.roll(path, 1, 0))
+    return normalise(np.gradient(path, axis=0))
+
+
+def _frames(tangents: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Right and up vectors carried along the path without twist (double reflection's limit)."""
+    start = np.eye(3)[np.argmin(np.abs(tangents[0]))]
+    rights = []
+    right = start
+    for tangent in tangents:
+        right = right - tangent * (right @ tangent)
+        right = right / np.linalg.norm(right)
+        rights.append(right)
+    rights = np.array(rights)
+    if closed:
+        # Spread the angle that remains between the last and the first frame over the loop.
+        first, last = rights[0], rights[-1] - tangents[0] * (rights[-1] @ tangents[0])
+        twist = np.arctan2(np.cross(last, first) @ tangents[0], last @ first)
+        angle = np.linspace(0, twist, len(tangents))[:, None]
+        rights = np.cos(angle) * rights + np.sin(angle) * np.cross(tangents, rights)
+    return rights, np.cross(tangents, rights)
+
+
+def cylinder(start, end, radius, surface: Surface, *, segments=8, caps=True, repeat=1.0) -> Part:
+    """A straight tube; ``radius`` a number or a pair (a cone's)."""
+    return tube([start, end], radius, surface, segments=segments, caps=caps, repeat=repeat)
+
+
+def ring(radius: float, number: int, *, centre=(0, 0, 0), axis: str = "z") -> np.ndarray:
+    """(number, 3) points on a circle about an axis, for closed tubes."""
+    angle = np.arange(number) * (2 * np.pi / number)
+    flat = np.stack([np.cos(angle), np.sin(angle), np.zeros(number)], -1) * radius
+    order = {"z": [0, 1, 2], "y": [0, 2, 1], "x": [2, 0, 1]}[axis]
+    return flat[:, order] + np.asarray(centre, np.float64)
+
+
+def curve(points: Sequence, number: int) -> np.ndarray:
+    """(number, 3) points on a Catmull-Rom spline through ``points``, ends included."""
+    points = np.asarray(points, np.float64)
+    padded = np.concatenate([2 * points[:1] - points[1:2], points, 2 * points[-1:] - points[-2:-1]])
+    position = np.linspace(0, len(points) - 1, number)
+    index = np.minimum(position.astype(int), len(points) - 2)
+    t = (position - index)[:, None]
+    p0, p1, p2, p3 = (padded[index + k] for k in range(4))
+    return 0.5 * (
+        2 * p1
+        + (p2 - p0) * t
+        + (2 * p0 - 5 * p1 + 4 * p2 - p3) * t**2
+        + (3 * p1 - p0 - 3 * p2 + p3) * t**3
+    )
+
+
+def scattered(part: Part, matrices: np.ndarray) -> Part:
+    """``part`` repeated under (K, 4, 4) rigid or uniformly scaled matrices, as one part."""
+    matrices = np.asarray(matrices, np.float64)
+    linear, offset = matrices[:, None, None, :3, :3], matrices[:, None, None, :3, 3]
+
+    def moved(vectors):
+        return (linear @ vectors[None, ..., None])[..., 0]
+
+    triangles = (moved(part.triangles) + offset).reshape(-1, 3, 3)
+    normals = None if part.normals is None else moved(part.normals).reshape(-1, 3, 3)
+    copies = len(matrices)
+    uvs = None if part.uvs is None else np.tile(part.uvs, (copies, 1, 1))
+    colours = None if part.colours is None else np.tile(part.colours, (copies, 1, 1))
+    return Part(triangles, part.surface, normals, uvs, colours)
+
+
+def disc(centre, normal, radius: float, surface: Surface, *, segments: int = 10) -> Part:
+    """A flat fan; one texture over its bounding square."""
+    y = normalise(np.asarray(normal, np.float64))
+    x = normalise(np.cross(y, np.eye(3)[np.argmin(np.abs(y))]))
+    angle = np.arange(segments + 1) * (2 * np.pi / segments)
+    flat = np.stack([np.cos(angle), np.sin(angle)], -1)
+    flat[-1] = flat[0]
+    rim = np.asarray(centre) + radius * (flat[:, :1] * x + flat[:, 1:] * np.cross(y, x))
+    hub = np.broadcast_to(np.asarray(centre, np.float64), rim[:-1].shape)
+    uv = np.stack([np.full((segments, 2), 0.5), flat[:-1] / 2 + 0.5, flat[1:] / 2 + 0.5], 1)
+    return Part(np.stack([hub, rim[:-1], rim[1:]], 1), surface, None, uv)
+
+
+def log(start, end, radius: float, bark: Surface, grain: Surface, *, segments=10) -> list[Part]:
+    """A trunk with sawn ends: 4 * segments triangles."""
+    start, end = np.asarray(start, np.float64), np.asarray(end, np.float64)
+    return [
+        cylinder(start, end, radius, bark, segments=segments, caps=False),
+        disc(start, start - end, radius, grain, segments=segments),
+        disc(end, end - start, radius, grain, segments=segments),
+    ]

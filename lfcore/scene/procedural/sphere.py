@@ -1,0 +1,33 @@
+"""A sphere on a checked floor: the smallest scene that shows depth, for quick trials."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfcore.errors import SceneError
+from lfcore.scene.parts import Part, Surface
+from lfcore.scene.procedural import textures
+from lfcore.scene.procedural.primitives import rectangle
+from lfcore.scene.procedural.primitives import sphere as ball
+
+
+def build(
+    seed: int, *, radius_m: float = 1.0, segments: int = 96, checks: float = 1.0
+) -> list[Part]:
+    """A speckled sphere standing on the origin of a checked floor.
+
+    ``checks`` counts fields a metre; ``seed`` draws the sphere's speckles.
+    """
+    if not radius_m > 0 or segments < 3 or not checks > 0:
+        raise SceneError("radius_m and checks must be above 0, segments at least 3")
+    skin = textures.speckle(seed, ((150, 40, 30), (226, 120, 60), (246, 220, 170)), cells=(6, 12))
+    red = Surface("sphere", (1, 1, 1), (0.4, 0.4, 0.4), 80.0, texture=skin)
+    board = np.full((128, 128, 3), 228, np.uint8)
+    board[:64, :64] = board[64:, 64:] = (58, 74, 96)
+    floor = Surface("floor", (1, 1, 1), texture=board)
+    return [
+        ball(
+            radius_m, red, centre=(0, radius_m, 0), segments=segments, rings=max(2, segments // 2)
+        ),
+        rectangle((-10, 0, 6), (20, 0, 0), (0, 0, -26), floor, repeat=checks / 2),
+    ]

@@ -1,0 +1,137 @@
+"""4x4 matrices from the ``transform`` lists and camera poses of scene files (float64)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from lfcore.errors import SceneError
+
+
+def translate(x: float, y: float, z: float) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[:3, 3] = x, y, z
+    return matrix
+
+
+def scale(x: float, y: float | None = None, z: float | None = None) -> np.ndarray:
+    """Uniform with one argument, else per axis."""
+    return np.diag([x, x if y is None else y, x if z is None else z, 1.0]).astype(np.float64)
+
+
+def rotate(axis: Sequence[float] | str, angle_deg: float) -> np.ndarray:
+    """Right-handed rotation by ``angle_deg`` about ``axis`` (a vector, or x, y, z)."""
+    if isinstance(axis, str):
+        axis = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}[axis]
+    x, y, z = np.asarray(axis, np.float64) / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    angle = math.radians(angle_deg)
+    matrix = np.eye(4)
+    matrix[:3, :3] += math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross)
+    return matrix
+
+
+def chain(*steps: np.ndarray) -> np.ndarray:
+    """One matrix that applies the steps in the order given."""
+    matrix = np.eye(4)
+    for step in steps:
+        matrix = step @ matrix
+    return matrix
+
+
+def parse_transform(steps: list[dict], *, file, key: str) -> np.ndarray:
+    """The matrix of a schema-checked ``transform`` list, applied from first to last.
+
+    Raises :class:`SceneError` for an axis of no length or a matrix that is not affine.
+    """
+    matrices = []
+    for index, step in enumerate(steps):
+        ((kind, value),) = step.items()
+        place = f"{key}[{index}].{kind}"
+        if kind == "translate_m":
+            matrices.append(translate(*value))
+        elif kind == "scale":
+            matrices.append(scale(*value) if isinstance(value, list) else scale(value))
+        elif kind == "rotate":
+            axis = value["axis"]
+            if not isinstance(axis, str) and not any(axis):
+                raise SceneError("rotation axis has no length", file=file, key=f"{place}.axis")
+            matrices.append(rotate(axis, value["angle_deg"]))
+        else:
+            matrices.append(parse_matrix(value, file=file, key=place))
+    return chain(*matrices)
+
+
+def parse_matrix(rows: list[list[float]], *, file, key: str) -> np.ndarray:
+    """A 4x4 matrix whose last row must be 0 0 0 1 and which must be invertible."""
+    matrix = np.array(rows, np.float64)
+    if not np.array_equal(matrix[3], [0, 0, 0, 1]):
+        raise SceneError(
+            f"last row is {matrix[3].tolist()}",
+            file=file,
+            key=key,
+            remedy="Give an affine matrix in row-major order, last row [0, 0, 0, 1]",
+        )
+    if np.linalg.matrix_rank(matrix[:3, :3]) < 3:
+        raise SceneError(
+            "matrix flattens space", file=file, key=key, remedy="Give an invertible matrix"
+        )
+    return matrix
+
+
+def look_at(
+    position: Sequence[float],
+    target: Sequence[float],
+    up: Sequence[float] = (0.0, 1.0, 0.0),
+    *,
+    file=None,
+    key: str = "camera.pose",
+) -> np.ndarray:
+    """World to camera space (x right, y down, z forward) of a camera at ``position``.
+
+    Raises :class:`SceneError` when position and target coincide or ``up`` is along the view.
+    """
+    position = np.asarray(position, np.float64)
+    forward = np.asarray(target, np.float64) - position
+    if not np.linalg.norm(forward) > 0:
+        raise SceneError(
+            "position_m and look_at_m coincide", file=file, key=key, remedy="Move one of them"
+        )
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, np.asarray(up, np.float64))
+    if not np.linalg.norm(right) > 1e-9 * np.linalg.norm(up):
+        raise SceneError(
+            "up is parallel to the viewing direction",
+            file=file,
+            key=f"{key}.up",
+            remedy="Give another up, for example [0, 0, 1] when looking down",
+        )
+    right /= np.linalg.norm(right)
+    return rigid_to_camera(np.stack([right, np.cross(forward, right), forward]), position)
+
+
+def rigid_to_camera(rows: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """World-to-camera matrix from its (3, 3) rotation and the lens centre in the world."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rows
+    matrix[:3, 3] = -rows @ position
+    return matrix
+
+
+def pose_from_matrix(rows: list[list[float]], *, file, key: str) -> np.ndarray:
+    """World to camera from a camera-to-world matrix in the file's convention.
+
+    The camera looks along its own -z with +y up, as in glTF and OpenGL; scale is refused.
+    """
+    to_world = parse_matrix(rows, file=file, key=key)
+    rotation = to_world[:3, :3]
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
+        raise SceneError(
+            "the upper left 3x3 block is not a rotation",
+            file=file,
+            key=key,
+            remedy="Give a rigid camera-to-world matrix without scale, shear or mirroring",
+        )
+    return rigid_to_camera(np.diag([1.0, -1.0, -1.0]) @ rotation.T, to_world[:3, 3])

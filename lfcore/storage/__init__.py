@@ -1,0 +1,1 @@
+"""Light fields on disk: colour, scan order, video segments, the container."""

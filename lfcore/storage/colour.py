@@ -1,0 +1,162 @@
+"""Colour between linear light, sRGB and the planes of a video frame.
+
+Light is averaged linear and stored sRGB-encoded (IEC 61966-2-1).  YCbCr is ITU-R BT.709, limited
+range: for b bits, luma codes run from 16 to 235 and chroma codes from 16 to 240, times
+``2^(b - 8)``.  Conversions are done in float and rounded once, half to even.  4:2:0 chroma is the
+mean of 2 x 2 pixels, so its samples lie in their centre; streams are tagged so.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfcore.storage.pixels import PixelFormat, pixel_format
+
+RED, BLUE = 0.2126, 0.0722
+"""BT.709 luma weights of red and blue; green has the rest."""
+GREEN = 1.0 - RED - BLUE
+
+
+def srgb_encode(linear: np.ndarray) -> np.ndarray:
+    """Display values of linear light, both in [0, 1] (clipped); float32 or float64 is kept."""
+    linear = np.clip(_floating(linear), 0, 1)
+    with np.errstate(under="ignore"):
+        power = linear ** linear.dtype.type(1 / 2.4)
+    curve = power * linear.dtype.type(1.055) - linear.dtype.type(0.055)
+    return np.where(linear <= 0.0031308, linear * linear.dtype.type(12.92), curve)
+
+
+def srgb_decode(encoded: np.ndarray) -> np.ndarray:
+    """Linear light of display values, both in [0, 1] (clipped).
+
+    ``encoded`` is float32 or float64, kept, or uint8 codes, which give float32.
+    """
+    if encoded.dtype == np.uint8:
+        return _LINEAR_OF_CODE[encoded]
+    encoded = np.clip(_floating(encoded), 0, 1)
+    kind = encoded.dtype.type
+    curve = ((encoded + kind(0.055)) * kind(1 / 1.055)) ** kind(2.4)
+    return np.where(encoded <= 0.04045, encoded * kind(1 / 12.92), curve)
+
+
+def rgb_to_ycbcr(rgb: np.ndarray, bits: int = 8) -> np.ndarray:
+    """Codes (..., 3) Y, Cb, Cr, not rounded, of sRGB-encoded ``rgb`` (..., 3) in [0, 1].
+
+    float32 or float64, kept.  BT.709: ``Y' = Kr R + Kg G + Kb B``, ``Cb = (B - Y') / (2 - 2 Kb)``,
+    ``Cr = (R - Y') / (2 - 2 Kr)``; limited range ``16 + 219 Y'``, ``128 + 224 C``.
+    """
+    rgb = _floating(rgb)
+    kind, scale = rgb.dtype.type, float(1 << (bits - 8))
+    red, green, blue = rgb[..., 0], rgb[..., 1], rgb[..., 2]
+    luma = kind(RED) * red + kind(GREEN) * green + kind(BLUE) * blue
+    out = np.empty_like(rgb)
+    out[..., 0] = kind(16 * scale) + kind(219 * scale) * luma
+    out[..., 1] = kind(128 * scale) + kind(112 * scale / (1 - BLUE)) * (blue - luma)
+    out[..., 2] = kind(128 * scale) + kind(112 * scale / (1 - RED)) * (red - luma)
+    return out
+
+
+def ycbcr_to_rgb(codes: np.ndarray, bits: int = 8, dtype: type = np.float32) -> np.ndarray:
+    """sRGB-encoded RGB (..., 3), clipped to [0, 1], of codes (..., 3); float32 or float64."""
+    scale = float(1 << (bits - 8))
+    luma = (codes[..., 0].astype(dtype) - dtype(16 * scale)) * dtype(1 / (219 * scale))
+    cb = (codes[..., 1].astype(dtype) - dtype(128 * scale)) * dtype(1 / (112 * scale))
+    cr = (codes[..., 2].astype(dtype) - dtype(128 * scale)) * dtype(1 / (112 * scale))
+    rgb = np.empty(luma.shape + (3,), dtype)
+    rgb[..., 0] = luma + dtype(1 - RED) * cr
+    rgb[..., 2] = luma + dtype(1 - BLUE) * cb
+    rgb[..., 1] = luma - dtype(BLUE * (1 - BLUE) / GREEN) * cb - dtype(RED * (1 - RED) / GREEN) * cr
+    return np.clip(rgb, 0, 1, out=rgb)
+
+
+def frames_from_rgb(
+    rgb: np.ndarray, format_name: str, width: int | None = None, height: int | None = None
+) -> np.ndarray:
+    """Planar frames (F, frame_bytes) uint8 of sRGB-encoded pictures (F, h, w, 3).
+
+    ``rgb`` is uint8, or float32 / float64 in [0, 1].  Where ``width`` and ``height`` are larger
+    than the pictures, their last column and row are repeated, which costs an encoder nothing.
+    Raises :class:`StorageError` for an unknown format or a size it cannot hold.
+    """
+    form = pixel_format(format_name)
+    count, high, wide, _ = rgb.shape
+    width, height = width or wide, height or high
+    if (width, height) != (wide, high):
+        rgb = np.pad(rgb, ((0, 0), (0, height - high), (0, width - wide), (0, 0)), mode="edge")
+    out = np.empty((count, form.frame_bytes(width, height)), np.uint8)
+    planes = form.views(out, width, height)
+    if form.rgb:
+        codes = rgb if rgb.dtype == np.uint8 else np.rint(np.clip(rgb, 0, 1) * 255)
+        for plane, channel in zip(planes, (1, 2, 0), strict=True):
+            plane[...] = codes[..., channel]
+        return out
+    if rgb.dtype == np.uint8:
+        rgb = rgb.astype(np.float32) * np.float32(1 / 255)
+    codes = rgb_to_ycbcr(rgb, form.bits)
+    planes[0][...] = np.rint(codes[..., 0])
+    for index in (1, 2):
+        chroma = codes[..., index]
+        if form.subsampling == 2:
+            chroma = chroma.reshape(count, height // 2, 2, width // 2, 2).mean((2, 4))
+        planes[index][...] = np.rint(chroma)
+    return out
+
+
+def rgb_from_frames(
+    frames: np.ndarray, format_name: str, width: int, height: int, *, linear_chroma: bool = True
+) -> np.ndarray:
+    """sRGB-encoded pictures (F, height, width, 3) float32 in [0, 1] of planar frames.
+
+    4:2:0 chroma is interpolated between sample centres, or with ``linear_chroma`` false repeated
+    over its 2 x 2 pixels.  Raises :class:`StorageError` when ``frames`` does not fit.
+    """
+    form = pixel_format(format_name)
+    return rgb_from_planes(form.views(frames, width, height), form, linear_chroma=linear_chroma)
+
+
+def rgb_from_planes(
+    planes: list[np.ndarray], form: PixelFormat, *, linear_chroma: bool = True
+) -> np.ndarray:
+    """The same of three planes (F, h, w), or windows of planes, of one pixel format."""
+    if form.rgb:
+        green, blue, red = planes
+        return np.stack([red, green, blue], -1).astype(np.float32) * np.float32(1 / 255)
+    codes = np.empty(planes[0].shape + (3,), np.float32)
+    codes[..., 0] = planes[0]
+    for index in (1, 2):
+        codes[..., index] = _upsampled(planes[index], form, linear_chroma)
+    return ycbcr_to_rgb(codes, form.bits)
+
+
+def to_uint8(picture: np.ndarray) -> np.ndarray:
+    """uint8 codes of a picture in [0, 1], rounded."""
+    return np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8)
+
+
+def _upsampled(chroma: np.ndarray, form: PixelFormat, linear: bool) -> np.ndarray:
+    """Chroma (F, h, w) on the grid of the luma; centre-sited."""
+    if form.subsampling == 1:
+        return chroma
+    if not linear:
+        return chroma.repeat(2, axis=1).repeat(2, axis=2)
+    chroma = chroma.astype(np.float32)
+    for axis in (1, 2):
+        size = chroma.shape[axis]
+        before = chroma.take(np.maximum(np.arange(size) - 1, 0), axis)
+        after = chroma.take(np.minimum(np.arange(size) + 1, size - 1), axis)
+        near = np.float32(0.75) * chroma
+        pair = np.stack(
+            [near + np.float32(0.25) * before, near + np.float32(0.25) * after], axis + 1
+        )
+        shape = list(chroma.shape)
+        shape[axis] *= 2
+        chroma = pair.reshape(shape)
+    return chroma
+
+
+def _floating(values: np.ndarray) -> np.ndarray:
+    values = np.asarray(values)
+    return values if values.dtype in (np.float32, np.float64) else values.astype(np.float64)
+
+
+_LINEAR_OF_CODE = srgb_decode(np.arange(256) / 255).astype(np.float32)

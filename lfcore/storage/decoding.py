@@ -1,0 +1,115 @@
+"""Packets in, planar frames out, in order and counted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+from av.error import FFmpegError
+
+from lfcore.errors import StorageError
+from lfcore.storage.pixels import PixelFormat
+from lfcore.storage.planar import PACKED_RGB, copy_out
+
+FRAME_RATE = 25
+"""Frames a second: 40 ms each, exact in Matroska's milliseconds; it means nothing else."""
+
+
+@dataclass
+class DecodeCount:
+    """How many frames were decoded, those included that only led to a wanted one."""
+
+    frames: int = 0
+
+
+def ticks_per_frame(time_base: Fraction) -> int:
+    """Units of ``time_base`` from one frame to the next; 0 when that is no whole number."""
+    ticks = 1 / (time_base * FRAME_RATE)
+    return ticks.numerator if ticks.denominator == 1 else 0
+
+
+def frame_number(pts: int | None, ticks: int) -> int | None:
+    """Number of the frame shown at ``pts``; None when that is no whole number or unknown."""
+    if pts is None or not ticks:
+        return None
+    number, rest = divmod(pts, ticks)
+    return None if rest else number
+
+
+@dataclass(frozen=True)
+class FrameRun:
+    """A run of frames in a stream: number of its first one, its time unit, size and format."""
+
+    file: Path
+    first: int
+    ticks: int
+    form: PixelFormat
+    width: int
+    height: int
+
+    def decode(
+        self,
+        context: av.VideoCodecContext,
+        packets: Iterable[av.Packet],
+        start: int,
+        stop: int,
+        chunk: int,
+        count: DecodeCount,
+    ) -> Iterator[np.ndarray]:
+        """Frames start ... stop - 1 of the run as arrays (up to ``chunk``, frame_bytes) uint8.
+
+        ``packets`` begin with a key frame at or before ``start``.  Raises
+        :class:`StorageError` when a frame is missing, or is not of this size and format.
+        """
+        wanted, filled = start, 0
+        out, planes = self._space(min(chunk, stop - start))
+        for frame in self._frames(context, packets):
+            count.frames += 1
+            index = self._index(frame)
+            if index < wanted:
+                continue
+            if index != wanted:
+                break
+            copy_out(frame, self.form, planes, filled)
+            wanted, filled = wanted + 1, filled + 1
+            if filled == len(out):
+                yield out
+                if wanted == stop:
+                    return
+                (out, planes), filled = self._space(min(chunk, stop - wanted)), 0
+        raise StorageError(
+            f"frame {wanted} of {start} to {stop - 1} is missing from the stream", file=self.file
+        )
+
+    def _space(self, frames: int) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Room for that many frames, and its planes."""
+        out = np.empty((frames, self.form.frame_bytes(self.width, self.height)), np.uint8)
+        return out, self.form.views(out, self.width, self.height)
+
+    def _frames(self, context, packets: Iterable[av.Packet]) -> Iterator[av.VideoFrame]:
+        try:
+            for packet in packets:
+                yield from context.decode(packet)
+            yield from context.decode(None)
+        except FFmpegError as error:
+            raise StorageError(
+                f"the video cannot be decoded: {error.strerror or error}", file=self.file
+            ) from error
+
+    def _index(self, frame: av.VideoFrame) -> int:
+        name = "gbrp" if frame.format.name == PACKED_RGB else frame.format.name
+        found = (frame.width, frame.height, name)
+        if found != (self.width, self.height, self.form.name):
+            raise StorageError(
+                f"frames are {found[0]} x {found[1]} {name}, not {self.width} x {self.height} "
+                f"{self.form.name} as the file says of itself",
+                file=self.file,
+            )
+        number = frame_number(frame.pts, self.ticks)
+        if number is None:
+            raise StorageError("a frame is without a number", file=self.file)
+        return number - self.first

@@ -1,0 +1,209 @@
+"""The outer structure of a Matroska file, and the check sums that it carries itself.
+
+Matroska (RFC 9559) is EBML (RFC 8794): elements of id, size and content.  FFmpeg's muxer begins
+each element of level 1 with a CRC-32 of the rest, which its demuxer does not look at.  Here they
+are checked, so that a flipped bit is found wherever it is.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+from lfcore.errors import StorageError
+
+HEAD, SEGMENT, CRC32 = 0x1A45DFA3, 0x18538067, 0xBF
+NAMES = {
+    0x114D9B74: "SeekHead",
+    0x1549A966: "Info",
+    0x1654AE6B: "Tracks",
+    0x1254C367: "Tags",
+    0x1F43B675: "Cluster",
+    0x1C53BB6B: "Cues",
+    0xEC: "Void",
+}
+HEAD_VALUES = {
+    0x4286: b"\1",  # version of EBML
+    0x42F7: b"\1",  # version needed to read it
+    0x42F2: b"\4",  # longest id
+    0x42F3: b"\x08",  # longest size
+    0x4282: b"matroska",
+    0x4287: b"\4",  # version of Matroska
+    0x4285: b"\2",  # version needed to read it
+}
+CUE_POINT, CUE_TIME = 0xBB, 0xB3
+BLOCK_BYTES = 1 << 20
+
+
+@dataclass(frozen=True)
+class Element:
+    """One element: ``offset`` of its first byte, ``start`` and ``stop`` of its content.
+
+    ``summed`` tells whether the content begins with a check sum.
+    """
+
+    name: str
+    offset: int
+    start: int
+    stop: int
+    summed: bool
+
+
+@dataclass
+class Structure:
+    """What a scan of a file found.
+
+    ``expected_bytes`` is the length the file says it has, 0 where it does not say.
+    ``faults`` describe damage, each with its place.  ``keys`` are the times in milliseconds of
+    all key frames, empty where the index at the end is missing.
+    """
+
+    file_bytes: int
+    expected_bytes: int = 0
+    elements: list[Element] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
+    keys: list[int] = field(default_factory=list)
+
+    @property
+    def truncated(self) -> bool:
+        return self.file_bytes < self.expected_bytes
+
+
+def scan(
+    path: Path, *, clusters: bool, progress: Callable[[int, int], None] | None = None
+) -> Structure:
+    """Walk over the elements of level 1 and check those that are not video; all with ``clusters``.
+
+    ``progress(done, total)`` counts bytes.  Raises :class:`StorageError` when the file cannot be
+    read or is no Matroska file.
+    """
+    try:
+        with open(path, "rb") as file:
+            size = path.stat().st_size
+            return _scan(file, path, size, clusters, progress or (lambda done, total: None))
+    except OSError as error:
+        raise StorageError(f"cannot be read: {error.strerror or error}", file=path) from error
+
+
+def _scan(file: BinaryIO, path: Path, size: int, clusters: bool, progress) -> Structure:
+    found = Structure(size)
+    position = _head(file, path, found)
+    while position < size:
+        element = _element(file, position)
+        if element is None or element.name not in NAMES.values():
+            found.faults.append(f"there is no element of Matroska's at byte {position}")
+            break
+        if element.stop > size:
+            found.faults.append(f"the {element.name} at byte {position} is cut short")
+            break
+        found.elements.append(element)
+        if (clusters or element.name != "Cluster") and _intact(file, element) is False:
+            found.faults.append(f"the {element.name} at byte {position} is damaged")
+        elif element.name == "Cues":
+            found.keys = sorted(_cue_times(file, element))
+        position = element.stop
+        progress(position, size)
+    bare = [one for one in found.elements if not one.summed and one.name != "Void"]
+    if len(bare) < sum(one.name != "Void" for one in found.elements):
+        # FFmpeg's muxer gives every element a check sum; others may give none at all.
+        found.faults += [f"the {one.name} at byte {one.offset} is damaged" for one in bare]
+    if found.truncated:
+        found.faults.insert(0, f"the file ends after {size} of {found.expected_bytes} bytes")
+    elif size > found.expected_bytes > 0:
+        found.faults.insert(0, f"{size - found.expected_bytes} bytes follow the end of the video")
+    return found
+
+
+def _head(file: BinaryIO, path: Path, found: Structure) -> int:
+    """Check the EBML head and find the Segment; returns where its content begins."""
+    foreign = StorageError(
+        "is not a Matroska file",
+        file=path,
+        remedy="Give a lightfield.mkv, as the join of segments writes it",
+    )
+    identity, start, stop = _header(file, 0) or (0, 0, 0)
+    if identity != HEAD or stop > found.file_bytes or stop > 4096:
+        raise foreign
+    values = {key: file_range(file, a, b) for key, a, b in _children(file, start, stop)}
+    if values.get(0x4282) != b"matroska":
+        raise foreign
+    if values != HEAD_VALUES:
+        found.faults.append("the EBML head at byte 0 is damaged")
+    header = _header(file, stop)
+    if header is None or header[0] != SEGMENT:
+        raise StorageError(
+            f"is damaged or cut short at byte {stop}, before anything can be read", file=path
+        )
+    found.expected_bytes = header[2]
+    return header[1]
+
+
+def _header(file: BinaryIO, position: int) -> tuple[int, int, int] | None:
+    """(id, start, stop) of the element at ``position``; None where there is none."""
+    file.seek(position)
+    head = file.read(16)
+    if not head or not head[0]:
+        return None
+    id_bytes = 9 - head[0].bit_length()
+    if id_bytes > 4 or len(head) <= id_bytes or not head[id_bytes]:
+        return None
+    size_bytes = 9 - head[id_bytes].bit_length()
+    if len(head) < id_bytes + size_bytes:
+        return None
+    size = int.from_bytes(head[id_bytes : id_bytes + size_bytes], "big")
+    start = position + id_bytes + size_bytes
+    size &= (1 << (7 * size_bytes)) - 1
+    return int.from_bytes(head[:id_bytes], "big"), start, start + size
+
+
+def _element(file: BinaryIO, position: int) -> Element | None:
+    header = _header(file, position)
+    if header is None:
+        return None
+    summed = file_range(file, header[1], header[1] + 2) == bytes([CRC32, 0x84])
+    return Element(NAMES.get(header[0], hex(header[0])), position, *header[1:], summed)
+
+
+def _children(file: BinaryIO, start: int, stop: int) -> Iterator[tuple[int, int, int]]:
+    """(id, start, stop) of the elements in that range, as far as they make sense."""
+    while start < stop:
+        header = _header(file, start)
+        if header is None or header[2] > stop:
+            return
+        yield header
+        start = header[2]
+
+
+def file_range(file: BinaryIO, start: int, stop: int) -> bytes:
+    """The bytes start ... stop - 1 of a file."""
+    file.seek(start)
+    return file.read(stop - start)
+
+
+def _intact(file: BinaryIO, element: Element) -> bool | None:
+    """Whether the CRC-32 of an element agrees; None without one.  Void must be all zero."""
+    start = element.start
+    if element.name == "Void":
+        return not any(file_range(file, start, element.stop))
+    if not element.summed:
+        return None
+    first = _header(file, start)
+    expected = int.from_bytes(file_range(file, *first[1:]), "little")
+    crc, position = 0, first[2]
+    while position < element.stop:
+        block = file_range(file, position, min(position + BLOCK_BYTES, element.stop))
+        crc, position = zlib.crc32(block, crc), position + len(block)
+        if not block:
+            return False
+    return crc == expected
+
+
+def _cue_times(file: BinaryIO, cues: Element) -> Iterator[int]:
+    for identity, start, stop in _children(file, cues.start, cues.stop):
+        if identity == CUE_POINT:
+            for inner, first, last in _children(file, start, stop):
+                if inner == CUE_TIME:
+                    yield int.from_bytes(file_range(file, first, last), "big")

@@ -1,0 +1,236 @@
+"""Which ray of a light slab is which pixel of which video frame.
+
+The *outer* grid of elements and the *inner* grid of rays of one element are, by kind,
+
+    macropixels   outer: pixels (u, v), M x M      inner: lens samples (i, j), N x N
+    views         outer: lens samples (i, j)       inner: pixels (u, v)
+
+A frame holds a *block* of pack x pack neighbouring elements side by side.  A tile is a rectangle
+of the outer grid; its frames, in scan order, are one video segment.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+
+import numpy as np
+
+from lfcore.errors import StorageError
+from lfcore.storage.curves import ORDERS
+from lfcore.storage.pixels import PixelFormat, pixel_format
+
+KINDS = ("macropixels", "views")
+SMALLEST_FRAME = 16
+"""Frames are padded to this size: some encoders refuse smaller ones, all pad to it inside."""
+
+
+@dataclass(frozen=True)
+class FrameLayout:
+    """How the rays of N x N ``views`` of M x M ``pixels`` are laid out in frames.
+
+    ``order`` is the scan order of frames within a tile: ``raster``, ``serpentine`` or
+    ``hilbert``.  Raises :class:`StorageError` for values that make no layout.
+    """
+
+    kind: str
+    views: int
+    pixels: int
+    order: str = "serpentine"
+    pack: int = 1
+    pixel_format: str = "yuv420p"
+
+    def __post_init__(self) -> None:
+        for key, value, known in (("kind", self.kind, KINDS), ("order", self.order, ORDERS)):
+            if not isinstance(value, str) or value not in known:
+                raise StorageError(
+                    f"unknown {key} {value!r}", key=key, remedy=f"Use one of {', '.join(known)}"
+                )
+        for key in ("views", "pixels", "pack"):
+            value = getattr(self, key)
+            if not (isinstance(value, int) and not isinstance(value, bool) and value >= 1):
+                raise StorageError(f"must be a positive integer, not {value!r}", key=key)
+        pixel_format(self.pixel_format)
+
+    @property
+    def format(self) -> PixelFormat:
+        return pixel_format(self.pixel_format)
+
+    @property
+    def outer(self) -> int:
+        """Side of the outer grid."""
+        return self.pixels if self.kind == "macropixels" else self.views
+
+    @property
+    def inner(self) -> int:
+        """Side of the inner grid."""
+        return self.views if self.kind == "macropixels" else self.pixels
+
+    @property
+    def elements_per_frame(self) -> int:
+        return min(self.pack, self.outer) ** 2
+
+    @property
+    def slot(self) -> int:
+        """Side of the square of pixels that one element has in a frame: even for 4:2:0.
+
+        Columns and rows from ``inner`` to ``slot`` are padding; they should repeat the last one.
+        """
+        step = self.format.subsampling
+        return -(-self.inner // step) * step
+
+    @property
+    def frame_width(self) -> int:
+        """Of every frame, in pixels; no smaller than SMALLEST_FRAME."""
+        return max(self.slot * min(self.pack, self.outer), SMALLEST_FRAME)
+
+    @property
+    def frame_height(self) -> int:
+        return self.frame_width
+
+    @property
+    def frame_bytes(self) -> int:
+        return self.format.frame_bytes(self.frame_width, self.frame_height)
+
+    @property
+    def rays(self) -> int:
+        return (self.outer * self.inner) ** 2
+
+    def tile(self, column: int, row: int, columns: int, rows: int, index: int = 0) -> Tile:
+        """The tile of this rectangle of the outer grid.
+
+        Raises :class:`StorageError` unless it lies inside and starts at a block's corner.
+        """
+        inside = 0 <= column < column + columns <= self.outer
+        inside &= 0 <= row < row + rows <= self.outer
+        if not inside or column % self.pack or row % self.pack:
+            raise StorageError(
+                f"the tile {columns} x {rows} at ({column}, {row}) does not fit an outer grid of "
+                f"{self.outer} x {self.outer} in blocks of {self.pack}",
+                key="tile",
+            )
+        return Tile(self, index, column, row, columns, rows)
+
+    def tiles(self, max_rays: int, *, least: int = 2, small_rays: int = 1 << 20) -> list[Tile]:
+        """The outer grid cut into tiles of at most ``max_rays`` rays, in raster order.
+
+        Bands of whole rows of blocks as long as a row fits, pieces of one row of blocks else;
+        a tile never is less than one block, however small ``max_rays``.  Tiles differ by at most
+        one block a side, so that cores finish together.  A light field of more than
+        ``small_rays`` rays gives at least ``least`` tiles where it has that many blocks.
+        """
+        blocks = -(-self.outer // self.pack)
+        if self.rays <= small_rays:
+            least = 1
+        fit = max(1, max_rays // (self.elements_per_frame * self.inner**2))
+        bands = -(-blocks // max(1, fit // blocks))
+        pieces = -(-blocks // fit) if fit < blocks else 1
+        if bands * pieces < least:
+            bands = min(blocks, least)
+            pieces = min(blocks, -(-least // bands))
+        tiles = []
+        for top, bottom in _spans(blocks, bands, self.pack, self.outer):
+            for left, right in _spans(blocks, pieces, self.pack, self.outer):
+                tiles.append(self.tile(left, top, right - left, bottom - top, len(tiles)))
+        return tiles
+
+    def to_json(self) -> dict:
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: dict) -> FrameLayout:
+        """Raises :class:`StorageError` for unknown or missing keys and impossible values."""
+        known = {field.name for field in fields(cls)}
+        if not isinstance(data, dict) or set(data) != known:
+            raise StorageError(f"must have exactly the keys {sorted(known)}", key="layout")
+        return cls(**data)
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A rectangle of the outer grid; ``index`` is its place among all tiles."""
+
+    layout: FrameLayout
+    index: int
+    column: int
+    row: int
+    columns: int
+    rows: int
+
+    @property
+    def element_count(self) -> int:
+        return self.columns * self.rows
+
+    @property
+    def rays(self) -> int:
+        return self.element_count * self.layout.inner**2
+
+    @property
+    def _block_grid(self) -> tuple[int, int]:
+        pack = self.layout.pack
+        return -(-self.columns // pack), -(-self.rows // pack)
+
+    @property
+    def frame_count(self) -> int:
+        return math.prod(self._block_grid)
+
+    @cached_property
+    def _scan(self) -> np.ndarray:
+        """(frame_count, 2) int32: block (column, row) of each frame."""
+        return ORDERS[self.layout.order](*self._block_grid)
+
+    @cached_property
+    def _frame_of_block(self) -> np.ndarray:
+        """int32 (block rows, block columns): the frame of each block."""
+        columns, rows = self._block_grid
+        frames = np.empty((rows, columns), np.int32)
+        frames[self._scan[:, 1], self._scan[:, 0]] = np.arange(self.frame_count, dtype=np.int32)
+        return frames
+
+    def elements(self) -> np.ndarray:
+        """(E, 2) int32 outer coordinates (column, row), frame after frame in scan order.
+
+        Within a frame row by row; slots that lie outside the tile are left out.
+        """
+        pack = self.layout.pack
+        slots = np.stack(np.divmod(np.arange(pack * pack, dtype=np.int32), np.int32(pack))[::-1], 1)
+        cells = (self._scan[:, None] * np.int32(pack) + slots).reshape(-1, 2)
+        if self.columns % pack or self.rows % pack:
+            cells = cells[(cells[:, 0] < self.columns) & (cells[:, 1] < self.rows)]
+        return cells + np.int32([self.column, self.row])
+
+    def placement(self, elements: np.ndarray) -> np.ndarray:
+        """(E, 3) int32 [frame within the tile, x0, y0] of outer coordinates (E, 2).
+
+        (x0, y0) is the corner of the element's inner grid within the frame, in pixels.
+        Raises :class:`StorageError` for elements outside the tile.
+        """
+        local = np.asarray(elements, np.int32).reshape(-1, 2) - np.int32([self.column, self.row])
+        if local.size and (local.min() < 0 or (local >= [self.columns, self.rows]).any()):
+            raise StorageError("elements lie outside the tile", key="tile")
+        block, slot = np.divmod(local, np.int32(self.layout.pack))
+        out = np.empty((len(local), 3), np.int32)
+        out[:, 0] = self._frame_of_block[block[:, 1], block[:, 0]]
+        out[:, 1:] = slot * np.int32(self.layout.slot)
+        return out
+
+    def overlaps(self, column0: int, row0: int, column1: int, row1: int) -> bool:
+        """Whether the half-open rectangle of outer coordinates meets the tile."""
+        return (
+            column0 < self.column + self.columns
+            and self.column < column1
+            and row0 < self.row + self.rows
+            and self.row < row1
+        )
+
+    def to_json(self) -> list[int]:
+        return [self.column, self.row, self.columns, self.rows]
+
+
+def _spans(blocks: int, parts: int, pack: int, outer: int) -> Iterator[tuple[int, int]]:
+    """``parts`` nearly equal spans of the blocks, in elements: (start, stop)."""
+    cuts = [part * blocks // parts * pack for part in range(parts)] + [outer]
+    yield from itertools.pairwise(cuts)

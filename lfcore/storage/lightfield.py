@@ -1,0 +1,377 @@
+"""A light field on disk: open it, check it, read frames, views, macropixels and rectangles.
+
+The file alone is enough: geometry, layout and an index of segments are in its metadata.  Nothing
+is handed out from a segment before its check sum was found right.
+"""
+
+from __future__ import annotations
+
+import zlib
+from bisect import bisect_right
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import av
+import numpy as np
+from av.error import FFmpegError
+
+from lfcore.errors import StorageError
+from lfcore.optics.slab import Slab
+from lfcore.storage.colour import rgb_from_planes, to_uint8
+from lfcore.storage.container import FRAME_MS
+from lfcore.storage.decoding import DecodeCount, FrameRun, frame_number, ticks_per_frame
+from lfcore.storage.ebml import Structure, scan
+from lfcore.storage.layout import FrameLayout
+from lfcore.storage.metadata import TAG, Metadata, Segment
+from lfcore.storage.planar import PACKED_RGB
+from lfcore.storage.segment import open_video
+
+
+@dataclass(frozen=True)
+class Damage:
+    """A segment that cannot be read, and why."""
+
+    segment: Segment
+    reason: str
+
+
+class LightField:
+    """A light field file that was opened; see :meth:`open`.
+
+    ``damage`` lists what was found unreadable (only with ``salvage``; else that is an error), and
+    ``count.frames`` adds up the frames decoded so far, those included that only led to others.
+    """
+
+    def __init__(self, path: Path, metadata: Metadata, keys: list[int], threads: int):
+        self.path, self.metadata, self.threads = path, metadata, threads
+        self.count = DecodeCount()
+        self.damage: list[Damage] = []
+        self._salvage = False
+        self._checked: set[int] = set()
+        self._keys = keys
+
+    @classmethod
+    def open(cls, path: str | Path, *, salvage: bool = False, threads: int = 1) -> LightField:
+        """Open ``path``; ``threads`` are those of a decoder.
+
+        Raises :class:`StorageError`, saying what is damaged and what can still be read, for a
+        file that is missing, foreign, cut short, damaged outside the video, lacks segments or
+        contradicts itself.  With ``salvage``, segments that are whole can be read all the same:
+        all are checked at once, and what cannot be read is in ``damage``.
+        """
+        path = Path(path)
+        structure = scan(path, clusters=False)
+        metadata = _read_metadata(path, structure)
+        field = cls(path, metadata, [key // FRAME_MS for key in structure.keys], threads)
+        if salvage:
+            field._salvage = True
+            field._find_damage()
+        else:
+            field._refuse_faults(structure)
+        return field
+
+    @property
+    def geometry(self) -> str:
+        """``slab`` or ``array``."""
+        return self.metadata.geometry
+
+    @property
+    def slab(self) -> Slab | None:
+        """The slab; None for a camera array, whose data are ``metadata.array``."""
+        return self.metadata.slab
+
+    @property
+    def layout(self) -> FrameLayout:
+        return self.metadata.layout
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """The segments that can be read, as far as is known."""
+        bad = {damage.segment.index for damage in self.damage}
+        return tuple(part for part in self.metadata.segments if part.index not in bad)
+
+    def check_segment(self, index: int) -> None:
+        """Read segment ``index`` without decoding it, and compare its packets with the index.
+
+        Raises :class:`StorageError` when packets are missing, displaced or changed.
+        """
+        part = self.metadata.segments[index]
+        frames = size = crc = 0
+        with closing(self._packets(part, part.first)) as packets:
+            next(packets)  # the context
+            for packet in packets:
+                crc, size, frames = zlib.crc32(packet, crc), size + packet.size, frames + 1
+        if (frames, size, crc) != (part.frames, part.bytes, part.crc32):
+            if frames != part.frames:
+                problem = f"has {frames} of its {part.frames} frames"
+            else:
+                problem = "is damaged: its check sum differs"
+            raise self._bad_segment(part, problem)
+        self._checked.add(index)
+
+    def verify(self, progress: Callable[[int, int], None] | None = None) -> None:
+        """Check every byte of the file and every segment.
+
+        ``progress(done, total)`` counts segments.  Raises :class:`StorageError` that names all
+        damaged segments and what can still be read.
+        """
+        structure = scan(self.path, clusters=True)
+        bad = []
+        for part in self.metadata.segments:
+            try:
+                self.check_segment(part.index)
+            except StorageError as error:
+                bad.append(Damage(part, error.problem))
+            if progress:
+                progress(part.index + 1, len(self.metadata.segments))
+        if bad or structure.faults:
+            raise self._report(structure.faults, bad)
+
+    def frames(
+        self, segment: int, start: int = 0, stop: int | None = None, *, chunk: int = 64
+    ) -> Iterator[np.ndarray]:
+        """Frames start ... stop - 1 of a segment, as arrays (up to ``chunk``, frame_bytes) uint8.
+
+        Decoding begins at the last key frame at or before ``start``.  Raises
+        :class:`StorageError` for a damaged segment, before any frame is handed out.
+        """
+        if not 0 <= segment < len(self.metadata.segments):
+            raise StorageError(f"there is no segment {segment}", file=self.path)
+        part = self.metadata.segments[segment]
+        stop = part.frames if stop is None else stop
+        if not 0 <= start <= stop <= part.frames:
+            raise StorageError(
+                f"frames {start} to {stop} were asked for of {part.frames}", file=self.path
+            )
+        if segment not in self._checked:
+            self.check_segment(segment)
+        if start == stop:
+            return
+        with closing(self._packets(part, part.first + start)) as packets:
+            context, ticks = next(packets)
+            layout = self.layout
+            run = FrameRun(
+                self.path, part.first, ticks, layout.format, layout.frame_width,
+                layout.frame_height,
+            )  # fmt: skip
+            yield from run.decode(context, packets, start, stop, chunk, self.count)
+
+    def macropixel(self, u: int, v: int) -> np.ndarray:
+        """(N, N, 3) uint8 sRGB, indexed [j, i]: what pixel (u, v) sees through the lens."""
+        return self.rectangle(u, v, u + 1, v + 1)[0, 0]
+
+    def view(self, i: int, j: int) -> np.ndarray:
+        """(M, M, 3) uint8 sRGB, indexed [v, u]: the picture from lens sample (i, j)."""
+        size = self.layout.pixels
+        lens, film = (i, j, i + 1, j + 1), (0, 0, size, size)
+        if self.layout.kind == "views":
+            return self._read(lens, film)[0, 0]
+        return self._read(film, lens)[:, :, 0, 0]
+
+    def rectangle(self, u0: int, v0: int, u1: int, v1: int) -> np.ndarray:
+        """(v1 - v0, u1 - u0, N, N, 3) uint8 sRGB, indexed [v, u, j, i], half open.
+
+        Pixels of segments that are damaged are black if the file was opened to salvage.
+        """
+        size = self.layout.views
+        film, lens = (u0, v0, u1, v1), (0, 0, size, size)
+        if self.layout.kind == "macropixels":
+            return self._read(film, lens)
+        return np.ascontiguousarray(self._read(lens, film).transpose(2, 3, 0, 1, 4))
+
+    def _read(self, outer: tuple, inner: tuple) -> np.ndarray:
+        """uint8 (outer rows, outer columns, inner rows, inner columns, 3) of two rectangles.
+
+        Rectangles are (column0, row0, column1, row1), half open.
+        """
+        layout = self.layout
+        for (a, b, c, d), size in ((outer, layout.outer), (inner, layout.inner)):
+            if not (0 <= a < c <= size and 0 <= b < d <= size):
+                raise StorageError(
+                    f"({a}, {b}) to ({c}, {d}) lies outside the {size} x {size} recorded",
+                    file=self.path,
+                )
+        shape = (outer[3] - outer[1], outer[2] - outer[0], inner[3] - inner[1], inner[2] - inner[0])
+        out = np.zeros((*shape, 3), np.uint8)
+        corner = np.int32(outer[:2])
+        for part in self.segments:
+            if not part.tile.overlaps(*outer):
+                continue
+            elements = part.tile.elements()
+            inside = (elements >= corner).all(1) & (elements < outer[2:]).all(1)
+            elements = elements[inside]
+            places = part.tile.placement(elements)
+            for frames, which in self._needed(part, places[:, 0]):
+                for row, element in zip(frames, which, strict=True):
+                    column, line = elements[element] - corner
+                    out[line, column] = self._window(row, places[element, 1:], inner)
+        return out
+
+    def _needed(self, part: Segment, numbers: np.ndarray) -> Iterator[tuple]:
+        """Decode the frames ``numbers`` (ascending): pairs of rows of bytes and places in it."""
+        wanted = np.unique(numbers)
+        keys = [key - part.first for key in self._keys if part.first <= key < part.stop] or [0]
+        start = 0
+        while start < len(wanted):
+            stop = start + 1
+            # On through the frames between, unless a later key frame lets us skip some.
+            while (
+                stop < len(wanted)
+                and keys[bisect_right(keys, wanted[stop]) - 1] <= wanted[stop - 1] + 1
+            ):
+                stop += 1
+            first = int(wanted[start])
+            for chunk in self.frames(part.index, first, int(wanted[stop - 1]) + 1):
+                low, high = np.searchsorted(numbers, (first, first + len(chunk)))
+                yield chunk[numbers[low:high] - first], range(low, high)
+                first += len(chunk)
+            start = stop
+
+    def _window(self, frame: np.ndarray, corner: np.ndarray, inner: tuple) -> np.ndarray:
+        """The inner rectangle of one element of one frame, uint8 (rows, columns, 3)."""
+        layout, form = self.layout, self.layout.format
+        step, slot = form.subsampling, layout.slot
+        # With a margin for the interpolation of chroma, which stays within the element.
+        low = [max(0, value // step - 1) for value in inner[:2]]
+        high = [min(slot // step, -(-value // step) + 1) for value in inner[2:]]
+        planes = form.views(frame[None], layout.frame_width, layout.frame_height)
+        cut = []
+        for index, plane in enumerate(planes):
+            scale = step if index == 0 else 1
+            x, y = corner // (step if index else 1)
+            cut.append(
+                plane[:, y + low[1] * scale : y + high[1] * scale,
+                      x + low[0] * scale : x + high[0] * scale]
+            )  # fmt: skip
+        picture = rgb_from_planes(cut, form)[0]
+        x, y = inner[0] - low[0] * step, inner[1] - low[1] * step
+        return to_uint8(picture[y : y + inner[3] - inner[1], x : x + inner[2] - inner[0]])
+
+    def _packets(self, part: Segment, first: int) -> Iterator:
+        """First (decoder, ticks a frame), then packets from a key frame at or before ``first``."""
+        with open_video(self.path) as container:
+            stream = container.streams.video[0]
+            stream.codec_context.thread_count = self.threads
+            ticks = ticks_per_frame(stream.time_base)
+            yield stream.codec_context, ticks
+            try:
+                if first:
+                    container.seek(first * ticks, stream=stream)
+                for packet in container.demux(stream):
+                    number = frame_number(packet.pts, ticks)
+                    if not packet.size or number is None:
+                        continue
+                    if number >= part.stop:
+                        break
+                    if number >= part.first:
+                        yield packet
+            except FFmpegError as error:
+                raise self._bad_segment(part, f"cannot be read: {error.strerror}") from error
+
+    def _bad_segment(self, part: Segment, problem: str) -> StorageError:
+        a, b, c, d = part.tile.to_json()
+        return StorageError(
+            f"segment {part.index} ({self.layout.kind} ({a}, {b}) to ({a + c - 1}, {b + d - 1})) "
+            + problem,
+            file=self.path,
+            remedy="Open the file to salvage the other segments, or make it again",
+        )
+
+    def _find_damage(self) -> None:
+        for part in self.metadata.segments:
+            try:
+                self.check_segment(part.index)
+            except StorageError as error:
+                self.damage.append(Damage(part, error.problem))
+
+    def _refuse_faults(self, structure: Structure) -> None:
+        """Raise when the structure or the index of key frames shows damage."""
+        if structure.faults:
+            self._find_damage()
+            raise self._report(structure.faults, self.damage)
+        missing = [
+            Damage(part, f"segment {part.index} is missing")
+            for part in self.metadata.segments
+            if self._keys and part.first not in set(self._keys)
+        ]
+        if missing:
+            raise self._report([], missing)
+
+    def _report(self, faults: list[str], bad: list[Damage]) -> StorageError:
+        total = len(self.metadata.segments)
+        if not bad:
+            readable = f"all {total} segments can still be read"
+        elif len(bad) == total:
+            readable = f"none of {total} segments can be read"
+        else:
+            numbers = ", ".join(str(damage.segment.index) for damage in bad[:20])
+            more = ", ..." if len(bad) > 20 else ""
+            readable = (
+                f"{total - len(bad)} of {total} segments can still be read, not {numbers}{more}"
+            )
+        reasons = [*faults, *(damage.reason for damage in bad[: 0 if faults else 3])]
+        return StorageError(
+            f"is damaged: {'; '.join(reasons)}; {readable}",
+            file=self.path,
+            remedy="Open it to salvage what can be read, or join the segments again",
+        )
+
+
+def _read_metadata(path: Path, structure: Structure) -> Metadata:
+    """The metadata of a file, checked against its video stream."""
+    try:
+        container = open_video(path)
+    except StorageError:
+        if structure.faults:
+            raise StorageError(
+                f"is damaged: {'; '.join(structure.faults)}; nothing can be read", file=path
+            ) from None
+        raise
+    with container:
+        text = container.metadata.get(TAG)
+        if text is None:
+            if structure.faults:
+                raise StorageError(
+                    f"is damaged: {'; '.join(structure.faults)}; without metadata (tag {TAG}) "
+                    "nothing can be read",
+                    file=path,
+                )
+            raise StorageError(
+                f"is a video, but no light field: it has no tag {TAG}",
+                file=path,
+                remedy="Give a lightfield.mkv, as the join of segments writes it",
+            )
+        metadata = Metadata.from_text(text, path)
+        _check_stream(path, metadata, container.streams.video[0], structure.faults)
+        return metadata
+
+
+def _check_stream(
+    path: Path, metadata: Metadata, stream: av.VideoStream, faults: list[str]
+) -> None:
+    """Raise :class:`StorageError` when the metadata contradict the video stream."""
+    context, layout = stream.codec_context, metadata.layout
+    name = "gbrp" if context.pix_fmt == PACKED_RGB else context.pix_fmt
+    pairs = (
+        ("codec", metadata.codec, context.codec.canonical_name),
+        ("frame width", layout.frame_width, context.width),
+        ("frame height", layout.frame_height, context.height),
+        ("pixel format", layout.pixel_format, name),
+        ("global header check sum", metadata.header_crc32, zlib.crc32(context.extradata or b"")),
+    )
+    for what, said, found in pairs:
+        # FFmpeg learns the pixel format from the first frame, which a cut file may lack.
+        if said == found or (found is None and faults):
+            continue
+        if faults:
+            raise StorageError(f"is damaged: {'; '.join(faults)}; nothing can be read", file=path)
+        raise StorageError(
+            f"contradicts itself: the metadata say {what} {said}, the video has {found}",
+            file=path,
+            remedy="Join the segments again",
+        )
+
+
+__all__ = ["Damage", "LightField"]

@@ -1,0 +1,210 @@
+"""What a light field file says of itself: geometry, layout, colour, and an index of its segments.
+
+It is JSON in the Matroska tag ``LIGHTFIELD``, which stands before the video, is kept by programs
+that copy streams, and carries a digest of itself.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lfcore.errors import LfcoreError, StorageError
+from lfcore.optics.slab import Slab
+from lfcore.storage.layout import FrameLayout, Tile
+
+TAG = "LIGHTFIELD"
+VERSION = 1
+GEOMETRIES = ("slab", "array")
+COLOUR = {
+    "transfer": "sRGB, IEC 61966-2-1",
+    "primaries": "BT.709",
+    "matrix": "BT.709",
+    "range": "limited",
+    "chroma_location": "centre of 2 x 2 pixels for 4:2:0",
+}
+COLOUR_RGB = COLOUR | {"matrix": "none, RGB", "range": "full", "chroma_location": "none"}
+KEYS = {
+    "version", "software", "geometry", "slab", "array", "layout", "colour", "codec",
+    "header_crc32", "settings", "scene", "segments",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One tile's frames in the file: ``first`` and ``frames`` count frames of the whole file.
+
+    ``bytes`` and ``crc32`` are of the segment's packets, in file order.
+    """
+
+    index: int
+    tile: Tile
+    first: int
+    frames: int
+    bytes: int
+    crc32: int
+
+    @property
+    def stop(self) -> int:
+        return self.first + self.frames
+
+
+@dataclass(frozen=True)
+class Metadata:
+    """Everything but the frames.
+
+    geometry : ``slab`` (then ``slab`` is one) or ``array`` (then ``array`` is a JSON object).
+    codec : name of the video stream, e.g. ``h264``; ``settings`` are what it was encoded with.
+    header_crc32 : of the codec's global header.
+    scene : JSON object with at least ``name`` and ``digest``.
+    """
+
+    geometry: str
+    slab: Slab | None
+    array: dict | None
+    layout: FrameLayout
+    codec: str
+    header_crc32: int
+    settings: dict
+    scene: dict
+    segments: tuple[Segment, ...]
+    software: str
+
+    @property
+    def frames(self) -> int:
+        return sum(segment.frames for segment in self.segments)
+
+    def to_text(self) -> str:
+        """JSON with a digest."""
+        data = {
+            "version": VERSION,
+            "software": self.software,
+            "geometry": self.geometry,
+            "slab": self.slab.to_json() if self.slab else None,
+            "array": self.array,
+            "layout": self.layout.to_json(),
+            "colour": COLOUR_RGB if self.layout.format.rgb else COLOUR,
+            "codec": self.codec,
+            "header_crc32": self.header_crc32,
+            "settings": self.settings,
+            "scene": self.scene,
+            "segments": [
+                [*part.tile.to_json(), part.first, part.frames, part.bytes, part.crc32]
+                for part in self.segments
+            ],
+        }
+        return _canonical(data | {"digest": _digest(data)})
+
+    @classmethod
+    def from_text(cls, text: str, file: Path) -> Metadata:
+        """Raises :class:`StorageError` when it is damaged, too new, or contradicts itself."""
+        try:
+            data = json.loads(text)
+            digest = data.pop("digest")
+        except (ValueError, KeyError, AttributeError, TypeError):
+            raise _damaged(file) from None
+        if digest != _digest(data):
+            raise _damaged(file)
+        if data.get("version") != VERSION:
+            raise StorageError(
+                f"has metadata of version {data.get('version')}; this program reads {VERSION}",
+                file=file,
+                remedy="Use the program that wrote it, or a later one",
+            )
+        if set(data) != KEYS:
+            raise StorageError(
+                f"has other metadata than it must: {sorted(set(data) ^ KEYS)}", file=file
+            )
+        try:
+            return cls._from_json(data)
+        except StorageError as error:
+            raise StorageError(error.problem, file=file, key=error.key) from error
+        except (LfcoreError, KeyError, TypeError, ValueError, AttributeError) as error:
+            raise StorageError(f"has metadata that make no sense: {error}", file=file) from error
+
+    @classmethod
+    def _from_json(cls, data: dict[str, Any]) -> Metadata:
+        layout = FrameLayout.from_json(data["layout"])
+        segments = []
+        for index, (*tile, first, frames, size, crc) in enumerate(data["segments"]):
+            part = layout.tile(*tile, index)
+            segments.append(Segment(index, part, first, frames, size, crc))
+        slab = Slab.from_json(data["slab"]) if data["slab"] is not None else None
+        found = cls(
+            data["geometry"], slab, data["array"], layout, data["codec"], data["header_crc32"],
+            data["settings"], data["scene"], tuple(segments), data["software"],
+        )  # fmt: skip
+        found.check()
+        return found
+
+    def check(self) -> None:
+        """Raise :class:`StorageError` where the parts contradict one another."""
+        if self.geometry not in GEOMETRIES:
+            raise StorageError(f"unknown geometry {self.geometry!r}", key="geometry")
+        if (self.slab is None) != (self.geometry != "slab") or (self.array is None) != (
+            self.geometry != "array"
+        ):
+            raise StorageError(f"the geometry {self.geometry!r} lacks its data", key="geometry")
+        if self.slab and (self.slab.views, self.slab.pixels) != (
+            self.layout.views,
+            self.layout.pixels,
+        ):
+            raise StorageError(
+                f"the slab has {self.slab.views} views and {self.slab.pixels} pixels a side, the "
+                f"layout {self.layout.views} and {self.layout.pixels}",
+                key="layout",
+            )
+        if not {"name", "digest"} <= set(self.scene):
+            raise StorageError("the scene lacks name or digest", key="scene")
+        self._check_segments()
+
+    def _check_segments(self) -> None:
+        first = 0
+        for part in self.segments:
+            if (part.first, part.frames) != (first, part.tile.frame_count):
+                raise StorageError(
+                    f"segment {part.index} has frames {part.first} to {part.stop - 1}, its tile "
+                    f"needs {first} to {first + part.tile.frame_count - 1}",
+                    key="segments",
+                )
+            first = part.stop
+        check_cover([part.tile for part in self.segments], self.layout)
+
+
+def check_cover(tiles: Sequence[Tile], layout: FrameLayout) -> None:
+    """Raise :class:`StorageError` unless each element of the outer grid is in just one tile."""
+    # Tiles without a common element whose areas add up to the whole are a partition of it.
+    whole = sum(tile.element_count for tile in tiles) == layout.outer**2
+    boxes = np.array([tile.to_json() for tile in tiles]).reshape(-1, 4)
+    low, high = boxes[:, :2], boxes[:, :2] + boxes[:, 2:]
+    for index in range(len(tiles) - 1):
+        later = slice(index + 1, None)
+        meets = (low[later] < high[index]).all(1) & (low[index] < high[later]).all(1)
+        whole &= not meets.any()
+    if not whole:
+        raise StorageError(
+            f"the tiles do not cover the {layout.outer} x {layout.outer} elements exactly once",
+            key="segments",
+        )
+
+
+def _damaged(file: Path) -> StorageError:
+    return StorageError(
+        f"the metadata (tag {TAG}) are damaged, so that nothing can be read",
+        file=file,
+        remedy="Join the segments again, or take a copy of the file",
+    )
+
+
+def _canonical(data: dict) -> str:
+    return json.dumps(data, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+
+
+def _digest(data: dict) -> str:
+    return hashlib.sha256(_canonical(data).encode()).hexdigest()

@@ -1,0 +1,105 @@
+"""Pixel formats: how the samples of one video frame lie in memory.
+
+A frame is one contiguous run of bytes, plane after plane, rows without padding.  Formats of more
+than 8 bits hold little-endian 16-bit samples.  YCbCr is BT.709, limited ("tv") range, made from
+sRGB-encoded RGB; ``gbrp`` is sRGB-encoded RGB itself, planes in the order green, blue, red.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.errors import StorageError
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Where one plane lies: byte offset within the frame, and its size in samples."""
+
+    offset: int
+    height: int
+    width: int
+
+
+@dataclass(frozen=True)
+class PixelFormat:
+    """``subsampling`` is 2 for 4:2:0 and 1 else; ``bits`` per sample; ``rgb`` for no YCbCr."""
+
+    name: str
+    bits: int
+    subsampling: int
+    rgb: bool = False
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Of one sample: uint8, or little-endian uint16."""
+        return np.dtype(np.uint8) if self.bits == 8 else np.dtype("<u2")
+
+    def planes(self, width: int, height: int) -> tuple[Plane, Plane, Plane]:
+        """The three planes of a frame; ``width`` and ``height`` are even for 4:2:0."""
+        self.check_size(width, height)
+        size, step = self.dtype.itemsize, self.subsampling
+        first = width * height * size
+        small = (height // step, width // step)
+        second = first + small[0] * small[1] * size
+        return Plane(0, height, width), Plane(first, *small), Plane(second, *small)
+
+    def frame_bytes(self, width: int, height: int) -> int:
+        """Bytes of one frame."""
+        self.check_size(width, height)
+        samples = width * height + 2 * (width // self.subsampling) * (height // self.subsampling)
+        return samples * self.dtype.itemsize
+
+    def check_size(self, width: int, height: int) -> None:
+        """Raise :class:`StorageError` for a frame that this format cannot hold."""
+        if width < 1 or height < 1 or width % self.subsampling or height % self.subsampling:
+            raise StorageError(
+                f"a frame of {width} x {height} cannot be {self.name}",
+                key="pixel_format",
+                remedy="Use positive and, for 4:2:0, even sizes",
+            )
+
+    def views(self, frames: np.ndarray, width: int, height: int) -> list[np.ndarray]:
+        """The planes of ``frames`` (F, frame_bytes) uint8 as arrays (F, h, w) that share memory.
+
+        Raises :class:`StorageError` when ``frames`` has another shape or type.
+        """
+        expected = self.frame_bytes(width, height)
+        if frames.dtype != np.uint8 or frames.ndim != 2 or frames.shape[1] != expected:
+            raise StorageError(
+                f"frames must be uint8 (F, {expected}) for {self.name} {width} x {height}, "
+                f"not {frames.dtype} {frames.shape}"
+            )
+        size = self.dtype.itemsize
+        return [
+            frames[:, plane.offset : plane.offset + plane.height * plane.width * size]
+            .view(self.dtype)
+            .reshape(len(frames), plane.height, plane.width)
+            for plane in self.planes(width, height)
+        ]
+
+
+PIXEL_FORMATS = {
+    known.name: known
+    for known in (
+        PixelFormat("yuv420p", 8, 2),
+        PixelFormat("yuv444p", 8, 1),
+        PixelFormat("yuv420p10le", 10, 2),
+        PixelFormat("yuv444p10le", 10, 1),
+        PixelFormat("gbrp", 8, 1, rgb=True),
+    )
+}
+
+
+def pixel_format(name: str) -> PixelFormat:
+    """The format of that name; raises :class:`StorageError` for an unknown one."""
+    try:
+        return PIXEL_FORMATS[name]
+    except (KeyError, TypeError):
+        raise StorageError(
+            f"unknown pixel format {name!r}",
+            key="pixel_format",
+            remedy=f"Use one of {', '.join(PIXEL_FORMATS)}",
+        ) from None

@@ -1,0 +1,61 @@
+"""Planar bytes in and out of FFmpeg's frames, by plain copies: no converter is involved."""
+
+from __future__ import annotations
+
+import av
+import numpy as np
+
+from lfcore.storage.pixels import PixelFormat
+
+PACKED_RGB = "bgr0"
+"""FFV1 has no planar 8-bit RGB: ``gbrp`` frames pass through it as blue, green, red, 0."""
+
+
+class PlanarFeed:
+    """Turns frames (F, frame_bytes) uint8 into FFmpeg's, one at a time.
+
+    ``reuse`` hands out the same buffer every time, which is right for encoders that copy their
+    input before they return, and saves allocating a frame each time.
+    """
+
+    def __init__(self, form: PixelFormat, width: int, height: int, *, reuse: bool):
+        self.form, self.width, self.height, self.reuse = form, width, height, reuse
+        self._frame: av.VideoFrame | None = None
+        self._targets: list[np.ndarray] = []
+
+    def check(self, frames: np.ndarray) -> list[np.ndarray]:
+        """The planes of ``frames``; raises StorageError when these do not fit."""
+        return self.form.views(np.ascontiguousarray(frames), self.width, self.height)
+
+    def frame(self, planes: list[np.ndarray], index: int) -> av.VideoFrame:
+        """Frame ``index`` of the planes that :meth:`check` gave."""
+        if self._frame is None or not self.reuse:
+            name = PACKED_RGB if self.form.rgb else self.form.name
+            self._frame = av.VideoFrame(self.width, self.height, name)
+            self._targets = plane_arrays(self._frame, self.form)
+        for target, plane in zip(self._targets, planes, strict=True):
+            target[...] = plane[index]
+        return self._frame
+
+
+def plane_arrays(frame: av.VideoFrame, form: PixelFormat) -> list[np.ndarray]:
+    """The samples of ``frame`` as writable arrays (h, w) in ``form``'s plane order."""
+    if form.rgb:
+        plane = frame.planes[0]
+        pixels = _array(plane, (frame.height, frame.width, 4), (plane.line_size, 4, 1), np.uint8)
+        return [pixels[..., channel] for channel in (1, 0, 2)]
+    item = form.dtype.itemsize
+    return [
+        _array(plane, (plane.height, plane.width), (plane.line_size, item), form.dtype)
+        for plane in frame.planes
+    ]
+
+
+def copy_out(frame: av.VideoFrame, form: PixelFormat, planes: list[np.ndarray], at: int) -> None:
+    """Write ``frame`` into place ``at`` of ``planes``, three arrays (F, h, w)."""
+    for target, source in zip(planes, plane_arrays(frame, form), strict=True):
+        target[at] = source
+
+
+def _array(plane, shape: tuple, strides: tuple, dtype) -> np.ndarray:
+    return np.ndarray(shape, dtype, buffer=plane, strides=strides)

@@ -1,0 +1,253 @@
+"""One segment: the closed-GOP video of one tile, as an MP4 file of its own.
+
+Frames carry exact ticks (one frame is one tick of 1/25 s), so that frame numbers survive any
+container.
+"""
+
+from __future__ import annotations
+
+import sys
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+from av.error import FFmpegError
+
+from lfcore.errors import StorageError
+from lfcore.storage.atomic import whole_file, writing
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.decoding import (
+    FRAME_RATE,
+    DecodeCount,
+    FrameRun,
+    frame_number,
+    ticks_per_frame,
+)
+from lfcore.storage.pixels import pixel_format
+from lfcore.storage.planar import PACKED_RGB, PlanarFeed
+
+# Code points of ITU-T H.273: BT.709 primaries and matrix, the sRGB transfer of IEC 61966-2-1, no
+# matrix for RGB; and FFmpeg's own for the range.
+BT709, SRGB_TRANSFER, RGB_MATRIX = 1, 13, 0
+LIMITED, FULL = 1, 2
+
+
+class SegmentWriter:
+    """Encode frames into the file ``path``, which appears when the ``with`` block ends well.
+
+        with SegmentWriter("tile.mp4", spec, width, height) as writer:
+            writer.write(frames)  # uint8 (F, frame_bytes), as often as needed
+
+    Raises :class:`StorageError` when frames do not fit, when none was written, when the encoder
+    refuses its settings and when the file cannot be written; no file is left then.
+    """
+
+    def __init__(self, path: str | Path, spec: CodecSpec, width: int, height: int):
+        self.path, self.spec = Path(path), spec
+        self.width, self.height = width, height
+        self.frames = 0
+        self._form = pixel_format(spec.pixel_format)
+        # libx264 copies its input before it returns, so one buffer serves all frames.
+        self._feed = PlanarFeed(self._form, width, height, reuse=spec.codec == "libx264")
+        self._scope = whole_file(self.path)
+
+    def __enter__(self) -> SegmentWriter:
+        file = self._scope.__enter__()
+        try:
+            with self._named_errors():
+                self._output = av.open(file, "w", format="mp4")
+                self._stream = self._output.add_stream(
+                    self.spec.codec, FRAME_RATE, width=self.width, height=self.height
+                )
+                self._configure(self._stream.codec_context)
+                self._output.start_encoding()
+        except BaseException:
+            self._scope.__exit__(*sys.exc_info())
+            raise
+        return self
+
+    def _configure(self, context: av.VideoCodecContext) -> None:
+        form, options = self._form, self.spec.options(self.width, self.height)
+        context.pix_fmt = PACKED_RGB if form.rgb else form.name
+        context.time_base = Fraction(1, FRAME_RATE)
+        context.thread_count = self.spec.threads
+        context.gop_size = self.spec.gop or 1 << 20
+        context.color_primaries, context.color_trc = BT709, SRGB_TRANSFER
+        context.colorspace = RGB_MATRIX if form.rgb else BT709
+        context.color_range = FULL if form.rgb else LIMITED
+        if form.subsampling == 2:
+            options["chroma_sample_location"] = "center"
+        context.options = options
+
+    def _named_errors(self):
+        return writing(self.path, f"encoding with {self.spec.codec}")
+
+    def write(self, frames: np.ndarray) -> None:
+        """Encode ``frames`` (F, frame_bytes) uint8; the array may be overwritten afterwards."""
+        planes = self._feed.check(frames)
+        encode, mux = self._stream.codec_context.encode, self._output.mux_one
+        with self._named_errors():
+            for index in range(len(frames)):
+                frame = self._feed.frame(planes, index)
+                frame.pts = self.frames
+                for packet in encode(frame):
+                    packet.stream = self._stream
+                    mux(packet)
+                self.frames += 1
+
+    def _finish(self) -> None:
+        if not self.frames:
+            raise StorageError("a segment without frames", file=self.path)
+        with self._named_errors():
+            for packet in self._stream.codec_context.encode(None):
+                packet.stream = self._stream
+                self._output.mux_one(packet)
+            self._output.close()
+
+    def __exit__(self, kind, error, trace) -> None:
+        if kind is None:
+            try:
+                self._finish()
+            except BaseException:
+                self._scope.__exit__(*sys.exc_info())
+                raise
+        self._scope.__exit__(kind, error, trace)
+
+
+@dataclass(frozen=True)
+class SegmentInfo:
+    """What a segment file holds; ``crc32`` and ``bytes`` are of its packets in file order."""
+
+    codec: str
+    pixel_format: str
+    width: int
+    height: int
+    frames: int
+    bytes: int
+    crc32: int
+    reorder: int
+    """By how many frames the order of decoding runs ahead of the order of showing."""
+
+
+class SegmentReader:
+    """Read the frames of a segment file.
+
+    Raises :class:`StorageError`, naming the file, when it is missing, cut short or no segment.
+    """
+
+    def __init__(self, path: str | Path, *, threads: int = 1):
+        self.path, self.threads = Path(path), threads
+        self.count = DecodeCount()
+        if not _is_whole(self.path):
+            raise StorageError(
+                "is cut short or no segment", file=self.path, remedy="Encode this tile again"
+            )
+        with self.open() as container:
+            context = container.streams.video[0].codec_context
+            if context.pix_fmt is None:
+                raise StorageError(
+                    "is damaged: its first frame cannot be decoded",
+                    file=self.path,
+                    remedy="Encode this tile again",
+                )
+            name = "gbrp" if context.pix_fmt == PACKED_RGB else context.pix_fmt
+            self.form, self.codec = pixel_format(name), context.codec.canonical_name
+            self.width, self.height = context.width, context.height
+
+    def open(self) -> av.container.InputContainer:
+        """The file, opened afresh; to be closed by the caller."""
+        return open_video(self.path)
+
+    def packets(self) -> Iterator[av.Packet]:
+        """The packets in file order."""
+        with self.open() as container:
+            for packet in container.demux(container.streams.video[0]):
+                if packet.size:
+                    yield packet
+
+    def info(self) -> SegmentInfo:
+        """Count, size and check sum of the packets, without decoding them."""
+        frames = size = crc = reorder = ticks = 0
+        for packet in self.packets():
+            ticks = ticks or ticks_per_frame(packet.time_base)
+            number = frame_number(packet.pts, ticks)
+            if number is None or (frames == 0 and not packet.is_keyframe):
+                raise StorageError("does not begin with a key frame", file=self.path)
+            reorder = max(reorder, frames - number)
+            crc = zlib.crc32(packet, crc)
+            frames, size = frames + 1, size + packet.size
+        return SegmentInfo(
+            self.codec, self.form.name, self.width, self.height, frames, size, crc, reorder
+        )
+
+    def frames(
+        self, start: int = 0, stop: int | None = None, *, chunk: int = 64
+    ) -> Iterator[np.ndarray]:
+        """Frames start ... stop - 1 as arrays (up to ``chunk``, frame_bytes) uint8.
+
+        Decoding begins at the last key frame at or before ``start``; ``self.count.frames`` adds
+        up what was decoded.
+        """
+        with self.open() as container:
+            stream = container.streams.video[0]
+            stop = stream.frames if stop is None else stop
+            if not 0 <= start <= stop <= stream.frames:
+                raise StorageError(
+                    f"frames {start} to {stop} were asked for of {stream.frames}", file=self.path
+                )
+            if start == stop:
+                return
+            stream.codec_context.thread_count = self.threads
+            if start:
+                container.seek(start * ticks_per_frame(stream.time_base), stream=stream)
+            packets = (packet for packet in container.demux(stream) if packet.size)
+            ticks = ticks_per_frame(stream.time_base)
+            run = FrameRun(self.path, 0, ticks, self.form, self.width, self.height)
+            yield from run.decode(stream.codec_context, packets, start, stop, chunk, self.count)
+
+
+def open_video(path: Path, **options: str) -> av.container.InputContainer:
+    """``path`` opened by FFmpeg with one video stream.
+
+    Raises :class:`StorageError` when it is missing, unreadable or without a video.
+    """
+    try:
+        # Bytes of a damaged tag may be no text; the digest of the metadata finds that out.
+        container = av.open(str(path), "r", options=options, metadata_errors="replace")
+    except FileNotFoundError:
+        raise StorageError("no such file", file=path) from None
+    except (FFmpegError, OSError) as error:
+        raise StorageError(
+            f"cannot be opened as a video: {error.strerror or error}",
+            file=path,
+            remedy="The file may be cut short or no video; make it again",
+        ) from error
+    if len(container.streams.video) != 1:
+        container.close()
+        raise StorageError("does not hold exactly one video stream", file=path)
+    return container
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether the boxes of an MP4 file (ISO/IEC 14496-12) fill it; FFmpeg opens it regardless."""
+    try:
+        size, position = path.stat().st_size, 0
+        with open(path, "rb") as file:
+            while 0 <= position < size:
+                file.seek(position)
+                head = file.read(16)
+                length = int.from_bytes(head[:4], "big")
+                if length == 1:
+                    length = int.from_bytes(head[8:16], "big")
+                if length < 8:
+                    return False
+                position += length
+    except FileNotFoundError:
+        raise StorageError("no such file", file=path) from None
+    except OSError as error:
+        raise StorageError(f"cannot be read: {error.strerror or error}", file=path) from error
+    return position == size > 0

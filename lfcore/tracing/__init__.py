@@ -1,0 +1,1 @@
+"""What each ray meets: bounding volume hierarchy, kernels, host side."""

@@ -1,0 +1,191 @@
+"""Bounding volume hierarchy of 16-wide nodes over triangles in camera space.
+
+All rays of a light field look along +z and come in bundles, so a bundle meets a node with one
+pass over 16 boxes and a leaf with one pass over 16 triangles; children lie front to back.
+
+Building is a binned surface area heuristic, 256 bins in each of three dimensions over the
+centroid bounds, breadth-first; nodes of at most 256 triangles take the exact sweep over their
+sorted centroids, which is the limit of infinitely many bins and, for so few, cheaper than
+filling them.  A leaf of up to 16 triangles is one SIMD test, so the heuristic charges a part of
+n triangles ceil(n / leaf_size) tests.  See ``bvh_split`` (cuts), ``bvh_binary`` (the binary
+tree), ``bvh_wide`` (the collapse to 16 children) and ``bvh_check`` (invariants).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.errors import SceneError
+from lfcore.tracing import bvh_check
+from lfcore.tracing.bvh_binary import build_binary
+from lfcore.tracing.bvh_check import Statistics
+from lfcore.tracing.bvh_wide import FAR, UNUSED, WIDTH, collapse
+
+LEAF_LANES = 16
+# Boxes beyond the sentinel of an unused child would be taken for one.
+LARGEST = float(FAR)
+
+
+@dataclass(frozen=True)
+class Bvh:
+    """A flat wide tree; the root is node 0.
+
+    Attributes
+    ----------
+    boxes : (K, 6, 16) float32: rows lo.x lo.y lo.z hi.x hi.y hi.z of the 16 children of wide
+        node k, exact bounds of the vertices, metres; an unused child has lo = 1e30, hi = -1e30.
+    children : (K, 16) int32: a wide node if >= 0, leaf ``-1 - child`` if negative, 0x7fffffff
+        if unused; by lo.z ascending, unused last.
+    leaves : (L, 9, 16) float32: rows p.x p.y p.z q.x q.y q.z r.x r.y r.z of up to 16
+        triangles; padding is all zero, a triangle that nothing can hit.
+    leaf_ids : (L, 16) int32: the triangles' numbers, ascending; -1 for padding.
+    leaf_boxes : (L, 6) float32: lo and hi of each leaf.
+    """
+
+    boxes: np.ndarray
+    children: np.ndarray
+    leaves: np.ndarray
+    leaf_ids: np.ndarray
+    leaf_boxes: np.ndarray
+
+    @property
+    def node_count(self) -> int:
+        return len(self.children)
+
+    @property
+    def leaf_count(self) -> int:
+        return len(self.leaf_ids)
+
+    def check(self, triangles: np.ndarray) -> None:
+        """Raise :class:`SceneError` unless this is a valid tree of ``triangles`` (T, 3, 3).
+
+        Every triangle lies in exactly one leaf with its own vertices, boxes are exact bounds,
+        children are sorted, and every node and leaf is reached once.
+        """
+        bvh_check.check(self, triangles)
+
+    def statistics(self) -> Statistics:
+        """Size, depth, SAH cost and fill of this tree."""
+        return bvh_check.statistics(self)
+
+
+def build_bvh(
+    triangles: np.ndarray,
+    *,
+    leaf_size: int = LEAF_LANES,
+    leaf_cost: float = 1.0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Bvh:
+    """Build a tree; equal input gives an equal tree, bit by bit.
+
+    Parameters
+    ----------
+    triangles : (T, 3, 3) float32, T >= 0, camera space.  Degenerate and duplicate triangles
+        are kept: they cost little and the caller's numbers stay valid.
+    leaf_size : most triangles in a leaf, 1 to 16.
+    leaf_cost : cost of testing a leaf in tests of a node; a larger one gives tighter leaves.
+    progress : called as ``progress(done, total)`` in triangles after each level.
+
+    Raises
+    ------
+    SceneError
+        for another shape, a coordinate that is not finite or not below 1e30 in size, or a
+        ``leaf_size`` outside 1 to 16.
+    """
+    triangles = _checked(triangles, leaf_size)
+    if not len(triangles):
+        return _empty()
+    tree = build_binary(triangles, leaf_size, progress)
+    wide = collapse(tree, leaf_size, leaf_cost)
+    ids = _leaf_ids(tree, wide.leaves)
+    used = ids >= 0
+    corners = np.zeros((len(ids), LEAF_LANES, 9), np.float32)
+    corners[used] = triangles.reshape(-1, 9)[ids[used]]
+    return Bvh(
+        boxes=wide.boxes,
+        children=wide.children,
+        leaves=np.ascontiguousarray(corners.transpose(0, 2, 1)),
+        leaf_ids=ids,
+        leaf_boxes=np.concatenate([tree.lo[wide.leaves], tree.hi[wide.leaves]], axis=1),
+    )
+
+
+def _checked(triangles: np.ndarray, leaf_size: int) -> np.ndarray:
+    if not (isinstance(leaf_size, int) and 1 <= leaf_size <= LEAF_LANES):
+        raise SceneError(f"a leaf holds 1 to {LEAF_LANES} triangles, not {leaf_size}")
+    triangles = np.ascontiguousarray(triangles, np.float32)
+    if triangles.ndim != 3 or triangles.shape[1:] != (3, 3):
+        raise SceneError(f"triangles must be of shape (T, 3, 3), not {triangles.shape}")
+    # NaN compares false, so it is caught by the same test.
+    bad = np.flatnonzero(~(np.abs(triangles).max(axis=(1, 2), initial=0) < LARGEST))
+    if len(bad):
+        raise SceneError(
+            f"{len(bad)} triangles have coordinates that are not finite or beyond {LARGEST:g}, "
+            f"the first is number {bad[0]}",
+            remedy="Leave them out, or scale the scene down",
+        )
+    return triangles
+
+
+def _empty() -> Bvh:
+    """One node whose children are all unused."""
+    boxes = np.empty((1, 6, WIDTH), np.float32)
+    boxes[:, :3], boxes[:, 3:] = FAR, -FAR
+    return Bvh(
+        boxes,
+        np.full((1, WIDTH), UNUSED, np.int32),
+        np.zeros((0, 9, LEAF_LANES), np.float32),
+        np.zeros((0, LEAF_LANES), np.int32),
+        np.zeros((0, 6), np.float32),
+    )
+
+
+def _leaf_ids(tree, leaves: np.ndarray) -> np.ndarray:
+    """(L, 16) int32 triangle numbers, ascending in each leaf, -1 padding last."""
+    lane = np.arange(LEAF_LANES)
+    start, count = tree.start[leaves, None], tree.count[leaves, None]
+    position = np.minimum(start + lane, len(tree.order) - 1)
+    ids = np.where(lane < count, tree.order[position], np.int32(UNUSED))
+    ids.sort(axis=1)
+    ids[ids == UNUSED] = -1
+    return ids
+
+
+def save_bvh(path: str | Path, bvh: Bvh) -> None:
+    """Write ``bvh`` to ``path`` (.npz), whole or not at all."""
+    path = Path(path)
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("wb") as file:
+            np.savez(file, **{f.name: getattr(bvh, f.name) for f in fields(Bvh)})
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def load_bvh(path: str | Path) -> Bvh:
+    """Read what :func:`save_bvh` wrote.
+
+    Raises
+    ------
+    SceneError
+        if the file is missing, damaged or holds something else.
+    """
+    path = Path(path)
+    remedy = "Build the tree of this scene again"
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            bvh = Bvh(**{f.name: data[f.name] for f in fields(Bvh)})
+    except FileNotFoundError:
+        raise SceneError("there is no such file", file=path, remedy=remedy) from None
+    except Exception as error:  # zipfile, zlib, numpy and OS errors all mean the same here
+        raise SceneError(f"cannot be read as a BVH ({error})", file=path, remedy=remedy) from error
+    problem = bvh_check.shape_problem(bvh)
+    if problem:
+        raise SceneError(problem, file=path, remedy=remedy)
+    return bvh

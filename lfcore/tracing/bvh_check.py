@@ -1,0 +1,153 @@
+"""What must hold for a BVH, tested from its arrays alone, and figures about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lfcore.errors import SceneError
+from lfcore.tracing.bvh_wide import FAR, UNUSED, WIDTH
+
+if TYPE_CHECKING:
+    from lfcore.tracing.bvh import Bvh
+
+ROWS = {"boxes": (6, 16), "children": (16,), "leaves": (9, 16), "leaf_ids": (16,)}
+ROWS["leaf_boxes"] = (6,)
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Figures of a tree.
+
+    ``depth`` : wide nodes on the longest path from the root to a leaf.
+    ``sah_cost`` : expected 16-wide tests (nodes and leaves) of a random line through the root's
+        box, by surface areas; ``node_cost`` and ``leaf_cost`` are its parts.
+    ``leaf_fill`` : mean share of a leaf's 16 lanes in use; ``node_fill`` likewise of children.
+    ``bytes`` : of all arrays.
+    """
+
+    triangles: int
+    nodes: int
+    leaves: int
+    depth: int
+    node_cost: float
+    leaf_cost: float
+    leaf_fill: float
+    node_fill: float
+    bytes: int
+
+    @property
+    def sah_cost(self) -> float:
+        return self.node_cost + self.leaf_cost
+
+
+def shape_problem(bvh: Bvh) -> str | None:
+    """What is wrong with shapes, dtypes and references; None if nothing."""
+    for name, row in ROWS.items():
+        array = getattr(bvh, name)
+        dtype = np.int32 if name in ("children", "leaf_ids") else np.float32
+        if array.dtype != dtype or array.shape[1:] != row:
+            return f"{name} is {array.dtype} {array.shape}, not {np.dtype(dtype)} (.., {row})"
+    if not (len(bvh.boxes) == len(bvh.children) >= 1):
+        return f"{len(bvh.boxes)} boxes for {len(bvh.children)} nodes"
+    if not (len(bvh.leaves) == len(bvh.leaf_ids) == len(bvh.leaf_boxes)):
+        return "leaf arrays differ in length"
+    inner = bvh.children[(bvh.children >= 0) & (bvh.children != UNUSED)]
+    leaf = -1 - bvh.children[bvh.children < 0]
+    once = np.sort(inner), np.sort(leaf)
+    if not np.array_equal(once[0], np.arange(1, len(bvh.children))):
+        return "not every wide node is the child of exactly one other"
+    if not np.array_equal(once[1], np.arange(len(bvh.leaf_ids))):
+        return "not every leaf is the child of exactly one node"
+    return None
+
+
+def depths(bvh: Bvh) -> list[np.ndarray]:
+    """Wide nodes by level, from the root on."""
+    levels, nodes = [], np.array([0])
+    while len(nodes):
+        if sum(map(len, levels)) > len(bvh.children):
+            raise SceneError("the nodes of the BVH form a circle")
+        levels.append(nodes)
+        child = bvh.children[nodes]
+        nodes = child[(child >= 0) & (child != UNUSED)]
+    return levels
+
+
+def check(bvh: Bvh, triangles: np.ndarray) -> None:
+    """See :meth:`Bvh.check`."""
+    problem = shape_problem(bvh) or _leaf_problem(bvh, triangles) or _node_problem(bvh)
+    if problem:
+        raise SceneError(problem, remedy="Build the tree of this scene again")
+
+
+def _leaf_problem(bvh: Bvh, triangles: np.ndarray) -> str | None:
+    ids, used = bvh.leaf_ids, bvh.leaf_ids >= 0
+    if not np.array_equal(np.sort(ids[used]), np.arange(len(triangles))):
+        return "not every triangle lies in exactly one leaf"
+    if not used[:, 0].all() or (used[:, 1:] & ~used[:, :-1]).any():
+        return "a leaf is empty or has a gap"
+    corners = bvh.leaves.transpose(0, 2, 1)
+    if not np.array_equal(
+        corners[used], np.asarray(triangles, np.float32).reshape(-1, 9)[ids[used]]
+    ):
+        return "a leaf holds other vertices than the triangles'"
+    if corners[~used].any():
+        return "padding of a leaf is not zero"
+    points = corners.reshape(len(ids), 16, 3, 3)
+    mask = used[:, :, None, None]
+    lo = np.where(mask, points, np.inf).min(axis=(1, 2))
+    hi = np.where(mask, points, -np.inf).max(axis=(1, 2))
+    if not np.array_equal(bvh.leaf_boxes, np.concatenate([lo, hi], axis=1)):
+        return "a leaf's box is not the bounds of its triangles"
+    return None
+
+
+def _node_problem(bvh: Bvh) -> str | None:
+    child, boxes = bvh.children, bvh.boxes.transpose(0, 2, 1)
+    unused = child == UNUSED
+    if (unused[:, :-1] & ~unused[:, 1:]).any():
+        return "an unused child precedes a used one"
+    if not ((boxes[unused][:, :3] == FAR).all() and (boxes[unused][:, 3:] == -FAR).all()):
+        return "an unused child has a box"
+    if (np.diff(np.where(unused, FAR, boxes[:, :, 2]), axis=1) < 0).any():
+        return "children are not sorted by lo.z"
+    if unused[1:].all(axis=1).any():
+        return "a node other than the root has no children"
+    levels = depths(bvh)
+    if sum(map(len, levels)) != len(child):
+        return "a wide node cannot be reached"
+    lo = np.where(unused[..., None], np.inf, boxes[..., :3]).min(axis=1)
+    hi = np.where(unused[..., None], -np.inf, boxes[..., 3:]).max(axis=1)
+    nodes = np.concatenate([lo, hi], axis=1)
+    is_leaf, is_inner = child < 0, (child >= 0) & ~unused
+    if not np.array_equal(boxes[is_leaf], bvh.leaf_boxes[-1 - child[is_leaf]]):
+        return "a node's box of a leaf differs from the leaf's own"
+    if not np.array_equal(boxes[is_inner], nodes[child[is_inner]]):
+        return "a node's box is not the bounds of its children"
+    return None
+
+
+def statistics(bvh: Bvh) -> Statistics:
+    """See :meth:`Bvh.statistics`."""
+    used = bvh.children != UNUSED
+    boxes = bvh.boxes.transpose(0, 2, 1).astype(np.float64)
+    extent = np.where(used[..., None], boxes[..., 3:] - boxes[..., :3], 0.0)
+    area = extent[..., 0] * extent[..., 1] + (extent[..., 0] + extent[..., 1]) * extent[..., 2]
+    root = boxes[0][used[0]]
+    size = root[:, 3:].max(axis=0) - root[:, :3].min(axis=0) if len(root) else np.zeros(3)
+    whole = size[0] * size[1] + (size[0] + size[1]) * size[2] or 1.0
+    triangles = int((bvh.leaf_ids >= 0).sum())
+    return Statistics(
+        triangles=triangles,
+        nodes=bvh.node_count,
+        leaves=bvh.leaf_count,
+        depth=len(depths(bvh)),
+        node_cost=1.0 + float(area[used & (bvh.children >= 0)].sum() / whole),
+        leaf_cost=float(area[bvh.children < 0].sum() / whole),
+        leaf_fill=triangles / (WIDTH * max(1, bvh.leaf_count)),
+        node_fill=float(used.mean()),
+        bytes=sum(getattr(bvh, name).nbytes for name in ROWS),
+    )

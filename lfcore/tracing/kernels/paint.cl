@@ -1,0 +1,128 @@
+// A beam's colours, block by block: see, shade, take away what lies in shadow.
+#ifndef LFCORE_PAINT_CL
+#define LFCORE_PAINT_CL
+#include "beam.cl"
+#include "shadows.cl"
+
+#define LIT (SHADOW_LIGHTS ? SHADOW_LIGHTS : 1)
+#ifndef SHADOW_LIST
+#define SHADOW_LIST 4
+#endif
+
+// A worker's own memory.
+typedef struct {
+    global float *z;         // depth buffers of the beam
+    global int *ids;
+    LeafList list, occluders;
+    int complete;            // occluders hold all that lies between the light and the beam
+    BlockColours colours;
+    global float *surfaces;  // see interpolate_block
+    global int *finishes;
+    global int *spare;       // (3, BLOCK_RAYS)
+} Easel;
+
+#define EASEL_WORDS                                                                                    \
+    (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST + 7 * SHADOW_LIST + (6 + 4 * LIT + SURFACE_PLANES + 1 + 3) * BLOCK_RAYS)
+
+// Divide `memory`, of EASEL_WORDS words.
+inline Easel make_easel(global uint *memory)
+{
+    global uint *at = memory;
+#define TAKE(type, count) (global type *)at; at += (count)
+    Easel e;
+    e.z = TAKE(float, BEAM_BLOCKS * BLOCK_RAYS);
+    e.ids = TAKE(int, BEAM_BLOCKS * BLOCK_RAYS);
+    e.list.boxes = TAKE(float, 6 * LIST);
+    e.list.leaf = TAKE(int, LIST);
+    e.list.pitch = LIST;
+    e.occluders.boxes = TAKE(float, 6 * SHADOW_LIST);
+    e.occluders.leaf = TAKE(int, SHADOW_LIST);
+    e.occluders.pitch = SHADOW_LIST;
+    e.colours.base = TAKE(float, 3 * BLOCK_RAYS);
+    e.colours.point = TAKE(float, 3 * BLOCK_RAYS);
+    e.colours.lit = TAKE(float, 3 * LIT * BLOCK_RAYS);
+    e.colours.wants = TAKE(int, LIT * BLOCK_RAYS);
+    e.surfaces = TAKE(float, SURFACE_PLANES * BLOCK_RAYS);
+    e.finishes = TAKE(int, BLOCK_RAYS);
+    e.spare = TAKE(int, 3 * BLOCK_RAYS);
+#undef TAKE
+    return e;
+}
+
+#if SHADOW_LIGHTS
+// Bounds of everything that the beam sees.
+inline int beam_bounds(const Rays *rays, const BeamWork *work, global const float *z, global const int *ids, float *lo, float *hi)
+{
+    for (int k = 0; k < 3; ++k) { lo[k] = FAR; hi[k] = -FAR; }
+    for (int block = 0; block < BEAM_BLOCKS; ++block) {
+        const BlockState *state = work->block + block;
+        if (state->z_far < 0.0f || state->cover == NOTHING) continue;
+        float near = state->z_near, far = state->z_far;
+        if (state->cover == BUFFERED) {
+            vf low = FAR, high = 0.0f;
+            for (int at = block * BLOCK_RAYS; at < (block + 1) * BLOCK_RAYS; at += LANES) {
+                const vf depth = VLOAD(z + at);
+                low = min(low, depth);
+                high = pick(high, max(high, depth), GE(VLOAD(ids + at), (vi)(0)));
+            }
+            near = row_min(low);
+            far = row_max(high);
+            if (!(near <= far)) continue;
+        }
+        const Bundle bundle = block_bundle(rays, work, block);
+        const Beam beam = block_beam(&bundle);
+        const float wx0 = fabs(fma(near, beam.gx, beam.hx)), wx1 = fabs(fma(far, beam.gx, beam.hx));
+        const float wy0 = fabs(fma(near, beam.gy, beam.hy)), wy1 = fabs(fma(far, beam.gy, beam.hy));
+        lo[0] = min(lo[0], min(fma(near, beam.dx_lo, beam.ox_lo - wx0), fma(far, beam.dx_lo, beam.ox_lo - wx1)));
+        hi[0] = max(hi[0], max(fma(near, beam.dx_hi, beam.ox_hi + wx0), fma(far, beam.dx_hi, beam.ox_hi + wx1)));
+        lo[1] = min(lo[1], min(fma(near, beam.dy_lo, beam.oy_lo - wy0), fma(far, beam.dy_lo, beam.oy_lo - wy1)));
+        hi[1] = max(hi[1], max(fma(near, beam.dy_hi, beam.oy_hi + wy0), fma(far, beam.dy_hi, beam.oy_hi + wy1)));
+        lo[2] = min(lo[2], near);
+        hi[2] = max(hi[2], far);
+    }
+    return lo[2] <= hi[2];
+}
+#endif
+
+// See the whole beam, and gather what may stand between it and a single light that casts shadows.
+inline void see_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, Easel *e)
+{
+    see(bvh, rays, work, &e->list, e->z, e->ids);
+    e->complete = 0;
+#if SHADOW_LIGHTS == 1
+    float lo[3], hi[3];
+    e->occluders.count = 0;
+    if (!beam_bounds(rays, work, e->z, e->ids, lo, hi)) return;
+    const Shaft shaft = make_shaft(s->lights + OPEN_LIGHTS * LIGHT, lo, hi);
+    Walk walk;
+    start_walk(&walk);
+    gather_shaft(bvh, &shaft, &walk, &e->occluders);
+    e->complete = walk.size == 0;
+#endif
+}
+
+// Linear colours, not clamped, of one block of a beam that was seen: (3, BLOCK_RAYS) at colours.base.
+inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, const BeamWork *work, int block, float pixel, Easel *e)
+{
+    const BlockState *state = work->block + block;
+    const Bundle bundle = block_bundle(rays, work, block);
+    global const int *ids = e->ids + block * BLOCK_RAYS;
+    shade_block(s, &bundle, state, e->z + block * BLOCK_RAYS, ids, pixel, e->surfaces, e->finishes, &e->colours);
+#if SHADOW_LIGHTS
+    for (int k = 0; k < SHADOW_LIGHTS; ++k) {
+        global int *wants = e->colours.wants + k * BLOCK_RAYS;
+        if (state->cover != NOTHING)
+            shadow_block(bvh, s->lights + (OPEN_LIGHTS + k) * LIGHT, &e->occluders, e->complete, &bundle, state, ids,
+                         e->colours.point, wants, e->spare, e->spare + BLOCK_RAYS);
+        for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) {
+            const vi open = VLOAD(wants + ray);
+            for (int channel = 0; channel < 3; ++channel) {
+                global float *sum = e->colours.base + channel * BLOCK_RAYS + ray;
+                VSTORE(VLOAD(sum) + pick((vf)(0.0f), VLOAD(e->colours.lit + (3 * k + channel) * BLOCK_RAYS + ray), open), sum);
+            }
+        }
+    }
+#endif
+}
+
+#endif

@@ -1,0 +1,402 @@
+// Blinn-Phong for a block, one triangle at a time.
+//
+// What a triangle interpolates is a quotient of affine forms over the block, so a triangle is set up
+// once and each row of rays costs a few fused multiply-adds.  Lights that cast shadows write what they
+// would add to buffers of their own, for shadows.cl to take back.
+//
+// Compiled in only where the scene needs it: SMOOTH (interpolated normals), TEXTURED, VERTEX_COLOURS,
+// SPECULAR, EMISSION; OPEN_LIGHTS and SHADOW_LIGHTS count the lights without and with shadows.
+#ifndef LFCORE_SHADING_CL
+#define LFCORE_SHADING_CL
+#include "visibility.cl"
+#include "texture.cl"
+
+#define LIGHTS (OPEN_LIGHTS + SHADOW_LIGHTS)
+#define ATTRIBUTES (9 * SMOOTH + 6 * TEXTURED + 9 * VERTEX_COLOURS)
+#define MATERIAL 12
+#define LIGHT 8
+#define MIP_LEVELS 12
+
+typedef struct {
+    global const float *corners;     // (T, 9)
+    global const float *attributes;  // (T, ATTRIBUTES): normals, texture coordinates, colours of the corners
+    global const int *material_ids;  // (T,)
+    global const float *materials;   // (K, MATERIAL): diffuse, shininess, specular, texture, emission, 0
+    global const float *lights;      // (LIGHTS, LIGHT): vector, 1 if a point, colour, reference distance
+    global const int4 *images;       // (textures, MIP_LEVELS): offset, width, height, number of levels
+    global const uint *texels;
+    float4 ambient, background;
+} Surfaces;
+
+// A block's colours while they are made: (n, BLOCK_RAYS) each.
+typedef struct {
+    global float *base;     // (3, ...) ambient, emission, lights without shadows
+    global float *point;    // (3, ...) where the ray met the surface
+    global float *lit;      // (SHADOW_LIGHTS, 3, ...) what each light adds if nothing is in between
+    global int *wants;      // (SHADOW_LIGHTS, ...) mask: rays that the light may reach
+} BlockColours;
+
+typedef struct { float c, i, j; } Form;
+
+inline vf form_row(Form f, vf x, float y) { return affine_row(f.c, f.i, f.j, x, y); }
+
+inline Form blend(const Form *e, float a, float b, float c)
+{
+    Form f;
+    f.c = a * e[0].c + b * e[1].c + c * e[2].c;
+    f.i = a * e[0].i + b * e[1].i + c * e[2].i;
+    f.j = a * e[0].j + b * e[1].j + c * e[2].j;
+    return f;
+}
+
+inline Form edge_form(float3 p, float3 q, const Bundle *r)
+{
+    const float3 c = cross(p, q);
+    Form e;
+    e.c = c.z;
+    e.i = c.x * r->tx + (p.y - q.y) * r->sx;
+    e.j = c.y * r->ty - (p.x - q.x) * r->sy;
+    return e;
+}
+
+// One triangle prepared for a block.
+typedef struct {
+    Form e[3], sum;       // barycentric weights and their sum
+#if !SMOOTH
+    float3 normal;        // geometric, towards the viewer
+#endif
+#if SMOOTH
+    Form n[3];
+#endif
+#if TEXTURED
+    Form uv[2];
+#endif
+#if VERTEX_COLOURS
+    float3 first;         // colour of the first corner; the forms hold differences from it, so that
+    Form rgb[3];          // equal corners give just their colour
+#endif
+    int finish;           // see Finish
+} Facet;
+
+// What a surface is made of: a material and, where it is textured, one mip level of its texture.
+// Numbered material * MIP_LEVELS + level, so that triangles alike can be lit together.
+typedef struct {
+    float3 diffuse, specular, emission;
+    float shininess;
+    int4 image;           // width 0 without a texture
+} Finish;
+
+inline Finish read_finish(const Surfaces *s, int number)
+{
+    global const float *material = s->materials + number / MIP_LEVELS * MATERIAL;
+    Finish f;
+    f.diffuse = vload3(0, material);
+    f.shininess = material[3];
+    f.specular = vload3(0, material + 4);
+    f.emission = vload3(0, material + 8);
+    f.image = 0;
+#if TEXTURED
+    const int texture = as_int(material[7]);
+    if (texture >= 0) f.image = s->images[texture * MIP_LEVELS + number % MIP_LEVELS];
+#endif
+    return f;
+}
+
+// Interpolated surface of a row of rays.
+typedef struct { vf x, y, z; } Vec;
+typedef struct {
+    Vec normal;           // neither unit nor turned to the viewer yet
+#if TEXTURED
+    vf u, v;
+#endif
+#if VERTEX_COLOURS
+    Colour rgb;
+#endif
+} Surface;
+
+inline float3 corner(global const float *c, int k) { return (float3)(c[3 * k], c[3 * k + 1], c[3 * k + 2]); }
+
+#if TEXTURED
+// The mip level whose texels are about as large as a pixel's footprint at the block's centre.  The
+// footprint covers z^2 pixel^2 |D| / cos of the surface, and n . D, the sum of the weights, is twice the
+// triangle's area times that cosine times |D|: area and cosine need not be known apart.
+inline int choose_level(const Surfaces *s, int texture, global const float *uv, const Facet *f, float depth, float pixel)
+{
+    const int4 finest = s->images[texture * MIP_LEVELS];
+    const float twice = fabs((uv[2] - uv[0]) * (uv[5] - uv[1]) - (uv[4] - uv[0]) * (uv[3] - uv[1]));
+    const float texels = twice * finest.y * finest.z * (depth * pixel) * (depth * pixel) / max(fabs(f->sum.c), 1.0e-30f);
+    const int level = texels > 2.0f ? (int)(0.5f * native_log2(texels) + 0.5f) : 0;
+    return min(level, finest.w - 1);
+}
+#endif
+
+inline void prepare_facet(const Surfaces *s, const Bundle *r, int id, float pixel, Facet *f)
+{
+    global const float *at = s->corners + id * 9;
+    const float3 p = corner(at, 0), q = corner(at, 1), w = corner(at, 2);
+    const float3 shear = (float3)(r->dx, r->dy, 0.0f), origin = (float3)(r->ox, r->oy, 0.0f);
+    const float3 v[3] = {p - origin - p.z * shear, q - origin - q.z * shear, w - origin - w.z * shear};
+    f->e[0] = edge_form(v[1], v[2], r);
+    f->e[1] = edge_form(v[2], v[0], r);
+    f->e[2] = edge_form(v[0], v[1], r);
+    f->sum = blend(f->e, 1.0f, 1.0f, 1.0f);
+#if !SMOOTH
+    // The sum of the weights is n . D: negative when the corners turn towards the viewer.
+    const float sign = f->sum.c < 0.0f ? -1.0f : 1.0f;
+    f->normal = -sign * normalize(cross(q - p, w - p));
+#endif
+    global const float *attributes = s->attributes + (long)id * ATTRIBUTES;
+#if SMOOTH
+    for (int k = 0; k < 3; ++k) f->n[k] = blend(f->e, attributes[k], attributes[3 + k], attributes[6 + k]);
+    attributes += 9;
+#endif
+    f->finish = s->material_ids[id] * MIP_LEVELS;
+#if TEXTURED
+    for (int k = 0; k < 2; ++k) f->uv[k] = blend(f->e, attributes[k], attributes[2 + k], attributes[4 + k]);
+    const int texture = as_int(s->materials[s->material_ids[id] * MATERIAL + 7]);
+    const float depth = (p.z * f->e[0].c + q.z * f->e[1].c + w.z * f->e[2].c) / f->sum.c;
+    if (texture >= 0) f->finish += choose_level(s, texture, attributes, f, depth, pixel);
+    attributes += 6;
+#endif
+#if VERTEX_COLOURS
+    f->first = vload3(0, attributes);
+    for (int k = 0; k < 3; ++k)
+        f->rgb[k] = blend(f->e, 0.0f, attributes[3 + k] - attributes[k], attributes[6 + k] - attributes[k]);
+#endif
+}
+
+inline vf dot3(Vec a, Vec b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
+inline Vec scale3(Vec a, vf k) { Vec r = {a.x * k, a.y * k, a.z * k}; return r; }
+
+inline Surface interpolate(const Facet *f, vf x, float y)
+{
+    Surface p;
+#if SMOOTH
+    p.normal.x = form_row(f->n[0], x, y); p.normal.y = form_row(f->n[1], x, y); p.normal.z = form_row(f->n[2], x, y);
+#else
+    p.normal.x = f->normal.x; p.normal.y = f->normal.y; p.normal.z = f->normal.z;
+#endif
+#if TEXTURED || VERTEX_COLOURS
+    const vf inverse = reciprocal(form_row(f->sum, x, y));
+#endif
+#if TEXTURED
+    p.u = form_row(f->uv[0], x, y) * inverse;
+    p.v = form_row(f->uv[1], x, y) * inverse;
+#endif
+#if VERTEX_COLOURS
+    p.rgb.r = fma(form_row(f->rgb[0], x, y), inverse, (vf)(f->first.x));
+    p.rgb.g = fma(form_row(f->rgb[1], x, y), inverse, (vf)(f->first.y));
+    p.rgb.b = fma(form_row(f->rgb[2], x, y), inverse, (vf)(f->first.z));
+#endif
+    return p;
+}
+
+inline Vec viewed_normal(Vec n, Vec direction)
+{
+#if SMOOTH
+    n = scale3(n, inverse_sqrt(max(dot3(n, n), (vf)(1.0e-37f))));
+    const vi away = GT(dot3(n, direction), (vf)(0.0f)) & (vi)(0x80000000);
+    FLIP_BY(n.x, away); FLIP_BY(n.y, away); FLIP_BY(n.z, away);
+#endif
+    return n;
+}
+
+inline Colour albedo(const Surfaces *s, const Finish *f, const Surface *p)
+{
+    Colour c = {f->diffuse.x, f->diffuse.y, f->diffuse.z};
+#if TEXTURED
+    if (f->image.y) {
+        const Colour t = sample_texture(s->texels, f->image, p->u, p->v);
+        c.r *= t.r; c.g *= t.g; c.b *= t.b;
+    }
+#endif
+#if VERTEX_COLOURS
+    c.r *= p->rgb.r; c.g *= p->rgb.g; c.b *= p->rgb.b;
+#endif
+    return c;
+}
+
+inline void store_row(global float *planes, int at, Colour c, vi mask)
+{
+    VSTORE(pick(VLOAD(planes + at), c.r, mask), planes + at);
+    VSTORE(pick(VLOAD(planes + BLOCK_RAYS + at), c.g, mask), planes + BLOCK_RAYS + at);
+    VSTORE(pick(VLOAD(planes + 2 * BLOCK_RAYS + at), c.b, mask), planes + 2 * BLOCK_RAYS + at);
+}
+
+// What one light adds to a row of rays; `facing` receives the rays that it can reach.
+inline Colour light_row(global const float *light, const Finish *f, Colour albedo, Vec point, Vec normal, Vec view, vi *facing)
+{
+    Vec l = {light[0], light[1], light[2]};
+    vf strength = 1.0f;
+    if (light[3] != 0.0f) {
+        l.x -= point.x; l.y -= point.y; l.z -= point.z;
+        const vf inverse = inverse_sqrt(dot3(l, l));
+        l = scale3(l, inverse);
+        if (light[7] > 0.0f) strength = light[7] * inverse * (light[7] * inverse);
+    }
+    const vf cosine = dot3(normal, l);
+    *facing = GT(cosine, (vf)(0.0f));
+    vf diffuse = max(cosine, (vf)(0.0f)) * strength;
+    Colour c = {albedo.r * diffuse, albedo.g * diffuse, albedo.b * diffuse};
+#if SPECULAR
+    if (f->specular.x + f->specular.y + f->specular.z > 0.0f) {
+        const Vec h = {l.x + view.x, l.y + view.y, l.z + view.z};
+        const vf halfway = max(dot3(normal, h), (vf)(0.0f)) * inverse_sqrt(max(dot3(h, h), (vf)(1.0e-30f)));
+        vf gloss = exp2_fast(f->shininess * log2_fast(max(halfway, (vf)(1.0e-30f)))) * strength;
+        gloss = pick((vf)(0.0f), gloss, *facing);
+        c.r = fma(gloss, (vf)(f->specular.x), c.r);
+        c.g = fma(gloss, (vf)(f->specular.y), c.g);
+        c.b = fma(gloss, (vf)(f->specular.z), c.b);
+    }
+#endif
+    c.r *= light[4]; c.g *= light[5]; c.b *= light[6];
+    return c;
+}
+
+inline void shade_row(const Surfaces *s, const Finish *f, const Surface *p, const Bundle *r, vf x, float y, vf z, vi mask, int at,
+                      const BlockColours *out)
+{
+    const Vec direction = {fma(x, (vf)(r->tx), (vf)(r->dx)), (vf)(fma(y, r->ty, r->dy)), (vf)(1.0f)};
+    const Vec point = {fma(z, direction.x, fma(x, (vf)(r->sx), (vf)(r->ox))), fma(z, direction.y, (vf)(fma(y, r->sy, r->oy))), z};
+    const Vec view = scale3(direction, -inverse_sqrt(dot3(direction, direction)));
+    const Vec normal = viewed_normal(p->normal, direction);
+    const Colour colour = albedo(s, f, p);
+    Colour base = {colour.r * s->ambient.x, colour.g * s->ambient.y, colour.b * s->ambient.z};
+#if EMISSION
+    base.r += f->emission.x; base.g += f->emission.y; base.b += f->emission.z;
+#endif
+    vi facing;
+    for (int k = 0; k < OPEN_LIGHTS; ++k) {
+        const Colour c = light_row(s->lights + k * LIGHT, f, colour, point, normal, view, &facing);
+        base.r += c.r; base.g += c.g; base.b += c.b;
+    }
+    store_row(out->base, at, base, mask);
+#if SHADOW_LIGHTS
+    const Colour where = {point.x, point.y, point.z};
+    store_row(out->point, at, where, mask);
+    for (int k = 0; k < SHADOW_LIGHTS; ++k) {
+        const Colour c = light_row(s->lights + (OPEN_LIGHTS + k) * LIGHT, f, colour, point, normal, view, &facing);
+        store_row(out->lit + k * 3 * BLOCK_RAYS, at, c, mask);
+        global int *wants = out->wants + k * BLOCK_RAYS + at;
+        VSTORE(pick_int(VLOAD(wants), facing, mask), wants);
+    }
+#endif
+}
+
+inline void clear_block(const Surfaces *s, const BlockColours *out)
+{
+    const Colour background = {s->background.x, s->background.y, s->background.z};
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        store_row(out->base, at, background, (vi)(-1));
+        for (int k = 0; k < SHADOW_LIGHTS; ++k) VSTORE((vi)(0), out->wants + k * BLOCK_RAYS + at);
+    }
+}
+
+// Surfaces of a block of several triangles, interpolated triangle by triangle, to be lit row by row.
+#define SURFACE_PLANES (3 + 2 * TEXTURED + 3 * VERTEX_COLOURS)
+
+inline void put_row(global float *plane, int at, vf value, vi mask)
+{
+    VSTORE(pick(VLOAD(plane + at), value, mask), plane + at);
+}
+
+inline void put_surface(global float *planes, int at, const Surface *p, vi mask)
+{
+    put_row(planes, at, p->normal.x, mask);
+    put_row(planes + BLOCK_RAYS, at, p->normal.y, mask);
+    put_row(planes + 2 * BLOCK_RAYS, at, p->normal.z, mask);
+#if TEXTURED
+    put_row(planes + 3 * BLOCK_RAYS, at, p->u, mask);
+    put_row(planes + 4 * BLOCK_RAYS, at, p->v, mask);
+#endif
+#if VERTEX_COLOURS
+    planes += (3 + 2 * TEXTURED) * BLOCK_RAYS;
+    put_row(planes, at, p->rgb.r, mask);
+    put_row(planes + BLOCK_RAYS, at, p->rgb.g, mask);
+    put_row(planes + 2 * BLOCK_RAYS, at, p->rgb.b, mask);
+#endif
+}
+
+inline Surface get_surface(global const float *planes, int at)
+{
+    Surface p;
+    p.normal.x = VLOAD(planes + at); p.normal.y = VLOAD(planes + BLOCK_RAYS + at); p.normal.z = VLOAD(planes + 2 * BLOCK_RAYS + at);
+#if TEXTURED
+    p.u = VLOAD(planes + 3 * BLOCK_RAYS + at);
+    p.v = VLOAD(planes + 4 * BLOCK_RAYS + at);
+#endif
+#if VERTEX_COLOURS
+    planes += (3 + 2 * TEXTURED) * BLOCK_RAYS;
+    p.rgb.r = VLOAD(planes + at); p.rgb.g = VLOAD(planes + BLOCK_RAYS + at); p.rgb.b = VLOAD(planes + 2 * BLOCK_RAYS + at);
+#endif
+    return p;
+}
+
+// Interpolate every triangle of a block; `finishes` receives what each ray's surface is made of, -1
+// where it meets nothing.
+inline void interpolate_block(const Surfaces *s, const Bundle *r, global const int *ids, float pixel, global float *surfaces,
+                              global int *finishes)
+{
+    Facet f;
+    private uint todo[BLOCK_RAYS / LANES];
+    for (int k = 0; k < BLOCK_RAYS / LANES; ++k) {
+        todo[k] = row_bits(GE(VLOAD(ids + k * LANES), (vi)(0)));
+        VSTORE((vi)(-1), finishes + k * LANES);
+    }
+    for (int first = 0; first < BLOCK_RAYS / LANES; ++first)
+        while (todo[first]) {
+            const int id = ids[first * LANES + lowest(todo[first])];
+            prepare_facet(s, r, id, pixel, &f);
+            for (int k = first; k < BLOCK_RAYS / LANES; ++k) {
+                if (!todo[k]) continue;
+                const int at = k * LANES;
+                const vi mask = EQ(VLOAD(ids + at), (vi)(id));
+                const uint bits = row_bits(mask);
+                if (!bits) continue;
+                todo[k] &= ~bits;
+                const Surface p = interpolate(&f, IOTA + (at % BLOCK - HALF), at / BLOCK - HALF);
+                put_surface(surfaces, at, &p, mask);
+                VSTORE(pick_int(VLOAD(finishes + at), (vi)(f.finish), mask), finishes + at);
+            }
+        }
+}
+
+// Shade a block from its state: wholly on one triangle, or from its buffers.  `surfaces` and
+// `finishes` are scratch.
+inline void shade_block(const Surfaces *s, const Bundle *r, const BlockState *state, global const float *z, global const int *ids,
+                        float pixel, global float *surfaces, global int *finishes, const BlockColours *out)
+{
+    if (state->cover >= 0) {
+        Facet f;
+        prepare_facet(s, r, state->cover, pixel, &f);
+        const Finish finish = read_finish(s, f.finish);
+        for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+            const vf x = IOTA + (at % BLOCK - HALF);
+            const float y = at / BLOCK - HALF;
+            const Surface p = interpolate(&f, x, y);
+            shade_row(s, &finish, &p, r, x, y, cover_depth(state->c, x, y), (vi)(-1), at, out);
+        }
+        return;
+    }
+    clear_block(s, out);
+    if (state->cover == NOTHING) return;
+    interpolate_block(s, r, ids, pixel, surfaces, finishes);
+    int number = -1;
+    Finish finish;
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const vi made_of = VLOAD(finishes + at);
+        const Surface p = get_surface(surfaces, at);
+        for (uint todo = row_bits(GE(made_of, (vi)(0))); todo;) {
+            const int next = finishes[at + lowest(todo)];
+            const vi mask = EQ(made_of, (vi)(next));
+            todo &= ~row_bits(mask);
+            if (next != number) {
+                number = next;
+                finish = read_finish(s, number);
+            }
+            shade_row(s, &finish, &p, r, IOTA + (at % BLOCK - HALF), at / BLOCK - HALF, VLOAD(z + at), mask, at, out);
+        }
+    }
+}
+
+#endif

@@ -1,0 +1,165 @@
+// Which triangle each ray of a beam of blocks meets first.
+//
+// A beam of BEAM_BLOCKS blocks walks the hierarchy together.  Children are stored by their nearest
+// depth, and every ray looks along +z, so the walk is front to back without sorting.  Leaves are
+// gathered in a list; every block then culls the list by its own, narrower beam, and what remains
+// by affine edge functions.  Nodes behind the farthest visible depth are dropped.
+#ifndef LFCORE_VISIBILITY_CL
+#define LFCORE_VISIBILITY_CL
+#include "triangles.cl"
+
+// STACK, given on building, is what the deepest walk through this hierarchy can leave on its stack.
+#define LIST 64
+
+typedef struct {
+    global const float *boxes;    // (K, 6, 16) children of the wide nodes
+    global const int *children;   // (K, 16)
+    global const float *leaves;   // (L, 9, 16) corners
+    global const int *leaf_ids;   // (L, 16)
+} Bvh;
+
+// Leaves that a walk has gathered: their boxes as structure of arrays, and which they are.
+typedef struct {
+    global float *boxes;  // (6, pitch)
+    global int *leaf;     // (pitch,)
+    int pitch, count;
+} LeafList;
+
+typedef struct {
+    int node[STACK];
+    float z[STACK];
+    int size;
+} Walk;
+
+inline void append_leaf(LeafList *list, global const float *box, int child)
+{
+    const int at = list->count++;
+    for (int k = 0; k < 6; ++k) list->boxes[k * list->pitch + at] = box[k * NODE_WIDTH];
+    list->leaf[at] = -1 - child;
+}
+
+// Put the children in `bits` on the list and on the stack, the nearest on top.
+inline void descend(const Bvh *bvh, int node, uint bits, Walk *walk, LeafList *list)
+{
+    global const int *children = bvh->children + node * NODE_WIDTH;
+    global const float *boxes = bvh->boxes + node * 6 * NODE_WIDTH;
+    for (uint rest = bits; rest; rest &= rest - 1) {
+        const uint lane = lowest(rest);
+        if (children[lane] < 0) append_leaf(list, boxes + lane, children[lane]);
+    }
+    while (bits) {
+        const uint lane = 31 - clz(bits);
+        bits ^= 1u << lane;
+        if (children[lane] >= 0) {
+            walk->node[walk->size] = children[lane];
+            walk->z[walk->size++] = boxes[2 * NODE_WIDTH + lane];
+        }
+    }
+}
+
+// Walk until the list could overflow or nothing is left.
+inline void gather(const Bvh *bvh, const Beam *beam, float z_far, Walk *walk, LeafList *list)
+{
+    while (walk->size && list->count <= list->pitch - NODE_WIDTH) {
+        const int node = walk->node[--walk->size];
+        if (walk->z[walk->size] > z_far) continue;
+        global const float *boxes = bvh->boxes + node * 6 * NODE_WIDTH;
+        uint bits = 0;
+        for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
+            bits |= row_bits(beam_meets(beam, boxes + lane, NODE_WIDTH, z_far)) << lane;
+        descend(bvh, node, bits, walk, list);
+    }
+}
+
+// What is known of a block while its triangles are tested.  Most blocks of a dense slab lie wholly on
+// one triangle: such a block keeps six coefficients, and no depth buffer until something forces one.
+#define NOTHING -1   // no triangle yet, depth buffer not written
+#define BUFFERED -2  // depth buffer in use; any other value: the one triangle that covers the block
+typedef struct {
+    int cover;            // NOTHING, BUFFERED or a triangle
+    float z_near, z_far;  // depth range of what covers the block; z_far is FAR while a ray sees nothing
+    float c[6];           // depth = (c0 + x c1 + y c2) / (c3 + x c4 + y c5)
+} BlockState;
+
+inline vf cover_depth(const float *c, vf x, float y)
+{
+    return affine_row(c[0], c[1], c[2], x, y) * reciprocal(affine_row(c[3], c[4], c[5], x, y));
+}
+
+// Write the depth buffer of a block that so far had none.
+inline void materialise(BlockState *state, global float *z, global int *ids)
+{
+    if (state->cover == BUFFERED) return;
+    for (int row = 0; row < BLOCK; ++row)
+        for (int column = 0; column < BLOCK; column += LANES) {
+            const int at = row * BLOCK + column;
+            VSTORE((vi)(state->cover), ids + at);
+            VSTORE(state->cover == NOTHING ? (vf)(INFINITY) : cover_depth(state->c, IOTA + (column - HALF), row - HALF), z + at);
+        }
+    state->cover = BUFFERED;
+}
+
+inline float farthest(global const float *z)
+{
+    vf far = VLOAD(z);
+    for (int k = LANES; k < BLOCK_RAYS; k += LANES) far = max(far, VLOAD(z + k));
+    return min(row_max(far), FAR);
+}
+
+// A triangle that every ray of the block passes through: settle it by depth ranges if they part.
+// Depth is linear-fractional with a denominator of one sign, so its extremes are at the corners.
+inline int settle_cover(private const float *c, uint lane, int id, BlockState *state)
+{
+    float d[6];
+    for (int k = 0; k < 3; ++k) {
+        d[k] = c[(9 + k) * LANES + lane];
+        d[3 + k] = c[(12 + k) * LANES + lane];
+    }
+    const float4 x = (float4)(-HALF, HALF, -HALF, HALF), y = (float4)(-HALF, -HALF, HALF, HALF);
+    const float4 z = fma(x, (float4)(d[1]), fma(y, (float4)(d[2]), (float4)(d[0]))) /
+                     fma(x, (float4)(d[4]), fma(y, (float4)(d[5]), (float4)(d[3])));
+    const float slack = 1.0e-6f;
+    const float z_near = min(min(z.x, z.y), min(z.z, z.w)) * (1.0f - slack);
+    const float z_far = max(max(z.x, z.y), max(z.z, z.w)) * (1.0f + slack);
+    if (!(z_near > 0.0f)) return 0;
+    if (state->cover != NOTHING) {
+        if (z_near > state->z_far) return 1;
+        if (!(z_far < state->z_near)) return 0;
+    }
+    state->cover = id;
+    state->z_near = z_near;
+    state->z_far = z_far;
+    for (int k = 0; k < 6; ++k) state->c[k] = d[k];
+    return 1;
+}
+
+// Test one block against the gathered leaves.
+inline void visit_block(const Bvh *bvh, const Bundle *block, const LeafList *list, BlockState *state, global float *z,
+                        global int *ids)
+{
+    private float coefficients[COEFFICIENTS * LANES];
+    private int rows[2 * LANES];
+    const Beam beam = block_beam(block);
+    for (int base = 0; base < list->count; base += LANES) {
+        uint near = row_bits(beam_meets(&beam, list->boxes + base, list->pitch, state->z_far));
+        if (base + LANES > list->count) near &= (1u << (list->count - base)) - 1u;
+        for (; near; near &= near - 1) {
+            const int slot = base + lowest(near), leaf = list->leaf[slot];
+            if (list->boxes[2 * list->pitch + slot] > state->z_far) continue;
+            int changed = 0;
+            for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
+                const Cull cull = setup_triangles(block, bvh->leaves + leaf * 9 * NODE_WIDTH + lane, state->z_far, coefficients, rows);
+                for (uint keep = cull.keep; keep; keep &= keep - 1) {
+                    const uint k = lowest(keep);
+                    const int id = bvh->leaf_ids[leaf * NODE_WIDTH + lane + k], covers = (cull.cover >> k) & 1;
+                    if (covers && state->cover != BUFFERED && settle_cover(coefficients, k, id, state)) continue;
+                    materialise(state, z, ids);
+                    changed |= hit_triangle(coefficients, k, covers, (cull.mixed >> k) & 1, rows[k], rows[LANES + k], id, z, ids);
+                }
+            }
+            if (changed) state->z_far = farthest(z);
+        }
+    }
+}
+
+#endif

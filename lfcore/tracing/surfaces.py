@@ -1,0 +1,128 @@
+"""A scene packed for the kernels: attributes, materials, lights, mipmapped textures."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from lfcore.scene.colour import srgb_to_linear
+from lfcore.scene.model import POINT, Light, Scene
+from lfcore.scene.needs import Needs
+
+MIP_LEVELS = 12
+MATERIAL_WORDS = 12
+LIGHT_WORDS = 8
+TEXEL_ONE = 1023
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """Arrays in the layout that ``shading.cl`` reads, and the defines that go with them."""
+
+    corners: np.ndarray
+    attributes: np.ndarray
+    material_ids: np.ndarray
+    materials: np.ndarray
+    lights: np.ndarray
+    images: np.ndarray
+    texels: np.ndarray
+    ambient: np.ndarray
+    background: np.ndarray
+    defines: dict[str, int]
+
+
+def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfaces:
+    """Pack what ``needs`` says is used; everything else is an empty array.
+
+    Without ``mipmaps`` every texture has its finest level only.
+    """
+    count = scene.triangle_count
+    parts = [np.zeros((count, 0), np.float32)]
+    if needs.smooth_normals:
+        parts.append(scene.normals.reshape(count, 9))
+    if needs.textures:
+        parts.append(scene.uvs.reshape(count, 6))
+    if needs.vertex_colours:
+        parts.append(scene.colours.reshape(count, 9))
+    used = [light for light in scene.lights if any(light.colour)]
+    lights = sorted(used, key=lambda light: light.casts_shadows)
+    images, texels = pack_textures(
+        scene.textures if needs.textures else [], MIP_LEVELS if mipmaps else 1
+    )
+    shadows = sum(light.casts_shadows for light in lights)
+    defines = {
+        "SMOOTH": int(needs.smooth_normals),
+        "TEXTURED": int(needs.textures),
+        "VERTEX_COLOURS": int(needs.vertex_colours),
+        "SPECULAR": int(needs.specular),
+        "EMISSION": int(needs.emission),
+        "OPEN_LIGHTS": len(lights) - shadows,
+        "SHADOW_LIGHTS": shadows,
+    }
+    return Surfaces(
+        corners=np.ascontiguousarray(scene.triangles, np.float32),
+        attributes=np.ascontiguousarray(np.concatenate(parts, axis=1), np.float32),
+        material_ids=np.ascontiguousarray(scene.material_ids, np.int32),
+        materials=_pack_materials(scene),
+        lights=np.array([_pack_light(light) for light in lights], np.float32),
+        images=images,
+        texels=texels,
+        ambient=np.array([*scene.ambient, 0], np.float32),
+        background=np.array([*scene.background, 0], np.float32),
+        defines=defines,
+    )
+
+
+def _pack_materials(scene: Scene) -> np.ndarray:
+    packed = np.zeros((len(scene.materials), MATERIAL_WORDS), np.float32)
+    for row, material in zip(packed, scene.materials, strict=True):
+        row[0:3], row[3] = material.diffuse, material.shininess
+        row[4:7], row[8:11] = material.specular, material.emission
+        row[7:8].view(np.int32)[0] = material.texture
+    return packed
+
+
+def _pack_light(light: Light) -> list[float]:
+    kind = float(light.kind == POINT)
+    return [*light.vector, kind, *light.colour, light.reference_distance_m]
+
+
+def pack_textures(
+    textures: list[np.ndarray], most: int = MIP_LEVELS
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mip chains of up to ``most`` levels of sRGB uint8 pictures (H, W, 3) in one buffer.
+
+    Returns ``images`` (textures, MIP_LEVELS, 4) int32 [offset, width, height, levels] and
+    ``texels`` uint32, the square roots of linear RGB in 10 bits each.  Levels are box-filtered
+    in linear light.
+    """
+    images = np.zeros((len(textures), MIP_LEVELS, 4), np.int32)
+    chunks, offset = [], 0
+    for entry, texture in zip(images, textures, strict=True):
+        chain = list(itertools.islice(_mip_chain(texture), most))
+        for level, linear in enumerate(chain):
+            height, width = linear.shape[:2]
+            entry[level] = offset, width, height, len(chain)
+            codes = np.rint(np.sqrt(np.clip(linear, 0, 1)) * TEXEL_ONE).astype(np.uint32)
+            chunks.append((codes[..., 0] | codes[..., 1] << 10 | codes[..., 2] << 20).ravel())
+            offset += width * height
+        entry[len(chain) :] = entry[len(chain) - 1]
+    return images, np.concatenate(chunks) if chunks else np.zeros(0, np.uint32)
+
+
+def _mip_chain(texture: np.ndarray) -> Iterator[np.ndarray]:
+    """Linear float32 (H, W, 3), then halves of it down to one texel."""
+    decode = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)
+    linear = decode[texture]
+    yield linear
+    for _ in range(MIP_LEVELS - 1):
+        height, width = linear.shape[:2]
+        if height == width == 1:
+            return
+        size = max(width // 2, 1), max(height // 2, 1)
+        linear = cv2.resize(linear, size, interpolation=cv2.INTER_AREA)
+        yield linear

@@ -1,0 +1,26 @@
+"""For all tests: the OpenCL devices found. What asks for ``device`` runs on each of them."""
+
+from __future__ import annotations
+
+import pytest
+
+from lfcore.errors import DeviceError
+from lfcore.opencl.device import open_device, usable_devices
+
+try:
+    DEVICES = [one.name.strip() for one in usable_devices()]
+    MISSING = ""
+except DeviceError as error:
+    DEVICES, MISSING = [], str(error)
+
+
+def pytest_report_header(config):
+    return f"OpenCL devices: {', '.join(DEVICES) or MISSING}"
+
+
+@pytest.fixture(
+    scope="session", params=DEVICES or [pytest.param(None, marks=pytest.mark.skip(reason=MISSING))]
+)
+def device(request):
+    """An open device; a test that takes it is named for the device it ran on."""
+    return open_device(request.param)

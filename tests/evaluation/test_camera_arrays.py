@@ -1,0 +1,184 @@
+"""Measurements on camera arrays: the direct thin lens against explicit rays, slopes, tables."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lfcore.errors import LfcoreError, OpticsError
+from lfcore.evaluation.camera_arrays import (
+    convergence,
+    direct_thin_lens,
+    errors,
+    make_array_table,
+    overview,
+    reconstructions,
+    slope,
+    square_field,
+    thin_lens_bundles,
+)
+from lfcore.optics.array import CameraArray
+from lfcore.refocus.array.sampling import concentric_disk
+from lfcore.refocus.array.trace import trace_array
+from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore.scene.pbrt import build_pbrt_scene
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+# A bright and a dark half of a wall at z = 4, a red bar before it at z = 2; ambient light alone.
+SCENE = """
+Camera "perspective" "float fov" 60
+Film "image" "integer xresolution" [32] "integer yresolution" [32]
+WorldBegin
+LightSource "infinite" "rgb L" [1 1 1]
+Material "matte" "rgb Kd" [.9 .9 .9]
+Shape "trianglemesh" "integer indices" [0 1 2 0 2 3] "point P" [0 -9 4  9 -9 4  9 9 4  0 9 4]
+Material "matte" "rgb Kd" [.1 .1 .1]
+Shape "trianglemesh" "integer indices" [0 1 2 0 2 3] "point P" [-9 -9 4  0 -9 4  0 9 4  -9 9 4]
+Material "matte" "rgb Kd" [.8 0 0]
+Shape "trianglemesh" "integer indices" [0 1 2 0 2 3]
+    "point P" [-.5 -9 2  -.3 -9 2  -.3 9 2  -.5 9 2]
+WorldEnd
+"""
+BOUNDS = (-0.4, 0.4, -0.4, 0.4)
+
+
+@pytest.fixture(scope="module")
+def tracer(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scene") / "s.pbrt"
+    path.write_text(SCENE)
+    scene = build_pbrt_scene(path)
+    return Tracer(scene, build_bvh(scene.triangles))
+
+
+def lens_camera(z=0.0, radius=0.2, size=(32, 24)):
+    return VirtualCamera([0.05, -0.03, z], np.eye(3), 50.0, size, radius)
+
+
+@given(
+    z=st.floats(-2, 1),
+    focus=st.floats(1.5, 50),
+    radius=st.floats(0, 0.5),
+    samples=st.lists(st.tuples(*[st.floats(0, 0.999)] * 4), min_size=1, max_size=5),
+)
+def test_bundles_leave_the_lens_and_meet_in_the_focus(z, focus, radius, samples):
+    camera, samples = lens_camera(z, radius), np.array(samples)
+    origins, directions = thin_lens_bundles(camera, focus, samples).rays()
+    width, height = camera.size
+    lens = radius * np.stack(concentric_disk(samples[:, 2], samples[:, 3]), -1)
+    at_lens = (origins + z * directions)[..., :2] - camera.position_m[:2]
+    np.testing.assert_allclose(
+        at_lens, np.broadcast_to(lens[:, None, None], at_lens.shape), atol=1e-5
+    )
+    u = np.arange(width) + samples[:, 0, None, None]
+    v = np.arange(height)[:, None] + samples[:, 1, None, None]
+    centre = camera.directions(*np.broadcast_arrays(u, v))
+    expected = camera.position_m + (focus - z) * centre
+    np.testing.assert_allclose(origins + focus * directions, expected, atol=1e-4 * focus)
+
+
+def test_a_closed_lens_is_a_pinhole(tracer):
+    camera = VirtualCamera([0.1, 0.05, 0.0], np.eye(3), 50.0, (32, 32))
+    direct = direct_thin_lens(tracer, camera, 3.0, 64)
+    pinhole = trace_array(tracer, CameraArray((0.1,), (0.05,), 50.0, (32, 32)), 64)
+    assert np.abs(direct - pinhole).mean() < 0.004
+
+
+def test_a_point_out_of_focus_is_blurred_by_similar_triangles(tracer):
+    """The edge of the wall at 4 m, focus 2 m, radius 0.2 m: it spreads over 0.2 m each way."""
+    camera = VirtualCamera([0.6, 0.0, 0.0], np.eye(3), 20.0, (65, 65), 0.2)
+    row = direct_thin_lens(tracer, camera, 2.0, 1024)[32, :, 1]
+    # Where on the wall the central ray of each pixel arrives, metres from the edge.
+    offset = 0.6 + 4 * camera.film_tangents(np.arange(65) + 0.5, 0.5)[0]
+    share = np.clip(offset / 0.2, -1, 1)
+    expected = 0.1 + 0.8 * (0.5 + (share * np.sqrt(1 - share**2) + np.arcsin(share)) / np.pi)
+    assert (offset < -0.05).any() and (offset > 0.3).any()
+    np.testing.assert_allclose(row, expected, atol=0.02)
+
+
+def test_a_camera_behind_the_array_sees_what_a_moved_array_sees(tracer):
+    """Only directions count where nothing lies between: compare with shifted ray origins."""
+    camera = VirtualCamera([0.0, 0.0, -1.0], np.eye(3), 40.0, (24, 24))
+    direct = direct_thin_lens(tracer, camera, 4.0, 1)
+    sample = np.full((1, 4), 0.5)
+    origins, directions = thin_lens_bundles(camera, 4.0, sample).rays()
+    hit, _, _ = tracer.closest_hit(*(part[0].reshape(-1, 3) for part in (origins, directions)))
+    at_wall = (origins + 4 * directions)[0, ..., 0]
+    bar = (origins + 2 * directions)[0, ..., 0]
+    red = (bar > -0.5) & (bar < -0.3)
+    expected = np.where(red, 0.0, np.where(at_wall > 0, 0.9, 0.1))
+    assert (hit >= 0).all()
+    assert (np.abs(direct[..., 1] - expected) > 0.02).mean() < 0.1
+
+
+def test_more_cameras_come_closer_to_the_lens(tracer):
+    camera = lens_camera()
+    reference = direct_thin_lens(tracer, camera, 4.0, 256)
+    found = {}
+    for cameras in (2, 16):
+        field = square_field(tracer, cameras, BOUNDS, 60.0, 64, 4)
+        rows = reconstructions(field, camera, 4.0, reference, samples=(64,), lens_points=(8,))
+        found[cameras] = {(row["method"], row["filter_or_samples"]): row for row in rows}
+        assert {row["cameras_per_dim"] for row in rows} == {cameras}
+    for key in (("monte_carlo", "64"), ("quadrature", "256")):
+        assert found[16][key]["rmse"] < 0.7 * found[2][key]["rmse"]
+        assert found[16][key]["psnr_db"] > 25
+    # The cone is not the disk: more cameras do not mend that.
+    assert found[16]["isaksen", "0.2 m"]["rmse"] > found[16]["quadrature", "256"]["rmse"]
+
+
+def test_monte_carlo_converges_at_its_rate(tracer):
+    field = square_field(tracer, 8, BOUNDS, 60.0, 48, 1)
+    found = convergence(field, lens_camera(), 3.0, (4, 16, 64, 256), sampler="independent")
+    assert -0.6 < found["slope"] < -0.4
+    assert found["rmse"] == sorted(found["rmse"], reverse=True)
+
+
+@given(power=st.floats(-3, 3), scale=st.floats(0.01, 100))
+def test_the_slope_of_a_power(power, scale):
+    counts = [2, 4, 32]
+    assert slope(counts, [scale * n**power for n in counts]) == pytest.approx(power, abs=1e-9)
+
+
+def test_what_has_no_slope():
+    for counts, values in (((4, 4), (1.0, 1.0)), ((1, 2), (1.0, 0.0))):
+        with pytest.raises(LfcoreError, match="slope"):
+            slope(counts, values)
+
+
+def test_what_is_no_direct_lens(tracer):
+    with pytest.raises(OpticsError, match="focus_z"):
+        direct_thin_lens(tracer, lens_camera(2.0), 1.0, 4)
+    with pytest.raises(OpticsError, match="samples_per_pixel"):
+        direct_thin_lens(tracer, lens_camera(), 4.0, 0)
+    turned = VirtualCamera.from_pbrt((0, 0, 0), (0, 5, 0), 50.0, (8, 8))
+    with pytest.raises(OpticsError, match="rotation"):
+        direct_thin_lens(tracer, turned, 4.0, 4)
+
+
+def test_errors_of_known_pictures():
+    black, grey = np.zeros((12, 12, 3)), np.full((12, 12, 3), 0.5)
+    found = errors(grey, black)
+    assert found["rmse"] == pytest.approx(0.5)
+    assert found["psnr_db"] == pytest.approx(20 * np.log10(1 / 0.735357), abs=1e-3)
+
+
+def test_an_overview_averages():
+    image = np.random.default_rng(1).random((8, 12, 3)).astype(np.float32)
+    small = overview(image, 5)
+    assert small.shape == (2, 4, 3)
+    np.testing.assert_allclose(small[1, 2], image[3:6, 6:9].mean((0, 1)), rtol=1e-5)
+    np.testing.assert_array_equal(overview(image, 40), image)
+    with pytest.raises(LfcoreError, match="picture_px"):
+        overview(image, 0)
+
+
+def test_tables_refuse_odd_records():
+    record = {"scene": "s", "cameras": 4, "pixels": 9, "seconds": 0.12345}
+    record |= {"mrays_per_second": 1.0, "bytes": 7}
+    table = make_array_table("camera_array", [record])
+    assert table.loc[0, "seconds"] == pytest.approx(0.1234, abs=1e-4)
+    with pytest.raises(LfcoreError, match="bytes"):
+        make_array_table("camera_array", [{k: v for k, v in record.items() if k != "bytes"}])

@@ -1,0 +1,122 @@
+"""Pictures, figures and the page: what was drawn can be found again in the files."""
+
+import base64
+import math
+import re
+
+import jinja2
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+from lfcore.errors import LfcoreError
+from lfcore.evaluation.captions import to_html
+from lfcore.evaluation.figures import contact_sheet, curves_over_n
+from lfcore.evaluation.files import whole, write_json
+from lfcore.evaluation.page import Section, write_page
+from lfcore.evaluation.pictures import encode_srgb, load_stack, save_stack, write_picture
+from lfcore.optics.planes import SensorPlane
+
+
+def test_srgb_codes():
+    # Linear 0.5 is 0.735 in sRGB: code 188; 0.2140 is the middle code.
+    linear = np.array([0.0, 0.5, 1.0, 2.0, -1.0, 0.21404])
+    assert encode_srgb(linear).tolist() == [0, 188, 255, 255, 0, 127]
+
+
+@pytest.mark.parametrize("suffix", ["png", "ppm"])
+def test_pictures_round_trip(tmp_path, suffix):
+    picture = np.random.default_rng(3).uniform(0, 1, (5, 7, 3))
+    write_picture(tmp_path / f"p.{suffix}", picture)
+    with Image.open(tmp_path / f"p.{suffix}") as image:
+        assert np.array_equal(np.asarray(image), encode_srgb(picture))
+
+
+def test_a_picture_of_another_format_is_refused(tmp_path):
+    with pytest.raises(LfcoreError, match="PNG or PPM"):
+        write_picture(tmp_path / "p.gif", np.zeros((2, 2, 3)))
+    assert not list(tmp_path.iterdir())
+
+
+def test_stacks_round_trip(tmp_path):
+    planes = [SensorPlane(1.5, 2.0), SensorPlane(3.0, 4.0, shape="square", normalise="lens")]
+    pictures = np.random.default_rng(4).uniform(0, 1, (2, 4, 4, 3)).astype(np.float32)
+    save_stack(tmp_path / "s.npz", pictures, planes)
+    again, found = load_stack(tmp_path / "s.npz")
+    assert np.array_equal(again, pictures) and found == planes
+
+
+@pytest.mark.parametrize("kept", [0, 10, 200])
+def test_a_cut_stack_is_refused(tmp_path, kept):
+    path = tmp_path / "s.npz"
+    save_stack(path, np.zeros((1, 4, 4, 3)), [SensorPlane(1.5, 2.0)])
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(LfcoreError, match="not a whole stack"):
+        load_stack(path)
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path):
+    path = tmp_path / "f.json"
+    write_json(path, {"a": 1})
+    with pytest.raises(ValueError, match="JSON"):
+        write_json(path, {"a": math.nan})
+    with pytest.raises(RuntimeError), whole(path) as draft:
+        draft.write_text("half")
+        raise RuntimeError
+    assert path.read_text() == '{\n  "a": 1\n}\n'
+    assert [p.name for p in tmp_path.iterdir()] == ["f.json"]
+
+
+def test_contact_sheet_holds_every_picture(tmp_path):
+    colours = np.eye(3)
+    pictures = [np.broadcast_to(c, (300, 300, 3)) for c in colours]
+    contact_sheet(tmp_path / "c.png", pictures, ["red", "green", "blue"], columns=2)
+    with Image.open(tmp_path / "c.png") as image:
+        sheet = np.asarray(image)
+    for colour in colours:
+        assert (sheet == 255 * colour).all(axis=-1).sum() == 300 * 300
+
+
+def test_contact_sheet_wants_a_label_each(tmp_path):
+    with pytest.raises(ValueError, match="no sheet"):
+        contact_sheet(tmp_path / "c.png", [np.zeros((4, 4, 3))], [])
+
+
+def test_curves_leave_out_what_is_infinite(tmp_path):
+    table = pd.DataFrame(
+        {"scene": ["a", "a", "b"], "N": [16, 32, 16], "y": [1.0, math.inf, 2.0], "t": [None] * 3}
+    )
+    curves_over_n(tmp_path / "q.png", table, {"PSNR (dB)": ("y", "t")})
+    with Image.open(tmp_path / "q.png") as image:
+        assert np.asarray(image.convert("RGB")).std() > 5
+
+
+def test_page_is_whole_and_self_contained(tmp_path):
+    table = pd.DataFrame({"scene": ["a<b", "c"], "N": [16, 16], "thesis_seconds": [1.5, None]})
+    table.to_csv(tmp_path / "t.csv", index=False)
+    (tmp_path / "t.md").write_text("| |")
+    write_picture(tmp_path / "p.png", np.full((4, 4, 3), 0.5))
+    sections = [
+        Section("pictures", "Pictures", "See ``this``.", figures={"a": tmp_path / "p.png"}),
+        Section("t", "A table", "M is {{ snakemake.config['M'] }}.", table=tmp_path / "t.csv"),
+    ]
+    write_page(
+        tmp_path / "index.html",
+        sections,
+        title="Light & fields",
+        introduction="Hello.",
+        facts={"cores": 2},
+        config={"M": 128},
+    )
+    text = (tmp_path / "index.html").read_text()
+    assert "Light &amp; fields" in text and "a&lt;b" in text and "a<b" not in text
+    assert "M is 128." in text and 'href="t.csv"' in text and 'href="t.md"' in text
+    data = re.search(r"data:image/png;base64,([^\"]+)", text)[1]
+    assert base64.b64decode(data) == (tmp_path / "p.png").read_bytes()
+    assert not re.search(r"(src|href)=\"(?:https?:|/)", text)
+
+
+def test_a_caption_with_a_mistake_is_an_error():
+    with pytest.raises(jinja2.UndefinedError):
+        to_html("{{ snakemake.config['absent'] }}", {})

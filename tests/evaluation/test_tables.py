@@ -1,0 +1,103 @@
+"""The three tables on made-up records: columns, the thesis's figures, files."""
+
+import math
+
+import pandas as pd
+import pytest
+
+from lfcore.evaluation.tables import (
+    SPECS,
+    TableError,
+    human_bytes,
+    make_table,
+    readable,
+    sizes,
+    thesis_figures,
+    write_csv,
+    write_markdown,
+)
+
+CONTEXT = {"triangles": 9990, "M": 128, "device": "made up", "threads": 1}
+
+
+def quality(scene, n, psnr_db=40.0):
+    return {"scene": scene, "N": n, "seconds": 1.23456, "psnr_db": psnr_db, "ssim": 0.9, **CONTEXT}
+
+
+def test_columns_are_those_agreed():
+    assert ",".join(SPECS["table_7_1"].columns) == (
+        "scene,N,seconds,psnr_db,ssim,triangles,M,device,threads,"
+        "thesis_seconds,thesis_psnr_db,thesis_ssim"
+    )
+    assert ",".join(SPECS["table_7_2"].columns[:8]) == (
+        "scene,N,seconds,raw_bytes_float32,raw_bytes_uint8,video_bytes,ratio_float32,ratio_uint8"
+    )
+    assert SPECS["table_7_2"].columns[8:12] == ("triangles", "M", "device", "threads")
+    assert SPECS["table_7_3"].columns == SPECS["table_7_1"].columns
+
+
+def test_each_row_stands_beside_the_thesis():
+    table = make_table("table_7_1", [quality("bike", 16), quality("bedroom", 512, math.inf)])
+    assert table.thesis_seconds.tolist() == [175, 4230]
+    assert table.thesis_psnr_db.tolist() == [38.396, math.inf]
+    assert table.seconds.tolist() == [1.235, 1.235]
+    retrieval = make_table("table_7_3", [quality("cabin", 64)])
+    assert retrieval.thesis_psnr_db.tolist() == [45.268]
+
+
+def test_a_scene_of_ones_own_has_no_thesis_figures():
+    table = make_table("table_7_1", [quality("teapot", 16)])
+    assert table.thesis_seconds.isna().all()
+    assert "–" in readable(table)["thesis seconds"].tolist()
+
+
+def test_sizes_in_both_conventions():
+    # Thesis, bike, N = 16: 512^2 * 256 rays of 12 bytes are its 768 MiB.
+    rays = 512**2 * 16**2
+    row = thesis_figures().loc[("bike", 16)]
+    measured = sizes(rays=rays, video_bytes=int(row.video_bytes))
+    assert measured["raw_bytes_float32"] == row.raw_bytes_float32 == 768 * 2**20
+    assert measured["ratio_float32"] == pytest.approx(row.compression_ratio, rel=1e-3)
+    assert measured["ratio_uint8"] == pytest.approx(measured["ratio_float32"] / 4)
+
+
+def test_the_thesis_has_eighteen_rows_that_agree_with_themselves():
+    figures = thesis_figures()
+    assert len(figures) == 18
+    ratio = figures.raw_bytes_float32 / figures.video_bytes
+    assert ratio.to_numpy() == pytest.approx(figures.compression_ratio.to_numpy(), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("records", "words"),
+    [
+        ([{k: v for k, v in quality("bike", 16).items() if k != "ssim"}], "ssim"),
+        ([quality("bike", 16) | {"extra": 1}], "extra"),
+        ([quality("bike", 16), quality("bike", 16)], "two records for scene bike and N = 16"),
+    ],
+)
+def test_records_that_do_not_fit_are_refused(records, words):
+    with pytest.raises(TableError, match=words):
+        make_table("table_7_1", records)
+
+
+def test_files(tmp_path):
+    table = make_table("table_7_1", [quality("bike", 16), quality("bike", 512, math.inf)])
+    write_csv(tmp_path / "t.csv", table)
+    text = (tmp_path / "t.csv").read_text()
+    assert text.splitlines()[2].startswith("bike,512,1.235,inf,0.9,9990,128,made up,1,1598,inf")
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "t.csv"), table, check_dtype=False)
+    write_markdown(tmp_path / "t.md", table, title="A title", caption="A caption.")
+    lines = (tmp_path / "t.md").read_text().splitlines()
+    assert lines[0] == "# A title" and lines[-1] == "A caption."
+    assert sum(line.startswith("| bike") for line in lines) == 2
+    assert {p.name for p in tmp_path.iterdir()} == {"t.csv", "t.md"}
+
+
+def test_sizes_for_people():
+    assert [human_bytes(n) for n in (0, 1000, 1536, 3 * 2**30)] == [
+        "0 B",
+        "1000 B",
+        "1.5 KiB",
+        "3 GiB",
+    ]

@@ -1,0 +1,72 @@
+"""Bundles are the slab's rays, from either side."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lfcore.optics import bundles
+from lfcore.optics.camera import Camera
+from lfcore.optics.slab import Slab
+from lfcore.oracle.slab import all_pixels, slab_rays
+
+slabs = st.builds(
+    Slab,
+    st.builds(
+        Camera,
+        st.just(0.05),
+        st.just(0.036),
+        st.sampled_from([1.0, 2.8]),
+        st.sampled_from([0.5, 3.0, math.inf]),
+    ),
+    st.integers(1, 6),
+    st.integers(1, 6),
+)
+
+
+@given(slabs)
+def test_macropixels_are_the_slab(slab):
+    pixels = all_pixels(slab)
+    origin, direction = bundles.macropixels(slab, pixels).rays()
+    expected_origin, expected_direction = slab_rays(slab, pixels)
+    np.testing.assert_allclose(origin, expected_origin, atol=1e-8)
+    np.testing.assert_allclose(direction, expected_direction, atol=1e-6)
+
+
+@given(slabs)
+def test_views_are_the_same_rays_in_another_order(slab):
+    n, m = slab.views, slab.pixels
+    j, i = np.divmod(np.arange(n * n), n)
+    origin, direction = bundles.views(slab, np.stack([i, j], 1)).rays()
+    expected = [a.reshape(m, m, n, n, 3) for a in slab_rays(slab, all_pixels(slab))]
+    for got, want in zip((origin, direction), expected, strict=True):
+        got = got.reshape(n, n, m, m, 3).transpose(2, 3, 0, 1, 4)
+        np.testing.assert_allclose(got, want, atol=1e-6)
+
+
+@given(slabs)
+def test_rays_of_a_pixel_meet_in_the_plane_of_focus(slab):
+    if math.isinf(slab.camera.focus_distance_m):
+        return
+    origin, direction = bundles.macropixels(slab, np.array([[0, slab.pixels - 1]])).rays()
+    points = origin[0] + slab.camera.focus_distance_m * direction[0]
+    assert np.ptp(points.reshape(-1, 3), axis=0).max() < 1e-6
+
+
+@given(slabs)
+def test_rays_of_a_view_start_in_one_point(slab):
+    origin, _ = bundles.views(slab, np.array([[slab.views - 1, 0]])).rays()
+    s = slab.lens_positions()
+    np.testing.assert_allclose(
+        origin.reshape(-1, 3), np.broadcast_to([s[-1], s[0], 0], (slab.pixels**2, 3)), atol=1e-8
+    )
+
+
+def test_steps_by_hand():
+    slab = Slab(Camera(0.05, 0.036, 2.0, 2.0), 5, 4)
+    step = bundles.macropixels(slab, np.array([[0, 0]])).step
+    assert step.tolist() == pytest.approx([5e-3, 5e-3, -2.5e-3, -2.5e-3], rel=1e-6)
+    step = bundles.views(slab, np.array([[0, 0]])).step
+    assert step.tolist() == pytest.approx([0, 0, slab.pixel_pitch, slab.pixel_pitch], rel=1e-6)

@@ -1,0 +1,120 @@
+"""Realistic lenses: against paraxial optics, symmetry and energy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lfcore.errors import OpticsError
+from lfcore.optics.lens_system import LensSampler, LensSystem
+
+# A symmetric biconvex singlet of index 1.5 with a stop behind it.
+SINGLET = """# radius thickness index diameter
+50   4   1.5  20
+-50  2   1    20
+0    45  0    {stop}
+"""
+
+
+@pytest.fixture
+def make(tmp_path):
+    def build(text=None, stop=4):
+        path = tmp_path / "lens.dat"
+        path.write_text(text if text is not None else SINGLET.format(stop=stop))
+        return LensSystem.read(path)
+
+    return build
+
+
+def test_focal_length_is_the_lens_makers(make):
+    thick = 0.5 * (2 / 0.05 - 0.5 * 4e-3 / (1.5 * 0.05**2))
+    assert make().focal_length_m == pytest.approx(1 / thick, rel=1e-12)
+
+
+@pytest.mark.parametrize("distance", [0.3, 1.0, 6.8, 1e4, np.inf])
+def test_narrow_rays_meet_at_the_focus(make, distance):
+    """With a small stop, rays from the film's middle cross the axis where it is focused."""
+    lens = make(stop=0.2).focused(distance)
+    reach = np.linspace(-9e-5, 9e-5, 5)[[0, 1, 3, 4]]
+    rear = np.stack([reach, 0 * reach, np.full(4, lens.film_distance_m)], 1)
+    origins, directions, alive = lens.trace(np.zeros((4, 3)), rear)
+    assert alive.all()
+    if np.isinf(distance):
+        np.testing.assert_allclose(directions[:, 0] / directions[:, 2], 0, atol=1e-7)
+    else:
+        cross = origins[:, 2] - origins[:, 0] * directions[:, 2] / directions[:, 0]
+        np.testing.assert_allclose(cross, distance, rtol=2e-3 * max(1, distance))
+
+
+def test_off_axis_points_image_upside_down(make):
+    lens = make(stop=0.5).focused(5.0)
+    film = np.array([[0.002, -0.001, 0.0]])
+    rear = np.array([[0.0, 0.0, lens.film_distance_m]])
+    origins, directions, alive = lens.trace(film, rear - film)
+    assert alive.all() and directions[0, 0] < 0 < directions[0, 1]
+    # 1 / magnification = (u - f) / f, the object distance u counted from the front vertex.
+    focal = lens.focal_length_m
+    scale = -(5.0 - lens.positions_m[0] - focal) / focal
+    at_focus = origins[0] + (5.0 - origins[0, 2]) / directions[0, 2] * directions[0]
+    np.testing.assert_allclose(at_focus[:2], film[0, :2] * scale, rtol=0.02)
+
+
+def test_light_bends_by_snells_law_and_keeps_its_plane(make):
+    lens = make(stop=18).focused(2.0)
+    rng = np.random.default_rng(0)
+    rear = np.concatenate([rng.uniform(-8e-3, 8e-3, (200, 2)), np.zeros((200, 1))], 1)
+    rear[:, 2] = lens.film_distance_m
+    origins, directions, alive = lens.trace(np.zeros((200, 3)), rear)
+    # From the axis a ray stays in its meridional plane.
+    moment = origins[:, 0] * rear[:, 1] - origins[:, 1] * rear[:, 0]
+    np.testing.assert_allclose(moment[alive], 0, atol=1e-15)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, rtol=1e-12)
+    assert 0 < alive.sum() < 200
+
+
+def test_the_stop_blocks(make):
+    wide, narrow = (make(stop=stop).axial_pupil_area() for stop in (8, 4))
+    assert wide / narrow == pytest.approx(4, rel=0.05)
+    assert make(stop=8).stopped_down(4e-3).axial_pupil_area() == pytest.approx(narrow, rel=1e-9)
+    with pytest.raises(OpticsError, match="wider"):
+        make(stop=4).stopped_down(1.0)
+
+
+def test_pupil_sampling_misses_nothing(make):
+    """Sampling the bounds and sampling the whole rear plane estimate the same light."""
+    lens = make(stop=6).focused(3.0)
+    sampler = LensSampler(lens, 0.0175)
+    rng = np.random.default_rng(1)
+    for r in (0.0, 0.006, 0.014):
+        film = np.repeat([[r * 0.6, r * 0.8]], 20000, 0)
+        weights = sampler.rays(film, rng.random((20000, 2)))[2]
+        rear = np.concatenate([rng.uniform(-0.015, 0.015, (40000, 2)), np.zeros((40000, 1))], 1)
+        rear[:, 2] = lens.film_distance_m
+        start = np.concatenate([np.repeat(film[:1], 40000, 0), np.zeros((40000, 1))], 1)
+        towards = rear - start
+        slope = towards[:, 2] / np.linalg.norm(towards, axis=1)
+        passed = lens.trace(start, towards)[2]
+        expected = np.mean(passed * slope**4) * 0.03**2 / lens.axial_pupil_area()
+        assert weights.mean() == pytest.approx(expected, rel=0.05)
+        if r == 0:
+            assert weights.mean() == pytest.approx(1, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("1 2 3\n", "line 1"),
+        ("# nothing\n", "no surface"),
+        ("50 4 x 20\n", "not four numbers"),
+        ("50 4 1.5 -3\n", "not positive"),
+    ],
+)
+def test_bad_lens_files(make, text, words):
+    with pytest.raises(OpticsError, match=words) as caught:
+        make(text)
+    assert "lens.dat" in str(caught.value)
+
+
+def test_a_focus_inside_the_lens_is_refused(make):
+    with pytest.raises(OpticsError, match="focus"):
+        make().focused(0.06)

@@ -1,0 +1,88 @@
+"""The thin lens and the slab, against values worked out by hand."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lfcore.errors import OpticsError
+from lfcore.optics.camera import Camera, check_focus, image_distance
+from lfcore.optics.slab import Slab
+
+
+def test_image_distance_by_hand():
+    # f = 50 mm focused at 1 m: v = 0.05 / (1 - 0.05) = 1 / 19 m
+    camera = Camera(0.05, 0.036, 2.0, 1.0)
+    assert camera.image_distance_m == pytest.approx(1 / 19, rel=1e-15)
+    assert camera.field_width == pytest.approx(0.036 * 19, rel=1e-15)
+    assert camera.lens_radius_m == pytest.approx(0.0125)
+    assert camera.delta == 1.0
+
+
+def test_focus_at_infinity_is_no_special_case():
+    camera = Camera(0.05, 0.036, 2.0, math.inf)
+    assert camera.delta == 0.0
+    assert camera.image_distance_m == 0.05
+    assert Slab(camera, 2, 2).pixel_pitch == pytest.approx(0.36)
+
+
+@given(st.floats(1e-3, 1.0), st.floats(1.0 + 1e-6, 1e6))
+def test_thin_lens_equation_holds(focal, ratio):
+    """1/f = 1/v + 1/u, for focus from just beyond the focal length on."""
+    distance = focal * ratio
+    image = image_distance(focal, distance)
+    assert 1 / image + 1 / distance == pytest.approx(1 / focal, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("focal_length_m", 0.0), ("sensor_width_m", -1.0), ("f_number", math.nan)]
+    + [("f_number", math.inf), ("focus_distance_m", 0.05), ("focus_distance_m", math.nan)],
+)
+def test_impossible_cameras_are_refused_by_key(key, value):
+    good = {"focal_length_m": 0.05, "sensor_width_m": 0.036, "f_number": 2.0}
+    good["focus_distance_m"] = 3.0
+    with pytest.raises(OpticsError, match=key):
+        Camera(**(good | {key: value}))
+
+
+def test_check_focus_names_the_remedy():
+    with pytest.raises(OpticsError, match=r"where: .*inside the focal length.*Focus farther"):
+        check_focus(0.03, 0.05, key="where")
+
+
+def test_slab_grids_by_hand():
+    # radius 12.5 mm, 4 samples: centres of 6.25 mm cells
+    slab = Slab(Camera(0.05, 0.036, 2.0, math.inf), 4, 2)
+    np.testing.assert_allclose(slab.lens_positions() * 1e3, [-9.375, -3.125, 3.125, 9.375])
+    np.testing.assert_allclose(slab.pixel_tangents(), [-0.18, 0.18])
+    assert slab.rays == 64
+
+
+@given(st.integers(1, 64), st.integers(1, 64))
+def test_grids_are_centred_and_even(views, pixels):
+    slab = Slab(Camera(0.05, 0.036, 1.4, 2.0), views, pixels)
+    s, x = slab.lens_positions(), slab.pixel_tangents()
+    np.testing.assert_allclose(s, -s[::-1], atol=1e-18)
+    np.testing.assert_allclose(x, -x[::-1], atol=1e-18)
+    np.testing.assert_allclose(np.diff(s), slab.lens_pitch_m, rtol=1e-9)
+    np.testing.assert_allclose(np.diff(x), slab.pixel_pitch, rtol=1e-9)
+    # The cells fill the lens and the field exactly.
+    assert s[-1] + slab.lens_pitch_m / 2 == pytest.approx(slab.camera.lens_radius_m)
+    assert x[-1] + slab.pixel_pitch / 2 == pytest.approx(slab.camera.field_width / 2)
+
+
+@pytest.mark.parametrize(
+    ("views", "pixels"), [(0, 4), (4, 0), (2.0, 4), (4, -1), (5000, 4), (4, 70000)]
+)
+def test_impossible_slabs_are_refused(views, pixels):
+    with pytest.raises(OpticsError, match=r"views|pixels"):
+        Slab(Camera(0.05, 0.036, 2.0, 3.0), views, pixels)
+
+
+def test_slab_survives_json():
+    slab = Slab(Camera(0.05, 0.036, 2.0, 3.0), 4, 8)
+    assert Slab.from_json(json.loads(json.dumps(slab.to_json()))) == slab

@@ -1,0 +1,135 @@
+"""Blinn-Phong against values computed by hand."""
+
+import numpy as np
+import pytest
+from oracle_scenes import scene, wall
+
+from lfcore.oracle.shading import bilinear, radiance
+from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material
+
+AXIS = np.float32([[0.3, 0.2, 0]]), np.float32([[0, 0, 1]])
+
+
+def seen(triangles, **changes):
+    return radiance(scene(triangles, **changes), *AXIS)[0]
+
+
+def lamp(vector=(0.3, 0.2, 0.0), colour=(1.0, 1.0, 1.0), kind=POINT, **options):
+    return Light(kind, vector, colour, **options)
+
+
+def test_ambient_emission_and_background():
+    assert seen(wall(2)) == pytest.approx([0.05, 0.1, 0.15])
+    glow = [Material("glow", diffuse=(0.5, 0.5, 0.5), emission=(0.2, 0.9, 2.0))]
+    assert seen(wall(2), materials=glow) == pytest.approx([0.25, 1, 1])
+    assert seen(wall(-2)) == pytest.approx([0.7, 0.8, 0.9])
+    assert seen(np.zeros((0, 3, 3))) == pytest.approx([0.7, 0.8, 0.9])
+
+
+@pytest.mark.parametrize("reference, expected", [(0.0, 0.25), (2.0, 0.25), (1.0, 0.0625)])
+def test_a_point_light_falls_off_from_its_reference_distance(reference, expected):
+    light = lamp(colour=(0.5, 0.5, 0.5), reference_distance_m=reference)
+    assert seen(wall(2), lights=[light], ambient=(0, 0, 0)) == pytest.approx([expected] * 3)
+
+
+def test_a_directional_light_goes_by_the_cosine():
+    light = lamp((np.sqrt(0.75), 0, -0.5), (1.0, 0.5, 0.25), DIRECTIONAL)
+    found = seen(wall(2), lights=[light], ambient=(0, 0, 0))
+    assert found == pytest.approx([0.25, 0.125, 0.0625])
+
+
+def test_highlight_is_the_cosine_of_the_half_vector():
+    shiny = [Material("shiny", diffuse=(0, 0, 0), specular=(0.2, 0.4, 0.6), shininess=6.0)]
+    head_on = seen(wall(2), lights=[lamp()], materials=shiny)
+    assert head_on == pytest.approx([0.2, 0.4, 0.6])
+    # Light at 60 degrees, viewer on the axis: half way is 30 degrees, cos^6 = 27 / 64.
+    slanted = seen(
+        wall(2), lights=[lamp((0, np.sqrt(0.75), -0.5), kind=DIRECTIONAL)], materials=shiny
+    )
+    assert slanted == pytest.approx(np.array([0.2, 0.4, 0.6]) * 27 / 64)
+
+
+def test_a_light_behind_the_surface_adds_nothing_not_even_a_highlight():
+    shiny = [Material("shiny", diffuse=(0.5,) * 3, specular=(1, 1, 1), shininess=0.0)]
+    behind = lamp((0.3, 0.2, 5.0), casts_shadows=False)
+    assert seen(wall(2), lights=[behind], materials=shiny) == pytest.approx([0.05, 0.1, 0.15])
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_shading_normals_are_interpolated_and_turned_to_the_viewer(side):
+    normals = np.tile(np.float32([0, 0.6, -0.8]) * side, (2, 3, 1))
+    found = seen(wall(2), normals=normals, lights=[lamp()], ambient=(0, 0, 0))
+    assert found == pytest.approx([0.4] * 3)
+    # Half of (0, 0, -1) and (0, 0.8, -0.6), normalised: the cosine is sqrt(0.8).
+    triangle = np.float32([[[-1, 0, 2], [1, -9, 2], [1, 9, 2]]])
+    normals = np.float32([[[0, 0, -1], [0, 0.8, -0.6], [0, 0.8, -0.6]]]) * side
+    found = radiance(
+        scene(triangle, normals=normals, lights=[lamp((0, 0, -1), kind=DIRECTIONAL)]),
+        np.float32([[0, 0, 0]]),
+        np.float32([[0, 0, 1]]),
+    )
+    assert found[0] == pytest.approx(np.array([0.05, 0.1, 0.15]) + 0.5 * np.sqrt(0.8), abs=1e-7)
+
+
+def test_shadows_are_cast_by_others_up_to_the_light():
+    light = [lamp((0.3, 5.2, -3.0))]
+    lit = seen(wall(2), lights=light)
+    blocker = np.float32([[[-1, 2.7, -9], [1, 2.7, -9], [0, 2.7, 9]]])
+    beyond = blocker + np.float32([0, 3, 0])
+    ambient = seen(wall(2))
+    assert (lit > ambient + 0.1).all()
+    assert seen(np.concatenate([wall(2), blocker]), lights=light) == pytest.approx(ambient)
+    assert seen(np.concatenate([wall(2), beyond]), lights=light) == pytest.approx(lit)
+    open_light = [lamp((0.3, 5.2, -3.0), casts_shadows=False)]
+    assert seen(np.concatenate([wall(2), blocker]), lights=open_light) == pytest.approx(lit)
+    sun = [lamp((0, np.sqrt(0.5), -np.sqrt(0.5)), kind=DIRECTIONAL)]
+    assert seen(np.concatenate([wall(2), beyond]), lights=sun) == pytest.approx(ambient)
+
+
+def test_a_wall_does_not_shade_itself_at_its_diagonal():
+    """Points on the edge of two triangles in one plane: neither may darken the other."""
+    rays = np.zeros((50, 3), np.float32)
+    directions = np.ones((50, 3), np.float32)
+    directions[:, 0] = directions[:, 1] = np.linspace(-1, 1, 50)
+    for light in (lamp((0.1, 0.3, -1)), lamp((0.6, 0, -0.8), kind=DIRECTIONAL)):
+        lit = radiance(scene(wall(2), lights=[light]), rays, directions)
+        assert (lit[:, 0] > 0.05).all()
+
+
+def test_vertex_colours_multiply_the_diffuse_colour():
+    triangle = np.float32([[[0, 0, 2], [1, 0, 2], [0, 1, 2]]])
+    colours = np.float32([[[1, 0, 0], [0, 1, 0], [0, 0, 1]]])
+    found = seen(triangle, colours=colours, ambient=(1, 1, 1))
+    assert found == pytest.approx([0.25, 0.15, 0.1])  # 0.5 * weights (0.5, 0.3, 0.2)
+
+
+def checker():
+    texture = np.zeros((2, 2, 3), np.uint8)
+    texture[0, 0], texture[0, 1] = (255, 0, 0), (0, 255, 0)  # top row
+    texture[1, 0], texture[1, 1] = (0, 0, 255), (188, 188, 188)
+    return texture
+
+
+def test_texture_rows_run_down_and_v_runs_up():
+    centres = np.array([[0.25, 0.75], [0.75, 0.75], [0.25, 0.25], [0.75, 0.25]])
+    grey = ((188 / 255 + 0.055) / 1.055) ** 2.4
+    expected = [[1, 0, 0], [0, 1, 0], [0, 0, 1], [grey] * 3]
+    np.testing.assert_allclose(bilinear(checker(), centres), expected)
+    np.testing.assert_allclose(bilinear(checker(), centres + [[3, -2]]), expected)
+
+
+def test_texture_is_filtered_in_linear_light_and_wraps():
+    middle, corner = bilinear(checker(), np.array([[0.5, 0.5], [0.0, 1.0]]))
+    grey = ((188 / 255 + 0.055) / 1.055) ** 2.4
+    np.testing.assert_allclose(middle, [(1 + grey) / 4] * 3)
+    np.testing.assert_allclose(corner, middle)
+    np.testing.assert_allclose(bilinear(checker(), np.array([[0.5, 0.75]])), [[0.5, 0.5, 0]])
+
+
+def test_texture_on_a_wall():
+    uvs = np.float32([[[0, 1], [1, 1], [1, 0]], [[0, 1], [1, 0], [0, 0]]])
+    painted = [Material("painted", diffuse=(1.0, 1.0, 0.5), texture=0)]
+    picture = scene(wall(2), uvs=uvs, materials=painted, textures=[checker()], ambient=(1, 1, 1))
+    at = np.float32([[-2.5, -2.5, 1], [2.5, -2.5, 1], [-2.5, 2.5, 1]])  # x right, y down
+    found = radiance(picture, np.zeros((3, 3), np.float32), at)
+    np.testing.assert_allclose(found, [[1, 0, 0], [0, 1, 0], [0, 0, 0.5]], atol=1e-6)

@@ -1,0 +1,98 @@
+"""Light fields as tiled EXR: what comes back, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from lfcore.errors import OpticsError, StorageError
+from lfcore.optics.array import CameraArray
+from lfcore.storage.tiled_exr import ATTRIBUTE, read_array, read_picture, write_array, write_picture
+
+
+@pytest.fixture
+def array():
+    return CameraArray.on_grid((4, 3), (-1, 1, -2, 2), 50.0, (32, 16), "cells")
+
+
+@pytest.fixture
+def image(array):
+    width, height = array.image_size
+    rng = np.random.default_rng(0)
+    return (rng.random((height, width, 3)) * 1e4).astype(np.float32)
+
+
+def test_radiance_and_geometry_come_back(tmp_path, array, image):
+    path = tmp_path / "field.exr"
+    write_array(path, image, array, extra={"scene": "chart"})
+    found = read_array(path)
+    np.testing.assert_array_equal(found.image, image)
+    assert found.array == array and found.extra == {"scene": "chart"}
+    with OpenEXR.File(str(path)) as file:
+        tiles = file.header()["tiles"]
+        assert (tiles.xSize, tiles.ySize) == array.tile
+    assert [p.name for p in tmp_path.iterdir()] == ["field.exr"]
+
+
+def test_half_floats_stay_half(tmp_path, array, image):
+    write_array(tmp_path / "half.exr", image, array, half=True)
+    found = read_array(tmp_path / "half.exr")
+    assert found.image.dtype == np.float16
+    np.testing.assert_array_equal(found.image, image.astype(np.float16))
+
+
+def test_a_foreign_exr_has_no_geometry(tmp_path, image):
+    write_picture(tmp_path / "pbrt.exr", image)
+    assert read_array(tmp_path / "pbrt.exr").array is None
+
+
+def test_single_channels_and_missing_channels(tmp_path):
+    plane = np.random.default_rng(0).random((4, 6), np.float32)
+    OpenEXR.File({}, {"Y": plane}).write(str(tmp_path / "y.exr"))
+    np.testing.assert_array_equal(read_picture(tmp_path / "y.exr")[..., 2], plane)
+    OpenEXR.File({}, {"A": plane, "Z": plane}).write(str(tmp_path / "az.exr"))
+    with pytest.raises(StorageError, match="channels"):
+        read_picture(tmp_path / "az.exr")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["{", "[]", '{"format": "other"}', '{"format": "lfcore camera array", "version": 99}'],
+)
+def test_a_header_that_makes_no_sense(tmp_path, image, text):
+    OpenEXR.File({ATTRIBUTE: text}, {"RGB": image}).write(str(tmp_path / "x.exr"))
+    with pytest.raises(StorageError, match=r"x\.exr"):
+        read_array(tmp_path / "x.exr")
+
+
+def test_a_header_that_contradicts_the_picture(tmp_path, array, image):
+    path = tmp_path / "field.exr"
+    write_array(path, image, array)
+    with OpenEXR.File(str(path)) as file:
+        text = file.header()[ATTRIBUTE]
+    OpenEXR.File({ATTRIBUTE: text}, {"RGB": image[:-2].copy()}).write(str(tmp_path / "cut.exr"))
+    with pytest.raises(StorageError, match="does not fit"):
+        read_array(tmp_path / "cut.exr")
+
+
+def test_damage_is_an_error(tmp_path, array, image):
+    path = tmp_path / "field.exr"
+    write_array(path, image, array)
+    whole = path.read_bytes()
+    for length in (0, 10, 300, len(whole) // 2):
+        path.write_bytes(whole[:length])
+        with pytest.raises(StorageError, match=r"field\.exr"):
+            read_array(path)
+    with pytest.raises(StorageError, match="no such file"):
+        read_array(tmp_path / "none.exr")
+
+
+def test_nothing_is_left_when_writing_fails(tmp_path, array, image):
+    with pytest.raises(OpticsError):
+        write_array(tmp_path / "a.exr", image[:-1], array)
+    with pytest.raises(StorageError, match="cannot be written"):
+        write_array(tmp_path / "no" / "a.exr", image, array)
+    with pytest.raises(StorageError, match="picture"):
+        write_picture(tmp_path / "a.exr", image[..., 0])
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,134 @@
+"""The imgtool command: both years' options, headers, contradictions."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from lfcore import imgtool
+from lfcore.optics.array import CameraArray
+from lfcore.storage.tiled_exr import read_picture, write_array, write_picture
+
+GRID = (-0.6, 0.6, -0.4, 0.4)
+
+
+@pytest.fixture(scope="module")
+def array():
+    return CameraArray.on_grid((4, 3), GRID, 50.0, (32, 32))
+
+
+@pytest.fixture(scope="module")
+def files(array, tmp_path_factory):
+    """One light field with geometry, and the same pixels as pbrt would write them."""
+    folder = tmp_path_factory.mktemp("imgtool")
+    image = np.random.default_rng(0).random((96, 128, 3)).astype(np.float16).astype(np.float32)
+    write_array(folder / "ours.exr", image, array)
+    write_picture(folder / "pbrt.exr", image, half=True)
+    return folder, image
+
+
+def run(folder, *words):
+    lines = []
+    status = imgtool.main([str(word) for word in words], report=lines.append)
+    return status, lines
+
+
+FLAGS = ["--camsperdim", 4, 3, "--griddim", *GRID, "--inputfov", 50]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--filterwidth", 0.3, "--focalplanez", 6.8, "--camerapos", -0.15, -0.2, -1.2],
+        ["--montecarlo", "--lensradius", 0.1, "--samplesperpixel", 4, "--focalplanez", 3],
+        ["--focaldistance", 6.8, "--camerarot", 5, -2.8, 0, "--samplesperpixel", 2],
+        ["--quadrature", "--lensradius", 0.1, "--samplesperpixel", 16],
+        ["--focalplane", 0, 0, 5, 0.3, 0.1, 1, "--filterwidth", 0.5],
+        ["--focalsphere", 0, 0, 5, 2, "--filterwidth", 0.5],
+    ],
+)
+def test_header_and_flags_give_the_same_picture(files, options):
+    folder, _ = files
+    options = [*options, "--outputdim", 20, 14, "--outputfov", 40]
+    assert run(folder, "lightfield", *options, folder / "ours.exr", folder / "a.exr")[0] == 0
+    status, lines = run(
+        folder, "lightfield", *options, *FLAGS, folder / "pbrt.exr", folder / "b.exr"
+    )
+    assert status == 0 and "outside the array" in lines[0]
+    ours, pbrt = read_picture(folder / "a.exr"), read_picture(folder / "b.exr")
+    assert ours.shape == (14, 20, 3) and ours.any()
+    np.testing.assert_allclose(ours, pbrt, atol=1e-6)
+    agree = run(folder, "lightfield", *options, *FLAGS, folder / "ours.exr", folder / "c.exr")
+    assert agree[0] == 0
+
+
+def test_top_left_tile_is_the_top_left_camera(files, array):
+    """With y up on the command line, camera (xmin, ymax) gives tile (0, 0)."""
+    folder, image = files
+    options = ["--camerapos", GRID[0], GRID[3], 0, "--outputfov", 50, "--outputdim", 32, 32]
+    options += ["--filterwidth", 0.01]
+    assert run(folder, "lightfield", *options, folder / "ours.exr", folder / "t.exr")[0] == 0
+    np.testing.assert_allclose(read_picture(folder / "t.exr"), image[:32, :32], atol=1e-4)
+
+
+def test_defaults_are_the_assignments():
+    arguments = imgtool.parser().parse_args(["lightfield", "in.exr", "out.exr"])
+    assert arguments.camerapos == (0.0, 0.0, -0.02)
+    assert arguments.outputfov == 45.0 and arguments.outputdim == (256, 256)
+    single = imgtool.geometry(arguments, None, (64, 64, 3))
+    assert single.cameras == (1, 1) and single.fov_deg == 90.0 and single.columns_m == (0.0,)
+    assert imgtool.chosen_method(arguments) == "isaksen"
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--camsperdim", 2, 3], "--camsperdim: contradicts the header"),
+        (["--inputfov", 51], "--inputfov: contradicts"),
+        (["--griddim", -1, 1, -1, 1], "--griddim: contradicts"),
+        (["--spacing", "cells"], "--spacing: contradicts"),
+        (["--lensradius", 0.1], "--montecarlo"),
+        (["--quadrature", "--montecarlo"], "exclude"),
+        (["--focaldistance", 3, "--filterwidth", 0.1], "Isaksen"),
+        (["--focalplanez", -3], "behind"),
+        (["--filterwidth", 0.01], "no pixel sees"),
+    ],
+)
+def test_contradictions_are_errors(files, capsys, options, words):
+    folder, _ = files
+    status, _ = run(folder, "lightfield", *options, folder / "ours.exr", folder / "never.exr")
+    assert status == 1 and words in capsys.readouterr().err
+    assert not (folder / "never.exr").exists()
+
+
+def test_a_foreign_file_needs_flags_that_fit(files, capsys):
+    folder, _ = files
+    flags = ["--camsperdim", 5, 3]
+    assert run(folder, "lightfield", *flags, folder / "pbrt.exr", folder / "n.exr")[0] == 1
+    assert "do not divide" in capsys.readouterr().err
+    (folder / "text.exr").write_text("not a picture")
+    assert run(folder, "lightfield", folder / "text.exr", folder / "n.exr")[0] == 1
+    assert "text.exr" in capsys.readouterr().err
+
+
+def test_realistic_lens(files, tmp_path):
+    folder, _ = files
+    (tmp_path / "lens.dat").write_text("50 4 1.5 20\n-50 2 1 20\n0 45 0 16\n")
+    options = ["--lens", tmp_path / "lens.dat", "--samplesperpixel", 8, "--outputdim", 12, 8]
+    options += ["--focaldistance", 5, "--filmdiagonal", 20, "--aperturediameter", 8]
+    assert run(folder, "lightfield", *options, folder / "ours.exr", folder / "r.exr")[0] == 0
+    assert 0.2 < read_picture(folder / "r.exr")[3:5, 5:7].mean() < 0.9
+
+
+def test_convert(tmp_path, capsys):
+    ramp = np.linspace(0, 8, 256, dtype=np.float32)[None, :, None].repeat(4, 0).repeat(3, 2)
+    write_picture(tmp_path / "ramp.exr", ramp)
+    for name, options in (("plain.png", []), ("mapped.png", ["--tonemap"])):
+        words = ["convert", *options, tmp_path / "ramp.exr", tmp_path / name]
+        assert run(tmp_path, *words)[0] == 0
+    plain, mapped = (cv2.imread(str(tmp_path / n))[0, :, 0] for n in ("plain.png", "mapped.png"))
+    # Clipping loses everything above one; the tone map keeps the order up to the brightest.
+    assert (plain[33:] == 255).all() and mapped[128] < mapped[-1] == 255
+    assert run(tmp_path, "convert", tmp_path / "ramp.exr", tmp_path / "x.what")[0] == 1
+    assert "encoder" in capsys.readouterr().err

@@ -1,0 +1,157 @@
+"""Tracing camera arrays: against analytic scenes, the tracer's own visibility, and pbrt files."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lfcore.errors import OpticsError
+from lfcore.optics.array import CameraArray
+from lfcore.refocus.array.device_field import DeviceField
+from lfcore.refocus.array.focal_surface import parallel
+from lfcore.refocus.array.quadrature import quadrature
+from lfcore.refocus.array.shutter import shutter_times, trace_shutter
+from lfcore.refocus.array.trace import array_bundles, stratified_offsets, trace_array
+from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore.scene.pbrt import build_pbrt_scene
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+# A wall, red above and green below, and a blue sphere before it; ambient light alone.
+SCENE = """
+Camera "lightfield" "float fov" 60 "integer camerasperdim" [3 2]
+    "float cameragridbounds [-0.3 0.3 -0.2 0.2]
+Film "image" "integer xresolution" [120] "integer yresolution" [80]
+WorldBegin
+LightSource "infinite" "rgb L" [2 2 2]
+Material "matte" "rgb Kd" [.8 0 0]
+Shape "trianglemesh" "integer indices" [0 1 2 0 2 3]
+    "point P" [-9 0.1 4  9 0.1 4  9 9 4  -9 9 4]
+Material "matte" "rgb Kd" [0 .6 0]
+Shape "trianglemesh" "integer indices" [0 1 2 0 2 3]
+    "point P" [-9 -9 4  9 -9 4  9 0.1 4  -9 0.1 4]
+Material "matte" "rgb Kd" [0 0 .4]
+Translate .7 .5 3
+Shape "sphere" "float radius" .3
+WorldEnd
+"""
+
+
+@pytest.fixture(scope="module")
+def traced(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scene") / "s.pbrt"
+    path.write_text(SCENE)
+    scene = build_pbrt_scene(path)
+    return scene, Tracer(scene, build_bvh(scene.triangles))
+
+
+def test_every_tile_is_what_its_camera_sees(traced):
+    """Colours from exact geometry: sphere, then the two halves; radiance above one survives."""
+    scene, tracer = traced
+    array = scene.view.array
+    tiles = array.tiles(trace_array(tracer, array))
+    wrong = 0
+    for j in range(2):
+        for i in range(3):
+            o, d = array.origins()[j, i], array.directions(i, j)
+            to_centre = np.array([0.7, -0.5, 3.0]) - o
+            along = (d * to_centre).sum(-1) / (d * d).sum(-1)
+            miss = np.linalg.norm(along[..., None] * d - to_centre, axis=-1)
+            above = o[1] + 4 * d[..., 1] < -0.1
+            expected = np.where(above[..., None], [1.6, 0, 0], [0, 1.2, 0])
+            expected = np.where(miss[..., None] < 0.3, [0, 0, 0.8], expected)
+            wrong += (np.abs(tiles[j, i] - expected) > 1e-3).any(-1).sum()
+    # The tessellated sphere differs from the exact one on its outline, in a few pixels.
+    assert wrong <= 12
+    assert tiles[0, 0, 0].max() == pytest.approx(1.6, rel=1e-4)
+
+
+def test_bundles_are_the_arrays_rays(traced):
+    array = traced[0].view.array
+    origin, direction = array_bundles(array).rays()
+    np.testing.assert_allclose(origin[:, 0, 0], array.origins().reshape(-1, 3), atol=1e-7)
+    np.testing.assert_allclose(direction[4], array.directions(), atol=1e-6)
+
+
+def test_samples_average_over_the_pixel(traced):
+    """More samples approach the pixel's mean along the edge, where one sample is red or green."""
+    tracer = traced[1]
+    array = CameraArray.single(60.0, (24, 24))
+    fine = trace_array(tracer, CameraArray.single(60.0, (384, 384)))
+    mean = fine.reshape(24, 16, 24, 16, 3).mean((1, 3))
+    errors = [
+        np.sqrt(np.mean((trace_array(tracer, array, count, seed=3) - mean) ** 2))
+        for count in (1, 4, 16, 64)
+    ]
+    assert errors[3] < errors[2] < errors[1] < errors[0]
+    assert errors[3] < 0.2 * errors[0]
+    again = trace_array(tracer, array, 16, seed=3)
+    np.testing.assert_array_equal(again, trace_array(tracer, array, 16, seed=3))
+
+
+def test_offsets_hold_one_sample_in_each_stratum():
+    offsets = stratified_offsets(50, 16, 7) + 0.5
+    cells = np.floor(offsets * 4).astype(int)
+    assert (np.sort(cells[..., 1] * 4 + cells[..., 0], 0) == np.arange(16)[:, None]).all()
+    assert not stratified_offsets(3, 1, 0).any()
+
+
+def test_synthesis_of_a_traced_array_equals_a_traced_camera(traced):
+    """A pinhole between data cameras, focused on the wall: the wall as traced from there."""
+    tracer = traced[1]
+    array = CameraArray.on_grid((5, 5), (-0.3, 0.3, -0.3, 0.3), 60.0, (128, 128))
+    field = DeviceField(tracer.device, trace_array(tracer, array, 16), array)
+    camera = VirtualCamera([0.07, 0.04, 0.0], np.eye(3), 50.0, (48, 48))
+    made = quadrature(field, camera, parallel(4.0), 1, 4).image
+    direct_array = CameraArray((0.07,), (0.04,), 50.0, (48, 48))
+    direct = trace_array(tracer, direct_array, 16)
+    off = np.abs(made - direct).max(-1) > 0.2
+    # The sphere stands before the plane of focus; away from it and the edge both agree.
+    assert off[:, :24].mean() < 0.02 and off.mean() < 0.1
+
+
+def test_no_samples(traced):
+    with pytest.raises(OpticsError, match="samples_per_pixel"):
+        trace_array(traced[1], traced[0].view.array, 0)
+
+
+MOVING = """
+Camera "perspective" "float fov" 90
+Film "image" "integer xresolution" [64] "integer yresolution" [64]
+WorldBegin
+LightSource "infinite" "rgb L" [1 1 1]
+AttributeBegin
+    ActiveTransform EndTime Translate 2 0 0 ActiveTransform All
+    Material "matte" "rgb Kd" [1 1 1]
+    Shape "trianglemesh" "integer indices" [0 1 2 0 2 3]
+        "point P" [-2 -1 2  0 -1 2  0 1 2  -2 1 2]
+AttributeEnd
+AttributeBegin
+    Translate 0 0 5
+    Material "matte" "rgb Kd" [0 0 0]
+    Shape "trianglemesh" "integer indices" [0 1 2 0 2 3]
+        "point P" [-9 -9 0  9 -9 0  9 9 0  -9 9 0]
+AttributeEnd
+WorldEnd
+"""
+
+
+def test_a_moving_square_smears_into_a_ramp(tmp_path):
+    """A white square moves by its own width: a triangle of exposure, sampled at 8 instants."""
+    (tmp_path / "m.pbrt").write_text(MOVING)
+    scene = build_pbrt_scene(tmp_path / "m.pbrt")
+    picture = trace_shutter(scene, scene.view.array, 8)[32, :, 0]
+    x = 2 * scene.view.array.pixel_tangents()[0]
+    times = shutter_times(8)
+    left = -2 + 2 * times[:, None]
+    expected = ((x >= left) & (x < left + 2)).mean(0)
+    np.testing.assert_allclose(picture, expected, atol=0.126)
+    assert np.abs(picture - expected).mean() < 0.01
+    assert picture[32] > 0.8 and 0.3 < picture[16] < 0.7 and 0.3 < picture[48] < 0.7
+
+
+def test_instants_lie_in_their_intervals():
+    for seed in (None, 3):
+        assert (np.floor(shutter_times(10, seed) * 10) == np.arange(10)).all()
+    with pytest.raises(OpticsError, match="times"):
+        shutter_times(0)

@@ -1,0 +1,238 @@
+"""The ``lfcore`` command: what it writes, what it says, what it leaves behind when it fails."""
+
+import json
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from PIL import Image
+
+import lfcore
+from lfcore.cli import COMMANDS, main
+from lfcore.storage.tiled_exr import read_picture
+
+CHART = Path(__file__).parents[2] / "scenes" / "chart"
+SIZE, VIEWS = 24, 4
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A light field file of the chart."""
+    path = tmp_path_factory.mktemp("cli") / "chart.mkv"
+    options = ["--size", str(SIZE), "--views", str(VIEWS), "--codec", "ffv1"]
+    assert main(["trace", str(CHART), "-o", str(path), *options]) == 0
+    return path
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_trace_leaves_the_file_alone_in_its_folder(recorded):
+    assert names(recorded.parent) == ["chart.mkv"]
+
+
+def test_refocus_equals_the_library(recorded, tmp_path):
+    out = tmp_path / "out.npy"
+    command = ["refocus", str(recorded), "--focus", "1.1", "--f-number", "2", "-o", str(out)]
+    assert main(command) == 0
+    picture = lfcore.LightField.open(recorded).refocus(focus_m=1.1, f_number=2)
+    assert picture.shape == (SIZE, SIZE, 3)
+    assert picture.dtype == np.float32
+    np.testing.assert_array_equal(np.load(out), picture)
+    assert main([*command[:-1], str(tmp_path / "out.exr")]) == 0
+    np.testing.assert_array_equal(read_picture(tmp_path / "out.exr"), picture)
+
+
+def test_methods_and_filters(recorded, tmp_path):
+    made = {}
+    for method, filter in (("slicing", "nearest"), ("shift-sum", "nearest"), (None, "bilinear")):
+        path = tmp_path / f"{method}.npy"
+        options = ["--filter", filter, *(["--method", method] if method else [])]
+        assert main(["refocus", str(recorded), "--focus", "1", *options, "-o", str(path)]) == 0
+        made[method] = np.load(path)
+    np.testing.assert_allclose(made["slicing"], made["shift-sum"], atol=2e-6)
+    assert 0 < np.abs(made[None] - made["slicing"]).mean() < 0.05
+
+
+def test_many_planes_from_options_and_files(recorded, tmp_path):
+    assert main(
+        ["refocus", str(recorded), "--plane", "focus=1,aperture=square", "-o"]
+        + [str(tmp_path / "a.png"), "--plane", "focus=2,f=4,normalise=no", "--blades", "5"]
+    ) == 0  # fmt: skip
+    assert names(tmp_path) == ["a_00_focus1m_f1_square.png", "a_01_focus2m_f4_circle.png"]
+    bright, dim = (np.asarray(Image.open(tmp_path / name)).mean() for name in names(tmp_path))
+    assert dim < 0.6 * bright
+    rows = tmp_path / "planes.csv"
+    rows.write_text("focus,f,aperture\n1.0,1,circle\n1.5,,diamond\ninf,2,square\n")
+    out = tmp_path / "b.npy"
+    assert main(["refocus", str(recorded), "--planes", str(rows), "-o", str(out)]) == 0
+    assert np.load(out).shape == (3, SIZE, SIZE, 3)
+    rows = tmp_path / "planes.yaml"
+    rows.write_text("- {focus: 1.0, f: 1.4}\n- {focus: 2, keep_magnification: true}\n")
+    assert main(["refocus", str(recorded), "--planes", str(rows), "-o", str(out)]) == 0
+    assert np.load(out).shape == (2, SIZE, SIZE, 3)
+
+
+def test_info_and_devices(recorded, capsys):
+    assert main(["info", str(recorded), "--verify"]) == 0
+    text = capsys.readouterr().out
+    assert f"{SIZE} x {SIZE} pixels, {VIEWS} x {VIEWS} views" in text
+    assert "120 mm f/1" in text
+    assert main(["info", str(recorded), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["scene"]["name"] == "chart"
+    assert main(["devices"]) == 0
+    assert capsys.readouterr().out.count("*") == 1
+
+
+def test_view_macropixel_and_grid(recorded, tmp_path):
+    field = lfcore.LightField.open(recorded)
+    one, lens, grid = (tmp_path / name for name in ("one.png", "lens.ppm", "grid.png"))
+    assert main(["view", str(recorded), "--view", "3", "0", "-o", str(one)]) == 0
+    np.testing.assert_array_equal(np.asarray(Image.open(one)), field.view(3, 0))
+    assert main(["view", str(recorded), "--macropixel", "5", "7", "-o", str(lens)]) == 0
+    np.testing.assert_array_equal(np.asarray(Image.open(lens)), field.macropixel(5, 7))
+    assert main(["view", str(recorded), "--grid", "2", "-o", str(grid)]) == 0
+    sheet = np.asarray(Image.open(grid))
+    np.testing.assert_array_equal(sheet[:SIZE, SIZE:], field.view(3, 0))
+
+
+def test_stacks(recorded, tmp_path):
+    film, sheet = tmp_path / "film.mp4", tmp_path / "sheet.png"
+    focus = ["--focus-from", "1", "--focus-to", "2", "--count", "7"]
+    assert main(["stack", str(recorded), *focus, "-o", str(film)]) == 0
+    with av.open(str(film)) as container:
+        assert sum(1 for _ in container.decode(video=0)) == 7
+    lens = ["--f-numbers", "1", "2", "4", "8", "16", "--no-normalise", "--sheet"]
+    assert main(["stack", str(recorded), *lens, "-o", str(sheet)]) == 0
+    assert Image.open(sheet).size == (4 * SIZE + 12, 2 * SIZE + 4)
+    assert main(["stack", str(recorded), "--focus", "1", "2", "-o", str(tmp_path / "s.png")]) == 0
+    assert len(list(tmp_path.glob("s_0*_focus*.png"))) == 2
+
+
+def test_render_equals_refocusing_what_was_traced(recorded, tmp_path):
+    """Several planes of a render are formed from the very rays that ``trace`` stores."""
+    planes = ["--plane", "focus=1", "--plane", "focus=1.33"]
+    size = ["--size", str(SIZE), "--views", str(VIEWS)]
+    traced, stored = tmp_path / "traced.npy", tmp_path / "stored.npy"
+    assert main(["render", str(CHART), *size, *planes, "-o", str(traced)]) == 0
+    assert main(["refocus", str(recorded), *planes, "-o", str(stored)]) == 0
+    assert np.abs(np.load(traced) - np.load(stored)).max() < 0.02  # 8-bit YCbCr against float
+    # One picture is traced at its own focus: at the recorded one, the same rays.
+    single = tmp_path / "single.npy"
+    assert main(["render", str(CHART), *size, "-o", str(single)]) == 0
+    np.testing.assert_allclose(np.load(single), np.load(traced)[1], atol=1e-4)
+
+
+def test_a_pinhole_has_no_focus(tmp_path):
+    made = []
+    for focus in ("1", "2"):
+        out = tmp_path / f"{focus}.exr"
+        options = ["--pinhole", "--focus", focus, "--size", "16", "-o", str(out)]
+        assert main(["render", str(CHART), *options]) == 0
+        made.append(read_picture(out))
+    np.testing.assert_allclose(made[0], made[1], atol=1e-4)
+    out = tmp_path / "lens.exr"
+    assert main(["render", str(CHART), "--focus", "1", "--size", "16", "-o", str(out)]) == 0
+    assert np.abs(read_picture(out) - made[0]).max() > 0.03
+    assert main(["render", str(CHART), "--pinhole", "--views", "4", "-o", str(out)]) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--f-number", "0.5"], "wider than the lens"),
+        (["--focus", "0.05"], "inside the focal length"),
+        (["--plane", "focus=1,colour=red"], "unknown key 'colour'"),
+        (["--plane", "focus=near"], "focus cannot be 'near'"),
+        (["--aperture", "polygon", "--blades", "2"], "at least 3 blades"),
+        (["--method", "slicing", "--filter", "bilinear"], "no bilinear filter"),
+        (["--planes", "missing.csv"], "missing.csv: No such file"),
+        (["--device", "abacus"], "abacus"),
+    ],
+)
+def test_bad_planes_leave_no_file(recorded, tmp_path, capsys, options, said):
+    out = tmp_path / "out.png"
+    assert main(["refocus", str(recorded), *options, "-o", str(out)]) == 1
+    message = capsys.readouterr().err
+    assert said in message
+    assert "Traceback" not in message
+    assert names(tmp_path) == []
+
+
+def test_bad_files_leave_no_file(recorded, tmp_path, capsys):
+    out = tmp_path / "out.png"
+    cut = tmp_path / "cut.mkv"
+    cut.write_bytes(recorded.read_bytes()[:-2000])
+    for source in (cut, tmp_path / "none.mkv", CHART / "scene.yaml"):
+        for command in ("refocus", "stack", "view"):
+            assert main([command, str(source), "-o", str(out)]) == 1
+            assert source.name in capsys.readouterr().err
+    for command in ("trace", "render"):
+        target = tmp_path / ("x.mkv" if command == "trace" else "x.png")
+        assert main([command, str(tmp_path / "none.glb"), "-o", str(target)]) == 1
+        assert "none.glb" in capsys.readouterr().err
+    assert main(["refocus", str(recorded), "-o", str(tmp_path / "out.jpeg")]) == 1
+    assert ".png" in capsys.readouterr().err
+    assert main(["trace", str(CHART), "--views", "0", "-o", str(tmp_path / "x.mkv")]) == 1
+    assert "views" in capsys.readouterr().err
+    assert names(tmp_path) == ["cut.mkv"]
+
+
+def test_salvage_reads_what_is_whole(recorded, tmp_path, capsys):
+    out = tmp_path / "out.npy"
+    assert main(["refocus", str(recorded), "--salvage", "-o", str(out)]) == 0
+    whole = lfcore.LightField.open(recorded).refocus()
+    np.testing.assert_array_equal(np.load(out), whole)
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_help_teaches(name, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main([name, "--help"])
+    assert stop.value.code == 0
+    text = capsys.readouterr().out
+    assert f"lfcore {name}" in text
+    if name not in ("imgtool", "devices"):
+        assert "examples:" in text
+
+
+def test_encoder_settings_are_those_measured_unless_said():
+    from lfcore.cli.record import codec_spec
+    from lfcore.errors import StorageError
+    from lfcore.storage.defaults import default_spec
+
+    assert codec_spec(64) == default_spec(64)
+    said = codec_spec(64, crf=11.0, preset="slow")
+    assert (said.crf, said.preset, said.pixel_format) == (11.0, "slow", "yuv444p")
+    assert codec_spec(64, "ffv1").lossless
+    with pytest.raises(StorageError, match="does not take yuv444p"):
+        codec_spec(64, "libsvtav1", pixel_format="yuv444p")
+
+
+def test_a_mesh_alone_is_a_scene(tmp_path):
+    import trimesh
+
+    mesh, out = tmp_path / "ball.glb", tmp_path / "ball.npy"
+    trimesh.creation.icosphere(subdivisions=2).export(mesh)
+    assert main(["render", str(mesh), "-o", str(out), "--size", "24", "--views", "2"]) == 0
+    picture = np.load(out)
+    assert picture[12, 12].mean() > picture[0, 0].mean() + 0.05
+
+
+def test_a_pbrt_file_is_a_scene(tmp_path):
+    scene, out = tmp_path / "ball.pbrt", tmp_path / "ball.exr"
+    scene.write_text(
+        'Film "rgb" "integer xresolution" 16 "integer yresolution" 16\n'
+        'Camera "perspective" "float fov" 40\n'
+        "WorldBegin\n"
+        'LightSource "distant" "point3 from" [0 0 0] "point3 to" [0 0 1]\n'
+        'Translate 0 0 5\nMaterial "diffuse" "rgb reflectance" [0.8 0.2 0.2]\n'
+        'Shape "sphere" "float radius" 1\n'
+    )
+    assert main(["render", str(scene), "-o", str(out), "--size", "24", "--views", "2"]) == 0
+    picture = read_picture(out)
+    assert picture[12, 12, 0] > 2 * picture[12, 12, 1] > 0
+    pinhole = tmp_path / "pinhole.exr"
+    assert main(["render", str(scene), "-o", str(pinhole), "--size", "24", "--pinhole"]) == 0

@@ -1,0 +1,77 @@
+"""The ways to one picture agree as far as their filters do."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lfcore.errors import OpticsError
+from lfcore.evaluation.equivalence import COLUMNS, equivalence
+from lfcore.optics.planes import SensorPlane
+from lfcore.scene.build import build_scene
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+CHART = Path(__file__).parents[2] / "scenes" / "chart"
+PLANES = [SensorPlane(1.33, 1.0), SensorPlane(1.2, 1.4, "square"), SensorPlane(1.6, 1.0)]
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return build_scene(CHART)
+
+
+@pytest.fixture(scope="module")
+def result(scene):
+    tracer = Tracer(scene, build_bvh(scene.triangles))
+    return equivalence(
+        tracer, scene.camera, PLANES, views=12, pixels=64, reference_views=32
+    )  # fmt: skip
+
+
+def of(result, method, filter):
+    found = [m for m in result.made if m.method.startswith(method) and m.filter == filter]
+    assert len(found) == 1
+    return found[0].pictures
+
+
+def test_one_filter_one_picture(result):
+    """Slicing, views and photograph see the same rays: only 8-bit frames lie between."""
+    slicing = of(result, "slicing", "nearest")
+    for method in ("shift-sum on views", "shift-sum on the plenoptic"):
+        difference = np.abs(of(result, method, "nearest") - slicing)
+        assert difference.max() < 0.015
+        assert difference.mean() < 0.002
+    bilinear = [of(result, f"shift-sum on {what}", "bilinear") for what in ("views", "the p")]
+    assert np.abs(bilinear[0] - bilinear[1]).max() < 0.015
+
+
+def test_table_is_whole_and_plausible(result):
+    table = result.table
+    assert list(table.columns) == COLUMNS
+    assert len(table) == 3 * 6
+    ours = table[table.method != "traced directly"]
+    assert (ours.psnr_db > 20).all()
+    assert (ours.psnr_inside_db > 26).all()
+    assert ours.ssim.between(0.5, 1).all()
+    # Errors of resampling gather at edges; at the recorded focus nothing is resampled.
+    assert (ours[ours.focus_m != 1.33].error_at_edges > 0.1).all()
+    assert (table.seconds > 0).all()
+    own = table[table.method == "traced directly"]
+    assert np.isinf(own.psnr_db).all()
+    assert (own.rays_per_pixel == 1024).all()
+    # At the recorded focus nothing has to be resampled: only the number of rays differs.
+    at_focus = ours[ours.focus_m == 1.33]
+    assert (at_focus.psnr_db > 30).all()
+
+
+def test_error_maps(result):
+    for made, errors in result.errors():
+        assert errors.shape == made.pictures.shape[:3]
+        assert errors.max() > 0
+
+
+def test_what_was_not_recorded_is_refused(scene):
+    tracer = Tracer(scene, build_bvh(scene.triangles))
+    with pytest.raises(OpticsError, match="wider"):
+        equivalence(tracer, scene.camera, [SensorPlane(2.0, 0.5)], views=4, pixels=32)

@@ -1,0 +1,132 @@
+"""Views read in bulk; depth, disparity and all-in-focus pictures of scenes of known answers."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lfcore.cli import main
+from lfcore.errors import OpticsError
+from lfcore.optics.camera import Camera
+from lfcore.optics.slab import Slab
+from lfcore.refocus import depth as depths
+from lfcore.scene.model import Material, Scene
+from lfcore.storage.lightfield import LightField
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+CAMERA = Camera(0.05, 0.036, 1.0, 2.0)
+NEAR, FAR = 1.0, 4.0
+CHART = str(Path(__file__).parents[2] / "scenes" / "chart")
+
+
+def wall(z, x0, x1):
+    """Two triangles at depth z that span x0 ... x1 and all of y."""
+    a, b, c, d = (x0, -9, z), (x1, -9, z), (x1, 9, z), (x0, 9, z)
+    return [[a, b, c], [a, c, d]]
+
+
+@pytest.fixture(scope="module")
+def tracer():
+    """A red wall at 1 m on the left, a green one at 4 m behind both halves, lit by ambient."""
+    triangles = np.array(wall(NEAR, -9, 0.0) + wall(FAR, -9, 9), np.float32)
+    none = np.zeros((0, 3, 3), np.float32)
+    scene = Scene(
+        "walls", CAMERA, triangles, none, np.zeros((0, 3, 2), np.float32), none,
+        np.array([0, 0, 1, 1], np.int32),
+        [Material("red", (1.0, 0, 0)), Material("green", (0, 1.0, 0))],
+        [], [], ambient=(1.0, 1.0, 1.0),
+    )  # fmt: skip
+    return Tracer(scene, build_bvh(scene.triangles))
+
+
+def expected_depth(slab, s):
+    """The near wall ends at x = 0: rays with x(NEAR) < 0 meet it."""
+    x = s * (1 - NEAR * slab.camera.delta) + NEAR * slab.pixel_tangents()
+    return np.where(x < 0, NEAR, FAR)
+
+
+def test_depth_of_every_view_by_hand(tracer):
+    slab = Slab(CAMERA, 4, 16)
+    depth = depths.depth_of_views(tracer, slab)
+    assert depth.shape == (16, 16, 16)
+    assert depth.dtype == np.float32
+    for (i, _), picture in zip(depths.all_samples(slab), depth, strict=True):
+        row = expected_depth(slab, slab.lens_positions()[i])
+        np.testing.assert_allclose(picture, np.broadcast_to(row, (16, 16)), rtol=1e-6)
+
+
+def test_disparity_by_hand():
+    slab = Slab(CAMERA, 8, 64)
+    # lens pitch 50 mm / 8, pixel pitch field / 64
+    unit = 0.05 / 8 / (CAMERA.field_width / 64)
+    got = depths.disparity(slab, np.array([1.0, 2.0, 4.0, np.inf], np.float32))
+    np.testing.assert_allclose(got, np.array([0.5, 0.0, -0.25, -0.5]) * unit, rtol=1e-6)
+
+
+def test_disparity_is_how_points_move(tracer):
+    """The edge of the near wall moves by its disparity from one view to the next."""
+    slab = Slab(CAMERA, 4, 400)
+    depth = depths.depth_of_views(tracer, slab, [(i, 0) for i in range(4)])
+    edges = (depth[:, 0] < 2).sum(axis=1)
+    step = depths.disparity(slab, np.array([NEAR]))[0]
+    np.testing.assert_allclose(np.diff(edges), -step, atol=1.0)
+
+
+def test_all_in_focus_has_both_walls_sharp(tracer):
+    slab = Slab(CAMERA, 5, 40)
+    samples = depths.all_samples(slab)
+    depth = depths.depth_of_views(tracer, slab)
+    light = np.zeros((*depth.shape, 3), np.float32)
+    light[..., 0], light[..., 1] = depth < 2, depth > 2
+    centre = depths.depth_of_views(tracer, Slab(CAMERA, 1, 40))[0]
+    picture = depths.all_in_focus(slab, centre, [(samples, light, depth)])
+    np.testing.assert_array_equal(picture[..., 0], centre < 2)
+    np.testing.assert_array_equal(picture[..., 1], centre > 2)
+
+
+def test_float_maps_and_archives(tmp_path):
+    picture = np.arange(6, dtype=np.float32).reshape(2, 3)
+    depths.write_pfm(tmp_path / "a.pfm", picture)
+    data = (tmp_path / "a.pfm").read_bytes()
+    assert data.startswith(b"Pf\n3 2\n-1.0\n")
+    np.testing.assert_array_equal(np.frombuffer(data[-24:], "<f4"), [3, 4, 5, 0, 1, 2])
+    with pytest.raises(OpticsError, match="float map"):
+        depths.write_pfm(tmp_path / "b.pfm", picture[0])
+    slab = Slab(CAMERA, 1, 2)
+    depths.save_depth(tmp_path / "d.npz", slab, [(0, 0)], np.full((1, 2, 2), 2.0, np.float32))
+    with np.load(tmp_path / "d.npz") as archive:
+        assert (archive["disparity_px"] == 0).all()
+        assert Slab.from_json(json.loads(archive["slab"].tobytes())) == slab
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.pfm", "d.npz"]
+
+
+def test_samples_outside_the_lens_are_refused(tracer):
+    with pytest.raises(OpticsError, match="from 0 to 3"):
+        depths.depth_of_views(tracer, Slab(CAMERA, 4, 8), [(4, 0)])
+
+
+@pytest.mark.parametrize("kind", ["views", "macropixels"])
+def test_views_read_in_bulk_are_those_read_alone(tmp_path, kind):
+    from lfcore.refocus.views import read_views
+
+    path, out = tmp_path / "chart.mkv", tmp_path / "depth.npz"
+    options = ["--size", "20", "--views", "3", "--codec", "ffv1", "--layout", kind]
+    assert main(["trace", CHART, "-o", str(path), *options]) == 0
+    field = LightField.open(path)
+    samples = [(2, 1), (0, 0)]
+    light = read_views(field, samples)
+    for (i, j), picture in zip(samples, light, strict=True):
+        codes = field.view(i, j) / 255.0
+        linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+        np.testing.assert_allclose(picture, linear, atol=0.006)
+    with pytest.raises(OpticsError, match="twice"):
+        read_views(field, [(0, 0), (0, 0)])
+    sharp = tmp_path / "sharp.npy"
+    command = ["depth", CHART, "--lightfield", str(path)]
+    assert main([*command, "-o", str(out), "--all-in-focus", str(sharp)]) == 0
+    with np.load(out) as archive:
+        assert archive["depth_m"].shape == (9, 20, 20)
+        assert set(np.unique(archive["depth_m"].round(3))) <= {1.0, 2.0}
+    assert np.abs(np.load(sharp) - read_views(field, [(1, 1)])[0]).mean() < 0.05

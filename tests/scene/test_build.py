@@ -1,0 +1,203 @@
+"""From scene files to camera space: poses, transforms, defaults, lights, what is dropped."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lfcore.scene.build import build_scene
+from lfcore.scene.framing import default_focus_distances
+from lfcore.scene.model import DIRECTIONAL, POINT
+from lfcore.scene.transforms import chain, look_at, rotate, scale, translate
+
+
+def test_two_line_scene_is_framed_and_lit(write_scene, minimal):
+    scene = build_scene(write_scene(minimal))
+    camera = scene.camera
+    points = scene.triangles.reshape(-1, 3)
+    assert scene.triangle_count == 4 and not scene.dropped
+    assert np.all(points[:, 2] > 2 * camera.lens_radius_m)
+    # Wholly in the picture, and filling it up to a margin.
+    extent = np.abs(points[:, :2] / points[:, 2:]).max() / (camera.field_width / 2)
+    assert 0.8 < extent < 0.95
+    assert points[:, 2].min() < camera.focus_distance_m < points[:, 2].max()
+    assert len(scene.lights) == 1 and scene.lights[0].casts_shadows
+    # Lit from the viewer's side, not from behind the object.
+    assert scene.lights[0].vector[2] < 0
+    assert scene.name == write_scene(minimal).parent.name
+
+
+def test_mesh_path_and_folder_are_scenes_too(write_scene, minimal, tetrahedron):
+    by_yaml = build_scene(write_scene(minimal))
+    by_mesh = build_scene(tetrahedron)
+    by_folder = build_scene(tetrahedron.parent)
+    assert by_mesh.name == "tetrahedron"
+    for other in (by_mesh, by_folder):
+        np.testing.assert_array_equal(by_yaml.triangles, other.triangles)
+
+
+@settings(max_examples=20, deadline=None)
+@given(size=st.floats(1e-3, 1e4))
+def test_framing_does_not_depend_on_scale(tmp_path_factory, size):
+    folder = tmp_path_factory.mktemp("scaled")
+    (folder / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
+    (folder / "scene.yaml").write_text(
+        f"objects:\n- file: a.obj\n  transform:\n  - scale: {size!r}\n"
+    )
+    scene = build_scene(folder)
+    unit = build_scene(folder / "a.obj")
+    np.testing.assert_allclose(scene.triangles / size, unit.triangles, rtol=1e-4, atol=1e-5)
+    assert scene.camera.focal_length_m / size == pytest.approx(unit.camera.focal_length_m)
+    assert scene.camera.field_width == pytest.approx(unit.camera.field_width)
+
+
+def test_camera_space_axes(write_scene, tmp_path):
+    """A camera at +z looking at the origin: world right, up and away in camera axes."""
+    (tmp_path / "p.obj").write_text("v 1 2 3\nv 1 2 -1\nv 4 2 3\nf 1 2 3\n")
+    scene = build_scene(
+        write_scene(
+            {
+                "camera": {
+                    "focal_length_mm": 50,
+                    "sensor_width_mm": 36,
+                    "focus_distance_m": 2,
+                    "pose": {"position_m": [0, 0, 10], "look_at_m": [0, 0, 0]},
+                },
+                "objects": [{"file": "p.obj"}],
+            }
+        )
+    )
+    # x stays, y turns over, z becomes the distance from the lens.
+    np.testing.assert_array_equal(scene.triangles[0], [[1, -2, 7], [1, -2, 11], [4, -2, 7]])
+
+
+def test_pose_matrix_equals_look_at(write_scene, minimal):
+    position, target = [1.0, 2.0, 3.0], [0.2, 0.1, -0.4]
+    rotation = look_at(position, target)[:3, :3]
+    to_world = np.eye(4)
+    to_world[:3, :3] = rotation.T @ np.diag([1, -1, -1])
+    to_world[:3, 3] = position
+    minimal["camera"] = {"pose": {"position_m": position, "look_at_m": target}}
+    first = build_scene(write_scene(minimal))
+    minimal["camera"] = {"pose": {"matrix": to_world.tolist()}}
+    second = build_scene(write_scene(minimal))
+    np.testing.assert_allclose(first.triangles, second.triangles, atol=1e-6)
+
+
+def test_transform_steps_apply_in_order(write_scene, minimal):
+    steps = [
+        {"scale": [1, 2, 3]},
+        {"rotate": {"axis": "y", "angle_deg": 90}},
+        {"translate_m": [0, 0, -5]},
+    ]
+    minimal["objects"][0]["transform"] = steps
+    minimal["camera"] = {"pose": {"position_m": [0, 0, 0], "look_at_m": [0, 0, -1]}}
+    scene = build_scene(write_scene(minimal))
+    matrix = chain(scale(1, 2, 3), rotate("y", 90), translate(0, 0, -5))
+    corners = np.array([[0, 0, 0, 1], [1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1]]) @ matrix.T
+    expected = corners[:, :3] * (1, -1, -1)
+    found = np.unique(np.round(scene.triangles.reshape(-1, 3), 5), axis=0)
+    np.testing.assert_allclose(found, np.unique(np.round(expected, 5), axis=0), atol=1e-5)
+
+
+def test_rounding_happens_once_in_camera_space(write_scene, tmp_path):
+    """Detail far from the world origin survives: float64 until the camera is subtracted."""
+    (tmp_path / "far.obj").write_text(
+        "v 1000000.001 0 0\nv 1000000.002 0 0\nv 1000000.001 0.001 0\nf 1 2 3\n"
+    )
+    scene = build_scene(
+        write_scene(
+            {
+                "camera": {"pose": {"position_m": [1e6, 0, 1], "look_at_m": [1e6, 0, 0]}},
+                "objects": [{"file": "far.obj"}],
+            }
+        )
+    )
+    expected = [[0.001, 0, 1], [0.002, 0, 1], [0.001, -0.001, 1]]
+    np.testing.assert_allclose(scene.triangles[0], expected, atol=1e-8)
+
+
+def test_bad_triangles_are_dropped_and_counted(write_scene, tmp_path):
+    (tmp_path / "dirty.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nv inf 0 0\nv 1e20 0 0\nv 2 0 0\n"
+        "f 1 2 3\nf 1 2 4\nf 1 2 5\nf 1 3 6\nf 1 2 7\nf 1 1 2\n"
+    )
+    scene = build_scene(write_scene({"objects": [{"file": "dirty.obj"}]}))
+    assert scene.triangle_count == 1
+    assert scene.dropped == {"not finite": 2, "out of range": 1, "zero area": 2}
+    assert np.isfinite(scene.triangles).all() and np.isfinite(scene.normals).all()
+
+
+def test_flat_untextured_scene_has_no_columns(write_scene, minimal):
+    scene = build_scene(write_scene(minimal))
+    assert scene.normals.shape == (0, 3, 3)  # a tetrahedron's edges are sharp
+    assert scene.uvs.shape == (0, 3, 2) and scene.colours.shape == (0, 3, 3)
+    assert scene.textures == []
+    assert scene.material_ids.dtype == np.int32 and scene.triangles.dtype == np.float32
+
+
+def test_lights_follow_the_camera(write_scene, minimal):
+    minimal["camera"] = {"pose": {"position_m": [0, 0, 5], "look_at_m": [0, 0, 0]}}
+    minimal["lights"] = [
+        {"position_m": [1, 2, 3], "colour": [1, 0.5, 0.25], "reference_distance_m": 2},
+        {"towards_light": [0, 4, 0], "colour": "#ffffff", "casts_shadows": False},
+    ]
+    point, sun = build_scene(write_scene(minimal)).lights
+    assert point.kind == POINT and point.vector == pytest.approx((1, -2, 2))
+    assert point.casts_shadows and point.reference_distance_m == 2
+    assert sun.kind == DIRECTIONAL and sun.vector == pytest.approx((0, -1, 0))
+    assert sun.colour == pytest.approx((1, 1, 1)) and not sun.casts_shadows
+
+
+def test_no_lights_is_not_the_default_light(write_scene, minimal):
+    minimal["lights"] = []
+    assert build_scene(write_scene(minimal)).lights == []
+
+
+def test_material_overrides(write_scene, minimal):
+    minimal["objects"][0]["material"] = {"diffuse": "#ff0000", "specular": [0.5, 0.5, 0.5]}
+    minimal["objects"].append({**minimal["objects"][0], "material": {"emission": [0, 1, 0]}})
+    scene = build_scene(write_scene(minimal))
+    first, second = scene.materials
+    assert first.diffuse == (1, 0, 0) and first.specular == (0.5, 0.5, 0.5)
+    assert second.emission == (0, 1, 0)
+    assert scene.material_ids.tolist() == [0] * 4 + [1] * 4
+
+
+def test_focus_at_infinity(write_scene, minimal):
+    minimal["camera"] = {"focus_distance_m": "infinity"}
+    scene = build_scene(write_scene(minimal))
+    assert scene.camera.focus_distance_m == math.inf and scene.camera.delta == 0
+    assert scene.camera.focal_length_m > 0
+
+
+def test_default_focus_distances_span_what_is_seen(write_scene, minimal):
+    scene = build_scene(write_scene(minimal))
+    distances = np.array(scene.focus_distances_m)
+    depth = scene.triangles[..., 2]
+    assert len(distances) == 5 and np.all(np.diff(distances) > 0)
+    assert depth.min() <= distances[0] and distances[-1] <= depth.max() * (1 + 1e-6)
+    steps = np.diff(1 / distances)
+    np.testing.assert_allclose(steps, steps[0])
+    behind = scene.triangles * (1, 1, -1)
+    assert default_focus_distances(scene.camera, behind) == (scene.camera.focus_distance_m,)
+
+
+def test_pbrt_file_is_a_scene_too(tmp_path):
+    path = tmp_path / "one.pbrt"
+    path.write_text(
+        "LookAt 0 0 -4  0 0 0  0 1 0\n"
+        'Camera "perspective" "float fov" [45]\n'
+        "WorldBegin\n"
+        'Shape "trianglemesh" "integer indices" [0 1 2] "point P" [-1 -1 0  1 -1 0  0 1 1]\n'
+        "WorldEnd\n"
+    )
+    scene = build_scene(path)
+    assert scene.triangle_count == 1
+    np.testing.assert_allclose(np.sort(scene.triangles[0, :, 2]), [4, 4, 5], atol=1e-6)
+    distances = np.array(scene.focus_distances_m)
+    assert len(distances) == 5 and distances.min() >= 4 and distances.max() <= 5 + 1e-6

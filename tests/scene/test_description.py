@@ -1,0 +1,232 @@
+"""The schema, and one clear message for each kind of bad scene file."""
+
+from __future__ import annotations
+
+import copy
+
+import jsonschema
+import pytest
+import yaml
+
+from lfcore.errors import SceneError
+from lfcore.scene.build import build_scene
+from lfcore.scene.description import check, complete, schema
+
+
+def test_schema_is_valid_and_closed():
+    jsonschema.Draft202012Validator.check_schema(schema())
+
+    def walk(rule, path):
+        if isinstance(rule, dict):
+            if "properties" in rule:
+                assert rule.get("additionalProperties") is False, path
+            for key, value in rule.items():
+                walk(value, [*path, key])
+        elif isinstance(rule, list):
+            for index, value in enumerate(rule):
+                walk(value, [*path, index])
+
+    walk(schema(), [])
+
+
+def test_every_key_of_camera_and_light_is_described():
+    for name in ("camera", "light", "material"):
+        for key, rule in schema()["$defs"][name]["properties"].items():
+            resolved = rule
+            if "$ref" in rule:
+                resolved = schema()["$defs"][rule["$ref"].split("/")[-1]] | rule
+            assert resolved.get("description") or "default" in resolved, (name, key)
+
+
+def test_defaults_are_filled_in_without_touching_the_input():
+    given = {
+        "objects": [{"file": "a.obj"}],
+        "lights": [{"position_m": [0, 1, 0], "colour": [1, 1, 1]}],
+        "camera": {"pose": {"position_m": [0, 0, 1], "look_at_m": [0, 0, 0]}},
+    }
+    before = copy.deepcopy(given)
+    full = complete(check(given, file="scene.yaml"))
+    assert given == before
+    assert full["objects"][0] == {
+        "file": "a.obj", "seed": 0, "shading": "auto", "crease_deg": 40.0,
+        "materials": {}, "parameters": {},
+    }  # fmt: skip
+    assert full["camera"]["f_number"] == 2.0 and full["camera"]["pose"]["up"] == [0, 1, 0]
+    assert full["lights"][0]["casts_shadows"] is True
+    assert full["ambient"] == [0.2, 0.2, 0.2]
+    assert "lights" not in complete({"objects": [{"file": "a.obj"}]})
+
+
+OBJECT = {"file": "tetrahedron.obj"}
+POSE = {"position_m": [0, 0, 5], "look_at_m": [0, 0, 0]}
+BAD = {
+    "unknown key": ({"object": []}, "object", "Did you mean 'objects'"),
+    "unknown camera key": (
+        {"objects": [OBJECT], "camera": {"focal_length": 50}},
+        "camera.focal_length",
+        "focal_length_mm",
+    ),
+    "no objects": ({"name": "x"}, None, "objects"),
+    "empty": ({"objects": []}, "objects", "scene is empty"),
+    "wrong type": ({"objects": [OBJECT], "camera": {"f_number": "two"}}, "camera.f_number", "two"),
+    "negative": ({"objects": [OBJECT], "camera": {"f_number": -1}}, "camera.f_number", "-1"),
+    "nan": ({"objects": [OBJECT], "ambient": [0, float("nan"), 0]}, "ambient[1]", "finite"),
+    "both": (
+        {"objects": [{"file": "a.obj", "builder": "bike"}]},
+        "objects[0]",
+        "exactly one of file, builder",
+    ),
+    "neither": ({"objects": [{"seed": 1}]}, "objects[0]", "exactly one of file, builder"),
+    "missing mesh": ({"objects": [{"file": "no.obj"}]}, "objects[0].file", "not found"),
+    "unknown builder": ({"objects": [{"builder": "byke"}]}, "objects[0].builder", "'bike'"),
+    "unknown parameter": (
+        {"objects": [{"builder": "chart", "parameters": {"size": 3}}]},
+        "objects[0].parameters.size",
+        "foreground_m",
+    ),
+    "parameter type": (
+        {"objects": [{"builder": "bike", "parameters": {"triangles": 9.5}}]},
+        "objects[0].parameters.triangles",
+        "int",
+    ),
+    "parameter value": (
+        {"objects": [{"builder": "bike", "parameters": {"triangles": 10}}]},
+        "objects[0].parameters.triangles",
+        "more than asked for",
+    ),
+    "chart planes": (
+        {"objects": [{"builder": "chart", "parameters": {"foreground_m": 3.0}}]},
+        "objects[0].parameters.foreground_m",
+        "background",
+    ),
+    "inside the focal length": (
+        {"objects": [OBJECT], "camera": {"focal_length_mm": 50, "focus_distance_m": 0.04}},
+        "camera.focus_distance_m",
+        "focal length",
+    ),
+    "stack inside the focal length": (
+        {
+            "objects": [OBJECT],
+            "camera": {"focal_length_mm": 50},
+            "focus_distances_m": [2.0, 0.01],
+        },
+        "focus_distances_m[1]",
+        "focal length",
+    ),
+    "scene behind the lens": (
+        {
+            "objects": [OBJECT],
+            "camera": {"pose": {"position_m": [0, 0, 5], "look_at_m": [0, 0, 9]}},
+        },
+        "camera.pose",
+        "behind the lens",
+    ),
+    "pose without direction": (
+        {"objects": [OBJECT], "camera": {"pose": POSE | {"position_m": [0, 0, 0]}}},
+        "camera.pose",
+        "coincide",
+    ),
+    "up along the view": (
+        {"objects": [OBJECT], "camera": {"pose": POSE | {"up": [0, 0, 1]}}},
+        "camera.pose.up",
+        "parallel",
+    ),
+    "scaled pose": (
+        {
+            "objects": [OBJECT],
+            "camera": {
+                "pose": {"matrix": [[2, 0, 0, 0], [0, 2, 0, 0], [0, 0, 2, 0], [0, 0, 0, 1]]}
+            },
+        },
+        "camera.pose.matrix",
+        "rotation",
+    ),
+    "texture not found": (
+        {"objects": [OBJECT | {"material": {"texture": "no.png"}}]},
+        "objects[0].material.texture",
+        "not found",
+    ),
+    "unknown material": (
+        {"objects": [OBJECT | {"materials": {"gold": {"diffuse": [1, 1, 0]}}}]},
+        "objects[0].materials.gold",
+        "tetrahedron",
+    ),
+    "bad colour": (
+        {"objects": [OBJECT], "background": "#12345"},
+        "background",
+        "#rrggbb",
+    ),
+    "two kinds of light": (
+        {
+            "objects": [OBJECT],
+            "lights": [{"colour": [1, 1, 1], "position_m": [0] * 3, "towards_light": [0, 1, 0]}],
+        },
+        "lights[0]",
+        "exactly one of position_m, towards_light",
+    ),
+    "light without direction": (
+        {"objects": [OBJECT], "lights": [{"colour": [1, 1, 1], "towards_light": [0, 0, 0]}]},
+        "lights[0].towards_light",
+        "no length",
+    ),
+    "zero scale": (
+        {"objects": [OBJECT | {"transform": [{"scale": 0}]}]},
+        "objects[0].transform[0].scale",
+        "",
+    ),
+    "flat matrix": (
+        {
+            "objects": [
+                OBJECT
+                | {
+                    "transform": [
+                        {"matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1]]}
+                    ]
+                }
+            ]
+        },
+        "objects[0].transform[0].matrix",
+        "flattens",
+    ),
+    "axis without length": (
+        {
+            "objects": [
+                OBJECT | {"transform": [{"rotate": {"axis": [0, 0, 0], "angle_deg": 5}}]}
+            ]
+        },
+        "objects[0].transform[0].rotate.axis",
+        "no length",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("description, key, words", BAD.values(), ids=BAD.keys())
+def test_bad_scene_names_file_key_and_remedy(write_scene, tetrahedron, description, key, words):
+    path = write_scene(description)
+    with pytest.raises(SceneError) as caught:
+        build_scene(path)
+    error = caught.value
+    assert str(error.file) == str(path)
+    assert error.key == key
+    assert words in str(error)
+    assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize("text", ["", "- a\n- b\n", "objects: [", "\tx: 1"])
+def test_not_a_mapping_or_not_yaml(write_scene, text):
+    with pytest.raises(SceneError, match=r"scene\.yaml"):
+        build_scene(write_scene(text))
+
+
+def test_missing_scene_file(tmp_path):
+    with pytest.raises(SceneError, match="not found"):
+        build_scene(tmp_path / "nothing.yaml")
+
+
+def test_yaml_of_the_projects_scenes_is_valid():
+    from pathlib import Path
+
+    scenes = sorted(Path(__file__).parents[2].glob("scenes/*/scene.yaml"))
+    assert len(scenes) >= 4
+    for path in scenes:
+        check(yaml.safe_load(path.read_text()), file=path)

@@ -1,0 +1,187 @@
+"""Mesh files: formats, normals, textures, vertex colours, materials, and what can be wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from trimesh.visual.material import PBRMaterial
+
+from lfcore.errors import SceneError
+from lfcore.scene.build import build_scene
+from lfcore.scene.colour import linear_to_srgb, srgb_to_linear
+from lfcore.scene.meshes import load_mesh
+from lfcore.scene.parts import face_normals
+from lfcore.scene.smoothing import crease_normals
+
+SQUARE = (
+    "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+    "usemtl skin\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n"
+)
+
+
+@pytest.fixture
+def textured(tmp_path):
+    """A unit square in OBJ and MTL whose texture has four different corners."""
+    pixels = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "skin.png")
+    (tmp_path / "m.mtl").write_text(
+        "newmtl skin\nKd 0.5 0.25 1\nKs 0.1 0.1 0.1\nNs 40\nmap_Kd skin.png\n"
+    )
+    (tmp_path / "square.obj").write_text(SQUARE)
+    return tmp_path / "square.obj", pixels
+
+
+def test_obj_material_texture_and_coordinates(textured):
+    path, pixels = textured
+    (part,) = load_mesh(path)
+    np.testing.assert_array_equal(part.surface.texture, pixels)
+    assert part.surface.diffuse == pytest.approx((0.5, 0.25, 1))
+    assert part.surface.specular == pytest.approx((0.1, 0.1, 0.1))
+    assert part.surface.shininess == 40
+    # v is up: the corner (0, 0) of the square has the texture coordinate (0, 0).
+    np.testing.assert_allclose(part.uvs, part.triangles[..., :2], atol=1e-6)
+
+
+@pytest.mark.parametrize("missing", ["skin.png", "m.mtl"])
+def test_missing_side_file_is_named(textured, missing):
+    path, _ = textured
+    (path.parent / missing).unlink()
+    with pytest.raises(SceneError, match=missing) as caught:
+        build_scene(path)
+    assert caught.value.remedy
+
+
+def test_damaged_texture_is_refused_not_ignored(textured):
+    path, _ = textured
+    (path.parent / "skin.png").write_bytes(b"not a picture")
+    with pytest.raises(SceneError, match="texture"):
+        build_scene(path)
+
+
+def test_texture_override_and_removal(textured, write_scene):
+    path, _ = textured
+    Image.new("L", (3, 2), 7).save(path.parent / "grey.png")
+    entry = {"file": path.name, "material": {"texture": "grey.png"}}
+    scene = build_scene(write_scene({"objects": [entry]}))
+    assert len(scene.textures) == 1 and np.all(scene.textures[0] == 7)
+    entry["material"] = {"texture": None}
+    scene = build_scene(write_scene({"objects": [entry]}))
+    assert scene.textures == [] and len(scene.uvs) == 0 and scene.materials[0].texture == -1
+
+
+def test_glb_with_pbr_texture_normals_and_node_transform(tmp_path):
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    uv = mesh.vertices[:, :2] * 0.5 + 0.5
+    image = Image.fromarray(np.random.default_rng(0).integers(0, 255, (8, 8, 3), np.uint8))
+    material = PBRMaterial(
+        name="gold", baseColorFactor=[255, 128, 0, 255], baseColorTexture=image,
+        metallicFactor=1.0, roughnessFactor=0.5,
+    )  # fmt: skip
+    mesh.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    _ = mesh.vertex_normals
+    scene = trimesh.Scene()
+    move = trimesh.transformations.translation_matrix([10, 0, 0])
+    scene.add_geometry(mesh, transform=move)
+    scene.add_geometry(mesh)
+    path = tmp_path / "two.glb"
+    path.write_bytes(scene.export(file_type="glb", include_normals=True))
+    parts = load_mesh(path)
+    assert sum(part.count for part in parts) == 2 * 80
+    centres = sorted(part.triangles.reshape(-1, 3).mean(0)[0] for part in parts)
+    assert centres == pytest.approx([0, 10], abs=0.05)
+    for part in parts:
+        assert part.surface.name == "gold"
+        assert part.surface.specular[0] > part.surface.specular[2]  # a metal tints its highlight
+        assert part.surface.texture.shape == (8, 8, 3)
+        centre = part.triangles.reshape(-1, 3).mean(0)
+        np.testing.assert_allclose(part.normals, part.triangles - centre, atol=0.05)
+    built = build_scene(path)
+    assert built.triangle_count == 160 and len(built.textures) == 1 and len(built.materials) == 1
+
+
+def test_ply_vertex_colours_are_decoded(tmp_path):
+    mesh = trimesh.creation.box()
+    mesh.visual.vertex_colors = np.tile([[188, 0, 255, 255]], (8, 1)).astype(np.uint8)
+    mesh.export(tmp_path / "box.ply")
+    (part,) = load_mesh(tmp_path / "box.ply")
+    expected = srgb_to_linear(np.array([188, 0, 255]) / 255)
+    np.testing.assert_allclose(part.colours, np.broadcast_to(expected, (12, 3, 3)))
+    scene = build_scene(tmp_path / "box.ply")
+    assert scene.colours.shape == (12, 3, 3)
+
+
+def test_stl_is_smoothed_where_round_and_flat_where_not(tmp_path):
+    trimesh.creation.icosphere(subdivisions=3).export(tmp_path / "ball.stl")
+    trimesh.creation.box().export(tmp_path / "box.stl")
+    (ball,) = load_mesh(tmp_path / "ball.stl")
+    np.testing.assert_allclose(ball.normals, ball.triangles, atol=0.02)
+    assert load_mesh(tmp_path / "box.stl")[0].normals is None
+    assert load_mesh(tmp_path / "ball.stl", shading="flat")[0].normals is None
+    assert load_mesh(tmp_path / "box.stl", crease_deg=120)[0].normals is not None
+
+
+@pytest.mark.parametrize(
+    "name, content, words",
+    [
+        ("a.glb", b"glTF garbage", "cannot be read"),
+        ("a.stl", b"\x00" * 10, "cannot be read|no triangles"),
+        ("a.ply", b"", "cannot be read"),
+        ("a.obj", b"# nothing\n", "cannot be read|no triangles"),
+        ("a.xyzzy", b"1 2 3", "no reader"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "cannot be read|vertex"),
+    ],
+)
+def test_unreadable_mesh(tmp_path, name, content, words):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(SceneError, match=words) as caught:
+        build_scene(tmp_path / name)
+    assert name in str(caught.value)
+
+
+def test_truncated_glb(tmp_path):
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    whole = mesh.export(file_type="glb")
+    for length in (4, 20, 200, len(whole) // 2, len(whole) - 40):
+        (tmp_path / "cut.glb").write_bytes(whole[:length])
+        with pytest.raises(SceneError):
+            build_scene(tmp_path / "cut.glb")
+
+
+def test_only_bad_vertices_is_an_empty_scene(tmp_path):
+    (tmp_path / "nan.obj").write_text("v nan 0 0\nv 0 nan 0\nv 0 0 nan\nf 1 2 3\n")
+    with pytest.raises(SceneError, match="empty"):
+        build_scene(tmp_path / "nan.obj")
+    (tmp_path / "line.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
+    with pytest.raises(SceneError, match="zero area"):
+        build_scene(tmp_path / "line.obj")
+
+
+def slow_crease_normals(triangles, crease_deg):
+    unit = face_normals(triangles)
+    area = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    result = np.zeros_like(triangles)
+    for t in range(len(triangles)):
+        for c in range(3):
+            total = np.zeros(3)
+            for other in range(len(triangles)):
+                meets = (triangles[other] == triangles[t, c]).all(1).sum()
+                if meets and unit[t] @ unit[other] >= np.cos(np.radians(crease_deg)):
+                    total += meets * area[other]
+            result[t, c] = total / np.linalg.norm(total)
+    return result
+
+
+@pytest.mark.parametrize("crease_deg", [0.001, 25, 50, 180])
+def test_crease_normals_against_the_obvious_way(crease_deg):
+    mesh = trimesh.creation.cylinder(radius=1, height=1, sections=9)
+    triangles = np.asarray(mesh.triangles, np.float64)
+    expected = slow_crease_normals(triangles, crease_deg)
+    np.testing.assert_allclose(crease_normals(triangles, crease_deg), expected, atol=1e-12)
+
+
+def test_srgb_round_trip_and_anchors():
+    values = np.linspace(0, 1, 257)
+    np.testing.assert_allclose(linear_to_srgb(srgb_to_linear(values)), values, atol=1e-12)
+    assert srgb_to_linear(0.5) == pytest.approx(0.21404114)

@@ -1,0 +1,456 @@
+"""Reading pbrt scenes: geometry in camera space, materials, lights, cameras, errors, notes."""
+
+from __future__ import annotations
+
+import gzip
+import math
+import struct
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+
+from lfcore.errors import SceneError
+from lfcore.scene.model import DIRECTIONAL, POINT
+from lfcore.scene.pbrt import build_pbrt_scene
+
+HEAD = 'LookAt 0 0 0  0 0 1  0 1 0\nCamera "perspective" "float fov" [60]\n'
+FILM = 'Film "image" "integer xresolution" [100] "integer yresolution" [100]\n'
+TRIANGLE = 'Shape "trianglemesh" "integer indices" [0 1 2] "point P" [0 0 5  1 0 5  0 2 5]\n'
+
+
+@pytest.fixture
+def read(tmp_path):
+    def build(world, head=HEAD + FILM, tail="WorldEnd\n", **options):
+        path = tmp_path / "scene.pbrt"
+        path.write_text(f"{head}WorldBegin\n{world}\n{tail}")
+        return build_pbrt_scene(path, **options)
+
+    return build
+
+
+def kinds(scene):
+    return {(note.kind, note.line) for note in scene.notes}
+
+
+# -- space ------------------------------------------------------------------------------------
+
+
+def test_up_is_up_and_right_is_right(read):
+    """pbrt looks along +z with x right and y up; ours has y down and nothing mirrored."""
+    scene = read(TRIANGLE)
+    np.testing.assert_array_equal(scene.triangles[0], [[0, 0, 5], [0, -2, 5], [1, 0, 5]])
+
+
+def test_look_at_from_an_asymmetric_place(read):
+    """A hand-computed view from (4, 1, -2) along -x, with z to the right: z x up = ..."""
+    head = HEAD.replace("0 0 0  0 0 1  0 1 0", "4 1 -2  3 1 -2  0 1 0") + FILM
+    # forward = (-1, 0, 0); right = up x forward = (0, 1, 0) x (-1, 0, 0) = (0, 0, 1).
+    world = 'Shape "trianglemesh" "point P" [1 2 -1  1 2 0  1 5 -1]'
+    corners = read(world, head).triangles[0]
+    expected = {(1.0, -1.0, 3.0), (2.0, -1.0, 3.0), (1.0, -4.0, 3.0)}
+    assert {tuple(corner) for corner in corners.tolist()} == expected
+
+
+def test_mirroring_keeps_fronts_in_front(read):
+    """`Scale -1 1 1` before LookAt mirrors the picture; normals still face as the shape's."""
+    sphere = 'Translate 0 0 5\nShape "sphere"'
+    for head in (HEAD, f"Scale -1 1 1\n{HEAD}"):
+        scene = read(sphere, head + FILM)
+        centre = np.array([0, 0, 5])
+        corners = scene.triangles.astype(np.float64)
+        front = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        outward = corners.mean(1) - centre
+        assert ((front * outward).sum(1) > 0).all()
+        assert ((scene.normals * (corners - centre)).sum(-1) > 0.99).all()
+    left = read("Translate 1 0 5\n" + sphere, f"Scale -1 1 1\n{HEAD}{FILM}")
+    assert left.triangles[..., 0].max() < 0.01
+
+
+def test_transforms_compose_from_outside_in(read):
+    steps = [
+        "Translate 1 2 3",
+        "Rotate 90 0 0 1",
+        "Scale 2 1 1",
+        "ConcatTransform [1 0 0 0  0 1 0 0  0 0 1 0  0 0 1 1]",
+    ]
+    world = "\n".join(steps) + '\nShape "trianglemesh" "point P" [1 0 0  0 1 0  0 0 0]'
+    # (1,0,0) -> z + 1 -> x 2 -> turned to y -> moved: (1, 4, 4)
+    corners = {tuple(np.round(c, 6)) for c in read(world).triangles[0].tolist()}
+    assert corners == {(1.0, -4.0, 4.0), (0.0, -2.0, 4.0), (1.0, -2.0, 4.0)}
+
+
+def test_transform_lists_columns_and_replaces(read):
+    world = f"Translate 9 9 9\nTransform [1 0 0 0 0 1 0 0 0 0 1 0 0 0 2 1]\n{TRIANGLE}"
+    assert read(world).triangles[0, 0].tolist() == [0, 0, 7]
+
+
+def test_attribute_blocks_and_coordinate_systems(read):
+    world = (
+        'AttributeBegin Translate 0 0 1 CoordinateSystem "near" AttributeEnd\n'
+        f'{TRIANGLE}CoordSysTransform "near"\n{TRIANGLE}'
+        f'CoordSysTransform "camera"\nTransformBegin Translate 0 0 9 TransformEnd\n{TRIANGLE}'
+    )
+    assert read(world).triangles[:, 0, 2].tolist() == [5, 6, 5]
+
+
+def test_instances_are_flattened_in_place(read):
+    world = (
+        f'AttributeBegin Translate 1 0 0 ObjectBegin "tree" Scale 2 2 1 {TRIANGLE} ObjectEnd\n'
+        'AttributeEnd ObjectInstance "tree" Translate 0 0 4 ObjectInstance "tree"'
+    )
+    scene = read(world)
+    assert scene.triangle_count == 2
+    # The object was defined under Translate 1 0 0, which pbrt keeps with the shape.
+    assert scene.triangles[:, 0].tolist() == [[1, 0, 5], [1, 0, 9]]
+    assert scene.triangles[0, 1].tolist() == [1, -4, 5]
+
+
+# -- shapes -----------------------------------------------------------------------------------
+
+
+def area(scene):
+    corners = scene.triangles.astype(np.float64)
+    edge = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.linalg.norm(edge, axis=1).sum() / 2
+
+
+@pytest.mark.parametrize(
+    ("shape", "expected"),
+    [
+        ('"sphere" "float radius" 2', 16 * math.pi),
+        ('"sphere" "float zmin" 0 "float phimax" 180', math.pi),
+        ('"disk" "float radius" 2 "float innerradius" 1', 3 * math.pi),
+        ('"cylinder" "float radius" 2 "float zmin" 0 "float zmax" 3', 12 * math.pi),
+    ],
+)
+def test_curved_shapes_keep_their_tolerance(read, shape, expected):
+    for tolerance in (1e-2, 1e-3):
+        scene = read(f"Translate 0 0 9\nShape {shape}", tolerance=tolerance)
+        assert area(scene) == pytest.approx(expected, rel=4 * tolerance)
+        assert area(scene) < expected
+    if "sphere" in shape:
+        radius = 2.0 if "radius" in shape else 1.0
+        middles = scene.triangles.astype(np.float64).mean(1) - [0, 0, 9]
+        assert (np.linalg.norm(middles, axis=1) > radius * (1 - 1e-3)).all()
+
+
+def test_a_whole_sphere_is_closed(read):
+    scene = read('Translate 0 0 9\nShape "sphere"')
+    mesh = trimesh.Trimesh(*_indexed(scene.triangles), process=False)
+    assert mesh.is_watertight and mesh.volume != 0
+
+
+def _indexed(triangles):
+    points, inverse = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    return points, inverse.reshape(-1, 3)
+
+
+def test_loop_subdivision_of_a_regular_mesh_stays_flat_and_converges(read):
+    """A cube's subdivision is smooth, symmetric and inside the cube; its levels agree."""
+    box = trimesh.creation.box((2, 2, 2))
+    words = f'"integer indices" [{" ".join(map(str, box.faces.ravel()))}] '
+    words += f'"point P" [{" ".join(map(str, box.vertices.ravel()))}]'
+    volumes = []
+    for levels in (2, 3, 4):
+        scene = read(f'Translate 0 0 9\nShape "loopsubdiv" "integer levels" {levels} {words}')
+        assert scene.triangle_count == 12 * 4**levels
+        mesh = trimesh.Trimesh(*_indexed(scene.triangles), process=False)
+        assert mesh.is_watertight
+        volumes.append(abs(mesh.volume))
+    steps = np.abs(np.diff(volumes))
+    assert steps[1] < 0.35 * steps[0] and 0.5 < volumes[-1] < 8
+
+
+def test_loop_subdivision_keeps_planes_and_boundaries(read):
+    world = (
+        'Shape "loopsubdiv" "integer nlevels" 3 "integer indices" [0 1 2 0 2 3]'
+        ' "point P" [0 0 5  1 0 5  1 1 5  0 1 5]'
+    )
+    scene = read(world)
+    assert (scene.triangles[..., 2] == 5).all()
+    # A square's closed cubic spline is nearly a circle of radius 0.465.
+    assert area(scene) == pytest.approx(math.pi * 0.465**2, rel=0.03)
+
+
+def test_ply_meshes_with_normals_and_coordinates(read, tmp_path):
+    header = "ply\nformat ascii 1.0\nelement vertex 4\n"
+    for name in ("x", "y", "z", "nx", "ny", "nz", "u", "v"):
+        header += f"property float {name}\n"
+    header += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    rows = ["0 0 5 0 0 -1 0 0", "1 0 5 0 0 -1 1 0", "1 1 5 0 0 -1 1 1", "0 1 5 0 0 -1 0 1"]
+    text = header + "\n".join(rows) + "\n4 0 1 2 3\n"
+    (tmp_path / "quad.ply").write_text(text)
+    (tmp_path / "quad.ply.gz").write_bytes(gzip.compress(text.encode()))
+    body = b"".join(struct.pack("<8f", *map(float, row.split())) for row in rows)
+    binary = header.replace("ascii", "binary_little_endian").encode() + body
+    (tmp_path / "binary.ply").write_bytes(binary + struct.pack("<B4i", 4, 0, 1, 2, 3))
+    cv2.imwrite(str(tmp_path / "t.png"), np.full((2, 2, 3), 99, np.uint8))
+    texture = 'Texture "t" "color" "imagemap" "string filename" "t.png"\n'
+    material = 'Material "matte" "texture Kd" "t"\n'
+    for name in ("quad.ply", "quad.ply.gz", "binary.ply"):
+        scene = read(f'{texture}{material}Shape "plymesh" "string filename" "{name}"')
+        assert scene.triangle_count == 2 and len(scene.textures) == 1
+        np.testing.assert_allclose(scene.normals, np.broadcast_to([0, 0, -1], (2, 3, 3)))
+        # u follows x, v follows y: up in pbrt is minus y here.
+        np.testing.assert_allclose(scene.uvs[..., 0], scene.triangles[..., 0])
+        np.testing.assert_allclose(scene.uvs[..., 1], -scene.triangles[..., 1])
+
+
+# -- materials, textures, lights --------------------------------------------------------------
+
+
+def test_materials_become_blinn_phong(read):
+    world = "".join(
+        f"Material {words}\n{TRIANGLE}"
+        for words in (
+            '"matte" "rgb Kd" [.1 .2 .3]',
+            '"plastic" "rgb Kd" [.4 .4 .4] "rgb Ks" [.5 .5 .5] "float roughness" [.01]',
+            '"plastic" "rgb Kd" [.4 .4 .4] "rgb Ks" [.5 .5 .5] "float roughness" [.3]',
+            '"metal" "float roughness" [.02]',
+            '"mirror"',
+            '"uber" "rgb Kd" [.2 .2 .2] "rgb opacity" [.5 .5 .5]',
+        )
+    )
+    scene = read(world)
+    matte, shiny, dull, metal, mirror, uber = (scene.materials[i] for i in scene.material_ids)
+    assert matte.diffuse == (0.1, 0.2, 0.3) and not any(matte.specular)
+    assert shiny.shininess > dull.shininess and shiny.specular[0] > dull.specular[0] > 0
+    assert metal.diffuse[0] > metal.diffuse[1] > metal.diffuse[2]  # copper
+    assert mirror.shininess > 1000 and uber.diffuse == (0.2, 0.2, 0.2)
+    text = scene.summary()
+    assert 'Material "mirror"' in text and "opaque instead" in text
+
+
+def test_named_and_mixed_materials(read):
+    world = (
+        'MakeNamedMaterial "a" "string type" "matte" "rgb Kd" [1 0 0]\n'
+        'MakeNamedMaterial "b" "string type" "matte" "rgb Kd" [0 0 1]\n'
+        'MakeNamedMaterial "m" "string type" "mix" "string namedmaterial1" "a" '
+        '"string namedmaterial2" "b" "rgb amount" [.25 .25 .25]\n'
+        f'NamedMaterial "m"\n{TRIANGLE}'
+        'Material "mix" "string materials" ["a" "b"] "float amount" .25\n' + TRIANGLE
+    )
+    scene = read(world)
+    found = [scene.materials[i].diffuse for i in scene.material_ids]
+    # Version 3 counts the first material's share, version 4 the second's.
+    np.testing.assert_allclose(found, [(0.25, 0, 0.75), (0.75, 0, 0.25)])
+
+
+def test_textures_scale_and_place(read, tmp_path):
+    picture = np.arange(48, dtype=np.uint8).reshape(4, 4, 3) * 5
+    cv2.imwrite(str(tmp_path / "t.png"), picture[..., ::-1])
+    world = (
+        'Texture "i" "color" "imagemap" "string filename" "t.png" "float uscale" 2 '
+        '"float vdelta" .5\n'
+        'Texture "half" "color" "constant" "rgb value" [.5 .5 .5]\n'
+        'Texture "s" "color" "scale" "texture tex1" "i" "texture tex2" "half"\n'
+        'Material "matte" "texture Kd" "s"\n'
+        'Shape "trianglemesh" "point P" [0 0 5 1 0 5 0 1 5] "float uv" [0 0 1 0 0 1]'
+    )
+    scene = read(world)
+    np.testing.assert_array_equal(scene.textures[0], picture)
+    assert scene.materials[0].diffuse == (0.5, 0.5, 0.5)
+    corners = {tuple(c) for c in scene.uvs[0].tolist()}
+    assert corners == {(0.0, 0.5), (2.0, 0.5), (0.0, 1.5)}
+
+
+def test_checkerboard_colours_the_first_field(read):
+    world = (
+        'Texture "c" "color" "checkerboard" "rgb tex1" [1 0 0] "rgb tex2" [0 0 1]\n'
+        'Material "matte" "texture Kd" "c"\n'
+        'Shape "trianglemesh" "point P" [0 0 5 1 0 5 0 1 5] "float uv" [.5 .5 1.5 .5 .5 1.5]'
+    )
+    scene = read(world)
+    image, (height, width) = scene.textures[0], scene.textures[0].shape[:2]
+
+    def look(uv):
+        return image[int((1 - uv[1]) % 1 * height), int(uv[0] % 1 * width)].tolist()
+
+    by_place = {tuple(p): look(uv) for p, uv in zip(scene.triangles[0], scene.uvs[0], strict=True)}
+    assert by_place[0, 0, 5] == [255, 0, 0]
+    assert by_place[1, 0, 5] == by_place[0, -1, 5] == [0, 0, 255]
+
+
+def test_lights(read):
+    world = (
+        'LightSource "point" "rgb I" [1 2 3] "point from" [1 2 3]\n'
+        'LightSource "distant" "rgb L" [2 2 2] "point from" [0 3 0] "point to" [0 0 0]\n'
+        'LightSource "infinite" "rgb L" [.1 .2 .3] "rgb scale" [2 2 2]\n'
+        'LightSource "spot" "rgb I" [1 1 1]\nLightSource "goniometric"\n' + TRIANGLE
+    )
+    scene = read(world)
+    point, sun, _spot = scene.lights
+    assert point.kind == POINT and point.vector == (1, -2, 3) and point.reference_distance_m == 1
+    np.testing.assert_allclose(point.colour, np.array([1, 2, 3]) / math.pi)
+    assert sun.kind == DIRECTIONAL and sun.vector == (0, -1, 0)
+    np.testing.assert_allclose(scene.ambient, (0.2, 0.4, 0.6))
+    assert scene.background == scene.ambient
+    assert {("approximated", 8), ("left out", 8)} & kinds(scene)
+
+
+def test_area_lights_send_what_they_should(read):
+    """Far away, the points of an area light add up to radiance times area."""
+    quad = 'Shape "trianglemesh" "integer indices" [0 1 2 0 2 3] "point P" '
+    quad += "[0 0 5  .1 0 5  .1 .1 5  0 .1 5]"
+    for shape, facing in (
+        (quad, 0.01),
+        ('Translate 0 0 5\nShape "sphere" "float radius" .1', math.pi * 0.01),
+    ):
+        emitter = f'AreaLightSource "diffuse" "rgb L" [7 7 7]\n{shape}'
+        scene = read(emitter, area_light_points=16)
+        assert len(scene.lights) == 16
+        total = sum(light.colour[0] for light in scene.lights) * math.pi
+        seen = 0.5 if "sphere" in shape else 1.0  # the other half is behind the horizon
+        assert total * seen == pytest.approx(7 * facing, rel=0.02)
+        assert scene.materials[0].emission == (7, 7, 7)
+
+
+def test_spectra(read):
+    world = "".join(
+        f'Material "matte" {words}\n{TRIANGLE}'
+        for words in (
+            '"spectrum Kd" [400 .5 700 .5]',
+            '"spectrum Kd" [400 0 595 0 605 1 700 1]',
+            '"blackbody Kd" [3000 .5]',
+            '"xyz Kd" [.95047 1 1.08883]',
+        )
+    )
+    scene = read(world)
+    grey, red, warm, white = (scene.materials[i].diffuse for i in scene.material_ids)
+    np.testing.assert_allclose(grey, 0.5, atol=1e-9)
+    assert red[0] > 3 * red[1] and warm[0] > warm[1] > warm[2]
+    np.testing.assert_allclose(white, 1, atol=1e-3)
+
+
+# -- camera -----------------------------------------------------------------------------------
+
+
+def test_perspective_is_a_thin_lens(read):
+    head = 'Camera "perspective" "float fov" 40 "float lensradius" .3 "float focaldistance" 6.8\n'
+    camera = read(TRIANGLE, head + FILM).camera
+    assert camera.field_width == pytest.approx(2 * math.tan(math.radians(20)))
+    assert camera.lens_radius_m == pytest.approx(0.3) and camera.focus_distance_m == 6.8
+    pinhole = read(TRIANGLE).camera
+    assert pinhole.lens_radius_m < 1e-6 and math.isinf(pinhole.focus_distance_m)
+
+
+def test_light_field_camera_of_the_assignment(read):
+    """The handout's own lines, its missing quote included; the default is 90 degrees."""
+    head = (
+        'Camera "lightfield" "float fov" [ 50 ] "integer camerasperdim" [16 16] \n'
+        '       "float cameragridbounds [-0.6 0.6 -0.6 0.6]\n'
+        'Film "image" "integer xresolution" [8192] "integer yresolution" [4096]\n'
+    )
+    scene = read(TRIANGLE, head)
+    array = scene.view.array
+    assert array.cameras == (16, 16) and array.tile == (512, 256) and array.fov_deg == 50
+    assert array.columns_m[0] == -0.6 and array.rows_m[-1] == 0.6
+    assert "closing quote" in scene.summary()
+    plain = read(TRIANGLE, 'Camera "lightfield"\n' + FILM.replace("100", "160"))
+    assert plain.view.array.fov_deg == 90 and plain.view.array.cameras == (16, 16)
+
+
+def test_film_that_does_not_divide(read):
+    with pytest.raises(SceneError, match="remainder"):
+        read(TRIANGLE, 'Camera "lightfield"\n' + FILM)
+
+
+# -- files, notes, errors ---------------------------------------------------------------------
+
+
+def test_include_follows_the_main_files_folder(read, tmp_path):
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "a.pbrt").write_text('Include "parts/b.pbrt"\n')
+    (tmp_path / "parts" / "b.pbrt").write_text(TRIANGLE)
+    assert read('Include "parts/a.pbrt"').triangle_count == 1
+    (tmp_path / "parts" / "b.pbrt").write_text('Include "parts/a.pbrt"\n')
+    with pytest.raises(SceneError, match="includes itself") as caught:
+        read('Include "parts/a.pbrt"')
+    assert "b.pbrt" in str(caught.value) or "a.pbrt" in str(caught.value)
+
+
+def test_notes_name_file_and_line(read):
+    scene = read(f'# comment\n\nShape "hyperboloid"\n{TRIANGLE}\nMediumInterface "fog"')
+    notes = {(note.kind, note.file.name, note.line) for note in scene.notes}
+    assert ("left out", "scene.pbrt", 7) in notes
+    assert any(kind == "left out" and line == 10 for kind, _, line in notes)
+    assert scene.summary().splitlines()[0].count("scene.pbrt") == 1
+
+
+def test_version_4_words(read):
+    head = HEAD + 'Film "rgb" "integer xresolution" 8 "integer yresolution" 8\n'
+    head += 'Option "bool disablepixeljitter" true\nColorSpace "srgb"\n'
+    world = (
+        'Material "diffuse" "rgb reflectance" [.1 .2 .3]\n'
+        'Shape "trianglemesh" "point3 P" [0 0 5 1 0 5 0 1 5] "point2 uv" [0 0 1 0 0 1]\n'
+        'LightSource "distant" "float scale" 2 "rgb L" [1 1 1]\n'
+    )
+    scene = read(world, head, tail="")
+    assert scene.materials[0].diffuse == (0.1, 0.2, 0.3)
+    np.testing.assert_allclose(scene.lights[0].colour, 2 / math.pi)
+
+
+@pytest.mark.parametrize(
+    ("world", "words"),
+    [
+        ("Shpae", ["line 5", "Shpae", "Shape"]),
+        ('Shape "sphere" "float radius" [1 x]', ["line 5"]),
+        ('Shape "sphere" "flaot radius" [1]', ["line 5", "flaot", "float"]),
+        ('Shape "sphere" "float radius" "big"', ["line 5", "radius"]),
+        ('Shape "sphere" "float radius" [1', ["line 6", "WorldEnd"]),
+        ("Translate 1 2", ["line 6", "Translate", "WorldEnd"]),
+        ('Shape "sphere', ["line 5", "closing quote"]),
+        ("AttributeEnd", ["line 5", "AttributeEnd"]),
+        ("AttributeBegin", ["line 5", "never closed"]),
+        ('ObjectInstance "x"', ["line 5", '"x"']),
+        ('Material "matte" "texture Kd" "x"', ["line 5", '"x"']),
+        ('Shape "trianglemesh" "integer indices" [0 1 9] "point P" [0 0 0 1 0 0 0 1 0]', ["9"]),
+        ('Shape "plymesh" "string filename" "no.ply"', ["line 5", "no.ply"]),
+        ('Include "no.pbrt"', ["line 5", "no.pbrt"]),
+        ("Scale 0 1 1", ["line 5", "flattens"]),
+        ('Camera "perspective"', ["line 5", "world block"]),
+        ("]", ["line 5", "]"]),
+        ("4", ["line 5", "4"]),
+    ],
+)
+def test_errors_name_file_line_and_token(read, world, words):
+    # A material is only looked at when a shape wears it.
+    world = f"{world}\n{TRIANGLE}" if world.startswith("Material") else world
+    with pytest.raises(SceneError) as caught:
+        read(world, HEAD + FILM + "\n" * 0)
+    for word in ["scene.pbrt", *words]:
+        assert word in str(caught.value)
+
+
+def test_a_missing_file(tmp_path):
+    with pytest.raises(SceneError, match=r"none\.pbrt"):
+        build_pbrt_scene(tmp_path / "none.pbrt")
+
+
+def test_rigid_motion(read):
+    world = (
+        f"{TRIANGLE}AttributeBegin ActiveTransform EndTime Translate 2 0 0 Rotate 90 0 0 1\n"
+        f"ActiveTransform All Translate 0 0 1\n{TRIANGLE}AttributeEnd"
+    )
+    scene = read(world)
+    (motion,) = scene.motions
+    assert (motion.first, motion.count) == (1, 1)
+    np.testing.assert_array_equal(scene.at(0).triangles, scene.triangles)
+    still, moved = scene.at(1).triangles
+    np.testing.assert_array_equal(still, scene.triangles[0])
+    # (0, 2, 6) turns to (-2, 0, 6) and moves to (0, 0, 6); (1, 0, 6) to (2, 1, 6).
+    corners = {tuple(np.round(c, 5) + 0.0) for c in moved.tolist()}
+    assert corners == {(2.0, 0.0, 6.0), (2.0, -1.0, 6.0), (0.0, 0.0, 6.0)}
+    half = scene.at(0.5).triangles[1].astype(np.float64)
+    lengths = np.linalg.norm(half - np.roll(half, 1, 0), axis=1)
+    np.testing.assert_allclose(sorted(lengths), [1, 2, math.sqrt(5)], rtol=1e-6)
+    with pytest.raises(SceneError, match="shutter"):
+        scene.at(2)
+
+
+def test_motion_that_is_not_rigid_is_noted(read):
+    world = f"ActiveTransform EndTime Scale 2 1 1\n{TRIANGLE}"
+    scene = read(world)
+    assert not scene.motions and "not rigid" in scene.summary()

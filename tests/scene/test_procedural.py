@@ -1,0 +1,167 @@
+"""The project's own scenes: sizes, determinism, soundness; and the shapes they are made of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lfcore.scene.build import build_scene
+from lfcore.scene.needs import Needs
+from lfcore.scene.parts import Surface, face_normals
+from lfcore.scene.procedural import build, foliage, primitives, textures
+
+SCENES = Path(__file__).parents[2] / "scenes"
+# Triangles of the thesis, section 7.2.
+SIZES = {"bike": 10_000, "cabin": 15_000, "bedroom": 207_000, "chart": 6}
+
+
+@pytest.fixture(scope="module", params=SIZES)
+def scene(request):
+    return request.param, build_scene(SCENES / request.param / "scene.yaml")
+
+
+def test_sizes_are_the_theses(scene):
+    name, built = scene
+    assert built.triangle_count == pytest.approx(SIZES[name], rel=0.03)
+    assert not built.dropped
+
+
+def test_nothing_visible_reaches_the_lens(scene):
+    """Whatever lies in the field is at least 0.2 m from the lens plane."""
+    _, built = scene
+    camera = built.camera
+    corners = built.triangles.astype(np.float64)
+    near = corners[..., 2].min(1) < 0.2
+    # A triangle nearer than that must be outside the widened field for all lens points.
+    reach = camera.lens_radius_m + camera.field_width / 2 * 0.2
+    low, high = corners[..., :2].min(1), corners[..., :2].max(1)
+    inside = ((low < reach) & (high > -reach)).all(1) & (corners[..., 2].max(1) > 0)
+    assert not (near & inside).any()
+
+
+def test_defocus_shows(scene):
+    """Ends of the visible depths blur over at least 4 of 128 pixels at the recorded focus."""
+    _, built = scene
+    camera = built.camera
+    near, far = built.focus_distances_m[0], built.focus_distances_m[-1]
+    pitch = camera.field_width / 128
+    for depth in (near, far):
+        assert 2 * camera.lens_radius_m * abs(1 / depth - camera.delta) / pitch > 4
+    assert sum(light.casts_shadows for light in built.lights) <= 1
+    assert len(built.lights) <= 2
+
+
+def test_arrays_are_sound(scene):
+    name, built = scene
+    for array in (built.triangles, built.normals, built.uvs, built.colours):
+        assert np.isfinite(array).all()
+    if len(built.normals):
+        length = np.linalg.norm(built.normals.astype(np.float64), axis=-1)
+        np.testing.assert_allclose(length, 1, atol=1e-5)
+    assert built.material_ids.max() < len(built.materials)
+    for material in built.materials:
+        assert material.texture < len(built.textures)
+        assert max(material.diffuse) <= 1 and min(material.diffuse) >= 0
+    needs = Needs.of(built)
+    assert needs.textures
+    if name == "chart":
+        assert not (needs.smooth_normals or needs.shadows or needs.specular)
+    else:
+        assert needs.smooth_normals and needs.shadows
+
+
+@pytest.mark.parametrize("name", ["bike", "cabin", "chart"])
+def test_builders_are_deterministic_and_seeded(name):
+    def stacked(seed):
+        return np.concatenate([part.triangles for part in build(name, {}, seed)])
+
+    first = stacked(4)
+    np.testing.assert_array_equal(first, stacked(4))
+    if name != "chart":
+        assert not np.array_equal(first, stacked(5))
+
+
+@pytest.mark.parametrize("triangles", [9800, 10300])
+def test_triangle_count_is_met_exactly(triangles):
+    assert sum(p.count for p in build("bike", {"triangles": triangles}, 1)) == triangles
+
+
+PLAIN = Surface("plain")
+SHAPES = {
+    "box": (lambda: primitives.box((1, 2, 3), PLAIN), 12, 6.0),
+    "sphere": (
+        lambda: primitives.sphere(1.0, PLAIN, segments=64, rings=48),
+        2 * 64 * 47,
+        4 / 3 * np.pi,
+    ),
+    "tube": (
+        lambda: primitives.cylinder((0, 0, 0), (0, 0, 2), 0.5, PLAIN, segments=64),
+        256,
+        np.pi / 2,
+    ),
+    "torus": (
+        lambda: primitives.tube(primitives.ring(1, 96), 0.2, PLAIN, segments=48, closed=True),
+        2 * 96 * 48,
+        2 * np.pi**2 * 0.04,
+    ),
+    "cushion": (
+        lambda: primitives.cushion((2, 2, 2), PLAIN, power=2.0, pieces=24),
+        12 * 576,
+        4 / 3 * np.pi,
+    ),
+    "lathe": (
+        lambda: primitives.lathe([(0, 0), (1, 0), (1, 3), (0, 3)], PLAIN, segments=96),
+        96 * 4,
+        3 * np.pi,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("make, count, volume", SHAPES.values(), ids=SHAPES.keys())
+def test_closed_shapes_have_their_volume(make, count, volume):
+    """Divergence theorem: only closed shapes whose faces all turn outwards reach it."""
+    part = make()
+    a, b, c = part.triangles.transpose(1, 0, 2)
+    assert part.count == count
+    assert abs((a * np.cross(b, c)).sum() / 6) == pytest.approx(volume, rel=0.02)
+    assert part.uvs.shape == (count, 3, 2)
+
+
+@pytest.mark.parametrize("make", [shape[0] for shape in SHAPES.values()], ids=SHAPES.keys())
+def test_shading_normals_agree_with_the_faces(make):
+    part = make()
+    if part.normals is not None:
+        cosine = (part.normals * face_normals(part.triangles)[:, None]).sum(-1)
+        assert np.abs(cosine).min() > 0.5
+        assert len(set(np.sign(cosine).ravel())) == 1
+
+
+def test_leaves_have_the_counts_they_promise():
+    rng = np.random.default_rng(0)
+    assert foliage.blade(1, 0.5, PLAIN, pieces=3).count == 10
+    assert foliage.diamond(1, 0.5, PLAIN).count == 2
+    tree = foliage.conifer(rng, PLAIN, PLAIN, tiers=5, points=8)
+    assert sum(part.count for part in tree) == 6 * 8 * 5 + 12
+
+
+@pytest.mark.parametrize(
+    "texture",
+    [
+        lambda: textures.speckle(1, ((0, 0, 0), (255, 255, 255)), size=(64, 64)),
+        lambda: textures.bricks(1, ((90, 40, 30), (140, 70, 50)), (170, 160, 150), size=(128, 128)),
+        lambda: textures.cobbles(1, ((90, 90, 90), (140, 130, 120)), (50, 50, 50), size=(96, 96)),
+        lambda: textures.wood(1, (60, 40, 20), (180, 130, 80), size=(64, 128)),
+        lambda: textures.weave(1, (200, 180, 160)),
+    ],
+)
+def test_textures_repeat_and_tile(texture):
+    picture = texture()
+    assert picture.dtype == np.uint8 and picture.shape[2] == 3
+    np.testing.assert_array_equal(picture, texture())
+    # Across the seam the picture changes no more than it does elsewhere.
+    values = picture.astype(float)
+    inside = np.abs(np.diff(values, axis=1)).mean((0, 2))
+    seam = np.abs(values[:, 0] - values[:, -1]).mean()
+    assert seam <= 1.5 * np.percentile(inside, 99) + 2

@@ -1,0 +1,228 @@
+"""The stability sweeps: their judges by hand, their naive methods, and the tracer's verdicts."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lfcore.errors import SceneError
+from lfcore.evaluation import stability_report
+from lfcore.evaluation.stability import (
+    blocks,
+    codecs,
+    edges,
+    extents,
+    hostile,
+    judge,
+    lenses,
+    naive,
+    primitives,
+    shadows,
+    shapes,
+    subject,
+    sums,
+)
+from lfcore.evaluation.stability.all_cases import CASES, run_all
+from lfcore.evaluation.stability.rows import COLUMNS, Row
+from lfcore.oracle.intersect import closest_hits
+from lfcore.oracle.planes import form_plane
+from lfcore.oracle.slab import all_pixels, slab_hits, trace
+
+
+def oracle_picture(scene, slab, plane):
+    size, views = slab.pixels, slab.views
+    light = trace(scene, slab, all_pixels(slab)).reshape(size, size, views, views, 3)
+    return form_plane(slab, plane, light)
+
+
+def oracle_closest(triangles, origins, directions):
+    hits = closest_hits(triangles, origins, directions)
+    return hits.triangle, np.float32(hits.t)
+
+
+def oracle_slab_hits(triangles, slab, pixels):
+    hits = slab_hits(subject.bare_scene(triangles), slab, pixels)
+    shape = len(pixels), slab.views, slab.views
+    return hits.triangle.reshape(shape), np.float32(hits.t.reshape(shape))
+
+
+ORACLE = subject.Subject(oracle_closest, oracle_closest, oracle_slab_hits, oracle_picture)
+
+
+@pytest.fixture(scope="module")
+def tracer():
+    return subject.tracer_subject()
+
+
+def test_verdicts():
+    def verdict(error, **options):
+        return Row("case", "parameter", 1.0, 2.0, error, 0.5, **options).verdict
+
+    assert verdict(0.5) == "pass" and verdict(0.6) == "fail"
+    assert verdict(math.nan) == "fail" and verdict(math.inf) == "fail"
+    assert verdict(math.nan, refused=True) == "refused"
+    assert tuple(Row("case", "p", 1.0, 2.0, 0.1, 0.5).as_dict()) == COLUMNS
+
+
+def test_a_refusal_is_a_row_and_other_errors_are_not_hidden():
+    def refuse():
+        raise SceneError("out of range")
+
+    def crash():
+        raise ZeroDivisionError
+
+    assert judge.row("case", "p", 1, 0, lambda: 1.0, refuse).verdict == "refused"
+    with pytest.raises(ZeroDivisionError):
+        judge.row("case", "p", 1, 0, lambda: 1.0, crash)
+
+
+def test_judges():
+    mesh = np.float32([[[-1, -1, 2], [1, -1, 2], [0, 1, 2]]])
+    rays = shapes.rays_at(np.array([[0, 0, 2], [0.1, 0, 2], [5, 0, 2.0]]), (0.0, 0.0))
+    hits = judge.truth(mesh, *rays)
+    right = np.array([0, 0, -1]), np.float32([2, 2, np.inf])
+    assert judge.leaks(right, hits) == judge.mismatches(right, hits) == 0
+    assert judge.depth_error(right, hits) < 1
+    wrong = np.array([0, -1, -1]), np.float32([2 * (1 + 2.0**-20), np.inf, np.inf])
+    assert judge.leaks(wrong, hits) == judge.mismatches(wrong, hits) == pytest.approx(1 / 3)
+    assert judge.depth_error(wrong, hits) == pytest.approx(16)
+    broken = np.array([0, 0, -1]), np.float32([2, np.nan, np.inf])
+    assert judge.depth_error(broken, hits) == math.inf
+
+
+def test_naive_closest_hit_is_right_where_nothing_is_stiff():
+    mesh = np.float32(shapes.soup(300, 0.2))
+    rays = shapes.random_rays(500, 0.4)
+    hits = closest_hits(mesh, *rays, near=2000)
+    found = naive.moeller_trumbore(mesh, *rays)
+    assert (found[0] >= 0).mean() > 0.3 and hits.clear(1000).mean() > 0.5
+    assert judge.mismatches(found, hits, 1000) == 0
+    assert naive.moeller_trumbore(mesh[:0], *rays)[0].tolist() == [-1] * 500
+
+
+def test_naive_sphere_and_boxes():
+    rays = shapes.rays_at(np.array([[0, 0, 1.0], [9, 0, 1]]), (0.0, 0.0))
+    distance = naive.sphere((0, 0, 3), 1.0, *rays)
+    assert distance[0] == pytest.approx(2) and np.isnan(distance[1])
+    met = naive.slab_test(np.float32([-1, -1, 2]), np.float32([1, 1, 3]), *rays)
+    assert met.tolist() == [True, False]
+
+
+def test_spheres_are_closed():
+    mesh = shapes.sphere(6, 10).astype(np.float32)
+    assert len(mesh) == 2 * 10 * 5
+    corners = mesh.view([("", np.float32)] * 3)[..., 0]
+    sides = [
+        tuple(sorted((corners[t, k].tobytes(), corners[t, (k + 1) % 3].tobytes())))
+        for t in range(len(mesh))
+        for k in range(3)
+    ]
+    assert all(sides.count(side) == 2 for side in set(sides))
+
+
+@pytest.mark.parametrize(
+    "case", [edges.vertex_rays, primitives.axes, primitives.flat_boxes, primitives.coplanar]
+)
+def test_the_oracle_passes_its_own_cases(case, monkeypatch):
+    """A case that the truth fails asks for something else than the truth."""
+    monkeypatch.setattr(edges, "RAYS", 200)
+    rows = list(case(ORACLE))
+    assert len(rows) >= 2 and all(row.verdict == "pass" for row in rows)
+
+
+def test_a_tracer_that_loses_rays_fails():
+    def lossy(triangles, origins, directions):
+        number, t = oracle_closest(triangles, origins, directions)
+        number[::50] = -1
+        return number, t
+
+    worse = subject.Subject(lossy, lossy, oracle_slab_hits, oracle_picture)
+    assert all(row.verdict == "fail" for row in primitives.axes(worse))
+
+
+def test_naive_methods_fail_where_the_cases_say(monkeypatch):
+    """Or the sweeps would not reach the stiff range."""
+    monkeypatch.setattr(edges, "RAYS", 300)
+    vertex = list(edges.vertex_rays(ORACLE))
+    assert max(row.naive_error for row in vertex) > 0.01
+    assert max(row.naive_error for row in primitives.axes(ORACLE)) > 0.1
+    focus = {row.value: row.naive_error for row in lenses.focus_to_infinity(ORACLE)}
+    assert focus[1.0] < 4 and focus[1e20] == math.inf
+    lens = {row.value: row.naive_error for row in lenses.near_the_focal_length(ORACLE)}
+    assert lens[1.0] < 4 and lens[1e-4] > 1000
+
+
+HOLD = [
+    edges.edge_rays,
+    edges.vertex_rays,
+    edges.lens_on_a_vertex,
+    blocks.lens_samples,
+    primitives.needles,
+    lenses.near_the_focal_length,
+    extents.far_from_the_origin,
+    extents.far_sphere,
+    primitives.grazing,
+    primitives.axes,
+    primitives.any_axes,
+    edges.any_vertex_rays,
+    primitives.flat_boxes,
+    primitives.coplanar,
+    hostile.invalid_rays,
+    hostile.invalid_triangles,
+    lenses.focus_to_infinity,
+    lenses.apertures,
+    lenses.refocus_shifts,
+]
+
+
+def test_rays_of_any_direction_hold_for_needles_and_scales(monkeypatch):
+    monkeypatch.setattr(extents, "RAYS", 300)
+    general = subject.tracer_subject(general=True)
+    rows = [*primitives.needles(general), *extents.tiny_triangles(general)]
+    rows += [row for row in extents.scaled_scene(general) if 1e-30 <= row.value]
+    assert [row for row in rows if row.verdict == "fail"] == []
+
+
+def test_blocks_hold_for_triangles_in_the_documented_range(tracer):
+    rows = list(blocks.triangle_sizes(tracer))
+    assert {stability_report.verdict(row) for row in rows} <= {"pass", "out of range"}
+    assert sum(row.verdict == "pass" for row in rows) >= 9
+
+
+@pytest.mark.parametrize("case", HOLD, ids=lambda case: case.__name__)
+def test_the_tracer_holds(case, tracer, monkeypatch):
+    monkeypatch.setattr(edges, "RAYS", 300)
+    monkeypatch.setattr(extents, "RAYS", 500)
+    rows = list(case(tracer))
+    assert rows and [row for row in rows if row.verdict == "fail"] == []
+
+
+def test_the_mean_of_one_colour_is_that_colour(tracer):
+    rows = list(sums.accumulation(tracer))
+    assert [row for row in rows if row.verdict != "pass"] == []
+
+
+def test_hard_pictures_survive_their_codecs():
+    rows = list(codecs.hard_pictures(ORACLE))
+    assert {stability_report.verdict(row) for row in rows} <= {"pass", "out of range"}
+    assert {1.0, 15.0, 16.0} <= {row.value for row in rows}
+    # Odd sides are what the library's own defaults refuse in 4:2:0.
+    assert {row.value % 2 for row in rows if row.naive_error == math.inf} == {1.0}
+
+
+def test_shadows_hold_for_gaps_of_a_tenth_of_a_millimetre(tracer):
+    rows = [row for row in shadows.thin_gap(tracer) if row.value >= 1e-4]
+    assert len(rows) == 4 and all(row.verdict == "pass" for row in rows)
+    assert rows[-1].naive_error > 0.1
+
+
+def test_run_all_runs_every_case(monkeypatch):
+    module = "lfcore.evaluation.stability.all_cases.CASES"
+    monkeypatch.setattr(module, (lenses.refocus_shifts, lenses.apertures))
+    seen = []
+    rows = run_all(ORACLE, progress=lambda done, total: seen.append((done, total)))
+    assert seen == [(1, 2), (2, 2)] and {row.case for row in rows} == {
+        "refocus shifts",
+        "apertures",
+    }
+    assert len(set(CASES)) == len(CASES) >= 17

@@ -1,0 +1,83 @@
+"""Small light fields of known content, encoded and joined as the workflow does it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lfcore.optics.camera import Camera
+from lfcore.optics.slab import Slab
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.colour import frames_from_rgb
+from lfcore.storage.container import join_segments
+from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.storage.segment import SegmentWriter
+
+SCENE = {"name": "waves", "digest": "0123"}
+
+
+def waves(views: int, pixels: int) -> np.ndarray:
+    """(N, N, M, M, 3) float32 in [0, 1], indexed [j, i, v, u]: smooth, with parallax."""
+    j, i, v, u = np.mgrid[0:views, 0:views, 0:pixels, 0:pixels].astype(np.float32)
+    x, y = (u + 0.3 * i) / pixels, (v + 0.3 * j) / pixels
+    channels = [0.5 + 0.4 * np.sin(3 * x + c) * np.cos(4 * y + 2 * c) for c in range(3)]
+    return np.stack(channels, -1).astype(np.float32)
+
+
+def tile_frames(field: np.ndarray, tile: Tile) -> np.ndarray:
+    """(F, frame_bytes) uint8: the frames of one tile, element by element, the slow way."""
+    layout = tile.layout
+    size = (tile.frame_count, layout.frame_height, layout.frame_width, 3)
+    frames = np.zeros(size, np.float32)
+    elements = tile.elements()
+    edge = layout.slot - layout.inner
+    for (column, row), (frame, x, y) in zip(elements, tile.placement(elements), strict=True):
+        picture = field[:, :, row, column] if layout.kind == "macropixels" else field[row, column]
+        padded = np.pad(picture, ((0, edge), (0, edge), (0, 0)), mode="edge")
+        frames[frame, y : y + layout.slot, x : x + layout.slot] = padded
+    return frames_from_rgb(frames, layout.pixel_format)
+
+
+@dataclass
+class Stored:
+    """A light field file with what it was made of."""
+
+    path: Path
+    field: np.ndarray
+    layout: FrameLayout
+    slab: Slab
+    tiles: list[Tile]
+    segments: list[Path]
+    frames: list[np.ndarray]
+
+
+def store(folder: Path, layout: FrameLayout, spec: CodecSpec, tiles: int = 3) -> Stored:
+    """Encode and join the waves in that layout, in at least ``tiles`` tiles if it has them."""
+    field = waves(layout.views, layout.pixels)
+    slab = Slab(Camera(0.05, 0.036, 2.0, 3.0), layout.views, layout.pixels)
+    cut = layout.tiles(layout.rays, least=tiles, small_rays=0)
+    frames = [tile_frames(field, tile) for tile in cut]
+    paths = [folder / f"{tile.index}.mp4" for tile in cut]
+    for path, tile_data in zip(paths, frames, strict=True):
+        with SegmentWriter(path, spec, layout.frame_width, layout.frame_height) as writer:
+            writer.write(tile_data)
+    path = folder / "lightfield.mkv"
+    join_segments(path, paths, cut, layout, geometry=slab, scene=SCENE, spec=spec)
+    return Stored(path, field, layout, slab, cut, paths, frames)
+
+
+@pytest.fixture(scope="session")
+def make_store():
+    """The function :func:`store`."""
+    return store
+
+
+@pytest.fixture(scope="session")
+def stored(tmp_path_factory) -> Stored:
+    """Four segments of macropixels, H.264 with a key frame every 6 frames; not to be changed."""
+    spec = CodecSpec("libx264", "yuv444p", crf=6, preset="veryfast", gop=6)
+    layout = FrameLayout("macropixels", 6, 12, pixel_format="yuv444p")
+    return store(tmp_path_factory.mktemp("stored"), layout, spec, tiles=4)

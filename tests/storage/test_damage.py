@@ -1,0 +1,213 @@
+"""Damaged, foreign and contradictory files: never a wrong pixel, always a reason and a name."""
+
+import hashlib
+import json
+import random
+import subprocess
+import sys
+from fractions import Fraction
+
+import av
+import numpy as np
+import pytest
+
+from lfcore.errors import StorageError
+from lfcore.storage.lightfield import LightField
+from lfcore.storage.metadata import TAG
+
+
+@pytest.fixture(scope="module")
+def whole(stored):
+    """(bytes of the file, all of its pixels)."""
+    return stored.path.read_bytes(), LightField.open(stored.path).rectangle(0, 0, 12, 12)
+
+
+def salvaged(path, pixels) -> LightField | None:
+    """Open to salvage: pixels of whole segments must be right, all others black."""
+    try:
+        light_field = LightField.open(path, salvage=True)
+    except StorageError:
+        return None
+    found, known = light_field.rectangle(0, 0, 12, 12), np.zeros((12, 12), bool)
+    for part in light_field.segments:
+        tile = part.tile
+        known[tile.row : tile.row + tile.rows, tile.column : tile.column + tile.columns] = True
+    assert (found[known] == pixels[known]).all() and not found[~known].any()
+    assert len(light_field.segments) + len(light_field.damage) == 4
+    return light_field
+
+
+def refused(path, pixels) -> str:
+    """The error of opening, or else of verifying; unchecked reading gives right pixels or fails."""
+    try:
+        light_field = LightField.open(path)
+    except StorageError as error:
+        return str(error)
+    with pytest.raises(StorageError) as found:
+        light_field.verify()
+    try:
+        assert (light_field.rectangle(0, 0, 12, 12) == pixels).all()
+    except StorageError:
+        pass
+    return str(found.value)
+
+
+def test_flipped_bits(tmp_path, whole):
+    """Wherever a bit flips, verify() tells, and the other segments can be salvaged."""
+    data, pixels = whole
+    draw, path = random.Random(7), tmp_path / "flipped.mkv"
+    video = data.index(b"\x1f\x43\xb6\x75")
+    places = [draw.randrange(len(data)) for _ in range(60)] + [*range(0, 60, 2)]
+    for place in places:
+        changed = bytearray(data)
+        changed[place] ^= 1 << draw.randrange(8)
+        path.write_bytes(changed)
+        assert str(path) in refused(path, pixels), place
+        light_field = salvaged(path, pixels)
+        if place > video:
+            assert len(light_field.segments) >= 2, place
+
+
+def test_cut_anywhere(tmp_path, whole):
+    data, pixels = whole
+    draw, path = random.Random(8), tmp_path / "cut.mkv"
+    for length in [0, 1, 50, len(data) - 1, *(draw.randrange(len(data)) for _ in range(50))]:
+        path.write_bytes(data[:length])
+        with pytest.raises(StorageError) as found:
+            LightField.open(path)
+        assert str(path) in str(found.value), length
+        salvaged(path, pixels)
+    path.write_bytes(data[: len(data) * 7 // 10])
+    with pytest.raises(StorageError, match=r"ends after \d+ of \d+ bytes.* 4 segments can still"):
+        LightField.open(path)
+    assert 1 <= len(salvaged(path, pixels).segments) <= 3
+
+
+def test_bytes_that_follow(tmp_path, whole):
+    path = tmp_path / "longer.mkv"
+    path.write_bytes(whole[0] + b"more")
+    with pytest.raises(StorageError, match="4 bytes follow"):
+        LightField.open(path)
+
+
+def test_a_damaged_segment_is_named_before_any_frame(tmp_path, stored, whole):
+    data, pixels = whole
+    middle = LightField.open(stored.path)
+    target = next(iter(middle.frames(2)))  # readable before
+    assert len(target)
+    changed = bytearray(data)
+    with av.open(str(stored.path)) as container:
+        packet = next(p for p in container.demux(video=0) if p.pts == middle.segments[2].first * 40)
+    changed[packet.pos + 60] ^= 0x10
+    path = tmp_path / "flipped.mkv"
+    path.write_bytes(changed)
+    light_field = LightField.open(path)
+    with pytest.raises(StorageError, match=r"segment 2 .*check sum"):
+        next(light_field.frames(2))
+    assert (light_field.macropixel(0, 0) == pixels[0, 0]).all()
+    tile = middle.segments[2].tile
+    with pytest.raises(StorageError, match="segment 2"):
+        light_field.macropixel(tile.column, tile.row)
+    with pytest.raises(StorageError, match=r"3 of 4 segments can still be read, not 2"):
+        light_field.verify()
+    assert [damage.segment.index for damage in salvaged(path, pixels).damage] == [2]
+
+
+def remux(source, path, keep=lambda number: True, text=None):
+    """Copy the video of ``source`` as any program might, some packets left out."""
+    with av.open(str(source)) as old, av.open(str(path), "w", format="matroska") as new:
+        stream = new.add_stream_from_template(old.streams.video[0], opaque=True)
+        stream.time_base = Fraction(1, 1000)
+        text = old.metadata[TAG] if text is None else text
+        if text:
+            new.metadata[TAG] = text
+        for index, packet in enumerate(p for p in old.demux(video=0) if p.size):
+            packet.dts = (index - 4) * 40
+            packet.stream = stream
+            if keep(packet.pts // 40):
+                new.mux(packet)
+
+
+def test_a_remuxed_copy_still_opens(tmp_path, stored, whole):
+    remux(stored.path, tmp_path / "copy.mkv")
+    light_field = LightField.open(tmp_path / "copy.mkv")
+    light_field.verify()
+    assert (light_field.rectangle(0, 0, 12, 12) == whole[1]).all()
+
+
+@pytest.mark.parametrize("missing", [1, 3])
+def test_a_missing_segment(tmp_path, stored, whole, missing):
+    gone = LightField.open(stored.path).segments[missing]
+    path = tmp_path / "short.mkv"
+    remux(stored.path, path, lambda number: not gone.first <= number < gone.stop)
+    with pytest.raises(StorageError, match=f"segment {missing} is missing"):
+        LightField.open(path)
+    assert [d.segment.index for d in salvaged(path, whole[1]).damage] == [missing]
+
+
+def test_a_missing_frame(tmp_path, stored):
+    path = tmp_path / "short.mkv"
+    remux(stored.path, path, lambda number: number != 41)
+    with pytest.raises(StorageError, match=r"segment 1 .* has 35 of its 36 frames"):
+        list(LightField.open(path).frames(1))
+
+
+def test_foreign_files(tmp_path, stored):
+    path = tmp_path / "f.mkv"
+    for data in (b"", b"no video at all" * 100, stored.segments[0].read_bytes()):
+        path.write_bytes(data)
+        with pytest.raises(StorageError, match="not a Matroska file"):
+            LightField.open(path)
+    remux(stored.path, path, text="")
+    with pytest.raises(StorageError, match="no light field"):
+        LightField.open(path)
+    with pytest.raises(StorageError, match="cannot be read"):
+        LightField.open(tmp_path / "absent.mkv")
+
+
+@pytest.mark.parametrize("change, words", [
+    (("frame", 0), "damaged"),  # without a new digest
+    (("pixels", 13), "slab has|tiles"), (("pixel_format", "yuv420p"), "pixel format"),
+    (("pack", 2), "tile"), (("kind", "views"), "tile|segment"),
+])  # fmt: skip
+def test_metadata_that_contradict(tmp_path, stored, change, words):
+    metadata = LightField.open(stored.path).metadata
+    text, (key, value) = metadata.to_text(), change
+    if key == "frame":
+        text = text.replace('"views":6', '"views":7')
+    else:
+        data = json.loads(text)
+        data.pop("digest")
+        data["layout"][key] = value
+        canonical = json.dumps(data, sort_keys=True, separators=(",", ":"))
+        data["digest"] = hashlib.sha256(canonical.encode()).hexdigest()
+        text = json.dumps(data)
+    remux(stored.path, tmp_path / "x.mkv", text=text)
+    with pytest.raises(StorageError, match=words):
+        LightField.open(tmp_path / "x.mkv")
+
+
+FULL_DISK = """
+import resource, sys
+from lfcore.errors import StorageError
+from lfcore.storage.container import join_segments
+from lfcore.storage.lightfield import LightField
+light_field = LightField.open(sys.argv[1])
+tiles = [part.tile for part in light_field.segments]
+resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
+try:
+    join_segments(sys.argv[2], sys.argv[3:], tiles, light_field.layout, geometry=light_field.slab,
+                  scene={"name": "", "digest": ""})
+except StorageError as error:
+    sys.exit(str(error))
+"""
+
+
+def test_a_full_disk(tmp_path, stored):
+    path = tmp_path / "x.mkv"
+    done = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, stored.path, path, *stored.segments],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 1 and f"{path}: cannot be written" in done.stderr
+    assert list(tmp_path.iterdir()) == []

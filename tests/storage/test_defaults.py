@@ -1,0 +1,44 @@
+"""Defaults: usable at every N, and as good as they claim on a light field of known content."""
+
+import numpy as np
+import pytest
+
+from lfcore.errors import StorageError
+from lfcore.storage.defaults import default_kind, default_pack, default_spec, macropixel_pack
+from lfcore.storage.layout import FrameLayout
+from lfcore.storage.lightfield import LightField
+
+
+@pytest.mark.parametrize("views", [1, 2, 15, 16, 32, 64, 65, 128, 256, 512, 4096])
+def test_every_number_of_views_has_defaults(views):
+    spec = default_spec(views)
+    layout = FrameLayout(
+        default_kind(views), views, 512, pack=default_pack(views), pixel_format=spec.pixel_format
+    )
+    assert layout.frame_width >= 65
+    assert default_kind(views, 128) == ("macropixels" if views > 8 else "views")
+    assert default_pack(views, 128) == (1 if views <= 8 else max(1, min(8, 128 // views)))
+    small = FrameLayout("macropixels", views, 512, pack=macropixel_pack(views))
+    assert small.frame_width <= max(128, views)
+
+
+def test_speed_is_bought_where_there_is_much_to_do():
+    order = ["ultrafast", "superfast", "veryfast"]
+    ranks = [order.index(default_spec(views).preset) for views in (16, 64, 128, 512)]
+    assert ranks == sorted(ranks, reverse=True)
+
+
+def test_impossible_views_are_refused():
+    for call in (default_kind, default_pack, default_spec, macropixel_pack):
+        with pytest.raises(StorageError, match="positive"):
+            call(0)
+
+
+@pytest.mark.parametrize("views, pixels", [(8, 64), (128, 4)])
+def test_a_smooth_light_field_keeps_its_colours(tmp_path, make_store, views, pixels):
+    spec = default_spec(views)
+    layout = FrameLayout(default_kind(views, pixels), views, pixels, pixel_format=spec.pixel_format)
+    stored = make_store(tmp_path, layout, spec)
+    found = LightField.open(stored.path).rectangle(0, 0, pixels, pixels) / 255
+    means = found.mean((2, 3)) - stored.field.mean((0, 1))
+    assert -10 * np.log10(np.mean(means**2)) > 40

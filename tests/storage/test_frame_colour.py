@@ -1,0 +1,124 @@
+"""Colour: against the formulas written out one pixel at a time, and what survives a round trip."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lfcore.errors import StorageError
+from lfcore.storage.colour import (
+    frames_from_rgb,
+    rgb_from_frames,
+    rgb_to_ycbcr,
+    srgb_decode,
+    srgb_encode,
+    to_uint8,
+    ycbcr_to_rgb,
+)
+from lfcore.storage.pixels import pixel_format
+
+
+def reference_ycbcr(red: float, green: float, blue: float, bits: int) -> tuple:
+    """ITU-R BT.709-6, items 3.3 to 3.5, in Python's float64."""
+    luma = 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    cb, cr = (blue - luma) / 1.8556, (red - luma) / 1.5748
+    scale = 2 ** (bits - 8)
+    return (219 * luma + 16) * scale, (224 * cb + 128) * scale, (224 * cr + 128) * scale
+
+
+def psnr(a: np.ndarray, b: np.ndarray) -> float:
+    return float(-10 * np.log10(np.mean((a.astype(float) - b) ** 2) + 1e-20))
+
+
+def pictures(seed: int, shape=(2, 24, 32, 3)) -> np.ndarray:
+    return np.random.default_rng(seed).random(shape).astype(np.float32)
+
+
+@given(*[st.floats(0, 1) for _ in "rgb"], st.sampled_from([8, 10]))
+def test_ycbcr_against_the_formula(red, green, blue, bits):
+    expected = reference_ycbcr(red, green, blue, bits)
+    for dtype, tolerance in ((np.float64, 1e-9), (np.float32, 1e-3)):
+        rgb = np.array([red, green, blue], dtype)
+        codes = rgb_to_ycbcr(rgb, bits)
+        assert codes.dtype == dtype
+        np.testing.assert_allclose(codes, expected, atol=tolerance)
+        back = ycbcr_to_rgb(codes, bits, dtype)
+        np.testing.assert_allclose(back, rgb, atol=1e-5)
+
+
+def test_known_colours():
+    white, black, red = np.eye(3)[0] * 0 + 1, np.zeros(3), np.eye(3)[0]
+    codes = np.rint(rgb_to_ycbcr(np.stack([white, black, red])))
+    assert codes.tolist() == [[235, 128, 128], [16, 128, 128], [63, 102, 240]]
+
+
+@given(st.floats(0, 1))
+def test_srgb_curve(value):
+    expected = value * 12.92 if value <= 0.0031308 else 1.055 * value ** (1 / 2.4) - 0.055
+    for dtype, tolerance in ((np.float64, 1e-12), (np.float32, 1e-6)):
+        encoded = srgb_encode(np.array([value], dtype))
+        assert encoded.dtype == dtype and abs(encoded[0] - expected) <= tolerance
+        assert abs(srgb_decode(encoded)[0] - value) <= 20 * tolerance
+
+
+def test_srgb_codes_survive():
+    codes = np.arange(256, dtype=np.uint8)
+    assert (to_uint8(srgb_encode(srgb_decode(codes))) == codes).all()
+
+
+@pytest.mark.parametrize("name, least", [
+    ("yuv444p", 52), ("yuv444p10le", 63), ("gbrp", 58),
+])  # fmt: skip
+def test_round_trip_without_a_codec(name, least):
+    rgb = pictures(1, (2, 33, 17, 3))
+    back = rgb_from_frames(frames_from_rgb(rgb, name), name, 17, 33)
+    assert psnr(back, rgb) >= least
+
+
+@pytest.mark.parametrize("name", ["yuv444p10le", "gbrp"])
+def test_eight_bit_pictures_survive_losslessly(name):
+    rgb = to_uint8(pictures(2))
+    assert (to_uint8(rgb_from_frames(frames_from_rgb(rgb, name), name, 32, 24)) == rgb).all()
+
+
+@pytest.mark.parametrize("name", ["yuv420p", "yuv420p10le"])
+def test_chroma_is_the_mean_of_four(name):
+    rgb, form = pictures(3), pixel_format(name)
+    planes = form.views(frames_from_rgb(rgb, name), 32, 24)
+    for f, y, x in ((0, 0, 0), (1, 5, 9), (1, 11, 15)):
+        block = rgb[f, 2 * y : 2 * y + 2, 2 * x : 2 * x + 2].reshape(4, 3).tolist()
+        mean = np.mean([reference_ycbcr(*pixel, form.bits) for pixel in block], axis=0)
+        assert abs(float(planes[1][f, y, x]) - mean[1]) <= 0.51
+        assert abs(float(planes[2][f, y, x]) - mean[2]) <= 0.51
+
+
+@pytest.mark.parametrize("linear", [True, False])
+def test_constant_colour_survives_subsampling(linear):
+    rgb = np.full((1, 8, 8, 3), (0.2, 0.5, 0.9), np.float32)
+    frames = frames_from_rgb(rgb, "yuv420p10le")
+    back = rgb_from_frames(frames, "yuv420p10le", 8, 8, linear_chroma=linear)
+    np.testing.assert_allclose(back, rgb, atol=2e-3)
+
+
+def test_linear_chroma_is_sited_in_the_centre():
+    """A ramp of colour comes back straight, without a shift, away from the border."""
+    ramp = np.linspace(0.2, 0.8, 32, dtype=np.float32)
+    rgb = np.full((1, 8, 32, 3), 0.5, np.float32)
+    rgb[..., 0] = ramp
+    back = rgb_from_frames(frames_from_rgb(rgb, "yuv420p10le"), "yuv420p10le", 32, 8)
+    np.testing.assert_allclose(back[0, :, 2:-2, 0], rgb[0, :, 2:-2, 0], atol=2e-3)
+
+
+def test_padding_repeats_the_border():
+    rgb = pictures(4, (1, 5, 5, 3))
+    back = rgb_from_frames(frames_from_rgb(rgb, "gbrp", 16, 16), "gbrp", 16, 16)
+    np.testing.assert_allclose(back[0, 4:, 4:], np.broadcast_to(back[0, 4, 4], (12, 12, 3)))
+
+
+def test_misfits_are_refused():
+    with pytest.raises(StorageError, match="even"):
+        frames_from_rgb(pictures(0, (1, 5, 5, 3)), "yuv420p")
+    with pytest.raises(StorageError, match="unknown pixel format"):
+        frames_from_rgb(pictures(0), "nv12")
+    with pytest.raises(StorageError, match="frames must be"):
+        rgb_from_frames(np.zeros((2, 100), np.uint8), "yuv444p", 8, 8)

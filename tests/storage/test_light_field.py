@@ -1,0 +1,170 @@
+"""The joined file: bit-exact, self-contained, and any part of it read like the whole."""
+
+import zlib
+
+import numpy as np
+import pytest
+
+from lfcore.errors import StorageError
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.container import join_segments
+from lfcore.storage.layout import FrameLayout
+from lfcore.storage.lightfield import LightField
+from lfcore.storage.segment import SegmentReader, SegmentWriter
+
+PRESETS = {"libx264": "veryfast", "libx265": "superfast", "libsvtav1": "12", "ffv1": None}
+
+
+def truth(field: np.ndarray) -> np.ndarray:
+    """The field as rectangle() gives it: [v, u, j, i]."""
+    return field.transpose(2, 3, 0, 1, 4)
+
+
+def everything(light_field: LightField) -> np.ndarray:
+    size = light_field.layout.pixels
+    return light_field.rectangle(0, 0, size, size)
+
+
+def psnr(a, b) -> float:
+    return float(-10 * np.log10(np.mean((a.astype(float) - b) ** 2) + 1e-20))
+
+
+@pytest.mark.parametrize("codec, name", [
+    ("libx264", "yuv420p"), ("libx264", "yuv444p10le"), ("libx265", "yuv444p"),
+    ("libsvtav1", "yuv420p"), ("ffv1", "gbrp"), ("ffv1", "yuv420p"),
+])  # fmt: skip
+def test_joining_is_bit_exact(tmp_path, make_store, codec, name):
+    spec = CodecSpec(codec, name, crf=10, preset=PRESETS[codec])
+    stored = make_store(tmp_path, FrameLayout("macropixels", 4, 9, pixel_format=name), spec)
+    light_field = LightField.open(stored.path)
+    light_field.verify()
+    assert light_field.slab == stored.slab and light_field.layout == stored.layout
+    assert light_field.metadata.settings == spec.to_json()
+    assert [part.tile for part in light_field.segments] == stored.tiles and len(stored.tiles) >= 3
+    for part, path, frames in zip(
+        light_field.segments, stored.segments, stored.frames, strict=True
+    ):
+        joined = np.concatenate(list(light_field.frames(part.index, chunk=5)))
+        alone = np.concatenate(list(SegmentReader(path).frames()))
+        assert (joined == alone).all()
+        assert codec != "ffv1" or (joined == frames).all()
+        packets = b"".join(bytes(packet) for packet in SegmentReader(path).packets())
+        assert (part.bytes, part.crc32) == (len(packets), zlib.crc32(packets))
+
+
+@pytest.mark.parametrize("kind", ["macropixels", "views"])
+@pytest.mark.parametrize("views, pixels, pack, order, name", [
+    (1, 1, 1, "raster", "yuv420p10le"),
+    (1, 7, 2, "serpentine", "gbrp"),
+    (5, 7, 3, "hilbert", "gbrp"),
+    (3, 10, 4, "serpentine", "yuv444p10le"),
+    (16, 4, 1, "raster", "gbrp"),
+])  # fmt: skip
+def test_parts_equal_the_whole(tmp_path, make_store, kind, views, pixels, pack, order, name):
+    layout = FrameLayout(kind, views, pixels, order, pack, name)
+    stored = make_store(tmp_path, layout, CodecSpec("ffv1", name, gop=4))
+    light_field = LightField.open(stored.path)
+    whole = everything(light_field)
+    error = np.abs(whole / 255 - truth(stored.field)).max()
+    assert error <= (0.03 if name == "yuv420p10le" else 0.0041)
+    middle, lens = pixels // 2, views // 2
+    assert (light_field.macropixel(middle, 0) == whole[0, middle]).all()
+    assert (light_field.view(lens, views - 1) == whole[:, :, views - 1, lens]).all()
+    part = light_field.rectangle(middle, 0, pixels, middle + 1)
+    assert (part == whole[: middle + 1, middle:]).all()
+
+
+def test_subsampled_colour_does_not_leak_between_neighbours(tmp_path, make_store):
+    """Macropixels that share a frame read like those that have one each."""
+    found = []
+    for pack in (1, 3):
+        (tmp_path / str(pack)).mkdir()
+        layout = FrameLayout("macropixels", 5, 6, "raster", pack, "yuv420p10le")
+        stored = make_store(tmp_path / str(pack), layout, CodecSpec("ffv1", "yuv420p10le"))
+        found.append(everything(LightField.open(stored.path)))
+    assert (found[0] == found[1]).all()
+
+
+def test_only_what_is_needed_is_decoded(stored):
+    light_field = LightField.open(stored.path)
+    tile = light_field.segments[1].tile
+    light_field.macropixel(tile.column, tile.row)
+    assert light_field.count.frames <= 3  # the first frame, and what the decoder runs ahead
+    light_field = LightField.open(stored.path)
+    light_field.rectangle(0, tile.row, 4, tile.row + 1)
+    assert 4 <= light_field.count.frames <= 12  # of the 36 of its segment and 144 of the file
+    light_field = LightField.open(stored.path)
+    light_field.view(0, 0)
+    assert light_field.count.frames == 144
+
+
+def test_outside_is_refused(stored):
+    light_field = LightField.open(stored.path)
+    for wrong in [
+        lambda: light_field.macropixel(12, 0),
+        lambda: light_field.view(0, -1),
+        lambda: light_field.rectangle(3, 3, 3, 5),
+        lambda: list(light_field.frames(4)),
+        lambda: list(light_field.frames(0, 3, 99)),
+    ]:
+        with pytest.raises(StorageError):
+            wrong()
+
+
+def test_the_same_segments_give_the_same_file(tmp_path, stored):
+    join_segments(
+        tmp_path / "again.mkv", stored.segments, stored.tiles, stored.layout,
+        geometry=stored.slab, scene={"name": "waves", "digest": "0123"},
+        spec=CodecSpec("libx264", "yuv444p", crf=6, preset="veryfast", gop=6),
+    )  # fmt: skip
+    assert (tmp_path / "again.mkv").read_bytes() == stored.path.read_bytes()
+
+
+def test_a_camera_array_can_be_stored(tmp_path, stored):
+    array = {"cameras": [[0.0, 0.0, 0.0]], "fov_deg": 40.0}
+    path = tmp_path / "array.mkv"
+    steps = []
+    join_segments(
+        path, stored.segments, stored.tiles, stored.layout, geometry=array,
+        scene={"name": "waves", "digest": ""}, progress=lambda *step: steps.append(step),
+    )  # fmt: skip
+    light_field = LightField.open(path)
+    assert (light_field.geometry, light_field.slab) == ("array", None)
+    assert light_field.metadata.array == array
+    assert steps == [(1, 4), (2, 4), (3, 4), (4, 4)]
+
+
+def join_with(stored, tmp_path, segments, tiles=None, slab=None):
+    return join_segments(
+        tmp_path / "x.mkv", segments, tiles or stored.tiles, stored.layout,
+        geometry=slab or stored.slab, scene={"name": "", "digest": ""},
+    )  # fmt: skip
+
+
+def test_segments_that_do_not_fit_are_refused(tmp_path, stored):
+    good, layout = list(stored.segments), stored.layout
+    size = layout.frame_width, layout.frame_height
+    other = tmp_path / "other.mp4"
+    with SegmentWriter(other, CodecSpec("libx264", "yuv444p", refs=3, bframes=0), *size) as writer:
+        writer.write(stored.frames[2])
+    short = tmp_path / "short.mp4"
+    with SegmentWriter(short, CodecSpec("libx264", "yuv444p"), *size) as writer:
+        writer.write(stored.frames[2][:5])
+    small = tmp_path / "small.mp4"
+    with SegmentWriter(small, CodecSpec("libx264", "yuv420p"), 32, 32) as writer:
+        writer.write(np.zeros((36, 1536), np.uint8))
+    cut = tmp_path / "cut.mp4"
+    cut.write_bytes(good[2].read_bytes()[:-100])
+    for wrong, words in [
+        (other, "other settings"), (short, "has 5 frames"), (small, "32 x 32"), (cut, "cut.mp4"),
+        (tmp_path / "none.mp4", "no such file"),
+    ]:  # fmt: skip
+        with pytest.raises(StorageError, match=words):
+            join_with(stored, tmp_path, [*good[:2], wrong, good[3]])
+    with pytest.raises(StorageError, match="3 segments for 4 tiles"):
+        join_with(stored, tmp_path, good[:3])
+    with pytest.raises(StorageError, match="exactly once"):
+        join_with(stored, tmp_path, good[:3], stored.tiles[:3])
+    with pytest.raises(StorageError, match="exactly once"):
+        join_with(stored, tmp_path, [good[0], *good[:3]], [stored.tiles[0], *stored.tiles[:3]])
+    assert not (tmp_path / "x.mkv").exists()

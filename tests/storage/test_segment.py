@@ -1,0 +1,227 @@
+"""Segments: what is written comes back, other programs see the same picture, failures are clean."""
+
+import resource
+import subprocess
+import sys
+
+import av
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lfcore.errors import StorageError
+from lfcore.storage.codecs import CODECS, CodecSpec
+from lfcore.storage.colour import frames_from_rgb, rgb_from_frames, to_uint8
+from lfcore.storage.segment import SegmentReader, SegmentWriter
+
+PRESETS = {"libx264": "veryfast", "libx265": "superfast", "libsvtav1": "12", "ffv1": None}
+ALL = [(codec, name) for codec, names in CODECS.items() for name in names]
+
+
+def spec_of(codec: str, name: str, **settings) -> CodecSpec:
+    return CodecSpec(codec, name, preset=PRESETS[codec], **{"crf": 8, **settings})
+
+
+def clip(width: int, height: int, count: int) -> np.ndarray:
+    """(F, height, width, 3) float32: a smooth picture that moves."""
+    f, y, x = np.mgrid[0:count, 0:height, 0:width].astype(np.float32)
+    waves = [np.sin((x + f) / 9 + c) * np.cos((y + f / 2) / 11 + 2 * c) for c in range(3)]
+    return (0.5 + 0.4 * np.stack(waves, -1)).astype(np.float32)
+
+
+def encode(path, spec, rgb) -> np.ndarray:
+    height, width = rgb.shape[1:3]
+    frames = frames_from_rgb(rgb, spec.pixel_format)
+    with SegmentWriter(path, spec, width, height) as writer:
+        writer.write(frames[: len(frames) // 2])
+        writer.write(frames[len(frames) // 2 :])
+    return frames
+
+
+def read(path, *where, **how) -> np.ndarray:
+    return np.concatenate(list(SegmentReader(path).frames(*where, **how)))
+
+
+def psnr(a, b) -> float:
+    return float(-10 * np.log10(np.mean((a.astype(float) - b) ** 2) + 1e-20))
+
+
+@pytest.mark.parametrize("codec, name", ALL)
+@pytest.mark.parametrize("width, height", [(16, 16), (66, 34)])
+def test_round_trip(tmp_path, codec, name, width, height):
+    spec = spec_of(codec, name)
+    frames = encode(tmp_path / "s.mp4", spec, clip(width, height, 9))
+    reader = SegmentReader(tmp_path / "s.mp4")
+    assert (reader.width, reader.height, reader.form.name) == (width, height, name)
+    back = read(tmp_path / "s.mp4", chunk=4)
+    assert back.shape == frames.shape
+    if spec.lossless:
+        assert (back == frames).all()
+    else:
+        form = reader.form
+        for a, b in zip(
+            form.views(back, width, height), form.views(frames, width, height), strict=True
+        ):
+            peak = 2**form.bits
+            assert psnr(a / peak, b / peak) > 38
+
+
+@pytest.mark.parametrize("codec, name", [("libx264", "yuv444p"), ("ffv1", "gbrp"),
+                                         ("ffv1", "yuv444p10le")])  # fmt: skip
+def test_odd_sizes(tmp_path, codec, name):
+    frames = encode(tmp_path / "s.mp4", spec_of(codec, name), clip(33, 17, 3))
+    back = read(tmp_path / "s.mp4")
+    assert back.shape == frames.shape
+    assert codec != "ffv1" or (back == frames).all()
+
+
+@given(start=st.integers(0, 20), length=st.integers(0, 20), chunk=st.integers(1, 9))
+@settings(max_examples=25, deadline=None)
+def test_any_start_equals_sequential(tmp_path_factory, start, length, chunk):
+    path = tmp_path_factory.getbasetemp() / "seek.mp4"
+    if not path.exists():
+        encode(path, spec_of("libx264", "yuv420p", gop=7), clip(32, 32, 21))
+    stop = min(21, start + length)
+    reader = SegmentReader(path)
+    parts = list(reader.frames(start, stop, chunk=chunk))
+    assert all(len(part) <= chunk for part in parts)
+    whole = read(path)[start:stop]
+    assert (np.concatenate([whole[:0], *parts]) == whole).all()
+    if length:
+        assert reader.count.frames <= stop - start + 6 + 1
+
+
+@pytest.mark.parametrize("codec, size", [
+    *((codec, (48, 32)) for codec in CODECS), ("libx264", (64, 64)), ("libx264", (144, 128)),
+    ("libx265", (144, 128)),
+])  # fmt: skip
+def test_the_same_input_gives_the_same_file(tmp_path, codec, size):
+    spec, rgb = spec_of(codec, "yuv420p"), clip(*size, 12)
+    encode(tmp_path / "first", spec, rgb)
+    for _ in range(8 if codec in ("libx264", "libx265") else 1):
+        encode(tmp_path / "again", spec, rgb)
+        assert (tmp_path / "first").read_bytes() == (tmp_path / "again").read_bytes()
+
+
+@pytest.mark.parametrize("codec, name", [pair for pair in ALL if pair[1] != "gbrp"])
+def test_streams_are_tagged(tmp_path, codec, name):
+    encode(tmp_path / "s.mp4", spec_of(codec, name), clip(32, 32, 3))
+    with av.open(str(tmp_path / "s.mp4")) as container:
+        frame = next(container.decode(video=0))
+        # H.273: primaries BT.709 1, transfer sRGB 13, matrix BT.709 1; limited range 1
+        tags = (frame.color_primaries, frame.color_trc, frame.colorspace, frame.color_range)
+        assert tags == (1, 13, 1, 1)
+
+
+@pytest.mark.parametrize("codec, name", [(c, n) for c, n in ALL if n.startswith(("yuv444", "gb"))])
+def test_other_programs_see_the_same_picture(tmp_path, codec, name):
+    """PyAV's default conversion and OpenCV agree with ours within one code for 4:4:4 and RGB."""
+    path = tmp_path / "s.mp4"
+    encode(path, spec_of(codec, name), clip(48, 32, 4))
+    ours = to_uint8(rgb_from_frames(read(path), name, 48, 32)).astype(int)
+    with av.open(str(path)) as container:
+        theirs = np.stack([frame.to_rgb().to_ndarray() for frame in container.decode(video=0)])
+    assert np.abs(ours - theirs).max() <= 1
+    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    seen = np.stack([capture.read()[1][..., ::-1] for _ in range(4)])
+    assert np.abs(ours - seen).max() <= 1
+
+
+def test_subsampled_colour_agrees_with_accurate_conversion(tmp_path):
+    """4:2:0 is filtered differently by each program, and FFmpeg's default is a coarse one."""
+    path = tmp_path / "s.mp4"
+    encode(path, spec_of("libx264", "yuv420p"), clip(48, 32, 3))
+    ours = rgb_from_frames(read(path), "yuv420p", 48, 32) * 255
+    # BICUBIC, FULL_CHR_H_INT, FULL_CHR_H_INP and ACCURATE_RND of libswscale
+    flags = 4 | 0x2000 | 0x4000 | 0x40000
+    with av.open(str(path)) as container:
+        frames = [frame.to_rgb(interpolation=flags) for frame in container.decode(video=0)]
+    assert psnr(np.stack([frame.to_ndarray() for frame in frames]) / 255, ours / 255) > 36
+
+
+@pytest.mark.parametrize("settings, words", [
+    ({"codec": "vp9"}, "unknown codec"),
+    ({"pixel_format": "gbrp"}, "does not take"),
+    ({"pixel_format": "nv12"}, "unknown pixel format"),
+    ({"crf": -1}, "crf"), ({"gop": -2}, "gop"), ({"threads": 0}, "threads"),
+    ({"refs": 99}, "refs"), ({"bframes": 40}, "bframes"),
+])  # fmt: skip
+def test_impossible_settings_are_refused(settings, words):
+    with pytest.raises(StorageError, match=words):
+        CodecSpec(**settings)
+
+
+def test_settings_survive_json():
+    spec = CodecSpec(gop=12, refs=2, extra=(("subme", "1"),))
+    assert CodecSpec.from_json(spec.to_json()) == spec
+    with pytest.raises(StorageError, match="quality"):
+        CodecSpec.from_json({"quality": 3})
+
+
+def test_failures_leave_no_file(tmp_path):
+    path = tmp_path / "s.mp4"
+    with (
+        pytest.raises(StorageError, match="libx264"),
+        SegmentWriter(path, CodecSpec(preset="warp"), 32, 32) as writer,
+    ):
+        writer.write(np.zeros((1, 1536), np.uint8))
+    with (
+        pytest.raises(StorageError, match="without frames"),
+        SegmentWriter(path, CodecSpec(), 32, 32),
+    ):
+        pass
+    with (
+        pytest.raises(StorageError, match="frames must be"),
+        SegmentWriter(path, CodecSpec(), 32, 32) as writer,
+    ):
+        writer.write(np.zeros((1, 1535), np.uint8))
+    with pytest.raises(ZeroDivisionError), SegmentWriter(path, CodecSpec(), 32, 32) as writer:
+        writer.write(np.zeros((1, 1536), np.uint8))
+        raise ZeroDivisionError
+    with (
+        pytest.raises(StorageError, match="missing"),
+        SegmentWriter(tmp_path / "missing" / "s.mp4", CodecSpec(), 32, 32),
+    ):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+FULL_DISK = """
+import resource, sys
+import numpy as np
+from lfcore.errors import StorageError
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.segment import SegmentWriter
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+noise = np.random.default_rng(0).integers(16, 235, (40, 64 * 96), np.uint8)
+try:
+    with SegmentWriter(sys.argv[1], CodecSpec("ffv1", "yuv420p", gop=1), 64, 64) as writer:
+        writer.write(noise)
+except StorageError as error:
+    sys.exit(str(error))
+"""
+
+
+def test_a_full_disk(tmp_path):
+    """A limit on the size of files fails as a full disk does: in the middle of writing."""
+    assert resource.getrlimit(resource.RLIMIT_FSIZE)
+    done = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, str(tmp_path / "s.mp4")], capture_output=True, text=True
+    )
+    assert done.returncode == 1 and f"{tmp_path / 's.mp4'}: cannot be written" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unreadable_segments_are_named(tmp_path):
+    path = tmp_path / "s.mp4"
+    with pytest.raises(StorageError, match="no such file"):
+        SegmentReader(path)
+    encode(path, CodecSpec(), clip(32, 32, 5))
+    path.write_bytes(path.read_bytes()[:-40])
+    with pytest.raises(StorageError, match=r"s\.mp4"):
+        SegmentReader(path)
+    path.write_bytes(b"")
+    with pytest.raises(StorageError, match=r"s\.mp4"):
+        SegmentReader(path)

@@ -1,0 +1,311 @@
+"""The tree: its invariants on ordinary, degenerate and hostile input, and its files."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from lfcore.errors import SceneError
+from lfcore.tracing import bvh_binary, bvh_split, bvh_wide
+from lfcore.tracing.bvh import build_bvh, load_bvh, save_bvh
+from lfcore.tracing.bvh_wide import FAR, UNUSED
+
+FIELDS = ("boxes", "children", "leaves", "leaf_ids", "leaf_boxes")
+
+
+def soup(count, seed=0, size=0.05):
+    rng = np.random.default_rng(seed)
+    corners = rng.uniform(-1, 1, (count, 1, 3)) + rng.normal(0, size, (count, 3, 3))
+    return corners.astype(np.float32)
+
+
+def grid(n):
+    """A plane of 2 n^2 triangles at z = 1: many equal centroid coordinates, flat boxes."""
+    x, y = np.meshgrid(np.arange(n + 1.0), np.arange(n + 1.0))
+    p = np.stack([x, y, np.ones_like(x)], -1)
+    a, b, c, d = p[:-1, :-1], p[:-1, 1:], p[1:, :-1], p[1:, 1:]
+    halves = [np.stack([a, b, c], 2), np.stack([b, d, c], 2)]
+    return np.concatenate([half.reshape(-1, 3, 3) for half in halves]).astype(np.float32)
+
+
+CASES = {
+    "none": np.zeros((0, 3, 3), np.float32),
+    "one": soup(1),
+    "two": soup(2),
+    "one full leaf": soup(16),
+    "one more": soup(17),
+    "at the sweep's limit": soup(256),
+    "beyond the sweep": soup(257),
+    "soup": soup(3000),
+    "plane": grid(20),
+    "identical": np.repeat(soup(1), 1000, axis=0),
+    "same centroid": soup(1) * np.linspace(0.1, 1, 600, dtype=np.float32)[:, None, None]
+    - (soup(1) * np.linspace(0.1, 1, 600, dtype=np.float32)[:, None, None]).mean(1, keepdims=True),
+    "points": np.repeat(soup(700)[:, :1], 3, axis=1),
+    "one point": np.zeros((900, 3, 3), np.float32),
+    "on a line": soup(800) * np.float32([1, 0, 0]),
+    "huge": soup(700) * np.float32(9e28),
+    "tiny": soup(700) * np.float32(1e-38),
+    "all sizes": (soup(2000) * np.logspace(-30, 25, 2000)[:, None, None]).astype(np.float32),
+    "far off": soup(700) + np.float32(1e7),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("leaf_size", [1, 4, 16])
+def test_invariants(name, leaf_size):
+    triangles = CASES[name]
+    bvh = build_bvh(triangles, leaf_size=leaf_size)
+    bvh.check(triangles)
+    assert (bvh.leaf_ids >= 0).sum(axis=1).max(initial=0) <= leaf_size
+    figures = bvh.statistics()
+    assert figures.triangles == len(triangles)
+    # Never a chain: SAH_DEPTH binary levels and then halves.
+    assert figures.depth <= bvh_binary.SAH_DEPTH + 12
+
+
+finite = st.floats(-(2.0**99), 2.0**99, width=32)  # below 1e30
+few = st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.5, 1e-38, 1e25])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    hnp.arrays(
+        np.float32,
+        st.tuples(st.integers(0, 60), st.just(3), st.just(3)),
+        elements=st.one_of(finite, few),
+    ),
+    st.integers(1, 16),
+    st.integers(1, 6),
+)
+def test_invariants_of_any_input(triangles, leaf_size, copies):
+    triangles = np.tile(triangles, (copies, 1, 1))
+    build_bvh(triangles, leaf_size=leaf_size).check(triangles)
+
+
+def test_equal_input_gives_an_equal_tree():
+    one, two = build_bvh(soup(5000)), build_bvh(soup(5000))
+    for name in FIELDS:
+        assert getattr(one, name).tobytes() == getattr(two, name).tobytes()
+
+
+def test_an_empty_scene_is_one_node_without_children():
+    bvh = build_bvh(CASES["none"])
+    assert bvh.children.shape == (1, 16) and (bvh.children == UNUSED).all()
+    assert (bvh.boxes[:, :3] == FAR).all() and (bvh.boxes[:, 3:] == -FAR).all()
+
+
+def half_area(points):
+    extent = np.ptp(points.reshape(-1, 3).astype(np.float64), axis=0)
+    return extent[0] * extent[1] + extent[1] * extent[2] + extent[2] * extent[0]
+
+
+def cost(triangles, chosen, leaf_size):
+    sides = triangles[chosen], triangles[~chosen]
+    return sum(half_area(side) * -(-len(side) // leaf_size) for side in sides)
+
+
+def root_cut(triangles, leaf_size):
+    """(cost, the triangles that go left) of the cut that the builder takes at the root."""
+    boxes, centroids, identity = bvh_binary._prepare(triangles)
+    order = np.stack([np.argsort(c, kind="stable") for c in centroids]).astype(np.int32)
+    cuts = bvh_split.best_cuts(
+        boxes, centroids, order, np.array([0]), np.array([len(triangles)]), leaf_size
+    )
+    left = np.zeros(len(triangles), bool)
+    left[identity[order[cuts.axis[0], : cuts.k[0]]]] = True
+    np.testing.assert_allclose(cuts.area[0], half_area(triangles), rtol=1e-12)
+    return cuts.cost[0], left
+
+
+@pytest.mark.parametrize("count", [2, 3, 17, 40, 128, 255])
+def test_sweep_finds_the_cheapest_of_all_cuts(count):
+    triangles = soup(count, seed=count, size=0.2)
+    found, left = root_cut(triangles, 16)
+    centroids = (triangles.min(1) + triangles.max(1)) / 2
+    brute = min(
+        cost(triangles, centroids[:, axis] < at, 16)
+        for axis in range(3)
+        for at in np.sort(centroids[:, axis])[1:]
+    )
+    assert cost(triangles, left, 16) <= brute * (1 + 2 * bvh_split.BALANCE)
+    assert found == pytest.approx(brute, rel=2 * bvh_split.BALANCE)
+
+
+@pytest.mark.parametrize("count", [257, 1000])
+def test_binning_finds_the_cheapest_of_255_planes_an_axis(count):
+    triangles = soup(count, seed=count, size=0.2)
+    found, left = root_cut(triangles, 16)
+    centroids = (triangles.min(1) * np.float32(0.5) + triangles.max(1) * np.float32(0.5)).astype(
+        np.float64
+    )
+    low, extent = centroids.min(0), np.ptp(centroids, axis=0)
+    bins = np.minimum((centroids - low) * (256 / extent), 255).astype(int)
+    brute = min(
+        cost(triangles, bins[:, axis] < plane, 16)
+        for axis in range(3)
+        for plane in range(1, 256)
+        if 0 < (bins[:, axis] < plane).sum() < count
+    )
+    assert found == pytest.approx(brute, rel=2 * bvh_split.BALANCE)
+    assert cost(triangles, left, 16) == pytest.approx(brute, rel=2 * bvh_split.BALANCE)
+
+
+def test_many_nodes_at_once_equal_one_at_a_time():
+    """Nodes are evaluated in padded groups and chunks; neighbours must not leak in."""
+    sizes = [2, 3, 300, 16, 17, 33, 700, 5, 256, 257]
+    triangles = np.concatenate([soup(n, seed=n) * (i + 1) for i, n in enumerate(sizes)])
+    boxes = np.full((6, len(triangles) + 1), np.inf, np.float32)
+    boxes[:3, :-1], boxes[3:, :-1] = triangles.min(1).T, -triangles.max(1).T
+    centroids = (boxes[:3, :-1] - boxes[3:, :-1]) / 2
+    count = np.array(sizes)
+    start = np.cumsum(count) - count
+    order = np.empty((3, len(triangles)), np.int32)
+    for first, size in zip(start, count, strict=True):
+        part = slice(first, first + size)
+        order[:, part] = first + np.argsort(centroids[:, part], axis=1, kind="stable")
+    together = bvh_split.best_cuts(boxes, centroids, order, start, count, 16)
+    for i in range(len(sizes)):
+        alone = bvh_split.best_cuts(boxes, centroids, order, start[i : i + 1], count[i : i + 1], 16)
+        for field in dataclasses.fields(alone):
+            assert getattr(alone, field.name)[0] == getattr(together, field.name)[i]
+
+
+def test_sah_beats_halving_by_count():
+    rng = np.random.default_rng(5)
+    clusters = np.repeat(rng.uniform(-10, 10, (20, 1, 1, 3)), 100, axis=1)
+    triangles = (soup(2000, size=0.01).reshape(20, 100, 3, 3) * 0.3 + clusters).reshape(-1, 3, 3)
+    sah = build_bvh(triangles).statistics().sah_cost
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bvh_binary, "SAH_DEPTH", 0)
+        halved = build_bvh(triangles)
+    halved.check(triangles.astype(np.float32))
+    assert sah < 0.8 * halved.statistics().sah_cost
+
+
+def least_cost(tree, area, node, slots, leaf_size, leaf_cost, known):
+    """The recurrence of bvh_wide, literally."""
+    key = node, slots
+    if key in known:
+        return known[key]
+
+    def best_split(slots):
+        if tree.left[node] < 0:
+            return np.inf
+        one, two = tree.left[node], tree.left[node] + 1
+        return min(
+            least_cost(tree, area, one, k, leaf_size, leaf_cost, known)
+            + least_cost(tree, area, two, slots - k, leaf_size, leaf_cost, known)
+            for k in range(1, slots)
+        )
+
+    if slots == 1:
+        leaf = leaf_cost * area[node] if tree.count[node] <= leaf_size else np.inf
+        known[key] = min(leaf, area[node] + best_split(16))
+    else:
+        fewer = least_cost(tree, area, node, slots - 1, leaf_size, leaf_cost, known)
+        known[key] = min(fewer, best_split(slots))
+    return known[key]
+
+
+@pytest.mark.parametrize("leaf_size", [3, 16])
+@pytest.mark.parametrize("leaf_cost", [0.5, 1.0, 4.0])
+def test_collapse_is_the_cheapest_of_all(leaf_size, leaf_cost):
+    triangles = soup(1500, size=0.1)
+    figures = build_bvh(triangles, leaf_size=leaf_size, leaf_cost=leaf_cost).statistics()
+    tree = bvh_binary.build_binary(triangles, leaf_size, None)
+    area = bvh_wide._half_areas(tree)
+    least = least_cost(tree, area, 0, 1, leaf_size, leaf_cost, {})
+    found = (figures.node_cost + leaf_cost * figures.leaf_cost) * area[0]
+    assert found == pytest.approx(least, rel=1e-9)
+
+
+def test_progress_ends_at_the_total():
+    calls = []
+    build_bvh(soup(2000), progress=lambda done, total: calls.append((done, total)))
+    assert calls[-1] == (2000, 2000)
+    assert [done for done, _ in calls] == sorted(done for done, _ in calls)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e30, 3e38])
+def test_refuses_coordinates_that_are_no_place(bad):
+    triangles = soup(10)
+    triangles[7, 1, 2] = bad
+    with pytest.raises(SceneError, match="number 7"):
+        build_bvh(triangles)
+
+
+def test_refuses_wrong_shapes_and_leaf_sizes():
+    with pytest.raises(SceneError, match=r"\(T, 3, 3\)"):
+        build_bvh(np.zeros((3, 3), np.float32))
+    for leaf_size in (0, 17, 2.0):
+        with pytest.raises(SceneError, match="1 to 16"):
+            build_bvh(soup(3), leaf_size=leaf_size)
+
+
+def broken(bvh, name, change):
+    array = getattr(bvh, name).copy()
+    change(array)
+    return dataclasses.replace(bvh, **{name: array})
+
+
+def test_check_sees_each_kind_of_damage():
+    triangles = soup(3000)
+    bvh = build_bvh(triangles)
+    inner = np.argwhere((bvh.children >= 0) & (bvh.children != UNUSED))[0]
+
+    def swap(array):
+        array[0, [0, 1]] = array[0, [1, 0]]
+
+    def swap_boxes(array):
+        array[0][:, [0, 1]] = array[0][:, [1, 0]]
+
+    damage = [
+        ("leaf_ids", lambda a: a.__setitem__((0, 0), a[1, 0])),
+        ("leaves", lambda a: a.__setitem__((3, 0, 0), 0.5)),
+        ("leaf_boxes", lambda a: a.__setitem__((2, 0), a[2, 0] - 1)),
+        ("boxes", lambda a: a.__setitem__((0, 3, 0), a[0, 3, 0] + 1)),
+        ("children", lambda a: a.__setitem__(tuple(inner), 0)),
+        ("children", lambda a: a.__setitem__((0, 0), -1 - len(bvh.leaf_ids))),
+        ("children", swap),
+        ("boxes", swap_boxes),
+    ]
+    for name, change in damage:
+        with pytest.raises(SceneError):
+            broken(bvh, name, change).check(triangles)
+    swapped = broken(broken(bvh, "children", swap), "boxes", swap_boxes)
+    with pytest.raises(SceneError, match="sorted"):
+        swapped.check(triangles)
+    with pytest.raises(SceneError):
+        bvh.check(triangles[:-1])
+
+
+def test_saved_and_loaded(tmp_path):
+    bvh = build_bvh(soup(500))
+    save_bvh(tmp_path / "bvh.npz", bvh)
+    again = load_bvh(tmp_path / "bvh.npz")
+    for name in FIELDS:
+        assert getattr(bvh, name).tobytes() == getattr(again, name).tobytes()
+    assert [path.name for path in tmp_path.iterdir()] == ["bvh.npz"]
+
+
+def test_loading_names_the_file_and_the_remedy(tmp_path):
+    path = tmp_path / "bvh.npz"
+    with pytest.raises(SceneError, match=r"bvh\.npz.*no such file.*Build"):
+        load_bvh(path)
+    save_bvh(path, build_bvh(soup(500)))
+    whole = path.read_bytes()
+    for size in (0, 10, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:size])
+        with pytest.raises(SceneError, match=r"bvh\.npz"):
+            load_bvh(path)
+    np.savez(path, boxes=np.zeros(3))
+    with pytest.raises(SceneError, match="cannot be read as a BVH"):
+        load_bvh(path)
+    bvh = build_bvh(soup(500))
+    save_bvh(path, dataclasses.replace(bvh, children=bvh.children * 0))
+    with pytest.raises(SceneError, match="child"):
+        load_bvh(path)

@@ -1,0 +1,107 @@
+"""Tiles: colours against the oracle, exact sums, frames, and independence of how work is cut."""
+
+import numpy as np
+import pytest
+from tracing_scenes import CAMERA, closed_room, lit_soup, scene
+
+from lfcore.opencl.device import open_device
+from lfcore.optics.plane_sums import total
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.oracle import colour as truth
+from lfcore.oracle.planes import form_plane
+from lfcore.oracle.slab import all_pixels, trace
+from lfcore.storage.colour import rgb_to_ycbcr
+from lfcore.storage.layout import FrameLayout
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+PLANES = [
+    SensorPlane(2.0, 1.0),
+    SensorPlane(1.2, 1.0, shape="square", normalise="lens"),
+    SensorPlane(5.0, 1.7, shape="polygon"),
+    SensorPlane(1.5, 1.0, keep_magnification=True),
+]
+
+
+def run(world, slab, layout, planes=PLANES, device=None, max_rays=1 << 30):
+    """All frames (F, bytes) of all tiles, and the planes' pictures."""
+    tracer = Tracer(world, build_bvh(world.triangles), device, mipmaps=False)
+    frames, parts = [], []
+    for tile in layout.tiles(max_rays):
+        tracing = tracer.trace_tile(slab, tile, planes)
+        frames += [chunk.frames.copy() for chunk in tracing]
+        parts.append(tracing.plane_sums)
+    return np.concatenate(frames), total(slab, planes, parts)
+
+
+def test_colours_are_the_oracles_within_a_code(device):
+    world, slab = lit_soup(), Slab(CAMERA, 6, 12)
+    layout = FrameLayout("macropixels", 6, 12, "raster", 1, "yuv444p")
+    frames, _ = run(world, slab, layout, device=device)
+    codes = layout.format.views(frames, layout.frame_width, layout.frame_height)
+    rays = trace(world, slab, all_pixels(slab))
+    expected = truth.ycbcr(truth.srgb_encode(rays))
+    errors = [np.abs(c[:, :6, :6] - np.rint(expected[..., k])) for k, c in enumerate(codes)]
+    worst = np.max(errors, axis=0)
+    # A ray that grazes an edge, of a surface or a shadow, may fall to either side in float32.
+    assert (worst > 1).mean() < 2e-3
+    assert np.mean(errors) < 0.1
+
+
+@pytest.mark.parametrize("kind", ["macropixels", "views"])
+def test_planes_are_the_scattered_rays(device, kind):
+    world, slab = lit_soup(), Slab(CAMERA, 9, 8)
+    _, sums = run(world, slab, FrameLayout(kind, 9, 8, pixel_format="yuv444p"), device=device)
+    rays = trace(world, slab, all_pixels(slab)).reshape(8, 8, 9, 9, 3)
+    for plane, picture in zip(PLANES, sums.pictures(), strict=True):
+        expected = form_plane(slab, plane, rays)
+        error = np.abs(picture - expected)
+        assert error.mean() < 2e-4, (plane, error.max(), error.mean(axis=(0, 1)))
+
+
+def test_tiles_threads_and_order_do_not_matter():
+    world, slab = lit_soup(), Slab(CAMERA, 20, 16)
+    whole = FrameLayout("macropixels", 20, 16, "raster", 1, "yuv444p")
+    frames, sums = run(world, slab, whole, device=open_device(threads=2))
+    again, cut = run(world, slab, whole, device=open_device(threads=1), max_rays=20 * 20 * 24)
+    assert (frames == again).all() and (sums.sums == cut.sums).all()
+    other = FrameLayout("macropixels", 20, 16, "hilbert", 4, "yuv444p")
+    _, packed = run(world, slab, other, device=open_device(threads=2))
+    assert (sums.sums == packed.sums).all()
+
+
+def test_a_uniform_room_is_uniform_in_every_plane(device):
+    world, slab = scene(closed_room(), background=(0, 0, 0)), Slab(CAMERA, 33, 20)
+    layout = FrameLayout("macropixels", 33, 20, pixel_format="yuv420p")
+    frames, sums = run(world, slab, layout, device=device)
+    pictures = sums.pictures()
+    for picture, plane in zip(pictures, PLANES, strict=True):
+        if plane.normalise == "aperture":
+            expected = np.float32([0.1, 0.2, 0.3])
+            reached = picture.any(axis=2)
+            assert reached.mean() > 0.6
+            assert np.abs(picture[reached] - expected).max() < 2.0**-19
+    luma, blue, red = layout.format.views(frames, layout.frame_width, layout.frame_height)
+    code = rgb_to_ycbcr(truth.srgb_encode(np.array([0.1, 0.2, 0.3])))
+    code = np.rint(code)
+    assert (luma[:, :33, :33] == code[0]).all()
+    assert (blue[:, :16, :16] == code[1]).all() and (red[:, :16, :16] == code[2]).all()
+
+
+def test_a_pinhole_aperture_is_the_central_view(device):
+    world, slab = lit_soup(), Slab(CAMERA, 5, 16)
+    layout = FrameLayout("views", 5, 16, "raster", 1, "yuv444p")
+    frames, sums = run(world, slab, layout, [SensorPlane(2.0, 1000.0)], device)
+    luma = layout.format.views(frames, layout.frame_width, layout.frame_height)[0][12]
+    expected = truth.ycbcr(truth.srgb_encode(sums.pictures()[0]))[..., 0]
+    assert np.abs(luma[:16, :16] - expected).max() <= 0.51
+
+
+def test_a_point_is_sharp_at_its_own_focus_only(device):
+    spot = np.float32([[[-0.01, -0.01, 1.5], [0.01, -0.01, 1.5], [0, 0.02, 1.5]]])
+    world, slab = scene(spot, background=(0, 0, 0), ambient=(1, 1, 1)), Slab(CAMERA, 24, 129)
+    planes = [SensorPlane(focus, 1.0) for focus in (0.75, 1.5, 1e6)]
+    _, sums = run(world, slab, FrameLayout("macropixels", 24, 129), planes, device)
+    peaks = sums.pictures().max(axis=(1, 2, 3))
+    assert peaks[1] > 2 * peaks[0] and peaks[1] > 2 * peaks[2]

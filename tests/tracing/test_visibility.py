@@ -1,0 +1,137 @@
+"""Closest hits: the bundle kernel and the ray kernel against the float64 oracle and Embree."""
+
+import numpy as np
+import pytest
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from tracing_scenes import CAMERA, closed_room, scene, soup
+
+from lfcore.opencl.device import open_device
+from lfcore.optics.bundles import macropixels, views
+from lfcore.optics.slab import Slab
+from lfcore.oracle.intersect import closest_hits
+from lfcore.oracle.slab import slab_hits
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+
+def tracer_of(triangles, device=None, **changes):
+    world = scene(triangles, **changes)
+    return Tracer(world, build_bvh(world.triangles), device)
+
+
+def some_pixels(size, count, seed=0):
+    return np.random.default_rng(seed).integers(0, size, (count, 2))
+
+
+@pytest.mark.parametrize("views_a_side", [1, 5, 20])
+@pytest.mark.parametrize("seed", range(5))
+def test_slab_hits_are_the_oracles_on_soups(device, views_a_side, seed):
+    tracer = tracer_of(soup(120, seed), device)
+    slab, pixels = Slab(CAMERA, views_a_side, 24), some_pixels(24, 12, seed)
+    triangle, depth = tracer.slab_hits(slab, pixels)
+    truth = slab_hits(tracer.scene, slab, pixels)
+    clear = truth.clear(16)
+    assert (triangle.ravel() == truth.triangle)[clear].all()
+    same = (triangle.ravel() == truth.triangle) & (truth.triangle >= 0) & clear
+    error = np.abs(depth.ravel()[same] - truth.t[same]) / truth.t[same]
+    assert (error <= 16 * 2.0**-24 * np.maximum(truth.grazing[same], 1)).all()
+
+
+@pytest.mark.parametrize("make", [macropixels, views])
+def test_bundles_of_either_kind_agree_with_embree(device, make):
+    tracer = tracer_of(soup(3000, 1, 0.15), device)
+    slab = Slab(CAMERA, 33, 40)
+    grid = slab.pixels if make is macropixels else slab.views
+    places = np.unique(some_pixels(grid, 30), axis=0)
+    bundles = make(slab, places)
+    triangle, depth = tracer.bundle_hits(bundles, places)
+    origins, directions = (a.reshape(-1, 3).astype(np.float32) for a in bundles.rays())
+    embree = EmbreeScene()
+    TriangleMesh(embree, tracer.scene.triangles)
+    found = embree.run(origins, directions, query="INTERSECT", output=1)
+    differ = found["primID"] != triangle.ravel()
+    assert differ.mean() < 2e-3  # rays at edges, where float32 may go either way
+    same = ~differ & (triangle.ravel() >= 0)
+    assert same.sum() > 1000
+    assert np.abs(found["tfar"][same] / depth.ravel()[same] - 1).max() < 1e-4
+
+
+def test_nothing_leaks_out_of_a_closed_room(device):
+    for offset in (0.0, 0.37):
+        room = closed_room() + [offset, -offset, 0.1]
+        triangle, _ = tracer_of(room, device).slab_hits(Slab(CAMERA, 64, 32), some_pixels(32, 64))
+        assert (triangle >= 0).all()
+
+
+def test_rays_aimed_at_edges_and_vertices_never_leak(device):
+    room = closed_room().astype(np.float32)
+    tracer, rng = tracer_of(room, device), np.random.default_rng(2)
+    count = 100_000
+    origins = rng.uniform(-0.5, 0.5, (count, 3)).astype(np.float32)
+    face, along = rng.integers(0, len(room), count), rng.random((count, 1))
+    along[: count // 2] = 0
+    aim = room[face, 0] * (1 - along) + room[face, 1] * along
+    triangle, distance, weights = tracer.closest_hit(origins, (aim - origins).astype(np.float32))
+    assert (triangle >= 0).all()
+    assert np.abs(distance - 1).max() < 1e-5
+    assert np.abs(weights.sum(1) - 1).max() < 1e-5
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_single_rays_are_the_oracles(device, seed):
+    rng = np.random.default_rng(seed)
+    tracer = tracer_of(soup(400, seed), device)
+    origins = rng.uniform(-2, 4, (2000, 3)).astype(np.float32)
+    directions = (rng.normal(size=(2000, 3)) * 10.0 ** rng.uniform(-6, 6, (2000, 1))).astype("f4")
+    directions[:100, 0] = 0
+    directions[50:150, 1] = 0
+    truth = closest_hits(tracer.scene.triangles, origins, directions)
+    triangle, distance, _ = tracer.closest_hit(origins, directions)
+    clear = truth.clear(16)
+    assert (triangle == truth.triangle)[clear].all()
+    hit = clear & (truth.triangle >= 0)
+    # Coordinates relative to the origin are rounded, so their size is what an error is measured by.
+    corners = tracer.scene.triangles[triangle[hit]] - origins[hit][:, None]
+    reach = np.linalg.norm(corners, axis=2).max(1) / np.linalg.norm(directions[hit], axis=1)
+    bound = 16 * 2.0**-24 * np.maximum(truth.grazing[hit], 1) * np.maximum(reach, truth.t[hit])
+    assert (np.abs(distance[hit] - truth.t[hit]) <= bound).all()
+
+
+@pytest.mark.parametrize("lanes", [1, 4, 8])
+def test_every_lane_width_sees_the_same(device, lanes):
+    if not device.is_cpu:
+        pytest.skip("a GPU has one lane width")
+    triangles = soup(500, 4)
+    slab, pixels = Slab(CAMERA, 20, 24), some_pixels(24, 20)
+    wide = tracer_of(triangles, open_device(lanes=16)).slab_hits(slab, pixels)
+    narrow = tracer_of(triangles, open_device(lanes=lanes)).slab_hits(slab, pixels)
+    assert (wide[0] == narrow[0]).all()
+    met = wide[0] >= 0
+    assert np.abs(wide[1][met] / narrow[1][met] - 1).max() < 1e-6
+
+
+def test_coplanar_copies_go_to_the_lowest_index(device):
+    triangles = soup(40, 5)
+    copies = np.concatenate([triangles] * 3)
+    triangle, _ = tracer_of(copies, device).slab_hits(Slab(CAMERA, 16, 16), some_pixels(16, 16))
+    assert triangle.max() < len(triangles)
+
+
+def test_degenerate_triangles_and_bad_rays_are_missed(device):
+    point = np.tile(np.float32([0, 0, 1]), (5, 3, 1))
+    tracer = tracer_of(np.concatenate([point, soup(50, 6)]), device)
+    bad = np.float32([[np.nan, 0, 0], [np.inf, 0, 0], [0, 0, 0]])
+    triangle, distance, weights = tracer.closest_hit(np.zeros((3, 3), np.float32), bad)
+    assert (triangle == -1).all() and np.isinf(distance).all() and np.isnan(weights).all()
+    seen, _ = tracer.slab_hits(Slab(CAMERA, 16, 16), some_pixels(16, 16))
+    assert ((seen == -1) | (seen >= 5)).all()
+
+
+def test_a_scene_behind_the_lens_or_empty_is_missed(device):
+    behind = soup(50, 7) * [1, 1, -1]
+    for triangles in (behind, np.zeros((0, 3, 3))):
+        triangle, depth = tracer_of(triangles, device).slab_hits(
+            Slab(CAMERA, 4, 4), [[0, 0], [3, 2]]
+        )
+        assert (triangle == -1).all() and np.isinf(depth).all()

@@ -1,0 +1,65 @@
+"""A copy of the project that tests may edit, and Snakemake in it."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+COPIED = ("Snakefile", "config", "lfcore", "profiles", "scenes", "workflow")
+
+
+@dataclass(frozen=True)
+class Checkout:
+    """A copy of the project in ``folder``."""
+
+    folder: Path
+
+    def snakemake(self, *arguments, timeout=420) -> subprocess.CompletedProcess:
+        """Run Snakemake there; ``stdout`` holds its output and errors."""
+        return subprocess.run(
+            [sys.executable, "-m", "snakemake", *arguments],
+            cwd=self.folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=timeout,
+        )
+
+    def planned(self, *arguments) -> dict[str, int]:
+        """Jobs of a dry run by rule; empty when there is nothing to be done."""
+        done = self.snakemake("--dry-run", "--quiet", "reason", "--cores", "2", *arguments)
+        assert done.returncode == 0, done.stdout
+        if "Nothing to be done" in done.stdout:
+            return {}
+        table = done.stdout.split("Job stats:")[-1]
+        jobs = dict(re.findall(r"^(\S+) +(\d+)$", table, re.MULTILINE))
+        return {rule: int(count) for rule, count in jobs.items() if rule != "total"}
+
+
+def copy_project(folder: Path) -> Checkout:
+    ignored = shutil.ignore_patterns("__pycache__", "*.pyc", ".*")
+    for name in COPIED:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, folder / name, ignore=ignored)
+        else:
+            shutil.copy(ROOT / name, folder / name)
+    return Checkout(folder)
+
+
+@pytest.fixture(scope="session")
+def checkout(tmp_path_factory) -> Checkout:
+    """A copy for dry runs: nothing is ever made in it."""
+    return copy_project(tmp_path_factory.mktemp("checkout"))
+
+
+@pytest.fixture(scope="module")
+def project_copy(tmp_path_factory):
+    """A function that makes a copy of one's own, to run and edit."""
+    return lambda name: copy_project(tmp_path_factory.mktemp(name))

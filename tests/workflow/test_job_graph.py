@@ -1,0 +1,69 @@
+"""Dry runs: which jobs a configuration asks for, and what is refused before the first."""
+
+from __future__ import annotations
+
+import pytest
+
+pytestmark = pytest.mark.workflow
+
+SMOKE = ("--configfile", "config/smoke.yaml")
+TARGET = ("--", "results/tables/")
+
+
+def test_smoke(checkout):
+    jobs = checkout.planned(*SMOKE, *TARGET)
+    assert jobs["parse"] == jobs["build"] == jobs["evaluate"] == 3
+    assert jobs["sum_planes"] == jobs["join"] == jobs["retrieve"] == 3 * 3
+    # N = 64 is large enough for two tiles, so that two cores share it.
+    assert jobs["trace"] == 3 * (1 + 1 + 2)
+    assert jobs["contact_sheet"] == 9 and jobs["page"] == jobs["tables"] == 1
+
+
+def test_the_default_run_has_a_row_for_each_scene_and_resolution(checkout):
+    jobs = checkout.planned("--", "results/tables")
+    assert jobs["sum_planes"] == 18
+    # Tiles are bounded in bytes: N = 512 is 12.9 GB of raw frames a scene.
+    assert 3 * (12 + 3 + 4) <= jobs["trace"] <= 120
+    assert sum(jobs.values()) < 250
+
+
+def test_what_is_not_asked_for_is_not_in_the_graph(checkout):
+    jobs = checkout.planned(
+        *SMOKE, "--config", "store=false", "figures={make: [quality]}", "scenes=[bike]", *TARGET
+    )
+    assert {"join", "retrieve", "contact_sheet", "trace_views", "trace_aperture_stack"}.isdisjoint(
+        jobs
+    )
+    assert jobs["curves"] == 1 and jobs["parse"] == 1
+    only_views = checkout.planned(
+        *SMOKE, "--config", "figures={make: [sub_aperture_views]}", *TARGET
+    )
+    assert only_views["trace_views"] == 3
+    assert {"curves", "trace_aperture_stack"}.isdisjoint(only_views)
+
+
+def test_any_key_can_be_overridden(checkout):
+    jobs = checkout.planned(
+        *SMOKE, "--config", "angular_resolutions=[16]", "tile_mib=1", "spatial_resolution=64",
+        "layout={pack: 1}", "scenes=[cabin]", *TARGET,
+    )  # fmt: skip
+    # 64^2 x 16^2 rays of 3 bytes are 3 MiB.
+    assert jobs["trace"] == 4 or jobs["trace"] == 3
+    assert jobs["sum_planes"] == 1
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("spatial_resolutionn=64", "spatial_resolutionn: unknown key"),
+        ("spatial_resolution=0", "spatial_resolution: 0 is less than the minimum"),
+        ("scenes=[nowhere]", "there is no scene 'nowhere'"),
+        ("encoder={codec: libsvtav1, pixel_format: yuv444p}", "libsvtav1 does not take yuv444p"),
+    ],
+)
+def test_impossible_configurations_stop_before_the_first_job(checkout, override, words):
+    done = checkout.snakemake("--cores", "2", "--config", override, *TARGET)
+    assert done.returncode != 0
+    assert words in done.stdout
+    assert "Traceback" not in done.stdout
+    assert not (checkout.folder / "results").exists()

@@ -1,0 +1,123 @@
+"""The smoke run itself, once; then what a second run does, and what an edit or a fault costs."""
+
+from __future__ import annotations
+
+import math
+
+import pandas as pd
+import pytest
+
+from lfcore.evaluation.tables import SPECS
+
+pytestmark = [pytest.mark.workflow, pytest.mark.slow]
+
+SMOKE = ("--configfile", "config/smoke.yaml", "--", "results/tables/")
+SCENES = ["bike", "cabin", "bedroom"]
+
+
+@pytest.fixture(scope="module")
+def smoke(project_copy):
+    """A copy of the project after ``snakemake --configfile config/smoke.yaml``."""
+    checkout = project_copy("smoke")
+    done = checkout.snakemake("--cores", "2", *SMOKE)
+    assert done.returncode == 0, done.stdout[-4000:]
+    return checkout
+
+
+def table(checkout, name):
+    return pd.read_csv(checkout.folder / "results" / "tables" / f"{name}.csv")
+
+
+def test_each_table_has_a_row_for_each_scene_and_resolution(smoke):
+    for name, spec in SPECS.items():
+        rows = table(smoke, name)
+        assert tuple(rows.columns) == spec.columns
+        assert rows.scene.tolist() == [scene for scene in SCENES for _ in range(3)]
+        assert rows.N.tolist() == [16, 32, 64] * 3
+        assert (rows.M == 32).all() and (rows.seconds > 0).all()
+        assert rows.thesis_seconds.notna().all()
+
+
+def test_quality_rises_with_resolution_and_survives_storage(smoke):
+    traced, retrieved = table(smoke, "table_7_1"), table(smoke, "table_7_3")
+    for _, rows in traced.groupby("scene"):
+        assert rows.psnr_db.is_monotonic_increasing and rows.psnr_db.iloc[0] > 30
+        assert rows.psnr_db.iloc[-1] == math.inf and rows.ssim.iloc[-1] == 1
+    assert retrieved.psnr_db.between(30, 80).all()
+    stored = table(smoke, "table_7_2")
+    assert (stored.raw_bytes_uint8 == 3 * 32**2 * stored.N**2).all()
+    sizes = [
+        (smoke.folder / f"results/{row.scene}/N{row.N}/lightfield.mkv").stat().st_size
+        for row in stored.itertuples()
+    ]
+    assert stored.video_bytes.tolist() == sizes
+
+
+def test_the_page_shows_every_picture(smoke):
+    text = (smoke.folder / "results" / "tables" / "index.html").read_text()
+    # Three figures a scene, and one of curves a table.
+    assert text.count("data:image/png;base64,") == 3 * 3 + 3
+    for scene in SCENES:
+        assert f"<figcaption>{scene}</figcaption>" in text
+
+
+def test_each_plane_is_a_picture(smoke):
+    for source in ("on_the_fly", "from_video"):
+        pictures = list((smoke.folder / f"results/bike/N64/planes/{source}").glob("*.png"))
+        assert len(pictures) == 5
+
+
+def test_no_raw_frames_and_no_tiles_are_left(smoke):
+    files = (path for path in (smoke.folder / "results").rglob("[!.]*") if path.is_file())
+    left = {path.suffix for path in files}
+    assert left == {".npz", ".json", ".mkv", ".png", ".csv", ".md", ".html"}
+    assert not list(smoke.folder.glob("results/*/N*/tiles/*.npz"))
+
+
+def test_a_second_run_has_nothing_to_do(smoke):
+    assert smoke.planned(*SMOKE) == {}
+    assert smoke.planned(*SMOKE[:-1], "results/tables") == {}
+
+
+def test_a_deleted_table_is_made_again_and_nothing_before_it(smoke):
+    path = smoke.folder / "results" / "tables" / "table_7_2.csv"
+    content = path.read_bytes()
+    path.unlink()
+    try:
+        jobs = smoke.planned(*SMOKE)
+        assert jobs["tables"] == 1 and not {"parse", "trace", "evaluate"} & set(jobs)
+    finally:
+        done = smoke.snakemake("--cores", "2", *SMOKE)
+        assert done.returncode == 0, done.stdout[-4000:]
+    assert path.read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    ("edited", "again", "kept"),
+    [
+        ("lfcore/tracing/kernels/slab.cl", {"trace", "sum_planes", "page"}, {"parse"}),
+        ("lfcore/evaluation/metrics.py", {"evaluate", "tables"}, {"parse", "build", "trace"}),
+        ("lfcore/evaluation/page.css", {"page"}, {"parse", "build", "trace", "evaluate"}),
+    ],
+)
+def test_an_edit_runs_again_what_depends_on_it(smoke, edited, again, kept):
+    path = smoke.folder / edited
+    source = path.read_bytes()
+    path.write_bytes(source + b"\n")
+    try:
+        jobs = smoke.planned(*SMOKE)
+    finally:
+        path.write_bytes(source)
+    assert again <= set(jobs) and not kept & set(jobs)
+
+
+def test_a_scene_that_cannot_be_read_is_one_clear_message(smoke, tmp_path):
+    scene = tmp_path / "broken.yaml"
+    scene.write_text("objects: [{file: absent.obj}]")
+    target = ("results/broken/scene.npz",)
+    done = smoke.snakemake("--cores", "1", "--config", f"scenes=[{scene}]", "--", *target)
+    assert done.returncode != 0
+    assert "absent.obj' not found" in done.stdout and "Traceback" not in done.stdout
+    assert not (smoke.folder / target[0]).exists()
+    log = (smoke.folder / "logs" / "parse" / "broken.log").read_text().splitlines()
+    assert len(log) == 1 and "broken.yaml: objects[0].file" in log[0]

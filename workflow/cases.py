@@ -1,0 +1,160 @@
+"""What a checked configuration asks for: scenes, tiles, layouts, encoders, sensor planes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import yaml
+
+from lfcore.errors import OpticsError
+from lfcore.optics.camera import Camera
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.scene.files import read_header
+from lfcore.storage import defaults
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.layout import FrameLayout, Tile
+from workflow.settings import SettingsError
+
+MIB = 2**20
+BYTES_OF_A_RAY = 3
+
+
+def scene_files(entries: Iterable[str], root: Path) -> dict[str, str]:
+    """Name and file of each scene: a folder below ``scenes/``, or a path to a file.
+
+    Paths are relative to the working folder; names to ``root``.  Raises :class:`SettingsError`
+    for what does not exist and for two scenes of one name.
+    """
+    found: dict[str, str] = {}
+    for entry in entries:
+        file = root / "scenes" / entry / "scene.yaml"
+        if not file.exists():
+            file = Path(entry) / "scene.yaml" if Path(entry).is_dir() else Path(entry)
+        if not file.is_file():
+            raise SettingsError(
+                f"there is no scene {entry!r}",
+                key="configuration: scenes",
+                remedy="Give the name of a folder below scenes/, or the path of a scene or mesh",
+            )
+        name = file.resolve().parent.name if file.name == "scene.yaml" else file.stem
+        if name in found:
+            raise SettingsError(f"two scenes are called {name!r}", key="configuration: scenes")
+        found[name] = str(file)
+    return found
+
+
+def files_of_scene(file: str | Path) -> list[str]:
+    """The scene file and every file that it names, sorted; what is missing is left out."""
+    file = Path(file)
+    if file.suffix.lower() not in (".yaml", ".yml"):
+        return [str(file)]
+    try:
+        description = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return [str(file)]  # parsing the scene says what is wrong with it
+    named = (file.parent / text for text in _strings(description) if 0 < len(text) < 256)
+    return [str(file), *sorted({str(path) for path in named if path.is_file()})]
+
+
+def builders_of_scene(file: str | Path, root: Path) -> list[Path]:
+    """Modules of the procedural builders that a scene file names."""
+    try:
+        description = yaml.safe_load(Path(file).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return []
+    folder = root / "lfcore" / "scene" / "procedural"
+    names = {text for text in _strings(description) if text.isidentifier()}
+    return [folder / f"{name}.py" for name in sorted(names) if (folder / f"{name}.py").is_file()]
+
+
+def _strings(value: object) -> Iterable[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for part in value.values():
+            yield from _strings(part)
+    elif isinstance(value, list):
+        for part in value:
+            yield from _strings(part)
+
+
+def frame_layout(settings: Mapping, views: int) -> FrameLayout:
+    """How the rays of N = ``views`` are laid out in frames; ``auto`` is what measured best."""
+    layout, pixels = settings["layout"], settings["spatial_resolution"]
+    kind, pack = layout["kind"], layout["pack"]
+    if kind == "auto":
+        kind = defaults.default_kind(views, pixels)
+    if pack == "auto":
+        pack = min(defaults.macropixel_pack(views), pixels) if kind == "macropixels" else 1
+    pixel_format = codec_spec(settings, views).pixel_format
+    return FrameLayout(kind, views, pixels, layout["order"], pack, pixel_format)
+
+
+def tiles(settings: Mapping, views: int) -> list[Tile]:
+    """The tiles of N = ``views``, each at most ``tile_mib`` of raw 8-bit RGB."""
+    return frame_layout(settings, views).tiles(settings["tile_mib"] * MIB // BYTES_OF_A_RAY)
+
+
+def tile_names(settings: Mapping, views: int) -> list[str]:
+    """Names of the tiles in files and logs, in order."""
+    return [f"{tile.index:04d}" for tile in tiles(settings, views)]
+
+
+def codec_spec(settings: Mapping, views: int) -> CodecSpec:
+    """Settings of the encoder at N = ``views``; one thread, so that a stream is reproducible.
+
+    ``auto`` is what measured best for H.264 at that N; other codecs have their own presets.
+    """
+    encoder, best = settings["encoder"], defaults.default_spec(views)
+    spec = replace(best, codec="libx264", threads=1)
+    if encoder["codec"] != "libx264" or encoder["preset"] != "auto":
+        spec = replace(spec, preset=None, bframes=None, refs=None)
+    chosen = {key: value for key, value in encoder.items() if value != "auto"}
+    if chosen["codec"] == "libsvtav1":
+        chosen.setdefault("pixel_format", "yuv420p")
+    if chosen["codec"] == "ffv1":
+        chosen["preset"] = chosen["tune"] = None
+    return replace(spec, **chosen)
+
+
+def sensor_planes(
+    planes: str | Sequence[Mapping], camera: Camera, focus_distances_m: Sequence[float]
+) -> list[SensorPlane]:
+    """The planes of ``planes`` (the configuration's key) for one scene.
+
+    Raises :class:`SettingsError` that names the key for a plane the lens cannot form.
+    """
+    if planes == "scene":
+        return [SensorPlane(distance, camera.f_number) for distance in focus_distances_m]
+    made = []
+    for index, given in enumerate(planes):
+        plane = SensorPlane(**{"f_number": camera.f_number, **given})
+        try:
+            plane.check(Slab(camera, 2, 2))
+        except OpticsError as error:
+            key = f"configuration: planes.{index}.{error.key}"
+            raise SettingsError(error.problem, key=key, remedy=error.remedy) from None
+        made.append(plane)
+    return made
+
+
+def read_camera(scene: str | Path) -> tuple[Camera, tuple[float, ...], int]:
+    """Camera, focus distances and number of triangles of a scene.npz, without its arrays."""
+    header = read_header(scene)
+    camera = {key: float(value) for key, value in header["camera"].items()}
+    return Camera(**camera), tuple(header["focus_distances_m"]), header["triangles"]
+
+
+def aperture_stack(
+    stops: Sequence[float], camera: Camera, focus_distance_m: float
+) -> list[SensorPlane]:
+    """One focus, closing lens: first all dimmed (thesis figure 4.3), then all normalised (4.4)."""
+    return [
+        SensorPlane(focus_distance_m, camera.f_number * math.sqrt(2) ** stop, normalise=normalise)
+        for normalise in ("lens", "aperture")
+        for stop in stops
+    ]

@@ -1,0 +1,50 @@
+"""What all scripts share: where they write, and how they fail."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from lfcore.errors import LfcoreError
+
+
+@contextmanager
+def job(snakemake) -> Iterator[None]:
+    """Send all output of this process to the rule's log; end an error of the user's in one line.
+
+    Also what libraries in C print goes to the log.  An :class:`LfcoreError` ends the process with
+    status 1 after its text alone, in the log and on the terminal; any other exception is a
+    mistake of ours, and its traceback is in the log.
+    """
+    terminal = os.dup(2)
+    log = os.open(snakemake.log[0], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    for stream in (1, 2):
+        os.dup2(log, stream)
+    sys.stdout.reconfigure(line_buffering=True)
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    # The drivers' thread pools, and those of numpy's libraries, keep to the job's share.
+    os.environ["LFCORE_THREADS"] = str(snakemake.threads)
+    try:
+        yield
+    except LfcoreError as error:
+        print(error)
+        os.write(terminal, f"{error}\n".encode())
+        raise SystemExit(1) from None
+
+
+def log_progress(what: str, *, every_seconds: float = 5.0) -> Callable[[int, int], None]:
+    """A ``progress(done, total)`` that writes a line now and then, and one at the end."""
+    last = time.monotonic()
+
+    def progress(done: int, total: int) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if done == total or now - last >= every_seconds:
+            last = now
+            print(f"{what}: {done} of {total}")
+
+    return progress

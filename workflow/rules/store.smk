@@ -1,0 +1,48 @@
+# The light field as one file, and pictures from it: only where the configuration stores it.
+if STORE:
+
+    rule join:
+        input:
+            scene="results/{scene}/scene.npz",
+            segments=of_tiles(".mp4"),
+            seconds=of_tiles(".json"),
+        output:
+            light_field="results/{scene}/N{n}/lightfield.mkv",
+            seconds="results/{scene}/N{n}/store.json",
+        log:
+            "logs/join/{scene}/N{n}.log",
+        conda:
+            "../envs/lfcore.yaml"
+        resources:
+            mem_mb=2000,
+        params:
+            sources=sources("join.py"),
+            spatial_resolution=SETTINGS["spatial_resolution"],
+            layout=SETTINGS["layout"],
+            tile_mib=SETTINGS["tile_mib"],
+            encoder=SETTINGS["encoder"],
+        script:
+            "../scripts/join.py"
+
+    rule retrieve:
+        input:
+            scene="results/{scene}/scene.npz",
+            light_field="results/{scene}/N{n}/lightfield.mkv",
+        output:
+            stack="results/{scene}/N{n}/planes/from_video.npz",
+            pictures=directory("results/{scene}/N{n}/planes/from_video"),
+            seconds="results/{scene}/N{n}/retrieve.json",
+        log:
+            "logs/retrieve/{scene}/N{n}.log",
+        conda:
+            "../envs/lfcore.yaml"
+        threads: 2
+        resources:
+            mem_mb=2000,
+        params:
+            sources=sources("retrieve.py"),
+            planes=SETTINGS["planes"],
+            picture_format=SETTINGS["picture_format"],
+            device=SETTINGS["device"],
+        script:
+            "../scripts/retrieve.py"

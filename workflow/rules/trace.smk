@@ -1,0 +1,59 @@
+# Algorithms 1 and 3: rays of a tile -> partial sensor planes and, where stored, a video segment.
+TRACED = {
+    "planes": temp("results/{scene}/N{n}/tiles/{tile}.planes.npz"),
+    "seconds": "results/{scene}/N{n}/tiles/{tile}.json",
+}
+if STORE:
+    TRACED["segment"] = temp("results/{scene}/N{n}/tiles/{tile}.mp4")
+
+
+rule trace:
+    input:
+        scene="results/{scene}/scene.npz",
+        bvh="results/{scene}/bvh.npz",
+    output:
+        **TRACED,
+    log:
+        "logs/trace/{scene}/N{n}/{tile}.log",
+    # Long jobs first, so that the cores finish together.
+    priority: 10
+    conda:
+        "../envs/lfcore.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+    params:
+        sources=sources("trace.py"),
+        spatial_resolution=SETTINGS["spatial_resolution"],
+        planes=SETTINGS["planes"],
+        layout=SETTINGS["layout"],
+        tile_mib=SETTINGS["tile_mib"],
+        encoder=SETTINGS["encoder"],
+        device=SETTINGS["device"],
+        store=STORE,
+    script:
+        "../scripts/trace.py"
+
+
+rule sum_planes:
+    input:
+        scene="results/{scene}/scene.npz",
+        planes=of_tiles(".planes.npz"),
+        seconds=of_tiles(".json"),
+    output:
+        stack="results/{scene}/N{n}/planes/on_the_fly.npz",
+        pictures=directory("results/{scene}/N{n}/planes/on_the_fly"),
+        seconds="results/{scene}/N{n}/trace.json",
+    log:
+        "logs/sum_planes/{scene}/N{n}.log",
+    conda:
+        "../envs/lfcore.yaml"
+    resources:
+        mem_mb=2000,
+    params:
+        sources=sources("sum_planes.py"),
+        spatial_resolution=SETTINGS["spatial_resolution"],
+        planes=SETTINGS["planes"],
+        picture_format=SETTINGS["picture_format"],
+    script:
+        "../scripts/sum_planes.py"

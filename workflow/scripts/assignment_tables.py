@@ -1,0 +1,22 @@
+"""The assignment's tables, as CSV and Markdown."""
+
+from pathlib import Path
+
+from lfcore.evaluation.camera_arrays import make_array_table
+from lfcore.evaluation.captions import fill
+from lfcore.evaluation.files import read_json
+from lfcore.evaluation.tables import write_csv, write_markdown
+from workflow.job import job
+
+with job(snakemake):
+    given, output, params = snakemake.input, snakemake.output, snakemake.params
+    records = {
+        "camera_array": [read_json(file) for file in given.camera_array],
+        "reconstruction": read_json(given.reconstruction)["rows"],
+    }
+    outputs = zip(params.titles.items(), given.captions, output.csv, output.markdown, strict=True)
+    for (name, title), caption, csv, markdown in outputs:
+        table = make_array_table(name, records[name])
+        write_csv(csv, table)
+        text = fill(Path(caption).read_text(encoding="utf-8"), params.config)
+        write_markdown(markdown, table, title=title, caption=text)

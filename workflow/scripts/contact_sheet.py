@@ -1,0 +1,28 @@
+"""The pictures of a stack side by side, each with what tells it from the others."""
+
+from lfcore.evaluation.figures import contact_sheet
+from lfcore.evaluation.pictures import load_stack
+from workflow.job import job
+
+CORNERS = ["lens top left", "top right", "bottom left", "bottom right", "middle"]
+DIMMING = {"lens": "dimmed", "aperture": "normalised"}
+
+
+def focus_label(plane):
+    return f"focus {plane.focus_distance_m:.3g} m, f/{plane.f_number:.2g}"
+
+
+def aperture_label(plane):
+    return f"f/{plane.f_number:.2g}, {DIMMING[plane.normalise]}"
+
+
+with job(snakemake):
+    pictures, planes = load_stack(snakemake.input[0])
+    columns = 5
+    if snakemake.wildcards.figure == "focal_stack":
+        labels = [focus_label(plane) for plane in planes]
+    elif snakemake.wildcards.figure == "aperture_stack":
+        labels, columns = [aperture_label(plane) for plane in planes], len(planes) // 2
+    else:
+        labels = CORNERS
+    contact_sheet(snakemake.output[0], pictures, labels, columns=columns)

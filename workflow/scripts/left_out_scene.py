@@ -1,0 +1,14 @@
+"""What one scene leaves out, against the program with it."""
+
+from lfcore.evaluation.files import write_json
+from lfcore.evaluation.left_out import left_out
+from lfcore.opencl.device import open_device
+from lfcore.scene.files import load_scene
+from lfcore.tracing.bvh import load_bvh
+from workflow.job import job
+
+with job(snakemake):
+    scene, bvh = load_scene(snakemake.input.scene), load_bvh(snakemake.input.bvh)
+    device = open_device(snakemake.params.device or None, threads=snakemake.threads)
+    rows = left_out(scene, bvh, device, **snakemake.params.measured)
+    write_json(snakemake.output[0], {"rows": rows})

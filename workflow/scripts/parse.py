@@ -1,0 +1,10 @@
+"""Read a scene description and all it names into flat arrays in camera space."""
+
+from lfcore.scene.build import build_scene
+from lfcore.scene.files import save_scene
+from workflow.job import job
+
+with job(snakemake):
+    scene = build_scene(snakemake.input[0])
+    print(f"{scene.triangle_count} triangles, dropped: {scene.dropped or 'none'}")
+    save_scene(snakemake.output[0], scene)

@@ -1,0 +1,34 @@
+"""Decode a stored light field and form the sensor planes from it (Algorithm 4)."""
+
+from lfcore.evaluation.files import write_json
+from lfcore.evaluation.pictures import save_stack, write_pictures
+from lfcore.opencl.device import open_device
+from lfcore.refocus.slicing import form_planes
+from workflow import cases
+from workflow.job import job, log_progress
+
+with job(snakemake):
+    params, output = snakemake.params, snakemake.output
+    camera, focus_distances_m, _ = cases.read_camera(snakemake.input.scene)
+    planes = cases.sensor_planes(params.planes, camera, focus_distances_m)
+    device = open_device(params.device or None, threads=snakemake.threads)
+    retrieval = form_planes(
+        snakemake.input.light_field,
+        planes,
+        threads=snakemake.threads,
+        device=params.device or None,
+        progress=log_progress("frames"),
+    )
+    pictures = retrieval.sums.pictures()
+    write_pictures(output.pictures, pictures, planes, suffix=params.picture_format)
+    save_stack(output.stack, pictures, planes)
+    write_json(
+        output.seconds,
+        {
+            "seconds": retrieval.seconds,
+            "decode_seconds": retrieval.decode_seconds,
+            "plane_seconds": retrieval.plane_seconds,
+            "threads": retrieval.threads,
+            "device": device.name,
+        },
+    )

@@ -1,0 +1,23 @@
+"""The thesis's tables over all scenes, as CSV and Markdown."""
+
+import math
+from pathlib import Path
+
+from lfcore.evaluation.captions import fill
+from lfcore.evaluation.files import read_json
+from lfcore.evaluation.tables import SPECS, make_table, write_csv, write_markdown
+from workflow.job import job
+
+with job(snakemake):
+    scenes = [read_json(path) for path in snakemake.input.records]
+    given, output = snakemake.input, snakemake.output
+    outputs = zip(snakemake.params.tables, given.captions, output.csv, output.markdown, strict=True)
+    for name, caption, csv, markdown in outputs:
+        records = [row for scene in scenes for row in scene[name]]
+        for row in records:
+            if row.get("psnr_db", 0) is None:
+                row["psnr_db"] = math.inf
+        table = make_table(name, records)
+        write_csv(csv, table)
+        text = fill(Path(caption).read_text(encoding="utf-8"), snakemake.params.config)
+        write_markdown(markdown, table, title=SPECS[name].title, caption=text)
