@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import functools
 import hashlib
+import re
 from pathlib import Path
 
 PACKAGES = ("lfcore", "workflow")
@@ -19,8 +20,9 @@ DATA = {".cl", ".h", ".yaml", ".css", ".csv"}
 def source_digest(script: str | Path, root: str | Path, *more: str | Path) -> str:
     """Hex digest of a script's imports: modules below ``root``, transitively, and their data.
 
-    A package brings its ``kernels`` folder, and a module the data files beside it that it names.
-    A kernel counts as changed when it was touched, too, so that a run can be forced from there.
+    A module brings the data files beside it that it names, and the kernels of each folder that it
+    names as in ``"tracing/kernels"``.  A kernel counts as changed when it was touched, too, so
+    that a run can be forced from there.
     The script itself is Snakemake's to watch.  ``more`` are modules that are imported by a name
     known only at run time.
     """
@@ -32,7 +34,7 @@ def source_digest(script: str | Path, root: str | Path, *more: str | Path) -> st
         if module not in seen:
             seen.add(module)
             waiting += _imports(module, root)
-    files = seen | {data for module in seen for data in _data_of(module)}
+    files = seen | {data for module in seen for data in _data_of(module, root)}
     digest = hashlib.sha256()
     for file in sorted(files):
         digest.update(f"{file.relative_to(root).as_posix()}\0".encode())
@@ -73,8 +75,10 @@ def _files_of(name: str, root: Path) -> list[Path]:
 
 
 @functools.cache
-def _data_of(module: Path) -> tuple[Path, ...]:
+def _data_of(module: Path, root: Path) -> tuple[Path, ...]:
     text = module.read_text(encoding="utf-8")
     beside = (file for file in module.parent.iterdir() if file.suffix in DATA and file.is_file())
-    kernels = (file for file in (module.parent / "kernels").rglob("*") if file.suffix in DATA)
+    top = root / module.relative_to(root).parts[0]
+    folders = {top / named for named in re.findall(r'"((?:\w+/)+kernels)[/"]', text)}
+    kernels = (file for folder in folders for file in folder.iterdir() if file.suffix in DATA)
     return (*(file for file in beside if file.name in text), *kernels)

@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 warnings.filterwarnings("ignore", category=cl.CompilerWarning)
 
 KERNELS = Path(__file__).parent.parent
-SHARED_KERNELS = KERNELS / "tracing" / "kernels"
+SHARED_KERNELS = KERNELS / "tracing/kernels"
 _REMEDY = (
     "Install a driver, e.g. 'pip install intel-opencl-rt intel-cmplr-lib-rt' on Linux x86-64, or "
     "the distribution's pocl-opencl-icd"

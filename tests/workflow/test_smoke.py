@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 
 import pandas as pd
 import pytest
@@ -95,19 +96,21 @@ def test_a_deleted_table_is_made_again_and_nothing_before_it(smoke):
 @pytest.mark.parametrize(
     ("edited", "again", "kept"),
     [
-        ("lfcore/tracing/kernels/slab.cl", {"trace", "sum_planes", "page"}, {"parse"}),
+        ("lfcore/tracing/kernels/slab.cl", {"trace", "sum_planes", "page"}, {"parse", "build"}),
         ("lfcore/evaluation/metrics.py", {"evaluate", "tables"}, {"parse", "build", "trace"}),
         ("lfcore/evaluation/page.css", {"page"}, {"parse", "build", "trace", "evaluate"}),
     ],
 )
 def test_an_edit_runs_again_what_depends_on_it(smoke, edited, again, kept):
     path = smoke.folder / edited
-    source = path.read_bytes()
+    source, times = path.read_bytes(), path.stat()
     path.write_bytes(source + b"\n")
     try:
         jobs = smoke.planned(*SMOKE)
     finally:
         path.write_bytes(source)
+        # A kernel that was touched counts as changed.
+        os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
     assert again <= set(jobs) and not kept & set(jobs)
 
 
