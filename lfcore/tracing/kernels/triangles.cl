@@ -4,6 +4,7 @@
 // p -> q, D . ((p - O) x (q - O)), is affine over the block: the term in O x O vanishes, and so does
 // the bilinear one, for lens samples of one pixel as for pixels of one lens sample.  It is
 //     e = c_z + i (c_x tx + g_y sx) + j (c_y ty - g_x sy),   c = P x Q,  g = P - Q
+// of which twice is kept.
 // The three edges sum to n . D, and depth is the weighted mean (Z_p e_qr + Z_q e_rp + Z_r e_pq) / sum.
 #ifndef LFCORE_TRIANGLES_CL
 #define LFCORE_TRIANGLES_CL
@@ -15,22 +16,28 @@
 
 typedef struct { vf c, i, j; } Affine;
 
+// Twice the edge function: P x Q = (P + Q) x (Q - P) / 2.  The difference of two corners that are near
+// each other is exact, so the error scales with the triangle's edge, and not with the distance to the block's
+// centre as that of P x Q does; swapping P and Q negates it to the last bit all the same.
 inline Affine edge(vf px, vf py, vf pz, vf qx, vf qy, vf qz, const Bundle *r)
 {
-    const vf cx = py * qz - pz * qy, cy = pz * qx - px * qz;
+    const vf sx = px + qx, sy = py + qy, sz = pz + qz, dx = qx - px, dy = qy - py, dz = qz - pz;
+    const vf cx = sy * dz - sz * dy, cy = sz * dx - sx * dz;
     Affine e;
-    e.c = px * qy - py * qx;
-    e.i = fma(cx, (vf)(r->tx), (py - qy) * r->sx);
-    e.j = fma(cy, (vf)(r->ty), -((px - qx) * r->sy));
+    e.c = sx * dy - sy * dx;
+    e.i = fma(cx, (vf)(r->tx), -2.0f * dy * r->sx);
+    e.j = fma(cy, (vf)(r->ty), 2.0f * dx * r->sy);
     return e;
 }
 
-// Bound of the rounding error of an edge function anywhere in the block.
+// Bound of the rounding error of such a form anywhere in the block: sum, difference, product and their
+// difference are four roundings of each term, its evaluation at a ray two more.
 inline vf edge_noise(vf px, vf py, vf pz, vf qx, vf qy, vf qz, const Bundle *r)
 {
-    const vf cx = fabs(py * qz) + fabs(pz * qy), cy = fabs(pz * qx) + fabs(px * qz);
-    const vf wide = fma(cx, (vf)(fabs(r->tx)), fabs((py - qy) * r->sx)) + fma(cy, (vf)(fabs(r->ty)), fabs((px - qx) * r->sy));
-    return 2.4e-7f * fma((vf)(HALF), wide, fabs(px * qy) + fabs(py * qx));
+    const vf sx = fabs(px + qx), sy = fabs(py + qy), sz = fabs(pz + qz), dx = fabs(qx - px), dy = fabs(qy - py), dz = fabs(qz - pz);
+    const vf wide = fma(fma(sy, dz, sz * dy), (vf)(fabs(r->tx)), 2.0f * dy * fabs(r->sx)) +
+                    fma(fma(sz, dx, sx * dz), (vf)(fabs(r->ty)), 2.0f * dx * fabs(r->sy));
+    return 3.6e-7f * fma((vf)(HALF), wide, fma(sx, dy, sy * dx));
 }
 
 inline vf spread(Affine e) { return HALF * (fabs(e.i) + fabs(e.j)); }
