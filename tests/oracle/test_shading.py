@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from oracle_scenes import scene, wall
+from plain_scenes import scene, wall
 
 from lfcore.oracle.shading import bilinear, radiance
 from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material

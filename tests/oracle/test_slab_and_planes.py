@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from oracle_scenes import CAMERA, scene, wall
+from plain_scenes import CAMERA, scene, wall
 
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab

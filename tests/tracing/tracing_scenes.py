@@ -3,32 +3,18 @@
 import dataclasses
 
 import numpy as np
+import plain_scenes
 import trimesh
 
-from lfcore.optics.camera import Camera
-from lfcore.scene.model import POINT, Light, Material, Scene
+from lfcore.scene.model import POINT, Light, Material
 
-CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=1.0, focus_distance_m=2.0)
+CAMERA = dataclasses.replace(plain_scenes.CAMERA, f_number=1.0)
 
 
 def scene(triangles, **changes):
-    """A grey scene of ``triangles`` (T, 3, 3) with nothing that it does not need."""
-    triangles = np.ascontiguousarray(triangles, np.float32)
-    base = Scene(
-        name="test",
-        camera=CAMERA,
-        triangles=triangles,
-        normals=np.zeros((0, 3, 3), np.float32),
-        uvs=np.zeros((0, 3, 2), np.float32),
-        colours=np.zeros((0, 3, 3), np.float32),
-        material_ids=np.zeros(len(triangles), np.int32),
-        materials=[Material("grey", diffuse=(0.5, 0.5, 0.5))],
-        textures=[],
-        lights=[],
-        ambient=(0.2, 0.4, 0.6),
-        background=(0.7, 0.1, 0.3),
-    )
-    return dataclasses.replace(base, **changes)
+    """A plain scene through a wider lens."""
+    defaults = {"camera": CAMERA, "ambient": (0.2, 0.4, 0.6), "background": (0.7, 0.1, 0.3)}
+    return plain_scenes.scene(triangles, **{**defaults, **changes})
 
 
 def soup(count, seed, size=0.3):

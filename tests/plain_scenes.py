@@ -1,4 +1,4 @@
-"""Scenes for the oracle's tests."""
+"""Scenes of a few triangles, with nothing that they do not need."""
 
 import dataclasses
 
@@ -11,7 +11,8 @@ CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=2.0, focus_d
 
 
 def scene(triangles, **changes):
-    triangles = np.asarray(triangles, np.float32)
+    """A grey scene of ``triangles`` (T, 3, 3); ``changes`` are fields of Scene."""
+    triangles = np.ascontiguousarray(triangles, np.float32)
     base = Scene(
         name="test",
         camera=CAMERA,
