@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import CODECS, CodecSpec
 from lfcore.storage.container import join_segments
 from lfcore.storage.defaults import default_kind, default_spec, macropixel_pack
-from lfcore.storage.layout import FrameLayout
+from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentWriter
 from lfcore.tracing.tracer import Tracer
@@ -21,7 +22,6 @@ from lfcore.tracing.tracer import Tracer
 TILE_RAYS = 1 << 27
 PRESETS = {"libx265": "fast", "libsvtav1": "8"}
 OTHER_CRF = 24.0
-AHEAD = 1
 
 
 def codec_spec(
@@ -54,7 +54,7 @@ def frame_layout(slab: Slab, kind: str | None, pixel_format: str) -> FrameLayout
 
 def record(
     path: Path,
-    tracer: Tracer,
+    tracers: Sequence[Tracer],
     slab: Slab,
     layout: FrameLayout,
     spec: CodecSpec,
@@ -64,40 +64,98 @@ def record(
 ) -> Metadata:
     """Trace ``slab`` and write the light field file ``path``.
 
-    Frames go from the tracer to the encoder as they come; segments lie in a temporary folder
-    beside ``path`` until they are joined.
+    As many tiles at a time as there are ``tracers``, each traced and encoded by one of them;
+    segments lie in a temporary folder beside ``path`` until they are joined.
 
     Parameters
     ----------
+    tracers : of one scene, on devices (queues) of their own.
     scene : the file that the scene was read from, for the name and digest in the metadata.
-    progress : called with (outer elements done, of all).
+    progress : called with (outer elements done, of all), from any thread but one at a time.
 
     Raises
     ------
     StorageError : a file cannot be written; none is left then.
     """
-    tiles = layout.tiles(TILE_RAYS)
-    done, everything = 0, layout.outer**2
+    tiles = layout.tiles(TILE_RAYS, least=max(2, len(tracers)))
+    count, lock = _Elements(progress, layout.outer**2), threading.Lock()
+    free = list(tracers)
     with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
         segments = [Path(folder) / f"{tile.index:04d}.mp4" for tile in tiles]
-        for tile, segment in zip(tiles, segments, strict=True):
-            count = (
-                (lambda n, _, before=done: progress(before + n, everything)) if progress else None
-            )
-            tracing = tracer.trace_tile(slab, tile, progress=count)
-            with SegmentWriter(segment, spec, layout.frame_width, layout.frame_height) as writer:
-                for chunk in _copied_ahead(tracing):
-                    writer.write(chunk)
-            done += tile.element_count
+
+        def one(tile: Tile) -> None:
+            with lock:
+                tracer = free.pop()
+            try:
+                record_tile(
+                    tracer, slab, tile, segments[tile.index], spec, progress=count.of_tile()
+                )
+            finally:
+                free.append(tracer)
+
+        with ThreadPoolExecutor(len(tracers)) as pool:
+            jobs = [pool.submit(one, tile) for tile in tiles]
+            try:
+                for job in jobs:
+                    job.result()
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise
         return join_segments(
             path,
             segments,
             tiles,
             layout,
             geometry=slab,
-            scene={"name": tracer.scene.name, "digest": _digest(scene)},
+            scene={"name": tracers[0].scene.name, "digest": _digest(scene)},
             spec=spec,
         )
+
+
+def record_tile(
+    tracer: Tracer,
+    slab: Slab,
+    tile: Tile,
+    segment: Path,
+    spec: CodecSpec,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Trace one tile into the file ``segment``; frames are encoded as they come.
+
+    On a device beside the CPU the next frames are traced meanwhile; on the CPU itself that would
+    only take the encoder's core from it.
+    """
+    layout, tracing = tile.layout, tracer.trace_tile(slab, tile, progress=progress)
+    frames = (chunk.frames for chunk in tracing)
+    if not tracer.device.is_cpu:
+        frames = _copied_ahead(tracing)
+    with SegmentWriter(segment, spec, layout.frame_width, layout.frame_height) as writer:
+        for some in frames:
+            writer.write(some)
+
+
+class _Elements:
+    """Adds up the outer elements that several threads have done."""
+
+    def __init__(self, callback: Callable[[int, int], None] | None, total: int):
+        self._callback, self._total, self._done = callback, total, 0
+        self._lock = threading.Lock()
+
+    def of_tile(self) -> Callable[[int, int], None] | None:
+        """What a tile is to call with (done, of its own)."""
+        if self._callback is None:
+            return None
+        before = 0
+
+        def report(done: int, _: int) -> None:
+            nonlocal before
+            with self._lock:
+                self._done += done - before
+                before = done
+                self._callback(self._done, self._total)
+
+        return report
 
 
 def _copied_ahead(tracing):
@@ -108,7 +166,7 @@ def _copied_ahead(tracing):
         chunk = next(chunks, end)
         return chunk if chunk is end else chunk.frames.copy()
 
-    with ThreadPoolExecutor(AHEAD) as pool:
+    with ThreadPoolExecutor(1) as pool:
         coming = pool.submit(following)
         while (frames := coming.result()) is not end:
             coming = pool.submit(following)

@@ -97,17 +97,35 @@ def load(path: Path):
     return scene
 
 
+def say_what_is_in(scene) -> None:
+    """How many triangles the scene has, and what was left out of it."""
+    say(f"{scene.name}: {scene.triangle_count} triangles")
+    for reason, count in scene.dropped.items():
+        say(f"{count} triangles were left out: {reason}")
+
+
 def open_tracer(scene, device: str | None):
     """A tracer of the scene, with a line of progress for its hierarchy."""
     from lfcore.opencl.device import open_device
     from lfcore.tracing.bvh import build_bvh
     from lfcore.tracing.tracer import Tracer
 
-    say(f"{scene.name}: {scene.triangle_count} triangles")
-    for reason, count in scene.dropped.items():
-        say(f"{count} triangles were left out: {reason}")
+    say_what_is_in(scene)
     opened = open_device(device)
     return Tracer(scene, build_bvh(scene.triangles), opened)
+
+
+def open_tracers(scene, device: str | None) -> list:
+    """One tracer a core, each of one thread, or a single one for a device beside the CPU."""
+    from lfcore.opencl.device import open_device
+    from lfcore.tracing.bvh import build_bvh
+    from lfcore.tracing.tracer import Tracer
+
+    say_what_is_in(scene)
+    opened, bvh = open_device(device), build_bvh(scene.triangles)
+    if not opened.is_cpu:
+        return [Tracer(scene, bvh, opened)]
+    return [Tracer(scene, bvh, open_device(device, threads=1)) for _ in range(opened.threads)]
 
 
 def recorded_camera(camera: Camera, focus: float | None, f_number: float | None) -> Camera:
@@ -170,11 +188,11 @@ def trace(arguments: argparse.Namespace) -> None:
         preset=arguments.preset,
     )
     layout = frame_layout(slab, arguments.layout, spec.pixel_format)
-    tracer = open_tracer(scene, arguments.device)
+    tracers = open_tracers(scene, arguments.device)
     arguments.output.parent.mkdir(parents=True, exist_ok=True)
     with progress(f"tracing {slab.rays:,} rays", "elements") as report:
         metadata = record(
-            arguments.output, tracer, slab, layout, spec, scene=arguments.scene, progress=report
+            arguments.output, tracers, slab, layout, spec, scene=arguments.scene, progress=report
         )
     size = os.path.getsize(arguments.output)
     say(f"wrote {arguments.output}: {len(metadata.segments)} segments, {size:,} bytes")

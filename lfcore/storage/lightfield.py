@@ -41,12 +41,14 @@ class LightField:
     """A light field file that was opened; see :meth:`open`.
 
     ``damage`` lists what was found unreadable (only with ``salvage``; else that is an error), and
-    ``count.frames`` adds up the frames decoded so far, those included that only led to others.
+    ``count.frames`` adds up the frames decoded so far, those included that only led to others;
+    ``decoded_segments`` are the numbers of the segments that they were in.
     """
 
     def __init__(self, path: Path, metadata: Metadata, keys: list[int], threads: int):
         self.path, self.metadata, self.threads = path, metadata, threads
         self.count = DecodeCount()
+        self.decoded_segments: set[int] = set()
         self.damage: list[Damage] = []
         self._salvage = False
         self._checked: set[int] = set()
@@ -149,6 +151,7 @@ class LightField:
             self.check_segment(segment)
         if start == stop:
             return
+        self.decoded_segments.add(segment)
         with closing(self._packets(part, part.first + start)) as packets:
             context, ticks = next(packets)
             layout = self.layout

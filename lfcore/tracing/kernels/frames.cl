@@ -10,11 +10,18 @@ typedef struct {
     int width, height;
 } Frames;
 
-// IEC 61966-2-1 encoding of values in [0, 1].
+// IEC 61966-2-1 encoding of values in [0, 1].  A polynomial (least largest error, 7e-6) in the fourth
+// root, of which two reciprocal square roots of the processor's give 13 bits: 0.04 of a code.
 inline vf encode_srgb(vf x)
 {
-    const vf curve = fma((vf)(1.055f), exp2_fast(log2_fast(max(x, (vf)(1.0e-9f))) * (1.0f / 2.4f)), (vf)(-0.055f));
-    return pick(12.92f * x, curve, GT(x, (vf)(0.0031308f)));
+    const vf root = native_rsqrt(native_rsqrt(max(x, (vf)(1.0e-9f))));
+    vf p = -6.814727000e-02f;
+    p = fma(p, root, (vf)(2.895329352e-01f));
+    p = fma(p, root, (vf)(-5.774826995e-01f));
+    p = fma(p, root, (vf)(1.255404424e+00f));
+    p = fma(p, root, (vf)(1.620262543e-01f));
+    p = fma(p, root, (vf)(-6.134021422e-02f));
+    return pick(12.92f * x, p, GT(x, (vf)(0.0031308f)));
 }
 
 // Codes lie in [16, 240]; adding 1.5 * 2^23 rounds to the nearest, ties to even, into the low bits.

@@ -1,0 +1,212 @@
+"""Tracing, encoding, decoding and forming planes side by side, on tiles sampled from a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from peers.method import Method, clocked
+
+from lfcore.cli.record import record_tile
+from lfcore.opencl.device import Device, open_device
+from lfcore.optics.plane_sums import total
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.refocus.slicing import CHUNK_BYTES, PlaneFormer
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.defaults import default_kind, default_pack, default_spec
+from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.storage.segment import SegmentReader, SegmentWriter
+from lfcore.tracing.tracer import Tracer
+from measured.rows import in_turn, say
+from measured.scenes import Loaded
+
+SEED = 2024
+ENCODE_LIMIT, DECODE_LIMIT, PLANES_LIMIT = 1.35, 2.0, 3.0
+
+
+@dataclass(frozen=True)
+class SampledStore:
+    """Some tiles of a light field, at the default layout and encoder settings.
+
+    ``frames`` holds what the tracer made of each, in memory; ``segments`` are files, encoded.
+    """
+
+    slab: Slab
+    spec: CodecSpec
+    tiles: list[Tile]
+    tracers: list[Tracer]
+    frames: list[np.ndarray]
+    segments: list[Path]
+    folder: Path
+
+    @property
+    def devices(self) -> list[Device]:
+        return [tracer.device for tracer in self.tracers]
+
+    @property
+    def rays(self) -> int:
+        return sum(tile.rays for tile in self.tiles)
+
+
+def sample_store(
+    loaded: Loaded, views: int, pixels: int, frames: int, folder: Path
+) -> SampledStore:
+    """Four tiles of about ``frames`` frames, one at a place drawn from a fixed seed in each
+    quarter of the picture, traced and encoded once."""
+    spec, slab = default_spec(views), Slab(loaded.scene.camera, views, pixels)
+    pack = default_pack(views)
+    layout = FrameLayout(
+        default_kind(views), views, pixels, pack=pack, pixel_format=spec.pixel_format
+    )
+    tiles = sampled_tiles(layout, frames)
+    threads = loaded.tracer.device.threads
+    tracers = [loaded.with_device(open_device(threads=1)) for _ in range(min(threads, len(tiles)))]
+    segments = [folder / f"{views}_{tile.index}.mp4" for tile in tiles]
+    made = []
+    for tile, segment in zip(tiles, segments, strict=True):
+        chunks = [chunk.frames.copy() for chunk in tracers[0].trace_tile(slab, tile)]
+        made.append(np.concatenate(chunks))
+        encode(made[-1], segment, spec, layout)
+    return SampledStore(slab, spec, tiles, tracers, made, segments, folder)
+
+
+def sampled_tiles(layout: FrameLayout, frames: int) -> list[Tile]:
+    """One tile in each quarter of the outer grid, twice as wide as high, whole blocks."""
+    half, pack = layout.outer // 2, layout.pack
+    high = max(1, min(int(np.sqrt(frames / 2)), half // pack // 2))
+    rng, tiles = np.random.default_rng(SEED), []
+    for quarter in range(4):
+        low = np.array(divmod(quarter, 2)[::-1]) * half
+        free = (half - np.array([2 * high, high]) * pack) // pack
+        corner = (low + rng.integers(0, np.maximum(free, 0) + 1) * pack) // pack * pack
+        tiles.append(layout.tile(*corner.tolist(), 2 * high * pack, high * pack, quarter))
+    return tiles
+
+
+def encode(frames: np.ndarray, path: Path, spec: CodecSpec, layout: FrameLayout) -> None:
+    with SegmentWriter(path, spec, layout.frame_width, layout.frame_height) as writer:
+        writer.write(frames)
+
+
+def side_by_side(count: int, jobs: Sequence, work: Callable) -> list:
+    """``work(worker, job)`` of every job; ``count`` workers take the next one when free."""
+    free = list(range(count))
+
+    def one(job):
+        worker = free.pop()
+        try:
+            return work(worker, job)
+        finally:
+            free.append(worker)
+
+    with ThreadPoolExecutor(count) as pool:
+        return list(pool.map(one, jobs))
+
+
+def together(loaded: Loaded, store: SampledStore, repeats: int) -> list[dict]:
+    """Tracing and encoding against the encoder alone, fed the same frames from memory; both
+    encode as many segments at a time as there are threads."""
+    count, layout = len(store.tracers), store.tiles[0].layout
+    scratch = [store.folder / f"again_{tile.index}.mp4" for tile in store.tiles]
+
+    def encoding(worker: int, k: int) -> None:
+        encode(store.frames[k], scratch[k], store.spec, layout)
+
+    def tracing(worker: int, k: int) -> None:
+        for _ in store.tracers[worker].trace_tile(store.slab, store.tiles[k]):
+            pass
+
+    def both(worker: int, k: int) -> None:
+        tracer = store.tracers[worker]
+        record_tile(tracer, store.slab, store.tiles[k], scratch[k], store.spec)
+
+    every = range(len(store.tiles))
+    methods = [
+        _method(name, store.rays, lambda work=work: side_by_side(count, every, work))
+        for name, work in (("encode", encoding), ("trace", tracing), ("trace and encode", both))
+    ]
+    rows = _rows(loaded, store, in_turn(methods, repeats), "encode", count)
+    rows[2] |= _judged(rows[2], ENCODE_LIMIT)
+    video = sum(path.stat().st_size for path in store.segments)
+    rows[0]["bits_per_ray"] = 8 * video / store.rays
+    return rows
+
+
+def retrieval(loaded: Loaded, store: SampledStore, repeats: int) -> list[dict]:
+    """Decoding alone, with 10 planes and with 100 planes formed of the frames."""
+    count, camera = len(store.tracers), store.slab.camera
+    distances = loaded.scene.focus_distances_m
+    stack = {n: _planes(camera, distances, n) for n in (10, 100)}
+    chunk = max(1, CHUNK_BYTES // store.tiles[0].layout.frame_bytes)
+
+    def decoding(worker: int, k: int) -> None:
+        for _ in SegmentReader(store.segments[k]).frames(chunk=chunk):
+            pass
+
+    def forming(planes: list[SensorPlane], worker: int, k: int):
+        former, first = PlaneFormer(store.slab, store.tiles[k], planes, store.devices[worker]), 0
+        for frames in SegmentReader(store.segments[k]).frames(chunk=chunk):
+            former.add(frames, first)
+            first += len(frames)
+        return former.plane_sums()
+
+    every = range(len(store.tiles))
+    methods = [_method("decode", store.rays, lambda: side_by_side(count, every, decoding))]
+    for n, planes in stack.items():
+        methods.append(_method(f"decode and {n} planes", store.rays, lambda planes=planes: total(
+            store.slab, planes, side_by_side(count, every, lambda w, k: forming(planes, w, k))
+        )))  # fmt: skip
+    runs = in_turn(methods, repeats)
+    rows = _rows(loaded, store, runs, "decode", count)
+    rows[1] |= _judged(rows[1], DECODE_LIMIT)
+    tens = {name: found for name, found in runs.items() if name != "decode"}
+    rows[2] = _rows(loaded, store, tens, "decode and 10 planes", count)[1]
+    rows[2] |= _judged(rows[2], PLANES_LIMIT)
+    return rows
+
+
+def _planes(camera, distances: Sequence[float], count: int) -> list[SensorPlane]:
+    """The whole lens, focused evenly in dioptres over the scene's focus distances."""
+    dioptres = np.linspace(1 / min(distances), 1 / max(distances), count)
+    return [SensorPlane(float(1 / d), camera.f_number) for d in dioptres]
+
+
+def _method(name: str, rays: int, work: Callable) -> Method:
+    return Method(name, "store", lambda: clocked(work, rays))
+
+
+def _rows(loaded: Loaded, store: SampledStore, runs: dict, base: str, threads: int) -> list[dict]:
+    """Medians; ratios are medians of each round's, so that a disturbance meets both sides."""
+    rows = []
+    for name, found in runs.items():
+        pairs = list(zip(found, runs[base], strict=True))
+        rows.append({
+            "part": "speed",
+            "scene": loaded.name,
+            "N": store.slab.views,
+            "M": store.slab.pixels,
+            "what": name,
+            "threads": threads,
+            "mrays_per_second": _median(run.rays / run.seconds / 1e6 for run in found),
+            "mrays_per_core_second": _median(run.rays / run.cpu_seconds / 1e6 for run in found),
+            "against": base,
+            "ratio": _median(one.seconds / other.seconds for one, other in pairs),
+            "core_ratio": _median(one.cpu_seconds / other.cpu_seconds for one, other in pairs),
+        })  # fmt: skip
+    say(f"{loaded.name} N = {store.slab.views}: " + ", ".join(
+        f"{row['what']} {row['mrays_per_core_second']:.0f}" for row in rows
+    ) + " million rays a core-second")  # fmt: skip
+    return rows
+
+
+def _judged(row: dict, limit: float) -> dict:
+    """By the clock that other programs disturb less: CPU time."""
+    return {"limit": limit, "holds": row["core_ratio"] <= limit}
+
+
+def _median(values) -> float:
+    return float(np.median(list(values)))

@@ -1,0 +1,131 @@
+"""Memory of recording and retrieving at several N, and the cost of random access: whole files."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.storage.lightfield import LightField
+from measured.rows import say
+from measured.scenes import SCENES
+
+ROOT = Path(__file__).resolve().parents[2]
+GROWTH_LIMIT = 1.25
+JOB = """
+import json, resource, sys
+from pathlib import Path
+from lfcore.cli.record import codec_spec, frame_layout, record
+from lfcore.cli.render import load, open_tracers
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.refocus.slicing import form_planes
+what, scene, path = sys.argv[1], Path(sys.argv[2]), sys.argv[5]
+views, pixels = map(int, sys.argv[3:5])
+scene_ = load(scene)
+if what == "record":
+    slab = Slab(scene_.camera, views, pixels)
+    spec = codec_spec(views)
+    layout = frame_layout(slab, None, spec.pixel_format)
+    record(Path(path), open_tracers(scene_, None), slab, layout, spec, scene=scene)
+elif what == "retrieve":
+    camera = scene_.camera
+    planes = [SensorPlane(d, camera.f_number) for d in scene_.focus_distances_m]
+    form_planes(path, (planes * 10)[:10])
+print(json.dumps(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024))
+"""
+
+
+def memory(scene: str, views: list[int], pixels: int, folder: Path) -> list[dict]:
+    """Peak resident memory of a process of its own for each N; the files stay in ``folder``."""
+    rows = []
+    for what in ("record", "retrieve"):
+        first = None
+        for n in views:
+            peak = _peak_mib(what, scene, n, pixels, file_of(folder, n))
+            first = peak if first is None else first
+            say(f"{what} N = {n}: {peak:.0f} MiB")
+            rows.append({
+                "part": "memory", "scene": scene, "N": n, "M": pixels, "what": what,
+                "peak_mib": peak, "against": f"N = {views[0]}", "ratio": peak / first,
+                "limit": GROWTH_LIMIT, "holds": peak / first <= GROWTH_LIMIT,
+            })  # fmt: skip
+    return rows
+
+
+def file_of(folder: Path, views: int) -> Path:
+    return folder / f"N{views}.mkv"
+
+
+def _peak_mib(what: str, scene: str, views: int, pixels: int, path: Path) -> float:
+    arguments = [what, SCENES / scene / "scene.yaml", views, pixels, path]
+    done = subprocess.run(
+        [sys.executable, "-c", JOB, *map(str, arguments)],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        sys.exit(f"{what} at N = {views} failed: {done.stderr[-2000:]}")
+    return float(json.loads(done.stdout.splitlines()[-1]))
+
+
+def random_access(scene: str, views: list[int], folder: Path) -> list[dict]:
+    """One view, one macropixel and a rectangle of (u, v) of each file, opened afresh."""
+    rows = []
+    for n in views:
+        path = file_of(folder, n)
+        for what, read in _reads(LightField.open(path)):
+            field = LightField.open(path)
+            begun = time.perf_counter()
+            picture = read(field)
+            seconds = time.perf_counter() - begun
+            touched = sorted(field.decoded_segments)
+            size = sum(field.metadata.segments[k].bytes for k in touched)
+            whole = field.layout.frame_bytes * field.metadata.frames
+            rows.append({
+                "part": "random access", "scene": scene, "N": n, "M": field.layout.pixels,
+                "what": what, "seconds": seconds, "segments": len(touched),
+                "segments_of": len(field.segments), "frames_decoded": field.count.frames,
+                "frames_needed": _needed(field, what), "frames_of": field.metadata.frames,
+                "kib_of_segments": size / 1024, "pixels": int(np.prod(picture.shape[:-1])),
+                "share_of_raw": picture.nbytes / whole,
+            })  # fmt: skip
+            say(f"N = {n} {what}: {seconds * 1e3:.1f} ms, {field.count.frames} frames")
+    return rows
+
+
+def _reads(field: LightField) -> list[tuple]:
+    size, views = field.layout.pixels, field.layout.views
+    u, v = size * 3 // 5, size * 2 // 3
+    side = max(1, size // 8)
+    return [
+        ("macropixel", lambda f: f.macropixel(u, v)),
+        (f"rectangle {side} x {side}", lambda f: f.rectangle(u, v, u + side, v + side)),
+        ("view", lambda f: f.view(views // 3, views // 2)),
+    ]
+
+
+def _needed(field: LightField, what: str) -> int:
+    """Frames that hold a ray asked for: those that a store of single pictures would read."""
+    layout = field.layout
+    if (what == "view") == (layout.kind == "views"):
+        return 1
+    if what == "view":
+        return field.metadata.frames
+    if layout.kind == "views":
+        return layout.views**2
+    if what == "macropixel":
+        return 1
+    size, side = layout.pixels, max(1, layout.pixels // 8)
+    spans = [
+        (low + side - 1) // layout.pack - low // layout.pack + 1
+        for low in (size * 3 // 5, size * 2 // 3)
+    ]
+    return spans[0] * spans[1]
