@@ -6,7 +6,6 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from lfcore.scene.colour import srgb_to_linear
@@ -60,6 +59,12 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         "VERTEX_COLOURS": int(needs.vertex_colours),
         "SPECULAR": int(needs.specular),
         "EMISSION": int(needs.emission),
+        "AMBIENT": int(needs.ambient),
+        "BACKGROUND": int(needs.background),
+        "FALLOFF": int(needs.falloff),
+        "COLOURED_LIGHTS": int(needs.coloured_lights),
+        "POINT_LIGHTS": int(needs.point_lights > 0),
+        "DIRECTIONAL_LIGHTS": int(needs.directional_lights > 0),
         "OPEN_LIGHTS": len(lights) - shadows,
         "SHADOW_LIGHTS": shadows,
     }
@@ -116,6 +121,8 @@ def pack_textures(
 
 def _mip_chain(texture: np.ndarray) -> Iterator[np.ndarray]:
     """Linear float32 (H, W, 3), then halves of it down to one texel."""
+    import cv2  # loaded for textures alone
+
     decode = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)
     linear = decode[texture]
     yield linear

@@ -281,6 +281,10 @@ class Tracer:
         cl.enqueue_copy(device.queue, words, answer)
         return device.empty(4 * int(words[0]) * device.threads)
 
+    def scratch_bytes(self, slab: Slab, tile, planes=(), *, frames: bool = True) -> int:
+        """Device memory that workers hold while such a tile is traced."""
+        return _TileJob(self, slab, tile, list(planes), frames).scratch.size
+
     def _workers(self, beams: int) -> int:
         return max(1, min(self.device.threads, beams * 64))
 

@@ -6,7 +6,7 @@ import pandas as pd
 
 from lfcore.evaluation.captions import fill
 from lfcore.evaluation.files import read_json
-from lfcore.evaluation.left_out import COLUMNS
+from lfcore.evaluation.left_out.bench import COLUMNS
 from lfcore.evaluation.tables import write_csv, write_markdown
 from workflow.job import job
 

@@ -7,7 +7,7 @@ from lfcore.evaluation.timing import Stopwatch, machine
 from lfcore.opencl.device import open_device
 from lfcore.optics.slab import Slab
 from lfcore.scene.files import load_scene
-from lfcore.storage.segment import SegmentWriter
+from lfcore.tracing import reach
 from lfcore.tracing.bvh import load_bvh
 from lfcore.tracing.tracer import Tracer
 from workflow import cases
@@ -26,7 +26,8 @@ with job(snakemake):
     with watch.part("set_up"):
         scene = load_scene(snakemake.input.scene)
         device = open_device(params.device or None, threads=snakemake.threads)
-        tracer = Tracer(scene, load_bvh(snakemake.input.bvh), device)
+        # What these rays and their shadows cannot meet is not sent to the device.
+        tracer = Tracer(*reach.lean(scene, load_bvh(snakemake.input.bvh), scene.camera), device)
         slab = Slab(scene.camera, int(snakemake.wildcards.n), params.spatial_resolution)
         tile = cases.tiles(params, slab.views)[int(snakemake.wildcards.tile)]
         planes = cases.sensor_planes(params.planes, scene.camera, scene.focus_distances_m)
@@ -35,6 +36,8 @@ with job(snakemake):
         )
     writing = nullcontext()
     if params.store:
+        from lfcore.storage.segment import SegmentWriter  # no codecs where nothing is stored
+
         size = tile.layout.frame_width, tile.layout.frame_height
         writing = SegmentWriter(output.segment, cases.codec_spec(params, slab.views), *size)
     with watch.part("trace_and_encode"), writing as writer:

@@ -4,10 +4,10 @@
 #include "beam.cl"
 #include "shadows.cl"
 
-#define LIT (SHADOW_LIGHTS ? SHADOW_LIGHTS : 1)
 #ifndef SHADOW_LIST
-#define SHADOW_LIST 4
+#define SHADOW_LIST 0
 #endif
+#define SHADOWED (SHADOW_LIGHTS > 0)
 
 // A worker's own memory.
 typedef struct {
@@ -22,7 +22,8 @@ typedef struct {
 } Easel;
 
 #define EASEL_WORDS                                                                                    \
-    (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST + 7 * SHADOW_LIST + (6 + 4 * LIT + SURFACE_PLANES + 1 + 3) * BLOCK_RAYS)
+    (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST + 7 * SHADOW_LIST +                                       \
+     (3 + 3 * SHADOWED + 4 * SHADOW_LIGHTS + SURFACE_PLANES + 1 + 3) * BLOCK_RAYS)
 
 // Divide `memory`, of EASEL_WORDS words.
 inline Easel make_easel(global uint *memory)
@@ -39,9 +40,9 @@ inline Easel make_easel(global uint *memory)
     e.occluders.leaf = TAKE(int, SHADOW_LIST);
     e.occluders.pitch = SHADOW_LIST;
     e.colours.base = TAKE(float, 3 * BLOCK_RAYS);
-    e.colours.point = TAKE(float, 3 * BLOCK_RAYS);
-    e.colours.lit = TAKE(float, 3 * LIT * BLOCK_RAYS);
-    e.colours.wants = TAKE(int, LIT * BLOCK_RAYS);
+    e.colours.point = TAKE(float, 3 * SHADOWED * BLOCK_RAYS);
+    e.colours.lit = TAKE(float, 3 * SHADOW_LIGHTS * BLOCK_RAYS);
+    e.colours.wants = TAKE(int, SHADOW_LIGHTS * BLOCK_RAYS);
     e.surfaces = TAKE(float, SURFACE_PLANES * BLOCK_RAYS);
     e.finishes = TAKE(int, BLOCK_RAYS);
     e.spare = TAKE(int, 3 * BLOCK_RAYS);

@@ -5,13 +5,20 @@
 // would add to buffers of their own, for shadows.cl to take back.
 //
 // Compiled in only where the scene needs it: SMOOTH (interpolated normals), TEXTURED, VERTEX_COLOURS,
-// SPECULAR, EMISSION; OPEN_LIGHTS and SHADOW_LIGHTS count the lights without and with shadows.
+// SPECULAR, EMISSION, AMBIENT, BACKGROUND; OPEN_LIGHTS and SHADOW_LIGHTS count the lights without and with
+// shadows; POINT_LIGHTS and DIRECTIONAL_LIGHTS: some light is of that kind, FALLOFF: some falls off with
+// distance, COLOURED_LIGHTS: some is not grey.
 #ifndef LFCORE_SHADING_CL
 #define LFCORE_SHADING_CL
 #include "visibility.cl"
 #include "texture.cl"
 
 #define LIGHTS (OPEN_LIGHTS + SHADOW_LIGHTS)
+#if POINT_LIGHTS && DIRECTIONAL_LIGHTS
+#define IS_POINT(light) ((light)[3] != 0.0f)
+#else
+#define IS_POINT(light) POINT_LIGHTS
+#endif
 #define ATTRIBUTES (9 * SMOOTH + 6 * TEXTURED + 9 * VERTEX_COLOURS)
 #define MATERIAL 12
 #define LIGHT 8
@@ -228,11 +235,13 @@ inline Colour light_row(global const float *light, const Finish *f, Colour albed
 {
     Vec l = {light[0], light[1], light[2]};
     vf strength = 1.0f;
-    if (light[3] != 0.0f) {
+    if (IS_POINT(light)) {
         l.x -= point.x; l.y -= point.y; l.z -= point.z;
         const vf inverse = inverse_sqrt(dot3(l, l));
         l = scale3(l, inverse);
+#if FALLOFF
         if (light[7] > 0.0f) strength = light[7] * inverse * (light[7] * inverse);
+#endif
     }
     const vf cosine = dot3(normal, l);
     *facing = GT(cosine, (vf)(0.0f));
@@ -249,7 +258,12 @@ inline Colour light_row(global const float *light, const Finish *f, Colour albed
         c.b = fma(gloss, (vf)(f->specular.z), c.b);
     }
 #endif
+#if COLOURED_LIGHTS
     c.r *= light[4]; c.g *= light[5]; c.b *= light[6];
+#else
+    const float grey = light[4];
+    c.r *= grey; c.g *= grey; c.b *= grey;
+#endif
     return c;
 }
 
@@ -261,7 +275,11 @@ inline void shade_row(const Surfaces *s, const Finish *f, const Surface *p, cons
     const Vec view = scale3(direction, -inverse_sqrt(dot3(direction, direction)));
     const Vec normal = viewed_normal(p->normal, direction);
     const Colour colour = albedo(s, f, p);
+#if AMBIENT
     Colour base = {colour.r * s->ambient.x, colour.g * s->ambient.y, colour.b * s->ambient.z};
+#else
+    Colour base = {0.0f, 0.0f, 0.0f};
+#endif
 #if EMISSION
     base.r += f->emission.x; base.g += f->emission.y; base.b += f->emission.z;
 #endif
@@ -285,7 +303,11 @@ inline void shade_row(const Surfaces *s, const Finish *f, const Surface *p, cons
 
 inline void clear_block(const Surfaces *s, const BlockColours *out)
 {
+#if BACKGROUND
     const Colour background = {s->background.x, s->background.y, s->background.z};
+#else
+    const Colour background = {0.0f, 0.0f, 0.0f};
+#endif
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         store_row(out->base, at, background, (vi)(-1));
         for (int k = 0; k < SHADOW_LIGHTS; ++k) VSTORE((vi)(0), out->wants + k * BLOCK_RAYS + at);

@@ -34,7 +34,7 @@ inline void touch(Shaft *shaft, int plane, float na, float nb, float limit, floa
 inline Shaft make_shaft(global const float *light, const float *lo, const float *hi)
 {
     Shaft shaft;
-    const int is_point = light[3] != 0.0f;
+    const int is_point = IS_POINT(light);
     float size = 0.0f;
     for (int k = 0; k < 3; ++k) {
         size = max(size, max(fabs(lo[k]), fabs(hi[k])));
@@ -350,7 +350,7 @@ inline ShadowRays shadow_rays(global const float *light, const float *lo, const 
 {
     ShadowRays r;
     const float3 low = vload3(0, lo), high = vload3(0, hi), l = vload3(0, light);
-    r.is_point = light[3] != 0.0f;
+    r.is_point = IS_POINT(light);
     r.apex = r.is_point ? l : 0.5f * (low + high);
     r.towards = l;
     r.centre = 0.5f * (low + high) - r.apex;

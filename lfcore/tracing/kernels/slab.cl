@@ -4,7 +4,7 @@
 #include "planes.cl"
 #include "frames.cl"
 
-#define SCRATCH_WORDS (EASEL_WORDS + TABLE_WORDS)
+#define SCRATCH_WORDS (EASEL_WORDS + PLANES * TABLE_WORDS)
 
 kernel void scratch_words(global int *words) { *words = SCRATCH_WORDS; }
 

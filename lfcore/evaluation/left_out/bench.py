@@ -1,0 +1,99 @@
+"""Programs with and without something, on the same rays in the same run."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.evaluation.timing import Timing
+from lfcore.opencl.device import Device
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.scene.model import Scene
+from lfcore.storage.layout import FrameLayout
+from lfcore.tracing.bvh import Bvh
+from lfcore.tracing.surfaces import pack_surfaces
+from lfcore.tracing.tracer import Tracer
+
+COLUMNS = (
+    "scene", "feature", "what", "seconds_full", "seconds_left_out", "bytes_saved", "identical",
+)  # fmt: skip
+
+
+@dataclass
+class Bench:
+    """A scene, and the rays that all of its programs trace."""
+
+    scene: Scene
+    bvh: Bvh
+    device: Device
+    slab: Slab
+    repeats: int
+
+    @property
+    def plane(self) -> SensorPlane:
+        """The recorded picture through the whole lens."""
+        camera = self.slab.camera
+        return SensorPlane(camera.focus_distance_m, camera.f_number)
+
+    @property
+    def tile(self):
+        layout = FrameLayout("macropixels", self.slab.views, self.slab.pixels)
+        return layout.tile(0, 0, self.slab.pixels, self.slab.pixels)
+
+    def run(self, tracer: Tracer, planes, *, frames: bool) -> tuple[list[np.ndarray], np.ndarray]:
+        """Frames, copied, and plane sums of the whole slab."""
+        tracing = tracer.trace_tile(self.slab, self.tile, planes, frames=frames)
+        made = [chunk.frames.copy() for chunk in tracing]
+        return made, tracing.plane_sums.sums
+
+    def tracing(self, tracer: Tracer, planes, *, frames: bool) -> Callable[[], None]:
+        """Work to be timed: the whole slab."""
+
+        def work():
+            for _ in tracer.trace_tile(self.slab, self.tile, planes, frames=frames):
+                pass
+
+        return work
+
+    def row(self, feature: str, what: str, full, lean, saved: int, identical: bool) -> dict:
+        """A row of the report; ``full`` and ``lean`` take turns under the clock."""
+        full_seconds, lean_seconds = in_turn(full, lean, self.repeats)
+        return {
+            "feature": feature,
+            "what": what,
+            "seconds_full": full_seconds,
+            "seconds_left_out": lean_seconds,
+            "bytes_saved": int(saved),
+            "identical": identical,
+        }
+
+
+def in_turn(full, lean, repeats: int) -> tuple[float, float]:
+    """Median seconds of two pieces of work that take turns, after one unseen run of each."""
+
+    seconds: tuple[list[float], list[float]] = ([], [])
+    for repeat in range(-1, repeats):
+        for work, taken in zip((full, lean), seconds, strict=True):
+            begun = time.perf_counter()
+            work()
+            if repeat >= 0:
+                taken.append(time.perf_counter() - begun)
+    return tuple(Timing(tuple(taken)).median for taken in seconds)
+
+
+def same(one: Iterable[np.ndarray], other: Iterable[np.ndarray]) -> bool:
+    """Whether arrays agree to the last bit."""
+    one, other = list(one), list(other)
+    return len(one) == len(other) and all(map(np.array_equal, one, other))
+
+
+def scene_bytes(tracer: Tracer, bvh: Bvh) -> int:
+    """Bytes of a scene's buffers on the device: surfaces and hierarchy."""
+    s = pack_surfaces(tracer.scene, tracer.needs)
+    arrays = (s.corners, s.attributes, s.material_ids, s.materials, s.lights, s.images, s.texels)
+    tree = (bvh.boxes, bvh.children, bvh.leaves, bvh.leaf_ids)
+    return sum(array.nbytes for array in (*arrays, *tree))

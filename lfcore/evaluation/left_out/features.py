@@ -1,0 +1,92 @@
+"""What the kernels can leave out: every field of :class:`Needs` has its place in :data:`FEATURES`.
+
+The *full* program has the feature compiled in and its buffers filled with what changes nothing:
+white vertex colours, a light of no strength, black highlights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lfcore.scene.model import DIRECTIONAL, Light, Scene
+from lfcore.scene.needs import Needs
+
+NO_LIGHT = 1e-30
+"""Strength of the light that a full program has too many: not black, and adds nothing."""
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A feature that a scene may lack.
+
+    Attributes
+    ----------
+    field : of :class:`Needs`.
+    defines : of the kernels that it switches.
+    what : what is left out without it.
+    fill : the same scene with data of the feature that change nothing, to run it in full.
+    """
+
+    field: str
+    defines: tuple[str, ...]
+    what: str
+    fill: Callable[[Scene], Scene] = lambda scene: scene
+
+    def missing(self, needs: Needs) -> bool:
+        """Whether a scene of these needs lacks it."""
+        return not getattr(needs, self.field)
+
+
+def _white_corners(scene: Scene) -> Scene:
+    return replace(scene, colours=np.ones((scene.triangle_count, 3, 3), np.float32))
+
+
+def _flat_normals(scene: Scene) -> Scene:
+    p, q, r = scene.triangles.astype(float).swapaxes(0, 1)
+    normal = np.cross(q - p, r - p)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    normals = np.repeat(normal[:, None], 3, axis=1).astype(np.float32)
+    return replace(scene, normals=normals)
+
+
+def _unused_texture(scene: Scene) -> Scene:
+    uvs = np.zeros((scene.triangle_count, 3, 2), np.float32)
+    return replace(scene, uvs=uvs, textures=[np.full((2, 2, 3), 255, np.uint8)])
+
+
+def _idle_light(*, shadows: bool) -> Callable[[Scene], Scene]:
+    light = Light(DIRECTIONAL, (0.0, -1.0, 0.0), (NO_LIGHT,) * 3, casts_shadows=shadows)
+    return lambda scene: replace(scene, lights=[*scene.lights, light])
+
+
+FEATURES = (
+    Feature("textures", ("TEXTURED",), "texture coordinates, texels, and their lookup",
+            _unused_texture),
+    Feature("smooth_normals", ("SMOOTH",), "corner normals and their interpolation",
+            _flat_normals),
+    Feature("vertex_colours", ("VERTEX_COLOURS",), "corner colours and their interpolation",
+            _white_corners),
+    Feature("specular", ("SPECULAR",), "highlights: half vector and power"),
+    Feature("emission", ("EMISSION",), "glow of materials"),
+    Feature("ambient", ("AMBIENT",), "ambient light"),
+    Feature("background", ("BACKGROUND",), "colour of rays that meet nothing"),
+    Feature("shadows", ("SHADOW_LIGHTS", "DIRECTIONAL_LIGHTS"),
+            "shadow rays, hit points and what is lit while nothing is in between",
+            _idle_light(shadows=True)),
+    Feature("directional_lights", ("OPEN_LIGHTS", "DIRECTIONAL_LIGHTS"),
+            "a directional light without shadows, and the question of each light's kind",
+            _idle_light(shadows=False)),
+    Feature("point_lights", ("POINT_LIGHTS",), "the question of each light's kind"),
+    Feature("falloff", ("FALLOFF",), "fall-off with the distance of the light"),
+    Feature("coloured_lights", ("COLOURED_LIGHTS",), "two of the three factors of a grey light"),
+)  # fmt: skip
+
+
+def full_needs(filled: Scene, field: str) -> Needs:
+    """Needs of the scene filled with a feature, the feature switched on whatever it finds."""
+    needs = Needs.of(filled)
+    value = getattr(needs, field)
+    return replace(needs, **{field: value or type(value)(True)})
