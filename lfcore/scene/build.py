@@ -15,8 +15,10 @@ from lfcore.scene.colour import parse_colour
 from lfcore.scene.description import check, complete, read_description
 from lfcore.scene.meshes import load_mesh, read_texture
 from lfcore.scene.model import DIRECTIONAL, POINT, Light, Scene
+from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.parts import Part, transform_all
 from lfcore.scene.transforms import parse_transform
+from lfcore.scene.view import View, lightfield_view
 
 DESCRIPTIONS = (".yaml", ".yml")
 PBRT = (".pbrt", ".pbrt.gz")
@@ -69,10 +71,21 @@ def build(description: dict, *, file: str | Path, name: str) -> Scene:
     """The scene of a checked and completed description; paths are relative to ``file``."""
     file = Path(file)
     parts: list[Part] = []
+    moving: list[Moving] = []
     for index, entry in enumerate(description["objects"]):
-        parts += _object(entry, file=file, key=f"objects[{index}]")
-    camera, to_camera = framing.place_camera(description["camera"], parts, file=file)
-    geometry = assemble(parts, to_camera)
+        key = f"objects[{index}]"
+        made = _object(entry, file=file, key=key)
+        if "motion" in entry:
+            poses = _poses(entry, file, key)
+            moving += [(part, poses) for part in made]
+        else:
+            parts += made
+    every = parts + [part for part, _ in moving]
+    camera, to_camera = framing.place_camera(description["camera"], every, file=file)
+    geometry = assemble(every, to_camera)
+    view = _view(description["camera"], file)
+    if view:
+        camera = view.camera
     if not len(geometry.triangles):
         raise SceneError(
             f"the scene is empty: every triangle was dropped ({geometry.dropped})",
@@ -85,6 +98,8 @@ def build(description: dict, *, file: str | Path, name: str) -> Scene:
     return Scene(
         name=name,
         camera=camera,
+        view=view,
+        motions=_motions(geometry, parts, moving, to_camera),
         lights=_lights(description, to_camera, file),
         ambient=parse_colour(description["ambient"]),
         background=parse_colour(description["background"]),
@@ -101,6 +116,62 @@ def _check_focus_distances(distances: list[float], focal_length_m: float, file: 
             check_focus(distance, focal_length_m, key=f"focus_distances_m[{index}]")
         except OpticsError as error:
             raise SceneError(error.problem, file=file, key=error.key, remedy=error.remedy) from None
+
+
+def _poses(entry: dict, file: Path, key: str) -> tuple[np.ndarray, np.ndarray]:
+    """(4, 4) object-to-world at shutter open and close."""
+    steps = {name: entry.get(name, []) for name in ("transform", "motion")}
+    start, move = (parse_transform(steps[name], file=file, key=f"{key}.{name}") for name in steps)
+    if not is_rigid(start, start @ move):
+        raise SceneError(
+            "moves an object otherwise than rigidly",
+            file=file,
+            key=f"{key}.motion",
+            remedy="Use translate_m and rotate alone",
+        )
+    return start, start @ move
+
+
+def _motions(geometry, parts: list[Part], moving: list[Moving], to_camera: np.ndarray):
+    """Motions in camera space of parts in world space."""
+    if not moving:
+        return ()
+    placed = [
+        (part.transformed(to_camera), tuple(to_camera @ pose for pose in poses))
+        for part, poses in moving
+    ]
+    return motions(geometry, transform_all(parts, to_camera), placed)
+
+
+def _view(camera: dict, file: Path) -> View | None:
+    """The camera array of a checked ``camera`` mapping, if it asks for one."""
+    wanted = camera.get("lightfield")
+    if wanted is None:
+        return None
+    key = "camera.lightfield"
+    if wanted["shutter"][1] < wanted["shutter"][0]:
+        raise SceneError(
+            f"closes at {wanted['shutter'][1]:g}, before it opens",
+            file=file,
+            key=f"{key}.shutter",
+            remedy="Give when it opens, then when it closes",
+        )
+    try:
+        return lightfield_view(
+            wanted["film_px"],
+            float(wanted["fov_deg"]),
+            wanted["cameras_per_dim"],
+            wanted["camera_grid_bounds_m"],
+            wanted["spacing"],
+            tuple(map(float, wanted["shutter"])),
+            wanted["samples_per_pixel"],
+        )
+    except OpticsError as error:
+        names = {"bounds": "camera_grid_bounds_m", "cameras": "cameras_per_dim"}
+        name = names.get(error.key, error.key)
+        raise SceneError(
+            error.problem, file=file, key=f"{key}.{name}", remedy=error.remedy
+        ) from None
 
 
 def _object(entry: dict, *, file: Path, key: str) -> list[Part]:

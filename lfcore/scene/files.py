@@ -11,12 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.errors import SceneError
+from lfcore.errors import OpticsError, SceneError
 from lfcore.optics.camera import Camera
-from lfcore.scene.model import Light, Material, Scene
+from lfcore.scene.model import Light, Material, Motion, Scene
 from lfcore.scene.needs import Needs
+from lfcore.scene.notes import Note
+from lfcore.scene.view import View
 
-FORMAT = "lfcore scene 1"
+FORMAT = "lfcore scene 2"
 ARRAYS = {
     "triangles": (np.float32, (3, 3)),
     "normals": (np.float32, (3, 3)),
@@ -59,6 +61,12 @@ def _header(scene: Scene) -> dict:
         "dropped": scene.dropped,
         "focus_distances_m": scene.focus_distances_m,
         "triangles": scene.triangle_count,
+        "view": scene.view.to_json() if scene.view else None,
+        "motions": [
+            [motion.first, motion.count, motion.start.tolist(), motion.end.tolist()]
+            for motion in scene.motions
+        ],
+        "notes": [[note.kind, str(note.file), note.line, note.what] for note in scene.notes],
     }
 
 
@@ -82,7 +90,7 @@ def _read(path: str | Path, reader):
         ) from None
     except (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise _damaged(path, error) from error
-    except zipfile.BadZipFile as error:
+    except (zipfile.BadZipFile, OpticsError) as error:
         raise _damaged(path, error) from error
 
 
@@ -128,6 +136,14 @@ def _scene(archive, path: str | Path) -> Scene:
         background=tuple(header["background"]),
         dropped=header["dropped"],
         focus_distances_m=tuple(header["focus_distances_m"]),
+        view=View.from_json(header["view"]) if header["view"] else None,
+        motions=tuple(
+            Motion(first, count, np.array(start), np.array(end))
+            for first, count, start, end in header["motions"]
+        ),
+        notes=tuple(
+            Note(kind, Path(file), line, what) for kind, file, line, what in header["notes"]
+        ),
         **arrays,
     )
 

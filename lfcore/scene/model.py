@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lfcore.optics.camera import Camera
+from lfcore.scene.notes import Note, summary
+from lfcore.scene.view import View
 
 POINT, DIRECTIONAL = 0, 1
 
@@ -48,6 +50,33 @@ class Light:
     casts_shadows: bool = True
 
 
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Triangles ``first .. first + count`` move rigidly.
+
+    ``start`` and ``end`` are (4, 4) float64 poses in camera space at shutter open and close; the
+    scene's arrays hold the triangles at shutter open.
+    """
+
+    first: int
+    count: int
+    start: np.ndarray
+    end: np.ndarray
+
+    def pose(self, time: float) -> np.ndarray:
+        """(4, 4) that moves the stored triangles to ``time`` in [0, 1] of the shutter."""
+        from scipy.spatial.transform import Rotation, Slerp  # seldom needed, slow to import
+
+        move = self.end @ np.linalg.inv(self.start)
+        turn = Slerp([0.0, 1.0], Rotation.from_matrix(np.stack([np.eye(3), move[:3, :3]])))(time)
+        # Objects turn about their own origin, not about the camera.
+        pivot = self.start[:3, 3]
+        matrix = np.eye(4)
+        matrix[:3, :3] = turn.as_matrix()
+        matrix[:3, 3] = pivot + time * (self.end[:3, 3] - pivot) - matrix[:3, :3] @ pivot
+        return matrix
+
+
 @dataclass(frozen=True)
 class Scene:
     """Everything a ray can meet.
@@ -66,6 +95,10 @@ class Scene:
     dropped : counts of triangles left out on loading, by reason (``"not finite"``,
         ``"zero area"``, ...).
     focus_distances_m : distances that show the focal stack, near to far, metres.
+    view : the film and pinholes that the scene's own camera asks for (pbrt's cameras and
+        scene.yaml's ``lightfield``); None where the square picture of ``camera`` is all there is.
+    motions : triangles that move while the shutter is open.
+    notes : what could not be mapped exactly from another program's format, with file and line.
     """
 
     name: str
@@ -82,7 +115,14 @@ class Scene:
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     dropped: dict[str, int] = field(default_factory=dict)
     focus_distances_m: tuple[float, ...] = ()
+    view: View | None = None
+    motions: tuple[Motion, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     @property
     def triangle_count(self) -> int:
         return len(self.triangles)
+
+    def summary(self) -> str:
+        """The notes as text, one a line, what is missing first."""
+        return summary(self.notes)

@@ -13,6 +13,7 @@ import trimesh
 
 from lfcore.errors import SceneError
 from lfcore.scene.model import DIRECTIONAL, POINT
+from lfcore.scene.motion import scene_at
 from lfcore.scene.pbrt import build_pbrt_scene
 
 HEAD = 'LookAt 0 0 0  0 0 1  0 1 0\nCamera "perspective" "float fov" [60]\n'
@@ -437,17 +438,17 @@ def test_rigid_motion(read):
     scene = read(world)
     (motion,) = scene.motions
     assert (motion.first, motion.count) == (1, 1)
-    np.testing.assert_array_equal(scene.at(0).triangles, scene.triangles)
-    still, moved = scene.at(1).triangles
+    np.testing.assert_array_equal(scene_at(scene, 0).triangles, scene.triangles)
+    still, moved = scene_at(scene, 1).triangles
     np.testing.assert_array_equal(still, scene.triangles[0])
     # (0, 2, 6) turns to (-2, 0, 6) and moves to (0, 0, 6); (1, 0, 6) to (2, 1, 6).
     corners = {tuple(np.round(c, 5) + 0.0) for c in moved.tolist()}
     assert corners == {(2.0, 0.0, 6.0), (2.0, -1.0, 6.0), (0.0, 0.0, 6.0)}
-    half = scene.at(0.5).triangles[1].astype(np.float64)
+    half = scene_at(scene, 0.5).triangles[1].astype(np.float64)
     lengths = np.linalg.norm(half - np.roll(half, 1, 0), axis=1)
     np.testing.assert_allclose(sorted(lengths), [1, 2, math.sqrt(5)], rtol=1e-6)
     with pytest.raises(SceneError, match="shutter"):
-        scene.at(2)
+        scene_at(scene, 2)
 
 
 def test_motion_that_is_not_rigid_is_noted(read):

@@ -14,7 +14,8 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.refocus.array.trace import trace_array
-from lfcore.scene.pbrt.build import PbrtScene
+from lfcore.scene.model import Scene
+from lfcore.scene.motion import scene_at
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -31,7 +32,7 @@ def shutter_times(count: int, seed: int | None = None) -> np.ndarray:
 
 
 def trace_shutter(
-    scene: PbrtScene,
+    scene: Scene,
     array: CameraArray,
     times: int,
     samples_per_pixel: int = 1,
@@ -48,7 +49,7 @@ def trace_shutter(
     instants = shutter_times(times if scene.motions else 1, seed)
     total = np.zeros((*array.image_size[::-1], 3), np.float64)
     for index, time in enumerate(instants):
-        still = scene.at(float(time))
+        still = scene_at(scene, float(time))
         tracer = Tracer(still, build_bvh(still.triangles), device)
         total += trace_array(tracer, array, samples_per_pixel, seed=index)
         if progress is not None:

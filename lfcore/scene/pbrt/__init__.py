@@ -1,7 +1,5 @@
 """Scenes in pbrt's file format: lexer, parser, interpreter, and what they make of it."""
 
-from lfcore.scene.pbrt.build import PbrtScene, build_pbrt_scene
-from lfcore.scene.pbrt.motion import Motion, scene_at
-from lfcore.scene.pbrt.notes import Note, summary
+from lfcore.scene.pbrt.build import build_pbrt_scene
 
-__all__ = ["Motion", "Note", "PbrtScene", "build_pbrt_scene", "scene_at", "summary"]
+__all__ = ["build_pbrt_scene"]

@@ -7,16 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.pbrt import state as graphics
-from lfcore.scene.pbrt.camera import TO_OURS, View, read_camera, read_film
+from lfcore.scene.pbrt.camera import TO_OURS, read_camera, read_film, read_samples
 from lfcore.scene.pbrt.lexer import Place, syntax_error
 from lfcore.scene.pbrt.lights import LightRig, add_area_light, add_light, emitted
 from lfcore.scene.pbrt.materials import Definition, MaterialTable
-from lfcore.scene.pbrt.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.pbrt.parameters import ParameterSet
 from lfcore.scene.pbrt.parser import Directive
 from lfcore.scene.pbrt.shapes import Mesh, tessellate, with_uvs
 from lfcore.scene.pbrt.textures import TextureTable
+from lfcore.scene.view import View
 
 _TRANSFORMS = ("Translate", "Scale", "Rotate", "LookAt", "Transform", "ConcatTransform", "Identity")
 _HEADER_ONLY = ("Camera", "Film")
@@ -55,6 +56,7 @@ class Interpreter:
         self.world_to_camera: np.ndarray | None = None
         self._camera: tuple[str, ParameterSet] | None = None
         self._film: ParameterSet | None = None
+        self._sampler: ParameterSet | None = None
         self._objects: dict[str, list[Item]] = {}
         self._open_object: tuple[str, Place] | None = None
         self._in_world = self._after_world = False
@@ -83,6 +85,8 @@ class Interpreter:
         elif name.endswith(("Begin", "End")):
             self._block(directive)
         elif name in _IGNORED:
+            if name == "Sampler":
+                self._sampler = directive.parameters
             self.notebook.add(NOT_USED, directive.place, directive.parameters.owner)
         elif name in _LEFT_OUT:
             self.notebook.add(LEFT_OUT, directive.place, directive.parameters.owner)
@@ -128,7 +132,8 @@ class Interpreter:
             self.notebook.add(APPROXIMATED, place, "no Camera: pbrt's default perspective")
             self._camera = ("perspective", ParameterSet('Camera "perspective"', place))
             self.world_to_camera = TO_OURS.copy()
-        self.view = read_camera(*self._camera, film, self.notebook)
+        samples = read_samples(self._sampler)
+        self.view = read_camera(*self._camera, film, samples, self.notebook)
         self.state.set(matrices=(np.eye(4), np.eye(4)), active=(graphics.START, graphics.END))
         self.state.coordinate_systems["world"] = (np.eye(4), np.eye(4))
 

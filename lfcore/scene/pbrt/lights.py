@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lfcore.scene.model import DIRECTIONAL, POINT, Light
-from lfcore.scene.pbrt.notes import APPROXIMATED, LEFT_OUT, Notebook
+from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
 from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet
 from lfcore.scene.pbrt.spectra import parameter_rgb
 from lfcore.scene.pbrt.textures import TextureTable, read_picture

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lfcore.errors import SceneError
+from lfcore.scene.notes import NOT_USED, Notebook
 from lfcore.scene.pbrt.lexer import Place, syntax_error
-from lfcore.scene.pbrt.notes import NOT_USED, Notebook
 
 COLOUR_TYPES = ("rgb", "color", "spectrum", "blackbody", "xyz")
 _POINTS = ("point", "point3", "vector", "vector3", "normal", "normal3")

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.scene.notes import APPROXIMATED, Notebook
 from lfcore.scene.pbrt import lexer
 from lfcore.scene.pbrt.lexer import Place, Token, syntax_error
-from lfcore.scene.pbrt.notes import APPROXIMATED, Notebook
 from lfcore.scene.pbrt.parameters import NUMERIC_TYPES, Parameter, ParameterSet, declare
 
 # What follows each directive: n numbers, s strings, w a word, p a parameter list; m one or two

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.pbrt.lexer import syntax_error
 from lfcore.scene.pbrt.loop_subdivision import loop_subdivide
-from lfcore.scene.pbrt.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.pbrt.parameters import ParameterSet
 
 TOLERANCE = 1e-3

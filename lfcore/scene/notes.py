@@ -1,11 +1,13 @@
-"""What a pbrt scene asked for and did not get: one list, with file and line."""
+"""What a scene file asked for and did not get: one list, with file and line."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from lfcore.scene.pbrt.lexer import Place
+if TYPE_CHECKING:
+    from lfcore.scene.pbrt.lexer import Place
 
 LEFT_OUT, APPROXIMATED, NOT_USED = "left out", "approximated", "not used"
 

@@ -1,0 +1,67 @@
+"""Rigid motion during the shutter: which triangles move, and the scene at one instant.
+
+An object has one pose at shutter open and one at shutter close; between them it turns on the
+shortest arc and its origin moves on a straight line, as in pbrt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lfcore.errors import SceneError
+from lfcore.scene.assemble import Geometry, sound
+from lfcore.scene.model import Motion, Scene
+from lfcore.scene.parts import Part
+
+Moving = tuple[Part, tuple[np.ndarray, np.ndarray]]
+"""A part at shutter open, and its object's (4, 4) poses in camera space at open and close."""
+
+
+def motions(geometry: Geometry, static: Sequence[Part], moving: Sequence[Moving]):
+    """The moving parts among the triangles that were kept.
+
+    ``geometry`` is what the static parts and then the moving ones were assembled into, all of
+    them in camera space.  Returns a tuple of :class:`Motion`.
+    """
+    first = sum(int(sound(part.triangles)[0].sum()) for part in static)
+    found = []
+    for part, (start, end) in moving:
+        count = int(sound(part.triangles)[0].sum())
+        found.append(Motion(first, count, start, end))
+        first += count
+    assert not moving or first == len(geometry.triangles)
+    return tuple(found)
+
+
+def is_rigid(start: np.ndarray, end: np.ndarray) -> bool:
+    """Whether the motion between two poses neither scales, shears nor mirrors."""
+    move = (end @ np.linalg.inv(start))[:3, :3]
+    return bool(np.allclose(move @ move.T, np.eye(3), atol=1e-6) and np.linalg.det(move) > 0)
+
+
+def scene_at(scene: Scene, time: float) -> Scene:
+    """The scene at ``time`` of the shutter, 0 open and 1 closed; it moves no more.
+
+    Averaging traces at stratified times samples the camera equation's time dimension.
+
+    Raises
+    ------
+    SceneError : a time outside [0, 1].
+    """
+    if not 0 <= time <= 1:
+        raise SceneError(f"time {time} lies outside the shutter", remedy="Use 0 to 1")
+    if not scene.motions:
+        return scene
+    triangles, normals = scene.triangles.copy(), scene.normals.copy()
+    for motion in scene.motions:
+        rows = slice(motion.first, motion.first + motion.count)
+        pose = motion.pose(time)
+        moved = scene.triangles[rows].astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
+        triangles[rows] = moved.astype(np.float32)
+        if len(normals):
+            turned = scene.normals[rows].astype(np.float64) @ pose[:3, :3].T
+            normals[rows] = turned.astype(np.float32)
+    return replace(scene, triangles=triangles, normals=normals, motions=())

@@ -1,0 +1,129 @@
+"""What a scene's own camera photographs: film, pinholes, thin lens, shutter.
+
+One place for pbrt's cameras and for scene.yaml's ``lightfield``, so that both mean the same.
+Conventions and defaults of the light field camera are those of CS348b's third assignment.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+from lfcore.errors import OpticsError
+from lfcore.optics.array import CameraArray
+from lfcore.optics.camera import Camera
+
+PERSPECTIVE, LIGHTFIELD = "perspective", "lightfield"
+# A sensor for pbrt's dimensionless screen: only its ratio to the image distance matters.
+SENSOR_WIDTH_M = 0.036
+# A pinhole is a lens of this radius: Camera wants one that exists.
+PINHOLE_RADIUS_M = 1e-9
+# Defaults of the assignment's starter code, and pbrt's own.
+FOV_DEG = 90.0
+CAMERAS_PER_DIM = (16, 16)
+CAMERA_GRID_BOUNDS_M = (-0.6, 0.6, -0.6, 0.6)
+SHUTTER = (0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class View:
+    """What a camera and its film ask for.
+
+    Parameters
+    ----------
+    kind : ``perspective`` or ``lightfield``.
+    camera : the thin lens; of a light field one that is as wide as the grid.
+    array : every pinhole of the film: one camera for ``perspective``, the grid for ``lightfield``.
+    film : (width, height) of the whole picture in pixels.
+    shutter : (open, close), in the scene's unit of time.
+    lens_radius_m : of the thin lens; 0 is a pinhole.
+    samples_per_pixel : rays a pixel, as the scene asks for.
+    """
+
+    kind: str
+    camera: Camera
+    array: CameraArray
+    film: tuple[int, int]
+    shutter: tuple[float, float] = SHUTTER
+    lens_radius_m: float = 0.0
+    samples_per_pixel: int = 1
+
+    def to_json(self) -> dict:
+        camera = asdict(self.camera)
+        if math.isinf(camera["focus_distance_m"]):
+            camera["focus_distance_m"] = "infinity"  # JSON has no infinity
+        return {**vars(self), "camera": camera, "array": self.array.to_json()}
+
+    @classmethod
+    def from_json(cls, data: dict) -> View:
+        """Raises :class:`OpticsError` or ``TypeError`` for what :meth:`to_json` does not write."""
+        camera = dict(data["camera"])
+        camera["focus_distance_m"] = float(camera["focus_distance_m"])
+        array, pairs = CameraArray.from_json(data["array"]), ("film", "shutter")
+        rest = {key: tuple(data[key]) for key in pairs}
+        return cls(**{**data, "camera": Camera(**camera), "array": array, **rest})
+
+
+def thin_lens(field_width: float, lens_radius: float, focus_distance: float) -> Camera:
+    """The :class:`Camera` of a tangent extent, a lens radius and a focus, metres."""
+    image_distance = SENSOR_WIDTH_M / field_width
+    focal_length = image_distance / (1.0 + image_distance / focus_distance)
+    radius = max(lens_radius, PINHOLE_RADIUS_M)
+    return Camera(focal_length, SENSOR_WIDTH_M, focal_length / (2 * radius), focus_distance)
+
+
+def perspective_view(
+    fov_deg: float,
+    film: tuple[int, int],
+    lens_radius_m: float = 0.0,
+    focus_distance_m: float = math.inf,
+    shutter: tuple[float, float] = SHUTTER,
+    samples_per_pixel: int = 1,
+) -> View:
+    """One camera, a pinhole or a thin lens; ``fov_deg`` over the film's shorter side."""
+    camera = thin_lens(2 * math.tan(math.radians(fov_deg) / 2), lens_radius_m, focus_distance_m)
+    array = CameraArray.single(fov_deg, film)
+    return View(
+        PERSPECTIVE, camera, array, tuple(film), shutter, lens_radius_m, samples_per_pixel
+    )  # fmt: skip
+
+
+def lightfield_view(
+    film: Sequence[int],
+    fov_deg: float = FOV_DEG,
+    cameras_per_dim: Sequence[int] = CAMERAS_PER_DIM,
+    grid_bounds_m: Sequence[float] = CAMERA_GRID_BOUNDS_M,
+    spacing: str = "ends",
+    shutter: tuple[float, float] = SHUTTER,
+    samples_per_pixel: int = 1,
+) -> View:
+    """A grid of pinholes that share one film.
+
+    Parameters
+    ----------
+    film : (width, height) in pixels of all tiles together.
+    grid_bounds_m : minX maxX minY maxY, metres, y up.
+    spacing : as of :meth:`CameraArray.on_grid`.
+
+    Raises
+    ------
+    OpticsError : a film that the cameras do not divide, or what makes no array; ``key`` names
+        the argument.
+    """
+    for length, count, name in zip(film, cameras_per_dim, ("width", "height"), strict=True):
+        if count < 1:
+            raise OpticsError(f"must be at least 1, not {count}", key="cameras_per_dim")
+        if length % count:
+            raise OpticsError(
+                f"divides a film {name} of {length} into {count} tiles with a remainder",
+                key="cameras_per_dim",
+                remedy="Make the film a multiple of the cameras",
+            )
+    tile = tuple(length // count for length, count in zip(film, cameras_per_dim, strict=True))
+    array = CameraArray.on_grid(cameras_per_dim, grid_bounds_m, fov_deg, tile, spacing)
+    widest = max(abs(bound) for bound in grid_bounds_m)
+    camera = thin_lens(array.field_width, widest, math.inf)
+    return View(
+        LIGHTFIELD, camera, array, tuple(film), shutter, samples_per_pixel=samples_per_pixel
+    )  # fmt: skip
