@@ -44,12 +44,17 @@ class PlaneTables:
     def blocks(self) -> int:
         return self.kinds.shape[1]
 
+    @property
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """What goes to the kernel, in its order."""
+        return self.info, self.runs, self.masks, self.kinds
+
 
 def lens_tables(
     slab: Slab, planes: list[SensorPlane], u0: int, v0: int, u1: int, v1: int
 ) -> PlaneTables:
     """Tables for a tile of macropixels."""
-    masks, which = _distinct_masks(slab, planes)
+    masks, which = distinct_masks(slab, planes)
     order = np.argsort(which, kind="stable")
     info = np.zeros((len(planes), 4), np.int32)
     records, offset = [], 0
@@ -76,7 +81,7 @@ def lens_tables(
 
 def view_tables(slab: Slab, planes: list[SensorPlane]) -> PlaneTables:
     """Tables for views: ``runs`` holds, per plane and lens column, the target of every pixel."""
-    masks, which = _distinct_masks(slab, planes)
+    masks, which = distinct_masks(slab, planes)
     order = np.argsort(which, kind="stable")
     info = np.zeros((len(planes), 4), np.int32)
     info[:, 0] = which[order]
@@ -86,8 +91,8 @@ def view_tables(slab: Slab, planes: list[SensorPlane]) -> PlaneTables:
     return PlaneTables(order, info, flat, masks, block_kinds(masks), 0, 0, slab.pixels, slab.pixels)
 
 
-def _distinct_masks(slab: Slab, planes: list[SensorPlane]) -> tuple[np.ndarray, np.ndarray]:
-    """(masks, N, N) uint8 0 / 255, and for each plane which of them it uses."""
+def distinct_masks(slab: Slab, planes: list[SensorPlane]) -> tuple[np.ndarray, np.ndarray]:
+    """(masks, N, N) uint8 0 / 255, no two alike, and for each plane which of them it uses."""
     found: dict[bytes, int] = {}
     stack, which = [], np.zeros(len(planes), np.int64)
     for row, plane in enumerate(planes):

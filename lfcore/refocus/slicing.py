@@ -15,10 +15,12 @@ from lfcore.opencl.device import Device, build_program, cl, open_device
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.refocus.strip_tables import STRIP, StripTables, strip_tables, table_words
 from lfcore.storage.lightfield import LightField
-from lfcore.tracing.plane_buffers import TABLE_WORDS, PlaneBuffers
+from lfcore.tracing.plane_buffers import PlaneBuffers, plane_tables
 
 CHUNK_BYTES = 64 << 20
+"""Of decoded frames at a time: enough for the device to be busy, and still in the cache."""
 
 
 class PlaneFormer:
@@ -41,18 +43,20 @@ class PlaneFormer:
         for plane in planes:
             plane.check(slab)
         self.tile, self.device = tile, device or open_device()
-        layout = tile.layout
+        layout, views = tile.layout, tile.layout.kind == "views"
         defines = {
             "BITS": layout.format.bits,
             "CHROMA": layout.format.subsampling,
             "RGB": int(layout.format.rgb),
-            "VIEWS": int(layout.kind == "views"),
         }
-        program = build_program(self.device, ["refocus/kernels/slicing.cl"], defines)
-        self._kernel = cl.Kernel(program, "form_planes")
-        self._sums = PlaneBuffers(self.device, slab, list(planes), tile)
-        words = 6 * 256 + TABLE_WORDS
-        self._scratch = self.device.empty(4 * words * self.device.threads)
+        if not views:
+            defines["STRIP"] = STRIP
+        file = "refocus/kernels/" + ("slicing_views.cl" if views else "slicing.cl")
+        self._kernel = cl.Kernel(build_program(self.device, [file], defines), "form_planes")
+        tables = plane_tables if views else _strips
+        self._sums = PlaneBuffers(self.device, slab, list(planes), tile, tables)
+        self._words = 3 * 256 if views else table_words(layout.inner)
+        self._scratch = self.device.empty(4 * self._words * self.device.threads)
         elements = tile.elements()
         self._places = np.zeros((len(elements), 4), np.int32)
         self._places[:, :3] = tile.placement(elements)
@@ -81,6 +85,7 @@ class PlaneFormer:
             np.int32(layout.inner),
             device.buffer(np.zeros(1, np.int32)),
             self._scratch,
+            np.int32(self._words),
             *self._sums.arguments(),
         )
         device.queue.finish()
@@ -88,6 +93,11 @@ class PlaneFormer:
     def plane_sums(self) -> PlaneSums:
         """What was added so far."""
         return self._sums.collect()
+
+
+def _strips(slab: Slab, planes: list[SensorPlane], tile) -> StripTables:
+    right, bottom = tile.column + tile.columns, tile.row + tile.rows
+    return strip_tables(slab, planes, tile.column, tile.row, right, bottom)
 
 
 def form_planes(
@@ -169,7 +179,7 @@ def _form_segment(
     former = PlaneFormer(field.slab, part.tile, planes, device)
     chunk = max(1, CHUNK_BYTES // field.layout.frame_bytes)
     begun, forming, first = time.perf_counter(), 0.0, 0
-    for frames in field.frames(index, chunk=chunk):
+    for frames in field.frames(index, chunk=chunk, reuse=True):
         start = time.perf_counter()
         former.add(frames, first)
         forming += time.perf_counter() - start

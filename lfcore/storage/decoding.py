@@ -13,7 +13,7 @@ from av.error import FFmpegError
 
 from lfcore.errors import StorageError
 from lfcore.storage.pixels import PixelFormat
-from lfcore.storage.planar import PACKED_RGB, copy_out
+from lfcore.storage.planar import PACKED_RGB, aligned_frames, copy_out
 
 FRAME_RATE = 25
 """Frames a second: 40 ms each, exact in Matroska's milliseconds; it means nothing else."""
@@ -59,14 +59,18 @@ class FrameRun:
         stop: int,
         chunk: int,
         count: DecodeCount,
+        *,
+        reuse: bool = False,
     ) -> Iterator[np.ndarray]:
         """Frames start ... stop - 1 of the run as arrays (up to ``chunk``, frame_bytes) uint8.
 
+        With ``reuse`` they share memory: each is valid until the next one is asked for.
         ``packets`` begin with a key frame at or before ``start``.  Raises
         :class:`StorageError` when a frame is missing, or is not of this size and format.
         """
         wanted, filled = start, 0
-        out, planes = self._space(min(chunk, stop - start))
+        room = self._space(min(chunk, stop - start))
+        out, planes = room
         for frame in self._frames(context, packets):
             count.frames += 1
             index = self._index(frame)
@@ -80,14 +84,17 @@ class FrameRun:
                 yield out
                 if wanted == stop:
                     return
-                (out, planes), filled = self._space(min(chunk, stop - wanted)), 0
+                if not reuse:
+                    room = self._space(min(chunk, stop - wanted))
+                (out, planes), filled = room, 0
+                out = out[: stop - wanted]
         raise StorageError(
             f"frame {wanted} of {start} to {stop - 1} is missing from the stream", file=self.file
         )
 
     def _space(self, frames: int) -> tuple[np.ndarray, list[np.ndarray]]:
         """Room for that many frames, and its planes."""
-        out = np.empty((frames, self.form.frame_bytes(self.width, self.height)), np.uint8)
+        out = aligned_frames(frames, self.form.frame_bytes(self.width, self.height))
         return out, self.form.views(out, self.width, self.height)
 
     def _frames(self, context, packets: Iterable[av.Packet]) -> Iterator[av.VideoFrame]:

@@ -132,9 +132,17 @@ class LightField:
             raise self._report(structure.faults, bad)
 
     def frames(
-        self, segment: int, start: int = 0, stop: int | None = None, *, chunk: int = 64
+        self,
+        segment: int,
+        start: int = 0,
+        stop: int | None = None,
+        *,
+        chunk: int = 64,
+        reuse: bool = False,
     ) -> Iterator[np.ndarray]:
         """Frames start ... stop - 1 of a segment, as arrays (up to ``chunk``, frame_bytes) uint8.
+
+        With ``reuse`` each is valid until the next one is asked for.
 
         Decoding begins at the last key frame at or before ``start``.  Raises
         :class:`StorageError` for a damaged segment, before any frame is handed out.
@@ -159,7 +167,7 @@ class LightField:
                 self.path, part.first, ticks, layout.format, layout.frame_width,
                 layout.frame_height,
             )  # fmt: skip
-            yield from run.decode(context, packets, start, stop, chunk, self.count)
+            yield from run.decode(context, packets, start, stop, chunk, self.count, reuse=reuse)
 
     def macropixel(self, u: int, v: int) -> np.ndarray:
         """(N, N, 3) uint8 sRGB, indexed [j, i]: what pixel (u, v) sees through the lens."""

@@ -11,6 +11,20 @@ PACKED_RGB = "bgr0"
 """FFV1 has no planar 8-bit RGB: ``gbrp`` frames pass through it as blue, green, red, 0."""
 
 
+PAGE = 4096
+
+
+def aligned_frames(frames: int, frame_bytes: int) -> np.ndarray:
+    """(frames, frame_bytes) uint8, not initialised, from the beginning of a page.
+
+    A device that shares the host's memory then reads it in place; else its driver copies it.
+    """
+    size = frames * frame_bytes
+    raw = np.empty(-(-size // PAGE) * PAGE + PAGE, np.uint8)
+    start = -raw.ctypes.data % PAGE
+    return raw[start : start + size].reshape(frames, frame_bytes)
+
+
 class PlanarFeed:
     """Turns frames (F, frame_bytes) uint8 into FFmpeg's, one at a time.
 

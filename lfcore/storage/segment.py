@@ -185,9 +185,11 @@ class SegmentReader:
         )
 
     def frames(
-        self, start: int = 0, stop: int | None = None, *, chunk: int = 64
+        self, start: int = 0, stop: int | None = None, *, chunk: int = 64, reuse: bool = False
     ) -> Iterator[np.ndarray]:
         """Frames start ... stop - 1 as arrays (up to ``chunk``, frame_bytes) uint8.
+
+        With ``reuse`` each is valid until the next one is asked for.
 
         Decoding begins at the last key frame at or before ``start``; ``self.count.frames`` adds
         up what was decoded.
@@ -207,7 +209,8 @@ class SegmentReader:
             packets = (packet for packet in container.demux(stream) if packet.size)
             ticks = ticks_per_frame(stream.time_base)
             run = FrameRun(self.path, 0, ticks, self.form, self.width, self.height)
-            yield from run.decode(stream.codec_context, packets, start, stop, chunk, self.count)
+            context = stream.codec_context
+            yield from run.decode(context, packets, start, stop, chunk, self.count, reuse=reuse)
 
 
 def open_video(path: Path, **options: str) -> av.container.InputContainer:

@@ -14,6 +14,14 @@ TABLE_WORDS = 17 * 17 * 4
 """Words of scratch that ``add_to_planes`` takes for its summed-area table."""
 
 
+def plane_tables(slab: Slab, planes: list[SensorPlane], tile) -> PlaneTables:
+    """Tables for the kernels that add rays block by block."""
+    if tile.layout.kind == "views":
+        return view_tables(slab, planes)
+    right, bottom = tile.column + tile.columns, tile.row + tile.rows
+    return lens_tables(slab, planes, tile.column, tile.row, right, bottom)
+
+
 class PlaneBuffers:
     """Tables and accumulators of ``planes`` for the rays of one tile of a light field.
 
@@ -21,16 +29,17 @@ class PlaneBuffers:
     result does not depend on who added what.
     """
 
-    def __init__(self, device: Device, slab: Slab, planes: list[SensorPlane], tile):
+    def __init__(
+        self, device: Device, slab: Slab, planes: list[SensorPlane], tile, tables=plane_tables
+    ):
         self.device, self.slab, self.planes = device, slab, planes
-        self.tables = _tables(slab, planes, tile)
-        t = self.tables
+        self.tables = t = tables(slab, planes, tile)
         shape = (device.threads, len(planes), t.height, t.width, 4)
         self._host = np.zeros(shape if planes else (0,), np.uint64)
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
         content = self._host if self._host.nbytes else bytes(64)
         self._sums = cl.Buffer(device.context, flags, hostbuf=content)
-        self._tables = [device.buffer(a) for a in (t.info, t.runs, t.masks, t.kinds)]
+        self._tables = [device.buffer(a) for a in t.arrays]
 
     def arguments(self) -> list:
         """The kernels' last arguments, from ``n_planes`` on."""
@@ -47,10 +56,3 @@ class PlaneBuffers:
             total = self._host.sum(axis=0, dtype=np.uint64)
             sums[t.order] = np.moveaxis(total[..., :3], -1, 1)
         return PlaneSums(self.slab, self.planes, sums, t.left, t.top)
-
-
-def _tables(slab: Slab, planes: list[SensorPlane], tile) -> PlaneTables:
-    if tile.layout.kind == "views":
-        return view_tables(slab, planes)
-    right, bottom = tile.column + tile.columns, tile.row + tile.rows
-    return lens_tables(slab, planes, tile.column, tile.row, right, bottom)

@@ -6,22 +6,8 @@
 // Of unpack_views: BITS, CHROMA, RGB, VIEWS as in slicing.cl.
 #include "lanes.cl"
 
-#define FIXED_ONE 1048576.0f
-
 #ifdef BITS
-#if BITS == 8
-typedef uchar sample;
-#else
-typedef ushort sample;
-#endif
-#define SCALE (1.0f / (1 << (BITS - 8)))
-
-// IEC 61966-2-1 decoding of a value in [0, 1] to fixed point
-inline uint linear_light(float x)
-{
-    const float curve = native_exp2(native_log2((x + 0.055f) * (1.0f / 1.055f)) * 2.4f);
-    return convert_uint(fma(x > 0.04045f ? curve : x * (1.0f / 12.92f), FIXED_ONE, 0.5f));
-}
+#include "light.cl"
 
 // One ray of frames to red, green, blue of a planar view.
 inline void unpack(global const sample *frame, int width, int height, int x, int y, global uint *out, ulong plane)
@@ -29,16 +15,10 @@ inline void unpack(global const sample *frame, int width, int height, int x, int
     const ulong pixels = (ulong)width * height, chroma = pixels / (CHROMA * CHROMA);
     global const sample *small = frame + pixels + (ulong)(y / CHROMA) * (width / CHROMA) + x / CHROMA;
     const float first = frame[(ulong)y * width + x] * SCALE, second = small[0] * SCALE, third = small[chroma] * SCALE;
-#if RGB
-    const float g = first / 255.0f, b = second / 255.0f, r = third / 255.0f;
-#else
-    const float luma = (first - 16.0f) * (1.0f / 219.0f), cb = (second - 128.0f) * (1.0f / 224.0f), cr = (third - 128.0f) * (1.0f / 224.0f);
-    const float r = fma(cr, 1.5748f, luma), b = fma(cb, 1.8556f, luma);
-    const float g = (luma - 0.2126f * r - 0.0722f * b) * (1.0f / 0.7152f);
-#endif
-    out[0] = linear_light(clamp(r, 0.0f, 1.0f));
-    out[plane] = linear_light(clamp(g, 0.0f, 1.0f));
-    out[2 * plane] = linear_light(clamp(b, 0.0f, 1.0f));
+    TO_RGB(float, first, second, third, r, g, b);
+    out[0] = linear_light(r);
+    out[plane] = linear_light(g);
+    out[2 * plane] = linear_light(b);
 }
 
 // views (K, 3, height, width) of the pixels of one tile, from frames that hold all their rays.

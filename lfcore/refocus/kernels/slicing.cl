@@ -1,93 +1,227 @@
-// Algorithm 4: sensor planes from decoded frames.
+// Algorithm 4: sensor planes from decoded frames that hold macropixels.  A summed-area table is made of
+// STRIP rows of lens samples, from which each plane takes one sum a bin; strip_tables.py says which lens
+// samples make a bin.  As in planes.cl sums are integers: exact, in whatever order they are added.
 //
-// BITS is 8 or 10 (in 16-bit samples), CHROMA 1 (4:4:4) or 2 (4:2:0), RGB 1 for planar green, blue, red.
-// VIEWS says that a frame's inner grid is a view, not a macropixel.
-#include "planes.cl"
+// BITS and RGB are as in light.cl, CHROMA is 1 (4:4:4) or 2 (4:2:0), STRIP as in strip_tables.py.
+#include "light.cl"
 
-#if BITS == 8
-typedef uchar sample;
-#define SCALE 1.0f
-#else
-typedef ushort sample;
-#define SCALE (1.0f / (1 << (BITS - 8)))
+#define CHUNK 16
+#define LEAD 3  // entries before the 0 of a table's row, so that its sums begin at a multiple of 64 bytes
+#define PITCH(views) (((views) + CHUNK - 1) / CHUNK * CHUNK + LEAD + 65)
+#define GROUP 16
+
+typedef struct {
+    int planes;                    // number of planes, sorted by mask
+    int strips;                    // of a macropixel
+    int left, top, width, height;  // region of the accumulators in plane pixels
+    int size;                      // side M of a plane
+    int views;                     // side N of a macropixel
+    global const int4 *plane;      // (planes,) mask, pointers of columns, pointers of rows, runs per pixel
+    global const int *pointers;
+    global const int2 *runs;       // one past the last sample, offset
+    global const uchar *masks;     // (masks, N, N) 255 where open
+    global const uchar *kinds;     // (masks, strips, chunks) 0 closed, 1 partly, 2 wholly open
+    global ulong4 *sums;           // (planes, height, width) of this worker
+} Strips;
+
+typedef struct {
+    global const sample *first, *second, *third;  // planes of the frame
+    int width;                                    // of a row of `first`
+    int x0, y0;                                   // corner of the macropixel
+} Macropixel;
+
+#if LANES == 16
+#define HALF_LANES 8
+#define DOUBLED(x) x.s00112233, x.s44556677
+#elif LANES == 8
+#define HALF_LANES 4
+#define DOUBLED(x) x.s00112233
+#elif LANES == 4
+#define HALF_LANES 2
+#define DOUBLED(x) x.s0011
 #endif
 
-// IEC 61966-2-1 decoding of values in [0, 1].
-inline vf decode_srgb(vf x)
+// LANES samples of a row, all of them within the frame; of subsampled planes each twice.
+inline vf load_samples(global const sample *at, int twice)
 {
-    const vf curve = exp2_fast(log2_fast((x + 0.055f) * (1.0f / 1.055f)) * 2.4f);
-    return pick(x * (1.0f / 12.92f), curve, GT(x, (vf)(0.04045f)));
+#if LANES == 1
+    return convert_float(*at) * SCALE;
+#else
+#if CHROMA == 2
+    if (twice) {
+        const JOIN(float, HALF_LANES) x = JOIN(convert_float, HALF_LANES)(JOIN(vload, HALF_LANES)(0, at)) * SCALE;
+        return (vf)(DOUBLED(x));
+    }
+#endif
+    return JOIN(convert_float, LANES)(JOIN(vload, LANES)(0, at)) * SCALE;
+#endif
 }
 
-inline vf load_row(global const sample *at, int step, int count)
+// Where a row of a macropixel ends, or with one lane.
+inline vf load_tail(global const sample *at, int step, int count)
 {
     private float row[LANES];
-    for (int k = 0; k < LANES; ++k) row[k] = (float)at[min(k, count - 1) / step] * SCALE;
+    for (int k = 0; k < LANES; ++k) row[k] = (float)at[clamp(k, 0, max(count - 1, 0)) / step] * SCALE;
     return VLOAD(row);
 }
 
-// Decode a block to linear colours (3, BLOCK_RAYS); rays beyond columns and rows repeat the last.
-inline void load_block(global const sample *frame, int width, int height, int x0, int y0, int columns, int rows, global float *colours)
+// Fixed-point light of LANES rays of row y from column x, `count` of them in the macropixel; rays outside
+// the mask, if there is one, are dark.
+inline void load_light(const Macropixel *m, int x, int y, int count, global const uchar *mask, vu *r, vu *g, vu *b)
 {
-    const ulong pixels = (ulong)width * height, chroma = pixels / (CHROMA * CHROMA);
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const int x = min(at % BLOCK, columns - 1), y = min(at / BLOCK, rows - 1), count = max(1, columns - x);
-        const vf first = load_row(frame + (ulong)(y0 + y) * width + x0 + x, 1, count);
-        global const sample *small = frame + pixels + (ulong)((y0 + y) / CHROMA) * (width / CHROMA) + (x0 + x) / CHROMA;
-        const vf second = load_row(small, CHROMA, count), third = load_row(small + chroma, CHROMA, count);
-#if RGB
-        const vf g = first * (1.0f / 255.0f), b = second * (1.0f / 255.0f), r = third * (1.0f / 255.0f);
-#else
-        const vf luma = (first - 16.0f) * (1.0f / 219.0f), cb = (second - 128.0f) * (1.0f / 224.0f), cr = (third - 128.0f) * (1.0f / 224.0f);
-        const vf r = fma(cr, (vf)(1.5748f), luma), b = fma(cb, (vf)(1.8556f), luma);
-        const vf g = (luma - 0.2126f * r - 0.0722f * b) * (1.0f / 0.7152f);
-#endif
-        VSTORE(decode_srgb(clamp(r, (vf)(0.0f), (vf)(1.0f))), colours + at);
-        VSTORE(decode_srgb(clamp(g, (vf)(0.0f), (vf)(1.0f))), colours + BLOCK_RAYS + at);
-        VSTORE(decode_srgb(clamp(b, (vf)(0.0f), (vf)(1.0f))), colours + 2 * BLOCK_RAYS + at);
+    const ulong full = (ulong)(m->y0 + y) * m->width + m->x0 + x;
+    const ulong small = (ulong)((m->y0 + y) / CHROMA) * (m->width / CHROMA) + (m->x0 + x) / CHROMA;
+    vf first, second, third;
+    if (count >= LANES && LANES > 1) {
+        first = load_samples(m->first + full, 0);
+        second = load_samples(m->second + small, 1);
+        third = load_samples(m->third + small, 1);
+    } else {
+        first = load_tail(m->first + full, 1, count);
+        second = load_tail(m->second + small, CHROMA, count);
+        third = load_tail(m->third + small, CHROMA, count);
+    }
+    TO_RGB(vf, first, second, third, red, green, blue);
+    *r = linear_row(red), *g = linear_row(green), *b = linear_row(blue);
+    if (mask) {
+        private uint open[LANES];
+        for (int k = 0; k < LANES; ++k) open[k] = k < count && mask[k] ? 0xffffffffu : 0u;
+        const vu lets = VLOAD(open);
+        *r &= lets, *g &= lets, *b &= lets;
     }
 }
 
-#define SCRATCH_WORDS (6 * BLOCK_RAYS + TABLE_WORDS)
+#if LANES == 16
+// Four rays in a row of registers: each adds the one before it, then the two before those, then all before.
+#define FOUR(k, i, j, m, n)                                                                             \
+    {                                                                                                   \
+        uint16 x = (uint16)(r.i, g.i, b.i, 0, r.j, g.j, b.j, 0, r.m, g.m, b.m, 0, r.n, g.n, b.n, 0);    \
+        x += (uint16)(none.s0123, x.s01234567, x.s89ab);                                                \
+        x += (uint16)(none.s01234567, x.s01234567);                                                     \
+        x += carry;                                                                                     \
+        carry = x.scdefcdefcdefcdef;                                                                    \
+        vstore16(x + vload16(0, (global const uint *)(above + k)), 0, (global uint *)(here + k));       \
+    }
+#endif
+
+// here[k] = above[k] + the sum of rays 0 ... k of a row of LANES + `before`; returns that of all.
+inline uint4 prefix(vu r, vu g, vu b, uint4 before, global const uint4 *above, global uint4 *here, int count)
+{
+#if LANES == 16
+    if (count >= LANES) {
+        const uint16 none = 0;
+        uint16 carry = (uint16)(before, before, before, before);
+        FOUR(0, s0, s1, s2, s3)
+        FOUR(4, s4, s5, s6, s7)
+        FOUR(8, s8, s9, sa, sb)
+        FOUR(12, sc, sd, se, sf)
+        return carry.s0123;
+    }
+#endif
+    private uint light[3 * LANES];
+    VSTORE(r, light), VSTORE(g, light + LANES), VSTORE(b, light + 2 * LANES);
+    for (int k = 0; k < min(count, LANES); ++k) {
+        before += (uint4)(light[k], light[LANES + k], light[2 * LANES + k], 0);
+        here[k] = before + above[k];
+    }
+    return before;
+}
+
+// Prefix sums of `rows` rows of a strip: (STRIP + 1, PITCH), whose first row and first column are 0.
+inline void make_strip(const Strips *s, const Macropixel *m, int mask, int strip, int rows, global uint4 *table)
+{
+    const int pitch = PITCH(s->views), chunks = (s->views + CHUNK - 1) / CHUNK, y0 = strip * STRIP;
+    global const uchar *kinds = s->kinds + (mask * s->strips + strip) * chunks;
+    for (int row = 0; row < rows; ++row) {
+        global uint4 *above = table + row * pitch + LEAD + 1, *here = above + pitch;
+        global const uchar *open = s->masks + ((ulong)mask * s->views + y0 + row) * s->views;
+        uint4 sum = 0;
+        for (int x = 0; x < s->views; x += LANES) {
+            const int count = s->views - x, kind = kinds[x / CHUNK];
+            if (kind) {
+                vu r, g, b;
+                load_light(m, x, y0 + row, count, kind == 2 ? 0 : open + x, &r, &g, &b);
+                sum = prefix(r, g, b, sum, above + x, here + x, count);
+            } else {
+                for (int k = 0; k < min(count, LANES); ++k) here[x + k] = sum + above[x + k];
+            }
+        }
+    }
+}
+
+inline void add_strip(const Strips *s, int plane, int strip, int u, int v, global const uint4 *table)
+{
+    const int4 info = s->plane[plane];
+    const int pitch = PITCH(s->views);
+    global ulong4 *sums = s->sums + (ulong)plane * s->width * s->height;
+    global const int *columns = s->pointers + info.y + (info.w ? u : 0);
+    global const int *rows = s->pointers + info.z + (info.w ? v : 0) * s->strips + strip;
+    int before_row = 0;
+    for (int b = rows[0]; b < rows[1]; ++b) {
+        const int2 down = s->runs[b];
+        const int after_row = down.x - strip * STRIP, y = v + down.y;
+        global const uint4 *top = table + before_row * pitch + LEAD, *bottom = table + after_row * pitch + LEAD;
+        before_row = after_row;
+        if (y < 0 || y >= s->size) continue;
+        global ulong4 *line = sums + (y - s->top) * s->width - s->left;
+        uint4 before = 0;
+        for (int a = columns[0]; a < columns[1]; ++a) {
+            const int2 across = s->runs[a];
+            const int x = u + across.y;
+            const uint4 here = bottom[across.x] - top[across.x];
+            if (x >= 0 && x < s->size) line[x] += convert_ulong4(here - before);
+            before = here;
+        }
+    }
+}
+
+// Add one strip of a macropixel of pixel (u, v); `table` is scratch, (STRIP + 1, PITCH).
+inline void add_macropixel(const Strips *s, const Macropixel *m, int strip, int u, int v, global uint4 *table)
+{
+    int have = -1;
+    for (int plane = 0; plane < s->planes; ++plane) {
+        const int mask = s->plane[plane].x;
+        if (mask != have) {
+            make_strip(s, m, mask, strip, min(STRIP, s->views - strip * STRIP), table);
+            have = mask;
+        }
+        add_strip(s, plane, strip, u, v, table);
+    }
+}
 
 kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
 void form_planes(global const sample *restrict frames,
                  const int frame_width,
                  const int frame_height,
-                 global const int4 *restrict places,  // (E,) frame, x0, y0, outer column + (row << 16)
+                 global const int4 *restrict places,  // (E,) frame, x0, y0, pixel u + (v << 16)
                  const int n_elements,
-                 const int inner,                     // side of the inner grid
+                 const int inner,                     // side N of a macropixel
                  global int *restrict next,
-                 global uint *restrict scratch,       // (workers, SCRATCH_WORDS)
+                 global uint *restrict scratch,       // (workers, scratch_words): tables
+                 const int scratch_words,
                  const int n_planes,
-                 const int8 region,                   // left, top, width, height, size M, blocks, views N, 0
+                 const int8 region,                   // left, top, width, height, size M, strips, views N, 0
                  global const int4 *restrict plane_info,
-                 global const int *restrict runs,
+                 global const int *restrict pointers,
+                 global const int2 *restrict runs,
                  global const uchar *restrict masks,
                  global const uchar *restrict kinds,
                  global ulong4 *restrict sums)
 {
-    const Planes planes = {n_planes, region.s5, region.s0, region.s1, region.s2, region.s3, region.s4, plane_info, runs, masks, kinds,
-                           sums + get_global_id(0) * (ulong)n_planes * region.s2 * region.s3};
-    global float *colours = (global float *)(scratch + get_global_id(0) * (ulong)SCRATCH_WORDS);
-    global uint *fixed = (global uint *)(colours + 3 * BLOCK_RAYS), *table = fixed + 3 * BLOCK_RAYS;
-    const ulong frame_samples = (ulong)frame_width * frame_height + 2 * (ulong)(frame_width / CHROMA) * (frame_height / CHROMA);
-    for (int element = atomic_inc(next); element < n_elements; element = atomic_inc(next)) {
-        const int4 place = places[element];
-        global const sample *frame = frames + place.x * frame_samples;
-        for (int y = 0; y < inner; y += BLOCK)
-            for (int x = 0; x < inner; x += BLOCK) {
-#if VIEWS
-                load_block(frame, frame_width, frame_height, place.y + x, place.z + y, inner - x, inner - y, colours);
-                add_view_to_planes(&planes, place.w & 0xffff, place.w >> 16, region.s6, x, y, colours);
-#else
-                int open = 0;
-                for (int plane = 0; plane < n_planes; ++plane)
-                    open |= kinds[(plane_info[plane].x * region.s5 + y / BLOCK) * region.s5 + x / BLOCK];
-                if (!open) continue;
-                load_block(frame, frame_width, frame_height, place.y + x, place.z + y, inner - x, inner - y, colours);
-                add_to_planes(&planes, place.w & 0xffff, place.w >> 16, x / BLOCK, y / BLOCK, inner, inner, colours, fixed, table);
-#endif
+    const Strips strips = {n_planes, region.s5, region.s0, region.s1, region.s2, region.s3, region.s4, inner, plane_info, pointers, runs,
+                           masks, kinds, sums + get_global_id(0) * (ulong)n_planes * region.s2 * region.s3};
+    global uint4 *table = (global uint4 *)(scratch + get_global_id(0) * (ulong)scratch_words);
+    const int pitch = PITCH(inner);
+    for (int k = 0; k < pitch; ++k) table[k] = 0;
+    for (int row = 1; row <= STRIP; ++row) table[row * pitch + LEAD] = 0;
+    const ulong pixels = (ulong)frame_width * frame_height, small = pixels / (CHROMA * CHROMA);
+    // Neighbours strip by strip: what a strip adds to, of all planes, then stays in the cache.
+    for (int group = atomic_inc(next) * GROUP; group < n_elements; group = atomic_inc(next) * GROUP)
+        for (int strip = 0; strip < strips.strips; ++strip)
+            for (int element = group; element < min(group + GROUP, n_elements); ++element) {
+                const int4 place = places[element];
+                global const sample *frame = frames + place.x * (pixels + 2 * small);
+                const Macropixel macropixel = {frame, frame + pixels, frame + pixels + small, frame_width, place.y, place.z};
+                add_macropixel(&strips, &macropixel, strip, place.w & 0xffff, place.w >> 16, table);
             }
-    }
 }

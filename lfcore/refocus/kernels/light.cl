@@ -1,0 +1,41 @@
+// Linear light of what video frames hold: BITS is 8 or 10 (in 16-bit samples), RGB 1 for planar green,
+// blue, red, else BT.709 YCbCr of limited range.
+#ifndef LFCORE_LIGHT_CL
+#define LFCORE_LIGHT_CL
+#include "lanes.cl"
+
+#define FIXED_ONE 1048576.0f
+
+#if BITS == 8
+typedef uchar sample;
+#define SCALE 1.0f
+#else
+typedef ushort sample;
+#define SCALE (1.0f / (1 << (BITS - 8)))
+#endif
+
+// IEC 61966-2-1 decoding of sRGB-encoded values to fixed point; those outside [0, 1] are clamped.  Above
+// the knee a polynomial of least largest error, 2e-6, below it the straight line.
+#define KNEE 0.04045f
+#define POWER(T, x)                                                                            \
+    fma(fma(fma(fma(fma(fma(fma((T)(6.519284021e+04f), x, (T)(-2.910779674e+05f)), x,     \
+        (T)(5.707602639e+05f)), x, (T)(-6.955071952e+05f)), x, (T)(8.436951737e+05f)), x, \
+        (T)(5.182544125e+05f)), x, (T)(3.634786102e+04f)), x, (T)(-2.369988653e+03f))
+#define LINEAR(T, x)                                                                           \
+    min(fma(clamp(x, (T)(0.0f), (T)(KNEE)), (T)(FIXED_ONE / 12.92f), POWER(T, clamp(x, (T)(KNEE), (T)(1.0f)))), (T)(FIXED_ONE))
+
+inline vu linear_row(vf x) { return TO_VU(LINEAR(vf, x)); }
+inline uint linear_light(float x) { return convert_uint(LINEAR(float, x)); }
+
+// Red, green and blue of the three samples of a ray (T is vf or float), sRGB-encoded, not clamped.
+#if RGB
+#define TO_RGB(T, first, second, third, r, g, b) \
+    const T r = (third) * (1.0f / 255.0f), g = (first) * (1.0f / 255.0f), b = (second) * (1.0f / 255.0f)
+#else
+#define TO_RGB(T, first, second, third, r, g, b)                                                          \
+    const T luma = ((first) - 16.0f) * (1.0f / 219.0f), cb = (second) - 128.0f, cr = (third) - 128.0f;    \
+    const T r = fma(cr, (T)(1.5748f / 224.0f), luma), b = fma(cb, (T)(1.8556f / 224.0f), luma);           \
+    const T g = fma(cr, (T)(-0.2126f * 1.5748f / 0.7152f / 224.0f), fma(cb, (T)(-0.0722f * 1.8556f / 0.7152f / 224.0f), luma))
+#endif
+
+#endif

@@ -1,0 +1,61 @@
+// Algorithm 4: sensor planes from decoded frames that hold views.  BITS and RGB are as in light.cl,
+// CHROMA is 1 (4:4:4) or 2 (4:2:0).
+#include "light.cl"
+#include "planes.cl"
+
+inline vf load_row(global const sample *at, int step, int count)
+{
+    private float row[LANES];
+    for (int k = 0; k < LANES; ++k) row[k] = (float)at[min(k, count - 1) / step] * SCALE;
+    return VLOAD(row);
+}
+
+// Decode a block to linear colours (3, BLOCK_RAYS); rays beyond columns and rows repeat the last.
+inline void load_block(global const sample *frame, int width, int height, int x0, int y0, int columns, int rows, global float *colours)
+{
+    const ulong pixels = (ulong)width * height, chroma = pixels / (CHROMA * CHROMA);
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const int x = min(at % BLOCK, columns - 1), y = min(at / BLOCK, rows - 1), count = max(1, columns - x);
+        const vf first = load_row(frame + (ulong)(y0 + y) * width + x0 + x, 1, count);
+        global const sample *small = frame + pixels + (ulong)((y0 + y) / CHROMA) * (width / CHROMA) + (x0 + x) / CHROMA;
+        const vf second = load_row(small, CHROMA, count), third = load_row(small + chroma, CHROMA, count);
+        TO_RGB(vf, first, second, third, r, g, b);
+        // Whole numbers of fixed point, as everywhere; dividing by a power of two keeps them so.
+        VSTORE(TO_VF(linear_row(r)) / FIXED_ONE, colours + at);
+        VSTORE(TO_VF(linear_row(g)) / FIXED_ONE, colours + BLOCK_RAYS + at);
+        VSTORE(TO_VF(linear_row(b)) / FIXED_ONE, colours + 2 * BLOCK_RAYS + at);
+    }
+}
+
+kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
+void form_planes(global const sample *restrict frames,
+                 const int frame_width,
+                 const int frame_height,
+                 global const int4 *restrict places,  // (E,) frame, x0, y0, lens column + (row << 16)
+                 const int n_elements,
+                 const int inner,                     // side of a view
+                 global int *restrict next,
+                 global uint *restrict scratch,       // (workers, 3 * BLOCK_RAYS)
+                 const int scratch_words,
+                 const int n_planes,
+                 const int8 region,                   // left, top, width, height, size M, blocks, views N, 0
+                 global const int4 *restrict plane_info,
+                 global const int *restrict runs,
+                 global const uchar *restrict masks,
+                 global const uchar *restrict kinds,
+                 global ulong4 *restrict sums)
+{
+    const Planes planes = {n_planes, region.s5, region.s0, region.s1, region.s2, region.s3, region.s4, plane_info, runs, masks, kinds,
+                           sums + get_global_id(0) * (ulong)n_planes * region.s2 * region.s3};
+    global float *colours = (global float *)(scratch + get_global_id(0) * (ulong)scratch_words);
+    const ulong frame_samples = (ulong)frame_width * frame_height + 2 * (ulong)(frame_width / CHROMA) * (frame_height / CHROMA);
+    for (int element = atomic_inc(next); element < n_elements; element = atomic_inc(next)) {
+        const int4 place = places[element];
+        global const sample *frame = frames + place.x * frame_samples;
+        for (int y = 0; y < inner; y += BLOCK)
+            for (int x = 0; x < inner; x += BLOCK) {
+                load_block(frame, frame_width, frame_height, place.y + x, place.z + y, inner - x, inner - y, colours);
+                add_view_to_planes(&planes, place.w & 0xffff, place.w >> 16, region.s6, x, y, colours);
+            }
+    }
+}

@@ -1,0 +1,139 @@
+"""Tables from which stored macropixels become sensor planes, strip by strip of lens rows.
+
+A summed-area table is made of STRIP rows of a macropixel at a time, over its whole width: wide
+enough that a plane needs few look-ups, small enough for the second-level cache.  Along an axis the
+lens samples that fall on one pixel are a *run*; runs end at multiples of STRIP rows, where the next
+table begins, and of MOST_COLUMNS columns, so that the sum of a bin stays within 32 bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.optics.plane_sums import offsets
+from lfcore.optics.plane_tables import BLOCK, distinct_masks
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+
+STRIP = 32
+MOST_COLUMNS = 112
+"""STRIP * MOST_COLUMNS samples of at most 2^20 each are less than 2^32."""
+
+
+def table_words(views: int) -> int:
+    """32-bit words of a summed-area table, four an entry, rows padded as in slicing.cl; a multiple
+    of 16, so that the next worker's begins at a cache line."""
+    return 4 * (STRIP + 1) * (-(-views // BLOCK) * BLOCK + 68)
+
+
+@dataclass(frozen=True)
+class StripTables:
+    """Planes of a slab over the tile of pixels [u0, u1) x [v0, v1).
+
+    Attributes
+    ----------
+    order : (P,) int64: ``planes[order[k]]`` is the kernel's plane k; those that share a mask are
+        neighbours, so that a table serves them all.
+    info : (P, 4) int32: mask; where the plane's ``pointers`` of columns and of rows begin; 1 where
+        each pixel has runs of its own (with magnification), else 0.
+    pointers : flat int32: for each pixel (or for all) the first of its runs of columns, and for
+        each pixel and strip the first of its runs of rows; each list ends with one past its last.
+    runs : (R, 2) int32: one past the last lens sample, and the offset to the target pixel.
+    masks : (masks, N, N) uint8, 255 where open, indexed [j, i].
+    kinds : (masks, strips, chunks) uint8, of 16 columns of a strip: 0 closed, 1 partly, 2 open.
+    left, top, width, height : region of the planes that the tile's rays can reach.
+    """
+
+    order: np.ndarray
+    info: np.ndarray
+    pointers: np.ndarray
+    runs: np.ndarray
+    masks: np.ndarray
+    kinds: np.ndarray
+    left: int
+    top: int
+    width: int
+    height: int
+
+    @property
+    def blocks(self) -> int:
+        """Strips of a macropixel."""
+        return self.kinds.shape[1]
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """What goes to the kernel, in its order."""
+        return self.info, self.pointers, self.runs, self.masks, self.kinds
+
+
+def strip_tables(
+    slab: Slab, planes: Sequence[SensorPlane], u0: int, v0: int, u1: int, v1: int
+) -> StripTables:
+    """Tables for a tile of macropixels."""
+    masks, which = distinct_masks(slab, list(planes))
+    order = np.argsort(which, kind="stable")
+    info = np.zeros((len(planes), 4), np.int32)
+    pointers, runs, reach = [], [], [slab.pixels, slab.pixels, 0, 0]
+    pointed = used = 0
+    for row, plane in enumerate(order):
+        moves = offsets(slab, planes[plane])
+        for axis, (first, last) in enumerate(((u0, u1), (v0, v1))):
+            part = moves if len(moves) == 1 else moves[first:last]
+            pixels = np.arange(first, last)
+            reach[axis] = min(reach[axis], int((pixels + part.min(axis=1)).min()))
+            reach[2 + axis] = max(reach[2 + axis], int((pixels + part.max(axis=1)).max()) + 1)
+        info[row] = which[plane], 0, 0, len(moves) > 1
+        for axis, (step, each) in enumerate(((MOST_COLUMNS, slab.views), (STRIP, STRIP))):
+            starts, found = runs_of(moves, step, each)
+            info[row, 1 + axis] = pointed
+            pointers.append(starts + used)
+            runs.append(found)
+            pointed, used = pointed + len(starts), used + len(found)
+    left, top = (min(max(low, 0), slab.pixels) for low in reach[:2])
+    right, bottom = (min(max(high, 0), slab.pixels) for high in reach[2:])
+    return StripTables(
+        order,
+        info,
+        np.concatenate(pointers or [np.zeros(0)]).astype(np.int32),
+        np.concatenate(runs or [np.zeros((0, 2))]).astype(np.int32),
+        masks,
+        strip_kinds(masks),
+        left,
+        top,
+        max(right - left, 0),
+        max(bottom - top, 0),
+    )
+
+
+def runs_of(moves: np.ndarray, step: int, each: int) -> tuple[np.ndarray, np.ndarray]:
+    """Runs of equal offset in ``moves`` (positions, N), which end at multiples of ``step`` too.
+
+    Returns (starts, runs): runs (R, 2) int32 as in :class:`StripTables`, and where those of each
+    ``each`` samples of each position begin, and one past the last: (positions * ceil(N / each) + 1)
+    """
+    positions, size = moves.shape
+    begins = np.ones(moves.shape, bool)
+    begins[:, 1:] = moves[:, 1:] != moves[:, :-1]
+    begins[:, ::step] = True
+    row, column = np.nonzero(begins)
+    ends = np.append(column[1:], 0)
+    ends[ends == 0] = size
+    lists = -(-size // each)
+    starts = np.searchsorted(row * lists + column // each, np.arange(positions * lists + 1))
+    return starts, np.stack([ends, moves[row, column]], axis=1).astype(np.int32)
+
+
+def strip_kinds(masks: np.ndarray) -> np.ndarray:
+    """``kinds`` of :class:`StripTables`; a chunk that sticks out of the lens is at most partly
+    open, and rows beyond it do not matter."""
+    count, size = masks.shape[:2]
+    strips, chunks = -(-size // STRIP), -(-size // BLOCK)
+    padded = np.zeros((count, strips * STRIP, chunks * BLOCK), bool)
+    padded[:, :size, :size] = masks > 0
+    some = padded.reshape(count, strips, STRIP, chunks, BLOCK).any(axis=(2, 4))
+    padded[:, size:, :size] = True
+    every = padded.reshape(count, strips, STRIP, chunks, BLOCK).all(axis=(2, 4))
+    return some.astype(np.uint8) + (some & every)

@@ -1,0 +1,61 @@
+"""Runs of lens samples: each sample once, with its own offset, none across a strip's end."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lfcore.optics.camera import Camera
+from lfcore.optics.plane_sums import offsets
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.refocus.strip_tables import MOST_COLUMNS, STRIP, runs_of, strip_kinds, strip_tables
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    positions=st.integers(1, 5),
+    size=st.integers(1, 150),
+    slope=st.floats(-1.5, 1.5),
+    step=st.sampled_from([STRIP, MOST_COLUMNS]),
+    whole=st.booleans(),
+)
+def test_runs_spell_out_the_offsets(positions, size, slope, step, whole):
+    ramp = np.floor(np.arange(size)[None] * slope + np.arange(positions)[:, None] * 0.37)
+    moves, each = ramp.astype(np.int32), size if whole else step
+    starts, runs = runs_of(moves, step, each)
+    lists = -(-size // each)
+    assert len(starts) == positions * lists + 1 and starts[-1] == len(runs)
+    for position in range(positions):
+        spelt, at = [], 0
+        for part in range(lists):
+            first, last = starts[position * lists + part : position * lists + part + 2]
+            for stop, offset in runs[first:last]:
+                assert at < stop <= size
+                assert at // step == (stop - 1) // step
+                spelt += [offset] * (stop - at)
+                at = stop
+            assert at == min((part + 1) * each, size)
+        assert spelt == moves[position].tolist()
+
+
+@pytest.mark.parametrize("keep", [False, True])
+def test_the_region_holds_every_target(keep):
+    camera = Camera(0.05, 0.02, 2.0, 1.4)
+    slab = Slab(camera, 40, 30)
+    planes = [SensorPlane(d, 2.0, keep_magnification=keep) for d in (0.5, 2.0, 9.0)]
+    tables = strip_tables(slab, planes, 4, 8, 20, 12)
+    assert tables.order.tolist() == [0, 1, 2]
+    for plane in planes:
+        moves = offsets(slab, plane)
+        x = np.arange(4, 20)[:, None] + (moves if len(moves) == 1 else moves[4:20])
+        inside = x[(x >= 0) & (x < slab.pixels)]
+        assert tables.left <= inside.min() and inside.max() < tables.left + tables.width
+
+
+def test_kinds_by_hand():
+    masks = np.zeros((1, 40, 40), np.uint8)
+    masks[0, :, :16] = 255
+    masks[0, 5, 20] = 255
+    masks[0, 32:, 32:] = 255
+    assert strip_kinds(masks)[0].tolist() == [[2, 1, 0], [2, 0, 1]]
