@@ -1,10 +1,9 @@
-"""Stability sweeps as a report: verdicts against documented ranges, a heat map, error growth."""
+"""Stability sweeps as a report: a table, the cases and their bounds, a heat map, error growth."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -21,37 +20,9 @@ OURS, NAIVE = "#1f6f8b", "#c8553d"
 COLOURS = LinearSegmentedColormap.from_list("bound", ["#1f6f8b", "#e8f1f2", "#f6e3c5", "#b3261e"])
 
 
-@dataclass(frozen=True)
-class Range:
-    """Where a case is documented to hold (docs/stability.md); ``case`` is how its name begins."""
-
-    case: str
-    holds: Callable[[float], bool]
-    text: str
-
-
-RANGES = (
-    Range("scaled scene", lambda v: v >= 1e-12, "scenes of 1e-12 m and larger"),
-    Range("thin gap", lambda v: v >= 3e-5, "shadows of occluders 0.03 mm or more away at 1 m"),
-    Range("blocks: triangle size", lambda v: v > 1e-5, "triangles larger than 1e-5 of their depth"),
-    Range("codec 4:2:0 lossy, black", lambda v: v >= 15, "frames of 15 pixels a side or more"),
-    Range("codec 4:2:0 lossy, noise", lambda v: v >= 33, "noise on frames of 33 pixels or more"),
-)
-
-
-def verdict(row: Row) -> str:
-    """``pass``, ``refused``, ``out of range`` where the documentation says so, else ``fail``."""
-    if row.verdict != "fail":
-        return row.verdict
-    known = [limit for limit in RANGES if row.case.startswith(limit.case)]
-    return "out of range" if any(not limit.holds(row.value) for limit in known) else "fail"
-
-
 def stability_table(rows: Iterable[Row]) -> pd.DataFrame:
     """Rows with the columns of ``stability.csv``, in the order of running."""
-    return pd.DataFrame(
-        [{**row.as_dict(), "verdict": verdict(row)} for row in rows], columns=COLUMNS
-    )
+    return pd.DataFrame([row.as_dict() for row in rows], columns=COLUMNS)
 
 
 def summary(table: pd.DataFrame) -> str:
@@ -94,13 +65,13 @@ def heat_map(path: str | Path, table: pd.DataFrame) -> None:
     bar = figure.colorbar(image, ax=axes, shrink=0.5)
     bar.set_label("log10 of error / bound")
     figure.supxlabel(
-        "r: refused with a reason     o: outside the documented range     ×: failed", fontsize=9
+        "r: refused with a reason, outside the documented range     ×: failed", fontsize=9
     )
     save_figure(path, figure)
 
 
 def _marks(axis, number: int, rows: pd.DataFrame, column: str) -> None:
-    signs = {"refused": "r", "out of range": "o", "fail": "×"}
+    signs = {"refused": "r", "fail": "×"}
     for step, name in enumerate(rows.verdict):
         if column == "error" and name in signs:
             axis.text(step, number, signs[name], ha="center", va="center", fontsize=8)

@@ -10,8 +10,10 @@ import numpy as np
 from lfcore.scene.model import Material
 from lfcore.scene.parts import Part, Surface, normalise, stack
 
-# Beyond this a product of two coordinates comes near the end of the float32 range.
+# Depth is a quotient of products of three lengths, n . P with n the cross product of two edges:
+# beyond these it comes near the ends of the float32 range, 3e38 and 1e-38.
 LARGEST_COORDINATE = 1e12
+SMALLEST_VOLUME = 1e-36
 # Collinear corners are no longer exactly so once they have been rotated in float64.
 FLAT = 1e-13
 
@@ -41,7 +43,8 @@ def assemble(parts: list[Part], to_camera: np.ndarray) -> Geometry:
     Returns
     -------
     Geometry; arrays that no part uses are empty.  ``dropped`` counts the triangles left out,
-    by reason: ``not finite``, ``out of range``, ``zero area`` (after rounding to float32).
+    by reason: ``not finite``, ``out of range``, ``zero area`` (after rounding to float32),
+    ``too small``.
     """
     parts = [part.transformed(to_camera) for part in parts if part.count]
     materials, textures, ids = _materials(parts)
@@ -88,22 +91,30 @@ def sound(triangles: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:
     finite = np.isfinite(flat).all(1)
     bounded = finite & (np.abs(np.where(finite[:, None], flat, 0)) <= LARGEST_COORDINATE).all(1)
     rounded = np.where(bounded[:, None, None], triangles, 0).astype(np.float32).astype(np.float64)
-    keep = bounded & _has_area(np.where(bounded[:, None, None], triangles, 0), FLAT)
-    keep &= _has_area(rounded, 0.0)
+    thin = bounded & ~_has_area(np.where(bounded[:, None, None], triangles, 0), FLAT)
+    thin |= bounded & ~_has_area(rounded, 0.0)
+    volume = _twice_area(rounded) * np.abs(rounded).max((1, 2), initial=0)
+    small = bounded & ~thin & (volume < SMALLEST_VOLUME)
     counts = {
         "not finite": int((~finite).sum()),
         "out of range": int((finite & ~bounded).sum()),
-        "zero area": int((bounded & ~keep).sum()),
+        "zero area": int(thin.sum()),
+        "too small": int(small.sum()),
     }
+    keep = bounded & ~thin & ~small
     return keep, {reason: number for reason, number in counts.items() if number}
 
 
 def _has_area(triangles: np.ndarray, tolerance: float) -> np.ndarray:
     """(T,) bool: twice the area exceeds ``tolerance`` times the longest edge squared."""
-    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    a, b, c = triangles.swapaxes(0, 1)
     longest = np.maximum.reduce([((p - q) ** 2).sum(1) for p, q in ((a, b), (b, c), (c, a))])
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    return area > tolerance * longest
+    return _twice_area(triangles) > tolerance * longest
+
+
+def _twice_area(triangles: np.ndarray) -> np.ndarray:
+    a, b, c = triangles.swapaxes(0, 1)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
 def _sound_normals(normals: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Verdicts against documented ranges, and the figures."""
+"""Cases and their bounds, the documented range, and the figures."""
 
 import math
 from pathlib import Path
@@ -6,30 +6,38 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lfcore.evaluation.stability.about import ABOUT, about, cases_table
 from lfcore.evaluation.stability.rows import COLUMNS, Row
-from lfcore.evaluation.stability_report import (
-    RANGES,
-    error_growth,
-    heat_map,
-    stability_table,
-    summary,
-    verdict,
-)
+from lfcore.evaluation.stability_report import error_growth, heat_map, stability_table, summary
+from lfcore.scene.assemble import LARGEST_COORDINATE, SMALLEST_VOLUME
+from lfcore.tracing.bvh import SMALLEST
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "stability.md"
 
 
-def test_only_failures_outside_a_documented_range_are_excused():
-    assert verdict(Row("scaled scene (depth)", "scale", 1e-20, 1, 99, 16)) == "out of range"
-    assert verdict(Row("scaled scene (depth)", "scale", 1.0, 1, 99, 16)) == "fail"
-    assert verdict(Row("scaled scene (depth)", "scale", 1e-20, 1, 9, 16)) == "pass"
-    assert verdict(Row("needles (depth)", "aspect", 1e-20, 1, 99, 16)) == "fail"
-    assert verdict(Row("needles", "aspect", 1, 1, math.nan, 16, refused=True)) == "refused"
+def test_every_case_has_its_bound_explained():
+    """A case without an entry, or an entry without a case, fails."""
+    lossy = "codec 4:2:0 lossy, checker"
+    assert about("edge rays").number == "1" and about(lossy).reason.startswith("B frames")
+    with pytest.raises(KeyError):
+        about("something new")
+    numbers = {number for entry in ABOUT for number in entry.number.split(", ")}
+    assert numbers - {"codec"} == {str(k) for k in range(1, 21)}
 
 
-@pytest.mark.parametrize("limit", RANGES, ids=lambda limit: limit.case)
-def test_every_range_is_documented(limit):
-    assert limit.text in " ".join(DOCUMENT.read_text(encoding="utf-8").split())
+def test_cases_table():
+    rows = [Row("needles (depth)", "aspect", 10.0**k, 9, k, 16, condition=2 + k) for k in range(3)]
+    rows += [Row("thin gap", "gap m", 1.0, 0.5, math.nan, 0.0, refused=True)]
+    table = cases_table(rows).set_index("case")
+    assert table.loc["needles (depth)", ["least", "most", "passed"]].tolist() == [1, 100, 3]
+    assert table.condition_number["needles (depth)"] == 4 and table.worst["needles (depth)"] == 2
+    assert table.refused["thin gap"] == 1 and np.isnan(table.worst["thin gap"])
+
+
+def test_the_documented_range_is_the_program_s():
+    text = " ".join(DOCUMENT.read_text(encoding="utf-8").split())
+    for value in (LARGEST_COORDINATE, SMALLEST_VOLUME, SMALLEST):
+        assert f"{value:.0e}".replace("+", "") in text
 
 
 def test_table_and_figures(tmp_path):

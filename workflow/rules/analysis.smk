@@ -99,6 +99,7 @@ rule stability:
             caption="../report/stability.rst",
             category="Tables",
         ),
+        cases="results/tables/stability_cases.csv",
         markdown="results/tables/stability.md",
         heat_map="results/tables/figures/stability_heat_map.png",
         error_growth="results/tables/figures/stability_error_growth.png",

@@ -5,6 +5,7 @@ from pathlib import Path
 from lfcore.evaluation import stability_report
 from lfcore.evaluation.captions import fill
 from lfcore.evaluation.stability import edges, extents
+from lfcore.evaluation.stability.about import cases_table
 from lfcore.evaluation.stability.all_cases import run_all
 from lfcore.evaluation.stability.subject import tracer_subject
 from lfcore.evaluation.tables import write_csv, write_markdown
@@ -21,5 +22,6 @@ with job(snakemake):
     write_csv(output.csv, table)
     text = fill(Path(snakemake.input.caption).read_text(encoding="utf-8"), params.config)
     write_markdown(output.markdown, table, title="Stiff and extreme cases", caption=text)
+    write_csv(output.cases, cases_table(rows))
     stability_report.heat_map(output.heat_map, table)
     stability_report.error_growth(output.error_growth, table)

@@ -1,7 +1,7 @@
 """Blocks of a slab's rays at once: the arithmetic that the lone rays of other cases do not use.
 
-A triangle is set up once for 16 x 16 rays, so its rounding errors scale with the block and not
-with the triangle.  Errors as in ``extents``.
+A triangle is set up once for 16 x 16 rays, relative to their middle ray; the errors must be those
+of the triangle all the same, and not of the block.  Errors as in ``extents``.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from lfcore.evaluation.stability import naive
-from lfcore.evaluation.stability.judge import depth_error, mismatches, row
+from lfcore.evaluation.stability.judge import condition_of_depth, depth_error, mismatches, row
 from lfcore.evaluation.stability.rows import Row
 from lfcore.evaluation.stability.subject import CAMERA, Subject
 from lfcore.optics.bundles import macropixels
@@ -23,7 +23,7 @@ PIXELS = 24
 
 def triangle_sizes(subject: Subject) -> Iterator[Row]:
     """Triangles of ever smaller size at 1 to 3 m, each met by rays of some pixel; N = 16."""
-    for size in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5):
+    for size in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7):
         yield from _rows(subject, "blocks: triangle size", "m", size, Slab(CAMERA, 16, 64), size)
 
 
@@ -52,6 +52,7 @@ def _rows(subject, case, parameter, value, slab, size) -> Iterator[Row]:
             bound,
             lambda measure=measure: measure(plain, hits),
             lambda measure=measure: measure(found, hits),
+            condition=condition_of_depth(hits),
         )
 
 

@@ -1,14 +1,15 @@
 """Pictures that are hard on a codec, through a segment and back.
 
-Error: root mean square in 8-bit codes of sRGB.  Bounds: lossless 4:4:4 at 52 dB (0.64 codes);
-H.264 4:2:0 at 48 dB (1 code) on flat pictures and 30 dB (8.1 codes) on the others, which are
-grey: one-pixel colour does not exist in 4:2:0.  Naive: the codec library's own conversion from
-RGB and back, untagged, in the same codec.
+Error: root mean square in 8-bit codes of sRGB.  Bounds follow from the arithmetic of the formats
+and of the encoder, whatever it measures; see :func:`lossless_bound`, :func:`lossy_bound` and
+:func:`flat_bound`.  Pictures for 4:2:0 are grey: one-pixel colour does not exist in it.  Naive: the
+codec library's own conversion from RGB and back, untagged, in the same codec.
 """
 
 from __future__ import annotations
 
 import io
+import math
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,7 +27,47 @@ from lfcore.storage.segment import SegmentReader, SegmentWriter
 
 SIDES = (1, 2, 15, 16, 33, 64)
 FRAMES = 4
-FLAT, BUSY, LOSSLESS = 1.0, 8.1, 0.64
+CRF = 22
+LUMA = 255 / 219
+"""Codes of sRGB to a code of limited-range luma."""
+TREE_OFFSET, I_OFFSET, B_OFFSET = 5.4, -2.9, 2.3
+"""x264 by default: macroblock trees add 13.5 (1 - 0.6) to CRF, from which they only subtract; key
+frames are 6 log2(1.4) finer, B frames 6 log2(1.3) coarser (its ratecontrol.c)."""
+
+
+def lossless_bound(values: int) -> float:
+    """4:4:4 in 8 bits: Y, Cb and Cr are each rounded once, so errors are uniform over half a code.
+
+    R = Y + 1.5748 Cr and so on, of BT.709, with 255 codes to 219 of luma and 224 of chroma: 0.58
+    codes over the three channels.  The mean square of n uniform errors passes its expectation by
+    three standard deviations, sqrt(4 / 5n) each, once in a thousand.
+    """
+    luma, chroma = LUMA**2 / 12, (255 / 224) ** 2 / 12
+    square = luma + chroma * (1.5748**2 + 0.1873**2 + 0.4681**2 + 1.8556**2) / 3
+    return math.sqrt(square * (1 + 3 * math.sqrt(0.8 / values)))
+
+
+def step(qp: float) -> float:
+    """Step of the H.264 quantiser, 8-bit codes: it doubles every 6, and is 1 at 4."""
+    return 2 ** ((qp - 4) / 6)
+
+
+def lossy_bound() -> float:
+    """H.264 where nothing is predicted: the coarsest quantiser of CRF 22 is that of B frames.
+
+    Its dead zone and the trellis move a coefficient by up to a step, so the error is within one
+    step: a third of its square in the mean.  The transform is orthonormal, and grey has no chroma.
+    """
+    return LUMA * step(CRF + TREE_OFFSET + B_OFFSET) / math.sqrt(3)
+
+
+def flat_bound() -> float:
+    """H.264 of one colour: only the mean of the smallest blocks, 4 x 4, is coded, in key frames.
+
+    Two thirds of a step at the most, for the dead zone of intra blocks is a third, and a step of
+    the mean's coefficient is a quarter of it in each pixel; half a code more for rounding.
+    """
+    return LUMA * (step(CRF + TREE_OFFSET + I_OFFSET) * 2 / 3 / 4 + 0.5)
 
 
 def _patterns(side: int) -> dict[str, np.ndarray]:
@@ -88,14 +129,15 @@ def _library(rgb: np.ndarray, spec: CodecSpec) -> np.ndarray:
 def hard_pictures(subject: Subject) -> Iterator[Row]:
     """All patterns at sides from one pixel on, odd ones among them."""
     lossless = CodecSpec("ffv1", "yuv444p", preset=None, tune=None)
-    lossy = CodecSpec("libx264", "yuv420p", crf=22.0)
+    lossy = CodecSpec("libx264", "yuv420p", crf=float(CRF))
     for side in SIDES:
         for name, picture in _patterns(side).items():
             colour = picture.ndim == 4
             rgb = picture if colour else np.repeat(picture[..., None], 3, axis=-1)
-            jobs = [("codec 4:4:4 lossless, ", lossless, LOSSLESS)]
+            bound = lossless_bound(picture.size)
+            jobs = [("codec 4:4:4 lossless, ", lossless, bound)]
             if not colour:
-                bound = FLAT if name in ("black", "white") else BUSY
+                bound = flat_bound() if name in ("black", "white") else lossy_bound()
                 jobs.append(("codec 4:2:0 lossy, ", lossy, bound))
             for label, spec, bound in jobs:
                 yield row(

@@ -12,7 +12,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from lfcore.evaluation.stability import naive
-from lfcore.evaluation.stability.judge import depth_error, mismatches, row, truth
+from lfcore.evaluation.stability.judge import (
+    condition_of_depth,
+    depth_error,
+    mismatches,
+    row,
+    truth,
+)
 from lfcore.evaluation.stability.rows import Row
 from lfcore.evaluation.stability.shapes import grid, random_rays, rays_at, soup, sphere
 from lfcore.evaluation.stability.subject import Subject
@@ -43,7 +49,9 @@ def far_from_the_origin(subject: Subject) -> Iterator[Row]:
             return _or_lost(subject.closest(np.float32(world - centre), origins, directions), hits)
 
         # World coordinates in float64 are themselves rounded, by 2^-53 of |c|.
-        yield row("far from the origin", "|c| m", distance, 16 + distance * 2.0**-26, plain, ours)
+        bound = 16 + distance * 2.0**-26
+        kappa = max(1.0, distance) * condition_of_depth(hits)
+        yield row("far from the origin", "|c| m", distance, bound, plain, ours, condition=kappa)
 
 
 def _or_lost(found, hits) -> float:
@@ -73,10 +81,16 @@ def tiny_triangles(subject: Subject) -> Iterator[Row]:
 
 
 def scaled_scene(subject: Subject) -> Iterator[Row]:
-    """The whole scene and lens scaled: the float32 range ends at 1e38, products long before."""
+    """Scene and lens scaled so that the largest coordinate is ``scale`` metres.
+
+    The float32 range ends at 1e38 and 1e-38, and the product of three lengths, which is how depth
+    is made, at their third root.
+    """
     origins, directions = random_rays(RAYS, 0.4)
     base = soup(600, 0.1)
-    for exponent in (20, 15, 12, 9, 6, 3, -3, -6, -9, -12, -15, -20, -30, -40):
+    size = np.abs(base).max()
+    base, origins = base / size, origins / size
+    for exponent in (20, 15, 13, 12, 9, 6, 3, -3, -6, -9, -10, -12, -15, -20, -30, -40):
         scale = 10.0**exponent
         mesh, origin = np.float32(base * scale), np.float32(origins * scale)
         yield from _two_rows(subject, "scaled scene", "scale", scale, mesh, (origin, directions))
@@ -103,7 +117,8 @@ def far_sphere(subject: Subject) -> Iterator[Row]:
         def ours(mesh=mesh, rays=rays, hits=hits):
             return depth_error(subject.closest(mesh, *rays), hits)
 
-        yield row("far sphere", "D / r", distance, 16, plain, ours)
+        kappa = distance * condition_of_depth(hits)
+        yield row("far sphere", "D / r", distance, 16, plain, ours, condition=kappa)
 
 
 def _two_rows(subject, case, parameter, value, mesh, rays, epsilon=0.0) -> Iterator[Row]:
@@ -125,6 +140,7 @@ def _two_rows(subject, case, parameter, value, mesh, rays, epsilon=0.0) -> Itera
             bound,
             lambda measure=measure: measure(plain, hits),
             lambda measure=measure: ours(measure),
+            condition=condition_of_depth(hits),
         )
 
 

@@ -40,12 +40,18 @@ def depth_error(found, hits: Hits) -> float:
     return float(np.where(np.isfinite(error), error, np.inf).max())
 
 
-def row(case, parameter, value, bound, naive, ours) -> Row:
+def condition_of_depth(hits: Hits) -> float:
+    """The largest condition number of a depth: 1 / sin of the incidence; 1 without hits."""
+    return float(hits.grazing[hits.triangle >= 0].max(initial=1.0))
+
+
+def row(case, parameter, value, bound, naive, ours, *, condition=float("nan")) -> Row:
     """A row of two callables that give an error each; ``ours`` may raise LfcoreError."""
+    known = {"case": case, "parameter": parameter, "value": float(value), "bound": float(bound)}
+    known["condition"] = float(condition)
     with np.errstate(all="ignore"):
-        naive_error = float(naive())
+        known["naive_error"] = float(naive())
         try:
-            return Row(case, parameter, float(value), naive_error, float(ours()), float(bound))
+            return Row(error=float(ours()), **known)
         except LfcoreError:
-            nan = float("nan")
-            return Row(case, parameter, float(value), naive_error, nan, float(bound), refused=True)
+            return Row(error=float("nan"), refused=True, **known)

@@ -43,6 +43,7 @@ def near_the_focal_length(subject: Subject) -> Iterator[Row]:
             lambda distance=distance, error=error: error(
                 Camera(focal, 0.036, 2.0, distance).image_distance_m
             ),
+            condition=math.inf if distance == focal else distance / abs(distance - focal),
         )
 
 
@@ -131,4 +132,31 @@ def refocus_shifts(subject: Subject) -> Iterator[Row]:
         yield row("refocus shifts", "d' / d - 1", change, 1e-3, plain, ours)
 
 
-CASES = (near_the_focal_length, focus_to_infinity, apertures, refocus_shifts)
+def beyond_the_slab(subject: Subject) -> Iterator[Row]:
+    """Apertures up to and wider than the recorded lens, as shares of it; 64 x 64 lens samples.
+
+    Error: samples let through too many or too few, by a count in whole numbers.  Naive: a mask in
+    float32, which knows no limit and pretends that what was not recorded is dark.
+    """
+    slab = Slab(CAMERA, 64, 16)
+    odd = 2 * np.arange(64) - 63  # lens positions in units of R / 64
+    square = odd[:, None] ** 2 + odd[None, :] ** 2
+    for share in (0.0, 0.25, 0.5, 1.0, 1.0001, 2.0, 1e3):
+        # A pinhole is the view in the middle, of which an even number of samples has four.
+        exact = int((square <= (64 * Fraction(share)) ** 2).sum()) or 4
+        number = math.inf if share == 0 else CAMERA.f_number / share
+
+        def plain(share=share, exact=exact):
+            s = (odd / np.float32(64)).astype(np.float32)
+            inside = (s[:, None] ** 2 + s[None, :] ** 2 <= np.float32(share) ** 2).sum()
+            return math.inf if share > 1 else abs(int(inside) - exact)
+
+        def ours(number=number, exact=exact):
+            plane = SensorPlane(CAMERA.focus_distance_m, number)
+            plane.check(slab)
+            return abs(int(plane.mask(slab).sum()) - exact)
+
+        yield row("beyond the slab", "aperture / lens", share, 0, plain, ours)
+
+
+CASES = (beyond_the_slab, near_the_focal_length, focus_to_infinity, apertures, refocus_shifts)

@@ -11,7 +11,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from lfcore.evaluation.stability import naive
-from lfcore.evaluation.stability.judge import depth_error, leaks, mismatches, row, truth
+from lfcore.evaluation.stability.judge import (
+    condition_of_depth,
+    depth_error,
+    leaks,
+    mismatches,
+    row,
+    truth,
+)
 from lfcore.evaluation.stability.rows import Row
 from lfcore.evaluation.stability.shapes import grid, rays_at
 from lfcore.evaluation.stability.subject import Subject
@@ -57,6 +64,7 @@ def _shares(subject, case, parameter, value, mesh, rays) -> Iterator[Row]:
             bound,
             lambda measure=measure: measure(plain, hits),
             lambda measure=measure: measure(found, hits),
+            condition=condition_of_depth(hits),
         )
 
 
@@ -176,4 +184,67 @@ def coplanar(subject: Subject) -> Iterator[Row]:
         )
 
 
-CASES = (needles, grazing, axes, any_axes, flat_boxes, coplanar)
+def nearly_coplanar(subject: Subject) -> Iterator[Row]:
+    """Two triangles that part by some ulp of their depth: the nearer must win from 16 on.
+
+    Error: share of the rays that name the other one, of those that the bound on depth, 16 ulp over
+    the condition number, leaves no choice; below that, of rays whose answer is neither.
+    """
+    points = np.random.default_rng(16).uniform(0.05, 0.3, (500, 2))
+    rays = rays_at(np.concatenate([points, np.full((500, 1), 2.0)], 1), (0.01, 0.0))
+    for ulp in (0, 1, 2, 4, 8, 16, 32, 64):
+        depth = np.float32(2 + ulp * 2.0**-22)  # an ulp is 2^-23 of numbers from 1 to 2
+        back = np.float32([[0, 0, depth], [1, 0, depth], [0, 1, depth]])
+        mesh = np.stack([back, np.float32([[0, 0, 2], [1, 0, 2], [0, 1, 2]])])
+        hits = truth(mesh, *rays)
+
+        def wrong(found, hits=hits):
+            ids = np.asarray(found[0])
+            return ((ids != hits.triangle) & (hits.clear() | (ids < 0))).mean()
+
+        yield row(
+            "nearly coplanar",
+            "separation ulp",
+            ulp,
+            0.0,
+            lambda mesh=mesh: wrong(naive.moeller_trumbore(mesh, *rays)),
+            lambda mesh=mesh: wrong(subject.closest(mesh, *rays)),
+            condition=np.inf if ulp == 0 else 2.0**23 / ulp,
+        )
+
+
+def no_area(subject: Subject) -> Iterator[Row]:
+    """Points, repeated corners and collinear ones among sound triangles, rays aimed at them.
+
+    Error: share of the rays that name one of them or whose answer they change.
+    """
+    rng = np.random.default_rng(17)
+    base = np.float32(rng.uniform(-1, 1, (200, 1, 3)) + [0, 0, 3] + rng.normal(0, 0.1, (200, 3, 3)))
+    for share in (0.1, 0.5, 0.9):
+        count = round(200 * share / (1 - share))
+        # Multiples of 2^-12, so that collinear corners are exactly so.
+        flat = np.round(base[rng.integers(0, 200, count)] * 4096) / 4096
+        flat[0::3, 1:] = flat[0::3, :1]
+        flat[1::3, 2] = flat[1::3, 1]
+        flat[2::3, 2] = 2 * flat[2::3, 1] - flat[2::3, 0]
+        mesh = np.concatenate([base, flat])
+        targets = flat.mean(1, dtype=float)
+        rays = rays_at(targets, (0.01, -0.01))
+        hits = truth(base, *rays)
+
+        def wrong(found, hits=hits):
+            ids, t = (np.asarray(part) for part in found)
+            bad = (ids >= 200) | ((ids != hits.triangle) & hits.clear())
+            return (bad | np.isnan(t)).mean()
+
+        yield row(
+            "no area",
+            "share",
+            share,
+            0.0,
+            lambda mesh=mesh, rays=rays: wrong(naive.moeller_trumbore(mesh, *rays)),
+            lambda mesh=mesh, rays=rays: wrong(subject.closest(mesh, *rays)),
+        )
+
+
+CASES = (needles, no_area, nearly_coplanar, grazing, axes, any_axes, flat_boxes, coplanar)

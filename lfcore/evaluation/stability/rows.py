@@ -14,7 +14,9 @@ class Row:
 
     The bound is set before the measurement and in the unit that the case states.  The verdict
     is ``refused`` when lfcore raised one of its errors rather than compute, which is right
-    outside the documented range; then ``error`` is NaN.
+    outside the documented range; then ``error`` is NaN.  ``condition`` is the largest condition
+    number of the problem at this value, relative change of the answer over that of the input; NaN
+    where the answer is a choice and has none.
     """
 
     case: str
@@ -24,6 +26,7 @@ class Row:
     error: float
     bound: float
     refused: bool = False
+    condition: float = math.nan
 
     @property
     def verdict(self) -> str:

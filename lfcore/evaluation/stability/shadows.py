@@ -35,20 +35,50 @@ def self_shadow(subject: Subject) -> Iterator[Row]:
         )
 
 
+def far_self_shadow(subject: Subject) -> Iterator[Row]:
+    """A sphere of 1 m ever farther from the camera, whose hit points are rounded ever more."""
+    for exponent in range(1, 5):
+        distance = 10.0**exponent
+        mesh = np.float32(sphere(12, 24, 0.5, (0, 0, distance)))
+        light = Light(POINT, (-1.0, -1.5, distance - 2.0), (1.0, 1.0, 1.0))
+        yield _row(
+            subject, "self-shadow, far", "D m", distance, mesh, light, 1.2 / distance, 1e-4, 1e4
+        )
+
+
+SLANT = 100.0
+
+
 def thin_gap(subject: Subject) -> Iterator[Row]:
-    """A plate before a wall at 3 m, at a distance of ``gap``: its shadow is 100 gaps long."""
-    slant = 100.0
-    towards = np.array([-slant, 0, -1]) / np.hypot(slant, 1)
-    light = Light(DIRECTIONAL, tuple(towards.tolist()), (slant, slant, slant))
+    """A plate before a wall at 3 m, at a distance of ``gap``: its shadow is 100 gaps long.
+
+    To 16 ulp of the distance, below which hit points themselves are uncertain.
+    """
     for gap in (1e-1, 1e-2, 1e-3, 1e-4, 3e-5, 1e-5, 3e-6):
-        wall = grid(1, 1, [-60, -60, 3], [120, 0, 0], [0, 120, 0])
-        plate = grid(1, 1, [-30, -30, 3 - gap], [30, 0, 0], [0, 60, 0])
-        mesh = np.float32(np.concatenate([wall, plate]))
-        field = 8 * slant * gap / 3
-        yield _row(subject, "thin gap", "gap m", gap, mesh, light, field, 1e-3)
+        yield _gap(subject, "thin gap", "gap m", gap, 3.0, gap)
 
 
-def _row(subject, case, parameter, value, mesh, light, field, offset, stop=1.0) -> Row:
+def thin_gap_far(subject: Subject) -> Iterator[Row]:
+    """A gap of 32 ulp of the distance, ever farther away."""
+    for distance in (1.0, 10.0, 1e2, 1e3, 1e4):
+        gap = float(np.spacing(np.float32(distance))) * 32
+        yield _gap(subject, "thin gap, far", "distance m", distance, distance, gap)
+
+
+def _gap(subject, case, parameter, value, distance: float, gap: float) -> Row:
+    towards = np.array([-SLANT, 0, -1]) / np.hypot(SLANT, 1)
+    light = Light(DIRECTIONAL, tuple(towards.tolist()), (SLANT,) * 3)
+    size = 20 * distance
+    wall = grid(1, 1, [-size, -size, distance], [2 * size, 0, 0], [0, 2 * size, 0])
+    plate = grid(1, 1, [-size / 2, -size / 2, distance - gap], [size / 2, 0, 0], [0, size, 0])
+    mesh = np.float32(np.concatenate([wall, plate]))
+    field, kappa = 8 * SLANT * gap / distance, distance / gap
+    return _row(subject, case, parameter, value, mesh, light, field, 1e-3, condition=kappa)
+
+
+def _row(
+    subject, case, parameter, value, mesh, light, field, offset, stop=1.0, condition=1.0
+) -> Row:
     """``stop`` times f/2 keeps the lens small beside a small scene."""
     camera = Camera(0.05, 0.05 * field, 2.0 * stop, float("inf"))
     slab = Slab(camera, 1, PIXELS)
@@ -76,7 +106,7 @@ def _row(subject, case, parameter, value, mesh, light, field, offset, stop=1.0) 
         rays = [part.reshape(-1, 3) for part in slab_rays(slab, pixels)]
         return wrong(_naive_picture(mesh, light, rays, np.float32(offset)))
 
-    return row(case, parameter, value, 0.0, plain, ours)
+    return row(case, parameter, value, 0.0, plain, ours, condition=condition)
 
 
 def _naive_picture(mesh, light, rays, offset) -> np.ndarray:
@@ -99,4 +129,4 @@ def _naive_picture(mesh, light, rays, offset) -> np.ndarray:
     return np.minimum(colour, 1)
 
 
-CASES = (self_shadow, thin_gap)
+CASES = (self_shadow, far_self_shadow, thin_gap, thin_gap_far)

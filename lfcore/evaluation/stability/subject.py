@@ -66,11 +66,12 @@ def bare_scene(triangles: np.ndarray, **changes) -> Scene:
 def _loaded(triangles: np.ndarray) -> np.ndarray:
     """Numbers of the triangles that a scene file's loader keeps.
 
-    Raises :class:`SceneError` where the loader warns that coordinates are out of range.
+    Raises :class:`SceneError` where the loader says that triangles are out of range or too small.
     """
     keep, dropped = sound(triangles.astype(np.float64))
-    if "out of range" in dropped:
-        raise SceneError(f"{dropped['out of range']} triangles are out of range")
+    for reason in ("out of range", "too small"):
+        if reason in dropped:
+            raise SceneError(f"{dropped[reason]} triangles are {reason}")
     return np.flatnonzero(keep)
 
 
