@@ -151,7 +151,10 @@ def lean(scene: Scene, bvh: Bvh, camera: Camera) -> tuple[Scene, Bvh]:
 
     Triangles are numbered anew, in their old order, so that of coplanar ones the same wins.
     ``camera`` must be that of the slab to be traced: another focus reaches other triangles.
+    A scene that moves while the shutter is open is returned whole.
     """
+    if getattr(scene, "motions", ()):
+        return scene, bvh
     keep = reached(scene, camera)
     lights = reaching(scene, camera)
     if keep.all():
