@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lfcore.cli import planes as plane_options
+from lfcore.cli import render_view
 from lfcore.cli.output import check_suffix
 from lfcore.cli.progress import progress, say
 from lfcore.errors import LfcoreError, OpticsError
@@ -22,7 +23,9 @@ examples:
   lfcore render scenes/bike -o bike.png --size 512 --views 16
   lfcore render table.glb -o table.png --focus 2.5 --f-number 1.4
       a single picture is traced at its own focus: every ray counts in the pixel it is sent from
-  lfcore render scene.pbrt -o scene.exr --pinhole
+  lfcore render scene.pbrt -o scene.exr
+      as the file says: film, rays a pixel, lens or Camera "lightfield", shutter
+  lfcore render scene.pbrt -o square.exr --size 256 --pinhole
       one ray a pixel, all in focus
   lfcore render scenes/bike -o bike.png --plane focus=2 --plane focus=6
       several pictures from the same rays (Algorithm 1 of the thesis)
@@ -53,7 +56,9 @@ def add_parser(commands, name: str, summary: str) -> None:
         command.add_argument("--views", type=int, metavar="N", help="N x N rays a pixel (16)")
         command.add_argument("--pinhole", action="store_true", help="one ray through a point")
         plane_options.add_options(command)
-        command.set_defaults(run=render)
+        render_view.add_options(command)
+        # None: not asked for, so that a scene with a film of its own is taken as it is.
+        command.set_defaults(run=render, size=None)
         return
     command.add_argument("-o", "--output", type=Path, required=True, help="file to write, .mkv")
     command.add_argument("--views", type=int, default=16, metavar="N", help="N x N views (16)")
@@ -87,11 +92,7 @@ def load(path: Path):
 
     if path.suffix.lower() == ".npz":
         return load_scene(path)
-    if ".pbrt" not in path.name.lower():
-        return build_scene(path)
-    from lfcore.scene.pbrt import build_pbrt_scene
-
-    scene = build_pbrt_scene(path)
+    scene = build_scene(path)
     if scene.notes:
         say(scene.summary())
     return scene
@@ -152,12 +153,17 @@ def render(arguments: argparse.Namespace) -> None:
             remedy="Leave out --views, --f-number and --plane",
         )  # fmt: skip
     scene = load(arguments.scene)
+    if render_view.wants_film(arguments, scene):
+        say_what_is_in(scene)
+        render_view.render_film(arguments, scene)
+        return
+    size = 256 if arguments.size is None else arguments.size
     views = 1 if arguments.pinhole else 16 if arguments.views is None else arguments.views
     planes = plane_options.read_planes(arguments, scene.camera)
     widest = min(plane.f_number for plane in planes)
     # A wider lens than the scene's can be traced: the scene knows all light.
     camera = replace(scene.camera, f_number=min(widest, scene.camera.f_number))
-    slab = Slab(camera, views, arguments.size)
+    slab = Slab(camera, views, size)
     plane_options.check_planes(planes, slab, arguments.scene)
     tracer = open_tracer(scene, arguments.device)
     with progress(f"tracing {slab.rays:,} rays", "pixels") as report:

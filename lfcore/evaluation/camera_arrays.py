@@ -9,16 +9,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
-from lfcore.errors import LfcoreError, OpticsError
+from lfcore.errors import LfcoreError
 from lfcore.evaluation.metrics import mse, psnr
 from lfcore.optics.array import CameraArray
-from lfcore.optics.bundles import Bundles
-from lfcore.refocus.array import sampling
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import parallel
 from lfcore.refocus.array.isaksen import isaksen
@@ -44,68 +41,6 @@ COLUMNS = {
     ),
 }
 DECIMALS = {"seconds": 4, "mrays_per_second": 3, "rmse": 6, "psnr_db": 3}
-_CHUNK = 32  # lens points at once: what their pictures take in memory
-
-
-def thin_lens_bundles(camera: VirtualCamera, focus_z: float, samples: np.ndarray) -> Bundles:
-    """Pinholes on a thin lens, sheared so that their pictures coincide on the plane z = focus_z.
-
-    Parameters
-    ----------
-    camera : looking along +z, as the data cameras do, anywhere.
-    focus_z : metres before the data cameras' plane.
-    samples : (S, 4) in [0, 1): film x, film y, lens a, lens b; one pinhole each.
-
-    Rays start in z = 0, where the bundles have their origins: what lies between a camera at z > 0
-    and that plane would hide the scene, and what lies behind it is seen through.
-
-    Raises
-    ------
-    OpticsError : a camera that is turned, or a focus that is not before it.
-    """
-    if not np.allclose(camera.rotation, np.eye(3), atol=1e-12):
-        raise OpticsError("a directly traced thin lens must look along z", key="rotation")
-    x, y, z = camera.position_m
-    distance = focus_z - z
-    if not distance > 0:
-        raise OpticsError(f"the focus lies {-distance:g} m behind the camera", key="focus_z")
-    lens = np.stack(sampling.concentric_disk(samples[:, 2], samples[:, 3]), -1)
-    lens = lens * camera.lens_radius_m
-    pitch = camera.pixel_pitch
-    tangents = (samples[:, :2] - 0.5) * pitch - lens / distance
-    origins = np.array([x, y]) + lens - z * tangents
-    elements = np.concatenate([origins, tangents], 1).astype(np.float32)
-    step = np.array([-z * pitch, -z * pitch, pitch, pitch], np.float32)
-    # Many samples fall within a pixel; textures are filtered over half of one.
-    return Bundles(elements, step, *camera.size, pitch / 2)
-
-
-def direct_thin_lens(
-    tracer: Tracer,
-    camera: VirtualCamera,
-    focus_z: float,
-    samples_per_pixel: int,
-    *,
-    progress: Callable[[int, int], None] | None = None,
-) -> np.ndarray:
-    """The scene itself through a thin lens: (h, w, 3) float32 linear radiance.
-
-    All pixels share one Halton set over film and lens, so there is no noise from pixel to pixel.
-    ``progress`` is called with (samples done, samples).  Raises as :func:`thin_lens_bundles`, and
-    :class:`OpticsError` for no samples.
-    """
-    if samples_per_pixel < 1:
-        raise OpticsError(f"must be at least 1, not {samples_per_pixel}", key="samples_per_pixel")
-    # Half of a cell on: the set's first point is the corner (0, 0, 0, 0).
-    samples = (sampling.halton_table(samples_per_pixel) + 0.5 / samples_per_pixel) % 1.0
-    bundles = thin_lens_bundles(camera, focus_z, samples)
-    total = np.zeros((*camera.size[::-1], 3), np.float64)
-    for first in range(0, samples_per_pixel, _CHUNK):
-        part = replace(bundles, elements=bundles.elements[first : first + _CHUNK])
-        total += tracer.bundle_radiance(part).sum(0, dtype=np.float64)
-        if progress is not None:
-            progress(min(first + _CHUNK, samples_per_pixel), samples_per_pixel)
-    return (total / samples_per_pixel).astype(np.float32)
 
 
 def errors(image: np.ndarray, reference: np.ndarray) -> dict[str, float]:

@@ -54,8 +54,8 @@ class Light:
 class Motion:
     """Triangles ``first .. first + count`` move rigidly.
 
-    ``start`` and ``end`` are (4, 4) float64 poses in camera space at shutter open and close; the
-    scene's arrays hold the triangles at shutter open.
+    ``start`` and ``end`` are their first and last (4, 4) float64 poses in camera space; the scene's
+    arrays hold the triangles in the first.
     """
 
     first: int
@@ -64,7 +64,7 @@ class Motion:
     end: np.ndarray
 
     def pose(self, time: float) -> np.ndarray:
-        """(4, 4) that moves the stored triangles to ``time`` in [0, 1] of the shutter."""
+        """(4, 4) that moves the stored triangles to ``time`` in [0, 1]."""
         from scipy.spatial.transform import Rotation, Slerp  # seldom needed, slow to import
 
         move = self.end @ np.linalg.inv(self.start)

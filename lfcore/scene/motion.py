@@ -1,7 +1,7 @@
 """Rigid motion during the shutter: which triangles move, and the scene at one instant.
 
-An object has one pose at shutter open and one at shutter close; between them it turns on the
-shortest arc and its origin moves on a straight line, as in pbrt.
+An object has a first and a last pose; between them it turns on the shortest arc and its origin
+moves on a straight line, as in pbrt.  :meth:`View.motion_time` says where the shutter finds it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from lfcore.scene.model import Motion, Scene
 from lfcore.scene.parts import Part
 
 Moving = tuple[Part, tuple[np.ndarray, np.ndarray]]
-"""A part at shutter open, and its object's (4, 4) poses in camera space at open and close."""
+"""A part in its first pose, and its object's first and last (4, 4) poses in camera space."""
 
 
 def motions(geometry: Geometry, static: Sequence[Part], moving: Sequence[Moving]):
@@ -43,7 +43,7 @@ def is_rigid(start: np.ndarray, end: np.ndarray) -> bool:
 
 
 def scene_at(scene: Scene, time: float) -> Scene:
-    """The scene at ``time`` of the shutter, 0 open and 1 closed; it moves no more.
+    """The scene when its motions are at ``time``, 0 first pose and 1 last; it moves no more.
 
     Averaging traces at stratified times samples the camera equation's time dimension.
 
@@ -52,7 +52,7 @@ def scene_at(scene: Scene, time: float) -> Scene:
     SceneError : a time outside [0, 1].
     """
     if not 0 <= time <= 1:
-        raise SceneError(f"time {time} lies outside the shutter", remedy="Use 0 to 1")
+        raise SceneError(f"time {time} lies outside the motion", remedy="Use 0 to 1")
     if not scene.motions:
         return scene
     triangles, normals = scene.triangles.copy(), scene.normals.copy()

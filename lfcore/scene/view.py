@@ -37,6 +37,7 @@ class View:
     array : every pinhole of the film: one camera for ``perspective``, the grid for ``lightfield``.
     film : (width, height) of the whole picture in pixels.
     shutter : (open, close), in the scene's unit of time.
+    motion_times : when objects that move leave their first pose and reach their last.
     lens_radius_m : of the thin lens; 0 is a pinhole.
     samples_per_pixel : rays a pixel, as the scene asks for.
     """
@@ -48,6 +49,13 @@ class View:
     shutter: tuple[float, float] = SHUTTER
     lens_radius_m: float = 0.0
     samples_per_pixel: int = 1
+    motion_times: tuple[float, float] = (0.0, 1.0)
+
+    def motion_time(self, instant: float) -> float:
+        """How far motions are, 0 to 1, at ``instant`` of the shutter, 0 open and 1 closed."""
+        (opened, closed), (start, end) = self.shutter, self.motion_times
+        done = (opened + instant * (closed - opened) - start) / (end - start)
+        return min(max(done, 0.0), 1.0)
 
     def to_json(self) -> dict:
         camera = asdict(self.camera)
@@ -60,7 +68,7 @@ class View:
         """Raises :class:`OpticsError` or ``TypeError`` for what :meth:`to_json` does not write."""
         camera = dict(data["camera"])
         camera["focus_distance_m"] = float(camera["focus_distance_m"])
-        array, pairs = CameraArray.from_json(data["array"]), ("film", "shutter")
+        array, pairs = CameraArray.from_json(data["array"]), ("film", "shutter", "motion_times")
         rest = {key: tuple(data[key]) for key in pairs}
         return cls(**{**data, "camera": Camera(**camera), "array": array, **rest})
 

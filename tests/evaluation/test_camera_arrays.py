@@ -10,16 +10,15 @@ from hypothesis import strategies as st
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.evaluation.camera_arrays import (
     convergence,
-    direct_thin_lens,
     errors,
     make_array_table,
     overview,
     reconstructions,
     slope,
     square_field,
-    thin_lens_bundles,
 )
 from lfcore.optics.array import CameraArray
+from lfcore.refocus.array.photograph import direct_thin_lens, thin_lens_bundles
 from lfcore.refocus.array.sampling import concentric_disk
 from lfcore.refocus.array.trace import trace_array
 from lfcore.refocus.array.virtual_camera import VirtualCamera

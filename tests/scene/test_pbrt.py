@@ -447,7 +447,7 @@ def test_rigid_motion(read):
     half = scene_at(scene, 0.5).triangles[1].astype(np.float64)
     lengths = np.linalg.norm(half - np.roll(half, 1, 0), axis=1)
     np.testing.assert_allclose(sorted(lengths), [1, 2, math.sqrt(5)], rtol=1e-6)
-    with pytest.raises(SceneError, match="shutter"):
+    with pytest.raises(SceneError, match="outside the motion"):
         scene_at(scene, 2)
 
 

@@ -4,13 +4,13 @@ from matplotlib.figure import Figure
 
 from lfcore.evaluation.camera_arrays import (
     convergence,
-    direct_thin_lens,
     reconstructions,
     square_field,
 )
 from lfcore.evaluation.figures import save_figure
 from lfcore.evaluation.files import write_json
 from lfcore.opencl.device import open_device
+from lfcore.refocus.array.photograph import direct_thin_lens
 from lfcore.scene.files import load_scene
 from lfcore.tracing.bvh import load_bvh
 from lfcore.tracing.tracer import Tracer

@@ -1,10 +1,11 @@
 """Step 6: arrays of few cameras, and arrays of many cameras of few pixels at equal storage."""
 
-from lfcore.evaluation.camera_arrays import direct_thin_lens, errors, square_field
+from lfcore.evaluation.camera_arrays import errors, square_field
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.evaluation.files import write_json
 from lfcore.opencl.device import open_device
 from lfcore.refocus.array.focal_surface import parallel
+from lfcore.refocus.array.photograph import direct_thin_lens
 from lfcore.refocus.array.quadrature import quadrature
 from lfcore.scene.files import load_scene
 from lfcore.tracing.bvh import load_bvh

@@ -4,12 +4,13 @@ import time
 
 import numpy as np
 
-from lfcore.evaluation.camera_arrays import direct_thin_lens, errors, timed
+from lfcore.evaluation.camera_arrays import errors, timed
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.evaluation.files import write_json
 from lfcore.opencl.device import open_device
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import parallel
+from lfcore.refocus.array.photograph import direct_thin_lens
 from lfcore.refocus.array.quadrature import quadrature
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.scene.files import load_scene

@@ -31,6 +31,35 @@ def shutter_times(count: int, seed: int | None = None) -> np.ndarray:
     return (np.arange(count) + jitter) / count
 
 
+def expose(
+    scene: Scene,
+    times: int,
+    picture: Callable[[Tracer, int], np.ndarray],
+    *,
+    seed: int | None = None,
+    device: Device | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """The mean over the open shutter of ``picture(tracer, instant's number)``, float32.
+
+    A scene at rest, and one whose shutter closes when it opens, is taken as it is, once for each
+    of ``times``, with one hierarchy.  Else every instant has a hierarchy of its own.
+    ``progress`` is called with (instants done, instants).
+    """
+    instants, total, tracer = shutter_times(times, seed), 0.0, None
+    view = scene.view
+    moves = scene.motions and not (view and view.shutter[0] == view.shutter[1])
+    for index, instant in enumerate(instants):
+        if moves or tracer is None:
+            motion = view.motion_time(float(instant)) if view else float(instant)
+            still = scene_at(scene, motion)
+            tracer = Tracer(still, build_bvh(still.triangles), device)
+        total = total + picture(tracer, index).astype(np.float64)
+        if progress is not None:
+            progress(index + 1, len(instants))
+    return (total / len(instants)).astype(np.float32)
+
+
 def trace_shutter(
     scene: Scene,
     array: CameraArray,
@@ -43,15 +72,11 @@ def trace_shutter(
 ) -> np.ndarray:
     """The mean of ``times`` traces of the moving scene: (Ny h, Nx w, 3) float32, linear.
 
-    A scene at rest is traced once.  Every instant has a hierarchy of its own, so the cost is
-    that of ``times`` arrays and builds.  ``progress`` is called with (instants done, instants).
+    A scene at rest is traced once.  ``progress`` is called with (instants done, instants).
     """
-    instants = shutter_times(times if scene.motions else 1, seed)
-    total = np.zeros((*array.image_size[::-1], 3), np.float64)
-    for index, time in enumerate(instants):
-        still = scene_at(scene, float(time))
-        tracer = Tracer(still, build_bvh(still.triangles), device)
-        total += trace_array(tracer, array, samples_per_pixel, seed=index)
-        if progress is not None:
-            progress(index + 1, len(instants))
-    return (total / len(instants)).astype(np.float32)
+
+    def picture(tracer: Tracer, index: int) -> np.ndarray:
+        return trace_array(tracer, array, samples_per_pixel, seed=index)
+
+    times = times if scene.motions else 1
+    return expose(scene, times, picture, seed=seed, device=device, progress=progress)

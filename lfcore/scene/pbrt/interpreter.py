@@ -20,10 +20,10 @@ from lfcore.scene.pbrt.textures import TextureTable
 from lfcore.scene.view import View
 
 _TRANSFORMS = ("Translate", "Scale", "Rotate", "LookAt", "Transform", "ConcatTransform", "Identity")
-_HEADER_ONLY = ("Camera", "Film")
+_HEADER_ONLY = ("Camera", "Film", "TransformTimes")
 _IGNORED = (
     "Sampler", "Integrator", "SurfaceIntegrator", "VolumeIntegrator", "Accelerator",
-    "PixelFilter", "Renderer", "Option", "ColorSpace", "TransformTimes",
+    "PixelFilter", "Renderer", "Option", "ColorSpace",
 )  # fmt: skip
 _LEFT_OUT = ("MediumInterface", "MakeNamedMedium", "Attribute")
 
@@ -57,6 +57,7 @@ class Interpreter:
         self._camera: tuple[str, ParameterSet] | None = None
         self._film: ParameterSet | None = None
         self._sampler: ParameterSet | None = None
+        self._motion_times = (0.0, 1.0)
         self._objects: dict[str, list[Item]] = {}
         self._open_object: tuple[str, Place] | None = None
         self._in_world = self._after_world = False
@@ -85,9 +86,13 @@ class Interpreter:
         elif name.endswith(("Begin", "End")):
             self._block(directive)
         elif name in _IGNORED:
+            what = directive.parameters.owner
             if name == "Sampler":
-                self._sampler = directive.parameters
-            self.notebook.add(NOT_USED, directive.place, directive.parameters.owner)
+                self._sampler, what = (
+                    directive.parameters,
+                    f"{what}: its kind, not its rays a pixel",
+                )
+            self.notebook.add(NOT_USED, directive.place, what)
         elif name in _LEFT_OUT:
             self.notebook.add(LEFT_OUT, directive.place, directive.parameters.owner)
         else:
@@ -133,7 +138,8 @@ class Interpreter:
             self._camera = ("perspective", ParameterSet('Camera "perspective"', place))
             self.world_to_camera = TO_OURS.copy()
         samples = read_samples(self._sampler)
-        self.view = read_camera(*self._camera, film, samples, self.notebook)
+        view = read_camera(*self._camera, film, samples, self.notebook)
+        self.view = replace(view, motion_times=self._motion_times)
         self.state.set(matrices=(np.eye(4), np.eye(4)), active=(graphics.START, graphics.END))
         self.state.coordinate_systems["world"] = (np.eye(4), np.eye(4))
 
@@ -146,6 +152,14 @@ class Interpreter:
                 "Use StartTime, EndTime or All",
             )
         self.state.set(active=active)
+
+    def _transform_times(self, directive: Directive) -> None:
+        start, end = directive.numbers.tolist()
+        if not end > start:
+            raise syntax_error(
+                f"TransformTimes {start:g} {end:g}", directive.place, "Give start, then end"
+            )
+        self._motion_times = (start, end)
 
     def _coordinate_system(self, directive: Directive) -> None:
         self.state.coordinate_systems[directive.strings[0]] = self.state.now.matrices

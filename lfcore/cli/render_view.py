@@ -1,0 +1,75 @@
+"""``lfcore render`` of a scene whose own camera has a film: pbrt's cameras, and ``lightfield``."""
+
+from __future__ import annotations
+
+import argparse
+
+from lfcore.cli.output import write_picture
+from lfcore.cli.progress import progress, say
+from lfcore.errors import OpticsError
+
+# Options that ask for a square picture from a light slab instead of the scene's own film.
+SLAB_OPTIONS = ("size", "views", "pinhole", "focus", "f_number", "plane", "planes")
+FILM_OPTIONS = ("samples", "instants")
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    own = command.add_argument_group(
+        "the scene's own film", "of a .pbrt file or a lightfield camera, unless asked otherwise"
+    )
+    own.add_argument("--samples", type=int, metavar="S", help="rays a pixel (the scene's)")
+    own.add_argument(
+        "--instants", type=int, metavar="T",
+        help="of the shutter while objects move (up to 16 of the rays)",
+    )  # fmt: skip
+
+
+def wants_film(arguments: argparse.Namespace, scene) -> bool:
+    """Whether the scene's own film is to be exposed, not a slab traced.
+
+    Raises :class:`OpticsError` for options of the film where there is none, or of both.
+    """
+    slab, film = (
+        [name for name in names if _given(getattr(arguments, name))]
+        for names in (SLAB_OPTIONS, FILM_OPTIONS)
+    )
+    if film and (slab or scene.view is None):
+        what = f"excludes {_option(slab[0])}" if slab else "belongs to a scene with a film"
+        raise OpticsError(what, key=_option(film[0]), remedy="Leave it out, or use --views")
+    for name in film:
+        if getattr(arguments, name) < 1:
+            raise OpticsError("must be at least 1", key=_option(name))
+    return scene.view is not None and not slab
+
+
+def render_film(arguments: argparse.Namespace, scene) -> None:
+    """Expose the film and write it; a light field to an EXR with its geometry in the header."""
+    from lfcore.opencl.device import open_device
+    from lfcore.refocus.array.photograph import photograph
+    from lfcore.scene.view import LIGHTFIELD
+    from lfcore.storage.tiled_exr import write_array
+
+    view, device = scene.view, open_device(arguments.device)
+    width, height = view.film
+    samples = arguments.samples or view.samples_per_pixel
+    with progress(f"tracing {width} x {height} pixels, {samples} rays each", "instants") as report:
+        image = photograph(
+            scene, arguments.samples, arguments.instants, device=device, progress=report
+        )
+    output = arguments.output
+    if view.kind == LIGHTFIELD and output.suffix.lower() == ".exr":
+        output.parent.mkdir(parents=True, exist_ok=True)
+        extra = {"scene": scene.name, "shutter": list(view.shutter)}
+        write_array(output, image, view.array, extra=extra)
+    else:
+        write_picture(output, image)
+    say(f"wrote {output}")
+
+
+def _given(value) -> bool:
+    # 0 was given, if wrongly.
+    return value is not None and value is not False and value != []
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"

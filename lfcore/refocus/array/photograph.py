@@ -1,0 +1,136 @@
+"""The picture that a scene's own camera takes: a thin lens, one pinhole, or an array of them.
+
+What pbrt makes of a scene file: the whole film, as many rays a pixel as the file asks for, and the
+shutter open while objects move.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+from lfcore.opencl.device import Device
+from lfcore.optics.bundles import Bundles
+from lfcore.refocus.array import sampling
+from lfcore.refocus.array.shutter import expose
+from lfcore.refocus.array.trace import trace_array
+from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore.scene.model import Scene
+from lfcore.scene.view import LIGHTFIELD
+from lfcore.tracing.tracer import Tracer
+
+MOST_INSTANTS = 16
+_CHUNK_RAYS = 1 << 23  # of all lens points at once: what their pictures take in memory
+
+
+def photograph(
+    scene: Scene,
+    samples_per_pixel: int | None = None,
+    instants: int | None = None,
+    *,
+    device: Device | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """The picture of ``scene.view``: (height, width, 3) float32, linear radiance.
+
+    Parameters
+    ----------
+    samples_per_pixel : rays a pixel; default those of the view.
+    instants : of the shutter; default 1 where nothing moves, else up to 16 of the rays.  Where
+        the rays cannot be shared equally between them, there are more.
+    progress : called with (instants done, instants).
+
+    Raises
+    ------
+    OpticsError : a scene without a view, or no samples.
+    """
+    view = scene.view
+    if view is None:
+        raise OpticsError("the scene has no film of its own", key="view")
+    samples = view.samples_per_pixel if samples_per_pixel is None else samples_per_pixel
+    if samples < 1:
+        raise OpticsError(f"must be at least 1, not {samples}", key="samples_per_pixel")
+    moves = scene.motions and view.shutter[1] > view.shutter[0]
+    instants = instants or (min(samples, MOST_INSTANTS) if moves else 1)
+    each = -(-samples // instants)
+
+    def picture(tracer: Tracer, index: int) -> np.ndarray:
+        if view.kind == LIGHTFIELD or not view.lens_radius_m:
+            return trace_array(tracer, view.array, each, seed=index)
+        camera = VirtualCamera(
+            np.zeros(3), np.eye(3), view.array.fov_deg, view.film, view.lens_radius_m
+        )
+        # Other lens points at every instant.
+        return direct_thin_lens(
+            tracer, camera, view.camera.focus_distance_m, each, first=index * each
+        )
+
+    return expose(scene, instants, picture, device=device, progress=progress)
+
+
+def thin_lens_bundles(camera: VirtualCamera, focus_z: float, samples: np.ndarray) -> Bundles:
+    """Pinholes on a thin lens, sheared so that their pictures coincide on the plane z = focus_z.
+
+    Parameters
+    ----------
+    camera : looking along +z, as the data cameras do, anywhere.
+    focus_z : metres before the data cameras' plane; ``math.inf`` allowed.
+    samples : (S, 4) in [0, 1): film x, film y, lens a, lens b; one pinhole each.
+
+    Rays start in z = 0, where the bundles have their origins: what lies between a camera at z > 0
+    and that plane would hide the scene, and what lies behind it is seen through.
+
+    Raises
+    ------
+    OpticsError : a camera that is turned, or a focus that is not before it.
+    """
+    if not np.allclose(camera.rotation, np.eye(3), atol=1e-12):
+        raise OpticsError("a directly traced thin lens must look along z", key="rotation")
+    x, y, z = camera.position_m
+    distance = focus_z - z
+    if not distance > 0:
+        raise OpticsError(f"the focus lies {-distance:g} m behind the camera", key="focus_z")
+    lens = np.stack(sampling.concentric_disk(samples[:, 2], samples[:, 3]), -1)
+    lens = lens * camera.lens_radius_m
+    pitch = camera.pixel_pitch
+    tangents = (samples[:, :2] - 0.5) * pitch - lens / distance
+    origins = np.array([x, y]) + lens - z * tangents
+    elements = np.concatenate([origins, tangents], 1).astype(np.float32)
+    step = np.array([-z * pitch, -z * pitch, pitch, pitch], np.float32)
+    # Many samples fall within a pixel; textures are filtered over half of one.
+    return Bundles(elements, step, *camera.size, pitch / min(2.0, math.sqrt(len(samples))))
+
+
+def direct_thin_lens(
+    tracer: Tracer,
+    camera: VirtualCamera,
+    focus_z: float,
+    samples_per_pixel: int,
+    *,
+    first: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """The scene itself through a thin lens: (h, w, 3) float32 linear radiance.
+
+    All pixels share one Halton set over film and lens, so there is no noise from pixel to pixel.
+    ``first`` skips that many points of it.  ``progress`` is called with (samples done, samples).
+    Raises as :func:`thin_lens_bundles`, and :class:`OpticsError` for no samples.
+    """
+    if samples_per_pixel < 1:
+        raise OpticsError(f"must be at least 1, not {samples_per_pixel}", key="samples_per_pixel")
+    # Half of a cell on: the set's first point is the corner (0, 0, 0, 0).
+    points = sampling.halton_table(first + samples_per_pixel)[first:]
+    samples = (points + 0.5 / (first + samples_per_pixel)) % 1.0
+    bundles = thin_lens_bundles(camera, focus_z, samples)
+    total = np.zeros((*camera.size[::-1], 3), np.float64)
+    chunk = max(1, min(32, _CHUNK_RAYS // (camera.size[0] * camera.size[1])))
+    for start in range(0, samples_per_pixel, chunk):
+        part = replace(bundles, elements=bundles.elements[start : start + chunk])
+        total += tracer.bundle_radiance(part).sum(0, dtype=np.float64)
+        if progress is not None:
+            progress(min(start + chunk, samples_per_pixel), samples_per_pixel)
+    return (total / samples_per_pixel).astype(np.float32)
