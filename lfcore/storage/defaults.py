@@ -40,19 +40,43 @@ and at M = 128, all 4:4:4:
     512  macropixels                ultrafast crf 34          0.055    41.3   59.1    133
 
 (No "lens" where only 16 x 16 of the views were encoded.)
+and later, with 50 million rays and more, 4:4:4, M = 512, bike (views are all 256 at N = 16, and the
+middle 256 of N = 32 and 64, whose "lens" is therefore lower than of all of them):
+
+    N    layout                     settings               bits/ray  frames   lens   rate
+    16   views                      medium crf 30, 8 B        0.180    30.0   44.0     23
+    16   views                      veryfast crf 26           0.350    31.2   43.1     52
+    16   views, Hilbert             medium crf 30, 8 B        0.189    29.9   44.1     21
+    16   views                      slow crf 28, 8 B          0.235    31.2   44.9     12
+    16   the same                   medium crf 28, 8 B        0.243    31.2   45.2     20
+    32   views                      medium crf 30, 8 B        0.138    30.4   42.2     24
+    64   views                      medium crf 30, 8 B        0.115    30.6   40.7     26
+    64   macropixels, 2 x 2         medium crf 32             0.140    29.8   47.6     20
+    64   macropixels, 2 x 2         veryfast crf 28           0.257    31.6   48.5     46
+    64   macropixels, 4 x 4         faster crf 32             0.181    29.8   48.2     30
+    128  macropixels                medium crf 30             0.082    35.3   51.8     30
+    128  macropixels                superfast crf 32          0.163    35.1   53.2    100
+    512  macropixels                medium crf 28             0.023    41.2   55.2     38
+    512  macropixels                medium 4:2:0 crf 28       0.019    37.4   54.1     45
+    512  macropixels                veryfast crf 28           0.027    39.0   52.5     81
+    512  macropixels                ultrafast 4:2:0 crf 34    0.032    36.4   50.9    293
+
 What follows from it:
 
-- Views cost fewer bits at small N, where a macropixel of 16 x 16 is mostly edges; the two are even
-  at N = 64 for M = 512 and at N = 32 for M = 128.  Yet macropixels are the default above N = 8: a
-  block of 16 x 16 pixels of one view sees thousands of triangles in a dense scene, and tracing
-  bedroom at N = 32, M = 128 as views took tens of times as long as as macropixels (``lfcore trace
-  scenes/bedroom --views 32 --size 128 --layout views``).  Ask for views where bits matter most.
-- 4:4:4 up to N = 128: at N = 64 it needs 27% fewer bits than 4:2:0 at equal error of the picture,
-  at N = 16 a quarter fewer (crf 26: 0.350 bits, 43.0 dB).  At N = 512 the average over the lens
-  hides subsampled chroma, and half the samples to encode count for more.
-- At large N speed decides, and encoding is the slowest stage: ``ultrafast`` with 3 B frames, which
-  are both faster and a quarter smaller than none.  cabac, subme 1, more B frames and the Hilbert
-  order gain 4% at most there.  Preset ``veryfast`` would save 40% more bits at a third of the rate.
+- Views cost a fraction of the bits at small N, where a macropixel of 16 x 16 is mostly edges, and
+  hold at N = 16 and 32 what macropixels cannot: a stream 500 to 1000 times smaller than 12 bytes a
+  ray whose pictures are right to 44 dB.  They are the default where a view has at least 16 pixels
+  for each one of a macropixel, along a side (and up to N = 8).  With fewer, a block of 16 x 16
+  pixels of one view sees thousands of triangles in a dense scene, and tracing bedroom at N = 32,
+  M = 128 as views took tens of times as long as as macropixels; at N = 16, M = 512 it is as fast.
+- 4:4:4 everywhere: at N = 64 it needs 27% fewer bits than 4:2:0 at equal error of the picture, and
+  at N = 512 frames are 2 dB better at equal bits.
+- Preset ``medium``: against ``veryfast`` half the bits at N = 16 and two decibels at large N, at half
+  of its rate; against ``ultrafast`` at N = 512 a quarter fewer bits, and 5 dB of frames and 4 dB of
+  pictures besides, at an eighth of its rate.  Ask for ``ultrafast`` where a store is made once and
+  read once.
+- A key frame every 128 frames costs 3% of the bits at N = 32 and bounds what a macropixel costs to
+  read: 64 frames decoded on average.
 """
 
 from __future__ import annotations
@@ -61,22 +85,25 @@ from lfcore.errors import StorageError
 from lfcore.storage.codecs import CodecSpec
 
 _SETTINGS = (
-    # views up to, preset, pixel format, crf, bframes, refs
-    (16, "veryfast", "yuv444p", 22, None, None),
-    (32, "veryfast", "yuv444p", 25, None, None),
-    (64, "veryfast", "yuv444p", 28, None, None),
-    (128, "superfast", "yuv444p", 32, None, None),
-    (1 << 30, "ultrafast", "yuv420p", 34, 3, 1),
+    # views up to, preset, crf, bframes
+    (32, "medium", 30, 8),
+    (64, "medium", 33, 8),
+    (128, "medium", 30, None),
+    (1 << 30, "medium", 28, None),
 )
+KEY_EVERY = 128
+"""Frames from one key frame to the next."""
+PIXELS_FOR_VIEWS, FEW_VIEWS = 16, 8
 
 
 def default_kind(views: int, pixels: int = 512) -> str:
-    """``views`` or ``macropixels``: which is traced and stored in less time at equal error.
+    """``views`` or ``macropixels``: which costs fewer bits at equal error, and not long to trace.
 
-    ``views`` and ``pixels`` are N and M, a side; M does not matter at present.
+    ``views`` and ``pixels`` are N and M, a side.
     """
     _check(views)
-    return "macropixels" if views > 8 else "views"
+    wide = pixels >= PIXELS_FOR_VIEWS * views
+    return "views" if wide or views <= FEW_VIEWS else "macropixels"
 
 
 def default_pack(views: int, pixels: int = 512) -> int:
@@ -95,20 +122,16 @@ def macropixel_pack(views: int) -> int:
 
 
 def default_spec(views: int) -> CodecSpec:
-    """Encoder settings for N = ``views``: at least about 46 dB through the whole lens.
+    """Encoder settings for N = ``views``: at least about 44 dB through the whole lens.
 
-    A single key frame a segment; one every 16 frames cost a tenth more bits at N = 16, and lets a
-    view be read without decoding all before it.  One thread, so that the stream is reproducible;
-    cores share the segments.
+    One thread, so that the stream is reproducible; cores share the segments.
 
     Raises :class:`StorageError` unless ``views`` is positive.
     """
     _check(views)
-    preset, pixel_format, crf, bframes, refs = next(
-        settings for limit, *settings in _SETTINGS if views <= limit
-    )
+    preset, crf, bframes = next(settings for limit, *settings in _SETTINGS if views <= limit)
     return CodecSpec(
-        preset=preset, pixel_format=pixel_format, crf=float(crf), bframes=bframes, refs=refs
+        preset=preset, pixel_format="yuv444p", crf=float(crf), bframes=bframes, gop=KEY_EVERY
     )
 
 
