@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.cli import imgtool_store
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.optics.array import CameraArray
 
@@ -46,11 +47,18 @@ def parser() -> argparse.ArgumentParser:
     convert.add_argument("--scale", type=float, default=1.0, help="multiply radiance first")
     convert.add_argument("input", type=Path)
     convert.add_argument("output", type=Path)
+    text = "store a camera array's EXR as video, to be opened like any light field file"
+    store = commands.add_parser("store", help=text, description=text.capitalize())
+    _array_options(store)
+    imgtool_store.add_encoder(store)
+    store.add_argument("input", type=Path, help="EXR that holds all data cameras")
+    store.add_argument("output", type=Path, help="light field file to write, .mkv")
+    text = "write the views of a light field file, array or slab, as one tiled EXR"
+    imgtool_store.add_tiles(commands.add_parser("tiles", help=text, description=text.capitalize()))
     return top
 
 
-def _lightfield_parser(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
+def _array_options(command: argparse.ArgumentParser) -> None:
     array = command.add_argument_group("the light field (from the header where it has one)")
     array.add_argument(
         "--camsperdim", nargs=2, type=int, metavar=("X", "Y"), help="data cameras (1 1)"
@@ -64,6 +72,11 @@ def _lightfield_parser(command: argparse.ArgumentParser) -> None:
         "--spacing", choices=("ends", "cells"),
         help="outermost cameras on the bounds, or all in the middle of cells (ends)",
     )  # fmt: skip
+
+
+def _lightfield_parser(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    _array_options(command)
     add(
         "--camerapos", nargs=3, type=float, default=(0.0, 0.0, -0.02), metavar=("X", "Y", "Z"),
         help="position of the virtual camera, y up (0 0 -0.02)",
@@ -78,7 +91,7 @@ def _lightfield_parser(command: argparse.ArgumentParser) -> None:
     _method_options(command)
     add("--device", help="part of an OpenCL device's name")
     add("--half", action="store_true", help="write 16-bit floats")
-    add("input", type=Path, help="EXR that holds all data cameras")
+    add("input", type=Path, help="EXR of all data cameras, or a light field file, .mkv")
     add("output", type=Path, help="EXR to write")
 
 
@@ -126,7 +139,12 @@ def main(argv: Sequence[str] | None = None, report: Callable[[str], None] = prin
     ``report`` receives lines for the user.  Errors go to standard error, one line, status 1.
     """
     arguments = parser().parse_args(argv)
-    run = {"lightfield": lightfield, "convert": convert}[arguments.command]
+    run = {
+        "lightfield": lightfield,
+        "convert": convert,
+        "store": lambda given: imgtool_store.store(given, geometry),
+        "tiles": imgtool_store.tiles,
+    }[arguments.command]
     try:
         report(run(arguments))
     except LfcoreError as error:
@@ -143,11 +161,11 @@ def lightfield(arguments: argparse.Namespace) -> str:
     from lfcore.opencl.device import open_device
     from lfcore.refocus.array.device_field import DeviceField
     from lfcore.refocus.array.virtual_camera import VirtualCamera
-    from lfcore.storage.tiled_exr import read_array, write_picture
+    from lfcore.storage.tiled_exr import write_picture
 
     method = chosen_method(arguments)
-    picture = read_array(arguments.input)
-    array = geometry(arguments, picture.array, picture.image.shape)
+    image, recorded, _ = imgtool_store.read_lightfield(arguments.input)
+    array = geometry(arguments, recorded, image.shape)
     camera = VirtualCamera.from_pbrt(
         arguments.camerapos,
         arguments.camerarot or (0.0, 0.0, 0.0),
@@ -155,7 +173,7 @@ def lightfield(arguments: argparse.Namespace) -> str:
         arguments.outputdim,
         arguments.lensradius or 0.0,
     )
-    field = DeviceField(open_device(arguments.device), picture.image, array)
+    field = DeviceField(open_device(arguments.device), image, array)
     result = _synthesise(method, arguments, field, camera)
     if not result.coverage.any():
         raise OpticsError(

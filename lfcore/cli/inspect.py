@@ -111,8 +111,14 @@ def _settings(settings: dict) -> str:
 
 
 def _optics(field) -> dict[str, str]:
-    if field.slab is None:
-        return {"geometry": "camera array"}
+    if field.array is not None:
+        array, (nx, ny) = field.array, field.array.cameras
+        columns, rows = array.columns_m, array.rows_m
+        return {
+            "geometry": f"camera array, {nx} x {ny} of {array.fov_deg:g} degrees, x {columns[0]:g} "
+            f"to {columns[-1]:g} m, y {rows[0]:g} to {rows[-1]:g} m down",
+            "white": f"radiance {field.white:g}",
+        }
     camera = field.slab.camera
     return {
         "lens": f"{1e3 * camera.focal_length_m:g} mm f/{camera.f_number:g}, "

@@ -107,7 +107,7 @@ def record(
             tiles,
             layout,
             geometry=slab,
-            scene={"name": tracers[0].scene.name, "digest": _digest(scene)},
+            scene={"name": tracers[0].scene.name, "digest": scene_digest(scene)},
             spec=spec,
         )
 
@@ -173,7 +173,7 @@ def _copied_ahead(tracing):
             yield frames
 
 
-def _digest(scene: Path) -> str:
+def scene_digest(scene: Path) -> str:
     """SHA-256 of the scene's file; of a folder, of its scene.yaml."""
     file = scene / "scene.yaml" if scene.is_dir() else scene
     with file.open("rb") as stream:

@@ -8,8 +8,8 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+from lfcore.cli import imgtool_store, render_view
 from lfcore.cli import planes as plane_options
-from lfcore.cli import render_view
 from lfcore.cli.output import check_suffix
 from lfcore.cli.progress import progress, say
 from lfcore.errors import LfcoreError, OpticsError
@@ -38,6 +38,8 @@ examples:
   lfcore trace scenes/bike -o bike.mkv --size 256 --views 32
   lfcore trace table.glb -o table.mkv --size 512 --views 16 --layout views --crf 18
   lfcore trace table.glb -o table.mkv --size 128 --views 16 --codec ffv1     lossless video
+  lfcore trace scene.pbrt -o scene.mkv
+      a scene with Camera "lightfield": its own cameras, rays a pixel and shutter
 """
 
 
@@ -61,18 +63,15 @@ def add_parser(commands, name: str, summary: str) -> None:
         command.set_defaults(run=render, size=None)
         return
     command.add_argument("-o", "--output", type=Path, required=True, help="file to write, .mkv")
-    command.add_argument("--views", type=int, default=16, metavar="N", help="N x N views (16)")
+    command.add_argument("--views", type=int, metavar="N", help="N x N views (16)")
     lens = command.add_argument_group("the lens (default: the scene's)")
     lens.add_argument("--focus", type=plane_options.distance, metavar="M", help="metres, or 'inf'")
     lens.add_argument("--f-number", type=float, metavar="F", help="widest that can be refocused")
-    how = command.add_argument_group("storage")
+    how = imgtool_store.add_encoder(command)
     how.add_argument("--layout", choices=("macropixels", "views"), help="default: by N and M")
-    how.add_argument("--codec", choices=("libx264", "libx265", "libsvtav1", "ffv1"),
-                     default="libx264")  # fmt: skip
-    how.add_argument("--crf", type=float, help="lower is better and larger (default: by N)")
-    how.add_argument("--preset", help="of the encoder (default: by N)")
     how.add_argument("--pixel-format", choices=("yuv444p", "yuv420p"), help="default: by N")
-    command.set_defaults(run=trace)
+    render_view.add_options(command)
+    command.set_defaults(run=trace, size=None)
 
 
 def add_scene(command: argparse.ArgumentParser) -> None:
@@ -182,10 +181,15 @@ def trace(arguments: argparse.Namespace) -> None:
 
     check_suffix(arguments.output, (".mkv",))
     scene = load(arguments.scene)
+    if render_view.wants_film(arguments, scene) and scene.view.kind == "lightfield":
+        render_view.trace_film(arguments, scene)
+        return
+    views = 16 if arguments.views is None else arguments.views
+    size = 256 if arguments.size is None else arguments.size
     camera = recorded_camera(scene.camera, arguments.focus, arguments.f_number)
     if not math.isfinite(camera.field_width):
         raise LfcoreError("the picture has no extent", file=arguments.scene)
-    slab = Slab(camera, arguments.views, arguments.size)
+    slab = Slab(camera, views, size)
     spec = codec_spec(
         slab.views,
         arguments.codec,

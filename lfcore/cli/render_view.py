@@ -1,4 +1,5 @@
-"""``lfcore render`` of a scene whose own camera has a film: pbrt's cameras, and ``lightfield``."""
+"""``lfcore render`` and ``trace`` of a scene whose camera has a film of its own: pbrt's, and
+``lightfield``."""
 
 from __future__ import annotations
 
@@ -9,8 +10,10 @@ from lfcore.cli.progress import progress, say
 from lfcore.errors import OpticsError
 
 # Options that ask for a square picture from a light slab instead of the scene's own film.
-SLAB_OPTIONS = ("size", "views", "pinhole", "focus", "f_number", "plane", "planes")
-FILM_OPTIONS = ("samples", "instants")
+SLAB_OPTIONS = (
+    "size", "views", "pinhole", "focus", "f_number", "plane", "planes", "layout", "pixel_format",
+)  # fmt: skip
+FILM_OPTIONS = ("samples", "instants", "white")
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -30,33 +33,24 @@ def wants_film(arguments: argparse.Namespace, scene) -> bool:
     Raises :class:`OpticsError` for options of the film where there is none, or of both.
     """
     slab, film = (
-        [name for name in names if _given(getattr(arguments, name))]
+        [name for name in names if _given(getattr(arguments, name, None))]
         for names in (SLAB_OPTIONS, FILM_OPTIONS)
     )
     if film and (slab or scene.view is None):
         what = f"excludes {_option(slab[0])}" if slab else "belongs to a scene with a film"
         raise OpticsError(what, key=_option(film[0]), remedy="Leave it out, or use --views")
     for name in film:
-        if getattr(arguments, name) < 1:
+        if name != "white" and getattr(arguments, name) < 1:
             raise OpticsError("must be at least 1", key=_option(name))
     return scene.view is not None and not slab
 
 
 def render_film(arguments: argparse.Namespace, scene) -> None:
     """Expose the film and write it; a light field to an EXR with its geometry in the header."""
-    from lfcore.opencl.device import open_device
-    from lfcore.refocus.array.photograph import photograph
     from lfcore.scene.view import LIGHTFIELD
     from lfcore.storage.tiled_exr import write_array
 
-    view, device = scene.view, open_device(arguments.device)
-    width, height = view.film
-    samples = arguments.samples or view.samples_per_pixel
-    with progress(f"tracing {width} x {height} pixels, {samples} rays each", "instants") as report:
-        image = photograph(
-            scene, arguments.samples, arguments.instants, device=device, progress=report
-        )
-    output = arguments.output
+    image, view, output = _expose(arguments, scene), scene.view, arguments.output
     if view.kind == LIGHTFIELD and output.suffix.lower() == ".exr":
         output.parent.mkdir(parents=True, exist_ok=True)
         extra = {"scene": scene.name, "shutter": list(view.shutter)}
@@ -64,6 +58,28 @@ def render_film(arguments: argparse.Namespace, scene) -> None:
     else:
         write_picture(output, image)
     say(f"wrote {output}")
+
+
+def trace_film(arguments: argparse.Namespace, scene) -> None:
+    """Expose a light field camera's film and store it as a light field file."""
+    from lfcore.cli.imgtool_store import save_video
+    from lfcore.cli.record import scene_digest
+
+    what = {"name": scene.name, "digest": scene_digest(arguments.scene)}
+    say(f"wrote {save_video(arguments, _expose(arguments, scene), scene.view.array, what)}")
+
+
+def _expose(arguments: argparse.Namespace, scene):
+    from lfcore.opencl.device import open_device
+    from lfcore.refocus.array.photograph import photograph
+
+    width, height = scene.view.film
+    samples, device = (
+        arguments.samples or scene.view.samples_per_pixel,
+        open_device(arguments.device),
+    )
+    with progress(f"tracing {width} x {height} pixels, {samples} rays each", "instants") as report:
+        return photograph(scene, samples, arguments.instants, device=device, progress=report)
 
 
 def _given(value) -> bool:

@@ -23,9 +23,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.errors import OpticsError
+from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 
 SPACINGS = ("ends", "cells")
+# A sensor for what has a field and no sensor: only its ratio to the image distance matters.
+SENSOR_WIDTH_M = 0.036
+# A pinhole is a lens of this radius: Camera wants one that exists.
+PINHOLE_RADIUS_M = 1e-9
+# How far, in pitches, a camera may stand beside its place on a slab's grid.
+_ON_GRID = 1e-6
 
 
 @dataclass(frozen=True)
@@ -110,6 +117,25 @@ class CameraArray:
         margin = slab.lens_pitch_m / 2
         size = (slab.pixels, slab.pixels)
         return cls(positions, positions, fov_deg, size, (margin, margin), slab.camera.delta)
+
+    def as_slab(self) -> Slab | None:
+        """The light slab of the same rays, as :meth:`from_slab` takes it; None if there is none.
+
+        There is one for as many columns as rows, equally spaced alike about the origin, of square
+        pictures; its lens is as wide as the grid with half a pitch on either side.
+        """
+        (count, rows), (width, height) = self.cameras, self.tile
+        if count != rows or width != height:
+            return None
+        x, y = np.array(self.columns_m), np.array(self.rows_m)
+        pitch = (x[-1] - x[0]) / (count - 1) if count > 1 else 2 * self.margin_m[0]
+        place = (np.arange(count) - (count - 1) / 2.0) * pitch
+        if np.abs(np.stack([x, y]) - place).max() > _ON_GRID * pitch:
+            return None
+        focus = 1.0 / self.delta if self.delta else math.inf
+        if not focus > 0:
+            return None
+        return Slab(thin_lens(self.field_width, count * pitch / 2, focus), count, width)
 
     @property
     def cameras(self) -> tuple[int, int]:
@@ -209,6 +235,14 @@ class CameraArray:
             )
         except (KeyError, TypeError, ValueError, IndexError) as error:
             raise OpticsError(f"not the description of a camera array: {error!r}") from None
+
+
+def thin_lens(field_width: float, lens_radius: float, focus_distance: float) -> Camera:
+    """The :class:`Camera` of a tangent extent, a lens radius and a focus, metres."""
+    image_distance = SENSOR_WIDTH_M / field_width
+    focal_length = image_distance / (1.0 + image_distance / focus_distance)
+    radius = max(lens_radius, PINHOLE_RADIUS_M)
+    return Camera(focal_length, SENSOR_WIDTH_M, focal_length / (2 * radius), focus_distance)
 
 
 def _axis(

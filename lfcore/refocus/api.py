@@ -125,7 +125,10 @@ class LightField(lightfield.LightField):
         progress : called with (frames done, frames in all).
         """
         self.require_slab()
-        method = check_method(method, filter)
+        pictures = self._refocus(planes, check_method(method, filter), filter, device, progress)
+        return pictures if self.white == 1.0 else pictures * np.float32(self.white)
+
+    def _refocus(self, planes, method, filter, device, progress) -> np.ndarray:
         if not 1 <= len(planes) <= MOST_PLANES:
             raise OpticsError(
                 f"{len(planes)} planes were asked for",
@@ -142,11 +145,12 @@ class LightField(lightfield.LightField):
         return form_planes(self.path, planes, device=device, progress=progress).sums.pictures()
 
     def require_slab(self) -> Slab:
-        """The slab; :class:`OpticsError` for a camera array."""
+        """The slab; :class:`OpticsError` for a camera array that is none."""
         if self.slab is None:
             raise OpticsError(
-                "holds a camera array, no slab", file=self.path, remedy="Use lfcore imgtool"
-            )
+                "holds a camera array that is no slab", file=self.path,
+                remedy="Use lfcore imgtool lightfield",
+            )  # fmt: skip
         return self.slab
 
     def _slice_what_is_whole(self, planes, device, progress) -> np.ndarray:

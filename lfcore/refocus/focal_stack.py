@@ -260,4 +260,4 @@ def focal_stack(
         done += len(chunk)
         if progress:
             progress(done, total)
-    return summer.pictures()
+    return summer.pictures() * np.float32(field.white)

@@ -11,14 +11,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 from lfcore.errors import OpticsError
-from lfcore.optics.array import CameraArray
+from lfcore.optics.array import CameraArray, thin_lens
 from lfcore.optics.camera import Camera
 
 PERSPECTIVE, LIGHTFIELD = "perspective", "lightfield"
-# A sensor for pbrt's dimensionless screen: only its ratio to the image distance matters.
-SENSOR_WIDTH_M = 0.036
-# A pinhole is a lens of this radius: Camera wants one that exists.
-PINHOLE_RADIUS_M = 1e-9
 # Defaults of the assignment's starter code, and pbrt's own.
 FOV_DEG = 90.0
 CAMERAS_PER_DIM = (16, 16)
@@ -71,14 +67,6 @@ class View:
         array, pairs = CameraArray.from_json(data["array"]), ("film", "shutter", "motion_times")
         rest = {key: tuple(data[key]) for key in pairs}
         return cls(**{**data, "camera": Camera(**camera), "array": array, **rest})
-
-
-def thin_lens(field_width: float, lens_radius: float, focus_distance: float) -> Camera:
-    """The :class:`Camera` of a tangent extent, a lens radius and a focus, metres."""
-    image_distance = SENSOR_WIDTH_M / field_width
-    focal_length = image_distance / (1.0 + image_distance / focus_distance)
-    radius = max(lens_radius, PINHOLE_RADIUS_M)
-    return Camera(focal_length, SENSOR_WIDTH_M, focal_length / (2 * radius), focus_distance)
 
 
 def perspective_view(

@@ -18,6 +18,7 @@ import numpy as np
 from av.error import FFmpegError
 
 from lfcore.errors import StorageError
+from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Slab
 from lfcore.storage.colour import rgb_from_planes, to_uint8
 from lfcore.storage.container import FRAME_MS
@@ -81,8 +82,18 @@ class LightField:
 
     @property
     def slab(self) -> Slab | None:
-        """The slab; None for a camera array, whose data are ``metadata.array``."""
-        return self.metadata.slab
+        """The slab; of a camera array that of the same rays, None where there is none."""
+        return self.metadata.slab or (self.array.as_slab() if self.array else None)
+
+    @property
+    def array(self) -> CameraArray | None:
+        """The camera array; None for a slab."""
+        return self.metadata.camera_array
+
+    @property
+    def white(self) -> float:
+        """Linear light of the brightest code: 1, but for an array of brighter."""
+        return self.metadata.white
 
     @property
     def layout(self) -> FrameLayout:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import LfcoreError, StorageError
+from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Slab
 from lfcore.storage.layout import FrameLayout, Tile
 
@@ -59,7 +61,8 @@ class Segment:
 class Metadata:
     """Everything but the frames.
 
-    geometry : ``slab`` (then ``slab`` is one) or ``array`` (then ``array`` is a JSON object).
+    geometry : ``slab`` (then ``slab`` is one) or ``array`` (then ``array`` is a JSON object:
+        :meth:`CameraArray.to_json`, and ``white``, the linear light of the brightest code).
     codec : name of the video stream, e.g. ``h264``; ``settings`` are what it was encoded with.
     header_crc32 : of the codec's global header.
     scene : JSON object with at least ``name`` and ``digest``.
@@ -79,6 +82,15 @@ class Metadata:
     @property
     def frames(self) -> int:
         return sum(segment.frames for segment in self.segments)
+
+    @property
+    def camera_array(self) -> CameraArray | None:
+        """The array of an ``array`` geometry; :class:`OpticsError` when it is none."""
+        return CameraArray.from_json(self.array) if self.array is not None else None
+
+    @property
+    def white(self) -> float:
+        return float((self.array or {}).get("white", 1.0))
 
     def to_text(self) -> str:
         """JSON with a digest."""
@@ -160,6 +172,15 @@ class Metadata:
                 f"layout {self.layout.views} and {self.layout.pixels}",
                 key="layout",
             )
+        array, layout = self.camera_array, self.layout
+        if array and (array.cameras, array.tile) != ((layout.views,) * 2, (layout.pixels,) * 2):
+            raise StorageError(
+                f"the array has {array.cameras} cameras of {array.tile} pixels, the layout "
+                f"{layout.views} and {layout.pixels} a side",
+                key="layout",
+            )
+        if not (self.white > 0 and math.isfinite(self.white)):
+            raise StorageError(f"a white of {self.white} is none", key="array")
         if not {"name", "digest"} <= set(self.scene):
             raise StorageError("the scene lacks name or digest", key="scene")
         self._check_segments()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lfcore.errors import StorageError
+from lfcore.optics.array import CameraArray
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
@@ -121,7 +122,7 @@ def test_the_same_segments_give_the_same_file(tmp_path, stored):
 
 
 def test_a_camera_array_can_be_stored(tmp_path, stored):
-    array = {"cameras": [[0.0, 0.0, 0.0]], "fov_deg": 40.0}
+    array = CameraArray.on_grid((6, 6), (-1, 1, -1, 1), 40.0, (12, 12)).to_json()
     path = tmp_path / "array.mkv"
     steps = []
     join_segments(
@@ -129,8 +130,9 @@ def test_a_camera_array_can_be_stored(tmp_path, stored):
         scene={"name": "waves", "digest": ""}, progress=lambda *step: steps.append(step),
     )  # fmt: skip
     light_field = LightField.open(path)
-    assert (light_field.geometry, light_field.slab) == ("array", None)
-    assert light_field.metadata.array == array
+    assert (light_field.geometry, light_field.metadata.slab) == ("array", None)
+    assert light_field.metadata.array == array == light_field.array.to_json()
+    assert (light_field.slab.views, light_field.slab.pixels) == (6, 12)
     assert steps == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 
