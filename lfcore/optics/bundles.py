@@ -66,3 +66,12 @@ def views(slab: Slab, samples: np.ndarray) -> Bundles:
     elements = np.concatenate([lens, -slab.camera.delta * lens], axis=1).astype(np.float32)
     step = np.array([0.0, 0.0, slab.pixel_pitch, slab.pixel_pitch], np.float32)
     return Bundles(elements, step, slab.pixels, slab.pixels, slab.pixel_pitch)
+
+
+def probe(slab: Slab, macro: bool = True) -> Bundles:
+    """A few elements, macropixels or views, spread evenly: the same for all tiles of a slab."""
+    size = slab.pixels if macro else slab.views
+    side = min(4, size)
+    places = (2 * np.arange(side) + 1) * size // (2 * side)
+    grid = np.stack(np.meshgrid(places, places), axis=-1).reshape(-1, 2)
+    return macropixels(slab, grid) if macro else views(slab, grid)

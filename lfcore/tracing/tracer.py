@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -13,48 +10,18 @@ from lfcore.errors import DeviceError
 from lfcore.opencl.device import Device, build_program, cl, open_device
 from lfcore.optics import bundles as rays
 from lfcore.optics.bundles import Bundles
-from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import Bvh
-from lfcore.tracing.plane_buffers import PlaneBuffers
 from lfcore.tracing.surfaces import pack_surfaces
-from lfcore.tracing.work import BeamShape, group_elements
+from lfcore.tracing.tile import TileJob, TileTracing
+from lfcore.tracing.work import BeamShape, group_elements, mean_leaves
 
-CHUNK_BYTES = 64 << 20
 HITS_CHUNK_RAYS = 1 << 24
-PAGE = 4096
-
-
-@dataclass(frozen=True)
-class Chunk:
-    """Consecutive frames of a tile.
-
-    ``frames`` is (F, frame_bytes) uint8, valid until the next chunk is asked for; ``first`` is
-    the number of its first frame within the tile.
-    """
-
-    frames: np.ndarray
-    first: int
-
-
-@dataclass
-class TileTracing:
-    """One tile being traced; iterate over its :class:`Chunk`s, then read ``plane_sums``.
-
-    ``seconds`` counts wall time of tracing, shading, planes and frame conversion, device queue
-    finished, without program build and without what the consumer does between chunks.
-    """
-
-    chunks: Iterator[Chunk]
-    plane_sums: PlaneSums | None = None
-    seconds: float = 0.0
-    rays: int = 0
-
-    def __iter__(self) -> Iterator[Chunk]:
-        return self.chunks
+SCATTERED_LEAVES = 500
+"""Mean number of leaves in the way of a block above which single rays are faster: measured."""
 
 
 class Tracer:
@@ -80,6 +47,7 @@ class Tracer:
         self.scene, self.device = scene, device or open_device()
         self.needs = needs or Needs.of(scene)
         self._surfaces = pack_surfaces(scene, self.needs, mipmaps=mipmaps)
+        self._fp64 = int(bool(self.device.device.double_fp_config))
         # Most children a walk can leave on its stack: all but one of each level's, and the root.
         self._stack = 15 * (bvh.statistics().depth + 1) + 16
         buffer = self.device.buffer
@@ -87,6 +55,7 @@ class Tracer:
         s = self._surfaces
         arrays = (s.corners, s.attributes, s.material_ids, s.materials, s.lights, s.images)
         self._scene = [buffer(a) for a in (*arrays, s.texels)]
+        self._leaf_boxes = bvh.leaf_boxes
         # The wrapper of a kernel does not keep its program alive.
         self._programs: dict[tuple, tuple[cl.Program, cl.Kernel]] = {}
 
@@ -108,7 +77,8 @@ class Tracer:
         pixels = np.asarray(pixels).reshape(-1, 2)
         # Neighbours share a beam by their place on the grid, so each place may come but once.
         places, which = np.unique(pixels, axis=0, return_inverse=True)
-        triangle, depth = self.bundle_hits(rays.macropixels(slab, places), places)
+        scattered = self.scattered(rays.probe(slab))
+        triangle, depth = self._hits(rays.macropixels(slab, places), places, scattered)
         return triangle[which.ravel()], depth[which.ravel()]
 
     def bundle_hits(
@@ -119,33 +89,30 @@ class Tracer:
         ``coordinates`` (E, 2) place the elements on their outer grid, so that neighbours can be
         traced together, and are distinct; without them every element is a beam of its own.
         """
+        return self._hits(bundles, coordinates, self.scattered(bundles))
+
+    def _hits(self, bundles: Bundles, coordinates, scattered: bool):
         count, per_element = len(bundles.elements), bundles.columns * bundles.rows
         triangle = np.empty((count, bundles.rows, bundles.columns), np.int32)
         depth = np.empty(triangle.shape, np.float32)
         step = max(1, HITS_CHUNK_RAYS // per_element)
         for start in range(0, count, step):
             part = slice(start, min(start + step, count))
-            self._hits_chunk(bundles, coordinates, part, triangle[part], depth[part])
+            self._hits_chunk(bundles, coordinates, part, scattered, triangle[part], depth[part])
         return triangle, depth
 
-    def _hits_chunk(self, bundles, coordinates, part, triangle, depth) -> None:
+    def _hits_chunk(self, bundles, coordinates, part, scattered, triangle, depth) -> None:
         device = self.device
         shape, beams = self._beams(bundles, coordinates, part)
-        kernel = self._beam_kernel("hits.cl", "slab_hits", shape, {"WRITE": 1})
+        kernel = self._beam_kernel("hits.cl", "slab_hits", shape, scattered, {"WRITE": 1})
         words = 2 * shape.blocks * 256 + 7 * 64
         depths, triangles = device.empty(depth.nbytes), device.empty(triangle.nbytes)
-        elements = np.ascontiguousarray(bundles.elements[part])
         kernel(
             device.queue,
             (self._workers(len(beams)),),
             (1,),
             *self._bvh,
-            device.buffer(elements),
-            device.buffer(beams),
-            np.int32(len(beams) * shape.squares(bundles.columns, bundles.rows)),
-            bundles.step,
-            np.int32(bundles.columns),
-            np.int32(bundles.rows),
+            *self._ray_arguments(bundles, bundles.elements[part], beams, shape),
             self._counter(),
             device.empty(4 * words * device.threads),
             depths,
@@ -164,15 +131,16 @@ class Tracer:
         count, per_element = len(bundles.elements), bundles.columns * bundles.rows
         radiance = np.empty((count, bundles.rows, bundles.columns, 3), np.float32)
         step = max(1, HITS_CHUNK_RAYS // per_element)
+        scattered = self.scattered(bundles)
         for start in range(0, count, step):
             part = slice(start, min(start + step, count))
-            self._radiance_chunk(bundles, coordinates, part, radiance[part])
+            self._radiance_chunk(bundles, coordinates, part, scattered, radiance[part])
         return radiance
 
-    def _radiance_chunk(self, bundles, coordinates, part, radiance) -> None:
+    def _radiance_chunk(self, bundles, coordinates, part, scattered, radiance) -> None:
         device, s = self.device, self._surfaces
         shape, beams = self._beams(bundles, coordinates, part)
-        kernel = self._beam_kernel("radiance.cl", "trace_radiance", shape, s.defines)
+        kernel = self._beam_kernel("radiance.cl", "trace_radiance", shape, scattered, s.defines)
         target = device.empty(radiance.nbytes)
         kernel(
             device.queue,
@@ -182,12 +150,7 @@ class Tracer:
             *self._scene,
             s.ambient,
             s.background,
-            device.buffer(np.ascontiguousarray(bundles.elements[part])),
-            device.buffer(beams),
-            np.int32(len(beams) * shape.squares(bundles.columns, bundles.rows)),
-            bundles.step,
-            np.int32(bundles.columns),
-            np.int32(bundles.rows),
+            *self._ray_arguments(bundles, bundles.elements[part], beams, shape),
             np.float32(bundles.pixel_pitch),
             self._counter(),
             self._scratch(kernel),
@@ -221,7 +184,7 @@ class Tracer:
         barycentric = np.empty((count, 3), np.float32)
         if not count:
             return triangle, distance, barycentric
-        values = {"STACK": self._stack, "FP64": int(bool(device.device.double_fp_config))}
+        values = {"STACK": self._stack, "FP64": self._fp64}
         kernel = self._kernel("rays.cl", "closest_hits", values)
         outputs = [triangle, distance, barycentric]
         buffers = [device.empty(a.nbytes) for a in outputs]
@@ -259,7 +222,7 @@ class Tracer:
             raise DeviceError(f"frames of {layout.pixel_format} are not made by the kernels")
         for plane in planes:
             plane.check(slab)
-        job = _TileJob(self, slab, tile, list(planes), frames)
+        job = TileJob(self, slab, tile, list(planes), frames)
         tracing = TileTracing(iter(()), rays=tile.rays)
         tracing.chunks = job.run(tracing, progress)
         return tracing
@@ -273,6 +236,21 @@ class Tracer:
             coordinates = np.zeros((len(bundles.elements), 2), np.int64)
         return shape, group_elements(np.asarray(coordinates)[part], shape.group)
 
+    def scattered(self, bundles: Bundles) -> bool:
+        """Whether blocks of these rays have so much in their way that single rays are faster."""
+        return mean_leaves(self._leaf_boxes, bundles) > SCATTERED_LEAVES
+
+    def _ray_arguments(self, bundles: Bundles, elements, beams, shape: BeamShape) -> list:
+        """What the kernels take as their rays, from ``elements`` to ``rows``."""
+        return [
+            self.device.buffer(np.ascontiguousarray(elements)),
+            self.device.buffer(beams),
+            np.int32(len(beams) * shape.squares(bundles.columns, bundles.rows)),
+            bundles.step,
+            np.int32(bundles.columns),
+            np.int32(bundles.rows),
+        ]
+
     def _scratch(self, kernel: cl.Kernel) -> cl.Buffer:
         """Memory of all workers, of the size that the program says one needs."""
         device, words = self.device, np.zeros(1, np.int32)
@@ -283,7 +261,7 @@ class Tracer:
 
     def scratch_bytes(self, slab: Slab, tile, planes=(), *, frames: bool = True) -> int:
         """Device memory that workers hold while such a tile is traced."""
-        return _TileJob(self, slab, tile, list(planes), frames).scratch.size
+        return TileJob(self, slab, tile, list(planes), frames).scratch.size
 
     def _workers(self, beams: int) -> int:
         return max(1, min(self.device.threads, beams * 64))
@@ -291,12 +269,16 @@ class Tracer:
     def _counter(self) -> cl.Buffer:
         return self.device.buffer(np.zeros(1, np.int32))
 
-    def _beam_kernel(self, file: str, name: str, shape: BeamShape, defines: dict) -> cl.Kernel:
+    def _beam_kernel(
+        self, file: str, name: str, shape: BeamShape, scattered: bool, defines: dict
+    ) -> cl.Kernel:
         values = {
             "SIDE": shape.side,
             "ELEMENTS": shape.elements,
             "HALF": f"{shape.half}f",
             "STACK": self._stack,
+            "FP64": self._fp64,
+            "SCATTERED": int(scattered),
             **defines,
         }
         return self._kernel(file, name, values)
@@ -307,119 +289,3 @@ class Tracer:
             program = build_program(self.device, [f"tracing/kernels/{file}"], values)
             self._programs[key] = program, cl.Kernel(program, name)
         return self._programs[key][1]
-
-
-class _TileJob:
-    """Buffers and launches of one tile."""
-
-    def __init__(self, tracer: Tracer, slab: Slab, tile, planes: list[SensorPlane], frames: bool):
-        self.tracer, self.slab, self.tile, self.planes = tracer, slab, tile, planes
-        self.frames, self.layout = frames, tile.layout
-        self.macro = tile.layout.kind == "macropixels"
-        self.elements = tile.elements()
-        device, layout = tracer.device, tile.layout
-        self.shape = BeamShape.for_inner(layout.inner)
-        defines = {
-            **tracer._surfaces.defines,
-            "PLANES": int(bool(planes)),
-            "FRAMES": int(frames),
-            "CHROMA": layout.format.subsampling,
-            "VIEWS": int(not self.macro),
-        }
-        self.kernel = tracer._beam_kernel("slab.cl", "trace_slab", self.shape, defines)
-        self.scratch = tracer._scratch(self.kernel)
-        self.sums = PlaneBuffers(device, slab, planes, tile)
-
-    def run(self, tracing: TileTracing, progress) -> Iterator[Chunk]:
-        places = np.zeros((len(self.elements), 4), np.int32)
-        places[:, :3] = self.tile.placement(self.elements)
-        places[:, 3] = self.elements[:, 0] | self.elements[:, 1] << 16
-        cuts = self._cuts(places[:, 0])
-        hosts = _FrameHost(self.tracer.device, self.layout, self._frames_per_chunk())
-        for start, stop in itertools.pairwise(cuts):
-            begun = time.perf_counter()
-            first = int(places[start, 0])
-            count = int(places[stop - 1, 0]) + 1 - first if self.frames else 0
-            places[start:stop, 0] -= first
-            self._launch(slice(start, stop), places[start:stop], hosts.buffer)
-            frames = hosts.read(count) if self.frames else np.empty((0, 0), np.uint8)
-            self.tracer.device.queue.finish()
-            tracing.seconds += time.perf_counter() - begun
-            if progress:
-                progress(stop, len(self.elements))
-            if self.frames:
-                yield Chunk(frames, first)
-        tracing.plane_sums = self.sums.collect()
-
-    def _frames_per_chunk(self) -> int:
-        if not self.frames:
-            return 0
-        return min(max(1, CHUNK_BYTES // self.layout.frame_bytes), self.tile.frame_count)
-
-    def _cuts(self, frame_of: np.ndarray) -> np.ndarray:
-        """Element indices at which chunks of whole frames begin and end."""
-        total = len(frame_of)
-        if not self.frames:
-            step = max(1, HITS_CHUNK_RAYS * 4 // self.layout.inner**2)
-            return np.array([*range(0, total, step), total])
-        step = self._frames_per_chunk()
-        starts = np.searchsorted(frame_of, np.arange(0, self.tile.frame_count, step))
-        return np.append(starts, total)
-
-    def _launch(self, part: slice, places: np.ndarray, frames: cl.Buffer) -> None:
-        tracer, device, layout = self.tracer, self.tracer.device, self.layout
-        make = rays.macropixels if self.macro else rays.views
-        bundles = make(self.slab, self.elements[part])
-        beams = group_elements(self.elements[part], self.shape.group)
-        self.kernel(
-            device.queue,
-            (tracer._workers(len(beams)),),
-            (1,),
-            *tracer._bvh,
-            *tracer._scene,
-            tracer._surfaces.ambient,
-            tracer._surfaces.background,
-            device.buffer(bundles.elements),
-            device.buffer(np.ascontiguousarray(places)),
-            device.buffer(beams),
-            np.int32(len(beams) * self.shape.squares(bundles.columns, bundles.rows)),
-            bundles.step,
-            np.int32(bundles.columns),
-            np.int32(bundles.rows),
-            np.float32(bundles.pixel_pitch),
-            tracer._counter(),
-            self.scratch,
-            frames,
-            np.int32(layout.frame_width),
-            np.int32(layout.frame_height),
-            *self.sums.arguments(),
-        )
-
-
-class _FrameHost:
-    """Page-aligned host memory that the device writes frames into, without a copy on a CPU."""
-
-    def __init__(self, device: Device, layout, frames: int):
-        self.device, self.size = device, layout.frame_bytes
-        size = max(frames * self.size, PAGE)
-        raw = np.empty(size + 2 * PAGE, np.uint8)
-        offset = -raw.ctypes.data % PAGE
-        self.memory = raw[offset : offset + -(-size // 64) * 64]
-        if frames:
-            self._blank(layout, frames)
-        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
-        self.buffer = cl.Buffer(device.context, flags, hostbuf=self.memory)
-
-    def _blank(self, layout, frames: int) -> None:
-        """Padding and empty slots of a frame are black, not what memory held."""
-        view = self.memory[: frames * self.size].reshape(frames, self.size)
-        luma = layout.frame_width * layout.frame_height
-        view[:, :luma], view[:, luma:] = 16, 128
-
-    def read(self, count: int) -> np.ndarray:
-        """(count, frame_bytes) uint8 of what was written; waits for the queue."""
-        shape = (count, self.size)
-        view, _ = cl.enqueue_map_buffer(
-            self.device.queue, self.buffer, cl.map_flags.READ, 0, shape, np.uint8
-        )
-        return view

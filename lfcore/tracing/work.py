@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lfcore.optics.bundles import Bundles
+
 BLOCK = 16
 
 
@@ -56,3 +58,33 @@ def group_elements(coordinates: np.ndarray, group: int) -> np.ndarray:
     out = np.full((int(beam.max(initial=-1)) + 1, group**2), -1, np.int32)
     out[beam, slots[:, 1] * group + slots[:, 0]] = np.arange(len(coordinates), dtype=np.int32)
     return out
+
+
+PROBED_BLOCKS = 16
+
+
+def mean_leaves(leaf_boxes: np.ndarray, bundles: Bundles) -> float:
+    """Mean number of leaves, boxes (L, 6), in the way of a block of 16 x 16 rays.
+
+    Counted for PROBED_BLOCKS blocks spread evenly over elements and inner grid, whatever stands in
+    front of what: the same bundles always give the same number.
+    """
+    lo, hi = leaf_boxes[:, :3], leaf_boxes[:, 3:]
+    depths = np.maximum(np.stack([lo[:, 2], hi[:, 2]]), 0)
+    size = np.array([bundles.columns, bundles.rows])
+    blocks = -(-size // BLOCK)
+    half = ((np.minimum(size, BLOCK) - 1) / 2).astype(np.float32)
+    chosen = np.unique(np.linspace(0, len(bundles.elements) - 1, PROBED_BLOCKS).astype(int))
+    count = 0
+    for number, element in enumerate(bundles.elements[chosen]):
+        place = number % blocks[0], number // blocks[0] % blocks[1]
+        meets = hi[:, 2] > 0
+        for axis in (0, 1):
+            middle = np.float32(place[axis] * BLOCK + half[axis] - (size[axis] - 1) / 2)
+            step, tilt = bundles.step[axis], bundles.step[2 + axis]
+            centre = element[axis] + middle * step + depths * (element[2 + axis] + middle * tilt)
+            reach = half[axis] * np.abs(step + depths * tilt)
+            meets &= lo[:, axis] <= (centre + reach).max(0)
+            meets &= hi[:, axis] >= (centre - reach).min(0)
+        count += int(meets.sum())
+    return count / len(chosen)

@@ -5,6 +5,9 @@
 #ifndef LFCORE_BEAM_CL
 #define LFCORE_BEAM_CL
 #include "visibility.cl"
+#if SCATTERED
+#include "scattered.cl"
+#endif
 
 #define ELEMENT_BLOCKS (SIDE * SIDE)
 #define BEAM_BLOCKS (ELEMENTS * ELEMENT_BLOCKS)
@@ -17,6 +20,16 @@ typedef struct {
     int columns, rows;              // size of the inner grid
     int beams_across, beams_down;   // squares of SIDE blocks in the inner grid
 } Rays;
+
+#define RAYS_PARAMETERS                     \
+    global const float4 *restrict elements, \
+    global const int *restrict beams,       \
+    const int n_beams,                      \
+    const float4 step,                      \
+    const int columns,                      \
+    const int rows
+#define SQUARES(size) (((size) + SIDE * BLOCK - 1) / (SIDE * BLOCK))
+#define MAKE_RAYS {elements, beams, step, columns, rows, SQUARES(columns), SQUARES(rows)}
 
 typedef struct {
     global const int *element;  // (ELEMENTS,)
@@ -83,6 +96,15 @@ inline Beam whole_beam(const Rays *rays, const BeamWork *work)
 // triangles (infinity and -1 where nothing is met) in z and ids, BLOCK_RAYS a block.
 inline void see(const Bvh *bvh, const Rays *rays, BeamWork *work, LeafList *list, global float *z, global int *ids)
 {
+#if SCATTERED
+    for (int block = 0; block < BEAM_BLOCKS; ++block) {
+        if (work->block[block].z_far < 0.0f) continue;
+        const Bundle bundle = block_bundle(rays, work, block);
+        const int2 where = block_position(work, block);
+        see_rays(bvh, &bundle, rays->columns - where.x, rays->rows - where.y, z + block * BLOCK_RAYS, ids + block * BLOCK_RAYS);
+        work->block[block].cover = BUFFERED;
+    }
+#else
     const Beam beam = whole_beam(rays, work);
     Walk walk;
     walk.node[0] = 0; walk.z[0] = 0.0f; walk.size = 1;
@@ -99,6 +121,7 @@ inline void see(const Bvh *bvh, const Rays *rays, BeamWork *work, LeafList *list
             z_far = max(z_far, state->z_far);
         }
     }
+#endif
 }
 
 #endif

@@ -15,6 +15,10 @@
 #ifndef HALF
 #define HALF 7.5f
 #endif
+// Whether rays are followed one by one: chosen by the host from how much stands in the way of a block.
+#ifndef SCATTERED
+#define SCATTERED 0
+#endif
 #define FAR 3.0e38f
 #define NODE_WIDTH 16
 #define UNUSED 0x7fffffff

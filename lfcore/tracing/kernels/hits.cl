@@ -4,24 +4,15 @@
 #define SCRATCH_FLOATS (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST)
 
 kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
-void slab_hits(global const float *restrict boxes,
-               global const int *restrict children,
-               global const float *restrict leaves,
-               global const int *restrict leaf_ids,
-               global const float4 *restrict elements,
-               global const int *restrict beams,
-               const int n_beams,
-               const float4 step,
-               const int columns,
-               const int rows,
+void slab_hits(BVH_PARAMETERS,
+               RAYS_PARAMETERS,
                global int *restrict next,      // (1,) the next beam to take
                global float *restrict scratch, // (workers, SCRATCH_FLOATS)
                global float *restrict depth,   // (E, rows, columns)
                global int *restrict triangle)  // (E, rows, columns)
 {
-    const Bvh bvh = {boxes, children, leaves, leaf_ids};
-    const int square = SIDE * BLOCK;
-    Rays rays = {elements, beams, step, columns, rows, (columns + square - 1) / square, (rows + square - 1) / square};
+    const Bvh bvh = MAKE_BVH;
+    const Rays rays = MAKE_RAYS;
     global float *z = scratch + get_global_id(0) * (ulong)SCRATCH_FLOATS;
     global int *ids = (global int *)(z + BEAM_BLOCKS * BLOCK_RAYS);
     LeafList list = {(global float *)(ids + BEAM_BLOCKS * BLOCK_RAYS), 0, LIST, 0};

@@ -1,13 +1,16 @@
 // A beam's colours, block by block: see, shade, take away what lies in shadow.
 #ifndef LFCORE_PAINT_CL
 #define LFCORE_PAINT_CL
-#include "beam.cl"
 #include "shadows.cl"
+#include "scattered.cl"
+#include "beam.cl"
 
 #ifndef SHADOW_LIST
 #define SHADOW_LIST 0
 #endif
 #define SHADOWED (SHADOW_LIGHTS > 0)
+// A block that sees more triangles than this casts its shadow rays one by one: measured, 0.4 a ray.
+#define MANY_TRIANGLES (0.4f * (2.0f * HALF + 1.0f) * (2.0f * HALF + 1.0f))
 
 // A worker's own memory.
 typedef struct {
@@ -90,7 +93,7 @@ inline void see_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWo
 {
     see(bvh, rays, work, &e->list, e->z, e->ids);
     e->complete = 0;
-#if SHADOW_LIGHTS == 1
+#if SHADOW_LIGHTS == 1 && !SCATTERED
     float lo[3], hi[3];
     e->occluders.count = 0;
     if (!beam_bounds(rays, work, e->z, e->ids, lo, hi)) return;
@@ -108,13 +111,16 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, con
     const BlockState *state = work->block + block;
     const Bundle bundle = block_bundle(rays, work, block);
     global const int *ids = e->ids + block * BLOCK_RAYS;
-    shade_block(s, &bundle, state, e->z + block * BLOCK_RAYS, ids, pixel, e->surfaces, e->finishes, &e->colours);
+    const int triangles = shade_block(s, &bundle, state, e->z + block * BLOCK_RAYS, ids, pixel, e->surfaces, e->finishes, &e->colours);
 #if SHADOW_LIGHTS
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         global int *wants = e->colours.wants + k * BLOCK_RAYS;
-        if (state->cover != NOTHING)
-            shadow_block(bvh, s->lights + (OPEN_LIGHTS + k) * LIGHT, &e->occluders, e->complete, &bundle, state, ids,
-                         e->colours.point, wants, e->spare, e->spare + BLOCK_RAYS);
+        global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
+        if (SCATTERED || triangles > MANY_TRIANGLES)
+            shadow_rays_singly(bvh, light, IS_POINT(light), ids, e->colours.point, wants);
+        else if (triangles)
+            shadow_block(bvh, light, &e->occluders, e->complete, &bundle, state, ids, e->colours.point, wants, e->spare,
+                         e->spare + BLOCK_RAYS);
         for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) {
             const vi open = VLOAD(wants + ray);
             for (int channel = 0; channel < 3; ++channel) {

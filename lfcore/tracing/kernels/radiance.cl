@@ -4,34 +4,17 @@
 kernel void scratch_words(global int *words) { *words = EASEL_WORDS; }
 
 kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
-void trace_radiance(global const float *restrict boxes,
-                    global const int *restrict children,
-                    global const float *restrict leaves,
-                    global const int *restrict leaf_ids,
-                    global const float *restrict corners,
-                    global const float *restrict attributes,
-                    global const int *restrict material_ids,
-                    global const float *restrict materials,
-                    global const float *restrict lights,
-                    global const int4 *restrict images,
-                    global const uint *restrict texels,
-                    const float4 ambient,
-                    const float4 background,
-                    global const float4 *restrict elements,
-                    global const int *restrict beams,
-                    const int n_beams,
-                    const float4 step,
-                    const int columns,
-                    const int rows,
+void trace_radiance(BVH_PARAMETERS,
+                    SURFACES_PARAMETERS,
+                    RAYS_PARAMETERS,
                     const float pixel,
                     global int *restrict next,
                     global uint *restrict scratch,    // (workers, EASEL_WORDS)
                     global float *restrict radiance)  // (E, rows, columns, 3)
 {
-    const Bvh bvh = {boxes, children, leaves, leaf_ids};
-    const Surfaces surfaces = {corners, attributes, material_ids, materials, lights, images, texels, ambient, background};
-    const int square = SIDE * BLOCK;
-    const Rays rays = {elements, beams, step, columns, rows, (columns + square - 1) / square, (rows + square - 1) / square};
+    const Bvh bvh = MAKE_BVH;
+    const Surfaces surfaces = MAKE_SURFACES;
+    const Rays rays = MAKE_RAYS;
     Easel easel = make_easel(scratch + get_global_id(0) * (ulong)EASEL_WORDS);
     BeamWork work;
     for (int beam = atomic_inc(next); beam < n_beams; beam = atomic_inc(next)) {

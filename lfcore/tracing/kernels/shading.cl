@@ -35,6 +35,18 @@ typedef struct {
     float4 ambient, background;
 } Surfaces;
 
+#define SURFACES_PARAMETERS                  \
+    global const float *restrict corners,    \
+    global const float *restrict attributes, \
+    global const int *restrict material_ids, \
+    global const float *restrict materials,  \
+    global const float *restrict lights,     \
+    global const int4 *restrict images,      \
+    global const uint *restrict texels,      \
+    const float4 ambient,                    \
+    const float4 background
+#define MAKE_SURFACES {corners, attributes, material_ids, materials, lights, images, texels, ambient, background}
+
 // A block's colours while they are made: (n, BLOCK_RAYS) each.
 typedef struct {
     global float *base;     // (3, ...) ambient, emission, lights without shadows
@@ -354,12 +366,16 @@ inline Surface get_surface(global const float *planes, int at)
     return p;
 }
 
+// End of the rows that are looked through for a triangle of row `first`: scattered rays seldom share one.
+#define SAME_TRIANGLE(first) (SCATTERED ? (first) + 1 : BLOCK_RAYS / LANES)
+
 // Interpolate every triangle of a block; `finishes` receives what each ray's surface is made of, -1
-// where it meets nothing.
-inline void interpolate_block(const Surfaces *s, const Bundle *r, global const int *ids, float pixel, global float *surfaces,
+// where it meets nothing.  Returns how many triangles there were.
+inline int interpolate_block(const Surfaces *s, const Bundle *r, global const int *ids, float pixel, global float *surfaces,
                               global int *finishes)
 {
     Facet f;
+    int count = 0;
     private uint todo[BLOCK_RAYS / LANES];
     for (int k = 0; k < BLOCK_RAYS / LANES; ++k) {
         todo[k] = row_bits(GE(VLOAD(ids + k * LANES), (vi)(0)));
@@ -369,7 +385,8 @@ inline void interpolate_block(const Surfaces *s, const Bundle *r, global const i
         while (todo[first]) {
             const int id = ids[first * LANES + lowest(todo[first])];
             prepare_facet(s, r, id, pixel, &f);
-            for (int k = first; k < BLOCK_RAYS / LANES; ++k) {
+            ++count;
+            for (int k = first; k < SAME_TRIANGLE(first); ++k) {
                 if (!todo[k]) continue;
                 const int at = k * LANES;
                 const vi mask = EQ(VLOAD(ids + at), (vi)(id));
@@ -381,11 +398,12 @@ inline void interpolate_block(const Surfaces *s, const Bundle *r, global const i
                 VSTORE(pick_int(VLOAD(finishes + at), (vi)(f.finish), mask), finishes + at);
             }
         }
+    return count;
 }
 
 // Shade a block from its state: wholly on one triangle, or from its buffers.  `surfaces` and
-// `finishes` are scratch.
-inline void shade_block(const Surfaces *s, const Bundle *r, const BlockState *state, global const float *z, global const int *ids,
+// `finishes` are scratch.  Returns the number of triangles that the block sees.
+inline int shade_block(const Surfaces *s, const Bundle *r, const BlockState *state, global const float *z, global const int *ids,
                         float pixel, global float *surfaces, global int *finishes, const BlockColours *out)
 {
     if (state->cover >= 0) {
@@ -398,11 +416,11 @@ inline void shade_block(const Surfaces *s, const Bundle *r, const BlockState *st
             const Surface p = interpolate(&f, x, y);
             shade_row(s, &finish, &p, r, x, y, cover_depth(state->c, x, y), (vi)(-1), at, out);
         }
-        return;
+        return 1;
     }
     clear_block(s, out);
-    if (state->cover == NOTHING) return;
-    interpolate_block(s, r, ids, pixel, surfaces, finishes);
+    if (state->cover == NOTHING) return 0;
+    const int count = interpolate_block(s, r, ids, pixel, surfaces, finishes);
     int number = -1;
     Finish finish;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
@@ -419,6 +437,7 @@ inline void shade_block(const Surfaces *s, const Bundle *r, const BlockState *st
             shade_row(s, &finish, &p, r, IOTA + (at % BLOCK - HALF), at / BLOCK - HALF, VLOAD(z + at), mask, at, out);
         }
     }
+    return count;
 }
 
 #endif

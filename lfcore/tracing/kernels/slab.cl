@@ -9,29 +9,13 @@
 kernel void scratch_words(global int *words) { *words = SCRATCH_WORDS; }
 
 kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
-void trace_slab(global const float *restrict boxes,
-                global const int *restrict children,
-                global const float *restrict leaves,
-                global const int *restrict leaf_ids,
-                global const float *restrict corners,
-                global const float *restrict attributes,
-                global const int *restrict material_ids,
-                global const float *restrict materials,
-                global const float *restrict lights,
-                global const int4 *restrict images,
-                global const uint *restrict texels,
-                const float4 ambient,
-                const float4 background,
-                global const float4 *restrict elements,
-                global const int4 *restrict places,     // (E,) frame, x0, y0, pixel u + (v << 16)
-                global const int *restrict beams,
-                const int n_beams,
-                const float4 step,
-                const int columns,
-                const int rows,
+void trace_slab(BVH_PARAMETERS,
+                SURFACES_PARAMETERS,
+                RAYS_PARAMETERS,
                 const float pixel,                      // tangent between neighbouring pixels
                 global int *restrict next,
                 global uint *restrict scratch,          // (workers, SCRATCH_WORDS)
+                global const int4 *restrict places,     // (E,) frame, x0, y0, pixel u + (v << 16)
                 global uchar *restrict frames,
                 const int frame_width,
                 const int frame_height,
@@ -43,10 +27,9 @@ void trace_slab(global const float *restrict boxes,
                 global const uchar *restrict kinds,
                 global ulong4 *restrict sums)           // (workers, planes, height, width)
 {
-    const Bvh bvh = {boxes, children, leaves, leaf_ids};
-    const Surfaces surfaces = {corners, attributes, material_ids, materials, lights, images, texels, ambient, background};
-    const int square = SIDE * BLOCK;
-    const Rays rays = {elements, beams, step, columns, rows, (columns + square - 1) / square, (rows + square - 1) / square};
+    const Bvh bvh = MAKE_BVH;
+    const Surfaces surfaces = MAKE_SURFACES;
+    const Rays rays = MAKE_RAYS;
     const Frames out = {places, frames, frame_width, frame_height};
     const ulong plane_words = (ulong)n_planes * region.s2 * region.s3;
     const Planes planes = {n_planes, region.s5, region.s0, region.s1, region.s2, region.s3, region.s4,

@@ -18,6 +18,14 @@ typedef struct {
     global const int *leaf_ids;   // (L, 16)
 } Bvh;
 
+// The kernels' first parameters, and what they make.
+#define BVH_PARAMETERS                   \
+    global const float *restrict boxes,  \
+    global const int *restrict children, \
+    global const float *restrict leaves, \
+    global const int *restrict leaf_ids
+#define MAKE_BVH {boxes, children, leaves, leaf_ids}
+
 // Leaves that a walk has gathered: their boxes as structure of arrays, and which they are.
 typedef struct {
     global float *boxes;  // (6, pitch)

@@ -1,0 +1,183 @@
+// One ray through the hierarchy: 16 boxes or 16 triangles at once.
+//
+// The triangle test is that of Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT
+// 2(1), 2013.  Corners are sheared onto the ray in float32; where the device has doubles the edge
+// functions are formed in them, and a difference of two products of floats is then rounded once, so
+// that its sign is exact and nothing leaks, at edges or at vertices.
+#ifndef LFCORE_WALK_CL
+#define LFCORE_WALK_CL
+#include "visibility.cl"
+
+#if FP64
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+#if LANES == 1
+typedef double vd;
+#define TO_VD convert_double
+#define VD_TO_VF convert_float
+#define VD_MASK(m) MASK(m)
+#else
+typedef JOIN(double, LANES) vd;
+#define TO_VD JOIN(convert_double, LANES)
+#define VD_TO_VF JOIN(convert_float, LANES)
+#define VD_MASK(m) TO_VI(m)
+#endif
+#else
+typedef vf vd;
+#define TO_VD(x) (x)
+#define VD_TO_VF(x) (x)
+#define VD_MASK(m) MASK(m)
+#endif
+
+typedef struct {
+    float3 origin, direction;   // direction scaled to a largest component in [1, 2)
+    float3 inverse;             // 0 along an axis that the ray does not move on
+    int kx, ky, kz;             // axes, the last along the largest component of the direction
+    float sx, sy, sz;           // shear onto that axis
+} Ray;
+
+typedef struct { float t; int id; float3 weights; } Hit;
+
+inline float axis(float3 v, int k) { return k == 0 ? v.x : k == 1 ? v.y : v.z; }
+
+inline Ray make_ray(float3 origin, float3 direction)
+{
+    Ray r;
+    r.origin = origin;
+    r.direction = direction;
+    const float3 size = fabs(direction);
+    r.kz = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
+    r.kx = (r.kz + 1) % 3;
+    r.ky = (r.kz + 2) % 3;
+    r.sz = 1.0f / axis(direction, r.kz);
+    r.sx = axis(direction, r.kx) * r.sz;
+    r.sy = axis(direction, r.ky) * r.sz;
+    r.inverse = select(1.0f / direction, (float3)(0.0f), size < 1.0e-30f);
+    return r;
+}
+
+// A ray of any length; its parameter is 2^exponent times that of the direction as given.
+inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
+{
+    *exponent = ilogb(max(fabs(direction.x), max(fabs(direction.y), fabs(direction.z))));
+    return make_ray(origin, ldexp(direction, (int3)(-*exponent)));
+}
+
+// Interval of the ray within LANES boxes, conservative by the bound of Ize, "Robust BVH Ray Traversal",
+// JCGT 2(2), 2013.  `nearest` receives where it begins.
+inline vi ray_meets(const Ray *r, global const float *boxes, float t_far, private float *nearest)
+{
+    vf near = 0.0f, far = t_far;
+    vi miss = 0;
+    for (int k = 0; k < 3; ++k) {
+        const float o = axis(r->origin, k), inverse = axis(r->inverse, k);
+        const vf lo = VLOAD(boxes + k * NODE_WIDTH), hi = VLOAD(boxes + (3 + k) * NODE_WIDTH);
+        if (inverse == 0.0f) {
+            // 0 times infinity is no number: beside the slab or within it, all along.
+            miss |= GT(lo, (vf)(o)) | LT(hi, (vf)(o));
+            continue;
+        }
+        const vf a = (lo - o) * inverse, b = (hi - o) * inverse;
+        near = max(near, min(a, b));
+        far = min(far, max(a, b) * 1.0000004f);
+    }
+    VSTORE(near, nearest);
+    return LE(near, far) & LE(VLOAD(boxes), VLOAD(boxes + 3 * NODE_WIDTH)) & ~miss;
+}
+
+// LANES triangles sheared onto a ray, and the mask of those that it passes through.
+typedef struct {
+    vf x[3], y[3], z[3];
+    vd e[3], sum;
+    vi mask;
+} Sheared;
+
+inline void shear_leaf(const Ray *r, global const float *leaf, Sheared *s)
+{
+    const float ox = axis(r->origin, r->kx), oy = axis(r->origin, r->ky), oz = axis(r->origin, r->kz);
+    for (int k = 0; k < 3; ++k) {
+        s->z[k] = VLOAD(leaf + (3 * k + r->kz) * NODE_WIDTH) - oz;
+        s->x[k] = fma(-s->z[k], (vf)(r->sx), VLOAD(leaf + (3 * k + r->kx) * NODE_WIDTH) - ox);
+        s->y[k] = fma(-s->z[k], (vf)(r->sy), VLOAD(leaf + (3 * k + r->ky) * NODE_WIDTH) - oy);
+    }
+    // The ray is the origin of x and y: outside a triangle's extent it is outside the triangle.
+    s->mask = LE(min(s->x[0], min(s->x[1], s->x[2])), (vf)(0.0f)) & GE(max(s->x[0], max(s->x[1], s->x[2])), (vf)(0.0f)) &
+              LE(min(s->y[0], min(s->y[1], s->y[2])), (vf)(0.0f)) & GE(max(s->y[0], max(s->y[1], s->y[2])), (vf)(0.0f));
+    if (!row_any(s->mask)) return;
+    for (int k = 0; k < 3; ++k) {
+        const int a = (k + 1) % 3, b = (k + 2) % 3;
+        s->e[k] = TO_VD(s->x[a]) * TO_VD(s->y[b]) - TO_VD(s->y[a]) * TO_VD(s->x[b]);
+    }
+    s->sum = s->e[0] + s->e[1] + s->e[2];
+    const vd zero = 0;
+    s->mask &= VD_MASK(((s->e[0] >= zero) & (s->e[1] >= zero) & (s->e[2] >= zero)) | ((s->e[0] <= zero) & (s->e[1] <= zero) & (s->e[2] <= zero)));
+    s->mask &= VD_MASK(s->sum != zero);
+}
+
+inline vf sheared_time(const Ray *r, const Sheared *s)
+{
+    return VD_TO_VF((s->e[0] * TO_VD(s->z[0]) + s->e[1] * TO_VD(s->z[1]) + s->e[2] * TO_VD(s->z[2])) / s->sum) * r->sz;
+}
+
+inline void ray_leaf(const Ray *r, global const float *leaf, global const int *ids, Hit *hit)
+{
+    Sheared s;
+    shear_leaf(r, leaf, &s);
+    if (!row_any(s.mask)) return;
+    const vf t = sheared_time(r, &s);
+    s.mask &= GT(t, (vf)(0.0f)) & LE(t, (vf)(hit->t));
+    uint bits = row_bits(s.mask);
+    if (!bits) return;
+    private float times[LANES], first[LANES], second[LANES];
+    VSTORE(t, times);
+    VSTORE(VD_TO_VF(s.e[0] / s.sum), first);
+    VSTORE(VD_TO_VF(s.e[1] / s.sum), second);
+    for (; bits; bits &= bits - 1) {
+        const uint lane = lowest(bits);
+        if (!(times[lane] < hit->t || (times[lane] == hit->t && ids[lane] < hit->id))) continue;
+        hit->t = times[lane];
+        hit->id = ids[lane];
+        hit->weights = (float3)(first[lane], second[lane], 1.0f - first[lane] - second[lane]);
+    }
+}
+
+// The children of a node nearest along the ray first: sorted insertion on the stack.
+inline void push_children(const Bvh *bvh, const Ray *r, int node, uint bits, private const float *near, Walk *walk, Hit *hit)
+{
+    global const int *children = bvh->children + node * NODE_WIDTH;
+    const int base = walk->size;
+    for (; bits; bits &= bits - 1) {
+        const uint lane = lowest(bits);
+        if (children[lane] < 0) {
+            if (near[lane] > hit->t * 1.0000004f) continue;
+            const int leaf = -1 - children[lane];
+            for (int part = 0; part < NODE_WIDTH; part += LANES)
+                ray_leaf(r, bvh->leaves + leaf * 9 * NODE_WIDTH + part, bvh->leaf_ids + leaf * NODE_WIDTH + part, hit);
+            continue;
+        }
+        int at = walk->size++;
+        for (; at > base && walk->z[at - 1] < near[lane]; --at) {
+            walk->z[at] = walk->z[at - 1];
+            walk->node[at] = walk->node[at - 1];
+        }
+        walk->z[at] = near[lane];
+        walk->node[at] = children[lane];
+    }
+}
+
+// The first that the ray meets, if that is nearer than hit->t.
+inline void closest_hit(const Bvh *bvh, const Ray *r, Hit *hit)
+{
+    Walk walk;
+    private float near[NODE_WIDTH];
+    walk.node[0] = 0; walk.z[0] = 0.0f; walk.size = 1;
+    while (walk.size) {
+        const int node = walk.node[--walk.size];
+        if (walk.z[walk.size] > hit->t * 1.0000004f) continue;
+        uint bits = 0;
+        for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
+            bits |= row_bits(ray_meets(r, bvh->boxes + node * 6 * NODE_WIDTH + lane, hit->t, near + lane)) << lane;
+        push_children(bvh, r, node, bits, near, &walk, hit);
+    }
+}
+
+#endif
