@@ -30,9 +30,10 @@ FRAMES = 4
 CRF = 22
 LUMA = 255 / 219
 """Codes of sRGB to a code of limited-range luma."""
-TREE_OFFSET, I_OFFSET, B_OFFSET = 5.4, -2.9, 2.3
-"""x264 by default: macroblock trees add 13.5 (1 - 0.6) to CRF, from which they only subtract; key
-frames are 6 log2(1.4) finer, B frames 6 log2(1.3) coarser (its ratecontrol.c)."""
+I_OFFSET, B_OFFSET = -6 * math.log2(1.4), 6 * math.log2(1.3)
+"""x264 by default: key frames are that much finer than CRF says, B frames coarser."""
+USUAL_COST, BLUR = 120, 0.4
+"""The quantiser follows the power 0.4 of what a macroblock costs, and is CRF where that is 120."""
 
 
 def lossless_bound(values: int) -> float:
@@ -52,22 +53,35 @@ def step(qp: float) -> float:
     return 2 ** ((qp - 4) / 6)
 
 
+def noise_cost() -> float:
+    """What a macroblock of white noise costs x264: sums of absolute Hadamard coefficients.
+
+    Of a picture of half the size, whose pixels are means of four: of 4 x 4 of them with standard
+    deviation s every coefficient has 4 s, the mean of its size is sqrt(2 / pi) of that, and half of
+    the 16 are counted; four such blocks make a macroblock.
+    """
+    deviation = 219 / math.sqrt(12) / 2
+    return 4 * 16 / 2 * math.sqrt(2 / math.pi) * 4 * deviation
+
+
 def lossy_bound() -> float:
-    """H.264 where nothing is predicted: the coarsest quantiser of CRF 22 is that of B frames.
+    """H.264 of the picture that costs most, noise, in B frames, where the quantiser is coarsest.
 
     Its dead zone and the trellis move a coefficient by up to a step, so the error is within one
     step: a third of its square in the mean.  The transform is orthonormal, and grey has no chroma.
     """
-    return LUMA * step(CRF + TREE_OFFSET + B_OFFSET) / math.sqrt(3)
+    qp = CRF + 6 * BLUR * math.log2(noise_cost() / USUAL_COST) + B_OFFSET
+    return LUMA * step(qp) / math.sqrt(3)
 
 
 def flat_bound() -> float:
-    """H.264 of one colour: only the mean of the smallest blocks, 4 x 4, is coded, in key frames.
+    """H.264 of one colour, which costs nothing: only the mean of the smallest blocks, 4 x 4, is
+    coded, in key frames, and no coarser than CRF.
 
     Two thirds of a step at the most, for the dead zone of intra blocks is a third, and a step of
     the mean's coefficient is a quarter of it in each pixel; half a code more for rounding.
     """
-    return LUMA * (step(CRF + TREE_OFFSET + I_OFFSET) * 2 / 3 / 4 + 0.5)
+    return LUMA * (step(CRF + I_OFFSET) * 2 / 3 / 4 + 0.5)
 
 
 def _patterns(side: int) -> dict[str, np.ndarray]:
