@@ -57,9 +57,9 @@ def sample_store(
     """Four tiles of about ``frames`` frames, one at a place drawn from a fixed seed in each
     quarter of the picture, traced and encoded once."""
     spec, slab = default_spec(views), Slab(loaded.scene.camera, views, pixels)
-    pack = default_pack(views)
+    pack = default_pack(views, pixels)
     layout = FrameLayout(
-        default_kind(views), views, pixels, pack=pack, pixel_format=spec.pixel_format
+        default_kind(views, pixels), views, pixels, pack=pack, pixel_format=spec.pixel_format
     )
     tiles = sampled_tiles(layout, frames)
     threads = loaded.tracer.device.threads

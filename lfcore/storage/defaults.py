@@ -71,10 +71,10 @@ What follows from it:
   M = 128 as views took tens of times as long as as macropixels; at N = 16, M = 512 it is as fast.
 - 4:4:4 everywhere: at N = 64 it needs 27% fewer bits than 4:2:0 at equal error of the picture, and
   at N = 512 frames are 2 dB better at equal bits.
-- Preset ``medium``: against ``veryfast`` half the bits at N = 16 and two decibels at large N, at half
-  of its rate; against ``ultrafast`` at N = 512 a quarter fewer bits, and 5 dB of frames and 4 dB of
-  pictures besides, at an eighth of its rate.  Ask for ``ultrafast`` where a store is made once and
-  read once.
+- Preset ``medium``: against ``veryfast`` half the bits at N = 16 and two decibels at large N, at
+  half of its rate; against ``ultrafast`` at N = 512 a quarter fewer bits, and 5 dB of frames and
+  4 dB of pictures besides, at an eighth of its rate.  Ask for ``ultrafast`` where a store is made
+  once and read once.
 - A key frame every 128 frames costs 3% of the bits at N = 32 and bounds what a macropixel costs to
   read: 64 frames decoded on average.
 """

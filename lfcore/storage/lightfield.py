@@ -20,7 +20,6 @@ from av.error import FFmpegError
 from lfcore.errors import StorageError
 from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Slab
-from lfcore.storage.colour import rgb_from_planes, to_uint8
 from lfcore.storage.container import FRAME_MS
 from lfcore.storage.decoding import DecodeCount, FrameRun, frame_number, ticks_per_frame
 from lfcore.storage.ebml import Structure, scan
@@ -28,6 +27,10 @@ from lfcore.storage.layout import FrameLayout
 from lfcore.storage.metadata import TAG, Metadata, Segment
 from lfcore.storage.planar import PACKED_RGB
 from lfcore.storage.segment import open_video
+from lfcore.storage.windows import windows
+
+CHUNK_BYTES = 4 << 20
+"""Of frames that are decoded before rays are taken out of them: floats of all are some 50 MB."""
 
 
 @dataclass(frozen=True)
@@ -226,14 +229,17 @@ class LightField:
             elements = elements[inside]
             places = part.tile.placement(elements)
             for frames, which in self._needed(part, places[:, 0]):
-                for row, element in zip(frames, which, strict=True):
-                    column, line = elements[element] - corner
-                    out[line, column] = self._window(row, places[element, 1:], inner)
+                column, line = (elements[which] - corner).T
+                out[line, column] = windows(self.layout, *frames, places[which, 1:], inner)
         return out
 
     def _needed(self, part: Segment, numbers: np.ndarray) -> Iterator[tuple]:
-        """Decode the frames ``numbers`` (ascending): pairs of rows of bytes and places in it."""
+        """Decode the frames ``numbers`` (ascending), some at a time.
+
+        Gives ((frames of one chunk, index into them of each element), slice of ``numbers``).
+        """
         wanted = np.unique(numbers)
+        step = max(1, CHUNK_BYTES // self.layout.frame_bytes)
         keys = [key - part.first for key in self._keys if part.first <= key < part.stop] or [0]
         start = 0
         while start < len(wanted):
@@ -245,31 +251,12 @@ class LightField:
             ):
                 stop += 1
             first = int(wanted[start])
-            for chunk in self.frames(part.index, first, int(wanted[stop - 1]) + 1):
+            for chunk in self.frames(part.index, first, int(wanted[stop - 1]) + 1, chunk=step):
                 low, high = np.searchsorted(numbers, (first, first + len(chunk)))
-                yield chunk[numbers[low:high] - first], range(low, high)
+                if low < high:
+                    yield (chunk, numbers[low:high] - first), slice(low, high)
                 first += len(chunk)
             start = stop
-
-    def _window(self, frame: np.ndarray, corner: np.ndarray, inner: tuple) -> np.ndarray:
-        """The inner rectangle of one element of one frame, uint8 (rows, columns, 3)."""
-        layout, form = self.layout, self.layout.format
-        step, slot = form.subsampling, layout.slot
-        # With a margin for the interpolation of chroma, which stays within the element.
-        low = [max(0, value // step - 1) for value in inner[:2]]
-        high = [min(slot // step, -(-value // step) + 1) for value in inner[2:]]
-        planes = form.views(frame[None], layout.frame_width, layout.frame_height)
-        cut = []
-        for index, plane in enumerate(planes):
-            scale = step if index == 0 else 1
-            x, y = corner // (step if index else 1)
-            cut.append(
-                plane[:, y + low[1] * scale : y + high[1] * scale,
-                      x + low[0] * scale : x + high[0] * scale]
-            )  # fmt: skip
-        picture = rgb_from_planes(cut, form)[0]
-        x, y = inner[0] - low[0] * step, inner[1] - low[1] * step
-        return to_uint8(picture[y : y + inner[3] - inner[1], x : x + inner[2] - inner[0]])
 
     def _packets(self, part: Segment, first: int) -> Iterator:
         """First (decoder, ticks a frame), then packets from a key frame at or before ``first``."""
