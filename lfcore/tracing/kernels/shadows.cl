@@ -223,12 +223,11 @@ inline Affine project_plane(const Receiver *f, Plane p)
 // Affine forms of LANES occluders over a receiver's block, and the rows each can darken.
 inline uint project_occluders(const Receiver *f, const Plane *planes, vi may, private float *out, private int *rows)
 {
-    vf first = -HALF, last = HALF;
-    const vi mixed = 0;
+    vf first = 0.0f, last = 2.0f * HALF;
     for (int k = 0; k < 4; ++k) {
         const Affine e = project_plane(f, planes[k]);
         may &= GE(e.c + spread(e), (vf)(0.0f));
-        ROWS(e)
+        narrow_rows(e, (vi)(0), &first, &last);
         VSTORE(e.c, out + 3 * k * LANES);
         VSTORE(e.i, out + (3 * k + 1) * LANES);
         VSTORE(e.j, out + (3 * k + 2) * LANES);

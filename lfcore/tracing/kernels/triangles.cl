@@ -48,56 +48,64 @@ typedef struct {
     uint mixed;    // lanes seen edge-on by some ray: the sign of n . D changes within the block
 } Cull;
 
-// Narrow the rows [first, last] to those where an edge can be non-negative, rounding allowed for:
-// e.c + HALF |e.i| + j e.j >= 0.  Uses first, last and mixed of its caller.
-#define ROWS(e)                                                                  \
-    {                                                                            \
-        const vf wide = HALF * fabs(e.i);                                        \
-        const vf at = -(e.c + wide + 1.0e-6f * (fabs(e.c) + wide)) / e.j;        \
-        const vi up = GT(e.j, (vf)(0.0f)) & ~mixed, down = LT(e.j, (vf)(0.0f)) & ~mixed; \
-        first = pick(first, max(first, at), up);                                \
-        last = pick(last, min(last, at), down);                                 \
-    }
-
-inline void store_rows(vf first, vf last, private int *rows)
+// Triangles whose sheared corners a, b, c lie wholly beside the block along one axis, whichever way they
+// face: at depth z the block reaches HALF |s + z t|, convex in z.
+inline vi beside_block(vf a, vf b, vf c, vf z_lo, vf z_hi, vf z_most, float s, float t, float d)
 {
-    VSTORE(TO_VI(ceil(clamp(first, (vf)(-HALF), (vf)(HALF)) + (HALF - 0.01f))), rows);
-    VSTORE(TO_VI(floor(clamp(last, (vf)(-HALF), (vf)(HALF)) + (HALF + 0.01f))), rows + LANES);
+    const vf near = fma(z_lo, (vf)(t), (vf)(s)), far = fma(z_hi, (vf)(t), (vf)(s));
+    const vf noise = 4.0e-7f * (max(fabs(a), max(fabs(b), fabs(c))) + fma(z_most, (vf)(fabs(d) + HALF * fabs(t)), (vf)(HALF * fabs(s))));
+    const vf reach = fma((vf)(HALF * 1.00001f), max(fabs(near), fabs(far)), noise);
+    return GT(min(a, min(b, c)), reach) | LT(max(a, max(b, c)), -reach);
 }
 
-// Triangles whose sheared corners a, b, c lie wholly beside the block along one axis, whichever way they
-// face: at depth z the block reaches HALF |s + z t|, convex in z.  Narrows the rows that the triangle can
-// touch, unless `first` is null.
-inline vi beside_block(vf a, vf b, vf c, vf z_lo, vf z_hi, float s, float t, float d, vf *first, vf *last)
+// Samples [first, last] along one axis of the block, from 0 to 2 HALF, that triangles of sheared corners a, b,
+// c can reach.  At depth z neighbouring rays are s + z t apart; while that keeps its sign over the triangle,
+// the extremes are its corners' (a projective map), and what falls between two samples is found out.
+inline void span_samples(vf a, vf b, vf c, vf az, vf bz, vf cz, vf z_most, float s, float t, float d, vf *first, vf *last)
 {
-    const vf slack = 4.0e-7f * (max(fabs(a), max(fabs(b), fabs(c))) + max(fabs(z_lo), fabs(z_hi)) * fabs(d));
-    const vf lo = min(a, min(b, c)) - slack, hi = max(a, max(b, c)) + slack;
-    const vf near = fma(z_lo, (vf)(t), (vf)(s)), far = fma(z_hi, (vf)(t), (vf)(s));
-    const vf reach = (HALF * 1.00001f) * max(fabs(near), fabs(far));
-    if (first) {
-        const vf u = lo / near, v = hi / near, w = lo / far, y = hi / far;
-        const vi same = GT(near * far, (vf)(0.0f));
-        *first = pick(*first, max(*first, min(min(u, v), min(w, y))), same);
-        *last = pick(*last, min(*last, max(max(u, v), max(w, y))), same);
-    }
-    return GT(lo, reach) | LT(hi, -reach);
+    const vf wa = fma(az, (vf)(t), (vf)(s)), wb = fma(bz, (vf)(t), (vf)(s)), wc = fma(cz, (vf)(t), (vf)(s));
+    const vf ra = native_recip(wa), rb = native_recip(wb), rc = native_recip(wc);
+    const vf ia = a * ra, ib = b * rb, ic = c * rc;
+    const vf noise = 4.0e-7f * (max(fabs(a), max(fabs(b), fabs(c))) + fma(z_most, (vf)(fabs(d) + HALF * fabs(t)), (vf)(HALF * fabs(s))));
+    const vf slack = fma(noise, max(fabs(ra), max(fabs(rb), fabs(rc))), (vf)(0.01f));
+    const vi same = GT(wa * wb, (vf)(0.0f)) & GT(wb * wc, (vf)(0.0f));
+    const vf lo = ceil(min(ia, min(ib, ic)) - slack + HALF), hi = floor(max(ia, max(ib, ic)) + slack + HALF);
+    *first = max(pick((vf)(0.0f), lo, same), (vf)(0.0f));
+    *last = min(pick((vf)(2.0f * HALF), hi, same), (vf)(2.0f * HALF));
+}
+
+// Of the rows [first, last], counted from 0, those where a form can be non-negative, rounding allowed for:
+// e.c + HALF |e.i| + (row - HALF) e.j >= 0.
+inline void narrow_rows(Affine e, vi mixed, vf *first, vf *last)
+{
+    const vf wide = HALF * fabs(e.i);
+    const vf at = -(e.c + wide + 1.0e-6f * (fabs(e.c) + wide)) * native_recip(e.j);
+    *first = pick(*first, max(*first, ceil(at + (HALF - 0.01f))), GT(e.j, (vf)(1.0e-30f)) & ~mixed);
+    *last = pick(*last, min(*last, floor(at + (HALF + 0.01f))), LT(e.j, (vf)(-1.0e-30f)) & ~mixed);
+}
+
+// No row at all where first is beyond last.
+inline void store_rows(vf first, vf last, private int *rows)
+{
+    VSTORE(clamp(TO_VI(first), (vi)(0), (vi)(BLOCK)), rows);
+    VSTORE(clamp(TO_VI(last), (vi)(-1), (vi)(BLOCK - 1)), rows + LANES);
 }
 
 // Set up the LANES triangles at `leaf` (9 rows of 16); writes coefficients, signed so that n . D > 0
-// unless mixed, to `out`, and the rows [first, last] of the block that each can touch to `rows`.
-inline Cull setup_triangles(const Bundle *r, global const float *leaf, float z_far, private float *out, private int *rows)
+// unless mixed, to `out`, and to `span` the first and last row, first and last column of
+// the block that each can touch.
+inline Cull setup_triangles(const Bundle *r, global const float *leaf, float z_far, private float *out, private int *span)
 {
     const vf pz = VLOAD(leaf + 32), qz = VLOAD(leaf + 80), rz = VLOAD(leaf + 128);
     const vf dx = r->dx, dy = r->dy;
     const vf px = fma(-pz, dx, VLOAD(leaf) - r->ox), py = fma(-pz, dy, VLOAD(leaf + 16) - r->oy);
     const vf qx = fma(-qz, dx, VLOAD(leaf + 48) - r->ox), qy = fma(-qz, dy, VLOAD(leaf + 64) - r->oy);
     const vf rx = fma(-rz, dx, VLOAD(leaf + 96) - r->ox), ry = fma(-rz, dy, VLOAD(leaf + 112) - r->oy);
-    const vf z_lo = min(pz, min(qz, rz)), z_hi = max(pz, max(qz, rz));
-    vf first = -HALF, last = HALF;
-    const vi beside = beside_block(px, qx, rx, z_lo, z_hi, r->sx, r->tx, r->dx, 0, 0) |
-                      beside_block(py, qy, ry, z_lo, z_hi, r->sy, r->ty, r->dy, &first, &last);
+    const vf z_lo = min(pz, min(qz, rz)), z_hi = max(pz, max(qz, rz)), z_most = max(fabs(z_lo), fabs(z_hi));
+    vi keep = ~(beside_block(px, qx, rx, z_lo, z_hi, z_most, r->sx, r->tx, r->dx) |
+                beside_block(py, qy, ry, z_lo, z_hi, z_most, r->sy, r->ty, r->dy) | GT(z_lo, (vf)(z_far)));
     Cull cull = {0, 0, 0};
-    if (!row_any(~beside)) return cull;
+    if (!row_any(keep)) return cull;
     Affine e0 = edge(qx, qy, qz, rx, ry, rz, r);
     Affine e1 = edge(rx, ry, rz, px, py, pz, r);
     Affine e2 = edge(px, py, pz, qx, qy, qz, r);
@@ -118,7 +126,12 @@ inline Cull setup_triangles(const Bundle *r, global const float *leaf, float z_f
     const vf tiny = 1.0e-30f;
     const vi outside = LT(e0.c + w0, -tiny) | LT(e1.c + w1, -tiny) | LT(e2.c + w2, -tiny);
     const vi inside = GE(e0.c, w0 + tiny) & GE(e1.c, w1 + tiny) & GE(e2.c, w2 + tiny);
-    const vi keep = ~(flat | beside | GT(z_lo, (vf)(z_far)) | (outside & ~mixed));
+    keep &= ~(flat | (outside & ~mixed));
+    if (!row_any(keep)) return cull;
+    vf left, right, first, last;
+    span_samples(px, qx, rx, pz, qz, rz, z_most, r->sx, r->tx, r->dx, &left, &right);
+    span_samples(py, qy, ry, pz, qz, rz, z_most, r->sy, r->ty, r->dy, &first, &last);
+    keep &= LE(left, right) & LE(first, last);
     cull.keep = row_bits(keep);
     if (!cull.keep) return cull;
     cull.cover = row_bits(keep & inside & ~mixed);
@@ -134,8 +147,12 @@ inline Cull setup_triangles(const Bundle *r, global const float *leaf, float z_f
     VSTORE(fma(nx, px, fma(ny, py, nz * pz)), out + 9 * LANES);
     VSTORE(-nx * r->sx, out + 10 * LANES); VSTORE(-ny * r->sy, out + 11 * LANES);
     VSTORE(nz, out + 12 * LANES); VSTORE(nx * r->tx, out + 13 * LANES); VSTORE(ny * r->ty, out + 14 * LANES);
-    ROWS(e0) ROWS(e1) ROWS(e2)
-    store_rows(first, last, rows);
+    narrow_rows(e0, mixed, &first, &last);
+    narrow_rows(e1, mixed, &first, &last);
+    narrow_rows(e2, mixed, &first, &last);
+    store_rows(first, last, span);
+    VSTORE(TO_VI(left), span + 2 * LANES);
+    VSTORE(TO_VI(right), span + 3 * LANES);
     return cull;
 }
 
@@ -156,32 +173,63 @@ inline int hit_row(vf depth, vi mask, int id, global float *z, global int *ids)
     return 1;
 }
 
-inline int hit_triangle(private const float *c, uint lane, int covers, int mixed, int first, int last, int id,
+// A row made of 4 x 4 samples, for triangles that reach no farther.
+#if LANES == 16
+#define WINDOW 4
+#define WINDOW_X ((vf)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3))
+#define WINDOW_Y ((vf)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3))
+#define LOAD_WINDOW(type, p) ((type)(vload4(0, p), vload4(0, (p) + BLOCK), vload4(0, (p) + 2 * BLOCK), vload4(0, (p) + 3 * BLOCK)))
+#define STORE_WINDOW(x, p)                    \
+    {                                         \
+        vstore4(x.s0123, 0, p);               \
+        vstore4(x.s4567, 0, (p) + BLOCK);     \
+        vstore4(x.s89ab, 0, (p) + 2 * BLOCK); \
+        vstore4(x.scdef, 0, (p) + 3 * BLOCK); \
+    }
+#endif
+
+// A triangle over a row of rays: which of them it meets, and how far.
+inline vi meet_row(private const float *c, uint lane, int covers, int mixed, vf x, vf y, vf *depth)
+{
+#define AFFINE(k) fma(x, (vf)(c[(k + 1) * LANES + lane]), fma(y, (vf)(c[(k + 2) * LANES + lane]), (vf)(c[k * LANES + lane])))
+    vf a = AFFINE(0), b = AFFINE(3), g = AFFINE(6), sum = AFFINE(12), z = AFFINE(9);
+    if (mixed) {
+        const vi sign = AS_VI(sum) & (vi)(0x80000000);
+        FLIP_BY(a, sign); FLIP_BY(b, sign); FLIP_BY(g, sign); FLIP_BY(sum, sign); FLIP_BY(z, sign);
+    }
+    *depth = z * reciprocal(sum);
+    return covers ? (vi)(-1) : GE(min(a, min(b, g)), (vf)(0.0f)) & GT(sum, (vf)(0.0f));
+#undef AFFINE
+}
+
+// `span`: first and last row, first and last column that the triangle can touch.
+inline int hit_triangle(private const float *c, uint lane, int covers, int mixed, private const int *span, int id,
                         global float *z, global int *ids)
 {
-    const float ac = c[lane], ai = c[LANES + lane], aj = c[2 * LANES + lane];
-    const float bc = c[3 * LANES + lane], bi = c[4 * LANES + lane], bj = c[5 * LANES + lane];
-    const float cc = c[6 * LANES + lane], ci = c[7 * LANES + lane], cj = c[8 * LANES + lane];
-    const float zc = c[9 * LANES + lane], zi = c[10 * LANES + lane], zj = c[11 * LANES + lane];
-    const float wc = c[12 * LANES + lane], wi = c[13 * LANES + lane], wj = c[14 * LANES + lane];
+    const int first = span[lane], last = span[LANES + lane];
     int changed = 0;
+    vf depth;
+#ifdef WINDOW
+    const int left = min(span[2 * LANES + lane], BLOCK - WINDOW), top = min(first, BLOCK - WINDOW);
+    if (last - top < WINDOW && span[3 * LANES + lane] - left < WINDOW) {
+        const vi mask = meet_row(c, lane, covers, mixed, WINDOW_X + (left - HALF), WINDOW_Y + (top - HALF), &depth);
+        z += top * BLOCK + left;
+        ids += top * BLOCK + left;
+        const vf old = LOAD_WINDOW(vf, z);
+        const vi old_id = LOAD_WINDOW(vi, ids);
+        const vi nearer = mask & (LT(AS_VU(depth), AS_VU(old)) | (EQ(AS_VU(depth), AS_VU(old)) & LT((vi)(id), old_id)));
+        if (!row_any(nearer)) return 0;
+        const vf new_z = pick(old, depth, nearer);
+        const vi new_id = pick_int(old_id, (vi)(id), nearer);
+        STORE_WINDOW(new_z, z)
+        STORE_WINDOW(new_id, ids)
+        return 1;
+    }
+#endif
     for (int row = first; row <= last; ++row) {
-        const float y = row - HALF;
         for (int column = 0; column < BLOCK; column += LANES) {
-            const vf x = IOTA + (column - HALF);
-            vf a = affine_row(ac, ai, aj, x, y), b = affine_row(bc, bi, bj, x, y), g = affine_row(cc, ci, cj, x, y);
-            vf sum = affine_row(wc, wi, wj, x, y), depth = affine_row(zc, zi, zj, x, y);
-            vi mask;
-            if (covers) mask = (vi)(-1);
-            else {
-                if (mixed) {
-                    const vi sign = AS_VI(sum) & (vi)(0x80000000);
-                    FLIP_BY(a, sign); FLIP_BY(b, sign); FLIP_BY(g, sign); FLIP_BY(sum, sign); FLIP_BY(depth, sign);
-                }
-                mask = GE(min(a, min(b, g)), (vf)(0.0f)) & GT(sum, (vf)(0.0f));
-                if (!row_any(mask)) continue;
-            }
-            depth *= reciprocal(sum);
+            const vi mask = meet_row(c, lane, covers, mixed, IOTA + (column - HALF), (vf)(row - HALF), &depth);
+            if (!row_any(mask)) continue;
             changed |= hit_row(depth, mask, id, z + row * BLOCK + column, ids + row * BLOCK + column);
         }
     }

@@ -146,7 +146,7 @@ inline void visit_block(const Bvh *bvh, const Bundle *block, const LeafList *lis
                         global int *ids)
 {
     private float coefficients[COEFFICIENTS * LANES];
-    private int rows[2 * LANES];
+    private int rows[4 * LANES];
     const Beam beam = block_beam(block);
     for (int base = 0; base < list->count; base += LANES) {
         uint near = row_bits(beam_meets(&beam, list->boxes + base, list->pitch, state->z_far));
@@ -162,7 +162,7 @@ inline void visit_block(const Bvh *bvh, const Bundle *block, const LeafList *lis
                     const int id = bvh->leaf_ids[leaf * NODE_WIDTH + lane + k], covers = (cull.cover >> k) & 1;
                     if (covers && state->cover != BUFFERED && settle_cover(coefficients, k, id, state)) continue;
                     materialise(state, z, ids);
-                    changed |= hit_triangle(coefficients, k, covers, (cull.mixed >> k) & 1, rows[k], rows[LANES + k], id, z, ids);
+                    changed |= hit_triangle(coefficients, k, covers, (cull.mixed >> k) & 1, rows, id, z, ids);
                 }
             }
             if (changed) state->z_far = farthest(z);
