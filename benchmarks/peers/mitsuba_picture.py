@@ -10,7 +10,6 @@ round lens at random.
 
 from __future__ import annotations
 
-import math
 import os
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -20,7 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.scene.model import POINT, Scene
+from lfcore.scene.mitsuba import Description
+from lfcore.scene.model import Scene
 from peers.method import Method, Run, SkippedError
 
 NAME = "mitsuba llvm_ad_rgb"
@@ -49,12 +49,12 @@ def _open(scene: Scene, threads: int, llvm: str | None) -> None:
     import drjit
 
     drjit.set_thread_count(threads)
-    _here["describe"] = Description(mitsuba, scene)
+    _here["describe"] = Description(mitsuba, scene, leave_out_ambient=True)
 
 
 def _load(slab) -> str:
     describe = _here["describe"]
-    _here["scene"] = describe.mitsuba.load_dict(describe.all(slab))
+    _here["scene"] = describe.mitsuba.load_dict(describe.all(slab.camera, slab.pixels))
     return describe.mitsuba.__version__
 
 
@@ -107,99 +107,3 @@ class MitsubaPicture:
 
     def close(self) -> None:
         self._pool.shutdown()
-
-
-class Description:
-    """Turns a scene and a slab into Mitsuba's dictionary."""
-
-    def __init__(self, mitsuba, scene: Scene):
-        self.mitsuba, self._scene = mitsuba, scene
-
-    def all(self, slab) -> dict:
-        out = {
-            "type": "scene",
-            "integrator": {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0},
-            "sensor": self._sensor(slab),
-        }
-        for index, light in enumerate(self._scene.lights):
-            if light.casts_shadows and any(light.colour):
-                out[f"light_{index}"] = self._light(light)
-        for material in range(len(self._scene.materials)):
-            mesh = self._mesh(material)
-            if mesh is not None:
-                out[f"mesh_{material}"] = mesh
-        return out
-
-    def _sensor(self, slab) -> dict:
-        camera, transform = slab.camera, self.mitsuba.ScalarTransform4f()
-        return {
-            "type": "thinlens",
-            "to_world": transform.look_at([0, 0, 0], [0, 0, 1], [0, -1, 0]),
-            "fov": 2 * math.degrees(math.atan(camera.field_width / 2)),
-            "aperture_radius": camera.lens_radius_m,
-            "focus_distance": camera.focus_distance_m,
-            "near_clip": 0.001,
-            "far_clip": 1.0e5,
-            "sampler": {"type": "independent"},
-            "film": {
-                "type": "hdrfilm",
-                "width": slab.pixels,
-                "height": slab.pixels,
-                "rfilter": {"type": "box"},
-                "pixel_format": "rgb",
-            },
-        }
-
-    def _light(self, light) -> dict:
-        # A diffuse surface of ours returns its colour times the irradiance, without 1/pi.
-        colour = [math.pi * c for c in light.colour]
-        if light.kind == POINT:
-            scale = (light.reference_distance_m or 1.0) ** 2
-            value = {"type": "rgb", "value": [c * scale for c in colour]}
-            return {"type": "point", "position": list(light.vector), "intensity": value}
-        value = {"type": "rgb", "value": colour}
-        direction = [-c for c in light.vector]
-        return {"type": "directional", "direction": direction, "irradiance": value}
-
-    def _mesh(self, material: int):
-        scene, mitsuba = self._scene, self.mitsuba
-        which = np.flatnonzero(scene.material_ids == material)
-        if not len(which):
-            return None
-        props = mitsuba.Properties()
-        props["bsdf"] = mitsuba.load_dict({"type": "twosided", "inner": self._bsdf(material)})
-        mesh = mitsuba.Mesh(
-            f"material {material}",
-            3 * len(which),
-            len(which),
-            has_vertex_normals=len(scene.normals) > 0,
-            has_vertex_texcoords=len(scene.uvs) > 0,
-            props=props,
-        )
-        values = mitsuba.traverse(mesh)
-        values["vertex_positions"] = scene.triangles[which].ravel()
-        values["faces"] = np.arange(3 * len(which), dtype=np.uint32)
-        if len(scene.normals):
-            values["vertex_normals"] = scene.normals[which].ravel()
-        if len(scene.uvs):
-            uvs = scene.uvs[which].copy()
-            uvs[..., 1] = 1 - uvs[..., 1]
-            values["vertex_texcoords"] = uvs.ravel()
-        values.update()
-        return mesh
-
-    def _bsdf(self, index: int) -> dict:
-        material, mitsuba = self._scene.materials[index], self.mitsuba
-        diffuse = {"type": "rgb", "value": list(material.diffuse)}
-        if material.texture >= 0 and len(self._scene.uvs):
-            bitmap = mitsuba.Bitmap(np.ascontiguousarray(self._scene.textures[material.texture]))
-            diffuse = {"type": "bitmap", "bitmap": bitmap, "filter_type": "bilinear"}
-        if not any(material.specular):
-            return {"type": "diffuse", "reflectance": diffuse}
-        # The Blinn-Phong exponent n is about Beckmann's 2 / alpha^2 - 2.
-        return {
-            "type": "roughplastic",
-            "distribution": "beckmann",
-            "alpha": math.sqrt(2 / (material.shininess + 2)),
-            "diffuse_reflectance": diffuse,
-        }

@@ -13,16 +13,20 @@ from workflow.assignment import ARRAYS as ASSIGNMENT_ARRAYS
 from workflow.settings import check_settings
 from workflow.sources import source_digest
 
+# What the plenoptic photograph and other renderers show, whatever scenes are in tables.
+CHART = "chart"
+
 try:
     SETTINGS = check_settings(config)
     SCENES = cases.scene_files(SETTINGS["scenes"], ROOT)
+    FIGURE_SCENES = cases.scene_files([CHART], ROOT)
     ASSIGNMENT_SCENES = cases.scene_files(ASSIGNMENT_ARRAYS, ROOT)
     TILES = {views: cases.tile_names(SETTINGS, views) for views in SETTINGS["angular_resolutions"]}
 except LfcoreError as error:
     raise WorkflowError(str(error)) from None
 
-# What can be parsed: the tables' scenes, and the assignment's whether they are in tables or not.
-PARSED = {**ASSIGNMENT_SCENES, **SCENES}
+# What can be parsed: the tables' scenes, and figures' and the assignment's whether in tables or not.
+PARSED = {**FIGURE_SCENES, **ASSIGNMENT_SCENES, **SCENES}
 STORE = SETTINGS["store"]
 RESOLUTIONS = sorted(SETTINGS["angular_resolutions"])
 # What the page shows, in order: {name: {"title": ..., "table": bool, "figures": {label: file}}}.

@@ -1,5 +1,8 @@
-# Pictures of the thesis: focal stack (4.2), aperture stack (4.3, 4.4), corner views (6.3), and
-# quality over N.
+# Pictures of the thesis: focal stack (4.2), aperture stack (4.3, 4.4), corner views (6.3), the
+# plenoptic photograph (4.6), other ray tracers beside ours (4.5), and quality over N.
+import importlib.util
+import shutil
+
 SHEETS = {
     "focal_stack": "Focal stack",
     "aperture_stack": "Aperture stack",
@@ -17,6 +20,18 @@ for figure, title in SHEETS.items():
             "title": title,
             "figures": {scene: f"results/tables/figures/{figure}_{scene}.png" for scene in SCENES},
         }
+
+if wanted("plenoptic_photograph"):
+    SECTIONS["plenoptic_photograph"] = {
+        "title": "Photographs of a plenoptic camera",
+        "figures": {"": "results/tables/figures/plenoptic_photograph.png"},
+    }
+if wanted("other_renderers"):
+    SECTIONS["other_renderers"] = {
+        "title": "Other ray tracers",
+        "table": "results/tables/other_renderers.csv",
+        "figures": {"": "results/tables/figures/other_renderers.png"},
+    }
 
 
 rule trace_aperture_stack:
@@ -97,3 +112,63 @@ rule curves:
         sources=sources("curves.py"),
     script:
         "../scripts/curves.py"
+
+
+rule plenoptic_photograph:
+    input:
+        scene=f"results/{CHART}/scene.npz",
+        bvh=f"results/{CHART}/bvh.npz",
+    output:
+        photographs=[
+            f"results/{CHART}/figures/photograph_in_focus.png",
+            f"results/{CHART}/figures/photograph_out_of_focus.png",
+        ],
+        sheet=report(
+            "results/tables/figures/plenoptic_photograph.png",
+            caption="../report/plenoptic_photograph.rst",
+            category="Figures",
+            labels={"figure": "plenoptic_photograph", "scene": CHART},
+        ),
+    log:
+        "logs/plenoptic_photograph.log",
+    conda:
+        "../envs/lfcore.yaml"
+    resources:
+        mem_mb=2000,
+    params:
+        sources=sources("plenoptic_photograph.py"),
+        camera=SETTINGS["figures"]["plenoptic"],
+        device=SETTINGS["device"],
+    script:
+        "../scripts/plenoptic_photograph.py"
+
+
+rule other_renderers:
+    input:
+        scene=f"results/{CHART}/scene.npz",
+        bvh=f"results/{CHART}/bvh.npz",
+        caption=f"{workflow.basedir}/workflow/report/other_renderers.rst",
+    output:
+        csv=report(
+            "results/tables/other_renderers.csv",
+            caption="../report/other_renderers.rst",
+            category="Tables",
+        ),
+        markdown="results/tables/other_renderers.md",
+        figure="results/tables/figures/other_renderers.png",
+    log:
+        "logs/other_renderers.log",
+    conda:
+        "../envs/lfcore.yaml"
+    resources:
+        mem_mb=2000,
+    params:
+        sources=sources("other_renderers.py"),
+        # Installing a renderer makes the figure anew.
+        installed=[bool(shutil.which("povray")), bool(importlib.util.find_spec("mitsuba"))],
+        study=SETTINGS["figures"]["renderers"],
+        title="Other ray tracers",
+        device=SETTINGS["device"],
+        config=SETTINGS,
+    script:
+        "../scripts/other_renderers.py"

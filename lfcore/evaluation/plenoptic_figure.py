@@ -1,0 +1,122 @@
+"""The plenoptic photograph in focus and out of focus, and what can be made of it (figure 4.6)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from lfcore.evaluation.figures import contact_sheet
+from lfcore.evaluation.files import whole
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture
+from lfcore.refocus.plenoptic import photograph, refocus_photograph
+from lfcore.storage.colour import srgb_decode
+from lfcore.tracing.tracer import Tracer
+
+PANEL_PX = 384
+LENSES_SHOWN = 24
+"""Along a side of the detail, so that single microlenses are seen."""
+PNG_COMPRESSION = 3
+INSET = 2
+"""Views are shown from this many samples within the left and right end of the lens."""
+
+
+@dataclass(frozen=True)
+class Photograph:
+    """``pixels`` (M N, M N, 3) uint8 sRGB, as ``camera`` records them."""
+
+    camera: PlenopticCamera
+    pixels: np.ndarray
+
+
+def take(
+    tracer: Tracer,
+    focus_m: float,
+    lenses: int,
+    samples: int,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Photograph:
+    """The scene's camera with a microlens array, focused at ``focus_m`` with the same field.
+
+    ``progress`` is called with (microlenses done, of all).  Raises :class:`OpticsError` for counts
+    that make no camera, or a focus inside the focal length.
+    """
+    own = tracer.scene.camera
+    moved = replace(own, focus_distance_m=focus_m)
+    width = own.sensor_width_m * moved.image_distance_m / own.image_distance_m
+    camera = PlenopticCamera(replace(moved, sensor_width_m=width), lenses, samples)
+    return Photograph(camera, photograph(tracer, camera, progress=progress))
+
+
+def write_photograph(path: str | Path, picture: Photograph) -> None:
+    """The whole photograph as PNG, M N x M N pixels."""
+    with whole(path) as draft:
+        cv2.imwrite(
+            str(draft), picture.pixels[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, PNG_COMPRESSION]
+        )
+
+
+def panels(
+    tracer: Tracer, picture: Photograph, focus_m: Sequence[float]
+) -> tuple[list[np.ndarray], list[str]]:
+    """Pictures (linear light) and labels of one row of the sheet.
+
+    The photograph reduced to a pixel a microlens, a detail of it around the middle with its
+    microlenses, views from the left and right of the lens, and the photograph refocused at each
+    of ``focus_m``, through the round lens.
+    """
+    camera, pixels = picture.camera, picture.pixels
+    samples, middle = camera.samples, camera.samples // 2
+    recorded = f"focus {camera.camera.focus_distance_m:.3g} m"
+    shown = [reduced(pixels, samples), detail(pixels, samples)]
+    labels = [
+        f"{len(pixels)} x {len(pixels)}, {recorded}, reduced",
+        f"{LENSES_SHOWN} x {LENSES_SHOWN} microlenses",
+    ]
+    for i, name in ((INSET, "left"), (samples - 1 - INSET, "right")):
+        shown.append(srgb_decode(sub_aperture(pixels, samples, i, middle)))
+        labels.append(f"view from the {name} of the lens")
+    planes = [SensorPlane(focus, camera.camera.f_number) for focus in focus_m]
+    shown += list(refocus_photograph(camera, pixels, planes, device=tracer.device))
+    labels += [f"refocused to {focus:.3g} m" for focus in focus_m]
+    return shown, labels
+
+
+def reduced(pixels: np.ndarray, samples: int) -> np.ndarray:
+    """(M, M, 3) float32, linear light: the mean under each microlens."""
+    lenses = len(pixels) // samples
+    out = np.empty((lenses, lenses, 3), np.float32)
+    for row in range(lenses):
+        band = srgb_decode(pixels[row * samples : (row + 1) * samples])
+        out[row] = band.reshape(samples, lenses, samples, 3).mean((0, 2))
+    return out
+
+
+def detail(pixels: np.ndarray, samples: int) -> np.ndarray:
+    """Some microlenses around the middle, linear light, a pixel of theirs a pixel or more."""
+    lenses = len(pixels) // samples
+    part = min(LENSES_SHOWN, lenses)
+    start = (lenses - part) // 2 * samples
+    inside = pixels[start : start + part * samples, start : start + part * samples]
+    times = max(1, PANEL_PX // (part * samples))
+    return srgb_decode(inside.repeat(times, axis=0).repeat(times, axis=1))
+
+
+def plenoptic_sheet(path: str | Path, rows: Sequence[tuple[list[np.ndarray], list[str]]]) -> None:
+    """A row each photograph, as :func:`panels` gives them; all panels of one size."""
+    pictures = [_fitted(picture) for shown, _ in rows for picture in shown]
+    labels = [label for _, names in rows for label in names]
+    contact_sheet(path, pictures, labels, columns=len(rows[0][0]), panel_px=PANEL_PX)
+
+
+def _fitted(picture: np.ndarray) -> np.ndarray:
+    """At most PANEL_PX wide, by means over areas, in linear light."""
+    if len(picture) <= PANEL_PX:
+        return picture
+    size = (PANEL_PX, PANEL_PX)
+    return cv2.resize(np.asarray(picture, np.float32), size, interpolation=cv2.INTER_AREA)

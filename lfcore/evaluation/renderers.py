@@ -1,0 +1,233 @@
+"""The same picture by other ray tracers: POV-Ray and Mitsuba 3 (thesis figure 4.5).
+
+Each renders the exported scene through the same lens with the same number of rays a pixel, on one
+thread; ours once more with rays spread over the pixels, as theirs are, and more of them.  Errors
+are against a reference of ours with far more rays, spread over the pixels as well as over the
+lens.  A renderer that is not installed is left out, and its row says why.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import math
+import re
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+import cv2
+import numpy as np
+
+from lfcore.errors import LfcoreError, SceneError
+from lfcore.evaluation.figures import contact_sheet
+from lfcore.evaluation.metrics import psnr, ssim
+from lfcore.optics.camera import Camera
+from lfcore.optics.planes import SensorPlane
+from lfcore.refocus.direct import focused_camera, trace_picture
+from lfcore.scene.colour import linear_to_srgb
+from lfcore.scene.mitsuba import Description
+from lfcore.scene.povray import FILE, write_povray
+from lfcore.tracing.tracer import Tracer
+
+COLUMNS = [
+    "scene", "M", "focus_m", "method", "rays_per_pixel", "psnr_db", "ssim", "seconds",
+    "mrays_per_second", "note",
+]  # fmt: skip
+PEAK = 255
+REFERENCE_VIEWS, REFERENCE_PLACES = 20, 4
+"""Of the reference: lens samples a side, and places a side of each pixel: 6400 rays."""
+PLACES = 3
+TIMEOUT_S = 600
+ZOOM = 4
+"""The detail shown is a square of 1/4 of the picture's side."""
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """A picture (M, M, 3), linear light, its rays a pixel and the seconds that rendering alone
+    took; or, where ``picture`` is None, why there is none."""
+
+    method: str
+    picture: np.ndarray | None
+    rays: int = 0
+    seconds: float = math.nan
+    note: str = ""
+
+
+class LeftOutError(LfcoreError):
+    """A renderer that is not installed, or cannot show the scene."""
+
+
+def compare(
+    tracer: Tracer,
+    focus_m: Sequence[float],
+    *,
+    pixels: int,
+    views: int,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[list[dict], list[list[Rendered]]]:
+    """Rows (columns :data:`COLUMNS`), and all pictures of each focus distance.
+
+    ``views`` squared are the rays a pixel.  ``tracer`` should have one thread, as the
+    others have.  PSNR and SSIM are of sRGB codes that are not rounded, peak 255.
+    """
+    rows, all_rendered = [], []
+    methods = (_ours, _ours_spread, povray, mitsuba)
+    for at, focus in enumerate(focus_m):
+        plane = SensorPlane(focus, tracer.scene.camera.f_number)
+        truth = spread_picture(tracer, plane, pixels, REFERENCE_VIEWS, REFERENCE_PLACES)
+        rendered = []
+        for k, method in enumerate(methods):
+            rendered.append(method(tracer, plane, pixels, views))
+            if progress:
+                progress(at * len(methods) + k + 1, len(focus_m) * len(methods))
+        facts = {"scene": tracer.scene.name, "M": pixels, "focus_m": focus}
+        rows += [facts | _row(one, truth) for one in rendered]
+        all_rendered.append(rendered)
+    return rows, all_rendered
+
+
+def _row(one: Rendered, truth: np.ndarray) -> dict:
+    row = {"method": one.method, "rays_per_pixel": one.rays, "note": one.note}
+    if one.picture is None:
+        return row | dict.fromkeys(("psnr_db", "ssim", "seconds", "mrays_per_second"))
+    ours, theirs = _codes(one.picture), _codes(truth)
+    return row | {
+        "psnr_db": psnr(ours, theirs, peak=PEAK),
+        "ssim": ssim(ours, theirs, peak=PEAK),
+        "seconds": one.seconds,
+        "mrays_per_second": truth.shape[0] ** 2 * one.rays / one.seconds / 1e6,
+    }
+
+
+def _codes(picture: np.ndarray) -> np.ndarray:
+    return PEAK * linear_to_srgb(np.clip(picture, 0, 1))
+
+
+def spread_picture(
+    tracer: Tracer, plane: SensorPlane, pixels: int, views: int, places: int
+) -> np.ndarray:
+    """(M, M, 3) float32, linear light: the mean over ``places`` squared places in each pixel,
+    each with ``views`` squared lens samples."""
+    fine = trace_picture(tracer, tracer.scene.camera, places * pixels, plane, views=views)
+    return fine.reshape(pixels, places, pixels, places, 3).mean((1, 3))
+
+
+def _timed(work: Callable[[], np.ndarray], method: str, rays: int, note: str) -> Rendered:
+    work()  # programs are built
+    begun = time.perf_counter()
+    picture = work()
+    return Rendered(method, picture, rays, time.perf_counter() - begun, note)
+
+
+def _ours(tracer: Tracer, plane: SensorPlane, pixels: int, views: int) -> Rendered:
+    camera = tracer.scene.camera
+    return _timed(
+        lambda: trace_picture(tracer, camera, pixels, plane, views=views),
+        "lfcore",
+        views**2,
+        "one place a pixel, a grid over the lens",
+    )
+
+
+def _ours_spread(tracer: Tracer, plane: SensorPlane, pixels: int, views: int) -> Rendered:
+    return _timed(
+        lambda: spread_picture(tracer, plane, pixels, views, PLACES),
+        f"lfcore, {PLACES} x {PLACES} places a pixel",
+        (PLACES * views) ** 2,
+        "the same grid at each place",
+    )
+
+
+def povray(tracer: Tracer, plane: SensorPlane, pixels: int, views: int) -> Rendered:
+    """POV-Ray's picture, or why there is none.  Seconds are its own of tracing, without parsing."""
+    name = "POV-Ray"
+    try:
+        camera = focused_camera(tracer.scene.camera, plane)
+        return _run_povray(name, tracer, camera, pixels, views**2)
+    except (LeftOutError, SceneError) as error:
+        return Rendered(name, None, note=f"left out: {error}")
+
+
+def _run_povray(name: str, tracer: Tracer, camera: Camera, pixels: int, rays: int) -> Rendered:
+    program = shutil.which("povray")
+    if program is None:
+        raise LeftOutError("povray is not installed")
+    with tempfile.TemporaryDirectory(prefix="povray-") as folder:
+        write_povray(folder, tracer.scene, camera, samples=rays)
+        # 16-bit PNG without a gamma curve: linear light.
+        command = [
+            program, f"+I{FILE}", f"+W{pixels}", f"+H{pixels}", "+WT1", "+FN16", "File_Gamma=1.0",
+            "+Oout.png", "-D", "-A",
+        ]  # fmt: skip
+        try:
+            done = subprocess.run(
+                command, cwd=folder, capture_output=True, text=True, errors="replace",
+                check=False, timeout=TIMEOUT_S,
+            )  # fmt: skip
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise LeftOutError(f"povray does not run here: {error}") from None
+        found = re.search(r"Trace Time:.*?\(([\d.]+) seconds\)", done.stderr)
+        if done.returncode or not found:
+            raise LeftOutError(f"povray failed: {' '.join(done.stderr.split())[-200:]}")
+        codes = cv2.imread(str(Path(folder) / "out.png"), cv2.IMREAD_UNCHANGED)
+        version = re.search(r"POV-Ray ([\d.]+)", done.stderr)
+    picture = codes[..., ::-1].astype(np.float32) / np.iinfo(codes.dtype).max
+    note = f"{name} {version[1].rstrip('.') if version else ''}, its own lens points"
+    return Rendered(name, picture, rays, float(found[1]), note)
+
+
+def mitsuba(tracer: Tracer, plane: SensorPlane, pixels: int, views: int) -> Rendered:
+    """Mitsuba 3's picture by its scalar variant, which runs on every processor, or why there is
+    none."""
+    name = "Mitsuba 3"
+    try:
+        module = _import_mitsuba()
+        camera = focused_camera(tracer.scene.camera, plane)
+        scene = module.load_dict(Description(module, tracer.scene).all(camera, pixels))
+    except (LeftOutError, SceneError) as error:
+        return Rendered(name, None, note=f"left out: {error}")
+    note = f"Mitsuba {module.__version__} scalar_rgb, random lens points"
+    rays = views**2
+    return _timed(lambda: np.asarray(module.render(scene, spp=rays)), name, rays, note)
+
+
+def _import_mitsuba() -> ModuleType:
+    if importlib.util.find_spec("mitsuba") is None:
+        raise LeftOutError("the package mitsuba is not installed")
+    try:
+        module = importlib.import_module("mitsuba")
+        module.set_variant("scalar_rgb")
+        # The calling thread works, too.
+        importlib.import_module("drjit").set_thread_count(0)
+    except (ImportError, RuntimeError) as error:
+        raise LeftOutError(f"mitsuba does not run here: {error}") from None
+    return module
+
+
+def renderers_sheet(
+    path: str | Path, rendered: Sequence[Sequence[Rendered]], focus_m: Sequence[float]
+) -> None:
+    """What there is, a row each focus distance, above enlarged details."""
+    pictures, labels = [], []
+    for focus, row in zip(focus_m, rendered, strict=True):
+        made = [one for one in row if one.picture is not None]
+        pictures += [one.picture for one in made]
+        labels += [f"{one.method}, {focus:.3g} m" for one in made]
+        pictures += [detail(one.picture) for one in made]
+        labels += ["detail"] * len(made)
+    contact_sheet(path, pictures, labels, columns=len(pictures) // (2 * len(focus_m)))
+
+
+def detail(picture: np.ndarray) -> np.ndarray:
+    """The square of 1/4 of the side in the middle, enlarged without smoothing to full size."""
+    part = len(picture) // ZOOM
+    corner = (len(picture) - part) // 2
+    inside = picture[corner : corner + part, corner : corner + part]
+    return inside.repeat(ZOOM, axis=0).repeat(ZOOM, axis=1)

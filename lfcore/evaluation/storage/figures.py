@@ -1,0 +1,192 @@
+"""Figures beside the tables of the store."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from lfcore.evaluation.equivalence import Equivalence
+from lfcore.evaluation.figures import contact_sheet, save_figure
+from lfcore.storage.colour import srgb_decode
+
+MARKERS = {"raster": "s", "serpentine": "o", "hilbert": "^"}
+STYLES = {"libx264": "-", "libx265": "--", "libsvtav1": ":"}
+CODEC_MARKERS = {"libx264": "o", "libx265": "s", "libsvtav1": "^"}
+CODECS = {"x264": "libx264", "x265": "libx265", "AV1": "libsvtav1"}
+COLOURS = matplotlib.colormaps["tab20"]
+ERROR_GAIN = 8
+"""Error maps are shown this much brighter: 255 / 8 codes are white."""
+
+
+def layouts_figure(path: str | Path, table: pd.DataFrame) -> None:
+    """Bits a ray against PSNR of the refocused pictures: a row each N, a column each scene.
+
+    ``table`` is that of :mod:`lfcore.evaluation.storage.layouts`.
+    """
+    scenes, views = list(dict.fromkeys(table.scene)), sorted(table.N.unique())
+    names = list(dict.fromkeys(_layout_name(row) for row in table.itertuples()))
+    size = (3.6 * len(scenes) + 1.7, 2.6 * len(views) + 0.4)
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots(len(views), len(scenes), squeeze=False)
+    for line, n in zip(axes, views, strict=True):
+        for axis, scene in zip(line, scenes, strict=True):
+            for row in table[(table.scene == scene) & (table.N == n)].itertuples():
+                colour = f"C{names.index(_layout_name(row))}"
+                marker, edge = MARKERS[row.order], "black" if row.is_default else "none"
+                axis.plot(
+                    row.bits_per_ray, row.psnr_pictures_db, marker, color=colour, markersize=8,
+                    markeredgecolor=edge, markeredgewidth=1.6, alpha=0.85,
+                )  # fmt: skip
+            axis.set_title(f"{scene}, N = {n}", fontsize=10)
+            axis.grid(alpha=0.3)
+        line[0].set_ylabel("PSNR of pictures (dB)")
+    for axis in axes[-1]:
+        axis.set_xlabel("bits per ray")
+    keys = [axes[0, 0].plot([], [], "o", color=f"C{k}", label=n)[0] for k, n in enumerate(names)]
+    for order, marker in MARKERS.items():
+        keys += axes[0, 0].plot([], [], marker, color="0.5", label=order)
+    keys += axes[0, 0].plot(
+        [], [], "o", color="white", markeredgecolor="black", markeredgewidth=1.6, label="default"
+    )
+    figure.legend(handles=keys, loc="outside right upper", frameon=False, fontsize=9)
+    save_figure(path, figure)
+
+
+def _layout_name(row) -> str:
+    if row.layout == "views":
+        return "views"
+    return f"macropixels, {row.pack} x {row.pack}"
+
+
+def rate_distortion_figure(path: str | Path, points: pd.DataFrame, deltas: pd.DataFrame) -> None:
+    """One scene: a row each N of bits against PSNR of frames and of pictures, and speed against
+    the delta rate.
+
+    ``points`` and ``deltas`` are the tables of :mod:`lfcore.evaluation.storage.rate_distortion`.
+    """
+    views = sorted(points.N.unique())
+    figure = Figure(figsize=(16, 5.2 * len(views)), layout="constrained")
+    axes = figure.subplots(len(views), 3, squeeze=False)
+    lossy = points[points.codec != "ffv1"]
+    curves = [name for name in dict.fromkeys(lossy.curve) if name != "default"]
+    colours = {name: COLOURS(k % COLOURS.N) for k, name in enumerate(curves)}
+    for line, n in zip(axes, views, strict=True):
+        for axis, what in zip(line, ("frames", "pictures"), strict=False):
+            for name, curve in lossy[lossy.N == n].groupby("curve", sort=False):
+                _curve(axis, curve, f"psnr_{what}_db", colours.get(name, "black"), str(name))
+            axis.set_ylabel(f"PSNR of {what} (dB)")
+            axis.set_title(f"N = {n}", fontsize=10)
+            _beyond(axis, points[(points.codec == "ffv1") & (points.N == n)], f"psnr_{what}_db")
+        _speeds(line[2], deltas[deltas.N == n], colours)
+    keys, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(keys, labels, loc="outside right upper", frameon=False, fontsize=9)
+    save_figure(path, figure, dpi=110)
+
+
+def _curve(axis: Axes, curve: pd.DataFrame, quality: str, colour: object, name: str) -> None:
+    curve = curve.sort_values("bits_per_ray")
+    codec, single = curve.codec.iloc[0], len(curve) == 1
+    axis.plot(
+        curve.bits_per_ray, curve[quality], marker="*" if single else CODEC_MARKERS[codec],
+        linestyle="" if single else STYLES[codec], color=colour, label=name,
+        markersize=13 if single else 5, linewidth=1.4, zorder=3 if single else 2,
+    )  # fmt: skip
+    axis.set_xlabel("bits per ray")
+    _log_axis(axis)
+
+
+def _beyond(axis: Axes, lossless: pd.DataFrame, quality: str) -> None:
+    """Lossless codecs lie far off; they are named with their numbers."""
+    lines = [
+        f"{row.curve}: {row.bits_per_ray:.2f} bits, {value:.1f} dB"
+        for row, value in zip(lossless.itertuples(), lossless[quality], strict=True)
+    ]
+    axis.text(
+        0.98, 0.02, "\n".join(lines), transform=axis.transAxes, ha="right", va="bottom", fontsize=8
+    )
+
+
+def _speeds(axis: Axes, deltas: pd.DataFrame, colours: dict[str, object]) -> None:
+    for row in deltas.itertuples():
+        codec = next(codec for word, codec in CODECS.items() if row.curve.startswith(word))
+        axis.plot(
+            row.encode_mrays_per_second, row.bd_rate_pictures_percent, CODEC_MARKERS[codec],
+            color=colours[row.curve], markersize=9,
+        )  # fmt: skip
+    axis.axhline(0, color="0.6", linewidth=0.8)
+    axis.set_xlabel("million rays a CPU second, encoding")
+    axis.set_ylabel("BD-rate of pictures (%), less is better")
+    _log_axis(axis)
+
+
+def _log_axis(axis: Axes) -> None:
+    axis.set_xscale("log")
+    axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.xaxis.set_major_formatter("{x:g}")
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    axis.grid(alpha=0.3)
+
+
+def retrieval_figure(path: str | Path, table: pd.DataFrame) -> None:
+    """Seconds against N, a panel a scene, decoding alone in black.
+
+    ``table`` is that of :mod:`lfcore.evaluation.storage.retrieval`.
+    """
+    scenes = list(dict.fromkeys(table.scene))
+    figure = Figure(figsize=(3.9 * len(scenes) + 1.8, 3.9), layout="constrained")
+    axes = figure.subplots(1, len(scenes), squeeze=False, sharey=True)[0]
+    for axis, scene in zip(axes, scenes, strict=True):
+        of_scene = table[table.scene == scene]
+        for k, (what, rows) in enumerate(of_scene.groupby("what", sort=False)):
+            colour = "black" if k == 0 else f"C{k - 1}"
+            axis.plot(rows.N, rows.seconds, "o-", color=colour, label=what, markersize=4)
+        axis.set_xscale("log", base=2)
+        axis.set_yscale("log")
+        axis.set_xticks(sorted(table.N.unique()))
+        axis.xaxis.set_major_formatter("{x:.0f}")
+        axis.xaxis.set_minor_formatter(NullFormatter())
+        axis.set_xlabel("angular resolution N")
+        axis.set_title(scene, fontsize=10)
+        axis.grid(alpha=0.3)
+    axes[0].set_ylabel("CPU seconds")
+    keys, labels = axes[0].get_legend_handles_labels()
+    figure.legend(keys, labels, loc="outside right upper", frameon=False, fontsize=9)
+    save_figure(path, figure)
+
+
+def equivalence_sheet(path: str | Path, found: Equivalence, focus_m: Sequence[float]) -> None:
+    """Pictures by each method, above their error maps; a block of two rows each focus distance.
+
+    The first column is the reference; its map is empty.
+    """
+    pictures, labels = [], []
+    reference, errors = found.made[0], list(found.errors())
+    for k, focus in enumerate(focus_m):
+        pictures += [reference.pictures[k], *(made.pictures[k] for made, _ in errors)]
+        labels += [
+            f"{reference.method}, {focus:.3g} m",
+            *(_method_name(made) for made, _ in errors),
+        ]
+        pictures.append(np.ones_like(reference.pictures[k]))
+        pictures += [_error_picture(error[k]) for _, error in errors]
+        labels += [f"errors x {ERROR_GAIN}:"]
+        labels += [f"{np.sqrt(np.square(e[k]).mean()):.2f} codes rms" for _, e in errors]
+    contact_sheet(path, pictures, labels, columns=1 + len(errors))
+
+
+def _method_name(made) -> str:
+    short = made.method.replace("the plenoptic photograph", "photograph")
+    return f"{short}, {made.filter}"
+
+
+def _error_picture(error: np.ndarray) -> np.ndarray:
+    """(M, M, 3) linear light that is shown as ERROR_GAIN times the error, in codes."""
+    shown = srgb_decode(np.clip(error * ERROR_GAIN / 255, 0, 1))
+    return np.repeat(shown[..., None], 3, axis=-1)

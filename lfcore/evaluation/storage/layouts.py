@@ -1,0 +1,98 @@
+"""The storage table: macropixels and views, their orders, several macropixels a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from lfcore.evaluation.storage.sample import Frames, Stored, own_planes, store, trace_sample
+from lfcore.evaluation.tables import sizes
+from lfcore.storage.curves import ORDERS
+from lfcore.storage.defaults import default_kind, default_pack, default_spec, macropixel_pack
+from lfcore.storage.layout import FrameLayout
+from lfcore.tracing.tracer import Tracer
+
+COLUMNS = [
+    "scene", "N", "M", "window", "layout", "order", "pack", "frame_px", "is_default",
+    "raw_bytes_float32", "video_bytes", "ratio_float32", "bits_per_ray", "psnr_frames_db",
+    "psnr_pictures_db", "encode_seconds", "decode_seconds",
+]  # fmt: skip
+ORDER = "serpentine"
+LARGEST_FRAME_PX = 512
+
+
+@dataclass(frozen=True)
+class LayoutStudy:
+    """``views``: each N; ``rays``: the most of a sample; ``packs``: macropixels a side of a frame,
+    beside the default."""
+
+    views: Sequence[int]
+    rays: int
+    packs: Sequence[int]
+
+
+def layouts(views: int, pixels: int, packs: Sequence[int]) -> Iterator[FrameLayout]:
+    """All orders of views and of macropixels in their best pack, and macropixels in other packs.
+
+    ``pixels`` are those of the sample.  Frames are no wider than 512 pixels, unless a single
+    element is.
+    """
+    spec, best = default_spec(views), min(macropixel_pack(views), pixels)
+    for order in ORDERS:
+        yield FrameLayout("views", views, pixels, order, 1, spec.pixel_format)
+    for order in ORDERS:
+        yield FrameLayout("macropixels", views, pixels, order, best, spec.pixel_format)
+    for pack in packs:
+        small = pack == 1 or pack * views <= LARGEST_FRAME_PX
+        if pack != best and pack <= pixels and small:
+            yield FrameLayout("macropixels", views, pixels, ORDER, pack, spec.pixel_format)
+
+
+def layout_rows(
+    tracer: Tracer,
+    study: LayoutStudy,
+    pixels: int,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[dict]:
+    """Rows of one scene (columns :data:`COLUMNS`), at the encoder settings of each N.
+
+    ``pixels`` is M of the picture that samples are windows of.  ``progress`` is called with
+    (layouts done, of all).
+    """
+    planes, rows = own_planes(tracer.scene), []
+    for step, views in enumerate(study.views):
+        sample = trace_sample(tracer, planes, views=views, pixels=pixels, most_rays=study.rays)
+        found = list(layouts(views, sample.window, study.packs))
+        for at, layout in enumerate(found):
+            stored = store(Frames(sample, layout), default_spec(views), tracer.device)
+            rows.append({"scene": sample.scene, "N": views, "M": pixels} | _row(layout, stored))
+            rows[-1]["is_default"] = is_default(layout, pixels)
+            if progress:
+                progress(step * len(found) + at + 1, len(study.views) * len(found))
+    return rows
+
+
+def _row(layout: FrameLayout, stored: Stored) -> dict:
+    size = sizes(rays=layout.rays, video_bytes=stored.bytes)
+    return {
+        "window": layout.pixels,
+        "layout": layout.kind,
+        "order": layout.order,
+        "pack": layout.pack,
+        "frame_px": layout.frame_width,
+        "raw_bytes_float32": size["raw_bytes_float32"],
+        "video_bytes": stored.bytes,
+        "ratio_float32": size["ratio_float32"],
+        "bits_per_ray": 8 * stored.bytes / layout.rays,
+        "psnr_frames_db": stored.psnr_frames_db,
+        "psnr_pictures_db": stored.psnr_pictures_db,
+        "encode_seconds": stored.encode_seconds,
+        "decode_seconds": stored.decode_seconds,
+    }
+
+
+def is_default(layout: FrameLayout, pixels: int) -> bool:
+    """Whether a light field of M = ``pixels`` is stored so unless another layout is asked for."""
+    best = default_kind(layout.views, pixels), ORDER, default_pack(layout.views, pixels)
+    return (layout.kind, layout.order, layout.pack) == best

@@ -1,0 +1,190 @@
+"""Rate and distortion: bits a ray against the error of frames and of refocused pictures.
+
+A curve is one encoder setting at several constant rate factors.  Curves are compared by the
+Bjontegaard delta rate (G. Bjontegaard, VCEG-M33, 2001): how many more or fewer bits a curve
+needs than the anchor at equal PSNR, on average over the PSNR that both reach.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import bjontegaard
+import numpy as np
+import pandas as pd
+
+from lfcore.evaluation.storage.sample import Frames, Stored, own_planes, store, trace_sample
+from lfcore.evaluation.tables import sizes
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.defaults import default_kind, default_pack, default_spec
+from lfcore.storage.layout import FrameLayout
+from lfcore.tracing.tracer import Tracer
+
+COLUMNS = [
+    "scene", "N", "M", "window", "curve", "codec", "preset", "pixel_format", "crf", "video_bytes",
+    "bits_per_ray", "ratio_float32", "psnr_frames_db", "ssim_frames", "psnr_pictures_db",
+    "ssim_pictures", "encode_seconds", "decode_seconds",
+]  # fmt: skip
+BD_COLUMNS = [
+    "scene", "N", "curve", "bd_rate_frames_percent", "overlap_frames", "bd_rate_pictures_percent",
+    "overlap_pictures", "encode_mrays_per_second", "decode_mrays_per_second",
+]  # fmt: skip
+ANCHOR = "x264 medium 4:2:0"
+LEAST_OVERLAP = 0.5
+"""Share of the anchor's range of PSNR below which a delta rate would say nothing."""
+SVT_SCALE = 1.5
+"""AV1's constant rate factor runs to 63, and this times x264's gives about its quality."""
+FFV1 = {"codec": "ffv1", "preset": None, "tune": None}
+SVT = {"codec": "libsvtav1", "pixel_format": "yuv420p"}
+
+CURVES: Mapping[str, dict] = {
+    "x264 ultrafast 4:2:0": {"preset": "ultrafast"},
+    "x264 veryfast 4:2:0": {"preset": "veryfast"},
+    ANCHOR: {"preset": "medium"},
+    "x264 medium 4:2:0, 16 B 16 refs": {"preset": "medium", "bframes": 16, "refs": 16},
+    "x264 veryfast 4:4:4": {"preset": "veryfast", "pixel_format": "yuv444p"},
+    "x264 medium 4:4:4": {"preset": "medium", "pixel_format": "yuv444p"},
+    "x264 medium 4:2:0 10 bit": {"preset": "medium", "pixel_format": "yuv420p10le"},
+    "x264 medium 4:4:4 10 bit": {"preset": "medium", "pixel_format": "yuv444p10le"},
+    "x265 ultrafast 4:2:0": {"codec": "libx265", "preset": "ultrafast"},
+    "x265 fast 4:2:0": {"codec": "libx265", "preset": "fast"},
+    "x265 fast 4:4:4": {"codec": "libx265", "preset": "fast", "pixel_format": "yuv444p"},
+    "AV1 preset 12 4:2:0": SVT | {"preset": "12"},
+    "AV1 preset 8 4:2:0": SVT | {"preset": "8"},
+    "AV1 preset 8 4:2:0 10 bit": SVT | {"preset": "8", "pixel_format": "yuv420p10le"},
+    "FFV1 4:2:0, lossless": FFV1 | {"pixel_format": "yuv420p"},
+    "FFV1 4:4:4, lossless": FFV1 | {"pixel_format": "yuv444p"},
+    "FFV1 RGB, lossless": FFV1 | {"pixel_format": "gbrp"},
+}
+"""Name of each curve, and what it changes of :class:`CodecSpec`'s defaults."""
+
+
+@dataclass(frozen=True)
+class RateStudy:
+    """``views``: each N; ``rays``: the most of a sample; ``crfs``: of a curve, H.264's scale."""
+
+    views: Sequence[int]
+    rays: int
+    crfs: Sequence[float]
+    curves: Mapping[str, dict] = field(default_factory=lambda: CURVES)
+
+
+def specs(study: RateStudy) -> list[tuple[str, CodecSpec]]:
+    """(curve, settings) of every point; lossless codecs have one.
+
+    Raises :class:`StorageError` for settings that no encoder takes.
+    """
+    found = []
+    for name, changes in study.curves.items():
+        spec = CodecSpec(**changes)
+        scale = SVT_SCALE if spec.codec == "libsvtav1" else 1.0
+        crfs = study.crfs[:1] if spec.lossless else study.crfs
+        found += [(name, replace(spec, crf=min(63.0, scale * crf))) for crf in crfs]
+    return found
+
+
+def rate_rows(
+    tracer: Tracer,
+    study: RateStudy,
+    pixels: int,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[dict]:
+    """Points of one scene (columns :data:`COLUMNS`), in the default layout of each N.
+
+    What is stored by default at each N is among them, as the curve "default".  ``pixels`` is M
+    of the picture that samples are windows of.  ``progress`` is called with (points done, of all).
+    """
+    planes, points, rows = own_planes(tracer.scene), specs(study), []
+    for views in study.views:
+        sample = trace_sample(tracer, planes, views=views, pixels=pixels, most_rays=study.rays)
+        kind = default_kind(views, pixels)
+        pack = min(default_pack(views, pixels), sample.window)
+        here = [("default", default_spec(views)), *points]
+        fed: dict[str, Frames] = {}
+        for name, spec in here:
+            form = spec.pixel_format
+            if form not in fed:
+                layout = FrameLayout(kind, views, sample.window, "serpentine", pack, form)
+                fed = {form: Frames(sample, layout)}
+            stored = store(fed[form], spec, tracer.device)
+            row = {"scene": sample.scene, "N": views, "M": pixels, "window": sample.window}
+            rows.append(row | _row(name, spec, stored, fed[form].layout.rays))
+            if progress:
+                progress(len(rows), len(study.views) * len(here))
+    return rows
+
+
+def _row(curve: str, spec: CodecSpec, stored: Stored, rays: int) -> dict:
+    return {
+        "curve": curve,
+        "codec": spec.codec,
+        "preset": spec.preset,
+        "pixel_format": spec.pixel_format,
+        "crf": None if spec.lossless else spec.crf,
+        "video_bytes": stored.bytes,
+        "bits_per_ray": 8 * stored.bytes / rays,
+        "ratio_float32": sizes(rays=rays, video_bytes=stored.bytes)["ratio_float32"],
+        "psnr_frames_db": stored.psnr_frames_db,
+        "ssim_frames": stored.ssim_frames,
+        "psnr_pictures_db": stored.psnr_pictures_db,
+        "ssim_pictures": stored.ssim_pictures,
+        "encode_seconds": stored.encode_seconds,
+        "decode_seconds": stored.decode_seconds,
+    }
+
+
+def bd_rows(points: pd.DataFrame) -> list[dict]:
+    """One row a curve of several points (columns :data:`BD_COLUMNS`), against the anchor.
+
+    ``points`` has the columns :data:`COLUMNS`.  Delta rates are percent, negative for fewer bits;
+    None where curves overlap in less than half of the anchor's range of PSNR.  Rates of encoding
+    and decoding are means over the points, by CPU seconds.
+    """
+    rows = []
+    for (scene, views), group in points.groupby(["scene", "N"], sort=False):
+        anchor = group[group.curve == ANCHOR]
+        for name, curve in group.groupby("curve", sort=False):
+            if len(curve) < 2:
+                continue
+            row = {"scene": scene, "N": views, "curve": name}
+            for what in ("frames", "pictures"):
+                percent, overlap = delta_rate(anchor, curve, f"psnr_{what}_db")
+                row |= {f"bd_rate_{what}_percent": percent, f"overlap_{what}": overlap}
+            mrays = (curve.window * curve.N) ** 2 / 1e6
+            row["encode_mrays_per_second"] = float((mrays / curve.encode_seconds).mean())
+            row["decode_mrays_per_second"] = float((mrays / curve.decode_seconds).mean())
+            rows.append(row)
+    return rows
+
+
+def delta_rate(
+    anchor: pd.DataFrame, curve: pd.DataFrame, quality: str
+) -> tuple[float | None, float]:
+    """(Bjontegaard delta rate in percent, share of the anchor's range that both curves reach).
+
+    Points that do not gain quality with bits are left out, since the interpolation (Akima's) is
+    of bits over quality.  None where fewer than three points remain or the overlap is too small.
+    """
+    (rate_a, dist_a), (rate_b, dist_b) = (_rising(one, quality) for one in (anchor, curve))
+    if min(len(dist_a), len(dist_b)) < 3:
+        return None, 0.0
+    low, high = max(dist_a[0], dist_b[0]), min(dist_a[-1], dist_b[-1])
+    overlap = float(max(0.0, high - low) / (dist_a[-1] - dist_a[0]))
+    if overlap < LEAST_OVERLAP:
+        return None, overlap
+    percent = bjontegaard.bd_rate(
+        rate_a, dist_a, rate_b, dist_b, method="akima", require_matching_points=False,
+        min_overlap=0.0,
+    )  # fmt: skip
+    return float(percent), overlap
+
+
+def _rising(points: pd.DataFrame, quality: str) -> tuple[np.ndarray, np.ndarray]:
+    """Bits and quality, both strictly rising."""
+    points = points.sort_values("bits_per_ray")
+    rate, dist = points.bits_per_ray.to_numpy(), points[quality].to_numpy()
+    best = np.maximum.accumulate(np.concatenate([[-np.inf], dist[:-1]]))
+    keep = dist > best
+    return rate[keep], dist[keep]

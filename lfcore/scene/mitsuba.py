@@ -1,0 +1,146 @@
+"""A scene as Mitsuba 3 sees it: the same triangles, materials, lights and thin lens.
+
+The package ``mitsuba`` is the caller's to import and hand over; nothing here needs it.  Mitsuba has
+no Blinn-Phong lobe (materials with a highlight are its rough plastic of about that width), no
+ambient light and no lights without shadows (left out); it draws lens points of the round lens at
+random.  A scene without lights is ambient light alone, which is exact: surfaces glow.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lfcore.errors import SceneError
+from lfcore.optics.camera import Camera
+from lfcore.scene.colour import srgb_to_linear
+from lfcore.scene.model import POINT, Scene
+
+
+class Description:
+    """Turns a scene and a camera into Mitsuba's dictionary.
+
+    ``mitsuba`` is the module, its variant set.  Raises :class:`SceneError` for colours at corners,
+    and for ambient light beside other light unless ``leave_out_ambient``.
+    """
+
+    def __init__(self, mitsuba, scene: Scene, *, leave_out_ambient: bool = False):
+        self.mitsuba, self._scene = mitsuba, scene
+        self._glows = not any(any(light.colour) for light in scene.lights)
+        if len(scene.colours):
+            raise SceneError("colours at corners are not exported to Mitsuba", key=scene.name)
+        if any(scene.ambient) and not self._glows and not leave_out_ambient:
+            raise SceneError(
+                "Mitsuba has no ambient light",
+                key=scene.name,
+                remedy="Leave it out, or compare a scene that has no other light",
+            )
+
+    def all(self, camera: Camera, pixels: int) -> dict:
+        """What ``mitsuba.load_dict`` takes, for pictures of ``pixels`` a side."""
+        integrator = {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0}
+        if self._glows:
+            integrator = {"type": "path", "max_depth": 1}
+        out = {"type": "scene", "integrator": integrator, "sensor": self._sensor(camera, pixels)}
+        for index, light in enumerate(self._scene.lights):
+            if light.casts_shadows and any(light.colour):
+                out[f"light_{index}"] = self._light(light)
+        for material in range(len(self._scene.materials)):
+            mesh = self._mesh(material)
+            if mesh is not None:
+                out[f"mesh_{material}"] = mesh
+        return out
+
+    def _sensor(self, camera: Camera, pixels: int) -> dict:
+        transform = self.mitsuba.ScalarTransform4f()
+        return {
+            "type": "thinlens",
+            "to_world": transform.look_at([0, 0, 0], [0, 0, 1], [0, -1, 0]),
+            "fov": 2 * math.degrees(math.atan(camera.field_width / 2)),
+            "aperture_radius": camera.lens_radius_m,
+            "focus_distance": camera.focus_distance_m,
+            "near_clip": 0.001,
+            "far_clip": 1.0e5,
+            "sampler": {"type": "independent"},
+            "film": {
+                "type": "hdrfilm",
+                "width": pixels,
+                "height": pixels,
+                "rfilter": {"type": "box"},
+                "pixel_format": "rgb",
+            },
+        }
+
+    def _light(self, light) -> dict:
+        # A diffuse surface of ours returns its colour times the irradiance, without 1/pi.
+        colour = [math.pi * c for c in light.colour]
+        if light.kind == POINT:
+            scale = (light.reference_distance_m or 1.0) ** 2
+            value = {"type": "rgb", "value": [c * scale for c in colour]}
+            return {"type": "point", "position": list(light.vector), "intensity": value}
+        value = {"type": "rgb", "value": colour}
+        direction = [-c for c in light.vector]
+        return {"type": "directional", "direction": direction, "irradiance": value}
+
+    def _mesh(self, material: int):
+        scene, mitsuba = self._scene, self.mitsuba
+        which = np.flatnonzero(scene.material_ids == material)
+        if not len(which):
+            return None
+        props = mitsuba.Properties()
+        props["bsdf"] = mitsuba.load_dict({"type": "twosided", "inner": self._bsdf(material)})
+        if self._glows:
+            glow = {"type": "area", "radiance": self._glow(material)}
+            props["emitter"] = mitsuba.load_dict(glow)
+        mesh = mitsuba.Mesh(
+            f"material {material}",
+            3 * len(which),
+            len(which),
+            has_vertex_normals=len(scene.normals) > 0,
+            has_vertex_texcoords=len(scene.uvs) > 0,
+            props=props,
+        )
+        values = mitsuba.traverse(mesh)
+        values["vertex_positions"] = scene.triangles[which].ravel()
+        values["faces"] = np.arange(3 * len(which), dtype=np.uint32)
+        if len(scene.normals):
+            values["vertex_normals"] = scene.normals[which].ravel()
+        if len(scene.uvs):
+            uvs = scene.uvs[which].copy()
+            uvs[..., 1] = 1 - uvs[..., 1]
+            values["vertex_texcoords"] = uvs.ravel()
+        values.update()
+        return mesh
+
+    def _colour(self, index: int, light: np.ndarray, more: np.ndarray) -> dict:
+        """Diffuse colour times ``light``, plus ``more`` where there is no texture."""
+        material, scene = self._scene.materials[index], self._scene
+        diffuse = np.array(material.diffuse) * light
+        if material.texture < 0 or not len(scene.uvs):
+            return {"type": "rgb", "value": (diffuse + more).tolist()}
+        if more.any():
+            raise SceneError(
+                f"the emission of material {material.name!r} over a texture is not exported",
+                key=scene.name,
+            )
+        texels = srgb_to_linear(scene.textures[material.texture] / 255.0) * diffuse
+        bitmap = self.mitsuba.Bitmap(np.ascontiguousarray(texels, np.float32))
+        return {"type": "bitmap", "bitmap": bitmap, "filter_type": "bilinear", "raw": True}
+
+    def _glow(self, index: int) -> dict:
+        emission = np.array(self._scene.materials[index].emission)
+        return self._colour(index, np.array(self._scene.ambient), emission)
+
+    def _bsdf(self, index: int) -> dict:
+        material = self._scene.materials[index]
+        diffuse = self._colour(index, np.ones(3), np.zeros(3))
+        if not any(material.specular):
+            return {"type": "diffuse", "reflectance": diffuse}
+        # The Blinn-Phong exponent n is about Beckmann's 2 / alpha^2 - 2.
+        return {
+            "type": "roughplastic",
+            "distribution": "beckmann",
+            "alpha": math.sqrt(2 / (material.shininess + 2)),
+            "diffuse_reflectance": diffuse,
+        }

@@ -1,0 +1,149 @@
+"""A scene as a POV-Ray file: the same triangles, materials, lights and thin lens.
+
+POV-Ray's axes are ours with y turned over.  Its focal blur is a thin lens; its Blinn highlight
+(``specular``) is ours, white light in, with the strongest channel of the specular colour.
+Colours are linear (``assumed_gamma 1``); lens points and pixel sampling are POV-Ray's own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from lfcore.errors import SceneError
+from lfcore.optics.camera import Camera
+from lfcore.scene.colour import linear_to_srgb, srgb_to_linear
+from lfcore.scene.model import POINT, Scene
+
+FILE = "scene.pov"
+MESH = "mesh.inc"
+FAR_M = 1e4
+"""Where the light of a direction stands; POV-Ray makes its rays parallel."""
+FADE = 1000.0
+"""Reference distance of a point light over POV-Ray's fade distance."""
+
+
+def write_povray(folder: str | Path, scene: Scene, camera: Camera, *, samples: int) -> Path:
+    """Write ``scene.pov``, its mesh and textures into ``folder``, which is made; its path.
+
+    ``camera`` is a thin lens at the scene's origin, focused where its sensor is; every pixel
+    takes ``samples`` rays through the lens.  To be run there, since names are relative.
+
+    Raises :class:`SceneError` for what is not exported: colours at corners, emission over a
+    texture, a focus at infinity.
+    """
+    if len(scene.colours):
+        raise SceneError(
+            "colours at corners are not exported to POV-Ray",
+            key=scene.name,
+            remedy="Use a texture or materials instead",
+        )
+    if math.isinf(camera.focus_distance_m):
+        raise SceneError("POV-Ray cannot focus at infinity", key="camera.focus_distance_m")
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / MESH).write_text("\n".join(_mesh(scene, folder)) + "\n", encoding="ascii")
+    head = [
+        "#version 3.7;",
+        "global_settings { assumed_gamma 1 max_trace_level 2 }",
+        *_camera(camera, samples),
+        f"background {{ rgb {_vector(scene.background)} }}",
+        *_lights(scene),
+        f'#include "{MESH}"',
+    ]
+    file = folder / FILE
+    file.write_text("\n".join(head) + "\n", encoding="ascii")
+    return file
+
+
+def _vector(values: Iterable[float]) -> str:
+    return "<" + ",".join(f"{float(value):.7g}" for value in values) + ">"
+
+
+def _camera(camera: Camera, samples: int) -> list[str]:
+    # Measured on a plane out of focus: a blur disc of POV-Ray's is half its "aperture" wide.
+    angle = 2 * math.degrees(math.atan(camera.field_width / 2))
+    return [
+        f"camera {{ perspective location 0 direction z right x up y angle {angle:.8g}",
+        f"  aperture {4 * camera.lens_radius_m:.7g}",
+        f"  focal_point <0,0,{camera.focus_distance_m:.7g}>",
+        f"  blur_samples {samples} variance 0 }}",
+    ]
+
+
+def _lights(scene: Scene) -> Iterator[str]:
+    for light in scene.lights:
+        x, y, z = light.vector
+        colour, how = np.array(light.colour), "" if light.casts_shadows else " shadowless"
+        if light.kind != POINT:
+            where, how = (FAR_M * x, -FAR_M * y, FAR_M * z), f" parallel point_at 0{how}"
+        else:
+            where = x, -y, z
+            if light.reference_distance_m > 0:
+                # POV-Ray's law, 2 / (1 + (d / fade)^2), is the inverse square far beyond fade.
+                how += f" fade_power 2 fade_distance {light.reference_distance_m / FADE:.7g}"
+                colour = colour * (FADE**2 / 2)
+        yield f"light_source {{ {_vector(where)} rgb {_vector(colour)}{how} }}"
+
+
+def _texture(scene: Scene, index: int, folder: Path) -> str:
+    """The texture of material ``index``; its picture, times the diffuse colour, is written."""
+    material = scene.materials[index]
+    diffuse = np.array(material.diffuse)
+    pigment = f"rgb {_vector(diffuse)}"
+    if _textured(scene, index):
+        linear = srgb_to_linear(scene.textures[material.texture] / 255.0) * diffuse
+        codes = np.rint(255 * linear_to_srgb(np.clip(linear, 0, 1))).astype(np.uint8)
+        Image.fromarray(codes).save(folder / f"{index}.png")
+        pigment = f'uv_mapping image_map {{ png "{index}.png" interpolate 2 }}'
+    finish = f"ambient rgb {_vector(scene.ambient)} diffuse 1"
+    if any(material.emission):
+        # POV-Ray multiplies its emission by the pigment.
+        finish += f" emission rgb {_vector(_over(scene, index))}"
+    if any(material.specular):
+        roughness = 1 / max(material.shininess, 1.0)
+        finish += f" specular {max(material.specular):.5g} roughness {roughness:.5g}"
+    return f"texture {{ pigment {{ {pigment} }} finish {{ {finish} }} }}"
+
+
+def _textured(scene: Scene, index: int) -> bool:
+    return scene.materials[index].texture >= 0 and len(scene.uvs) > 0
+
+
+def _over(scene: Scene, index: int) -> np.ndarray:
+    """Emission over diffuse colour."""
+    material = scene.materials[index]
+    diffuse, emission = np.array(material.diffuse), np.array(material.emission)
+    if _textured(scene, index) or (emission[diffuse == 0] > 0).any():
+        raise SceneError(
+            f"the emission of material {material.name!r} is not exported to POV-Ray",
+            key=scene.name,
+            remedy="Give it a diffuse colour without zeros, and no texture",
+        )
+    return emission / np.where(diffuse == 0, 1, diffuse)
+
+
+def _mesh(scene: Scene, folder: Path) -> Iterator[str]:
+    flip = np.array([1, -1, 1], np.float32)
+    yield "mesh2 {"
+    yield _block("vertex_vectors", scene.triangles.reshape(-1, 3) * flip)
+    if len(scene.normals):
+        yield _block("normal_vectors", scene.normals.reshape(-1, 3) * flip)
+    if len(scene.uvs):
+        yield _block("uv_vectors", scene.uvs.reshape(-1, 2))
+    textures = [_texture(scene, index, folder) for index in range(len(scene.materials))]
+    yield f"texture_list {{ {len(textures)},\n" + "\n".join(textures) + "\n}"
+    faces = [
+        f"<{3 * k},{3 * k + 1},{3 * k + 2}>,{material}"
+        for k, material in enumerate(scene.material_ids.tolist())
+    ]
+    yield f"face_indices {{ {len(faces)},\n" + ",\n".join(faces) + "\n}"
+    yield "}"
+
+
+def _block(name: str, rows: np.ndarray) -> str:
+    return f"{name} {{ {len(rows)},\n" + ",\n".join(map(_vector, rows)) + "\n}"

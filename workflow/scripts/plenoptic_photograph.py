@@ -1,0 +1,24 @@
+"""The plenoptic photograph in and out of focus, whole, and one sheet of what is in it."""
+
+from lfcore.evaluation.plenoptic_figure import panels, plenoptic_sheet, take, write_photograph
+from lfcore.opencl.device import open_device
+from lfcore.scene.files import load_scene
+from lfcore.tracing.bvh import load_bvh
+from lfcore.tracing.tracer import Tracer
+from workflow.job import job, log_progress
+
+with job(snakemake):
+    params, output = snakemake.params, snakemake.output
+    scene = load_scene(snakemake.input.scene)
+    device = open_device(params.device or None, threads=snakemake.threads)
+    tracer = Tracer(scene, load_bvh(snakemake.input.bvh), device)
+    focus = scene.focus_distances_m
+    rows = []
+    # The far plane in focus; then no plane.
+    for file, focus_m in zip(
+        output.photographs, (max(focus), scene.camera.focus_distance_m), strict=True
+    ):
+        picture = take(tracer, focus_m, **params.camera, progress=log_progress("microlenses"))
+        write_photograph(file, picture)
+        rows.append(panels(tracer, picture, (min(focus), max(focus))))
+    plenoptic_sheet(output.sheet, rows)

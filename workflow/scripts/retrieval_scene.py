@@ -1,0 +1,23 @@
+"""What it costs to read the stored light fields of one scene."""
+
+from lfcore.evaluation.storage.retrieval import RetrievalStudy, retrieval_rows
+from lfcore.evaluation.storage.table import write_rows
+from lfcore.opencl.device import open_device
+from workflow import cases
+from workflow.job import job, log_progress
+
+with job(snakemake):
+    params = snakemake.params
+    _, focus_distances_m, _ = cases.read_camera(snakemake.input.scene)
+    device = open_device(params.device or None, threads=snakemake.threads)
+    rows = []
+    for file in snakemake.input.light_fields:
+        rows += retrieval_rows(
+            file,
+            snakemake.wildcards.scene,
+            (min(focus_distances_m), max(focus_distances_m)),
+            RetrievalStudy(**params.study),
+            device,
+            progress=log_progress(file),
+        )
+    write_rows(snakemake.output[0], rows)
