@@ -32,7 +32,10 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
         "--memory-angular", nargs="+", type=int, default=[64, 128, 256, 512],
         help="N of memory and random access",
     )  # fmt: skip
-    parser.add_argument("--memory-size", type=int, default=64, help="M of those; default 64")
+    parser.add_argument(
+        "--memory-log-rays", type=int, default=14,
+        help="M N of those is 2 to this power, so that each N has as many rays; default 14",
+    )  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, help="CSV file")
     options = parser.parse_args(arguments)
     if options.repeats < 1 or options.frames < 2:
@@ -53,7 +56,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         if "memory" in options.parts:
             scene, sizes = options.scenes[0], options.memory_angular
-            rows += stored_files.memory(scene, sizes, options.memory_size, Path(folder))
+            rows += stored_files.memory(scene, sizes, 1 << options.memory_log_rays, Path(folder))
         if "access" in options.parts:
             rows += stored_files.random_access(scene, sizes, Path(folder))
     for part in dict.fromkeys(row["part"] for row in rows):

@@ -41,15 +41,19 @@ print(json.dumps(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024))
 """
 
 
-def memory(scene: str, views: list[int], pixels: int, folder: Path) -> list[dict]:
-    """Peak resident memory of a process of its own for each N; the files stay in ``folder``."""
+def memory(scene: str, views: list[int], side: int, folder: Path) -> list[dict]:
+    """Peak resident memory of a process of its own for each N; the files stay in ``folder``.
+
+    M is ``side`` / N: each N has as many rays, more than the buffers hold.
+    """
     rows = []
     for what in ("record", "retrieve"):
         first = None
         for n in views:
+            pixels = side // n
             peak = _peak_mib(what, scene, n, pixels, file_of(folder, n))
             first = peak if first is None else first
-            say(f"{what} N = {n}: {peak:.0f} MiB")
+            say(f"{what} N = {n}, M = {pixels}: {peak:.0f} MiB")
             rows.append({
                 "part": "memory", "scene": scene, "N": n, "M": pixels, "what": what,
                 "peak_mib": peak, "against": f"N = {views[0]}", "ratio": peak / first,
