@@ -1,0 +1,222 @@
+"""Tables of the store: samples hold what the slab holds, and numbers mean what they say."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from lfcore.errors import OpticsError, StorageError
+from lfcore.evaluation.storage import layouts, rate_distortion, retrieval
+from lfcore.evaluation.storage.figures import (
+    layouts_figure,
+    rate_distortion_figure,
+    retrieval_figure,
+)
+from lfcore.evaluation.storage.sample import (
+    Frames,
+    own_planes,
+    store,
+    trace_sample,
+    window_camera,
+)
+from lfcore.evaluation.storage.table import make_table, read_rows, write_rows
+from lfcore.opencl.device import open_device
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.scene.build import build_scene
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.container import join_segments
+from lfcore.storage.layout import FrameLayout
+from lfcore.storage.segment import SegmentWriter
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+CHART = Path(__file__).parents[2] / "scenes" / "chart"
+
+
+@pytest.fixture(scope="module")
+def tracer():
+    scene = build_scene(CHART)
+    return Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
+
+
+@pytest.fixture(scope="module")
+def sample(tracer):
+    planes = own_planes(tracer.scene)[:2]
+    return trace_sample(tracer, planes, views=8, pixels=64, most_rays=1)
+
+
+def test_a_window_has_the_rays_of_the_middle_of_the_picture(tracer):
+    camera = tracer.scene.camera
+    whole, window = Slab(camera, 8, 64), Slab(window_camera(camera, 64, 16), 8, 16)
+    assert np.allclose(window.pixel_tangents(), whole.pixel_tangents()[24:40], rtol=1e-12)
+    assert np.array_equal(window.lens_positions(), whole.lens_positions())
+
+
+@pytest.mark.parametrize(
+    ("views", "pixels", "rays", "window"),
+    [(8, 64, 1, 16), (8, 64, 1 << 30, 64), (8, 100, 64 * 41**2, 40), (64, 128, 2359296, 24)],
+)
+def test_a_window_is_as_large_as_its_rays_allow(monkeypatch, tracer, views, pixels, rays, window):
+    fake = np.zeros((window**2, views, views, 3), np.float32)
+    monkeypatch.setattr(tracer, "bundle_radiance", lambda bundles, elements: fake)
+    monkeypatch.setattr("lfcore.evaluation.storage.sample.trace_planes", lambda *given: None)
+    found = trace_sample(tracer, [], views=views, pixels=pixels, most_rays=rays)
+    assert found.window == window and found.rgb.shape[:3] == (window, window, views)
+
+
+def test_planes_that_are_not_recorded_are_refused(tracer):
+    with pytest.raises(OpticsError, match="wider"):
+        trace_sample(tracer, [SensorPlane(2.0, 0.5)], views=4, pixels=16, most_rays=1)
+
+
+def test_frames_of_both_layouts_hold_each_ray_once(sample):
+    for kind, pack, order in (("views", 1, "hilbert"), ("macropixels", 4, "raster")):
+        frames = Frames(sample, FrameLayout(kind, 8, 16, order, pack, "yuv444p"))
+        held = frames.rgb[:, frames.used()]
+        assert held.size == sample.rgb.size
+        assert np.array_equal(np.sort(held, axis=None), np.sort(sample.rgb, axis=None))
+    with pytest.raises(StorageError):
+        Frames(sample, FrameLayout("views", 8, 32))
+
+
+def test_lossless_storage_costs_rounding_alone(sample, tracer):
+    layout = FrameLayout("macropixels", 8, 16, "serpentine", 4, "gbrp")
+    spec = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
+    stored = store(Frames(sample, layout), spec, tracer.device)
+    # Rounding to codes is at most half a code off: 54 dB; 59 dB where errors are uniform.
+    assert stored.psnr_frames_db > 54 and stored.ssim_frames > 0.995
+    assert stored.psnr_pictures_db > 54 and stored.ssim_pictures > 0.995
+    assert stored.encode_seconds > 0 and stored.decode_seconds > 0
+
+
+def test_coarser_quantisers_take_fewer_bytes_and_err_more(sample, tracer):
+    frames = Frames(sample, FrameLayout("views", 8, 16, pixel_format="yuv444p"))
+    fine, coarse = (
+        store(frames, CodecSpec(pixel_format="yuv444p", crf=crf), tracer.device) for crf in (10, 40)
+    )
+    assert fine.bytes > coarse.bytes
+    assert fine.psnr_frames_db > coarse.psnr_frames_db + 5
+    assert fine.psnr_pictures_db > coarse.psnr_pictures_db
+
+
+@given(views=st.integers(4, 512), pixels=st.integers(16, 128))
+def test_every_layout_is_shown_once_and_the_default_is_among_them(views, pixels):
+    found = list(layouts.layouts(views, pixels, [1, 2, 4, 8]))
+    assert len(set(found)) == len(found)
+    assert sum(layouts.is_default(layout, pixels) for layout in found) == 1
+    assert {layout.order for layout in found if layout.kind == "views"} == {
+        "raster", "serpentine", "hilbert"
+    }  # fmt: skip
+
+
+def curve(rates, decibels):
+    return pd.DataFrame({"bits_per_ray": rates, "psnr_frames_db": decibels})
+
+
+def test_delta_rates():
+    rates, decibels = np.array([0.1, 0.2, 0.4, 0.8]), np.array([30.0, 34.0, 37.0, 39.0])
+    anchor = curve(rates, decibels)
+    percent, overlap = rate_distortion.delta_rate(anchor, anchor, "psnr_frames_db")
+    assert percent == pytest.approx(0, abs=1e-9) and overlap == 1
+    half, _ = rate_distortion.delta_rate(anchor, curve(rates / 2, decibels), "psnr_frames_db")
+    assert half == pytest.approx(-50)
+    # A point that costs more and gives less takes no part.
+    worse = curve(np.append(rates, 1.0), np.append(decibels, 38.0))
+    assert rate_distortion.delta_rate(anchor, worse, "psnr_frames_db")[0] == pytest.approx(0)
+
+
+def test_curves_that_hardly_meet_have_no_delta_rate():
+    anchor = curve([0.1, 0.2, 0.4], [30.0, 34.0, 37.0])
+    far = curve([0.1, 0.2, 0.4], [35.0, 39.0, 42.0])
+    assert rate_distortion.delta_rate(anchor, far, "psnr_frames_db") == (
+        None, pytest.approx(2 / 7)
+    )  # fmt: skip
+    assert rate_distortion.delta_rate(anchor, anchor[:2], "psnr_frames_db") == (None, 0.0)
+
+
+def test_rate_and_distortion_of_a_scene(tracer, tmp_path):
+    names = (rate_distortion.ANCHOR, "x264 veryfast 4:2:0", "FFV1 RGB, lossless")
+    curves = {name: rate_distortion.CURVES[name] for name in names}
+    study = rate_distortion.RateStudy([16], 1, [12, 24, 36], curves)
+    seen = []
+    rows = rate_distortion.rate_rows(tracer, study, 32, progress=lambda *done: seen.append(done))
+    points = make_table(rows, rate_distortion.COLUMNS)
+    assert points.curve.tolist() == ["default", *[names[0]] * 3, *[names[1]] * 3, names[2]]
+    assert seen[-1] == (8, 8)
+    lossy = points[points.curve == names[0]]
+    assert lossy.bits_per_ray.is_monotonic_decreasing
+    assert lossy.psnr_frames_db.is_monotonic_decreasing
+    assert np.allclose(points.ratio_float32, 96 / points.bits_per_ray, rtol=1e-4)
+    deltas = make_table(rate_distortion.bd_rows(points), rate_distortion.BD_COLUMNS)
+    assert deltas.curve.tolist() == list(names[:2])
+    assert deltas.bd_rate_frames_percent[0] == pytest.approx(0, abs=1e-6)
+    rate_distortion_figure(tmp_path / "rd.png", points, deltas)
+    assert np.asarray(Image.open(tmp_path / "rd.png")).std() > 10
+
+
+def test_layouts_of_a_scene(tracer, tmp_path):
+    study = layouts.LayoutStudy([16], 1, [1, 2])
+    table = make_table(layouts.layout_rows(tracer, study, 32), layouts.COLUMNS)
+    assert len(table) == 3 + 3 + 2 and table.is_default.sum() == 1
+    assert (table.raw_bytes_float32 == 12 * 256 * 256).all() and (table.psnr_frames_db > 20).all()
+    layouts_figure(tmp_path / "layouts.png", table)
+    assert np.asarray(Image.open(tmp_path / "layouts.png")).std() > 10
+
+
+@pytest.fixture(scope="module", params=["macropixels", "views"])
+def file(request, tracer, tmp_path_factory):
+    """A light field of four segments of chart."""
+    folder = tmp_path_factory.mktemp(request.param)
+    slab, spec = Slab(tracer.scene.camera, 16, 32), CodecSpec(pixel_format="yuv444p", bframes=0)
+    layout = FrameLayout(request.param, 16, 32, pixel_format="yuv444p")
+    tiles = layout.tiles(1 << 16, least=4)
+    segments = [folder / f"{tile.index}.mp4" for tile in tiles]
+    for tile, segment in zip(tiles, segments, strict=True):
+        with SegmentWriter(segment, spec, layout.frame_width, layout.frame_height) as writer:
+            for chunk in tracer.trace_tile(slab, tile):
+                writer.write(chunk.frames)
+    scene = {"name": "chart", "digest": "0"}
+    join_segments(folder / "f.mkv", segments, tiles, layout, geometry=slab, scene=scene, spec=spec)
+    return folder / "f.mkv", request.param
+
+
+def test_reading_costs(file, tracer, tmp_path):
+    path, kind = file
+    study = retrieval.RetrievalStudy([1, 5], 1 << 14, 2)
+    rows = retrieval.retrieval_rows(path, "chart", (1.0, 2.0), study, tracer.device)
+    table = make_table(rows, retrieval.COLUMNS).set_index("what")
+    assert table.index[0] == retrieval.DECODING and "5 planes" in table.index
+    assert table.ratio_to_decoding.iloc[0] == 1 and (table.seconds > 0).all()
+    # Planes: 2^14 of 2^18 rays; whole views or macropixels from the first of four segments.
+    assert np.allclose(table.measured_share.iloc[:3], 1 / 16)
+    everywhere = "a view" if kind == "macropixels" else "a macropixel"
+    alone = "a macropixel" if kind == "macropixels" else "a view"
+    assert table.measured_share[everywhere] == 0.25
+    assert table.decoded_frames_share[everywhere] == 1
+    assert table.measured_share[alone] == 1 and table.decoded_frames_share[alone] < 0.25
+    retrieval_figure(tmp_path / "r.png", table.reset_index())
+    assert np.asarray(Image.open(tmp_path / "r.png")).std() > 5
+
+
+def test_planes_are_even_in_dioptres(file):
+    field = retrieval.LightField.open(file[0])
+    planes = retrieval.focal_planes(field, (1.0, 2.0), 3)
+    assert [plane.delta for plane in planes] == pytest.approx([1, 0.75, 0.5])
+    assert retrieval.focal_planes(field, (1.0, 2.0), 1)[0].delta == pytest.approx(0.75)
+
+
+def test_rows_survive_a_file(tmp_path):
+    rows = [{"a": 1, "b": math.inf, "c": None}, {"a": 2, "b": 1.234567, "c": math.nan}]
+    write_rows(tmp_path / "r.json", rows)
+    again = read_rows([tmp_path / "r.json"])
+    assert again == [{"a": 1, "b": math.inf, "c": None}, {"a": 2, "b": 1.234567, "c": None}]
+    table = make_table(again, ["a", "b", "c"])
+    assert table.b.tolist() == [math.inf, 1.2346]
+    with pytest.raises(KeyError, match="d"):
+        make_table(rows, ["a", "b", "d"])
