@@ -122,14 +122,19 @@ class Tracer:
         cl.enqueue_copy(device.queue, triangle, triangles)
 
     def bundle_radiance(
-        self, bundles: Bundles, coordinates: np.ndarray | None = None
+        self,
+        bundles: Bundles,
+        coordinates: np.ndarray | None = None,
+        out: np.ndarray | None = None,
     ) -> np.ndarray:
         """Linear RGB radiance of every ray, not clamped: (E, rows, columns, 3) float32.
 
-        ``coordinates`` as for :meth:`bundle_hits`.
+        ``coordinates`` as for :meth:`bundle_hits`; ``out``, contiguous, is written and returned.
         """
         count, per_element = len(bundles.elements), bundles.columns * bundles.rows
-        radiance = np.empty((count, bundles.rows, bundles.columns, 3), np.float32)
+        radiance = out
+        if radiance is None:
+            radiance = np.empty((count, bundles.rows, bundles.columns, 3), np.float32)
         step = max(1, HITS_CHUNK_RAYS // per_element)
         scattered = self.scattered(bundles)
         for start in range(0, count, step):
@@ -141,7 +146,13 @@ class Tracer:
         device, s = self.device, self._surfaces
         shape, beams = self._beams(bundles, coordinates, part)
         kernel = self._beam_kernel("radiance.cl", "trace_radiance", shape, scattered, s.defines)
-        target = device.empty(radiance.nbytes)
+        # A CPU writes the host's own memory; nothing is copied.
+        flags = cl.mem_flags.WRITE_ONLY | cl.mem_flags.USE_HOST_PTR
+        target = (
+            cl.Buffer(device.context, flags, hostbuf=radiance)
+            if device.is_cpu
+            else device.empty(radiance.nbytes)
+        )
         kernel(
             device.queue,
             (self._workers(len(beams)),),
@@ -156,7 +167,10 @@ class Tracer:
             self._scratch(kernel),
             target,
         )
-        cl.enqueue_copy(device.queue, radiance, target)
+        if device.is_cpu:
+            _synchronise(device, target, radiance)
+        else:
+            cl.enqueue_copy(device.queue, radiance, target)
 
     def closest_hit(
         self, origins: np.ndarray, directions: np.ndarray
@@ -289,3 +303,12 @@ class Tracer:
             program = build_program(self.device, [f"tracing/kernels/{file}"], values)
             self._programs[key] = program, cl.Kernel(program, name)
         return self._programs[key][1]
+
+
+def _synchronise(device: Device, target: cl.Buffer, host: np.ndarray) -> None:
+    """Make what was written to a buffer over ``host`` visible there; waits for the queue."""
+    view, _ = cl.enqueue_map_buffer(
+        device.queue, target, cl.map_flags.READ, 0, host.shape, host.dtype
+    )
+    view.base.release(device.queue)
+    device.queue.finish()
