@@ -6,8 +6,16 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-TASKS = {"quadrature": "trace one picture", "methods": "refocus a light field"}
-COLUMNS = ("scene", "task", "f_number", "target_db", "method", "setting", "psnr_db", "seconds")
+TASKS = {
+    "quadrature": ("trace one picture", "seconds"),
+    "methods": ("refocus a light field", "seconds"),
+    "storage": ("store a light field", "bits_per_ray"),
+}
+"""What each panel is for, and the cost that counts."""
+COLUMNS = (
+    "scene", "task", "f_number", "target_db", "method", "setting", "psnr_db", "seconds",
+    "bits_per_ray",
+)  # fmt: skip
 
 
 def recommendation(points: pd.DataFrame, targets_db: Sequence[float]) -> pd.DataFrame:
@@ -18,7 +26,7 @@ def recommendation(points: pd.DataFrame, targets_db: Sequence[float]) -> pd.Data
     points : columns of :mod:`lfcore.evaluation.work_precision.point`.
     targets_db : PSNR to reach.
 
-    Where no point reaches a target, method and seconds are unknown, ``setting`` says so and
+    Where no point reaches a target, method and cost are unknown, ``setting`` says so and
     ``psnr_db`` is the best that was reached.
     """
     rows = []
@@ -28,16 +36,17 @@ def recommendation(points: pd.DataFrame, targets_db: Sequence[float]) -> pd.Data
         measured = group[group.psnr_db.notna()]
         if panel not in TASKS or measured.empty:
             continue
-        context = {"scene": scene, "task": TASKS[panel], "f_number": f_number}
+        task, cost = TASKS[panel]
+        context = {"scene": scene, "task": task, "f_number": f_number}
         for target in targets_db:
-            rows.append({**context, "target_db": target, **_cheapest(measured, target)})
+            rows.append({**context, "target_db": target, **_cheapest(measured, target, cost)})
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def _cheapest(points: pd.DataFrame, target: float) -> dict:
+def _cheapest(points: pd.DataFrame, target: float, cost: str) -> dict:
     enough = points[points.psnr_db >= target]
     if enough.empty:
         return {"setting": "none measured reaches it", "psnr_db": points.psnr_db.max()}
-    best = enough.loc[enough.seconds.idxmin()]
-    kept = {key: best[key] for key in ("method", "psnr_db", "seconds")}
+    best = enough.loc[enough[cost].idxmin()]
+    kept = {key: best[key] for key in ("method", "psnr_db", "seconds", "bits_per_ray")}
     return {**kept, "setting": best["knob"]}

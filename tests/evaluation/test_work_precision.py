@@ -1,5 +1,8 @@
 """Points, orders, fronts and recommendations, by hand and on a scene of two triangles."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,12 +10,22 @@ import pytest
 from lfcore.errors import OpticsError
 from lfcore.evaluation.recommendation import recommendation
 from lfcore.evaluation.stability.subject import bare_scene
-from lfcore.evaluation.work_precision import lens_samples
-from lfcore.evaluation.work_precision.figure import pareto, storage, work_precision
-from lfcore.evaluation.work_precision.point import COLUMNS, fitted_order, point, with_orders
+from lfcore.evaluation.tables import TableError
+from lfcore.evaluation.work_precision import lens_samples, methods, quadrature, stored, windows
+from lfcore.evaluation.work_precision.figure import convergence, pareto, storage, work_precision
+from lfcore.evaluation.work_precision.point import (
+    COLUMNS,
+    check_trusted,
+    fitted_order,
+    point,
+    trusted,
+    with_orders,
+)
 from lfcore.opencl.device import open_device
 from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
 from lfcore.refocus.direct import trace_picture
+from lfcore.scene.model import POINT, Light, Material
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -38,10 +51,18 @@ def test_sampled_pictures_converge_to_the_slab_s():
     tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
     camera = scene.camera
     plane = SensorPlane(camera.focus_distance_m, camera.f_number)
-    grid = trace_picture(tracer, camera, 16, plane, views=64)
+    whole = trace_picture(tracer, camera, 48, plane, views=64)
+    corners = np.array([[16, 0], [16, 32]])
+    where = windows.Windows(48, corners, np.full((2, 16, 16), 3))
+    grid = quadrature.grid(tracer, camera, where, 64)
+    expected = np.concatenate(
+        [whole[row : row + 16, column : column + 16] for column, row in corners]
+    )
+    np.testing.assert_allclose(grid, expected, atol=1e-6)
     errors = []
     for side in (2, 8, 32):
-        made = lens_samples.picture(tracer, camera, 16, lens_samples.lens_points("Halton", side, 0))
+        points = lens_samples.lens_points("Halton", side, 0)
+        made = lens_samples.pictures(tracer, camera, 48, points, corners, 16)
         errors.append(np.sqrt(np.square(made - grid).mean()))
     assert errors[0] > 2 * errors[2] and errors[2] < 0.01
 
@@ -51,7 +72,80 @@ def test_a_point():
     row = point(lambda seed: reference + 0.01, reference, 1e-4, seeds=2, method="m", knob="k")
     assert set(row) == set(COLUMNS) and row["rmse"] == pytest.approx(0.01)
     assert row["repeats"] == 20 and row["quartile_1_seconds"] <= row["seconds"]
-    assert row["resolved"] and not point(lambda s: reference + 1e-5, reference, 1e-4)["resolved"]
+    parts = {"left": np.arange(16).reshape(4, 4) % 4 < 2, "none": np.zeros((4, 4), bool)}
+    row = point(lambda seed: reference + 0.01, reference, 1e-4, parts=parts, pictures=4)
+    assert row["rmse_left"] == pytest.approx(0.01) and "rmse_none" not in row
+
+
+def test_points_as_good_as_their_reference_are_not_shown():
+    reference = np.full((4, 4, 3), 0.5)
+    good = point(lambda seed: reference + 0.01, reference, 1e-4)
+    close = point(lambda seed: reference + 9e-4, reference, 1e-4)
+    failed = point(lambda seed: reference * np.nan, reference, 1e-4)
+    assert trusted([good, close, failed]) == [good, failed]
+    check_trusted([good, failed])
+    with pytest.raises(TableError, match="reference_views"):
+        check_trusted([good, close])
+
+
+def test_windows_are_the_richest_of_each_kind():
+    materials = [Material("plain"), Material("shiny", specular=(1.0, 1.0, 1.0), shininess=200.0)]
+    light = Light(POINT, (0.5, 0.0, 0.0), (1.0, 1.0, 1.0))
+    scene = bare_scene(
+        TRIANGLES, materials=materials, lights=[light], material_ids=np.int32([1, 0])
+    )
+    tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
+    where = windows.choose(tracer, scene.camera, 64)
+    assert len({tuple(corner) for corner in where.corners.tolist()}) == 4
+    assert where.parts["edges"].sum() > 4 and where.parts["smooth"].sum() > 256
+    assert sum(mask.sum() for mask in where.parts.values()) == 4 * 256
+
+
+def test_convergence_says_where_the_order_breaks():
+    rows = [
+        {
+            "scene": "s", "f_number": 1.0, "method": "stratified", "rays_per_pixel": n * n,
+            "rmse": n**-1.5, "reference_rmse": 0.0, "rmse_edges": n**-1.5, "rmse_smooth": n**-2.0,
+            "reference_smooth": 1e-4,
+        }
+        for n in (4, 8, 16, 32, 64)
+    ]  # fmt: skip
+    found = {row["pixels"]: row for row in quadrature.convergence(rows)}
+    assert set(found) == {"all", "edges", "smooth"}
+    assert found["edges"]["order"] == pytest.approx(1.5) and found["edges"]["breaks"]
+    assert found["smooth"]["order"] == pytest.approx(2) and not found["smooth"]["breaks"]
+    assert found["smooth"]["points"] == 3, "points near their reference do not count"
+
+
+def test_a_recorded_field_is_sliced_alike_by_all_methods():
+    """The methods' common light field: shift-sum of it is what slicing makes on the fly."""
+    scene = bare_scene(TRIANGLES, ambient=(0.5, 0.4, 0.3))
+    tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
+    slab, plane = Slab(scene.camera, 8, 16), SensorPlane(3.0, scene.camera.f_number)
+    recorded = methods.record(tracer, slab)
+    inside = methods._inside(slab, plane)
+    sliced = methods._sliced(tracer, slab, plane)
+    made = {name: work(0) for name, work in methods._jobs(tracer, recorded, plane)}
+    assert set(made) == {"shift-sum, nearest", "shift-sum, bilinear", "plenoptic camera", "Isaksen"}
+    np.testing.assert_allclose(made["shift-sum, nearest"][inside], sliced[inside], atol=1e-5)
+    others = [*made.values(), methods._monte_carlo(tracer, recorded, plane, 256)(0)]
+    others.append(methods._stack(tracer, recorded, plane, 0.05)(0))
+    assert all(np.abs(one[inside] - sliced[inside]).mean() < 0.05 for one in others)
+
+
+def test_a_store_costs_bits_and_has_the_codec_s_error_alone():
+    scene = bare_scene(TRIANGLES, ambient=(0.5, 0.4, 0.3))
+    tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
+    scene = replace(scene, focus_distances_m=(2.0,))
+    tracer.scene = scene
+    study = SimpleNamespace(
+        video_views=8, pixels=16, crfs=[12, 30], codecs=[{"name": "default"}, {"name": "AV1",
+        "codec": "libsvtav1", "preset": "12", "pixel_format": "yuv420p", "crf_offset": 10}],
+    )  # fmt: skip
+    rows = list(stored.storage(tracer, study))
+    assert [row["knob"] for row in rows] == ["CRF 12", "CRF 30", "CRF 22", "CRF 40"]
+    assert all(row["bits_per_ray"] > 0 and row["rmse"] < 0.1 for row in rows)
+    assert rows[0]["bits_per_ray"] > rows[1]["bits_per_ray"] and rows[0]["rmse"] < rows[1]["rmse"]
 
 
 def test_a_method_that_refuses_is_shown_as_failed():
@@ -87,7 +181,7 @@ POINTS = pd.DataFrame(
         {"panel": "methods", "method": "c", "knob": "CRF 9"},
     ],
     columns=list(COLUMNS),
-).assign(scene="s", f_number=1.0, resolved=True, bits_per_ray=[None, None, 0.3, None])  # fmt: skip
+).assign(scene="s", f_number=1.0, bits_per_ray=[None, None, 0.3, None])  # fmt: skip
 
 
 def test_recommendation():
@@ -99,5 +193,8 @@ def test_recommendation():
 
 def test_figures_are_made_also_with_failures(tmp_path):
     work_precision(tmp_path / "a.png", POINTS, machine="a machine")
-    storage(tmp_path / "b.png", POINTS)
-    assert (tmp_path / "a.png").stat().st_size > 5000 < (tmp_path / "b.png").stat().st_size
+    stored_points = POINTS.assign(bits_per_ray=[0.3, 0.2, 0.1, None])
+    storage(tmp_path / "b.png", stored_points, machine="a machine")
+    curve = POINTS.assign(rays_per_pixel=[4, 16, 64, 256], rmse_edges=[0.2, 0.1, 0.05, None])
+    convergence(tmp_path / "c.png", curve)
+    assert all((tmp_path / f"{name}.png").stat().st_size > 5000 for name in "abc")

@@ -3,7 +3,7 @@ ANALYSIS = SETTINGS["analysis"]
 ANALYSES = {
     "work_precision": {
         "title": "Error against run time",
-        "figures": ["quadrature", "methods", "arithmetic", "storage"],
+        "figures": ["quadrature", "convergence", "methods", "arithmetic", "storage"],
     },
     "recommendation": {"title": "Recommended settings", "figures": []},
     "stability": {"title": "Stiff and extreme cases", "figures": ["heat_map", "error_growth"]},
@@ -51,6 +51,7 @@ rule work_precision:
             category="Tables",
         ),
         markdown="results/tables/work_precision.md",
+        convergence="results/tables/convergence.csv",
         figures=expand(
             "results/tables/figures/work_precision_{panel}.png",
             panel=ANALYSES["work_precision"]["figures"],

@@ -1,4 +1,4 @@
-"""Work-precision diagrams and their table over all scenes."""
+"""Work-precision diagrams and their tables over all scenes."""
 
 from pathlib import Path
 
@@ -7,21 +7,35 @@ import pandas as pd
 from lfcore.evaluation.captions import fill
 from lfcore.evaluation.files import read_json
 from lfcore.evaluation.tables import write_csv, write_markdown
-from lfcore.evaluation.work_precision.figure import storage, work_precision
-from lfcore.evaluation.work_precision.point import COLUMNS, rounded
+from lfcore.evaluation.work_precision import figure
+from lfcore.evaluation.work_precision.point import COLUMNS, check_trusted, rounded
+from lfcore.evaluation.work_precision.quadrature import convergence
 from workflow.job import job
+
+
+def draw(panel, file, points, machine):
+    """One figure; ``points`` have columns of kinds of pixels beside the table's."""
+    rows = points[points.panel == panel]
+    if panel == "storage":
+        figure.storage(file, rows, machine=machine)
+    elif panel == "convergence":
+        figure.convergence(file, points[points.panel == "quadrature"])
+    else:
+        figure.work_precision(file, rows, machine=machine)
+
 
 with job(snakemake):
     given, output = snakemake.input, snakemake.output
     scenes = [read_json(path) for path in given.rows]
-    points = pd.DataFrame([row for one in scenes for row in one["rows"]], columns=COLUMNS)
+    rows = [row for one in scenes for row in one["rows"]]
+    check_trusted(rows)
+    points = pd.DataFrame(rows)
     machine = f"{scenes[0]['device']}, {scenes[0]['threads']} thread"
-    for panel, figure in zip(snakemake.params.panels, output.figures, strict=True):
-        if panel == "storage":
-            storage(figure, points)
-        else:
-            work_precision(figure, points[points.panel == panel], machine=machine)
-    table = rounded(points)
+    for panel, file in zip(snakemake.params.panels, output.figures, strict=True):
+        draw(panel, file, points, machine)
+    orders = convergence([row for row in rows if row["panel"] == "quadrature"])
+    write_csv(output.convergence, rounded(pd.DataFrame(orders)))
+    table = rounded(points[list(COLUMNS)])
     write_csv(output.csv, table)
     text = fill(Path(given.caption).read_text(encoding="utf-8"), snakemake.params.config)
     write_markdown(output.markdown, table, title="Error against run time", caption=text)

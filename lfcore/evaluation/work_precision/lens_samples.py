@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.stats import qmc
 
@@ -35,19 +37,44 @@ def lens_points(pattern: str, side: int, seed: int) -> np.ndarray:
     return np.stack(concentric_disk(square[:, 0], square[:, 1]), axis=1)
 
 
-def picture(tracer: Tracer, camera: Camera, pixels: int, points: np.ndarray) -> np.ndarray:
-    """(M, M, 3) float64, linear light in [0, 1]: the mean over lens ``points`` (K, 2).
+def pictures(
+    tracer: Tracer, camera: Camera, pixels: int, points: np.ndarray, corners: np.ndarray, side: int
+) -> np.ndarray:
+    """(W side, side, 3) float64, linear light in [0, 1]: the mean over lens ``points`` (K, 2).
 
-    Points are of the unit disk; each colour is clipped as the tracer's planes clip it.
+    Parameters
+    ----------
+    points : of the unit disk.  Each colour is clipped as the tracer's planes clip it.
+    corners : (W, 2), first column and row of windows of ``side`` pixels of the picture of
+        ``pixels`` a side; they come back one above the other.
     """
     slab = Slab(camera, 1, pixels)
     lens = np.asarray(points, float) * camera.lens_radius_m
-    elements = np.concatenate([lens, -camera.delta * lens], axis=1).astype(np.float32)
-    step = np.array([0.0, 0.0, slab.pixel_pitch, slab.pixel_pitch], np.float32)
-    total = np.zeros((pixels, pixels, 3))
-    some = max(1, CHUNK_BYTES // (12 * pixels * pixels))
-    for start in range(0, len(elements), some):
-        part = Bundles(elements[start : start + some], step, pixels, pixels, slab.pixel_pitch)
-        radiance = tracer.bundle_radiance(part)
-        total += np.clip(radiance, 0, 1, out=radiance).sum(axis=0, dtype=np.float64)
-    return total / len(elements)
+    pitch = slab.pixel_pitch
+    step = np.array([0.0, 0.0, pitch, pitch], np.float32)
+    places, found = _places(lens), []
+    some = max(1, CHUNK_BYTES // (12 * side * side))
+    for corner in corners:
+        middle = (corner + (side - 1) / 2 - (pixels - 1) / 2) * pitch
+        directions = middle - camera.delta * lens
+        elements = np.concatenate([lens, directions], axis=1).astype(np.float32)
+        total = np.zeros((side, side, 3))
+        for start in range(0, len(elements), some):
+            part = slice(start, start + some)
+            beams = Bundles(elements[part], step, side, side, pitch)
+            radiance = tracer.bundle_radiance(beams, places[part])
+            total += np.clip(radiance, 0, 1, out=radiance).sum(axis=0, dtype=np.float64)
+        found.append(total / len(elements))
+    return np.concatenate(found)
+
+
+def _places(lens: np.ndarray) -> np.ndarray:
+    """(K, 2) distinct places on a grid, neighbours near each other: beams are made of them."""
+    side = math.ceil(math.sqrt(len(lens)))
+    rank = np.empty(len(lens), np.int64)
+    rank[np.argsort(lens[:, 0], kind="stable")] = np.arange(len(lens))
+    column = rank // side
+    row = np.empty(len(lens), np.int64)
+    order = np.lexsort((lens[:, 1], column))
+    row[order] = np.arange(len(lens)) - np.searchsorted(column[order], column[order])
+    return np.stack([column, row], axis=1)

@@ -1,0 +1,194 @@
+"""One refocused picture by every method: sliced while it is traced, or from a recorded field."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.evaluation.work_precision import stored
+from lfcore.evaluation.work_precision.point import point, rmse, trusted
+from lfcore.optics.array import CameraArray
+from lfcore.optics.bundles import macropixels
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.plenoptic import PlenopticCamera
+from lfcore.optics.slab import Slab
+from lfcore.refocus.array.device_field import DeviceField
+from lfcore.refocus.array.focal_surface import PlaneSurface
+from lfcore.refocus.array.isaksen import isaksen
+from lfcore.refocus.array.monte_carlo import monte_carlo
+from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore.refocus.direct import trace_planes
+from lfcore.refocus.focal_stack import focal_stack_views
+from lfcore.refocus.plenoptic import refocus_photograph
+from lfcore.refocus.resampling import FILTERS, coverage
+from lfcore.refocus.shift_sum import shift_sum_views
+from lfcore.refocus.slicing import form_planes
+from lfcore.tracing.tracer import Tracer
+
+STACK = 16  # pictures of a focal stack, whose seconds one of them has its share of
+TOLERANCES_PX = (0.5, 0.2, 0.1, 0.05)
+MOST_VIEWS = 32  # of light fields that are kept in memory
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A light field in memory: ``views`` (N, N, M, M, 3) float32, linear light, [j, i, v, u]."""
+
+    slab: Slab
+    views: np.ndarray
+
+
+def methods(tracer: Tracer, study) -> Iterator[dict]:
+    """The scene's nearest distance, where all rays are recorded.
+
+    The reference is the mean of two pictures sliced from slabs of many more views, so that what
+    recorded pixels lose is left out; half their distance is its error.
+    """
+    scene, pixels = tracer.scene, study.pixels
+    plane = SensorPlane(min(scene.focus_distances_m), scene.camera.f_number)
+    one, two = (
+        _sliced(tracer, Slab(scene.camera, views, pixels), plane).astype(float)
+        for views in study.reference_views
+    )
+    reference, inside = (one + two) / 2, _inside(Slab(scene.camera, 64, pixels), plane)
+    doubt = rmse([one[inside]], two[inside]) / 2
+    context = {"panel": "methods", "f_number": plane.f_number}
+
+    def row(method: str, knob: str, slab: Slab, work, **more) -> dict:
+        rays = int(plane.mask(slab).sum())
+        more |= {"method": method, "knob": knob, "rays_per_pixel": rays}
+        inner = inside & _inside(slab, plane)
+        return point(work, reference, doubt, inside=inner, **context, **more)
+
+    yield from trusted(_on_the_fly(tracer, study, plane, row))
+    yield from trusted(_from_memory(tracer, study, plane, row))
+    yield from trusted(_from_video(tracer, study, plane, row))
+
+
+def _inside(slab: Slab, plane: SensorPlane) -> np.ndarray:
+    return coverage(slab, plane, "bilinear") > plane.mask(slab).sum() * (1 - 1e-6)
+
+
+def _sliced(tracer: Tracer, slab: Slab, plane: SensorPlane) -> np.ndarray:
+    return trace_planes(tracer, slab, [plane])[0]
+
+
+def _on_the_fly(tracer: Tracer, study, plane: SensorPlane, row) -> Iterator[dict]:
+    for views in study.views:
+        slab = Slab(tracer.scene.camera, views, study.pixels)
+        work = lambda _, slab=slab: _sliced(tracer, slab, plane)  # noqa: E731
+        yield row("slicing on the fly", f"N = {views}", slab, work)
+
+
+def _from_memory(tracer: Tracer, study, plane: SensorPlane, row) -> Iterator[dict]:
+    """Methods on views in memory; recording them is not counted."""
+    curves: dict[str, list[dict]] = {}
+    recorded = None
+    for views in (views for views in study.views if views <= MOST_VIEWS):
+        slab = Slab(tracer.scene.camera, views, study.pixels)
+        recorded = record(tracer, slab)
+        for name, work in _jobs(tracer, recorded, plane):
+            curves.setdefault(name, []).append(row(name, f"N = {views}", slab, work))
+    if recorded is not None:
+        for samples in study.monte_carlo_samples:
+            work = _monte_carlo(tracer, recorded, plane, samples)
+            name = f"Monte Carlo, N = {recorded.slab.views}"
+            knob = f"{samples} samples"
+            curves.setdefault(name, []).append(row(name, knob, recorded.slab, work))
+        for tolerance in TOLERANCES_PX:
+            work = _stack(tracer, recorded, plane, tolerance)
+            name, knob = f"fast stack, N = {recorded.slab.views}", f"{tolerance:g} px"
+            made = row(name, knob, recorded.slab, work, pictures=STACK)
+            curves.setdefault(name, []).append(made)
+    for curve in curves.values():
+        yield from curve
+
+
+def record(tracer: Tracer, slab: Slab) -> Recorded:
+    """All views of a slab, each colour clipped as stored ones are."""
+    side, views = slab.pixels, slab.views
+    places = np.stack(np.meshgrid(np.arange(side), np.arange(side)), -1).reshape(-1, 2)
+    light = np.clip(tracer.bundle_radiance(macropixels(slab, places), places), 0, 1)
+    light = light.reshape(side, side, views, views, 3).transpose(2, 3, 0, 1, 4)
+    return Recorded(slab, np.ascontiguousarray(light, np.float32))
+
+
+def _jobs(
+    tracer: Tracer, recorded: Recorded, plane: SensorPlane
+) -> Iterator[tuple[str, Callable[[int], np.ndarray]]]:
+    """Name and work of methods whose knob is N."""
+    slab, views, device = recorded.slab, recorded.views, tracer.device
+    for name in FILTERS:
+        work = lambda _, name=name: shift_sum_views(  # noqa: E731
+            slab, views, [plane], filter=name, device=device
+        )[0]
+        yield f"shift-sum, {name}", work
+    yield "plenoptic camera", _plenoptic(recorded, plane, device)
+    yield "Isaksen", _isaksen(tracer, recorded, plane)
+
+
+def _stack(tracer: Tracer, recorded: Recorded, plane: SensorPlane, tolerance_px: float):
+    """A stack from the plane to the camera's own focus, of which the plane is the first."""
+    deltas = np.linspace(plane.delta, recorded.slab.camera.delta, STACK)
+    stack = [SensorPlane(1 / delta, plane.f_number) for delta in deltas]
+    return lambda _: focal_stack_views(
+        recorded.slab, recorded.views, stack, tolerance_px=tolerance_px, device=tracer.device
+    )[0]
+
+
+def _plenoptic(recorded: Recorded, plane: SensorPlane, device) -> Callable[[int], np.ndarray]:
+    slab = recorded.slab
+    side = slab.views * slab.pixels
+    photograph = recorded.views.transpose(2, 0, 3, 1, 4).reshape(side, side, 3)
+    photograph = np.ascontiguousarray(photograph)
+
+    def work(_: int) -> np.ndarray:
+        camera = PlenopticCamera(slab.camera, slab.pixels, slab.views)
+        return refocus_photograph(camera, photograph, [plane], device=device)[0]
+
+    return work
+
+
+def _field(tracer: Tracer, recorded: Recorded, plane: SensorPlane):
+    """The views as a camera array's picture, a camera at the middle of its lens, a focal plane."""
+    slab, views = recorded.slab, recorded.views
+    side = slab.views * slab.pixels
+    fov = 2 * math.degrees(math.atan(slab.pixel_pitch * slab.pixels / 2))
+    size, half = (slab.pixels, slab.pixels), slab.lens_pitch_m / 2
+    lens = tuple(slab.lens_positions().tolist())
+    array = CameraArray(lens, lens, fov, size, margin_m=(half, half), delta=slab.camera.delta)
+    image = np.ascontiguousarray(views.transpose(0, 2, 1, 3, 4)).reshape(side, side, 3)
+    radius = slab.camera.focal_length_m / (2 * plane.f_number)
+    camera = VirtualCamera(np.zeros(3), np.eye(3), fov, size, radius)
+    surface = PlaneSurface(np.array([0, 0, plane.focus_distance_m]), np.array([0, 0, 1.0]))
+    return DeviceField(tracer.device, image, array), camera, surface
+
+
+def _isaksen(tracer: Tracer, recorded: Recorded, plane) -> Callable[[int], np.ndarray]:
+    field, camera, surface = _field(tracer, recorded, plane)
+    return lambda _: isaksen(field, camera, surface, camera.lens_radius_m).image.astype(float)
+
+
+def _monte_carlo(tracer: Tracer, recorded, plane, samples) -> Callable[[int], np.ndarray]:
+    field, camera, surface = _field(tracer, recorded, plane)
+    return lambda seed: monte_carlo(field, camera, surface, samples, seed=seed).image.astype(float)
+
+
+def _from_video(tracer: Tracer, study, plane: SensorPlane, row) -> Iterator[dict]:
+    """Retrieval from the default encoder's video; recording is not counted."""
+    slab = Slab(tracer.scene.camera, study.video_views, study.pixels)
+    name = tracer.device.device.name
+    for crf in study.crfs:
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "lightfield.mkv"
+            stored.record(tracer, slab, stored.default_spec(slab.views, crf), file)
+            bits = 8 * file.stat().st_size / slab.rays
+            work = lambda _, file=file: (  # noqa: E731
+                form_planes(file, [plane], threads=1, device=name).sums.pictures()[0]
+            )
+            yield row("from video", f"N = {slab.views}, CRF {crf:g}", slab, work, bits_per_ray=bits)

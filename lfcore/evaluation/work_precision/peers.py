@@ -1,0 +1,61 @@
+"""Mitsuba 3 and POV-Ray, where they are installed: each against its own picture of far more rays.
+
+Their shading is not ours (no ambient light in Mitsuba, no Blinn-Phong), so a common reference would
+show that and not the error of their sampling.  Where one is missing its row says so.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from lfcore.evaluation import renderers
+from lfcore.evaluation.metrics import psnr
+from lfcore.evaluation.work_precision.point import COLUMNS, codes, rmse, trusted
+from lfcore.optics.planes import SensorPlane
+from lfcore.tracing.bvh import Bvh
+from lfcore.tracing.tracer import Tracer
+
+LOG = logging.getLogger(__name__)
+VIEWS, REFERENCE_VIEWS = (2, 4, 6), 64
+
+
+def peers(tracer: Tracer, bvh: Bvh, study) -> Iterator[dict]:
+    """The picture at the camera's own focus, without ambient light, by samples a pixel."""
+    scene = replace(tracer.scene, ambient=(0.0, 0.0, 0.0))
+    dark = Tracer(scene, bvh, tracer.device)
+    plane = SensorPlane(scene.camera.focus_distance_m, scene.camera.f_number)
+    for name, renderer in (("Mitsuba 3", renderers.mitsuba), ("POV-Ray", renderers.povray)):
+        context = dict.fromkeys(COLUMNS) | {
+            "panel": "methods", "f_number": plane.f_number, "method": name,
+        }  # fmt: skip
+        reference = renderer(dark, plane, study.pixels, REFERENCE_VIEWS)
+        if reference.picture is None:
+            LOG.warning("%s: %s", name, reference.note)
+            yield context | {"knob": reference.note}
+            continue
+        yield from trusted(_curve(renderer, dark, plane, study.pixels, reference, context))
+
+
+def _curve(renderer, tracer, plane, pixels, reference, context) -> Iterator[dict]:
+    truth = np.asarray(reference.picture, float)
+    made = [renderer(tracer, plane, pixels, views) for views in VIEWS]
+    errors = [rmse([np.asarray(one.picture, float)], truth) for one in made]
+    # Independent samples: the error falls with the square root of their number.
+    doubt = errors[-1] * VIEWS[-1] / REFERENCE_VIEWS
+    for views, one, error in zip(VIEWS, made, errors, strict=True):
+        quality = psnr(codes(np.asarray(one.picture)), codes(truth), peak=255)
+        yield context | {
+            "knob": f"{views**2} samples",
+            "rays_per_pixel": views**2,
+            "rmse": error,
+            "psnr_db": quality,
+            "seconds": one.seconds,
+            "quartile_1_seconds": one.seconds,
+            "quartile_3_seconds": one.seconds,
+            "repeats": 1,
+            "reference_rmse": doubt,
+        }
