@@ -1,0 +1,91 @@
+"""Figures 4.5 and 4.6: what is in their panels, and what is said of renderers that are missing."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from lfcore.evaluation import renderers
+from lfcore.evaluation.plenoptic_figure import (
+    detail,
+    panels,
+    plenoptic_sheet,
+    reduced,
+    take,
+    write_photograph,
+)
+from lfcore.evaluation.storage.table import make_table
+from lfcore.opencl.device import open_device
+from lfcore.scene.build import build_scene
+from lfcore.storage.colour import srgb_decode
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+CHART = Path(__file__).parents[2] / "scenes" / "chart"
+
+
+@pytest.fixture(scope="module")
+def tracer():
+    scene = build_scene(CHART)
+    return Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
+
+
+@pytest.fixture(scope="module")
+def pictures(tracer):
+    return [take(tracer, focus, 64, 8) for focus in (2.0, 1.33)]
+
+
+def spread(picture):
+    """How much the pixels of a microlens differ, over the upper half, where the far plane is."""
+    cells = picture.pixels[: len(picture.pixels) // 2].astype(float)
+    cells = cells.reshape(-1, 8, 64, 8, 3)
+    return cells.std(axis=(1, 3)).mean()
+
+
+def test_a_microlens_in_focus_is_of_one_colour(pictures):
+    in_focus, out_of_focus = pictures
+    assert in_focus.pixels.shape == (512, 512, 3)
+    # What differs in focus are the nearer plane's edge and 8-bit codes.
+    assert spread(in_focus) < 0.25 * spread(out_of_focus)
+    fields = [picture.camera.camera.field_width for picture in pictures]
+    assert fields[0] == pytest.approx(fields[1])
+
+
+def test_reduced_and_detail(pictures):
+    pixels = pictures[1].pixels
+    cell = srgb_decode(pixels[8:16, 40:48]).mean((0, 1))
+    assert np.allclose(reduced(pixels, 8)[1, 5], cell, atol=1e-6)
+    shown = detail(pixels, 8)
+    assert shown.shape == (384, 384, 3)  # 24 x 24 microlenses of 8 pixels, twice as large
+    assert np.array_equal(shown[0, 0], srgb_decode(pixels[160, 160]))
+
+
+def test_sheet_and_whole_photograph(pictures, tracer, tmp_path):
+    shown, labels = panels(tracer, pictures[1], (1.0, 2.0))
+    assert len(shown) == len(labels) == 6
+    # Refocused, the text of the far plane comes back.
+    sharp, blurred = (np.abs(np.diff(p[:32].mean(-1), axis=1)).mean() for p in (shown[5], shown[0]))
+    assert sharp > 1.3 * blurred
+    plenoptic_sheet(tmp_path / "sheet.png", [(shown, labels)])
+    assert Image.open(tmp_path / "sheet.png").width > 6 * 384
+    write_photograph(tmp_path / "photo.png", pictures[1])
+    assert np.array_equal(np.asarray(Image.open(tmp_path / "photo.png")), pictures[1].pixels)
+
+
+def test_missing_renderers_are_left_out_aloud(monkeypatch, tracer, tmp_path):
+    monkeypatch.setattr(renderers.shutil, "which", lambda name: None)
+    monkeypatch.setattr(renderers.importlib.util, "find_spec", lambda name: None)
+    rows, rendered = renderers.compare(tracer, (1.0, 2.0), pixels=32, views=4)
+    table = make_table(rows, renderers.COLUMNS)
+    assert len(table) == 8
+    missing = table[table.method.isin(["POV-Ray", "Mitsuba 3"])]
+    assert missing.note.str.startswith("left out").all() and missing.psnr_db.isna().all()
+    assert missing.note.str.contains("not installed").all()
+    ours = table[table.method.str.startswith("lfcore")]
+    assert (ours.psnr_db > 20).all() and (ours.mrays_per_second > 0).all()
+    # Rays spread over the pixels are nearer the reference.
+    assert ours.psnr_db.iloc[1] > ours.psnr_db.iloc[0]
+    renderers.renderers_sheet(tmp_path / "sheet.png", rendered, (1.0, 2.0))
+    with Image.open(tmp_path / "sheet.png") as sheet:
+        assert sheet.width < 2.5 * 256 and sheet.height > 4 * 256

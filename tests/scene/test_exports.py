@@ -1,0 +1,121 @@
+"""Scenes for other programs: what the file says, and what POV-Ray and Mitsuba make of it."""
+
+import dataclasses
+import importlib.util
+import math
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from lfcore.errors import SceneError
+from lfcore.evaluation.metrics import psnr
+from lfcore.evaluation.renderers import mitsuba, povray, spread_picture
+from lfcore.opencl.device import open_device
+from lfcore.optics.planes import SensorPlane
+from lfcore.scene.build import build_scene
+from lfcore.scene.colour import linear_to_srgb
+from lfcore.scene.mitsuba import Description
+from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material
+from lfcore.scene.povray import write_povray
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+CHART = Path(__file__).parents[2] / "scenes" / "chart"
+
+
+@pytest.fixture(scope="module")
+def chart():
+    return build_scene(CHART)
+
+
+def written(folder, scene):
+    file = write_povray(folder, scene, scene.camera, samples=50)
+    return file.read_text() + (folder / "mesh.inc").read_text()
+
+
+def test_the_mesh_and_lens_are_the_scene_s(chart, tmp_path):
+    text = written(tmp_path, chart)
+    block = re.search(r"vertex_vectors \{ (\d+),\n(.*?)\n\}", text, re.S)
+    vertices = np.array(re.findall(r"<(.*?),(.*?),(.*?)>", block[2]), np.float64)
+    assert int(block[1]) == len(vertices) == 3 * chart.triangle_count
+    expected = chart.triangles.reshape(-1, 3) * [1, -1, 1]
+    assert np.allclose(vertices, expected, rtol=1e-6, atol=1e-6)
+    assert len(re.findall(r"^<\d+,\d+,\d+>,\d+", text, re.M)) == chart.triangle_count
+    angle = float(re.search(r"angle ([\d.]+)", text)[1])
+    assert math.tan(math.radians(angle / 2)) == pytest.approx(chart.camera.field_width / 2)
+    assert f"focal_point <0,0,{chart.camera.focus_distance_m}>" in text
+    assert "blur_samples 50" in text
+
+
+def test_lights_and_materials(chart, tmp_path):
+    scene = dataclasses.replace(
+        chart,
+        materials=[Material("lamp", (0.5, 0.4, 0.2), (0.3, 0.3, 0.3), 50.0, (0.1, 0.2, 0.0))]
+        * len(chart.materials),
+        lights=[
+            Light(DIRECTIONAL, (0, -1, 0), (1, 1, 1), casts_shadows=False),
+            Light(POINT, (1, 2, 3), (1, 2, 3), reference_distance_m=2.0),
+        ],
+    )
+    text = written(tmp_path, scene)
+    assert re.search(r"light_source \{ <0,10000,0> rgb <1,1,1> parallel .* shadowless \}", text)
+    found = re.search(r"<1,-2,3> rgb <(\S+),\S+,\S+> fade_power 2 fade_distance (\S+) \}", text)
+    # At the reference distance the light is its colour: 2 / (1 + (d / f)^2) times what is written.
+    assert float(found[1]) * 2 / (1 + (2.0 / float(found[2])) ** 2) == pytest.approx(1, rel=1e-5)
+    assert "specular 0.3 roughness 0.02" in text
+    assert "emission rgb <0.2,0.5,0>" in text
+
+
+def test_textures_carry_the_diffuse_colour(chart, tmp_path):
+    texture = np.full((4, 4, 3), 255, np.uint8)
+    half = dataclasses.replace(
+        chart,
+        textures=[texture],
+        materials=[Material("half", (0.5, 1.0, 0.0), texture=0)] * len(chart.materials),
+    )
+    assert "uv_mapping image_map" in written(tmp_path, half)
+    assert np.asarray(Image.open(tmp_path / "0.png"))[0, 0].tolist() == [188, 255, 0]
+
+
+def test_what_is_not_exported_is_refused(chart, tmp_path):
+    coloured = dataclasses.replace(chart, colours=np.ones_like(chart.triangles))
+    glowing = [Material("glow", (0, 0, 0), emission=(1, 0, 0))] * len(chart.materials)
+    far = dataclasses.replace(chart.camera, focus_distance_m=math.inf)
+    for scene, words in (
+        (coloured, "corners"),
+        (dataclasses.replace(chart, materials=glowing), "emission"),
+        (dataclasses.replace(chart, camera=far), "infinity"),
+    ):
+        with pytest.raises(SceneError, match=words):
+            written(tmp_path, scene)
+    with pytest.raises(SceneError, match="corners"):
+        Description(None, coloured)
+    lit = dataclasses.replace(chart, lights=[Light(POINT, (0, 0, 0), (1, 1, 1))])
+    with pytest.raises(SceneError, match="ambient"):
+        Description(None, lit)
+
+
+@pytest.mark.parametrize(
+    ("render", "installed"),
+    [
+        pytest.param(povray, shutil.which("povray"), id="povray"),
+        pytest.param(mitsuba, importlib.util.find_spec("mitsuba"), id="mitsuba"),
+    ],
+)
+def test_other_programs_see_the_same_picture(chart, render, installed):
+    tracer = Tracer(chart, build_bvh(chart.triangles), open_device(threads=1))
+    plane = SensorPlane(1.0, chart.camera.f_number)
+    made = render(tracer, plane, 48, 12)
+    if not installed:
+        assert made.picture is None and "not installed" in made.note
+        pytest.skip(made.note)
+    truth = spread_picture(tracer, plane, 48, 16, 4)
+    ours, theirs = (255 * linear_to_srgb(np.clip(p, 0, 1)) for p in (made.picture, truth))
+    # A lens twice or half as wide, or a picture half a pixel aside, is below 30 dB.
+    assert psnr(ours, theirs, peak=255) > 33
+    assert made.picture.mean() == pytest.approx(truth.mean(), rel=0.01)
+    assert made.seconds > 0 and made.rays == 144
