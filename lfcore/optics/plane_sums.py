@@ -102,11 +102,16 @@ class PlaneSums:
         return out
 
     def save(self, path: str | Path) -> None:
-        """Write the region and sums (npz); slab and planes are the configuration's."""
+        """Write the region and sums (npz), whole or not at all; slab and planes are the
+        configuration's."""
         part = Path(f"{path}.part")
-        with open(part, "wb") as file:
-            np.savez(file, sums=self.sums, corner=np.array([self.left, self.top]))
-        os.replace(part, path)
+        try:
+            with open(part, "wb") as file:
+                np.savez(file, sums=self.sums, corner=np.array([self.left, self.top]))
+            os.replace(part, path)
+        except BaseException:
+            part.unlink(missing_ok=True)
+            raise
 
     @classmethod
     def load(cls, path: str | Path, slab: Slab, planes: list[SensorPlane]) -> PlaneSums:

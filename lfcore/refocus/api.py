@@ -11,17 +11,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from lfcore.errors import OpticsError
-from lfcore.opencl.device import open_device
-from lfcore.optics.plane_sums import total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.resampling import check_filter
 from lfcore.refocus.shift_sum import shift_sum
-from lfcore.refocus.slicing import PlaneFormer, form_planes
+from lfcore.refocus.slicing import form_planes
 from lfcore.storage import lightfield
 
 METHODS = ("slicing", "shift-sum")
-CHUNK_BYTES = 64 << 20
 MOST_PLANES = 100
 
 
@@ -140,9 +137,9 @@ class LightField(lightfield.LightField):
                 self.path, planes, filter=filter, device=device, salvage=self._salvage,
                 progress=progress,
             ).pictures  # fmt: skip
-        if self._salvage:
-            return self._slice_what_is_whole(planes, device, progress)
-        return form_planes(self.path, planes, device=device, progress=progress).sums.pictures()
+        return form_planes(
+            self.path, planes, device=device, salvage=self._salvage, progress=progress
+        ).sums.pictures()
 
     def require_slab(self) -> Slab:
         """The slab; :class:`OpticsError` for a camera array that is none."""
@@ -152,20 +149,6 @@ class LightField(lightfield.LightField):
                 remedy="Use lfcore imgtool lightfield",
             )  # fmt: skip
         return self.slab
-
-    def _slice_what_is_whole(self, planes, device, progress) -> np.ndarray:
-        opened, sums = open_device(device), []
-        frames, done = sum(part.frames for part in self.segments), 0
-        chunk = max(1, CHUNK_BYTES // self.layout.frame_bytes)
-        for part in self.segments:
-            former, first = PlaneFormer(self.slab, part.tile, planes, opened), 0
-            for some in self.frames(part.index, chunk=chunk):
-                former.add(some, first)
-                first, done = first + len(some), done + len(some)
-                if progress:
-                    progress(done, frames)
-            sums.append(former.plane_sums())
-        return total(self.slab, list(planes), sums).pictures()
 
 
 def check_method(method: str | None, filter: str) -> str:

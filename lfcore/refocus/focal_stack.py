@@ -35,7 +35,7 @@ from lfcore.refocus.shift_sum import (
     read_sums,
     zeroed,
 )
-from lfcore.refocus.stored_views import FrameSummer, ahead, frame_chunks
+from lfcore.refocus.stored_views import add_frames
 from lfcore.storage.lightfield import LightField
 
 MOST_BYTES = 1 << 30
@@ -253,11 +253,5 @@ def focal_stack(
         raise OpticsError("holds a camera array, no slab", file=path, remedy="Use lfcore imgtool")
     device = device if isinstance(device, Device) else open_device(device)
     summer = FocalStackSummer(field.slab, planes, tolerance_px=tolerance_px, device=device)
-    frames, done = FrameSummer(summer, field.layout), 0
-    total = sum(part.frames for part in field.segments)
-    for tile, first, chunk in ahead(frame_chunks(field)):
-        frames.add(chunk, tile, first)
-        done += len(chunk)
-        if progress:
-            progress(done, total)
+    add_frames(summer, field, progress)
     return summer.pictures() * np.float32(field.white)

@@ -20,7 +20,7 @@ from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.resampling import check_filter, normalise, taps
-from lfcore.refocus.stored_views import FrameSummer, ahead, frame_chunks
+from lfcore.refocus.stored_views import add_frames
 from lfcore.storage.colour import srgb_decode
 from lfcore.storage.lightfield import LightField
 
@@ -264,13 +264,7 @@ def shift_sum(
         raise OpticsError("holds a camera array, no slab", file=path, remedy="Use lfcore imgtool")
     device = device if isinstance(device, Device) else open_device(device)
     summer = ViewSummer(field.slab, planes, filter=filter, device=device)
-    frames, done = FrameSummer(summer, field.layout), 0
-    total = sum(part.frames for part in field.segments)
-    for tile, first, chunk in ahead(frame_chunks(field)):
-        frames.add(chunk, tile, first)
-        done += len(chunk)
-        if progress:
-            progress(done, total)
+    add_frames(summer, field, progress)
     return ShiftSum(summer.pictures(), time.perf_counter() - begun)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, build_program, cl, open_device
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.planes import SensorPlane
@@ -106,6 +107,7 @@ def form_planes(
     *,
     threads: int | None = None,
     device: str | None = None,
+    salvage: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Retrieval:
     """Form ``planes`` from a stored light field (Algorithm 4), whole segments side by side.
@@ -115,6 +117,7 @@ def form_planes(
     path : the light field file.
     threads : segments decoded at a time, each by one thread that also forms its planes.
     device : name of the OpenCL device.
+    salvage : leave out damaged segments instead of refusing them.
     progress : called with (frames done, frames in all), from any thread but one at a time.
 
     Raises
@@ -122,24 +125,25 @@ def form_planes(
     StorageError : the file is damaged or foreign.
     OpticsError : a plane asks for what the slab did not record.
     """
-    first = LightField.open(path)
+    field = LightField.open(path, salvage=salvage)
+    if field.slab is None:
+        raise OpticsError("holds a camera array, no slab", file=path, remedy="Use lfcore imgtool")
     for plane in planes:
-        plane.check(first.slab)
+        plane.check(field.slab)
     begun = time.perf_counter()
-    count = _Progress(progress, sum(part.frames for part in first.segments))
-    threads = min(threads or open_device(device).threads, len(first.segments))
+    count = _Progress(progress, sum(part.frames for part in field.segments))
+    threads = max(1, min(threads or open_device(device).threads, len(field.segments)))
     local = threading.local()
 
     def one(index: int) -> Retrieval:
-        if not hasattr(local, "field"):
-            local.field = LightField.open(path)
+        if not hasattr(local, "device"):
             local.device = open_device(device, threads=1)
-        return _form_segment(local.field, index, planes, local.device, count)
+        return _form_segment(field, index, planes, local.device, count)
 
     with ThreadPoolExecutor(threads) as pool:
-        parts = list(pool.map(one, [part.index for part in first.segments]))
+        parts = list(pool.map(one, [part.index for part in field.segments]))
     return Retrieval(
-        total(first.slab, list(planes), (part.sums for part in parts)),
+        total(field.slab, list(planes), (part.sums for part in parts)),
         seconds=time.perf_counter() - begun,
         decode_seconds=sum(part.decode_seconds for part in parts),
         plane_seconds=sum(part.plane_seconds for part in parts),

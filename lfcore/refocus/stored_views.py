@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol
 
@@ -104,6 +104,24 @@ class FrameSummer:
             views,
         )
         self.summer.add_fixed(views, samples, region)
+
+
+def add_frames(
+    summer: TakesViews,
+    field: LightField,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Hand to ``summer`` all views of ``field`` that it wants; frames ahead are decoded meanwhile.
+
+    ``progress`` is called with (frames done, frames in all).
+    """
+    frames, done = FrameSummer(summer, field.layout), 0
+    total = sum(part.frames for part in field.segments)
+    for tile, first, chunk in ahead(frame_chunks(field)):
+        frames.add(chunk, tile, first)
+        done += len(chunk)
+        if progress:
+            progress(done, total)
 
 
 def frame_chunks(field: LightField) -> Iterator[tuple[Tile, int, np.ndarray]]:

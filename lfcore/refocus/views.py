@@ -10,7 +10,7 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, cl, open_device
 from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.refocus.shift_sum import GROUP_BYTES
-from lfcore.refocus.stored_views import FrameSummer, ahead, frame_chunks
+from lfcore.refocus.stored_views import add_frames
 from lfcore.storage.lightfield import LightField
 
 
@@ -28,13 +28,7 @@ def read_views(
     Raises :class:`OpticsError` for samples outside the lens or asked for twice.
     """
     collector = _Collector(field, np.asarray(samples, np.int32).reshape(-1, 2), device)
-    summer, done = FrameSummer(collector, field.layout), 0
-    total = sum(part.frames for part in field.segments)
-    for tile, first, frames in ahead(frame_chunks(field)):
-        summer.add(frames, tile, first)
-        done += len(frames)
-        if progress:
-            progress(done, total)
+    add_frames(collector, field, progress)
     return collector.views
 
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfcore.optics.camera import Camera
-from lfcore.optics.plane_sums import offsets
+from lfcore.optics.plane_sums import PlaneSums, offsets
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.strip_tables import MOST_COLUMNS, STRIP, runs_of, strip_kinds, strip_tables
@@ -59,3 +59,16 @@ def test_kinds_by_hand():
     masks[0, 5, 20] = 255
     masks[0, 32:, 32:] = 255
     assert strip_kinds(masks)[0].tolist() == [[2, 1, 0], [2, 0, 1]]
+
+
+def test_partial_planes_are_saved_whole_or_not_at_all(tmp_path, monkeypatch):
+    slab = Slab(Camera(0.05, 0.02, 2.0, 1.4), 2, 2)
+    sums = PlaneSums.zeros(slab, [SensorPlane(2.0, 2.0)])
+
+    def fails(*args, **kwargs):
+        raise OSError("no space left")
+
+    monkeypatch.setattr(np, "savez", fails)
+    with pytest.raises(OSError, match="no space"):
+        sums.save(tmp_path / "tile.planes.npz")
+    assert not list(tmp_path.iterdir())
