@@ -1,0 +1,143 @@
+"""Camera arrays: tracing one against Mitsuba 3, and pictures synthesised from it.
+
+    python benchmarks/arrays.py --out arrays.csv
+    python benchmarks/arrays.py --scenes book --cameras 8 --tile 128 --peers none --out arrays.csv
+
+Tracing (work ``array``): 16 x 16 data cameras of 512 x 512 pixels, one ray each, shaded with
+shadows, into host memory; ours and Mitsuba's in turn.  Synthesis (work ``synthesis``): a picture of
+600 x 600 at 64 rays a pixel from that array, by every method; see benchmarks/README.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from measured.rows import in_turn, print_table, rates, say, write_csv
+from peers.method import Method, SkippedError, clocked
+
+from lfcore.evaluation.timing import machine
+from lfcore.opencl.device import open_device
+from lfcore.optics.array import CameraArray
+from lfcore.refocus.array.device_field import DeviceField
+from lfcore.refocus.array.focal_surface import parallel
+from lfcore.refocus.array.isaksen import isaksen
+from lfcore.refocus.array.monte_carlo import monte_carlo
+from lfcore.refocus.array.quadrature import quadrature
+from lfcore.refocus.array.trace import trace_array
+from lfcore.scene.build import build_scene
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+from workflow.assignment import ARRAYS, BOOK_FOCUS_M, assignment_camera
+
+ROOT = Path(__file__).resolve().parents[1]
+LENS_M, FILTER_M = 0.15, 0.3  # of the assignment's command line, see workflow/scripts
+
+
+def parse(arguments: list[str] | None = None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenes", nargs="+", default=["book", "sphere"], choices=list(ARRAYS))
+    parser.add_argument("--cameras", type=int, default=16, help="a side; default 16")
+    parser.add_argument("--tile", type=int, default=512, help="pixels a side; default 512")
+    parser.add_argument("--picture", type=int, default=600, help="of the synthesis; default 600")
+    parser.add_argument("--samples", type=int, default=64, help="rays a pixel of it; default 64")
+    parser.add_argument("--peers", nargs="*", default=["mitsuba"], choices=["mitsuba", "none"])
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--out", type=Path, required=True, help="CSV file")
+    options = parser.parse_args(arguments)
+    if min(options.repeats, options.cameras - 1, options.tile, options.samples) < 1:
+        parser.error("--repeats, --tile and --samples must be at least 1, --cameras 2")
+    return options
+
+
+def traced(options: argparse.Namespace, name: str, device) -> tuple[list[dict], DeviceField]:
+    """Rows of tracing one scene's array, and the array itself."""
+    scene = build_scene(ROOT / "scenes" / name)
+    bounds, fov_deg = ARRAYS[name]
+    size = (options.cameras,) * 2, (options.tile,) * 2
+    array = CameraArray.on_grid(size[0], bounds, fov_deg, size[1])
+    tracer = Tracer(scene, build_bvh(scene.triangles), device)
+    made: dict = {}
+
+    def ours():
+        made["image"] = trace_array(tracer, array)
+
+    methods = [Method("lfcore", "array", lambda: clocked(ours, array.rays), ours=True)]
+    peer = None
+    if "mitsuba" in options.peers:
+        try:
+            from peers.mitsuba_array import open_peer
+
+            peer = open_peer(scene, device.threads)
+            methods.append(peer.array_method(array, scene))
+        except SkippedError as reason:
+            say(f"SKIPPED mitsuba on {name}: {reason}")
+    runs = in_turn(methods, options.repeats)
+    if peer is not None:
+        peer.close()
+    rows = [
+        {"scene": name, "work": "array", "method": method.name, **rates(runs[method.name]),
+         "note": method.note}
+        for method in methods
+    ]  # fmt: skip
+    for row in rows:
+        row["seconds"] = array.rays / row["mrays_per_second"] / 1e6
+        if len(rows) > 1:
+            row["ratio_to_mitsuba"] = row["mrays_per_second"] / rows[1]["mrays_per_second"]
+            row["core_ratio_to_mitsuba"] = (
+                row["mrays_per_core_second"] / rows[1]["mrays_per_core_second"]
+            )
+    return rows, DeviceField(device, made["image"], array)
+
+
+def synthesised(options: argparse.Namespace, name: str, field: DeviceField) -> list[dict]:
+    """Rows of pictures from one array; rates are of samples, Isaksen's of pixels."""
+    camera, count = assignment_camera(options.picture, LENS_M), options.samples
+    surface, pixels = parallel(BOOK_FOCUS_M), options.picture**2
+    points = max(1, round((count / 4) ** 0.5))
+    works = {
+        f"monte_carlo {sampler}": (
+            lambda sampler=sampler: monte_carlo(field, camera, surface, count, sampler=sampler),
+            count,
+        )
+        for sampler in ("halton", "stratified", "independent")
+    }
+    works["quadrature"] = (lambda: quadrature(field, camera, surface, points, 2), 4 * points**2)
+    works["isaksen"] = (lambda: isaksen(field, camera, surface, FILTER_M), 1)
+    methods = [
+        Method(key, "synthesis", lambda work=work, n=n: clocked(work, pixels * n), ours=True)
+        for key, (work, n) in works.items()
+    ]
+    runs, rows = in_turn(methods, options.repeats), []
+    for method in methods:
+        found = rates(runs[method.name])
+        seconds = runs[method.name][0].rays / found["mrays_per_second"] / 1e6
+        rows.append(
+            {"scene": name, "work": "synthesis", "method": method.name, **found, "seconds": seconds}
+        )
+    return rows
+
+
+def main() -> None:
+    options, about, rows = parse(), machine(), []
+    say(", ".join(f"{key} {value}" for key, value in about.items()))
+    say(f"load of the machine over the last minute: {os.getloadavg()[0]:.1f}")
+    device = open_device()
+    for name in options.scenes:
+        say(f"{name}: tracing {options.cameras}^2 cameras of {options.tile}^2 pixels")
+        found, field = traced(options, name, device)
+        rows += found
+        if name == "book":
+            rows += synthesised(options, name, field)
+        del field
+    rows = [{**row, "processor": about["processor"], "cores": about["cores"]} for row in rows]
+    write_csv(options.out, rows)
+    print_table(rows, leave_out=("note", "processor", "cores", "sampled_rays", "repeats"))
+
+
+if __name__ == "__main__":
+    main()
