@@ -9,14 +9,14 @@
 #define SHADOW_LIST 0
 #endif
 #define SHADOWED (SHADOW_LIGHTS > 0)
-// A block that sees more triangles than this casts its shadow rays one by one: measured, 0.4 a ray.
-#define MANY_TRIANGLES (0.4f * (2.0f * HALF + 1.0f) * (2.0f * HALF + 1.0f))
+// A block that sees more triangles than this casts its shadow rays one by one: measured, one for four rays.
+#define MANY_TRIANGLES (0.25f * (2.0f * HALF + 1.0f) * (2.0f * HALF + 1.0f))
 
 // A worker's own memory.
 typedef struct {
     global float *z;         // depth buffers of the beam
     global int *ids;
-    LeafList list, occluders;
+    LeafList list, occluders, nearby;
     int complete;            // occluders hold all that lies between the light and the beam
     BlockColours colours;
     global float *surfaces;  // see interpolate_block
@@ -25,7 +25,7 @@ typedef struct {
 } Easel;
 
 #define EASEL_WORDS                                                                                    \
-    (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST + 7 * SHADOW_LIST +                                       \
+    (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST + 14 * SHADOW_LIST +                                      \
      (3 + 3 * SHADOWED + 4 * SHADOW_LIGHTS + SURFACE_PLANES + 1 + 3) * BLOCK_RAYS)
 
 // Divide `memory`, of EASEL_WORDS words.
@@ -42,6 +42,9 @@ inline Easel make_easel(global uint *memory)
     e.occluders.boxes = TAKE(float, 6 * SHADOW_LIST);
     e.occluders.leaf = TAKE(int, SHADOW_LIST);
     e.occluders.pitch = SHADOW_LIST;
+    e.nearby.boxes = TAKE(float, 6 * SHADOW_LIST);
+    e.nearby.leaf = TAKE(int, SHADOW_LIST);
+    e.nearby.pitch = SHADOW_LIST;
     e.colours.base = TAKE(float, 3 * BLOCK_RAYS);
     e.colours.point = TAKE(float, 3 * SHADOWED * BLOCK_RAYS);
     e.colours.lit = TAKE(float, 3 * SHADOW_LIGHTS * BLOCK_RAYS);
@@ -117,7 +120,7 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, con
         global int *wants = e->colours.wants + k * BLOCK_RAYS;
         global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
         if (SCATTERED || triangles > MANY_TRIANGLES)
-            shadow_rays_singly(bvh, light, IS_POINT(light), ids, e->colours.point, wants);
+            shadow_rays_singly(bvh, light, &e->occluders, e->complete, &e->nearby, ids, e->colours.point, wants);
         else if (triangles)
             shadow_block(bvh, light, &e->occluders, e->complete, &bundle, state, ids, e->colours.point, wants, e->spare,
                          e->spare + BLOCK_RAYS);

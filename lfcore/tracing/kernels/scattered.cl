@@ -64,7 +64,7 @@ inline int blocking_leaf(const Bvh *bvh, const Ray *r, float far, int own)
         global const int *children = bvh->children + node * NODE_WIDTH;
         uint bits = 0;
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
-            bits |= row_bits(ray_meets(r, bvh->boxes + node * 6 * NODE_WIDTH + lane, far, near + lane)) << lane;
+            bits |= row_bits(ray_meets(r, bvh->boxes + node * 6 * NODE_WIDTH + lane, NODE_WIDTH, far, near + lane)) << lane;
         for (; bits; bits &= bits - 1) {
             const int child = children[lowest(bits)];
             if (child >= 0) walk.node[walk.size++] = child;
@@ -74,18 +74,72 @@ inline int blocking_leaf(const Bvh *bvh, const Ray *r, float far, int own)
     return -1;
 }
 
-// Take from `wants` the rays of a block that cannot see the light, one by one.
-inline void shadow_rays_singly(const Bvh *bvh, global const float *light, int is_point, global const int *ids, global const float *point,
-                               global int *wants)
+// The same among the leaves of a list, whose count was rounded up to LANES with boxes that nothing meets.
+inline int blocking_listed(const Bvh *bvh, const LeafList *list, const Ray *r, float far, int own)
 {
+    private float near[LANES];
+    for (int base = 0; base < list->count; base += LANES)
+        for (uint bits = row_bits(ray_meets(r, list->boxes + base, list->pitch, far, near)); bits; bits &= bits - 1) {
+            const int leaf = list->leaf[base + lowest(bits)];
+            if (leaf_blocks(bvh, r, leaf, far, own)) return leaf;
+        }
+    return -1;
+}
+
+// List what may stand between the light and the hit points in `wants`: of `beam`, where that is complete for
+// the whole beam.  False if it is too much for the list.
+inline int narrow_list(const Bvh *bvh, global const float *light, const LeafList *beam, int complete, global const float *point, global const int *wants,
+                       LeafList *list)
+{
+    float lo[3], hi[3];
+    for (int k = 0; k < 3; ++k) {
+        vf low = FAR, high = -FAR;
+        for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+            const vf x = VLOAD(point + k * BLOCK_RAYS + at);
+            const vi want = VLOAD(wants + at);
+            low = pick(low, min(low, x), want);
+            high = pick(high, max(high, x), want);
+        }
+        lo[k] = row_min(low);
+        hi[k] = row_max(high);
+    }
+    list->count = 0;
+    if (lo[0] > hi[0]) return 1;
+    const Shaft shaft = make_shaft(light, lo, hi);
+    if (!complete) {
+        Walk walk;
+        start_walk(&walk);
+        gather_shaft(bvh, &shaft, &walk, list);
+        if (walk.size) return 0;
+    }
+    for (int base = 0; complete && base < beam->count; base += LANES) {
+        uint near = row_bits(shaft_meets(&shaft, beam->boxes + base, beam->pitch));
+        if (base + LANES > beam->count) near &= (1u << (beam->count - base)) - 1u;
+        for (; near; near &= near - 1) {
+            const int from = base + lowest(near), to = list->count++;
+            for (int k = 0; k < 6; ++k) list->boxes[k * list->pitch + to] = beam->boxes[k * beam->pitch + from];
+            list->leaf[to] = beam->leaf[from];
+        }
+    }
+    for (; list->count % LANES; ++list->count)
+        for (int k = 0; k < 6; ++k) list->boxes[k * list->pitch + list->count] = k < 3 ? FAR : -FAR;
+    return 1;
+}
+
+// Take from `wants` the rays of a block that cannot see the light, one by one.
+inline void shadow_rays_singly(const Bvh *bvh, global const float *light, const LeafList *beam, int complete, LeafList *list,
+                               global const int *ids, global const float *point, global int *wants)
+{
+    const int listed = !SCATTERED && narrow_list(bvh, light, beam, complete, point, wants, list);
     int last = -1;  // what darkened a neighbour is likely to darken the next
     for (int at = 0; at < BLOCK_RAYS; ++at) {
         if (!wants[at]) continue;
         const float3 p = (float3)(point[at], point[BLOCK_RAYS + at], point[2 * BLOCK_RAYS + at]);
         int exponent;
-        const Ray ray = scaled_ray(p, is_point ? vload3(0, light) - p : vload3(0, light), &exponent);
-        const float far = is_point ? ldexp(1.0f, exponent) : FAR;
-        if (last < 0 || !leaf_blocks(bvh, &ray, last, far, ids[at])) last = blocking_leaf(bvh, &ray, far, ids[at]);
+        const Ray ray = scaled_ray(p, IS_POINT(light) ? vload3(0, light) - p : vload3(0, light), &exponent);
+        const float far = IS_POINT(light) ? ldexp(1.0f, exponent) : FAR;
+        if (last < 0 || !leaf_blocks(bvh, &ray, last, far, ids[at]))
+            last = listed ? blocking_listed(bvh, list, &ray, far, ids[at]) : blocking_leaf(bvh, &ray, far, ids[at]);
         if (last >= 0) wants[at] = 0;
     }
 }

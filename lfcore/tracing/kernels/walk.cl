@@ -64,13 +64,13 @@ inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
 
 // Interval of the ray within LANES boxes, conservative by the bound of Ize, "Robust BVH Ray Traversal",
 // JCGT 2(2), 2013.  `nearest` receives where it begins.
-inline vi ray_meets(const Ray *r, global const float *boxes, float t_far, private float *nearest)
+inline vi ray_meets(const Ray *r, global const float *boxes, int pitch, float t_far, private float *nearest)
 {
     vf near = 0.0f, far = t_far;
     vi miss = 0;
     for (int k = 0; k < 3; ++k) {
         const float o = axis(r->origin, k), inverse = axis(r->inverse, k);
-        const vf lo = VLOAD(boxes + k * NODE_WIDTH), hi = VLOAD(boxes + (3 + k) * NODE_WIDTH);
+        const vf lo = VLOAD(boxes + k * pitch), hi = VLOAD(boxes + (3 + k) * pitch);
         if (inverse == 0.0f) {
             // 0 times infinity is no number: beside the slab or within it, all along.
             miss |= GT(lo, (vf)(o)) | LT(hi, (vf)(o));
@@ -81,7 +81,7 @@ inline vi ray_meets(const Ray *r, global const float *boxes, float t_far, privat
         far = min(far, max(a, b) * 1.0000004f);
     }
     VSTORE(near, nearest);
-    return LE(near, far) & LE(VLOAD(boxes), VLOAD(boxes + 3 * NODE_WIDTH)) & ~miss;
+    return LE(near, far) & LE(VLOAD(boxes), VLOAD(boxes + 3 * pitch)) & ~miss;
 }
 
 // LANES triangles sheared onto a ray, and the mask of those that it passes through.
@@ -175,7 +175,7 @@ inline void closest_hit(const Bvh *bvh, const Ray *r, Hit *hit)
         if (walk.z[walk.size] > hit->t * 1.0000004f) continue;
         uint bits = 0;
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
-            bits |= row_bits(ray_meets(r, bvh->boxes + node * 6 * NODE_WIDTH + lane, hit->t, near + lane)) << lane;
+            bits |= row_bits(ray_meets(r, bvh->boxes + node * 6 * NODE_WIDTH + lane, NODE_WIDTH, hit->t, near + lane)) << lane;
         push_children(bvh, r, node, bits, near, &walk, hit);
     }
 }
