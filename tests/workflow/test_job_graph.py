@@ -8,6 +8,10 @@ pytestmark = pytest.mark.workflow
 
 SMOKE = ("--configfile", "config/smoke.yaml")
 TARGET = ("--", "results/tables/")
+STORE_REPORTS = {
+    "storage_layouts", "rate_distortion", "equivalence", "retrieval", "plenoptic_photograph",
+    "other_renderers",
+}  # fmt: skip
 
 
 def test_smoke(checkout):
@@ -17,6 +21,7 @@ def test_smoke(checkout):
     # N = 64 is large enough for two tiles, so that two cores share it.
     assert jobs["trace"] == 3 * (1 + 1 + 2)
     assert jobs["contact_sheet"] == 9 and jobs["page"] == jobs["tables"] == 1
+    assert STORE_REPORTS.isdisjoint(jobs)
 
 
 def test_the_default_run_has_a_row_for_each_scene_and_resolution(checkout):
@@ -25,12 +30,16 @@ def test_the_default_run_has_a_row_for_each_scene_and_resolution(checkout):
     # Tiles are bounded in bytes: N = 512 is 12.9 GB of raw frames a scene.
     assert 3 * (12 + 3 + 4) <= jobs["trace"] <= 120
     assert sum(jobs.values()) < 250
+    assert set(jobs) >= STORE_REPORTS and jobs["retrieval_scene"] == jobs["equivalence_scene"] == 3
 
 
 def test_what_is_not_asked_for_is_not_in_the_graph(checkout):
     jobs = checkout.planned(
-        *SMOKE, "--config", "store=false", "figures={make: [quality]}", "scenes=[bike]", *TARGET
-    )
+        *SMOKE, "--config", "store=false", "figures={make: [quality]}", "scenes=[bike]",
+        "storage={make: [retrieval, equivalence]}", *TARGET,
+    )  # fmt: skip
+    # What is not stored cannot be read.
+    assert "retrieval" not in jobs and jobs["equivalence"] == jobs["equivalence_scene"] == 1
     assert {"join", "retrieve", "contact_sheet", "trace_views", "trace_aperture_stack"}.isdisjoint(
         jobs
     )
