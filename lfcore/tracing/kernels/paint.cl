@@ -119,7 +119,7 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, con
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         global int *wants = e->colours.wants + k * BLOCK_RAYS;
         global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
-        if (SCATTERED || triangles > MANY_TRIANGLES)
+        if (SCATTERED || (state->cover < 0 && triangles > MANY_TRIANGLES))  // a covered block has no ids
             shadow_rays_singly(bvh, light, &e->occluders, e->complete, &e->nearby, ids, e->colours.point, wants);
         else if (triangles)
             shadow_block(bvh, light, &e->occluders, e->complete, &bundle, state, ids, e->colours.point, wants, e->spare,
