@@ -7,8 +7,10 @@ Source: CS348b assignment 3, steps 4 and 6.  Errors are of linear radiance (RMSE
 from __future__ import annotations
 
 import math
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -25,6 +27,7 @@ from lfcore.refocus.array.result import Synthesis
 from lfcore.refocus.array.trace import trace_array
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.scene.colour import linear_to_srgb
+from lfcore.storage.tiled_exr import write_array
 from lfcore.tracing.tracer import Tracer
 
 PEAK = 255.0
@@ -145,6 +148,23 @@ def square_field(
     """
     array = CameraArray.on_grid((cameras, cameras), bounds, fov_deg, (tile, tile))
     return DeviceField(tracer.device, trace_array(tracer, array, samples_per_pixel), array)
+
+
+def array_record(scene: str, field: DeviceField, samples_per_pixel: int, seconds: float) -> dict:
+    """A row of the ``camera_array`` table; the size is that of its tiled EXR in 16 bits."""
+    array = field.array
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "array.exr"
+        write_array(file, field.image, array, half=True)
+        size = file.stat().st_size
+    return {
+        "scene": scene,
+        "cameras": len(array.columns_m) * len(array.rows_m),
+        "pixels": array.tile[0] * array.tile[1],
+        "seconds": seconds,
+        "mrays_per_second": array.rays * samples_per_pixel / seconds / 1e6,
+        "bytes": size,
+    }
 
 
 def overview(image: np.ndarray, width: int) -> np.ndarray:

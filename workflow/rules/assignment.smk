@@ -26,7 +26,18 @@ ASSIGNMENT_FILES = [
         for kind in ("csv", "md")
     ),
     "results/assignment/index.html",
+    *(f"results/tables/{table}.{kind}" for table in ASSIGNMENT_TABLES for kind in ("csv", "md")),
 ]
+# The quick ones of its scenes are in the tables of results/tables/, with its figure of errors.
+QUICK_SCENES = ["book", "sphere"]
+ERRORS_FIGURE = "results/assignment/figures/reconstruction.png"
+if ARRAY["in_tables"]:
+    for name, title in (
+        ("camera_array", "Camera arrays"),
+        ("reconstruction", "Pictures from camera arrays"),
+    ):
+        SECTIONS[name] = {"title": title, "table": f"results/tables/{name}.csv"}
+    SECTIONS["reconstruction"]["figures"] = {"": ERRORS_FIGURE}
 # Scripts, and the figures that each makes beside its record.
 BOOK_FIGURES = ["synthesis", "focal_surfaces", "realistic_lens"]
 SAMPLING_FIGURES = ["few_cameras", "equal_storage"]
@@ -213,6 +224,33 @@ rule assignment_tables:
         markdown=[f"results/assignment/{table}.md" for table in ASSIGNMENT_TABLES],
     log:
         "logs/assignment/tables.log",
+    conda:
+        "../envs/lfcore.yaml"
+    params:
+        sources=sources("assignment_tables.py"),
+        titles=ASSIGNMENT_TABLES,
+        config=SETTINGS,
+    script:
+        "../scripts/assignment_tables.py"
+
+
+rule array_tables:
+    input:
+        camera_array=expand(f"{ARRAYS}/{{scene}}.json", scene=QUICK_SCENES),
+        reconstruction="results/assignment/records/reconstruction.json",
+        captions=[f"{workflow.basedir}/workflow/report/{table}.rst" for table in ASSIGNMENT_TABLES],
+    output:
+        csv=[
+            report(
+                f"results/tables/{table}.csv",
+                caption=f"../report/{table}.rst",
+                category="Tables",
+            )
+            for table in ASSIGNMENT_TABLES
+        ],
+        markdown=[f"results/tables/{table}.md" for table in ASSIGNMENT_TABLES],
+    log:
+        "logs/array_tables.log",
     conda:
         "../envs/lfcore.yaml"
     params:
