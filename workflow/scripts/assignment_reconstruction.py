@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from lfcore.evaluation.camera_arrays import (
     array_record,
     convergence,
+    fine_quadrature,
     reconstructions,
     square_field,
 )
@@ -77,8 +78,11 @@ with job(snakemake):
         del field
     field = square_field(tracer, CONVERGENCE_CAMERAS, *ARRAYS["book"], params.tile_px, SAMPLES)
     small = measured_camera(CONVERGENCE_PX)
+    limit = fine_quadrature(field, small, BOOK_FOCUS_M)
     slopes = {
-        sampler: convergence(field, small, BOOK_FOCUS_M, CONVERGENCE_COUNTS, sampler=sampler)
+        sampler: convergence(
+            field, small, BOOK_FOCUS_M, CONVERGENCE_COUNTS, sampler=sampler, limit=limit
+        )
         for sampler in SAMPLERS
     }
     draw(snakemake.output.figure, rows, slopes)

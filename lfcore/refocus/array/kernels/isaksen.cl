@@ -3,13 +3,7 @@
 #include "lookup.cl"
 
 kernel void isaksen(
-    global const IMAGE *restrict image,
-    const Array array,
-    global const float *restrict columns,
-    global const float *restrict rows,
-    const View view,
-    const Surface surface,
-    global const float *restrict map,
+    FIELD_PARAMETERS,
     const float filter_width,
     const int first_row,
     global float4 *restrict out)

@@ -45,6 +45,16 @@ typedef struct {
 #define TEXEL(image, index) image[index]
 #endif
 
+// What every kernel of a light field starts with.
+#define FIELD_PARAMETERS \
+    global const IMAGE *restrict image, \
+    const Array array, \
+    global const float *restrict columns, \
+    global const float *restrict rows, \
+    const View view, \
+    const Surface surface, \
+    global const float *restrict map
+
 kernel void struct_sizes(global int *sizes)
 {
     sizes[0] = sizeof(Array);

@@ -5,13 +5,7 @@
 #include "lookup.cl"
 
 kernel void given_rays(
-    global const IMAGE *restrict image,
-    const Array array,
-    global const float *restrict columns,
-    global const float *restrict rows,
-    const View view,
-    const Surface surface,
-    global const float *restrict map,
+    FIELD_PARAMETERS,
     global const float8 *restrict rays,
     global const float2 *restrict film,
     const int count,

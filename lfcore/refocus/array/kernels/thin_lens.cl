@@ -60,13 +60,7 @@ inline uint permute(uint index, uint count, int bits, uint key)
 }
 
 kernel void thin_lens(
-    global const IMAGE *restrict image,
-    const Array array,
-    global const float *restrict columns,
-    global const float *restrict rows,
-    const View view,
-    const Surface surface,
-    global const float *restrict map,
+    FIELD_PARAMETERS,
     global const float4 *restrict table,
     const int count,
     const int strata_columns,
