@@ -1,14 +1,16 @@
 """Points, orders, fronts and recommendations, by hand and on a scene of two triangles."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 from lfcore.errors import OpticsError
-from lfcore.evaluation.recommendation import recommendation
+from lfcore.evaluation.recommendation import DEFAULT_TASK, recommendation
 from lfcore.evaluation.stability.subject import bare_scene
 from lfcore.evaluation.tables import TableError
 from lfcore.evaluation.work_precision import lens_samples, methods, quadrature, stored, windows
@@ -26,6 +28,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.direct import trace_picture
 from lfcore.scene.model import POINT, Light, Material
+from lfcore.storage.defaults import default_spec
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -198,3 +201,14 @@ def test_figures_are_made_also_with_failures(tmp_path):
     curve = POINTS.assign(rays_per_pixel=[4, 16, 64, 256], rmse_edges=[0.2, 0.1, 0.05, None])
     convergence(tmp_path / "c.png", curve)
     assert all((tmp_path / f"{name}.png").stat().st_size > 5000 for name in "abc")
+
+
+def test_the_default_encoder_s_setting_is_the_recommended_one():
+    """The CRF that the measured table recommends for 45 dB in the most demanding scene."""
+    root = Path(__file__).parents[2] / "config"
+    table = pd.read_csv(root / "recommended.csv")
+    study = yaml.safe_load((root / "config.yaml").read_text(encoding="utf-8"))["analysis"]
+    rows = table[(table.task == DEFAULT_TASK) & (table.target_db == 45)]
+    assert set(rows.scene) == {"bike", "cabin", "bedroom"} and (rows.psnr_db >= 45).all()
+    needed = min(float(setting.removeprefix("CRF ")) for setting in rows.setting)
+    assert default_spec(study["work_precision"]["video_views"]).crf == needed

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from lfcore.evaluation.figures import save_figure
 from lfcore.evaluation.work_precision.point import fitted_order
@@ -71,7 +72,7 @@ def _panel(axis, rows: pd.DataFrame, title: str) -> None:
     low, high = measured.rmse.min() / PINNED, measured.rmse.max() * PINNED
     for number, (method, curve) in enumerate(rows.groupby("method", sort=False)):
         _curve(axis, curve, method, f"C{number}", MARKERS[number % len(MARKERS)], low, high)
-    doubt = measured.reference_rmse.max()
+    doubt = measured.reference_rmse.median()  # peers have references of their own
     if np.isfinite(doubt) and doubt > 0:
         axis.axvline(doubt, color="0.4", linestyle=":", linewidth=1)
         axis.annotate(
@@ -97,8 +98,8 @@ def _curve(axis, curve: pd.DataFrame, method: str, colour: str, marker: str, low
         at = 1 - 0.04 * (place + 1)
         axis.plot(0.985, at, "x", color=colour, transform=axis.transAxes, clip_on=False)
         label = row.knob.split(", ")[-1].replace("N = ", "")
-        axis.annotate(f"{label} failed", (0.97, at), xycoords="axes fraction", size=6, ha="right",
-                      va="center", color=colour)  # fmt: skip
+        axis.annotate(f"{method} {label}: refused", (0.97, at), xycoords="axes fraction", size=6,
+                      ha="right", va="center", color=colour)  # fmt: skip
     exact = curve[curve.rmse == 0]
     axis.plot([low] * len(exact), exact.seconds, "<", color=colour, markersize=7)
 
@@ -175,6 +176,7 @@ def _converging(axis, rows: pd.DataFrame, kind: str) -> None:
         curve = curve[curve[column] > 0]
         side = np.sqrt(curve.rays_per_pixel)
         axis.plot(side, curve[column], marker=MARKERS[number], markersize=4, label=method)
+    axis.xaxis.set_minor_formatter(NullFormatter())
     low, high = np.sqrt([rows.rays_per_pixel.min(), rows.rays_per_pixel.max()])
     top = rows[column].max()
     for order in (1, 1.5, 2):
