@@ -22,7 +22,7 @@ class Description:
     """Turns a scene and a camera into Mitsuba's dictionary.
 
     ``mitsuba`` is the module, its variant set.  Raises :class:`SceneError` for colours at corners,
-    and for ambient light beside other light unless ``leave_out_ambient``.
+    for motion, and for ambient light beside other light unless ``leave_out_ambient``.
     """
 
     def __init__(self, mitsuba, scene: Scene, *, leave_out_ambient: bool = False):
@@ -30,6 +30,8 @@ class Description:
         self._glows = not any(any(light.colour) for light in scene.lights)
         if len(scene.colours):
             raise SceneError("colours at corners are not exported to Mitsuba", key=scene.name)
+        if scene.motions:
+            raise SceneError("motion is not exported to Mitsuba", key=scene.name)
         if any(scene.ambient) and not self._glows and not leave_out_ambient:
             raise SceneError(
                 "Mitsuba has no ambient light",

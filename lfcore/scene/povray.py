@@ -33,8 +33,8 @@ def write_povray(folder: str | Path, scene: Scene, camera: Camera, *, samples: i
     ``camera`` is a thin lens at the scene's origin, focused where its sensor is; every pixel
     takes ``samples`` rays through the lens.  To be run there, since names are relative.
 
-    Raises :class:`SceneError` for what is not exported: colours at corners, emission over a
-    texture, a focus at infinity.
+    Raises :class:`SceneError` for what is not exported: colours at corners, motion, emission
+    over a texture, a focus at infinity.
     """
     if len(scene.colours):
         raise SceneError(
@@ -42,6 +42,8 @@ def write_povray(folder: str | Path, scene: Scene, camera: Camera, *, samples: i
             key=scene.name,
             remedy="Use a texture or materials instead",
         )
+    if scene.motions:
+        raise SceneError("motion is not exported to POV-Ray", key=scene.name)
     if math.isinf(camera.focus_distance_m):
         raise SceneError("POV-Ray cannot focus at infinity", key="camera.focus_distance_m")
     folder = Path(folder)

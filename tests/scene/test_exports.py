@@ -19,7 +19,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.scene.build import build_scene
 from lfcore.scene.colour import linear_to_srgb
 from lfcore.scene.mitsuba import Description
-from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material
+from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material, Motion
 from lfcore.scene.povray import write_povray
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
@@ -85,15 +85,18 @@ def test_what_is_not_exported_is_refused(chart, tmp_path):
     coloured = dataclasses.replace(chart, colours=np.ones_like(chart.triangles))
     glowing = [Material("glow", (0, 0, 0), emission=(1, 0, 0))] * len(chart.materials)
     far = dataclasses.replace(chart.camera, focus_distance_m=math.inf)
+    moving = dataclasses.replace(chart, motions=(Motion(0, 2, np.eye(4), np.eye(4)),))
     for scene, words in (
         (coloured, "corners"),
         (dataclasses.replace(chart, materials=glowing), "emission"),
         (dataclasses.replace(chart, camera=far), "infinity"),
+        (moving, "motion"),
     ):
         with pytest.raises(SceneError, match=words):
             written(tmp_path, scene)
-    with pytest.raises(SceneError, match="corners"):
-        Description(None, coloured)
+    for scene, words in ((coloured, "corners"), (moving, "motion")):
+        with pytest.raises(SceneError, match=words):
+            Description(None, scene)
     lit = dataclasses.replace(chart, lights=[Light(POINT, (0, 0, 0), (1, 1, 1))])
     with pytest.raises(SceneError, match="ambient"):
         Description(None, lit)
