@@ -81,6 +81,25 @@ inline void add_to_planes(const Planes *p, int u, int v, int bi, int bj, int col
     }
 }
 
+#if LANES == 16
+// Add a row of sixteen pixels to sixteen neighbours from `to` on.
+inline void add_row(global const float *c, global ulong *to)
+{
+    const uint16 r = TO_VU(fma(VLOAD(c), (vf)(FIXED_ONE), (vf)(0.5f))), g = TO_VU(fma(VLOAD(c + BLOCK_RAYS), (vf)(FIXED_ONE), (vf)(0.5f)));
+    const uint16 b = TO_VU(fma(VLOAD(c + 2 * BLOCK_RAYS), (vf)(FIXED_ONE), (vf)(0.5f)));
+#define ADD_TWO(k, i, j) vstore8(vload8(k, to) + convert_ulong8((uint8)(r.i, g.i, b.i, 0, r.j, g.j, b.j, 0)), k, to);
+    ADD_TWO(0, s0, s1)
+    ADD_TWO(1, s2, s3)
+    ADD_TWO(2, s4, s5)
+    ADD_TWO(3, s6, s7)
+    ADD_TWO(4, s8, s9)
+    ADD_TWO(5, sa, sb)
+    ADD_TWO(6, sc, sd)
+    ADD_TWO(7, se, sf)
+#undef ADD_TWO
+}
+#endif
+
 // Add a block of pixels of one view (lens sample bi, bj), whose first pixel is (column, row): `runs`
 // holds the target of every pixel column for each lens column, rows alike.
 inline void add_view_to_planes(const Planes *p, int bi, int bj, int views, int column, int row, global const float *colours)
@@ -91,10 +110,21 @@ inline void add_view_to_planes(const Planes *p, int bi, int bj, int views, int c
         global const int *across = p->runs + info.y + bi * p->size + column, *down = p->runs + info.y + bj * p->size + row;
         const int columns = min(BLOCK, p->size - column), rows = min(BLOCK, p->size - row);
         global ulong4 *sums = p->sums + (ulong)plane * p->width * p->height;
+        int whole = 0;  // are the targets sixteen neighbours within the picture, as they are for a mere shift?
+#if LANES == 16
+        whole = columns == BLOCK && across[0] >= 0 && across[BLOCK - 1] < p->size
+                && all(vload16(0, across) == across[0] + (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15));
+#endif
         for (int y = 0; y < rows; ++y) {
             if (down[y] < 0 || down[y] >= p->size) continue;
             global ulong4 *line = sums + (ulong)down[y] * p->width;
             global const float *c = colours + y * BLOCK;
+#if LANES == 16
+            if (whole) {
+                add_row(c, (global ulong *)(line + across[0]));
+                continue;
+            }
+#endif
             for (int x = 0; x < columns; ++x) {
                 if (across[x] < 0 || across[x] >= p->size) continue;
                 const float4 colour = (float4)(c[x], c[BLOCK_RAYS + x], c[2 * BLOCK_RAYS + x], 0.0f);
