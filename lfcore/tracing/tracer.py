@@ -17,11 +17,11 @@ from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.surfaces import pack_surfaces
 from lfcore.tracing.tile import TileJob, TileTracing
-from lfcore.tracing.work import BeamShape, group_elements, mean_leaves
+from lfcore.tracing.work import BeamShape, group_elements, leaves_a_ray
 
 HITS_CHUNK_RAYS = 1 << 24
-SCATTERED_LEAVES = 500
-"""Mean number of leaves in the way of a block above which single rays are faster: measured."""
+SCATTERED_LEAVES = 2.5
+"""Leaves in the way of a block, a ray, above which single rays are faster: measured."""
 
 
 class Tracer:
@@ -252,7 +252,7 @@ class Tracer:
 
     def scattered(self, bundles: Bundles) -> bool:
         """Whether blocks of these rays have so much in their way that single rays are faster."""
-        return mean_leaves(self._leaf_boxes, bundles) > SCATTERED_LEAVES
+        return leaves_a_ray(self._leaf_boxes, bundles) > SCATTERED_LEAVES
 
     def _ray_arguments(self, bundles: Bundles, elements, beams, shape: BeamShape) -> list:
         """What the kernels take as their rays, from ``elements`` to ``rows``."""

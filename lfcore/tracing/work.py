@@ -63,8 +63,8 @@ def group_elements(coordinates: np.ndarray, group: int) -> np.ndarray:
 PROBED_BLOCKS = 16
 
 
-def mean_leaves(leaf_boxes: np.ndarray, bundles: Bundles) -> float:
-    """Mean number of leaves, boxes (L, 6), in the way of a block of 16 x 16 rays.
+def leaves_a_ray(leaf_boxes: np.ndarray, bundles: Bundles) -> float:
+    """Leaves, boxes (L, 6), in the way of a mean block of 16 x 16 rays or fewer, a ray.
 
     Counted for PROBED_BLOCKS blocks spread evenly over elements and inner grid, whatever stands in
     front of what: the same bundles always give the same number.
@@ -87,4 +87,4 @@ def mean_leaves(leaf_boxes: np.ndarray, bundles: Bundles) -> float:
             meets &= lo[:, axis] <= (centre + reach).max(0)
             meets &= hi[:, axis] >= (centre - reach).min(0)
         count += int(meets.sum())
-    return count / len(chosen)
+    return count / len(chosen) / float(np.prod(2 * half + 1))

@@ -126,11 +126,14 @@ inline int narrow_list(const Bvh *bvh, global const float *light, const LeafList
     return 1;
 }
 
+// A list pays for itself with the rays of a whole block.
+#define LISTED (!SCATTERED && HALF > 5.0f)
+
 // Take from `wants` the rays of a block that cannot see the light, one by one.
 inline void shadow_rays_singly(const Bvh *bvh, global const float *light, const LeafList *beam, int complete, LeafList *list,
                                global const int *ids, global const float *point, global int *wants)
 {
-    const int listed = !SCATTERED && narrow_list(bvh, light, beam, complete, point, wants, list);
+    const int listed = LISTED && narrow_list(bvh, light, beam, complete, point, wants, list);
     int last = -1;  // what darkened a neighbour is likely to darken the next
     for (int at = 0; at < BLOCK_RAYS; ++at) {
         if (!wants[at]) continue;
