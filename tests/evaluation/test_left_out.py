@@ -33,6 +33,9 @@ OF_THE_JOB = {
     "HALF": "rays in use of a block",
     "LIGHTS": "OPEN_LIGHTS + SHADOW_LIGHTS",
     "SHADOW_LIST": "default of a size",
+    "SHADOW_MARGIN": "defined with SHADOW_LIGHTS: a file that shading shares with visibility",
+    "SCATTERED": "whether rays are followed one by one, by how many leaves a block would meet",
+    "WINDOW": "whether blocks of lens samples test small triangles in windows",
 }
 # Where each part of a scene has its place in Needs; "" with the reason why there is none.
 PLACES = {
