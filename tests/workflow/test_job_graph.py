@@ -33,6 +33,15 @@ def test_the_default_run_has_a_row_for_each_scene_and_resolution(checkout):
     assert set(jobs) >= STORE_REPORTS and jobs["retrieval_scene"] == jobs["equivalence_scene"] == 3
 
 
+def test_tables_of_camera_arrays_are_quick_ones(checkout):
+    """Of the assignment's scenes the large one is not traced for results/tables/."""
+    jobs = checkout.planned("--", "results/tables/camera_array.csv", "results/tables/index.html")
+    assert jobs["array_tables"] == jobs["assignment_reconstruction"] == 1
+    assert jobs["assignment_trace"] == 2 and "assignment_see_through" not in jobs
+    whole = checkout.planned("--", "results/assignment/")
+    assert whole["array_tables"] == whole["assignment_tables"] == 1
+
+
 def test_what_is_not_asked_for_is_not_in_the_graph(checkout):
     jobs = checkout.planned(
         *SMOKE, "--config", "store=false", "figures={make: [quality]}", "scenes=[bike]",
