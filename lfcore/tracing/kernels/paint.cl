@@ -108,12 +108,24 @@ inline void see_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWo
 #endif
 }
 
+// What the lanes beside the inner grid see is of no use: neither shaded nor shadowed.
+inline void crop_block(const Rays *rays, int2 where, global int *ids)
+{
+    const int columns = rays->columns - where.x, rows = rays->rows - where.y;
+    if (columns >= BLOCK && rows >= BLOCK) return;
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const vi beside = at / BLOCK >= rows ? (vi)(-1) : GE(IOTA + at % BLOCK, (vf)(columns));
+        VSTORE(VLOAD(ids + at) | beside, ids + at);
+    }
+}
+
 // Linear colours, not clamped, of one block of a beam that was seen: (3, BLOCK_RAYS) at colours.base.
 inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, const BeamWork *work, int block, float pixel, Easel *e)
 {
     const BlockState *state = work->block + block;
     const Bundle bundle = block_bundle(rays, work, block);
-    global const int *ids = e->ids + block * BLOCK_RAYS;
+    global int *ids = e->ids + block * BLOCK_RAYS;
+    if (state->cover == BUFFERED) crop_block(rays, block_position(work, block), ids);
     const int triangles = shade_block(s, &bundle, state, e->z + block * BLOCK_RAYS, ids, pixel, e->surfaces, e->finishes, &e->colours);
 #if SHADOW_LIGHTS
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
