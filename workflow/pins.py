@@ -35,11 +35,13 @@ dependencies:
 # What a job needs is less than what a developer needs.
 DEVELOPMENT = {
     "black",
+    "drjit",
     "embreex",
     "execnet",
     "hypothesis",
     "iniconfig",
     "lxml",
+    "mitsuba",
     "mypy-extensions",
     "pathspec",
     "pluggy",
