@@ -1,0 +1,196 @@
+// Surfaces of a scene, and what a triangle interpolates over a block: quotients of affine forms.
+#ifndef LFCORE_FACETS_CL
+#define LFCORE_FACETS_CL
+#include "visibility.cl"
+#include "texture.cl"
+
+#define LIGHTS (OPEN_LIGHTS + SHADOW_LIGHTS)
+#if POINT_LIGHTS && DIRECTIONAL_LIGHTS
+#define IS_POINT(light) ((light)[3] != 0.0f)
+#else
+#define IS_POINT(light) POINT_LIGHTS
+#endif
+#define ATTRIBUTES (9 * SMOOTH + 6 * TEXTURED + 9 * VERTEX_COLOURS)
+#define MATERIAL 12
+#define LIGHT 8
+#define MIP_LEVELS 12
+
+typedef struct {
+    global const float *corners;     // (T, 9)
+    global const float *attributes;  // (T, ATTRIBUTES): normals, texture coordinates, colours of the corners
+    global const int *material_ids;  // (T,)
+    global const float *materials;   // (K, MATERIAL): diffuse, shininess, specular, texture, emission, 0
+    global const float *lights;      // (LIGHTS, LIGHT): vector, 1 if a point, colour, reference distance
+    global const int4 *images;       // (textures, MIP_LEVELS): offset, width, height, number of levels
+    global const uint *texels;
+    float4 ambient, background;
+} Surfaces;
+
+#define SURFACES_PARAMETERS                  \
+    global const float *restrict corners,    \
+    global const float *restrict attributes, \
+    global const int *restrict material_ids, \
+    global const float *restrict materials,  \
+    global const float *restrict lights,     \
+    global const int4 *restrict images,      \
+    global const uint *restrict texels,      \
+    const float4 ambient,                    \
+    const float4 background
+#define MAKE_SURFACES {corners, attributes, material_ids, materials, lights, images, texels, ambient, background}
+
+typedef struct { float c, i, j; } Form;
+
+inline vf form_row(Form f, vf x, float y) { return affine_row(f.c, f.i, f.j, x, y); }
+
+inline Form blend(const Form *e, float a, float b, float c)
+{
+    Form f;
+    f.c = a * e[0].c + b * e[1].c + c * e[2].c;
+    f.i = a * e[0].i + b * e[1].i + c * e[2].i;
+    f.j = a * e[0].j + b * e[1].j + c * e[2].j;
+    return f;
+}
+
+inline Form edge_form(float3 p, float3 q, const Bundle *r)
+{
+    const float3 c = cross(p, q);
+    Form e;
+    e.c = c.z;
+    e.i = c.x * r->tx + (p.y - q.y) * r->sx;
+    e.j = c.y * r->ty - (p.x - q.x) * r->sy;
+    return e;
+}
+
+// One triangle prepared for a block.
+typedef struct {
+    Form e[3], sum;       // barycentric weights and their sum
+#if !SMOOTH
+    float3 normal;        // geometric, towards the viewer
+#endif
+#if SMOOTH
+    Form n[3];
+#endif
+#if TEXTURED
+    Form uv[2];
+#endif
+#if VERTEX_COLOURS
+    float3 first;         // colour of the first corner; the forms hold differences from it, so that
+    Form rgb[3];          // equal corners give just their colour
+#endif
+    int finish;           // see Finish
+} Facet;
+
+// What a surface is made of: a material and, where it is textured, one mip level of its texture.
+// Numbered material * MIP_LEVELS + level, so that triangles alike can be lit together.
+typedef struct {
+    float3 diffuse, specular, emission;
+    float shininess;
+    int4 image;           // width 0 without a texture
+} Finish;
+
+inline Finish read_finish(const Surfaces *s, int number)
+{
+    global const float *material = s->materials + number / MIP_LEVELS * MATERIAL;
+    Finish f;
+    f.diffuse = vload3(0, material);
+    f.shininess = material[3];
+    f.specular = vload3(0, material + 4);
+    f.emission = vload3(0, material + 8);
+    f.image = 0;
+#if TEXTURED
+    const int texture = as_int(material[7]);
+    if (texture >= 0) f.image = s->images[texture * MIP_LEVELS + number % MIP_LEVELS];
+#endif
+    return f;
+}
+
+// Interpolated surface of a row of rays.
+typedef struct { vf x, y, z; } Vec;
+typedef struct {
+    Vec normal;           // neither unit nor turned to the viewer yet
+#if TEXTURED
+    vf u, v;
+#endif
+#if VERTEX_COLOURS
+    Colour rgb;
+#endif
+} Surface;
+
+inline float3 corner(global const float *c, int k) { return (float3)(c[3 * k], c[3 * k + 1], c[3 * k + 2]); }
+
+#if TEXTURED
+// The mip level whose texels are about as large as a pixel's footprint at the block's centre.  The
+// footprint covers z^2 pixel^2 |D| / cos of the surface, and n . D, the sum of the weights, is twice the
+// triangle's area times that cosine times |D|: area and cosine need not be known apart.
+inline int choose_level(const Surfaces *s, int texture, global const float *uv, const Facet *f, float depth, float pixel)
+{
+    const int4 finest = s->images[texture * MIP_LEVELS];
+    const float twice = fabs((uv[2] - uv[0]) * (uv[5] - uv[1]) - (uv[4] - uv[0]) * (uv[3] - uv[1]));
+    const float texels = twice * finest.y * finest.z * (depth * pixel) * (depth * pixel) / max(fabs(f->sum.c), 1.0e-30f);
+    const int level = texels > 2.0f ? (int)(0.5f * native_log2(texels) + 0.5f) : 0;
+    return min(level, finest.w - 1);
+}
+#endif
+
+inline void prepare_facet(const Surfaces *s, const Bundle *r, int id, float pixel, Facet *f)
+{
+    global const float *at = s->corners + id * 9;
+    const float3 p = corner(at, 0), q = corner(at, 1), w = corner(at, 2);
+    const float3 shear = (float3)(r->dx, r->dy, 0.0f), origin = (float3)(r->ox, r->oy, 0.0f);
+    const float3 v[3] = {p - origin - p.z * shear, q - origin - q.z * shear, w - origin - w.z * shear};
+    f->e[0] = edge_form(v[1], v[2], r);
+    f->e[1] = edge_form(v[2], v[0], r);
+    f->e[2] = edge_form(v[0], v[1], r);
+    f->sum = blend(f->e, 1.0f, 1.0f, 1.0f);
+#if !SMOOTH
+    // The sum of the weights is n . D: negative when the corners turn towards the viewer.
+    const float sign = f->sum.c < 0.0f ? -1.0f : 1.0f;
+    f->normal = -sign * normalize(cross(q - p, w - p));
+#endif
+    global const float *attributes = s->attributes + (long)id * ATTRIBUTES;
+#if SMOOTH
+    for (int k = 0; k < 3; ++k) f->n[k] = blend(f->e, attributes[k], attributes[3 + k], attributes[6 + k]);
+    attributes += 9;
+#endif
+    f->finish = s->material_ids[id] * MIP_LEVELS;
+#if TEXTURED
+    for (int k = 0; k < 2; ++k) f->uv[k] = blend(f->e, attributes[k], attributes[2 + k], attributes[4 + k]);
+    const int texture = as_int(s->materials[s->material_ids[id] * MATERIAL + 7]);
+    const float depth = (p.z * f->e[0].c + q.z * f->e[1].c + w.z * f->e[2].c) / f->sum.c;
+    if (texture >= 0) f->finish += choose_level(s, texture, attributes, f, depth, pixel);
+    attributes += 6;
+#endif
+#if VERTEX_COLOURS
+    f->first = vload3(0, attributes);
+    for (int k = 0; k < 3; ++k)
+        f->rgb[k] = blend(f->e, 0.0f, attributes[3 + k] - attributes[k], attributes[6 + k] - attributes[k]);
+#endif
+}
+
+inline vf dot3(Vec a, Vec b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
+inline Vec scale3(Vec a, vf k) { Vec r = {a.x * k, a.y * k, a.z * k}; return r; }
+
+inline Surface interpolate(const Facet *f, vf x, float y)
+{
+    Surface p;
+#if SMOOTH
+    p.normal.x = form_row(f->n[0], x, y); p.normal.y = form_row(f->n[1], x, y); p.normal.z = form_row(f->n[2], x, y);
+#else
+    p.normal.x = f->normal.x; p.normal.y = f->normal.y; p.normal.z = f->normal.z;
+#endif
+#if TEXTURED || VERTEX_COLOURS
+    const vf inverse = reciprocal(form_row(f->sum, x, y));
+#endif
+#if TEXTURED
+    p.u = form_row(f->uv[0], x, y) * inverse;
+    p.v = form_row(f->uv[1], x, y) * inverse;
+#endif
+#if VERTEX_COLOURS
+    p.rgb.r = fma(form_row(f->rgb[0], x, y), inverse, (vf)(f->first.x));
+    p.rgb.g = fma(form_row(f->rgb[1], x, y), inverse, (vf)(f->first.y));
+    p.rgb.b = fma(form_row(f->rgb[2], x, y), inverse, (vf)(f->first.z));
+#endif
+    return p;
+}
+
+#endif
