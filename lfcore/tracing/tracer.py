@@ -251,8 +251,13 @@ class Tracer:
         return shape, group_elements(np.asarray(coordinates)[part], shape.group)
 
     def scattered(self, bundles: Bundles) -> bool:
-        """Whether blocks of these rays have so much in their way that single rays are faster."""
-        return leaves_a_ray(self._leaf_boxes, bundles) > SCATTERED_LEAVES
+        """Whether blocks of these rays have so much in their way that single rays are faster.
+
+        Never for elements of one ray: such rays come from anywhere, and none must change how
+        its neighbours are traced.
+        """
+        lone = bundles.columns * bundles.rows == 1
+        return not lone and leaves_a_ray(self._leaf_boxes, bundles) > SCATTERED_LEAVES
 
     def _ray_arguments(self, bundles: Bundles, elements, beams, shape: BeamShape) -> list:
         """What the kernels take as their rays, from ``elements`` to ``rows``."""
