@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.cli.command import add_command
 from lfcore.cli.output import check_suffix, write_picture
 from lfcore.cli.progress import progress, say
 from lfcore.cli.render import add_scene, load, open_tracer
@@ -26,13 +27,7 @@ examples:
 
 
 def add_parser(commands, name: str, summary: str) -> None:
-    command = commands.add_parser(
-        name,
-        help=summary,
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    command = add_command(commands, name, summary, DESCRIPTION, EPILOG)
     add_scene(command)
     command.add_argument("-o", "--output", type=Path, help=".npz (every view) or .pfm (one view)")
     command.add_argument("--all-in-focus", type=Path, metavar="PICTURE", help="picture to write")

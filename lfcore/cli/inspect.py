@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.cli.command import add_command
 from lfcore.cli.output import check_suffix, write_picture
 from lfcore.cli.progress import progress, say
 from lfcore.cli.refocus import open_field
@@ -34,15 +35,12 @@ examples:
 
 
 def add_parser(commands, name: str, summary: str) -> None:
-    form = argparse.RawDescriptionHelpFormatter
     if name == "devices":
-        command = commands.add_parser(name, help=summary, description=_DEVICES)
+        command = add_command(commands, name, summary, _DEVICES)
         command.set_defaults(run=devices)
         return
     text = (INFO, INFO_EPILOG) if name == "info" else (VIEW, VIEW_EPILOG)
-    command = commands.add_parser(
-        name, help=summary, description=text[0], epilog=text[1], formatter_class=form
-    )
+    command = add_command(commands, name, summary, *text)
     command.add_argument("lightfield", type=Path, help="light field file, .mkv")
     command.add_argument("--salvage", action="store_true", help="open a damaged file, too")
     if name == "info":

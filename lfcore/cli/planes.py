@@ -39,19 +39,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         help="focus distance in metres, or 'inf' (default: as recorded)",
     )  # fmt: skip
     one.add_argument("--f-number", type=float, metavar="F", help="default: the whole lens")
-    one.add_argument("--aperture", choices=SHAPES, default="circle", help="default: circle")
-    one.add_argument("--blades", type=int, default=6, help="corners of a polygon (6)")
-    one.add_argument(
-        "--rotation", type=float, default=0.0, metavar="DEG", help="of a polygon, degrees (0)"
-    )
-    one.add_argument(
-        "--normalise", action=argparse.BooleanOptionalAction, default=True,
-        help="same brightness at every aperture; --no-normalise dims as the lens stops down",
-    )  # fmt: skip
-    one.add_argument(
-        "--keep-magnification", action="store_true",
-        help="zoom slightly with focus, as a sensor that is moved does",
-    )  # fmt: skip
+    add_aperture(one)
     many = command.add_argument_group("many pictures (up to 100), from one pass")
     many.add_argument(
         "--plane", action="append", default=[], metavar="KEY=VALUE,...",
@@ -61,6 +49,23 @@ def add_options(command: argparse.ArgumentParser) -> None:
     many.add_argument(
         "--planes", type=Path, metavar="FILE",
         help="the same keys: a YAML list of mappings, or CSV with a header",
+    )  # fmt: skip
+
+
+def add_aperture(group) -> None:
+    """Options on the aperture and on what its pictures are scaled by, to a group of options."""
+    group.add_argument("--aperture", choices=SHAPES, default="circle", help="default: circle")
+    group.add_argument("--blades", type=int, default=6, help="corners of a polygon (6)")
+    group.add_argument(
+        "--rotation", type=float, default=0.0, metavar="DEG", help="of a polygon, degrees (0)"
+    )
+    group.add_argument(
+        "--normalise", action=argparse.BooleanOptionalAction, default=True,
+        help="same brightness at every aperture; --no-normalise dims as the lens stops down",
+    )  # fmt: skip
+    group.add_argument(
+        "--keep-magnification", action="store_true",
+        help="zoom slightly with focus, as a sensor that is moved does",
     )  # fmt: skip
 
 

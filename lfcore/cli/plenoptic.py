@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.cli.command import add_command
 from lfcore.cli.output import check_suffix, write_pictures
 from lfcore.cli.planes import distance
 from lfcore.cli.progress import progress, say
@@ -26,13 +27,7 @@ examples:
 
 
 def add_parser(commands, name: str, summary: str) -> None:
-    command = commands.add_parser(
-        name,
-        help=summary,
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    command = add_command(commands, name, summary, DESCRIPTION, EPILOG)
     add = command.add_argument
     add("scene", type=Path, help="scene.yaml, its folder, a mesh or a .pbrt file")
     add("-o", "--output", type=Path, required=True, help="the photograph")

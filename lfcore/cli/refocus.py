@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.cli import planes as plane_options
+from lfcore.cli.command import add_command
 from lfcore.cli.output import check_suffix, write_pictures
 from lfcore.cli.progress import progress, say
 
@@ -33,13 +34,7 @@ PNG and PPM hold 8-bit sRGB; EXR and NPY linear light in float32. Several planes
 
 
 def add_parser(commands, name: str, summary: str) -> None:
-    command = commands.add_parser(
-        name,
-        help=summary,
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    command = add_command(commands, name, summary, DESCRIPTION, EPILOG)
     command.add_argument("lightfield", type=Path, help="light field file, .mkv")
     command.add_argument("-o", "--output", type=Path, required=True, help="picture to write")
     plane_options.add_options(command)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from lfcore.cli import imgtool_store, render_view
 from lfcore.cli import planes as plane_options
+from lfcore.cli.command import add_command
 from lfcore.cli.output import check_suffix
 from lfcore.cli.progress import progress, say
 from lfcore.errors import LfcoreError, OpticsError
@@ -45,13 +46,7 @@ examples:
 
 def add_parser(commands, name: str, summary: str) -> None:
     text = (RENDER, RENDER_EPILOG) if name == "render" else (TRACE, TRACE_EPILOG)
-    command = commands.add_parser(
-        name,
-        help=summary,
-        description=text[0],
-        epilog=text[1],
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    command = add_command(commands, name, summary, text[0], text[1])
     add_scene(command)
     if name == "render":
         command.add_argument("-o", "--output", type=Path, required=True, help="picture to write")

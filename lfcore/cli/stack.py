@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.cli import planes as plane_options
+from lfcore.cli.command import add_command
 from lfcore.cli.output import CODED, SUFFIXES, check_suffix, write_picture
 from lfcore.cli.progress import progress, say
 from lfcore.cli.refocus import add_method, make_pictures, open_field, save
@@ -34,13 +35,7 @@ GAP_PX = 4
 
 
 def add_parser(commands, name: str, summary: str) -> None:
-    command = commands.add_parser(
-        name,
-        help=summary,
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    command = add_command(commands, name, summary, DESCRIPTION, EPILOG)
     command.add_argument("lightfield", type=Path, help="light field file, .mkv")
     command.add_argument("-o", "--output", type=Path, required=True, help="picture or .mp4")
     what = command.add_argument_group("the stack")
@@ -51,14 +46,7 @@ def add_parser(commands, name: str, summary: str) -> None:
     what.add_argument("--count", type=int, metavar="K", help="pictures from one to the other (10)")
     what.add_argument("--f-numbers", nargs="+", type=float, metavar="F",
                       help="default: the whole lens")  # fmt: skip
-    what.add_argument("--aperture", choices=plane_options.SHAPES, default="circle")
-    what.add_argument("--blades", type=int, default=6, help="corners of a polygon (6)")
-    what.add_argument("--rotation", type=float, default=0.0, metavar="DEG")
-    what.add_argument(
-        "--normalise", action=argparse.BooleanOptionalAction, default=True,
-        help="same brightness at every aperture; --no-normalise dims as the lens stops down",
-    )  # fmt: skip
-    what.add_argument("--keep-magnification", action="store_true")
+    plane_options.add_aperture(what)
     form = command.add_argument_group("form")
     form.add_argument("--sheet", action="store_true", help="all pictures in one")
     form.add_argument("--fps", type=int, default=12, help="pictures a second of a film (12)")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,25 +59,34 @@ def lens_tables(
     order = np.argsort(which, kind="stable")
     info = np.zeros((len(planes), 4), np.int32)
     records, offset = [], 0
-    reach = [slab.pixels, slab.pixels, 0, 0]
-    for row, plane in enumerate(order):
-        moves = offsets(slab, planes[plane])
-        for axis, (first, last) in enumerate(((u0, u1), (v0, v1))):
-            part = moves if len(moves) == 1 else moves[first:last]
-            low, high = part.min(axis=1), part.max(axis=1)
-            pixels = np.arange(first, last)
-            reach[axis] = min(reach[axis], int((pixels + low).min()))
-            reach[2 + axis] = max(reach[2 + axis], int((pixels + high).max()) + 1)
+    moves_of = [offsets(slab, planes[plane]) for plane in order]
+    for row, (plane, moves) in enumerate(zip(order, moves_of, strict=True)):
         table = run_records(moves)
         info[row] = which[plane], offset, 0 if len(moves) == 1 else table.shape[1], 0
         records.append(table.reshape(-1))
         offset += table.size
-    left, top = (min(max(low, 0), slab.pixels) for low in reach[:2])
-    right, bottom = (min(max(high, 0), slab.pixels) for high in reach[2:])
     runs = np.concatenate(records) if records else np.zeros(0, np.int32)
     kinds = block_kinds(masks)
-    size = max(right - left, 0), max(bottom - top, 0)
-    return PlaneTables(order, info, runs, masks, kinds, left, top, *size)
+    region = reached_region(slab, moves_of, u0, v0, u1, v1)
+    return PlaneTables(order, info, runs, masks, kinds, *region)
+
+
+def reached_region(
+    slab: Slab, moves_of: Sequence[np.ndarray], u0: int, v0: int, u1: int, v1: int
+) -> tuple[int, int, int, int]:
+    """(left, top, width, height) of the pixels of the planes that a tile's rays can reach.
+
+    ``moves_of`` holds each plane's offsets, (1 or M, N), as of :func:`offsets`.
+    """
+    low, high = [slab.pixels, slab.pixels], [0, 0]
+    for moves in moves_of:
+        for axis, (first, last) in enumerate(((u0, u1), (v0, v1))):
+            part = moves if len(moves) == 1 else moves[first:last]
+            pixels = np.arange(first, last)
+            low[axis] = min(low[axis], int((pixels + part.min(axis=1)).min()))
+            high[axis] = max(high[axis], int((pixels + part.max(axis=1)).max()) + 1)
+    left, top, right, bottom = (min(max(edge, 0), slab.pixels) for edge in (*low, *high))
+    return left, top, max(right - left, 0), max(bottom - top, 0)
 
 
 def view_tables(slab: Slab, planes: list[SensorPlane]) -> PlaneTables:

@@ -36,7 +36,16 @@ class LightField(lightfield.LightField):
         normalise: bool = True,
         keep_magnification: bool = False,
     ) -> SensorPlane:
-        """The sensor plane of these settings; focus and f-number default to the recorded ones.
+        """The sensor plane of these settings.
+
+        Parameters
+        ----------
+        focus_m : focus distance, metres; default the recorded one; ``math.inf`` allowed.
+        f_number : no wider than the lens; default the whole lens.
+        aperture : ``circle``, ``square``, ``diamond`` or ``polygon`` (of ``blades`` corners).
+        rotation_deg : of a polygon, degrees.
+        normalise : divide by the open aperture; else the picture dims as the lens stops down.
+        keep_magnification : of the physical sensor, which moves when it is focused.
 
         Raises :class:`OpticsError`, naming file and key, for what was not recorded.
         """
@@ -65,40 +74,25 @@ class LightField(lightfield.LightField):
         f_number: float | None = None,
         aperture: str = "circle",
         *,
-        blades: int = 6,
-        rotation_deg: float = 0.0,
-        normalise: bool = True,
-        keep_magnification: bool = False,
         method: str | None = None,
         filter: str = "nearest",
         device: str | None = None,
         progress: Callable[[int, int], None] | None = None,
+        **more,
     ) -> np.ndarray:
         """One picture, (M, M, 3) float32, linear light.
 
         Parameters
         ----------
-        focus_m : focus distance, metres; default the recorded one; ``math.inf`` allowed.
-        f_number : no wider than the lens; default the whole lens.
-        aperture : ``circle``, ``square``, ``diamond`` or ``polygon`` (of ``blades`` corners).
-        normalise : divide by the open aperture; else the picture dims as the lens stops down.
-        keep_magnification : of the physical sensor, which moves when it is focused.
-        method, filter : as of :meth:`refocus_many`.
+        focus_m, f_number, aperture, more : what :meth:`plane` takes.
+        method, filter, device, progress : what :meth:`refocus_many` takes.
 
         Raises
         ------
         OpticsError : the slab does not hold what is asked for.
         StorageError : the file is damaged.
         """
-        plane = self.plane(
-            focus_m,
-            f_number,
-            aperture,
-            blades=blades,
-            rotation_deg=rotation_deg,
-            normalise=normalise,
-            keep_magnification=keep_magnification,
-        )
+        plane = self.plane(focus_m, f_number, aperture, **more)
         return self.refocus_many(
             [plane], method=method, filter=filter, device=device, progress=progress
         )[0]

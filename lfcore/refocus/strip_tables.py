@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.optics.plane_sums import offsets
-from lfcore.optics.plane_tables import BLOCK, distinct_masks
+from lfcore.optics.plane_tables import BLOCK, distinct_masks, reached_region
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 
@@ -76,15 +76,10 @@ def strip_tables(
     masks, which = distinct_masks(slab, list(planes))
     order = np.argsort(which, kind="stable")
     info = np.zeros((len(planes), 4), np.int32)
-    pointers, runs, reach = [], [], [slab.pixels, slab.pixels, 0, 0]
+    pointers, runs = [], []
     pointed = used = 0
-    for row, plane in enumerate(order):
-        moves = offsets(slab, planes[plane])
-        for axis, (first, last) in enumerate(((u0, u1), (v0, v1))):
-            part = moves if len(moves) == 1 else moves[first:last]
-            pixels = np.arange(first, last)
-            reach[axis] = min(reach[axis], int((pixels + part.min(axis=1)).min()))
-            reach[2 + axis] = max(reach[2 + axis], int((pixels + part.max(axis=1)).max()) + 1)
+    moves_of = [offsets(slab, planes[plane]) for plane in order]
+    for row, (plane, moves) in enumerate(zip(order, moves_of, strict=True)):
         info[row] = which[plane], 0, 0, len(moves) > 1
         for axis, (step, each) in enumerate(((MOST_COLUMNS, slab.views), (STRIP, STRIP))):
             starts, found = runs_of(moves, step, each)
@@ -92,8 +87,6 @@ def strip_tables(
             pointers.append(starts + used)
             runs.append(found)
             pointed, used = pointed + len(starts), used + len(found)
-    left, top = (min(max(low, 0), slab.pixels) for low in reach[:2])
-    right, bottom = (min(max(high, 0), slab.pixels) for high in reach[2:])
     return StripTables(
         order,
         info,
@@ -101,10 +94,7 @@ def strip_tables(
         np.concatenate(runs or [np.zeros((0, 2))]).astype(np.int32),
         masks,
         strip_kinds(masks),
-        left,
-        top,
-        max(right - left, 0),
-        max(bottom - top, 0),
+        *reached_region(slab, moves_of, u0, v0, u1, v1),
     )
 
 
