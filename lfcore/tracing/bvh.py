@@ -29,8 +29,6 @@ from lfcore.tracing.bvh_wide import FAR, UNUSED, WIDTH, collapse
 LEAF_LANES = 16
 # Boxes beyond the sentinel of an unused child would be taken for one.
 LARGEST = float(FAR)
-# Products of three coordinates below this underflow float32: rays would miss without a word.
-SMALLEST = 1e-12
 
 
 @dataclass(frozen=True)
@@ -96,8 +94,8 @@ def build_bvh(
     Raises
     ------
     SceneError
-        for another shape, a coordinate that is not finite or not below 1e30 in size, a scene
-        smaller than 1e-12, or a ``leaf_size`` outside 1 to 16.
+        for another shape, a coordinate that is not finite or not below 1e30 in size, or a
+        ``leaf_size`` outside 1 to 16.
     """
     triangles = _checked(triangles, leaf_size)
     if not len(triangles):
@@ -130,12 +128,6 @@ def _checked(triangles: np.ndarray, leaf_size: int) -> np.ndarray:
             f"{len(bad)} triangles have coordinates that are not finite or beyond {LARGEST:g}, "
             f"the first is number {bad[0]}",
             remedy="Leave them out, or scale the scene down",
-        )
-    size = float(np.abs(triangles).max(initial=0))
-    if 0 < size < SMALLEST:
-        raise SceneError(
-            f"all coordinates are below {SMALLEST:g}, too small for float32",
-            remedy="Give the scene in larger units",
         )
     return triangles
 

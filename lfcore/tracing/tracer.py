@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from lfcore.errors import DeviceError
+from lfcore.errors import DeviceError, SceneError
 from lfcore.opencl.device import Device, build_program, cl, open_device
 from lfcore.optics import bundles as rays
 from lfcore.optics.bundles import Bundles
@@ -22,6 +22,8 @@ from lfcore.tracing.work import BeamShape, group_elements, leaves_a_ray
 HITS_CHUNK_RAYS = 1 << 24
 SCATTERED_LEAVES = 2.5
 """Leaves in the way of a block, a ray, above which single rays are faster: measured."""
+SMALLEST_SCENE = 1e-12
+"""Metres.  Products of three coordinates below it underflow float32: rays would miss silently."""
 
 
 class Tracer:
@@ -33,6 +35,11 @@ class Tracer:
     device : an open device; default :func:`lfcore.opencl.device.open_device`.
     needs : features to compile in; default those that the scene uses.
     mipmaps : whether textures are filtered over a pixel's footprint, or read at full size.
+
+    Raises
+    ------
+    SceneError
+        for a scene within SMALLEST_SCENE of the lens.
     """
 
     def __init__(
@@ -44,6 +51,11 @@ class Tracer:
         *,
         mipmaps: bool = True,
     ):
+        if 0 < np.abs(scene.triangles).max(initial=0) < SMALLEST_SCENE:
+            raise SceneError(
+                f"all coordinates are below {SMALLEST_SCENE:g} m, too small for float32",
+                remedy="Give the scene in larger units",
+            )
         self.scene, self.device = scene, device or open_device()
         self.needs = needs or Needs.of(scene)
         self._surfaces = pack_surfaces(scene, self.needs, mipmaps=mipmaps)
