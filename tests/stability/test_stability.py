@@ -27,6 +27,7 @@ from lfcore.oracle.intersect import closest_hits
 from lfcore.oracle.planes import form_plane
 from lfcore.oracle.slab import all_pixels, slab_hits, trace
 from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
 
 
 def oracle_picture(scene, slab, plane):
@@ -223,7 +224,10 @@ def test_scenes_beyond_the_range_of_float32_are_refused(tracer, monkeypatch):
         10.0**k for k in (12, 9, 6, 3, -3, -6, -9, -10)
     }
     with pytest.raises(SceneError, match="too small for float32"):
-        build_bvh(np.full((1, 3, 3), 1e-13, np.float32))
+        Tracer(
+            subject.bare_scene(np.full((1, 3, 3), 1e-13, np.float32)),
+            build_bvh(np.zeros((0, 3, 3))),
+        )
 
 
 def test_run_all_runs_every_case(monkeypatch):
