@@ -15,6 +15,7 @@ from lfcore.optics.slab import Slab
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import Bvh
+from lfcore.tracing.radiance import RadianceJob, page_aligned
 from lfcore.tracing.surfaces import pack_surfaces
 from lfcore.tracing.tile import TileJob, TileTracing
 from lfcore.tracing.work import BeamShape, group_elements, leaves_a_ray
@@ -70,6 +71,7 @@ class Tracer:
         self._leaf_boxes = bvh.leaf_boxes
         # The wrapper of a kernel does not keep its program alive.
         self._programs: dict[tuple, tuple[cl.Program, cl.Kernel]] = {}
+        self._scratch_words: dict[int, int] = {}
 
     # -- visibility ---------------------------------------------------------------------------
 
@@ -143,46 +145,40 @@ class Tracer:
 
         ``coordinates`` as for :meth:`bundle_hits`; ``out``, contiguous, is written and returned.
         """
-        count, per_element = len(bundles.elements), bundles.columns * bundles.rows
-        radiance = out
-        if radiance is None:
-            radiance = np.empty((count, bundles.rows, bundles.columns, 3), np.float32)
-        step = max(1, HITS_CHUNK_RAYS // per_element)
-        scattered = self.scattered(bundles)
-        for start in range(0, count, step):
-            part = slice(start, min(start + step, count))
-            self._radiance_chunk(bundles, coordinates, part, scattered, radiance[part])
+        shape = len(bundles.elements), bundles.rows, bundles.columns, 3
+        radiance = page_aligned(shape) if out is None else out
+        RadianceJob(self, [bundles], coordinates, 1).run(radiance)
         return radiance
 
-    def _radiance_chunk(self, bundles, coordinates, part, scattered, radiance) -> None:
-        device, s = self.device, self._surfaces
-        shape, beams = self._beams(bundles, coordinates, part)
-        kernel = self._beam_kernel("radiance.cl", "trace_radiance", shape, scattered, s.defines)
-        # A CPU writes the host's own memory; nothing is copied.
-        flags = cl.mem_flags.WRITE_ONLY | cl.mem_flags.USE_HOST_PTR
-        target = (
-            cl.Buffer(device.context, flags, hostbuf=radiance)
-            if device.is_cpu
-            else device.empty(radiance.nbytes)
-        )
-        kernel(
-            device.queue,
-            (self._workers(len(beams)),),
-            (1,),
-            *self._bvh,
-            *self._scene,
-            s.ambient,
-            s.background,
-            *self._ray_arguments(bundles, bundles.elements[part], beams, shape),
-            np.float32(bundles.pixel_pitch),
-            self._counter(),
-            self._scratch(kernel),
-            target,
-        )
-        if device.is_cpu:
-            _synchronise(device, target, radiance)
-        else:
-            cl.enqueue_copy(device.queue, radiance, target)
+    def tiled_radiance(
+        self,
+        sets: Sequence[Bundles],
+        coordinates: np.ndarray | None,
+        across: int,
+        out: np.ndarray | None = None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> np.ndarray:
+        """Sum of the radiance of all ``sets``, their elements tiles of one image.
+
+        Parameters
+        ----------
+        sets : bundles of as many elements and equal inner grids.
+        coordinates : as for :meth:`bundle_hits`.
+        across : tiles in a row, a divisor of the number of elements; element e is tile
+            (e // across, e % across).
+        out : written and returned, contiguous.
+        progress : called with (part done, parts).
+
+        Returns
+        -------
+        (E / across rows, across columns, 3) float32, linear RGB, not clamped.
+        """
+        first = sets[0]
+        if out is None:
+            down = len(first.elements) // across
+            out = page_aligned((down * first.rows, across * first.columns, 3))
+        RadianceJob(self, sets, coordinates, across).run(out, progress)
+        return out
 
     def closest_hit(
         self, origins: np.ndarray, directions: np.ndarray
@@ -284,11 +280,13 @@ class Tracer:
 
     def _scratch(self, kernel: cl.Kernel) -> cl.Buffer:
         """Memory of all workers, of the size that the program says one needs."""
-        device, words = self.device, np.zeros(1, np.int32)
-        answer = device.empty(4)
-        cl.Kernel(kernel.program, "scratch_words")(device.queue, (1,), None, answer)
-        cl.enqueue_copy(device.queue, words, answer)
-        return device.empty(4 * int(words[0]) * device.threads)
+        device, key = self.device, kernel.int_ptr
+        if key not in self._scratch_words:
+            words, answer = np.zeros(1, np.int32), device.empty(4)
+            cl.Kernel(kernel.program, "scratch_words")(device.queue, (1,), None, answer)
+            cl.enqueue_copy(device.queue, words, answer)
+            self._scratch_words[key] = int(words[0])
+        return device.empty(4 * self._scratch_words[key] * device.threads)
 
     def scratch_bytes(self, slab: Slab, tile, planes=(), *, frames: bool = True) -> int:
         """Device memory that workers hold while such a tile is traced."""
@@ -320,12 +318,3 @@ class Tracer:
             program = build_program(self.device, [f"tracing/kernels/{file}"], values)
             self._programs[key] = program, cl.Kernel(program, name)
         return self._programs[key][1]
-
-
-def _synchronise(device: Device, target: cl.Buffer, host: np.ndarray) -> None:
-    """Make what was written to a buffer over ``host`` visible there; waits for the queue."""
-    view, _ = cl.enqueue_map_buffer(
-        device.queue, target, cl.map_flags.READ, 0, host.shape, host.dtype
-    )
-    view.base.release(device.queue)
-    device.queue.finish()

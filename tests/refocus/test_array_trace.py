@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lfcore.errors import OpticsError
+from lfcore.opencl.device import open_device
 from lfcore.optics.array import CameraArray
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import parallel
@@ -14,6 +15,7 @@ from lfcore.refocus.array.shutter import shutter_times, trace_shutter
 from lfcore.refocus.array.trace import array_bundles, stratified_offsets, trace_array
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.scene.pbrt import build_pbrt_scene
+from lfcore.tracing import radiance
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -87,6 +89,52 @@ def test_samples_average_over_the_pixel(traced):
     assert errors[3] < 0.2 * errors[0]
     again = trace_array(tracer, array, 16, seed=3)
     np.testing.assert_array_equal(again, trace_array(tracer, array, 16, seed=3))
+
+
+@pytest.mark.parametrize("lanes", [16, 4])
+@pytest.mark.parametrize(
+    "tile, samples", [((64, 48), 1), ((64, 33), 3), ((41, 30), 2), ((16, 16), 1), ((7, 9), 2)]
+)
+def test_the_image_is_what_cameras_one_by_one_give(traced, monkeypatch, lanes, tile, samples):
+    """Written in place, past the caches or not, to a page's beginning or not: the same bits."""
+    device = open_device(lanes=lanes)
+    tracer = Tracer(traced[0], build_bvh(traced[0].triangles), device)
+    array = CameraArray.on_grid((5, 3), (-0.3, 0.3, -0.2, 0.2), 60.0, tile)
+    offsets = stratified_offsets(15, samples, 0)
+    grid = np.stack(np.meshgrid(np.arange(5), np.arange(3)), -1).reshape(-1, 2)
+    total = np.zeros((15, tile[1], tile[0], 3), np.float32)
+    for offset in offsets:
+        total += tracer.bundle_radiance(array_bundles(array, offset, samples), grid)
+    expected = array.mosaic((total / np.float32(samples)).reshape(3, 5, tile[1], tile[0], 3))
+    np.testing.assert_array_equal(trace_array(tracer, array, samples), expected)
+    monkeypatch.setattr(radiance, "STREAM_BYTES", 0)
+    monkeypatch.setattr(radiance, "LAUNCH_RAYS", 2000)
+    np.testing.assert_array_equal(trace_array(tracer, array, samples), expected)
+    memory = np.full(expected.size + 1, np.nan, np.float32)
+    out = memory[1:].reshape(expected.shape)
+    assert trace_array(tracer, array, samples, out=out) is out
+    np.testing.assert_array_equal(out, expected)
+    assert np.isnan(memory[0])
+
+
+def test_memory_that_cannot_hold_the_image(traced):
+    array = traced[0].view.array
+    right = np.zeros((80, 120, 3), np.float32)
+    assert trace_array(traced[1], array, out=right).any()
+    for wrong in (right[:-1], right.astype(float), np.zeros((80, 240, 3), np.float32)[:, ::2]):
+        with pytest.raises(OpticsError, match="out"):
+            trace_array(traced[1], array, out=wrong)
+    with pytest.raises(ValueError, match="contiguous"):
+        traced[1].bundle_radiance(
+            array_bundles(array), out=np.zeros((6, 40, 80, 3), np.float32)[:, :, ::2]
+        )
+
+
+def test_progress_ends_with_the_whole(traced, monkeypatch):
+    monkeypatch.setattr(radiance, "LAUNCH_RAYS", 5000)
+    seen = []
+    trace_array(traced[1], traced[0].view.array, progress=lambda *parts: seen.append(parts))
+    assert len(seen) > 1 and seen == sorted(seen) and seen[-1][0] == seen[-1][1]
 
 
 def test_offsets_hold_one_sample_in_each_stratum():

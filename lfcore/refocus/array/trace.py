@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -13,9 +12,6 @@ from lfcore.optics.array import CameraArray
 from lfcore.optics.bundles import Bundles
 from lfcore.refocus.array.sampling import strata
 from lfcore.tracing.tracer import Tracer
-
-# Traced at a time: few enough that their radiance stays in the cache until it is in its place.
-PART_RAYS = 1 << 20
 
 
 def array_bundles(
@@ -57,6 +53,7 @@ def trace_array(
     samples_per_pixel: int = 1,
     *,
     seed: int = 0,
+    out: np.ndarray | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
     """Linear radiance of all data cameras.
@@ -65,6 +62,8 @@ def trace_array(
     ----------
     samples_per_pixel : stratified over the pixel; each camera has its own jitter, its pixels
         share it, which keeps their rays one bundle.
+    out : written and returned: contiguous, of the result's shape and type.  New memory of this size
+        costs the system a tenth of the time of tracing into it.
     progress : called with (parts of the array done, parts).
 
     Returns
@@ -73,42 +72,27 @@ def trace_array(
 
     Raises
     ------
-    OpticsError : no samples.
+    OpticsError : no samples; ``out`` is not such an array.
     """
     if samples_per_pixel < 1:
         raise OpticsError(f"must be at least 1, not {samples_per_pixel}", key="samples_per_pixel")
     nx, ny = array.cameras
-    width, height = array.tile
+    if out is not None:
+        _check(out, array)
     grid = np.stack(np.meshgrid(np.arange(nx), np.arange(ny)), -1).reshape(-1, 2)
     offsets = stratified_offsets(nx * ny, samples_per_pixel, seed)
     sets = [array_bundles(array, offset, samples_per_pixel) for offset in offsets]
-    image = np.empty((ny, height, nx, width, 3), np.float32)
-    parts = camera_parts(array)
-    # Written again and again, so that it stays in the cache.
-    most = max(columns.stop - columns.start for _, columns in parts)
-    scratch = np.empty((2, most, height, width, 3), np.float32)
-    for index, (row, columns) in enumerate(parts):
-        part = slice(row * nx + columns.start, row * nx + columns.stop)
-        total, light = scratch[:, : part.stop - part.start]
-        for number, bundles in enumerate(sets):
-            some = replace(bundles, elements=bundles.elements[part])
-            tracer.bundle_radiance(some, grid[part], out=light if number else total)
-            if number:
-                total += light
-        if samples_per_pixel > 1:
-            total /= samples_per_pixel
-        image[row, :, columns] = total.swapaxes(0, 1)
-        if progress is not None:
-            progress(index + 1, len(parts))
-    return image.reshape(ny * height, nx * width, 3)
+    image = tracer.tiled_radiance(sets, grid, nx, out, progress)
+    if samples_per_pixel > 1:
+        image /= samples_per_pixel
+    return image
 
 
-def camera_parts(array: CameraArray) -> list[tuple[int, slice]]:
-    """Rows of cameras cut into pieces that are traced together: (row, columns)."""
-    (nx, ny), (width, height) = array.cameras, array.tile
-    step = min(nx, max(1, PART_RAYS // (width * height)))
-    return [
-        (row, slice(first, min(first + step, nx)))
-        for row in range(ny)
-        for first in range(0, nx, step)
-    ]
+def _check(out: np.ndarray, array: CameraArray) -> None:
+    shape = (*array.image_size[::-1], 3)
+    if out.shape != shape or out.dtype != np.float32 or not out.flags.c_contiguous:
+        raise OpticsError(
+            f"{out.dtype} numbers of shape {out.shape} cannot hold the array's image",
+            key="out",
+            remedy=f"Give a contiguous float32 array of shape {shape}",
+        )
