@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lfcore.errors import OpticsError
-from lfcore.opencl.device import open_device
+from lfcore.opencl.device import Device, open_device
 from lfcore.optics.array import CameraArray
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import parallel
@@ -115,6 +115,10 @@ def test_the_image_is_what_cameras_one_by_one_give(traced, monkeypatch, lanes, t
     assert trace_array(tracer, array, samples, out=out) is out
     np.testing.assert_array_equal(out, expected)
     assert np.isnan(memory[0])
+    # As on a device with memory of its own: rows of tiles at a time, copied back.
+    monkeypatch.setattr(Device, "is_cpu", False)
+    monkeypatch.setattr(radiance, "CHUNK_RAYS", 1)
+    np.testing.assert_array_equal(trace_array(tracer, array, samples), expected)
 
 
 def test_memory_that_cannot_hold_the_image(traced):
