@@ -25,6 +25,8 @@ KERNELS = Path(lfcore.tracing.__file__).parent / "kernels"
 # What kernels are built for besides a scene's needs: device, job, and include guards.
 OF_THE_JOB = {
     "LANES": "width of the device's vectors",
+    "BLOCK": "side of a block, compared with that width",
+    "VSTREAM": "stores past the caches, where the compiler has them",
     "PLANES": "whether planes are formed: row planes",
     "FRAMES": "whether frames are written: row frames",
     "VIEWS": "layout of the frames",

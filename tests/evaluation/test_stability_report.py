@@ -10,7 +10,7 @@ from lfcore.evaluation.stability.about import ABOUT, about, cases_table
 from lfcore.evaluation.stability.rows import COLUMNS, Row
 from lfcore.evaluation.stability_report import error_growth, heat_map, stability_table, summary
 from lfcore.scene.assemble import LARGEST_COORDINATE, SMALLEST_VOLUME
-from lfcore.tracing.bvh import SMALLEST
+from lfcore.tracing.tracer import SMALLEST_SCENE
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "stability.md"
 
@@ -36,7 +36,7 @@ def test_cases_table():
 
 def test_the_documented_range_is_the_program_s():
     text = " ".join(DOCUMENT.read_text(encoding="utf-8").split())
-    for value in (LARGEST_COORDINATE, SMALLEST_VOLUME, SMALLEST):
+    for value in (LARGEST_COORDINATE, SMALLEST_VOLUME, SMALLEST_SCENE):
         assert f"{value:.0e}".replace("+", "") in text
 
 
