@@ -9,10 +9,10 @@ import numpy as np
 import trimesh
 from scipy.spatial import Delaunay
 
+from lfcore.evaluation.stability.subject import bare_scene
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
-from lfcore.scene.model import Material, Scene
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 from measured.rows import say
@@ -22,26 +22,8 @@ CHUNK_RAYS = 1 << 21
 WALL_SIDE = 32
 
 
-def plain(triangles: np.ndarray) -> Scene:
-    """A grey scene of ``triangles`` (T, 3, 3), without lights."""
-    return Scene(
-        name="closed",
-        camera=CAMERA,
-        triangles=np.ascontiguousarray(triangles, np.float32),
-        normals=np.zeros((0, 3, 3), np.float32),
-        uvs=np.zeros((0, 3, 2), np.float32),
-        colours=np.zeros((0, 3, 3), np.float32),
-        material_ids=np.zeros(len(triangles), np.int32),
-        materials=[Material("grey", diffuse=(0.5, 0.5, 0.5))],
-        textures=[],
-        lights=[],
-        ambient=(1.0, 1.0, 1.0),
-        background=(0.0, 0.0, 0.0),
-    )
-
-
 def tracer_of(triangles: np.ndarray) -> Tracer:
-    scene = plain(triangles)
+    scene = bare_scene(triangles, ambient=(1.0, 1.0, 1.0))
     return Tracer(scene, build_bvh(scene.triangles))
 
 

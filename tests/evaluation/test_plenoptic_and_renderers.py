@@ -1,7 +1,5 @@
 """Figures 4.5 and 4.6: what is in their panels, and what is said of renderers that are missing."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from PIL import Image
@@ -16,24 +14,12 @@ from lfcore.evaluation.plenoptic_figure import (
     write_photograph,
 )
 from lfcore.evaluation.storage.table import make_table
-from lfcore.opencl.device import open_device
-from lfcore.scene.build import build_scene
 from lfcore.storage.colour import srgb_decode
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
-
-CHART = Path(__file__).parents[2] / "scenes" / "chart"
 
 
 @pytest.fixture(scope="module")
-def tracer():
-    scene = build_scene(CHART)
-    return Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
-
-
-@pytest.fixture(scope="module")
-def pictures(tracer):
-    return [take(tracer, focus, 64, 8) for focus in (2.0, 1.33)]
+def pictures(chart):
+    return [take(chart, focus, 64, 8) for focus in (2.0, 1.33)]
 
 
 def spread(picture):
@@ -61,8 +47,8 @@ def test_reduced_and_detail(pictures):
     assert np.array_equal(shown[0, 0], srgb_decode(pixels[160, 160]))
 
 
-def test_sheet_and_whole_photograph(pictures, tracer, tmp_path):
-    shown, labels = panels(tracer, pictures[1], (1.0, 2.0))
+def test_sheet_and_whole_photograph(pictures, chart, tmp_path):
+    shown, labels = panels(chart, pictures[1], (1.0, 2.0))
     assert len(shown) == len(labels) == 6
     # Refocused, the text of the far plane comes back.
     sharp, blurred = (np.abs(np.diff(p[:32].mean(-1), axis=1)).mean() for p in (shown[5], shown[0]))
@@ -73,10 +59,10 @@ def test_sheet_and_whole_photograph(pictures, tracer, tmp_path):
     assert np.array_equal(np.asarray(Image.open(tmp_path / "photo.png")), pictures[1].pixels)
 
 
-def test_missing_renderers_are_left_out_aloud(monkeypatch, tracer, tmp_path):
+def test_missing_renderers_are_left_out_aloud(monkeypatch, chart, tmp_path):
     monkeypatch.setattr(renderers.shutil, "which", lambda name: None)
     monkeypatch.setattr(renderers.importlib.util, "find_spec", lambda name: None)
-    rows, rendered = renderers.compare(tracer, (1.0, 2.0), pixels=32, views=4)
+    rows, rendered = renderers.compare(chart, (1.0, 2.0), pixels=32, views=4)
     table = make_table(rows, renderers.COLUMNS)
     assert len(table) == 8
     missing = table[table.method.isin(["POV-Ray", "Mitsuba 3"])]

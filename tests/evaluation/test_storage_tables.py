@@ -1,7 +1,6 @@
 """Tables of the store: samples hold what the slab holds, and numbers mean what they say."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -25,34 +24,22 @@ from lfcore.evaluation.storage.sample import (
     window_camera,
 )
 from lfcore.evaluation.storage.table import make_table, read_rows, write_rows
-from lfcore.opencl.device import open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.scene.build import build_scene
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentWriter
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
-
-CHART = Path(__file__).parents[2] / "scenes" / "chart"
 
 
 @pytest.fixture(scope="module")
-def tracer():
-    scene = build_scene(CHART)
-    return Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
+def sample(chart):
+    planes = own_planes(chart.scene)[:2]
+    return trace_sample(chart, planes, views=8, pixels=64, most_rays=1)
 
 
-@pytest.fixture(scope="module")
-def sample(tracer):
-    planes = own_planes(tracer.scene)[:2]
-    return trace_sample(tracer, planes, views=8, pixels=64, most_rays=1)
-
-
-def test_a_window_has_the_rays_of_the_middle_of_the_picture(tracer):
-    camera = tracer.scene.camera
+def test_a_window_has_the_rays_of_the_middle_of_the_picture(chart):
+    camera = chart.scene.camera
     whole, window = Slab(camera, 8, 64), Slab(window_camera(camera, 64, 16), 8, 16)
     assert np.allclose(window.pixel_tangents(), whole.pixel_tangents()[24:40], rtol=1e-12)
     assert np.array_equal(window.lens_positions(), whole.lens_positions())
@@ -62,17 +49,17 @@ def test_a_window_has_the_rays_of_the_middle_of_the_picture(tracer):
     ("views", "pixels", "rays", "window"),
     [(8, 64, 1, 16), (8, 64, 1 << 30, 64), (8, 100, 64 * 41**2, 40), (64, 128, 2359296, 24)],
 )
-def test_a_window_is_as_large_as_its_rays_allow(monkeypatch, tracer, views, pixels, rays, window):
+def test_a_window_is_as_large_as_its_rays_allow(monkeypatch, chart, views, pixels, rays, window):
     fake = np.zeros((window**2, views, views, 3), np.float32)
-    monkeypatch.setattr(tracer, "bundle_radiance", lambda bundles, elements: fake)
+    monkeypatch.setattr(chart, "bundle_radiance", lambda bundles, elements: fake)
     monkeypatch.setattr("lfcore.evaluation.storage.sample.trace_planes", lambda *given: None)
-    found = trace_sample(tracer, [], views=views, pixels=pixels, most_rays=rays)
+    found = trace_sample(chart, [], views=views, pixels=pixels, most_rays=rays)
     assert found.window == window and found.rgb.shape[:3] == (window, window, views)
 
 
-def test_planes_that_are_not_recorded_are_refused(tracer):
+def test_planes_that_are_not_recorded_are_refused(chart):
     with pytest.raises(OpticsError, match="wider"):
-        trace_sample(tracer, [SensorPlane(2.0, 0.5)], views=4, pixels=16, most_rays=1)
+        trace_sample(chart, [SensorPlane(2.0, 0.5)], views=4, pixels=16, most_rays=1)
 
 
 def test_frames_of_both_layouts_hold_each_ray_once(sample):
@@ -85,20 +72,20 @@ def test_frames_of_both_layouts_hold_each_ray_once(sample):
         Frames(sample, FrameLayout("views", 8, 32))
 
 
-def test_lossless_storage_costs_rounding_alone(sample, tracer):
+def test_lossless_storage_costs_rounding_alone(sample, chart):
     layout = FrameLayout("macropixels", 8, 16, "serpentine", 4, "gbrp")
     spec = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
-    stored = store(Frames(sample, layout), spec, tracer.device)
+    stored = store(Frames(sample, layout), spec, chart.device)
     # Rounding to codes is at most half a code off: 54 dB; 59 dB where errors are uniform.
     assert stored.psnr_frames_db > 54 and stored.ssim_frames > 0.995
     assert stored.psnr_pictures_db > 54 and stored.ssim_pictures > 0.995
     assert stored.encode_seconds > 0 and stored.decode_seconds > 0
 
 
-def test_coarser_quantisers_take_fewer_bytes_and_err_more(sample, tracer):
+def test_coarser_quantisers_take_fewer_bytes_and_err_more(sample, chart):
     frames = Frames(sample, FrameLayout("views", 8, 16, pixel_format="yuv444p"))
     fine, coarse = (
-        store(frames, CodecSpec(pixel_format="yuv444p", crf=crf), tracer.device) for crf in (10, 40)
+        store(frames, CodecSpec(pixel_format="yuv444p", crf=crf), chart.device) for crf in (10, 40)
     )
     assert fine.bytes > coarse.bytes
     assert fine.psnr_frames_db > coarse.psnr_frames_db + 5
@@ -140,12 +127,12 @@ def test_curves_that_hardly_meet_have_no_delta_rate():
     assert rate_distortion.delta_rate(anchor, anchor[:2], "psnr_frames_db") == (None, 0.0)
 
 
-def test_rate_and_distortion_of_a_scene(tracer, tmp_path):
+def test_rate_and_distortion_of_a_scene(chart, tmp_path):
     names = (rate_distortion.ANCHOR, "x264 veryfast 4:2:0", "FFV1 RGB, lossless")
     curves = {name: rate_distortion.CURVES[name] for name in names}
     study = rate_distortion.RateStudy([16], 1, [12, 24, 36], curves)
     seen = []
-    rows = rate_distortion.rate_rows(tracer, study, 32, progress=lambda *done: seen.append(done))
+    rows = rate_distortion.rate_rows(chart, study, 32, progress=lambda *done: seen.append(done))
     points = make_table(rows, rate_distortion.COLUMNS)
     assert points.curve.tolist() == ["default", *[names[0]] * 3, *[names[1]] * 3, names[2]]
     assert seen[-1] == (8, 8)
@@ -160,9 +147,9 @@ def test_rate_and_distortion_of_a_scene(tracer, tmp_path):
     assert np.asarray(Image.open(tmp_path / "rd.png")).std() > 10
 
 
-def test_layouts_of_a_scene(tracer, tmp_path):
+def test_layouts_of_a_scene(chart, tmp_path):
     study = layouts.LayoutStudy([16], 1, [1, 2])
-    table = make_table(layouts.layout_rows(tracer, study, 32), layouts.COLUMNS)
+    table = make_table(layouts.layout_rows(chart, study, 32), layouts.COLUMNS)
     assert len(table) == 3 + 3 + 2 and table.is_default.sum() == 1
     assert (table.raw_bytes_float32 == 12 * 256 * 256).all() and (table.psnr_frames_db > 20).all()
     layouts_figure(tmp_path / "layouts.png", table)
@@ -170,26 +157,26 @@ def test_layouts_of_a_scene(tracer, tmp_path):
 
 
 @pytest.fixture(scope="module", params=["macropixels", "views"])
-def file(request, tracer, tmp_path_factory):
+def file(request, chart, tmp_path_factory):
     """A light field of four segments of chart."""
     folder = tmp_path_factory.mktemp(request.param)
-    slab, spec = Slab(tracer.scene.camera, 16, 32), CodecSpec(pixel_format="yuv444p", bframes=0)
+    slab, spec = Slab(chart.scene.camera, 16, 32), CodecSpec(pixel_format="yuv444p", bframes=0)
     layout = FrameLayout(request.param, 16, 32, pixel_format="yuv444p")
     tiles = layout.tiles(1 << 16, least=4)
     segments = [folder / f"{tile.index}.mp4" for tile in tiles]
     for tile, segment in zip(tiles, segments, strict=True):
         with SegmentWriter(segment, spec, layout.frame_width, layout.frame_height) as writer:
-            for chunk in tracer.trace_tile(slab, tile):
+            for chunk in chart.trace_tile(slab, tile):
                 writer.write(chunk.frames)
     scene = {"name": "chart", "digest": "0"}
     join_segments(folder / "f.mkv", segments, tiles, layout, geometry=slab, scene=scene, spec=spec)
     return folder / "f.mkv", request.param
 
 
-def test_reading_costs(file, tracer, tmp_path):
+def test_reading_costs(file, chart, tmp_path):
     path, kind = file
     study = retrieval.RetrievalStudy([1, 5], 1 << 14, 2)
-    rows = retrieval.retrieval_rows(path, "chart", (1.0, 2.0), study, tracer.device)
+    rows = retrieval.retrieval_rows(path, "chart", (1.0, 2.0), study, chart.device)
     table = make_table(rows, retrieval.COLUMNS).set_index("what")
     assert table.index[0] == retrieval.DECODING and "5 planes" in table.index
     assert table.ratio_to_decoding.iloc[0] == 1 and (table.seconds > 0).all()
