@@ -43,7 +43,7 @@ rule work_precision_scene:
 rule work_precision:
     input:
         rows=expand("results/{scene}/analysis/work_precision.json", scene=SCENES),
-        caption=f"{workflow.basedir}/workflow/report/work_precision.rst",
+        caption=caption_of("work_precision"),
     output:
         csv=report(
             "results/tables/work_precision.csv",
@@ -71,7 +71,7 @@ rule work_precision:
 rule recommendation:
     input:
         points="results/tables/work_precision.csv",
-        caption=f"{workflow.basedir}/workflow/report/recommendation.rst",
+        caption=caption_of("recommendation"),
     output:
         csv=report(
             "results/tables/recommendation.csv",
@@ -93,7 +93,7 @@ rule recommendation:
 
 rule stability:
     input:
-        caption=f"{workflow.basedir}/workflow/report/stability.rst",
+        caption=caption_of("stability"),
     output:
         csv=report(
             "results/tables/stability.csv",
@@ -146,7 +146,7 @@ rule left_out_scene:
 rule left_out:
     input:
         rows=expand("results/{scene}/analysis/left_out.json", scene=SCENES),
-        caption=f"{workflow.basedir}/workflow/report/left_out.rst",
+        caption=caption_of("left_out"),
     output:
         csv=report(
             "results/tables/left_out.csv",

@@ -44,20 +44,6 @@ SAMPLING_FIGURES = ["few_cameras", "equal_storage"]
 ASSIGNMENT_RECORDS = ["book", "see_through", "sampling", "time", "reconstruction"]
 
 
-def assignment_caption(name):
-    return f"{workflow.basedir}/workflow/report/assignment_{name}.rst"
-
-
-def assignment_figure(name):
-    """A figure's file, as Snakemake's own report shows it."""
-    return report(
-        f"results/assignment/figures/{name}.png",
-        caption="../report/assignment_figure.rst",
-        category="Assignment",
-        labels={"figure": name.replace("_", " ")},
-    )
-
-
 rule assignment_trace:
     input:
         scene="results/{scene}/scene.npz",
@@ -218,7 +204,7 @@ rule assignment_tables:
     input:
         camera_array=expand(f"{ARRAYS}/{{scene}}.json", scene=ASSIGNMENT_SCENES),
         reconstruction="results/assignment/records/reconstruction.json",
-        captions=[assignment_caption(f"table_{table}") for table in ASSIGNMENT_TABLES],
+        captions=[caption_of(f"assignment_table_{table}") for table in ASSIGNMENT_TABLES],
     output:
         csv=[f"results/assignment/{table}.csv" for table in ASSIGNMENT_TABLES],
         markdown=[f"results/assignment/{table}.md" for table in ASSIGNMENT_TABLES],
@@ -238,7 +224,7 @@ rule array_tables:
     input:
         camera_array=expand(f"{ARRAYS}/{{scene}}.json", scene=QUICK_SCENES),
         reconstruction="results/assignment/records/reconstruction.json",
-        captions=[f"{workflow.basedir}/workflow/report/{table}.rst" for table in ASSIGNMENT_TABLES],
+        captions=[caption_of(table) for table in ASSIGNMENT_TABLES],
     output:
         csv=[
             report(
@@ -266,9 +252,9 @@ rule assignment_page:
         figures=[f"results/assignment/figures/{figure}.png" for figure in ASSIGNMENT_FIGURES],
         tables=[f"results/assignment/{table}.csv" for table in ASSIGNMENT_TABLES],
         records=[f"results/assignment/records/{name}.json" for name in ASSIGNMENT_RECORDS],
-        introduction=assignment_caption("page"),
-        figure_captions=[assignment_caption(figure) for figure in ASSIGNMENT_FIGURES],
-        table_captions=[assignment_caption(f"table_{table}") for table in ASSIGNMENT_TABLES],
+        introduction=caption_of("assignment_page"),
+        figure_captions=[caption_of(f"assignment_{figure}") for figure in ASSIGNMENT_FIGURES],
+        table_captions=[caption_of(f"assignment_table_{table}") for table in ASSIGNMENT_TABLES],
     output:
         report(
             "results/assignment/index.html",

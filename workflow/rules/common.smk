@@ -71,3 +71,22 @@ def of_resolutions(file):
 
 def wanted(figure):
     return figure in SETTINGS["figures"]["make"]
+
+
+def of_scenes(file):
+    """This file of every scene of the tables."""
+    return [f"results/{scene}/{file}" for scene in SCENES]
+
+
+def caption_of(name):
+    return f"{workflow.basedir}/workflow/report/{name}.rst"
+
+
+def assignment_figure(name):
+    """A figure's file, as Snakemake's own report shows it."""
+    return report(
+        f"results/assignment/figures/{name}.png",
+        caption="../report/assignment_figure.rst",
+        category="Assignment",
+        labels={"figure": name.replace("_", " ")},
+    )

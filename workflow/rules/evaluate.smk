@@ -34,7 +34,7 @@ rule evaluate:
 rule tables:
     input:
         records=expand("results/{scene}/evaluation.json", scene=SCENES),
-        captions=[f"{workflow.basedir}/workflow/report/{table}.rst" for table in TABLES],
+        captions=[caption_of(table) for table in TABLES],
     output:
         csv=[
             report(

@@ -147,7 +147,7 @@ rule other_renderers:
     input:
         scene=f"results/{CHART}/scene.npz",
         bvh=f"results/{CHART}/bvh.npz",
-        caption=f"{workflow.basedir}/workflow/report/other_renderers.rst",
+        caption=caption_of("other_renderers"),
     output:
         csv=report(
             "results/tables/other_renderers.csv",

@@ -22,7 +22,7 @@ rule page:
     input:
         reported=REPORTED,
         traced=expand("results/{scene}/N{n}/trace.json", scene=SCENES, n=RESOLUTIONS[-1]),
-        captions=[f"{workflow.basedir}/workflow/report/{name}.rst" for name in ["page", *SECTIONS]],
+        captions=[caption_of(name) for name in ["page", *SECTIONS]],
     output:
         report("results/tables/index.html", caption="../report/page.rst", category="Page"),
     log:

@@ -120,14 +120,10 @@ if STORE:
             "../scripts/retrieval_scene.py"
 
 
-def storage_rows(table):
-    return expand("results/{scene}/storage/{table}.json", scene=SCENES, table=table)
-
-
 rule storage_layouts:
     input:
-        rows=storage_rows("storage_layouts"),
-        caption=f"{workflow.basedir}/workflow/report/storage_layouts.rst",
+        rows=of_scenes("storage/storage_layouts.json"),
+        caption=caption_of("storage_layouts"),
     output:
         csv=report(
             "results/tables/storage_layouts.csv",
@@ -151,8 +147,8 @@ rule storage_layouts:
 
 rule equivalence:
     input:
-        rows=storage_rows("equivalence"),
-        caption=f"{workflow.basedir}/workflow/report/equivalence.rst",
+        rows=of_scenes("storage/equivalence.json"),
+        caption=caption_of("equivalence"),
     output:
         csv=report(
             "results/tables/equivalence.csv",
@@ -175,8 +171,8 @@ rule equivalence:
 
 rule retrieval:
     input:
-        rows=storage_rows("retrieval"),
-        caption=f"{workflow.basedir}/workflow/report/retrieval.rst",
+        rows=of_scenes("storage/retrieval.json"),
+        caption=caption_of("retrieval"),
     output:
         csv=report(
             "results/tables/retrieval.csv",
@@ -200,11 +196,8 @@ rule retrieval:
 
 rule rate_distortion:
     input:
-        rows=storage_rows("rate_distortion"),
-        captions=[
-            f"{workflow.basedir}/workflow/report/{name}.rst"
-            for name in ["rate_distortion", "bd_rate"]
-        ],
+        rows=of_scenes("storage/rate_distortion.json"),
+        captions=[caption_of(name) for name in ["rate_distortion", "bd_rate"]],
     output:
         csv=[
             report(
