@@ -16,9 +16,6 @@ CODECS = {
 }
 """Encoders of FFmpeg's that can be used, with the pixel formats of each."""
 
-STREAM_NAMES = {"libx264": "h264", "libx265": "hevc", "libsvtav1": "av1", "ffv1": "ffv1"}
-"""What a container calls the stream of each encoder."""
-
 WHOLE_ROWS = 128
 """x264's macroblock tree and its like in x265 ("cutree") are used for frames of such widths only.
 

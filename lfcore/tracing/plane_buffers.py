@@ -10,9 +10,6 @@ from lfcore.optics.plane_tables import PlaneTables, lens_tables, view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 
-TABLE_WORDS = 17 * 17 * 4
-"""Words of scratch that ``add_to_planes`` takes for its summed-area table."""
-
 
 def plane_tables(slab: Slab, planes: list[SensorPlane], tile) -> PlaneTables:
     """Tables for the kernels that add rays block by block."""

@@ -14,7 +14,6 @@ from lfcore.scene.needs import Needs
 
 MIP_LEVELS = 12
 MATERIAL_WORDS = 12
-LIGHT_WORDS = 8
 TEXEL_ONE = 1023
 
 
