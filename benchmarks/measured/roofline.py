@@ -22,7 +22,7 @@ from measured.rows import in_turn, print_table, rates, say
 FENCE = "mem_fence(CLK_GLOBAL_MEM_FENCE | CLK_LOCAL_MEM_FENCE)"
 TWICE = {
     "triangle rows": (
-        '#include "triangles.cl"\n'
+        '#include "merge.cl"\n'
         "#define hit_triangle(...) (hit_triangle(__VA_ARGS__) | hit_triangle(__VA_ARGS__))\n"
     ),
     "triangle setup": (

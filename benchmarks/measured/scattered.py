@@ -25,7 +25,7 @@ class Forced(Tracer):
 
     ray_by_ray = False
 
-    def scattered(self, bundles: Bundles) -> bool:
+    def scattered(self, bundles: Bundles, outer: int = 1) -> bool:
         return self.ray_by_ray
 
 

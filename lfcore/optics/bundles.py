@@ -10,11 +10,29 @@ rays all have this form, so one kernel traces them all.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lfcore.optics.slab import Slab
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """A square grid of elements, ``count`` a side, centred on the axis.
+
+    From one element to the next along either axis the middle ray's origin changes by ``origin``
+    metres and its direction by ``direction`` (tangent).
+    """
+
+    count: int
+    origin: float
+    direction: float
+
+    def middles(self, places: np.ndarray) -> np.ndarray:
+        """(E, 4) float32 ox, oy, dx, dy at ``places`` (E, 2), columns and rows, whole or between."""
+        offset = np.asarray(places) - (self.count - 1) / 2
+        return np.concatenate([offset * self.origin + 0.0, offset * self.direction + 0.0], 1, dtype=np.float32)
 
 
 @dataclass(frozen=True)
@@ -27,6 +45,7 @@ class Bundles:
     step : (4,) float32: sx, sy, tx, ty, change per column and row of the inner grid.
     columns, rows : size of the inner grid.
     pixel_pitch : tangent between neighbouring pixels, which texture filtering looks at.
+    lattice : where the elements lie, if they lie regularly: then one block may span several.
     """
 
     elements: np.ndarray
@@ -34,6 +53,11 @@ class Bundles:
     columns: int
     rows: int
     pixel_pitch: float
+    lattice: Lattice | None = None
+
+    def part(self, which: slice) -> Bundles:
+        """The same rays of some of the elements."""
+        return replace(self, elements=self.elements[which])
 
     def rays(self) -> tuple[np.ndarray, np.ndarray]:
         """Origins and directions, float64 (E, rows, columns, 3), evaluated from the float32
@@ -52,20 +76,19 @@ class Bundles:
 
 def macropixels(slab: Slab, pixels: np.ndarray) -> Bundles:
     """One element a pixel, (E, 2) integer (u, v); the inner grid is the lens."""
-    tangents, pitch = slab.pixel_tangents(), slab.lens_pitch_m
-    elements = np.zeros((len(pixels), 4), np.float32)
-    elements[:, 2:] = tangents[np.asarray(pixels)]
+    pitch = slab.lens_pitch_m
+    lattice = Lattice(slab.pixels, 0.0, slab.pixel_pitch)
     shear = -slab.camera.delta * pitch
     step = np.array([pitch, pitch, shear, shear], np.float32)
-    return Bundles(elements, step, slab.views, slab.views, slab.pixel_pitch)
+    return Bundles(lattice.middles(pixels), step, slab.views, slab.views, slab.pixel_pitch, lattice)
 
 
 def views(slab: Slab, samples: np.ndarray) -> Bundles:
     """One element a lens sample, (E, 2) integer (i, j); the inner grid is the picture."""
-    lens = slab.lens_positions()[np.asarray(samples)]
-    elements = np.concatenate([lens, -slab.camera.delta * lens], axis=1).astype(np.float32)
+    pitch = slab.lens_pitch_m
+    lattice = Lattice(slab.views, pitch, -slab.camera.delta * pitch)
     step = np.array([0.0, 0.0, slab.pixel_pitch, slab.pixel_pitch], np.float32)
-    return Bundles(elements, step, slab.pixels, slab.pixels, slab.pixel_pitch)
+    return Bundles(lattice.middles(samples), step, slab.pixels, slab.pixels, slab.pixel_pitch, lattice)
 
 
 def probe(slab: Slab, macro: bool = True) -> Bundles:

@@ -9,6 +9,7 @@ import numpy as np
 
 from lfcore.opencl.device import Device, cl
 from lfcore.optics.bundles import Bundles
+from lfcore.tracing.work import Groups
 
 if TYPE_CHECKING:
     from lfcore.tracing.tracer import Tracer
@@ -44,11 +45,10 @@ class RadianceJob:
     def __init__(self, tracer: Tracer, sets: Sequence[Bundles], coordinates, across: int):
         self.tracer, self.sets, self.across = tracer, list(sets), across
         self.coordinates = coordinates
-        self.shape, _ = tracer._beams(self.sets[0], coordinates, slice(0, 0))
-        scattered, defines = tracer.scattered(self.sets[0]), tracer._surfaces.defines
-        self.kernel = tracer._beam_kernel(
-            "radiance.cl", "trace_radiance", self.shape, scattered, defines
-        )
+        grouped = coordinates is not None
+        self.shape = tracer.beam_shape(self.sets[0], grouped=grouped, spanning=False)
+        defines = tracer._surfaces.defines
+        self.kernel = tracer._beam_kernel("radiance.cl", "trace_radiance", self.shape, defines)
         self.scratch = tracer._scratch(self.kernel)
 
     def run(self, image: np.ndarray, progress: Callable[[int, int], None] | None = None) -> None:
@@ -79,30 +79,33 @@ class RadianceJob:
             if device.is_cpu
             else device.empty(piece.nbytes)
         )
-        shape, beams = self.tracer._beams(self.sets[0], self.coordinates, part)
-        each = shape.blocks * 256 * shape.squares(self.sets[0].columns, self.sets[0].rows)
+        first, shape = self.sets[0], self.shape
+        places = None if self.coordinates is None else self.coordinates[part]
+        beams = Groups.of(shape, first.part(part), places).members
+        each = shape.blocks * 256 * shape.squares(first.columns, first.rows)
         step = max(1, LAUNCH_RAYS // each)
         stream = STREAM if piece.nbytes > STREAM_BYTES else 0
         for start in range(0, len(beams), step):
             for number, bundles in enumerate(self.sets):
                 mode = stream | (ADD if number else 0)
-                self._launch(bundles, part, beams[start : start + step], target, mode)
+                groups = Groups(beams[start : start + step], bundles.elements[part])
+                self._launch(bundles, groups, target, mode)
             if progress:
                 device.queue.finish()
                 progress(min(start + step, len(beams)), len(beams))
         _collect(device, target, piece)
 
-    def _launch(self, bundles: Bundles, part: slice, beams, target: cl.Buffer, mode: int) -> None:
+    def _launch(self, bundles: Bundles, groups: Groups, target: cl.Buffer, mode: int) -> None:
         tracer, surfaces = self.tracer, self.tracer._surfaces
         self.kernel(
             tracer.device.queue,
-            (tracer._workers(len(beams)),),
+            (tracer._workers(len(groups.members)),),
             (1,),
             *tracer._bvh,
             *tracer._scene,
             surfaces.ambient,
             surfaces.background,
-            *tracer._ray_arguments(bundles, bundles.elements[part], beams, self.shape),
+            *tracer._ray_arguments(bundles, groups, self.shape),
             np.float32(bundles.pixel_pitch),
             tracer._counter(),
             self.scratch,

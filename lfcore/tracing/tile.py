@@ -16,7 +16,7 @@ from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.tracing.plane_buffers import PlaneBuffers
-from lfcore.tracing.work import BeamShape, group_elements
+from lfcore.tracing.work import Groups
 
 if TYPE_CHECKING:
     from lfcore.tracing.tracer import Tracer
@@ -64,7 +64,7 @@ class TileJob:
         self.macro = tile.layout.kind == "macropixels"
         self.elements = tile.elements()
         device, layout = tracer.device, tile.layout
-        self.shape = BeamShape.for_inner(layout.inner)
+        self.shape = tracer.beam_shape(rays.probe(slab, self.macro))
         defines = {
             **tracer._surfaces.defines,
             "PLANES": int(bool(planes)),
@@ -72,8 +72,7 @@ class TileJob:
             "CHROMA": layout.format.subsampling,
             "VIEWS": int(not self.macro),
         }
-        scattered = tracer.scattered(rays.probe(slab, self.macro))
-        self.kernel = tracer._beam_kernel("slab.cl", "trace_slab", self.shape, scattered, defines)
+        self.kernel = tracer._beam_kernel("slab.cl", "trace_slab", self.shape, defines)
         self.scratch = tracer._scratch(self.kernel)
         self.sums = PlaneBuffers(device, slab, planes, tile)
 
@@ -117,16 +116,16 @@ class TileJob:
         tracer, device, layout = self.tracer, self.tracer.device, self.layout
         make = rays.macropixels if self.macro else rays.views
         bundles = make(self.slab, self.elements[part])
-        beams = group_elements(self.elements[part], self.shape.group)
+        groups = Groups.of(self.shape, bundles, self.elements[part])
         self.kernel(
             device.queue,
-            (tracer._workers(len(beams)),),
+            (tracer._workers(len(groups.members)),),
             (1,),
             *tracer._bvh,
             *tracer._scene,
             tracer._surfaces.ambient,
             tracer._surfaces.background,
-            *tracer._ray_arguments(bundles, bundles.elements, beams, self.shape),
+            *tracer._ray_arguments(bundles, groups, self.shape),
             np.float32(bundles.pixel_pitch),
             tracer._counter(),
             self.scratch,

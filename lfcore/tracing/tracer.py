@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +20,7 @@ from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.radiance import RadianceJob, page_aligned
 from lfcore.tracing.surfaces import pack_surfaces
 from lfcore.tracing.tile import TileJob, TileTracing
-from lfcore.tracing.work import BeamShape, group_elements, leaves_a_ray
+from lfcore.tracing.work import BeamShape, Groups, leaves_a_ray
 
 HITS_CHUNK_RAYS = 1 << 24
 SCATTERED_LEAVES = 2.5
@@ -91,8 +93,8 @@ class Tracer:
         pixels = np.asarray(pixels).reshape(-1, 2)
         # Neighbours share a beam by their place on the grid, so each place may come but once.
         places, which = np.unique(pixels, axis=0, return_inverse=True)
-        scattered = self.scattered(rays.probe(slab))
-        triangle, depth = self._hits(rays.macropixels(slab, places), places, scattered)
+        shape = self.beam_shape(rays.probe(slab))
+        triangle, depth = self._hits(rays.macropixels(slab, places), places, shape)
         return triangle[which.ravel()], depth[which.ravel()]
 
     def bundle_hits(
@@ -103,30 +105,30 @@ class Tracer:
         ``coordinates`` (E, 2) place the elements on their outer grid, so that neighbours can be
         traced together, and are distinct; without them every element is a beam of its own.
         """
-        return self._hits(bundles, coordinates, self.scattered(bundles))
+        shape = self.beam_shape(bundles, grouped=coordinates is not None)
+        return self._hits(bundles, coordinates, shape)
 
-    def _hits(self, bundles: Bundles, coordinates, scattered: bool):
+    def _hits(self, bundles: Bundles, coordinates, shape: BeamShape):
         count, per_element = len(bundles.elements), bundles.columns * bundles.rows
         triangle = np.empty((count, bundles.rows, bundles.columns), np.int32)
         depth = np.empty(triangle.shape, np.float32)
         step = max(1, HITS_CHUNK_RAYS // per_element)
         for start in range(0, count, step):
             part = slice(start, min(start + step, count))
-            self._hits_chunk(bundles, coordinates, part, scattered, triangle[part], depth[part])
+            self._hits_chunk(bundles.part(part), coordinates if coordinates is None else coordinates[part], shape, triangle[part], depth[part])
         return triangle, depth
 
-    def _hits_chunk(self, bundles, coordinates, part, scattered, triangle, depth) -> None:
-        device = self.device
-        shape, beams = self._beams(bundles, coordinates, part)
-        kernel = self._beam_kernel("hits.cl", "slab_hits", shape, scattered, {"WRITE": 1})
+    def _hits_chunk(self, bundles, coordinates, shape, triangle, depth) -> None:
+        device, groups = self.device, Groups.of(shape, bundles, coordinates)
+        kernel = self._beam_kernel("hits.cl", "slab_hits", shape, {"WRITE": 1})
         words = 2 * shape.blocks * 256 + 7 * 64
         depths, triangles = device.empty(depth.nbytes), device.empty(triangle.nbytes)
         kernel(
             device.queue,
-            (self._workers(len(beams)),),
+            (self._workers(len(groups.members)),),
             (1,),
             *self._bvh,
-            *self._ray_arguments(bundles, bundles.elements[part], beams, shape),
+            *self._ray_arguments(bundles, groups, shape),
             self._counter(),
             device.empty(4 * words * device.threads),
             depths,
@@ -251,29 +253,41 @@ class Tracer:
 
     # -- plumbing -----------------------------------------------------------------------------
 
-    def _beams(self, bundles: Bundles, coordinates, part: slice) -> tuple[BeamShape, np.ndarray]:
-        shape = BeamShape.for_inner(max(bundles.columns, bundles.rows))
-        if coordinates is None:
-            shape = BeamShape(shape.side, 1, shape.half)
-            coordinates = np.zeros((len(bundles.elements), 2), np.int64)
-        return shape, group_elements(np.asarray(coordinates)[part], shape.group)
+    def beam_shape(self, bundles: Bundles, *, grouped: bool = True, spanning: bool = True):
+        """How these rays are cut into beams.
 
-    def scattered(self, bundles: Bundles) -> bool:
+        ``grouped``: whether the elements' places are known, so that neighbours can share a beam;
+        ``spanning``: whether whoever asks can do with blocks of several elements.
+        """
+        outer = self.outer(bundles) if grouped and spanning and bundles.lattice else 1
+        scattered = self.scattered(bundles, outer)
+        inner = max(bundles.columns, bundles.rows)
+        shape = BeamShape.for_inner(inner, 1 if scattered else outer, scattered)
+        return shape if grouped else replace(shape, group=1)
+
+    def outer(self, bundles: Bundles) -> int:
+        """Elements along each axis that a block best spans: measured."""
+        return int(os.environ.get("LF_OUTER", "1"))
+
+    def scattered(self, bundles: Bundles, outer: int = 1) -> bool:
         """Whether blocks of these rays have so much in their way that single rays are faster.
 
         Never for elements of one ray: such rays come from anywhere, and none must change how
         its neighbours are traced.
         """
         lone = bundles.columns * bundles.rows == 1
-        return not lone and leaves_a_ray(self._leaf_boxes, bundles) > SCATTERED_LEAVES
+        return not lone and leaves_a_ray(self._leaf_boxes, bundles, outer) > SCATTERED_LEAVES
 
-    def _ray_arguments(self, bundles: Bundles, elements, beams, shape: BeamShape) -> list:
+    def _ray_arguments(self, bundles: Bundles, groups: Groups, shape: BeamShape) -> list:
         """What the kernels take as their rays, from ``elements`` to ``rows``."""
+        lattice = bundles.lattice if shape.outer > 1 else None
+        outer = (lattice.origin, lattice.direction) if lattice else (0, 0)
         return [
-            self.device.buffer(np.ascontiguousarray(elements)),
-            self.device.buffer(beams),
-            np.int32(len(beams) * shape.squares(bundles.columns, bundles.rows)),
+            self.device.buffer(np.ascontiguousarray(groups.middles)),
+            self.device.buffer(groups.members),
+            np.int32(len(groups.members) * shape.squares(bundles.columns, bundles.rows)),
             bundles.step,
+            np.array(outer, np.float32),
             np.int32(bundles.columns),
             np.int32(bundles.rows),
         ]
@@ -298,18 +312,8 @@ class Tracer:
     def _counter(self) -> cl.Buffer:
         return self.device.buffer(np.zeros(1, np.int32))
 
-    def _beam_kernel(
-        self, file: str, name: str, shape: BeamShape, scattered: bool, defines: dict
-    ) -> cl.Kernel:
-        values = {
-            "SIDE": shape.side,
-            "ELEMENTS": shape.elements,
-            "HALF": f"{shape.half}f",
-            "STACK": self._stack,
-            "FP64": self._fp64,
-            "SCATTERED": int(scattered),
-            **defines,
-        }
+    def _beam_kernel(self, file: str, name: str, shape: BeamShape, defines: dict) -> cl.Kernel:
+        values = {**shape.defines, "STACK": self._stack, "FP64": self._fp64, **defines}
         return self._kernel(file, name, values)
 
     def _kernel(self, file: str, name: str, values: dict) -> cl.Kernel:

@@ -22,7 +22,7 @@ from lfcore.tracing.work import leaves_a_ray
 class Scattering(Tracer):
     """Follows every ray one by one, whatever the scene."""
 
-    def scattered(self, bundles):
+    def scattered(self, bundles, outer=1):
         return True
 
 

@@ -1,7 +1,9 @@
 // Beams of blocks: the unit of work that one worker takes at a time.
 //
 // A beam is ELEMENTS neighbouring outer elements (pixels, lens samples, data cameras) times a square
-// of SIDE x SIDE blocks of the inner grid.  Its block b = element * SIDE * SIDE + row * SIDE + column.
+// of SIDE x SIDE blocks of the inner grid.  Blocks of one element come element after element, row by row;
+// where a block spans OUTER x OUTER elements, that is all that the beam has.  What leaves a beam does so in
+// tiles of 16 x 16 inner rays of one element, element after element.
 #ifndef LFCORE_BEAM_CL
 #define LFCORE_BEAM_CL
 #include "visibility.cl"
@@ -10,15 +12,21 @@
 #endif
 
 #define ELEMENT_BLOCKS (SIDE * SIDE)
-#define BEAM_BLOCKS (ELEMENTS * ELEMENT_BLOCKS)
+#define BEAM_BLOCKS (ELEMENTS / (OUTER * OUTER) * ELEMENT_BLOCKS)
+#define REACH (SIDE * INNER)         // inner rays along a side of a beam
+#define TILE_SIDE (REACH / BLOCK)    // tiles along it
+#define ELEMENT_TILES (TILE_SIDE * TILE_SIDE)
+#define BEAM_TILES (ELEMENTS * ELEMENT_TILES)
 
 // The rays of a job: the outer elements, and the inner grid that all of them share.
 typedef struct {
-    global const float4 *elements;  // (E,) ox, oy, dx, dy at the middle of the inner grid
+    global const float4 *elements;  // ox, oy, dx, dy at the middle of the inner grid: of each of E elements, or,
+                                    // for blocks of several, of the middle of each of B groups
     global const int *beams;        // (B, ELEMENTS) element or -1
     float4 step;                    // sx, sy, tx, ty: per column and row of the inner grid
+    float2 outer;                   // a, b: per element of a group
     int columns, rows;              // size of the inner grid
-    int beams_across, beams_down;   // squares of SIDE blocks in the inner grid
+    int beams_across, beams_down;   // beams that one group's inner grid takes
 } Rays;
 
 #define RAYS_PARAMETERS                     \
@@ -26,12 +34,14 @@ typedef struct {
     global const int *restrict beams,       \
     const int n_beams,                      \
     const float4 step,                      \
+    const float2 outer,                     \
     const int columns,                      \
     const int rows
-#define SQUARES(size) (((size) + SIDE * BLOCK - 1) / (SIDE * BLOCK))
-#define MAKE_RAYS {elements, beams, step, columns, rows, SQUARES(columns), SQUARES(rows)}
+#define BEAMS_ALONG(size) (((size) + REACH - 1) / REACH)
+#define MAKE_RAYS {elements, beams, step, outer, columns, rows, BEAMS_ALONG(columns), BEAMS_ALONG(rows)}
 
 typedef struct {
+    int group;                  // which of the groups of elements
     global const int *element;  // (ELEMENTS,)
     int column, row;            // first column and row of the inner grid
     BlockState block[BEAM_BLOCKS];  // z_far is negative for a block without rays
@@ -41,30 +51,58 @@ typedef struct {
 inline int2 block_position(const BeamWork *work, int block)
 {
     const int within = block % ELEMENT_BLOCKS;
-    return (int2)(work->column + (within % SIDE) * BLOCK, work->row + (within / SIDE) * BLOCK);
+    return (int2)(work->column + (within % SIDE) * INNER, work->row + (within / SIDE) * INNER);
+}
+
+// First column and row of a tile in the inner grid.
+inline int2 tile_position(const BeamWork *work, int tile)
+{
+    const int within = tile % ELEMENT_TILES;
+    return (int2)(work->column + (within % TILE_SIDE) * BLOCK, work->row + (within / TILE_SIDE) * BLOCK);
+}
+
+// The element of a block's rays at place (u, v) of its OUTER x OUTER, or -1.
+inline int block_element(const BeamWork *work, int block, int u, int v)
+{
+    return work->element[OUTER > 1 ? v * OUTER + u : block / ELEMENT_BLOCKS];
+}
+
+// The element of a tile, or -1 if there are no rays or none that are wanted.
+inline int tile_element(const BeamWork *work, int tile)
+{
+    const int within = tile % ELEMENT_TILES, first = (within / TILE_SIDE * SIDE + within % TILE_SIDE) * OUTER;
+    return work->block[OUTER > 1 ? first : tile].z_far < 0.0f ? -1 : work->element[tile / ELEMENT_TILES];
+}
+
+// The middle ray of what the beam's blocks are counted from.
+inline float4 middle_of(const Rays *rays, const BeamWork *work, int block)
+{
+    return rays->elements[OUTER > 1 ? work->group : work->element[block / ELEMENT_BLOCKS]];
 }
 
 inline Bundle block_bundle(const Rays *rays, const BeamWork *work, int block)
 {
-    const float4 e = rays->elements[work->element[block / ELEMENT_BLOCKS]];
+    const float4 e = middle_of(rays, work, block);
     const float2 c = convert_float2(block_position(work, block)) + HALF - 0.5f * (float2)(rays->columns - 1, rays->rows - 1);
     Bundle r;
     r.ox = fma(c.x, rays->step.x, e.x); r.oy = fma(c.y, rays->step.y, e.y);
     r.dx = fma(c.x, rays->step.z, e.z); r.dy = fma(c.y, rays->step.w, e.w);
     r.sx = rays->step.x; r.sy = rays->step.y; r.tx = rays->step.z; r.ty = rays->step.w;
+    r.a = rays->outer.x; r.b = rays->outer.y;
     return r;
 }
 
 inline void start_beam(const Rays *rays, int beam, BeamWork *work)
 {
     const int squares = rays->beams_across * rays->beams_down, square = beam % squares;
-    work->element = rays->beams + (beam / squares) * ELEMENTS;
-    work->column = (square % rays->beams_across) * SIDE * BLOCK;
-    work->row = (square / rays->beams_across) * SIDE * BLOCK;
+    work->group = beam / squares;
+    work->element = rays->beams + work->group * ELEMENTS;
+    work->column = (square % rays->beams_across) * REACH;
+    work->row = (square / rays->beams_across) * REACH;
     for (int block = 0; block < BEAM_BLOCKS; ++block) {
         const int2 at = block_position(work, block);
-        const int empty = work->element[block / ELEMENT_BLOCKS] < 0 || at.x >= rays->columns || at.y >= rays->rows;
-        work->block[block].z_far = empty ? -1.0f : FAR;
+        const int none = OUTER == 1 && block_element(work, block, 0, 0) < 0;
+        work->block[block].z_far = none || at.x >= rays->columns || at.y >= rays->rows ? -1.0f : FAR;
         work->block[block].cover = NOTHING;
     }
 }
@@ -73,15 +111,13 @@ inline void start_beam(const Rays *rays, int beam, BeamWork *work)
 inline Beam whole_beam(const Rays *rays, const BeamWork *work)
 {
     float4 lo = FAR, hi = -FAR;
-    for (int k = 0; k < ELEMENTS; ++k) {
-        if (work->element[k] < 0) continue;
-        const float4 e = rays->elements[work->element[k]];
-        lo = min(lo, e);
-        hi = max(hi, e);
+    for (int block = 0; block < BEAM_BLOCKS; block += ELEMENT_BLOCKS) {
+        if (OUTER == 1 && block_element(work, block, 0, 0) < 0) continue;
+        lo = min(lo, middle_of(rays, work, block));
+        hi = max(hi, middle_of(rays, work, block));
     }
-    const float cx = work->column + 0.5f * (SIDE * BLOCK - 1) - 0.5f * (rays->columns - 1);
-    const float cy = work->row + 0.5f * (SIDE * BLOCK - 1) - 0.5f * (rays->rows - 1);
-    const float extent = 0.5f * (SIDE * BLOCK - 1);
+    const float extent = 0.5f * (REACH - 1);
+    const float cx = work->column + extent - 0.5f * (rays->columns - 1), cy = work->row + extent - 0.5f * (rays->rows - 1);
     Beam b;
     b.ox_lo = fma(cx, rays->step.x, lo.x); b.ox_hi = fma(cx, rays->step.x, hi.x);
     b.oy_lo = fma(cy, rays->step.y, lo.y); b.oy_hi = fma(cy, rays->step.y, hi.y);
@@ -89,6 +125,7 @@ inline Beam whole_beam(const Rays *rays, const BeamWork *work)
     b.dy_lo = fma(cy, rays->step.w, lo.w); b.dy_hi = fma(cy, rays->step.w, hi.w);
     b.hx = extent * rays->step.x; b.gx = extent * rays->step.z;
     b.hy = extent * rays->step.y; b.gy = extent * rays->step.w;
+    b.hu = OUTER_HALF * rays->outer.x; b.gu = OUTER_HALF * rays->outer.y;
     return pad_beam(b);
 }
 

@@ -38,16 +38,15 @@ typedef struct {
     const float4 background
 #define MAKE_SURFACES {corners, attributes, material_ids, materials, lights, images, texels, ambient, background}
 
-typedef struct { float c, i, j; } Form;
-
-inline vf form_row(Form f, vf x, float y) { return affine_row(f.c, f.i, f.j, x, y); }
-
 inline Form blend(const Form *e, float a, float b, float c)
 {
     Form f;
-    f.c = a * e[0].c + b * e[1].c + c * e[2].c;
-    f.i = a * e[0].i + b * e[1].i + c * e[2].i;
-    f.j = a * e[0].j + b * e[1].j + c * e[2].j;
+#define BLEND(x) f.x = a * e[0].x + b * e[1].x + c * e[2].x
+    BLEND(c); BLEND(i); BLEND(j);
+#if OUTER > 1
+    BLEND(p); BLEND(q); BLEND(k);
+#endif
+#undef BLEND
     return f;
 }
 
@@ -58,6 +57,11 @@ inline Form edge_form(float3 p, float3 q, const Bundle *r)
     e.c = c.z;
     e.i = c.x * r->tx + (p.y - q.y) * r->sx;
     e.j = c.y * r->ty - (p.x - q.x) * r->sy;
+#if OUTER > 1
+    e.p = c.x * r->b + (p.y - q.y) * r->a;
+    e.q = c.y * r->b - (p.x - q.x) * r->a;
+    e.k = (p.z - q.z) * (r->sx * r->b - r->a * r->tx);
+#endif
     return e;
 }
 
@@ -170,25 +174,25 @@ inline void prepare_facet(const Surfaces *s, const Bundle *r, int id, float pixe
 inline vf dot3(Vec a, Vec b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
 inline Vec scale3(Vec a, vf k) { Vec r = {a.x * k, a.y * k, a.z * k}; return r; }
 
-inline Surface interpolate(const Facet *f, vf x, float y)
+inline Surface interpolate(const Facet *f, Row at)
 {
     Surface p;
 #if SMOOTH
-    p.normal.x = form_row(f->n[0], x, y); p.normal.y = form_row(f->n[1], x, y); p.normal.z = form_row(f->n[2], x, y);
+    p.normal.x = form_row(f->n[0], at); p.normal.y = form_row(f->n[1], at); p.normal.z = form_row(f->n[2], at);
 #else
     p.normal.x = f->normal.x; p.normal.y = f->normal.y; p.normal.z = f->normal.z;
 #endif
 #if TEXTURED || VERTEX_COLOURS
-    const vf inverse = reciprocal(form_row(f->sum, x, y));
+    const vf inverse = reciprocal(flat_row(f->sum, at));
 #endif
 #if TEXTURED
-    p.u = form_row(f->uv[0], x, y) * inverse;
-    p.v = form_row(f->uv[1], x, y) * inverse;
+    p.u = form_row(f->uv[0], at) * inverse;
+    p.v = form_row(f->uv[1], at) * inverse;
 #endif
 #if VERTEX_COLOURS
-    p.rgb.r = fma(form_row(f->rgb[0], x, y), inverse, (vf)(f->first.x));
-    p.rgb.g = fma(form_row(f->rgb[1], x, y), inverse, (vf)(f->first.y));
-    p.rgb.b = fma(form_row(f->rgb[2], x, y), inverse, (vf)(f->first.z));
+    p.rgb.r = fma(form_row(f->rgb[0], at), inverse, (vf)(f->first.x));
+    p.rgb.g = fma(form_row(f->rgb[1], at), inverse, (vf)(f->first.y));
+    p.rgb.b = fma(form_row(f->rgb[2], at), inverse, (vf)(f->first.z));
 #endif
     return p;
 }

@@ -3,6 +3,26 @@
 
 #define SCRATCH_FLOATS (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST)
 
+// Write what a block saw, its rays of one element and one row of the inner grid at a time.
+inline void write_hits(const Rays *rays, const BeamWork *work, int block, global const float *z, global const int *ids,
+                       global float *depth, global int *triangle)
+{
+    const int2 where = block_position(work, block);
+    for (int at = 0; at < BLOCK_RAYS; at += INNER) {
+        const int y = where.y + at / BLOCK % INNER, element = block_element(work, block, at % BLOCK / INNER, at / BLOCK / INNER);
+        if (element < 0 || y >= rays->rows) continue;
+        const ulong to = ((ulong)element * rays->rows + y) * rays->columns + where.x;
+        if (where.x + INNER <= rays->columns) {
+            JOIN(vstore, INNER)(JOIN(vload, INNER)(0, z + at), 0, depth + to);
+            JOIN(vstore, INNER)(JOIN(vload, INNER)(0, ids + at), 0, triangle + to);
+        } else
+            for (int k = 0; where.x + k < rays->columns; ++k) {
+                depth[to + k] = z[at + k];
+                triangle[to + k] = ids[at + k];
+            }
+    }
+}
+
 kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
 void slab_hits(BVH_PARAMETERS,
                RAYS_PARAMETERS,
@@ -24,24 +44,7 @@ void slab_hits(BVH_PARAMETERS,
         for (int block = 0; block < BEAM_BLOCKS; ++block) {
             if (work.block[block].z_far < 0.0f) continue;
             materialise(work.block + block, z + block * BLOCK_RAYS, ids + block * BLOCK_RAYS);
-            if (!WRITE) continue;
-            const int2 where = block_position(&work, block);
-            const int x0 = where.x, y0 = where.y;
-            const ulong base = (ulong)work.element[block / ELEMENT_BLOCKS] * rows * columns;
-            for (int row = 0; row < BLOCK && y0 + row < rows; ++row)
-                for (int column = 0; column < BLOCK && x0 + column < columns; column += LANES) {
-                    global const float *zr = z + block * BLOCK_RAYS + row * BLOCK + column;
-                    global const int *ir = ids + block * BLOCK_RAYS + row * BLOCK + column;
-                    const ulong at = base + (ulong)(y0 + row) * columns + x0 + column;
-                    if (x0 + column + LANES <= columns) {
-                        VSTORE(VLOAD(zr), depth + at);
-                        VSTORE(VLOAD(ir), triangle + at);
-                    } else
-                        for (int k = 0; x0 + column + k < columns && k < LANES; ++k) {
-                            depth[at + k] = zr[k];
-                            triangle[at + k] = ir[k];
-                        }
-                }
+            if (WRITE) write_hits(&rays, &work, block, z + block * BLOCK_RAYS, ids + block * BLOCK_RAYS, depth, triangle);
         }
     }
 }

@@ -53,6 +53,10 @@ typedef JOIN(uint, LANES) vu;
 inline vf pick(vf a, vf b, vi mask) { return AS_VF((AS_VI(a) & ~mask) | (AS_VI(b) & mask)); }
 inline vi pick_int(vi a, vi b, vi mask) { return (a & ~mask) | (b & mask); }
 
+// The sign bit turned where `sign` has it
+inline vf flip_sign(vf a, vi sign) { return AS_VF(AS_VI(a) ^ sign); }
+#define FLIP_BY(a, sign) a = flip_sign(a, sign)
+
 #if LANES == 16
 #define IOTA ((vf)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
 #define LANE_BITS ((vi)(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768))

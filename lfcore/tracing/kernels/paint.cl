@@ -10,7 +10,7 @@
 #endif
 #define SHADOWED (SHADOW_LIGHTS > 0)
 // A block that sees more triangles than this casts its shadow rays one by one: measured, one for four rays.
-#define MANY_TRIANGLES (0.25f * (2.0f * HALF + 1.0f) * (2.0f * HALF + 1.0f))
+#define MANY_TRIANGLES (0.25f * (2.0f * HALF + 1.0f) * (2.0f * HALF + 1.0f) * OUTER * OUTER)
 
 // A worker's own memory.
 typedef struct {
@@ -78,8 +78,10 @@ inline int beam_bounds(const Rays *rays, const BeamWork *work, global const floa
         }
         const Bundle bundle = block_bundle(rays, work, block);
         const Beam beam = block_beam(&bundle);
-        const float wx0 = fabs(fma(near, beam.gx, beam.hx)), wx1 = fabs(fma(far, beam.gx, beam.hx));
-        const float wy0 = fabs(fma(near, beam.gy, beam.hy)), wy1 = fabs(fma(far, beam.gy, beam.hy));
+        const float wx0 = fabs(fma(near, beam.gx, beam.hx)) + fabs(fma(near, beam.gu, beam.hu));
+        const float wx1 = fabs(fma(far, beam.gx, beam.hx)) + fabs(fma(far, beam.gu, beam.hu));
+        const float wy0 = fabs(fma(near, beam.gy, beam.hy)) + fabs(fma(near, beam.gu, beam.hu));
+        const float wy1 = fabs(fma(far, beam.gy, beam.hy)) + fabs(fma(far, beam.gu, beam.hu));
         lo[0] = min(lo[0], min(fma(near, beam.dx_lo, beam.ox_lo - wx0), fma(far, beam.dx_lo, beam.ox_lo - wx1)));
         hi[0] = max(hi[0], max(fma(near, beam.dx_hi, beam.ox_hi + wx0), fma(far, beam.dx_hi, beam.ox_hi + wx1)));
         lo[1] = min(lo[1], min(fma(near, beam.dy_lo, beam.oy_lo - wy0), fma(far, beam.dy_lo, beam.oy_lo - wy1)));
@@ -108,15 +110,14 @@ inline void see_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWo
 #endif
 }
 
-// What the lanes beside the inner grid see is of no use: neither shaded nor shadowed.
+// What lanes beside the inner grid see is of no use: neither shaded nor shadowed.  Elements that are not there
+// are: what a ray's neighbours see decides how its shadow is found, and must not depend on how a job is cut.
 inline void crop_block(const Rays *rays, int2 where, global int *ids)
 {
     const int columns = rays->columns - where.x, rows = rays->rows - where.y;
-    if (columns >= BLOCK && rows >= BLOCK) return;
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const vi beside = at / BLOCK >= rows ? (vi)(-1) : GE(IOTA + at % BLOCK, (vf)(columns));
-        VSTORE(VLOAD(ids + at) | beside, ids + at);
-    }
+    if (columns >= INNER && rows >= INNER) return;
+    for (int at = 0; at < BLOCK_RAYS; ++at)
+        if (at % INNER >= columns || at / BLOCK % INNER >= rows) ids[at] = -1;
 }
 
 // Linear colours, not clamped, of one block of a beam that was seen: (3, BLOCK_RAYS) at colours.base.
@@ -126,12 +127,16 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, con
     const Bundle bundle = block_bundle(rays, work, block);
     global int *ids = e->ids + block * BLOCK_RAYS;
     if (state->cover == BUFFERED) crop_block(rays, block_position(work, block), ids);
+#if OUTER > 1 && SHADOW_LIGHTS
+    if (state->cover >= 0)
+        for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE((vi)(state->cover), ids + at);
+#endif
     const int triangles = shade_block(s, &bundle, state, e->z + block * BLOCK_RAYS, ids, pixel, e->surfaces, e->finishes, &e->colours);
 #if SHADOW_LIGHTS
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         global int *wants = e->colours.wants + k * BLOCK_RAYS;
         global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
-        if (SCATTERED || (state->cover < 0 && triangles > MANY_TRIANGLES))  // a covered block has no ids
+        if (SCATTERED || triangles > MANY_TRIANGLES)
             shadow_rays_singly(bvh, light, &e->occluders, e->complete, &e->nearby, ids, e->colours.point, wants);
         else if (triangles)
             shadow_block(bvh, light, &e->occluders, e->complete, &bundle, state, ids, e->colours.point, wants, e->spare,

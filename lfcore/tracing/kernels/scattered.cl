@@ -127,7 +127,7 @@ inline int narrow_list(const Bvh *bvh, global const float *light, const LeafList
 }
 
 // A list pays for itself with the rays of a whole block.
-#define LISTED (!SCATTERED && HALF > 5.0f)
+#define LISTED (!SCATTERED && (OUTER > 1 || HALF > 5.0f))
 
 // Take from `wants` the rays of a block that cannot see the light, one by one.
 inline void shadow_rays_singly(const Bvh *bvh, global const float *light, const LeafList *beam, int complete, LeafList *list,

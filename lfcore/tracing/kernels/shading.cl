@@ -89,11 +89,11 @@ inline Colour light_row(global const float *light, const Finish *f, Colour albed
     return c;
 }
 
-inline void shade_row(const Surfaces *s, const Finish *f, const Surface *p, const Bundle *r, vf x, float y, vf z, vi mask, int at,
-                      const BlockColours *out)
+inline void shade_row(const Surfaces *s, const Finish *f, const Surface *p, const Bundle *r, vf z, vi mask, int at, const BlockColours *out)
 {
-    const Vec direction = {fma(x, (vf)(r->tx), (vf)(r->dx)), (vf)(fma(y, r->ty, r->dy)), (vf)(1.0f)};
-    const Vec point = {fma(z, direction.x, fma(x, (vf)(r->sx), (vf)(r->ox))), fma(z, direction.y, (vf)(fma(y, r->sy, r->oy))), z};
+    const Row row = row_at(at);
+    const Vec direction = {row_dx(r, row), (vf)(row_dy(r, row)), (vf)(1.0f)};
+    const Vec point = {fma(z, direction.x, row_ox(r, row)), fma(z, direction.y, (vf)(row_oy(r, row))), z};
     const Vec view = scale3(direction, -inverse_sqrt(dot3(direction, direction)));
     const Vec normal = viewed_normal(p->normal, direction);
     const Colour colour = albedo(s, f, p);
@@ -203,7 +203,7 @@ inline int interpolate_block(const Surfaces *s, const Bundle *r, global const in
                 const uint bits = row_bits(mask);
                 if (!bits) continue;
                 todo[k] &= ~bits;
-                const Surface p = interpolate(&f, IOTA + (at % BLOCK - HALF), at / BLOCK - HALF);
+                const Surface p = interpolate(&f, row_at(at));
                 put_surface(surfaces, at, &p, mask);
                 VSTORE(pick_int(VLOAD(finishes + at), (vi)(f.finish), mask), finishes + at);
             }
@@ -221,10 +221,9 @@ inline int shade_block(const Surfaces *s, const Bundle *r, const BlockState *sta
         prepare_facet(s, r, state->cover, pixel, &f);
         const Finish finish = read_finish(s, f.finish);
         for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-            const vf x = IOTA + (at % BLOCK - HALF);
-            const float y = at / BLOCK - HALF;
-            const Surface p = interpolate(&f, x, y);
-            shade_row(s, &finish, &p, r, x, y, cover_depth(state->c, x, y), (vi)(-1), at, out);
+            const Row row = row_at(at);
+            const Surface p = interpolate(&f, row);
+            shade_row(s, &finish, &p, r, cover_depth(state, row), (vi)(-1), at, out);
         }
         return 1;
     }
@@ -244,7 +243,7 @@ inline int shade_block(const Surfaces *s, const Bundle *r, const BlockState *sta
                 number = next;
                 finish = read_finish(s, number);
             }
-            shade_row(s, &finish, &p, r, IOTA + (at % BLOCK - HALF), at / BLOCK - HALF, VLOAD(z + at), mask, at, out);
+            shade_row(s, &finish, &p, r, VLOAD(z + at), mask, at, out);
         }
     }
     return count;

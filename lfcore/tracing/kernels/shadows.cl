@@ -91,15 +91,18 @@ inline vi setup_occluders(const ShadowRays *r, const Shaft *shaft, global const 
 
 // A block on one triangle: the hit point times the denominator of depth is affine over the block (rays
 // of a pixel meet in its focus point, rays of a view in the lens sample: a homography either way), so
-// the occluders' forms are too, and are tested like triangles in triangles.cl.
+// the occluders' forms are too, and are tested like triangles in triangles.cl.  Not so for a block of several
+// elements, where the product is quadratic.
+#if OUTER == 1
 typedef struct {
     float3 c, i, j;     // (P - apex) * weight
     float wc, wi, wj;   // weight, positive over the block
 } Receiver;
 
-inline Receiver make_receiver(const Bundle *r, const float *depth, float3 apex)
+inline Receiver make_receiver(const Bundle *r, const BlockState *state, float3 apex)
 {
-    const float zc = depth[0], zi = depth[1], zj = depth[2], wc = depth[3], wi = depth[4], wj = depth[5];
+    const float zc = state->over.c, zi = state->over.i, zj = state->over.j;
+    const float wc = state->under.c, wi = state->under.i, wj = state->under.j;
     Receiver f = {(float3)(r->ox * wc + zc * r->dx, r->oy * wc + zc * r->dy, zc) - apex * wc,
                   (float3)(r->sx * wc + r->ox * wi + zi * r->dx + zc * r->tx, r->oy * wi + zi * r->dy, zi) - apex * wi,
                   (float3)(r->ox * wj + zj * r->dx, r->sy * wc + r->oy * wj + zj * r->dy + zc * r->ty, zj) - apex * wj,
@@ -135,23 +138,21 @@ inline uint project_occluders(const Receiver *f, const Plane *planes, vi may, pr
 // Darken the rays of a receiver's block behind one occluder; false when none is left.
 inline int cast_on_facet(private const float *f, uint lane, int first, int last, global int *wants)
 {
-    float c[12];
-    for (int k = 0; k < 12; ++k) c[k] = f[k * LANES + lane];
-    for (int row = first; row <= last; ++row) {
-        const float y = row - HALF;
-        for (int column = 0; column < BLOCK; column += LANES) {
-            const vf x = IOTA + (column - HALF);
-            const vf a = affine_row(c[0], c[1], c[2], x, y), b = affine_row(c[3], c[4], c[5], x, y);
-            const vf g = affine_row(c[6], c[7], c[8], x, y), beyond = affine_row(c[9], c[10], c[11], x, y);
-            const vi dark = GE(min(a, min(b, g)), (vf)(0.0f)) & GT(beyond, (vf)(0.0f));
-            global int *want = wants + row * BLOCK + column;
-            if (row_any(dark)) VSTORE(VLOAD(want) & ~dark, want);
-        }
+    Form c[4];
+    for (int k = 0; k < 4; ++k) c[k] = read_flat(f + 3 * k * LANES, lane);
+    for (int at = first * BLOCK; at < (last + 1) * BLOCK; at += LANES) {
+        const Row row = row_at(at);
+        const vf a = form_row(c[0], row), b = form_row(c[1], row), g = form_row(c[2], row), beyond = form_row(c[3], row);
+        const vi dark = GE(min(a, min(b, g)), (vf)(0.0f)) & GT(beyond, (vf)(0.0f));
+        if (row_any(dark)) VSTORE(VLOAD(wants + at) & ~dark, wants + at);
     }
     vi left = 0;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) left |= VLOAD(wants + at);
     return row_any(left);
 }
+#else
+typedef void Receiver;
+#endif
 
 inline uint store_occluders(const Plane *planes, vi may, private float *out)
 {
@@ -211,7 +212,8 @@ inline int next_span(const Bundle *r, global const float *point, global int *wan
     for (int at = 0; at < BLOCK_RAYS; at += LANES) nearest = pick(nearest, min(nearest, VLOAD(z + at)), VLOAD(wants + at));
     const float from = row_min(nearest);
     if (from >= FAR) return 0;
-    const float footprint = BLOCK * max(fabs(fma(from, r->tx, r->sx)), fabs(fma(from, r->ty, r->sy)));
+    const float footprint = INNER * max(fabs(fma(from, r->tx, r->sx)), fabs(fma(from, r->ty, r->sy))) +
+                            (OUTER - 1) * fabs(fma(from, r->b, r->a));
     const float until = fma(from, SPAN, 2.0f * footprint);
     for (int k = 0; k < 3; ++k) { lo[k] = FAR; hi[k] = -FAR; }
     for (int band = 0; band < 4; ++band) {
@@ -260,7 +262,9 @@ inline int shade_off(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, co
 {
     Plane planes[4];
     private float forms[SHADOW_FORMS * LANES];
+#if OUTER == 1
     private int rows[2 * LANES];
+#endif
     for (int base = 0; base < list->count; base += LANES) {
         uint near = row_bits(shaft_meets(shaft, list->boxes + base, list->pitch));
         if (base + LANES > list->count) near &= (1u << (list->count - base)) - 1u;
@@ -269,14 +273,22 @@ inline int shade_off(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, co
             for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
                 const vi may = setup_occluders(r, shaft, bvh->leaves + leaf * 9 * NODE_WIDTH + lane, planes);
                 if (!row_any(may)) continue;
+#if OUTER == 1
                 uint keep = receiver ? project_occluders(receiver, planes, may, forms, rows) : store_occluders(planes, may, forms);
+#else
+                uint keep = store_occluders(planes, may, forms);
+#endif
                 for (; keep; keep &= keep - 1) {
                     const uint k = lowest(keep);
                     const int id = bvh->leaf_ids[leaf * NODE_WIDTH + lane + k];
                     if (id == own) continue;
-                    const int left = receiver ? cast_on_facet(forms, k, rows[k], rows[LANES + k], wants)
-                                              : cast_shadow(r, bands, forms, k, id, ids, point, wants);
-                    if (!left) return 0;
+#if OUTER == 1
+                    if (receiver) {
+                        if (!cast_on_facet(forms, k, rows[k], rows[LANES + k], wants)) return 0;
+                        continue;
+                    }
+#endif
+                    if (!cast_shadow(r, bands, forms, k, id, ids, point, wants)) return 0;
                 }
             }
         }
@@ -284,13 +296,15 @@ inline int shade_off(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, co
     return 1;
 }
 
+#if OUTER == 1
 // Bounds of a block that lies on one triangle: the image of a rectangle is spanned by its corners.
-inline void facet_bounds(const Bundle *r, const float *depth, float *lo, float *hi)
+inline void facet_bounds(const Bundle *r, const BlockState *state, float *lo, float *hi)
 {
     for (int k = 0; k < 3; ++k) { lo[k] = FAR; hi[k] = -FAR; }
     for (int k = 0; k < 4; ++k) {
         const float x = k & 1 ? HALF : -HALF, y = k & 2 ? HALF : -HALF;
-        const float z = (depth[0] + x * depth[1] + y * depth[2]) / (depth[3] + x * depth[4] + y * depth[5]);
+        const Form over = state->over, under = state->under;
+        const float z = (over.c + x * over.i + y * over.j) / (under.c + x * under.i + y * under.j);
         const float p[3] = {fma(x, r->sx, r->ox) + z * fma(x, r->tx, r->dx), fma(y, r->sy, r->oy) + z * fma(y, r->ty, r->dy), z};
         for (int axis = 0; axis < 3; ++axis) {
             const float slack = 1.0e-6f * fabs(p[axis]);
@@ -299,6 +313,7 @@ inline void facet_bounds(const Bundle *r, const float *depth, float *lo, float *
         }
     }
 }
+#endif
 
 // Darken rays in `open` whose hit points lo and hi bound.  `shared` lists the leaves between the light
 // and the whole beam when it could hold them (complete), and is used as scratch otherwise.
@@ -308,9 +323,14 @@ inline void darken(const Bvh *bvh, global const float *light, LeafList *shared, 
 {
     const Shaft shaft = make_shaft(light, lo, hi);
     const ShadowRays rays = shadow_rays(light, lo, hi);
+    const Receiver *receiver = 0;
+#if OUTER == 1
     Receiver facet;
-    if (state->cover >= 0) facet = make_receiver(bundle, state->c, rays.apex);
-    const Receiver *receiver = state->cover >= 0 ? &facet : 0;
+    if (state->cover >= 0) {
+        facet = make_receiver(bundle, state, rays.apex);
+        receiver = &facet;
+    }
+#endif
     if (complete) {
         shade_off(bvh, &shaft, &rays, receiver, bands, shared, state->cover, ids, point, open);
         return;
@@ -330,14 +350,16 @@ inline void shadow_block(const Bvh *bvh, global const float *light, LeafList *sh
                          global int *open, global int *seen)
 {
     float lo[3], hi[3];
+#if OUTER == 1
     if (state->cover >= 0) {
         vi want = 0;
         for (int at = 0; at < BLOCK_RAYS; at += LANES) want |= VLOAD(wants + at);
         if (!row_any(want)) return;
-        facet_bounds(bundle, state->c, lo, hi);
+        facet_bounds(bundle, state, lo, hi);
         darken(bvh, light, shared, complete, bundle, state, ids, point, lo, hi, 0, wants);
         return;
     }
+#endif
     for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE((vi)(0), seen + at);
     Bands bands;
     while (next_span(bundle, point, wants, open, lo, hi, &bands)) {

@@ -4,9 +4,28 @@
 #include "planes.cl"
 #include "frames.cl"
 
-#define SCRATCH_WORDS (EASEL_WORDS + PLANES * TABLE_WORDS)
+#define COLOURS (3 * BLOCK_RAYS)  // of one tile of a beam
+#define SCRATCH_WORDS (EASEL_WORDS + BEAM_TILES * COLOURS + PLANES * TABLE_WORDS)
 
 kernel void scratch_words(global int *words) { *words = SCRATCH_WORDS; }
+
+// Clamp a block's colours to what is stored, and put them where its tiles are.
+inline void hand_over(global const float *from, int block, global float *painted)
+{
+#if OUTER > 1
+    const int x = block % SIDE * INNER, y = block / SIDE * INNER;
+    const int within = y / BLOCK * TILE_SIDE + x / BLOCK, corner = y % BLOCK * BLOCK + x % BLOCK;
+    for (int at = 0; at < BLOCK_RAYS; at += INNER) {
+        const int element = at / BLOCK / INNER * OUTER + at % BLOCK / INNER;
+        global float *to = painted + (element * ELEMENT_TILES + within) * COLOURS + corner + at / BLOCK % INNER * BLOCK;
+        for (int channel = 0; channel < 3; ++channel)
+            JOIN(vstore, INNER)(clamp(JOIN(vload, INNER)(0, from + channel * BLOCK_RAYS + at), 0.0f, 1.0f), 0, to + channel * BLOCK_RAYS);
+    }
+#else
+    for (int at = 0; at < COLOURS; at += LANES)
+        VSTORE(clamp(VLOAD(from + at), (vf)(0.0f), (vf)(1.0f)), painted + block * COLOURS + at);
+#endif
+}
 
 kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
 void trace_slab(BVH_PARAMETERS,
@@ -36,7 +55,8 @@ void trace_slab(BVH_PARAMETERS,
                            plane_info, runs, masks, kinds, sums + get_global_id(0) * plane_words};
     global uint *memory = scratch + get_global_id(0) * (ulong)SCRATCH_WORDS;
     Easel easel = make_easel(memory);
-    global uint *table = memory + EASEL_WORDS;
+    global float *painted = (global float *)(memory + EASEL_WORDS);  // (BEAM_TILES, 3, BLOCK_RAYS)
+    global uint *table = memory + EASEL_WORDS + BEAM_TILES * COLOURS;
     BeamWork work;
     for (int beam = atomic_inc(next); beam < n_beams; beam = atomic_inc(next)) {
         start_beam(&rays, beam, &work);
@@ -54,11 +74,13 @@ void trace_slab(BVH_PARAMETERS,
         for (int block = 0; block < BEAM_BLOCKS; ++block) {
             if (work.block[block].z_far < 0.0f) continue;
             paint_block(&bvh, &surfaces, &rays, &work, block, pixel, &easel);
-            global float *colours = easel.colours.base;
-            for (int ray = 0; ray < 3 * BLOCK_RAYS; ray += LANES)
-                VSTORE(clamp(VLOAD(colours + ray), (vf)(0.0f), (vf)(1.0f)), colours + ray);
-            const int element = work.element[block / ELEMENT_BLOCKS];
-            const int2 where = block_position(&work, block);
+            hand_over(easel.colours.base, block, painted);
+        }
+        for (int tile = 0; tile < BEAM_TILES; ++tile) {
+            const int element = tile_element(&work, tile);
+            if (element < 0) continue;
+            const int2 where = tile_position(&work, tile);
+            global float *colours = painted + tile * COLOURS;
 #if PLANES
             const int packed = places[element].w;
 #if VIEWS

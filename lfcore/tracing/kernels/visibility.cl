@@ -6,7 +6,7 @@
 // by affine edge functions.  Nodes behind the farthest visible depth are dropped.
 #ifndef LFCORE_VISIBILITY_CL
 #define LFCORE_VISIBILITY_CL
-#include "triangles.cl"
+#include "merge.cl"
 
 // STACK, given on building, is what the deepest walk through this hierarchy can leave on its stack.
 #define LIST 64
@@ -86,24 +86,22 @@ inline void gather(const Bvh *bvh, const Beam *beam, float z_far, Walk *walk, Le
 typedef struct {
     int cover;            // NOTHING, BUFFERED or a triangle
     float z_near, z_far;  // depth range of what covers the block; z_far is FAR while a ray sees nothing
-    float c[6];           // depth = (c0 + x c1 + y c2) / (c3 + x c4 + y c5)
+    Form over, under;     // depth is their quotient
 } BlockState;
 
-inline vf cover_depth(const float *c, vf x, float y)
+inline vf cover_depth(const BlockState *state, Row at)
 {
-    return affine_row(c[0], c[1], c[2], x, y) * reciprocal(affine_row(c[3], c[4], c[5], x, y));
+    return flat_row(state->over, at) * reciprocal(flat_row(state->under, at));
 }
 
 // Write the depth buffer of a block that so far had none.
 inline void materialise(BlockState *state, global float *z, global int *ids)
 {
     if (state->cover == BUFFERED) return;
-    for (int row = 0; row < BLOCK; ++row)
-        for (int column = 0; column < BLOCK; column += LANES) {
-            const int at = row * BLOCK + column;
-            VSTORE((vi)(state->cover), ids + at);
-            VSTORE(state->cover == NOTHING ? (vf)(INFINITY) : cover_depth(state->c, IOTA + (column - HALF), row - HALF), z + at);
-        }
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        VSTORE((vi)(state->cover), ids + at);
+        VSTORE(state->cover == NOTHING ? (vf)(INFINITY) : cover_depth(state, row_at(at)), z + at);
+    }
     state->cover = BUFFERED;
 }
 
@@ -114,21 +112,40 @@ inline float farthest(global const float *z)
     return min(row_max(far), FAR);
 }
 
+inline Form read_flat(private const float *c, uint lane)
+{
+    Form f;
+    f.c = c[lane]; f.i = c[LANES + lane]; f.j = c[2 * LANES + lane];
+#if OUTER > 1
+    f.p = c[3 * LANES + lane]; f.q = c[4 * LANES + lane]; f.k = 0.0f;
+#endif
+    return f;
+}
+
+// Values of a form without k at the inner grid's corners, of the element at corner `outer` of the elements.
+inline float4 corners_of(Form f, int outer)
+{
+    const float4 x = (float4)(-HALF, HALF, -HALF, HALF), y = (float4)(-HALF, -HALF, HALF, HALF);
+#if OUTER > 1
+    f.c = fma(outer & 1 ? OUTER_HALF : -OUTER_HALF, f.p, fma(outer & 2 ? OUTER_HALF : -OUTER_HALF, f.q, f.c));
+#endif
+    return fma(x, (float4)(f.i), fma(y, (float4)(f.j), (float4)(f.c)));
+}
+
 // A triangle that every ray of the block passes through: settle it by depth ranges if they part.
 // Depth is linear-fractional with a denominator of one sign, so its extremes are at the corners.
 inline int settle_cover(private const float *c, uint lane, int id, BlockState *state)
 {
-    float d[6];
-    for (int k = 0; k < 3; ++k) {
-        d[k] = c[(9 + k) * LANES + lane];
-        d[3 + k] = c[(12 + k) * LANES + lane];
+    const Form over = read_flat(c + 3 * EDGE * LANES, lane), under = read_flat(c + (3 * EDGE + FLAT) * LANES, lane);
+    float4 least = FAR, most = -FAR;
+    for (int k = 0; k < (OUTER > 1 ? 4 : 1); ++k) {
+        const float4 z = corners_of(over, k) / corners_of(under, k);
+        least = min(least, z);
+        most = max(most, z);
     }
-    const float4 x = (float4)(-HALF, HALF, -HALF, HALF), y = (float4)(-HALF, -HALF, HALF, HALF);
-    const float4 z = fma(x, (float4)(d[1]), fma(y, (float4)(d[2]), (float4)(d[0]))) /
-                     fma(x, (float4)(d[4]), fma(y, (float4)(d[5]), (float4)(d[3])));
     const float slack = 1.0e-6f;
-    const float z_near = min(min(z.x, z.y), min(z.z, z.w)) * (1.0f - slack);
-    const float z_far = max(max(z.x, z.y), max(z.z, z.w)) * (1.0f + slack);
+    const float z_near = min(min(least.x, least.y), min(least.z, least.w)) * (1.0f - slack);
+    const float z_far = max(max(most.x, most.y), max(most.z, most.w)) * (1.0f + slack);
     if (!(z_near > 0.0f)) return 0;
     if (state->cover != NOTHING) {
         if (z_near > state->z_far) return 1;
@@ -137,7 +154,8 @@ inline int settle_cover(private const float *c, uint lane, int id, BlockState *s
     state->cover = id;
     state->z_near = z_near;
     state->z_far = z_far;
-    for (int k = 0; k < 6; ++k) state->c[k] = d[k];
+    state->over = over;
+    state->under = under;
     return 1;
 }
 
@@ -162,7 +180,7 @@ inline void visit_block(const Bvh *bvh, const Bundle *block, const LeafList *lis
                     const int id = bvh->leaf_ids[leaf * NODE_WIDTH + lane + k], covers = (cull.cover >> k) & 1;
                     if (covers && state->cover != BUFFERED && settle_cover(coefficients, k, id, state)) continue;
                     materialise(state, z, ids);
-                    changed |= hit_triangle(coefficients, k, covers, (cull.mixed >> k) & 1, rows, id, z, ids);
+                    changed |= hit_triangle(block, coefficients, k, covers, (cull.mixed >> k) & 1, rows, id, z, ids);
                 }
             }
             if (changed) state->z_far = farthest(z);

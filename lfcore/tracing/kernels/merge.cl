@@ -1,0 +1,171 @@
+// One triangle against the depth buffer of a block, row by row.
+#ifndef LFCORE_MERGE_CL
+#define LFCORE_MERGE_CL
+#include "triangles.cl"
+
+// Merge one triangle into the block's depth buffer.  The unsigned comparison of float bits rejects
+// negative depths and NaN along with farther hits; equal depths go to the lower triangle index.
+inline int hit_row(vf depth, vi mask, int id, global float *z, global int *ids)
+{
+    const vu bits = AS_VU(depth), old = AS_VU(VLOAD(z));
+    const vi old_id = VLOAD(ids);
+    mask &= LT(bits, old) | (EQ(bits, old) & LT((vi)(id), old_id));
+    if (!row_any(mask)) return 0;
+    VSTORE(pick(AS_VF(old), depth, mask), z);
+    VSTORE(pick_int(old_id, (vi)(id), mask), ids);
+    return 1;
+}
+
+// Weights a, b, g of a row of rays, their sum and the numerator of depth: which rays the triangle meets,
+// and how far.
+inline vi meet(vf a, vf b, vf g, vf sum, vf z, int covers, int mixed, vf *depth)
+{
+    if (mixed) {
+        const vi sign = AS_VI(sum) & (vi)(0x80000000);
+        FLIP_BY(a, sign); FLIP_BY(b, sign); FLIP_BY(g, sign); FLIP_BY(sum, sign); FLIP_BY(z, sign);
+    }
+    *depth = z * reciprocal(sum);
+    return covers ? (vi)(-1) : GE(min(a, min(b, g)), (vf)(0.0f)) & GT(sum, (vf)(0.0f));
+}
+
+#if OUTER > 1
+
+// Which of the block's 16 places along an axis the sheared corners a, b, c reach: those whose plane of
+// rays has corners on both sides.  Rows and columns are numbered alike, so both axes use row_at's x and u.
+inline uint places_met(float a, float b, float c, float az, float bz, float cz, float noise, float s, float t, const Bundle *r)
+{
+    const float far = 2.0f * noise;
+    const float sa = fma(az, t, s), sb = fma(bz, t, s), sc = fma(cz, t, s);
+    const float ua = fma(az, r->b, r->a), ub = fma(bz, r->b, r->a), uc = fma(cz, r->b, r->a);
+    uint bits = 0;
+    for (int first = 0; first < BLOCK; first += LANES) {
+        const Row at = row_at(first);
+        const vf da = fma(-at.x, (vf)(sa), fma(-at.u, (vf)(ua), (vf)(a)));
+        const vf db = fma(-at.x, (vf)(sb), fma(-at.u, (vf)(ub), (vf)(b)));
+        const vf dc = fma(-at.x, (vf)(sc), fma(-at.u, (vf)(uc), (vf)(c)));
+        bits |= row_bits(LE(min(da, min(db, dc)), (vf)(far)) & GE(max(da, max(db, dc)), (vf)(-far))) << first;
+    }
+    return bits;
+}
+
+// Forms of one triangle along each of the block's rows: base + x along + u across.
+typedef struct {
+    float base[5][BLOCK], along[3][BLOCK], across[3][BLOCK];  // three edges; numerator and denominator of depth
+    float x[2], u[2];                                         // of those two, the same in all rows
+} RowForms;
+
+inline void make_row_forms(private const float *c, uint lane, RowForms *forms)
+{
+    for (int first = 0; first < BLOCK; first += LANES) {
+        const Row at = row_at(first);  // the places of rows along y are those of columns along x
+        for (int k = 0; k < 3; ++k) {
+            private const float *e = c + k * EDGE * LANES + lane;
+            VSTORE(fma(at.u, (vf)(e[4 * LANES]), fma(at.x, (vf)(e[2 * LANES]), (vf)(e[0]))), forms->base[k] + first);
+            VSTORE(fma(-at.u, (vf)(e[5 * LANES]), (vf)(e[LANES])), forms->along[k] + first);
+            VSTORE(fma(at.x, (vf)(e[5 * LANES]), (vf)(e[3 * LANES])), forms->across[k] + first);
+        }
+        for (int k = 0; k < 2; ++k) {
+            private const float *f = c + (3 * EDGE + k * FLAT) * LANES + lane;
+            VSTORE(fma(at.u, (vf)(f[4 * LANES]), fma(at.x, (vf)(f[2 * LANES]), (vf)(f[0]))), forms->base[3 + k] + first);
+        }
+    }
+    for (int k = 0; k < 2; ++k) {
+        forms->x[k] = c[(3 * EDGE + k * FLAT + 1) * LANES + lane];
+        forms->u[k] = c[(3 * EDGE + k * FLAT + 3) * LANES + lane];
+    }
+}
+
+inline int hit_triangle(const Bundle *r, private const float *c, uint lane, int covers, int mixed, private const int *span, int id,
+                        global float *z, global int *ids)
+{
+    private const float *at = c + CORNERS * LANES + lane;
+#define CORNER(k) at[(k) * LANES]
+    uint rows = (1u << BLOCK) - 1u;
+    if (!covers) {
+        rows = places_met(CORNER(3), CORNER(4), CORNER(5), CORNER(6), CORNER(7), CORNER(8), CORNER(10), r->sy, r->ty, r);
+        if (!rows) return 0;
+        if (!places_met(CORNER(0), CORNER(1), CORNER(2), CORNER(6), CORNER(7), CORNER(8), CORNER(9), r->sx, r->tx, r)) return 0;
+    }
+#undef CORNER
+    RowForms f;
+    make_row_forms(c, lane, &f);
+    int changed = 0;
+    for (; rows; rows &= rows - 1) {
+        const int row = lowest(rows);
+        for (int column = 0; column < BLOCK; column += LANES) {
+            const Row place = row_at(column);
+#define ALONG(k) fma(place.u, (vf)(f.across[k][row]), fma(place.x, (vf)(f.along[k][row]), (vf)(f.base[k][row])))
+#define DEPTH(k) fma(place.u, (vf)(f.u[k]), fma(place.x, (vf)(f.x[k]), (vf)(f.base[3 + k][row])))
+            vf depth;
+            const vi mask = meet(ALONG(0), ALONG(1), ALONG(2), DEPTH(1), DEPTH(0), covers, mixed, &depth);
+#undef ALONG
+#undef DEPTH
+            if (!row_any(mask)) continue;
+            changed |= hit_row(depth, mask, id, z + row * BLOCK + column, ids + row * BLOCK + column);
+        }
+    }
+    return changed;
+}
+
+#else
+
+// A row made of 4 x 4 samples, for triangles that reach no farther.
+#if LANES == 16
+#define WINDOW 4
+#define WINDOW_X ((vf)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3))
+#define WINDOW_Y ((vf)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3))
+#define LOAD_WINDOW(type, p) ((type)(vload4(0, p), vload4(0, (p) + BLOCK), vload4(0, (p) + 2 * BLOCK), vload4(0, (p) + 3 * BLOCK)))
+#define STORE_WINDOW(x, p)                    \
+    {                                         \
+        vstore4(x.s0123, 0, p);               \
+        vstore4(x.s4567, 0, (p) + BLOCK);     \
+        vstore4(x.s89ab, 0, (p) + 2 * BLOCK); \
+        vstore4(x.scdef, 0, (p) + 3 * BLOCK); \
+    }
+#endif
+
+// A triangle over a row of rays.
+inline vi meet_row(private const float *c, uint lane, int covers, int mixed, vf x, vf y, vf *depth)
+{
+#define AFFINE(k) fma(x, (vf)(c[(k + 1) * LANES + lane]), fma(y, (vf)(c[(k + 2) * LANES + lane]), (vf)(c[k * LANES + lane])))
+    return meet(AFFINE(0), AFFINE(3), AFFINE(6), AFFINE(12), AFFINE(9), covers, mixed, depth);
+#undef AFFINE
+}
+
+// `span`: first and last row, first and last column that the triangle can touch.
+inline int hit_triangle(const Bundle *r, private const float *c, uint lane, int covers, int mixed, private const int *span, int id,
+                        global float *z, global int *ids)
+{
+    const int first = span[lane], last = span[LANES + lane];
+    int changed = 0;
+    vf depth;
+#ifdef WINDOW
+    const int left = min(span[2 * LANES + lane], BLOCK - WINDOW), top = min(first, BLOCK - WINDOW);
+    if (last - top < WINDOW && span[3 * LANES + lane] - left < WINDOW) {
+        const vi mask = meet_row(c, lane, covers, mixed, WINDOW_X + (left - HALF), WINDOW_Y + (top - HALF), &depth);
+        z += top * BLOCK + left;
+        ids += top * BLOCK + left;
+        const vf old = LOAD_WINDOW(vf, z);
+        const vi old_id = LOAD_WINDOW(vi, ids);
+        const vi nearer = mask & (LT(AS_VU(depth), AS_VU(old)) | (EQ(AS_VU(depth), AS_VU(old)) & LT((vi)(id), old_id)));
+        if (!row_any(nearer)) return 0;
+        const vf new_z = pick(old, depth, nearer);
+        const vi new_id = pick_int(old_id, (vi)(id), nearer);
+        STORE_WINDOW(new_z, z)
+        STORE_WINDOW(new_id, ids)
+        return 1;
+    }
+#endif
+    for (int row = first; row <= last; ++row) {
+        for (int column = 0; column < BLOCK; column += LANES) {
+            const vi mask = meet_row(c, lane, covers, mixed, IOTA + (column - HALF), (vf)(row - HALF), &depth);
+            if (!row_any(mask)) continue;
+            changed |= hit_row(depth, mask, id, z + row * BLOCK + column, ids + row * BLOCK + column);
+        }
+    }
+    return changed;
+}
+
+#endif
+
+#endif
