@@ -80,11 +80,12 @@ inline int hit_triangle(const Bundle *r, private const float *c, uint lane, int 
 {
     private const float *at = c + CORNERS * LANES + lane;
 #define CORNER(k) at[(k) * LANES]
-    uint rows = (1u << BLOCK) - 1u;
+    uint rows = (1u << BLOCK) - 1u, columns = rows;
     if (!covers) {
         rows = places_met(CORNER(3), CORNER(4), CORNER(5), CORNER(6), CORNER(7), CORNER(8), CORNER(10), r->sy, r->ty, r);
         if (!rows) return 0;
-        if (!places_met(CORNER(0), CORNER(1), CORNER(2), CORNER(6), CORNER(7), CORNER(8), CORNER(9), r->sx, r->tx, r)) return 0;
+        columns = places_met(CORNER(0), CORNER(1), CORNER(2), CORNER(6), CORNER(7), CORNER(8), CORNER(9), r->sx, r->tx, r);
+        if (!columns) return 0;
     }
 #undef CORNER
     RowForms f;
@@ -93,6 +94,7 @@ inline int hit_triangle(const Bundle *r, private const float *c, uint lane, int 
     for (; rows; rows &= rows - 1) {
         const int row = lowest(rows);
         for (int column = 0; column < BLOCK; column += LANES) {
+            if (!(columns >> column & ((1u << LANES) - 1u))) continue;
             const Row place = row_at(column);
 #define ALONG(k) fma(place.u, (vf)(f.across[k][row]), fma(place.x, (vf)(f.along[k][row]), (vf)(f.base[k][row])))
 #define DEPTH(k) fma(place.u, (vf)(f.u[k]), fma(place.x, (vf)(f.x[k]), (vf)(f.base[3 + k][row])))
