@@ -54,16 +54,24 @@ typedef struct {
     float x[2], u[2];                                         // of those two, the same in all rows
 } RowForms;
 
-inline void make_row_forms(private const float *c, uint lane, RowForms *forms)
+// Returns the rows in which no edge excludes every ray, rounding allowed for.
+inline uint make_row_forms(private const float *c, uint lane, RowForms *forms)
 {
+    uint rows = 0;
     for (int first = 0; first < BLOCK; first += LANES) {
         const Row at = row_at(first);  // the places of rows along y are those of columns along x
+        vi meets = -1;
         for (int k = 0; k < 3; ++k) {
             private const float *e = c + k * EDGE * LANES + lane;
-            VSTORE(fma(at.u, (vf)(e[4 * LANES]), fma(at.x, (vf)(e[2 * LANES]), (vf)(e[0]))), forms->base[k] + first);
-            VSTORE(fma(-at.u, (vf)(e[5 * LANES]), (vf)(e[LANES])), forms->along[k] + first);
-            VSTORE(fma(at.x, (vf)(e[5 * LANES]), (vf)(e[3 * LANES])), forms->across[k] + first);
+            const vf base = fma(at.u, (vf)(e[4 * LANES]), fma(at.x, (vf)(e[2 * LANES]), (vf)(e[0])));
+            const vf along = fma(-at.u, (vf)(e[5 * LANES]), (vf)(e[LANES])), across = fma(at.x, (vf)(e[5 * LANES]), (vf)(e[3 * LANES]));
+            VSTORE(base, forms->base[k] + first);
+            VSTORE(along, forms->along[k] + first);
+            VSTORE(across, forms->across[k] + first);
+            const vf reach = fma(fabs(along), (vf)(HALF), fabs(across) * OUTER_HALF);
+            meets &= GE(fma(reach + fabs(base), (vf)(1.0e-6f), base + reach), (vf)(0.0f));
         }
+        rows |= row_bits(meets) << first;
         for (int k = 0; k < 2; ++k) {
             private const float *f = c + (3 * EDGE + k * FLAT) * LANES + lane;
             VSTORE(fma(at.u, (vf)(f[4 * LANES]), fma(at.x, (vf)(f[2 * LANES]), (vf)(f[0]))), forms->base[3 + k] + first);
@@ -73,6 +81,7 @@ inline void make_row_forms(private const float *c, uint lane, RowForms *forms)
         forms->x[k] = c[(3 * EDGE + k * FLAT + 1) * LANES + lane];
         forms->u[k] = c[(3 * EDGE + k * FLAT + 3) * LANES + lane];
     }
+    return rows;
 }
 
 inline int hit_triangle(const Bundle *r, private const float *c, uint lane, int covers, int mixed, private const int *span, int id,
@@ -89,7 +98,8 @@ inline int hit_triangle(const Bundle *r, private const float *c, uint lane, int 
     }
 #undef CORNER
     RowForms f;
-    make_row_forms(c, lane, &f);
+    const uint open = make_row_forms(c, lane, &f);
+    if (!mixed) rows &= open;
     int changed = 0;
     for (; rows; rows &= rows - 1) {
         const int row = lowest(rows);
