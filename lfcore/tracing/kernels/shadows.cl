@@ -27,8 +27,11 @@ typedef struct {
     float3 size;           // largest magnitudes that entered, for the margin
 } ShadowRays;
 
-// Boxes of the hit points of four bands of four rows: lows and highs by axis, in camera space.
-typedef struct { float4 lo[3], hi[3]; } Bands;
+// Boxes of the hit points of every strip of STRIP rays of a block, by axis, relative to the apex: a strip without
+// hit points has lows beyond its highs.
+#define STRIP (LANES > 8 ? LANES : 8)
+#define STRIPS (BLOCK_RAYS / STRIP)
+typedef struct { float lo[3][STRIPS], hi[3][STRIPS]; } Strips;
 
 // A form n . P + c of the hit point relative to the apex.
 typedef struct { Vec n; vf c; } Plane;
@@ -165,37 +168,47 @@ inline uint store_occluders(const Plane *planes, vi may, private float *out)
     return row_bits(may);
 }
 
+// Strips of the block that all four forms of an occluder may reach.
+inline uint strips_met(const ShadowRays *r, const Strips *strips, private const float *c)
+{
+    uint met = 0;
+    for (int first = 0; first < STRIPS; first += LANES) {
+        vi may = -1;
+        for (int k = 0; k < SHADOW_FORMS; k += 4) {
+            const float noise = fma(fabs(c[k]), r->size.x, fma(fabs(c[k + 1]), r->size.y, fma(fabs(c[k + 2]), r->size.z, fabs(c[k + 3]))));
+            vf most = fma(noise, 2.0e-6f, c[k + 3]);
+            for (int axis = 0; axis < 3; ++axis)
+                most = fma((vf)(c[k + axis]), VLOAD((c[k + axis] > 0.0f ? strips->hi[axis] : strips->lo[axis]) + first), most);
+            may &= GE(most, (vf)(0.0f));
+        }
+        met |= row_bits(may) << first;
+    }
+    return met;
+}
+
 // Darken the rays of a block of several triangles, but for those on the occluder itself.
-inline int cast_shadow(const ShadowRays *r, const Bands *bands, private const float *f, uint lane, int id, global const int *ids,
+inline int cast_shadow(const ShadowRays *r, const Strips *strips, private const float *f, uint lane, int id, global const int *ids,
                        global const float *point, global int *wants)
 {
     float c[SHADOW_FORMS];
     for (int k = 0; k < SHADOW_FORMS; ++k) c[k] = f[k * LANES + lane];
-    // Bands that all four forms may reach; the noise of plane_reach was allowed for the whole block.
-    int4 reach = -1;
-    for (int k = 0; k < 4; ++k) {
-        float4 most = c[4 * k + 3];
-        for (int axis = 0; axis < 3; ++axis) {
-            const float n = c[4 * k + axis], apex = axis == 0 ? r->apex.x : axis == 1 ? r->apex.y : r->apex.z;
-            most += n * ((n > 0.0f ? bands->hi[axis] : bands->lo[axis]) - apex);
-        }
-        const float noise = 2.0e-6f * (fabs(c[4 * k]) * r->size.x + fabs(c[4 * k + 1]) * r->size.y + fabs(c[4 * k + 2]) * r->size.z + fabs(c[4 * k + 3]));
-        reach &= most >= -noise;
-    }
-    for (int band = 0; band < 4; ++band) {
-        if (!((private int *)&reach)[band]) continue;
-        for (int at = band * BLOCK_RAYS / 4; at < (band + 1) * BLOCK_RAYS / 4; at += LANES) {
+    int darker = 0;
+    for (uint met = strips_met(r, strips, c); met; met &= met - 1) {
+        const int first = lowest(met) * STRIP;
+        for (int at = first; at < first + STRIP; at += LANES) {
             const vi open = VLOAD(wants + at);
-            if (!row_any(open)) continue;
             const vf x = VLOAD(point + at) - r->apex.x, y = VLOAD(point + BLOCK_RAYS + at) - r->apex.y, z = VLOAD(point + 2 * BLOCK_RAYS + at) - r->apex.z;
             const vf e0 = fma(x, (vf)(c[0]), fma(y, (vf)(c[1]), fma(z, (vf)(c[2]), (vf)(c[3]))));
             const vf e1 = fma(x, (vf)(c[4]), fma(y, (vf)(c[5]), fma(z, (vf)(c[6]), (vf)(c[7]))));
             const vf e2 = fma(x, (vf)(c[8]), fma(y, (vf)(c[9]), fma(z, (vf)(c[10]), (vf)(c[11]))));
             const vf beyond = fma(x, (vf)(c[12]), fma(y, (vf)(c[13]), fma(z, (vf)(c[14]), (vf)(c[15]))));
-            const vi dark = GE(min(e0, min(e1, e2)), (vf)(0.0f)) & GT(beyond, (vf)(0.0f)) & ~EQ(VLOAD(ids + at), (vi)(id));
-            if (row_any(dark)) VSTORE(open & ~dark, wants + at);
+            const vi dark = open & GE(min(e0, min(e1, e2)), (vf)(0.0f)) & GT(beyond, (vf)(0.0f)) & ~EQ(VLOAD(ids + at), (vi)(id));
+            if (!row_any(dark)) continue;
+            VSTORE(open & ~dark, wants + at);
+            darker = 1;
         }
     }
+    if (!darker) return 1;
     vi left = 0;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) left |= VLOAD(wants + at);
     return row_any(left);
@@ -205,7 +218,7 @@ inline int cast_shadow(const ShadowRays *r, const Bands *bands, private const fl
 // bounds them.  A block that sees a near thing before a far one would otherwise span all that lies
 // between; the span starts at the nearest of what is left.  Returns false when nothing is left.
 inline int next_span(const Bundle *r, global const float *point, global int *wants, global int *open, float *lo, float *hi,
-                     Bands *bands)
+                     Strips *strips)
 {
     global const float *z = point + 2 * BLOCK_RAYS;
     vf nearest = FAR;
@@ -216,28 +229,24 @@ inline int next_span(const Bundle *r, global const float *point, global int *wan
                             (OUTER - 1) * fabs(fma(from, r->b, r->a));
     const float until = fma(from, SPAN, 2.0f * footprint);
     for (int k = 0; k < 3; ++k) { lo[k] = FAR; hi[k] = -FAR; }
-    for (int band = 0; band < 4; ++band) {
+    for (int strip = 0; strip < STRIPS; ++strip) {
         vf low[3], high[3];
-        vi some = 0;
         for (int k = 0; k < 3; ++k) { low[k] = FAR; high[k] = -FAR; }
-        for (int at = band * BLOCK_RAYS / 4; at < (band + 1) * BLOCK_RAYS / 4; at += LANES) {
+        for (int at = strip * STRIP; at < (strip + 1) * STRIP; at += LANES) {
             const vi want = VLOAD(wants + at), within = want & LE(VLOAD(z + at), (vf)(until));
             VSTORE(within, open + at);
             VSTORE(want & ~within, wants + at);
-            some |= within;
             for (int k = 0; k < 3; ++k) {
                 const vf x = VLOAD(point + k * BLOCK_RAYS + at);
                 low[k] = pick(low[k], min(low[k], x), within);
                 high[k] = pick(high[k], max(high[k], x), within);
             }
         }
-        const int any_in_band = row_any(some);
         for (int k = 0; k < 3; ++k) {
-            const float l = any_in_band ? row_min(low[k]) : FAR, h = any_in_band ? row_max(high[k]) : -FAR;
-            ((private float *)&bands->lo[k])[band] = l;
-            ((private float *)&bands->hi[k])[band] = h;
-            lo[k] = min(lo[k], l);
-            hi[k] = max(hi[k], h);
+            strips->lo[k][strip] = row_min(low[k]);
+            strips->hi[k][strip] = row_max(high[k]);
+            lo[k] = min(lo[k], strips->lo[k][strip]);
+            hi[k] = max(hi[k], strips->hi[k][strip]);
         }
     }
     return 1;
@@ -257,7 +266,7 @@ inline ShadowRays shadow_rays(global const float *light, const float *lo, const 
 }
 
 // Test a block against the leaves on the list; false once no ray of it can see the light.
-inline int shade_off(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, const Receiver *receiver, const Bands *bands,
+inline int shade_off(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, const Receiver *receiver, Strips *strips,
                      const LeafList *list, int own, global const int *ids, global const float *point, global int *wants)
 {
     Plane planes[4];
@@ -288,7 +297,7 @@ inline int shade_off(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, co
                         continue;
                     }
 #endif
-                    if (!cast_shadow(r, bands, forms, k, id, ids, point, wants)) return 0;
+                    if (!cast_shadow(r, strips, forms, k, id, ids, point, wants)) return 0;
                 }
             }
         }
@@ -319,10 +328,17 @@ inline void facet_bounds(const Bundle *r, const BlockState *state, float *lo, fl
 // and the whole beam when it could hold them (complete), and is used as scratch otherwise.
 inline void darken(const Bvh *bvh, global const float *light, LeafList *shared, int complete, const Bundle *bundle,
                    const BlockState *state, global const int *ids, global const float *point, const float *lo, const float *hi,
-                   const Bands *bands, global int *open)
+                   Strips *strips, global int *open)
 {
     const Shaft shaft = make_shaft(light, lo, hi);
     const ShadowRays rays = shadow_rays(light, lo, hi);
+    const float apex[3] = {rays.apex.x, rays.apex.y, rays.apex.z};
+    if (strips)
+        for (int k = 0; k < 3; ++k)
+            for (int strip = 0; strip < STRIPS; strip += LANES) {
+                VSTORE(VLOAD(strips->lo[k] + strip) - apex[k], strips->lo[k] + strip);
+                VSTORE(VLOAD(strips->hi[k] + strip) - apex[k], strips->hi[k] + strip);
+            }
     const Receiver *receiver = 0;
 #if OUTER == 1
     Receiver facet;
@@ -332,7 +348,7 @@ inline void darken(const Bvh *bvh, global const float *light, LeafList *shared, 
     }
 #endif
     if (complete) {
-        shade_off(bvh, &shaft, &rays, receiver, bands, shared, state->cover, ids, point, open);
+        shade_off(bvh, &shaft, &rays, receiver, strips, shared, state->cover, ids, point, open);
         return;
     }
     Walk walk;
@@ -340,7 +356,7 @@ inline void darken(const Bvh *bvh, global const float *light, LeafList *shared, 
     while (walk.size) {
         shared->count = 0;
         gather_shaft(bvh, &shaft, &walk, shared);
-        if (!shade_off(bvh, &shaft, &rays, receiver, bands, shared, state->cover, ids, point, open)) return;
+        if (!shade_off(bvh, &shaft, &rays, receiver, strips, shared, state->cover, ids, point, open)) return;
     }
 }
 
@@ -361,9 +377,9 @@ inline void shadow_block(const Bvh *bvh, global const float *light, LeafList *sh
     }
 #endif
     for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE((vi)(0), seen + at);
-    Bands bands;
-    while (next_span(bundle, point, wants, open, lo, hi, &bands)) {
-        darken(bvh, light, shared, complete, bundle, state, ids, point, lo, hi, &bands, open);
+    Strips strips;
+    while (next_span(bundle, point, wants, open, lo, hi, &strips)) {
+        darken(bvh, light, shared, complete, bundle, state, ids, point, lo, hi, &strips, open);
         for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE(VLOAD(seen + at) | VLOAD(open + at), seen + at);
     }
     for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE(VLOAD(seen + at), wants + at);
