@@ -30,9 +30,11 @@ class Lattice:
     direction: float
 
     def middles(self, places: np.ndarray) -> np.ndarray:
-        """(E, 4) float32 ox, oy, dx, dy at ``places`` (E, 2), columns and rows, whole or between."""
+        """(E, 4) float32 ox, oy, dx, dy at ``places`` (E, 2): columns and rows, or between them."""
         offset = np.asarray(places) - (self.count - 1) / 2
-        return np.concatenate([offset * self.origin + 0.0, offset * self.direction + 0.0], 1, dtype=np.float32)
+        return np.concatenate(
+            [offset * self.origin + 0.0, offset * self.direction + 0.0], 1, dtype=np.float32
+        )
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,9 @@ def views(slab: Slab, samples: np.ndarray) -> Bundles:
     pitch = slab.lens_pitch_m
     lattice = Lattice(slab.views, pitch, -slab.camera.delta * pitch)
     step = np.array([0.0, 0.0, slab.pixel_pitch, slab.pixel_pitch], np.float32)
-    return Bundles(lattice.middles(samples), step, slab.pixels, slab.pixels, slab.pixel_pitch, lattice)
+    return Bundles(
+        lattice.middles(samples), step, slab.pixels, slab.pixels, slab.pixel_pitch, lattice
+    )
 
 
 def probe(slab: Slab, macro: bool = True) -> Bundles:

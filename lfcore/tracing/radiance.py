@@ -46,7 +46,7 @@ class RadianceJob:
         self.tracer, self.sets, self.across = tracer, list(sets), across
         self.coordinates = coordinates
         grouped = coordinates is not None
-        self.shape = tracer.beam_shape(self.sets[0], grouped=grouped, spanning=False)
+        self.shape = tracer.beam_shape(self.sets[0], "radiance", grouped=grouped)
         defines = tracer._surfaces.defines
         self.kernel = tracer._beam_kernel("radiance.cl", "trace_radiance", self.shape, defines)
         self.scratch = tracer._scratch(self.kernel)

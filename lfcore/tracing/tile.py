@@ -64,7 +64,7 @@ class TileJob:
         self.macro = tile.layout.kind == "macropixels"
         self.elements = tile.elements()
         device, layout = tracer.device, tile.layout
-        self.shape = tracer.beam_shape(rays.probe(slab, self.macro))
+        self.shape = tracer.beam_shape(rays.probe(slab, self.macro), "colours")
         defines = {
             **tracer._surfaces.defines,
             "PLANES": int(bool(planes)),
@@ -103,14 +103,24 @@ class TileJob:
         return min(max(1, CHUNK_BYTES // self.layout.frame_bytes), self.tile.frame_count)
 
     def _cuts(self, frame_of: np.ndarray) -> np.ndarray:
-        """Element indices at which chunks of whole frames begin and end."""
+        """Element indices at which chunks of whole frames begin and end.
+
+        Elements that share a beam are not parted, where a chunk has room for all of them.
+        """
         total = len(frame_of)
-        if not self.frames:
-            step = max(1, CHUNK_RAYS // self.layout.inner**2)
-            return np.array([*range(0, total, step), total])
-        step = self._frames_per_chunk()
-        starts = np.searchsorted(frame_of, np.arange(0, self.tile.frame_count, step))
-        return np.append(starts, total)
+        starts = np.arange(total + 1)
+        step = max(1, CHUNK_RAYS // self.layout.inner**2)
+        if self.frames:
+            starts = np.append(np.flatnonzero(np.diff(frame_of, prepend=-1)), total)
+            step = self._frames_per_chunk()
+        whole = starts[_parts_no_group(self.elements, self.shape.group)[starts]]
+        cuts, at = [0], 0
+        while cuts[-1] < total:
+            furthest = starts[min(at + step, len(starts) - 1)]
+            best = whole[np.searchsorted(whole, furthest, "right") - 1]
+            cuts.append(int(best if best > cuts[-1] else furthest))
+            at = int(np.searchsorted(starts, cuts[-1]))
+        return np.array(cuts)
 
     def _launch(self, part: slice, places: np.ndarray, frames: cl.Buffer) -> None:
         tracer, device, layout = self.tracer, self.tracer.device, self.layout
@@ -135,6 +145,16 @@ class TileJob:
             np.int32(layout.frame_height),
             *self.sums.arguments(),
         )
+
+
+def _parts_no_group(elements: np.ndarray, group: int) -> np.ndarray:
+    """(E + 1,) bool: whether a cut before element e leaves every group x group cell whole."""
+    cells = elements // group
+    _, cell = np.unique(cells[:, 1].astype(np.int64) << 32 | cells[:, 0], return_inverse=True)
+    last = np.zeros(cell.max() + 1, np.int64)
+    np.maximum.at(last, cell, np.arange(len(cell)))
+    open_until = np.maximum.accumulate(last[cell])
+    return np.append(True, open_until == np.arange(len(cell)))
 
 
 class _FrameHost:

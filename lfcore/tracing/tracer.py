@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -20,7 +19,7 @@ from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.radiance import RadianceJob, page_aligned
 from lfcore.tracing.surfaces import pack_surfaces
 from lfcore.tracing.tile import TileJob, TileTracing
-from lfcore.tracing.work import BeamShape, Groups, leaves_a_ray
+from lfcore.tracing.work import BeamShape, Groups, best_outer, leaves_a_ray
 
 HITS_CHUNK_RAYS = 1 << 24
 SCATTERED_LEAVES = 2.5
@@ -74,6 +73,7 @@ class Tracer:
         # The wrapper of a kernel does not keep its program alive.
         self._programs: dict[tuple, tuple[cl.Program, cl.Kernel]] = {}
         self._scratch_words: dict[int, int] = {}
+        self._outer: dict[tuple, int] = {}
 
     # -- visibility ---------------------------------------------------------------------------
 
@@ -93,7 +93,7 @@ class Tracer:
         pixels = np.asarray(pixels).reshape(-1, 2)
         # Neighbours share a beam by their place on the grid, so each place may come but once.
         places, which = np.unique(pixels, axis=0, return_inverse=True)
-        shape = self.beam_shape(rays.probe(slab))
+        shape = self.beam_shape(rays.probe(slab), "hits")
         triangle, depth = self._hits(rays.macropixels(slab, places), places, shape)
         return triangle[which.ravel()], depth[which.ravel()]
 
@@ -103,9 +103,10 @@ class Tracer:
         """As :meth:`slab_hits` for any bundles: (E, rows, columns) triangle and depth.
 
         ``coordinates`` (E, 2) place the elements on their outer grid, so that neighbours can be
-        traced together, and are distinct; without them every element is a beam of its own.
+        traced together, and are distinct; without them every element is a beam of its own.  Of
+        bundles on a lattice they are the places there.
         """
-        shape = self.beam_shape(bundles, grouped=coordinates is not None)
+        shape = self.beam_shape(bundles, "hits", grouped=coordinates is not None)
         return self._hits(bundles, coordinates, shape)
 
     def _hits(self, bundles: Bundles, coordinates, shape: BeamShape):
@@ -115,7 +116,8 @@ class Tracer:
         step = max(1, HITS_CHUNK_RAYS // per_element)
         for start in range(0, count, step):
             part = slice(start, min(start + step, count))
-            self._hits_chunk(bundles.part(part), coordinates if coordinates is None else coordinates[part], shape, triangle[part], depth[part])
+            places = None if coordinates is None else np.asarray(coordinates)[part]
+            self._hits_chunk(bundles.part(part), places, shape, triangle[part], depth[part])
         return triangle, depth
 
     def _hits_chunk(self, bundles, coordinates, shape, triangle, depth) -> None:
@@ -253,21 +255,27 @@ class Tracer:
 
     # -- plumbing -----------------------------------------------------------------------------
 
-    def beam_shape(self, bundles: Bundles, *, grouped: bool = True, spanning: bool = True):
+    def beam_shape(self, bundles: Bundles, work: str, *, grouped: bool = True) -> BeamShape:
         """How these rays are cut into beams.
 
-        ``grouped``: whether the elements' places are known, so that neighbours can share a beam;
-        ``spanning``: whether whoever asks can do with blocks of several elements.
+        ``work``: "hits" or "colours", for which neighbouring elements may share blocks, or
+        "radiance"; ``grouped``: whether the elements' places are known, so that they can share
+        beams.
         """
-        outer = self.outer(bundles) if grouped and spanning and bundles.lattice else 1
+        outer = self.outer(bundles, work) if grouped and work != "radiance" else 1
         scattered = self.scattered(bundles, outer)
         inner = max(bundles.columns, bundles.rows)
         shape = BeamShape.for_inner(inner, 1 if scattered else outer, scattered)
         return shape if grouped else replace(shape, group=1)
 
-    def outer(self, bundles: Bundles) -> int:
-        """Elements along each axis that a block best spans: measured."""
-        return int(os.environ.get("LF_OUTER", "1"))
+    def outer(self, bundles: Bundles, work: str) -> int:
+        """Elements along each axis that a block spans."""
+        if bundles.lattice is None:
+            return 1
+        key = work, bundles.columns, bundles.rows, bundles.lattice, bundles.step.tobytes()
+        if key not in self._outer:
+            self._outer[key] = best_outer(self.closest_hit, bundles, work)
+        return self._outer[key]
 
     def scattered(self, bundles: Bundles, outer: int = 1) -> bool:
         """Whether blocks of these rays have so much in their way that single rays are faster.

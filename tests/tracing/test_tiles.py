@@ -95,7 +95,9 @@ def test_a_pinhole_aperture_is_the_central_view(device):
     frames, sums = run(world, slab, layout, [SensorPlane(2.0, 1000.0)], device)
     luma = layout.format.views(frames, layout.frame_width, layout.frame_height)[0][12]
     expected = truth.ycbcr(truth.srgb_encode(sums.pictures()[0]))[..., 0]
-    assert np.abs(luma[:16, :16] - expected).max() <= 0.54  # half a code, and what the encoding is off by
+    assert (
+        np.abs(luma[:16, :16] - expected).max() <= 0.54
+    )  # half a code, and what the encoding is off by
 
 
 def test_a_point_is_sharp_at_its_own_focus_only(device):
