@@ -16,17 +16,19 @@
 typedef struct {
     global float *z;         // depth buffers of the beam
     global int *ids;
-    LeafList list, occluders, nearby;
-    int complete;            // occluders hold all that lies between the light and the beam
+    LeafList list;
+#if SHADOW_LIGHTS
+    ShadowMemory shadows;
+#endif
     BlockColours colours;
     global float *surfaces;  // see interpolate_block
     global int *finishes;
-    global int *spare;       // (3, BLOCK_RAYS)
+    global uint *spare;      // (3, BLOCK_RAYS)
 } Easel;
 
 #define EASEL_WORDS                                                                                    \
     (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST + 14 * SHADOW_LIST +                                      \
-     (3 + 3 * SHADOWED + 4 * SHADOW_LIGHTS + SURFACE_PLANES + 1 + 3) * BLOCK_RAYS)
+     (3 + 8 * SHADOWED + 4 * SHADOW_LIGHTS + SURFACE_PLANES + 1 + 3) * BLOCK_RAYS)
 
 // Divide `memory`, of EASEL_WORDS words.
 inline Easel make_easel(global uint *memory)
@@ -39,19 +41,23 @@ inline Easel make_easel(global uint *memory)
     e.list.boxes = TAKE(float, 6 * LIST);
     e.list.leaf = TAKE(int, LIST);
     e.list.pitch = LIST;
-    e.occluders.boxes = TAKE(float, 6 * SHADOW_LIST);
-    e.occluders.leaf = TAKE(int, SHADOW_LIST);
-    e.occluders.pitch = SHADOW_LIST;
-    e.nearby.boxes = TAKE(float, 6 * SHADOW_LIST);
-    e.nearby.leaf = TAKE(int, SHADOW_LIST);
-    e.nearby.pitch = SHADOW_LIST;
+#if SHADOW_LIGHTS
+    e.shadows.list.boxes = TAKE(float, 6 * SHADOW_LIST);
+    e.shadows.list.leaf = TAKE(int, SHADOW_LIST);
+    e.shadows.nearby.boxes = TAKE(float, 6 * SHADOW_LIST);
+    e.shadows.nearby.leaf = TAKE(int, SHADOW_LIST);
+    e.shadows.list.pitch = e.shadows.nearby.pitch = SHADOW_LIST;
+    e.shadows.open = TAKE(int, BLOCK_RAYS);
+    e.shadows.seeing = TAKE(int, BLOCK_RAYS);
+    e.shadows.seen = TAKE(float, 3 * BLOCK_RAYS);
+#endif
     e.colours.base = TAKE(float, 3 * BLOCK_RAYS);
     e.colours.point = TAKE(float, 3 * SHADOWED * BLOCK_RAYS);
     e.colours.lit = TAKE(float, 3 * SHADOW_LIGHTS * BLOCK_RAYS);
     e.colours.wants = TAKE(int, SHADOW_LIGHTS * BLOCK_RAYS);
     e.surfaces = TAKE(float, SURFACE_PLANES * BLOCK_RAYS);
     e.finishes = TAKE(int, BLOCK_RAYS);
-    e.spare = TAKE(int, 3 * BLOCK_RAYS);
+    e.spare = TAKE(uint, 3 * BLOCK_RAYS);
 #undef TAKE
     return e;
 }
@@ -97,16 +103,19 @@ inline int beam_bounds(const Rays *rays, const BeamWork *work, global const floa
 inline void see_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, Easel *e)
 {
     see(bvh, rays, work, &e->list, e->z, e->ids);
-    e->complete = 0;
+#if SHADOW_LIGHTS
+    e->shadows.complete = 0;
+#endif
 #if SHADOW_LIGHTS == 1 && !SCATTERED
     float lo[3], hi[3];
-    e->occluders.count = 0;
+    LeafList *list = &e->shadows.list;
+    list->count = 0;
     if (!beam_bounds(rays, work, e->z, e->ids, lo, hi)) return;
     const Shaft shaft = make_shaft(s->lights + OPEN_LIGHTS * LIGHT, lo, hi);
     Walk walk;
     start_walk(&walk);
-    gather_shaft(bvh, &shaft, &walk, &e->occluders);
-    e->complete = walk.size == 0;
+    gather_shaft(bvh, &shaft, &walk, list);
+    e->shadows.complete = walk.size == 0;
 #endif
 }
 
@@ -136,11 +145,15 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, con
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         global int *wants = e->colours.wants + k * BLOCK_RAYS;
         global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
+        ShadowMemory *memory = &e->shadows;
         if (SCATTERED || triangles > MANY_TRIANGLES)
-            shadow_rays_singly(bvh, light, &e->occluders, e->complete, &e->nearby, ids, e->colours.point, wants);
+            shadow_rays_singly(bvh, light, &memory->list, memory->complete, &memory->nearby, ids, e->colours.point, wants);
+#if OUTER == 1
+        else if (state->cover >= 0)
+            shadow_facet(bvh, light, memory, &bundle, state, wants);
+#endif
         else if (triangles)
-            shadow_block(bvh, light, &e->occluders, e->complete, &bundle, state, ids, e->colours.point, wants, e->spare,
-                         e->spare + BLOCK_RAYS);
+            shadow_block(bvh, light, memory, &bundle, state, ids, e->colours.point, wants);
         for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) {
             const vi open = VLOAD(wants + ray);
             for (int channel = 0; channel < 3; ++channel) {

@@ -9,216 +9,37 @@
 #include "shading.cl"
 
 #if SHADOW_LIGHTS
-#include "shaft.cl"
+#include "homography.cl"
+#include "light_view.cl"
+#include "scattered.cl"
 
 #define SHADOW_LIST 512
-#define SHADOW_FORMS 16
 #define SPAN 1.1f
-// 16 roundings of the numbers that enter: a hit point is off its plane by a few.  Against the float64 oracle,
-// half of this darkens some rays beside a neighbouring triangle, four times it loses contact shadows.
-#define SHADOW_MARGIN 1.0e-6f
 
-// Apex and extent of a block's shadow rays.
+// A worker's memory for shadows.
 typedef struct {
-    int is_point;
-    float3 apex;           // the light, or the middle of the hit points
-    float3 towards;        // direction to a directional light
-    float3 centre, extent; // box of the hit points relative to the apex
-    float3 size;           // largest magnitudes that entered, for the margin
-} ShadowRays;
+    LeafList list;         // leaves between the light and the whole beam, where `complete`; else scratch
+    LeafList nearby;       // scratch
+    int complete;
+    global int *open, *seeing;  // (BLOCK_RAYS,) masks: rays of one span, rays that see the light
+    global float *seen;         // (3, BLOCK_RAYS) see light_view.cl
+} ShadowMemory;
 
-// Boxes of the hit points of every strip of STRIP rays of a block, by axis, relative to the apex: a strip without
-// hit points has lows beyond its highs.
-#define STRIP (LANES > 8 ? LANES : 8)
-#define STRIPS (BLOCK_RAYS / STRIP)
-typedef struct { float lo[3][STRIPS], hi[3][STRIPS]; } Strips;
-
-// A form n . P + c of the hit point relative to the apex.
-typedef struct { Vec n; vf c; } Plane;
-
-inline vf plane_reach(Plane f, const ShadowRays *r)
-{
-    const vf middle = fma(f.n.x, (vf)(r->centre.x), fma(f.n.y, (vf)(r->centre.y), fma(f.n.z, (vf)(r->centre.z), f.c)));
-    const vf spread = fma(fabs(f.n.x), (vf)(r->extent.x), fma(fabs(f.n.y), (vf)(r->extent.y), fabs(f.n.z) * r->extent.z));
-    const vf noise = fma(fabs(f.n.x), (vf)(r->size.x), fma(fabs(f.n.y), (vf)(r->size.y), fma(fabs(f.n.z), (vf)(r->size.z), fabs(f.c))));
-    return middle + 1.00001f * spread + 1.0e-6f * noise;
-}
-
-inline Plane flip_plane(Plane f, vi sign)
-{
-    FLIP_BY(f.n.x, sign); FLIP_BY(f.n.y, sign); FLIP_BY(f.n.z, sign); FLIP_BY(f.c, sign);
-    return f;
-}
-
-// The four forms of LANES triangles: a ray is dark where the three edges are not negative and the
-// last, beyond the triangle's plane, is positive.  Returns the mask of those that may darken the block.
-inline vi setup_occluders(const ShadowRays *r, const Shaft *shaft, global const float *leaf, Plane *out)
-{
-    const vi near = ~shaft_misses(shaft, leaf);
-    if (!row_any(near)) return near;
-    Vec v[3];
-    for (int k = 0; k < 3; ++k) {
-        v[k].x = VLOAD(leaf + 48 * k) - r->apex.x;
-        v[k].y = VLOAD(leaf + 48 * k + 16) - r->apex.y;
-        v[k].z = VLOAD(leaf + 48 * k + 32) - r->apex.z;
-    }
-    const Vec a = {v[1].x - v[0].x, v[1].y - v[0].y, v[1].z - v[0].z}, b = {v[2].x - v[0].x, v[2].y - v[0].y, v[2].z - v[0].z};
-    const Vec n = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-    const Vec to = {(vf)(r->towards.x), (vf)(r->towards.y), (vf)(r->towards.z)};
-    const vf offset = dot3(n, v[0]);
-    // Oriented by the side that the light is on; a triangle seen edge-on casts no shadow.
-    const vf side = r->is_point ? offset : dot3(n, to);
-    const vi flip = AS_VI(side) & (vi)(0x80000000);
-    const vf margin = SHADOW_MARGIN * fma(fabs(n.x), fabs(v[0].x) + r->size.x,
-                                    fma(fabs(n.y), fabs(v[0].y) + r->size.y, fabs(n.z) * (fabs(v[0].z) + r->size.z)));
-    const Plane plane = {n, -offset};
-    out[3] = flip_plane(plane, r->is_point ? flip : flip ^ (vi)(0x80000000));
-    out[3].c -= margin;
-    vi keep = near & ~EQ(side, (vf)(0.0f)) & GE(plane_reach(out[3], r), (vf)(0.0f));
-    if (!row_any(keep)) return keep;
-    for (int k = 0; k < 3; ++k) {
-        const Vec q = v[(k + 1) % 3], w = v[(k + 2) % 3];
-        const Vec c = {q.y * w.z - q.z * w.y, q.z * w.x - q.x * w.z, q.x * w.y - q.y * w.x};
-        Plane edge = {c, 0.0f};
-        if (!r->is_point) {
-            const Vec d = {w.x - q.x, w.y - q.y, w.z - q.z};
-            const Vec along = {to.y * d.z - to.z * d.y, to.z * d.x - to.x * d.z, to.x * d.y - to.y * d.x};
-            edge.n = along;
-            edge.c = dot3(to, c);
-        }
-        out[k] = flip_plane(edge, flip);
-        keep &= GE(plane_reach(out[k], r), (vf)(0.0f));
-    }
-    return keep;
-}
-
-// A block on one triangle: the hit point times the denominator of depth is affine over the block (rays
-// of a pixel meet in its focus point, rays of a view in the lens sample: a homography either way), so
-// the occluders' forms are too, and are tested like triangles in triangles.cl.  Not so for a block of several
-// elements, where the product is quadratic.
-#if OUTER == 1
+// What is darkened: rays `open` of a block, all on triangle `own` of one element, or as the light sees them.
 typedef struct {
-    float3 c, i, j;     // (P - apex) * weight
-    float wc, wi, wj;   // weight, positive over the block
-} Receiver;
-
-inline Receiver make_receiver(const Bundle *r, const BlockState *state, float3 apex)
-{
-    const float zc = state->over.c, zi = state->over.i, zj = state->over.j;
-    const float wc = state->under.c, wi = state->under.i, wj = state->under.j;
-    Receiver f = {(float3)(r->ox * wc + zc * r->dx, r->oy * wc + zc * r->dy, zc) - apex * wc,
-                  (float3)(r->sx * wc + r->ox * wi + zi * r->dx + zc * r->tx, r->oy * wi + zi * r->dy, zi) - apex * wi,
-                  (float3)(r->ox * wj + zj * r->dx, r->sy * wc + r->oy * wj + zj * r->dy + zc * r->ty, zj) - apex * wj,
-                  wc, wi, wj};
-    return f;
-}
-
-inline Affine project_plane(const Receiver *f, Plane p)
-{
-    Affine e;
-    e.c = fma(p.n.x, (vf)(f->c.x), fma(p.n.y, (vf)(f->c.y), fma(p.n.z, (vf)(f->c.z), p.c * f->wc)));
-    e.i = fma(p.n.x, (vf)(f->i.x), fma(p.n.y, (vf)(f->i.y), fma(p.n.z, (vf)(f->i.z), p.c * f->wi)));
-    e.j = fma(p.n.x, (vf)(f->j.x), fma(p.n.y, (vf)(f->j.y), fma(p.n.z, (vf)(f->j.z), p.c * f->wj)));
-    return e;
-}
-
-// Affine forms of LANES occluders over a receiver's block, and the rows each can darken.
-inline uint project_occluders(const Receiver *f, const Plane *planes, vi may, private float *out, private int *rows)
-{
-    vf first = 0.0f, last = 2.0f * HALF;
-    for (int k = 0; k < 4; ++k) {
-        const Affine e = project_plane(f, planes[k]);
-        may &= GE(e.c + spread(e), (vf)(0.0f));
-        narrow_rows(e, (vi)(0), &first, &last);
-        VSTORE(e.c, out + 3 * k * LANES);
-        VSTORE(e.i, out + (3 * k + 1) * LANES);
-        VSTORE(e.j, out + (3 * k + 2) * LANES);
-    }
-    store_rows(first, last, rows);
-    return row_bits(may);
-}
-
-// Darken the rays of a receiver's block behind one occluder; false when none is left.
-inline int cast_on_facet(private const float *f, uint lane, int first, int last, global int *wants)
-{
-    Form c[4];
-    for (int k = 0; k < 4; ++k) c[k] = read_flat(f + 3 * k * LANES, lane);
-    for (int at = first * BLOCK; at < (last + 1) * BLOCK; at += LANES) {
-        const Row row = row_at(at);
-        const vf a = form_row(c[0], row), b = form_row(c[1], row), g = form_row(c[2], row), beyond = form_row(c[3], row);
-        const vi dark = GE(min(a, min(b, g)), (vf)(0.0f)) & GT(beyond, (vf)(0.0f));
-        if (row_any(dark)) VSTORE(VLOAD(wants + at) & ~dark, wants + at);
-    }
-    vi left = 0;
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) left |= VLOAD(wants + at);
-    return row_any(left);
-}
-#else
-typedef void Receiver;
-#endif
-
-inline uint store_occluders(const Plane *planes, vi may, private float *out)
-{
-    for (int k = 0; k < 4; ++k) {
-        VSTORE(planes[k].n.x, out + (4 * k) * LANES);
-        VSTORE(planes[k].n.y, out + (4 * k + 1) * LANES);
-        VSTORE(planes[k].n.z, out + (4 * k + 2) * LANES);
-        VSTORE(planes[k].c, out + (4 * k + 3) * LANES);
-    }
-    return row_bits(may);
-}
-
-// Strips of the block that all four forms of an occluder may reach.
-inline uint strips_met(const ShadowRays *r, const Strips *strips, private const float *c)
-{
-    uint met = 0;
-    for (int first = 0; first < STRIPS; first += LANES) {
-        vi may = -1;
-        for (int k = 0; k < SHADOW_FORMS; k += 4) {
-            const float noise = fma(fabs(c[k]), r->size.x, fma(fabs(c[k + 1]), r->size.y, fma(fabs(c[k + 2]), r->size.z, fabs(c[k + 3]))));
-            vf most = fma(noise, 2.0e-6f, c[k + 3]);
-            for (int axis = 0; axis < 3; ++axis)
-                most = fma((vf)(c[k + axis]), VLOAD((c[k + axis] > 0.0f ? strips->hi[axis] : strips->lo[axis]) + first), most);
-            may &= GE(most, (vf)(0.0f));
-        }
-        met |= row_bits(may) << first;
-    }
-    return met;
-}
-
-// Darken the rays of a block of several triangles, but for those on the occluder itself.
-inline int cast_shadow(const ShadowRays *r, const Strips *strips, private const float *f, uint lane, int id, global const int *ids,
-                       global const float *point, global int *wants)
-{
-    float c[SHADOW_FORMS];
-    for (int k = 0; k < SHADOW_FORMS; ++k) c[k] = f[k * LANES + lane];
-    int darker = 0;
-    for (uint met = strips_met(r, strips, c); met; met &= met - 1) {
-        const int first = lowest(met) * STRIP;
-        for (int at = first; at < first + STRIP; at += LANES) {
-            const vi open = VLOAD(wants + at);
-            const vf x = VLOAD(point + at) - r->apex.x, y = VLOAD(point + BLOCK_RAYS + at) - r->apex.y, z = VLOAD(point + 2 * BLOCK_RAYS + at) - r->apex.z;
-            const vf e0 = fma(x, (vf)(c[0]), fma(y, (vf)(c[1]), fma(z, (vf)(c[2]), (vf)(c[3]))));
-            const vf e1 = fma(x, (vf)(c[4]), fma(y, (vf)(c[5]), fma(z, (vf)(c[6]), (vf)(c[7]))));
-            const vf e2 = fma(x, (vf)(c[8]), fma(y, (vf)(c[9]), fma(z, (vf)(c[10]), (vf)(c[11]))));
-            const vf beyond = fma(x, (vf)(c[12]), fma(y, (vf)(c[13]), fma(z, (vf)(c[14]), (vf)(c[15]))));
-            const vi dark = open & GE(min(e0, min(e1, e2)), (vf)(0.0f)) & GT(beyond, (vf)(0.0f)) & ~EQ(VLOAD(ids + at), (vi)(id));
-            if (!row_any(dark)) continue;
-            VSTORE(open & ~dark, wants + at);
-            darker = 1;
-        }
-    }
-    if (!darker) return 1;
-    vi left = 0;
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) left |= VLOAD(wants + at);
-    return row_any(left);
-}
+    int own;                    // -1: not all on one triangle
+    const Receiver *receiver;
+    LightView view;
+    Strips strips;
+    global const float *seen;
+    global const int *ids;
+    global int *open;
+} Target;
 
 // Hit points that want a light and lie within a span of depths: moves them from `wants` to `open`, and
 // bounds them.  A block that sees a near thing before a far one would otherwise span all that lies
 // between; the span starts at the nearest of what is left.  Returns false when nothing is left.
-inline int next_span(const Bundle *r, global const float *point, global int *wants, global int *open, float *lo, float *hi,
-                     Strips *strips)
+inline int next_span(const Bundle *r, global const float *point, global int *wants, global int *open, float *lo, float *hi)
 {
     global const float *z = point + 2 * BLOCK_RAYS;
     vf nearest = FAR;
@@ -228,52 +49,56 @@ inline int next_span(const Bundle *r, global const float *point, global int *wan
     const float footprint = INNER * max(fabs(fma(from, r->tx, r->sx)), fabs(fma(from, r->ty, r->sy))) +
                             (OUTER - 1) * fabs(fma(from, r->b, r->a));
     const float until = fma(from, SPAN, 2.0f * footprint);
-    for (int k = 0; k < 3; ++k) { lo[k] = FAR; hi[k] = -FAR; }
-    for (int strip = 0; strip < STRIPS; ++strip) {
-        vf low[3], high[3];
-        for (int k = 0; k < 3; ++k) { low[k] = FAR; high[k] = -FAR; }
-        for (int at = strip * STRIP; at < (strip + 1) * STRIP; at += LANES) {
-            const vi want = VLOAD(wants + at), within = want & LE(VLOAD(z + at), (vf)(until));
-            VSTORE(within, open + at);
-            VSTORE(want & ~within, wants + at);
-            for (int k = 0; k < 3; ++k) {
-                const vf x = VLOAD(point + k * BLOCK_RAYS + at);
-                low[k] = pick(low[k], min(low[k], x), within);
-                high[k] = pick(high[k], max(high[k], x), within);
-            }
-        }
+    vf low[3], high[3];
+    for (int k = 0; k < 3; ++k) { low[k] = FAR; high[k] = -FAR; }
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const vi want = VLOAD(wants + at), within = want & LE(VLOAD(z + at), (vf)(until));
+        VSTORE(within, open + at);
+        VSTORE(want & ~within, wants + at);
         for (int k = 0; k < 3; ++k) {
-            strips->lo[k][strip] = row_min(low[k]);
-            strips->hi[k][strip] = row_max(high[k]);
-            lo[k] = min(lo[k], strips->lo[k][strip]);
-            hi[k] = max(hi[k], strips->hi[k][strip]);
+            const vf x = VLOAD(point + k * BLOCK_RAYS + at);
+            low[k] = pick(low[k], min(low[k], x), within);
+            high[k] = pick(high[k], max(high[k], x), within);
         }
+    }
+    for (int k = 0; k < 3; ++k) {
+        lo[k] = row_min(low[k]);
+        hi[k] = row_max(high[k]);
     }
     return 1;
 }
 
-inline ShadowRays shadow_rays(global const float *light, const float *lo, const float *hi)
+// Darken the target behind LANES triangles; false once no ray of it can see the light.
+inline int cast_leaf(const ShadowRays *r, const Target *target, const Plane *planes, vi may, global const int *leaf_ids)
 {
-    ShadowRays r;
-    const float3 low = vload3(0, lo), high = vload3(0, hi), l = vload3(0, light);
-    r.is_point = IS_POINT(light);
-    r.apex = r.is_point ? l : 0.5f * (low + high);
-    r.towards = l;
-    r.centre = 0.5f * (low + high) - r.apex;
-    r.extent = 0.5f * (high - low);
-    r.size = max(fabs(low), fabs(high)) + fabs(r.centre) + r.extent;
-    return r;
+#if OUTER == 1
+    private float forms[12 * LANES > SHADOW_FORMS * LANES ? 12 * LANES : SHADOW_FORMS * LANES];
+    private int rows[2 * LANES];
+    const Receiver *receiver = target->receiver;
+    uint keep = receiver ? project_occluders(receiver, planes, may, forms, rows) : store_occluders(r, &target->view, planes, may, forms);
+#else
+    private float forms[SHADOW_FORMS * LANES];
+    uint keep = store_occluders(r, &target->view, planes, may, forms);
+#endif
+    for (; keep; keep &= keep - 1) {
+        const uint k = lowest(keep);
+        const int id = leaf_ids[k];
+        if (id == target->own) continue;
+#if OUTER == 1
+        if (receiver) {
+            if (!cast_on_facet(forms, k, rows[k], rows[LANES + k], target->open)) return 0;
+            continue;
+        }
+#endif
+        if (!cast_shadow(&target->view, &target->strips, forms, k, id, target->ids, target->seen, target->open)) return 0;
+    }
+    return 1;
 }
 
-// Test a block against the leaves on the list; false once no ray of it can see the light.
-inline int shade_off(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, const Receiver *receiver, Strips *strips,
-                     const LeafList *list, int own, global const int *ids, global const float *point, global int *wants)
+// Darken the target behind the leaves on a list; false once no ray of it can see the light.
+inline int cast_list(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, const LeafList *list, const Target *target)
 {
     Plane planes[4];
-    private float forms[SHADOW_FORMS * LANES];
-#if OUTER == 1
-    private int rows[2 * LANES];
-#endif
     for (int base = 0; base < list->count; base += LANES) {
         uint near = row_bits(shaft_meets(shaft, list->boxes + base, list->pitch));
         if (base + LANES > list->count) near &= (1u << (list->count - base)) - 1u;
@@ -282,107 +107,73 @@ inline int shade_off(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, co
             for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
                 const vi may = setup_occluders(r, shaft, bvh->leaves + leaf * 9 * NODE_WIDTH + lane, planes);
                 if (!row_any(may)) continue;
-#if OUTER == 1
-                uint keep = receiver ? project_occluders(receiver, planes, may, forms, rows) : store_occluders(planes, may, forms);
-#else
-                uint keep = store_occluders(planes, may, forms);
-#endif
-                for (; keep; keep &= keep - 1) {
-                    const uint k = lowest(keep);
-                    const int id = bvh->leaf_ids[leaf * NODE_WIDTH + lane + k];
-                    if (id == own) continue;
-#if OUTER == 1
-                    if (receiver) {
-                        if (!cast_on_facet(forms, k, rows[k], rows[LANES + k], wants)) return 0;
-                        continue;
-                    }
-#endif
-                    if (!cast_shadow(r, strips, forms, k, id, ids, point, wants)) return 0;
-                }
+                if (!cast_leaf(r, target, planes, may, bvh->leaf_ids + leaf * NODE_WIDTH + lane)) return 0;
             }
         }
     }
     return 1;
 }
 
-#if OUTER == 1
-// Bounds of a block that lies on one triangle: the image of a rectangle is spanned by its corners.
-inline void facet_bounds(const Bundle *r, const BlockState *state, float *lo, float *hi)
-{
-    for (int k = 0; k < 3; ++k) { lo[k] = FAR; hi[k] = -FAR; }
-    for (int k = 0; k < 4; ++k) {
-        const float x = k & 1 ? HALF : -HALF, y = k & 2 ? HALF : -HALF;
-        const Form over = state->over, under = state->under;
-        const float z = (over.c + x * over.i + y * over.j) / (under.c + x * under.i + y * under.j);
-        const float p[3] = {fma(x, r->sx, r->ox) + z * fma(x, r->tx, r->dx), fma(y, r->sy, r->oy) + z * fma(y, r->ty, r->dy), z};
-        for (int axis = 0; axis < 3; ++axis) {
-            const float slack = 1.0e-6f * fabs(p[axis]);
-            lo[axis] = min(lo[axis], p[axis] - slack);
-            hi[axis] = max(hi[axis], p[axis] + slack);
-        }
-    }
-}
-#endif
-
-// Darken rays in `open` whose hit points lo and hi bound.  `shared` lists the leaves between the light
-// and the whole beam when it could hold them (complete), and is used as scratch otherwise.
-inline void darken(const Bvh *bvh, global const float *light, LeafList *shared, int complete, const Bundle *bundle,
-                   const BlockState *state, global const int *ids, global const float *point, const float *lo, const float *hi,
-                   Strips *strips, global int *open)
+// Darken the target's rays, whose hit points lo and hi bound.
+inline void darken(const Bvh *bvh, global const float *light, const ShadowRays *rays, ShadowMemory *memory, const float *lo,
+                   const float *hi, const Target *target)
 {
     const Shaft shaft = make_shaft(light, lo, hi);
-    const ShadowRays rays = shadow_rays(light, lo, hi);
-    const float apex[3] = {rays.apex.x, rays.apex.y, rays.apex.z};
-    if (strips)
-        for (int k = 0; k < 3; ++k)
-            for (int strip = 0; strip < STRIPS; strip += LANES) {
-                VSTORE(VLOAD(strips->lo[k] + strip) - apex[k], strips->lo[k] + strip);
-                VSTORE(VLOAD(strips->hi[k] + strip) - apex[k], strips->hi[k] + strip);
-            }
-    const Receiver *receiver = 0;
-#if OUTER == 1
-    Receiver facet;
-    if (state->cover >= 0) {
-        facet = make_receiver(bundle, state, rays.apex);
-        receiver = &facet;
-    }
-#endif
-    if (complete) {
-        shade_off(bvh, &shaft, &rays, receiver, strips, shared, state->cover, ids, point, open);
+    if (memory->complete) {
+        cast_list(bvh, &shaft, rays, &memory->list, target);
         return;
     }
     Walk walk;
     start_walk(&walk);
     while (walk.size) {
-        shared->count = 0;
-        gather_shaft(bvh, &shaft, &walk, shared);
-        if (!shade_off(bvh, &shaft, &rays, receiver, strips, shared, state->cover, ids, point, open)) return;
+        memory->list.count = 0;
+        gather_shaft(bvh, &shaft, &walk, &memory->list);
+        if (!cast_list(bvh, &shaft, rays, &memory->list, target)) return;
     }
 }
 
-// Take from `wants` the block's rays that cannot see the light; `open` and `seen` are scratch.
-inline void shadow_block(const Bvh *bvh, global const float *light, LeafList *shared, int complete, const Bundle *bundle,
-                         const BlockState *state, global const int *ids, global const float *point, global int *wants,
-                         global int *open, global int *seen)
+#if OUTER == 1
+// A block on one triangle: nothing but the triangle is needed to know where its hit points are.
+inline void shadow_facet(const Bvh *bvh, global const float *light, ShadowMemory *memory, const Bundle *bundle,
+                         const BlockState *state, global int *wants)
+{
+    vi want = 0;
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) want |= VLOAD(wants + at);
+    if (!row_any(want)) return;
+    float lo[3], hi[3];
+    facet_bounds(bundle, state, lo, hi);
+    const ShadowRays rays = shadow_rays(light, lo, hi);
+    const Receiver receiver = make_receiver(bundle, state, rays.apex);
+    Target target;
+    target.own = state->cover;
+    target.receiver = &receiver;
+    target.open = wants;
+    darken(bvh, light, &rays, memory, lo, hi, &target);
+}
+#endif
+
+// Take from `wants` the block's rays that cannot see the light.
+inline void shadow_block(const Bvh *bvh, global const float *light, ShadowMemory *memory, const Bundle *bundle,
+                         const BlockState *state, global const int *ids, global const float *point, global int *wants)
 {
     float lo[3], hi[3];
-#if OUTER == 1
-    if (state->cover >= 0) {
-        vi want = 0;
-        for (int at = 0; at < BLOCK_RAYS; at += LANES) want |= VLOAD(wants + at);
-        if (!row_any(want)) return;
-        facet_bounds(bundle, state, lo, hi);
-        darken(bvh, light, shared, complete, bundle, state, ids, point, lo, hi, 0, wants);
-        return;
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE((vi)(0), memory->seeing + at);
+    Target target;
+    target.own = state->cover >= 0 ? state->cover : -1;
+    target.receiver = 0;
+    target.seen = memory->seen;
+    target.ids = ids;
+    target.open = memory->open;
+    while (next_span(bundle, point, wants, memory->open, lo, hi)) {
+        const ShadowRays rays = shadow_rays(light, lo, hi);
+        target.view = make_light_view(&rays);
+        if (see_from_light(&rays, point, memory->open, &target.view, &target.strips, memory->seen))
+            darken(bvh, light, &rays, memory, lo, hi, &target);
+        else
+            shadow_rays_singly(bvh, light, &memory->list, memory->complete, &memory->nearby, ids, point, memory->open);
+        for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE(VLOAD(memory->seeing + at) | VLOAD(memory->open + at), memory->seeing + at);
     }
-#endif
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE((vi)(0), seen + at);
-    Strips strips;
-    while (next_span(bundle, point, wants, open, lo, hi, &strips)) {
-        darken(bvh, light, shared, complete, bundle, state, ids, point, lo, hi, &strips, open);
-        for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE(VLOAD(seen + at) | VLOAD(open + at), seen + at);
-    }
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE(VLOAD(seen + at), wants + at);
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE(VLOAD(memory->seeing + at), wants + at);
 }
 #endif
 

@@ -87,7 +87,7 @@ void trace_slab(BVH_PARAMETERS,
             add_view_to_planes(&planes, packed & 0xffff, packed >> 16, region.s6, where.x, where.y, colours);
 #else
             add_to_planes(&planes, packed & 0xffff, packed >> 16, where.x / BLOCK, where.y / BLOCK, columns, rows, colours,
-                          (global uint *)easel.spare, table);
+                          easel.spare, table);
 #endif
 #endif
 #if FRAMES
