@@ -117,7 +117,9 @@ inline void next_row(const Macropixel *m, int x, int y, int count, int begins, R
 
 #if LANES > 1
 // Four rays in a row of registers: each adds the one before it, then the two before those, then all before.
-#define FOUR(k, i, j, m, n)                                                                             \
+#define ONE(k, i) before += (uint4)(r.i, g.i, b.i, 0); here[k] = before;
+#define FOUR(k,i,j,m,n) ONE(k,i) ONE(k+1,j) ONE(k+2,m) ONE(k+3,n)
+#define FOURX(k,i,j,m,n)\
     {                                                                                                   \
         uint16 x = (uint16)(r.i, g.i, b.i, 0, r.j, g.j, b.j, 0, r.m, g.m, b.m, 0, r.n, g.n, b.n, 0);    \
         x += (uint16)(none.s0123, x.s01234567, x.s89ab);                                                \
@@ -134,9 +136,9 @@ inline void prefix(vu r, vu g, vu b, global uint4 *here)
 #if LANES == 1
     *here = here[-1] + (uint4)(r, g, b, 0);
 #else
-    const uint16 none = 0;
-    const uint4 before = here[-1];
-    uint16 carry = (uint16)(before, before, before, before);
+
+    uint4 before = here[-1];
+
     FOUR(0, s0, s1, s2, s3)
 #if LANES >= 8
     FOUR(4, s4, s5, s6, s7)
