@@ -8,11 +8,11 @@
 
 #if BITS == 8
 typedef uchar sample;
-#define sample_ uchar
+#define SAMPLES(n) uchar##n
 #define SCALE 1.0f
 #else
 typedef ushort sample;
-#define sample_ ushort
+#define SAMPLES(n) ushort##n
 #define SCALE (1.0f / (1 << (BITS - 8)))
 #endif
 

@@ -1,8 +1,10 @@
 // Algorithm 4: sensor planes from decoded frames that hold macropixels.  A summed-area table is made of
-// STRIP rows of lens samples, from which each plane takes one sum a bin; strip_tables.py says which lens
-// samples make a bin.  As in planes.cl sums are integers: exact, in whatever order they are added.
+// STRIP rows of lens samples, with those rows only at which a run of some plane ends; each plane takes one
+// sum a bin from it.  strip_tables.py says which lens samples make a bin.  As in planes.cl sums are
+// integers: exact, in whatever order they are added.
 //
-// BITS and RGB are as in light.cl, CHROMA is 1 (4:4:4) or 2 (4:2:0), STRIP as in strip_tables.py.
+// BITS and RGB are as in light.cl, CHROMA is 1 (4:4:4) or 2 (4:2:0), STRIP as in strip_tables.py.  LANES is
+// 1 or 16: sixteen samples fill a register even where four or eight floats do.
 #include "light.cl"
 
 #define CHUNK 16
@@ -18,7 +20,7 @@ typedef struct {
     int views;                     // side N of a macropixel
     global const int4 *plane;      // (planes,) mask, pointers of columns, pointers of rows, runs per pixel
     global const int *pointers;
-    global const int2 *runs;       // one past the last sample, offset
+    global const int2 *runs;       // one past the last column or row of the table, offset
     global const uchar *masks;     // (masks, N, N) 255 where open
     global const uchar *kinds;     // (masks, strips, chunks) 0 closed, 1 partly, 2 wholly open
     global const int *ends;        // (masks, strips, STRIP + 1) number of rows of the table, their ends
@@ -31,25 +33,14 @@ typedef struct {
     int x0, y0;                                   // corner of the macropixel
 } Macropixel;
 
-#if LANES == 16
-#define HALF_LANES 8
-#define DOUBLED(x) x.s00112233, x.s44556677
-#elif LANES == 8
-#define HALF_LANES 4
-#define DOUBLED(x) x.s00112233
-#elif LANES == 4
-#define HALF_LANES 2
-#define DOUBLED(x) x.s0011
-#endif
-
 #if LANES == 1
 typedef sample samples;
-#define TO_LIGHT(x) (convert_float(x) * SCALE)
 #define DIFFERS(x) ((x) != 0)
+#define TO_LIGHT(x) (convert_float(x) * SCALE)
 #else
-typedef JOIN(sample_, LANES) samples;
-#define TO_LIGHT(x) (JOIN(convert_float, LANES)(x) * SCALE)
+typedef SAMPLES(16) samples;
 #define DIFFERS(x) any((x) != (sample)0)
+#define TO_LIGHT(x) (convert_float16(x) * SCALE)
 #endif
 
 // What a run of LANES columns holds while it is walked down a strip.
@@ -65,12 +56,9 @@ inline samples load_samples(global const sample *at, int twice)
     return *at;
 #else
 #if CHROMA == 2
-    if (twice) {
-        const JOIN(sample_, HALF_LANES) x = JOIN(vload, HALF_LANES)(0, at);
-        return (samples)(DOUBLED(x));
-    }
+    if (twice) return vload8(0, at).s0011223344556677;
 #endif
-    return JOIN(vload, LANES)(0, at);
+    return vload16(0, at);
 #endif
 }
 
@@ -78,7 +66,7 @@ inline samples load_samples(global const sample *at, int twice)
 inline vu load_mask(global const uchar *at, int count)
 {
 #if LANES > 1
-    if (count >= LANES) return AS_VU(JOIN(convert_int, LANES)(JOIN(as_char, LANES)(JOIN(vload, LANES)(0, at))));
+    if (count >= LANES) return as_uint16(convert_int16(as_char16(vload16(0, at))));
 #endif
     private uint open[LANES];
     for (int k = 0; k < LANES; ++k) open[k] = k < count && at[k] ? 0xffffffffu : 0u;
@@ -115,38 +103,16 @@ inline void next_row(const Macropixel *m, int x, int y, int count, int begins, R
     row->r = linear_row(red), row->g = linear_row(green), row->b = linear_row(blue);
 }
 
-#if LANES > 1
-// Four rays in a row of registers: each adds the one before it, then the two before those, then all before.
-#define ONE(k, i) before += (uint4)(r.i, g.i, b.i, 0); here[k] = before;
-#define FOUR(k,i,j,m,n) ONE(k,i) ONE(k+1,j) ONE(k+2,m) ONE(k+3,n)
-#define FOURX(k,i,j,m,n)\
-    {                                                                                                   \
-        uint16 x = (uint16)(r.i, g.i, b.i, 0, r.j, g.j, b.j, 0, r.m, g.m, b.m, 0, r.n, g.n, b.n, 0);    \
-        x += (uint16)(none.s0123, x.s01234567, x.s89ab);                                                \
-        x += (uint16)(none.s01234567, x.s01234567);                                                     \
-        x += carry;                                                                                     \
-        carry = x.scdefcdefcdefcdef;                                                                    \
-        vstore16(x, 0, (global uint *)(here + k));                                                      \
-    }
-#endif
-
 // here[k] = here[-1] + the sum of rays 0 ... k of a row of LANES.
 inline void prefix(vu r, vu g, vu b, global uint4 *here)
 {
+    uint4 sum = here[-1];
 #if LANES == 1
-    *here = here[-1] + (uint4)(r, g, b, 0);
+    *here = sum + (uint4)(r, g, b, 0);
 #else
-
-    uint4 before = here[-1];
-
-    FOUR(0, s0, s1, s2, s3)
-#if LANES >= 8
-    FOUR(4, s4, s5, s6, s7)
-#endif
-#if LANES == 16
-    FOUR(8, s8, s9, sa, sb)
-    FOUR(12, sc, sd, se, sf)
-#endif
+#define NEXT(k, i) sum += (uint4)(r.i, g.i, b.i, 0), here[k] = sum;
+    NEXT(0, s0) NEXT(1, s1) NEXT(2, s2) NEXT(3, s3) NEXT(4, s4) NEXT(5, s5) NEXT(6, s6) NEXT(7, s7)
+    NEXT(8, s8) NEXT(9, s9) NEXT(10, sa) NEXT(11, sb) NEXT(12, sc) NEXT(13, sd) NEXT(14, se) NEXT(15, sf)
 #endif
 }
 
@@ -191,9 +157,9 @@ inline void add_strip(const Strips *s, int plane, int strip, int u, int v, globa
     int before_row = 0;
     for (int b = rows[0]; b < rows[1]; ++b) {
         const int2 down = s->runs[b];
-        const int after_row = down.x, y = v + down.y;
-        global const uint4 *top = table + before_row * pitch + LEAD, *bottom = table + after_row * pitch + LEAD;
-        before_row = after_row;
+        const int y = v + down.y;
+        global const uint4 *top = table + before_row * pitch + LEAD, *bottom = table + down.x * pitch + LEAD;
+        before_row = down.x;
         if (y < 0 || y >= s->size) continue;
         global ulong4 *line = sums + (y - s->top) * s->width - s->left;
         uint4 before = 0;
