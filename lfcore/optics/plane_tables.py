@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.optics.plane_sums import offsets, targets
-from lfcore.optics.planes import SensorPlane
+from lfcore.optics.planes import Aperture, SensorPlane
 from lfcore.optics.slab import Slab
 
 BLOCK = 16
@@ -104,12 +104,16 @@ def view_tables(slab: Slab, planes: list[SensorPlane]) -> PlaneTables:
 def distinct_masks(slab: Slab, planes: list[SensorPlane]) -> tuple[np.ndarray, np.ndarray]:
     """(masks, N, N) uint8 0 / 255, no two alike, and for each plane which of them it uses."""
     found: dict[bytes, int] = {}
+    openings: dict[Aperture, int] = {}
     stack, which = [], np.zeros(len(planes), np.int64)
     for row, plane in enumerate(planes):
-        mask = plane.mask(slab)
-        which[row] = found.setdefault(mask.tobytes(), len(found))
-        if len(found) > len(stack):
-            stack.append(mask.astype(np.uint8) * 255)
+        opening = plane.aperture(slab)
+        if opening not in openings:
+            mask = plane.mask(slab)
+            openings[opening] = found.setdefault(mask.tobytes(), len(found))
+            if len(found) > len(stack):
+                stack.append(mask.astype(np.uint8) * 255)
+        which[row] = openings[opening]
     return np.array(stack, np.uint8).reshape(-1, slab.views, slab.views), which
 
 

@@ -41,9 +41,12 @@ class StripTables:
         each pixel has runs of its own (with magnification), else 0.
     pointers : flat int32: for each pixel (or for all) the first of its runs of columns, and for
         each pixel and strip the first of its runs of rows; each list ends with one past its last.
-    runs : (R, 2) int32: one past the last lens sample, and the offset to the target pixel.
+    runs : (R, 2) int32: one past the last lens column, or the row of the strip's table, and the
+        offset to the target pixel.
     masks : (masks, N, N) uint8, 255 where open, indexed [j, i].
     kinds : (masks, strips, chunks) uint8, of 16 columns of a strip: 0 closed, 1 partly, 2 open.
+    ends : (masks, strips, STRIP + 1) int32: how many rows a strip's table has for the planes of a
+        mask, then the lens rows of the strip, one past the last, that each is the sum of.
     left, top, width, height : region of the planes that the tile's rays can reach.
     """
 
@@ -53,6 +56,7 @@ class StripTables:
     runs: np.ndarray
     masks: np.ndarray
     kinds: np.ndarray
+    ends: np.ndarray
     left: int
     top: int
     width: int
@@ -66,7 +70,7 @@ class StripTables:
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
         """What goes to the kernel, in its order."""
-        return self.info, self.pointers, self.runs, self.masks, self.kinds
+        return self.info, self.pointers, self.runs, self.masks, self.kinds, self.ends
 
 
 def strip_tables(
@@ -76,13 +80,15 @@ def strip_tables(
     masks, which = distinct_masks(slab, list(planes))
     order = np.argsort(which, kind="stable")
     info = np.zeros((len(planes), 4), np.int32)
+    moves_of = [offsets(slab, planes[plane]) for plane in order]
+    columns = [runs_of(moves, MOST_COLUMNS, slab.views) for moves in moves_of]
+    rows = [runs_of(moves, STRIP, STRIP) for moves in moves_of]
+    ends = table_rows(which[order], [runs for _, runs in rows], slab.views, len(masks))
     pointers, runs = [], []
     pointed = used = 0
-    moves_of = [offsets(slab, planes[plane]) for plane in order]
     for row, (plane, moves) in enumerate(zip(order, moves_of, strict=True)):
         info[row] = which[plane], 0, 0, len(moves) > 1
-        for axis, (step, each) in enumerate(((MOST_COLUMNS, slab.views), (STRIP, STRIP))):
-            starts, found = runs_of(moves, step, each)
+        for axis, (starts, found) in enumerate((columns[row], rows[row])):
             info[row, 1 + axis] = pointed
             pointers.append(starts + used)
             runs.append(found)
@@ -94,8 +100,29 @@ def strip_tables(
         np.concatenate(runs or [np.zeros((0, 2))]).astype(np.int32),
         masks,
         strip_kinds(masks),
+        ends,
         *reached_region(slab, moves_of, u0, v0, u1, v1),
     )
+
+
+def table_rows(which: np.ndarray, runs_of_rows: list, size: int, masks: int) -> np.ndarray:
+    """The rows that the table of each strip needs: ``ends`` of :class:`StripTables`.
+
+    Runs (R, 2) of each plane, whose mask is ``which``, are changed: the end of a run, one past
+    its last lens row, becomes the number of the table's row that ends there, from 1.
+    """
+    strips = -(-size // STRIP)
+    needed = np.zeros((masks, strips * STRIP), bool)
+    for mask, runs in zip(which, runs_of_rows, strict=True):
+        needed[mask, runs[:, 0] - 1] = True
+    numbers = np.cumsum(needed.reshape(masks, strips, STRIP), axis=2, dtype=np.int32)
+    for mask, runs in zip(which, runs_of_rows, strict=True):
+        runs[:, 0] = numbers[mask].reshape(-1)[runs[:, 0] - 1]
+    ends = np.zeros((masks, strips, STRIP + 1), np.int32)
+    ends[:, :, 0] = numbers[:, :, -1]
+    mask, strip, row = np.nonzero(needed.reshape(masks, strips, STRIP))
+    ends[mask, strip, numbers[mask, strip, row]] = row + 1
+    return ends
 
 
 def runs_of(moves: np.ndarray, step: int, each: int) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,14 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.plane_sums import PlaneSums, offsets
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.refocus.strip_tables import MOST_COLUMNS, STRIP, runs_of, strip_kinds, strip_tables
+from lfcore.refocus.strip_tables import (
+    MOST_COLUMNS,
+    STRIP,
+    runs_of,
+    strip_kinds,
+    strip_tables,
+    table_rows,
+)
 
 
 @settings(max_examples=60, deadline=None)
@@ -72,3 +79,16 @@ def test_partial_planes_are_saved_whole_or_not_at_all(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="no space"):
         sums.save(tmp_path / "tile.planes.npz")
     assert not list(tmp_path.iterdir())
+
+
+def test_tables_have_the_rows_at_which_runs_of_their_mask_end():
+    moves = [np.repeat([0, 1, 2], [10, 30, 5])[None], np.repeat([0, 3], [11, 34])[None]]
+    runs = [runs_of(m, STRIP, STRIP)[1] for m in moves]
+    ends = table_rows(np.array([0, 0]), runs, 45, 1)
+    assert ends.shape == (1, 2, STRIP + 1)
+    assert ends[0, 0, :4].tolist() == [3, 10, 11, 32]
+    assert ends[0, 1, :3].tolist() == [2, 8, 13]
+    assert runs[0].tolist() == [[1, 0], [3, 1], [1, 1], [2, 2]]
+    assert runs[1].tolist() == [[2, 0], [3, 3], [2, 3]]
+    apart = [runs_of(m, STRIP, STRIP)[1] for m in moves]
+    assert table_rows(np.array([1, 0]), apart, 45, 2)[:, :, 0].tolist() == [[2, 1], [2, 2]]

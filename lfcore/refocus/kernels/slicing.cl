@@ -1,8 +1,10 @@
 // Algorithm 4: sensor planes from decoded frames that hold macropixels.  A summed-area table is made of
-// STRIP rows of lens samples, from which each plane takes one sum a bin; strip_tables.py says which lens
-// samples make a bin.  As in planes.cl sums are integers: exact, in whatever order they are added.
+// STRIP rows of lens samples, with those rows only at which a run of some plane ends; each plane takes one
+// sum a bin from it.  strip_tables.py says which lens samples make a bin.  As in planes.cl sums are
+// integers: exact, in whatever order they are added.
 //
-// BITS and RGB are as in light.cl, CHROMA is 1 (4:4:4) or 2 (4:2:0), STRIP as in strip_tables.py.
+// BITS and RGB are as in light.cl, CHROMA is 1 (4:4:4) or 2 (4:2:0), STRIP as in strip_tables.py.  LANES is
+// 1 or 16: sixteen samples fill a register even where four or eight floats do.
 #include "light.cl"
 
 #define CHUNK 16
@@ -18,9 +20,10 @@ typedef struct {
     int views;                     // side N of a macropixel
     global const int4 *plane;      // (planes,) mask, pointers of columns, pointers of rows, runs per pixel
     global const int *pointers;
-    global const int2 *runs;       // one past the last sample, offset
+    global const int2 *runs;       // one past the last column or row of the table, offset
     global const uchar *masks;     // (masks, N, N) 255 where open
     global const uchar *kinds;     // (masks, strips, chunks) 0 closed, 1 partly, 2 wholly open
+    global const int *ends;        // (masks, strips, STRIP + 1) number of rows of the table, their ends
     global ulong4 *sums;           // (planes, height, width) of this worker
 } Strips;
 
@@ -30,49 +33,62 @@ typedef struct {
     int x0, y0;                                   // corner of the macropixel
 } Macropixel;
 
-#if LANES == 16
-#define HALF_LANES 8
-#define DOUBLED(x) x.s00112233, x.s44556677
-#elif LANES == 8
-#define HALF_LANES 4
-#define DOUBLED(x) x.s00112233
-#elif LANES == 4
-#define HALF_LANES 2
-#define DOUBLED(x) x.s0011
+#if LANES == 1
+typedef sample samples;
+#define DIFFERS(x) ((x) != 0)
+#define TO_LIGHT(x) (convert_float(x) * SCALE)
+#else
+typedef SAMPLES(16) samples;
+#define DIFFERS(x) any((x) != (sample)0)
+#define TO_LIGHT(x) (convert_float16(x) * SCALE)
 #endif
 
+// What a run of LANES columns holds while it is walked down a strip.
+typedef struct {
+    samples first, second, third;  // of the row before
+    vu r, g, b;                    // their fixed-point light
+} Row;
+
 // LANES samples of a row, all of them within the frame; of subsampled planes each twice.
-inline vf load_samples(global const sample *at, int twice)
+inline samples load_samples(global const sample *at, int twice)
 {
 #if LANES == 1
-    return convert_float(*at) * SCALE;
+    return *at;
 #else
 #if CHROMA == 2
-    if (twice) {
-        const JOIN(float, HALF_LANES) x = JOIN(convert_float, HALF_LANES)(JOIN(vload, HALF_LANES)(0, at)) * SCALE;
-        return (vf)(DOUBLED(x));
-    }
+    if (twice) return vload8(0, at).s0011223344556677;
 #endif
-    return JOIN(convert_float, LANES)(JOIN(vload, LANES)(0, at)) * SCALE;
+    return vload16(0, at);
 #endif
 }
 
-// Where a row of a macropixel ends, or with one lane.
-inline vf load_tail(global const sample *at, int step, int count)
+// All bits where the mask is open, 0 where not and beyond it.
+inline vu load_mask(global const uchar *at, int count)
 {
-    private float row[LANES];
-    for (int k = 0; k < LANES; ++k) row[k] = (float)at[clamp(k, 0, max(count - 1, 0)) / step] * SCALE;
+#if LANES > 1
+    if (count >= LANES) return as_uint16(convert_int16(as_char16(vload16(0, at))));
+#endif
+    private uint open[LANES];
+    for (int k = 0; k < LANES; ++k) open[k] = k < count && at[k] ? 0xffffffffu : 0u;
+    return VLOAD(open);
+}
+
+// Where a row of a macropixel ends: the last sample again.
+inline samples load_tail(global const sample *at, int step, int count)
+{
+    private sample row[LANES];
+    for (int k = 0; k < LANES; ++k) row[k] = at[min(k, count - 1) / step];
     return VLOAD(row);
 }
 
-// Fixed-point light of LANES rays of row y from column x, `count` of them in the macropixel; rays outside
-// the mask, if there is one, are dark.
-inline void load_light(const Macropixel *m, int x, int y, int count, global const uchar *mask, vu *r, vu *g, vu *b)
+// The light of row y from column x, `count` rays of them in the macropixel.  Neighbouring rows of smooth
+// pictures are the same for many columns; decoding is what costs, so it is done where something changed.
+inline void next_row(const Macropixel *m, int x, int y, int count, int begins, Row *row)
 {
     const ulong full = (ulong)(m->y0 + y) * m->width + m->x0 + x;
     const ulong small = (ulong)((m->y0 + y) / CHROMA) * (m->width / CHROMA) + (m->x0 + x) / CHROMA;
-    vf first, second, third;
-    if (count >= LANES && LANES > 1) {
+    samples first, second, third;
+    if (count >= LANES) {
         first = load_samples(m->first + full, 0);
         second = load_samples(m->second + small, 1);
         third = load_samples(m->third + small, 1);
@@ -81,70 +97,52 @@ inline void load_light(const Macropixel *m, int x, int y, int count, global cons
         second = load_tail(m->second + small, CHROMA, count);
         third = load_tail(m->third + small, CHROMA, count);
     }
-    TO_RGB(vf, first, second, third, red, green, blue);
-    *r = linear_row(red), *g = linear_row(green), *b = linear_row(blue);
-    if (mask) {
-        private uint open[LANES];
-        for (int k = 0; k < LANES; ++k) open[k] = k < count && mask[k] ? 0xffffffffu : 0u;
-        const vu lets = VLOAD(open);
-        *r &= lets, *g &= lets, *b &= lets;
-    }
+    if (!begins && !DIFFERS((first ^ row->first) | (second ^ row->second) | (third ^ row->third))) return;
+    row->first = first, row->second = second, row->third = third;
+    TO_RGB(vf, TO_LIGHT(first), TO_LIGHT(second), TO_LIGHT(third), red, green, blue);
+    row->r = linear_row(red), row->g = linear_row(green), row->b = linear_row(blue);
 }
 
-#if LANES == 16
-// Four rays in a row of registers: each adds the one before it, then the two before those, then all before.
-#define FOUR(k, i, j, m, n)                                                                             \
-    {                                                                                                   \
-        uint16 x = (uint16)(r.i, g.i, b.i, 0, r.j, g.j, b.j, 0, r.m, g.m, b.m, 0, r.n, g.n, b.n, 0);    \
-        x += (uint16)(none.s0123, x.s01234567, x.s89ab);                                                \
-        x += (uint16)(none.s01234567, x.s01234567);                                                     \
-        x += carry;                                                                                     \
-        carry = x.scdefcdefcdefcdef;                                                                    \
-        vstore16(x + vload16(0, (global const uint *)(above + k)), 0, (global uint *)(here + k));       \
-    }
-#endif
-
-// here[k] = above[k] + the sum of rays 0 ... k of a row of LANES + `before`; returns that of all.
-inline uint4 prefix(vu r, vu g, vu b, uint4 before, global const uint4 *above, global uint4 *here, int count)
+// here[k] = here[-1] + the sum of rays 0 ... k of a row of LANES.
+inline void prefix(vu r, vu g, vu b, global uint4 *here)
 {
-#if LANES == 16
-    if (count >= LANES) {
-        const uint16 none = 0;
-        uint16 carry = (uint16)(before, before, before, before);
-        FOUR(0, s0, s1, s2, s3)
-        FOUR(4, s4, s5, s6, s7)
-        FOUR(8, s8, s9, sa, sb)
-        FOUR(12, sc, sd, se, sf)
-        return carry.s0123;
-    }
+    uint4 sum = here[-1];
+#if LANES == 1
+    *here = sum + (uint4)(r, g, b, 0);
+#else
+#define NEXT(k, i) sum += (uint4)(r.i, g.i, b.i, 0), here[k] = sum;
+    NEXT(0, s0) NEXT(1, s1) NEXT(2, s2) NEXT(3, s3) NEXT(4, s4) NEXT(5, s5) NEXT(6, s6) NEXT(7, s7)
+    NEXT(8, s8) NEXT(9, s9) NEXT(10, sa) NEXT(11, sb) NEXT(12, sc) NEXT(13, sd) NEXT(14, se) NEXT(15, sf)
 #endif
-    private uint light[3 * LANES];
-    VSTORE(r, light), VSTORE(g, light + LANES), VSTORE(b, light + 2 * LANES);
-    for (int k = 0; k < min(count, LANES); ++k) {
-        before += (uint4)(light[k], light[LANES + k], light[2 * LANES + k], 0);
-        here[k] = before + above[k];
-    }
-    return before;
 }
 
-// Prefix sums of `rows` rows of a strip: (STRIP + 1, PITCH), whose first row and first column are 0.
-inline void make_strip(const Strips *s, const Macropixel *m, int mask, int strip, int rows, global uint4 *table)
+// The summed-area table of a strip, whose first row and first column are 0: a row for each of the lens rows
+// `ends` (one past the last of a run), of the sums from the strip's first row.  LANES columns are walked
+// down the strip, their sums in registers.
+inline void make_strip(const Strips *s, const Macropixel *m, int mask, int strip, global uint4 *table)
 {
     const int pitch = PITCH(s->views), chunks = (s->views + CHUNK - 1) / CHUNK, y0 = strip * STRIP;
     global const uchar *kinds = s->kinds + (mask * s->strips + strip) * chunks;
-    for (int row = 0; row < rows; ++row) {
-        global uint4 *above = table + row * pitch + LEAD + 1, *here = above + pitch;
-        global const uchar *open = s->masks + ((ulong)mask * s->views + y0 + row) * s->views;
-        uint4 sum = 0;
-        for (int x = 0; x < s->views; x += LANES) {
-            const int count = s->views - x, kind = kinds[x / CHUNK];
-            if (kind) {
-                vu r, g, b;
-                load_light(m, x, y0 + row, count, kind == 2 ? 0 : open + x, &r, &g, &b);
-                sum = prefix(r, g, b, sum, above + x, here + x, count);
-            } else {
-                for (int k = 0; k < min(count, LANES); ++k) here[x + k] = sum + above[x + k];
+    global const uchar *open = s->masks + ((ulong)mask * s->views + y0) * s->views;
+    global const int *ends = s->ends + (mask * s->strips + strip) * (STRIP + 1);
+    const int rows = ends[0];
+    for (int x = 0; x < s->views; x += LANES) {
+        global uint4 *here = table + LEAD + 1 + x;
+        const int kind = kinds[x / CHUNK], count = s->views - x;
+        vu r = 0, g = 0, b = 0;
+        if (!kind) {
+            for (int row = 1; row <= rows; ++row) prefix(r, g, b, here + row * pitch);
+            continue;
+        }
+        Row light;
+        for (int row = 1, y = 0; row <= rows; ++row) {
+            for (const int end = ends[row]; y < end; ++y) {
+                next_row(m, x, y0 + y, count, y == 0, &light);
+                vu lets = (vu)(0xffffffffu);
+                if (kind == 1) lets = load_mask(open + y * s->views + x, count);
+                r += light.r & lets, g += light.g & lets, b += light.b & lets;
             }
+            prefix(r, g, b, here + row * pitch);
         }
     }
 }
@@ -159,9 +157,9 @@ inline void add_strip(const Strips *s, int plane, int strip, int u, int v, globa
     int before_row = 0;
     for (int b = rows[0]; b < rows[1]; ++b) {
         const int2 down = s->runs[b];
-        const int after_row = down.x - strip * STRIP, y = v + down.y;
-        global const uint4 *top = table + before_row * pitch + LEAD, *bottom = table + after_row * pitch + LEAD;
-        before_row = after_row;
+        const int y = v + down.y;
+        global const uint4 *top = table + before_row * pitch + LEAD, *bottom = table + down.x * pitch + LEAD;
+        before_row = down.x;
         if (y < 0 || y >= s->size) continue;
         global ulong4 *line = sums + (y - s->top) * s->width - s->left;
         uint4 before = 0;
@@ -182,7 +180,7 @@ inline void add_macropixel(const Strips *s, const Macropixel *m, int strip, int 
     for (int plane = 0; plane < s->planes; ++plane) {
         const int mask = s->plane[plane].x;
         if (mask != have) {
-            make_strip(s, m, mask, strip, min(STRIP, s->views - strip * STRIP), table);
+            make_strip(s, m, mask, strip, table);
             have = mask;
         }
         add_strip(s, plane, strip, u, v, table);
@@ -206,10 +204,11 @@ void form_planes(global const sample *restrict frames,
                  global const int2 *restrict runs,
                  global const uchar *restrict masks,
                  global const uchar *restrict kinds,
+                 global const int *restrict ends,
                  global ulong4 *restrict sums)
 {
     const Strips strips = {n_planes, region.s5, region.s0, region.s1, region.s2, region.s3, region.s4, inner, plane_info, pointers, runs,
-                           masks, kinds, sums + get_global_id(0) * (ulong)n_planes * region.s2 * region.s3};
+                           masks, kinds, ends, sums + get_global_id(0) * (ulong)n_planes * region.s2 * region.s3};
     global uint4 *table = (global uint4 *)(scratch + get_global_id(0) * (ulong)scratch_words);
     const int pitch = PITCH(inner);
     for (int k = 0; k < pitch; ++k) table[k] = 0;

@@ -1,0 +1,115 @@
+"""Planes formed of macropixels, table by table, are every ray's light thrown to its pixel."""
+
+import numpy as np
+import pytest
+
+from lfcore.opencl.device import cl, open_device
+from lfcore.optics.camera import Camera
+from lfcore.optics.plane_sums import FIXED_ONE, targets
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.refocus.slicing import PlaneFormer
+from lfcore.refocus.stored_views import FrameSummer
+from lfcore.storage.colour import srgb_decode
+from lfcore.storage.layout import FrameLayout
+
+CAMERA = Camera(0.05, 0.004, 2.0, 3.0)
+PLANES = [
+    SensorPlane(1.1, 2.0, "square"),
+    SensorPlane(3.0, 2.9),
+    SensorPlane(9.7, 2.0, "square"),
+    SensorPlane(0.6, 2.9, normalise="lens"),
+    SensorPlane(0.9, 2.3, "polygon", keep_magnification=True),
+    SensorPlane(2.0, 1e5),
+]
+
+
+class Light:
+    """Takes the fixed-point light of all rays of a tile: (rows, columns, N, N, 3) uint64."""
+
+    def __init__(self, tile, device):
+        self.device, size = device, tile.layout.views
+        self.open_samples = np.argwhere(np.ones((size, size), bool))[:, ::-1].astype(np.int32)
+        self.rays = np.zeros((tile.rows, tile.columns, size, size, 3), np.uint64)
+
+    def group_size(self, width, height):
+        return 256
+
+    def add_fixed(self, views, samples, region):
+        light = np.empty((len(samples), 3, region[3], region[2]), np.uint32)
+        cl.enqueue_copy(self.device.queue, light, views)
+        for one, (i, j) in zip(light, samples, strict=True):
+            self.rays[:, :, j, i] = np.moveaxis(one, 0, -1)
+
+
+def light_of(frames, tile, device):
+    light = Light(tile, device)
+    FrameSummer(light, tile.layout).add(frames, tile, 0)
+    return light.rays
+
+
+def sums_one_by_one(slab, plane, rays, tile):
+    """(3, M, M) uint64: every ray added on its own."""
+    out = np.zeros((slab.pixels, slab.pixels, 3), np.uint64)
+    to, mask = targets(slab, plane), plane.mask(slab)
+    for row, column in np.ndindex(rays.shape[:2]):
+        y, x = np.meshgrid(to[tile.row + row], to[tile.column + column], indexing="ij")
+        counts = mask & (x >= 0) & (x < slab.pixels) & (y >= 0) & (y < slab.pixels)
+        np.add.at(out, (y[counts], x[counts]), rays[row, column][counts])
+    return np.moveaxis(out, -1, 0)
+
+
+def smooth_frames(tile, seed):
+    """Frames (F, frame_bytes) uint8 of random samples in which many rows are like the one above,
+    whole or in part, as they are in decoded video."""
+    layout, rng = tile.layout, np.random.default_rng(seed)
+    form, size = layout.format, (layout.frame_width, layout.frame_height)
+    frames = np.zeros((tile.frame_count, form.frame_bytes(*size)), np.uint8)
+    for plane in form.views(frames, *size):
+        plane[:] = rng.integers(0, 1 << form.bits, plane.shape)
+        for y in range(1, plane.shape[1]):
+            start, stop = np.sort(rng.integers(0, plane.shape[2] + 1, 2))
+            plane[:, y, start:stop] = plane[:, y - 1, start:stop]
+    return frames
+
+
+@pytest.mark.parametrize("lanes", [1, 16])
+@pytest.mark.parametrize(
+    ("form", "views", "pack"),
+    [("yuv444p", 71, 1), ("yuv420p", 36, 2), ("gbrp", 40, 1), ("yuv420p10le", 64, 1),
+     ("yuv444p", 5, 2)],
+)  # fmt: skip
+def test_sums_are_those_of_every_ray(form, views, pack, lanes):
+    slab, device = Slab(CAMERA, views, 12), open_device(lanes=lanes, threads=2)
+    layout = FrameLayout("macropixels", views, 12, pack=pack, pixel_format=form)
+    tile = layout.tile(6, 0, 6, 4)
+    frames = smooth_frames(tile, views)
+    former, half = PlaneFormer(slab, tile, PLANES, device), len(frames) // 2
+    former.add(frames[:half], 0)
+    former.add(frames[half:], half)
+    got, rays = former.plane_sums(), light_of(frames, tile, open_device())
+    height, width = got.sums.shape[2:]
+    for plane, found in zip(PLANES, got.sums, strict=True):
+        whole = np.zeros((3, 12, 12), np.uint64)
+        whole[:, got.top : got.top + height, got.left : got.left + width] = found
+        np.testing.assert_array_equal(whole, sums_one_by_one(slab, plane, rays, tile))
+
+
+def test_light_is_that_of_the_standard():
+    """sRGB codes decode to within three units of fixed point; white is one."""
+    layout = FrameLayout("macropixels", 16, 1, pixel_format="gbrp")
+    frame = np.tile(np.arange(256, dtype=np.uint8), 3)[None]
+    light = light_of(frame, layout.tile(0, 0, 1, 1), open_device())[0, 0].reshape(256, 3)
+    exact = srgb_decode(np.arange(256) / 255)[:, None] * FIXED_ONE
+    assert np.abs(light - exact).max() < 3.5
+    assert (light[255] == FIXED_ONE).all()
+
+
+@pytest.mark.parametrize("form", ["yuv444p", "yuv420p"])
+def test_colours_beyond_the_gamut_are_cut_off(form):
+    layout = FrameLayout("macropixels", 16, 1, pixel_format=form)
+    tile = layout.tile(0, 0, 1, 1)
+    for code, light in ((0, 0), (255, FIXED_ONE)):
+        frames = np.full((1, layout.frame_bytes), 128, np.uint8)
+        frames[:, :256] = code
+        assert (light_of(frames, tile, open_device()) == light).all()
