@@ -4,9 +4,24 @@
 #include "planes.cl"
 #include "frames.cl"
 
-#define SCRATCH_WORDS (EASEL_WORDS + PLANES * TABLE_WORDS)
+#define COLOURS (3 * BLOCK_RAYS)  // of one block of a beam
+#define SCRATCH_WORDS (EASEL_WORDS + BEAM_BLOCKS * COLOURS + PLANES * TABLE_WORDS)
 
 kernel void scratch_words(global int *words) { *words = SCRATCH_WORDS; }
+
+// Linear colours of every block of a beam that has rays, clamped to what is stored: (BEAM_BLOCKS, 3,
+// BLOCK_RAYS), element after element.
+inline void paint_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, float pixel, Easel *easel,
+                       global float *colours)
+{
+    see_beam(bvh, s, rays, work, easel);
+    for (int block = 0; block < BEAM_BLOCKS; ++block) {
+        if (work->block[block].z_far < 0.0f) continue;
+        paint_block(bvh, s, rays, work, block, pixel, easel);
+        for (int ray = 0; ray < COLOURS; ray += LANES)
+            VSTORE(clamp(VLOAD(easel->colours.base + ray), (vf)(0.0f), (vf)(1.0f)), colours + block * COLOURS + ray);
+    }
+}
 
 kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
 void trace_slab(BVH_PARAMETERS,
@@ -36,7 +51,8 @@ void trace_slab(BVH_PARAMETERS,
                            plane_info, runs, masks, kinds, sums + get_global_id(0) * plane_words};
     global uint *memory = scratch + get_global_id(0) * (ulong)SCRATCH_WORDS;
     Easel easel = make_easel(memory);
-    global uint *table = memory + EASEL_WORDS;
+    global float *painted = (global float *)(memory + EASEL_WORDS);
+    global uint *table = memory + EASEL_WORDS + BEAM_BLOCKS * COLOURS;
     BeamWork work;
     for (int beam = atomic_inc(next); beam < n_beams; beam = atomic_inc(next)) {
         start_beam(&rays, beam, &work);
@@ -50,13 +66,10 @@ void trace_slab(BVH_PARAMETERS,
             if (!open) work.block[block].z_far = -1.0f;
         }
 #endif
-        see_beam(&bvh, &surfaces, &rays, &work, &easel);
+        paint_beam(&bvh, &surfaces, &rays, &work, pixel, &easel, painted);
         for (int block = 0; block < BEAM_BLOCKS; ++block) {
             if (work.block[block].z_far < 0.0f) continue;
-            paint_block(&bvh, &surfaces, &rays, &work, block, pixel, &easel);
-            global float *colours = easel.colours.base;
-            for (int ray = 0; ray < 3 * BLOCK_RAYS; ray += LANES)
-                VSTORE(clamp(VLOAD(colours + ray), (vf)(0.0f), (vf)(1.0f)), colours + ray);
+            global float *colours = painted + block * COLOURS;
             const int element = work.element[block / ELEMENT_BLOCKS];
             const int2 where = block_position(&work, block);
 #if PLANES
