@@ -9,14 +9,17 @@ from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.plane_tables import PlaneTables, lens_tables, view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.tracing.work import BLOCK, BeamShape
 
 
 def plane_tables(slab: Slab, planes: list[SensorPlane], tile) -> PlaneTables:
-    """Tables for the kernels that add rays block by block."""
+    """Tables for the kernels that add rays beam by beam, or view by view."""
     if tile.layout.kind == "views":
         return view_tables(slab, planes)
     right, bottom = tile.column + tile.columns, tile.row + tile.rows
-    return lens_tables(slab, planes, tile.column, tile.row, right, bottom)
+    shape = BeamShape.for_inner(slab.views)
+    corners = tile.column, tile.row, right, bottom
+    return lens_tables(slab, planes, corners, shape.group, shape.side)
 
 
 class PlaneBuffers:
@@ -33,9 +36,7 @@ class PlaneBuffers:
         self.tables = t = tables(slab, planes, tile)
         shape = (device.threads, len(planes), t.height, t.width, 4)
         self._host = np.zeros(shape if planes else (0,), np.uint64)
-        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
-        content = self._host if self._host.nbytes else bytes(64)
-        self._sums = cl.Buffer(device.context, flags, hostbuf=content)
+        self._sums = device.changed(self._host)
         self._tables = [device.buffer(a) for a in t.arrays]
 
     def arguments(self) -> list:
@@ -53,3 +54,35 @@ class PlaneBuffers:
             total = self._host.sum(axis=0, dtype=np.uint64)
             sums[t.order] = np.moveaxis(total[..., :3], -1, 1)
         return PlaneSums(self.slab, self.planes, sums, t.left, t.top)
+
+
+STRIP_BEAMS = 8
+"""Beams in a strip, measured: from here on there is little left to save."""
+ITEMS_A_WORKER = 8
+"""Strips that each worker gets at least, lest some wait for others."""
+
+
+class StripBuffers:
+    """Sums of strips of beams, one below the other, before they go to the planes' pixels.
+
+    Attributes
+    ----------
+    tall : groups of elements in a strip; 1 where there is nothing to sum, or for few ``elements``.
+    """
+
+    def __init__(self, sums: PlaneBuffers, shape: BeamShape, views: int, elements: int):
+        device, planes = sums.device, len(sums.planes)
+        squares = shape.squares(views, 1)
+        self.tall = 1
+        if planes:
+            spare = elements // shape.elements * squares // (device.threads * ITEMS_A_WORKER)
+            self.tall = max(1, min(STRIP_BEAMS // squares, spare))
+        windows = np.empty((device.threads, planes, 2), np.int32)
+        windows[:] = np.iinfo(np.int32).max, 0
+        columns = shape.group * shape.side * BLOCK
+        rows = np.zeros((device.threads, planes, sums.tables.height, 3, columns), np.uint32)
+        self._buffers = [device.changed(a) for a in (windows, rows)]
+
+    def arguments(self) -> list:
+        """The kernel's arguments ``tall``, ``windows`` and ``strips``."""
+        return [np.int32(self.tall), *self._buffers]

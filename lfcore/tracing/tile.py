@@ -15,7 +15,7 @@ from lfcore.optics import bundles as rays
 from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.tracing.plane_buffers import PlaneBuffers
+from lfcore.tracing.plane_buffers import PlaneBuffers, StripBuffers
 from lfcore.tracing.work import BeamShape, group_elements
 
 if TYPE_CHECKING:
@@ -76,6 +76,8 @@ class TileJob:
         self.kernel = tracer._beam_kernel("slab.cl", "trace_slab", self.shape, scattered, defines)
         self.scratch = tracer._scratch(self.kernel)
         self.sums = PlaneBuffers(device, slab, planes, tile)
+        summed = len(self.elements) if self.macro else 0
+        self.strips = StripBuffers(self.sums, self.shape, layout.inner, summed)
 
     def run(self, tracing: TileTracing, progress) -> Iterator[Chunk]:
         places = np.zeros((len(self.elements), 4), np.int32)
@@ -117,7 +119,7 @@ class TileJob:
         tracer, device, layout = self.tracer, self.tracer.device, self.layout
         make = rays.macropixels if self.macro else rays.views
         bundles = make(self.slab, self.elements[part])
-        beams = group_elements(self.elements[part], self.shape.group)
+        beams = group_elements(self.elements[part], self.shape.group, self.strips.tall)
         self.kernel(
             device.queue,
             (tracer._workers(len(beams)),),
@@ -134,6 +136,7 @@ class TileJob:
             frames,
             np.int32(layout.frame_width),
             np.int32(layout.frame_height),
+            *self.strips.arguments(),
             *self.sums.arguments(),
         )
 

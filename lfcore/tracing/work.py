@@ -44,20 +44,22 @@ class BeamShape:
         return -(-columns // span) * -(-rows // span)
 
 
-def group_elements(coordinates: np.ndarray, group: int) -> np.ndarray:
+def group_elements(coordinates: np.ndarray, group: int, tall: int = 1) -> np.ndarray:
     """(B, group**2) int32: which elements make up each beam, -1 where there is none.
 
     ``coordinates`` (E, 2) are distinct positions on the outer grid; a beam takes those that fall
-    into one cell of ``group`` x ``group``.  Cells are sorted by row, then column.
+    into one cell of ``group`` x ``group``.  ``tall`` cells one below the other follow each other,
+    also those that hold nothing; such strips are sorted by row, then column.
     """
-    if group == 1:
+    if group == tall == 1:
         return np.arange(len(coordinates), dtype=np.int32)[:, None]
-    cells, slots = np.divmod(coordinates.astype(np.int64), group)
-    key = cells[:, 1] << 32 | cells[:, 0]
-    _, beam = np.unique(key, return_inverse=True)
-    out = np.full((int(beam.max(initial=-1)) + 1, group**2), -1, np.int32)
-    out[beam, slots[:, 1] * group + slots[:, 0]] = np.arange(len(coordinates), dtype=np.int32)
-    return out
+    size = np.array([group, group * tall])
+    strips, slots = np.divmod(coordinates.astype(np.int64), size)
+    key = strips[:, 1] << 32 | strips[:, 0]
+    _, strip = np.unique(key, return_inverse=True)
+    out = np.full((int(strip.max(initial=-1)) + 1, group * size[1]), -1, np.int32)
+    out[strip, slots[:, 1] * group + slots[:, 0]] = np.arange(len(coordinates), dtype=np.int32)
+    return out.reshape(-1, group**2)
 
 
 PROBED_BLOCKS = 16

@@ -1,11 +1,11 @@
 // The whole of Algorithms 1 and 3 for one chunk of a tile: see, shade, cast shadows, form sensor planes
 // (PLANES) and write encoder-ready frames (FRAMES).
 #include "paint.cl"
-#include "planes.cl"
+#include "beam_planes.cl"
 #include "frames.cl"
 
 #define COLOURS (3 * BLOCK_RAYS)  // of one block of a beam
-#define SCRATCH_WORDS (EASEL_WORDS + BEAM_BLOCKS * COLOURS + PLANES * TABLE_WORDS)
+#define SCRATCH_WORDS (EASEL_WORDS + BEAM_BLOCKS * COLOURS + PLANES * PREFIX_WORDS)
 
 kernel void scratch_words(global int *words) { *words = SCRATCH_WORDS; }
 
@@ -34,6 +34,9 @@ void trace_slab(BVH_PARAMETERS,
                 global uchar *restrict frames,
                 const int frame_width,
                 const int frame_height,
+                const int tall,                         // beams' groups of elements, one below the other, in a strip
+                global int2 *restrict windows,          // (workers, planes), empty
+                global uint *restrict strips,           // (workers, planes, height, 3, BEAM_COLUMNS), zero
                 const int n_planes,
                 const int8 region,                      // left, top, width, height, size M, blocks, views N, 0
                 global const int4 *restrict plane_info,
@@ -52,38 +55,48 @@ void trace_slab(BVH_PARAMETERS,
     global uint *memory = scratch + get_global_id(0) * (ulong)SCRATCH_WORDS;
     Easel easel = make_easel(memory);
     global float *painted = (global float *)(memory + EASEL_WORDS);
-    global uint *table = memory + EASEL_WORDS + BEAM_BLOCKS * COLOURS;
+    global uint *prefix = memory + EASEL_WORDS + BEAM_BLOCKS * COLOURS;
+#if PLANES && !VIEWS
+    const Strip strip = {windows + get_global_id(0) * n_planes,
+                         strips + get_global_id(0) * (ulong)n_planes * region.s3 * PREFIX_PITCH};
+#endif
     BeamWork work;
-    for (int beam = atomic_inc(next); beam < n_beams; beam = atomic_inc(next)) {
-        start_beam(&rays, beam, &work);
+    const int height = tall * rays.beams_down, n_items = n_beams / height;  // of a strip, in beams
+    for (int item = atomic_inc(next); item < n_items; item = atomic_inc(next)) {
+        const int first = item / rays.beams_across * height, square = item % rays.beams_across;
+        int u = 0, waiting = 0;
+        for (int beam = first; beam < first + height; ++beam) {
+            start_beam(&rays, beam * rays.beams_across + square, &work);
+            const int some = first_element(&work);
+            if (some < 0) continue;
 #if PLANES && !FRAMES && !VIEWS
-        for (int block = 0; block < BEAM_BLOCKS; ++block) {
-            const int2 where = block_position(&work, block) / BLOCK;
-            if (work.block[block].z_far < 0.0f) continue;
-            int open = 0;
-            for (int plane = 0; plane < n_planes; ++plane)
-                open |= kinds[(plane_info[plane].x * region.s5 + where.y) * region.s5 + where.x];
-            if (!open) work.block[block].z_far = -1.0f;
-        }
+            drop_closed_blocks(&planes, &work);
 #endif
-        paint_beam(&bvh, &surfaces, &rays, &work, pixel, &easel, painted);
-        for (int block = 0; block < BEAM_BLOCKS; ++block) {
-            if (work.block[block].z_far < 0.0f) continue;
-            global float *colours = painted + block * COLOURS;
-            const int element = work.element[block / ELEMENT_BLOCKS];
-            const int2 where = block_position(&work, block);
-#if PLANES
-            const int packed = places[element].w;
-#if VIEWS
-            add_view_to_planes(&planes, packed & 0xffff, packed >> 16, region.s6, where.x, where.y, colours);
-#else
-            add_to_planes(&planes, packed & 0xffff, packed >> 16, where.x / BLOCK, where.y / BLOCK, columns, rows, colours,
-                          (global uint *)easel.spare, table);
+            paint_beam(&bvh, &surfaces, &rays, &work, pixel, &easel, painted);
+#if PLANES && !VIEWS
+            u = (places[some].w & 0xffff) / GROUP * GROUP;
+            add_to_strip(&planes, &work, (places[some].w >> 16) / GROUP * GROUP, painted, prefix, &strip);
+            if (++waiting == STRIP_BEAMS) {
+                finish_strip(&planes, u, square, &strip);
+                waiting = 0;
+            }
 #endif
+            for (int block = 0; block < BEAM_BLOCKS; ++block) {
+                if (work.block[block].z_far < 0.0f) continue;
+                const int element = work.element[block / ELEMENT_BLOCKS];
+                const int2 where = block_position(&work, block);
+                global float *colours = painted + block * COLOURS;
+#if PLANES && VIEWS
+                const int packed = places[element].w;
+                add_view_to_planes(&planes, packed & 0xffff, packed >> 16, region.s6, where.x, where.y, colours);
 #endif
 #if FRAMES
-            write_frames(&out, element, where.x, where.y, columns, rows, colours);
+                write_frames(&out, element, where.x, where.y, columns, rows, colours);
 #endif
+            }
         }
+#if PLANES && !VIEWS
+        if (waiting) finish_strip(&planes, u, square, &strip);
+#endif
     }
 }
