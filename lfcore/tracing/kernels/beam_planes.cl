@@ -84,16 +84,18 @@ typedef struct {
 // Add the beam's rows of the `count` runs from `run` on to a row of the strip.
 inline void add_rows(global const int *run, int count, global const uint *prefix, global uint *to)
 {
-    for (int at = 0; at < BEAM_COLUMNS * 3; at += BEAM_COLUMNS) {
-        for (int column = 0; column < BEAM_COLUMNS; column += BLOCK) {
-            uint16 sum = vload16(0, to + at + column);
-            for (int k = 0; k < count; ++k) {
-                const int span = run[2 * k + 1];
-                sum += vload16(0, prefix + (span >> 8) * PREFIX_PITCH + at + column)
-                       - vload16(0, prefix + (span & 255) * PREFIX_PITCH + at + column);
-            }
-            vstore16(sum, 0, to + at + column);
+    for (int channel = 0; channel < 3; ++channel, prefix += BEAM_COLUMNS, to += BEAM_COLUMNS) {
+        uint16 sum[CHUNKS];
+#pragma unroll
+        for (int k = 0; k < CHUNKS; ++k) sum[k] = vload16(k, to);
+        for (int at = 0; at < count; ++at) {
+            const int span = run[2 * at + 1];
+            global const uint *above = prefix + (span & 255) * PREFIX_PITCH, *below = prefix + (span >> 8) * PREFIX_PITCH;
+#pragma unroll
+            for (int k = 0; k < CHUNKS; ++k) sum[k] += vload16(k, below) - vload16(k, above);
         }
+#pragma unroll
+        for (int k = 0; k < CHUNKS; ++k) vstore16(sum[k], k, to);
     }
 }
 
@@ -149,14 +151,13 @@ inline void take_row(global uint *row, private uint4 *line)
 inline void add_columns(global const int *across, int u, int left, int right, const private uint4 *line, global ulong4 *sums)
 {
     global const int *run = across + 1, *end = run + 2 * across[0];
-    while (run < end) {
-        const int target = run[0], x = u + target;
-        ulong4 sum = 0;
-        do {
-            for (int column = run[1] & 255; column < run[1] >> 8; ++column) sum += convert_ulong4(line[column]);
-            run += 2;
-        } while (run < end && run[0] == target);
-        if (x >= left && x < right) sums[x] += sum;
+    for (; run < end; run += 2) {
+        const int x = u + run[0], stop = run[1] >> 8;
+        int column = run[1] & 255;
+        if (x < left || x >= right) continue;
+        ulong4 sum = convert_ulong4(line[column]);
+        while (++column < stop) sum += convert_ulong4(line[column]);
+        sums[x] += sum;
     }
 }
 
