@@ -129,35 +129,38 @@ inline void add_to_strip(const Planes *p, const BeamWork *work, int v, global co
 // A row of a strip, zeroed, as red, green, blue, 0 of every column
 inline void take_row(global uint *row, private uint4 *line)
 {
-    for (int column = 0; column < BEAM_COLUMNS; column += BLOCK) {
-        global uint *from = row + column;
-        const uint16 red = vload16(0, from), green = vload16(0, from + BEAM_COLUMNS), blue = vload16(0, from + 2 * BEAM_COLUMNS);
-        vstore16((uint16)(0), 0, from);
-        vstore16((uint16)(0), 0, from + BEAM_COLUMNS);
-        vstore16((uint16)(0), 0, from + 2 * BEAM_COLUMNS);
-        private uint *to = (private uint *)(line + column);
-#define FOUR(k, a, b, c, d)                                                                          \
-    vstore16((uint16)(red.a, green.a, blue.a, 0, red.b, green.b, blue.b, 0, red.c, green.c, blue.c, 0, \
-                      red.d, green.d, blue.d, 0), k, to);
-        FOUR(0, s0, s1, s2, s3)
-        FOUR(1, s4, s5, s6, s7)
-        FOUR(2, s8, s9, sa, sb)
-        FOUR(3, sc, sd, se, sf)
-#undef FOUR
+    for (int column = 0; column < BEAM_COLUMNS; column += 8, row += 8, line += 8) {
+        const uint8 red = vload8(0, row), green = vload8(0, row + BEAM_COLUMNS), blue = vload8(0, row + 2 * BEAM_COLUMNS);
+        vstore8((uint8)(0), 0, row);
+        vstore8((uint8)(0), 0, row + BEAM_COLUMNS);
+        vstore8((uint8)(0), 0, row + 2 * BEAM_COLUMNS);
+        // As processors interleave: within halves of a register.
+        const uint8 low = (uint8)(0, 8, 1, 9, 4, 12, 5, 13), high = low + (uint8)(2);
+        const uint8 even = (uint8)(0, 1, 8, 9, 4, 5, 12, 13), odd = even + (uint8)(2);
+        const uint8 rg = shuffle2(red, green, low), b = shuffle2(blue, (uint8)(0), low);
+        const uint8 rg2 = shuffle2(red, green, high), b2 = shuffle2(blue, (uint8)(0), high);
+        const uint8 c0 = shuffle2(rg, b, even), c1 = shuffle2(rg, b, odd);
+        const uint8 c2 = shuffle2(rg2, b2, even), c3 = shuffle2(rg2, b2, odd);
+        line[0] = c0.lo;
+        line[1] = c1.lo;
+        line[2] = c2.lo;
+        line[3] = c3.lo;
+        line[4] = c0.hi;
+        line[5] = c1.hi;
+        line[6] = c2.hi;
+        line[7] = c3.hi;
     }
 }
 
-// Add a line of columns to a row of the plane; `sums` is at pixel 0 of that row.
-inline void add_columns(global const int *across, int u, int left, int right, const private uint4 *line, global ulong4 *sums)
+// Add runs of columns to a row of the plane; `sums` is at the pixel of target 0.
+inline void add_columns(global const int *run, global const int *end, const private uint4 *line, global ulong4 *sums)
 {
-    global const int *run = across + 1, *end = run + 2 * across[0];
     for (; run < end; run += 2) {
-        const int x = u + run[0], stop = run[1] >> 8;
+        const int stop = run[1] >> 8;
         int column = run[1] & 255;
-        if (x < left || x >= right) continue;
         ulong4 sum = convert_ulong4(line[column]);
         while (++column < stop) sum += convert_ulong4(line[column]);
-        sums[x] += sum;
+        sums[run[0]] += sum;
     }
 }
 
@@ -170,10 +173,13 @@ inline void finish_strip(const Planes *p, int u, int square, const Strip *strip)
         const int4 info = p->plane[plane];
         const int2 window = strip->window[plane];
         global const int *across = p->runs + info.y + (u / GROUP * info.z + square) * RECORD;
+        global const int *run = across + 1, *end = run + 2 * across[0];
+        while (run < end && u + run[0] < p->left) run += 2;
+        while (run < end && u + end[-2] >= p->left + p->width) end -= 2;
         for (int y = window.x; y < window.y; ++y) {
             const ulong row = (ulong)plane * p->height + (y - p->top);
             take_row(strip->rows + row * PREFIX_PITCH, line);
-            add_columns(across, u, p->left, p->left + p->width, line, p->sums + row * p->width - p->left);
+            add_columns(run, end, line, p->sums + row * p->width + (u - p->left));
         }
         strip->window[plane] = (int2)(INT_MAX, 0);
     }
