@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lfcore.opencl.device import Device, cl
-from lfcore.optics.plane_sums import PlaneSums
+from lfcore.optics.plane_sums import PlaneSums, offsets
 from lfcore.optics.plane_tables import PlaneTables, lens_tables, view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -77,12 +77,30 @@ class StripBuffers:
         if planes:
             spare = elements // shape.elements * squares // (device.threads * ITEMS_A_WORKER)
             self.tall = max(1, min(STRIP_BEAMS // squares, spare))
+        reached = strip_rows(sums.slab, sums.planes, self.tall * shape.group)
+        self.ring = 1 << (min(reached, sums.slab.pixels) - 1).bit_length()
         windows = np.empty((device.threads, planes, 2), np.int32)
         windows[:] = np.iinfo(np.int32).max, 0
         columns = shape.group * shape.side * BLOCK
-        rows = np.zeros((device.threads, planes, sums.tables.height, 3, columns), np.uint32)
+        rows = np.zeros((device.threads, planes, self.ring, 3, columns), np.uint32)
         self._buffers = [device.changed(a) for a in (windows, rows)]
 
     def arguments(self) -> list:
-        """The kernel's arguments ``tall``, ``windows`` and ``strips``."""
-        return [np.int32(self.tall), *self._buffers]
+        """The kernel's arguments from ``tall`` to ``ring``."""
+        return [np.int32(self.tall), *self._buffers, np.int32(self.ring)]
+
+
+def strip_rows(slab: Slab, planes: list[SensorPlane], pixels: int) -> int:
+    """Most rows of one of ``planes``, from first to last, that the rays of a strip fall on.
+
+    A strip is ``pixels`` rows of pixels, the first a multiple of it; what is beside the picture
+    counts as the kernels' tables have it.
+    """
+    most = 1
+    for plane in planes:
+        moves = offsets(slab, plane)
+        rows = pixels if len(moves) == 1 else len(moves)
+        padded = np.pad(moves, ((0, -(-rows // pixels) * pixels - len(moves)), (0, 0)), "edge")
+        strips = padded.reshape(-1, pixels, slab.views) + np.arange(pixels)[:, None]
+        most = max(most, int(np.ptp(strips.reshape(len(strips), -1), axis=1).max()) + 1)
+    return most

@@ -76,7 +76,8 @@ inline int make_prefix(const Planes *p, const BeamWork *work, int mask, global c
 // A strip's sums before they go to pixels, of this worker.
 typedef struct {
     global int2 *window;  // (planes,) first row and one past the last that hold anything; first >= last: none
-    global uint *rows;    // (planes, height, 3, BEAM_COLUMNS) zero but for those
+    global uint *rows;    // (planes, ring, 3, BEAM_COLUMNS) zero but for those; row y is at y % ring
+    int ring;             // a power of two, no less than the rows of a plane that a strip reaches
 } Strip;
 
 #define STRIP_BEAMS 32                  // at most: each adds up to 64 rays of 2^20 to a sum of 32 bits
@@ -112,14 +113,14 @@ inline void add_to_strip(const Planes *p, const BeamWork *work, int v, global co
         if (!any) continue;
         global const int *down = p->runs + info.y + (v / GROUP * info.z + square) * RECORD;
         global const int *run = down + 1, *end = run + 2 * down[0];
-        global uint *rows = strip->rows + ((ulong)plane * p->height - p->top) * PREFIX_PITCH;
+        global uint *rows = strip->rows + (ulong)plane * strip->ring * PREFIX_PITCH;
         int2 window = strip->window[plane];
         while (run < end) {
             global const int *first = run;
             const int y = v + first[0];
             do run += 2; while (run < end && run[0] == first[0]);
             if (y < p->top || y >= p->top + p->height) continue;  // beside the picture, or of pixels beside the tile
-            add_rows(first, (int)(run - first) / 2, prefix, rows + (long)y * PREFIX_PITCH);
+            add_rows(first, (int)(run - first) / 2, prefix, rows + (y & (strip->ring - 1)) * PREFIX_PITCH);
             window = (int2)(min(window.x, y), max(window.y, y + 1));
         }
         strip->window[plane] = window;
@@ -177,9 +178,8 @@ inline void finish_strip(const Planes *p, int u, int square, const Strip *strip)
         while (run < end && u + run[0] < p->left) run += 2;
         while (run < end && u + end[-2] >= p->left + p->width) end -= 2;
         for (int y = window.x; y < window.y; ++y) {
-            const ulong row = (ulong)plane * p->height + (y - p->top);
-            take_row(strip->rows + row * PREFIX_PITCH, line);
-            add_columns(run, end, line, p->sums + row * p->width + (u - p->left));
+            take_row(strip->rows + ((ulong)plane * strip->ring + (y & (strip->ring - 1))) * PREFIX_PITCH, line);
+            add_columns(run, end, line, p->sums + ((ulong)plane * p->height + y - p->top) * p->width + (u - p->left));
         }
         strip->window[plane] = (int2)(INT_MAX, 0);
     }

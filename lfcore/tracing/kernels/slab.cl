@@ -36,7 +36,8 @@ void trace_slab(BVH_PARAMETERS,
                 const int frame_height,
                 const int tall,                         // beams' groups of elements, one below the other, in a strip
                 global int2 *restrict windows,          // (workers, planes), empty
-                global uint *restrict strips,           // (workers, planes, height, 3, BEAM_COLUMNS), zero
+                global uint *restrict strips,           // (workers, planes, ring, 3, BEAM_COLUMNS), zero
+                const int ring,
                 const int n_planes,
                 const int8 region,                      // left, top, width, height, size M, blocks, views N, 0
                 global const int4 *restrict plane_info,
@@ -58,7 +59,7 @@ void trace_slab(BVH_PARAMETERS,
     global uint *prefix = memory + EASEL_WORDS + BEAM_BLOCKS * COLOURS;
 #if PLANES && !VIEWS
     const Strip strip = {windows + get_global_id(0) * n_planes,
-                         strips + get_global_id(0) * (ulong)n_planes * region.s3 * PREFIX_PITCH};
+                         strips + get_global_id(0) * (ulong)n_planes * ring * PREFIX_PITCH, ring};
 #endif
     BeamWork work;
     const int height = tall * rays.beams_down, n_items = n_beams / height;  // of a strip, in beams
