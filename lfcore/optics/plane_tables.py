@@ -14,8 +14,8 @@ from lfcore.optics.slab import Slab
 BLOCK = 16
 BEAM_COLUMNS = 64
 RUN_WORDS = 1 + 2 * BEAM_COLUMNS
-"""A run record: count, then of each run of columns that share a target, sorted by target, the target
-relative to the beam's first pixel, and its start + 256 times its end."""
+"""A run record: count, then of each run of columns that share a target, sorted by target, that
+target relative to the beam's first pixel, and its start + 256 times its end."""
 
 
 @dataclass(frozen=True)
@@ -138,9 +138,9 @@ def block_kinds(masks: np.ndarray) -> np.ndarray:
 def run_records(moves: np.ndarray, group: int, span: int) -> np.ndarray:
     """Runs of equal target: (groups of pixels, spans of lens samples, RUN_WORDS) int32.
 
-    ``moves`` (positions, N) are offsets of every pixel, or of all (1, N).  Column k * ``span`` + i of
-    a beam is lens sample i of pixel k of its ``group``; what is beside the lens grid or the picture
-    repeats the last.
+    ``moves`` (positions, N) are offsets of every pixel, or of all (1, N).  Column k * ``span`` + i
+    of a beam is lens sample i of pixel k of its ``group``; what is beside the lens grid or the
+    picture repeats the last.
     """
     positions, size = moves.shape
     rows = group if positions == 1 else -positions % group + positions
