@@ -135,7 +135,7 @@ inline void take_row(global uint *row, private uint4 *line)
         vstore8((uint8)(0), 0, row);
         vstore8((uint8)(0), 0, row + BEAM_COLUMNS);
         vstore8((uint8)(0), 0, row + 2 * BEAM_COLUMNS);
-        // As processors interleave: within halves of a register.
+        // As processors interleave: within each half of a register.
         const uint8 low = (uint8)(0, 8, 1, 9, 4, 12, 5, 13), high = low + (uint8)(2);
         const uint8 even = (uint8)(0, 1, 8, 9, 4, 5, 12, 13), odd = even + (uint8)(2);
         const uint8 rg = shuffle2(red, green, low), b = shuffle2(blue, (uint8)(0), low);

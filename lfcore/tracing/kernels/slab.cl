@@ -23,6 +23,23 @@ inline void paint_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, Beam
     }
 }
 
+// What is made of a painted beam block by block: planes of views, and frames, in which `colours` end.
+inline void write_blocks(const Planes *planes, const Frames *out, const Rays *rays, const BeamWork *work, int views, global float *colours)
+{
+    for (int block = 0; block < BEAM_BLOCKS; ++block, colours += COLOURS) {
+        if (work->block[block].z_far < 0.0f) continue;
+        const int element = work->element[block / ELEMENT_BLOCKS];
+        const int2 where = block_position(work, block);
+#if PLANES && VIEWS
+        const int packed = out->places[element].w;
+        add_view_to_planes(planes, packed & 0xffff, packed >> 16, views, where.x, where.y, colours);
+#endif
+#if FRAMES
+        write_frames(out, element, where.x, where.y, rays->columns, rays->rows, colours);
+#endif
+    }
+}
+
 kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
 void trace_slab(BVH_PARAMETERS,
                 SURFACES_PARAMETERS,
@@ -34,7 +51,7 @@ void trace_slab(BVH_PARAMETERS,
                 global uchar *restrict frames,
                 const int frame_width,
                 const int frame_height,
-                const int tall,                         // beams' groups of elements, one below the other, in a strip
+                const int tall,                         // groups of elements, one below the other, in a strip
                 global int2 *restrict windows,          // (workers, planes), empty
                 global uint *restrict strips,           // (workers, planes, ring, 3, BEAM_COLUMNS), zero
                 const int ring,
@@ -82,19 +99,7 @@ void trace_slab(BVH_PARAMETERS,
                 waiting = 0;
             }
 #endif
-            for (int block = 0; block < BEAM_BLOCKS; ++block) {
-                if (work.block[block].z_far < 0.0f) continue;
-                const int element = work.element[block / ELEMENT_BLOCKS];
-                const int2 where = block_position(&work, block);
-                global float *colours = painted + block * COLOURS;
-#if PLANES && VIEWS
-                const int packed = places[element].w;
-                add_view_to_planes(&planes, packed & 0xffff, packed >> 16, region.s6, where.x, where.y, colours);
-#endif
-#if FRAMES
-                write_frames(&out, element, where.x, where.y, columns, rows, colours);
-#endif
-            }
+            write_blocks(&planes, &out, &rays, &work, region.s6, painted);
         }
 #if PLANES && !VIEWS
         if (waiting) finish_strip(&planes, u, square, &strip);
