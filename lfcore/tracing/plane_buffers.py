@@ -57,32 +57,30 @@ class PlaneBuffers:
 
 
 STRIP_BEAMS = 8
-"""Beams in a strip, measured: from here on there is little left to save."""
+"""Beams in a strip, measured: from here on there is little left to save.  Sums of 32 bits hold 63."""
 ITEMS_A_WORKER = 8
 """Strips that each worker gets at least, lest some wait for others."""
 
 
 class StripBuffers:
-    """Sums of strips of beams, one below the other, before they go to the planes' pixels.
+    """Sums of strips, beams of pixels one below the other, before they go to the planes' pixels.
 
     Attributes
     ----------
-    tall : groups of elements in a strip; 1 where there is nothing to sum, or for few ``elements``.
+    tall : beams in a strip; 1 where there is nothing to sum, or for few ``elements``.
+    ring : rows of a plane that are kept, a power of two.
     """
 
     def __init__(self, sums: PlaneBuffers, shape: BeamShape, views: int, elements: int):
         device, planes = sums.device, len(sums.planes)
-        squares = shape.squares(views, 1)
-        self.tall = 1
-        if planes:
-            spare = elements // shape.elements * squares // (device.threads * ITEMS_A_WORKER)
-            self.tall = max(1, min(STRIP_BEAMS // squares, spare))
-        reached = strip_rows(sums.slab, sums.planes, self.tall * shape.group)
+        beams = elements // shape.elements * shape.squares(views, views) if planes else 0
+        self.tall = min(max(1, beams // (device.threads * ITEMS_A_WORKER)), STRIP_BEAMS)
+        span = shape.side * BLOCK
+        reached = strip_rows(sums.slab, sums.planes, self.tall * shape.group, span)
         self.ring = 1 << (min(reached, sums.slab.pixels) - 1).bit_length()
         windows = np.empty((device.threads, planes, 2), np.int32)
         windows[:] = np.iinfo(np.int32).max, 0
-        columns = shape.group * shape.side * BLOCK
-        rows = np.zeros((device.threads, planes, self.ring, 3, columns), np.uint32)
+        rows = np.zeros((device.threads, planes, self.ring, 3, shape.group * span), np.uint32)
         self._buffers = [device.changed(a) for a in (windows, rows)]
 
     def arguments(self) -> list:
@@ -90,17 +88,19 @@ class StripBuffers:
         return [np.int32(self.tall), *self._buffers, np.int32(self.ring)]
 
 
-def strip_rows(slab: Slab, planes: list[SensorPlane], pixels: int) -> int:
+def strip_rows(slab: Slab, planes: list[SensorPlane], pixels: int, span: int) -> int:
     """Most rows of one of ``planes``, from first to last, that the rays of a strip fall on.
 
-    A strip is ``pixels`` rows of pixels, the first a multiple of it; what is beside the picture
-    counts as the kernels' tables have it.
+    A strip is ``pixels`` rows of pixels times ``span`` rows of lens samples, the first of each a
+    multiple of their number; what is beside the picture or the lens counts as the kernels' tables
+    have it.
     """
     most = 1
     for plane in planes:
         moves = offsets(slab, plane)
-        rows = pixels if len(moves) == 1 else len(moves)
-        padded = np.pad(moves, ((0, -(-rows // pixels) * pixels - len(moves)), (0, 0)), "edge")
-        strips = padded.reshape(-1, pixels, slab.views) + np.arange(pixels)[:, None]
-        most = max(most, int(np.ptp(strips.reshape(len(strips), -1), axis=1).max()) + 1)
+        rows = -len(moves) % pixels if len(moves) > 1 else pixels - 1
+        padded = np.pad(moves, ((0, rows), (0, -slab.views % span)), "edge")
+        strips = padded.reshape(-1, pixels, padded.shape[1] // span, span)
+        reached = strips + np.arange(pixels)[:, None, None]
+        most = max(most, int((reached.max(axis=(1, 3)) - reached.min(axis=(1, 3))).max()) + 1)
     return most

@@ -3,8 +3,8 @@
 // The pixel a ray falls on is separable.  A beam is one square picture of GROUP x GROUP pixels times their
 // lens samples: every column of it, (u, i), falls on one column of a plane, and every row, (v, j), on one
 // row.  Prefix sums down the columns, made once a mask, give what a row of a plane gets from each column of
-// the beam, a vector at a time.  Beams one below the other have the same columns, so these rows are kept
-// until such a strip of beams is done; only then do they go to the plane's pixels.
+// the beam, a vector at a time.  Beams of pixels one below the other, through the same lens samples, have
+// the same columns: these rows are kept until such a strip of beams is done, and only then go to pixels.
 #ifndef LFCORE_BEAM_PLANES_CL
 #define LFCORE_BEAM_PLANES_CL
 #include "beam.cl"
@@ -76,11 +76,10 @@ inline int make_prefix(const Planes *p, const BeamWork *work, int mask, global c
 // A strip's sums before they go to pixels, of this worker.
 typedef struct {
     global int2 *window;  // (planes,) first row and one past the last that hold anything; first >= last: none
-    global uint *rows;    // (planes, ring, 3, BEAM_COLUMNS) zero but for those; row y is at y % ring
+    global uint *rows;    // (planes, ring, 3, BEAM_COLUMNS) zero but for those; row y is at y % ring.  Of
+                          // 32 bits: of a column a beam adds 64 rays of 2^20 at the most
     int ring;             // a power of two, no less than the rows of a plane that a strip reaches
 } Strip;
-
-#define STRIP_BEAMS 32                  // at most: each adds up to 64 rays of 2^20 to a sum of 32 bits
 
 // Add the beam's rows of the `count` runs from `run` on to a row of the strip.
 inline void add_rows(global const int *run, int count, global const uint *prefix, global uint *to)

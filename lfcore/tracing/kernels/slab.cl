@@ -51,7 +51,7 @@ void trace_slab(BVH_PARAMETERS,
                 global uchar *restrict frames,
                 const int frame_width,
                 const int frame_height,
-                const int tall,                         // groups of elements, one below the other, in a strip
+                const int tall,                         // beams in a strip
                 global int2 *restrict windows,          // (workers, planes), empty
                 global uint *restrict strips,           // (workers, planes, ring, 3, BEAM_COLUMNS), zero
                 const int ring,
@@ -79,30 +79,25 @@ void trace_slab(BVH_PARAMETERS,
                          strips + get_global_id(0) * (ulong)n_planes * ring * PREFIX_PITCH, ring};
 #endif
     BeamWork work;
-    const int height = tall * rays.beams_down, n_items = n_beams / height;  // of a strip, in beams
+    const int squares = rays.beams_across * rays.beams_down, n_items = n_beams / tall;
     for (int item = atomic_inc(next); item < n_items; item = atomic_inc(next)) {
-        const int first = item / rays.beams_across * height, square = item % rays.beams_across;
-        int u = 0, waiting = 0;
-        for (int beam = first; beam < first + height; ++beam) {
-            start_beam(&rays, beam * rays.beams_across + square, &work);
-            const int some = first_element(&work);
-            if (some < 0) continue;
+        int u = 0;
+        for (int k = 0; k < tall; ++k) {
+            start_beam(&rays, (item / squares * tall + k) * squares + item % squares, &work);
+            const int first = first_element(&work);
+            if (first < 0) continue;
 #if PLANES && !FRAMES && !VIEWS
             drop_closed_blocks(&planes, &work);
 #endif
             paint_beam(&bvh, &surfaces, &rays, &work, pixel, &easel, painted);
 #if PLANES && !VIEWS
-            u = (places[some].w & 0xffff) / GROUP * GROUP;
-            add_to_strip(&planes, &work, (places[some].w >> 16) / GROUP * GROUP, painted, prefix, &strip);
-            if (++waiting == STRIP_BEAMS) {
-                finish_strip(&planes, u, square, &strip);
-                waiting = 0;
-            }
+            u = (places[first].w & 0xffff) / GROUP * GROUP;
+            add_to_strip(&planes, &work, (places[first].w >> 16) / GROUP * GROUP, painted, prefix, &strip);
 #endif
             write_blocks(&planes, &out, &rays, &work, region.s6, painted);
         }
 #if PLANES && !VIEWS
-        if (waiting) finish_strip(&planes, u, square, &strip);
+        finish_strip(&planes, u, item % rays.beams_across, &strip);
 #endif
     }
 }
