@@ -57,7 +57,7 @@ class PlaneBuffers:
 
 
 STRIP_BEAMS = 8
-"""Beams in a strip, measured: from here on there is little left to save.  Sums of 32 bits hold 63."""
+"""Beams in a strip, measured: there is little left to save.  Sums of 32 bits would hold 63."""
 ITEMS_A_WORKER = 8
 """Strips that each worker gets at least, lest some wait for others."""
 
