@@ -54,7 +54,14 @@ class Device:
 
     def buffer(self, array) -> cl.Buffer:
         """Read-only device copy of a numpy array; an empty array gets a few zero bytes."""
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        return self._copy(array, cl.mem_flags.READ_ONLY)
+
+    def changed(self, array) -> cl.Buffer:
+        """As :meth:`buffer`, for kernels that write to it."""
+        return self._copy(array, cl.mem_flags.READ_WRITE)
+
+    def _copy(self, array, access: int) -> cl.Buffer:
+        flags = access | cl.mem_flags.COPY_HOST_PTR
         return cl.Buffer(self.context, flags, hostbuf=array if array.nbytes else bytes(64))
 
     def empty(self, nbytes: int) -> cl.Buffer:

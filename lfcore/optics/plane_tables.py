@@ -12,21 +12,24 @@ from lfcore.optics.planes import Aperture, SensorPlane
 from lfcore.optics.slab import Slab
 
 BLOCK = 16
-RUN_WORDS = 34
-"""A run record: count, 17 starts, 16 offsets -- the columns of a block that share a target."""
+BEAM_COLUMNS = 64
+RUN_WORDS = 1 + 2 * BEAM_COLUMNS
+"""A run record: count, then of each run of columns that share a target, sorted by target, that
+target relative to the beam's first pixel, and its start + 256 times its end."""
 
 
 @dataclass(frozen=True)
 class PlaneTables:
-    """Planes of a slab over the tile of pixels [u0, u1) x [v0, v1), for blocks of lens samples.
+    """Planes of a slab over the tile of pixels [u0, u1) x [v0, v1), for beams of lens samples.
 
     Attributes
     ----------
     order : (P,) int64: ``planes[order[k]]`` is the kernel's plane k; planes that share a mask are
-        neighbours, so that a block's summed-area table serves them all.
-    info : (P, 4) int32: mask, offset into ``runs``, runs per pixel (0: the same for all), 0.
+        neighbours, so that a beam's prefix sums serve them all.
+    info : (P, 4) int32: mask, offset into ``runs``, records per group of pixels (0: the same for
+        all), 0.
     runs : flat int32 records of RUN_WORDS.
-    masks : (masks, N, N) uint8, 255 where open, indexed [j, i].
+    masks : (masks, N, N) uint8, 255 where open, indexed [j, i]; padded with 0 to whole beams.
     kinds : (masks, blocks, blocks) uint8: 0 closed, 1 partly, 2 wholly open.
     left, top, width, height : region of the planes that the tile's rays can reach.
     """
@@ -52,23 +55,31 @@ class PlaneTables:
 
 
 def lens_tables(
-    slab: Slab, planes: list[SensorPlane], u0: int, v0: int, u1: int, v1: int
+    slab: Slab,
+    planes: list[SensorPlane],
+    corners: tuple[int, int, int, int],
+    group: int,
+    side: int,
 ) -> PlaneTables:
-    """Tables for a tile of macropixels."""
+    """Tables for a tile of macropixels, of pixels ``corners``: [u0, u1) x [v0, v1).
+
+    Beams are ``group`` x ``group`` pixels by ``side`` x ``side`` blocks of lens samples.
+    """
     masks, which = distinct_masks(slab, planes)
     order = np.argsort(which, kind="stable")
     info = np.zeros((len(planes), 4), np.int32)
     records, offset = [], 0
     moves_of = [offsets(slab, planes[plane]) for plane in order]
     for row, (plane, moves) in enumerate(zip(order, moves_of, strict=True)):
-        table = run_records(moves)
+        table = run_records(moves, group, side * BLOCK)
         info[row] = which[plane], offset, 0 if len(moves) == 1 else table.shape[1], 0
         records.append(table.reshape(-1))
         offset += table.size
     runs = np.concatenate(records) if records else np.zeros(0, np.int32)
-    kinds = block_kinds(masks)
-    region = reached_region(slab, moves_of, u0, v0, u1, v1)
-    return PlaneTables(order, info, runs, masks, kinds, *region)
+    beside = -slab.views % (side * BLOCK)
+    padded = np.pad(masks, ((0, 0), (0, beside), (0, beside)))
+    region = reached_region(slab, moves_of, *corners)
+    return PlaneTables(order, info, runs, padded, block_kinds(masks), *region)
 
 
 def reached_region(
@@ -128,21 +139,31 @@ def block_kinds(masks: np.ndarray) -> np.ndarray:
     return cells.any(axis=(2, 4)).astype(np.uint8) + cells.all(axis=(2, 4))
 
 
-def run_records(moves: np.ndarray) -> np.ndarray:
-    """(positions, blocks, RUN_WORDS) int32 from offsets (positions, N): runs of equal offset."""
+def run_records(moves: np.ndarray, group: int, span: int) -> np.ndarray:
+    """Runs of equal target: (groups of pixels, spans of lens samples, RUN_WORDS) int32.
+
+    ``moves`` (positions, N) are offsets of every pixel, or of all (1, N).  Column k * ``span`` + i
+    of a beam is lens sample i of pixel k of its ``group``; what is beside the lens grid or the
+    picture repeats the last.
+    """
     positions, size = moves.shape
-    blocks = -(-size // BLOCK)
-    padded = np.empty((positions, blocks * BLOCK), np.int32)
-    padded[:, :size] = moves
-    padded[:, size:] = moves[:, -1:]
-    cells = padded.reshape(-1, BLOCK)
+    rows = group if positions == 1 else -positions % group + positions
+    columns = -size % span + size
+    padded = np.pad(moves, ((0, rows - positions), (0, columns - size)), "edge")
+    cells = padded.reshape(-1, group, columns // span, span).transpose(0, 2, 1, 3)
+    cells = cells + np.arange(group, dtype=np.int32)[:, None]
+    shape, cells = cells.shape[:2], cells.reshape(-1, group * span)
     begins = np.ones(cells.shape, bool)
     begins[:, 1:] = cells[:, 1:] != cells[:, :-1]
-    slot = np.cumsum(begins, axis=1) - 1
+    count = begins.sum(axis=1)
+    row, start = np.nonzero(begins)
+    last = np.append(row[1:] != row[:-1], True)
+    end = np.where(last, group * span, np.roll(start, -1))
+    target = cells[row, start]
+    by_target = np.lexsort((start, target, row))
+    slot = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
     records = np.zeros((len(cells), RUN_WORDS), np.int32)
-    records[:, 0] = slot[:, -1] + 1
-    row, column = np.nonzero(begins)
-    records[row, 1 + slot[row, column]] = column
-    records[row, 18 + slot[row, column]] = cells[row, column]
-    records[np.arange(len(cells)), 1 + records[:, 0]] = BLOCK
-    return records.reshape(positions, blocks, RUN_WORDS)
+    records[:, 0] = count
+    records[row, 1 + 2 * slot] = target[by_target]
+    records[row, 2 + 2 * slot] = (start + 256 * end)[by_target]
+    return records.reshape(*shape, RUN_WORDS)

@@ -5,37 +5,35 @@ from __future__ import annotations
 import numpy as np
 
 from lfcore.opencl.device import Device, cl
-from lfcore.optics.plane_sums import PlaneSums
+from lfcore.optics.plane_sums import PlaneSums, offsets
 from lfcore.optics.plane_tables import PlaneTables, lens_tables, view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.tracing.work import BLOCK, BeamShape
 
 
-def plane_tables(slab: Slab, planes: list[SensorPlane], tile) -> PlaneTables:
-    """Tables for the kernels that add rays block by block."""
+def plane_tables(slab: Slab, planes: list[SensorPlane], tile, shape: BeamShape) -> PlaneTables:
+    """Tables for the kernels that add rays beam by beam, of ``shape``, or view by view."""
     if tile.layout.kind == "views":
         return view_tables(slab, planes)
     right, bottom = tile.column + tile.columns, tile.row + tile.rows
-    return lens_tables(slab, planes, tile.column, tile.row, right, bottom)
+    corners = tile.column, tile.row, right, bottom
+    return lens_tables(slab, planes, corners, shape.group, shape.tiles)
 
 
 class PlaneBuffers:
     """Tables and accumulators of ``planes`` for the rays of one tile of a light field.
 
     Every worker adds to sums of its own, 64-bit integers, so that no two ever meet and the
-    result does not depend on who added what.
+    result does not depend on who added what.  ``tables`` makes them of slab, planes and tile.
     """
 
-    def __init__(
-        self, device: Device, slab: Slab, planes: list[SensorPlane], tile, tables=plane_tables
-    ):
+    def __init__(self, device: Device, slab: Slab, planes: list[SensorPlane], tile, tables):
         self.device, self.slab, self.planes = device, slab, planes
         self.tables = t = tables(slab, planes, tile)
         shape = (device.threads, len(planes), t.height, t.width, 4)
         self._host = np.zeros(shape if planes else (0,), np.uint64)
-        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
-        content = self._host if self._host.nbytes else bytes(64)
-        self._sums = cl.Buffer(device.context, flags, hostbuf=content)
+        self._sums = device.changed(self._host)
         self._tables = [device.buffer(a) for a in t.arrays]
 
     def arguments(self) -> list:
@@ -53,3 +51,53 @@ class PlaneBuffers:
             total = self._host.sum(axis=0, dtype=np.uint64)
             sums[t.order] = np.moveaxis(total[..., :3], -1, 1)
         return PlaneSums(self.slab, self.planes, sums, t.left, t.top)
+
+
+STRIP_BEAMS = 8
+"""Beams in a strip, measured: there is little left to save.  Sums of 32 bits would hold 63."""
+ITEMS_A_WORKER = 8
+"""Strips that each worker gets at least, lest some wait for others."""
+
+
+class StripBuffers:
+    """Sums of strips, beams of pixels one below the other, before they go to the planes' pixels.
+
+    Attributes
+    ----------
+    tall : beams in a strip; 1 where there is nothing to sum, or for few ``elements``.
+    ring : rows of a plane that are kept, a power of two.
+    """
+
+    def __init__(self, sums: PlaneBuffers, shape: BeamShape, views: int, elements: int):
+        device, planes = sums.device, len(sums.planes)
+        beams = elements // shape.elements * shape.squares(views, views) if planes else 0
+        self.tall = min(max(1, beams // (device.threads * ITEMS_A_WORKER)), STRIP_BEAMS)
+        span = shape.tiles * BLOCK
+        reached = strip_rows(sums.slab, sums.planes, self.tall * shape.group, span)
+        self.ring = 1 << (min(reached, sums.slab.pixels) - 1).bit_length()
+        windows = np.empty((device.threads, planes, 2), np.int32)
+        windows[:] = np.iinfo(np.int32).max, 0
+        rows = np.zeros((device.threads, planes, self.ring, 3, shape.group * span), np.uint32)
+        self._buffers = [device.changed(a) for a in (windows, rows)]
+
+    def arguments(self) -> list:
+        """The kernel's arguments from ``tall`` to ``ring``."""
+        return [np.int32(self.tall), *self._buffers, np.int32(self.ring)]
+
+
+def strip_rows(slab: Slab, planes: list[SensorPlane], pixels: int, span: int) -> int:
+    """Most rows of one of ``planes``, from first to last, that the rays of a strip fall on.
+
+    A strip is ``pixels`` rows of pixels times ``span`` rows of lens samples, the first of each a
+    multiple of their number; what is beside the picture or the lens counts as the kernels' tables
+    have it.
+    """
+    most = 1
+    for plane in planes:
+        moves = offsets(slab, plane)
+        rows = -len(moves) % pixels if len(moves) > 1 else pixels - 1
+        padded = np.pad(moves, ((0, rows), (0, -slab.views % span)), "edge")
+        strips = padded.reshape(-1, pixels, padded.shape[1] // span, span)
+        reached = strips + np.arange(pixels)[:, None, None]
+        most = max(most, int((reached.max(axis=(1, 3)) - reached.min(axis=(1, 3))).max()) + 1)
+    return most

@@ -6,6 +6,7 @@ import itertools
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,7 @@ from lfcore.optics import bundles as rays
 from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.tracing.plane_buffers import PlaneBuffers
+from lfcore.tracing.plane_buffers import PlaneBuffers, StripBuffers, plane_tables
 from lfcore.tracing.work import Groups
 
 if TYPE_CHECKING:
@@ -74,7 +75,10 @@ class TileJob:
         }
         self.kernel = tracer._beam_kernel("slab.cl", "trace_slab", self.shape, defines)
         self.scratch = tracer._scratch(self.kernel)
-        self.sums = PlaneBuffers(device, slab, planes, tile)
+        tables = partial(plane_tables, shape=self.shape)
+        self.sums = PlaneBuffers(device, slab, planes, tile, tables)
+        summed = len(self.elements) if self.macro else 0
+        self.strips = StripBuffers(self.sums, self.shape, layout.inner, summed)
 
     def run(self, tracing: TileTracing, progress) -> Iterator[Chunk]:
         places = np.zeros((len(self.elements), 4), np.int32)
@@ -126,7 +130,7 @@ class TileJob:
         tracer, device, layout = self.tracer, self.tracer.device, self.layout
         make = rays.macropixels if self.macro else rays.views
         bundles = make(self.slab, self.elements[part])
-        groups = Groups.of(self.shape, bundles, self.elements[part])
+        groups = Groups.of(self.shape, bundles, self.elements[part], self.strips.tall)
         self.kernel(
             device.queue,
             (tracer._workers(len(groups.members)),),
@@ -143,6 +147,7 @@ class TileJob:
             frames,
             np.int32(layout.frame_width),
             np.int32(layout.frame_height),
+            *self.strips.arguments(),
             *self.sums.arguments(),
         )
 

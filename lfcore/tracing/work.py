@@ -44,6 +44,11 @@ class BeamShape:
         return self.elements // self.outer**2 * self.side**2
 
     @property
+    def tiles(self) -> int:
+        """Tiles of 16 x 16 inner rays along a side of a beam."""
+        return self.side // self.outer
+
+    @property
     def defines(self) -> dict[str, object]:
         """What kernels are built with."""
         return {
@@ -56,7 +61,7 @@ class BeamShape:
 
     def squares(self, columns: int, rows: int) -> int:
         """Beams that one group of elements needs for its inner grid."""
-        span = self.side * BLOCK // self.outer
+        span = self.tiles * BLOCK
         return -(-columns // span) * -(-rows // span)
 
 
@@ -72,23 +77,29 @@ class Groups:
     middles: np.ndarray
 
     @classmethod
-    def of(cls, shape: BeamShape, bundles: Bundles, coordinates: np.ndarray | None) -> Groups:
+    def of(
+        cls, shape: BeamShape, bundles: Bundles, coordinates: np.ndarray | None, tall: int = 1
+    ) -> Groups:
         """Put ``bundles`` at distinct places ``coordinates`` (E, 2) into cells ``group`` wide.
 
-        Cells are sorted by row, then column, and lie at multiples of ``group``: which elements
-        are there does not change where a block's rays are.
+        Cells lie at multiples of ``group``: which elements are there does not change where a
+        block's rays are.  ``tall`` cells one below the other follow each other, also those that
+        hold nothing; such strips are sorted by row, then column.
         """
         group = shape.group
-        if coordinates is None or group == 1:
+        if coordinates is None or group == tall == 1:
             return cls(np.arange(len(bundles.elements), dtype=np.int32)[:, None], bundles.elements)
-        cells, slots = np.divmod(np.asarray(coordinates, np.int64), group)
-        key, beam = np.unique(cells[:, 1] << 32 | cells[:, 0], return_inverse=True)
-        members = np.full((len(key), group**2), -1, np.int32)
-        members[beam, slots[:, 1] * group + slots[:, 0]] = np.arange(len(cells), dtype=np.int32)
+        size = np.array([group, group * tall])
+        strips, slots = np.divmod(np.asarray(coordinates, np.int64), size)
+        key, strip = np.unique(strips[:, 1] << 32 | strips[:, 0], return_inverse=True)
+        members = np.full((len(key), group * size[1]), -1, np.int32)
+        members[strip, slots[:, 1] * group + slots[:, 0]] = np.arange(len(strips), dtype=np.int32)
+        members = members.reshape(-1, group**2)
         if shape.outer == 1:
             return cls(members, bundles.elements)
-        corners = np.stack([key & 0xFFFFFFFF, key >> 32], axis=1) * group
-        return cls(members, bundles.lattice.middles(corners + (group - 1) / 2))
+        corners = np.stack([key & 0xFFFFFFFF, key >> 32], axis=1) * size
+        corners = corners[:, None] + np.stack([np.zeros(tall), np.arange(tall) * group], axis=1)
+        return cls(members, bundles.lattice.middles(corners.reshape(-1, 2) + (group - 1) / 2))
 
 
 PROBED_BLOCKS = 16

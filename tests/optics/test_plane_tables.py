@@ -20,30 +20,41 @@ from lfcore.optics.slab import Slab
 CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
 
 
-def unpack(record: np.ndarray) -> np.ndarray:
-    """The 16 offsets that one run record stands for."""
-    out = np.full(BLOCK, 1 << 30, np.int64)
-    for run in range(record[0]):
-        out[record[1 + run] : record[2 + run]] = record[18 + run]
+def unpack(record: np.ndarray, columns: int) -> np.ndarray:
+    """The targets of a beam's columns that one run record stands for."""
+    out = np.full(columns, 1 << 30, np.int64)
+    for target, span in record[1 : 1 + 2 * record[0]].reshape(-1, 2):
+        part = out[span % 256 : span // 256]
+        assert len(part) and (part == 1 << 30).all(), "runs do not overlap"
+        part[:] = target
     return out
 
 
-@given(st.integers(1, 3), st.integers(1, 40), st.integers(0, 4), st.randoms())
-def test_run_records_reproduce_offsets(positions, views, spread, random):
+shapes = st.sampled_from([(4, 1), (2, 2), (1, 3), (1, 4)])
+
+
+@given(st.integers(1, 9), st.integers(1, 70), st.integers(0, 4), shapes, st.randoms())
+@settings(deadline=None)
+def test_run_records_reproduce_offsets(positions, views, spread, shape, random):
     offsets = np.array(
         [sorted(random.randint(-spread, spread) for _ in range(views)) for _ in range(positions)],
         np.int32,
     )
-    records = run_records(offsets)
-    blocks = -(-views // BLOCK)
-    assert records.shape == (positions, blocks, RUN_WORDS)
-    for position in range(positions):
-        flat = np.concatenate([unpack(record) for record in records[position]])
-        np.testing.assert_array_equal(flat[:views], offsets[position])
-        # Runs are maximal: neighbours differ.
-        for record in records[position]:
-            assert (np.diff(record[18 : 18 + record[0]]) != 0).all()
-            assert record[1] == 0 and record[1 + record[0]] == BLOCK
+    group, span = shape[0], shape[1] * BLOCK
+    records = run_records(offsets, group, span)
+    cells = 1 if positions == 1 else -(-positions // group)
+    assert records.shape == (cells, -(-views // span), RUN_WORDS)
+    for cell in range(cells):
+        found = np.stack([unpack(r, group * span).reshape(group, span) for r in records[cell]], 1)
+        found = found.reshape(group, -1)[:, :views]
+        for k in range(group):
+            pixel = 0 if positions == 1 else min(cell * group + k, positions - 1)
+            np.testing.assert_array_equal(found[k], offsets[pixel] + k)
+        for record in records[cell]:
+            runs = record[1 : 1 + 2 * record[0]].reshape(-1, 2)
+            assert (np.diff(runs[:, 0]) >= 0).all(), "sorted by target"
+            by_start = runs[np.argsort(runs[:, 1] % 256)]
+            assert (np.diff(by_start[:, 0]) != 0).all(), "runs are maximal"
 
 
 @given(st.integers(1, 40), st.floats(2.0, 40.0))
@@ -70,23 +81,27 @@ planes = st.lists(
 )
 
 
-@given(planes, st.integers(1, 20), st.integers(2, 10))
+@given(planes, st.integers(1, 20), st.integers(2, 10), shapes)
 @settings(deadline=None, max_examples=40)
-def test_lens_tables_reproduce_targets_and_masks(chosen, views, pixels):
-    slab = Slab(CAMERA, views, pixels)
+def test_lens_tables_reproduce_targets_and_masks(chosen, views, pixels, shape):
+    slab, (group, side) = Slab(CAMERA, views, pixels), shape
     u0, v0, u1, v1 = 0, pixels // 2, pixels // 2 + 1, pixels
-    tables = lens_tables(slab, chosen, u0, v0, u1, v1)
+    tables = lens_tables(slab, chosen, (u0, v0, u1, v1), group, side)
     assert sorted(tables.order.tolist()) == list(range(len(chosen)))
     assert (np.diff(tables.info[:, 0]) >= 0).all(), "planes of one mask are neighbours"
+    squares = -(-views // (side * BLOCK))
     for row, index in enumerate(tables.order):
-        plane, (mask, offset, per_pixel, _) = chosen[index], tables.info[row]
-        np.testing.assert_array_equal(tables.masks[mask] > 0, plane.mask(slab))
+        plane, (mask, offset, per_cell, _) = chosen[index], tables.info[row]
+        np.testing.assert_array_equal(tables.masks[mask, :views, :views] > 0, plane.mask(slab))
+        assert tables.masks[mask].sum() == 255 * plane.mask(slab).sum(), "padded with closed"
+        assert tables.masks.shape[1:] == (squares * side * BLOCK,) * 2
         columns = targets(slab, plane)
         for u in range(pixels):
-            start = offset + u * per_pixel * RUN_WORDS
-            records = tables.runs[start : start + tables.blocks * RUN_WORDS]
-            flat = np.concatenate([unpack(r) for r in records.reshape(-1, RUN_WORDS)])[:views]
-            np.testing.assert_array_equal(u + flat, columns[u])
+            cell, within = divmod(u, group)
+            start = offset + cell * per_cell * RUN_WORDS
+            records = tables.runs[start : start + squares * RUN_WORDS].reshape(-1, RUN_WORDS)
+            found = [unpack(r, group * side * BLOCK).reshape(group, -1)[within] for r in records]
+            np.testing.assert_array_equal(cell * group + np.concatenate(found)[:views], columns[u])
         for span, low, size in (
             (columns[u0:u1], tables.left, tables.width),
             (columns[v0:v1], tables.top, tables.height),

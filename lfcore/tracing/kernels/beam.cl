@@ -107,6 +107,14 @@ inline void start_beam(const Rays *rays, int beam, BeamWork *work)
     }
 }
 
+// The first element of a beam; negative if it has none.
+inline int first_element(const BeamWork *work)
+{
+    for (int k = 0; k < ELEMENTS; ++k)
+        if (work->element[k] >= 0) return work->element[k];
+    return -1;
+}
+
 // The interval that holds every ray of the beam.
 inline Beam whole_beam(const Rays *rays, const BeamWork *work)
 {

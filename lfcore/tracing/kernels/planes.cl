@@ -1,7 +1,5 @@
-// Sensor planes from blocks of lens samples: exact sums by a summed-area table of the block.
+// Sensor planes while they are formed: exact integer sums, and how the blocks of a view are added.
 //
-// The pixel a ray falls on is separable and monotone in the lens sample, so a block falls into a small
-// grid of bins.  With a summed-area table of the block every further plane costs four look-ups a bin.
 // Radiance is held in fixed point (20 bits below the binary point): sums are integers, exact, and the
 // same in whatever order blocks are added.
 #ifndef LFCORE_PLANES_CL
@@ -9,9 +7,6 @@
 #include "bundle.cl"
 
 #define FIXED_ONE 1048576.0f
-#define TABLE_PITCH 17
-#define TABLE_WORDS (17 * TABLE_PITCH * 4)
-#define RUN 34  // ints: count, 17 starts, 16 offsets
 
 typedef struct {
     int planes;                    // number of planes, sorted by mask
@@ -19,67 +14,11 @@ typedef struct {
     int left, top, width, height;  // region of the accumulators in plane pixels
     int size;                      // side M of a plane
     global const int4 *plane;      // (planes,) mask, runs offset, runs per pixel (0: the same for all), 0
-    global const int *runs;        // (..., RUN) per position and block: columns of equal target pixel
-    global const uchar *masks;     // (masks, N, N) 255 where open
+    global const int *runs;        // where rays fall: see beam_planes.cl and add_view_to_planes
+    global const uchar *masks;     // (masks, N, N) 255 where open; for beams, N in whole beams
     global const uchar *kinds;     // (masks, blocks, blocks) 0 closed, 1 partly, 2 wholly open
     global ulong4 *sums;           // (planes, height, width) of this worker: red, green, blue, 0
 } Planes;
-
-// (17, 17) exclusive prefix sums of a block of fixed-point colours, with the mask (or none) applied.
-inline void make_table(global const uint *fixed, global const uchar *mask, int pitch, int columns, int rows, global uint4 *table)
-{
-    for (int row = 0; row < BLOCK; ++row) {
-        global uint4 *above = table + row * TABLE_PITCH, *here = above + TABLE_PITCH;
-        global const uint *from = fixed + row * BLOCK;
-        uint4 sum = 0;
-        for (int k = 0; k < BLOCK; ++k) {
-            const uint4 value = (uint4)(from[k], from[BLOCK_RAYS + k], from[2 * BLOCK_RAYS + k], 0);
-            if (!mask || (row < rows && k < columns && mask[row * pitch + k])) sum += value;
-            here[k + 1] = sum + above[k + 1];
-        }
-    }
-}
-
-inline void add_bins(const Planes *p, int plane, global const int *across, global const int *down, int u, int v, global const uint4 *table)
-{
-    global ulong4 *sums = p->sums + (ulong)plane * p->width * p->height;
-    for (int b = 0; b < down[0]; ++b) {
-        const int y = v + down[18 + b];
-        if (y < 0 || y >= p->size) continue;
-        global const uint4 *top = table + down[1 + b] * TABLE_PITCH, *bottom = table + down[2 + b] * TABLE_PITCH;
-        global ulong4 *line = sums + (y - p->top) * p->width - p->left;
-        uint4 before = bottom[0] - top[0];
-        for (int a = 0; a < across[0]; ++a) {
-            const int x = u + across[18 + a], right = across[2 + a];
-            const uint4 here = bottom[right] - top[right];
-            if (x >= 0 && x < p->size) line[x] += convert_ulong4(here - before);
-            before = here;
-        }
-    }
-}
-
-// Add a block of linear colours (3, BLOCK_RAYS) of pixel (u, v): block column bi and row bj of the lens
-// grid of `columns` x `rows` samples.  `fixed` (3, BLOCK_RAYS) and `words` (TABLE_WORDS) are scratch.
-inline void add_to_planes(const Planes *p, int u, int v, int bi, int bj, int columns, int rows, global const float *colours,
-                          global uint *fixed, global uint *words)
-{
-    global uint4 *table = (global uint4 *)words;
-    for (int at = 0; at < 3 * BLOCK_RAYS; at += LANES) VSTORE(TO_VU(fma(VLOAD(colours + at), (vf)(FIXED_ONE), (vf)(0.5f))), fixed + at);
-    for (int k = 0; k < 17; ++k) table[k] = table[k * TABLE_PITCH] = 0;
-    int have = -2;  // which mask the table is of; -1: none
-    for (int plane = 0; plane < p->planes; ++plane) {
-        const int4 info = p->plane[plane];
-        const int kind = p->kinds[(info.x * p->blocks + bj) * p->blocks + bi], want = kind == 2 ? -1 : info.x;
-        if (!kind) continue;
-        if (want != have) {
-            make_table(fixed, want < 0 ? 0 : p->masks + ((ulong)info.x * rows + bj * BLOCK) * columns + bi * BLOCK, columns,
-                       columns - bi * BLOCK, rows - bj * BLOCK, table);
-            have = want;
-        }
-        global const int *runs = p->runs + info.y;
-        add_bins(p, plane, runs + (u * info.z + bi) * RUN, runs + (v * info.z + bj) * RUN, u, v, table);
-    }
-}
 
 #if LANES == 16
 // Add a row of sixteen pixels to sixteen neighbours from `to` on.

@@ -1,11 +1,11 @@
 // The whole of Algorithms 1 and 3 for one chunk of a tile: see, shade, cast shadows, form sensor planes
 // (PLANES) and write encoder-ready frames (FRAMES).
 #include "paint.cl"
-#include "planes.cl"
+#include "beam_planes.cl"
 #include "frames.cl"
 
 #define COLOURS (3 * BLOCK_RAYS)  // of one tile of a beam
-#define SCRATCH_WORDS (EASEL_WORDS + BEAM_TILES * COLOURS + PLANES * TABLE_WORDS)
+#define SCRATCH_WORDS (EASEL_WORDS + BEAM_TILES * COLOURS + PLANES * PREFIX_WORDS)
 
 kernel void scratch_words(global int *words) { *words = SCRATCH_WORDS; }
 
@@ -27,6 +27,35 @@ inline void hand_over(global const float *from, int block, global float *painted
 #endif
 }
 
+// Linear colours of every tile of a beam, clamped to what is stored: (BEAM_TILES, 3, BLOCK_RAYS).
+inline void paint_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, float pixel, Easel *easel,
+                       global float *colours)
+{
+    see_beam(bvh, s, rays, work, easel);
+    for (int block = 0; block < BEAM_BLOCKS; ++block) {
+        if (work->block[block].z_far < 0.0f) continue;
+        paint_block(bvh, s, rays, work, block, pixel, easel);
+        hand_over(easel->colours.base, block, colours);
+    }
+}
+
+// What is made of a painted beam tile by tile: planes of views, and frames, in which `colours` end.
+inline void write_tiles(const Planes *planes, const Frames *out, const Rays *rays, const BeamWork *work, int views, global float *colours)
+{
+    for (int tile = 0; tile < BEAM_TILES; ++tile, colours += COLOURS) {
+        const int element = tile_element(work, tile);
+        if (element < 0) continue;
+        const int2 where = tile_position(work, tile);
+#if PLANES && VIEWS
+        const int packed = out->places[element].w;
+        add_view_to_planes(planes, packed & 0xffff, packed >> 16, views, where.x, where.y, colours);
+#endif
+#if FRAMES
+        write_frames(out, element, where.x, where.y, rays->columns, rays->rows, colours);
+#endif
+    }
+}
+
 kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
 void trace_slab(BVH_PARAMETERS,
                 SURFACES_PARAMETERS,
@@ -38,6 +67,10 @@ void trace_slab(BVH_PARAMETERS,
                 global uchar *restrict frames,
                 const int frame_width,
                 const int frame_height,
+                const int tall,                         // beams in a strip
+                global int2 *restrict windows,          // (workers, planes), empty
+                global uint *restrict strips,           // (workers, planes, ring, 3, BEAM_COLUMNS), zero
+                const int ring,
                 const int n_planes,
                 const int8 region,                      // left, top, width, height, size M, blocks, views N, 0
                 global const int4 *restrict plane_info,
@@ -55,44 +88,32 @@ void trace_slab(BVH_PARAMETERS,
                            plane_info, runs, masks, kinds, sums + get_global_id(0) * plane_words};
     global uint *memory = scratch + get_global_id(0) * (ulong)SCRATCH_WORDS;
     Easel easel = make_easel(memory);
-    global float *painted = (global float *)(memory + EASEL_WORDS);  // (BEAM_TILES, 3, BLOCK_RAYS)
-    global uint *table = memory + EASEL_WORDS + BEAM_TILES * COLOURS;
+    global float *painted = (global float *)(memory + EASEL_WORDS);
+    global uint *prefix = memory + EASEL_WORDS + BEAM_TILES * COLOURS;
+#if PLANES && !VIEWS
+    const Strip strip = {windows + get_global_id(0) * n_planes,
+                         strips + get_global_id(0) * (ulong)n_planes * ring * PREFIX_PITCH, ring};
+#endif
     BeamWork work;
-    for (int beam = atomic_inc(next); beam < n_beams; beam = atomic_inc(next)) {
-        start_beam(&rays, beam, &work);
+    const int squares = rays.beams_across * rays.beams_down, n_items = n_beams / tall;
+    for (int item = atomic_inc(next); item < n_items; item = atomic_inc(next)) {
+        int u = 0;
+        for (int k = 0; k < tall; ++k) {
+            start_beam(&rays, (item / squares * tall + k) * squares + item % squares, &work);
+            const int first = first_element(&work);
+            if (first < 0) continue;
 #if PLANES && !FRAMES && !VIEWS
-        for (int block = 0; block < BEAM_BLOCKS; ++block) {
-            const int2 where = block_position(&work, block) / BLOCK;
-            if (work.block[block].z_far < 0.0f) continue;
-            int open = 0;
-            for (int plane = 0; plane < n_planes; ++plane)
-                open |= kinds[(plane_info[plane].x * region.s5 + where.y) * region.s5 + where.x];
-            if (!open) work.block[block].z_far = -1.0f;
+            drop_closed_blocks(&planes, &work);
+#endif
+            paint_beam(&bvh, &surfaces, &rays, &work, pixel, &easel, painted);
+#if PLANES && !VIEWS
+            u = (places[first].w & 0xffff) / GROUP * GROUP;
+            add_to_strip(&planes, &work, (places[first].w >> 16) / GROUP * GROUP, painted, prefix, &strip);
+#endif
+            write_tiles(&planes, &out, &rays, &work, region.s6, painted);
         }
+#if PLANES && !VIEWS
+        finish_strip(&planes, u, item % rays.beams_across, &strip);
 #endif
-        see_beam(&bvh, &surfaces, &rays, &work, &easel);
-        for (int block = 0; block < BEAM_BLOCKS; ++block) {
-            if (work.block[block].z_far < 0.0f) continue;
-            paint_block(&bvh, &surfaces, &rays, &work, block, pixel, &easel);
-            hand_over(easel.colours.base, block, painted);
-        }
-        for (int tile = 0; tile < BEAM_TILES; ++tile) {
-            const int element = tile_element(&work, tile);
-            if (element < 0) continue;
-            const int2 where = tile_position(&work, tile);
-            global float *colours = painted + tile * COLOURS;
-#if PLANES
-            const int packed = places[element].w;
-#if VIEWS
-            add_view_to_planes(&planes, packed & 0xffff, packed >> 16, region.s6, where.x, where.y, colours);
-#else
-            add_to_planes(&planes, packed & 0xffff, packed >> 16, where.x / BLOCK, where.y / BLOCK, columns, rows, colours,
-                          easel.spare, table);
-#endif
-#endif
-#if FRAMES
-            write_frames(&out, element, where.x, where.y, columns, rows, colours);
-#endif
-        }
     }
 }

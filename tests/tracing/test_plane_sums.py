@@ -1,0 +1,121 @@
+"""Sensor planes of whole tiles, to the last bit the sum of every ray alone."""
+
+import numpy as np
+import pytest
+from tracing_scenes import CAMERA, closed_room, lit_soup, scene
+
+from lfcore.opencl.device import open_device
+from lfcore.optics import bundles
+from lfcore.optics.plane_sums import FIXED_ONE, targets, total
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.oracle.slab import all_pixels
+from lfcore.storage.layout import FrameLayout
+from lfcore.tracing import plane_buffers
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.plane_buffers import strip_rows
+from lfcore.tracing.tracer import Tracer
+
+# Every ray on its own pixel, several on one, most beside the picture, pixels moved unevenly.
+PLANES = [
+    SensorPlane(2.0, 1.0),
+    SensorPlane(0.4, 1.0, shape="square"),
+    SensorPlane(5.0, 1.7, shape="polygon"),
+    SensorPlane(2.05, 1.0, shape="square"),
+    SensorPlane(1.0, 1.0, keep_magnification=True),
+    SensorPlane(2.0, 1000.0),
+]
+# Beams of 4 x 4, 2 x 2 and single pixels; lens grids that fill their blocks and that do not.
+SIZES = [(3, 13), (16, 11), (16, 12), (20, 9), (40, 5), (70, 4)]
+
+
+def fixed_point(colours):
+    """Whole numbers of 2^-20, as the kernels round: once to float32 after adding a half."""
+    clamped = np.clip(colours, 0, 1).astype(np.float64)
+    return (clamped * FIXED_ONE + 0.5).astype(np.float32).astype(np.uint64)
+
+
+def scattered(slab, plane, rays):
+    """(3, M, M) uint64: every ray of (M, M, N, N, 3), indexed [v, u, j, i], added alone."""
+    sums = np.zeros((slab.pixels, slab.pixels, 3), np.uint64)
+    where, mask = targets(slab, plane), plane.mask(slab)
+    v, u, j, i = np.nonzero(np.broadcast_to(mask, rays.shape[:4]))
+    x, y = where[u, i], where[v, j]
+    inside = (x >= 0) & (x < slab.pixels) & (y >= 0) & (y < slab.pixels)
+    kept = tuple(index[inside] for index in (v, u, j, i))
+    np.add.at(sums, (y[inside], x[inside]), rays[kept])
+    return np.moveaxis(sums, -1, 0)
+
+
+def formed(tracer, slab, layout, planes=PLANES, max_rays=1 << 30, frames=False):
+    parts = []
+    for tile in layout.tiles(max_rays):
+        tracing = tracer.trace_tile(slab, tile, planes, frames=frames)
+        for _ in tracing:
+            pass
+        parts.append(tracing.plane_sums)
+    return total(slab, planes, parts).sums
+
+
+@pytest.fixture(scope="module")
+def world():
+    return lit_soup()
+
+
+@pytest.mark.parametrize("views, pixels, lanes", [(*size, None) for size in SIZES] + [(16, 11, 1)])
+def test_sums_are_every_ray_alone(world, views, pixels, lanes, monkeypatch):
+    tracer = Tracer(world, build_bvh(world.triangles), open_device(threads=1, lanes=lanes))
+    slab = Slab(CAMERA, views, pixels)
+    places = all_pixels(slab)
+    colours = tracer.bundle_radiance(bundles.macropixels(slab, places), places)
+    rays = fixed_point(colours).reshape(pixels, pixels, views, views, 3)
+    layout = FrameLayout("macropixels", views, pixels, "serpentine", 1, "yuv444p")
+    sums = formed(tracer, slab, layout)
+    for plane, found in zip(PLANES, sums, strict=True):
+        np.testing.assert_array_equal(found, scattered(slab, plane, rays), str(plane))
+    # Tiles that begin and end amid a beam.
+    for most in (2, 2 * pixels):
+        cut = formed(tracer, slab, layout, max_rays=most * views**2)
+        np.testing.assert_array_equal(cut, sums)
+    # Strips of several beams, even in a picture this small.
+    monkeypatch.setattr(plane_buffers, "ITEMS_A_WORKER", 1)
+    np.testing.assert_array_equal(formed(tracer, slab, layout), sums)
+
+
+def test_frames_do_not_change_sums(world):
+    tracer = Tracer(world, build_bvh(world.triangles), open_device(threads=1))
+    slab, layout = Slab(CAMERA, 20, 9), FrameLayout("macropixels", 20, 9)
+    with_frames = formed(tracer, slab, layout, frames=True)
+    np.testing.assert_array_equal(with_frames, formed(tracer, slab, layout))
+
+
+def white_room():
+    return scene(closed_room(1), background=(1, 1, 1), ambient=(9, 9, 9))
+
+
+@pytest.mark.parametrize("views, pixels", [(16, 40), (64, 17), (200, 9), (1024, 1)])
+def test_no_sum_of_white_rays_overflows(views, pixels, monkeypatch):
+    """A beam of white rays on one pixel is 2^32."""
+    monkeypatch.setattr(plane_buffers, "ITEMS_A_WORKER", 1)
+    world, slab = white_room(), Slab(CAMERA, views, pixels)
+    tracer = Tracer(world, build_bvh(world.triangles), open_device(threads=1))
+    planes = [SensorPlane(CAMERA.focus_distance_m, CAMERA.f_number, shape="square")]
+    layout = FrameLayout("macropixels", views, pixels)
+    sums = formed(tracer, slab, layout, planes)
+    assert (sums == views**2 * FIXED_ONE).all()
+
+
+@pytest.mark.parametrize("pixels, span", [(4, 16), (12, 32), (32, 16)])
+@pytest.mark.parametrize("views, size", [(5, 16), (16, 27), (33, 8)])
+def test_strip_rows_by_walking_strips(pixels, span, views, size):
+    slab = Slab(CAMERA, views, size)
+    most = 0
+    for plane in PLANES:
+        where = targets(slab, plane)
+        for v in range(0, size, pixels):
+            for j in range(0, views, span):
+                part = where[v : v + pixels, j : j + span]
+                most = max(most, int(part.max() - part.min()) + 1)
+    found = strip_rows(slab, PLANES, pixels, span)
+    # Rows of pixels beside the picture may add to it, but no more than there are of them.
+    assert most <= found <= most + pixels
