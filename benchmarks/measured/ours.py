@@ -48,6 +48,7 @@ class MeasuredTracer(Tracer):
 
     def record(self, sample: Sample) -> list[tuple]:
         """The launches (kernel, arguments, counter) that find every hit of ``sample``."""
+        self.slab_hits(sample.slab, sample.pixels[:1])  # what a block spans is found out once
         self.launches = []
         try:
             self.slab_hits(sample.slab, sample.pixels)
