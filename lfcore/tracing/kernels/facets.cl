@@ -63,7 +63,7 @@ inline Form edge_form(float3 p, float3 q, const Bundle *r)
 
 // One triangle prepared for a block.
 typedef struct {
-    Form e[3], sum;       // barycentric weights and their sum
+    Form sum;             // of the barycentric weights
 #if !SMOOTH
     float3 normal;        // geometric, towards the viewer
 #endif
@@ -138,10 +138,8 @@ inline void prepare_facet(const Surfaces *s, const Bundle *r, int id, float pixe
     const float3 p = corner(at, 0), q = corner(at, 1), w = corner(at, 2);
     const float3 shear = (float3)(r->dx, r->dy, 0.0f), origin = (float3)(r->ox, r->oy, 0.0f);
     const float3 v[3] = {p - origin - p.z * shear, q - origin - q.z * shear, w - origin - w.z * shear};
-    f->e[0] = edge_form(v[1], v[2], r);
-    f->e[1] = edge_form(v[2], v[0], r);
-    f->e[2] = edge_form(v[0], v[1], r);
-    f->sum = blend(f->e, 1.0f, 1.0f, 1.0f);
+    const Form e[3] = {edge_form(v[1], v[2], r), edge_form(v[2], v[0], r), edge_form(v[0], v[1], r)};
+    f->sum = blend(e, 1.0f, 1.0f, 1.0f);
 #if !SMOOTH
     // The sum of the weights is n . D: negative when the corners turn towards the viewer.
     const float sign = f->sum.c < 0.0f ? -1.0f : 1.0f;
@@ -149,21 +147,21 @@ inline void prepare_facet(const Surfaces *s, const Bundle *r, int id, float pixe
 #endif
     global const float *attributes = s->attributes + (long)id * ATTRIBUTES;
 #if SMOOTH
-    for (int k = 0; k < 3; ++k) f->n[k] = blend(f->e, attributes[k], attributes[3 + k], attributes[6 + k]);
+    for (int k = 0; k < 3; ++k) f->n[k] = blend(e, attributes[k], attributes[3 + k], attributes[6 + k]);
     attributes += 9;
 #endif
     f->finish = s->material_ids[id] * MIP_LEVELS;
 #if TEXTURED
-    for (int k = 0; k < 2; ++k) f->uv[k] = blend(f->e, attributes[k], attributes[2 + k], attributes[4 + k]);
+    for (int k = 0; k < 2; ++k) f->uv[k] = blend(e, attributes[k], attributes[2 + k], attributes[4 + k]);
     const int texture = as_int(s->materials[s->material_ids[id] * MATERIAL + 7]);
-    const float depth = (p.z * f->e[0].c + q.z * f->e[1].c + w.z * f->e[2].c) / f->sum.c;
+    const float depth = (p.z * e[0].c + q.z * e[1].c + w.z * e[2].c) / f->sum.c;
     if (texture >= 0) f->finish += choose_level(s, texture, attributes, f, depth, pixel);
     attributes += 6;
 #endif
 #if VERTEX_COLOURS
     f->first = vload3(0, attributes);
     for (int k = 0; k < 3; ++k)
-        f->rgb[k] = blend(f->e, 0.0f, attributes[3 + k] - attributes[k], attributes[6 + k] - attributes[k]);
+        f->rgb[k] = blend(e, 0.0f, attributes[3 + k] - attributes[k], attributes[6 + k] - attributes[k]);
 #endif
 }
 
@@ -191,6 +189,20 @@ inline Surface interpolate(const Facet *f, vf x, float y)
     p.rgb.b = fma(form_row(f->rgb[2], x, y), inverse, (vf)(f->first.z));
 #endif
     return p;
+}
+
+// a where the mask is unset, b where it is set
+inline Surface pick_surface(Surface a, Surface b, vi mask)
+{
+    a.normal.x = pick(a.normal.x, b.normal.x, mask); a.normal.y = pick(a.normal.y, b.normal.y, mask);
+    a.normal.z = pick(a.normal.z, b.normal.z, mask);
+#if TEXTURED
+    a.u = pick(a.u, b.u, mask); a.v = pick(a.v, b.v, mask);
+#endif
+#if VERTEX_COLOURS
+    a.rgb.r = pick(a.rgb.r, b.rgb.r, mask); a.rgb.g = pick(a.rgb.g, b.rgb.g, mask); a.rgb.b = pick(a.rgb.b, b.rgb.b, mask);
+#endif
+    return a;
 }
 
 #endif

@@ -19,14 +19,12 @@ typedef struct {
     LeafList list, occluders, nearby;
     int complete;            // occluders hold all that lies between the light and the beam
     BlockColours colours;
-    global float *surfaces;  // see interpolate_block
-    global int *finishes;
     global int *spare;       // (3, BLOCK_RAYS)
 } Easel;
 
 #define EASEL_WORDS                                                                                    \
     (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST + 14 * SHADOW_LIST +                                      \
-     (3 + 3 * SHADOWED + 4 * SHADOW_LIGHTS + SURFACE_PLANES + 1 + 3) * BLOCK_RAYS)
+     (3 + 3 * SHADOWED + 4 * SHADOW_LIGHTS + 3) * BLOCK_RAYS)
 
 // Divide `memory`, of EASEL_WORDS words.
 inline Easel make_easel(global uint *memory)
@@ -49,8 +47,6 @@ inline Easel make_easel(global uint *memory)
     e.colours.point = TAKE(float, 3 * SHADOWED * BLOCK_RAYS);
     e.colours.lit = TAKE(float, 3 * SHADOW_LIGHTS * BLOCK_RAYS);
     e.colours.wants = TAKE(int, SHADOW_LIGHTS * BLOCK_RAYS);
-    e.surfaces = TAKE(float, SURFACE_PLANES * BLOCK_RAYS);
-    e.finishes = TAKE(int, BLOCK_RAYS);
     e.spare = TAKE(int, 3 * BLOCK_RAYS);
 #undef TAKE
     return e;
@@ -119,19 +115,46 @@ inline void crop_block(const Rays *rays, int2 where, global int *ids)
     }
 }
 
+// A block that lies on one triangle: what the lights reach is found before anything is lit.
+inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, const BlockState *state, float pixel, Easel *e)
+{
+    Facet facet;
+    prepare_facet(s, bundle, state->cover, pixel, &facet);
+#if SHADOW_LIGHTS
+    float lo[3], hi[3];
+    facet_bounds(bundle, state->c, lo, hi);
+    for (int k = 0; k < SHADOW_LIGHTS; ++k) {
+        global int *wants = e->colours.wants + k * BLOCK_RAYS;
+        global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
+        const int away = turned_away(&facet, bundle, light, lo, hi);
+        for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) VSTORE((vi)(away ? 0 : -1), wants + ray);
+        if (!away) darken(bvh, light, &e->occluders, e->complete, bundle, state, 0, 0, lo, hi, 0, wants);
+    }
+#endif
+    shade_cover(s, bundle, state, &facet, &e->colours);
+}
+
 // Linear colours, not clamped, of one block of a beam that was seen: (3, BLOCK_RAYS) at colours.base.
 inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, const BeamWork *work, int block, float pixel, Easel *e)
 {
     const BlockState *state = work->block + block;
     const Bundle bundle = block_bundle(rays, work, block);
+    if (state->cover >= 0) {
+        paint_cover(bvh, s, &bundle, state, pixel, e);
+        return;
+    }
+    if (state->cover == NOTHING) {
+        shade_nothing(s, &e->colours);
+        return;
+    }
     global int *ids = e->ids + block * BLOCK_RAYS;
-    if (state->cover == BUFFERED) crop_block(rays, block_position(work, block), ids);
-    const int triangles = shade_block(s, &bundle, state, e->z + block * BLOCK_RAYS, ids, pixel, e->surfaces, e->finishes, &e->colours);
+    crop_block(rays, block_position(work, block), ids);
+    const int triangles = shade_block(s, &bundle, e->z + block * BLOCK_RAYS, ids, pixel, &e->colours);
 #if SHADOW_LIGHTS
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         global int *wants = e->colours.wants + k * BLOCK_RAYS;
         global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
-        if (SCATTERED || (state->cover < 0 && triangles > MANY_TRIANGLES))  // a covered block has no ids
+        if (SCATTERED || triangles > MANY_TRIANGLES)
             shadow_rays_singly(bvh, light, &e->occluders, e->complete, &e->nearby, ids, e->colours.point, wants);
         else if (triangles)
             shadow_block(bvh, light, &e->occluders, e->complete, &bundle, state, ids, e->colours.point, wants, e->spare,

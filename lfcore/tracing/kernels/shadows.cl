@@ -300,6 +300,35 @@ inline void facet_bounds(const Bundle *r, const float *depth, float *lo, float *
     }
 }
 
+// Bounds of a dot product: the largest value of a . b with each coordinate off by up to da and db.
+inline float most_dot(float3 a, float3 da, float3 b, float3 db)
+{
+    return dot(a, b) + 1.00001f * dot(fabs(a), db) + 1.00001f * dot(da, fabs(b) + db) + 1.0e-6f * dot(fabs(a), fabs(b));
+}
+
+// Whether no ray of a block on one triangle, whose hit points lo and hi bound, meets a side that faces the light.
+inline int turned_away(const Facet *f, const Bundle *r, global const float *light, const float *lo, const float *hi)
+{
+#if SMOOTH
+    const float3 n = (float3)(f->n[0].c, f->n[1].c, f->n[2].c);
+    const float3 dn = HALF * (float3)(fabs(f->n[0].i) + fabs(f->n[0].j), fabs(f->n[1].i) + fabs(f->n[1].j), fabs(f->n[2].i) + fabs(f->n[2].j));
+    // Normals are turned to the viewer, and may all have to be turned or none.
+    const float3 view = (float3)(r->dx, r->dy, 1.0f), dview = HALF * (float3)(fabs(r->tx), fabs(r->ty), 0.0f);
+    const float sign = most_dot(n, dn, view, dview) < 0.0f ? 1.0f : most_dot(-n, dn, view, dview) < 0.0f ? -1.0f : 0.0f;
+    if (sign == 0.0f) return 0;
+#else
+    const float3 n = f->normal, dn = 0.0f;
+    const float sign = 1.0f;
+#endif
+    float3 l = vload3(0, light), dl = 0.0f;
+    if (IS_POINT(light)) {
+        const float3 low = vload3(0, lo), high = vload3(0, hi);
+        dl = 0.5f * (high - low) + 1.0e-6f * fabs(l);
+        l -= 0.5f * (low + high);
+    }
+    return most_dot(sign * n, dn, l, dl) < 0.0f;
+}
+
 // Darken rays in `open` whose hit points lo and hi bound.  `shared` lists the leaves between the light
 // and the whole beam when it could hold them (complete), and is used as scratch otherwise.
 inline void darken(const Bvh *bvh, global const float *light, LeafList *shared, int complete, const Bundle *bundle,
@@ -324,20 +353,12 @@ inline void darken(const Bvh *bvh, global const float *light, LeafList *shared, 
     }
 }
 
-// Take from `wants` the block's rays that cannot see the light; `open` and `seen` are scratch.
+// Take from `wants` the rays of a block of several triangles that cannot see the light; `open` and `seen` are scratch.
 inline void shadow_block(const Bvh *bvh, global const float *light, LeafList *shared, int complete, const Bundle *bundle,
                          const BlockState *state, global const int *ids, global const float *point, global int *wants,
                          global int *open, global int *seen)
 {
     float lo[3], hi[3];
-    if (state->cover >= 0) {
-        vi want = 0;
-        for (int at = 0; at < BLOCK_RAYS; at += LANES) want |= VLOAD(wants + at);
-        if (!row_any(want)) return;
-        facet_bounds(bundle, state->c, lo, hi);
-        darken(bvh, light, shared, complete, bundle, state, ids, point, lo, hi, 0, wants);
-        return;
-    }
     for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE((vi)(0), seen + at);
     Bands bands;
     while (next_span(bundle, point, wants, open, lo, hi, &bands)) {
