@@ -128,7 +128,7 @@ inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Bundle *bundle,
         global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
         const int away = turned_away(&facet, bundle, light, lo, hi);
         for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) VSTORE((vi)(away ? 0 : -1), wants + ray);
-        if (!away) darken(bvh, light, &e->occluders, e->complete, bundle, state, 0, 0, lo, hi, 0, wants);
+        if (!away) darken(bvh, light, &e->occluders, e->complete, bundle, state, 0, 0, 0, lo, hi, 0, wants);
     }
 #endif
     shade_cover(s, bundle, state, &facet, &e->colours);
@@ -149,15 +149,16 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, con
     }
     global int *ids = e->ids + block * BLOCK_RAYS;
     crop_block(rays, block_position(work, block), ids);
-    const int triangles = shade_block(s, &bundle, e->z + block * BLOCK_RAYS, ids, pixel, &e->colours);
+    Facets facets;
+    shade_block(s, &bundle, e->z + block * BLOCK_RAYS, ids, pixel, &facets, &e->colours);
 #if SHADOW_LIGHTS
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         global int *wants = e->colours.wants + k * BLOCK_RAYS;
         global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
-        if (SCATTERED || triangles > MANY_TRIANGLES)
+        if (SCATTERED || facets.count > MANY_TRIANGLES)
             shadow_rays_singly(bvh, light, &e->occluders, e->complete, &e->nearby, ids, e->colours.point, wants);
-        else if (triangles)
-            shadow_block(bvh, light, &e->occluders, e->complete, &bundle, state, ids, e->colours.point, wants, e->spare,
+        else if (facets.count)
+            shadow_block(bvh, light, &e->occluders, e->complete, &bundle, state, &facets, ids, e->colours.point, wants, e->spare,
                          e->spare + BLOCK_RAYS);
         for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) {
             const vi open = VLOAD(wants + ray);

@@ -148,7 +148,7 @@ typedef struct {
     Facet facet[SLOTS];
     int id[SLOTS];           // -1: empty
     uint seen[SEEN / 32];    // a bit for each triangle, modulo SEEN
-    int count;               // bits set: whatever order the rows are read in
+    int count;               // bits set, whatever order the rows are read in: the triangles, but for some of very many
 } Facets;
 
 // All rays of a block that meet nothing.
@@ -229,19 +229,18 @@ inline void shade_row(const Surfaces *s, const Surface *p, const Meeting *m, vi 
     }
 }
 
-// Shade a block from its buffers.  Returns about the number of triangles that it sees: those whose numbers
-// differ modulo SEEN.
-inline int shade_block(const Surfaces *s, const Bundle *r, global const float *z, global const int *ids, float pixel, const BlockColours *out)
+// Shade a block from its buffers; `facets` receives the triangles that it sees.
+inline void shade_block(const Surfaces *s, const Bundle *r, global const float *z, global const int *ids, float pixel, Facets *facets,
+                        const BlockColours *out)
 {
-    Facets facets;
-    clear_facets(&facets);
+    clear_facets(facets);
     int number = -1;
     Finish finish;
     Surface p = {0};
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const vf x = IOTA + (at % BLOCK - HALF);
         const float y = at / BLOCK - HALF;
-        const vi made_of = interpolate_row(s, r, ids + at, x, y, pixel, &facets, &p);
+        const vi made_of = interpolate_row(s, r, ids + at, x, y, pixel, facets, &p);
         const Meeting m = meet(&p, r, x, y, VLOAD(z + at));
 #if SHADOW_LIGHTS
         const Colour where = {m.point.x, m.point.y, m.point.z};
@@ -249,7 +248,6 @@ inline int shade_block(const Surfaces *s, const Bundle *r, global const float *z
 #endif
         shade_row(s, &p, &m, made_of, at, out, &number, &finish);
     }
-    return facets.count;
 }
 
 // Shade a block that lies on one triangle, once it is known which rays see the lights that cast shadows.

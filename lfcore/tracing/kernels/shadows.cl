@@ -116,6 +116,50 @@ inline Affine project_plane(const Receiver *f, Plane p)
     return e;
 }
 
+// Receivers of a block of several triangles: one of each, as if it filled the block.
+#define RECEIVERS 8
+typedef struct {
+    Receiver of[RECEIVERS];
+    int count;          // 0 where they are too many, or one is seen edge-on
+} Receivers;
+
+inline void make_receivers(const Bundle *r, const Facets *facets, float3 apex, Receivers *out)
+{
+    out->count = 0;
+    if (facets->count > RECEIVERS) return;
+    for (int k = 0; k < SLOTS; ++k) {
+        if (facets->id[k] < 0) continue;
+        const float *depth = facets->facet[k].depth;
+        if (depth[3] <= 1.00001f * HALF * (fabs(depth[4]) + fabs(depth[5]))) break;
+        out->of[out->count++] = make_receiver(r, depth, apex);
+    }
+    if (out->count < facets->count) out->count = 0;
+}
+
+// Mask of the LANES occluders in `may` that can darken one of the receivers.  What a hit point is off its plane is
+// a fraction of SHADOW_MARGIN; half of that keeps whatever could darken a ray, and drops neighbours in one plane.
+inline vi darkens_some(const Receivers *receivers, const ShadowRays *r, const Plane *planes, vi may)
+{
+    vf noise[4];
+    for (int k = 0; k < 4; ++k) {
+        const Plane f = planes[k];
+        noise[k] = 0.5f * SHADOW_MARGIN * fma(fabs(f.n.x), (vf)(r->size.x), fma(fabs(f.n.y), (vf)(r->size.y), fma(fabs(f.n.z), (vf)(r->size.z), fabs(f.c))));
+    }
+    vi some = 0;
+    for (int k = 0; k < receivers->count; ++k) {
+        const Receiver *f = receivers->of + k;
+        const float most = f->wc + HALF * (fabs(f->wi) + fabs(f->wj));
+        vi darkens = may;
+        for (int edge = 3; edge >= 0; --edge) {
+            const Affine e = project_plane(f, planes[edge]);
+            darkens &= GE(e.c + fma(noise[edge], (vf)(most), spread(e)), (vf)(0.0f));
+            if (!row_any(darkens)) break;
+        }
+        some |= darkens;
+    }
+    return some;
+}
+
 // Affine forms of LANES occluders over a receiver's block, and the rows each can darken.
 inline uint project_occluders(const Receiver *f, const Plane *planes, vi may, private float *out, private int *rows)
 {
@@ -255,7 +299,7 @@ inline ShadowRays shadow_rays(global const float *light, const float *lo, const 
 }
 
 // Test a block against the leaves on the list; false once no ray of it can see the light.
-inline int shade_off(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, const Receiver *receiver, const Bands *bands,
+inline int shade_off(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, const Receiver *receiver, const Receivers *receivers, const Bands *bands,
                      const LeafList *list, int own, global const int *ids, global const float *point, global int *wants)
 {
     Plane planes[4];
@@ -267,7 +311,8 @@ inline int shade_off(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, co
         for (; near; near &= near - 1) {
             const int leaf = list->leaf[base + lowest(near)];
             for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-                const vi may = setup_occluders(r, shaft, bvh->leaves + leaf * 9 * NODE_WIDTH + lane, planes);
+                vi may = setup_occluders(r, shaft, bvh->leaves + leaf * 9 * NODE_WIDTH + lane, planes);
+                if (!receiver && receivers->count && row_any(may)) may = darkens_some(receivers, r, planes, may);
                 if (!row_any(may)) continue;
                 uint keep = receiver ? project_occluders(receiver, planes, may, forms, rows) : store_occluders(planes, may, forms);
                 for (; keep; keep &= keep - 1) {
@@ -332,7 +377,7 @@ inline int turned_away(const Facet *f, const Bundle *r, global const float *ligh
 // Darken rays in `open` whose hit points lo and hi bound.  `shared` lists the leaves between the light
 // and the whole beam when it could hold them (complete), and is used as scratch otherwise.
 inline void darken(const Bvh *bvh, global const float *light, LeafList *shared, int complete, const Bundle *bundle,
-                   const BlockState *state, global const int *ids, global const float *point, const float *lo, const float *hi,
+                   const BlockState *state, const Facets *facets, global const int *ids, global const float *point, const float *lo, const float *hi,
                    const Bands *bands, global int *open)
 {
     const Shaft shaft = make_shaft(light, lo, hi);
@@ -340,8 +385,10 @@ inline void darken(const Bvh *bvh, global const float *light, LeafList *shared, 
     Receiver facet;
     if (state->cover >= 0) facet = make_receiver(bundle, state->c, rays.apex);
     const Receiver *receiver = state->cover >= 0 ? &facet : 0;
+    Receivers receivers;
+    if (state->cover < 0) make_receivers(bundle, facets, rays.apex, &receivers);
     if (complete) {
-        shade_off(bvh, &shaft, &rays, receiver, bands, shared, state->cover, ids, point, open);
+        shade_off(bvh, &shaft, &rays, receiver, &receivers, bands, shared, state->cover, ids, point, open);
         return;
     }
     Walk walk;
@@ -349,20 +396,20 @@ inline void darken(const Bvh *bvh, global const float *light, LeafList *shared, 
     while (walk.size) {
         shared->count = 0;
         gather_shaft(bvh, &shaft, &walk, shared);
-        if (!shade_off(bvh, &shaft, &rays, receiver, bands, shared, state->cover, ids, point, open)) return;
+        if (!shade_off(bvh, &shaft, &rays, receiver, &receivers, bands, shared, state->cover, ids, point, open)) return;
     }
 }
 
 // Take from `wants` the rays of a block of several triangles that cannot see the light; `open` and `seen` are scratch.
 inline void shadow_block(const Bvh *bvh, global const float *light, LeafList *shared, int complete, const Bundle *bundle,
-                         const BlockState *state, global const int *ids, global const float *point, global int *wants,
+                         const BlockState *state, const Facets *facets, global const int *ids, global const float *point, global int *wants,
                          global int *open, global int *seen)
 {
     float lo[3], hi[3];
     for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE((vi)(0), seen + at);
     Bands bands;
     while (next_span(bundle, point, wants, open, lo, hi, &bands)) {
-        darken(bvh, light, shared, complete, bundle, state, ids, point, lo, hi, &bands, open);
+        darken(bvh, light, shared, complete, bundle, state, facets, ids, point, lo, hi, &bands, open);
         for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE(VLOAD(seen + at) | VLOAD(open + at), seen + at);
     }
     for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE(VLOAD(seen + at), wants + at);
