@@ -200,6 +200,24 @@ inline Surface interpolate(const Facet *f, vf x, float y)
     return p;
 }
 
+#if TEXTURED
+// The texels under a block that lies wholly on one triangle: quotients of affine forms have their extremes in corners.
+inline void facet_patch(const Surfaces *s, const Facet *f, int4 image, Patch *patch)
+{
+    float lo[2] = {FAR, FAR}, hi[2] = {-FAR, -FAR};
+    for (int k = 0; k < 4; ++k) {
+        const float x = k & 1 ? HALF : -HALF, y = k & 2 ? HALF : -HALF;
+        const float weight = f->sum.c + x * f->sum.i + y * f->sum.j;
+        for (int axis = 0; axis < 2; ++axis) {
+            const float at = (f->uv[axis].c + x * f->uv[axis].i + y * f->uv[axis].j) / weight;
+            lo[axis] = min(lo[axis], at);
+            hi[axis] = max(hi[axis], at);
+        }
+    }
+    make_patch(s->texels, image, lo[0], hi[0], lo[1], hi[1], patch);
+}
+#endif
+
 // a where the mask is unset, b where it is set
 inline Surface pick_surface(Surface a, Surface b, vi mask)
 {

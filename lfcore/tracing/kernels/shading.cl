@@ -30,12 +30,13 @@ inline Vec viewed_normal(Vec n, Vec direction)
     return n;
 }
 
-inline Colour albedo(const Surfaces *s, const Finish *f, const Surface *p)
+// `patch`, if there is one, holds the texels.
+inline Colour albedo(const Surfaces *s, const Finish *f, const Surface *p, const Patch *patch)
 {
     Colour c = {f->diffuse.x, f->diffuse.y, f->diffuse.z};
 #if TEXTURED
     if (f->image.y) {
-        const Colour t = sample_texture(s->texels, f->image, p->u, p->v);
+        const Colour t = patch && patch->columns ? sample_patch(patch, p->u, p->v) : sample_texture(s->texels, f->image, p->u, p->v);
         c.r *= t.r; c.g *= t.g; c.b *= t.b;
     }
 #endif
@@ -213,7 +214,7 @@ inline void shade_row(const Surfaces *s, const Surface *p, const Meeting *m, vi 
             *number = next;
             *finish = read_finish(s, next);
         }
-        const Colour colour = albedo(s, finish, p);
+        const Colour colour = albedo(s, finish, p, 0);
         base = pick_colour(base, unshadowed(s, finish, colour, m), mask);
         for (int k = 0; k < SHADOW_LIGHTS; ++k) {
             vi facing;
@@ -254,12 +255,16 @@ inline void shade_block(const Surfaces *s, const Bundle *r, global const float *
 inline void shade_cover(const Surfaces *s, const Bundle *r, const BlockState *state, const Facet *f, const BlockColours *out)
 {
     const Finish finish = read_finish(s, f->finish);
+    Patch patch;
+#if TEXTURED
+    if (finish.image.y) facet_patch(s, f, finish.image, &patch);
+#endif
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const vf x = IOTA + (at % BLOCK - HALF);
         const float y = at / BLOCK - HALF;
         const Surface p = interpolate(f, x, y);
         const Meeting m = meet(&p, r, x, y, cover_depth(state->c, x, y));
-        const Colour colour = albedo(s, &finish, &p);
+        const Colour colour = albedo(s, &finish, &p, &patch);
         Colour sum = unshadowed(s, &finish, colour, &m);
         for (int k = 0; k < SHADOW_LIGHTS; ++k) {
             const vi open = VLOAD(out->wants + k * BLOCK_RAYS + at);
