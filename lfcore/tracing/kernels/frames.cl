@@ -10,11 +10,12 @@ typedef struct {
     int width, height;
 } Frames;
 
-// IEC 61966-2-1 encoding of values in [0, 1].  A polynomial (least largest error, 7e-6) in the fourth
+// IEC 61966-2-1 encoding of values clamped to [0, 1].  A polynomial (least largest error, 7e-6) in the fourth
 // root, of which two reciprocal square roots of the processor's give 13 bits: 0.04 of a code.
 inline vf encode_srgb(vf x)
 {
-    const vf root = native_rsqrt(native_rsqrt(max(x, (vf)(1.0e-9f))));
+    x = clamp(x, (vf)(1.0e-9f), (vf)(1.0f));
+    const vf root = native_rsqrt(native_rsqrt(x));
     vf p = -6.814727000e-02f;
     p = fma(p, root, (vf)(2.895329352e-01f));
     p = fma(p, root, (vf)(-5.774826995e-01f));

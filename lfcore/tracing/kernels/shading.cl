@@ -142,7 +142,13 @@ inline Colour background_colour(const Surfaces *s)
     return c;
 }
 
-// Facets of a block, kept from row to row in slots by their numbers.
+// All rays of a block that meet nothing.
+inline void shade_nothing(const Surfaces *s, const BlockColours *out)
+{
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) store_row(out->base, at, background_colour(s));
+}
+
+// Facets of a block, kept from row to row: a triangle has a slot by its number, and another one.
 #define SLOTS 32
 #define SEEN 1024
 typedef struct {
@@ -150,31 +156,31 @@ typedef struct {
     int id[SLOTS];           // -1: empty
     uint seen[SEEN / 32];    // a bit for each triangle, modulo SEEN
     int count;               // bits set, whatever order the rows are read in: the triangles, but for some of very many
+    int lost;                // some found both their slots taken
 } Facets;
-
-// All rays of a block that meet nothing.
-inline void shade_nothing(const Surfaces *s, const BlockColours *out)
-{
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) store_row(out->base, at, background_colour(s));
-}
 
 inline void clear_facets(Facets *facets)
 {
     for (int k = 0; k < SLOTS; ++k) facets->id[k] = -1;
     for (int k = 0; k < SEEN / 32; ++k) facets->seen[k] = 0;
-    facets->count = 0;
+    facets->count = facets->lost = 0;
 }
 
 inline const Facet *find_facet(const Surfaces *s, const Bundle *r, int id, float pixel, Facets *facets)
 {
-    const int slot = id % SLOTS;
-    if (facets->id[slot] != id) {
-        facets->id[slot] = id;
-        prepare_facet(s, r, id, pixel, facets->facet + slot);
-        uint *word = facets->seen + id % SEEN / 32;
-        facets->count += !(*word >> id % 32 & 1);
-        *word |= 1u << id % 32;
+    int slot = id % SLOTS;
+    const int other = slot ^ SLOTS / 2;
+    if (facets->id[slot] == id) return facets->facet + slot;
+    if (facets->id[other] == id) return facets->facet + other;
+    if (facets->id[slot] >= 0) {
+        if (facets->id[other] < 0) slot = other;
+        else facets->lost = 1;
     }
+    facets->id[slot] = id;
+    prepare_facet(s, r, id, pixel, facets->facet + slot);
+    uint *word = facets->seen + id % SEEN / 32;
+    facets->count += !(*word >> id % 32 & 1);
+    *word |= 1u << id % 32;
     return facets->facet + slot;
 }
 

@@ -126,14 +126,16 @@ typedef struct {
 inline void make_receivers(const Bundle *r, const Facets *facets, float3 apex, Receivers *out)
 {
     out->count = 0;
-    if (facets->count > RECEIVERS) return;
+    if (facets->lost) return;
     for (int k = 0; k < SLOTS; ++k) {
         if (facets->id[k] < 0) continue;
         const float *depth = facets->facet[k].depth;
-        if (depth[3] <= 1.00001f * HALF * (fabs(depth[4]) + fabs(depth[5]))) break;
+        if (out->count == RECEIVERS || depth[3] <= 1.00001f * HALF * (fabs(depth[4]) + fabs(depth[5]))) {
+            out->count = 0;
+            return;
+        }
         out->of[out->count++] = make_receiver(r, depth, apex);
     }
-    if (out->count < facets->count) out->count = 0;
 }
 
 // Mask of the LANES occluders in `may` that can darken one of the receivers.  What a hit point is off its plane is

@@ -55,8 +55,10 @@ void trace_slab(BVH_PARAMETERS,
             if (work.block[block].z_far < 0.0f) continue;
             paint_block(&bvh, &surfaces, &rays, &work, block, pixel, &easel);
             global float *colours = easel.colours.base;
+#if PLANES
             for (int ray = 0; ray < 3 * BLOCK_RAYS; ray += LANES)
                 VSTORE(clamp(VLOAD(colours + ray), (vf)(0.0f), (vf)(1.0f)), colours + ray);
+#endif
             const int element = work.element[block / ELEMENT_BLOCKS];
             const int2 where = block_position(&work, block);
 #if PLANES
