@@ -66,29 +66,27 @@ typedef struct {
     float d[PATCH][PATCH][3];
 } Patch;
 
-inline int wrapped(int x, int size) { return (x % size + size) % size; }
-
 // The patch of rays whose coordinates lie within [u0, u1] x [v0, v1].
 inline void make_patch(global const uint *texels, int4 image, float u0, float u1, float v0, float v1, Patch *p)
 {
     p->columns = 0;
-    p->u = floor(u0); p->v = floor(v0);
+    p->u = floor(u0); p->v = floor(v1);
     p->width = image.y; p->height = image.z;
     p->left = floor(fma(u0 - p->u, p->width, -0.5f)); p->top = floor(fma(1.0f - (v1 - p->v), p->height, -0.5f));
     const float across = fma(u1 - p->u, p->width, -0.5f) - p->left, down = fma(1.0f - (v0 - p->v), p->height, -0.5f) - p->top;
     if (!(across < PATCH - 1 && down < PATCH - 1)) return;
     p->columns = (int)across + 2;
     p->rows = (int)down + 2;
-    for (int j = p->rows - 1; j >= 0; --j) {
-        const int line = image.x + wrapped((int)p->top + j, image.z) * image.y;
-        for (int i = 0; i < p->columns; ++i) {
-            const uint texel = texels[line + wrapped((int)p->left + i, image.y)];
+    const int first = p->left < 0.0f ? image.y - 1 : (int)p->left;
+    int line = p->top < 0.0f ? image.z - 1 : (int)p->top;
+    for (int j = 0; j < p->rows; ++j, line = line + 1 < image.z ? line + 1 : 0)
+        for (int i = 0, column = first; i < p->columns; ++i, column = column + 1 < image.y ? column + 1 : 0) {
+            const uint texel = texels[image.x + line * image.y + column];
             for (int k = 0; k < 3; ++k) {
                 const float root = (float)(texel >> 10 * k & 1023u) * (1.0f / 1023.0f);
                 p->d[j][i][k] = root * root;
             }
         }
-    }
     for (int j = p->rows - 1; j >= 0; --j)
         for (int i = p->columns - 1; i >= 0; --i)
             for (int k = 0; k < 3; ++k) {
