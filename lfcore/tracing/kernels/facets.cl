@@ -19,7 +19,7 @@ typedef struct {
     global const float *corners;     // (T, 9)
     global const float *attributes;  // (T, ATTRIBUTES): normals, texture coordinates, colours of the corners
     global const int *material_ids;  // (T,)
-    global const float *materials;   // (K, MATERIAL): diffuse, shininess, specular, texture, emission, 0
+    global const float *materials;   // (K, MATERIAL): diffuse, shininess, specular, texture, emission, dull (see Finish)
     global const float *lights;      // (LIGHTS, LIGHT): vector, 1 if a point, colour, reference distance
     global const int4 *images;       // (textures, MIP_LEVELS): offset, width, height, number of levels
     global const uint *texels;
@@ -87,7 +87,7 @@ typedef struct {
 // Numbered material * MIP_LEVELS + level, so that triangles alike can be lit together.
 typedef struct {
     float3 diffuse, specular, emission;
-    float shininess;
+    float shininess, dull;  // gloss is nothing where the cosine is below `dull`
     int4 image;           // width 0 without a texture
 } Finish;
 
@@ -99,6 +99,7 @@ inline Finish read_finish(const Surfaces *s, int number)
     f.shininess = material[3];
     f.specular = vload3(0, material + 4);
     f.emission = vload3(0, material + 8);
+    f.dull = material[11];
     f.image = 0;
 #if TEXTURED
     const int texture = as_int(material[7]);

@@ -80,11 +80,14 @@ inline Colour light_row(global const float *light, const Finish *f, Colour albed
     if (f->specular.x + f->specular.y + f->specular.z > 0.0f) {
         const Vec h = {l.x + view.x, l.y + view.y, l.z + view.z};
         const vf halfway = max(dot3(normal, h), (vf)(0.0f)) * inverse_sqrt(max(dot3(h, h), (vf)(1.0e-30f)));
-        vf gloss = exp2_fast(f->shininess * log2_fast(max(halfway, (vf)(1.0e-30f)))) * strength;
-        gloss = pick((vf)(0.0f), gloss, *facing);
-        c.r = fma(gloss, (vf)(f->specular.x), c.r);
-        c.g = fma(gloss, (vf)(f->specular.y), c.g);
-        c.b = fma(gloss, (vf)(f->specular.z), c.b);
+        const vi glossy = *facing & GE(halfway, (vf)(f->dull));
+        if (row_any(glossy)) {
+            vf gloss = exp2_fast(f->shininess * log2_fast(max(halfway, (vf)(1.0e-30f)))) * strength;
+            gloss = pick((vf)(0.0f), gloss, glossy);
+            c.r = fma(gloss, (vf)(f->specular.x), c.r);
+            c.g = fma(gloss, (vf)(f->specular.y), c.g);
+            c.b = fma(gloss, (vf)(f->specular.z), c.b);
+        }
     }
 #endif
 #if COLOURED_LIGHTS
