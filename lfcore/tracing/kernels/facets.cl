@@ -64,9 +64,7 @@ inline Form edge_form(float3 p, float3 q, const Bundle *r)
 // One triangle prepared for a block.
 typedef struct {
     Form sum;             // of the barycentric weights
-#if SHADOW_LIGHTS
     float depth[6];       // as of BlockState, with a positive weight at the block's centre
-#endif
 #if !SMOOTH
     float3 normal;        // geometric, towards the viewer
 #endif
@@ -144,12 +142,10 @@ inline void prepare_facet(const Surfaces *s, const Bundle *r, int id, float pixe
     const float3 v[3] = {p - origin - p.z * shear, q - origin - q.z * shear, w - origin - w.z * shear};
     const Form e[3] = {edge_form(v[1], v[2], r), edge_form(v[2], v[0], r), edge_form(v[0], v[1], r)};
     f->sum = blend(e, 1.0f, 1.0f, 1.0f);
-#if SHADOW_LIGHTS
     float3 n = cross(v[1] - v[0], v[2] - v[0]);
     if (n.z < 0.0f) n = -n;
     f->depth[0] = dot(n, v[0]); f->depth[1] = -n.x * r->sx; f->depth[2] = -n.y * r->sy;
     f->depth[3] = n.z; f->depth[4] = n.x * r->tx; f->depth[5] = n.y * r->ty;
-#endif
 #if !SMOOTH
     // The sum of the weights is n . D: negative when the corners turn towards the viewer.
     const float sign = f->sum.c < 0.0f ? -1.0f : 1.0f;
@@ -174,6 +170,9 @@ inline void prepare_facet(const Surfaces *s, const Bundle *r, int id, float pixe
         f->rgb[k] = blend(e, 0.0f, attributes[3 + k] - attributes[k], attributes[6 + k] - attributes[k]);
 #endif
 }
+
+// Whether a triangle is seen from one side all over the block.
+inline int one_sided(const Facet *f) { return f->depth[3] > 1.00001f * HALF * (fabs(f->depth[4]) + fabs(f->depth[5])); }
 
 inline vf dot3(Vec a, Vec b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
 inline Vec scale3(Vec a, vf k) { Vec r = {a.x * k, a.y * k, a.z * k}; return r; }

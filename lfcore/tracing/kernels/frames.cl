@@ -25,8 +25,9 @@ inline vf encode_srgb(vf x)
     return pick(12.92f * x, p, GT(x, (vf)(0.0031308f)));
 }
 
-// Codes lie in [16, 240]; adding 1.5 * 2^23 rounds to the nearest, ties to even, into the low bits.
-inline void put_codes(vf value, private uchar *at) { VSTORE(NARROW(AS_VU(value + 12582912.0f) & 255u), at); }
+// Codes lie in [16, 240]; in a sum with 1.5 * 2^23 they are rounded to the nearest, ties to even, into the low bits.
+#define ROUNDED(code) ((vf)((code) + 12582912.0f))
+inline void put_codes(vf sum, private uchar *at) { VSTORE(NARROW(AS_VU(sum) & 255u), at); }
 
 // Copy the `wide` x `high` codes of a block that are inside the inner grid.
 inline void copy_codes(private const uchar *codes, int wide, int high, global uchar *to, int pitch)
@@ -46,14 +47,14 @@ inline void write_frames(const Frames *out, int element, int column, int row, in
         const vf r = encode_srgb(VLOAD(colours + at)), g = encode_srgb(VLOAD(colours + BLOCK_RAYS + at));
         const vf b = encode_srgb(VLOAD(colours + 2 * BLOCK_RAYS + at));
         const vf luma = fma(r, (vf)(0.2126f), fma(g, (vf)(0.7152f), b * 0.0722f));
-        const vf cb = fma(b - luma, (vf)(224.0f / 1.8556f), (vf)(128.0f)), cr = fma(r - luma, (vf)(224.0f / 1.5748f), (vf)(128.0f));
-        put_codes(fma(luma, (vf)(219.0f), (vf)(16.0f)), codes + at);
+        const vf blue = b - luma, red = r - luma;
+        put_codes(fma(luma, (vf)(219.0f), ROUNDED(16.0f)), codes + at);
 #if CHROMA == 1
-        put_codes(cb, codes + BLOCK_RAYS + at);
-        put_codes(cr, codes + 2 * BLOCK_RAYS + at);
+        put_codes(fma(blue, (vf)(224.0f / 1.8556f), ROUNDED(128.0f)), codes + BLOCK_RAYS + at);
+        put_codes(fma(red, (vf)(224.0f / 1.5748f), ROUNDED(128.0f)), codes + 2 * BLOCK_RAYS + at);
 #else
-        VSTORE(cb, colours + at);
-        VSTORE(cr, colours + BLOCK_RAYS + at);
+        VSTORE(fma(blue, (vf)(224.0f / 1.8556f), (vf)(128.0f)), colours + at);
+        VSTORE(fma(red, (vf)(224.0f / 1.5748f), (vf)(128.0f)), colours + BLOCK_RAYS + at);
 #endif
     }
     const int4 place = out->places[element];

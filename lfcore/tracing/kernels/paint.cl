@@ -116,41 +116,27 @@ inline void crop_block(const Rays *rays, int2 where, global int *ids)
 }
 
 // A block that lies on one triangle: what the lights reach is found before anything is lit.
-inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, const BlockState *state, float pixel, Easel *e)
+inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, int id, const Facet *facet, Easel *e)
 {
-    Facet facet;
-    prepare_facet(s, bundle, state->cover, pixel, &facet);
 #if SHADOW_LIGHTS
     float lo[3], hi[3];
-    facet_bounds(bundle, state->c, lo, hi);
+    facet_bounds(bundle, facet->depth, lo, hi);
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         global int *wants = e->colours.wants + k * BLOCK_RAYS;
         global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
-        const int away = turned_away(&facet, bundle, light, lo, hi);
+        const int away = turned_away(facet, bundle, light, lo, hi);
         for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) VSTORE((vi)(away ? 0 : -1), wants + ray);
-        if (!away) darken(bvh, light, &e->occluders, e->complete, bundle, state, 0, 0, 0, lo, hi, 0, wants);
+        if (!away) darken(bvh, light, &e->occluders, e->complete, bundle, facet, id, 0, 0, 0, lo, hi, 0, wants);
     }
 #endif
-    shade_cover(s, bundle, state, &facet, &e->colours);
+    shade_cover(s, bundle, facet, &e->colours);
 }
 
-// Linear colours, not clamped, of one block of a beam that was seen: (3, BLOCK_RAYS) at colours.base.
-inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, const BeamWork *work, int block, float pixel, Easel *e)
+// A block of several triangles, or of one between whose rays some meet nothing.
+inline void paint_facets(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, global const float *z, global const int *ids, float pixel, Easel *e)
 {
-    const BlockState *state = work->block + block;
-    const Bundle bundle = block_bundle(rays, work, block);
-    if (state->cover >= 0) {
-        paint_cover(bvh, s, &bundle, state, pixel, e);
-        return;
-    }
-    if (state->cover == NOTHING) {
-        shade_nothing(s, &e->colours);
-        return;
-    }
-    global int *ids = e->ids + block * BLOCK_RAYS;
-    crop_block(rays, block_position(work, block), ids);
     Facets facets;
-    shade_block(s, &bundle, e->z + block * BLOCK_RAYS, ids, pixel, &facets, &e->colours);
+    shade_block(s, bundle, z, ids, pixel, &facets, &e->colours);
 #if SHADOW_LIGHTS
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         global int *wants = e->colours.wants + k * BLOCK_RAYS;
@@ -158,7 +144,7 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, con
         if (SCATTERED || facets.count > MANY_TRIANGLES)
             shadow_rays_singly(bvh, light, &e->occluders, e->complete, &e->nearby, ids, e->colours.point, wants);
         else if (facets.count)
-            shadow_block(bvh, light, &e->occluders, e->complete, &bundle, state, &facets, ids, e->colours.point, wants, e->spare,
+            shadow_block(bvh, light, &e->occluders, e->complete, bundle, &facets, ids, e->colours.point, wants, e->spare,
                          e->spare + BLOCK_RAYS);
         for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) {
             const vi open = VLOAD(wants + ray);
@@ -169,6 +155,26 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, con
         }
     }
 #endif
+}
+
+// Linear colours, not clamped, of one block of a beam that was seen: (3, BLOCK_RAYS) at colours.base.
+inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, const BeamWork *work, int block, float pixel, Easel *e)
+{
+    const BlockState *state = work->block + block;
+    const Bundle bundle = block_bundle(rays, work, block);
+    global int *ids = e->ids + block * BLOCK_RAYS;
+    if (state->cover == NOTHING) {
+        shade_nothing(s, &e->colours);
+        return;
+    }
+    if (state->cover == BUFFERED) crop_block(rays, block_position(work, block), ids);
+    // One triangle may have hidden all others after they had shared the block.
+    const int covered = state->cover >= 0, id = covered ? state->cover : SCATTERED ? -1 : only_triangle(ids);
+    Facet facet;
+    if (id >= 0) prepare_facet(s, &bundle, id, pixel, &facet);
+    for (int k = 0; covered && k < 6; ++k) facet.depth[k] = state->c[k];
+    if (covered || (id >= 0 && one_sided(&facet))) paint_cover(bvh, s, &bundle, id, &facet, e);
+    else paint_facets(bvh, s, &bundle, e->z + block * BLOCK_RAYS, ids, pixel, e);
 }
 
 #endif

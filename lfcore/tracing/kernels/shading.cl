@@ -239,6 +239,15 @@ inline void shade_row(const Surfaces *s, const Surface *p, const Meeting *m, vi 
     }
 }
 
+// The one triangle that all rays of a block meet, or -1.
+inline int only_triangle(global const int *ids)
+{
+    const int id = ids[0];
+    for (int at = 0; at < BLOCK_RAYS; at += LANES)
+        if (row_any(~EQ(VLOAD(ids + at), (vi)(id)))) return -1;
+    return id;
+}
+
 // Shade a block from its buffers; `facets` receives the triangles that it sees.
 inline void shade_block(const Surfaces *s, const Bundle *r, global const float *z, global const int *ids, float pixel, Facets *facets,
                         const BlockColours *out)
@@ -261,7 +270,7 @@ inline void shade_block(const Surfaces *s, const Bundle *r, global const float *
 }
 
 // Shade a block that lies on one triangle, once it is known which rays see the lights that cast shadows.
-inline void shade_cover(const Surfaces *s, const Bundle *r, const BlockState *state, const Facet *f, const BlockColours *out)
+inline void shade_cover(const Surfaces *s, const Bundle *r, const Facet *f, const BlockColours *out)
 {
     const Finish finish = read_finish(s, f->finish);
     Patch patch;
@@ -272,7 +281,7 @@ inline void shade_cover(const Surfaces *s, const Bundle *r, const BlockState *st
         const vf x = IOTA + (at % BLOCK - HALF);
         const float y = at / BLOCK - HALF;
         const Surface p = interpolate(f, x, y);
-        const Meeting m = meet(&p, r, x, y, cover_depth(state->c, x, y));
+        const Meeting m = meet(&p, r, x, y, cover_depth(f->depth, x, y));
         const Colour colour = albedo(s, &finish, &p, &patch);
         Colour sum = unshadowed(s, &finish, colour, &m);
         for (int k = 0; k < SHADOW_LIGHTS; ++k) {

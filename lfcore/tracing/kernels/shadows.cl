@@ -129,12 +129,11 @@ inline void make_receivers(const Bundle *r, const Facets *facets, float3 apex, R
     if (facets->lost) return;
     for (int k = 0; k < SLOTS; ++k) {
         if (facets->id[k] < 0) continue;
-        const float *depth = facets->facet[k].depth;
-        if (out->count == RECEIVERS || depth[3] <= 1.00001f * HALF * (fabs(depth[4]) + fabs(depth[5]))) {
+        if (out->count == RECEIVERS || !one_sided(facets->facet + k)) {
             out->count = 0;
             return;
         }
-        out->of[out->count++] = make_receiver(r, depth, apex);
+        out->of[out->count++] = make_receiver(r, facets->facet[k].depth, apex);
     }
 }
 
@@ -377,20 +376,21 @@ inline int turned_away(const Facet *f, const Bundle *r, global const float *ligh
 }
 
 // Darken rays in `open` whose hit points lo and hi bound.  `shared` lists the leaves between the light
-// and the whole beam when it could hold them (complete), and is used as scratch otherwise.
+// and the whole beam when it could hold them (complete), and is used as scratch otherwise.  The block lies on one
+// triangle, `own`, whose facet is `cover`; or on `facets`, with hit points and triangles in buffers.
 inline void darken(const Bvh *bvh, global const float *light, LeafList *shared, int complete, const Bundle *bundle,
-                   const BlockState *state, const Facets *facets, global const int *ids, global const float *point, const float *lo, const float *hi,
-                   const Bands *bands, global int *open)
+                   const Facet *cover, int own, const Facets *facets, global const int *ids, global const float *point, const float *lo,
+                   const float *hi, const Bands *bands, global int *open)
 {
     const Shaft shaft = make_shaft(light, lo, hi);
     const ShadowRays rays = shadow_rays(light, lo, hi);
     Receiver facet;
-    if (state->cover >= 0) facet = make_receiver(bundle, state->c, rays.apex);
-    const Receiver *receiver = state->cover >= 0 ? &facet : 0;
+    if (cover) facet = make_receiver(bundle, cover->depth, rays.apex);
+    const Receiver *receiver = cover ? &facet : 0;
     Receivers receivers;
-    if (state->cover < 0) make_receivers(bundle, facets, rays.apex, &receivers);
+    if (!cover) make_receivers(bundle, facets, rays.apex, &receivers);
     if (complete) {
-        shade_off(bvh, &shaft, &rays, receiver, &receivers, bands, shared, state->cover, ids, point, open);
+        shade_off(bvh, &shaft, &rays, receiver, &receivers, bands, shared, own, ids, point, open);
         return;
     }
     Walk walk;
@@ -398,20 +398,20 @@ inline void darken(const Bvh *bvh, global const float *light, LeafList *shared, 
     while (walk.size) {
         shared->count = 0;
         gather_shaft(bvh, &shaft, &walk, shared);
-        if (!shade_off(bvh, &shaft, &rays, receiver, &receivers, bands, shared, state->cover, ids, point, open)) return;
+        if (!shade_off(bvh, &shaft, &rays, receiver, &receivers, bands, shared, own, ids, point, open)) return;
     }
 }
 
 // Take from `wants` the rays of a block of several triangles that cannot see the light; `open` and `seen` are scratch.
 inline void shadow_block(const Bvh *bvh, global const float *light, LeafList *shared, int complete, const Bundle *bundle,
-                         const BlockState *state, const Facets *facets, global const int *ids, global const float *point, global int *wants,
+                         const Facets *facets, global const int *ids, global const float *point, global int *wants,
                          global int *open, global int *seen)
 {
     float lo[3], hi[3];
     for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE((vi)(0), seen + at);
     Bands bands;
     while (next_span(bundle, point, wants, open, lo, hi, &bands)) {
-        darken(bvh, light, shared, complete, bundle, state, facets, ids, point, lo, hi, &bands, open);
+        darken(bvh, light, shared, complete, bundle, 0, -1, facets, ids, point, lo, hi, &bands, open);
         for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE(VLOAD(seen + at) | VLOAD(open + at), seen + at);
     }
     for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE(VLOAD(seen + at), wants + at);
