@@ -11,17 +11,17 @@ typedef struct {
 } Frames;
 
 // IEC 61966-2-1 encoding of values clamped to [0, 1].  A polynomial (least largest error, 7e-6) in the fourth
-// root, of which two reciprocal square roots of the processor's give 13 bits: 0.04 of a code.
+// root, from two reciprocal square roots of the processor's, good to 11 bits or more, and one step of Newton's: the
+// first is off by half as much in the root, 0.02 of a code in the mean and 0.07 at most.
 inline vf encode_srgb(vf x)
 {
     x = clamp(x, (vf)(1.0e-9f), (vf)(1.0f));
-    const vf root = native_rsqrt(native_rsqrt(x));
-    vf p = -6.814727000e-02f;
-    p = fma(p, root, (vf)(2.895329352e-01f));
-    p = fma(p, root, (vf)(-5.774826995e-01f));
-    p = fma(p, root, (vf)(1.255404424e+00f));
-    p = fma(p, root, (vf)(1.620262543e-01f));
-    p = fma(p, root, (vf)(-6.134021422e-02f));
+    const vf r = native_rsqrt(x), y = native_rsqrt(r), root = y * fma(-(y * r), y, (vf)(3.0f));  // twice that
+    const vf square = root * root;
+    const vf high = fma(root, (vf)(-6.814727000e-02f / 32.0f), (vf)(2.895329352e-01f / 16.0f));
+    const vf middle = fma(root, (vf)(-5.774826995e-01f / 8.0f), (vf)(1.255404424e+00f / 4.0f));
+    const vf low = fma(root, (vf)(1.620262543e-01f / 2.0f), (vf)(-6.134021422e-02f));
+    const vf p = fma(fma(high, square, middle), square, low);
     return pick(12.92f * x, p, GT(x, (vf)(0.0031308f)));
 }
 
