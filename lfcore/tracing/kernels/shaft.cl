@@ -109,4 +109,49 @@ inline void start_walk(Walk *walk)
     walk->size = 1;
 }
 
+// Bounds of a block that lies on one triangle: the image of a rectangle is spanned by its corners.
+inline void facet_bounds(const Bundle *r, const float *depth, float *lo, float *hi)
+{
+    for (int k = 0; k < 3; ++k) { lo[k] = FAR; hi[k] = -FAR; }
+    for (int k = 0; k < 4; ++k) {
+        const float x = k & 1 ? HALF : -HALF, y = k & 2 ? HALF : -HALF;
+        const float z = (depth[0] + x * depth[1] + y * depth[2]) / (depth[3] + x * depth[4] + y * depth[5]);
+        const float p[3] = {fma(x, r->sx, r->ox) + z * fma(x, r->tx, r->dx), fma(y, r->sy, r->oy) + z * fma(y, r->ty, r->dy), z};
+        for (int axis = 0; axis < 3; ++axis) {
+            const float slack = 1.0e-6f * fabs(p[axis]);
+            lo[axis] = min(lo[axis], p[axis] - slack);
+            hi[axis] = max(hi[axis], p[axis] + slack);
+        }
+    }
+}
+
+// Bounds of a dot product: the largest value of a . b with each coordinate off by up to da and db.
+inline float most_dot(float3 a, float3 da, float3 b, float3 db)
+{
+    return dot(a, b) + 1.00001f * dot(fabs(a), db) + 1.00001f * dot(da, fabs(b) + db) + 1.0e-6f * dot(fabs(a), fabs(b));
+}
+
+// Whether no ray of a block on one triangle, whose hit points lo and hi bound, meets a side that faces the light.
+inline int turned_away(const Facet *f, const Bundle *r, global const float *light, const float *lo, const float *hi)
+{
+#if SMOOTH
+    const float3 n = (float3)(f->n[0].c, f->n[1].c, f->n[2].c);
+    const float3 dn = HALF * (float3)(fabs(f->n[0].i) + fabs(f->n[0].j), fabs(f->n[1].i) + fabs(f->n[1].j), fabs(f->n[2].i) + fabs(f->n[2].j));
+    // Normals are turned to the viewer, and may all have to be turned or none.
+    const float3 view = (float3)(r->dx, r->dy, 1.0f), dview = HALF * (float3)(fabs(r->tx), fabs(r->ty), 0.0f);
+    const float sign = most_dot(n, dn, view, dview) < 0.0f ? 1.0f : most_dot(-n, dn, view, dview) < 0.0f ? -1.0f : 0.0f;
+    if (sign == 0.0f) return 0;
+#else
+    const float3 n = f->normal, dn = 0.0f;
+    const float sign = 1.0f;
+#endif
+    float3 l = vload3(0, light), dl = 0.0f;
+    if (IS_POINT(light)) {
+        const float3 low = vload3(0, lo), high = vload3(0, hi);
+        dl = 0.5f * (high - low) + 1.0e-6f * fabs(l);
+        l -= 0.5f * (low + high);
+    }
+    return most_dot(sign * n, dn, l, dl) < 0.0f;
+}
+
 #endif
