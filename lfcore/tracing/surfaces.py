@@ -15,6 +15,8 @@ from lfcore.scene.needs import Needs
 MIP_LEVELS = 12
 MATERIAL_WORDS = 12
 TEXEL_ONE = 1023
+LEAST_GLOSS = 2.0**-24
+"""A highlight below this share of its strength is left out: it would change no float near 1."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,7 @@ def _pack_materials(scene: Scene) -> np.ndarray:
         row[0:3], row[3] = material.diffuse, material.shininess
         row[4:7], row[8:11] = material.specular, material.emission
         row[7:8].view(np.int32)[0] = material.texture
+        row[11] = LEAST_GLOSS ** (1 / material.shininess) if material.shininess > 0 else 0
     return packed
 
 

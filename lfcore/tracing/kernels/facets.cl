@@ -19,7 +19,7 @@ typedef struct {
     global const float *corners;     // (T, 9)
     global const float *attributes;  // (T, ATTRIBUTES): normals, texture coordinates, colours of the corners
     global const int *material_ids;  // (T,)
-    global const float *materials;   // (K, MATERIAL): diffuse, shininess, specular, texture, emission, 0
+    global const float *materials;   // (K, MATERIAL): diffuse, shininess, specular, texture, emission, dull (see Finish)
     global const float *lights;      // (LIGHTS, LIGHT): vector, 1 if a point, colour, reference distance
     global const int4 *images;       // (textures, MIP_LEVELS): offset, width, height, number of levels
     global const uint *texels;
@@ -67,7 +67,8 @@ inline Form edge_form(float3 p, float3 q, const Bundle *r)
 
 // One triangle prepared for a block.
 typedef struct {
-    Form e[3], sum;       // barycentric weights and their sum
+    Form sum;             // of the barycentric weights
+    Form over, under;     // depth is their quotient; `under` is positive at the block's centre
 #if !SMOOTH
     float3 normal;        // geometric, towards the viewer
 #endif
@@ -88,7 +89,7 @@ typedef struct {
 // Numbered material * MIP_LEVELS + level, so that triangles alike can be lit together.
 typedef struct {
     float3 diffuse, specular, emission;
-    float shininess;
+    float shininess, dull;  // gloss is nothing where the cosine is below `dull`
     int4 image;           // width 0 without a texture
 } Finish;
 
@@ -100,6 +101,7 @@ inline Finish read_finish(const Surfaces *s, int number)
     f.shininess = material[3];
     f.specular = vload3(0, material + 4);
     f.emission = vload3(0, material + 8);
+    f.dull = material[11];
     f.image = 0;
 #if TEXTURED
     const int texture = as_int(material[7]);
@@ -136,16 +138,29 @@ inline int choose_level(const Surfaces *s, int texture, global const float *uv, 
 }
 #endif
 
+// A constant and multiples of the steps of rays along x and y.
+inline Form plane_form(float c, float x, float y, float step_x, float step_y, float outer)
+{
+    Form f;
+    f.c = c; f.i = x * step_x; f.j = y * step_y;
+#if OUTER > 1
+    f.p = x * outer; f.q = y * outer; f.k = 0.0f;
+#endif
+    return f;
+}
+
 inline void prepare_facet(const Surfaces *s, const Bundle *r, int id, float pixel, Facet *f)
 {
     global const float *at = s->corners + id * 9;
     const float3 p = corner(at, 0), q = corner(at, 1), w = corner(at, 2);
     const float3 shear = (float3)(r->dx, r->dy, 0.0f), origin = (float3)(r->ox, r->oy, 0.0f);
     const float3 v[3] = {p - origin - p.z * shear, q - origin - q.z * shear, w - origin - w.z * shear};
-    f->e[0] = edge_form(v[1], v[2], r);
-    f->e[1] = edge_form(v[2], v[0], r);
-    f->e[2] = edge_form(v[0], v[1], r);
-    f->sum = blend(f->e, 1.0f, 1.0f, 1.0f);
+    const Form e[3] = {edge_form(v[1], v[2], r), edge_form(v[2], v[0], r), edge_form(v[0], v[1], r)};
+    f->sum = blend(e, 1.0f, 1.0f, 1.0f);
+    float3 n = cross(v[1] - v[0], v[2] - v[0]);
+    if (n.z < 0.0f) n = -n;
+    f->over = plane_form(dot(n, v[0]), -n.x, -n.y, r->sx, r->sy, r->a);
+    f->under = plane_form(n.z, n.x, n.y, r->tx, r->ty, r->b);
 #if !SMOOTH
     // The sum of the weights is n . D: negative when the corners turn towards the viewer.
     const float sign = f->sum.c < 0.0f ? -1.0f : 1.0f;
@@ -153,23 +168,26 @@ inline void prepare_facet(const Surfaces *s, const Bundle *r, int id, float pixe
 #endif
     global const float *attributes = s->attributes + (long)id * ATTRIBUTES;
 #if SMOOTH
-    for (int k = 0; k < 3; ++k) f->n[k] = blend(f->e, attributes[k], attributes[3 + k], attributes[6 + k]);
+    for (int k = 0; k < 3; ++k) f->n[k] = blend(e, attributes[k], attributes[3 + k], attributes[6 + k]);
     attributes += 9;
 #endif
     f->finish = s->material_ids[id] * MIP_LEVELS;
 #if TEXTURED
-    for (int k = 0; k < 2; ++k) f->uv[k] = blend(f->e, attributes[k], attributes[2 + k], attributes[4 + k]);
+    for (int k = 0; k < 2; ++k) f->uv[k] = blend(e, attributes[k], attributes[2 + k], attributes[4 + k]);
     const int texture = as_int(s->materials[s->material_ids[id] * MATERIAL + 7]);
-    const float depth = (p.z * f->e[0].c + q.z * f->e[1].c + w.z * f->e[2].c) / f->sum.c;
+    const float depth = (p.z * e[0].c + q.z * e[1].c + w.z * e[2].c) / f->sum.c;
     if (texture >= 0) f->finish += choose_level(s, texture, attributes, f, depth, pixel);
     attributes += 6;
 #endif
 #if VERTEX_COLOURS
     f->first = vload3(0, attributes);
     for (int k = 0; k < 3; ++k)
-        f->rgb[k] = blend(f->e, 0.0f, attributes[3 + k] - attributes[k], attributes[6 + k] - attributes[k]);
+        f->rgb[k] = blend(e, 0.0f, attributes[3 + k] - attributes[k], attributes[6 + k] - attributes[k]);
 #endif
 }
+
+// Whether a triangle is seen from one side all over a block of one element.
+inline int one_sided(const Facet *f) { return f->under.c > 1.00001f * HALF * (fabs(f->under.i) + fabs(f->under.j)); }
 
 inline vf dot3(Vec a, Vec b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
 inline Vec scale3(Vec a, vf k) { Vec r = {a.x * k, a.y * k, a.z * k}; return r; }
@@ -195,6 +213,38 @@ inline Surface interpolate(const Facet *f, Row at)
     p.rgb.b = fma(form_row(f->rgb[2], at), inverse, (vf)(f->first.z));
 #endif
     return p;
+}
+
+#if TEXTURED
+// The texels under a block that lies wholly on one triangle: quotients of affine forms have their extremes in corners.
+inline void facet_patch(const Surfaces *s, const Facet *f, int4 image, Patch *patch)
+{
+    float lo[2] = {FAR, FAR}, hi[2] = {-FAR, -FAR};
+    for (int k = 0; k < 4; ++k) {
+        const float x = k & 1 ? HALF : -HALF, y = k & 2 ? HALF : -HALF;
+        const float weight = f->sum.c + x * f->sum.i + y * f->sum.j;
+        for (int axis = 0; axis < 2; ++axis) {
+            const float at = (f->uv[axis].c + x * f->uv[axis].i + y * f->uv[axis].j) / weight;
+            lo[axis] = min(lo[axis], at);
+            hi[axis] = max(hi[axis], at);
+        }
+    }
+    make_patch(s->texels, image, lo[0], hi[0], lo[1], hi[1], patch);
+}
+#endif
+
+// a where the mask is unset, b where it is set
+inline Surface pick_surface(Surface a, Surface b, vi mask)
+{
+    a.normal.x = pick(a.normal.x, b.normal.x, mask); a.normal.y = pick(a.normal.y, b.normal.y, mask);
+    a.normal.z = pick(a.normal.z, b.normal.z, mask);
+#if TEXTURED
+    a.u = pick(a.u, b.u, mask); a.v = pick(a.v, b.v, mask);
+#endif
+#if VERTEX_COLOURS
+    a.rgb.r = pick(a.rgb.r, b.rgb.r, mask); a.rgb.g = pick(a.rgb.g, b.rgb.g, mask); a.rgb.b = pick(a.rgb.b, b.rgb.b, mask);
+#endif
+    return a;
 }
 
 #endif

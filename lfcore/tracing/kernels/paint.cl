@@ -21,14 +21,12 @@ typedef struct {
     ShadowMemory shadows;
 #endif
     BlockColours colours;
-    global float *surfaces;  // see interpolate_block
-    global int *finishes;
     global uint *spare;      // (3, BLOCK_RAYS)
 } Easel;
 
 #define EASEL_WORDS                                                                                    \
     (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST + 14 * SHADOW_LIST +                                      \
-     (3 + 8 * SHADOWED + 4 * SHADOW_LIGHTS + SURFACE_PLANES + 1 + 3) * BLOCK_RAYS)
+     (3 + 8 * SHADOWED + 4 * SHADOW_LIGHTS + 3) * BLOCK_RAYS)
 
 // Divide `memory`, of EASEL_WORDS words.
 inline Easel make_easel(global uint *memory)
@@ -55,8 +53,6 @@ inline Easel make_easel(global uint *memory)
     e.colours.point = TAKE(float, 3 * SHADOWED * BLOCK_RAYS);
     e.colours.lit = TAKE(float, 3 * SHADOW_LIGHTS * BLOCK_RAYS);
     e.colours.wants = TAKE(int, SHADOW_LIGHTS * BLOCK_RAYS);
-    e.surfaces = TAKE(float, SURFACE_PLANES * BLOCK_RAYS);
-    e.finishes = TAKE(int, BLOCK_RAYS);
     e.spare = TAKE(uint, 3 * BLOCK_RAYS);
 #undef TAKE
     return e;
@@ -129,31 +125,39 @@ inline void crop_block(const Rays *rays, int2 where, global int *ids)
         if (at % INNER >= columns || at / BLOCK % INNER >= rows) ids[at] = -1;
 }
 
-// Linear colours, not clamped, of one block of a beam that was seen: (3, BLOCK_RAYS) at colours.base.
-inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, const BeamWork *work, int block, float pixel, Easel *e)
+#if OUTER == 1
+// A block that lies on one triangle: what the lights reach is found before anything is lit.
+inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, int id, const Facet *facet, Easel *e)
 {
-    const BlockState *state = work->block + block;
-    const Bundle bundle = block_bundle(rays, work, block);
-    global int *ids = e->ids + block * BLOCK_RAYS;
-    if (state->cover == BUFFERED) crop_block(rays, block_position(work, block), ids);
-#if OUTER > 1 && SHADOW_LIGHTS
-    if (state->cover >= 0)
-        for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE((vi)(state->cover), ids + at);
+#if SHADOW_LIGHTS
+    float lo[3], hi[3];
+    facet_bounds(bundle, facet, lo, hi);
+    for (int k = 0; k < SHADOW_LIGHTS; ++k) {
+        global int *wants = e->colours.wants + k * BLOCK_RAYS;
+        global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
+        const int away = turned_away(facet, bundle, light, lo, hi);
+        for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) VSTORE((vi)(away ? 0 : -1), wants + ray);
+        if (!away) shadow_facet(bvh, light, &e->shadows, bundle, facet, id, lo, hi, wants);
+    }
 #endif
-    const int triangles = shade_block(s, &bundle, state, e->z + block * BLOCK_RAYS, ids, pixel, e->surfaces, e->finishes, &e->colours);
+    shade_cover(s, bundle, facet, &e->colours);
+}
+#endif
+
+// A block of several triangles or elements, or between whose rays some meet nothing.
+inline void paint_facets(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, global const float *z, global const int *ids, float pixel, Easel *e)
+{
+    Facets facets;
+    shade_block(s, bundle, z, ids, pixel, &facets, &e->colours);
 #if SHADOW_LIGHTS
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         global int *wants = e->colours.wants + k * BLOCK_RAYS;
         global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
         ShadowMemory *memory = &e->shadows;
-        if (SCATTERED || triangles > MANY_TRIANGLES)
+        if (SCATTERED || facets.count > MANY_TRIANGLES)
             shadow_rays_singly(bvh, light, &memory->list, memory->complete, &memory->nearby, ids, e->colours.point, wants);
-#if OUTER == 1
-        else if (state->cover >= 0)
-            shadow_facet(bvh, light, memory, &bundle, state, wants);
-#endif
-        else if (triangles)
-            shadow_block(bvh, light, memory, &bundle, state, ids, e->colours.point, wants);
+        else if (facets.count)
+            shadow_block(bvh, light, memory, bundle, &facets, ids, e->colours.point, wants);
         for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) {
             const vi open = VLOAD(wants + ray);
             for (int channel = 0; channel < 3; ++channel) {
@@ -163,6 +167,39 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, con
         }
     }
 #endif
+}
+
+// Linear colours, not clamped, of one block of a beam that was seen: (3, BLOCK_RAYS) at colours.base.
+inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, int block, float pixel, Easel *e)
+{
+    BlockState *state = work->block + block;
+    const Bundle bundle = block_bundle(rays, work, block);
+    global float *z = e->z + block * BLOCK_RAYS;
+    global int *ids = e->ids + block * BLOCK_RAYS;
+    if (state->cover == NOTHING) {
+        shade_nothing(s, &e->colours);
+        return;
+    }
+#if OUTER == 1
+    const int covered = state->cover >= 0;
+    if (!covered) crop_block(rays, block_position(work, block), ids);
+    // One triangle may have hidden all others after they had shared the block.
+    const int id = covered ? state->cover : SCATTERED ? -1 : only_triangle(ids);
+    Facet facet;
+    if (id >= 0) prepare_facet(s, &bundle, id, pixel, &facet);
+    if (covered) {
+        facet.over = state->over;
+        facet.under = state->under;
+    }
+    if (covered || (id >= 0 && one_sided(&facet))) {
+        paint_cover(bvh, s, &bundle, id, &facet, e);
+        return;
+    }
+#else
+    materialise(state, z, ids);
+    crop_block(rays, block_position(work, block), ids);
+#endif
+    paint_facets(bvh, s, &bundle, z, ids, pixel, e);
 }
 
 #endif

@@ -30,12 +30,13 @@ inline Vec viewed_normal(Vec n, Vec direction)
     return n;
 }
 
-inline Colour albedo(const Surfaces *s, const Finish *f, const Surface *p)
+// `patch`, if there is one, holds the texels.
+inline Colour albedo(const Surfaces *s, const Finish *f, const Surface *p, const Patch *patch)
 {
     Colour c = {f->diffuse.x, f->diffuse.y, f->diffuse.z};
 #if TEXTURED
     if (f->image.y) {
-        const Colour t = sample_texture(s->texels, f->image, p->u, p->v);
+        const Colour t = patch && patch->columns ? sample_patch(patch, p->u, p->v) : sample_texture(s->texels, f->image, p->u, p->v);
         c.r *= t.r; c.g *= t.g; c.b *= t.b;
     }
 #endif
@@ -45,11 +46,17 @@ inline Colour albedo(const Surfaces *s, const Finish *f, const Surface *p)
     return c;
 }
 
-inline void store_row(global float *planes, int at, Colour c, vi mask)
+inline void store_row(global float *planes, int at, Colour c)
 {
-    VSTORE(pick(VLOAD(planes + at), c.r, mask), planes + at);
-    VSTORE(pick(VLOAD(planes + BLOCK_RAYS + at), c.g, mask), planes + BLOCK_RAYS + at);
-    VSTORE(pick(VLOAD(planes + 2 * BLOCK_RAYS + at), c.b, mask), planes + 2 * BLOCK_RAYS + at);
+    VSTORE(c.r, planes + at);
+    VSTORE(c.g, planes + BLOCK_RAYS + at);
+    VSTORE(c.b, planes + 2 * BLOCK_RAYS + at);
+}
+
+inline Colour pick_colour(Colour a, Colour b, vi mask)
+{
+    Colour c = {pick(a.r, b.r, mask), pick(a.g, b.g, mask), pick(a.b, b.b, mask)};
+    return c;
 }
 
 // What one light adds to a row of rays; `facing` receives the rays that it can reach.
@@ -73,11 +80,14 @@ inline Colour light_row(global const float *light, const Finish *f, Colour albed
     if (f->specular.x + f->specular.y + f->specular.z > 0.0f) {
         const Vec h = {l.x + view.x, l.y + view.y, l.z + view.z};
         const vf halfway = max(dot3(normal, h), (vf)(0.0f)) * inverse_sqrt(max(dot3(h, h), (vf)(1.0e-30f)));
-        vf gloss = exp2_fast(f->shininess * log2_fast(max(halfway, (vf)(1.0e-30f)))) * strength;
-        gloss = pick((vf)(0.0f), gloss, *facing);
-        c.r = fma(gloss, (vf)(f->specular.x), c.r);
-        c.g = fma(gloss, (vf)(f->specular.y), c.g);
-        c.b = fma(gloss, (vf)(f->specular.z), c.b);
+        const vi glossy = *facing & GE(halfway, (vf)(f->dull));
+        if (row_any(glossy)) {
+            vf gloss = exp2_fast(f->shininess * log2_fast(max(halfway, (vf)(1.0e-30f)))) * strength;
+            gloss = pick((vf)(0.0f), gloss, glossy);
+            c.r = fma(gloss, (vf)(f->specular.x), c.r);
+            c.g = fma(gloss, (vf)(f->specular.y), c.g);
+            c.b = fma(gloss, (vf)(f->specular.z), c.b);
+        }
     }
 #endif
 #if COLOURED_LIGHTS
@@ -89,14 +99,26 @@ inline Colour light_row(global const float *light, const Finish *f, Colour albed
     return c;
 }
 
-inline void shade_row(const Surfaces *s, const Finish *f, const Surface *p, const Bundle *r, vf z, vi mask, int at, const BlockColours *out)
+// Where a row of rays meets its surfaces.
+typedef struct {
+    Vec point, view, normal;
+} Meeting;
+
+inline Meeting make_meeting(const Surface *p, const Bundle *r, Row row, vf z)
 {
-    const Row row = row_at(at);
+    Meeting m;
     const Vec direction = {row_dx(r, row), (vf)(row_dy(r, row)), (vf)(1.0f)};
-    const Vec point = {fma(z, direction.x, row_ox(r, row)), fma(z, direction.y, (vf)(row_oy(r, row))), z};
-    const Vec view = scale3(direction, -inverse_sqrt(dot3(direction, direction)));
-    const Vec normal = viewed_normal(p->normal, direction);
-    const Colour colour = albedo(s, f, p);
+    m.point.x = fma(z, direction.x, row_ox(r, row));
+    m.point.y = fma(z, direction.y, (vf)(row_oy(r, row)));
+    m.point.z = z;
+    m.view = scale3(direction, -inverse_sqrt(dot3(direction, direction)));
+    m.normal = viewed_normal(p->normal, direction);
+    return m;
+}
+
+// What a surface of one finish sends back without the lights that cast shadows.
+inline Colour unshadowed(const Surfaces *s, const Finish *f, Colour colour, const Meeting *m)
+{
 #if AMBIENT
     Colour base = {colour.r * s->ambient.x, colour.g * s->ambient.y, colour.b * s->ambient.z};
 #else
@@ -107,146 +129,170 @@ inline void shade_row(const Surfaces *s, const Finish *f, const Surface *p, cons
 #endif
     vi facing;
     for (int k = 0; k < OPEN_LIGHTS; ++k) {
-        const Colour c = light_row(s->lights + k * LIGHT, f, colour, point, normal, view, &facing);
+        const Colour c = light_row(s->lights + k * LIGHT, f, colour, m->point, m->normal, m->view, &facing);
         base.r += c.r; base.g += c.g; base.b += c.b;
     }
-    store_row(out->base, at, base, mask);
-#if SHADOW_LIGHTS
-    const Colour where = {point.x, point.y, point.z};
-    store_row(out->point, at, where, mask);
-    for (int k = 0; k < SHADOW_LIGHTS; ++k) {
-        const Colour c = light_row(s->lights + (OPEN_LIGHTS + k) * LIGHT, f, colour, point, normal, view, &facing);
-        store_row(out->lit + k * 3 * BLOCK_RAYS, at, c, mask);
-        global int *wants = out->wants + k * BLOCK_RAYS + at;
-        VSTORE(pick_int(VLOAD(wants), facing, mask), wants);
-    }
-#endif
+    return base;
 }
 
-inline void clear_block(const Surfaces *s, const BlockColours *out)
+inline Colour background_colour(const Surfaces *s)
 {
 #if BACKGROUND
-    const Colour background = {s->background.x, s->background.y, s->background.z};
+    Colour c = {s->background.x, s->background.y, s->background.z};
 #else
-    const Colour background = {0.0f, 0.0f, 0.0f};
+    Colour c = {0.0f, 0.0f, 0.0f};
 #endif
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        store_row(out->base, at, background, (vi)(-1));
-        for (int k = 0; k < SHADOW_LIGHTS; ++k) VSTORE((vi)(0), out->wants + k * BLOCK_RAYS + at);
+    return c;
+}
+
+// All rays of a block that meet nothing.
+inline void shade_nothing(const Surfaces *s, const BlockColours *out)
+{
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) store_row(out->base, at, background_colour(s));
+}
+
+// Facets of a block, kept from row to row: a triangle has a slot by its number, and another one.
+#define SLOTS 32
+#define SEEN 1024
+typedef struct {
+    Facet facet[SLOTS];
+    int id[SLOTS];           // -1: empty
+    uint seen[SEEN / 32];    // a bit for each triangle, modulo SEEN
+    int count;               // bits set, whatever order the rows are read in: the triangles, but for some of very many
+    int lost;                // some found both their slots taken
+} Facets;
+
+inline void clear_facets(Facets *facets)
+{
+    for (int k = 0; k < SLOTS; ++k) facets->id[k] = -1;
+    for (int k = 0; k < SEEN / 32; ++k) facets->seen[k] = 0;
+    facets->count = facets->lost = 0;
+}
+
+inline const Facet *find_facet(const Surfaces *s, const Bundle *r, int id, float pixel, Facets *facets)
+{
+    int slot = id % SLOTS;
+    const int other = slot ^ SLOTS / 2;
+    if (facets->id[slot] == id) return facets->facet + slot;
+    if (facets->id[other] == id) return facets->facet + other;
+    if (facets->id[slot] >= 0) {
+        if (facets->id[other] < 0) slot = other;
+        else facets->lost = 1;
     }
+    facets->id[slot] = id;
+    prepare_facet(s, r, id, pixel, facets->facet + slot);
+    uint *word = facets->seen + id % SEEN / 32;
+    facets->count += !(*word >> id % 32 & 1);
+    *word |= 1u << id % 32;
+    return facets->facet + slot;
 }
 
-// Surfaces of a block of several triangles, interpolated triangle by triangle, to be lit row by row.
-#define SURFACE_PLANES (3 + 2 * TEXTURED + 3 * VERTEX_COLOURS)
-
-inline void put_row(global float *plane, int at, vf value, vi mask)
+// Interpolate a row of rays that meet some triangle each or, in some lanes, none.  Returns what each
+// ray's surface is made of, -1 where it meets nothing.
+inline vi interpolate_row(const Surfaces *s, const Bundle *r, global const int *ids, Row at, float pixel, Facets *facets, Surface *p)
 {
-    VSTORE(pick(VLOAD(plane + at), value, mask), plane + at);
-}
-
-inline void put_surface(global float *planes, int at, const Surface *p, vi mask)
-{
-    put_row(planes, at, p->normal.x, mask);
-    put_row(planes + BLOCK_RAYS, at, p->normal.y, mask);
-    put_row(planes + 2 * BLOCK_RAYS, at, p->normal.z, mask);
-#if TEXTURED
-    put_row(planes + 3 * BLOCK_RAYS, at, p->u, mask);
-    put_row(planes + 4 * BLOCK_RAYS, at, p->v, mask);
-#endif
-#if VERTEX_COLOURS
-    planes += (3 + 2 * TEXTURED) * BLOCK_RAYS;
-    put_row(planes, at, p->rgb.r, mask);
-    put_row(planes + BLOCK_RAYS, at, p->rgb.g, mask);
-    put_row(planes + 2 * BLOCK_RAYS, at, p->rgb.b, mask);
-#endif
-}
-
-inline Surface get_surface(global const float *planes, int at)
-{
-    Surface p;
-    p.normal.x = VLOAD(planes + at); p.normal.y = VLOAD(planes + BLOCK_RAYS + at); p.normal.z = VLOAD(planes + 2 * BLOCK_RAYS + at);
-#if TEXTURED
-    p.u = VLOAD(planes + 3 * BLOCK_RAYS + at);
-    p.v = VLOAD(planes + 4 * BLOCK_RAYS + at);
-#endif
-#if VERTEX_COLOURS
-    planes += (3 + 2 * TEXTURED) * BLOCK_RAYS;
-    p.rgb.r = VLOAD(planes + at); p.rgb.g = VLOAD(planes + BLOCK_RAYS + at); p.rgb.b = VLOAD(planes + 2 * BLOCK_RAYS + at);
-#endif
-    return p;
-}
-
-// End of the rows that are looked through for a triangle of row `first`: scattered rays seldom share one.
-#define SAME_TRIANGLE(first) (SCATTERED ? (first) + 1 : BLOCK_RAYS / LANES)
-
-// Interpolate every triangle of a block; `finishes` receives what each ray's surface is made of, -1
-// where it meets nothing.  Returns how many triangles there were.
-inline int interpolate_block(const Surfaces *s, const Bundle *r, global const int *ids, float pixel, global float *surfaces,
-                              global int *finishes)
-{
-    Facet f;
-    int count = 0;
-    private uint todo[BLOCK_RAYS / LANES];
-    for (int k = 0; k < BLOCK_RAYS / LANES; ++k) {
-        todo[k] = row_bits(GE(VLOAD(ids + k * LANES), (vi)(0)));
-        VSTORE((vi)(-1), finishes + k * LANES);
+    const vi row = VLOAD(ids);
+    uint todo = row_bits(GE(row, (vi)(0)));
+    vi made_of = -1;
+    for (int first = 1; todo; first = 0) {
+        const int id = ids[lowest(todo)];
+        const Facet *f = find_facet(s, r, id, pixel, facets);
+        const vi mask = EQ(row, (vi)(id));
+        todo &= ~row_bits(mask);
+        const Surface q = interpolate(f, at);
+        *p = first ? q : pick_surface(*p, q, mask);
+        made_of = pick_int(made_of, (vi)(f->finish), mask);
     }
-    for (int first = 0; first < BLOCK_RAYS / LANES; ++first)
-        while (todo[first]) {
-            const int id = ids[first * LANES + lowest(todo[first])];
-            prepare_facet(s, r, id, pixel, &f);
-            ++count;
-            for (int k = first; k < SAME_TRIANGLE(first); ++k) {
-                if (!todo[k]) continue;
-                const int at = k * LANES;
-                const vi mask = EQ(VLOAD(ids + at), (vi)(id));
-                const uint bits = row_bits(mask);
-                if (!bits) continue;
-                todo[k] &= ~bits;
-                const Surface p = interpolate(&f, row_at(at));
-                put_surface(surfaces, at, &p, mask);
-                VSTORE(pick_int(VLOAD(finishes + at), (vi)(f.finish), mask), finishes + at);
-            }
+    return made_of;
+}
+
+// Shade a row of a block of several triangles, finish by finish; `number` and `finish` are the last one read.
+inline void shade_row(const Surfaces *s, const Surface *p, const Meeting *m, vi made_of, int at, const BlockColours *out, int *number,
+                      Finish *finish)
+{
+    private int numbers[LANES];
+    VSTORE(made_of, numbers);
+    Colour base = background_colour(s), lit[SHADOW_LIGHTS + 1];
+    vi wants[SHADOW_LIGHTS + 1];
+    for (int k = 0; k < SHADOW_LIGHTS; ++k) { lit[k].r = 0.0f; lit[k].g = 0.0f; lit[k].b = 0.0f; wants[k] = 0; }
+    for (uint todo = row_bits(GE(made_of, (vi)(0))); todo;) {
+        const int next = numbers[lowest(todo)];
+        const vi mask = EQ(made_of, (vi)(next));
+        todo &= ~row_bits(mask);
+        if (next != *number) {
+            *number = next;
+            *finish = read_finish(s, next);
         }
-    return count;
+        const Colour colour = albedo(s, finish, p, 0);
+        base = pick_colour(base, unshadowed(s, finish, colour, m), mask);
+        for (int k = 0; k < SHADOW_LIGHTS; ++k) {
+            vi facing;
+            const Colour c = light_row(s->lights + (OPEN_LIGHTS + k) * LIGHT, finish, colour, m->point, m->normal, m->view, &facing);
+            lit[k] = pick_colour(lit[k], c, mask);
+            wants[k] |= facing & mask;
+        }
+    }
+    store_row(out->base, at, base);
+    for (int k = 0; k < SHADOW_LIGHTS; ++k) {
+        store_row(out->lit + k * 3 * BLOCK_RAYS, at, lit[k]);
+        VSTORE(wants[k], out->wants + k * BLOCK_RAYS + at);
+    }
 }
 
-// Shade a block from its state: wholly on one triangle, or from its buffers.  `surfaces` and
-// `finishes` are scratch.  Returns the number of triangles that the block sees.
-inline int shade_block(const Surfaces *s, const Bundle *r, const BlockState *state, global const float *z, global const int *ids,
-                        float pixel, global float *surfaces, global int *finishes, const BlockColours *out)
+// The one triangle that all rays of a block meet, or -1.
+inline int only_triangle(global const int *ids)
 {
-    if (state->cover >= 0) {
-        Facet f;
-        prepare_facet(s, r, state->cover, pixel, &f);
-        const Finish finish = read_finish(s, f.finish);
-        for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-            const Row row = row_at(at);
-            const Surface p = interpolate(&f, row);
-            shade_row(s, &finish, &p, r, cover_depth(state, row), (vi)(-1), at, out);
-        }
-        return 1;
-    }
-    clear_block(s, out);
-    if (state->cover == NOTHING) return 0;
-    const int count = interpolate_block(s, r, ids, pixel, surfaces, finishes);
+    const int id = ids[0];
+    for (int at = 0; at < BLOCK_RAYS; at += LANES)
+        if (row_any(~EQ(VLOAD(ids + at), (vi)(id)))) return -1;
+    return id;
+}
+
+// Shade a block from its buffers; `facets` receives the triangles that it sees.
+inline void shade_block(const Surfaces *s, const Bundle *r, global const float *z, global const int *ids, float pixel, Facets *facets,
+                        const BlockColours *out)
+{
+    clear_facets(facets);
     int number = -1;
     Finish finish;
+    Surface p = {0};
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const vi made_of = VLOAD(finishes + at);
-        const Surface p = get_surface(surfaces, at);
-        for (uint todo = row_bits(GE(made_of, (vi)(0))); todo;) {
-            const int next = finishes[at + lowest(todo)];
-            const vi mask = EQ(made_of, (vi)(next));
-            todo &= ~row_bits(mask);
-            if (next != number) {
-                number = next;
-                finish = read_finish(s, number);
-            }
-            shade_row(s, &finish, &p, r, VLOAD(z + at), mask, at, out);
-        }
+        const Row row = row_at(at);
+        const vi made_of = interpolate_row(s, r, ids + at, row, pixel, facets, &p);
+        const Meeting m = make_meeting(&p, r, row, VLOAD(z + at));
+#if SHADOW_LIGHTS
+        const Colour where = {m.point.x, m.point.y, m.point.z};
+        store_row(out->point, at, where);
+#endif
+        shade_row(s, &p, &m, made_of, at, out, &number, &finish);
     }
-    return count;
 }
+
+#if OUTER == 1
+// Shade a block that lies on one triangle, once it is known which rays see the lights that cast shadows.
+inline void shade_cover(const Surfaces *s, const Bundle *r, const Facet *f, const BlockColours *out)
+{
+    const Finish finish = read_finish(s, f->finish);
+    Patch patch;
+#if TEXTURED
+    if (finish.image.y) facet_patch(s, f, finish.image, &patch);
+#endif
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const Row row = row_at(at);
+        const Surface p = interpolate(f, row);
+        const Meeting m = make_meeting(&p, r, row, quotient_row(f->over, f->under, row));
+        const Colour colour = albedo(s, &finish, &p, &patch);
+        Colour sum = unshadowed(s, &finish, colour, &m);
+        for (int k = 0; k < SHADOW_LIGHTS; ++k) {
+            const vi open = VLOAD(out->wants + k * BLOCK_RAYS + at);
+            if (!row_any(open)) continue;
+            vi facing;
+            const Colour c = light_row(s->lights + (OPEN_LIGHTS + k) * LIGHT, &finish, colour, m.point, m.normal, m.view, &facing);
+            sum.r += pick((vf)(0.0f), c.r, open); sum.g += pick((vf)(0.0f), c.g, open); sum.b += pick((vf)(0.0f), c.b, open);
+        }
+        store_row(out->base, at, sum);
+    }
+}
+#endif
 
 #endif

@@ -29,6 +29,7 @@ typedef struct {
 typedef struct {
     int own;                    // -1: not all on one triangle
     const Receiver *receiver;
+    const Receivers *receivers; // its triangles, as if each filled the block
     LightView view;
     Strips strips;
     global const float *seen;
@@ -75,6 +76,8 @@ inline int cast_leaf(const ShadowRays *r, const Target *target, const Plane *pla
     private float forms[12 * LANES > SHADOW_FORMS * LANES ? 12 * LANES : SHADOW_FORMS * LANES];
     private int rows[2 * LANES];
     const Receiver *receiver = target->receiver;
+    if (!receiver && target->receivers->count) may = darkens_some(target->receivers, r, planes, may);
+    if (!row_any(may)) return 1;
     uint keep = receiver ? project_occluders(receiver, planes, may, forms, rows) : store_occluders(r, &target->view, planes, may, forms);
 #else
     private float forms[SHADOW_FORMS * LANES];
@@ -133,39 +136,39 @@ inline void darken(const Bvh *bvh, global const float *light, const ShadowRays *
 }
 
 #if OUTER == 1
-// A block on one triangle: nothing but the triangle is needed to know where its hit points are.
-inline void shadow_facet(const Bvh *bvh, global const float *light, ShadowMemory *memory, const Bundle *bundle,
-                         const BlockState *state, global int *wants)
+// Take from `wants` the rays of a block on triangle `own`, bounded by lo and hi, that cannot see the light.
+inline void shadow_facet(const Bvh *bvh, global const float *light, ShadowMemory *memory, const Bundle *bundle, const Facet *facet,
+                         int own, const float *lo, const float *hi, global int *wants)
 {
-    vi want = 0;
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) want |= VLOAD(wants + at);
-    if (!row_any(want)) return;
-    float lo[3], hi[3];
-    facet_bounds(bundle, state, lo, hi);
     const ShadowRays rays = shadow_rays(light, lo, hi);
-    const Receiver receiver = make_receiver(bundle, state, rays.apex);
+    const Receiver receiver = make_receiver(bundle, facet, rays.apex);
     Target target;
-    target.own = state->cover;
+    target.own = own;
     target.receiver = &receiver;
     target.open = wants;
     darken(bvh, light, &rays, memory, lo, hi, &target);
 }
 #endif
 
-// Take from `wants` the block's rays that cannot see the light.
+// Take from `wants` the rays of a block on `facets` that cannot see the light.
 inline void shadow_block(const Bvh *bvh, global const float *light, ShadowMemory *memory, const Bundle *bundle,
-                         const BlockState *state, global const int *ids, global const float *point, global int *wants)
+                         const Facets *facets, global const int *ids, global const float *point, global int *wants)
 {
     float lo[3], hi[3];
     for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE((vi)(0), memory->seeing + at);
     Target target;
-    target.own = state->cover >= 0 ? state->cover : -1;
+    target.own = -1;
     target.receiver = 0;
     target.seen = memory->seen;
     target.ids = ids;
     target.open = memory->open;
     while (next_span(bundle, point, wants, memory->open, lo, hi)) {
         const ShadowRays rays = shadow_rays(light, lo, hi);
+#if OUTER == 1
+        Receivers receivers;
+        make_receivers(bundle, facets, rays.apex, &receivers);
+        target.receivers = &receivers;
+#endif
         target.view = make_light_view(&rays);
         if (see_from_light(&rays, point, memory->open, &target.view, &target.strips, memory->seen))
             darken(bvh, light, &rays, memory, lo, hi, &target);

@@ -9,10 +9,10 @@
 
 kernel void scratch_words(global int *words) { *words = SCRATCH_WORDS; }
 
+#if OUTER > 1
 // Clamp a block's colours to what is stored, and put them where its tiles are.
 inline void hand_over(global const float *from, int block, global float *painted)
 {
-#if OUTER > 1
     const int x = block % SIDE * INNER, y = block / SIDE * INNER;
     const int within = y / BLOCK * TILE_SIDE + x / BLOCK, corner = y % BLOCK * BLOCK + x % BLOCK;
     for (int at = 0; at < BLOCK_RAYS; at += INNER) {
@@ -21,21 +21,27 @@ inline void hand_over(global const float *from, int block, global float *painted
         for (int channel = 0; channel < 3; ++channel)
             JOIN(vstore, INNER)(clamp(JOIN(vload, INNER)(0, from + channel * BLOCK_RAYS + at), 0.0f, 1.0f), 0, to + channel * BLOCK_RAYS);
     }
-#else
-    for (int at = 0; at < COLOURS; at += LANES)
-        VSTORE(clamp(VLOAD(from + at), (vf)(0.0f), (vf)(1.0f)), painted + block * COLOURS + at);
-#endif
 }
+#endif
 
-// Linear colours of every tile of a beam, clamped to what is stored: (BEAM_TILES, 3, BLOCK_RAYS).
+// Linear colours of every tile of a beam: (BEAM_TILES, 3, BLOCK_RAYS), within [0, 1] for planes.
 inline void paint_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, float pixel, Easel *easel,
                        global float *colours)
 {
     see_beam(bvh, s, rays, work, easel);
     for (int block = 0; block < BEAM_BLOCKS; ++block) {
         if (work->block[block].z_far < 0.0f) continue;
+#if OUTER > 1
         paint_block(bvh, s, rays, work, block, pixel, easel);
         hand_over(easel->colours.base, block, colours);
+#else
+        easel->colours.base = colours + block * COLOURS;
+        paint_block(bvh, s, rays, work, block, pixel, easel);
+#if PLANES
+        for (int at = 0; at < COLOURS; at += LANES)
+            VSTORE(clamp(VLOAD(easel->colours.base + at), (vf)(0.0f), (vf)(1.0f)), easel->colours.base + at);
+#endif
+#endif
     }
 }
 

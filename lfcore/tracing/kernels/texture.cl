@@ -55,4 +55,65 @@ inline Colour sample_texture(global const uint *texels, int4 image, vf u, vf v)
     return sum;
 }
 
+// The few texels that a block of rays on one triangle falls into: bilinear interpolation between them is
+//     sum of d[j][i] s_i(x) s_j(y),  s_0 = 1,  s_k(x) = x - (k - 1) clamped to [0, 1],
+// with d the differences of the texels along both axes: no addresses, and no gathers, by the ray.
+#define PATCH 5
+typedef struct {
+    int columns, rows;         // texels; 0 where there are too many
+    float u, v, left, top;     // whole numbers: turns of the texture, and the first texel within it
+    float width, height;
+    float d[PATCH][PATCH][3];
+} Patch;
+
+// The patch of rays whose coordinates lie within [u0, u1] x [v0, v1].
+inline void make_patch(global const uint *texels, int4 image, float u0, float u1, float v0, float v1, Patch *p)
+{
+    p->columns = 0;
+    p->u = floor(u0); p->v = floor(v1);
+    p->width = image.y; p->height = image.z;
+    p->left = floor(fma(u0 - p->u, p->width, -0.5f)); p->top = floor(fma(1.0f - (v1 - p->v), p->height, -0.5f));
+    const float across = fma(u1 - p->u, p->width, -0.5f) - p->left, down = fma(1.0f - (v0 - p->v), p->height, -0.5f) - p->top;
+    if (!(across < PATCH - 1 && down < PATCH - 1)) return;
+    p->columns = (int)across + 2;
+    p->rows = (int)down + 2;
+    const int first = p->left < 0.0f ? image.y - 1 : (int)p->left;
+    int line = p->top < 0.0f ? image.z - 1 : (int)p->top;
+    for (int j = 0; j < p->rows; ++j, line = line + 1 < image.z ? line + 1 : 0)
+        for (int i = 0, column = first; i < p->columns; ++i, column = column + 1 < image.y ? column + 1 : 0) {
+            const uint texel = texels[image.x + line * image.y + column];
+            for (int k = 0; k < 3; ++k) {
+                const float root = (float)(texel >> 10 * k & 1023u) * (1.0f / 1023.0f);
+                p->d[j][i][k] = root * root;
+            }
+        }
+    for (int j = p->rows - 1; j >= 0; --j)
+        for (int i = p->columns - 1; i >= 0; --i)
+            for (int k = 0; k < 3; ++k) {
+                if (i) p->d[j][i][k] -= p->d[j][i - 1][k];
+                if (j) p->d[j][i][k] -= p->d[j - 1][i][k] - (i ? p->d[j - 1][i - 1][k] : 0.0f);
+            }
+}
+
+inline Colour sample_patch(const Patch *p, vf u, vf v)
+{
+    const vf x = fma(u - p->u, (vf)(p->width), (vf)(-0.5f)) - p->left, y = fma(1.0f - (v - p->v), (vf)(p->height), (vf)(-0.5f)) - p->top;
+    vf s[PATCH];
+    for (int i = 1; i < p->columns; ++i) s[i] = clamp(x - (float)(i - 1), (vf)(0.0f), (vf)(1.0f));
+    Colour sum;
+    for (int j = 0; j < p->rows; ++j) {
+        const float (*d)[3] = p->d[j];
+        Colour row = {d[0][0], d[0][1], d[0][2]};
+        for (int i = 1; i < p->columns; ++i) {
+            row.r = fma(s[i], (vf)(d[i][0]), row.r);
+            row.g = fma(s[i], (vf)(d[i][1]), row.g);
+            row.b = fma(s[i], (vf)(d[i][2]), row.b);
+        }
+        const vf t = clamp(y - (float)(j - 1), (vf)(0.0f), (vf)(1.0f));
+        if (j) { sum.r = fma(t, row.r, sum.r); sum.g = fma(t, row.g, sum.g); sum.b = fma(t, row.b, sum.b); }
+        else sum = row;
+    }
+    return sum;
+}
+
 #endif

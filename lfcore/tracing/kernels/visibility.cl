@@ -89,10 +89,7 @@ typedef struct {
     Form over, under;     // depth is their quotient
 } BlockState;
 
-inline vf cover_depth(const BlockState *state, Row at)
-{
-    return flat_row(state->over, at) * reciprocal(flat_row(state->under, at));
-}
+inline vf quotient_row(Form over, Form under, Row at) { return flat_row(over, at) * reciprocal(flat_row(under, at)); }
 
 // Write the depth buffer of a block that so far had none.
 inline void materialise(BlockState *state, global float *z, global int *ids)
@@ -100,7 +97,7 @@ inline void materialise(BlockState *state, global float *z, global int *ids)
     if (state->cover == BUFFERED) return;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         VSTORE((vi)(state->cover), ids + at);
-        VSTORE(state->cover == NOTHING ? (vf)(INFINITY) : cover_depth(state, row_at(at)), z + at);
+        VSTORE(state->cover == NOTHING ? (vf)(INFINITY) : quotient_row(state->over, state->under, row_at(at)), z + at);
     }
     state->cover = BUFFERED;
 }
