@@ -14,11 +14,12 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, build_program, cl, open_device
 from lfcore.optics.plane_sums import PlaneSums, total
+from lfcore.optics.plane_tables import view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.strip_tables import STRIP, StripTables, strip_tables, table_words
 from lfcore.storage.lightfield import LightField
-from lfcore.tracing.plane_buffers import PlaneBuffers, plane_tables
+from lfcore.tracing.plane_buffers import PlaneBuffers
 
 CHUNK_BYTES = 64 << 20
 """Of decoded frames at a time: enough for the device to be busy, and still in the cache."""
@@ -56,8 +57,9 @@ class PlaneFormer:
             defines |= {"STRIP": STRIP, "LANES": 16 if self.device.lanes > 1 else 1}
         file = "refocus/kernels/" + ("slicing_views.cl" if views else "slicing.cl")
         self._kernel = cl.Kernel(build_program(self.device, [file], defines), "form_planes")
-        tables = plane_tables if views else _strips
-        self._sums = PlaneBuffers(self.device, slab, list(planes), tile, tables)
+        planes = list(planes)
+        tables = view_tables(slab, planes) if views else _strips(slab, planes, tile)
+        self._sums = PlaneBuffers(self.device, slab, planes, tables)
         self._words = 3 * 256 if views else table_words(layout.inner)
         self._scratch = self.device.empty(4 * self._words * self.device.threads)
         elements = tile.elements()

@@ -25,12 +25,12 @@ class PlaneBuffers:
     """Tables and accumulators of ``planes`` for the rays of one tile of a light field.
 
     Every worker adds to sums of its own, 64-bit integers, so that no two ever meet and the
-    result does not depend on who added what.  ``tables`` makes them of slab, planes and tile.
+    result does not depend on who added what.
     """
 
-    def __init__(self, device: Device, slab: Slab, planes: list[SensorPlane], tile, tables):
+    def __init__(self, device: Device, slab: Slab, planes: list[SensorPlane], tables):
         self.device, self.slab, self.planes = device, slab, planes
-        self.tables = t = tables(slab, planes, tile)
+        self.tables = t = tables
         shape = (device.threads, len(planes), t.height, t.width, 4)
         self._host = np.zeros(shape if planes else (0,), np.uint64)
         self._sums = device.changed(self._host)

@@ -6,7 +6,6 @@ import itertools
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -75,8 +74,8 @@ class TileJob:
         }
         self.kernel = tracer._beam_kernel("slab.cl", "trace_slab", self.shape, defines)
         self.scratch = tracer._scratch(self.kernel)
-        tables = partial(plane_tables, shape=self.shape)
-        self.sums = PlaneBuffers(device, slab, planes, tile, tables)
+        tables = plane_tables(slab, planes, tile, self.shape)
+        self.sums = PlaneBuffers(device, slab, planes, tables)
         summed = len(self.elements) if self.macro else 0
         self.strips = StripBuffers(self.sums, self.shape, layout.inner, summed)
 

@@ -136,7 +136,7 @@ def leaves_a_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1) -> fl
     return count / len(chosen) / float(np.prod(2 * half + 1) * outer**2)
 
 
-SPANNING_COST = {"hits": 5.0, "colours": 1.6}
+SPANNING_COST = {"hits": 6.5, "colours": 1.6}
 """What a block of several elements costs beyond one of 16 x 16 rays of one element, as so many more
 triangles met: measured for N = 16 to 64, M = 128 and 512 on three scenes."""
 PLACES = 4

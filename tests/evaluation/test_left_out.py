@@ -33,6 +33,7 @@ OF_THE_JOB = {
     "CHROMA": "pixel format of the frames",
     "FP64": "whether the device has doubles",
     "HALF": "rays in use of a block",
+    "OUTER": "elements that a block spans, by how many triangles its rays meet",
     "LIGHTS": "OPEN_LIGHTS + SHADOW_LIGHTS",
     "SHADOW_LIST": "default of a size",
     "SHADOW_MARGIN": "defined with SHADOW_LIGHTS: a file that shading shares with visibility",
@@ -119,7 +120,7 @@ def test_pictures_are_identical_without_what_is_left_out(plain, monkeypatch):
         "package: av", "package: cv2",
     }  # fmt: skip
     assert [name for name, row in found.items() if not row["identical"]] == []
-    assert found["vertex_colours"]["bytes_saved"] > 4 * 9 * len(plain.triangles)
+    assert found["vertex_colours"]["bytes_saved"] >= 4 * 9 * len(plain.triangles)
     assert found["triangles"]["what"].startswith("1 of 3 triangles")
     assert all(row["bytes_saved"] >= 0 for row in made)
     assert found["package: av"]["bytes_saved"] > 1 << 20
