@@ -1,0 +1,182 @@
+"""Blocks that span several elements: the same rays, the same surfaces, whatever is asked."""
+
+import numpy as np
+import pytest
+from tracing_scenes import CAMERA, closed_room, lit_soup, scene, soup
+
+from lfcore.opencl.device import open_device
+from lfcore.optics.bundles import macropixels, views
+from lfcore.optics.plane_sums import total
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.oracle import colour as truth
+from lfcore.oracle.slab import all_pixels, slab_hits, trace
+from lfcore.scene.model import Material
+from lfcore.storage.layout import FrameLayout
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+
+class Spanning(Tracer):
+    """A tracer that is told what its blocks span."""
+
+    spans = 1
+
+    def outer(self, bundles, work):
+        return self.spans
+
+    def scattered(self, bundles, outer=1):
+        return False
+
+
+def spanning(world, spans, device=None):
+    tracer = Spanning(world, build_bvh(world.triangles), device, mipmaps=False)
+    tracer.spans = spans
+    return tracer
+
+
+def traced(tracer, layout, planes=(), max_rays=1 << 30):
+    """All frames of all tiles, and the planes' sums."""
+    slab, frames, parts = Slab(CAMERA, layout.views, layout.pixels), [], []
+    for tile in layout.tiles(max_rays):
+        tracing = tracer.trace_tile(slab, tile, planes)
+        frames += [chunk.frames.copy() for chunk in tracing]
+        parts.append(tracing.plane_sums)
+    return np.concatenate(frames), total(slab, planes, parts).sums if planes else None
+
+
+@pytest.mark.parametrize("spans", [2, 4])
+@pytest.mark.parametrize("views_a_side", [8, 16, 21, 40])
+@pytest.mark.parametrize("seed", range(3))
+def test_hits_are_the_oracles(device, spans, views_a_side, seed):
+    tracer = spanning(scene(soup(120, seed)), spans, device)
+    slab = Slab(CAMERA, views_a_side, 24)
+    pixels = np.random.default_rng(seed).integers(0, 24, (10, 2))
+    triangle, depth = tracer.slab_hits(slab, pixels)
+    expected = slab_hits(tracer.scene, slab, pixels)
+    clear = expected.clear(16)
+    assert (triangle.ravel() == expected.triangle)[clear].all()
+    same = clear & (triangle.ravel() == expected.triangle) & (expected.triangle >= 0)
+    error = np.abs(depth.ravel()[same] - expected.t[same]) / expected.t[same]
+    assert (error <= 16 * 2.0**-24 * np.maximum(expected.grazing[same], 1)).all()
+
+
+@pytest.mark.parametrize("make", [macropixels, views])
+def test_spanning_blocks_see_what_others_see(device, make):
+    world = scene(soup(3000, 1, 0.15))
+    slab = Slab(CAMERA, 20, 24)
+    size = slab.pixels if make is macropixels else slab.views
+    places = np.unique(np.random.default_rng(2).integers(0, size, (60, 2)), axis=0)
+    bundles = make(slab, places)
+    alone, depth = spanning(world, 1, device).bundle_hits(bundles, places)
+    for spans in (2, 4):
+        triangle, far = spanning(world, spans, device).bundle_hits(bundles, places)
+        assert (triangle != alone).mean() < 1e-3  # rays at edges
+        same = (triangle == alone) & (triangle >= 0)
+        assert same.sum() > 1000
+        assert np.abs(far[same] / depth[same] - 1).max() < 1e-4
+
+
+@pytest.mark.parametrize("spans", [2, 4])
+def test_nothing_leaks(device, spans):
+    for offset in (0.0, 0.37):
+        room = scene(closed_room(4) + [offset, -offset, 0.1])
+        pixels = np.random.default_rng(1).integers(0, 32, (64, 2))
+        triangle, _ = spanning(room, spans, device).slab_hits(Slab(CAMERA, 64, 32), pixels)
+        assert (triangle >= 0).all()
+
+
+def rough_wall(slab, pixels):
+    """A wall that is closed, every corner of which lies on a ray of the slab."""
+    side, rng = 24, np.random.default_rng(5)
+    lens, tangent = slab.lens_positions(), slab.pixel_tangents()
+    s, t = rng.choice(lens, (2, side + 1, side + 1))
+    at = np.linspace(pixels[0] - 2, pixels[1] + 2, side + 1).round().astype(int)
+    z = rng.uniform(1.7, 2.3, (side + 1, side + 1))
+    x = s * (1 - z * slab.camera.delta) + z * tangent[at][None, :]
+    y = t * (1 - z * slab.camera.delta) + z * tangent[at][:, None]
+    grid = np.stack([x, y, z], -1).astype(np.float32)
+    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
+    return np.concatenate([np.stack([a, b, c], 2), np.stack([a, c, d], 2)]).reshape(-1, 3, 3)
+
+
+@pytest.mark.parametrize("spans", [2, 4])
+def test_rays_through_vertices_do_not_leak(device, spans):
+    slab = Slab(CAMERA, 16, 256)
+    tracer = spanning(scene(rough_wall(slab, (40, 216))), spans, device)
+    line = np.arange(96, 160)
+    pixels = np.stack(np.meshgrid(line, line), -1).reshape(-1, 2)
+    triangle, _ = tracer.slab_hits(slab, pixels)
+    assert (triangle >= 0).all()
+
+
+@pytest.mark.parametrize("kind", ["macropixels", "views"])
+@pytest.mark.parametrize("spans", [2, 4])
+def test_colours_and_shadows_are_the_oracles(device, kind, spans):
+    world, slab = lit_soup(), Slab(CAMERA, 16, 12)
+    layout = FrameLayout(kind, 16, 12, "raster", 1, "yuv444p")
+    frames, _ = traced(spanning(world, spans, device), layout)
+    luma = layout.format.views(frames, layout.frame_width, layout.frame_height)[0]
+    rays = trace(world, slab, all_pixels(slab)).reshape(12, 12, 16, 16, 3)
+    rays = rays if kind == "macropixels" else rays.transpose(2, 3, 0, 1, 4)
+    expected = truth.ycbcr(truth.srgb_encode(rays))[..., 0]
+    expected = expected.reshape(-1, *expected.shape[2:])
+    error = np.abs(luma[:, : expected.shape[1], : expected.shape[2]] - np.rint(expected))
+    assert (error > 1).mean() < 2e-3
+    assert error.mean() < 0.1
+
+
+@pytest.mark.parametrize("spans", [2, 4])
+def test_planes_are_those_of_blocks_of_one_element(spans):
+    """Surfaces that only shine have one colour however they are evaluated: sums are equal."""
+    shining = Material("shining", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0, (0.3, 0.5, 0.7))
+    world = scene(closed_room(), materials=[shining], ambient=(0.0,) * 3)
+    planes = [SensorPlane(2.0, 1.0), SensorPlane(0.6, 2.0, shape="square"), SensorPlane(5.0, 1.4)]
+    for kind in ("macropixels", "views"):
+        for size in ((16, 13), (21, 10)):
+            layout = FrameLayout(kind, *size, "raster", 1, "yuv444p")
+            frames, sums = traced(spanning(world, 1), layout, planes)
+            again, found = traced(spanning(world, spans), layout, planes)
+            assert (frames == again).all()
+            np.testing.assert_array_equal(found, sums)
+
+
+@pytest.mark.parametrize("spans", [2, 4])
+def test_cuts_threads_and_order_do_not_matter(spans):
+    world = lit_soup()
+    planes = [SensorPlane(2.0, 1.0), SensorPlane(0.6, 1.4)]
+    for kind in ("macropixels", "views"):
+        whole = FrameLayout(kind, 18, 16, "raster", 1, "yuv444p")
+        frames, sums = traced(spanning(world, spans, open_device(threads=2)), whole, planes)
+        most = 24 * whole.inner**2  # rows of elements, which part groups
+        one = spanning(world, spans, open_device(threads=1))
+        again, cut = traced(one, whole, planes, max_rays=most)
+        assert (frames == again).all() and (sums == cut).all()
+        hilbert = FrameLayout(kind, 18, 16, "hilbert", 1, "yuv444p")
+        _, other = traced(one, hilbert, planes)
+        assert (other == sums).all()
+
+
+@pytest.mark.parametrize("spans", [2, 4])
+@pytest.mark.parametrize("lanes", [1, 4, 8])
+def test_every_lane_width_makes_the_same(device, spans, lanes):
+    if not device.is_cpu:
+        pytest.skip("a GPU has one lane width")
+    layout = FrameLayout("macropixels", 16, 8, "raster", 1, "yuv444p")
+    planes = [SensorPlane(2.0, 1.0)]
+    wide = traced(spanning(lit_soup(), spans, open_device(lanes=16)), layout, planes)
+    narrow = traced(spanning(lit_soup(), spans, open_device(lanes=lanes)), layout, planes)
+    assert np.abs(wide[0].astype(int) - narrow[0]).max() <= 1
+    assert (wide[0] == narrow[0]).mean() > 0.999
+    assert np.abs(wide[1].astype(float) / narrow[1] - 1).max() < 1e-3
+
+
+def test_chunks_do_not_part_groups(monkeypatch):
+    """A chunk ends where a row of groups does, so that no group is traced twice."""
+    from lfcore.tracing import tile as tiles
+
+    layout = FrameLayout("macropixels", 16, 16, "raster", 1, "yuv444p")
+    monkeypatch.setattr(tiles, "CHUNK_BYTES", layout.frame_bytes * 100)
+    tracer, slab = spanning(lit_soup(), 4), Slab(CAMERA, 16, 16)
+    tracing = tracer.trace_tile(slab, layout.tiles(1 << 30)[0])
+    assert [len(chunk.frames) for chunk in tracing] == [64, 64, 64, 64]
