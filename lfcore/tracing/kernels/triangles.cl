@@ -177,26 +177,55 @@ inline Affine sum_edges(Affine a, Affine b, Affine c)
     return n;
 }
 
+// Corners of LANES triangles in the frame of the block's centre ray.
+typedef struct { vf px, py, pz, qx, qy, qz, rx, ry, rz; } Corners;
+
+inline Corners shear_corners(const Bundle *r, global const float *leaf)
+{
+    Corners c;
+    c.pz = VLOAD(leaf + 32); c.qz = VLOAD(leaf + 80); c.rz = VLOAD(leaf + 128);
+    c.px = fma(-c.pz, r->dx, VLOAD(leaf) - r->ox); c.py = fma(-c.pz, r->dy, VLOAD(leaf + 16) - r->oy);
+    c.qx = fma(-c.qz, r->dx, VLOAD(leaf + 48) - r->ox); c.qy = fma(-c.qz, r->dy, VLOAD(leaf + 64) - r->oy);
+    c.rx = fma(-c.rz, r->dx, VLOAD(leaf + 96) - r->ox); c.ry = fma(-c.rz, r->dy, VLOAD(leaf + 112) - r->oy);
+    return c;
+}
+
+// Depth from the plane n . X = n . P: n is made of edges, so its error scales with the triangle
+// and not with its distance, as that of the weights does.
+inline void store_depth(const Corners *v, const Bundle *r, vi flip, private float *out)
+{
+    const vf ax = v->qx - v->px, ay = v->qy - v->py, az = v->qz - v->pz, bx = v->rx - v->px, by = v->ry - v->py, bz = v->rz - v->pz;
+    const vf nx = flip_sign(ay * bz - az * by, flip), ny = flip_sign(az * bx - ax * bz, flip), nz = flip_sign(ax * by - ay * bx, flip);
+    store_flat(fma(nx, v->px, fma(ny, v->py, nz * v->pz)), -nx * r->sx, -ny * r->sy, -nx * r->a, -ny * r->a, out);
+    store_flat(nz, nx * r->tx, ny * r->ty, nx * r->b, ny * r->b, out + FLAT * LANES);
+}
+
+#if OUTER > 1
+inline void store_corners(const Corners *v, vf noise_x, vf noise_y, private float *out)
+{
+    VSTORE(v->px, out); VSTORE(v->qx, out + LANES); VSTORE(v->rx, out + 2 * LANES);
+    VSTORE(v->py, out + 3 * LANES); VSTORE(v->qy, out + 4 * LANES); VSTORE(v->ry, out + 5 * LANES);
+    VSTORE(v->pz, out + 6 * LANES); VSTORE(v->qz, out + 7 * LANES); VSTORE(v->rz, out + 8 * LANES);
+    VSTORE(noise_x, out + 9 * LANES); VSTORE(noise_y, out + 10 * LANES);
+}
+#endif
+
 // Set up the LANES triangles at `leaf` (9 rows of 16); writes coefficients, signed so that n . D > 0
 // unless mixed, to `out`, and, for blocks of one element, to `span` the first and last row, first and last
 // column of the block that each can touch.
 inline Cull setup_triangles(const Bundle *r, global const float *leaf, float z_far, private float *out, private int *span)
 {
-    const vf pz = VLOAD(leaf + 32), qz = VLOAD(leaf + 80), rz = VLOAD(leaf + 128);
-    const vf dx = r->dx, dy = r->dy;
-    const vf px = fma(-pz, dx, VLOAD(leaf) - r->ox), py = fma(-pz, dy, VLOAD(leaf + 16) - r->oy);
-    const vf qx = fma(-qz, dx, VLOAD(leaf + 48) - r->ox), qy = fma(-qz, dy, VLOAD(leaf + 64) - r->oy);
-    const vf rx = fma(-rz, dx, VLOAD(leaf + 96) - r->ox), ry = fma(-rz, dy, VLOAD(leaf + 112) - r->oy);
-    const vf z_lo = min(pz, min(qz, rz)), z_hi = max(pz, max(qz, rz)), z_most = max(fabs(z_lo), fabs(z_hi));
-    const vf noise_x = corner_noise(px, qx, rx, z_most, r->sx, r->tx, r->dx, r);
-    const vf noise_y = corner_noise(py, qy, ry, z_most, r->sy, r->ty, r->dy, r);
-    vi keep = ~(beside_block(px, qx, rx, z_lo, z_hi, noise_x, r->sx, r->tx, r) |
-                beside_block(py, qy, ry, z_lo, z_hi, noise_y, r->sy, r->ty, r) | GT(z_lo, (vf)(z_far)));
+    const Corners v = shear_corners(r, leaf);
+    const vf z_lo = min(v.pz, min(v.qz, v.rz)), z_hi = max(v.pz, max(v.qz, v.rz)), z_most = max(fabs(z_lo), fabs(z_hi));
+    const vf noise_x = corner_noise(v.px, v.qx, v.rx, z_most, r->sx, r->tx, r->dx, r);
+    const vf noise_y = corner_noise(v.py, v.qy, v.ry, z_most, r->sy, r->ty, r->dy, r);
+    vi keep = ~(beside_block(v.px, v.qx, v.rx, z_lo, z_hi, noise_x, r->sx, r->tx, r) |
+                beside_block(v.py, v.qy, v.ry, z_lo, z_hi, noise_y, r->sy, r->ty, r) | GT(z_lo, (vf)(z_far)));
     Cull cull = {0, 0, 0};
     if (!row_any(keep)) return cull;
-    Affine e0 = edge(qx, qy, qz, rx, ry, rz, r);
-    Affine e1 = edge(rx, ry, rz, px, py, pz, r);
-    Affine e2 = edge(px, py, pz, qx, qy, qz, r);
+    Affine e0 = edge(v.qx, v.qy, v.qz, v.rx, v.ry, v.rz, r);
+    Affine e1 = edge(v.rx, v.ry, v.rz, v.px, v.py, v.pz, r);
+    Affine e2 = edge(v.px, v.py, v.pz, v.qx, v.qy, v.qz, r);
     const Affine n = sum_edges(e0, e1, e2);
     const vf w = spread(n);
     const vi flat = EQ(n.c, (vf)(0.0f)) & EQ(w, (vf)(0.0f));
@@ -204,9 +233,9 @@ inline Cull setup_triangles(const Bundle *r, global const float *leaf, float z_f
     // One sign for the whole block: flip the triangles seen from behind.
     const vi flip = LT(n.c, (vf)(0.0f)) & ~mixed & (vi)(0x80000000);
     e0 = flip_edge(e0, flip); e1 = flip_edge(e1, flip); e2 = flip_edge(e2, flip);
-    e0.c += pick((vf)(0.0f), edge_noise(qx, qy, qz, rx, ry, rz, r), ~mixed);
-    e1.c += pick((vf)(0.0f), edge_noise(rx, ry, rz, px, py, pz, r), ~mixed);
-    e2.c += pick((vf)(0.0f), edge_noise(px, py, pz, qx, qy, qz, r), ~mixed);
+    e0.c += pick((vf)(0.0f), edge_noise(v.qx, v.qy, v.qz, v.rx, v.ry, v.rz, r), ~mixed);
+    e1.c += pick((vf)(0.0f), edge_noise(v.rx, v.ry, v.rz, v.px, v.py, v.pz, r), ~mixed);
+    e2.c += pick((vf)(0.0f), edge_noise(v.px, v.py, v.pz, v.qx, v.qy, v.qz, r), ~mixed);
     // A rounding error of the evaluation at a ray must not be culled away: a little slack.
     const vf slack = 1.00001f;
     const vf w0 = spread(e0) * slack, w1 = spread(e1) * slack, w2 = spread(e2) * slack;
@@ -217,8 +246,8 @@ inline Cull setup_triangles(const Bundle *r, global const float *leaf, float z_f
     if (!row_any(keep)) return cull;
 #if OUTER == 1
     vf left, right, first, last;
-    span_samples(px, qx, rx, pz, qz, rz, noise_x, r->sx, r->tx, &left, &right);
-    span_samples(py, qy, ry, pz, qz, rz, noise_y, r->sy, r->ty, &first, &last);
+    span_samples(v.px, v.qx, v.rx, v.pz, v.qz, v.rz, noise_x, r->sx, r->tx, &left, &right);
+    span_samples(v.py, v.qy, v.ry, v.pz, v.qz, v.rz, noise_y, r->sy, r->ty, &first, &last);
     keep &= LE(left, right) & LE(first, last);
 #endif
     cull.keep = row_bits(keep);
@@ -226,18 +255,9 @@ inline Cull setup_triangles(const Bundle *r, global const float *leaf, float z_f
     cull.cover = row_bits(keep & inside & ~mixed);
     cull.mixed = row_bits(keep & mixed);
     store_edge(e0, out); store_edge(e1, out + EDGE * LANES); store_edge(e2, out + 2 * EDGE * LANES);
-    // Depth from the plane n . X = n . P: n is made of edges, so its error scales with the triangle
-    // and not with its distance, as that of the weights does.
-    const vf ax = qx - px, ay = qy - py, az = qz - pz, bx = rx - px, by = ry - py, bz = rz - pz;
-    const vf nx = flip_sign(ay * bz - az * by, flip), ny = flip_sign(az * bx - ax * bz, flip), nz = flip_sign(ax * by - ay * bx, flip);
-    store_flat(fma(nx, px, fma(ny, py, nz * pz)), -nx * r->sx, -ny * r->sy, -nx * r->a, -ny * r->a, out + 3 * EDGE * LANES);
-    store_flat(nz, nx * r->tx, ny * r->ty, nx * r->b, ny * r->b, out + (3 * EDGE + FLAT) * LANES);
+    store_depth(&v, r, flip, out + 3 * EDGE * LANES);
 #if OUTER > 1
-    out += CORNERS * LANES;
-    VSTORE(px, out); VSTORE(qx, out + LANES); VSTORE(rx, out + 2 * LANES);
-    VSTORE(py, out + 3 * LANES); VSTORE(qy, out + 4 * LANES); VSTORE(ry, out + 5 * LANES);
-    VSTORE(pz, out + 6 * LANES); VSTORE(qz, out + 7 * LANES); VSTORE(rz, out + 8 * LANES);
-    VSTORE(noise_x, out + 9 * LANES); VSTORE(noise_y, out + 10 * LANES);
+    store_corners(&v, noise_x, noise_y, out + CORNERS * LANES);
 #else
     narrow_rows(e0, mixed, &first, &last);
     narrow_rows(e1, mixed, &first, &last);
