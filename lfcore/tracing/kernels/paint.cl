@@ -9,8 +9,8 @@
 #define SHADOW_LIST 0
 #endif
 #define SHADOWED (SHADOW_LIGHTS > 0)
-// A block that sees more triangles than this casts its shadow rays one by one: measured, one for four rays.
-#define MANY_TRIANGLES (0.25f * (2.0f * HALF + 1.0f) * (2.0f * HALF + 1.0f) * OUTER * OUTER)
+// A block that sees more triangles than this casts its shadow rays one by one: measured, one for two rays.
+#define MANY_TRIANGLES (0.5f * (2.0f * HALF + 1.0f) * (2.0f * HALF + 1.0f) * OUTER * OUTER)
 
 // A worker's own memory.
 typedef struct {
