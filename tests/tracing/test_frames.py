@@ -16,8 +16,8 @@ from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
 MADE = {"macropixels": bundles.macropixels, "views": bundles.views}
-# (kind, views, pixels, pack): odd and even inner grids, smaller and larger than a block, one of them
-# smaller than a frame, and frames with empty slots.
+# (kind, views, pixels, pack): inner grids that are odd, smaller and larger than a block, in frames
+# with empty slots, and with a margin around all.
 LAYOUTS = [("macropixels", 33, 6, 4), ("views", 3, 37, 2), ("views", 4, 5, 2)]
 
 
