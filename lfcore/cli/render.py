@@ -15,6 +15,7 @@ from lfcore.cli.output import check_suffix
 from lfcore.cli.progress import progress, say
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.optics.camera import Camera
+from lfcore.storage.pixels import PIXEL_FORMATS
 
 RENDER = """\
 Trace a scene and make pictures from its rays at once; no light field is stored. SCENE is a
@@ -64,7 +65,7 @@ def add_parser(commands, name: str, summary: str) -> None:
     lens.add_argument("--f-number", type=float, metavar="F", help="widest that can be refocused")
     how = imgtool_store.add_encoder(command)
     how.add_argument("--layout", choices=("macropixels", "views"), help="default: by N and M")
-    how.add_argument("--pixel-format", choices=("yuv444p", "yuv420p"), help="default: by N")
+    how.add_argument("--pixel-format", choices=tuple(PIXEL_FORMATS), help="default: by N")
     render_view.add_options(command)
     command.set_defaults(run=trace, size=None)
 

@@ -37,6 +37,12 @@ class PixelFormat:
         """Of one sample: uint8, or little-endian uint16."""
         return np.dtype(np.uint8) if self.bits == 8 else np.dtype("<u2")
 
+    @property
+    def black(self) -> tuple[int, int, int]:
+        """Code of black in each plane."""
+        scale = 1 << (self.bits - 8)
+        return (0, 0, 0) if self.rgb else (16 * scale, 128 * scale, 128 * scale)
+
     def planes(self, width: int, height: int) -> tuple[Plane, Plane, Plane]:
         """The three planes of a frame; ``width`` and ``height`` are even for 4:2:0."""
         self.check_size(width, height)

@@ -69,7 +69,9 @@ class TileJob:
             **tracer._surfaces.defines,
             "PLANES": int(bool(planes)),
             "FRAMES": int(frames),
+            "BITS": layout.format.bits,
             "CHROMA": layout.format.subsampling,
+            "RGB": int(layout.format.rgb),
             "VIEWS": int(not self.macro),
         }
         self.kernel = tracer._beam_kernel("slab.cl", "trace_slab", self.shape, defines)
@@ -178,8 +180,9 @@ class _FrameHost:
     def _blank(self, layout, frames: int) -> None:
         """Padding and empty slots of a frame are black, not what memory held."""
         view = self.memory[: frames * self.size].reshape(frames, self.size)
-        luma = layout.frame_width * layout.frame_height
-        view[:, :luma], view[:, luma:] = 16, 128
+        planes = layout.format.views(view, layout.frame_width, layout.frame_height)
+        for plane, code in zip(planes, layout.format.black, strict=True):
+            plane[...] = code
 
     def read(self, count: int) -> np.ndarray:
         """(count, frame_bytes) uint8 of what was written; waits for the queue."""

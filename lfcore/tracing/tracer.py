@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lfcore.errors import DeviceError, SceneError
+from lfcore.errors import SceneError
 from lfcore.opencl.device import Device, build_program, cl, open_device
 from lfcore.optics import bundles as rays
 from lfcore.optics.bundles import Bundles
@@ -243,9 +243,6 @@ class Tracer:
         frames : whether encoder-ready frames are wanted; without, chunks are empty.
         progress : called with (elements done, elements of the tile).
         """
-        layout = tile.layout
-        if frames and (layout.format.bits != 8 or layout.format.rgb):
-            raise DeviceError(f"frames of {layout.pixel_format} are not made by the kernels")
         for plane in planes:
             plane.check(slab)
         job = TileJob(self, slab, tile, list(planes), frames)

@@ -125,6 +125,24 @@ def test_render_equals_refocusing_what_was_traced(recorded, tmp_path):
     np.testing.assert_allclose(np.load(single), np.load(traced)[1], atol=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("codec", "form", "most"),
+    [("ffv1", "gbrp", 4e-4), ("ffv1", "yuv444p10le", 4e-4), ("libx264", "yuv444p10le", 3e-3),
+     ("libx264", "yuv420p10le", 0.03)],
+)  # fmt: skip
+def test_every_pixel_format_is_traced_and_refocused(tmp_path, capsys, codec, form, most):
+    file, direct, stored = (tmp_path / name for name in ("a.mkv", "direct.npy", "stored.npy"))
+    size = ["--size", str(SIZE), "--views", str(VIEWS)]
+    how = ["--codec", codec, "--pixel-format", form, "--crf", "4"]
+    assert main(["trace", str(CHART), "-o", str(file), *size, *how]) == 0
+    assert main(["info", str(file), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["layout"]["pixel_format"] == form
+    planes = ["--plane", "focus=1", "--plane", "focus=1.33"]
+    assert main(["render", str(CHART), *size, *planes, "-o", str(direct)]) == 0
+    assert main(["refocus", str(file), *planes, "-o", str(stored)]) == 0
+    assert np.abs(np.load(direct) - np.load(stored)).mean() < most
+
+
 def test_a_pinhole_has_no_focus(tmp_path):
     made = []
     for focus in ("1", "2"):

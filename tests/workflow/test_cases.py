@@ -10,6 +10,7 @@ import pytest
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.storage import defaults
+from lfcore.storage.pixels import PIXEL_FORMATS
 from workflow import cases
 from workflow.settings import SettingsError, check_settings
 from workflow.sources import source_digest
@@ -51,6 +52,12 @@ def test_what_is_said_goes_before_what_measured_best():
     assert spec.preset == defaults.default_spec(512).preset
     slow = cases.codec_spec(settings(encoder={"preset": "slow"}), 512)
     assert (slow.preset, slow.bframes, slow.refs) == ("slow", None, None)
+
+
+@pytest.mark.parametrize("name", sorted(PIXEL_FORMATS))
+def test_every_pixel_format_of_the_store_can_be_said(name):
+    encoder = {"codec": "ffv1", "pixel_format": name}
+    assert cases.frame_layout(settings(encoder=encoder), 16).pixel_format == name
 
 
 @pytest.mark.parametrize("codec", ["libx265", "libsvtav1", "ffv1"])

@@ -2,19 +2,11 @@
 // blue, red, else BT.709 YCbCr of limited range.
 #ifndef LFCORE_LIGHT_CL
 #define LFCORE_LIGHT_CL
-#include "lanes.cl"
+#include "samples.cl"
 
 #define FIXED_ONE 1048576.0f
 
-#if BITS == 8
-typedef uchar sample;
-#define SAMPLES(n) uchar##n
-#define SCALE 1.0f
-#else
-typedef ushort sample;
-#define SAMPLES(n) ushort##n
-#define SCALE (1.0f / (1 << (BITS - 8)))
-#endif
+#define SCALE (1.0f / CODES)
 
 // IEC 61966-2-1 decoding of sRGB-encoded values to fixed point; those outside [0, 1] are clamped.  Above
 // the knee a polynomial of least largest error, 2e-6, below it the straight line.

@@ -1,22 +1,26 @@
-// Encoder-ready frames: linear light to sRGB-encoded BT.709 YCbCr, limited range, rounded once.
+// Encoder-ready frames: linear light to sRGB-encoded BT.709 YCbCr, limited range, rounded once; with RGB to
+// planes of green, blue and red, full range.
 #ifndef LFCORE_FRAMES_CL
 #define LFCORE_FRAMES_CL
 #include "bundle.cl"
+#include "samples.cl"
 
 // Where inner grids go in planar frames; CHROMA is 1 (4:4:4) or 2 (4:2:0, means of 2 x 2).
 typedef struct {
     global const int4 *places;  // (E,) frame, x0, y0
-    global uchar *frames;       // (F, 3 planes)
+    global sample *frames;      // (F, 3 planes)
     int width, height;
 } Frames;
 
 // IEC 61966-2-1 encoding of values clamped to [0, 1].  A polynomial (least largest error, 7e-6) in the fourth
 // root, from two reciprocal square roots of the processor's, good to 11 bits or more, and one step of Newton's: the
-// first is off by half as much in the root, 0.02 of a code in the mean and 0.07 at most.
+// first is off by half as much in the root, 0.02 of a code of 8 bits in the mean and 0.07 at most: codes of more
+// bits have it refined, too.
 inline vf encode_srgb(vf x)
 {
     x = clamp(x, (vf)(1.0e-9f), (vf)(1.0f));
-    const vf r = native_rsqrt(x), y = native_rsqrt(r), root = y * fma(-(y * r), y, (vf)(3.0f));  // twice that
+    const vf r = BITS == 8 ? native_rsqrt(x) : inverse_sqrt(x), y = native_rsqrt(r);
+    const vf root = y * fma(-(y * r), y, (vf)(3.0f));  // twice that
     const vf square = root * root;
     const vf high = fma(root, (vf)(-6.814727000e-02f / 32.0f), (vf)(2.895329352e-01f / 16.0f));
     const vf middle = fma(root, (vf)(-5.774826995e-01f / 8.0f), (vf)(1.255404424e+00f / 4.0f));
@@ -25,12 +29,13 @@ inline vf encode_srgb(vf x)
     return pick(12.92f * x, p, GT(x, (vf)(0.0031308f)));
 }
 
-// Codes lie in [16, 240]; in a sum with 1.5 * 2^23 they are rounded to the nearest, ties to even, into the low bits.
+// Codes lie in [0, 2^BITS); in a sum with 1.5 * 2^23 they are rounded to the nearest, ties to even, into the low bits.
+#define WHITE ((1 << BITS) - 1)
 #define ROUNDED(code) ((vf)((code) + 12582912.0f))
-inline void put_codes(vf sum, private uchar *at) { VSTORE(NARROW(AS_VU(sum) & 255u), at); }
+inline void put_codes(vf sum, private sample *at) { VSTORE(NARROW(SAMPLE, AS_VU(sum) & (uint)WHITE), at); }
 
 // Copy the `wide` x `high` codes of a block that are inside the inner grid.
-inline void copy_codes(private const uchar *codes, int wide, int high, global uchar *to, int pitch)
+inline void copy_codes(private const sample *codes, int wide, int high, global sample *to, int pitch)
 {
     for (int y = 0; y < high; ++y, to += pitch, codes += BLOCK) {
         if (wide == BLOCK) vstore16(vload16(0, codes), 0, to);
@@ -42,24 +47,30 @@ inline void copy_codes(private const uchar *codes, int wide, int high, global uc
 // first ray is at column, row of its inner grid; columns and rows bound what is inside it.
 inline void write_frames(const Frames *out, int element, int column, int row, int columns, int rows, global float *colours)
 {
-    private uchar codes[3 * BLOCK_RAYS];  // written out when all are made: a loop without branches keeps its constants
+    private sample codes[3 * BLOCK_RAYS];  // written out when all are made: a loop without branches keeps its constants
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const vf r = encode_srgb(VLOAD(colours + at)), g = encode_srgb(VLOAD(colours + BLOCK_RAYS + at));
         const vf b = encode_srgb(VLOAD(colours + 2 * BLOCK_RAYS + at));
+#if RGB
+        put_codes(fma(g, (vf)(WHITE), ROUNDED(0.0f)), codes + at);
+        put_codes(fma(b, (vf)(WHITE), ROUNDED(0.0f)), codes + BLOCK_RAYS + at);
+        put_codes(fma(r, (vf)(WHITE), ROUNDED(0.0f)), codes + 2 * BLOCK_RAYS + at);
+#else
         const vf luma = fma(r, (vf)(0.2126f), fma(g, (vf)(0.7152f), b * 0.0722f));
         const vf blue = b - luma, red = r - luma;
-        put_codes(fma(luma, (vf)(219.0f), ROUNDED(16.0f)), codes + at);
+        put_codes(fma(luma, (vf)(219.0f * CODES), ROUNDED(16.0f * CODES)), codes + at);
 #if CHROMA == 1
-        put_codes(fma(blue, (vf)(224.0f / 1.8556f), ROUNDED(128.0f)), codes + BLOCK_RAYS + at);
-        put_codes(fma(red, (vf)(224.0f / 1.5748f), ROUNDED(128.0f)), codes + 2 * BLOCK_RAYS + at);
+        put_codes(fma(blue, (vf)(224.0f / 1.8556f * CODES), ROUNDED(128.0f * CODES)), codes + BLOCK_RAYS + at);
+        put_codes(fma(red, (vf)(224.0f / 1.5748f * CODES), ROUNDED(128.0f * CODES)), codes + 2 * BLOCK_RAYS + at);
 #else
-        VSTORE(fma(blue, (vf)(224.0f / 1.8556f), (vf)(128.0f)), colours + at);
-        VSTORE(fma(red, (vf)(224.0f / 1.5748f), (vf)(128.0f)), colours + BLOCK_RAYS + at);
+        VSTORE(fma(blue, (vf)(224.0f / 1.8556f * CODES), (vf)(128.0f * CODES)), colours + at);
+        VSTORE(fma(red, (vf)(224.0f / 1.5748f * CODES), (vf)(128.0f * CODES)), colours + BLOCK_RAYS + at);
+#endif
 #endif
     }
     const int4 place = out->places[element];
     const ulong pixels = (ulong)out->width * out->height, chroma = pixels / (CHROMA * CHROMA);
-    global uchar *frame = out->frames + place.x * (pixels + 2 * chroma);
+    global sample *frame = out->frames + place.x * (pixels + 2 * chroma);
     const int x0 = place.y + column, y0 = place.z + row, wide = min(BLOCK, columns - column), high = min(BLOCK, rows - row);
     for (int plane = 0; plane < (CHROMA == 1 ? 3 : 1); ++plane)
         copy_codes(codes + plane * BLOCK_RAYS, wide, high, frame + plane * pixels + (ulong)y0 * out->width + x0, out->width);
@@ -71,7 +82,8 @@ inline void write_frames(const Frames *out, int element, int column, int row, in
                 global const float *c = colours + plane * BLOCK_RAYS + y * BLOCK + x;
                 const int right = column + x + 1 < columns ? 1 : 0, below = row + y + 1 < rows ? BLOCK : 0;
                 const float mean = 0.25f * (c[0] + c[right] + c[below] + c[below + right]);
-                frame[pixels + plane * chroma + (ulong)((y0 + y) / 2) * (out->width / 2) + (x0 + x) / 2] = convert_uchar_sat_rte(mean);
+                const ulong at = (ulong)((y0 + y) / 2) * (out->width / 2) + (x0 + x) / 2;
+                frame[pixels + plane * chroma + at] = JOIN(JOIN(convert_, SAMPLE), _sat_rte)(mean);
             }
 #endif
 }

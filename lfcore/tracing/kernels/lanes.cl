@@ -24,7 +24,7 @@ typedef uint vu;
 #define TO_VI convert_int
 #define TO_VF convert_float
 #define TO_VU convert_uint
-#define NARROW(x) convert_uchar(x)
+#define NARROW(T, x) JOIN(convert_, T)(x)
 #define MASK(m) (-(m))
 #else
 #define LANES_TYPE JOIN(float, LANES)
@@ -39,7 +39,7 @@ typedef JOIN(uint, LANES) vu;
 #define TO_VI JOIN(convert_int, LANES)
 #define TO_VF JOIN(convert_float, LANES)
 #define TO_VU JOIN(convert_uint, LANES)
-#define NARROW(x) JOIN(convert_uchar, LANES)(x)
+#define NARROW(T, x) JOIN(JOIN(convert_, T), LANES)(x)
 #define MASK(m) (m)
 #endif
 

@@ -70,7 +70,7 @@ void trace_slab(BVH_PARAMETERS,
                 global int *restrict next,
                 global uint *restrict scratch,          // (workers, SCRATCH_WORDS)
                 global const int4 *restrict places,     // (E,) frame, x0, y0, pixel u + (v << 16)
-                global uchar *restrict frames,
+                global sample *restrict frames,
                 const int frame_width,
                 const int frame_height,
                 const int tall,                         // beams in a strip
