@@ -129,6 +129,21 @@ def test_every_lane_width_sees_the_same(device, lanes):
     assert np.abs(wide[1][met] / narrow[1][met] - 1).max() < 1e-6
 
 
+@pytest.mark.parametrize("lanes", [1, 4, 8])
+def test_blocks_of_several_elements_see_the_same_at_every_lane_width(device, lanes):
+    # Rays that a triangle of few can touch are tested side by side, as many as there are lanes.
+    if not device.is_cpu:
+        pytest.skip("a GPU has one lane width")
+    slab, pixels = Slab(CAMERA, 16, 64), np.argwhere(np.ones((8, 8))) + 24
+    found = []
+    for width in (16, lanes):
+        tracer = tracer_of(soup(5000, 4, 0.05), open_device(lanes=width))
+        tracer.outer = lambda *_: 4
+        found.append(tracer.slab_hits(slab, pixels))
+    for wide, narrow in zip(*found, strict=True):
+        assert wide.tobytes() == narrow.tobytes()
+
+
 def test_coplanar_copies_go_to_the_lowest_index(device):
     triangles = soup(40, 5)
     copies = np.concatenate([triangles] * 3)

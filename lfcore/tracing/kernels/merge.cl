@@ -67,12 +67,54 @@ inline uint make_row_forms(private const float *c, uint lane, uint wanted, RowFo
     return rows;
 }
 
+// A triangle that can touch no more than LANES rays, those where `rows` and `columns` cross: all of them at once.
+inline int hit_few(private const float *c, uint lane, int covers, int mixed, uint rows, uint columns, int id, global float *z,
+                   global int *ids)
+{
+    private int place[LANES];
+    private float found[LANES];
+    int count = 0;
+    for (int k = 0; k < LANES; ++k) place[k] = 0;
+    for (; rows; rows &= rows - 1)
+        for (uint rest = columns; rest; rest &= rest - 1) place[count++] = lowest(rows) * BLOCK + lowest(rest);
+    const vi at = VLOAD(place), column = at & (BLOCK - 1), row = at / BLOCK;
+    const vf x = TO_VF(column & (INNER - 1)) - HALF, u = TO_VF(column / INNER) - OUTER_HALF;
+    const vf y = TO_VF(row & (INNER - 1)) - HALF, v = TO_VF(row / INNER) - OUTER_HALF;
+    vf e[3], flat[2], depth;
+    c += lane;
+#define AT(n) (vf)(c[(n) * LANES])
+    for (int k = 0; k < 3; ++k) {
+        const int n = k * EDGE;
+        const vf base = fma(v, AT(n + 4), fma(y, AT(n + 2), AT(n)));
+        e[k] = fma(u, fma(y, AT(n + 5), AT(n + 3)), fma(x, fma(-v, AT(n + 5), AT(n + 1)), base));
+    }
+    for (int k = 0; k < 2; ++k) {
+        const int n = 3 * EDGE + k * FLAT;
+        flat[k] = fma(u, AT(n + 3), fma(x, AT(n + 1), fma(v, AT(n + 4), fma(y, AT(n + 2), AT(n)))));
+    }
+#undef AT
+    const vi mask = meet(e[0], e[1], e[2], flat[1], flat[0], covers, mixed, &depth);
+    int changed = 0;
+    VSTORE(depth, found);
+    for (uint bits = row_bits(mask) & ((1u << count) - 1u); bits; bits &= bits - 1) {
+        const uint k = lowest(bits);
+        const int to = place[k], old_id = ids[to];
+        const uint new = as_uint(found[k]), old = as_uint(z[to]);
+        const int nearer = (new < old) | ((new == old) & (id < old_id));
+        z[to] = as_float(nearer ? new : old);
+        ids[to] = nearer ? id : old_id;
+        changed |= nearer;
+    }
+    return changed;
+}
+
 // `span`: a bit for each row, and for each column, that the triangle can touch.
 inline int hit_triangle(private const float *c, uint lane, int covers, int mixed, private const int *span, int id, global float *z,
                         global int *ids)
 {
     uint rows = span[lane];
     const uint columns = span[LANES + lane];
+    if (popcount(rows) * popcount(columns) <= LANES) return hit_few(c, lane, covers, mixed, rows, columns, id, z, ids);
     RowForms f;
     const uint open = make_row_forms(c, lane, rows, &f);
     if (!mixed) rows &= open;
