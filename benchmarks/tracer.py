@@ -80,6 +80,8 @@ def main() -> None:
         rows = compare.compare(options)
     rows = [{**row, "processor": about["processor"], "cores": about["cores"]} for row in rows]
     write_csv(options.out, rows)
+    if mode == "scaling":
+        scaling.draw(options.out.with_suffix(".png"), rows)
     print_table(
         rows, leave_out=("note", "processor", "cores", "threads", "sampled_rays", "repeats")
     )

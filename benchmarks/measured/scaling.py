@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
+from matplotlib.figure import Figure
+
+from lfcore.evaluation.figures import save_figure
 from lfcore.optics.slab import Slab
 from measured import ours
 from measured.rows import in_turn, rates, say
@@ -52,3 +56,31 @@ def scaling(options) -> list[dict]:
                 "growth_over_log": nanoseconds / start[0] / growth,
             })  # fmt: skip
     return rows
+
+
+def draw(path: Path, rows: list[dict]) -> None:
+    """Time per ray and seconds of the tree against triangle count, of ``rows`` of :func:`scaling`,
+    as PNG; dashed, the logarithm from each curve's first point, and crosses, the tree's goals."""
+    figure = Figure(figsize=(8.8, 3.7), layout="constrained")
+    rays, tree = figure.subplots(1, 2)
+    for index, views in enumerate(dict.fromkeys(row["N"] for row in rows)):
+        curve = [row for row in rows if row["N"] == views]
+        sizes = [row["triangles"] for row in curve]
+        times = [row["core_nanoseconds_per_ray"] for row in curve]
+        goal = [times[0] * row["growth_of_logarithm"] for row in curve]
+        rays.plot(sizes, times, "o-", color=f"C{index}", label=f"N = {views}", markersize=5)
+        rays.plot(sizes, goal, "--", color=f"C{index}", linewidth=1)
+    rays.plot([], [], "--", color="0.5", linewidth=1, label="logarithm")
+    rays.set_ylabel("core-nanoseconds a ray")
+    built = {row["triangles"]: row["bvh_seconds"] for row in rows}
+    tree.plot(list(built), list(built.values()), "o-", color="C7", label="measured", markersize=5)
+    tree.plot(list(GOAL_SECONDS), list(GOAL_SECONDS.values()), "kx", label="goal, at most")
+    tree.set_ylabel("seconds to build the tree")
+    for axis in (rays, tree):
+        axis.set_xscale("log")
+        axis.set_yscale("log")
+        axis.yaxis.set_major_formatter("{x:g}")
+        axis.set_xlabel(f"triangles ({rows[0]['scene']})")
+        axis.grid(alpha=0.3)
+        axis.legend(frameon=False)
+    save_figure(path, figure)

@@ -57,6 +57,24 @@ def test_bundles_of_either_kind_agree_with_embree(device, make):
     assert np.abs(found["tfar"][same] / depth.ravel()[same] - 1).max() < 1e-4
 
 
+@pytest.mark.parametrize("outer", [1, 2, 4])
+def test_blocks_lose_no_triangle_that_falls_between_rays(device, outer):
+    # As small as the way from ray to ray, in focus and out of it, where rays cross too.
+    tracer = tracer_of(soup(20_000, 1, 0.03), device)
+    tracer.outer = lambda *_: outer
+    slab = Slab(CAMERA, 16, 64)
+    places = np.stack(np.meshgrid(np.arange(64), np.arange(24, 40)), -1).reshape(-1, 2)
+    bundles = macropixels(slab, places)
+    triangle, depth = tracer.bundle_hits(bundles, places)
+    origins, directions = (a.reshape(-1, 3).astype(np.float32) for a in bundles.rays())
+    found, distance, _ = tracer.closest_hit(origins, directions)
+    same = found == triangle.ravel()
+    assert (found >= 0).mean() > 0.2
+    assert (~same).mean() < 1e-5  # rays at edges
+    seen = same & (found >= 0)
+    assert np.abs(distance[seen] / depth.ravel()[seen] - 1).max() < 1e-4
+
+
 def test_nothing_leaks_out_of_a_closed_room(device):
     for offset in (0.0, 0.37):
         room = closed_room() + [offset, -offset, 0.1]
@@ -109,6 +127,21 @@ def test_every_lane_width_sees_the_same(device, lanes):
     assert (wide[0] == narrow[0]).all()
     met = wide[0] >= 0
     assert np.abs(wide[1][met] / narrow[1][met] - 1).max() < 1e-6
+
+
+@pytest.mark.parametrize("lanes", [1, 4, 8])
+def test_blocks_of_several_elements_see_the_same_at_every_lane_width(device, lanes):
+    # Rays that a triangle of few can touch are tested side by side, as many as there are lanes.
+    if not device.is_cpu:
+        pytest.skip("a GPU has one lane width")
+    slab, pixels = Slab(CAMERA, 16, 64), np.argwhere(np.ones((8, 8))) + 24
+    found = []
+    for width in (16, lanes):
+        tracer = tracer_of(soup(5000, 4, 0.05), open_device(lanes=width))
+        tracer.outer = lambda *_: 4
+        found.append(tracer.slab_hits(slab, pixels))
+    for wide, narrow in zip(*found, strict=True):
+        assert wide.tobytes() == narrow.tobytes()
 
 
 def test_coplanar_copies_go_to_the_lowest_index(device):

@@ -30,24 +30,6 @@ inline vi meet(vf a, vf b, vf g, vf sum, vf z, int covers, int mixed, vf *depth)
 
 #if OUTER > 1
 
-// Which of the block's 16 places along an axis the sheared corners a, b, c reach: those whose plane of
-// rays has corners on both sides.  Rows and columns are numbered alike, so both axes use row_at's x and u.
-inline uint places_met(float a, float b, float c, float az, float bz, float cz, float noise, float s, float t, const Bundle *r)
-{
-    const float far = 2.0f * noise;
-    const float sa = fma(az, t, s), sb = fma(bz, t, s), sc = fma(cz, t, s);
-    const float ua = fma(az, r->b, r->a), ub = fma(bz, r->b, r->a), uc = fma(cz, r->b, r->a);
-    uint bits = 0;
-    for (int first = 0; first < BLOCK; first += LANES) {
-        const Row at = row_at(first);
-        const vf da = fma(-at.x, (vf)(sa), fma(-at.u, (vf)(ua), (vf)(a)));
-        const vf db = fma(-at.x, (vf)(sb), fma(-at.u, (vf)(ub), (vf)(b)));
-        const vf dc = fma(-at.x, (vf)(sc), fma(-at.u, (vf)(uc), (vf)(c)));
-        bits |= row_bits(LE(min(da, min(db, dc)), (vf)(far)) & GE(max(da, max(db, dc)), (vf)(-far))) << first;
-    }
-    return bits;
-}
-
 // Forms of one triangle along each of the block's rows: base + x along + u across.
 typedef struct {
     float base[5][BLOCK], along[3][BLOCK], across[3][BLOCK];  // three edges; numerator and denominator of depth
@@ -55,10 +37,11 @@ typedef struct {
 } RowForms;
 
 // Returns the rows in which no edge excludes every ray, rounding allowed for.
-inline uint make_row_forms(private const float *c, uint lane, RowForms *forms)
+inline uint make_row_forms(private const float *c, uint lane, uint wanted, RowForms *forms)
 {
     uint rows = 0;
     for (int first = 0; first < BLOCK; first += LANES) {
+        if (!(wanted >> first & ((1u << LANES) - 1u))) continue;
         const Row at = row_at(first);  // the places of rows along y are those of columns along x
         vi meets = -1;
         for (int k = 0; k < 3; ++k) {
@@ -84,21 +67,56 @@ inline uint make_row_forms(private const float *c, uint lane, RowForms *forms)
     return rows;
 }
 
-inline int hit_triangle(const Bundle *r, private const float *c, uint lane, int covers, int mixed, private const int *span, int id,
-                        global float *z, global int *ids)
+// A triangle that can touch no more than LANES rays, those where `rows` and `columns` cross: all of them at once.
+inline int hit_few(private const float *c, uint lane, int covers, int mixed, uint rows, uint columns, int id, global float *z,
+                   global int *ids)
 {
-    private const float *at = c + CORNERS * LANES + lane;
-#define CORNER(k) at[(k) * LANES]
-    uint rows = (1u << BLOCK) - 1u, columns = rows;
-    if (!covers) {
-        rows = places_met(CORNER(3), CORNER(4), CORNER(5), CORNER(6), CORNER(7), CORNER(8), CORNER(10), r->sy, r->ty, r);
-        if (!rows) return 0;
-        columns = places_met(CORNER(0), CORNER(1), CORNER(2), CORNER(6), CORNER(7), CORNER(8), CORNER(9), r->sx, r->tx, r);
-        if (!columns) return 0;
+    private int place[LANES];
+    private float found[LANES];
+    int count = 0;
+    for (int k = 0; k < LANES; ++k) place[k] = 0;
+    for (; rows; rows &= rows - 1)
+        for (uint rest = columns; rest; rest &= rest - 1) place[count++] = lowest(rows) * BLOCK + lowest(rest);
+    const vi at = VLOAD(place), column = at & (BLOCK - 1), row = at / BLOCK;
+    const vf x = TO_VF(column & (INNER - 1)) - HALF, u = TO_VF(column / INNER) - OUTER_HALF;
+    const vf y = TO_VF(row & (INNER - 1)) - HALF, v = TO_VF(row / INNER) - OUTER_HALF;
+    vf e[3], flat[2], depth;
+    c += lane;
+#define AT(n) (vf)(c[(n) * LANES])
+    for (int k = 0; k < 3; ++k) {
+        const int n = k * EDGE;
+        const vf base = fma(v, AT(n + 4), fma(y, AT(n + 2), AT(n)));
+        e[k] = fma(u, fma(y, AT(n + 5), AT(n + 3)), fma(x, fma(-v, AT(n + 5), AT(n + 1)), base));
     }
-#undef CORNER
+    for (int k = 0; k < 2; ++k) {
+        const int n = 3 * EDGE + k * FLAT;
+        flat[k] = fma(u, AT(n + 3), fma(x, AT(n + 1), fma(v, AT(n + 4), fma(y, AT(n + 2), AT(n)))));
+    }
+#undef AT
+    const vi mask = meet(e[0], e[1], e[2], flat[1], flat[0], covers, mixed, &depth);
+    int changed = 0;
+    VSTORE(depth, found);
+    for (uint bits = row_bits(mask) & ((1u << count) - 1u); bits; bits &= bits - 1) {
+        const uint k = lowest(bits);
+        const int to = place[k], old_id = ids[to];
+        const uint new = as_uint(found[k]), old = as_uint(z[to]);
+        const int nearer = (new < old) | ((new == old) & (id < old_id));
+        z[to] = as_float(nearer ? new : old);
+        ids[to] = nearer ? id : old_id;
+        changed |= nearer;
+    }
+    return changed;
+}
+
+// `span`: a bit for each row, and for each column, that the triangle can touch.
+inline int hit_triangle(private const float *c, uint lane, int covers, int mixed, private const int *span, int id, global float *z,
+                        global int *ids)
+{
+    uint rows = span[lane];
+    const uint columns = span[LANES + lane];
+    if (popcount(rows) * popcount(columns) <= LANES) return hit_few(c, lane, covers, mixed, rows, columns, id, z, ids);
     RowForms f;
-    const uint open = make_row_forms(c, lane, &f);
+    const uint open = make_row_forms(c, lane, rows, &f);
     if (!mixed) rows &= open;
     int changed = 0;
     for (; rows; rows &= rows - 1) {
@@ -145,8 +163,8 @@ inline vi meet_row(private const float *c, uint lane, int covers, int mixed, vf 
 }
 
 // `span`: first and last row, first and last column that the triangle can touch.
-inline int hit_triangle(const Bundle *r, private const float *c, uint lane, int covers, int mixed, private const int *span, int id,
-                        global float *z, global int *ids)
+inline int hit_triangle(private const float *c, uint lane, int covers, int mixed, private const int *span, int id, global float *z,
+                        global int *ids)
 {
     const int first = span[lane], last = span[LANES + lane];
     int changed = 0;

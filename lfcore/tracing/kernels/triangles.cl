@@ -11,18 +11,15 @@
 #include "bundle.cl"
 
 // Coefficients of LANES triangles, a row of LANES each: the edges opposite p, q, r (EDGE rows each),
-// numerator and denominator of depth (FLAT rows each); for blocks of several elements also the sheared
-// corners and the rounding error of those, for each axis.
+// numerator and denominator of depth (FLAT rows each).
 #if OUTER > 1
 #define EDGE 6
 #define FLAT 5
-#define CORNERS (3 * EDGE + 2 * FLAT)
-#define COEFFICIENTS (CORNERS + 11)
 #else
 #define EDGE 3
 #define FLAT 3
-#define COEFFICIENTS (3 * EDGE + 2 * FLAT)
 #endif
+#define COEFFICIENTS (3 * EDGE + 2 * FLAT)
 
 // A Form for each of LANES triangles.
 typedef struct {
@@ -107,7 +104,28 @@ inline vi beside_block(vf a, vf b, vf c, vf z_lo, vf z_hi, vf noise, float s, fl
     return GT(min(a, min(b, c)), reach) | LT(max(a, max(b, c)), -reach);
 }
 
-#if OUTER == 1
+#if OUTER > 1
+// The block's 16 places along one axis that triangles of sheared corners a, b, c can reach, a bit each.  At
+// depth z neighbouring rays of the inner grid are s + z t apart, and those of neighbouring elements r->a + z r->b;
+// for each element the extremes are the corners' as long as the former keeps its sign over the triangle.
+inline vi places_reached(vf a, vf b, vf c, vf az, vf bz, vf cz, vf noise, float s, float t, const Bundle *r)
+{
+    const vf wa = fma(az, (vf)(t), (vf)(s)), wb = fma(bz, (vf)(t), (vf)(s)), wc = fma(cz, (vf)(t), (vf)(s));
+    const vf ua = fma(az, (vf)(r->b), (vf)(r->a)), ub = fma(bz, (vf)(r->b), (vf)(r->a)), uc = fma(cz, (vf)(r->b), (vf)(r->a));
+    const vf ra = native_recip(wa), rb = native_recip(wb), rc = native_recip(wc);
+    const vf slack = fma(noise, max(fabs(ra), max(fabs(rb), fabs(rc))), (vf)(0.01f));
+    vi places = 0;
+    for (int k = 0; k < OUTER; ++k) {
+        const vf u = OUTER_HALF - k;
+        const vf ia = fma(u, ua, a) * ra, ib = fma(u, ub, b) * rb, ic = fma(u, uc, c) * rc;
+        const vf lo = ceil(min(ia, min(ib, ic)) - slack + HALF), hi = floor(max(ia, max(ib, ic)) + slack + (HALF + 1.0f));
+        const vi first = TO_VI(clamp(lo, (vf)(0.0f), (vf)(INNER))), end = TO_VI(clamp(hi, (vf)(0.0f), (vf)(INNER)));
+        places |= (((vi)(1) << end) - ((vi)(1) << first)) << (k * INNER);
+    }
+    const vi same = GT(wa * wb, (vf)(0.0f)) & GT(wb * wc, (vf)(0.0f));
+    return pick_int((vi)((1 << BLOCK) - 1), places, same);
+}
+#else
 // Samples [first, last] along one axis of the block, from 0 to 2 HALF, that triangles of sheared corners a, b,
 // c can reach.  At depth z neighbouring rays are s + z t apart; while that keeps its sign over the triangle,
 // the extremes are its corners' (a projective map), and what falls between two samples is found out.
@@ -200,19 +218,9 @@ inline void store_depth(const Corners *v, const Bundle *r, vi flip, private floa
     store_flat(nz, nx * r->tx, ny * r->ty, nx * r->b, ny * r->b, out + FLAT * LANES);
 }
 
-#if OUTER > 1
-inline void store_corners(const Corners *v, vf noise_x, vf noise_y, private float *out)
-{
-    VSTORE(v->px, out); VSTORE(v->qx, out + LANES); VSTORE(v->rx, out + 2 * LANES);
-    VSTORE(v->py, out + 3 * LANES); VSTORE(v->qy, out + 4 * LANES); VSTORE(v->ry, out + 5 * LANES);
-    VSTORE(v->pz, out + 6 * LANES); VSTORE(v->qz, out + 7 * LANES); VSTORE(v->rz, out + 8 * LANES);
-    VSTORE(noise_x, out + 9 * LANES); VSTORE(noise_y, out + 10 * LANES);
-}
-#endif
-
 // Set up the LANES triangles at `leaf` (9 rows of 16); writes coefficients, signed so that n . D > 0
-// unless mixed, to `out`, and, for blocks of one element, to `span` the first and last row, first and last
-// column of the block that each can touch.
+// unless mixed, to `out`, and to `span` what of the block each can touch: first and last row, first and last
+// column, or, for blocks of several elements, a bit for each row, and for each column.
 inline Cull setup_triangles(const Bundle *r, global const float *leaf, float z_far, private float *out, private int *span)
 {
     const Corners v = shear_corners(r, leaf);
@@ -244,7 +252,13 @@ inline Cull setup_triangles(const Bundle *r, global const float *leaf, float z_f
     const vi inside = GE(e0.c, w0 + tiny) & GE(e1.c, w1 + tiny) & GE(e2.c, w2 + tiny);
     keep &= ~(flat | (outside & ~mixed));
     if (!row_any(keep)) return cull;
-#if OUTER == 1
+#if OUTER > 1
+    const vi columns = places_reached(v.px, v.qx, v.rx, v.pz, v.qz, v.rz, noise_x, r->sx, r->tx, r);
+    const vi rows = places_reached(v.py, v.qy, v.ry, v.pz, v.qz, v.rz, noise_y, r->sy, r->ty, r);
+    keep &= ~(EQ(columns, (vi)(0)) | EQ(rows, (vi)(0)));
+    VSTORE(rows, span);
+    VSTORE(columns, span + LANES);
+#else
     vf left, right, first, last;
     span_samples(v.px, v.qx, v.rx, v.pz, v.qz, v.rz, noise_x, r->sx, r->tx, &left, &right);
     span_samples(v.py, v.qy, v.ry, v.pz, v.qz, v.rz, noise_y, r->sy, r->ty, &first, &last);
@@ -256,9 +270,7 @@ inline Cull setup_triangles(const Bundle *r, global const float *leaf, float z_f
     cull.mixed = row_bits(keep & mixed);
     store_edge(e0, out); store_edge(e1, out + EDGE * LANES); store_edge(e2, out + 2 * EDGE * LANES);
     store_depth(&v, r, flip, out + 3 * EDGE * LANES);
-#if OUTER > 1
-    store_corners(&v, noise_x, noise_y, out + CORNERS * LANES);
-#else
+#if OUTER == 1
     narrow_rows(e0, mixed, &first, &last);
     narrow_rows(e1, mixed, &first, &last);
     narrow_rows(e2, mixed, &first, &last);

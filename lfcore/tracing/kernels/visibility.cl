@@ -177,7 +177,7 @@ inline void visit_block(const Bvh *bvh, const Bundle *block, const LeafList *lis
                     const int id = bvh->leaf_ids[leaf * NODE_WIDTH + lane + k], covers = (cull.cover >> k) & 1;
                     if (covers && state->cover != BUFFERED && settle_cover(coefficients, k, id, state)) continue;
                     materialise(state, z, ids);
-                    changed |= hit_triangle(block, coefficients, k, covers, (cull.mixed >> k) & 1, rows, id, z, ids);
+                    changed |= hit_triangle(coefficients, k, covers, (cull.mixed >> k) & 1, rows, id, z, ids);
                 }
             }
             if (changed) state->z_far = farthest(z);
