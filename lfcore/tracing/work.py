@@ -151,7 +151,7 @@ def probed_blocks(bundles: Bundles, outer: int) -> tuple[np.ndarray, np.ndarray]
     inner = BLOCK // outer
     number = np.arange(len(bundles.elements) * PLACES)
     down, across = -(-bundles.rows // inner), -(-bundles.columns // inner)
-    place = number * (down * across) // len(number) if down * across > 1 else 0 * number
+    place = number * (down * across) // len(number)
     first = np.stack([place % across, place // across], 1) * inner
     middle = first - (np.array([bundles.columns, bundles.rows]) - 1) / 2
     i, u = np.tile(np.arange(inner), outer), np.repeat(np.arange(outer) - (outer - 1) / 2, inner)

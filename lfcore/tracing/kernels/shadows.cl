@@ -72,15 +72,14 @@ inline int next_span(const Bundle *r, global const float *point, global int *wan
 // Darken the target behind LANES triangles; false once no ray of it can see the light.
 inline int cast_leaf(const ShadowRays *r, const Target *target, const Plane *planes, vi may, global const int *leaf_ids)
 {
+    private float forms[SHADOW_FORMS * LANES];  // those on a facet are twelve
 #if OUTER == 1
-    private float forms[12 * LANES > SHADOW_FORMS * LANES ? 12 * LANES : SHADOW_FORMS * LANES];
     private int rows[2 * LANES];
     const Receiver *receiver = target->receiver;
     if (!receiver && target->receivers->count) may = darkens_some(target->receivers, r, planes, may);
     if (!row_any(may)) return 1;
     uint keep = receiver ? project_occluders(receiver, planes, may, forms, rows) : store_occluders(r, &target->view, planes, may, forms);
 #else
-    private float forms[SHADOW_FORMS * LANES];
     uint keep = store_occluders(r, &target->view, planes, may, forms);
 #endif
     for (; keep; keep &= keep - 1) {
