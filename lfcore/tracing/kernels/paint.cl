@@ -4,6 +4,7 @@
 #include "shadows.cl"
 #include "scattered.cl"
 #include "beam.cl"
+#include "few.cl"
 
 #ifndef SHADOW_LIST
 #define SHADOW_LIST 0
@@ -140,7 +141,36 @@ inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Bundle *bundle,
         if (!away) shadow_facet(bvh, light, &e->shadows, bundle, facet, id, lo, hi, wants);
     }
 #endif
-    shade_cover(s, bundle, facet, &e->colours);
+    shade_facet(s, bundle, facet, 0, id, &e->colours);
+}
+
+// The same for a block on few triangles.
+inline void paint_few(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, const Facets *facets, global const float *z, global const int *ids, Easel *e)
+{
+#if SHADOW_LIGHTS
+    for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) {
+        const Row row = row_at(ray);
+        const vf depth = VLOAD(z + ray);
+        const Colour where = {fma(depth, row_dx(bundle, row), row_ox(bundle, row)), fma(depth, (vf)(row_dy(bundle, row)), (vf)(row_oy(bundle, row))), depth};
+        store_row(e->colours.point, ray, where);
+    }
+    for (int k = 0; k < SHADOW_LIGHTS; ++k) {
+        global int *wants = e->colours.wants + k * BLOCK_RAYS;
+        global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
+        for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) VSTORE(GE(VLOAD(ids + ray), (vi)(0)), wants + ray);
+        for (int slot = 0; slot < SLOTS; ++slot) {
+            if (facets->id[slot] < 0) continue;
+            float lo[3], hi[3];
+            facet_bounds(bundle, facets->facet + slot, lo, hi);
+            if (!turned_away(facets->facet + slot, bundle, light, lo, hi)) continue;
+            for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) VSTORE(VLOAD(wants + ray) & ~EQ(VLOAD(ids + ray), (vi)(facets->id[slot])), wants + ray);
+        }
+        shadow_block(bvh, light, &e->shadows, bundle, facets, ids, e->colours.point, wants);
+    }
+#endif
+    fill_background(s, ids, &e->colours);
+    for (int slot = 0; slot < SLOTS; ++slot)
+        if (facets->id[slot] >= 0) shade_facet(s, bundle, facets->facet + slot, ids, facets->id[slot], &e->colours);
 }
 #endif
 
@@ -169,8 +199,9 @@ inline void paint_facets(const Bvh *bvh, const Surfaces *s, const Bundle *bundle
 #endif
 }
 
-// Linear colours, not clamped, of one block of a beam that was seen: (3, BLOCK_RAYS) at colours.base.
-inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, int block, float pixel, Easel *e)
+// Linear colours, not clamped, of one block of a beam that was seen: (3, BLOCK_RAYS) at colours.base.  Returns whether
+// they are codes instead, which they are only where nothing but frames is made of them.
+inline int paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, int block, float pixel, Easel *e)
 {
     BlockState *state = work->block + block;
     const Bundle bundle = block_bundle(rays, work, block);
@@ -178,28 +209,31 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, Bea
     global int *ids = e->ids + block * BLOCK_RAYS;
     if (state->cover == NOTHING) {
         shade_nothing(s, &e->colours);
-        return;
+        return 0;
     }
 #if OUTER == 1
-    const int covered = state->cover >= 0;
-    if (!covered) crop_block(rays, block_position(work, block), ids);
-    // One triangle may have hidden all others after they had shared the block.
-    const int id = covered ? state->cover : SCATTERED ? -1 : only_triangle(ids);
-    Facet facet;
-    if (id >= 0) prepare_facet(s, &bundle, id, pixel, &facet);
-    if (covered) {
+    if (state->cover >= 0) {
+        Facet facet;
+        prepare_facet(s, &bundle, state->cover, pixel, &facet);
         facet.over = state->over;
         facet.under = state->under;
+        paint_cover(bvh, s, &bundle, state->cover, &facet, e);
+        return ENCODED;
     }
-    if (covered || (id >= 0 && one_sided(&facet))) {
-        paint_cover(bvh, s, &bundle, id, &facet, e);
-        return;
+    crop_block(rays, block_position(work, block), ids);
+#if !SCATTERED
+    Facets facets;
+    if (few_facets(s, &bundle, ids, pixel, &facets)) {
+        paint_few(bvh, s, &bundle, &facets, z, ids, e);
+        return ENCODED;
     }
+#endif
 #else
     materialise(state, z, ids);
     crop_block(rays, block_position(work, block), ids);
 #endif
     paint_facets(bvh, s, &bundle, z, ids, pixel, e);
+    return 0;
 }
 
 #endif

@@ -59,37 +59,53 @@ inline Colour pick_colour(Colour a, Colour b, vi mask)
     return c;
 }
 
-// What one light adds to a row of rays; `facing` receives the rays that it can reach.
-inline Colour light_row(global const float *light, const Finish *f, Colour albedo, Vec point, Vec normal, Vec view, vi *facing)
+// How a light meets a row of rays: cosines with the normal, and of the normal with halfway to the viewer (0 unless
+// `gloss` is wanted), and what distance leaves of its strength.
+typedef struct { vf cosine, halfway, strength; } Incidence;
+
+inline Incidence incidence(global const float *light, int gloss, Vec point, Vec normal, Vec view)
 {
+    Incidence in = {0.0f, 0.0f, 1.0f};
     Vec l = {light[0], light[1], light[2]};
-    vf strength = 1.0f;
     if (IS_POINT(light)) {
         l.x -= point.x; l.y -= point.y; l.z -= point.z;
         const vf inverse = inverse_sqrt(dot3(l, l));
         l = scale3(l, inverse);
 #if FALLOFF
-        if (light[7] > 0.0f) strength = light[7] * inverse * (light[7] * inverse);
+        if (light[7] > 0.0f) in.strength = light[7] * inverse * (light[7] * inverse);
 #endif
     }
-    const vf cosine = dot3(normal, l);
-    *facing = GT(cosine, (vf)(0.0f));
-    vf diffuse = max(cosine, (vf)(0.0f)) * strength;
-    Colour c = {albedo.r * diffuse, albedo.g * diffuse, albedo.b * diffuse};
-#if SPECULAR
-    if (f->specular.x + f->specular.y + f->specular.z > 0.0f) {
+    in.cosine = dot3(normal, l);
+    if (gloss) {
         const Vec h = {l.x + view.x, l.y + view.y, l.z + view.z};
-        const vf halfway = max(dot3(normal, h), (vf)(0.0f)) * inverse_sqrt(max(dot3(h, h), (vf)(1.0e-30f)));
-        const vi glossy = *facing & GE(halfway, (vf)(f->dull));
+        in.halfway = dot3(normal, h) * inverse_sqrt(max(dot3(h, h), (vf)(1.0e-30f)));
+    }
+    return in;
+}
+
+inline int is_glossy(const Finish *f) { return SPECULAR && f->specular.x + f->specular.y + f->specular.z > 0.0f; }
+
+inline vf gloss_of(const Finish *f, Incidence in)
+{
+    return exp2_fast(f->shininess * log2_fast(max(in.halfway, (vf)(1.0e-30f)))) * in.strength;
+}
+
+// What one light adds to a row of rays; `facing` receives the rays that it can reach.
+inline Colour light_row(global const float *light, const Finish *f, Colour albedo, Vec point, Vec normal, Vec view, vi *facing)
+{
+    const Incidence in = incidence(light, is_glossy(f), point, normal, view);
+    *facing = GT(in.cosine, (vf)(0.0f));
+    const vf diffuse = max(in.cosine, (vf)(0.0f)) * in.strength;
+    Colour c = {albedo.r * diffuse, albedo.g * diffuse, albedo.b * diffuse};
+    if (is_glossy(f)) {
+        const vi glossy = *facing & GE(in.halfway, (vf)(f->dull));
         if (row_any(glossy)) {
-            vf gloss = exp2_fast(f->shininess * log2_fast(max(halfway, (vf)(1.0e-30f)))) * strength;
-            gloss = pick((vf)(0.0f), gloss, glossy);
+            const vf gloss = pick((vf)(0.0f), gloss_of(f, in), glossy);
             c.r = fma(gloss, (vf)(f->specular.x), c.r);
             c.g = fma(gloss, (vf)(f->specular.y), c.g);
             c.b = fma(gloss, (vf)(f->specular.z), c.b);
         }
     }
-#endif
 #if COLOURED_LIGHTS
     c.r *= light[4]; c.g *= light[5]; c.b *= light[6];
 #else
@@ -239,15 +255,6 @@ inline void shade_row(const Surfaces *s, const Surface *p, const Meeting *m, vi 
     }
 }
 
-// The one triangle that all rays of a block meet, or -1.
-inline int only_triangle(global const int *ids)
-{
-    const int id = ids[0];
-    for (int at = 0; at < BLOCK_RAYS; at += LANES)
-        if (row_any(~EQ(VLOAD(ids + at), (vi)(id)))) return -1;
-    return id;
-}
-
 // Shade a block from its buffers; `facets` receives the triangles that it sees.
 inline void shade_block(const Surfaces *s, const Bundle *r, global const float *z, global const int *ids, float pixel, Facets *facets,
                         const BlockColours *out)
@@ -267,32 +274,5 @@ inline void shade_block(const Surfaces *s, const Bundle *r, global const float *
         shade_row(s, &p, &m, made_of, at, out, &number, &finish);
     }
 }
-
-#if OUTER == 1
-// Shade a block that lies on one triangle, once it is known which rays see the lights that cast shadows.
-inline void shade_cover(const Surfaces *s, const Bundle *r, const Facet *f, const BlockColours *out)
-{
-    const Finish finish = read_finish(s, f->finish);
-    Patch patch;
-#if TEXTURED
-    if (finish.image.y) facet_patch(s, f, finish.image, &patch);
-#endif
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const Row row = row_at(at);
-        const Surface p = interpolate(f, row);
-        const Meeting m = make_meeting(&p, r, row, quotient_row(f->over, f->under, row));
-        const Colour colour = albedo(s, &finish, &p, &patch);
-        Colour sum = unshadowed(s, &finish, colour, &m);
-        for (int k = 0; k < SHADOW_LIGHTS; ++k) {
-            const vi open = VLOAD(out->wants + k * BLOCK_RAYS + at);
-            if (!row_any(open)) continue;
-            vi facing;
-            const Colour c = light_row(s->lights + (OPEN_LIGHTS + k) * LIGHT, &finish, colour, m.point, m.normal, m.view, &facing);
-            sum.r += pick((vf)(0.0f), c.r, open); sum.g += pick((vf)(0.0f), c.g, open); sum.b += pick((vf)(0.0f), c.b, open);
-        }
-        store_row(out->base, at, sum);
-    }
-}
-#endif
 
 #endif

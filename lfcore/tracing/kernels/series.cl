@@ -1,0 +1,93 @@
+// Functions that vary little over a block, as truncated Chebyshev series in two variables: values at 4 x 4 nodes
+// give all coefficients up to the third degree along each axis.  What has degree 2 or less is kept; the
+// rest, which falls by about a factor a degree, is computed to tell how much was cut off.
+//
+// Source: L. N. Trefethen, "Approximation Theory and Approximation Practice", 2013, chapters 3 and 8.
+#ifndef LFCORE_SERIES_CL
+#define LFCORE_SERIES_CL
+#include "bundle.cl"
+
+#if OUTER == 1
+#define NODES 16
+#define NODE_A 0.9238795325f  // cos(pi / 8)
+#define NODE_B 0.3826834324f  // cos(3 pi / 8)
+#define SCALED(x) ((x) * HALF)
+constant float node_columns[NODES] = {
+    SCALED(NODE_A), SCALED(NODE_B), SCALED(-NODE_B), SCALED(-NODE_A), SCALED(NODE_A), SCALED(NODE_B), SCALED(-NODE_B), SCALED(-NODE_A),
+    SCALED(NODE_A), SCALED(NODE_B), SCALED(-NODE_B), SCALED(-NODE_A), SCALED(NODE_A), SCALED(NODE_B), SCALED(-NODE_B), SCALED(-NODE_A)};
+constant float node_rows[NODES] = {
+    SCALED(NODE_A), SCALED(NODE_A), SCALED(NODE_A), SCALED(NODE_A), SCALED(NODE_B), SCALED(NODE_B), SCALED(NODE_B), SCALED(NODE_B),
+    SCALED(-NODE_B), SCALED(-NODE_B), SCALED(-NODE_B), SCALED(-NODE_B), SCALED(-NODE_A), SCALED(-NODE_A), SCALED(-NODE_A), SCALED(-NODE_A)};
+
+// LANES nodes, from node `at` on, as places on the block.
+typedef struct { vf x, y; } Places;
+inline Places nodes_at(int at)
+{
+    Places p = {VLOAD(node_columns + at), VLOAD(node_rows + at)};
+    return p;
+}
+inline vf form_nodes(Form f, Places at) { return fma(at.x, (vf)(f.i), fma(at.y, (vf)(f.j), (vf)(f.c))); }
+
+// Coefficients of the products of T_p along x and T_q along y: row[p] has those of q = 0 to 3.
+typedef struct { float4 row[4]; } Series;
+
+// From the values at the nodes of four functions, one a lane, their four coefficients each.
+inline void transform_nodes(float4 *f)
+{
+    const float4 even = f[0] + f[3], inner = f[1] + f[2], odd = f[0] - f[3], twist = f[1] - f[2];
+    f[0] = 0.25f * (even + inner);
+    f[1] = 0.5f * (NODE_A * odd + NODE_B * twist);
+    f[2] = 0.3535533906f * (even - inner);
+    f[3] = 0.5f * (NODE_B * odd - NODE_A * twist);
+}
+
+inline Series make_series(private const float *values)
+{
+    float4 f[4], t[4];
+    for (int k = 0; k < 4; ++k) f[k] = vload4(k, values);
+    transform_nodes(f);
+    t[0] = (float4)(f[0].x, f[1].x, f[2].x, f[3].x);
+    t[1] = (float4)(f[0].y, f[1].y, f[2].y, f[3].y);
+    t[2] = (float4)(f[0].z, f[1].z, f[2].z, f[3].z);
+    t[3] = (float4)(f[0].w, f[1].w, f[2].w, f[3].w);
+    transform_nodes(t);
+    Series s = {{t[0], t[1], t[2], t[3]}};
+    return s;
+}
+
+// Bounds of the series: of what varies, and of the terms above the second degree.
+inline float series_spread(const Series *s)
+{
+    const float4 sum = fabs(s->row[0]) + fabs(s->row[1]) + fabs(s->row[2]) + fabs(s->row[3]);
+    return sum.x + sum.y + sum.z + sum.w - fabs(s->row[0].x);
+}
+
+inline float series_rest(const Series *s)
+{
+    const float4 sum = fabs(s->row[3]) + (float4)(0.0f, fabs(s->row[2].yzw)) + (float4)(0.0f, 0.0f, fabs(s->row[1].zw));
+    return sum.x + sum.y + sum.z + sum.w + fabs(s->row[0].w);
+}
+
+// What is kept, by places on the block.
+typedef struct { float c, x, y, xx, xy, yy; } Quadratic;
+
+inline Quadratic truncate(const Series *s)
+{
+    const float scale = HALF > 0.0f ? 1.0f / HALF : 0.0f;
+    Quadratic f = {s->row[0].x - s->row[2].x - s->row[0].z,
+                   s->row[1].x * scale,
+                   s->row[0].y * scale,
+                   2.0f * s->row[2].x * scale * scale,
+                   s->row[1].y * scale * scale,
+                   2.0f * s->row[0].z * scale * scale};
+    return f;
+}
+
+inline vf quadratic_row(Quadratic f, Row at)
+{
+    const float base = fma(at.y, fma(at.y, f.yy, f.y), f.c), slope = fma(at.y, f.xy, f.x);
+    return fma(at.x, fma(at.x, (vf)(f.xx), (vf)(slope)), (vf)(base));
+}
+#endif
+
+#endif
