@@ -3,6 +3,7 @@
 #define LFCORE_FACETS_CL
 #include "visibility.cl"
 #include "texture.cl"
+#include "series.cl"
 
 #define LIGHTS (OPEN_LIGHTS + SHADOW_LIGHTS)
 #if POINT_LIGHTS && DIRECTIONAL_LIGHTS
@@ -215,13 +216,14 @@ inline Surface interpolate(const Facet *f, Row at)
     return p;
 }
 
-#if TEXTURED
-// The texels under a block that lies wholly on one triangle: quotients of affine forms have their extremes in corners.
-inline void facet_patch(const Surfaces *s, const Facet *f, int4 image, Patch *patch)
+#if TEXTURED && OUTER == 1
+// The texels under a rectangle of a block, if it lay wholly on one triangle: quotients of affine forms have their extremes in
+// corners.
+inline void facet_patch(const Surfaces *s, const Facet *f, const Extent *e, int4 image, Patch *patch)
 {
     float lo[2] = {FAR, FAR}, hi[2] = {-FAR, -FAR};
     for (int k = 0; k < 4; ++k) {
-        const float x = k & 1 ? HALF : -HALF, y = k & 2 ? HALF : -HALF;
+        const float x = e->x + (k & 1 ? e->half_x : -e->half_x), y = e->y + (k & 2 ? e->half_y : -e->half_y);
         const float weight = f->sum.c + x * f->sum.i + y * f->sum.j;
         for (int axis = 0; axis < 2; ++axis) {
             const float at = (f->uv[axis].c + x * f->uv[axis].i + y * f->uv[axis].j) / weight;

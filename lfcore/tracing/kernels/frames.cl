@@ -4,7 +4,6 @@
 #define LFCORE_FRAMES_CL
 #include "bundle.cl"
 #include "samples.cl"
-#include "texture.cl"
 
 // Where inner grids go in planar frames; CHROMA is 1 (4:4:4) or 2 (4:2:0, means of 2 x 2).
 typedef struct {
@@ -32,7 +31,8 @@ inline vf encode_srgb(vf x)
 
 // Codes lie in [0, 2^BITS); in a sum with 1.5 * 2^23 they are rounded to the nearest, ties to even, into the low bits.
 #define WHITE ((1 << BITS) - 1)
-inline void put_codes(vf code, private sample *at) { VSTORE(NARROW(SAMPLE, AS_VU(code + 12582912.0f) & (uint)WHITE), at); }
+#define ROUNDED(code) ((vf)((code) + 12582912.0f))
+inline void put_codes(vf sum, private sample *at) { VSTORE(NARROW(SAMPLE, AS_VU(sum) & (uint)WHITE), at); }
 
 // Copy the `wide` x `high` codes of a block that are inside the inner grid.
 inline void copy_codes(private const sample *codes, int wide, int high, global sample *to, int pitch)
@@ -43,40 +43,31 @@ inline void copy_codes(private const sample *codes, int wide, int high, global s
     }
 }
 
-// Codes, not rounded, of linear colours: luma, blue and red differences; or green, blue and red.
-inline Colour to_codes(Colour linear)
-{
-    const vf r = encode_srgb(linear.r), g = encode_srgb(linear.g), b = encode_srgb(linear.b);
-#if RGB
-    const Colour codes = {g * WHITE, b * WHITE, r * WHITE};
-#else
-    const vf luma = fma(r, (vf)(0.2126f), fma(g, (vf)(0.7152f), b * 0.0722f));
-    const Colour codes = {fma(luma, (vf)(219.0f * CODES), (vf)(16.0f * CODES)),
-                          fma(b - luma, (vf)(224.0f / 1.8556f * CODES), (vf)(128.0f * CODES)),
-                          fma(r - luma, (vf)(224.0f / 1.5748f * CODES), (vf)(128.0f * CODES))};
-#endif
-    return codes;
-}
-
-// Write a block of linear colours (3, BLOCK_RAYS), or of codes if they are `encoded` already, whose first ray is at column,
-// row of its inner grid; columns and rows bound what is inside it.  Codes take the colours' place.
-inline void write_frames(const Frames *out, int element, int column, int row, int columns, int rows, int encoded, global float *colours)
+// Write a block of linear colours (3, BLOCK_RAYS), replaced by encoded chroma on the way if that is averaged, whose
+// first ray is at column, row of its inner grid; columns and rows bound what is inside it.
+inline void write_frames(const Frames *out, int element, int column, int row, int columns, int rows, global float *colours)
 {
     private sample codes[3 * BLOCK_RAYS];  // written out when all are made: a loop without branches keeps its constants
-    for (int at = 0; at < BLOCK_RAYS && !encoded; at += LANES) {
-        const Colour linear = {VLOAD(colours + at), VLOAD(colours + BLOCK_RAYS + at), VLOAD(colours + 2 * BLOCK_RAYS + at)};
-        const Colour c = to_codes(linear);
-        put_codes(c.r, codes + at);
-#if CHROMA == 1
-        put_codes(c.g, codes + BLOCK_RAYS + at);
-        put_codes(c.b, codes + 2 * BLOCK_RAYS + at);
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const vf r = encode_srgb(VLOAD(colours + at)), g = encode_srgb(VLOAD(colours + BLOCK_RAYS + at));
+        const vf b = encode_srgb(VLOAD(colours + 2 * BLOCK_RAYS + at));
+#if RGB
+        put_codes(fma(g, (vf)(WHITE), ROUNDED(0.0f)), codes + at);
+        put_codes(fma(b, (vf)(WHITE), ROUNDED(0.0f)), codes + BLOCK_RAYS + at);
+        put_codes(fma(r, (vf)(WHITE), ROUNDED(0.0f)), codes + 2 * BLOCK_RAYS + at);
 #else
-        VSTORE(c.g, colours + BLOCK_RAYS + at);
-        VSTORE(c.b, colours + 2 * BLOCK_RAYS + at);
+        const vf luma = fma(r, (vf)(0.2126f), fma(g, (vf)(0.7152f), b * 0.0722f));
+        const vf blue = b - luma, red = r - luma;
+        put_codes(fma(luma, (vf)(219.0f * CODES), ROUNDED(16.0f * CODES)), codes + at);
+#if CHROMA == 1
+        put_codes(fma(blue, (vf)(224.0f / 1.8556f * CODES), ROUNDED(128.0f * CODES)), codes + BLOCK_RAYS + at);
+        put_codes(fma(red, (vf)(224.0f / 1.5748f * CODES), ROUNDED(128.0f * CODES)), codes + 2 * BLOCK_RAYS + at);
+#else
+        VSTORE(fma(blue, (vf)(224.0f / 1.8556f * CODES), (vf)(128.0f * CODES)), colours + at);
+        VSTORE(fma(red, (vf)(224.0f / 1.5748f * CODES), (vf)(128.0f * CODES)), colours + BLOCK_RAYS + at);
+#endif
 #endif
     }
-    if (encoded)
-        for (int at = 0; at < (CHROMA == 1 ? 3 : 1) * BLOCK_RAYS; at += LANES) put_codes(VLOAD(colours + at), codes + at);
     const int4 place = out->places[element];
     const ulong pixels = (ulong)out->width * out->height, chroma = pixels / (CHROMA * CHROMA);
     global sample *frame = out->frames + place.x * (pixels + 2 * chroma);
@@ -88,7 +79,7 @@ inline void write_frames(const Frames *out, int element, int column, int row, in
         for (int x = 0; x < BLOCK && column + x < columns; x += 2)
             for (int plane = 0; plane < 2; ++plane) {
                 // An odd inner grid repeats its last column and row.
-                global const float *c = colours + (plane + 1) * BLOCK_RAYS + y * BLOCK + x;
+                global const float *c = colours + plane * BLOCK_RAYS + y * BLOCK + x;
                 const int right = column + x + 1 < columns ? 1 : 0, below = row + y + 1 < rows ? BLOCK : 0;
                 const float mean = 0.25f * (c[0] + c[right] + c[below] + c[below + right]);
                 const ulong at = (ulong)((y0 + y) / 2) * (out->width / 2) + (x0 + x) / 2;

@@ -23,6 +23,9 @@ typedef struct {
 #endif
     BlockColours colours;
     global uint *spare;      // (3, BLOCK_RAYS)
+#if OUTER == 1
+    Cover cover;             // the triangle that covered a block last
+#endif
 } Easel;
 
 #define EASEL_WORDS                                                                                    \
@@ -100,6 +103,9 @@ inline int beam_bounds(const Rays *rays, const BeamWork *work, global const floa
 inline void see_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, Easel *e)
 {
     see(bvh, rays, work, &e->list, e->z, e->ids);
+#if OUTER == 1
+    e->cover.id = -1;
+#endif
 #if SHADOW_LIGHTS
     e->shadows.complete = 0;
 #endif
@@ -128,7 +134,7 @@ inline void crop_block(const Rays *rays, int2 where, global int *ids)
 
 #if OUTER == 1
 // A block that lies on one triangle: what the lights reach is found before anything is lit.
-inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, int id, const Facet *facet, Easel *e)
+inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, float2 offset, int id, const Facet *facet, Easel *e)
 {
 #if SHADOW_LIGHTS
     float lo[3], hi[3];
@@ -141,12 +147,26 @@ inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Bundle *bundle,
         if (!away) shadow_facet(bvh, light, &e->shadows, bundle, facet, id, lo, hi, wants);
     }
 #endif
-    shade_facet(s, bundle, facet, 0, id, &e->colours);
+    const Extent whole = {0.0f, 0.0f, HALF, HALF, 0, BLOCK - 1};
+    FacetSeries own;
+    Painting p;
+    p.facet = facet;
+    p.finish = e->cover.finish;
+    p.series = &e->cover.series;
+    p.offset = offset;
+    if (!e->cover.series.lit || (p.finish.image.y && !e->cover.series.drawn)) {
+        facet_series(s, bundle, facet, &whole, &p.finish, &own);
+        p.series = &own;
+        p.offset = 0.0f;
+    }
+    paint_facet(s, bundle, &p, &whole, 0, id, &e->colours);
 }
 
 // The same for a block on few triangles.
-inline void paint_few(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, const Facets *facets, global const float *z, global const int *ids, Easel *e)
+inline void paint_few(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, const FewFacets *few, global const float *z,
+                      global const int *ids, Easel *e)
 {
+    const Facets *facets = &few->facets;
 #if SHADOW_LIGHTS
     for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) {
         const Row row = row_at(ray);
@@ -170,7 +190,7 @@ inline void paint_few(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, c
 #endif
     fill_background(s, ids, &e->colours);
     for (int slot = 0; slot < SLOTS; ++slot)
-        if (facets->id[slot] >= 0) shade_facet(s, bundle, facets->facet + slot, ids, facets->id[slot], &e->colours);
+        if (facets->id[slot] >= 0) paint_part(s, bundle, facets->facet + slot, few->extent + slot, ids, facets->id[slot], &e->colours);
 }
 #endif
 
@@ -199,9 +219,8 @@ inline void paint_facets(const Bvh *bvh, const Surfaces *s, const Bundle *bundle
 #endif
 }
 
-// Linear colours, not clamped, of one block of a beam that was seen: (3, BLOCK_RAYS) at colours.base.  Returns whether
-// they are codes instead, which they are only where nothing but frames is made of them.
-inline int paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, int block, float pixel, Easel *e)
+// Linear colours, not clamped, of one block of a beam that was seen: (3, BLOCK_RAYS) at colours.base.
+inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, int block, float pixel, Easel *e)
 {
     BlockState *state = work->block + block;
     const Bundle bundle = block_bundle(rays, work, block);
@@ -209,23 +228,21 @@ inline int paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, Beam
     global int *ids = e->ids + block * BLOCK_RAYS;
     if (state->cover == NOTHING) {
         shade_nothing(s, &e->colours);
-        return 0;
+        return;
     }
 #if OUTER == 1
     if (state->cover >= 0) {
         Facet facet;
-        prepare_facet(s, &bundle, state->cover, pixel, &facet);
-        facet.over = state->over;
-        facet.under = state->under;
-        paint_cover(bvh, s, &bundle, state->cover, &facet, e);
-        return ENCODED;
+        const float2 offset = cover_block(s, rays, work, block, pixel, &e->cover, &facet);
+        paint_cover(bvh, s, &bundle, offset, state->cover, &facet, e);
+        return;
     }
     crop_block(rays, block_position(work, block), ids);
 #if !SCATTERED
-    Facets facets;
-    if (few_facets(s, &bundle, ids, pixel, &facets)) {
-        paint_few(bvh, s, &bundle, &facets, z, ids, e);
-        return ENCODED;
+    FewFacets few;
+    if (few_facets(s, &bundle, ids, pixel, &few)) {
+        paint_few(bvh, s, &bundle, &few, z, ids, e);
+        return;
     }
 #endif
 #else
@@ -233,7 +250,6 @@ inline int paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, Beam
     crop_block(rays, block_position(work, block), ids);
 #endif
     paint_facets(bvh, s, &bundle, z, ids, pixel, e);
-    return 0;
 }
 
 #endif

@@ -1,4 +1,4 @@
-// Functions that vary little over a block, as truncated Chebyshev series in two variables: values at 4 x 4 nodes
+// Functions that vary little over a part of a block, as truncated Chebyshev series in two variables: values at 4 x 4 nodes
 // give all coefficients up to the third degree along each axis.  What has degree 2 or less is kept; the
 // rest, which falls by about a factor a degree, is computed to tell how much was cut off.
 //
@@ -11,19 +11,22 @@
 #define NODES 16
 #define NODE_A 0.9238795325f  // cos(pi / 8)
 #define NODE_B 0.3826834324f  // cos(3 pi / 8)
-#define SCALED(x) ((x) * HALF)
-constant float node_columns[NODES] = {
-    SCALED(NODE_A), SCALED(NODE_B), SCALED(-NODE_B), SCALED(-NODE_A), SCALED(NODE_A), SCALED(NODE_B), SCALED(-NODE_B), SCALED(-NODE_A),
-    SCALED(NODE_A), SCALED(NODE_B), SCALED(-NODE_B), SCALED(-NODE_A), SCALED(NODE_A), SCALED(NODE_B), SCALED(-NODE_B), SCALED(-NODE_A)};
-constant float node_rows[NODES] = {
-    SCALED(NODE_A), SCALED(NODE_A), SCALED(NODE_A), SCALED(NODE_A), SCALED(NODE_B), SCALED(NODE_B), SCALED(NODE_B), SCALED(NODE_B),
-    SCALED(-NODE_B), SCALED(-NODE_B), SCALED(-NODE_B), SCALED(-NODE_B), SCALED(-NODE_A), SCALED(-NODE_A), SCALED(-NODE_A), SCALED(-NODE_A)};
+constant float node_columns[NODES] = {NODE_A, NODE_B, -NODE_B, -NODE_A, NODE_A, NODE_B, -NODE_B, -NODE_A,
+                                      NODE_A, NODE_B, -NODE_B, -NODE_A, NODE_A, NODE_B, -NODE_B, -NODE_A};
+constant float node_rows[NODES] = {NODE_A, NODE_A, NODE_A, NODE_A, NODE_B, NODE_B, NODE_B, NODE_B,
+                                   -NODE_B, -NODE_B, -NODE_B, -NODE_B, -NODE_A, -NODE_A, -NODE_A, -NODE_A};
+
+// A rectangle of a block's rays: its middle and half its sides, in places of rays, and its rows, counted from 0.
+typedef struct {
+    float x, y, half_x, half_y;
+    int first, last;
+} Extent;
 
 // LANES nodes, from node `at` on, as places on the block.
 typedef struct { vf x, y; } Places;
-inline Places nodes_at(int at)
+inline Places nodes_at(const Extent *e, int at)
 {
-    Places p = {VLOAD(node_columns + at), VLOAD(node_rows + at)};
+    Places p = {fma(VLOAD(node_columns + at), (vf)(e->half_x), (vf)(e->x)), fma(VLOAD(node_rows + at), (vf)(e->half_y), (vf)(e->y))};
     return p;
 }
 inline vf form_nodes(Form f, Places at) { return fma(at.x, (vf)(f.i), fma(at.y, (vf)(f.j), (vf)(f.c))); }
@@ -68,18 +71,14 @@ inline float series_rest(const Series *s)
     return sum.x + sum.y + sum.z + sum.w + fabs(s->row[0].w);
 }
 
-// What is kept, by places on the block.
+// What is kept, by places counted from the middle of the extent.
 typedef struct { float c, x, y, xx, xy, yy; } Quadratic;
 
-inline Quadratic truncate(const Series *s)
+inline Quadratic truncate(const Series *s, const Extent *e)
 {
-    const float scale = HALF > 0.0f ? 1.0f / HALF : 0.0f;
-    Quadratic f = {s->row[0].x - s->row[2].x - s->row[0].z,
-                   s->row[1].x * scale,
-                   s->row[0].y * scale,
-                   2.0f * s->row[2].x * scale * scale,
-                   s->row[1].y * scale * scale,
-                   2.0f * s->row[0].z * scale * scale};
+    const float x = e->half_x > 0.0f ? 1.0f / e->half_x : 0.0f, y = e->half_y > 0.0f ? 1.0f / e->half_y : 0.0f;
+    Quadratic f = {s->row[0].x - s->row[2].x - s->row[0].z, s->row[1].x * x, s->row[0].y * y,
+                   2.0f * s->row[2].x * x * x, s->row[1].y * x * y, 2.0f * s->row[0].z * y * y};
     return f;
 }
 

@@ -24,11 +24,10 @@ inline void hand_over(global const float *from, int block, global float *painted
 }
 #endif
 
-// Linear colours of every tile of a beam: (BEAM_TILES, 3, BLOCK_RAYS), within [0, 1] for planes; codes where `encoded`.
+// Linear colours of every tile of a beam: (BEAM_TILES, 3, BLOCK_RAYS), within [0, 1] for planes.
 inline void paint_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, float pixel, Easel *easel,
-                       global float *colours, uchar *encoded)
+                       global float *colours)
 {
-    for (int tile = 0; tile < BEAM_TILES; ++tile) encoded[tile] = 0;
     see_beam(bvh, s, rays, work, easel);
     for (int block = 0; block < BEAM_BLOCKS; ++block) {
         if (work->block[block].z_far < 0.0f) continue;
@@ -37,7 +36,7 @@ inline void paint_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, Beam
         hand_over(easel->colours.base, block, colours);
 #else
         easel->colours.base = colours + block * COLOURS;
-        encoded[block] = paint_block(bvh, s, rays, work, block, pixel, easel);
+        paint_block(bvh, s, rays, work, block, pixel, easel);
 #if PLANES
         for (int at = 0; at < COLOURS; at += LANES)
             VSTORE(clamp(VLOAD(easel->colours.base + at), (vf)(0.0f), (vf)(1.0f)), easel->colours.base + at);
@@ -47,8 +46,7 @@ inline void paint_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, Beam
 }
 
 // What is made of a painted beam tile by tile: planes of views, and frames, in which `colours` end.
-inline void write_tiles(const Planes *planes, const Frames *out, const Rays *rays, const BeamWork *work, int views, const uchar *encoded,
-                        global float *colours)
+inline void write_tiles(const Planes *planes, const Frames *out, const Rays *rays, const BeamWork *work, int views, global float *colours)
 {
     for (int tile = 0; tile < BEAM_TILES; ++tile, colours += COLOURS) {
         const int element = tile_element(work, tile);
@@ -59,7 +57,7 @@ inline void write_tiles(const Planes *planes, const Frames *out, const Rays *ray
         add_view_to_planes(planes, packed & 0xffff, packed >> 16, views, where.x, where.y, colours);
 #endif
 #if FRAMES
-        write_frames(out, element, where.x, where.y, rays->columns, rays->rows, encoded[tile], colours);
+        write_frames(out, element, where.x, where.y, rays->columns, rays->rows, colours);
 #endif
     }
 }
@@ -103,7 +101,6 @@ void trace_slab(BVH_PARAMETERS,
                          strips + get_global_id(0) * (ulong)n_planes * ring * PREFIX_PITCH, ring};
 #endif
     BeamWork work;
-    uchar encoded[BEAM_TILES];
     const int squares = rays.beams_across * rays.beams_down, n_items = n_beams / tall;
     for (int item = atomic_inc(next); item < n_items; item = atomic_inc(next)) {
         int u = 0;
@@ -114,12 +111,12 @@ void trace_slab(BVH_PARAMETERS,
 #if PLANES && !FRAMES && !VIEWS
             drop_closed_blocks(&planes, &work);
 #endif
-            paint_beam(&bvh, &surfaces, &rays, &work, pixel, &easel, painted, encoded);
+            paint_beam(&bvh, &surfaces, &rays, &work, pixel, &easel, painted);
 #if PLANES && !VIEWS
             u = (places[first].w & 0xffff) / GROUP * GROUP;
             add_to_strip(&planes, &work, (places[first].w >> 16) / GROUP * GROUP, painted, prefix, &strip);
 #endif
-            write_tiles(&planes, &out, &rays, &work, region.s6, encoded, painted);
+            write_tiles(&planes, &out, &rays, &work, region.s6, painted);
         }
 #if PLANES && !VIEWS
         finish_strip(&planes, u, item % rays.beams_across, &strip);

@@ -63,14 +63,10 @@ typedef struct {
     int columns, rows;         // texels; 0 where there are too many
     float u, v, left, top;     // whole numbers: turns of the texture, and the first texel within it
     float width, height;
-    float d[PATCH][PATCH][3];  // the texels, before they are differences
+    float d[PATCH][PATCH][3];
 } Patch;
 
-// Where coordinates are on a patch, in texels from its first one's centre.
-inline vf patch_x(const Patch *p, vf u) { return fma(u - p->u, (vf)(p->width), (vf)(-0.5f)) - p->left; }
-inline vf patch_y(const Patch *p, vf v) { return fma(1.0f - (v - p->v), (vf)(p->height), (vf)(-0.5f)) - p->top; }
-
-// The patch, of texels, of rays whose coordinates lie within [u0, u1] x [v0, v1].
+// The patch of rays whose coordinates lie within [u0, u1] x [v0, v1].
 inline void make_patch(global const uint *texels, int4 image, float u0, float u1, float v0, float v1, Patch *p)
 {
     p->columns = 0;
@@ -91,10 +87,6 @@ inline void make_patch(global const uint *texels, int4 image, float u0, float u1
                 p->d[j][i][k] = root * root;
             }
         }
-}
-
-inline void difference_patch(Patch *p)
-{
     for (int j = p->rows - 1; j >= 0; --j)
         for (int i = p->columns - 1; i >= 0; --i)
             for (int k = 0; k < 3; ++k) {
@@ -103,9 +95,9 @@ inline void difference_patch(Patch *p)
             }
 }
 
-inline Colour sample_patch(const Patch *p, vf u, vf v)
+// The patch's colour at places in texels, counted from the centre of its first one.
+inline Colour mix_patch(const Patch *p, vf x, vf y)
 {
-    const vf x = patch_x(p, u), y = patch_y(p, v);
     vf s[PATCH];
     for (int i = 1; i < p->columns; ++i) s[i] = clamp(x - (float)(i - 1), (vf)(0.0f), (vf)(1.0f));
     Colour sum;
@@ -124,18 +116,9 @@ inline Colour sample_patch(const Patch *p, vf u, vf v)
     return sum;
 }
 
-// Bilinear interpolation within one cell of a patch of texels, and its continuation beside that cell.
-inline Colour sample_cell(const Patch *p, int column, int row, vf x, vf y)
+inline Colour sample_patch(const Patch *p, vf u, vf v)
 {
-    const float *a = p->d[row][column], *b = p->d[row][column + 1], *c = p->d[row + 1][column], *d = p->d[row + 1][column + 1];
-    const vf fx = x - (float)column, fy = y - (float)row;
-    vf t[3];
-    for (int k = 0; k < 3; ++k) {
-        const vf above = fma(fx, (vf)(b[k] - a[k]), (vf)(a[k])), below = fma(fx, (vf)(d[k] - c[k]), (vf)(c[k]));
-        t[k] = fma(fy, below - above, above);
-    }
-    const Colour sum = {t[0], t[1], t[2]};
-    return sum;
+    return mix_patch(p, fma(u - p->u, (vf)(p->width), (vf)(-0.5f)) - p->left, fma(1.0f - (v - p->v), (vf)(p->height), (vf)(-0.5f)) - p->top);
 }
 
 #endif
