@@ -136,24 +136,41 @@ typedef struct {
     Quadratic x, y;          // these places
 } Painting;
 
-// A row's texture and vertex colours on the material.
-inline Colour row_albedo(const Surfaces *s, const Painting *p, const Surface *surface, Row from)
+// The series along a row of a block.
+typedef struct {
+    Parabola cosine[LIGHTS + 1], gloss[LIGHTS + 1], x, y;
+} PaintedRow;
+
+inline void start_row(const Painting *p, float y, PaintedRow *row)
+{
+    for (int k = 0; k < LIGHTS; ++k) {
+        row->cosine[k] = along_row(p->series->cosine[k], y);
+        row->gloss[k] = along_row(p->series->gloss[k], y);
+    }
+    row->x = along_row(p->x, y);
+    row->y = along_row(p->y, y);
+}
+
+// The material's colour with its texture and vertex colours.
+inline Colour row_albedo(const Surfaces *s, const Painting *p, const PaintedRow *row, Row at, vf x)
 {
 #if TEXTURED
     if (p->patched) {
-        const Colour t = mix_patch(&p->patch, quadratic_row(p->x, from), quadratic_row(p->y, from));
+        const Colour t = mix_patch(&p->patch, parabola(row->x, x), parabola(row->y, x));
         Colour c = {t.r * p->finish.diffuse.x, t.g * p->finish.diffuse.y, t.b * p->finish.diffuse.z};
 #if VERTEX_COLOURS
-        c.r *= surface->rgb.r; c.g *= surface->rgb.g; c.b *= surface->rgb.b;
+        const Surface surface = interpolate(p->facet, at);
+        c.r *= surface.rgb.r; c.g *= surface.rgb.g; c.b *= surface.rgb.b;
 #endif
         return c;
     }
 #endif
-    return albedo(s, &p->finish, surface, &p->patch);
+    const Surface surface = interpolate(p->facet, at);
+    return albedo(s, &p->finish, &surface, &p->patch);
 }
 
-// A row's colours from the series; `wants` are the row's rays that see each light that casts shadows.
-inline Colour series_row(const Surfaces *s, const Painting *p, Colour albedo, Row from, global const int *wants)
+// Colours from the series, of rays at places x of a row; `wants` are those that see each light that casts shadows.
+inline Colour series_row(const Surfaces *s, const Painting *p, const PaintedRow *row, Colour albedo, vf x, global const int *wants)
 {
     Colour light = {0.0f, 0.0f, 0.0f}, shine = {0.0f, 0.0f, 0.0f};
 #if AMBIENT
@@ -164,13 +181,13 @@ inline Colour series_row(const Surfaces *s, const Painting *p, Colour albedo, Ro
 #endif
     for (int k = 0; k < LIGHTS; ++k) {
         const float3 c = vload3(0, s->lights + k * LIGHT + 4);
-        const vf cosine = quadratic_row(p->series->cosine[k], from);
-        vi open = GT(cosine, (vf)(0.0f));
+        vf diffuse = max(parabola(row->cosine[k], x), (vf)(0.0f));
+        vi open = GT(diffuse, (vf)(0.0f));
         if (k >= OPEN_LIGHTS) open &= VLOAD(wants + (k - OPEN_LIGHTS) * BLOCK_RAYS);
-        const vf diffuse = AS_VF(AS_VI(cosine) & open);
+        diffuse = AS_VF(AS_VI(diffuse) & open);
         light.r = fma(diffuse, (vf)(c.x), light.r); light.g = fma(diffuse, (vf)(c.y), light.g); light.b = fma(diffuse, (vf)(c.z), light.b);
         if (!p->series->glossy[k]) continue;
-        const vf gloss = AS_VF(AS_VI(max(quadratic_row(p->series->gloss[k], from), (vf)(0.0f))) & open);
+        const vf gloss = AS_VF(AS_VI(max(parabola(row->gloss[k], x), (vf)(0.0f))) & open);
         const float3 back = c * p->finish.specular;
         shine.r = fma(gloss, (vf)(back.x), shine.r); shine.g = fma(gloss, (vf)(back.y), shine.g); shine.b = fma(gloss, (vf)(back.z), shine.b);
     }
@@ -178,11 +195,11 @@ inline Colour series_row(const Surfaces *s, const Painting *p, Colour albedo, Ro
     return sum;
 }
 
-// The same ray by ray.
-inline Colour exact_row(const Surfaces *s, const Bundle *r, const Painting *p, const Surface *surface, Colour albedo, Row row,
-                        global const int *wants)
+// The same without series.
+inline Colour exact_row(const Surfaces *s, const Bundle *r, const Painting *p, Colour albedo, Row row, global const int *wants)
 {
-    const Meeting m = make_meeting(surface, r, row, quotient_row(p->facet->over, p->facet->under, row));
+    const Surface surface = interpolate(p->facet, row);
+    const Meeting m = make_meeting(&surface, r, row, quotient_row(p->facet->over, p->facet->under, row));
     Colour sum = unshadowed(s, &p->finish, albedo, &m);
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         const vi open = VLOAD(wants + k * BLOCK_RAYS);
@@ -194,38 +211,47 @@ inline Colour exact_row(const Surfaces *s, const Bundle *r, const Painting *p, c
     return sum;
 }
 
+#if TEXTURED
+// Read the texels under an extent, and count the series of coordinates from there.
+inline void start_patch(const Surfaces *s, const Extent *extent, Painting *p)
+{
+    Patch *patch = &p->patch;
+    const FacetSeries *series = p->series;
+    patch->columns = 0;
+    if (p->finish.image.y) facet_patch(s, p->facet, extent, p->finish.image, patch);
+    p->patched = series->drawn && patch->columns;
+    if (!p->patched) return;
+    p->x = series->across;
+    p->y = series->down;
+    p->x.c -= fma(patch->u - series->turn_u, patch->width, patch->left + 0.5f);
+    p->y.c += fma(1.0f + patch->v - series->turn_v, patch->height, -(patch->top + 0.5f));
+}
+#endif
+
 // Colours of the rays of a block that meet triangle `id`, all of `extent` if there are no `ids`.
 inline void paint_facet(const Surfaces *s, const Bundle *r, Painting *p, const Extent *extent, global const int *ids, int id,
                         const BlockColours *out)
 {
 #if TEXTURED
-    Patch *patch = &p->patch;
-    patch->columns = 0;
-    if (p->finish.image.y) facet_patch(s, p->facet, extent, p->finish.image, patch);
-    p->patched = p->series->drawn && patch->columns;
-    if (p->patched) {
-        p->x = p->series->across;
-        p->y = p->series->down;
-        p->x.c -= fma(patch->u - p->series->turn_u, patch->width, patch->left + 0.5f);
-        p->y.c += fma(1.0f + patch->v - p->series->turn_v, patch->height, -(patch->top + 0.5f));
-    }
+    start_patch(s, extent, p);
 #endif
-    for (int at = extent->first * BLOCK; at < (extent->last + 1) * BLOCK; at += LANES) {
-        const vi mine = ids ? EQ(VLOAD(ids + at), (vi)(id)) : (vi)(-1);
-        if (!row_any(mine)) continue;
-        const Row row = row_at(at);
-        Row from = row;
-        from.x += p->offset.x;
-        from.y += p->offset.y;
-        const Surface surface = interpolate(p->facet, row);
-        const Colour colour = row_albedo(s, p, &surface, from);
-        Colour sum = p->series->lit ? series_row(s, p, colour, from, out->wants + at)
-                                    : exact_row(s, r, p, &surface, colour, row, out->wants + at);
-        if (ids) {
-            const Colour before = {VLOAD(out->base + at), VLOAD(out->base + BLOCK_RAYS + at), VLOAD(out->base + 2 * BLOCK_RAYS + at)};
-            sum = pick_colour(before, sum, mine);
+    PaintedRow painted;
+    for (int line = extent->first; line <= extent->last; ++line) {
+        start_row(p, line - HALF + p->offset.y, &painted);
+        for (int at = line * BLOCK; at < (line + 1) * BLOCK; at += LANES) {
+            const vi mine = ids ? EQ(VLOAD(ids + at), (vi)(id)) : (vi)(-1);
+            if (!row_any(mine)) continue;
+            const Row row = row_at(at);
+            const vf x = row.x + p->offset.x;
+            const Colour colour = row_albedo(s, p, &painted, row, x);
+            Colour sum = p->series->lit ? series_row(s, p, &painted, colour, x, out->wants + at)
+                                        : exact_row(s, r, p, colour, row, out->wants + at);
+            if (ids) {
+                const Colour before = {VLOAD(out->base + at), VLOAD(out->base + BLOCK_RAYS + at), VLOAD(out->base + 2 * BLOCK_RAYS + at)};
+                sum = pick_colour(before, sum, mine);
+            }
+            store_row(out->base, at, sum);
         }
-        store_row(out->base, at, sum);
     }
 }
 

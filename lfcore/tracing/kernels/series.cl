@@ -82,11 +82,16 @@ inline Quadratic truncate(const Series *s, const Extent *e)
     return f;
 }
 
-inline vf quadratic_row(Quadratic f, Row at)
+// The same along one row.
+typedef struct { float c, x, xx; } Parabola;
+
+inline Parabola along_row(Quadratic f, float y)
 {
-    const float base = fma(at.y, fma(at.y, f.yy, f.y), f.c), slope = fma(at.y, f.xy, f.x);
-    return fma(at.x, fma(at.x, (vf)(f.xx), (vf)(slope)), (vf)(base));
+    Parabola p = {fma(y, fma(y, f.yy, f.y), f.c), fma(y, f.xy, f.x), f.xx};
+    return p;
 }
+
+inline vf parabola(Parabola f, vf x) { return fma(x, fma(x, (vf)(f.xx), (vf)(f.x)), (vf)(f.c)); }
 #endif
 
 #endif
