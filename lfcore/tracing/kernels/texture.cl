@@ -59,11 +59,12 @@ inline Colour sample_texture(global const uint *texels, int4 image, vf u, vf v)
 //     sum of d[j][i] s_i(x) s_j(y),  s_0 = 1,  s_k(x) = x - (k - 1) clamped to [0, 1],
 // with d the differences of the texels along both axes: no addresses, and no gathers, by the ray.
 #define PATCH 5
+#define SMALL_PATCH 3
 typedef struct {
     int columns, rows;         // texels; 0 where there are too many
     float u, v, left, top;     // whole numbers: turns of the texture, and the first texel within it
     float width, height;
-    float d[PATCH][PATCH][3];
+    float d[PATCH][PATCH][3];  // zero beside the texels, as far as a small patch goes
 } Patch;
 
 // The patch of rays whose coordinates lie within [u0, u1] x [v0, v1].
@@ -77,6 +78,9 @@ inline void make_patch(global const uint *texels, int4 image, float u0, float u1
     if (!(across < PATCH - 1 && down < PATCH - 1)) return;
     p->columns = (int)across + 2;
     p->rows = (int)down + 2;
+    for (int j = 0; j < SMALL_PATCH; ++j)
+        for (int i = 0; i < SMALL_PATCH; ++i)
+            for (int k = 0; k < 3; ++k) p->d[j][i][k] = 0.0f;
     const int first = p->left < 0.0f ? image.y - 1 : (int)p->left;
     int line = p->top < 0.0f ? image.z - 1 : (int)p->top;
     for (int j = 0; j < p->rows; ++j, line = line + 1 < image.z ? line + 1 : 0)
@@ -95,16 +99,17 @@ inline void make_patch(global const uint *texels, int4 image, float u0, float u1
             }
 }
 
-// The patch's colour at places in texels, counted from the centre of its first one.
-inline Colour mix_patch(const Patch *p, vf x, vf y)
+// The patch's colour at places in texels, counted from the centre of its first one; `columns` and `rows` are at least its
+// own.
+inline Colour mix_texels(const Patch *p, int columns, int rows, vf x, vf y)
 {
     vf s[PATCH];
-    for (int i = 1; i < p->columns; ++i) s[i] = clamp(x - (float)(i - 1), (vf)(0.0f), (vf)(1.0f));
+    for (int i = 1; i < columns; ++i) s[i] = clamp(x - (float)(i - 1), (vf)(0.0f), (vf)(1.0f));
     Colour sum;
-    for (int j = 0; j < p->rows; ++j) {
+    for (int j = 0; j < rows; ++j) {
         const float (*d)[3] = p->d[j];
         Colour row = {d[0][0], d[0][1], d[0][2]};
-        for (int i = 1; i < p->columns; ++i) {
+        for (int i = 1; i < columns; ++i) {
             row.r = fma(s[i], (vf)(d[i][0]), row.r);
             row.g = fma(s[i], (vf)(d[i][1]), row.g);
             row.b = fma(s[i], (vf)(d[i][2]), row.b);
@@ -114,6 +119,13 @@ inline Colour mix_patch(const Patch *p, vf x, vf y)
         else sum = row;
     }
     return sum;
+}
+
+// Most patches are small, and sampled without loops.
+inline Colour mix_patch(const Patch *p, vf x, vf y)
+{
+    if (max(p->columns, p->rows) <= SMALL_PATCH) return mix_texels(p, SMALL_PATCH, SMALL_PATCH, x, y);
+    return mix_texels(p, p->columns, p->rows, x, y);
 }
 
 inline Colour sample_patch(const Patch *p, vf u, vf v)
