@@ -65,13 +65,14 @@ class TileJob:
         self.elements = tile.elements()
         device, layout = tracer.device, tile.layout
         self.shape = tracer.beam_shape(rays.probe(slab, self.macro), "colours")
+        # Without frames their format is not asked for: it must not make another program.
         defines = {
             **tracer._surfaces.defines,
             "PLANES": int(bool(planes)),
             "FRAMES": int(frames),
-            "BITS": layout.format.bits,
-            "CHROMA": layout.format.subsampling,
-            "RGB": int(layout.format.rgb),
+            "BITS": layout.format.bits if frames else 8,
+            "CHROMA": layout.format.subsampling if frames else 1,
+            "RGB": int(frames and layout.format.rgb),
             "VIEWS": int(not self.macro),
         }
         self.kernel = tracer._beam_kernel("slab.cl", "trace_slab", self.shape, defines)
