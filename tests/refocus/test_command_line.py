@@ -245,7 +245,7 @@ def test_a_pbrt_file_is_a_scene(tmp_path):
         'Film "rgb" "integer xresolution" 16 "integer yresolution" 16\n'
         'Camera "perspective" "float fov" 40\n'
         "WorldBegin\n"
-        'LightSource "distant" "point3 from" [0 0 0] "point3 to" [0 0 1]\n'
+        'LightSource "infinite" "rgb L" [1 1 1]\n'
         'Translate 0 0 5\nMaterial "diffuse" "rgb reflectance" [0.8 0.2 0.2]\n'
         'Shape "sphere" "float radius" 1\n'
     )
