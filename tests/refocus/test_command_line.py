@@ -137,6 +137,8 @@ def test_every_pixel_format_is_traced_and_refocused(tmp_path, capsys, codec, for
     assert main(["trace", str(CHART), "-o", str(file), *size, *how]) == 0
     assert main(["info", str(file), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["layout"]["pixel_format"] == form
+    assert main(["info", str(file)]) == 0
+    assert ("crf 4" in capsys.readouterr().out) == (codec != "ffv1")
     planes = ["--plane", "focus=1", "--plane", "focus=1.33"]
     assert main(["render", str(CHART), *size, *planes, "-o", str(direct)]) == 0
     assert main(["refocus", str(file), *planes, "-o", str(stored)]) == 0
