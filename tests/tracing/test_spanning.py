@@ -187,3 +187,14 @@ def test_chunks_do_not_part_groups(monkeypatch):
     tracer, slab = spanning(lit_soup(), 4), Slab(CAMERA, 16, 16)
     tracing = tracer.trace_tile(slab, layout.tiles(1 << 30)[0], LIT_PLANES)
     assert [len(chunk.frames) for chunk in tracing] == [64, 64, 64, 64]
+
+
+def test_chunks_leave_room_for_the_encoder_where_beams_share_nothing(monkeypatch):
+    from lfcore.tracing import tile as tiles
+
+    layout = FrameLayout("macropixels", 64, 8, "raster", 1, "yuv444p")
+    tracer, slab = spanning(lit_soup(), 1), Slab(CAMERA, 64, 8)
+    for room, sizes in ((tiles.ENCODER_FRAMES + 24, [24, 24, 16]), (20, [16, 16, 16, 16])):
+        monkeypatch.setattr(tiles, "CHUNK_BYTES", layout.frame_bytes * room)
+        tracing = tracer.trace_tile(slab, layout.tiles(1 << 30)[0])
+        assert [len(chunk.frames) for chunk in tracing] == sizes
