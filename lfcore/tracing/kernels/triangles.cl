@@ -299,7 +299,8 @@ inline Lie lie_of(Edges *e, float extent)
     e->e2.c += pick((vf)(0.0f), e->noise2, ~lie.mixed);
     // A rounding error of the evaluation at a ray must not be culled away: a little slack.
     const vf slack = 1.00001f;
-    const vf w0 = spread_within(e->e0, extent) * slack, w1 = spread_within(e->e1, extent) * slack, w2 = spread_within(e->e2, extent) * slack;
+    const vf w0 = spread_within(e->e0, extent) * slack, w1 = spread_within(e->e1, extent) * slack;
+    const vf w2 = spread_within(e->e2, extent) * slack;
     const vf tiny = 1.0e-30f;
     const vi outside = LT(e->e0.c + w0, -tiny) | LT(e->e1.c + w1, -tiny) | LT(e->e2.c + w2, -tiny);
     lie.covers = GE(e->e0.c, w0 + tiny) & GE(e->e1.c, w1 + tiny) & GE(e->e2.c, w2 + tiny) & ~lie.mixed;
