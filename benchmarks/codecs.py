@@ -2,8 +2,9 @@
 
     python benchmarks/codecs.py --scenes bike cabin bedroom --views 16 64 512 --out codecs.csv
 
-The material is traced, in 4:4:4: patches of pixels spread over the picture of each scene, or with
-``--kind views`` up to 16 x 16 views from the middle of the lens (error then is that of their mean).
+The material is traced in each pixel format: patches of pixels spread over the picture of each
+scene, or with ``--kind views`` up to 16 x 16 views from the middle of the lens (error then is that
+of their mean).  Errors are against the same rays in 4:4:4 of 10 bits.
 For each setting every patch is one segment, encoded through SegmentWriter and decoded through
 SegmentReader, one thread each; seconds are CPU seconds of the process, so that other programs
 disturb them little.  Columns: bits a ray (of the packets), PSNR of the frames (RGB, sRGB-encoded),
@@ -27,19 +28,15 @@ import numpy as np
 from lfcore.errors import StorageError
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.colour import (
-    frames_from_rgb,
-    rgb_from_frames,
-    srgb_decode,
-    srgb_encode,
-    ycbcr_to_rgb,
-)
+from lfcore.storage.colour import rgb_from_frames, srgb_decode, srgb_encode, ycbcr_to_rgb
 from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.storage.pixels import pixel_format
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 
 ROOT = Path(__file__).resolve().parents[1]
 SPOTS = ((0.2, 0.3), (0.45, 0.55), (0.65, 0.75))
 """Corners of the patches, as fractions of the picture."""
+TRUTH = "yuv444p10le"
 COMPARED_RAYS = 2_000_000
 """Of each patch: enough for the decibels, and encoding stays the larger part of the time."""
 COLUMNS = (
@@ -50,60 +47,63 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Patch:
-    """Traced elements: ``cells`` (rows, columns, 3, n, n) uint8, YCbCr, from ``corner``."""
+    """A rectangle of elements: ``cells`` (rows, columns, n, n, 3) uint16 are YCbCr of ``TRUTH``."""
 
     corner: tuple[int, int]
     cells: np.ndarray
 
+    def tile(self, layout: FrameLayout) -> Tile:
+        rows, columns = self.cells.shape[:2]
+        return layout.tile(*self.corner, columns, rows)
 
-def trace_patches(scene_name: str, kind: str, views: int, pixels: int, mrays: float) -> list[Patch]:
-    """Patches of about ``mrays`` million rays in all."""
-    from lfcore.scene.build import build_scene
-    from lfcore.tracing.bvh import build_bvh
-    from lfcore.tracing.tracer import Tracer
 
-    scene = build_scene(ROOT / "scenes" / scene_name / "scene.yaml")
-    tracer = Tracer(scene, build_bvh(scene.triangles))
-    slab = Slab(scene.camera, views, pixels)
-    layout = FrameLayout(kind, views, pixels, "raster", 1, "yuv444p")
+class Material:
+    """Patches of about ``mrays`` million rays in all, in any layout and pixel format, each as the
+    tracer makes it; what a setting loses, rounding to its codes included, is against ``TRUTH``."""
+
+    def __init__(self, scene_name: str, kind: str, views: int, pixels: int, mrays: float):
+        from lfcore.scene.build import build_scene
+        from lfcore.tracing.bvh import build_bvh
+        from lfcore.tracing.tracer import Tracer
+
+        scene = build_scene(ROOT / "scenes" / scene_name / "scene.yaml")
+        self._tracer = Tracer(scene, build_bvh(scene.triangles))
+        self._slab = Slab(scene.camera, views, pixels)
+        self._traced: dict[FrameLayout, list[np.ndarray]] = {}
+        layout = FrameLayout(kind, views, pixels, "raster", 1, TRUTH)
+        self.patches = [
+            Patch(corner, self._cells(layout.tile(*corner, *size)))
+            for corner, size in places(kind, views, pixels, mrays)
+        ]
+
+    def _cells(self, tile: Tile) -> np.ndarray:
+        layout, n = tile.layout, tile.layout.inner
+        frames = self._trace(tile)
+        planes = layout.format.views(frames, layout.frame_width, layout.frame_height)
+        codes = np.stack([plane[:, :n, :n] for plane in planes], -1)
+        return codes.reshape(tile.rows, tile.columns, n, n, 3)
+
+    def _trace(self, tile: Tile) -> np.ndarray:
+        chunks = self._tracer.trace_tile(self._slab, tile)
+        return np.concatenate([chunk.frames.copy() for chunk in chunks])
+
+    def frames(self, layout: FrameLayout) -> list[np.ndarray]:
+        """(F, frame_bytes) uint8 of each patch; traced once, kept for further settings."""
+        if layout not in self._traced:
+            self._traced[layout] = [self._trace(patch.tile(layout)) for patch in self.patches]
+        return self._traced[layout]
+
+
+def places(kind: str, views: int, pixels: int, mrays: float) -> list[tuple]:
+    """(corner, (columns, rows)) of each patch, in elements."""
     if kind == "views":
         side = min(views, 16)
-        corners, wide, high = [((views - side) // 2,) * 2], side, side
-    else:
-        high = int(np.sqrt(mrays * 1e6 / len(SPOTS) / views**2 / 4)) // 8 * 8
-        high = min(max(4, high), pixels // 8 // 8 * 8)
-        wide = 4 * high
-        corners = [
-            tuple(min(int(x * pixels), pixels - wide) // 8 * 8 for x in spot) for spot in SPOTS
-        ]
-    patches = []
-    for corner in corners:
-        tile = layout.tile(*corner, wide, high)
-        frames = np.concatenate([c.frames.copy() for c in tracer.trace_tile(slab, tile)])
-        size, inner = layout.frame_width, layout.inner
-        cells = frames.reshape(high, wide, 3, size, size)[..., :inner, :inner]
-        patches.append(Patch(corner, np.ascontiguousarray(cells)))
-    return patches
-
-
-def frames_of(patch: Patch, tile: Tile) -> np.ndarray:
-    """(F, frame_bytes) uint8: the patch in the tile's layout and pixel format."""
-    layout, form = tile.layout, tile.layout.format
-    size, n = layout.frame_width, layout.inner
-    codes = np.empty((tile.frame_count, 3, size, size), np.uint8)
-    codes[:, 0], codes[:, 1:] = 16, 128
-    elements = tile.elements()
-    for (u, v), (frame, x, y) in zip(elements, tile.placement(elements), strict=True):
-        codes[frame, :, y : y + n, x : x + n] = patch.cells[v - tile.row, u - tile.column]
-    out = np.empty((len(codes), layout.frame_bytes), np.uint8)
-    for at in range(0, len(codes), 64):
-        part = codes[at : at + 64]
-        if form.name == "yuv444p":
-            out[at : at + 64] = part.reshape(len(part), -1)
-            continue
-        rgb = ycbcr_to_rgb(np.moveaxis(part, 1, -1))
-        out[at : at + 64] = frames_from_rgb(rgb, form.name)
-    return out
+        return [(((views - side) // 2,) * 2, (side, side))]
+    high = int(np.sqrt(mrays * 1e6 / len(SPOTS) / views**2 / 4)) // 8 * 8
+    high = min(max(4, high), pixels // 8 // 8 * 8)
+    wide = 4 * high
+    corners = [tuple(min(int(x * pixels), pixels - wide) // 8 * 8 for x in spot) for spot in SPOTS]
+    return [(corner, (wide, high)) for corner in corners]
 
 
 class Errors:
@@ -146,15 +146,13 @@ class Errors:
         return tuple(round(float(-10 * np.log10(value + 1e-12)), 2) for value in squares)
 
 
-def measure(patches: list[Patch], layout: FrameLayout, spec: CodecSpec) -> tuple:
+def measure(material: Material, layout: FrameLayout, spec: CodecSpec) -> tuple:
     """bits a ray, three PSNR, encoding and decoding rate."""
     size = layout.frame_width, layout.frame_height
     encode = decode = bits = rays = 0
     errors = Errors(layout.kind)
-    for patch in patches:
-        rows, columns = patch.cells.shape[:2]
-        tile = layout.tile(*patch.corner, columns, rows)
-        frames = frames_of(patch, tile)
+    for patch, frames in zip(material.patches, material.frames(layout), strict=True):
+        tile = patch.tile(layout)
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "segment.mp4"
             start = time.process_time()
@@ -184,7 +182,8 @@ def compare(patch: Patch, tile: Tile, decoded: np.ndarray, errors: Errors) -> No
             one = decoded[frame : frame + 1]
             args = (layout.pixel_format, layout.frame_width, layout.frame_height)
             last, picture = frame, rgb_from_frames(one, *args)[0]
-        truth = ycbcr_to_rgb(np.moveaxis(patch.cells[v - tile.row, u - tile.column], 0, -1))
+        cell = patch.cells[v - tile.row, u - tile.column]
+        truth = ycbcr_to_rgb(cell, pixel_format(TRUTH).bits)
         central = max(abs(np.array([u, v]) - middle)) <= tile.columns / 8
         errors.add(truth, picture[y : y + n, x : x + n], central)
 
@@ -204,7 +203,8 @@ def variants(views: int) -> Iterator[tuple[str, dict, dict]]:
         if views * pack <= 512:
             yield f"pack {pack}", {}, {"pack": pack}
     yield "4:4:4", {"pixel_format": "yuv444p"}, {}
-    yield "10 bit", {"pixel_format": "yuv420p10le"}, {}
+    for form in ("yuv420p10le", "yuv444p10le"):
+        yield f"10 bit {form}", {"pixel_format": form}, {}
     for codec, preset in (("libx265", "ultrafast"), ("libx265", "fast"), ("libsvtav1", "12")):
         yield f"{codec} {preset}", {"codec": codec, "preset": preset}, {}
     yield "lossless", {"codec": "ffv1", "preset": None, "pixel_format": "gbrp"}, {}
@@ -251,7 +251,7 @@ def main() -> None:
         table.writerow(COLUMNS)
         for scene in args.scenes:
             for views in args.views:
-                patches = trace_patches(scene, args.kind, views, args.pixels, args.mrays)
+                material = Material(scene, args.kind, views, args.pixels, args.mrays)
                 for name, codec, how in variants(views):
                     if args.only and not any(word in name for word in args.only):
                         continue
@@ -264,7 +264,7 @@ def main() -> None:
                         spec = CodecSpec(**settings, crf=crf)
                         place = {"pack": args.pack, "pixel_format": spec.pixel_format} | how
                         layout = FrameLayout(args.kind, views, args.pixels, **place)
-                        found = measure(patches, layout, spec)
+                        found = measure(material, layout, spec)
                         row = (scene, views, name, spec.codec, spec.pixel_format, crf, *found)
                         table.writerow(row)
                         file.flush()

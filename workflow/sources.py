@@ -11,6 +11,7 @@ import ast
 import functools
 import hashlib
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 PACKAGES = ("lfcore", "workflow")
@@ -38,17 +39,31 @@ def source_digest(script: str | Path, root: str | Path, *more: str | Path) -> st
     digest = hashlib.sha256()
     for file in sorted(files):
         digest.update(f"{file.relative_to(root).as_posix()}\0".encode())
-        digest.update(hashlib.sha256(file.read_bytes()).digest())
+        digest.update(_digest_of(file))
         if file.suffix == ".cl":
             digest.update(str(file.stat().st_mtime_ns).encode())
     return digest.hexdigest()[:16]
+
+
+# Rules share most of their files: what is asked of a file is asked once a run.
+@functools.cache
+def _digest_of(file: Path) -> bytes:
+    return hashlib.sha256(file.read_bytes()).digest()
+
+
+def _statements(node: ast.AST) -> Iterator[ast.AST]:
+    """All statements below a module or statement; most nodes are expressions, passed over."""
+    for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+        for child in getattr(node, part, ()):
+            yield child
+            yield from _statements(child)
 
 
 @functools.cache
 def _imports(file: Path, root: Path) -> tuple[Path, ...]:
     """Files of this repository that ``file`` imports anywhere, also inside functions."""
     found: list[Path] = []
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in _statements(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -64,14 +79,15 @@ def _imports(file: Path, root: Path) -> tuple[Path, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def _files_of(name: str, root: Path) -> list[Path]:
+@functools.cache
+def _files_of(name: str, root: Path) -> tuple[Path, ...]:
     parts = name.split(".")
     if parts[0] not in PACKAGES:
-        return []
+        return ()
     # Importing a module runs the packages above it.
     above = [root.joinpath(*parts[:depth], "__init__.py") for depth in range(1, len(parts) + 1)]
     module = root.joinpath(*parts).with_suffix(".py")
-    return [file for file in (*above, module) if file.is_file()]
+    return tuple(file for file in (*above, module) if file.is_file())
 
 
 @functools.cache

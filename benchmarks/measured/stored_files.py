@@ -15,7 +15,7 @@ from measured.rows import say
 from measured.scenes import SCENES
 
 ROOT = Path(__file__).resolve().parents[2]
-GROWTH_LIMIT = 1.25
+GROWTH_LIMIT = 1.05
 JOB = """
 import sys
 from pathlib import Path

@@ -13,6 +13,7 @@ from lfcore.cli.command import add_command
 from lfcore.cli.output import check_suffix, write_picture
 from lfcore.cli.progress import progress, say
 from lfcore.cli.refocus import open_field
+from lfcore.storage.codecs import LOSSLESS
 
 INFO = """\
 Say what a light field file holds: lens, resolutions, layout, codec, segments, size."""
@@ -104,7 +105,9 @@ def facts(field) -> dict[str, str]:
 
 
 def _settings(settings: dict) -> str:
-    said = [f"{key} {settings[key]}" for key in ("crf", "preset") if settings.get(key) is not None]
+    """What was said to the encoder: files of lossless ones hold a rate factor that these ignore."""
+    keys = ("preset",) if settings.get("codec") in LOSSLESS else ("crf", "preset")
+    said = [f"{key} {settings[key]}" for key in keys if settings.get(key) is not None]
     return ", " + ", ".join(said) if said else ""
 
 

@@ -41,6 +41,8 @@ def codec_spec(
         form = "yuv444p" if "yuv444p" in CODECS[codec] else "yuv420p"
         tune = None if codec == "ffv1" else "psnr"
         base = CodecSpec(codec, form, crf=OTHER_CRF, preset=PRESETS.get(codec), tune=tune)
+    if preset not in (None, base.preset):
+        base = replace(base, lookahead=None)
     given = {"pixel_format": pixel_format, "crf": crf, "preset": preset}
     return replace(base, **{key: value for key, value in given.items() if value is not None})
 

@@ -87,7 +87,7 @@ def usable_devices() -> tuple[cl.Device, ...]:
             continue
         for device in devices:
             try:
-                _compile(cl.Context([device]), "kernel void one(global int *x) { *x = 1; }", [])
+                _compile(_context(device), "kernel void one(global int *x) { *x = 1; }", ())
             except cl.Error as error:
                 reason = str(error).strip().splitlines()[0]
                 log.warning("OpenCL device %s passed over: %s", device.name, reason)
@@ -123,7 +123,7 @@ def open_device(
         raise DeviceError(f"lanes must be 1, 4, 8 or 16, not {lanes}")
     available = len(os.sched_getaffinity(0)) if is_cpu else 64 * device.max_compute_units
     threads = threads or int(os.environ.get("LFCORE_THREADS", 0)) or available
-    context = cl.Context([device])
+    context = _context(device)
     return Device(device, context, cl.CommandQueue(context), lanes, min(threads, available))
 
 
@@ -146,7 +146,8 @@ def build_program(
     """Build kernel ``files`` (paths below ``lfcore/``) with ``-D`` ``defines``.
 
     Builds are cached on disk by pyopencl, keyed by source, included files and options, so that
-    a second job or run pays nothing.
+    a second job or run pays next to nothing, and within a process, so that a second tracer or
+    refocusing pays nothing.
 
     Raises
     ------
@@ -159,13 +160,20 @@ def build_program(
     options += [part for folder in sorted(folders) for part in ("-I", folder)]
     source = "\n".join(f'#include "{Path(file).name}"' for file in files)
     try:
-        return _compile(device.context, source, options)
+        return _compile(device.context, source, tuple(options))
     except cl.Error as error:
         raise DeviceError(f"building {', '.join(files)} failed: {error}") from None
 
 
-def _compile(context: cl.Context, source: str, options: list[str]) -> cl.Program:
-    return cl.Program(context, source).build(options=options)
+@functools.cache
+def _context(device: cl.Device) -> cl.Context:
+    """One for all that this process does on a device: programs belong to a context."""
+    return cl.Context([device])
+
+
+@functools.lru_cache(maxsize=128)
+def _compile(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Program:
+    return cl.Program(context, source).build(options=list(options))
 
 
 def _literal(value: object) -> str:

@@ -46,6 +46,7 @@ class PlaneTables:
 
     @property
     def blocks(self) -> int:
+        """Blocks, or strips, of lens samples one below the other."""
         return self.kinds.shape[1]
 
     @property
@@ -139,19 +140,25 @@ def block_kinds(masks: np.ndarray) -> np.ndarray:
     return cells.any(axis=(2, 4)).astype(np.uint8) + cells.all(axis=(2, 4))
 
 
+def beam_targets(moves: np.ndarray, group: int, span: int) -> np.ndarray:
+    """Targets by beams: (groups of pixels, spans of lens samples, ``group``, ``span``) int32.
+
+    ``moves`` (positions, N) are offsets of every pixel, or of all (1, N).  Targets are relative to
+    the first pixel of their group; what is beside the lens grid or the picture repeats the last.
+    """
+    positions, size = moves.shape
+    padded = np.pad(moves, ((0, -positions % group), (0, -size % span)), "edge")
+    cells = padded.reshape(-1, group, padded.shape[1] // span, span).transpose(0, 2, 1, 3)
+    return cells + np.arange(group, dtype=np.int32)[:, None]
+
+
 def run_records(moves: np.ndarray, group: int, span: int) -> np.ndarray:
     """Runs of equal target: (groups of pixels, spans of lens samples, RUN_WORDS) int32.
 
-    ``moves`` (positions, N) are offsets of every pixel, or of all (1, N).  Column k * ``span`` + i
-    of a beam is lens sample i of pixel k of its ``group``; what is beside the lens grid or the
-    picture repeats the last.
+    Column k * ``span`` + i of a beam is lens sample i of pixel k of its ``group``, as in
+    :func:`beam_targets`.
     """
-    positions, size = moves.shape
-    rows = group if positions == 1 else -positions % group + positions
-    columns = -size % span + size
-    padded = np.pad(moves, ((0, rows - positions), (0, columns - size)), "edge")
-    cells = padded.reshape(-1, group, columns // span, span).transpose(0, 2, 1, 3)
-    cells = cells + np.arange(group, dtype=np.int32)[:, None]
+    cells = beam_targets(moves, group, span)
     shape, cells = cells.shape[:2], cells.reshape(-1, group * span)
     begins = np.ones(cells.shape, bool)
     begins[:, 1:] = cells[:, 1:] != cells[:, :-1]

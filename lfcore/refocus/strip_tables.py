@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.optics.plane_sums import offsets
-from lfcore.optics.plane_tables import BLOCK, distinct_masks, reached_region
+from lfcore.optics.plane_tables import BLOCK, PlaneTables, distinct_masks, reached_region
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 
@@ -30,42 +30,26 @@ def table_words(views: int) -> int:
 
 
 @dataclass(frozen=True)
-class StripTables:
-    """Planes of a slab over the tile of pixels [u0, u1) x [v0, v1).
+class StripTables(PlaneTables):
+    """Planes of a slab over the tile of pixels [u0, u1) x [v0, v1), for strips of lens rows.
 
     Attributes
     ----------
-    order : (P,) int64: ``planes[order[k]]`` is the kernel's plane k; those that share a mask are
-        neighbours, so that a table serves them all.
+    order, left, top, width, height : as of :class:`PlaneTables`.
     info : (P, 4) int32: mask; where the plane's ``pointers`` of columns and of rows begin; 1 where
         each pixel has runs of its own (with magnification), else 0.
-    pointers : flat int32: for each pixel (or for all) the first of its runs of columns, and for
-        each pixel and strip the first of its runs of rows; each list ends with one past its last.
     runs : (R, 2) int32: one past the last lens column, or the row of the strip's table, and the
         offset to the target pixel.
     masks : (masks, N, N) uint8, 255 where open, indexed [j, i].
     kinds : (masks, strips, chunks) uint8, of 16 columns of a strip: 0 closed, 1 partly, 2 open.
+    pointers : flat int32: for each pixel (or for all) the first of its runs of columns, and for
+        each pixel and strip the first of its runs of rows; each list ends with one past its last.
     ends : (masks, strips, STRIP + 1) int32: how many rows a strip's table has for the planes of a
         mask, then the lens rows of the strip, one past the last, that each is the sum of.
-    left, top, width, height : region of the planes that the tile's rays can reach.
     """
 
-    order: np.ndarray
-    info: np.ndarray
     pointers: np.ndarray
-    runs: np.ndarray
-    masks: np.ndarray
-    kinds: np.ndarray
     ends: np.ndarray
-    left: int
-    top: int
-    width: int
-    height: int
-
-    @property
-    def blocks(self) -> int:
-        """Strips of a macropixel."""
-        return self.kinds.shape[1]
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
@@ -96,12 +80,12 @@ def strip_tables(
     return StripTables(
         order,
         info,
-        np.concatenate(pointers or [np.zeros(0)]).astype(np.int32),
         np.concatenate(runs or [np.zeros((0, 2))]).astype(np.int32),
         masks,
         strip_kinds(masks),
-        ends,
         *reached_region(slab, moves_of, u0, v0, u1, v1),
+        np.concatenate(pointers or [np.zeros(0)]).astype(np.int32),
+        ends,
     )
 
 

@@ -15,6 +15,7 @@ CODECS = {
     "ffv1": ("yuv420p", "yuv444p", "yuv420p10le", "yuv444p10le", "gbrp"),
 }
 """Encoders of FFmpeg's that can be used, with the pixel formats of each."""
+LOSSLESS = ("ffv1",)
 
 WHOLE_ROWS = 128
 """x264's macroblock tree and its like in x265 ("cutree") are used for frames of such widths only.
@@ -35,6 +36,7 @@ class CodecSpec:
     tune : ``psnr`` leaves out what pleases the eye and costs accuracy; None for the default.
     gop : frames from one key frame to the next; 0 for a single one at the start.
     bframes, refs : None for the preset's own (H.264 and H.265).
+    lookahead : frames that H.264 looks ahead, which it holds in memory; None for the preset's own.
     threads : of one encoder.  The stream may depend on it: with 1 it is reproducible.
     extra : further (key, value) pairs of the encoder's own parameters.
 
@@ -49,6 +51,7 @@ class CodecSpec:
     gop: int = 0
     bframes: int | None = None
     refs: int | None = None
+    lookahead: int | None = None
     threads: int = 1
     extra: tuple[tuple[str, str], ...] = ()
 
@@ -72,6 +75,7 @@ class CodecSpec:
             ("threads", 1 <= self.threads <= 64, "from 1 to 64"),
             ("bframes", self.bframes is None or 0 <= self.bframes <= 16, "from 0 to 16"),
             ("refs", self.refs is None or 1 <= self.refs <= 16, "from 1 to 16"),
+            ("lookahead", self.lookahead is None or 0 <= self.lookahead <= 250, "from 0 to 250"),
         )
         for key, good, range_text in checks:
             if not good:
@@ -79,7 +83,7 @@ class CodecSpec:
 
     @property
     def lossless(self) -> bool:
-        return self.codec == "ffv1"
+        return self.codec in LOSSLESS
 
     def options(self, width: int, height: int) -> dict[str, str]:
         """The settings as FFmpeg's encoder options, for frames of that size."""
@@ -107,6 +111,8 @@ class CodecSpec:
             own["bframes"] = str(self.bframes)
         if self.refs is not None:
             own["ref"] = str(self.refs)
+        if self.lookahead is not None:
+            own["rc-lookahead"] = str(self.lookahead)
         return self._named() | {"x264-params": _joined(own | dict(self.extra))}
 
     def _x265(self, width: int, height: int) -> dict[str, str]:

@@ -75,6 +75,9 @@ What follows from it:
   half of its rate; against ``ultrafast`` at N = 512 a quarter fewer bits, and 5 dB of frames and
   4 dB of pictures besides, at an eighth of its rate.  Ask for ``ultrafast`` where a store is made
   once and read once.
+- 20 frames are looked ahead beyond N = 128 and not 40, which at N = 512 saves 32 MiB of the
+  encoder's 74, for 0.6 to 2.3% fewer bits and 0.05 to 0.3 dB less at one CRF, with 0.6 to 1% fewer
+  instructions.
 - A key frame every 128 frames costs 3% of the bits at N = 32 and bounds what a macropixel costs to
   read: 64 frames decoded on average.
 """
@@ -85,11 +88,11 @@ from lfcore.errors import StorageError
 from lfcore.storage.codecs import CodecSpec
 
 _SETTINGS = (
-    # views up to, preset, crf, bframes
-    (32, "medium", 30, 8),
-    (64, "medium", 33, 8),
-    (128, "medium", 30, None),
-    (1 << 30, "medium", 28, None),
+    # views up to, preset, crf, bframes, frames that are looked ahead
+    (32, "medium", 30, 8, None),
+    (64, "medium", 33, 8, None),
+    (128, "medium", 30, None, None),
+    (1 << 30, "medium", 28, None, 20),
 )
 KEY_EVERY = 128
 """Frames from one key frame to the next."""
@@ -129,9 +132,14 @@ def default_spec(views: int) -> CodecSpec:
     Raises :class:`StorageError` unless ``views`` is positive.
     """
     _check(views)
-    preset, crf, bframes = next(settings for limit, *settings in _SETTINGS if views <= limit)
+    preset, crf, bframes, ahead = next(own for limit, *own in _SETTINGS if views <= limit)
     return CodecSpec(
-        preset=preset, pixel_format="yuv444p", crf=float(crf), bframes=bframes, gop=KEY_EVERY
+        preset=preset,
+        pixel_format="yuv444p",
+        crf=float(crf),
+        bframes=bframes,
+        gop=KEY_EVERY,
+        lookahead=ahead,
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from lfcore.opencl.device import Device, cl
 from lfcore.optics.plane_sums import PlaneSums, offsets
-from lfcore.optics.plane_tables import PlaneTables, lens_tables, view_tables
+from lfcore.optics.plane_tables import PlaneTables, beam_targets, lens_tables, view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.tracing.work import BLOCK, BeamShape
@@ -94,10 +94,6 @@ def strip_rows(slab: Slab, planes: list[SensorPlane], pixels: int, span: int) ->
     """
     most = 1
     for plane in planes:
-        moves = offsets(slab, plane)
-        rows = -len(moves) % pixels if len(moves) > 1 else pixels - 1
-        padded = np.pad(moves, ((0, rows), (0, -slab.views % span)), "edge")
-        strips = padded.reshape(-1, pixels, padded.shape[1] // span, span)
-        reached = strips + np.arange(pixels)[:, None, None]
-        most = max(most, int((reached.max(axis=(1, 3)) - reached.min(axis=(1, 3))).max()) + 1)
+        reached = beam_targets(offsets(slab, plane), pixels, span)
+        most = max(most, int(np.ptp(reached, axis=(2, 3)).max()) + 1)
     return most

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from lfcore.tracing.tracer import Tracer
 
 CHUNK_BYTES = 64 << 20
+"""Of frames: those of a chunk and those that its encoder keeps, whatever their size."""
+ENCODER_FRAMES, LEAST_FRAMES = 56, 16
+"""What x264 keeps at the default settings, in frames handed over; the fewest for a chunk beside
+it, since each costs a call of the device."""
 CHUNK_RAYS = 1 << 26
 PAGE = 4096
 
@@ -65,13 +69,14 @@ class TileJob:
         self.elements = tile.elements()
         device, layout = tracer.device, tile.layout
         self.shape = tracer.beam_shape(rays.probe(slab, self.macro), "colours")
+        # Without frames their format is not asked for: it must not make another program.
         defines = {
             **tracer._surfaces.defines,
             "PLANES": int(bool(planes)),
             "FRAMES": int(frames),
-            "BITS": layout.format.bits,
-            "CHROMA": layout.format.subsampling,
-            "RGB": int(layout.format.rgb),
+            "BITS": layout.format.bits if frames else 8,
+            "CHROMA": layout.format.subsampling if frames else 1,
+            "RGB": int(frames and layout.format.rgb),
             "VIEWS": int(not self.macro),
         }
         self.kernel = tracer._beam_kernel("slab.cl", "trace_slab", self.shape, defines)
@@ -105,7 +110,10 @@ class TileJob:
     def _frames_per_chunk(self) -> int:
         if not self.frames:
             return 0
-        return min(max(1, CHUNK_BYTES // self.layout.frame_bytes), self.tile.frame_count)
+        room = CHUNK_BYTES // self.layout.frame_bytes
+        if self.shape.group == 1:  # else it would part groups, whose rays are then traced twice
+            room = max(room - ENCODER_FRAMES, min(room, LEAST_FRAMES))
+        return min(max(1, room), self.tile.frame_count)
 
     def _cuts(self, frame_of: np.ndarray) -> np.ndarray:
         """Element indices at which chunks of whole frames begin and end.

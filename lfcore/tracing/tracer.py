@@ -62,8 +62,9 @@ class Tracer:
         self.needs = needs or Needs.of(scene)
         self._surfaces = pack_surfaces(scene, self.needs, mipmaps=mipmaps)
         self._fp64 = int(bool(self.device.device.double_fp_config))
-        # Most children a walk can leave on its stack: all but one of each level's, and the root.
-        self._stack = 15 * (bvh.statistics().depth + 1) + 16
+        # Most children a walk can leave on its stack: all but one of each level's, and the root;
+        # for a multiple of four levels, so that scenes alike in needs share built programs.
+        self._stack = 15 * (bvh.statistics().depth // 4 * 4 + 4) + 16
         buffer = self.device.buffer
         self._bvh = [buffer(a) for a in (bvh.boxes, bvh.children, bvh.leaves, bvh.leaf_ids)]
         s = self._surfaces

@@ -93,7 +93,7 @@ def test_points_as_good_as_their_reference_are_not_shown():
 
 def test_windows_are_the_richest_of_each_kind():
     materials = [Material("plain"), Material("shiny", specular=(1.0, 1.0, 1.0), shininess=200.0)]
-    light = Light(POINT, (0.5, 0.0, 0.0), (1.0, 1.0, 1.0))
+    light = Light(POINT, (0.5, 0.0, 0.0), (1.0, 1.0, 1.0), casts_shadows=False)
     scene = bare_scene(
         TRIANGLES, materials=materials, lights=[light], material_ids=np.int32([1, 0])
     )

@@ -28,6 +28,10 @@ LIGHTS = [
 ]
 
 
+# Without shadows, whose programs are dear to build: for what "lights" and "all" see with them.
+OPEN = [dataclasses.replace(light, casts_shadows=False) for light in LIGHTS]
+
+
 def normals():
     ball = (BALL - CENTRE) / np.linalg.norm(BALL - CENTRE, axis=-1, keepdims=True)
     wall = np.broadcast_to(np.array([0.5, 0, -6.0]) / np.hypot(0.5, 6), WALL.shape)
@@ -48,8 +52,8 @@ def features():
     return {
         "ambient": {},
         "lights": {"lights": LIGHTS},
-        "normals": {"lights": LIGHTS, "normals": normals()},
-        "highlights": {"lights": LIGHTS, "materials": plain, "material_ids": ids},
+        "normals": {"lights": OPEN, "normals": normals()},
+        "highlights": {"lights": OPEN, "materials": plain, "material_ids": ids},
         "texture": {**textured, "materials": MATERIALS, "material_ids": ids},
         "vertex colours": {"colours": np.float32(rng.uniform(0.2, 1, (count, 3, 3)))},
         "all": {

@@ -137,6 +137,8 @@ def test_every_pixel_format_is_traced_and_refocused(tmp_path, capsys, codec, for
     assert main(["trace", str(CHART), "-o", str(file), *size, *how]) == 0
     assert main(["info", str(file), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["layout"]["pixel_format"] == form
+    assert main(["info", str(file)]) == 0
+    assert ("crf 4" in capsys.readouterr().out) == (codec != "ffv1")
     planes = ["--plane", "focus=1", "--plane", "focus=1.33"]
     assert main(["render", str(CHART), *size, *planes, "-o", str(direct)]) == 0
     assert main(["refocus", str(file), *planes, "-o", str(stored)]) == 0
@@ -224,6 +226,8 @@ def test_encoder_settings_are_those_measured_unless_said():
     assert codec_spec(64) == default_spec(64)
     said = codec_spec(64, crf=11.0, preset="slow")
     assert (said.crf, said.preset, said.pixel_format) == (11.0, "slow", "yuv444p")
+    ahead = [codec_spec(512, preset=preset).lookahead for preset in (None, "ultrafast")]
+    assert ahead == [default_spec(512).lookahead, None]  # the preset's own is none
     assert codec_spec(64, "ffv1").lossless
     with pytest.raises(StorageError, match="does not take yuv444p"):
         codec_spec(64, "libsvtav1", pixel_format="yuv444p")
@@ -245,7 +249,7 @@ def test_a_pbrt_file_is_a_scene(tmp_path):
         'Film "rgb" "integer xresolution" 16 "integer yresolution" 16\n'
         'Camera "perspective" "float fov" 40\n'
         "WorldBegin\n"
-        'LightSource "distant" "point3 from" [0 0 0] "point3 to" [0 0 1]\n'
+        'LightSource "infinite" "rgb L" [1 1 1]\n'
         'Translate 0 0 5\nMaterial "diffuse" "rgb reflectance" [0.8 0.2 0.2]\n'
         'Shape "sphere" "float radius" 1\n'
     )

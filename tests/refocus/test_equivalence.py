@@ -25,7 +25,7 @@ def scene():
 def result(scene):
     tracer = Tracer(scene, build_bvh(scene.triangles))
     return equivalence(
-        tracer, scene.camera, PLANES, views=12, pixels=64, reference_views=32
+        tracer, scene.camera, PLANES, views=16, pixels=64, reference_views=32
     )  # fmt: skip
 
 

@@ -122,7 +122,7 @@ def test_what_it_cannot_do_is_refused(slab):
 @pytest.mark.parametrize("kind", ["macropixels", "views"])
 def test_from_a_file(tmp_path, kind):
     path = tmp_path / "chart.mkv"
-    options = ["--size", "40", "--views", "6", "--layout", kind, "--codec", "ffv1"]
+    options = ["--size", "24", "--views", "4", "--layout", kind, "--codec", "ffv1"]
     assert main(["trace", str(CHART), "-o", str(path), *options]) == 0
     planes = [SensorPlane(d, 1.0) for d in (1.0, 1.33, 2.0)]
     fast = focal_stack(path, planes)

@@ -8,11 +8,16 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.plane_sums import FIXED_ONE, targets
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.refocus.slicing import PlaneFormer
+from lfcore.oracle import colour as truth
+from lfcore.refocus.slicing import PlaneFormer, form_planes
 from lfcore.refocus.stored_views import FrameSummer
 from lfcore.storage.colour import srgb_decode
+from lfcore.storage.container import join_segments
+from lfcore.storage.defaults import default_spec
 from lfcore.storage.layout import FrameLayout
+from lfcore.storage.segment import SegmentReader, SegmentWriter
 
+SCENE = {"name": "waves", "digest": "0123"}
 CAMERA = Camera(0.05, 0.004, 2.0, 3.0)
 PLANES = [
     SensorPlane(1.1, 2.0, "square"),
@@ -113,3 +118,52 @@ def test_colours_beyond_the_gamut_are_cut_off(form):
         frames = np.full((1, layout.frame_bytes), 128, np.uint8)
         frames[:, :256] = code
         assert (light_of(frames, tile, open_device()) == light).all()
+
+
+def waves(tile):
+    """Frames (F, frame_bytes) uint8 with waves and an edge, another in every macropixel."""
+    layout = tile.layout
+    frames = np.empty((tile.frame_count, layout.frame_bytes), np.uint8)
+    views = layout.format.views(frames, layout.frame_width, layout.frame_height)
+    y, x = np.mgrid[: layout.frame_height, : layout.frame_width] / layout.frame_width
+    for k in range(tile.frame_count):
+        for channel, plane in enumerate(views):
+            wave = np.sin(9 * x + k + channel) * np.cos(7 * y + 2 * channel)
+            plane[k] = 126 + 50 * wave + 40 * (x + y > 0.5 + 0.05 * k)
+    return frames
+
+
+def plane_in_doubles(slab, plane, tile, frames):
+    """(M, M, 3) float64: every ray of ``frames``, YCbCr 4:4:4, added where it falls."""
+    size, views, centre = slab.pixels, slab.views, (slab.pixels - 1) / 2
+    total, weight = np.zeros((3, size * size)), np.zeros(size * size)
+    places = np.arange(size)[:, None] + plane.shifts(slab) - centre
+    places = np.floor(places * plane.magnification(slab) + centre + 0.5).astype(np.int64)
+    mask = plane.mask(slab)
+    for (u, v), codes in zip(tile.elements(), frames.reshape(-1, 3, views, views), strict=True):
+        light = truth.srgb_decode(np.clip(truth.rgb(np.moveaxis(codes, 0, -1)), 0, 1))
+        y, x = np.meshgrid(places[v], places[u], indexing="ij")
+        falls = mask & (x >= 0) & (x < size) & (y >= 0) & (y < size)
+        at = y[falls] * size + x[falls]
+        weight += np.bincount(at, minlength=size * size)
+        for channel in range(3):
+            total[channel] += np.bincount(at, light[falls][:, channel], size * size)
+    whole = views**2 if plane.normalise == "lens" else np.where(weight > 0, weight, 1)
+    return np.moveaxis((total / whole).reshape(3, size, size), 0, -1)
+
+
+def test_planes_out_of_a_file_of_512_views_are_those_of_its_rays(tmp_path):
+    """The whole path at full N: default encoder, container, decoder, tables of 512 x 512 samples;
+    the reference takes the segment's decoded codes, ray by ray, in float64."""
+    slab, spec = Slab(CAMERA, 512, 3), default_spec(512)
+    layout = FrameLayout("macropixels", 512, 3, pixel_format=spec.pixel_format)
+    tile, path, segment = layout.tile(0, 0, 3, 3), tmp_path / "l.mkv", tmp_path / "0.mp4"
+    with SegmentWriter(segment, spec, 512, 512) as writer:
+        writer.write(waves(tile))
+    join_segments(path, [segment], [tile], layout, geometry=slab, scene=SCENE, spec=spec)
+    decoded = np.concatenate(list(SegmentReader(segment).frames()))
+    pictures = form_planes(path, PLANES).sums.pictures()
+    for plane, picture in zip(PLANES, pictures, strict=True):
+        expected = plane_in_doubles(slab, plane, tile, decoded)
+        assert expected.std() > 0.01
+        np.testing.assert_allclose(picture, expected, atol=3e-6)

@@ -146,15 +146,30 @@ def test_subsampled_colour_agrees_with_accurate_conversion(tmp_path):
     ({"pixel_format": "gbrp"}, "does not take"),
     ({"pixel_format": "nv12"}, "unknown pixel format"),
     ({"crf": -1}, "crf"), ({"gop": -2}, "gop"), ({"threads": 0}, "threads"),
-    ({"refs": 99}, "refs"), ({"bframes": 40}, "bframes"),
+    ({"refs": 99}, "refs"), ({"bframes": 40}, "bframes"), ({"lookahead": -1}, "lookahead"),
 ])  # fmt: skip
 def test_impossible_settings_are_refused(settings, words):
     with pytest.raises(StorageError, match=words):
         CodecSpec(**settings)
 
 
+def test_frames_come_out_of_the_encoder_after_as_many_as_it_looks_ahead(tmp_path):
+    """What it holds until then is most of its memory."""
+    frames, held = frames_from_rgb(clip(128, 128, 60), "yuv420p"), []
+    for ahead in (40, 5):
+        spec = CodecSpec(preset="medium", lookahead=ahead)
+        with (
+            pytest.raises(KeyboardInterrupt),
+            SegmentWriter(tmp_path / "s.mp4", spec, 128, 128) as writer,
+        ):
+            writer.write(frames)
+            held.append(len(writer._stream.codec_context.encode(None)))
+            raise KeyboardInterrupt
+    assert held[0] - held[1] == 35
+
+
 def test_settings_survive_json():
-    spec = CodecSpec(gop=12, refs=2, extra=(("subme", "1"),))
+    spec = CodecSpec(gop=12, refs=2, lookahead=9, extra=(("subme", "1"),))
     assert CodecSpec.from_json(spec.to_json()) == spec
     with pytest.raises(StorageError, match="quality"):
         CodecSpec.from_json({"quality": 3})

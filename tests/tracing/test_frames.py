@@ -90,7 +90,7 @@ def test_codes_are_those_of_the_formula(tracers, name, kind, views, pixels, pack
         assert np.unique(found).size > 10
 
 
-@pytest.mark.parametrize("name", sorted(PIXEL_FORMATS))
+@pytest.mark.parametrize("name", ["gbrp", "yuv420p10le", "yuv444p"])  # each branch of frames.cl
 def test_one_lane_gives_the_same_codes(tracers, name):
     layout = FrameLayout("views", 3, 37, "raster", 2, name)
     narrow, wide = (traced(tracer, layout) for tracer in tracers.values())

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, closed_room, lit_soup, scene
+from tracing_scenes import CAMERA, closed_room, lit_soup, painted_soup, scene
 
 from lfcore.opencl.device import open_device
 from lfcore.optics import bundles
@@ -25,8 +25,12 @@ PLANES = [
     SensorPlane(1.0, 1.0, keep_magnification=True),
     SensorPlane(2.0, 1000.0),
 ]
-# Beams of 4 x 4, 2 x 2 and single pixels; lens grids that fill their blocks and that do not.
-SIZES = [(3, 13), (16, 11), (16, 12), (20, 9), (40, 5), (70, 4)]
+# Beams of 4 x 4, 2 x 2 and single pixels; lens grids that fill their blocks and that do not;
+# lit, which is dear to build, in beams of one block an element and of several.
+SIZES = [
+    (3, 13, painted_soup), (16, 11, lit_soup), (16, 12, lit_soup), (20, 9, painted_soup),
+    (40, 5, lit_soup), (70, 4, painted_soup),
+]  # fmt: skip
 
 
 def fixed_point(colours):
@@ -57,13 +61,12 @@ def formed(tracer, slab, layout, planes=PLANES, max_rays=1 << 30, frames=False):
     return total(slab, planes, parts).sums
 
 
-@pytest.fixture(scope="module")
-def world():
-    return lit_soup()
-
-
-@pytest.mark.parametrize("views, pixels, lanes", [(*size, None) for size in SIZES] + [(16, 11, 1)])
-def test_sums_are_every_ray_alone(world, views, pixels, lanes, monkeypatch):
+@pytest.mark.parametrize(
+    "views, pixels, make, lanes",
+    [(*size, None) for size in SIZES] + [(16, 11, painted_soup, 1)],
+)
+def test_sums_are_every_ray_alone(views, pixels, make, lanes, monkeypatch):
+    world = make()
     tracer = Tracer(world, build_bvh(world.triangles), open_device(threads=1, lanes=lanes))
     slab = Slab(CAMERA, views, pixels)
     places = all_pixels(slab)
@@ -82,7 +85,8 @@ def test_sums_are_every_ray_alone(world, views, pixels, lanes, monkeypatch):
     np.testing.assert_array_equal(formed(tracer, slab, layout), sums)
 
 
-def test_frames_do_not_change_sums(world):
+def test_frames_do_not_change_sums():
+    world = painted_soup()
     tracer = Tracer(world, build_bvh(world.triangles), open_device(threads=1))
     slab, layout = Slab(CAMERA, 20, 9), FrameLayout("macropixels", 20, 9)
     with_frames = formed(tracer, slab, layout, frames=True)

@@ -36,13 +36,13 @@ def run(world, slab, layout, planes=PLANES, device=None, max_rays=1 << 30):
 
 
 def test_colours_are_the_oracles_within_a_code(device):
-    world, slab = lit_soup(), Slab(CAMERA, 6, 12)
-    layout = FrameLayout("macropixels", 6, 12, "raster", 1, "yuv444p")
+    world, slab = lit_soup(), Slab(CAMERA, 9, 12)
+    layout = FrameLayout("macropixels", 9, 12, "raster", 1, "yuv444p")
     frames, _ = run(world, slab, layout, device=device)
     codes = layout.format.views(frames, layout.frame_width, layout.frame_height)
     rays = trace(world, slab, all_pixels(slab))
     expected = truth.ycbcr(truth.srgb_encode(rays))
-    errors = [np.abs(c[:, :6, :6] - np.rint(expected[..., k])) for k, c in enumerate(codes)]
+    errors = [np.abs(c[:, :9, :9] - np.rint(expected[..., k])) for k, c in enumerate(codes)]
     worst = np.max(errors, axis=0)
     # A ray that grazes an edge, of a surface or a shadow, may fall to either side in float32.
     assert (worst > 1).mean() < 2e-3

@@ -45,3 +45,9 @@ def lit_soup(seed=3):
         materials=[Material("gloss", (0.7, 0.6, 0.5), (0.3, 0.3, 0.3), 20.0, (0.01, 0.02, 0.0))],
         lights=[Light(POINT, (1.0, -2.0, 0.5), (0.9, 0.8, 0.7), 2.0, True)],
     )
+
+
+def painted_soup():
+    """The lit soup in ambient light alone: its programs are built in less than half the time."""
+    lit = lit_soup()
+    return scene(lit.triangles, colours=lit.colours)

@@ -52,6 +52,7 @@ def test_what_is_said_goes_before_what_measured_best():
     assert spec.preset == defaults.default_spec(512).preset
     slow = cases.codec_spec(settings(encoder={"preset": "slow"}), 512)
     assert (slow.preset, slow.bframes, slow.refs) == ("slow", None, None)
+    assert slow.lookahead is None and spec.lookahead == defaults.default_spec(512).lookahead
 
 
 @pytest.mark.parametrize("name", sorted(PIXEL_FORMATS))

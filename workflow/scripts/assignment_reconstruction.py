@@ -13,13 +13,10 @@ from lfcore.evaluation.camera_arrays import (
 )
 from lfcore.evaluation.figures import save_figure
 from lfcore.evaluation.files import write_json
-from lfcore.opencl.device import open_device
 from lfcore.refocus.array.photograph import direct_thin_lens
-from lfcore.scene.files import load_scene
-from lfcore.tracing.bvh import load_bvh
-from lfcore.tracing.tracer import Tracer
 from workflow.assignment import ARRAYS, BOOK_FOCUS_M, measured_camera
 from workflow.job import job
+from workflow.tracer import open_tracer
 
 SAMPLES = 4
 SAMPLERS = ("independent", "stratified", "halton")
@@ -56,9 +53,7 @@ def draw(path, rows, slopes):
 
 with job(snakemake):
     params = snakemake.params
-    device = open_device(params.device or None, threads=snakemake.threads)
-    scene = load_scene(snakemake.input.scene)
-    tracer = Tracer(scene, load_bvh(snakemake.input.bvh), device)
+    tracer = open_tracer(snakemake)
     camera = measured_camera(params.picture_px)
     reference = direct_thin_lens(tracer, camera, BOOK_FOCUS_M, params.reference_samples)
     # A reference of half the rays says how far the reference itself can be trusted.

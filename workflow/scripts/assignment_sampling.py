@@ -3,15 +3,12 @@
 from lfcore.evaluation.camera_arrays import errors, square_field
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.evaluation.files import write_json
-from lfcore.opencl.device import open_device
 from lfcore.refocus.array.focal_surface import parallel
 from lfcore.refocus.array.photograph import direct_thin_lens
 from lfcore.refocus.array.quadrature import quadrature
-from lfcore.scene.files import load_scene
-from lfcore.tracing.bvh import load_bvh
-from lfcore.tracing.tracer import Tracer
 from workflow.assignment import ARRAYS, AUTHORS_FOCUS_M, measured_camera
 from workflow.job import job
+from workflow.tracer import open_tracer
 
 FEW = (2, 4, 8, 16)
 MANY = (4, 8, 16, 32, 64, 128)
@@ -38,9 +35,7 @@ def compare(tracer, camera, reference, sizes):
 
 with job(snakemake):
     params = snakemake.params
-    device = open_device(params.device or None, threads=snakemake.threads)
-    scene = load_scene(snakemake.input.scene)
-    tracer = Tracer(scene, load_bvh(snakemake.input.bvh), device)
+    tracer = open_tracer(snakemake)
     camera = measured_camera(params.picture_px)
     reference = direct_thin_lens(tracer, camera, AUTHORS_FOCUS_M, params.reference_samples)
     few = compare(tracer, camera, reference, [(cameras, params.tile_px) for cameras in FEW])

@@ -7,18 +7,15 @@ import numpy as np
 from lfcore.evaluation.camera_arrays import errors, timed
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.evaluation.files import write_json
-from lfcore.opencl.device import open_device
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import parallel
 from lfcore.refocus.array.photograph import direct_thin_lens
 from lfcore.refocus.array.quadrature import quadrature
 from lfcore.refocus.array.virtual_camera import VirtualCamera
-from lfcore.scene.files import load_scene
 from lfcore.storage.tiled_exr import read_array
-from lfcore.tracing.bvh import load_bvh
-from lfcore.tracing.tracer import Tracer
 from workflow.assignment import ECOSYS_FOCUS_M
 from workflow.job import job, log_progress
+from workflow.tracer import open_tracer
 
 FOV_DEG = 50.0
 LENS_POINTS = 24
@@ -40,9 +37,8 @@ def from_field(field, name, size, radius=None):
 with job(snakemake):
     params, size = snakemake.params, snakemake.params.picture_px
     found = read_array(snakemake.input.light_field)
-    device = open_device(params.device or None, threads=snakemake.threads)
-    field = DeviceField(device, found.image, found.array)
-    tracer = Tracer(load_scene(snakemake.input.scene), load_bvh(snakemake.input.bvh), device)
+    tracer = open_tracer(snakemake)
+    field = DeviceField(tracer.device, found.image, found.array)
     hill, focus = "hillside", ECOSYS_FOCUS_M["hillside"]
     begun = time.perf_counter()
     direct = direct_thin_lens(

@@ -4,21 +4,16 @@ import time
 from pathlib import Path
 
 from lfcore.evaluation.files import write_json
-from lfcore.opencl.device import open_device
 from lfcore.optics.array import CameraArray
 from lfcore.refocus.array.trace import trace_array
-from lfcore.scene.files import load_scene
 from lfcore.storage.tiled_exr import write_array
-from lfcore.tracing.bvh import load_bvh
-from lfcore.tracing.tracer import Tracer
 from workflow.assignment import ARRAYS
 from workflow.job import job, log_progress
+from workflow.tracer import open_tracer
 
 with job(snakemake):
     params, name = snakemake.params, snakemake.wildcards.scene
-    scene = load_scene(snakemake.input.scene)
-    device = open_device(params.device or None, threads=snakemake.threads)
-    tracer = Tracer(scene, load_bvh(snakemake.input.bvh), device)
+    tracer = open_tracer(snakemake)
     bounds, fov_deg = ARRAYS[name]
     cameras, tile = (2 * (size,) for size in (params.cameras_per_dim, params.tile_px))
     array = CameraArray.on_grid(cameras, bounds, fov_deg, tile)

@@ -6,23 +6,15 @@ from lfcore.evaluation.captions import fill
 from lfcore.evaluation.renderers import COLUMNS, compare, renderers_sheet
 from lfcore.evaluation.storage.table import make_table
 from lfcore.evaluation.tables import write_csv, write_markdown
-from lfcore.opencl.device import open_device
-from lfcore.scene.files import load_scene
-from lfcore.tracing.bvh import load_bvh
-from lfcore.tracing.tracer import Tracer
 from workflow.job import job, log_progress
+from workflow.tracer import open_tracer
 
 with job(snakemake):
     given, output, params = snakemake.input, snakemake.output, snakemake.params
-    scene = load_scene(given.scene)
-    device = open_device(params.device or None, threads=snakemake.threads)
-    focus_m = (min(scene.focus_distances_m), max(scene.focus_distances_m))
-    rows, rendered = compare(
-        Tracer(scene, load_bvh(given.bvh), device),
-        focus_m,
-        **params.study,
-        progress=log_progress("pictures"),
-    )
+    tracer = open_tracer(snakemake)
+    focus = tracer.scene.focus_distances_m
+    focus_m = (min(focus), max(focus))
+    rows, rendered = compare(tracer, focus_m, **params.study, progress=log_progress("pictures"))
     for row in rows:
         if row["note"].startswith("left out"):
             print(f"{row['method']}, focus {row['focus_m']} m: {row['note']}")

@@ -1,17 +1,13 @@
 """The plenoptic photograph in and out of focus, whole, and one sheet of what is in it."""
 
 from lfcore.evaluation.plenoptic_figure import panels, plenoptic_sheet, take, write_photograph
-from lfcore.opencl.device import open_device
-from lfcore.scene.files import load_scene
-from lfcore.tracing.bvh import load_bvh
-from lfcore.tracing.tracer import Tracer
 from workflow.job import job, log_progress
+from workflow.tracer import open_tracer
 
 with job(snakemake):
     params, output = snakemake.params, snakemake.output
-    scene = load_scene(snakemake.input.scene)
-    device = open_device(params.device or None, threads=snakemake.threads)
-    tracer = Tracer(scene, load_bvh(snakemake.input.bvh), device)
+    tracer = open_tracer(snakemake)
+    scene = tracer.scene
     focus = scene.focus_distances_m
     rows = []
     # The far plane in focus; then no plane.

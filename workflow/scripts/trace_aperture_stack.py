@@ -1,23 +1,19 @@
 """One focus through a closing lens: thesis figures 4.3 (dimmed) and 4.4 (normalised)."""
 
 from lfcore.evaluation.pictures import save_stack
-from lfcore.opencl.device import open_device
 from lfcore.optics.plane_sums import total
 from lfcore.optics.slab import Slab
-from lfcore.scene.files import load_scene
 from lfcore.storage.layout import FrameLayout
-from lfcore.tracing.bvh import load_bvh
-from lfcore.tracing.tracer import Tracer
 from workflow import cases
 from workflow.job import job, log_progress
+from workflow.tracer import open_tracer
 
 with job(snakemake):
     params = snakemake.params
-    scene = load_scene(snakemake.input.scene)
-    device = open_device(params.device or None, threads=snakemake.threads)
-    tracer = Tracer(scene, load_bvh(snakemake.input.bvh), device)
-    slab = Slab(scene.camera, params.angular_resolution, params.spatial_resolution)
-    planes = cases.aperture_stack(params.stops, scene.camera, scene.camera.focus_distance_m)
+    tracer = open_tracer(snakemake)
+    camera = tracer.scene.camera
+    slab = Slab(camera, params.angular_resolution, params.spatial_resolution)
+    planes = cases.aperture_stack(params.stops, camera, camera.focus_distance_m)
     whole = FrameLayout("macropixels", slab.views, slab.pixels).tile(0, 0, slab.pixels, slab.pixels)
     tracing = tracer.trace_tile(
         slab, whole, planes, frames=False, progress=log_progress("elements")

@@ -96,6 +96,8 @@ def _spec(codec: dict, views: int, crf: float) -> CodecSpec:
     base = default_spec(views, crf + codec.get("crf_offset", 0))
     if given.get("codec", base.codec) != base.codec:
         base = CodecSpec(crf=base.crf, threads=1)
+    if "preset" in given:
+        base = replace(base, lookahead=None)
     return replace(base, **given)
 
 

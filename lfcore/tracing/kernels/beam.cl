@@ -80,16 +80,21 @@ inline float4 middle_of(const Rays *rays, const BeamWork *work, int block)
     return rays->elements[OUTER > 1 ? work->group : work->element[block / ELEMENT_BLOCKS]];
 }
 
-inline Bundle block_bundle(const Rays *rays, const BeamWork *work, int block)
+// The rays about a place of the inner grid, `extent` columns and rows beyond `at`, of those that `e` is the middle of.
+inline Bundle bundle_at(const Rays *rays, float4 e, int2 at, float extent)
 {
-    const float4 e = middle_of(rays, work, block);
-    const float2 c = convert_float2(block_position(work, block)) + HALF - 0.5f * (float2)(rays->columns - 1, rays->rows - 1);
+    const float2 c = convert_float2(at) + extent - 0.5f * (float2)(rays->columns - 1, rays->rows - 1);
     Bundle r;
     r.ox = fma(c.x, rays->step.x, e.x); r.oy = fma(c.y, rays->step.y, e.y);
     r.dx = fma(c.x, rays->step.z, e.z); r.dy = fma(c.y, rays->step.w, e.w);
     r.sx = rays->step.x; r.sy = rays->step.y; r.tx = rays->step.z; r.ty = rays->step.w;
     r.a = rays->outer.x; r.b = rays->outer.y;
     return r;
+}
+
+inline Bundle block_bundle(const Rays *rays, const BeamWork *work, int block)
+{
+    return bundle_at(rays, middle_of(rays, work, block), block_position(work, block), HALF);
 }
 
 inline void start_beam(const Rays *rays, int beam, BeamWork *work)
@@ -137,6 +142,72 @@ inline Beam whole_beam(const Rays *rays, const BeamWork *work)
     return pad_beam(b);
 }
 
+// The farthest that a block still sees of what is to come.
+inline float beam_far(const BeamWork *work)
+{
+    float far = 0.0f;
+    for (int block = 0; block < BEAM_BLOCKS; ++block) far = max(far, work->block[block].z_far);
+    return far;
+}
+
+#if SHARED
+inline Bundle beam_bundle(const Rays *rays, const BeamWork *work)
+{
+    return bundle_at(rays, middle_of(rays, work, 0), (int2)(work->column, work->row), FORM_HALF);
+}
+
+// Where a block lies from the beam's centre, in columns and rows.
+inline float2 block_offset(int block) { return ((float2)(block % SIDE, block / SIDE) - 0.5f * (SIDE - 1)) * INNER; }
+
+inline void visit_batch(Batch *batch, BeamWork *work, global float *z, global int *ids)
+{
+    prune_batch(batch);
+    uint blocks = ~0u;
+    if (batch->count == 1 && batch->row[HIDES][0] < FAR) blocks = settle_all(batch, work->block);
+    for (int block = 0; block < BEAM_BLOCKS; ++block) {
+        if (work->block[block].z_far < 0.0f || !(blocks >> block & 1)) continue;
+        visit_with_batch(batch, block_offset(block), work->block + block, z + block * BLOCK_RAYS, ids + block * BLOCK_RAYS);
+    }
+    batch->count = 0;
+    batch->z_far = beam_far(work);
+}
+
+// Test all blocks against the gathered leaves, whose triangles are set up once.
+inline void share_leaves(const Bvh *bvh, const Rays *rays, BeamWork *work, const LeafList *list, global float *z, global int *ids)
+{
+    const Bundle beam = beam_bundle(rays, work);
+    Batch batch;
+    batch.count = 0;
+    batch.z_far = beam_far(work);
+    for (int slot = 0; slot < list->count; ++slot) {
+        if (list->boxes[2 * list->pitch + slot] > batch.z_far) continue;
+        const int leaf = list->leaf[slot];
+        for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
+            add_to_batch(&beam, bvh->leaves + leaf * 9 * NODE_WIDTH + lane, bvh->leaf_ids + leaf * NODE_WIDTH + lane, &batch);
+            if (batch.count > BATCH - LANES) visit_batch(&batch, work, z, ids);
+        }
+    }
+    visit_batch(&batch, work, z, ids);
+}
+#endif
+
+// Test all blocks against the gathered leaves.
+inline void visit_leaves(const Bvh *bvh, const Rays *rays, BeamWork *work, const LeafList *list, global float *z, global int *ids)
+{
+    for (int block = 0; block < BEAM_BLOCKS; ++block) {
+        if (work->block[block].z_far < 0.0f) continue;
+        const Bundle bundle = block_bundle(rays, work, block);
+#if SHARED
+        const Bundle about = beam_bundle(rays, work);
+        const float2 at = block_offset(block);
+#else
+        const Bundle about = bundle;
+        const float2 at = 0.0f;
+#endif
+        visit_block(bvh, &bundle, &about, at, list, work->block + block, z + block * BLOCK_RAYS, ids + block * BLOCK_RAYS);
+    }
+}
+
 // Find what every block of the beam sees; a block whose state says BUFFERED has its depths and
 // triangles (infinity and -1 where nothing is met) in z and ids, BLOCK_RAYS a block.
 inline void see(const Bvh *bvh, const Rays *rays, BeamWork *work, LeafList *list, global float *z, global int *ids)
@@ -153,18 +224,16 @@ inline void see(const Bvh *bvh, const Rays *rays, BeamWork *work, LeafList *list
     const Beam beam = whole_beam(rays, work);
     Walk walk;
     walk.node[0] = 0; walk.z[0] = 0.0f; walk.size = 1;
-    float z_far = FAR;
     while (walk.size) {
         list->count = 0;
-        gather(bvh, &beam, z_far, &walk, list);
-        z_far = 0.0f;
-        for (int block = 0; block < BEAM_BLOCKS; ++block) {
-            BlockState *state = work->block + block;
-            if (state->z_far < 0.0f) continue;
-            const Bundle bundle = block_bundle(rays, work, block);
-            visit_block(bvh, &bundle, list, state, z + block * BLOCK_RAYS, ids + block * BLOCK_RAYS);
-            z_far = max(z_far, state->z_far);
+        gather(bvh, &beam, beam_far(work), &walk, list);
+#if SHARED
+        if (list->count <= FEW_LEAVES) {
+            share_leaves(bvh, rays, work, list, z, ids);
+            continue;
         }
+#endif
+        visit_leaves(bvh, rays, work, list, z, ids);
     }
 #endif
 }

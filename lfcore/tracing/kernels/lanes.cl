@@ -12,7 +12,9 @@
 #define JOIN(a, b) JOIN_(a, b)
 
 #if LANES == 1
-#define LANES_TYPE float
+// What kernels hint at is the width that they are written for.  A compiler that vectorises over work-items takes
+// "float" as an invitation, though groups are of one: it spent three quarters of a build on copies that never run.
+#define LANES_TYPE float4
 typedef float vf;
 typedef int vi;
 typedef uint vu;
@@ -111,6 +113,14 @@ inline int row_any(vi mask) { return any(mask != 0); }
 
 // Index of the lowest set bit
 inline uint lowest(uint bits) { return popcount((bits & -bits) - 1u); }
+
+// A component of a vector by its number, and the number of the largest
+inline float axis(float3 v, int k) { return k == 0 ? v.x : k == 1 ? v.y : v.z; }
+inline int largest_axis(float3 v)
+{
+    const float3 size = fabs(v);
+    return size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
+}
 
 // 1 / x to about one unit in the last place, the same on every lane width
 inline vf reciprocal(vf x)

@@ -27,15 +27,15 @@ typedef struct { float lo[3][STRIPS], hi[3][STRIPS]; } Strips;
 
 inline LightView make_light_view(const ShadowRays *r)
 {
-    const float3 along = r->is_point ? r->centre : r->towards, size = fabs(along);
+    const float3 along = r->is_point ? r->centre : r->towards;
     LightView v;
-    v.kz = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
+    v.kz = largest_axis(along);
     v.kx = (v.kz + 1) % 3;
     v.ky = (v.kz + 2) % 3;
-    const float3 turned = v.kz == 0 ? along.yzx : v.kz == 1 ? along.zxy : along;
-    v.sign = turned.z < 0.0f ? -1.0f : 1.0f;
-    v.slope_x = turned.x / turned.z;
-    v.slope_y = turned.y / turned.z;
+    const float most = axis(along, v.kz);
+    v.sign = most < 0.0f ? -1.0f : 1.0f;
+    v.slope_x = axis(along, v.kx) / most;
+    v.slope_y = axis(along, v.ky) / most;
     return v;
 }
 

@@ -21,6 +21,15 @@
 #endif
 #define COEFFICIENTS (3 * EDGE + 2 * FLAT)
 
+// Where a beam is several blocks of one element, forms are made about the beam's centre and moved to a block's, so
+// that they are the same to the last bit whether they are set up for one block or, in batch.cl, for all.
+#define SHARED (OUTER == 1 && ELEMENTS == 1 && SIDE > 1)
+#if SHARED
+#define FORM_HALF (0.5f * (SIDE * INNER - 1))
+#else
+#define FORM_HALF HALF
+#endif
+
 // A Form for each of LANES triangles.
 typedef struct {
     vf c, i, j;
@@ -28,6 +37,15 @@ typedef struct {
     vf p, q, k;
 #endif
 } Affine;
+
+// A form about a place `at` columns and rows from where it was made.
+inline Affine move_form(Affine f, float2 at)
+{
+#if SHARED
+    f.c = fma((vf)(at.x), f.i, fma((vf)(at.y), f.j, f.c));
+#endif
+    return f;
+}
 
 // Twice the edge function: P x Q = (P + Q) x (Q - P) / 2.  The difference of two corners that are near
 // each other is exact, so the error scales with the triangle's edge, and not with the distance to the block's
@@ -48,9 +66,10 @@ inline Affine edge(vf px, vf py, vf pz, vf qx, vf qy, vf qz, const Bundle *r)
     return e;
 }
 
-// Bound of the rounding error of such a form anywhere in the block: sum, difference, product and their
-// difference are four roundings of each term, its evaluation at a ray two more, or four.
-inline vf edge_noise(vf px, vf py, vf pz, vf qx, vf qy, vf qz, const Bundle *r)
+// Bound of the rounding error of such a form anywhere within `extent` columns and rows of the centre: sum,
+// difference, product and their difference are four roundings of each term, its evaluation at a ray two more, or
+// four; where it is moved to a block's centre first, two for that and one for each of i and j.
+inline vf edge_noise(vf px, vf py, vf pz, vf qx, vf qy, vf qz, const Bundle *r, float extent)
 {
     const vf sx = fabs(px + qx), sy = fabs(py + qy), sz = fabs(pz + qz), dx = fabs(qx - px), dy = fabs(qy - py), dz = fabs(qz - pz);
     const vf cx = fma(sy, dz, sz * dy), cy = fma(sz, dx, sx * dz);
@@ -58,22 +77,24 @@ inline vf edge_noise(vf px, vf py, vf pz, vf qx, vf qy, vf qz, const Bundle *r)
 #if OUTER > 1
     const vf outer = fma(cx + cy, (vf)(fabs(r->b)), 2.0f * (dx + dy) * fabs(r->a));
     const vf both = dz * (4.0f * HALF * OUTER_HALF * (fabs(r->sx * r->b) + fabs(r->a * r->tx)));
-    return 4.8e-7f * (fma((vf)(HALF), wide, fma(sx, dy, sy * dx)) + fma((vf)(OUTER_HALF), outer, both));
+    return 4.8e-7f * (fma((vf)(extent), wide, fma(sx, dy, sy * dx)) + fma((vf)(OUTER_HALF), outer, both));
 #else
-    return 3.6e-7f * fma((vf)(HALF), wide, fma(sx, dy, sy * dx));
+    return (extent > HALF ? 6.0e-7f : 3.6e-7f) * fma((vf)(extent), wide, fma(sx, dy, sy * dx));
 #endif
 }
 
-// What a form varies by from the block's centre, at most.
-inline vf spread(Affine e)
+// What a form varies by within `extent` columns and rows of the centre, at most.
+inline vf spread_within(Affine e, float extent)
 {
-    const vf wide = HALF * (fabs(e.i) + fabs(e.j));
+    const vf wide = extent * (fabs(e.i) + fabs(e.j));
 #if OUTER > 1
     return wide + OUTER_HALF * (fabs(e.p) + fabs(e.q)) + 2.0f * HALF * OUTER_HALF * fabs(e.k);
 #else
     return wide;
 #endif
 }
+
+inline vf spread(Affine e) { return spread_within(e, HALF); }
 
 typedef struct {
     uint keep;     // lanes that may be hit
@@ -83,23 +104,23 @@ typedef struct {
 
 // Bound of the rounding error of sheared corners a, b, c and of where the block's rays pass them, along
 // an axis of steps s and t and centre direction d.
-inline vf corner_noise(vf a, vf b, vf c, vf z_most, float s, float t, float d, const Bundle *r)
+inline vf corner_noise(vf a, vf b, vf c, vf z_most, float s, float t, float d, const Bundle *r, float extent)
 {
-    const float o_wide = HALF * fabs(s) + OUTER_HALF * fabs(r->a), d_wide = fabs(d) + HALF * fabs(t) + OUTER_HALF * fabs(r->b);
+    const float o_wide = extent * fabs(s) + OUTER_HALF * fabs(r->a), d_wide = fabs(d) + extent * fabs(t) + OUTER_HALF * fabs(r->b);
     return 4.0e-7f * (max(fabs(a), max(fabs(b), fabs(c))) + fma(z_most, (vf)(d_wide), (vf)(o_wide)));
 }
 
 // Triangles whose sheared corners a, b, c lie wholly beside the block along one axis, whichever way they
-// face: at depth z the block reaches HALF |s + z t|, and as much for its elements, convex in z.
-inline vi beside_block(vf a, vf b, vf c, vf z_lo, vf z_hi, vf noise, float s, float t, const Bundle *r)
+// face: at depth z the block reaches extent |s + z t|, and as much for its elements, convex in z.
+inline vi beside_block(vf a, vf b, vf c, vf z_lo, vf z_hi, vf noise, float s, float t, const Bundle *r, float extent)
 {
     const vf near = fma(z_lo, (vf)(t), (vf)(s)), far = fma(z_hi, (vf)(t), (vf)(s));
 #if OUTER > 1
-    const vf from = fma((vf)(HALF), fabs(near), OUTER_HALF * fabs(fma(z_lo, (vf)(r->b), (vf)(r->a))));
-    const vf to = fma((vf)(HALF), fabs(far), OUTER_HALF * fabs(fma(z_hi, (vf)(r->b), (vf)(r->a))));
+    const vf from = fma((vf)(extent), fabs(near), OUTER_HALF * fabs(fma(z_lo, (vf)(r->b), (vf)(r->a))));
+    const vf to = fma((vf)(extent), fabs(far), OUTER_HALF * fabs(fma(z_hi, (vf)(r->b), (vf)(r->a))));
     const vf reach = fma(max(from, to), (vf)(1.00001f), noise);
 #else
-    const vf reach = fma((vf)(HALF * 1.00001f), max(fabs(near), fabs(far)), noise);
+    const vf reach = fma((vf)(extent * 1.00001f), max(fabs(near), fabs(far)), noise);
 #endif
     return GT(min(a, min(b, c)), reach) | LT(max(a, max(b, c)), -reach);
 }
@@ -126,19 +147,21 @@ inline vi places_reached(vf a, vf b, vf c, vf az, vf bz, vf cz, vf noise, float 
     return pick_int((vi)((1 << BLOCK) - 1), places, same);
 }
 #else
-// Samples [first, last] along one axis of the block, from 0 to 2 HALF, that triangles of sheared corners a, b,
+// Samples [first, last] along one axis, from 0 to 2 extent, that triangles of sheared corners a, b,
 // c can reach.  At depth z neighbouring rays are s + z t apart; while that keeps its sign over the triangle,
 // the extremes are its corners' (a projective map), and what falls between two samples is found out.
-inline void span_samples(vf a, vf b, vf c, vf az, vf bz, vf cz, vf noise, float s, float t, vf *first, vf *last)
+inline void span_samples(vf a, vf b, vf c, vf az, vf bz, vf cz, vf noise, float s, float t, float extent, vf *first,
+                         vf *last)
 {
     const vf wa = fma(az, (vf)(t), (vf)(s)), wb = fma(bz, (vf)(t), (vf)(s)), wc = fma(cz, (vf)(t), (vf)(s));
     const vf ra = native_recip(wa), rb = native_recip(wb), rc = native_recip(wc);
     const vf ia = a * ra, ib = b * rb, ic = c * rc;
-    const vf slack = fma(noise, max(fabs(ra), max(fabs(rb), fabs(rc))), (vf)(0.01f));
+    // Of `extent`, reciprocals of twelve bits lose a little.
+    const vf slack = fma(noise, max(fabs(ra), max(fabs(rb), fabs(rc))), (vf)(fma(extent - HALF, 0.0013f, 0.01f)));
     const vi same = GT(wa * wb, (vf)(0.0f)) & GT(wb * wc, (vf)(0.0f));
-    const vf lo = ceil(min(ia, min(ib, ic)) - slack + HALF), hi = floor(max(ia, max(ib, ic)) + slack + HALF);
+    const vf lo = ceil(min(ia, min(ib, ic)) - slack + extent), hi = floor(max(ia, max(ib, ic)) + slack + extent);
     *first = max(pick((vf)(0.0f), lo, same), (vf)(0.0f));
-    *last = min(pick((vf)(2.0f * HALF), hi, same), (vf)(2.0f * HALF));
+    *last = min(pick((vf)(2.0f * extent), hi, same), (vf)(2.0f * extent));
 }
 
 // Of the rows [first, last], counted from 0, those where a form can be non-negative, rounding allowed for:
@@ -151,6 +174,7 @@ inline void narrow_rows(Affine e, vi mixed, vf *first, vf *last)
     *last = pick(*last, min(*last, floor(at + (HALF + 0.01f))), LT(e.j, (vf)(-1.0e-30f)) & ~mixed);
 }
 
+
 // No row at all where first is beyond last.
 inline void store_rows(vf first, vf last, private int *rows)
 {
@@ -159,11 +183,11 @@ inline void store_rows(vf first, vf last, private int *rows)
 }
 #endif
 
-inline void store_flat(vf c, vf i, vf j, vf p, vf q, private float *out)
+inline void store_flat(Affine f, private float *out)
 {
-    VSTORE(c, out); VSTORE(i, out + LANES); VSTORE(j, out + 2 * LANES);
+    VSTORE(f.c, out); VSTORE(f.i, out + LANES); VSTORE(f.j, out + 2 * LANES);
 #if OUTER > 1
-    VSTORE(p, out + 3 * LANES); VSTORE(q, out + 4 * LANES);
+    VSTORE(f.p, out + 3 * LANES); VSTORE(f.q, out + 4 * LANES);
 #endif
 }
 
@@ -210,73 +234,153 @@ inline Corners shear_corners(const Bundle *r, global const float *leaf)
 
 // Depth from the plane n . X = n . P: n is made of edges, so its error scales with the triangle
 // and not with its distance, as that of the weights does.
-inline void store_depth(const Corners *v, const Bundle *r, vi flip, private float *out)
+inline void plane_forms(const Corners *v, const Bundle *r, vi flip, Affine *over, Affine *under)
 {
     const vf ax = v->qx - v->px, ay = v->qy - v->py, az = v->qz - v->pz, bx = v->rx - v->px, by = v->ry - v->py, bz = v->rz - v->pz;
     const vf nx = flip_sign(ay * bz - az * by, flip), ny = flip_sign(az * bx - ax * bz, flip), nz = flip_sign(ax * by - ay * bx, flip);
-    store_flat(fma(nx, v->px, fma(ny, v->py, nz * v->pz)), -nx * r->sx, -ny * r->sy, -nx * r->a, -ny * r->a, out);
-    store_flat(nz, nx * r->tx, ny * r->ty, nx * r->b, ny * r->b, out + FLAT * LANES);
+    over->c = fma(nx, v->px, fma(ny, v->py, nz * v->pz)); over->i = -nx * r->sx; over->j = -ny * r->sy;
+    under->c = nz; under->i = nx * r->tx; under->j = ny * r->ty;
+#if OUTER > 1
+    over->p = -nx * r->a; over->q = -ny * r->a; over->k = 0.0f;
+    under->p = nx * r->b; under->q = ny * r->b; under->k = 0.0f;
+#endif
+}
+
+// The edges of LANES triangles opposite p, q and r, and the bounds of their rounding errors.
+typedef struct {
+    Affine e0, e1, e2;
+    vf noise0, noise1, noise2;
+} Edges;
+
+inline Edges make_edges(const Corners *v, const Bundle *r)
+{
+    Edges e;
+    e.e0 = edge(v->qx, v->qy, v->qz, v->rx, v->ry, v->rz, r);
+    e.e1 = edge(v->rx, v->ry, v->rz, v->px, v->py, v->pz, r);
+    e.e2 = edge(v->px, v->py, v->pz, v->qx, v->qy, v->qz, r);
+    e.noise0 = edge_noise(v->qx, v->qy, v->qz, v->rx, v->ry, v->rz, r, FORM_HALF);
+    e.noise1 = edge_noise(v->rx, v->ry, v->rz, v->px, v->py, v->pz, r, FORM_HALF);
+    e.noise2 = edge_noise(v->px, v->py, v->pz, v->qx, v->qy, v->qz, r, FORM_HALF);
+    return e;
+}
+
+// How triangles lie to all the rays within some columns and rows of the centre.
+typedef struct {
+    vi meets;   // some ray may meet it
+    vi covers;  // every ray does
+    vi mixed;   // seen edge-on by some ray: the sign of n . D changes
+    vi flip;    // sign bit of those that were seen from behind
+} Lie;
+
+inline Edges move_edges(Edges e, float2 at)
+{
+    e.e0 = move_form(e.e0, at); e.e1 = move_form(e.e1, at); e.e2 = move_form(e.e2, at);
+    return e;
+}
+
+inline Edges turn_edges(Edges e, vi flip)
+{
+    e.e0 = flip_edge(e.e0, flip); e.e1 = flip_edge(e.e1, flip); e.e2 = flip_edge(e.e2, flip);
+    return e;
+}
+
+// Finds it, signs edges so that n . D > 0 unless mixed, and then widens them.
+inline Lie lie_of(Edges *e, float extent)
+{
+    const Affine n = sum_edges(e->e0, e->e1, e->e2);
+    const vf w = spread_within(n, extent);
+    const vi flat = EQ(n.c, (vf)(0.0f)) & EQ(w, (vf)(0.0f));
+    Lie lie;
+    lie.mixed = LE(fabs(n.c), w * 1.00001f);
+    lie.flip = LT(n.c, (vf)(0.0f)) & ~lie.mixed & (vi)(0x80000000);
+    *e = turn_edges(*e, lie.flip);
+    e->e0.c += pick((vf)(0.0f), e->noise0, ~lie.mixed);
+    e->e1.c += pick((vf)(0.0f), e->noise1, ~lie.mixed);
+    e->e2.c += pick((vf)(0.0f), e->noise2, ~lie.mixed);
+    // A rounding error of the evaluation at a ray must not be culled away: a little slack.
+    const vf slack = 1.00001f;
+    const vf w0 = spread_within(e->e0, extent) * slack, w1 = spread_within(e->e1, extent) * slack;
+    const vf w2 = spread_within(e->e2, extent) * slack;
+    const vf tiny = 1.0e-30f;
+    const vi outside = LT(e->e0.c + w0, -tiny) | LT(e->e1.c + w1, -tiny) | LT(e->e2.c + w2, -tiny);
+    lie.covers = GE(e->e0.c, w0 + tiny) & GE(e->e1.c, w1 + tiny) & GE(e->e2.c, w2 + tiny) & ~lie.mixed;
+    lie.meets = ~(flat | (outside & ~lie.mixed));
+    return lie;
+}
+
+inline void store_edges(const Edges *e, private float *out)
+{
+    store_edge(e->e0, out); store_edge(e->e1, out + EDGE * LANES); store_edge(e->e2, out + 2 * EDGE * LANES);
+}
+
+#if OUTER == 1
+// Of the rows and columns that triangles can touch, those rows that no edge excludes.
+inline void store_span(const Edges *e, vi mixed, vf left, vf right, vf first, vf last, private int *span)
+{
+    narrow_rows(e->e0, mixed, &first, &last);
+    narrow_rows(e->e1, mixed, &first, &last);
+    narrow_rows(e->e2, mixed, &first, &last);
+    store_rows(first, last, span);
+    VSTORE(TO_VI(left), span + 2 * LANES);
+    VSTORE(TO_VI(right), span + 3 * LANES);
+}
+#endif
+
+// Where triangles lie along either axis: bounds of the error of their sheared corners, and those that are
+// neither wholly beside the rays within `extent` columns and rows of the centre nor beyond z_far.
+typedef struct { vf noise_x, noise_y, z_lo; vi keep; } Reach;
+
+inline Reach reach_of(const Corners *v, const Bundle *r, float extent, float z_far)
+{
+    Reach w;
+    w.z_lo = min(v->pz, min(v->qz, v->rz));
+    const vf z_hi = max(v->pz, max(v->qz, v->rz)), z_most = max(fabs(w.z_lo), fabs(z_hi));
+    w.noise_x = corner_noise(v->px, v->qx, v->rx, z_most, r->sx, r->tx, r->dx, r, extent);
+    w.noise_y = corner_noise(v->py, v->qy, v->ry, z_most, r->sy, r->ty, r->dy, r, extent);
+    w.keep = ~(beside_block(v->px, v->qx, v->rx, w.z_lo, z_hi, w.noise_x, r->sx, r->tx, r, extent) |
+               beside_block(v->py, v->qy, v->ry, w.z_lo, z_hi, w.noise_y, r->sy, r->ty, r, extent) | GT(w.z_lo, (vf)(z_far)));
+    return w;
 }
 
 // Set up the LANES triangles at `leaf` (9 rows of 16); writes coefficients, signed so that n . D > 0
 // unless mixed, to `out`, and to `span` what of the block each can touch: first and last row, first and last
-// column, or, for blocks of several elements, a bit for each row, and for each column.
-inline Cull setup_triangles(const Bundle *r, global const float *leaf, float z_far, private float *out, private int *span)
+// column, or, for blocks of several elements, a bit for each row, and for each column.  Forms are made about the
+// centre of `about`, from which the block lies `at` columns and rows.
+inline Cull setup_triangles(const Bundle *r, const Bundle *about, float2 at, global const float *leaf, float z_far, private float *out,
+                            private int *span)
 {
-    const Corners v = shear_corners(r, leaf);
-    const vf z_lo = min(v.pz, min(v.qz, v.rz)), z_hi = max(v.pz, max(v.qz, v.rz)), z_most = max(fabs(z_lo), fabs(z_hi));
-    const vf noise_x = corner_noise(v.px, v.qx, v.rx, z_most, r->sx, r->tx, r->dx, r);
-    const vf noise_y = corner_noise(v.py, v.qy, v.ry, z_most, r->sy, r->ty, r->dy, r);
-    vi keep = ~(beside_block(v.px, v.qx, v.rx, z_lo, z_hi, noise_x, r->sx, r->tx, r) |
-                beside_block(v.py, v.qy, v.ry, z_lo, z_hi, noise_y, r->sy, r->ty, r) | GT(z_lo, (vf)(z_far)));
+    const Corners v = shear_corners(r, leaf), w = shear_corners(about, leaf);
+    const Reach reach = reach_of(&v, r, HALF, z_far);
+    vi keep = reach.keep;
     Cull cull = {0, 0, 0};
     if (!row_any(keep)) return cull;
-    Affine e0 = edge(v.qx, v.qy, v.qz, v.rx, v.ry, v.rz, r);
-    Affine e1 = edge(v.rx, v.ry, v.rz, v.px, v.py, v.pz, r);
-    Affine e2 = edge(v.px, v.py, v.pz, v.qx, v.qy, v.qz, r);
-    const Affine n = sum_edges(e0, e1, e2);
-    const vf w = spread(n);
-    const vi flat = EQ(n.c, (vf)(0.0f)) & EQ(w, (vf)(0.0f));
-    const vi mixed = LE(fabs(n.c), w * 1.00001f);
-    // One sign for the whole block: flip the triangles seen from behind.
-    const vi flip = LT(n.c, (vf)(0.0f)) & ~mixed & (vi)(0x80000000);
-    e0 = flip_edge(e0, flip); e1 = flip_edge(e1, flip); e2 = flip_edge(e2, flip);
-    e0.c += pick((vf)(0.0f), edge_noise(v.qx, v.qy, v.qz, v.rx, v.ry, v.rz, r), ~mixed);
-    e1.c += pick((vf)(0.0f), edge_noise(v.rx, v.ry, v.rz, v.px, v.py, v.pz, r), ~mixed);
-    e2.c += pick((vf)(0.0f), edge_noise(v.px, v.py, v.pz, v.qx, v.qy, v.qz, r), ~mixed);
-    // A rounding error of the evaluation at a ray must not be culled away: a little slack.
-    const vf slack = 1.00001f;
-    const vf w0 = spread(e0) * slack, w1 = spread(e1) * slack, w2 = spread(e2) * slack;
-    const vf tiny = 1.0e-30f;
-    const vi outside = LT(e0.c + w0, -tiny) | LT(e1.c + w1, -tiny) | LT(e2.c + w2, -tiny);
-    const vi inside = GE(e0.c, w0 + tiny) & GE(e1.c, w1 + tiny) & GE(e2.c, w2 + tiny);
-    keep &= ~(flat | (outside & ~mixed));
+    Edges e = move_edges(make_edges(&w, about), at);
+    const Lie lie = lie_of(&e, HALF);
+    keep &= lie.meets;
     if (!row_any(keep)) return cull;
 #if OUTER > 1
-    const vi columns = places_reached(v.px, v.qx, v.rx, v.pz, v.qz, v.rz, noise_x, r->sx, r->tx, r);
-    const vi rows = places_reached(v.py, v.qy, v.ry, v.pz, v.qz, v.rz, noise_y, r->sy, r->ty, r);
+    const vi columns = places_reached(v.px, v.qx, v.rx, v.pz, v.qz, v.rz, reach.noise_x, r->sx, r->tx, r);
+    const vi rows = places_reached(v.py, v.qy, v.ry, v.pz, v.qz, v.rz, reach.noise_y, r->sy, r->ty, r);
     keep &= ~(EQ(columns, (vi)(0)) | EQ(rows, (vi)(0)));
     VSTORE(rows, span);
     VSTORE(columns, span + LANES);
 #else
     vf left, right, first, last;
-    span_samples(v.px, v.qx, v.rx, v.pz, v.qz, v.rz, noise_x, r->sx, r->tx, &left, &right);
-    span_samples(v.py, v.qy, v.ry, v.pz, v.qz, v.rz, noise_y, r->sy, r->ty, &first, &last);
+    span_samples(v.px, v.qx, v.rx, v.pz, v.qz, v.rz, reach.noise_x, r->sx, r->tx, HALF, &left, &right);
+    span_samples(v.py, v.qy, v.ry, v.pz, v.qz, v.rz, reach.noise_y, r->sy, r->ty, HALF, &first, &last);
     keep &= LE(left, right) & LE(first, last);
 #endif
     cull.keep = row_bits(keep);
     if (!cull.keep) return cull;
-    cull.cover = row_bits(keep & inside & ~mixed);
-    cull.mixed = row_bits(keep & mixed);
-    store_edge(e0, out); store_edge(e1, out + EDGE * LANES); store_edge(e2, out + 2 * EDGE * LANES);
-    store_depth(&v, r, flip, out + 3 * EDGE * LANES);
+    cull.cover = row_bits(keep & lie.covers);
+    cull.mixed = row_bits(keep & lie.mixed);
+    store_edges(&e, out);
+    Affine over, under;
+    plane_forms(&w, about, lie.flip, &over, &under);
+    store_flat(move_form(over, at), out + 3 * EDGE * LANES);
+    store_flat(move_form(under, at), out + (3 * EDGE + FLAT) * LANES);
 #if OUTER == 1
-    narrow_rows(e0, mixed, &first, &last);
-    narrow_rows(e1, mixed, &first, &last);
-    narrow_rows(e2, mixed, &first, &last);
-    store_rows(first, last, span);
-    VSTORE(TO_VI(left), span + 2 * LANES);
-    VSTORE(TO_VI(right), span + 3 * LANES);
+    store_span(&e, lie.mixed, left, right, first, last, span);
 #endif
     return cull;
 }

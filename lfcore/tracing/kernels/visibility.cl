@@ -7,6 +7,7 @@
 #ifndef LFCORE_VISIBILITY_CL
 #define LFCORE_VISIBILITY_CL
 #include "merge.cl"
+#include "batch.cl"
 
 // STACK, given on building, is what the deepest walk through this hierarchy can leave on its stack.
 #define LIST 64
@@ -129,20 +130,9 @@ inline float4 corners_of(Form f, int outer)
     return fma(x, (float4)(f.i), fma(y, (float4)(f.j), (float4)(f.c)));
 }
 
-// A triangle that every ray of the block passes through: settle it by depth ranges if they part.
-// Depth is linear-fractional with a denominator of one sign, so its extremes are at the corners.
-inline int settle_cover(private const float *c, uint lane, int id, BlockState *state)
+// A triangle that every ray of the block passes through, between z_near and z_far: settle it if depth ranges part.
+inline int settle(Form over, Form under, float z_near, float z_far, int id, BlockState *state)
 {
-    const Form over = read_flat(c + 3 * EDGE * LANES, lane), under = read_flat(c + (3 * EDGE + FLAT) * LANES, lane);
-    float4 least = FAR, most = -FAR;
-    for (int k = 0; k < (OUTER > 1 ? 4 : 1); ++k) {
-        const float4 z = corners_of(over, k) / corners_of(under, k);
-        least = min(least, z);
-        most = max(most, z);
-    }
-    const float slack = 1.0e-6f;
-    const float z_near = min(min(least.x, least.y), min(least.z, least.w)) * (1.0f - slack);
-    const float z_far = max(max(most.x, most.y), max(most.z, most.w)) * (1.0f + slack);
     if (!(z_near > 0.0f)) return 0;
     if (state->cover != NOTHING) {
         if (z_near > state->z_far) return 1;
@@ -156,9 +146,26 @@ inline int settle_cover(private const float *c, uint lane, int id, BlockState *s
     return 1;
 }
 
-// Test one block against the gathered leaves.
-inline void visit_block(const Bvh *bvh, const Bundle *block, const LeafList *list, BlockState *state, global float *z,
-                        global int *ids)
+// The same where it is not known yet how deep the triangle lies.
+// Depth is linear-fractional with a denominator of one sign, so its extremes are at the corners.
+inline int settle_cover(private const float *c, uint lane, int id, BlockState *state)
+{
+    const Form over = read_flat(c + 3 * EDGE * LANES, lane), under = read_flat(c + (3 * EDGE + FLAT) * LANES, lane);
+    float4 least = FAR, most = -FAR;
+    for (int k = 0; k < (OUTER > 1 ? 4 : 1); ++k) {
+        const float4 z = corners_of(over, k) / corners_of(under, k);
+        least = min(least, z);
+        most = max(most, z);
+    }
+    const float slack = 1.0e-6f;
+    const float z_near = min(min(least.x, least.y), min(least.z, least.w)) * (1.0f - slack);
+    const float z_far = max(max(most.x, most.y), max(most.z, most.w)) * (1.0f + slack);
+    return settle(over, under, z_near, z_far, id, state);
+}
+
+// Test one block, `at` columns and rows from the centre of `about`, against the gathered leaves.
+inline void visit_block(const Bvh *bvh, const Bundle *block, const Bundle *about, float2 at, const LeafList *list, BlockState *state,
+                        global float *z, global int *ids)
 {
     private float coefficients[COEFFICIENTS * LANES];
     private int rows[4 * LANES];
@@ -171,7 +178,8 @@ inline void visit_block(const Bvh *bvh, const Bundle *block, const LeafList *lis
             if (list->boxes[2 * list->pitch + slot] > state->z_far) continue;
             int changed = 0;
             for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-                const Cull cull = setup_triangles(block, bvh->leaves + leaf * 9 * NODE_WIDTH + lane, state->z_far, coefficients, rows);
+                const Cull cull = setup_triangles(block, about, at, bvh->leaves + leaf * 9 * NODE_WIDTH + lane, state->z_far,
+                                                  coefficients, rows);
                 for (uint keep = cull.keep; keep; keep &= keep - 1) {
                     const uint k = lowest(keep);
                     const int id = bvh->leaf_ids[leaf * NODE_WIDTH + lane + k], covers = (cull.cover >> k) & 1;
@@ -184,5 +192,75 @@ inline void visit_block(const Bvh *bvh, const Bundle *block, const LeafList *lis
         }
     }
 }
+
+#if SHARED
+// Merge what was taken of a batch, up to z_far, into the block at `at`: first what covers it.  Returns whether
+// the depth buffer changed.
+inline int merge_taken(const Batch *batch, const Taken *taken, float2 at, float z_far, BlockState *state, global float *z, global int *ids)
+{
+    private int span[4 * LANES];
+    int changed = 0, spanned = -1;
+    for (int covers = 1; covers >= 0; --covers)
+        for (int n = 0; n * LANES < batch->count; ++n) {
+            const Cull cull = taken->cull[n];
+            private const float *c = taken->coefficients[n];
+            for (uint keep = covers ? cull.keep & cull.cover : cull.keep & ~cull.cover; keep; keep &= keep - 1) {
+                const uint k = lowest(keep);
+                const int slot = n * LANES + k, id = batch->id[slot];
+                const float near = taken->near[slot];
+                if (near > z_far) continue;
+                if (covers && state->cover != BUFFERED) {
+                    const Form over = read_flat(c + 3 * EDGE * LANES, k), under = read_flat(c + (3 * EDGE + FLAT) * LANES, k);
+                    if (settle(over, under, near, taken->far[slot], id, state)) continue;
+                }
+                if (spanned != n) span_taken(batch, n, at, taken, span);
+                spanned = n;
+                materialise(state, z, ids);
+                changed |= hit_triangle(c, k, covers, (cull.mixed >> k) & 1, span, id, z, ids);
+            }
+        }
+    return changed;
+}
+
+// Test the block at `at` from the beam's centre against a batch.
+inline void visit_with_batch(const Batch *batch, float2 at, BlockState *state, global float *z, global int *ids)
+{
+    Taken taken;
+    float z_far = min(state->z_far, batch->z_far);
+    for (int n = 0; n * LANES < batch->count; ++n) z_far = take_triangles(batch, n, at, z_far, &taken);
+    if (merge_taken(batch, &taken, at, z_far, state, z, ids)) state->z_far = farthest(z);
+}
+
+// Settle all blocks by the only triangle of a batch, which covers the beam.  Returns those that it does not, a bit each.
+#define BLOCK_PLACES ((SIDE * SIDE + LANES - 1) / LANES * LANES)
+inline uint settle_all(const Batch *batch, private BlockState *states)
+{
+    private float over[BLOCK_PLACES], under[BLOCK_PLACES], near[BLOCK_PLACES], far[BLOCK_PLACES];
+    Form f, g;
+    f.i = batch->row[3 * EDGE + 1][0]; f.j = batch->row[3 * EDGE + 2][0];
+    g.i = batch->row[3 * EDGE + FLAT + 1][0]; g.j = batch->row[3 * EDGE + FLAT + 2][0];
+    for (int block = 0; block < SIDE * SIDE; block += LANES) {
+        const vi number = TO_VI(IOTA) + block;
+        const vf x = (TO_VF(number % SIDE) - 0.5f * (SIDE - 1)) * INNER, y = (TO_VF(number / SIDE) - 0.5f * (SIDE - 1)) * INNER;
+        const Affine a = {fma(x, (vf)(f.i), fma(y, (vf)(f.j), (vf)(batch->row[3 * EDGE][0]))), f.i, f.j};
+        const Affine b = {fma(x, (vf)(g.i), fma(y, (vf)(g.j), (vf)(batch->row[3 * EDGE + FLAT][0]))), g.i, g.j};
+        vf z0, z1;
+        plane_depths(a, b, (vi)(0), HALF, &z0, &z1);
+        VSTORE(a.c, over + block);
+        VSTORE(b.c, under + block);
+        VSTORE(z0, near + block);
+        VSTORE(z1, far + block);
+    }
+    uint rest = 0;
+    for (int block = 0; block < SIDE * SIDE; ++block) {
+        BlockState *state = states + block;
+        f.c = over[block];
+        g.c = under[block];
+        if (state->z_far < 0.0f) continue;
+        if (state->cover == BUFFERED || !settle(f, g, near[block], far[block], batch->id[0], state)) rest |= 1u << block;
+    }
+    return rest;
+}
+#endif
 
 #endif

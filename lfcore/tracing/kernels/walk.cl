@@ -37,21 +37,18 @@ typedef struct {
 
 typedef struct { float t; int id; float3 weights; } Hit;
 
-inline float axis(float3 v, int k) { return k == 0 ? v.x : k == 1 ? v.y : v.z; }
-
 inline Ray make_ray(float3 origin, float3 direction)
 {
     Ray r;
     r.origin = origin;
     r.direction = direction;
-    const float3 size = fabs(direction);
-    r.kz = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
+    r.kz = largest_axis(direction);
     r.kx = (r.kz + 1) % 3;
     r.ky = (r.kz + 2) % 3;
     r.sz = 1.0f / axis(direction, r.kz);
     r.sx = axis(direction, r.kx) * r.sz;
     r.sy = axis(direction, r.ky) * r.sz;
-    r.inverse = select(1.0f / direction, (float3)(0.0f), size < 1.0e-30f);
+    r.inverse = select(1.0f / direction, (float3)(0.0f), fabs(direction) < 1.0e-30f);
     return r;
 }
 

@@ -1,0 +1,38 @@
+"""Devices by name and what they refuse; programs that are built once a process."""
+
+import pytest
+
+from lfcore.errors import DeviceError
+from lfcore.opencl.device import build_program, open_device
+
+FILE = "tracing/kernels/lanes.cl"
+
+
+def test_a_device_is_chosen_by_part_of_its_name(device):
+    name = device.device.name.strip()
+    assert open_device(name[1:-1].upper()).name == device.name
+    with pytest.raises(DeviceError, match=r"named like 'abacus'.*Found: .*"):
+        open_device("abacus")
+
+
+def test_threads_are_at_most_what_there_is_and_lanes_a_width_of_rows(device):
+    name = device.device.name.strip()
+    assert open_device(name, threads=1).threads == 1
+    assert open_device(name, threads=10**6).threads == open_device(name).threads
+    assert open_device(name, lanes=4).lanes == 4
+    with pytest.raises(DeviceError, match="not 3"):
+        open_device(name, lanes=3)
+
+
+def test_a_program_is_built_once_for_each_set_of_options(device):
+    name = device.device.name.strip()
+    again, narrow = open_device(name), open_device(name, lanes=1)
+    assert again.queue != device.queue, "threads must not share a queue"
+    assert build_program(device, [FILE]) is build_program(again, [FILE])
+    assert build_program(device, [FILE], {"X": 1}) is not build_program(device, [FILE])
+    assert build_program(narrow, [FILE]) is not build_program(open_device(name, lanes=4), [FILE])
+
+
+def test_what_cannot_be_built_says_why(device):
+    with pytest.raises(DeviceError, match=r"lanes\.cl failed:(?s:.*)float5"):
+        build_program(device, [FILE], {"LANES": 5})

@@ -1,0 +1,118 @@
+"""Triangles set up once for a beam, against the same set up block by block, and the oracle."""
+
+import numpy as np
+import pytest
+from tracing_scenes import CAMERA, scene, soup
+
+from lfcore.opencl.device import open_device
+from lfcore.optics.bundles import views
+from lfcore.optics.slab import Slab
+from lfcore.oracle.slab import slab_hits
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+ALWAYS, NEVER = 64, -1
+
+
+class Sharing(Tracer):
+    """Blocks of one element, whose beams share what they set up for so many leaves."""
+
+    def __init__(self, triangles, leaves, device=None):
+        world = scene(triangles)
+        super().__init__(world, build_bvh(world.triangles), device)
+        self.leaves = leaves
+
+    def outer(self, bundles, work):
+        return 1
+
+    def _beam_kernel(self, file, name, shape, defines):
+        return super()._beam_kernel(file, name, shape, {**defines, "FEW_LEAVES": self.leaves})
+
+
+def plate(z, size=40.0):
+    """One triangle that fills the picture."""
+    return np.array([[[-size, -size, z], [size, -size, z], [0, size, z]]])
+
+
+def edge_on():
+    """Triangles whose planes go through the lens: rays see them from both sides."""
+    rng = np.random.default_rng(3)
+    corners = rng.uniform([0, -0.6, 0.8], [0, 0.6, 4.0], (40, 3, 3))
+    corners[..., 0] = (
+        rng.uniform(-0.04, 0.04, (40, 1)) + rng.uniform(-0.02, 0.02, (40, 1)) * corners[..., 2]
+    )
+    return corners
+
+
+SCENES = {
+    "large": soup(60, 1, 1.0),
+    "many": soup(3000, 2, 0.1),
+    "tiny": 1e-8 * soup(300, 3),
+    "hidden": np.concatenate([soup(100, 4), plate(0.5)]),
+    "before a wall": np.concatenate([soup(20, 5), plate(5.0)]),
+    "copies": np.concatenate([plate(2.0), soup(20, 5), plate(2.0)]),
+    "edge-on": np.concatenate([edge_on(), plate(6.0)]),
+    "nothing": plate(-1.0),
+}
+
+
+def two_pixels(slab):
+    return [[slab.pixels // 2, slab.pixels // 2 - 1], [1, slab.pixels - 2]]
+
+
+@pytest.mark.parametrize("views_a_side", [40, 100])
+@pytest.mark.parametrize("name", SCENES)
+def test_shared_and_alone_agree_to_the_last_bit(device, name, views_a_side):
+    slab = Slab(CAMERA, views_a_side, 24)
+    found = [
+        Sharing(SCENES[name], leaves, device).slab_hits(slab, two_pixels(slab))
+        for leaves in (ALWAYS, NEVER)
+    ]
+    for shared, alone in zip(*found, strict=True):
+        assert shared.tobytes() == alone.tobytes()
+
+
+@pytest.mark.parametrize("name", ["large", "hidden", "before a wall", "edge-on"])
+def test_shared_triangles_are_the_oracles(device, name):
+    slab = Slab(CAMERA, 40, 24)
+    tracer = Sharing(SCENES[name], ALWAYS, device)
+    triangle, depth = tracer.slab_hits(slab, two_pixels(slab))
+    truth = slab_hits(tracer.scene, slab, np.array(two_pixels(slab)))
+    clear = truth.clear(16)
+    assert (triangle.ravel() == truth.triangle)[clear].all()
+    same = (triangle.ravel() == truth.triangle) & (truth.triangle >= 0) & clear
+    assert same.mean() > 0.1
+    error = np.abs(depth.ravel()[same] - truth.t[same]) / truth.t[same]
+    assert (error <= 16 * 2.0**-24 * np.maximum(truth.grazing[same], 1)).all()
+
+
+def test_what_covers_the_whole_beam_settles_all_its_blocks(device):
+    slab = Slab(CAMERA, 100, 24)
+    triangle, depth = Sharing(SCENES["hidden"], ALWAYS, device).slab_hits(slab, two_pixels(slab))
+    assert (triangle == len(SCENES["hidden"]) - 1).all()
+    assert np.abs(depth / 0.5 - 1).max() < 1e-6
+
+
+def test_pictures_share_as_lenses_do(device):
+    bundles = views(Slab(CAMERA, 4, 72), [[0, 0], [2, 1]])
+    found = [
+        Sharing(SCENES["many"], leaves, device).bundle_hits(bundles, [[0, 0], [2, 1]])
+        for leaves in (ALWAYS, NEVER)
+    ]
+    assert (found[0][0] >= 0).any()
+    for shared, alone in zip(*found, strict=True):
+        assert shared.tobytes() == alone.tobytes()
+
+
+@pytest.mark.parametrize("lanes", [1, 8])
+def test_every_lane_width_shares_alike(device, lanes):
+    if not device.is_cpu:
+        pytest.skip("a GPU has one lane width")
+    slab = Slab(CAMERA, 64, 24)
+    found = []
+    for width in (16, lanes):
+        tracer = Sharing(SCENES["many"], ALWAYS, open_device(lanes=width))
+        found.append(tracer.slab_hits(slab, two_pixels(slab)))
+    assert (found[0][0] == found[1][0]).all()
+    met = found[0][0] >= 0
+    assert np.abs(found[0][1][met] / found[1][1][met] - 1).max() < 1e-6
