@@ -9,6 +9,11 @@
 #define SHADOW_LIST 0
 #endif
 #define SHADOWED (SHADOW_LIGHTS > 0)
+#if SHADOWED && OUTER == 1
+#define SCREEN_WORDS (PLANE_WORDS * POOL)
+#else
+#define SCREEN_WORDS 0
+#endif
 // A block that sees more triangles than this casts its shadow rays one by one: measured, one for two rays.
 #define MANY_TRIANGLES (0.5f * (2.0f * HALF + 1.0f) * (2.0f * HALF + 1.0f) * OUTER * OUTER)
 
@@ -25,7 +30,7 @@ typedef struct {
 } Easel;
 
 #define EASEL_WORDS                                                                                    \
-    (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST + 14 * SHADOW_LIST +                                      \
+    (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST + 14 * SHADOW_LIST + SCREEN_WORDS +                       \
      (3 + 8 * SHADOWED + 4 * SHADOW_LIGHTS + 3) * BLOCK_RAYS)
 
 // Divide `memory`, of EASEL_WORDS words.
@@ -48,6 +53,9 @@ inline Easel make_easel(global uint *memory)
     e.shadows.open = TAKE(int, BLOCK_RAYS);
     e.shadows.seeing = TAKE(int, BLOCK_RAYS);
     e.shadows.seen = TAKE(float, 3 * BLOCK_RAYS);
+#if OUTER == 1
+    e.shadows.screens.pool = TAKE(float, PLANE_WORDS * POOL);
+#endif
 #endif
     e.colours.base = TAKE(float, 3 * BLOCK_RAYS);
     e.colours.point = TAKE(float, 3 * SHADOWED * BLOCK_RAYS);
@@ -101,6 +109,9 @@ inline void see_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWo
     see(bvh, rays, work, &e->list, e->z, e->ids);
 #if SHADOW_LIGHTS
     e->shadows.complete = 0;
+#if OUTER == 1
+    e->shadows.screens.element = -1;
+#endif
 #endif
 #if SHADOW_LIGHTS == 1 && !SCATTERED
     float lo[3], hi[3];
@@ -130,14 +141,11 @@ inline void crop_block(const Rays *rays, int2 where, global int *ids)
 inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, int id, const Facet *facet, Easel *e)
 {
 #if SHADOW_LIGHTS
-    float lo[3], hi[3];
-    facet_bounds(bundle, facet, lo, hi);
+    const Share share = whole_block(id, facet);
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         global int *wants = e->colours.wants + k * BLOCK_RAYS;
-        global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
-        const int away = turned_away(facet, bundle, light, lo, hi);
-        for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) VSTORE((vi)(away ? 0 : -1), wants + ray);
-        if (!away) shadow_facet(bvh, light, &e->shadows, bundle, facet, id, lo, hi, wants);
+        for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) VSTORE((vi)(-1), wants + ray);
+        shadow_share(bvh, s, k, &e->shadows, bundle, &share, 0, wants);
     }
 #endif
     shade_cover(s, bundle, facet, &e->colours);
@@ -150,14 +158,24 @@ inline void paint_facets(const Bvh *bvh, const Surfaces *s, const Bundle *bundle
     Facets facets;
     shade_block(s, bundle, z, ids, pixel, &facets, &e->colours);
 #if SHADOW_LIGHTS
+#if OUTER == 1
+    Shares shares;
+    const int shared = !SCATTERED && facets.count <= SHARES && share_out(s, bundle, ids, pixel, &facets, &shares);
+#else
+    const int shared = 0;
+#endif
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         global int *wants = e->colours.wants + k * BLOCK_RAYS;
         global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
         ShadowMemory *memory = &e->shadows;
-        if (SCATTERED || facets.count > MANY_TRIANGLES)
+#if OUTER == 1
+        if (shared) shadow_shares(bvh, s, k, memory, bundle, &shares, ids, wants);
+#endif
+        if (shared || !facets.count) {}
+        else if (SCATTERED || facets.count > MANY_TRIANGLES)
             shadow_rays_singly(bvh, light, &memory->list, memory->complete, &memory->nearby, ids, e->colours.point, wants);
-        else if (facets.count)
-            shadow_block(bvh, light, memory, bundle, &facets, ids, e->colours.point, wants);
+        else
+            shadow_block(bvh, light, memory, bundle, ids, e->colours.point, wants);
         for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) {
             const vi open = VLOAD(wants + ray);
             for (int channel = 0; channel < 3; ++channel) {
@@ -181,6 +199,9 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, Bea
         return;
     }
 #if OUTER == 1
+#if SHADOW_LIGHTS
+    enter_element(rays, work, block, &e->shadows.screens);
+#endif
     const int covered = state->cover >= 0;
     if (!covered) crop_block(rays, block_position(work, block), ids);
     // One triangle may have hidden all others after they had shared the block.
