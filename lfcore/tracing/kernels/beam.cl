@@ -97,6 +97,23 @@ inline Bundle block_bundle(const Rays *rays, const BeamWork *work, int block)
     return bundle_at(rays, middle_of(rays, work, block), block_position(work, block), HALF);
 }
 
+#if OUTER == 1
+#define ELEMENT_HALF (0.5f * (SIDE - 1) * INNER + HALF)
+
+// One element's part of the beam, as if it were one block.
+inline Bundle element_bundle(const Rays *rays, const BeamWork *work, int block)
+{
+    return bundle_at(rays, middle_of(rays, work, block), (int2)(work->column, work->row), ELEMENT_HALF);
+}
+
+// Where a block lies from the centre of that, in columns and rows.
+inline float2 block_offset(int block)
+{
+    const int within = block % ELEMENT_BLOCKS;
+    return ((float2)(within % SIDE, within / SIDE) - 0.5f * (SIDE - 1)) * INNER;
+}
+#endif
+
 inline void start_beam(const Rays *rays, int beam, BeamWork *work)
 {
     const int squares = rays->beams_across * rays->beams_down, square = beam % squares;
@@ -151,14 +168,6 @@ inline float beam_far(const BeamWork *work)
 }
 
 #if SHARED
-inline Bundle beam_bundle(const Rays *rays, const BeamWork *work)
-{
-    return bundle_at(rays, middle_of(rays, work, 0), (int2)(work->column, work->row), FORM_HALF);
-}
-
-// Where a block lies from the beam's centre, in columns and rows.
-inline float2 block_offset(int block) { return ((float2)(block % SIDE, block / SIDE) - 0.5f * (SIDE - 1)) * INNER; }
-
 inline void visit_batch(Batch *batch, BeamWork *work, global float *z, global int *ids)
 {
     prune_batch(batch);
@@ -175,7 +184,7 @@ inline void visit_batch(Batch *batch, BeamWork *work, global float *z, global in
 // Test all blocks against the gathered leaves, whose triangles are set up once.
 inline void share_leaves(const Bvh *bvh, const Rays *rays, BeamWork *work, const LeafList *list, global float *z, global int *ids)
 {
-    const Bundle beam = beam_bundle(rays, work);
+    const Bundle beam = element_bundle(rays, work, 0);
     Batch batch;
     batch.count = 0;
     batch.z_far = beam_far(work);
@@ -198,7 +207,7 @@ inline void visit_leaves(const Bvh *bvh, const Rays *rays, BeamWork *work, const
         if (work->block[block].z_far < 0.0f) continue;
         const Bundle bundle = block_bundle(rays, work, block);
 #if SHARED
-        const Bundle about = beam_bundle(rays, work);
+        const Bundle about = element_bundle(rays, work, 0);
         const float2 at = block_offset(block);
 #else
         const Bundle about = bundle;

@@ -219,11 +219,11 @@ inline Surface interpolate(const Facet *f, Row at)
 #if TEXTURED && OUTER == 1
 // The texels under a rectangle of a block, if it lay wholly on one triangle: quotients of affine forms have their extremes in
 // corners.
-inline void facet_patch(const Surfaces *s, const Facet *f, const Extent *e, int4 image, Patch *patch)
+inline void facet_patch(const Surfaces *s, const Facet *f, const Rectangle *over, int4 image, Patch *patch)
 {
     float lo[2] = {FAR, FAR}, hi[2] = {-FAR, -FAR};
     for (int k = 0; k < 4; ++k) {
-        const float x = e->x + (k & 1 ? e->half_x : -e->half_x), y = e->y + (k & 2 ? e->half_y : -e->half_y);
+        const float x = over->x + (k & 1 ? over->wide : -over->wide), y = over->y + (k & 2 ? over->high : -over->high);
         const float weight = f->sum.c + x * f->sum.i + y * f->sum.j;
         for (int axis = 0; axis < 2; ++axis) {
             const float at = (f->uv[axis].c + x * f->uv[axis].i + y * f->uv[axis].j) / weight;

@@ -100,6 +100,10 @@ inline float row_min(vf x) FOLD(min, x)
 #define TYPE int
 inline int row_or(vi x) FOLD(OR_, x)
 #undef TYPE
+#define TYPE uint
+inline uint row_least(vu x) FOLD(min, x)
+inline uint row_most(vu x) FOLD(max, x)
+#undef TYPE
 
 // One bit per lane whose mask is set
 inline uint row_bits(vi mask) { return (uint)row_or(mask & LANE_BITS); }

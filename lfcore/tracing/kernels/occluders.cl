@@ -75,6 +75,13 @@ inline vi setup_occluders(const ShadowRays *r, const Shaft *shaft, global const 
     return keep;
 }
 
+// Look at the hit points between lo and hi alone; what they are relative to, and so every occluder, stays.
+inline void aim_at(ShadowRays *r, const float *lo, const float *hi)
+{
+    r->centre = 0.5f * (vload3(0, lo) + vload3(0, hi)) - r->apex;
+    r->extent = 0.5f * (vload3(0, hi) - vload3(0, lo));
+}
+
 inline ShadowRays shadow_rays(global const float *light, const float *lo, const float *hi)
 {
     ShadowRays r;
@@ -82,8 +89,7 @@ inline ShadowRays shadow_rays(global const float *light, const float *lo, const 
     r.is_point = IS_POINT(light);
     r.apex = r.is_point ? l : 0.5f * (low + high);
     r.towards = l;
-    r.centre = 0.5f * (low + high) - r.apex;
-    r.extent = 0.5f * (high - low);
+    aim_at(&r, lo, hi);
     r.size = max(fabs(low), fabs(high)) + fabs(r.centre) + r.extent;
     return r;
 }

@@ -4,12 +4,17 @@
 #include "shadows.cl"
 #include "scattered.cl"
 #include "beam.cl"
-#include "few.cl"
+#include "light_series.cl"
 
 #ifndef SHADOW_LIST
 #define SHADOW_LIST 0
 #endif
 #define SHADOWED (SHADOW_LIGHTS > 0)
+#if SHADOWED && OUTER == 1
+#define SCREEN_WORDS (PLANE_WORDS * POOL)
+#else
+#define SCREEN_WORDS 0
+#endif
 // A block that sees more triangles than this casts its shadow rays one by one: measured, one for two rays.
 #define MANY_TRIANGLES (0.5f * (2.0f * HALF + 1.0f) * (2.0f * HALF + 1.0f) * OUTER * OUTER)
 
@@ -29,7 +34,7 @@ typedef struct {
 } Easel;
 
 #define EASEL_WORDS                                                                                    \
-    (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST + 14 * SHADOW_LIST +                                      \
+    (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST + 14 * SHADOW_LIST + SCREEN_WORDS +                       \
      (3 + 8 * SHADOWED + 4 * SHADOW_LIGHTS + 3) * BLOCK_RAYS)
 
 // Divide `memory`, of EASEL_WORDS words.
@@ -52,6 +57,9 @@ inline Easel make_easel(global uint *memory)
     e.shadows.open = TAKE(int, BLOCK_RAYS);
     e.shadows.seeing = TAKE(int, BLOCK_RAYS);
     e.shadows.seen = TAKE(float, 3 * BLOCK_RAYS);
+#if OUTER == 1
+    e.shadows.screens.pool = TAKE(float, PLANE_WORDS * POOL);
+#endif
 #endif
     e.colours.base = TAKE(float, 3 * BLOCK_RAYS);
     e.colours.point = TAKE(float, 3 * SHADOWED * BLOCK_RAYS);
@@ -108,6 +116,9 @@ inline void see_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWo
 #endif
 #if SHADOW_LIGHTS
     e->shadows.complete = 0;
+#if OUTER == 1
+    e->shadows.screens.element = -1;
+#endif
 #endif
 #if SHADOW_LIGHTS == 1 && !SCATTERED
     float lo[3], hi[3];
@@ -133,64 +144,45 @@ inline void crop_block(const Rays *rays, int2 where, global int *ids)
 }
 
 #if OUTER == 1
-// A block that lies on one triangle: what the lights reach is found before anything is lit.
-inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, float2 offset, int id, const Facet *facet, Easel *e)
+// Blocks of one element on few triangles: what the lights reach is found before anything is lit.
+
+// A block that lies on one triangle, which is the easel's cover.
+inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, float2 offset, const Facet *facet, Easel *e)
 {
-#if SHADOW_LIGHTS
-    float lo[3], hi[3];
-    facet_bounds(bundle, facet, lo, hi);
+    const Cover *cover = &e->cover;
+    const Share share = whole_block(cover->id, facet);
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         global int *wants = e->colours.wants + k * BLOCK_RAYS;
-        global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
-        const int away = turned_away(facet, bundle, light, lo, hi);
-        for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) VSTORE((vi)(away ? 0 : -1), wants + ray);
-        if (!away) shadow_facet(bvh, light, &e->shadows, bundle, facet, id, lo, hi, wants);
-    }
+        for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) VSTORE((vi)(-1), wants + ray);
+#if SHADOW_LIGHTS
+        shadow_share(bvh, s, k, &e->shadows, bundle, &share, 0, wants);
 #endif
-    const Extent whole = {0.0f, 0.0f, HALF, HALF, 0, BLOCK - 1};
+    }
     FacetSeries own;
     Painting p;
-    p.facet = facet;
-    p.finish = e->cover.finish;
-    p.series = &e->cover.series;
+    p.share = &share;
+    p.finish = cover->finish;
+    p.series = &cover->series;
     p.offset = offset;
-    if (!e->cover.series.lit || (p.finish.image.y && !e->cover.series.drawn)) {
-        facet_series(s, bundle, facet, &whole, &p.finish, &own);
+    if (SIDE > 1 && !is_smooth(&cover->series, &cover->finish)) {
+        facet_series(s, bundle, facet, &share.over, &cover->finish, &own);
         p.series = &own;
         p.offset = 0.0f;
     }
-    paint_facet(s, bundle, &p, &whole, 0, id, &e->colours);
+    paint_share(s, bundle, &p, 0, &e->colours);
 }
 
-// The same for a block on few triangles.
-inline void paint_few(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, const FewFacets *few, global const float *z,
-                      global const int *ids, Easel *e)
+// A block that few triangles share.
+inline void paint_shared(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, const Shares *shares, global const int *ids, Easel *e)
 {
-    const Facets *facets = &few->facets;
-#if SHADOW_LIGHTS
-    for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) {
-        const Row row = row_at(ray);
-        const vf depth = VLOAD(z + ray);
-        const Colour where = {fma(depth, row_dx(bundle, row), row_ox(bundle, row)), fma(depth, (vf)(row_dy(bundle, row)), (vf)(row_oy(bundle, row))), depth};
-        store_row(e->colours.point, ray, where);
-    }
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         global int *wants = e->colours.wants + k * BLOCK_RAYS;
-        global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
         for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) VSTORE(GE(VLOAD(ids + ray), (vi)(0)), wants + ray);
-        for (int slot = 0; slot < SLOTS; ++slot) {
-            if (facets->id[slot] < 0) continue;
-            float lo[3], hi[3];
-            facet_bounds(bundle, facets->facet + slot, lo, hi);
-            if (!turned_away(facets->facet + slot, bundle, light, lo, hi)) continue;
-            for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) VSTORE(VLOAD(wants + ray) & ~EQ(VLOAD(ids + ray), (vi)(facets->id[slot])), wants + ray);
-        }
-        shadow_block(bvh, light, &e->shadows, bundle, facets, ids, e->colours.point, wants);
-    }
+#if SHADOW_LIGHTS
+        shadow_shares(bvh, s, k, &e->shadows, bundle, shares, ids, wants);
 #endif
-    fill_background(s, ids, &e->colours);
-    for (int slot = 0; slot < SLOTS; ++slot)
-        if (facets->id[slot] >= 0) paint_part(s, bundle, facets->facet + slot, few->extent + slot, ids, facets->id[slot], &e->colours);
+    }
+    paint_shares(s, bundle, shares, ids, &e->colours);
 }
 #endif
 
@@ -207,7 +199,7 @@ inline void paint_facets(const Bvh *bvh, const Surfaces *s, const Bundle *bundle
         if (SCATTERED || facets.count > MANY_TRIANGLES)
             shadow_rays_singly(bvh, light, &memory->list, memory->complete, &memory->nearby, ids, e->colours.point, wants);
         else if (facets.count)
-            shadow_block(bvh, light, memory, bundle, &facets, ids, e->colours.point, wants);
+            shadow_block(bvh, light, memory, bundle, ids, e->colours.point, wants);
         for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) {
             const vi open = VLOAD(wants + ray);
             for (int channel = 0; channel < 3; ++channel) {
@@ -231,17 +223,22 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, Bea
         return;
     }
 #if OUTER == 1
+#if SHADOW_LIGHTS
+    enter_element(rays, work, block, &e->shadows.screens);
+#endif
     if (state->cover >= 0) {
         Facet facet;
         const float2 offset = cover_block(s, rays, work, block, pixel, &e->cover, &facet);
-        paint_cover(bvh, s, &bundle, offset, state->cover, &facet, e);
+        paint_cover(bvh, s, &bundle, offset, &facet, e);
         return;
     }
     crop_block(rays, block_position(work, block), ids);
 #if !SCATTERED
-    FewFacets few;
-    if (few_facets(s, &bundle, ids, pixel, &few)) {
-        paint_few(bvh, s, &bundle, &few, z, ids, e);
+    Facets facets;
+    Shares shares;
+    clear_facets(&facets);
+    if (share_out(s, &bundle, ids, pixel, &facets, &shares)) {
+        paint_shared(bvh, s, &bundle, &shares, ids, e);
         return;
     }
 #endif

@@ -16,17 +16,14 @@ constant float node_columns[NODES] = {NODE_A, NODE_B, -NODE_B, -NODE_A, NODE_A, 
 constant float node_rows[NODES] = {NODE_A, NODE_A, NODE_A, NODE_A, NODE_B, NODE_B, NODE_B, NODE_B,
                                    -NODE_B, -NODE_B, -NODE_B, -NODE_B, -NODE_A, -NODE_A, -NODE_A, -NODE_A};
 
-// A rectangle of a block's rays: its middle and half its sides, in places of rays, and its rows, counted from 0.
-typedef struct {
-    float x, y, half_x, half_y;
-    int first, last;
-} Extent;
+// Places (column, row) counted from a block's centre: a middle, and half extents.
+typedef struct { float x, y, wide, high; } Rectangle;
 
 // LANES nodes, from node `at` on, as places on the block.
 typedef struct { vf x, y; } Places;
-inline Places nodes_at(const Extent *e, int at)
+inline Places nodes_at(const Rectangle *over, int at)
 {
-    Places p = {fma(VLOAD(node_columns + at), (vf)(e->half_x), (vf)(e->x)), fma(VLOAD(node_rows + at), (vf)(e->half_y), (vf)(e->y))};
+    Places p = {fma(VLOAD(node_columns + at), (vf)(over->wide), (vf)(over->x)), fma(VLOAD(node_rows + at), (vf)(over->high), (vf)(over->y))};
     return p;
 }
 inline vf form_nodes(Form f, Places at) { return fma(at.x, (vf)(f.i), fma(at.y, (vf)(f.j), (vf)(f.c))); }
@@ -71,12 +68,12 @@ inline float series_rest(const Series *s)
     return sum.x + sum.y + sum.z + sum.w + fabs(s->row[0].w);
 }
 
-// What is kept, by places counted from the middle of the extent.
+// What is kept, by places counted from the rectangle's middle.
 typedef struct { float c, x, y, xx, xy, yy; } Quadratic;
 
-inline Quadratic truncate(const Series *s, const Extent *e)
+inline Quadratic truncate(const Series *s, const Rectangle *over)
 {
-    const float x = e->half_x > 0.0f ? 1.0f / e->half_x : 0.0f, y = e->half_y > 0.0f ? 1.0f / e->half_y : 0.0f;
+    const float x = over->wide > 0.0f ? 1.0f / over->wide : 0.0f, y = over->high > 0.0f ? 1.0f / over->high : 0.0f;
     Quadratic f = {s->row[0].x - s->row[2].x - s->row[0].z, s->row[1].x * x, s->row[0].y * y,
                    2.0f * s->row[2].x * x * x, s->row[1].y * x * y, 2.0f * s->row[0].z * y * y};
     return f;

@@ -9,7 +9,7 @@
 #include "shading.cl"
 
 #if SHADOW_LIGHTS
-#include "homography.cl"
+#include "screens.cl"
 #include "light_view.cl"
 #include "scattered.cl"
 
@@ -23,18 +23,23 @@ typedef struct {
     int complete;
     global int *open, *seeing;  // (BLOCK_RAYS,) masks: rays of one span, rays that see the light
     global float *seen;         // (3, BLOCK_RAYS) see light_view.cl
+#if OUTER == 1
+    Screens screens;
+#endif
 } ShadowMemory;
 
-// What is darkened: rays `open` of a block, all on triangle `own` of one element, or as the light sees them.
+// What is done with occluders: rays of a block are darkened, all those `open` as the light sees them or those on
+// triangle `own`; or they are put on that triangle's screen.
 typedef struct {
-    int own;                    // -1: not all on one triangle
-    const Receiver *receiver;
-    const Receivers *receivers; // its triangles, as if each filled the block
+    int own;                    // -1: not on one triangle
+    global const int *ids;      // 0: all rays are on it
+    global int *open;
+    const Receiver *receiver;   // of those rays; of a screen, 0 where some see the triangle from either side
+    Screens *screens;           // 0: rays are darkened
+    int count;                  // on the screen
     LightView view;
     Strips strips;
     global const float *seen;
-    global const int *ids;
-    global int *open;
 } Target;
 
 // Hit points that want a light and lie within a span of depths: moves them from `wants` to `open`, and
@@ -69,36 +74,33 @@ inline int next_span(const Bundle *r, global const float *point, global int *wan
     return 1;
 }
 
-// Darken the target behind LANES triangles; false once no ray of it can see the light.
-inline int cast_leaf(const ShadowRays *r, const Target *target, const Plane *planes, vi may, global const int *leaf_ids)
+#if OUTER == 1
+// The same for rays on one triangle, or for its screen; false once the screen is full.
+inline int cast_leaf_on_facet(const ShadowRays *r, Target *target, const Plane *planes, vi may, global const int *leaf_ids)
 {
-    private float forms[SHADOW_FORMS * LANES];  // those on a facet are twelve
-#if OUTER == 1
-    private int rows[2 * LANES];
-    const Receiver *receiver = target->receiver;
-    if (!receiver && target->receivers->count) may = darkens_some(target->receivers, r, planes, may);
-    if (!row_any(may)) return 1;
-    uint keep = receiver ? project_occluders(receiver, planes, may, forms, rows) : store_occluders(r, &target->view, planes, may, forms);
-#else
-    uint keep = store_occluders(r, &target->view, planes, may, forms);
+    may &= ~EQ(VLOAD(leaf_ids), (vi)(target->own));
+    if (!target->screens) return cast_occluders(target->receiver, planes, may, target->ids, target->own, target->open);
+    if (target->receiver) may = darkens(target->receiver, r, planes, may);
+    return add_to_screen(target->screens, &target->count, planes, row_bits(may));
+}
 #endif
-    for (; keep; keep &= keep - 1) {
+
+// Darken the target behind LANES triangles; false once no ray of it can see the light.
+inline int cast_leaf(const ShadowRays *r, Target *target, const Plane *planes, vi may, global const int *leaf_ids)
+{
+#if OUTER == 1
+    if (target->own >= 0) return cast_leaf_on_facet(r, target, planes, may, leaf_ids);
+#endif
+    private float forms[SHADOW_FORMS * LANES];
+    for (uint keep = store_occluders(r, &target->view, planes, may, forms); keep; keep &= keep - 1) {
         const uint k = lowest(keep);
-        const int id = leaf_ids[k];
-        if (id == target->own) continue;
-#if OUTER == 1
-        if (receiver) {
-            if (!cast_on_facet(forms, k, rows[k], rows[LANES + k], target->open)) return 0;
-            continue;
-        }
-#endif
-        if (!cast_shadow(&target->view, &target->strips, forms, k, id, target->ids, target->seen, target->open)) return 0;
+        if (!cast_shadow(&target->view, &target->strips, forms, k, leaf_ids[k], target->ids, target->seen, target->open)) return 0;
     }
     return 1;
 }
 
 // Darken the target behind the leaves on a list; false once no ray of it can see the light.
-inline int cast_list(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, const LeafList *list, const Target *target)
+inline int cast_list(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, const LeafList *list, Target *target)
 {
     Plane planes[4];
     for (int base = 0; base < list->count; base += LANES) {
@@ -116,42 +118,87 @@ inline int cast_list(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, co
     return 1;
 }
 
-// Darken the target's rays, whose hit points lo and hi bound.
-inline void darken(const Bvh *bvh, global const float *light, const ShadowRays *rays, ShadowMemory *memory, const float *lo,
-                   const float *hi, const Target *target)
+// Darken the target's rays, whose hit points lo and hi bound; false once none of them can see the light.
+inline int darken(const Bvh *bvh, global const float *light, const ShadowRays *rays, ShadowMemory *memory, const float *lo,
+                   const float *hi, Target *target)
 {
     const Shaft shaft = make_shaft(light, lo, hi);
-    if (memory->complete) {
-        cast_list(bvh, &shaft, rays, &memory->list, target);
-        return;
-    }
+    if (memory->complete) return cast_list(bvh, &shaft, rays, &memory->list, target);
     Walk walk;
     start_walk(&walk);
     while (walk.size) {
         memory->list.count = 0;
         gather_shaft(bvh, &shaft, &walk, &memory->list);
-        if (!cast_list(bvh, &shaft, rays, &memory->list, target)) return;
+        if (!cast_list(bvh, &shaft, rays, &memory->list, target)) return 0;
     }
+    return 1;
 }
 
 #if OUTER == 1
-// Take from `wants` the rays of a block on triangle `own`, bounded by lo and hi, that cannot see the light.
-inline void shadow_facet(const Bvh *bvh, global const float *light, ShadowMemory *memory, const Bundle *bundle, const Facet *facet,
-                         int own, const float *lo, const float *hi, global int *wants)
+// The screen before what a beam sees of triangle `id`.
+inline void make_screen(const Bvh *bvh, const Surfaces *s, global const float *light, ShadowMemory *memory, int id, Screen *screen)
 {
-    const ShadowRays rays = shadow_rays(light, lo, hi);
-    const Receiver receiver = make_receiver(bundle, facet, rays.apex);
+    Screens *screens = &memory->screens;
+    if (screens->used + SCREEN_LIMIT / LANES > POOL / LANES) clear_screens(screens);
+    Facet facet;
+    const int sided = screen_bounds(s, screens, id, &facet, screen->lo, screen->hi);
+    const ShadowRays rays = shadow_rays(light, screen->lo, screen->hi);
+    const Receiver receiver = make_receiver(&screens->beam, &facet, screens->reach, rays.apex);
     Target target;
-    target.own = own;
-    target.receiver = &receiver;
+    target.own = id;
+    target.receiver = sided ? &receiver : 0;
+    target.screens = screens;
+    target.count = 0;
+    if (darken(bvh, light, &rays, memory, screen->lo, screen->hi, &target)) close_screen(screens, screen, target.count);
+    else screen->rows = -1;
+}
+
+// Take from `wants` a share's rays, all of the block's or those that `ids` says, that cannot see light `number`.
+inline void shadow_share(const Bvh *bvh, const Surfaces *s, int number, ShadowMemory *memory, const Bundle *bundle, const Share *share,
+                         global const int *ids, global int *wants)
+{
+    global const float *light = s->lights + (OPEN_LIGHTS + number) * LIGHT;
+    const int key = share->id * SHADOW_LIGHTS + number;
+    Screen *screen = memory->screens.of + key % SCREENS;
+    float lo[3], hi[3];
+    if (screen->key != key || screen->rows < 0) {
+        const float2 z = facet_depths(share->facet, share->over);
+        bundle_bounds(bundle, share->over, z.x, z.y, lo, hi);
+        if (turned_away(share->facet, bundle, light, lo, hi)) {
+            darken_all(ids, share->id, wants);
+            return;
+        }
+    }
+    if (screen->key != key) make_screen(bvh, s, light, memory, share->id, screen);
+    screen->key = key;
+    if (screen->rows == 0) return;
+    ShadowRays rays = shadow_rays(light, screen->lo, screen->hi);
+    const Receiver receiver = make_receiver(bundle, share->facet, share->over, rays.apex);
+    if (screen->rows > 0) {
+        cast_screen(&memory->screens, screen, &receiver, ids, share->id, wants);
+        return;
+    }
+    aim_at(&rays, lo, hi);
+    Target target;
+    target.own = share->id;
+    target.ids = ids;
     target.open = wants;
+    target.receiver = &receiver;
+    target.screens = 0;
     darken(bvh, light, &rays, memory, lo, hi, &target);
+}
+
+// The same for all shares of a block.
+inline void shadow_shares(const Bvh *bvh, const Surfaces *s, int number, ShadowMemory *memory, const Bundle *bundle, const Shares *shares,
+                          global const int *ids, global int *wants)
+{
+    for (int k = 0; k < shares->count; ++k) shadow_share(bvh, s, number, memory, bundle, shares->of + k, ids, wants);
 }
 #endif
 
-// Take from `wants` the rays of a block on `facets` that cannot see the light.
+// Take from `wants` the rays of a block that cannot see the light.
 inline void shadow_block(const Bvh *bvh, global const float *light, ShadowMemory *memory, const Bundle *bundle,
-                         const Facets *facets, global const int *ids, global const float *point, global int *wants)
+                         global const int *ids, global const float *point, global int *wants)
 {
     float lo[3], hi[3];
     for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE((vi)(0), memory->seeing + at);
@@ -163,11 +210,6 @@ inline void shadow_block(const Bvh *bvh, global const float *light, ShadowMemory
     target.open = memory->open;
     while (next_span(bundle, point, wants, memory->open, lo, hi)) {
         const ShadowRays rays = shadow_rays(light, lo, hi);
-#if OUTER == 1
-        Receivers receivers;
-        make_receivers(bundle, facets, rays.apex, &receivers);
-        target.receivers = &receivers;
-#endif
         target.view = make_light_view(&rays);
         if (see_from_light(&rays, point, memory->open, &target.view, &target.strips, memory->seen))
             darken(bvh, light, &rays, memory, lo, hi, &target);

@@ -5,19 +5,18 @@
 // where what is cut off is below LIGHT_ERROR and TEXEL_ERROR, and computed ray by ray elsewhere (near lights, highlights
 // narrower than the block, triangles that are seen from both sides).  A triangle that covers several blocks of a beam is
 // set up once for all of them.
-#ifndef LFCORE_FEW_CL
-#define LFCORE_FEW_CL
-#include "shading.cl"
+#ifndef LFCORE_LIGHT_SERIES_CL
+#define LFCORE_LIGHT_SERIES_CL
+#include "shares.cl"
 #include "beam.cl"
 
 #if OUTER == 1
-#define FEW 8
 // What series may cut off: of linear light, a light and colour (0 has every ray computed), and of a texel.
 #ifndef LIGHT_ERROR
 #define LIGHT_ERROR 3.0e-5f
 #endif
 #define TEXEL_ERROR 1.0e-3f
-// Highlights that fall by more powers of two than this over an extent are computed ray by ray.
+// Highlights that fall by more powers of two than this over a rectangle are computed ray by ray.
 #define GLOSS_RANGE 6.0f
 
 // What varies over a facet: cosines and highlights of the lights, both times their strength, and coordinates in texels.
@@ -35,10 +34,10 @@ typedef struct {
     float cosine[LIGHTS + 1][NODES], halfway[LIGHTS + 1][NODES], gloss[LIGHTS + 1][NODES];
 } LightNodes;
 
-inline void light_nodes(const Surfaces *s, const Bundle *r, const Facet *f, const Extent *e, const Finish *finish, LightNodes *out)
+inline void light_nodes(const Surfaces *s, const Bundle *r, const Facet *f, const Rectangle *over, const Finish *finish, LightNodes *out)
 {
     for (int at = 0; at < NODES; at += LANES) {
-        const Places here = nodes_at(e, at);
+        const Places here = nodes_at(over, at);
         const vf z = form_nodes(f->over, here) * reciprocal(form_nodes(f->under, here));
         const Vec direction = {fma(here.x, (vf)(r->tx), (vf)(r->dx)), fma(here.y, (vf)(r->ty), (vf)(r->dy)), (vf)(1.0f)};
         const Vec point = {fma(z, direction.x, fma(here.x, (vf)(r->sx), (vf)(r->ox))), fma(z, direction.y, fma(here.y, (vf)(r->sy), (vf)(r->oy))), z};
@@ -61,8 +60,8 @@ inline void light_nodes(const Surfaces *s, const Bundle *r, const Facet *f, cons
 
 inline float largest(float3 c) { return max(c.x, max(c.y, c.z)); }
 
-// The series of a light's highlight, if there is one on the extent; false where it varies too much.
-inline int gloss_series(const Finish *finish, const LightNodes *nodes, const Extent *e, int k, float strength, FacetSeries *out)
+// The series of a light's highlight, if there is one on the rectangle; false where it varies too much.
+inline int gloss_series(const Finish *finish, const LightNodes *nodes, const Rectangle *over, int k, float strength, FacetSeries *out)
 {
     const Series halfway = make_series(nodes->halfway[k]);
     const float spread = series_spread(&halfway), most = halfway.row[0].x + spread, least = halfway.row[0].x - spread;
@@ -70,16 +69,16 @@ inline int gloss_series(const Finish *finish, const LightNodes *nodes, const Ext
     if (!out->glossy[k]) return 1;
     if (!(least > 0.0f && finish->shininess * native_log2(most / least) < GLOSS_RANGE)) return 0;
     const Series gloss = make_series(nodes->gloss[k]);
-    out->gloss[k] = truncate(&gloss, e);
+    out->gloss[k] = truncate(&gloss, over);
     return series_rest(&gloss) * strength * largest(finish->specular) <= LIGHT_ERROR;
 }
 
-// What the lights give a facet over an extent; false where series would not do.
-inline int light_series(const Surfaces *s, const Bundle *r, const Facet *f, const Extent *e, const Finish *finish, FacetSeries *out)
+// What the lights give a facet over a rectangle; false where series would not do.
+inline int light_series(const Surfaces *s, const Bundle *r, const Facet *f, const Rectangle *over, const Finish *finish, FacetSeries *out)
 {
     if (!(LIGHT_ERROR > 0.0f)) return 0;
     LightNodes nodes;
-    light_nodes(s, r, f, e, finish, &nodes);
+    light_nodes(s, r, f, over, finish, &nodes);
 #if SMOOTH
     const Series side = make_series(nodes.side);  // quadratic: exact
     if (!(fabs(side.row[0].x) > series_spread(&side))) return 0;
@@ -88,46 +87,49 @@ inline int light_series(const Surfaces *s, const Bundle *r, const Facet *f, cons
         const float strength = largest(vload3(0, s->lights + k * LIGHT + 4));
         const Series cosine = make_series(nodes.cosine[k]);
         if (!(series_rest(&cosine) * strength * largest(finish->diffuse) <= LIGHT_ERROR)) return 0;
-        out->cosine[k] = truncate(&cosine, e);
+        out->cosine[k] = truncate(&cosine, over);
         out->glossy[k] = 0;
-        if (is_glossy(finish) && !gloss_series(finish, &nodes, e, k, strength, out)) return 0;
+        if (is_glossy(finish) && !gloss_series(finish, &nodes, over, k, strength, out)) return 0;
     }
     return 1;
 }
 
 #if TEXTURED
-// The coordinates in texels over an extent; false where series would not do.
-inline int texel_series(const Facet *f, const Extent *e, int4 image, FacetSeries *out)
+// The coordinates in texels over a rectangle; false where series would not do.
+inline int texel_series(const Facet *f, const Rectangle *over, int4 image, FacetSeries *out)
 {
     private float u[NODES], v[NODES];
     out->turn_u = floor(f->uv[0].c / f->sum.c);
     out->turn_v = floor(f->uv[1].c / f->sum.c);
     for (int at = 0; at < NODES; at += LANES) {
-        const Places here = nodes_at(e, at);
+        const Places here = nodes_at(over, at);
         const vf inverse = reciprocal(form_nodes(f->sum, here));
         VSTORE(fma(form_nodes(f->uv[0], here), inverse, (vf)(-out->turn_u)) * (float)image.y, u + at);
         VSTORE(fma(-form_nodes(f->uv[1], here), inverse, (vf)(out->turn_v)) * (float)image.z, v + at);
     }
     const Series across = make_series(u), down = make_series(v);
-    out->across = truncate(&across, e);
-    out->down = truncate(&down, e);
+    out->across = truncate(&across, over);
+    out->down = truncate(&down, over);
     return series_rest(&across) + series_rest(&down) <= TEXEL_ERROR;
 }
 #endif
 
-// The series of a facet over an extent, of bundle `r` and the facet as set up for it.
-inline void facet_series(const Surfaces *s, const Bundle *r, const Facet *f, const Extent *e, const Finish *finish, FacetSeries *out)
+// The series of a facet over a rectangle of bundle `r`, for which it was set up.
+inline void facet_series(const Surfaces *s, const Bundle *r, const Facet *f, const Rectangle *over, const Finish *finish, FacetSeries *out)
 {
-    out->lit = light_series(s, r, f, e, finish, out);
+    out->lit = light_series(s, r, f, over, finish, out);
     out->drawn = 0;
 #if TEXTURED
-    if (finish->image.y) out->drawn = texel_series(f, e, finish->image, out);
+    if (finish->image.y) out->drawn = texel_series(f, over, finish->image, out);
 #endif
 }
 
+// Whether nothing need be computed ray by ray.
+inline int is_smooth(const FacetSeries *series, const Finish *finish) { return series->lit && (series->drawn || !finish->image.y); }
+
 // A facet while its rays in a block are lit.
 typedef struct {
-    const Facet *facet;
+    const Share *share;
     Finish finish;
     const FacetSeries *series;
     float2 offset;           // of the block's middle from where the series are counted
@@ -159,13 +161,13 @@ inline Colour row_albedo(const Surfaces *s, const Painting *p, const PaintedRow 
         const Colour t = mix_patch(&p->patch, parabola(row->x, x), parabola(row->y, x));
         Colour c = {t.r * p->finish.diffuse.x, t.g * p->finish.diffuse.y, t.b * p->finish.diffuse.z};
 #if VERTEX_COLOURS
-        const Surface surface = interpolate(p->facet, at);
+        const Surface surface = interpolate(p->share->facet, at);
         c.r *= surface.rgb.r; c.g *= surface.rgb.g; c.b *= surface.rgb.b;
 #endif
         return c;
     }
 #endif
-    const Surface surface = interpolate(p->facet, at);
+    const Surface surface = interpolate(p->share->facet, at);
     return albedo(s, &p->finish, &surface, &p->patch);
 }
 
@@ -198,8 +200,8 @@ inline Colour series_row(const Surfaces *s, const Painting *p, const PaintedRow 
 // The same without series.
 inline Colour exact_row(const Surfaces *s, const Bundle *r, const Painting *p, Colour albedo, Row row, global const int *wants)
 {
-    const Surface surface = interpolate(p->facet, row);
-    const Meeting m = make_meeting(&surface, r, row, quotient_row(p->facet->over, p->facet->under, row));
+    const Surface surface = interpolate(p->share->facet, row);
+    const Meeting m = make_meeting(&surface, r, row, quotient_row(p->share->facet->over, p->share->facet->under, row));
     Colour sum = unshadowed(s, &p->finish, albedo, &m);
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         const vi open = VLOAD(wants + k * BLOCK_RAYS);
@@ -212,13 +214,13 @@ inline Colour exact_row(const Surfaces *s, const Bundle *r, const Painting *p, C
 }
 
 #if TEXTURED
-// Read the texels under an extent, and count the series of coordinates from there.
-inline void start_patch(const Surfaces *s, const Extent *extent, Painting *p)
+// Read the texels under the share, and count the series of coordinates from there.
+inline void start_patch(const Surfaces *s, Painting *p)
 {
     Patch *patch = &p->patch;
     const FacetSeries *series = p->series;
     patch->columns = 0;
-    if (p->finish.image.y) facet_patch(s, p->facet, extent, p->finish.image, patch);
+    if (p->finish.image.y) facet_patch(s, p->share->facet, &p->share->over, p->finish.image, patch);
     p->patched = series->drawn && patch->columns;
     if (!p->patched) return;
     p->x = series->across;
@@ -228,18 +230,19 @@ inline void start_patch(const Surfaces *s, const Extent *extent, Painting *p)
 }
 #endif
 
-// Colours of the rays of a block that meet triangle `id`, all of `extent` if there are no `ids`.
-inline void paint_facet(const Surfaces *s, const Bundle *r, Painting *p, const Extent *extent, global const int *ids, int id,
-                        const BlockColours *out)
+// Colours of a share's rays: all of its rectangle if there are no `ids`.
+inline void paint_share(const Surfaces *s, const Bundle *r, Painting *p, global const int *ids, const BlockColours *out)
 {
 #if TEXTURED
-    start_patch(s, extent, p);
+    start_patch(s, p);
 #endif
+    const Rectangle over = p->share->over;
+    const int top = (int)(over.y - over.high + HALF), bottom = ids ? (int)(over.y + over.high + HALF) : BLOCK - 1;
     PaintedRow painted;
-    for (int line = extent->first; line <= extent->last; ++line) {
+    for (int line = top; line <= bottom; ++line) {
         start_row(p, line - HALF + p->offset.y, &painted);
         for (int at = line * BLOCK; at < (line + 1) * BLOCK; at += LANES) {
-            const vi mine = ids ? EQ(VLOAD(ids + at), (vi)(id)) : (vi)(-1);
+            const vi mine = ids ? EQ(VLOAD(ids + at), (vi)(p->share->id)) : (vi)(-1);
             if (!row_any(mine)) continue;
             const Row row = row_at(at);
             const vf x = row.x + p->offset.x;
@@ -263,100 +266,59 @@ inline void fill_background(const Surfaces *s, global const int *ids, const Bloc
     if (row_any(missing)) shade_nothing(s, out);
 }
 
-// The facets of a block, and where each is seen in it, by slot.
-typedef struct {
-    Facets facets;
-    Extent extent[SLOTS];
-} FewFacets;
-
-// Find the facets of a block; false where they are more than few, or one is seen from both sides or edge-on.
-inline int few_facets(const Surfaces *s, const Bundle *r, global const int *ids, float pixel, FewFacets *few)
+// The same for each triangle that shares a block.
+inline void paint_shares(const Surfaces *s, const Bundle *r, const Shares *shares, global const int *ids, const BlockColours *out)
 {
-    Facets *facets = &few->facets;
-    private uint columns[SLOTS];
-    clear_facets(facets);
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const vi row = VLOAD(ids + at);
-        for (uint todo = row_bits(GE(row, (vi)(0))); todo;) {
-            const int id = ids[at + lowest(todo)], known = facets->count;
-            const Facet *f = find_facet(s, r, id, pixel, facets);
-            if (!one_sided(f) || facets->count > FEW) return 0;
-            const int slot = f - facets->facet;
-            const uint bits = row_bits(EQ(row, (vi)(id)));
-            if (facets->count > known) {
-                few->extent[slot].first = at / BLOCK;
-                columns[slot] = 0;
-            }
-            few->extent[slot].last = at / BLOCK;
-            columns[slot] |= bits << at % BLOCK;
-            todo &= ~bits;
-        }
+    fill_background(s, ids, out);
+    for (int k = 0; k < shares->count; ++k) {
+        FacetSeries series;
+        Painting p;
+        p.share = shares->of + k;
+        p.finish = read_finish(s, p.share->facet->finish);
+        p.series = &series;
+        p.offset = 0.0f;
+        facet_series(s, r, p.share->facet, &p.share->over, &p.finish, &series);
+        paint_share(s, r, &p, ids, out);
     }
-    for (int slot = 0; slot < SLOTS; ++slot) {
-        if (facets->id[slot] < 0) continue;
-        Extent *e = few->extent + slot;
-        const float left = lowest(columns[slot]), right = 31 - clz(columns[slot]);
-        e->half_x = 0.5f * (right - left);
-        e->half_y = 0.5f * (e->last - e->first);
-        e->x = left + e->half_x - HALF;
-        e->y = e->first + e->half_y - HALF;
-    }
-    return !facets->lost;
-}
-
-// Colours of the rays of a block that meet one of its triangles.
-inline void paint_part(const Surfaces *s, const Bundle *r, const Facet *f, const Extent *extent, global const int *ids, int id,
-                       const BlockColours *out)
-{
-    FacetSeries series;
-    Painting p;
-    p.facet = f;
-    p.finish = read_finish(s, f->finish);
-    p.series = &series;
-    p.offset = 0.0f;
-    facet_series(s, r, f, extent, &p.finish, &series);
-    paint_facet(s, r, &p, extent, ids, id, out);
 }
 
 // A triangle that covers blocks of a beam, set up for all blocks of one element.
 typedef struct {
-    int id, first;           // triangle, -1 if there is none; the element's first block
+    int id, element;         // triangle, -1 if there is none
     Facet facet;             // as seen from the middle of the element's blocks
     Finish finish;
     FacetSeries series;
 } Cover;
 
-inline void move_form(Form *f, float2 by) { f->c = fma(by.x, f->i, fma(by.y, f->j, f->c)); }
+inline void shift_form(Form *f, float2 by) { f->c = fma(by.x, f->i, fma(by.y, f->j, f->c)); }
 
 // The triangle that covers a block, set up for it; returns the block's middle as the cover's series count it.
 inline float2 cover_block(const Surfaces *s, const Rays *rays, const BeamWork *work, int block, float pixel, Cover *cover, Facet *facet)
 {
     const BlockState *state = work->block + block;
-    const int within = block % ELEMENT_BLOCKS, first = block - within;
-    const float2 middle = 0.5f * (SIDE - 1) * BLOCK, offset = (float2)(within % SIDE, within / SIDE) * BLOCK - middle;
-    if (cover->id != state->cover || cover->first != first) {
-        Bundle r = block_bundle(rays, work, first);
-        r.ox = fma(middle.x, r.sx, r.ox); r.oy = fma(middle.y, r.sy, r.oy);
-        r.dx = fma(middle.x, r.tx, r.dx); r.dy = fma(middle.y, r.ty, r.dy);
+    const int element = block / ELEMENT_BLOCKS;
+    const float2 offset = block_offset(block);
+    if (cover->id != state->cover || cover->element != element) {
+        const Bundle r = element_bundle(rays, work, block);
         cover->id = state->cover;
-        cover->first = first;
+        cover->element = element;
         prepare_facet(s, &r, cover->id, pixel, &cover->facet);
         cover->finish = read_finish(s, cover->facet.finish);
-        const Extent extent = {0.0f, 0.0f, middle.x + HALF, middle.y + HALF, 0, 0};
-        facet_series(s, &r, &cover->facet, &extent, &cover->finish, &cover->series);
+        const Rectangle all = {0.0f, 0.0f, ELEMENT_HALF, ELEMENT_HALF};
+        facet_series(s, &r, &cover->facet, &all, &cover->finish, &cover->series);
     }
     *facet = cover->facet;
-    move_form(&facet->sum, offset);
+    shift_form(&facet->sum, offset);
     facet->over = state->over;
     facet->under = state->under;
 #if SMOOTH
-    for (int k = 0; k < 3; ++k) move_form(facet->n + k, offset);
+    for (int k = 0; k < 3; ++k) shift_form(facet->n + k, offset);
 #endif
 #if TEXTURED
-    for (int k = 0; k < 2; ++k) move_form(facet->uv + k, offset);
+    for (int k = 0; k < 2; ++k) shift_form(facet->uv + k, offset);
 #endif
 #if VERTEX_COLOURS
-    for (int k = 0; k < 3; ++k) move_form(facet->rgb + k, offset);
+    for (int k = 0; k < 3; ++k) shift_form(facet->rgb + k, offset);
 #endif
     return offset;
 }

@@ -1,0 +1,99 @@
+"""Shadows on blocks of one triangle or a few, whose occluders are found once a beam."""
+
+import numpy as np
+import pytest
+from tracing_scenes import CAMERA, scene, soup
+
+from lfcore.opencl.device import open_device
+from lfcore.optics.bundles import macropixels
+from lfcore.optics.plane_sums import total
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.oracle.slab import all_pixels, trace
+from lfcore.scene.model import DIRECTIONAL, POINT, Light
+from lfcore.storage.layout import FrameLayout
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.9, 0.9))
+SUN = Light(DIRECTIONAL, (-0.15, -0.25, -0.95), (0.7, 0.7, 0.7))
+WALL = [[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]]
+# Its plane passes through the lens: some rays of a beam see it from above, where the lamp is, and
+# more from below.
+FLOOR = [[[-9, -0.00925, 0.5], [9, -0.00925, 0.5], [0, -0.015, 12]]]
+CANOPY = [[[0.19, -0.5, -1], [0.21, -0.5, 2.5], [2, -0.5, 0.8]]]
+
+
+def crumbs(each):
+    """Small triangles between the lamp and what nine pixels see of a wall: too many to keep."""
+    rng = np.random.default_rng(4)
+    lamp, across = np.array(LAMP.vector), np.linspace(-1.2, 1.2, 3)
+    seen = np.stack([*np.meshgrid(across, across), np.full((3, 3), 5.0)], -1).reshape(9, 1, 1, 3)
+    targets = seen + rng.uniform([-0.05, -0.05, 0], [0.05, 0.05, 0], (9, each, 1, 3))
+    middle = lamp + (targets - lamp) * rng.uniform(0.6, 0.9, (9, each, 1, 1))
+    return (middle + rng.normal(size=(9, each, 3, 3)) * 0.004).reshape(-1, 3, 3)
+
+
+class OneElement(Tracer):
+    """A tracer whose blocks are of one element each."""
+
+    def outer(self, bundles, work):
+        return 1
+
+    def scattered(self, bundles, outer=1):
+        return False
+
+
+def worlds():
+    return {
+        "lamp": (np.concatenate([soup(40, 1, 0.5), WALL]), [LAMP]),
+        "sun": (np.concatenate([soup(40, 2, 0.5), WALL]), [SUN]),
+        "both": (np.concatenate([soup(40, 3, 0.5), WALL]), [LAMP, SUN]),
+        "edge-on": (np.concatenate([CANOPY, FLOOR]), [LAMP]),
+        "many": (np.concatenate([crumbs(250), WALL]), [LAMP]),
+    }
+
+
+def world(name):
+    triangles, lights = worlds()[name]
+    return scene(triangles, lights=lights, ambient=(0.1, 0.1, 0.1))
+
+
+@pytest.mark.parametrize("name", worlds())
+def test_shadows_are_the_oracles(device, name):
+    here, slab = world(name), Slab(CAMERA, 40, 3)
+    tracer = OneElement(here, build_bvh(here.triangles), device)
+    found = tracer.bundle_radiance(macropixels(slab, all_pixels(slab)))
+    expected = trace(here, slab, all_pixels(slab)).reshape(found.shape)
+    assert np.ptp(expected) > 0.15
+    assert (np.abs(found - expected).max(-1) > 0.01).mean() < 2e-3
+
+
+@pytest.mark.parametrize("lanes", [1, 4, 16])
+def test_every_lane_width_finds_the_same_shadows(lanes):
+    here, slab = world("many"), Slab(CAMERA, 40, 2)
+    bundles, bvh = macropixels(slab, all_pixels(slab)), build_bvh(here.triangles)
+    first, second = (
+        OneElement(here, bvh, open_device(threads=1, lanes=width)).bundle_radiance(bundles)
+        for width in (8, lanes)
+    )
+    assert (np.abs(first - second).max(-1) > 0.01).mean() < 2e-4
+
+
+@pytest.mark.parametrize("name", ["both", "many"])
+def test_what_else_is_traced_changes_no_shadow(name):
+    """An aperture closes blocks, so that others are the first to ask for what casts shadows."""
+    here, slab = world(name), Slab(CAMERA, 40, 4)
+    layout = FrameLayout("macropixels", 72, 4, "raster", 1, "yuv444p")
+    planes = [SensorPlane(2.0, 2.8)]
+    tracer = OneElement(here, build_bvh(here.triangles))
+    sums = []
+    for frames in (True, False):
+        parts = []
+        for tile in layout.tiles(1 << 30):
+            tracing = tracer.trace_tile(slab, tile, planes, frames=frames)
+            for _ in tracing:
+                pass
+            parts.append(tracing.plane_sums)
+        sums.append(total(slab, planes, parts).sums)
+    assert (sums[0] == sums[1]).all()
