@@ -7,10 +7,21 @@
 #define LFCORE_SERIES_CL
 #include "bundle.cl"
 
-#if OUTER == 1
-#define NODES 16
 #define NODE_A 0.9238795325f  // cos(pi / 8)
 #define NODE_B 0.3826834324f  // cos(3 pi / 8)
+
+// From the values at the nodes of four functions, one a lane, their four coefficients each.
+inline void transform_nodes(float4 *f)
+{
+    const float4 even = f[0] + f[3], inner = f[1] + f[2], odd = f[0] - f[3], twist = f[1] - f[2];
+    f[0] = 0.25f * (even + inner);
+    f[1] = 0.5f * (NODE_A * odd + NODE_B * twist);
+    f[2] = 0.3535533906f * (even - inner);
+    f[3] = 0.5f * (NODE_B * odd - NODE_A * twist);
+}
+
+#if OUTER == 1
+#define NODES 16
 constant float node_columns[NODES] = {NODE_A, NODE_B, -NODE_B, -NODE_A, NODE_A, NODE_B, -NODE_B, -NODE_A,
                                       NODE_A, NODE_B, -NODE_B, -NODE_A, NODE_A, NODE_B, -NODE_B, -NODE_A};
 constant float node_rows[NODES] = {NODE_A, NODE_A, NODE_A, NODE_A, NODE_B, NODE_B, NODE_B, NODE_B,
@@ -30,16 +41,6 @@ inline vf form_nodes(Form f, Places at) { return fma(at.x, (vf)(f.i), fma(at.y, 
 
 // Coefficients of the products of T_p along x and T_q along y: row[p] has those of q = 0 to 3.
 typedef struct { float4 row[4]; } Series;
-
-// From the values at the nodes of four functions, one a lane, their four coefficients each.
-inline void transform_nodes(float4 *f)
-{
-    const float4 even = f[0] + f[3], inner = f[1] + f[2], odd = f[0] - f[3], twist = f[1] - f[2];
-    f[0] = 0.25f * (even + inner);
-    f[1] = 0.5f * (NODE_A * odd + NODE_B * twist);
-    f[2] = 0.3535533906f * (even - inner);
-    f[3] = 0.5f * (NODE_B * odd - NODE_A * twist);
-}
 
 inline Series make_series(private const float *values)
 {
