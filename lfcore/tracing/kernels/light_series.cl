@@ -53,7 +53,7 @@ inline void light_nodes(const Surfaces *s, const Bundle *r, const Facet *f, cons
             const Incidence in = incidence(s->lights + k * LIGHT, is_glossy(finish), point, normal, view);
             VSTORE(in.cosine * in.strength, out->cosine[k] + at);
             VSTORE(in.halfway, out->halfway[k] + at);
-            VSTORE(gloss_of(finish, in), out->gloss[k] + at);
+            if (is_glossy(finish)) VSTORE(gloss_of(finish, in), out->gloss[k] + at);
         }
     }
 }
