@@ -139,6 +139,18 @@ inline int choose_level(const Surfaces *s, int texture, global const float *uv, 
 }
 #endif
 
+// What a triangle is made of where its facet's forms are counted from, at `depth`.
+inline int choose_finish(const Surfaces *s, int id, const Facet *f, float depth, float pixel)
+{
+    const int material = s->material_ids[id];
+    int number = material * MIP_LEVELS;
+#if TEXTURED
+    const int texture = as_int(s->materials[material * MATERIAL + 7]);
+    if (texture >= 0) number += choose_level(s, texture, s->attributes + (long)id * ATTRIBUTES + 9 * SMOOTH, f, depth, pixel);
+#endif
+    return number;
+}
+
 // A constant and multiples of the steps of rays along x and y.
 inline Form plane_form(float c, float x, float y, float step_x, float step_y, float outer)
 {
@@ -172,12 +184,9 @@ inline void prepare_facet(const Surfaces *s, const Bundle *r, int id, float pixe
     for (int k = 0; k < 3; ++k) f->n[k] = blend(e, attributes[k], attributes[3 + k], attributes[6 + k]);
     attributes += 9;
 #endif
-    f->finish = s->material_ids[id] * MIP_LEVELS;
+    f->finish = choose_finish(s, id, f, (p.z * e[0].c + q.z * e[1].c + w.z * e[2].c) / f->sum.c, pixel);
 #if TEXTURED
     for (int k = 0; k < 2; ++k) f->uv[k] = blend(e, attributes[k], attributes[2 + k], attributes[4 + k]);
-    const int texture = as_int(s->materials[s->material_ids[id] * MATERIAL + 7]);
-    const float depth = (p.z * e[0].c + q.z * e[1].c + w.z * e[2].c) / f->sum.c;
-    if (texture >= 0) f->finish += choose_level(s, texture, attributes, f, depth, pixel);
     attributes += 6;
 #endif
 #if VERTEX_COLOURS

@@ -114,8 +114,9 @@ inline void write_frames(const Frames *out, int element, int column, int row, in
 {
     private sample codes[3 * BLOCK_RAYS];  // written out when all are made: loops without branches keep their constants
     global const float *green = colours + BLOCK_RAYS, *blue = colours + 2 * BLOCK_RAYS;
+    const int wide = min(BLOCK, columns - column), high = min(BLOCK, rows - row);
     Encoding e;
-    if (make_encoding(colours, &e))
+    if (wide == BLOCK && high == BLOCK && make_encoding(colours, &e))
         for (int at = 0; at < BLOCK_RAYS; at += LANES)
             put_colours(CUBIC(e, VLOAD(colours + at), x), CUBIC(e, VLOAD(green + at), y), CUBIC(e, VLOAD(blue + at), z), at, codes, colours);
     else
@@ -124,7 +125,7 @@ inline void write_frames(const Frames *out, int element, int column, int row, in
     const int4 place = out->places[element];
     const ulong pixels = (ulong)out->width * out->height, chroma = pixels / (CHROMA * CHROMA);
     global sample *frame = out->frames + place.x * (pixels + 2 * chroma);
-    const int x0 = place.y + column, y0 = place.z + row, wide = min(BLOCK, columns - column), high = min(BLOCK, rows - row);
+    const int x0 = place.y + column, y0 = place.z + row;
     for (int plane = 0; plane < (CHROMA == 1 ? 3 : 1); ++plane)
         copy_codes(codes + plane * BLOCK_RAYS, wide, high, frame + plane * pixels + (ulong)y0 * out->width + x0, out->width);
 #if CHROMA == 2

@@ -15,17 +15,17 @@
 #ifndef LIGHT_ERROR
 #define LIGHT_ERROR 3.0e-5f
 #endif
-#define TEXEL_ERROR 1.0e-3f
+#define TEXEL_ERROR 5.0e-4f
 // Highlights that fall by more powers of two than this over a rectangle are computed ray by ray.
 #define GLOSS_RANGE 6.0f
 
-// What varies over a facet: cosines and highlights of the lights, both times their strength, and coordinates in texels.
+// What varies over a facet: cosines and highlights of the lights, both times their strength, and where its texture is read.
 typedef struct {
     int lit, drawn;          // whether series of the lights, and of the coordinates, do
     Quadratic cosine[LIGHTS + 1], gloss[LIGHTS + 1];
     int glossy[LIGHTS + 1];
-    Quadratic across, down;
-    float turn_u, turn_v;    // whole turns of the texture taken off
+    Quadratic across, down;  // turns of the texture, from
+    float turn_u, turn_v;    // these whole ones
 } FacetSeries;
 
 // Values at the nodes.
@@ -95,7 +95,7 @@ inline int light_series(const Surfaces *s, const Bundle *r, const Facet *f, cons
 }
 
 #if TEXTURED
-// The coordinates in texels over a rectangle; false where series would not do.
+// The texture's coordinates over a rectangle; false where series would not do.
 inline int texel_series(const Facet *f, const Rectangle *over, int4 image, FacetSeries *out)
 {
     private float u[NODES], v[NODES];
@@ -104,13 +104,13 @@ inline int texel_series(const Facet *f, const Rectangle *over, int4 image, Facet
     for (int at = 0; at < NODES; at += LANES) {
         const Places here = nodes_at(over, at);
         const vf inverse = reciprocal(form_nodes(f->sum, here));
-        VSTORE(fma(form_nodes(f->uv[0], here), inverse, (vf)(-out->turn_u)) * (float)image.y, u + at);
-        VSTORE(fma(-form_nodes(f->uv[1], here), inverse, (vf)(out->turn_v)) * (float)image.z, v + at);
+        VSTORE(fma(form_nodes(f->uv[0], here), inverse, (vf)(-out->turn_u)), u + at);
+        VSTORE(fma(-form_nodes(f->uv[1], here), inverse, (vf)(out->turn_v)), v + at);
     }
     const Series across = make_series(u), down = make_series(v);
     out->across = truncate(&across, over);
     out->down = truncate(&down, over);
-    return series_rest(&across) + series_rest(&down) <= TEXEL_ERROR;
+    return series_rest(&across) * image.y + series_rest(&down) * image.z <= TEXEL_ERROR;
 }
 #endif
 
@@ -223,8 +223,8 @@ inline void start_patch(const Surfaces *s, Painting *p)
     if (p->finish.image.y) facet_patch(s, p->share->facet, &p->share->over, p->finish.image, patch);
     p->patched = series->drawn && patch->columns;
     if (!p->patched) return;
-    p->x = series->across;
-    p->y = series->down;
+    p->x = scale_quadratic(series->across, patch->width);
+    p->y = scale_quadratic(series->down, patch->height);
     p->x.c -= fma(patch->u - series->turn_u, patch->width, patch->left + 0.5f);
     p->y.c += fma(1.0f + patch->v - series->turn_v, patch->height, -(patch->top + 0.5f));
 }
@@ -258,25 +258,25 @@ inline void paint_share(const Surfaces *s, const Bundle *r, Painting *p, global 
     }
 }
 
-// Where some ray of a block meets nothing, start with the background.
-inline void fill_background(const Surfaces *s, global const int *ids, const BlockColours *out)
+// Whether some ray of a block meets nothing.
+inline int some_miss(global const int *ids)
 {
     vi missing = 0;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) missing |= LT(VLOAD(ids + at), (vi)(0));
-    if (row_any(missing)) shade_nothing(s, out);
+    return row_any(missing);
 }
 
 // The same for each triangle that shares a block.
 inline void paint_shares(const Surfaces *s, const Bundle *r, const Shares *shares, global const int *ids, const BlockColours *out)
 {
-    fill_background(s, ids, out);
+    if (some_miss(ids)) shade_nothing(s, out);
     for (int k = 0; k < shares->count; ++k) {
         FacetSeries series;
         Painting p;
         p.share = shares->of + k;
         p.finish = read_finish(s, p.share->facet->finish);
         p.series = &series;
-        p.offset = 0.0f;
+        p.offset = -(float2)(p.share->over.x, p.share->over.y);
         facet_series(s, r, p.share->facet, &p.share->over, &p.finish, &series);
         paint_share(s, r, &p, ids, out);
     }
@@ -286,36 +286,35 @@ inline void paint_shares(const Surfaces *s, const Bundle *r, const Shares *share
 typedef struct {
     int id, element;         // triangle, -1 if there is none
     Facet facet;             // as seen from the middle of the element's blocks
-    Finish finish;
     FacetSeries series;
 } Cover;
 
 inline void shift_form(Form *f, float2 by) { f->c = fma(by.x, f->i, fma(by.y, f->j, f->c)); }
 
-// The triangle that covers a block, set up for it; returns the block's middle as the cover's series count it.
-inline float2 cover_block(const Surfaces *s, const Rays *rays, const BeamWork *work, int block, float pixel, Cover *cover, Facet *facet)
+// Triangle `id`, which covers a block, set up for it; returns the block's middle as the cover's series count it.
+inline float2 cover_block(const Surfaces *s, const Rays *rays, const BeamWork *work, int block, int id, float pixel, Cover *cover, Facet *facet)
 {
-    const BlockState *state = work->block + block;
     const int element = block / ELEMENT_BLOCKS;
     const float2 offset = block_offset(block);
-    if (cover->id != state->cover || cover->element != element) {
+    if (cover->id != id || cover->element != element) {
         const Bundle r = element_bundle(rays, work, block);
-        cover->id = state->cover;
+        cover->id = id;
         cover->element = element;
-        prepare_facet(s, &r, cover->id, pixel, &cover->facet);
-        cover->finish = read_finish(s, cover->facet.finish);
+        prepare_facet(s, &r, id, pixel, &cover->facet);
+        const Finish finish = read_finish(s, cover->facet.finish);
         const Rectangle all = {0.0f, 0.0f, ELEMENT_HALF, ELEMENT_HALF};
-        facet_series(s, &r, &cover->facet, &all, &cover->finish, &cover->series);
+        facet_series(s, &r, &cover->facet, &all, &finish, &cover->series);
     }
     *facet = cover->facet;
     shift_form(&facet->sum, offset);
-    facet->over = state->over;
-    facet->under = state->under;
+    shift_form(&facet->over, offset);
+    shift_form(&facet->under, offset);
 #if SMOOTH
     for (int k = 0; k < 3; ++k) shift_form(facet->n + k, offset);
 #endif
 #if TEXTURED
     for (int k = 0; k < 2; ++k) shift_form(facet->uv + k, offset);
+    facet->finish = choose_finish(s, id, facet, facet->over.c / facet->under.c, pixel);
 #endif
 #if VERTEX_COLOURS
     for (int k = 0; k < 3; ++k) shift_form(facet->rgb + k, offset);

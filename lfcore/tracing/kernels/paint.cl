@@ -146,11 +146,13 @@ inline void crop_block(const Rays *rays, int2 where, global int *ids)
 #if OUTER == 1
 // Blocks of one element on few triangles: what the lights reach is found before anything is lit.
 
-// A block that lies on one triangle, which is the easel's cover.
-inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, float2 offset, const Facet *facet, Easel *e)
+// A block that lies on triangle `id`.
+inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Rays *rays, const BeamWork *work, int block, const Bundle *bundle, int id,
+                        float pixel, Easel *e)
 {
-    const Cover *cover = &e->cover;
-    const Share share = whole_block(cover->id, facet);
+    Facet facet;
+    const float2 offset = cover_block(s, rays, work, block, id, pixel, &e->cover, &facet);
+    const Share share = whole_block(id, &facet);
     for (int k = 0; k < SHADOW_LIGHTS; ++k) {
         global int *wants = e->colours.wants + k * BLOCK_RAYS;
         for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) VSTORE((vi)(-1), wants + ray);
@@ -161,11 +163,11 @@ inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Bundle *bundle,
     FacetSeries own;
     Painting p;
     p.share = &share;
-    p.finish = cover->finish;
-    p.series = &cover->series;
+    p.finish = read_finish(s, facet.finish);
+    p.series = &e->cover.series;
     p.offset = offset;
-    if (SIDE > 1 && !is_smooth(&cover->series, &cover->finish)) {
-        facet_series(s, bundle, facet, &share.over, &cover->finish, &own);
+    if (SIDE > 1 && !is_smooth(p.series, &p.finish)) {
+        facet_series(s, bundle, &facet, &share.over, &p.finish, &own);
         p.series = &own;
         p.offset = 0.0f;
     }
@@ -227,9 +229,7 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, Bea
     enter_element(rays, work, block, &e->shadows.screens);
 #endif
     if (state->cover >= 0) {
-        Facet facet;
-        const float2 offset = cover_block(s, rays, work, block, pixel, &e->cover, &facet);
-        paint_cover(bvh, s, &bundle, offset, &facet, e);
+        paint_cover(bvh, s, rays, work, block, &bundle, state->cover, pixel, e);
         return;
     }
     crop_block(rays, block_position(work, block), ids);
@@ -238,7 +238,9 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, Bea
     Shares shares;
     clear_facets(&facets);
     if (share_out(s, &bundle, ids, pixel, &facets, &shares)) {
-        paint_shared(bvh, s, &bundle, &shares, ids, e);
+        // One triangle may have hidden all others after they had shared the block.
+        if (shares.count == 1 && !some_miss(ids)) paint_cover(bvh, s, rays, work, block, &bundle, shares.of[0].id, pixel, e);
+        else paint_shared(bvh, s, &bundle, &shares, ids, e);
         return;
     }
 #endif

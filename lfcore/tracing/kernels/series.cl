@@ -80,6 +80,12 @@ inline Quadratic truncate(const Series *s, const Rectangle *over)
     return f;
 }
 
+inline Quadratic scale_quadratic(Quadratic f, float by)
+{
+    Quadratic scaled = {f.c * by, f.x * by, f.y * by, f.xx * by, f.xy * by, f.yy * by};
+    return scaled;
+}
+
 // The same along one row.
 typedef struct { float c, x, xx; } Parabola;
 
