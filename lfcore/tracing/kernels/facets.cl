@@ -196,9 +196,6 @@ inline void prepare_facet(const Surfaces *s, const Bundle *r, int id, float pixe
 #endif
 }
 
-// Whether a triangle is seen from one side all over a block of one element.
-inline int one_sided(const Facet *f) { return f->under.c > 1.00001f * HALF * (fabs(f->under.i) + fabs(f->under.j)); }
-
 inline vf dot3(Vec a, Vec b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
 inline Vec scale3(Vec a, vf k) { Vec r = {a.x * k, a.y * k, a.z * k}; return r; }
 
