@@ -61,7 +61,7 @@ inline int make_encoding(global const float *colours, Encoding *e)
         }
         low[channel] = row_min(least);
         high[channel] = row_max(most);
-        if (!(low[channel] > LINEAR_END && high[channel] <= min(RANGE * low[channel], 1.0f))) return 0;
+        if (!(low[channel] > LINEAR_END && high[channel] <= RANGE * low[channel] && high[channel] < 1.0f)) return 0;
     }
     low[3] = high[3] = 1.0f;
     const float4 from = vload4(0, low), to = vload4(0, high), middle = 0.5f * (from + to), half_width = max(0.5f * (to - from), 1.0e-6f);

@@ -86,6 +86,12 @@ inline int light_series(const Surfaces *s, const Bundle *r, const Facet *f, cons
     for (int k = 0; k < LIGHTS; ++k) {
         const float strength = largest(vload3(0, s->lights + k * LIGHT + 4));
         const Series cosine = make_series(nodes.cosine[k]);
+        if (strength == 0.0f || cosine.row[0].x + series_spread(&cosine) < 0.0f) {  // nothing, whatever else it does
+            const Quadratic none = {-1.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+            out->cosine[k] = none;
+            out->glossy[k] = 0;
+            continue;
+        }
         if (!(series_rest(&cosine) * strength * largest(finish->diffuse) <= LIGHT_ERROR)) return 0;
         out->cosine[k] = truncate(&cosine, over);
         out->glossy[k] = 0;

@@ -234,10 +234,8 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, Bea
     }
     crop_block(rays, block_position(work, block), ids);
 #if !SCATTERED
-    Facets facets;
     Shares shares;
-    clear_facets(&facets);
-    if (share_out(s, &bundle, ids, pixel, &facets, &shares)) {
+    if (share_out(s, &bundle, ids, pixel, &shares)) {
         // One triangle may have hidden all others after they had shared the block.
         if (shares.count == 1 && !some_miss(ids)) paint_cover(bvh, s, rays, work, block, &bundle, shares.of[0].id, pixel, e);
         else paint_shared(bvh, s, &bundle, &shares, ids, e);

@@ -14,6 +14,7 @@ typedef struct {
 #define SHARES 4
 typedef struct {
     Share of[SHARES];
+    Facet facets[SHARES];
     int count;
 } Shares;
 
@@ -57,8 +58,7 @@ inline Share whole_block(int id, const Facet *facet)
 }
 
 // Share out a block among the triangles that it meets; false where they are many, or some ray sees one edge-on.
-// `facets` comes empty or with some of them, and holds all when this returns true.
-inline int share_out(const Surfaces *s, const Bundle *r, global const int *ids, float pixel, Facets *facets, Shares *out)
+inline int share_out(const Surfaces *s, const Bundle *r, global const int *ids, float pixel, Shares *out)
 {
     Rectangle nothing;
     int count = 0;
@@ -66,9 +66,10 @@ inline int share_out(const Surfaces *s, const Bundle *r, global const int *ids, 
         if (count == SHARES) return 0;
         Share *share = out->of + count;
         share->id = id;
-        share->facet = find_facet(s, r, id, pixel, facets);
+        share->facet = out->facets + count;
+        prepare_facet(s, r, id, pixel, out->facets + count);
         id = find_share(ids, id, &share->over);
-        if (facets->lost || !one_sided_over(share->facet, share->over)) return 0;
+        if (!one_sided_over(share->facet, share->over)) return 0;
     }
     out->count = count;
     return 1;
