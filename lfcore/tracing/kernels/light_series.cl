@@ -16,6 +16,8 @@
 #define LIGHT_ERROR 3.0e-5f
 #endif
 #define TEXEL_ERROR 5.0e-4f
+// What a light at most adds without changing a float of the size of these errors.
+#define NEGLIGIBLE 1.0e-12f
 // Highlights that fall by more powers of two than this over a rectangle are computed ray by ray.
 #define GLOSS_RANGE 6.0f
 
@@ -86,7 +88,8 @@ inline int light_series(const Surfaces *s, const Bundle *r, const Facet *f, cons
     for (int k = 0; k < LIGHTS; ++k) {
         const float strength = largest(vload3(0, s->lights + k * LIGHT + 4));
         const Series cosine = make_series(nodes.cosine[k]);
-        if (strength == 0.0f || cosine.row[0].x + series_spread(&cosine) < 0.0f) {  // nothing, whatever else it does
+        const int faint = strength * max(largest(finish->diffuse), largest(finish->specular)) < NEGLIGIBLE;
+        if (faint || cosine.row[0].x + series_spread(&cosine) < 0.0f) {
             const Quadratic none = {-1.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
             out->cosine[k] = none;
             out->glossy[k] = 0;
