@@ -1,7 +1,7 @@
 // Shadows on the rays of one element that meet one triangle.
 #ifndef LFCORE_HOMOGRAPHY_CL
 #define LFCORE_HOMOGRAPHY_CL
-#include "occluders.cl"
+#include "darkness.cl"
 #include "shares.cl"
 
 #if OUTER == 1
@@ -57,79 +57,12 @@ inline vi darkens(const Receiver *f, const ShadowRays *r, const Plane *planes, v
     return may;
 }
 
-// Affine forms of LANES occluders over a receiver, and the rows each can darken.  `covers` receives whether one of
-// them darkens every ray.
-inline uint project_occluders(const Receiver *f, const Plane *planes, vi may, private float *out, private int *rows, int *covers)
+// Darken what lies behind LANES occluders of those on a receiver; false when none is left.
+inline int cast_planes(const Receiver *f, const Plane *planes, vi may, Darkness *d)
 {
-    const Rectangle *over = &f->over;
-    vi all = may;
-    *covers = 0;
-    vf first = over->y - over->high + HALF, last = over->y + over->high + HALF;
-    for (int k = 3; k >= 0; --k) {
-        const Affine e = project_plane(f, planes[k]);
-        const vf middle = fma(e.i, (vf)(over->x), fma(e.j, (vf)(over->y), e.c));
-        const vf wide = fma(fabs(e.i), (vf)(over->wide), fabs(e.j) * over->high);
-        may &= GE(middle + wide, (vf)(0.0f));
-        all &= GT(middle, wide * 1.00001f);
-        if (!row_any(may)) return 0;
-        narrow_rows(e, (vi)(0), &first, &last);
-        VSTORE(e.c, out + 3 * k * LANES);
-        VSTORE(e.i, out + (3 * k + 1) * LANES);
-        VSTORE(e.j, out + (3 * k + 2) * LANES);
-    }
-    *covers = row_any(all);
-    store_rows(first, last, rows);
-    return row_bits(may & LE(first, last));
-}
-
-// Darken the rays of a block behind one occluder: all of them, or, given `ids`, those on triangle `own`.  False when
-// none is left.  No branches within: which rays an occluder reaches cannot be foreseen.
-inline int cast_on_facet(private const float *f, uint lane, int first, int last, global const int *ids, int own, global int *wants)
-{
-    Form c[4];
-    for (int k = 0; k < 4; ++k) c[k] = read_flat(f + 3 * k * LANES, lane);
-    vi dark = 0;
-    for (int column = 0; column < BLOCK; column += LANES) {
-        vf e[4];
-        for (int k = 0; k < 4; ++k) e[k] = fma(IOTA + (column - HALF), (vf)(c[k].i), (vf)(c[k].c));
-        for (int row = first; row <= last; ++row) {
-            const int at = row * BLOCK + column;
-            const vf y = row - HALF;
-            const vf edges = min(fma(y, (vf)(c[0].j), e[0]), min(fma(y, (vf)(c[1].j), e[1]), fma(y, (vf)(c[2].j), e[2])));
-            vi behind = GE(edges, (vf)(0.0f)) & GT(fma(y, (vf)(c[3].j), e[3]), (vf)(0.0f));
-            if (ids) behind &= EQ(VLOAD(ids + at), (vi)(own));
-            VSTORE(VLOAD(wants + at) & ~behind, wants + at);
-            dark |= behind;
-        }
-    }
-    if (!row_any(dark)) return 1;
-    vi left = 0;
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) left |= VLOAD(wants + at) & (ids ? EQ(VLOAD(ids + at), (vi)(own)) : (vi)(-1));
-    return row_any(left);
-}
-
-// Darken all of those rays.
-inline void darken_all(global const int *ids, int own, global int *wants)
-{
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE(ids ? VLOAD(wants + at) & ~EQ(VLOAD(ids + at), (vi)(own)) : (vi)(0), wants + at);
-}
-
-// Darken them behind LANES occluders; false when none is left.
-inline int cast_occluders(const Receiver *f, const Plane *planes, vi may, global const int *ids, int own, global int *wants)
-{
-    private float forms[12 * LANES];
-    private int rows[2 * LANES];
-    int covers;
-    uint keep = project_occluders(f, planes, may, forms, rows, &covers);
-    if (covers) {
-        darken_all(ids, own, wants);
-        return 0;
-    }
-    for (; keep; keep &= keep - 1) {
-        const uint k = lowest(keep);
-        if (!cast_on_facet(forms, k, rows[k], rows[LANES + k], ids, own, wants)) return 0;
-    }
-    return 1;
+    Affine e[4];
+    for (int k = 0; k < 4; ++k) e[k] = project_plane(f, planes[k]);
+    return cast_occluders(e, may, d);
 }
 
 // Bounds of what a bundle sees in a rectangle of its block from depth `near` to `far`.

@@ -101,9 +101,8 @@ inline void close_screen(Screens *screens, Screen *screen, int count)
     screens->used += screen->rows;
 }
 
-// Darken a receiver's rays behind its screen: all of a block's or, given `ids`, those on triangle `own`.
-inline void cast_screen(const Screens *screens, const Screen *screen, const Receiver *receiver, global const int *ids, int own,
-                        global int *wants)
+// Darken a receiver's rays behind its screen; false when none is left.
+inline int cast_screen(const Screens *screens, const Screen *screen, const Receiver *receiver, Darkness *d)
 {
     for (int row = screen->first; row < screen->first + screen->rows; ++row) {
         global const float *at = screens->pool + row * PLANE_WORDS * LANES;
@@ -112,8 +111,9 @@ inline void cast_screen(const Screens *screens, const Screen *screen, const Rece
             planes[k].n.x = VLOAD(at + 4 * k * LANES); planes[k].n.y = VLOAD(at + (4 * k + 1) * LANES);
             planes[k].n.z = VLOAD(at + (4 * k + 2) * LANES); planes[k].c = VLOAD(at + (4 * k + 3) * LANES);
         }
-        if (!cast_occluders(receiver, planes, (vi)(-1), ids, own, wants)) return;
+        if (!cast_planes(receiver, planes, (vi)(-1), d)) return 0;
     }
+    return 1;
 }
 
 #else

@@ -35,6 +35,7 @@ typedef struct {
     global const int *ids;      // 0: all rays are on it
     global int *open;
     const Receiver *receiver;   // of those rays; of a screen, 0 where some see the triangle from either side
+    Darkness *darkness;         // of them
     Screens *screens;           // 0: rays are darkened
     int count;                  // on the screen
     LightView view;
@@ -79,7 +80,7 @@ inline int next_span(const Bundle *r, global const float *point, global int *wan
 inline int cast_leaf_on_facet(const ShadowRays *r, Target *target, const Plane *planes, vi may, global const int *leaf_ids)
 {
     may &= ~EQ(VLOAD(leaf_ids), (vi)(target->own));
-    if (!target->screens) return cast_occluders(target->receiver, planes, may, target->ids, target->own, target->open);
+    if (!target->screens) return cast_planes(target->receiver, planes, may, target->darkness);
     if (target->receiver) may = darkens(target->receiver, r, planes, may);
     return add_to_screen(target->screens, &target->count, planes, row_bits(may));
 }
@@ -165,7 +166,7 @@ inline void shadow_share(const Bvh *bvh, const Surfaces *s, int number, ShadowMe
         const float2 z = facet_depths(share->facet, share->over);
         bundle_bounds(bundle, share->over, z.x, z.y, lo, hi);
         if (turned_away(share->facet, bundle, light, lo, hi)) {
-            darken_all(ids, share->id, wants);
+            take_all(ids, share->id, wants);
             return;
         }
     }
@@ -174,18 +175,21 @@ inline void shadow_share(const Bvh *bvh, const Surfaces *s, int number, ShadowMe
     if (screen->rows == 0) return;
     ShadowRays rays = shadow_rays(light, screen->lo, screen->hi);
     const Receiver receiver = make_receiver(bundle, share->facet, share->over, rays.apex);
+    Darkness darkness = none_dark(share->over, (float2)(-HALF));
+    int left;
     if (screen->rows > 0) {
-        cast_screen(&memory->screens, screen, &receiver, ids, share->id, wants);
-        return;
+        left = cast_screen(&memory->screens, screen, &receiver, &darkness);
+    } else {
+        aim_at(&rays, lo, hi);
+        Target target;
+        target.own = share->id;
+        target.receiver = &receiver;
+        target.darkness = &darkness;
+        target.screens = 0;
+        left = darken(bvh, light, &rays, memory, lo, hi, &target);
     }
-    aim_at(&rays, lo, hi);
-    Target target;
-    target.own = share->id;
-    target.ids = ids;
-    target.open = wants;
-    target.receiver = &receiver;
-    target.screens = 0;
-    darken(bvh, light, &rays, memory, lo, hi, &target);
+    if (left) take_dark(&darkness, ids, share->id, wants);
+    else take_all(ids, share->id, wants);
 }
 
 // The same for all shares of a block.
