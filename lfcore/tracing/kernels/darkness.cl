@@ -82,17 +82,21 @@ inline int all_dark(const Darkness *d)
     return !row_any(lit);
 }
 
+// Leave in `may` those of LANES occluders that one of their forms lets darken some ray in a rectangle, and in `all` those
+// that it lets darken every ray.
+inline void sift_occluders(Affine e, const Rectangle *over, vi *may, vi *all)
+{
+    const vf middle = fma(e.i, (vf)(over->x), fma(e.j, (vf)(over->y), e.c));
+    const vf wide = 1.00001f * fma(fabs(e.i), (vf)(over->wide), fabs(e.j) * over->high);
+    *may &= GE(middle, -wide);
+    *all &= GT(middle, wide);
+}
+
 // Darken them behind LANES occluders of the forms `e`, their plane's last; false when none is left.
 inline int cast_occluders(const Affine *e, vi may, Darkness *d)
 {
-    const Rectangle *over = &d->over;
     vi all = may;
-    for (int k = 3; k >= 0; --k) {
-        const vf middle = fma(e[k].i, (vf)(over->x), fma(e[k].j, (vf)(over->y), e[k].c));
-        const vf wide = fma(fabs(e[k].i), (vf)(over->wide), fabs(e[k].j) * over->high);
-        may &= GE(middle + wide, (vf)(0.0f));
-        all &= GT(middle, wide * 1.00001f);
-    }
+    for (int k = 0; k < 4; ++k) sift_occluders(e[k], &d->over, &may, &all);
     if (!row_any(may)) return 1;
     if (row_any(all)) {
         for (int k = 0; k < ROW_GROUPS; ++k) d->dark[k] = d->mine[k];

@@ -35,28 +35,6 @@ inline Affine project_plane(const Receiver *f, Plane p)
     return e;
 }
 
-// What a form is at most over the receiver's rectangle.
-inline vf most_over(Affine e, const Rectangle *at)
-{
-    const vf middle = fma(e.i, (vf)(at->x), fma(e.j, (vf)(at->y), e.c));
-    return fma(fabs(e.i), (vf)(at->wide), fma(fabs(e.j), (vf)(at->high), middle));
-}
-
-// Mask of the LANES occluders in `may` that can darken a receiver.  What a hit point is off its plane is a fraction of
-// SHADOW_MARGIN; half of that keeps whatever could darken a ray, and drops neighbours in one plane.
-inline vi darkens(const Receiver *f, const ShadowRays *r, const Plane *planes, vi may)
-{
-    const Rectangle *over = &f->over;
-    const float most = f->wc + fabs(f->wi) * (fabs(over->x) + over->wide) + fabs(f->wj) * (fabs(over->y) + over->high);
-    for (int k = 3; k >= 0; --k) {
-        const Plane p = planes[k];
-        const vf size = fma(fabs(p.n.x), (vf)(r->size.x), fma(fabs(p.n.y), (vf)(r->size.y), fma(fabs(p.n.z), (vf)(r->size.z), fabs(p.c))));
-        may &= GE(fma(size, (vf)(0.5f * SHADOW_MARGIN * most), most_over(project_plane(f, p), over)), (vf)(0.0f));
-        if (!row_any(may)) break;
-    }
-    return may;
-}
-
 // Darken what lies behind LANES occluders of those on a receiver; false when none is left.
 inline int cast_planes(const Receiver *f, const Plane *planes, vi may, Darkness *d)
 {
@@ -100,14 +78,15 @@ inline float most_dot(float3 a, float3 da, float3 b, float3 db)
     return dot(a, b) + 1.00001f * dot(fabs(a), db) + 1.00001f * dot(da, fabs(b) + db) + 1.0e-6f * dot(fabs(a), fabs(b));
 }
 
-// Whether no ray of a block on one triangle, whose hit points lo and hi bound, meets a side that faces the light.
-inline int turned_away(const Facet *f, const Bundle *r, global const float *light, const float *lo, const float *hi)
+// Whether no ray within `extent` columns and rows of the centre that meets one triangle, between lo and hi, meets a side
+// that faces the light.
+inline int turned_away(const Facet *f, const Bundle *r, float extent, global const float *light, const float *lo, const float *hi)
 {
 #if SMOOTH
     const float3 n = (float3)(f->n[0].c, f->n[1].c, f->n[2].c);
-    const float3 dn = HALF * (float3)(fabs(f->n[0].i) + fabs(f->n[0].j), fabs(f->n[1].i) + fabs(f->n[1].j), fabs(f->n[2].i) + fabs(f->n[2].j));
+    const float3 dn = extent * (float3)(fabs(f->n[0].i) + fabs(f->n[0].j), fabs(f->n[1].i) + fabs(f->n[1].j), fabs(f->n[2].i) + fabs(f->n[2].j));
     // Normals are turned to the viewer, and may all have to be turned or none.
-    const float3 view = (float3)(r->dx, r->dy, 1.0f), dview = HALF * (float3)(fabs(r->tx), fabs(r->ty), 0.0f);
+    const float3 view = (float3)(r->dx, r->dy, 1.0f), dview = extent * (float3)(fabs(r->tx), fabs(r->ty), 0.0f);
     const float sign = most_dot(n, dn, view, dview) < 0.0f ? 1.0f : most_dot(-n, dn, view, dview) < 0.0f ? -1.0f : 0.0f;
     if (sign == 0.0f) return 0;
 #else

@@ -11,7 +11,7 @@
 #endif
 #define SHADOWED (SHADOW_LIGHTS > 0)
 #if SHADOWED && OUTER == 1
-#define SCREEN_WORDS (PLANE_WORDS * POOL)
+#define SCREEN_WORDS (OCCLUDER_WORDS * POOL)
 #else
 #define SCREEN_WORDS 0
 #endif
@@ -58,7 +58,7 @@ inline Easel make_easel(global uint *memory)
     e.shadows.seeing = TAKE(int, BLOCK_RAYS);
     e.shadows.seen = TAKE(float, 3 * BLOCK_RAYS);
 #if OUTER == 1
-    e.shadows.screens.pool = TAKE(float, PLANE_WORDS * POOL);
+    e.shadows.screens.pool = TAKE(float, SCREEN_WORDS);
 #endif
 #endif
     e.colours.base = TAKE(float, 3 * BLOCK_RAYS);

@@ -2,8 +2,8 @@
 //
 // Blocks of a beam lie side by side, and most share their triangles with their neighbours.  What may stand between
 // the light and all that one element's part of the beam sees of a triangle is gathered when the first block asks, and
-// set up for good; often there is nothing.  A screen depends on nothing but the beam, the triangle and the light: which
-// block asked first, and what else is traced, changes no bit of it.
+// its forms, counted from the middle of that part, are set up for good; often there is nothing.  A screen depends on
+// nothing but the beam, the triangle and the light: which block asked first, and what else is traced, changes no bit of it.
 #ifndef LFCORE_SCREENS_CL
 #define LFCORE_SCREENS_CL
 #include "homography.cl"
@@ -13,21 +13,25 @@
 #define SCREENS 64
 #define POOL 1024           // occluders of all screens
 #define SCREEN_LIMIT 128    // and of one: more are culled block by block
-#define PLANE_WORDS 16
+#define OCCLUDER_WORDS 12
+
+// No ray of the beam that meets the triangle sees the light; occluders are culled block by block.
+enum { ALL_DARK = -2, NO_SCREEN = -1 };
 
 typedef struct {
     int key;                // triangle and light; -1: none
-    int first, rows;        // rows of LANES occluders in the pool; rows -1: more than SCREEN_LIMIT
+    int first, rows;        // rows of LANES occluders in the pool, or one of these:
     float lo[3], hi[3];     // of all that the beam may see of the triangle
 } Screen;
 
 typedef struct {
     Screen of[SCREENS];
-    global float *pool;     // (POOL / LANES, PLANE_WORDS, LANES) four planes of each occluder
+    global float *pool;     // (POOL / LANES, OCCLUDER_WORDS, LANES) four forms of each occluder
     int used;               // rows of the pool
     int element;            // whose rays these are
     Bundle beam;            // its part of the beam, as if that were one block
     Rectangle reach;
+    float2 block;           // where the block that is painted lies within
 } Screens;
 
 inline void clear_screens(Screens *screens)
@@ -39,6 +43,7 @@ inline void clear_screens(Screens *screens)
 // To be called before a block is painted.
 inline void enter_element(const Rays *rays, const BeamWork *work, int block, Screens *screens)
 {
+    screens->block = block_offset(block);
     if (screens->element == block / ELEMENT_BLOCKS) return;
     screens->element = block / ELEMENT_BLOCKS;
     clear_screens(screens);
@@ -48,16 +53,14 @@ inline void enter_element(const Rays *rays, const BeamWork *work, int block, Scr
 }
 
 // Bounds of what an element's part of the beam sees of triangle `id`; `facet` receives it, prepared for the beam.
-// Returns whether all of its rays see it from one side.
-inline int screen_bounds(const Surfaces *s, const Screens *screens, int id, Facet *facet, float *lo, float *hi)
+inline void screen_bounds(const Surfaces *s, const Screens *screens, int id, Facet *facet, float *lo, float *hi)
 {
     prepare_facet(s, &screens->beam, id, 0.0f, facet);
     global const float *at = s->corners + id * 9;
     const float3 p = corner(at, 0), q = corner(at, 1), w = corner(at, 2), slack = 1.0e-6f * max(fabs(p), max(fabs(q), fabs(w)));
     const float3 low = min(p, min(q, w)) - slack, high = max(p, max(q, w)) + slack;
     float2 z = (float2)(max(low.z, 0.0f), high.z);
-    const int sided = one_sided_over(facet, screens->reach);
-    if (sided) {
+    if (one_sided_over(facet, screens->reach)) {
         const float2 depths = facet_depths(facet, screens->reach);
         z = (float2)(max(z.x, depths.x), max(max(z.x, depths.x), min(z.y, depths.y)));
     }
@@ -68,22 +71,36 @@ inline int screen_bounds(const Surfaces *s, const Screens *screens, int id, Face
         lo[k] = min(max(lo[k], l[k]), h[k]);
         hi[k] = max(min(hi[k], h[k]), lo[k]);
     }
-    return sided;
 }
 
-// Put the lanes in `keep` on the screen that the pool ends with; 0 once they are too many.
-inline int add_to_screen(Screens *screens, int *count, const Plane *planes, uint keep)
+// Whether hit points on a facet times their weight may be moved from block to block of a beam: rounding is that of the
+// largest weight, and what is excluded near the surface a multiple of each.
+inline int evenly_weighted(const Facet *f, Rectangle at)
 {
-    private float words[PLANE_WORDS * LANES];
-    for (int k = 0; k < 4; ++k) {
-        VSTORE(planes[k].n.x, words + 4 * k * LANES); VSTORE(planes[k].n.y, words + (4 * k + 1) * LANES);
-        VSTORE(planes[k].n.z, words + (4 * k + 2) * LANES); VSTORE(planes[k].c, words + (4 * k + 3) * LANES);
+    return at.wide * fabs(f->under.i) + at.high * fabs(f->under.j) < 0.75f * f->under.c;
+}
+
+// Put on a new screen, which the pool ends with, those of LANES occluders in `may` that can darken a ray of its receiver.
+// 0 once no more are wanted: one of them darkens every ray, or they are too many.
+inline int add_to_screen(const Receiver *receiver, const Plane *planes, vi may, Screens *screens, Screen *screen, int *count)
+{
+    Affine e[4];
+    vi all = may;
+    for (int k = 3; k >= 0; --k) {
+        e[k] = project_plane(receiver, planes[k]);
+        sift_occluders(e[k], &receiver->over, &may, &all);
+        if (!row_any(may)) return 1;
     }
-    for (; keep; keep &= keep - 1) {
-        if (*count == SCREEN_LIMIT) return 0;
-        const uint lane = lowest(keep);
-        global float *to = screens->pool + (screens->used + *count / LANES) * PLANE_WORDS * LANES + *count % LANES;
-        for (int k = 0; k < PLANE_WORDS; ++k) to[k * LANES] = words[k * LANES + lane];
+    const uint keep = row_bits(may);
+    if (row_any(all) || *count + popcount(keep) > SCREEN_LIMIT) {
+        screen->rows = row_any(all) ? ALL_DARK : NO_SCREEN;
+        return 0;
+    }
+    private float words[OCCLUDER_WORDS * LANES];
+    for (int k = 0; k < 4; ++k) store_flat(e[k], words + 3 * k * LANES);
+    for (uint left = keep; left; left &= left - 1) {
+        global float *to = screens->pool + (screens->used + *count / LANES) * OCCLUDER_WORDS * LANES + *count % LANES;
+        for (int k = 0; k < OCCLUDER_WORDS; ++k) to[k * LANES] = words[k * LANES + lowest(left)];
         ++*count;
     }
     return 1;
@@ -95,23 +112,23 @@ inline void close_screen(Screens *screens, Screen *screen, int count)
     screen->first = screens->used;
     screen->rows = (count + LANES - 1) / LANES;
     for (; count % LANES; ++count) {
-        global float *to = screens->pool + (screens->used + count / LANES) * PLANE_WORDS * LANES + count % LANES;
-        for (int k = 0; k < PLANE_WORDS; ++k) to[k * LANES] = k % 4 == 3 ? -1.0f : 0.0f;
+        global float *to = screens->pool + (screens->used + count / LANES) * OCCLUDER_WORDS * LANES + count % LANES;
+        for (int k = 0; k < OCCLUDER_WORDS; ++k) to[k * LANES] = k % 3 == 0 ? -1.0f : 0.0f;
     }
     screens->used += screen->rows;
 }
 
-// Darken a receiver's rays behind its screen; false when none is left.
-inline int cast_screen(const Screens *screens, const Screen *screen, const Receiver *receiver, Darkness *d)
+// Darken what lies behind a screen; false when nothing is left.
+inline int cast_screen(const Screens *screens, const Screen *screen, Darkness *d)
 {
     for (int row = screen->first; row < screen->first + screen->rows; ++row) {
-        global const float *at = screens->pool + row * PLANE_WORDS * LANES;
-        Plane planes[4];
+        global const float *at = screens->pool + row * OCCLUDER_WORDS * LANES;
+        Affine e[4];
         for (int k = 0; k < 4; ++k) {
-            planes[k].n.x = VLOAD(at + 4 * k * LANES); planes[k].n.y = VLOAD(at + (4 * k + 1) * LANES);
-            planes[k].n.z = VLOAD(at + (4 * k + 2) * LANES); planes[k].c = VLOAD(at + (4 * k + 3) * LANES);
+            const Affine form = {VLOAD(at + 3 * k * LANES), VLOAD(at + (3 * k + 1) * LANES), VLOAD(at + (3 * k + 2) * LANES)};
+            e[k] = form;
         }
-        if (!cast_planes(receiver, planes, (vi)(-1), d)) return 0;
+        if (!cast_occluders(e, (vi)(-1), d)) return 0;
     }
     return 1;
 }

@@ -34,10 +34,11 @@ typedef struct {
     int own;                    // -1: not on one triangle
     global const int *ids;      // 0: all rays are on it
     global int *open;
-    const Receiver *receiver;   // of those rays; of a screen, 0 where some see the triangle from either side
-    Darkness *darkness;         // of them
-    Screens *screens;           // 0: rays are darkened
-    int count;                  // on the screen
+    const Receiver *receiver;   // of those rays, or of a screen
+    Darkness *darkness;         // of them; 0: occluders are put on a screen
+    Screens *screens;
+    Screen *screen;
+    int count;                  // on it
     LightView view;
     Strips strips;
     global const float *seen;
@@ -76,13 +77,12 @@ inline int next_span(const Bundle *r, global const float *point, global int *wan
 }
 
 #if OUTER == 1
-// The same for rays on one triangle, or for its screen; false once the screen is full.
-inline int cast_leaf_on_facet(const ShadowRays *r, Target *target, const Plane *planes, vi may, global const int *leaf_ids)
+// The same for rays on one triangle, or for its screen; false once that is settled.
+inline int cast_leaf_on_facet(Target *target, const Plane *planes, vi may, global const int *leaf_ids)
 {
     may &= ~EQ(VLOAD(leaf_ids), (vi)(target->own));
-    if (!target->screens) return cast_planes(target->receiver, planes, may, target->darkness);
-    if (target->receiver) may = darkens(target->receiver, r, planes, may);
-    return add_to_screen(target->screens, &target->count, planes, row_bits(may));
+    if (target->darkness) return cast_planes(target->receiver, planes, may, target->darkness);
+    return add_to_screen(target->receiver, planes, may, target->screens, target->screen, &target->count);
 }
 #endif
 
@@ -90,7 +90,7 @@ inline int cast_leaf_on_facet(const ShadowRays *r, Target *target, const Plane *
 inline int cast_leaf(const ShadowRays *r, Target *target, const Plane *planes, vi may, global const int *leaf_ids)
 {
 #if OUTER == 1
-    if (target->own >= 0) return cast_leaf_on_facet(r, target, planes, may, leaf_ids);
+    if (target->own >= 0) return cast_leaf_on_facet(target, planes, may, leaf_ids);
 #endif
     private float forms[SHADOW_FORMS * LANES];
     for (uint keep = store_occluders(r, &target->view, planes, may, forms); keep; keep &= keep - 1) {
@@ -142,16 +142,39 @@ inline void make_screen(const Bvh *bvh, const Surfaces *s, global const float *l
     Screens *screens = &memory->screens;
     if (screens->used + SCREEN_LIMIT / LANES > POOL / LANES) clear_screens(screens);
     Facet facet;
-    const int sided = screen_bounds(s, screens, id, &facet, screen->lo, screen->hi);
+    screen_bounds(s, screens, id, &facet, screen->lo, screen->hi);
+    screen->rows = NO_SCREEN;
+    if (!evenly_weighted(&facet, screens->reach)) return;
+    screen->rows = ALL_DARK;
+    if (turned_away(&facet, &screens->beam, ELEMENT_HALF, light, screen->lo, screen->hi)) return;
     const ShadowRays rays = shadow_rays(light, screen->lo, screen->hi);
     const Receiver receiver = make_receiver(&screens->beam, &facet, screens->reach, rays.apex);
     Target target;
     target.own = id;
-    target.receiver = sided ? &receiver : 0;
+    target.receiver = &receiver;
+    target.darkness = 0;
     target.screens = screens;
+    target.screen = screen;
     target.count = 0;
     if (darken(bvh, light, &rays, memory, screen->lo, screen->hi, &target)) close_screen(screens, screen, target.count);
-    else screen->rows = -1;
+}
+
+// Darken a share's rays for which there is no screen; false when none is left.
+inline int cast_on_share(const Bvh *bvh, global const float *light, ShadowMemory *memory, const Screen *screen, const Bundle *bundle,
+                         const Share *share, Darkness *darkness)
+{
+    float lo[3], hi[3];
+    const float2 z = facet_depths(share->facet, share->over);
+    bundle_bounds(bundle, share->over, z.x, z.y, lo, hi);
+    if (turned_away(share->facet, bundle, HALF, light, lo, hi)) return 0;
+    ShadowRays rays = shadow_rays(light, screen->lo, screen->hi);
+    const Receiver receiver = make_receiver(bundle, share->facet, share->over, rays.apex);
+    aim_at(&rays, lo, hi);
+    Target target;
+    target.own = share->id;
+    target.receiver = &receiver;
+    target.darkness = darkness;
+    return darken(bvh, light, &rays, memory, lo, hi, &target);
 }
 
 // Take from `wants` a share's rays, all of the block's or those that `ids` says, that cannot see light `number`.
@@ -160,33 +183,22 @@ inline void shadow_share(const Bvh *bvh, const Surfaces *s, int number, ShadowMe
 {
     global const float *light = s->lights + (OPEN_LIGHTS + number) * LIGHT;
     const int key = share->id * SHADOW_LIGHTS + number;
+    const Screens *screens = &memory->screens;
     Screen *screen = memory->screens.of + key % SCREENS;
-    float lo[3], hi[3];
-    if (screen->key != key || screen->rows < 0) {
-        const float2 z = facet_depths(share->facet, share->over);
-        bundle_bounds(bundle, share->over, z.x, z.y, lo, hi);
-        if (turned_away(share->facet, bundle, light, lo, hi)) {
-            take_all(ids, share->id, wants);
-            return;
-        }
-    }
     if (screen->key != key) make_screen(bvh, s, light, memory, share->id, screen);
     screen->key = key;
     if (screen->rows == 0) return;
-    ShadowRays rays = shadow_rays(light, screen->lo, screen->hi);
-    const Receiver receiver = make_receiver(bundle, share->facet, share->over, rays.apex);
-    Darkness darkness = none_dark(share->over, (float2)(-HALF));
-    int left;
+    int left = 0;
+    Darkness darkness;
     if (screen->rows > 0) {
-        left = cast_screen(&memory->screens, screen, &receiver, &darkness);
-    } else {
-        aim_at(&rays, lo, hi);
-        Target target;
-        target.own = share->id;
-        target.receiver = &receiver;
-        target.darkness = &darkness;
-        target.screens = 0;
-        left = darken(bvh, light, &rays, memory, lo, hi, &target);
+        Rectangle over = share->over;
+        over.x += screens->block.x;
+        over.y += screens->block.y;
+        darkness = none_dark(over, screens->block - HALF);
+        left = cast_screen(screens, screen, &darkness);
+    } else if (screen->rows == NO_SCREEN) {
+        darkness = none_dark(share->over, (float2)(-HALF));
+        left = cast_on_share(bvh, light, memory, screen, bundle, share, &darkness);
     }
     if (left) take_dark(&darkness, ids, share->id, wants);
     else take_all(ids, share->id, wants);
