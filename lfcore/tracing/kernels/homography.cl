@@ -78,15 +78,16 @@ inline float most_dot(float3 a, float3 da, float3 b, float3 db)
     return dot(a, b) + 1.00001f * dot(fabs(a), db) + 1.00001f * dot(da, fabs(b) + db) + 1.0e-6f * dot(fabs(a), fabs(b));
 }
 
-// Whether no ray within `extent` columns and rows of the centre that meets one triangle, between lo and hi, meets a side
-// that faces the light.
-inline int turned_away(const Facet *f, const Bundle *r, float extent, global const float *light, const float *lo, const float *hi)
+// Whether no ray in a rectangle that meets one triangle, between lo and hi, meets a side that faces the light.
+inline int turned_away(const Facet *f, const Bundle *r, Rectangle at, global const float *light, const float *lo, const float *hi)
 {
 #if SMOOTH
-    const float3 n = (float3)(f->n[0].c, f->n[1].c, f->n[2].c);
-    const float3 dn = extent * (float3)(fabs(f->n[0].i) + fabs(f->n[0].j), fabs(f->n[1].i) + fabs(f->n[1].j), fabs(f->n[2].i) + fabs(f->n[2].j));
+    const float3 c = (float3)(f->n[0].c, f->n[1].c, f->n[2].c), i = (float3)(f->n[0].i, f->n[1].i, f->n[2].i);
+    const float3 j = (float3)(f->n[0].j, f->n[1].j, f->n[2].j);
+    const float3 n = fma(i, at.x, fma(j, at.y, c)), dn = fabs(i) * at.wide + fabs(j) * at.high + 1.0e-6f * (fabs(i * at.x) + fabs(j * at.y) + fabs(c));
     // Normals are turned to the viewer, and may all have to be turned or none.
-    const float3 view = (float3)(r->dx, r->dy, 1.0f), dview = extent * (float3)(fabs(r->tx), fabs(r->ty), 0.0f);
+    const float3 view = (float3)(fma(at.x, r->tx, r->dx), fma(at.y, r->ty, r->dy), 1.0f);
+    const float3 dview = (float3)(at.wide * fabs(r->tx), at.high * fabs(r->ty), 0.0f);
     const float sign = most_dot(n, dn, view, dview) < 0.0f ? 1.0f : most_dot(-n, dn, view, dview) < 0.0f ? -1.0f : 0.0f;
     if (sign == 0.0f) return 0;
 #else

@@ -33,13 +33,13 @@ inline Plane flip_plane(Plane f, vi sign)
     return f;
 }
 
-// The four forms of LANES triangles: a ray is dark where the three edges are not negative and the
-// last, beyond the triangle's plane, is positive.  Returns the mask of those that may darken the block.
-inline vi setup_occluders(const ShadowRays *r, const Shaft *shaft, global const float *leaf, Plane *out)
+// LANES triangles as occluders: corners relative to the apex, and the sign that turns forms to the side that the light is on.
+typedef struct { Vec v[3]; vi flip; } Occluders;
+
+// Beyond the triangles' own planes this form is positive.  `may` loses those seen edge-on, which cast no shadow.
+inline Plane face_occluders(const ShadowRays *r, global const float *leaf, Occluders *o, vi *may)
 {
-    const vi near = ~shaft_misses(shaft, leaf);
-    if (!row_any(near)) return near;
-    Vec v[3];
+    Vec *v = o->v;
     for (int k = 0; k < 3; ++k) {
         v[k].x = VLOAD(leaf + 48 * k) - r->apex.x;
         v[k].y = VLOAD(leaf + 48 * k + 16) - r->apex.y;
@@ -49,27 +49,45 @@ inline vi setup_occluders(const ShadowRays *r, const Shaft *shaft, global const 
     const Vec n = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
     const Vec to = {(vf)(r->towards.x), (vf)(r->towards.y), (vf)(r->towards.z)};
     const vf offset = dot3(n, v[0]);
-    // Oriented by the side that the light is on; a triangle seen edge-on casts no shadow.
     const vf side = r->is_point ? offset : dot3(n, to);
-    const vi flip = AS_VI(side) & (vi)(0x80000000);
+    o->flip = AS_VI(side) & (vi)(0x80000000);
+    *may &= ~EQ(side, (vf)(0.0f));
     const vf margin = SHADOW_MARGIN * fma(fabs(n.x), fabs(v[0].x) + r->size.x,
                                     fma(fabs(n.y), fabs(v[0].y) + r->size.y, fabs(n.z) * (fabs(v[0].z) + r->size.z)));
     const Plane plane = {n, -offset};
-    out[3] = flip_plane(plane, r->is_point ? flip : flip ^ (vi)(0x80000000));
-    out[3].c -= margin;
-    vi keep = near & ~EQ(side, (vf)(0.0f)) & GE(plane_reach(out[3], r), (vf)(0.0f));
+    Plane beyond = flip_plane(plane, r->is_point ? o->flip : o->flip ^ (vi)(0x80000000));
+    beyond.c -= margin;
+    return beyond;
+}
+
+// Within all three edges these forms are not negative.
+inline Plane edge_of_occluders(const ShadowRays *r, const Occluders *o, int k)
+{
+    const Vec q = o->v[(k + 1) % 3], w = o->v[(k + 2) % 3];
+    const Vec c = {q.y * w.z - q.z * w.y, q.z * w.x - q.x * w.z, q.x * w.y - q.y * w.x};
+    Plane edge = {c, 0.0f};
+    if (!r->is_point) {
+        const Vec to = {(vf)(r->towards.x), (vf)(r->towards.y), (vf)(r->towards.z)};
+        const Vec d = {w.x - q.x, w.y - q.y, w.z - q.z};
+        const Vec along = {to.y * d.z - to.z * d.y, to.z * d.x - to.x * d.z, to.x * d.y - to.y * d.x};
+        edge.n = along;
+        edge.c = dot3(to, c);
+    }
+    return flip_plane(edge, o->flip);
+}
+
+// The four forms of LANES triangles: a ray is dark where the three edges are not negative and the
+// last, beyond the triangle's plane, is positive.  Returns the mask of those that may darken the block.
+inline vi setup_occluders(const ShadowRays *r, const Shaft *shaft, global const float *leaf, Plane *out)
+{
+    vi keep = ~shaft_misses(shaft, leaf);
+    if (!row_any(keep)) return keep;
+    Occluders o;
+    out[3] = face_occluders(r, leaf, &o, &keep);
+    keep &= GE(plane_reach(out[3], r), (vf)(0.0f));
     if (!row_any(keep)) return keep;
     for (int k = 0; k < 3; ++k) {
-        const Vec q = v[(k + 1) % 3], w = v[(k + 2) % 3];
-        const Vec c = {q.y * w.z - q.z * w.y, q.z * w.x - q.x * w.z, q.x * w.y - q.y * w.x};
-        Plane edge = {c, 0.0f};
-        if (!r->is_point) {
-            const Vec d = {w.x - q.x, w.y - q.y, w.z - q.z};
-            const Vec along = {to.y * d.z - to.z * d.y, to.z * d.x - to.x * d.z, to.x * d.y - to.y * d.x};
-            edge.n = along;
-            edge.c = dot3(to, c);
-        }
-        out[k] = flip_plane(edge, flip);
+        out[k] = edge_of_occluders(r, &o, k);
         keep &= GE(plane_reach(out[k], r), (vf)(0.0f));
     }
     return keep;

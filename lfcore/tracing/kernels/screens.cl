@@ -21,7 +21,8 @@ enum { ALL_DARK = -2, NO_SCREEN = -1 };
 typedef struct {
     int key;                // triangle and light; -1: none
     int first, rows;        // rows of LANES occluders in the pool, or one of these:
-    float lo[3], hi[3];     // of all that the beam may see of the triangle
+    Rectangle over;         // around the rays of the beam that may meet the triangle
+    float lo[3], hi[3];     // of their hit points
 } Screen;
 
 typedef struct {
@@ -30,7 +31,6 @@ typedef struct {
     int used;               // rows of the pool
     int element;            // whose rays these are
     Bundle beam;            // its part of the beam, as if that were one block
-    Rectangle reach;
     float2 block;           // where the block that is painted lies within
 } Screens;
 
@@ -48,28 +48,46 @@ inline void enter_element(const Rays *rays, const BeamWork *work, int block, Scr
     screens->element = block / ELEMENT_BLOCKS;
     clear_screens(screens);
     screens->beam = element_bundle(rays, work, block);
-    screens->reach.x = screens->reach.y = 0.0f;
-    screens->reach.wide = screens->reach.high = ELEMENT_HALF;
+}
+
+// Where along one axis the rays lie that may meet a triangle with corners at `at` and depths `z`, in columns from the
+// middle of those that pass `from` + z `along`, each `step` + z `turn` beside the one before: the middle, and half the extent.
+inline float2 span_of(float3 at, float3 z, float from, float along, float step, float turn)
+{
+    const float3 pitch = fma(z, turn, step), noise = 1.0e-6f * (fabs(at) + fabs(from) + fabs(z * along));
+    const int crossed = min(pitch.x, min(pitch.y, pitch.z)) <= 0.0f && max(pitch.x, max(pitch.y, pitch.z)) >= 0.0f;
+    // Rays of a pixel cross where it is in focus, and nothing is met behind the lens.
+    if (crossed || min(z.x, min(z.y, z.z)) <= 0.0f) return (float2)(0.0f, ELEMENT_HALF);
+    const float3 column = (at - from - z * along) / pitch, slack = noise / fabs(pitch) + 0.01f;
+    const float3 low = column - slack, high = column + slack;
+    const float first = clamp(min(low.x, min(low.y, low.z)), -ELEMENT_HALF, ELEMENT_HALF);
+    const float last = clamp(max(high.x, max(high.y, high.z)), -ELEMENT_HALF, ELEMENT_HALF);
+    return 0.5f * (float2)(first + last, last - first);
 }
 
 // Bounds of what an element's part of the beam sees of triangle `id`; `facet` receives it, prepared for the beam.
-inline void screen_bounds(const Surfaces *s, const Screens *screens, int id, Facet *facet, float *lo, float *hi)
+inline void screen_bounds(const Surfaces *s, const Bundle *beam, int id, Facet *facet, Screen *screen)
 {
-    prepare_facet(s, &screens->beam, id, 0.0f, facet);
+    prepare_facet(s, beam, id, 0.0f, facet);
     global const float *at = s->corners + id * 9;
+    const float3 x = (float3)(at[0], at[3], at[6]), y = (float3)(at[1], at[4], at[7]), depth = (float3)(at[2], at[5], at[8]);
+    const float2 across = span_of(x, depth, beam->ox, beam->dx, beam->sx, beam->tx);
+    const float2 down = span_of(y, depth, beam->oy, beam->dy, beam->sy, beam->ty);
+    const Rectangle over = {across.x, down.x, across.y, down.y};
+    screen->over = over;
     const float3 p = corner(at, 0), q = corner(at, 1), w = corner(at, 2), slack = 1.0e-6f * max(fabs(p), max(fabs(q), fabs(w)));
     const float3 low = min(p, min(q, w)) - slack, high = max(p, max(q, w)) + slack;
     float2 z = (float2)(max(low.z, 0.0f), high.z);
-    if (one_sided_over(facet, screens->reach)) {
-        const float2 depths = facet_depths(facet, screens->reach);
+    if (one_sided_over(facet, over)) {
+        const float2 depths = facet_depths(facet, over);
         z = (float2)(max(z.x, depths.x), max(max(z.x, depths.x), min(z.y, depths.y)));
     }
-    bundle_bounds(&screens->beam, screens->reach, z.x, z.y, lo, hi);
+    bundle_bounds(beam, over, z.x, z.y, screen->lo, screen->hi);
     const float l[2] = {low.x, low.y}, h[2] = {high.x, high.y};
     for (int k = 0; k < 2; ++k) {
         // Rounding apart, both hold what is seen.
-        lo[k] = min(max(lo[k], l[k]), h[k]);
-        hi[k] = max(min(hi[k], h[k]), lo[k]);
+        screen->lo[k] = min(max(screen->lo[k], l[k]), h[k]);
+        screen->hi[k] = max(min(screen->hi[k], h[k]), screen->lo[k]);
     }
 }
 
@@ -77,20 +95,29 @@ inline void screen_bounds(const Surfaces *s, const Screens *screens, int id, Fac
 // largest weight, and what is excluded near the surface a multiple of each.
 inline int evenly_weighted(const Facet *f, Rectangle at)
 {
-    return at.wide * fabs(f->under.i) + at.high * fabs(f->under.j) < 0.75f * f->under.c;
+    const float middle = f->under.c + at.x * f->under.i + at.y * f->under.j;
+    const float spread = at.wide * fabs(f->under.i) + at.high * fabs(f->under.j);
+    return middle - spread > 0.125f * max(middle + spread, f->under.c);
 }
 
-// Put on a new screen, which the pool ends with, those of LANES occluders in `may` that can darken a ray of its receiver.
-// 0 once no more are wanted: one of them darkens every ray, or they are too many.
-inline int add_to_screen(const Receiver *receiver, const Plane *planes, vi may, Screens *screens, Screen *screen, int *count)
+// Put on a new screen, which the pool ends with, those of LANES triangles of a leaf that can darken a ray of its receiver,
+// which is on triangle `own`.  0 once no more are wanted: one of them darkens every ray, or they are too many.
+inline int add_to_screen(const ShadowRays *r, const Shaft *shaft, const Receiver *receiver, global const float *leaf,
+                         global const int *leaf_ids, int own, Screens *screens, Screen *screen, int *count)
 {
+    vi may = ~(shaft_misses(shaft, leaf) | EQ(VLOAD(leaf_ids), (vi)(own))), all = -1;
+    if (!row_any(may)) return 1;
     Affine e[4];
-    vi all = may;
-    for (int k = 3; k >= 0; --k) {
-        e[k] = project_plane(receiver, planes[k]);
-        sift_occluders(e[k], &receiver->over, &may, &all);
+    Occluders o;
+    e[3] = project_plane(receiver, face_occluders(r, leaf, &o, &may));
+    sift_occluders(e[3], &receiver->over, &may, &all);
+    for (int k = 2; k >= 0; --k) {
         if (!row_any(may)) return 1;
+        e[k] = project_plane(receiver, edge_of_occluders(r, &o, k));
+        sift_occluders(e[k], &receiver->over, &may, &all);
     }
+    all &= may;
+    if (!row_any(may)) return 1;
     const uint keep = row_bits(may);
     if (row_any(all) || *count + popcount(keep) > SCREEN_LIMIT) {
         screen->rows = row_any(all) ? ALL_DARK : NO_SCREEN;

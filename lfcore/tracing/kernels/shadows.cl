@@ -35,9 +35,9 @@ typedef struct {
     global const int *ids;      // 0: all rays are on it
     global int *open;
     const Receiver *receiver;   // of those rays, or of a screen
-    Darkness *darkness;         // of them; 0: occluders are put on a screen
+    Darkness *darkness;         // of them
     Screens *screens;
-    Screen *screen;
+    Screen *screen;             // 0: rays are darkened
     int count;                  // on it
     LightView view;
     Strips strips;
@@ -76,21 +76,11 @@ inline int next_span(const Bundle *r, global const float *point, global int *wan
     return 1;
 }
 
-#if OUTER == 1
-// The same for rays on one triangle, or for its screen; false once that is settled.
-inline int cast_leaf_on_facet(Target *target, const Plane *planes, vi may, global const int *leaf_ids)
-{
-    may &= ~EQ(VLOAD(leaf_ids), (vi)(target->own));
-    if (target->darkness) return cast_planes(target->receiver, planes, may, target->darkness);
-    return add_to_screen(target->receiver, planes, may, target->screens, target->screen, &target->count);
-}
-#endif
-
 // Darken the target behind LANES triangles; false once no ray of it can see the light.
 inline int cast_leaf(const ShadowRays *r, Target *target, const Plane *planes, vi may, global const int *leaf_ids)
 {
 #if OUTER == 1
-    if (target->own >= 0) return cast_leaf_on_facet(target, planes, may, leaf_ids);
+    if (target->own >= 0) return cast_planes(target->receiver, planes, may & ~EQ(VLOAD(leaf_ids), (vi)(target->own)), target->darkness);
 #endif
     private float forms[SHADOW_FORMS * LANES];
     for (uint keep = store_occluders(r, &target->view, planes, may, forms); keep; keep &= keep - 1) {
@@ -110,9 +100,17 @@ inline int cast_list(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, co
         for (; near; near &= near - 1) {
             const int leaf = list->leaf[base + lowest(near)];
             for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-                const vi may = setup_occluders(r, shaft, bvh->leaves + leaf * 9 * NODE_WIDTH + lane, planes);
-                if (!row_any(may)) continue;
-                if (!cast_leaf(r, target, planes, may, bvh->leaf_ids + leaf * NODE_WIDTH + lane)) return 0;
+                global const float *corners = bvh->leaves + leaf * 9 * NODE_WIDTH + lane;
+                global const int *ids = bvh->leaf_ids + leaf * NODE_WIDTH + lane;
+#if OUTER == 1
+                if (target->screen) {
+                    if (!add_to_screen(r, shaft, target->receiver, corners, ids, target->own, target->screens, target->screen, &target->count))
+                        return 0;
+                    continue;
+                }
+#endif
+                const vi may = setup_occluders(r, shaft, corners, planes);
+                if (row_any(may) && !cast_leaf(r, target, planes, may, ids)) return 0;
             }
         }
     }
@@ -142,17 +140,16 @@ inline void make_screen(const Bvh *bvh, const Surfaces *s, global const float *l
     Screens *screens = &memory->screens;
     if (screens->used + SCREEN_LIMIT / LANES > POOL / LANES) clear_screens(screens);
     Facet facet;
-    screen_bounds(s, screens, id, &facet, screen->lo, screen->hi);
+    screen_bounds(s, &screens->beam, id, &facet, screen);
     screen->rows = NO_SCREEN;
-    if (!evenly_weighted(&facet, screens->reach)) return;
+    if (!evenly_weighted(&facet, screen->over)) return;
     screen->rows = ALL_DARK;
-    if (turned_away(&facet, &screens->beam, ELEMENT_HALF, light, screen->lo, screen->hi)) return;
+    if (turned_away(&facet, &screens->beam, screen->over, light, screen->lo, screen->hi)) return;
     const ShadowRays rays = shadow_rays(light, screen->lo, screen->hi);
-    const Receiver receiver = make_receiver(&screens->beam, &facet, screens->reach, rays.apex);
+    const Receiver receiver = make_receiver(&screens->beam, &facet, screen->over, rays.apex);
     Target target;
     target.own = id;
     target.receiver = &receiver;
-    target.darkness = 0;
     target.screens = screens;
     target.screen = screen;
     target.count = 0;
@@ -166,7 +163,7 @@ inline int cast_on_share(const Bvh *bvh, global const float *light, ShadowMemory
     float lo[3], hi[3];
     const float2 z = facet_depths(share->facet, share->over);
     bundle_bounds(bundle, share->over, z.x, z.y, lo, hi);
-    if (turned_away(share->facet, bundle, HALF, light, lo, hi)) return 0;
+    if (turned_away(share->facet, bundle, share->over, light, lo, hi)) return 0;
     ShadowRays rays = shadow_rays(light, screen->lo, screen->hi);
     const Receiver receiver = make_receiver(bundle, share->facet, share->over, rays.apex);
     aim_at(&rays, lo, hi);
@@ -174,6 +171,7 @@ inline int cast_on_share(const Bvh *bvh, global const float *light, ShadowMemory
     target.own = share->id;
     target.receiver = &receiver;
     target.darkness = darkness;
+    target.screen = 0;
     return darken(bvh, light, &rays, memory, lo, hi, &target);
 }
 
@@ -221,6 +219,7 @@ inline void shadow_block(const Bvh *bvh, global const float *light, ShadowMemory
     Target target;
     target.own = -1;
     target.receiver = 0;
+    target.screen = 0;
     target.seen = memory->seen;
     target.ids = ids;
     target.open = memory->open;
