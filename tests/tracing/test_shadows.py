@@ -34,6 +34,13 @@ def crumbs(each):
     return (middle + rng.normal(size=(9, each, 3, 3)) * 0.004).reshape(-1, 3, 3)
 
 
+class Singly(Tracer):
+    """A tracer that follows rays one by one."""
+
+    def scattered(self, bundles, outer=1):
+        return True
+
+
 class OneElement(Tracer):
     """A tracer whose blocks are of one element each."""
 
@@ -42,6 +49,14 @@ class OneElement(Tracer):
 
     def scattered(self, bundles, outer=1):
         return False
+
+
+def fan(depth, spokes=8, size=32.0):
+    """Triangles around the axis at ``depth``: the first edge is level, the third upright."""
+    turn = np.arange(spokes + 1) * 2 * np.pi / spokes
+    rim = np.round(np.stack([np.cos(turn), np.sin(turn)], -1), 6) * size
+    rim = np.concatenate([rim, np.full((spokes + 1, 1), depth)], -1)
+    return np.stack([np.full((spokes, 3), [0.0, 0.0, depth]), rim[:-1], rim[1:]], 1)
 
 
 def worlds():
@@ -67,6 +82,31 @@ def test_shadows_are_the_oracles(device, name):
     expected = trace(here, slab, all_pixels(slab)).reshape(found.shape)
     assert np.ptp(expected) > 0.15
     assert (np.abs(found - expected).max(-1) > 0.01).mean() < 2e-3
+
+
+@pytest.mark.parametrize("name", ["lamp", "sun", "edge-on", "many"])
+def test_shadows_are_those_of_single_rays(name):
+    """Of pixels whose rays fill many blocks: beams have screens, and triangles part of a beam."""
+    here, slab = world(name), Slab(CAMERA, 72, 24)
+    rays, bvh = macropixels(slab, all_pixels(slab)[::29]), build_bvh(here.triangles)
+    found, expected = (kind(here, bvh).bundle_radiance(rays) for kind in (OneElement, Singly))
+    assert np.ptp(expected) > 0.15
+    assert (np.abs(found - expected).max(-1) > 0.01).mean() < 2e-5
+
+
+@pytest.mark.parametrize("light", [(POINT, (0.0, 0.0, -2.0)), (DIRECTIONAL, (0.0, 0.0, -1.0))])
+@pytest.mark.parametrize("views", [9, 65])
+def test_no_light_comes_between_triangles(light, views):
+    """Edges that occluders share run along rows, columns and diagonals of rays, to the last bit."""
+    lights = [Light(*light, (0.7, 0.7, 0.7))]
+    here, slab = scene(np.concatenate([fan(-1.0), WALL]), lights=lights), Slab(CAMERA, views, 41)
+    middle = np.array([[20, 20], [20, 3], [20, 31], [5, 20], [9, 9]])
+    tracer = OneElement(here, build_bvh(here.triangles))
+    found = tracer.bundle_radiance(macropixels(slab, middle))
+    assert (found == np.float32(0.5) * np.float32(here.ambient)).all()
+    lit = scene(WALL, lights=lights)
+    open_to_light = OneElement(lit, build_bvh(lit.triangles)).bundle_radiance(macropixels(slab, middle))
+    assert (open_to_light > found + 0.1).all()
 
 
 @pytest.mark.parametrize("lanes", [1, 4, 16])

@@ -103,8 +103,5 @@ inline int turned_away(const Facet *f, const Bundle *r, Rectangle at, global con
     return most_dot(sign * n, dn, l, dl) < 0.0f;
 }
 
-#else
-typedef void Receiver;
 #endif
-
 #endif

@@ -160,7 +160,5 @@ inline int cast_screen(const Screens *screens, const Screen *screen, Darkness *d
     return 1;
 }
 
-#else
-typedef void Screens;
 #endif
 #endif

@@ -28,20 +28,22 @@ typedef struct {
 #endif
 } ShadowMemory;
 
-// What is done with occluders: rays of a block are darkened, all those `open` as the light sees them or those on
-// triangle `own`; or they are put on that triangle's screen.
+// What is done with occluders: rays of a block are darkened, those `open` as the light sees them or those on one
+// triangle; or they are put on that triangle's screen.
 typedef struct {
-    int own;                    // -1: not on one triangle
-    global const int *ids;      // 0: all rays are on it
+    global const int *ids;      // of the block
     global int *open;
-    const Receiver *receiver;   // of those rays, or of a screen
+    LightView view;
+    Strips strips;
+    global const float *seen;
+#if OUTER == 1
+    int own;                    // the triangle; -1: rays on any are darkened
+    const Receiver *receiver;   // of the rays on it
     Darkness *darkness;         // of them
     Screens *screens;
     Screen *screen;             // 0: rays are darkened
     int count;                  // on it
-    LightView view;
-    Strips strips;
-    global const float *seen;
+#endif
 } Target;
 
 // Hit points that want a light and lie within a span of depths: moves them from `wants` to `open`, and
@@ -217,9 +219,10 @@ inline void shadow_block(const Bvh *bvh, global const float *light, ShadowMemory
     float lo[3], hi[3];
     for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE((vi)(0), memory->seeing + at);
     Target target;
+#if OUTER == 1
     target.own = -1;
-    target.receiver = 0;
     target.screen = 0;
+#endif
     target.seen = memory->seen;
     target.ids = ids;
     target.open = memory->open;
