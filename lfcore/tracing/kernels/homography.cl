@@ -84,7 +84,8 @@ inline int turned_away(const Facet *f, const Bundle *r, Rectangle at, global con
 #if SMOOTH
     const float3 c = (float3)(f->n[0].c, f->n[1].c, f->n[2].c), i = (float3)(f->n[0].i, f->n[1].i, f->n[2].i);
     const float3 j = (float3)(f->n[0].j, f->n[1].j, f->n[2].j);
-    const float3 n = fma(i, at.x, fma(j, at.y, c)), dn = fabs(i) * at.wide + fabs(j) * at.high + 1.0e-6f * (fabs(i * at.x) + fabs(j * at.y) + fabs(c));
+    const float3 n = fma(i, at.x, fma(j, at.y, c)), noise = 1.0e-6f * (fabs(i * at.x) + fabs(j * at.y) + fabs(c));
+    const float3 dn = fma(fabs(i), at.wide, fma(fabs(j), at.high, noise));
     // Normals are turned to the viewer, and may all have to be turned or none.
     const float3 view = (float3)(fma(at.x, r->tx, r->dx), fma(at.y, r->ty, r->dy), 1.0f);
     const float3 dview = (float3)(at.wide * fabs(r->tx), at.high * fabs(r->ty), 0.0f);

@@ -36,15 +36,19 @@ inline Plane flip_plane(Plane f, vi sign)
 // LANES triangles as occluders: corners relative to the apex, and the sign that turns forms to the side that the light is on.
 typedef struct { Vec v[3]; vi flip; } Occluders;
 
-// Beyond the triangles' own planes this form is positive.  `may` loses those seen edge-on, which cast no shadow.
-inline Plane face_occluders(const ShadowRays *r, global const float *leaf, Occluders *o, vi *may)
+inline void place_occluders(const ShadowRays *r, global const float *leaf, Occluders *o)
 {
-    Vec *v = o->v;
     for (int k = 0; k < 3; ++k) {
-        v[k].x = VLOAD(leaf + 48 * k) - r->apex.x;
-        v[k].y = VLOAD(leaf + 48 * k + 16) - r->apex.y;
-        v[k].z = VLOAD(leaf + 48 * k + 32) - r->apex.z;
+        o->v[k].x = VLOAD(leaf + 48 * k) - r->apex.x;
+        o->v[k].y = VLOAD(leaf + 48 * k + 16) - r->apex.y;
+        o->v[k].z = VLOAD(leaf + 48 * k + 32) - r->apex.z;
     }
+}
+
+// Beyond the triangles' own planes this form is positive.  `may` loses those seen edge-on, which cast no shadow.
+inline Plane face_occluders(const ShadowRays *r, Occluders *o, vi *may)
+{
+    const Vec *v = o->v;
     const Vec a = {v[1].x - v[0].x, v[1].y - v[0].y, v[1].z - v[0].z}, b = {v[2].x - v[0].x, v[2].y - v[0].y, v[2].z - v[0].z};
     const Vec n = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
     const Vec to = {(vf)(r->towards.x), (vf)(r->towards.y), (vf)(r->towards.z)};
@@ -83,7 +87,8 @@ inline vi setup_occluders(const ShadowRays *r, const Shaft *shaft, global const 
     vi keep = ~shaft_misses(shaft, leaf);
     if (!row_any(keep)) return keep;
     Occluders o;
-    out[3] = face_occluders(r, leaf, &o, &keep);
+    place_occluders(r, leaf, &o);
+    out[3] = face_occluders(r, &o, &keep);
     keep &= GE(plane_reach(out[3], r), (vf)(0.0f));
     if (!row_any(keep)) return keep;
     for (int k = 0; k < 3; ++k) {

@@ -100,42 +100,77 @@ inline int evenly_weighted(const Facet *f, Rectangle at)
     return middle - spread > 0.125f * max(middle + spread, f->under.c);
 }
 
-// Put on a new screen, which the pool ends with, those of LANES triangles of a leaf that can darken a ray of its receiver,
-// which is on triangle `own`.  0 once no more are wanted: one of them darkens every ray, or they are too many.
-inline int add_to_screen(const ShadowRays *r, const Shaft *shaft, const Receiver *receiver, global const float *leaf,
-                         global const int *leaf_ids, int own, Screens *screens, Screen *screen, int *count)
+// What is not negative at a point relative to the apex: n . P + c, where that lies behind a triangle's plane, or before it by
+// less than what is excluded near surfaces.
+typedef struct { float3 n; float c; } Behind;
+
+inline Behind behind_plane(global const float *corners, const ShadowRays *r)
 {
-    vi may = ~(shaft_misses(shaft, leaf) | EQ(VLOAD(leaf_ids), (vi)(own))), all = -1;
+    const float3 p = corner(corners, 0), n = cross(corner(corners, 1) - p, corner(corners, 2) - p), at = p - r->apex;
+    const float offset = dot(n, at), side = r->is_point ? offset : -dot(n, r->towards), sign = side < 0.0f ? -1.0f : 1.0f;
+    const Behind b = {sign * n, SHADOW_MARGIN * dot(fabs(n), fabs(at) + r->size) - sign * offset};
+    return b;
+}
+
+inline vi lie_behind(const Behind *b, const Occluders *o)
+{
+    vf least = FAR;
+    for (int k = 0; k < 3; ++k)
+        least = min(least, fma(o->v[k].x, (vf)(b->n.x), fma(o->v[k].y, (vf)(b->n.y), fma(o->v[k].z, (vf)(b->n.z), (vf)(b->c)))));
+    return GE(least, (vf)(0.0f));
+}
+
+// What a new screen, which the pool ends with, is made with.
+typedef struct {
+    int own;                // the triangle that it is before
+    ShadowRays rays;
+    Receiver receiver;      // of all rays that may meet it
+    Behind behind;          // its plane
+    Screens *screens;
+    Screen *screen;
+    int count;              // of occluders
+} ScreenMaker;
+
+// Put on the screen those of LANES triangles of a leaf that can darken a ray.  0 once no more are wanted: one of them darkens
+// every ray, or they are too many.
+inline int add_to_screen(ScreenMaker *m, const Shaft *shaft, global const float *leaf, global const int *leaf_ids)
+{
+    vi may = ~(shaft_misses(shaft, leaf) | EQ(VLOAD(leaf_ids), (vi)(m->own))), all = -1;
     if (!row_any(may)) return 1;
     Affine e[4];
     Occluders o;
-    e[3] = project_plane(receiver, face_occluders(r, leaf, &o, &may));
-    sift_occluders(e[3], &receiver->over, &may, &all);
+    place_occluders(&m->rays, leaf, &o);
+    may &= ~lie_behind(&m->behind, &o);
+    if (!row_any(may)) return 1;
+    e[3] = project_plane(&m->receiver, face_occluders(&m->rays, &o, &may));
+    sift_occluders(e[3], &m->receiver.over, &may, &all);
     for (int k = 2; k >= 0; --k) {
         if (!row_any(may)) return 1;
-        e[k] = project_plane(receiver, edge_of_occluders(r, &o, k));
-        sift_occluders(e[k], &receiver->over, &may, &all);
+        e[k] = project_plane(&m->receiver, edge_of_occluders(&m->rays, &o, k));
+        sift_occluders(e[k], &m->receiver.over, &may, &all);
     }
     all &= may;
-    if (!row_any(may)) return 1;
     const uint keep = row_bits(may);
-    if (row_any(all) || *count + popcount(keep) > SCREEN_LIMIT) {
-        screen->rows = row_any(all) ? ALL_DARK : NO_SCREEN;
+    if (row_any(all) || m->count + popcount(keep) > SCREEN_LIMIT) {
+        m->screen->rows = row_any(all) ? ALL_DARK : NO_SCREEN;
         return 0;
     }
     private float words[OCCLUDER_WORDS * LANES];
     for (int k = 0; k < 4; ++k) store_flat(e[k], words + 3 * k * LANES);
     for (uint left = keep; left; left &= left - 1) {
-        global float *to = screens->pool + (screens->used + *count / LANES) * OCCLUDER_WORDS * LANES + *count % LANES;
+        global float *to = m->screens->pool + (m->screens->used + m->count / LANES) * OCCLUDER_WORDS * LANES + m->count % LANES;
         for (int k = 0; k < OCCLUDER_WORDS; ++k) to[k * LANES] = words[k * LANES + lowest(left)];
-        ++*count;
+        ++m->count;
     }
     return 1;
 }
 
 // Fill the last row of a new screen with what darkens nothing.
-inline void close_screen(Screens *screens, Screen *screen, int count)
+inline void close_screen(const ScreenMaker *m)
 {
+    Screens *screens = m->screens;
+    Screen *screen = m->screen;
+    int count = m->count;
     screen->first = screens->used;
     screen->rows = (count + LANES - 1) / LANES;
     for (; count % LANES; ++count) {

@@ -40,9 +40,7 @@ typedef struct {
     int own;                    // the triangle; -1: rays on any are darkened
     const Receiver *receiver;   // of the rays on it
     Darkness *darkness;         // of them
-    Screens *screens;
-    Screen *screen;             // 0: rays are darkened
-    int count;                  // on it
+    ScreenMaker *maker;         // 0: rays are darkened
 #endif
 } Target;
 
@@ -105,9 +103,8 @@ inline int cast_list(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, co
                 global const float *corners = bvh->leaves + leaf * 9 * NODE_WIDTH + lane;
                 global const int *ids = bvh->leaf_ids + leaf * NODE_WIDTH + lane;
 #if OUTER == 1
-                if (target->screen) {
-                    if (!add_to_screen(r, shaft, target->receiver, corners, ids, target->own, target->screens, target->screen, &target->count))
-                        return 0;
+                if (target->maker) {
+                    if (!add_to_screen(target->maker, shaft, corners, ids)) return 0;
                     continue;
                 }
 #endif
@@ -147,15 +144,18 @@ inline void make_screen(const Bvh *bvh, const Surfaces *s, global const float *l
     if (!evenly_weighted(&facet, screen->over)) return;
     screen->rows = ALL_DARK;
     if (turned_away(&facet, &screens->beam, screen->over, light, screen->lo, screen->hi)) return;
-    const ShadowRays rays = shadow_rays(light, screen->lo, screen->hi);
-    const Receiver receiver = make_receiver(&screens->beam, &facet, screen->over, rays.apex);
+    ScreenMaker maker;
+    maker.own = id;
+    maker.rays = shadow_rays(light, screen->lo, screen->hi);
+    maker.receiver = make_receiver(&screens->beam, &facet, screen->over, maker.rays.apex);
+    maker.behind = behind_plane(s->corners + id * 9, &maker.rays);
+    maker.screens = screens;
+    maker.screen = screen;
+    maker.count = 0;
     Target target;
     target.own = id;
-    target.receiver = &receiver;
-    target.screens = screens;
-    target.screen = screen;
-    target.count = 0;
-    if (darken(bvh, light, &rays, memory, screen->lo, screen->hi, &target)) close_screen(screens, screen, target.count);
+    target.maker = &maker;
+    if (darken(bvh, light, &maker.rays, memory, screen->lo, screen->hi, &target)) close_screen(&maker);
 }
 
 // Darken a share's rays for which there is no screen; false when none is left.
@@ -173,7 +173,7 @@ inline int cast_on_share(const Bvh *bvh, global const float *light, ShadowMemory
     target.own = share->id;
     target.receiver = &receiver;
     target.darkness = darkness;
-    target.screen = 0;
+    target.maker = 0;
     return darken(bvh, light, &rays, memory, lo, hi, &target);
 }
 
@@ -221,7 +221,7 @@ inline void shadow_block(const Bvh *bvh, global const float *light, ShadowMemory
     Target target;
 #if OUTER == 1
     target.own = -1;
-    target.screen = 0;
+    target.maker = 0;
 #endif
     target.seen = memory->seen;
     target.ids = ids;
