@@ -21,10 +21,10 @@ LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.9, 0.9))
 class Sharing(Tracer):
     """Blocks of one element, whose beams share what they set up for so many leaves."""
 
-    def __init__(self, triangles, leaves, device=None, kept=ALL_PARTS, lights=()):
+    def __init__(self, triangles, leaves, device=None, kept=ALL_PARTS, lights=(), dense=256):
         world = scene(triangles, lights=list(lights))
         super().__init__(world, build_bvh(world.triangles), device)
-        self.values = {"FEW_LEAVES": leaves, "FEW_KEPT": kept}
+        self.values = {"FEW_LEAVES": leaves, "FEW_KEPT": kept, "DENSE": dense}
 
     def outer(self, bundles, work):
         return 1
@@ -142,6 +142,20 @@ def test_pictures_do_not_depend_on_what_blocks_keep(device):
     ]
     assert np.ptp(found[0]) > 0.1
     assert found[0].tobytes() == found[1].tobytes() == found[2].tobytes()
+
+
+def test_eight_triangles_share_a_block_as_many_do(device):
+    slab = Slab(CAMERA, 100, 24)
+    bundles = macropixels(slab, two_pixels(slab))
+    shared, alone = (
+        Sharing(FEW["mesh"], ALWAYS, device, lights=[LAMP], dense=dense).bundle_radiance(
+            bundles, two_pixels(slab)
+        )
+        for dense in (0, 1000)
+    )
+    difference = np.abs(shared - alone).max(-1)
+    assert 0 < difference.max() and np.ptp(shared) > 0.1
+    assert (difference > 1e-4).mean() < 1e-3
 
 
 def test_what_covers_the_whole_beam_settles_all_its_blocks(device):

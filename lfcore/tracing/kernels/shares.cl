@@ -15,7 +15,9 @@ typedef struct {
 // a triangle is seen by few blocks, and setting up more than CROWD for one does not pay: measured.
 #define SHARES 8
 #define CROWD 4
+#ifndef DENSE
 #define DENSE 256
+#endif
 typedef struct {
     Share of[SHARES];
     Facet facets[SHARES];
