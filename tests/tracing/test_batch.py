@@ -2,31 +2,35 @@
 
 import numpy as np
 import pytest
+import trimesh
 from tracing_scenes import CAMERA, scene, soup
 
 from lfcore.opencl.device import open_device
-from lfcore.optics.bundles import views
+from lfcore.optics.bundles import macropixels, views
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import slab_hits
+from lfcore.scene.model import POINT, Light
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
 ALWAYS, NEVER = 64, -1
+ALL_PARTS, NO_PARTS = 1000, -1
+LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.9, 0.9))
 
 
 class Sharing(Tracer):
     """Blocks of one element, whose beams share what they set up for so many leaves."""
 
-    def __init__(self, triangles, leaves, device=None):
-        world = scene(triangles)
+    def __init__(self, triangles, leaves, device=None, kept=ALL_PARTS, lights=(), dense=256):
+        world = scene(triangles, lights=list(lights))
         super().__init__(world, build_bvh(world.triangles), device)
-        self.leaves = leaves
+        self.values = {"FEW_LEAVES": leaves, "FEW_KEPT": kept, "DENSE": dense}
 
     def outer(self, bundles, work):
         return 1
 
     def _beam_kernel(self, file, name, shape, defines):
-        return super()._beam_kernel(file, name, shape, {**defines, "FEW_LEAVES": self.leaves})
+        return super()._beam_kernel(file, name, shape, {**defines, **self.values})
 
 
 def plate(z, size=40.0):
@@ -44,7 +48,36 @@ def edge_on():
     return corners
 
 
+SEEN = np.array([0.0146, -0.0146, 1.0])
+"""The middle of what the first of two_pixels sees a metre away: a square of 25 mm."""
+
+
+def tiles(count, depths):
+    """Rectangles along rows and columns of what a pixel sees, some at the same depth."""
+    rng = np.random.default_rng(count)
+    lo = rng.uniform(-0.015, 0.005, (count, 2))
+    hi = lo + rng.uniform(0.004, 0.015, (count, 2))
+    z = 0.02 * rng.integers(0, depths, count)
+    a, b, c, d = (
+        np.stack([x[:, 0], y[:, 1], z], 1) for x, y in ((lo, lo), (hi, lo), (hi, hi), (lo, hi))
+    )
+    return SEEN + np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+
+
+def crossing(count, seed):
+    """Triangles about as large as what a pixel sees, that pass through each other."""
+    return SEEN + np.random.default_rng(seed).uniform(-0.03, 0.03, (count, 3, 3))
+
+
+FEW = {
+    "tiles": np.concatenate([tiles(12, 3), plate(1.5)]),
+    "tiles in one plane": np.concatenate([tiles(10, 1), plate(1.0)]),
+    "crossing": np.concatenate([crossing(8, 1), plate(1.0)]),
+    "crossing before nothing": crossing(12, 2),
+    "mesh": np.concatenate([trimesh.creation.icosphere(1, 0.012).triangles + SEEN, plate(1.1)]),
+}
 SCENES = {
+    **FEW,
     "large": soup(60, 1, 1.0),
     "many": soup(3000, 2, 0.1),
     "tiny": 1e-8 * soup(300, 3),
@@ -84,6 +117,45 @@ def test_shared_triangles_are_the_oracles(device, name):
     assert same.mean() > 0.1
     error = np.abs(depth.ravel()[same] - truth.t[same]) / truth.t[same]
     assert (error <= 16 * 2.0**-24 * np.maximum(truth.grazing[same], 1)).all()
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_parts_and_depth_buffers_agree_to_the_last_bit(device, name):
+    slab = Slab(CAMERA, 100, 24)
+    found = [
+        Sharing(FEW[name], ALWAYS, device, kept).slab_hits(slab, two_pixels(slab))
+        for kept in (ALL_PARTS, NO_PARTS)
+    ]
+    assert len(np.unique(found[0][0])) > 3
+    for parts, buffered in zip(*found, strict=True):
+        assert parts.tobytes() == buffered.tobytes()
+
+
+def test_pictures_do_not_depend_on_what_blocks_keep(device):
+    slab = Slab(CAMERA, 100, 24)
+    bundles = macropixels(slab, two_pixels(slab))
+    found = [
+        Sharing(FEW["crossing"], leaves, device, kept, [LAMP]).bundle_radiance(
+            bundles, two_pixels(slab)
+        )
+        for leaves, kept in ((ALWAYS, ALL_PARTS), (ALWAYS, NO_PARTS), (NEVER, ALL_PARTS))
+    ]
+    assert np.ptp(found[0]) > 0.1
+    assert found[0].tobytes() == found[1].tobytes() == found[2].tobytes()
+
+
+def test_eight_triangles_share_a_block_as_many_do(device):
+    slab = Slab(CAMERA, 100, 24)
+    bundles = macropixels(slab, two_pixels(slab))
+    shared, alone = (
+        Sharing(FEW["mesh"], ALWAYS, device, lights=[LAMP], dense=dense).bundle_radiance(
+            bundles, two_pixels(slab)
+        )
+        for dense in (0, 1000)
+    )
+    difference = np.abs(shared - alone).max(-1)
+    assert 0 < difference.max() and np.ptp(shared) > 0.1
+    assert (difference > 1e-4).mean() < 1e-3
 
 
 def test_what_covers_the_whole_beam_settles_all_its_blocks(device):

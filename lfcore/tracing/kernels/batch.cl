@@ -27,16 +27,19 @@ typedef struct {
 
 // Bounds of the depth at which the rays within `extent` columns and rows of the centre pass the planes of
 // triangles: depth is linear-fractional, so as long as its denominator is positive the extremes are at the
-// corners.  Where it is not, `near` is negative.
+// corners.  Where that is not sure, `near` is negative.
 inline void plane_depths(Affine over, Affine under, vi mixed, float extent, vf *near, vf *far)
 {
     const vf oi = extent * over.i, oj = extent * over.j, ui = extent * under.i, uj = extent * under.j;
     const vf o0 = over.c - oi, o1 = over.c + oi, u0 = under.c - ui, u1 = under.c + ui;
     const vf ua = u0 - uj, ub = u0 + uj, uc = u1 - uj, ud = u1 + uj;
-    const vf a = (o0 - oj) * reciprocal(ua), b = (o0 + oj) * reciprocal(ub);
-    const vf c = (o1 - oj) * reciprocal(uc), d = (o1 + oj) * reciprocal(ud);
-    const vi known = GT(min(min(ua, ub), min(uc, ud)), (vf)(1.0e-37f)) & ~mixed;
-    const float slack = 1.0e-6f;
+    const vf oa = o0 - oj, ob = o0 + oj, oc = o1 - oj, od = o1 + oj;
+    const vf a = oa * reciprocal(ua), b = ob * reciprocal(ub), c = oc * reciprocal(uc), d = od * reciprocal(ud);
+    // Of numbers that vary no more, those of a ray are off by a fifth of the slack at most, as are these.
+    const vf least_o = min(min(oa, ob), min(oc, od)), least_u = min(min(ua, ub), min(uc, ud));
+    const vi even = GE(2.0f * least_o, max(max(oa, ob), max(oc, od))) & GE(2.0f * least_u, max(max(ua, ub), max(uc, ud)));
+    const vi known = GT(min(least_o, least_u), (vf)(1.0e-30f)) & even & ~mixed;
+    const float slack = 4.0e-6f;
     *near = pick((vf)(-1.0f), min(min(a, b), min(c, d)) * (1.0f - slack), known);
     *far = max(max(a, b), max(c, d)) * (1.0f + slack);
 }

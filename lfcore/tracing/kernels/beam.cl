@@ -124,8 +124,7 @@ inline void start_beam(const Rays *rays, int beam, BeamWork *work)
     for (int block = 0; block < BEAM_BLOCKS; ++block) {
         const int2 at = block_position(work, block);
         const int none = OUTER == 1 && block_element(work, block, 0, 0) < 0;
-        work->block[block].z_far = none || at.x >= rays->columns || at.y >= rays->rows ? -1.0f : FAR;
-        work->block[block].cover = NOTHING;
+        clear_block(work->block + block, none || at.x >= rays->columns || at.y >= rays->rows ? -1.0f : FAR);
     }
 }
 
@@ -219,8 +218,11 @@ inline void visit_leaves(const Bvh *bvh, const Rays *rays, BeamWork *work, const
 
 // Find what every block of the beam sees; a block whose state says BUFFERED has its depths and
 // triangles (infinity and -1 where nothing is met) in z and ids, BLOCK_RAYS a block.
-inline void see(const Bvh *bvh, const Rays *rays, BeamWork *work, LeafList *list, global float *z, global int *ids)
+inline void see(const Bvh *bvh, const Rays *rays, BeamWork *work, LeafList *list, global Parts *parts, global float *z, global int *ids)
 {
+#if SHARED
+    for (int block = 0; block < BEAM_BLOCKS; ++block) work->block[block].parts = parts + block;
+#endif
 #if SCATTERED
     for (int block = 0; block < BEAM_BLOCKS; ++block) {
         if (work->block[block].z_far < 0.0f) continue;

@@ -64,13 +64,8 @@ inline void bundle_bounds(const Bundle *r, Rectangle at, float near, float far, 
     }
 }
 
-// Depths of a facet over a rectangle that sees it from one side: extremes are in the corners.
-inline float2 facet_depths(const Facet *f, Rectangle at)
-{
-    const float4 x = (float4)(-at.wide, at.wide, -at.wide, at.wide) + at.x, y = (float4)(-at.high, -at.high, at.high, at.high) + at.y;
-    const float4 z = fma(x, f->over.i, fma(y, f->over.j, f->over.c)) / fma(x, f->under.i, fma(y, f->under.j, f->under.c));
-    return (float2)(min(min(z.x, z.y), min(z.z, z.w)), max(max(z.x, z.y), max(z.z, z.w)));
-}
+// Depths of a facet over a rectangle that sees it from one side.
+inline float2 facet_depths(const Facet *f, Rectangle at) { return corner_depths(f->over, f->under, at); }
 
 // Bounds of a dot product: the largest value of a . b with each coordinate off by up to da and db.
 inline float most_dot(float3 a, float3 da, float3 b, float3 db)

@@ -22,6 +22,7 @@
 typedef struct {
     global float *z;         // depth buffers of the beam
     global int *ids;
+    global Parts *parts;
     LeafList list;
 #if SHADOW_LIGHTS
     ShadowMemory shadows;
@@ -34,7 +35,7 @@ typedef struct {
 } Easel;
 
 #define EASEL_WORDS                                                                                    \
-    (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST + 14 * SHADOW_LIST + SCREEN_WORDS +                       \
+    (BEAM_BLOCKS * (2 * BLOCK_RAYS + PARTS_WORDS) + 7 * LIST + 14 * SHADOW_LIST + SCREEN_WORDS +       \
      (3 + 8 * SHADOWED + 4 * SHADOW_LIGHTS + 3) * BLOCK_RAYS)
 
 // Divide `memory`, of EASEL_WORDS words.
@@ -45,6 +46,7 @@ inline Easel make_easel(global uint *memory)
     Easel e;
     e.z = TAKE(float, BEAM_BLOCKS * BLOCK_RAYS);
     e.ids = TAKE(int, BEAM_BLOCKS * BLOCK_RAYS);
+    e.parts = (global Parts *)at; at += BEAM_BLOCKS * PARTS_WORDS;
     e.list.boxes = TAKE(float, 6 * LIST);
     e.list.leaf = TAKE(int, LIST);
     e.list.pitch = LIST;
@@ -71,25 +73,46 @@ inline Easel make_easel(global uint *memory)
 }
 
 #if SHADOW_LIGHTS
+// Depths between which a block sees anything; the second is less than the first if it sees nothing.
+inline float2 seen_depths(const BlockState *state, global const float *z, global const int *ids)
+{
+    if (state->cover == BUFFERED) {
+        vf low = FAR, high = 0.0f;
+        for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+            const vf depth = VLOAD(z + at);
+            low = min(low, depth);
+            high = pick(high, max(high, depth), GE(VLOAD(ids + at), (vi)(0)));
+        }
+        return (float2)(row_min(low), row_max(high));
+    }
+    float2 seen = (float2)(FAR, -FAR);
+#if SHARED
+    if (state->divided) {
+        Rectangle over;
+        for (int k = 0; k < state->parts->count; ++k) {
+            global const Part *p = state->parts->of + k;
+            around_rays(p->rays, BLOCK, &over);
+            const float2 depths = corner_depths(p->over, p->under, over);
+            seen = (float2)(min(seen.x, depths.x), max(seen.y, depths.y));
+        }
+        if (state->cover == NOTHING || !around_rays(state->parts->open, BLOCK, &over)) return seen;
+        const float2 depths = corner_depths(state->over, state->under, over);
+        return (float2)(min(seen.x, depths.x), max(seen.y, depths.y));
+    }
+#endif
+    return state->cover == NOTHING ? seen : (float2)(state->z_near, state->z_far);
+}
+
 // Bounds of everything that the beam sees.
 inline int beam_bounds(const Rays *rays, const BeamWork *work, global const float *z, global const int *ids, float *lo, float *hi)
 {
     for (int k = 0; k < 3; ++k) { lo[k] = FAR; hi[k] = -FAR; }
     for (int block = 0; block < BEAM_BLOCKS; ++block) {
         const BlockState *state = work->block + block;
-        if (state->z_far < 0.0f || state->cover == NOTHING) continue;
-        float near = state->z_near, far = state->z_far;
-        if (state->cover == BUFFERED) {
-            vf low = FAR, high = 0.0f;
-            for (int at = block * BLOCK_RAYS; at < (block + 1) * BLOCK_RAYS; at += LANES) {
-                const vf depth = VLOAD(z + at);
-                low = min(low, depth);
-                high = pick(high, max(high, depth), GE(VLOAD(ids + at), (vi)(0)));
-            }
-            near = row_min(low);
-            far = row_max(high);
-            if (!(near <= far)) continue;
-        }
+        if (state->z_far < 0.0f) continue;
+        const float2 seen = seen_depths(state, z + block * BLOCK_RAYS, ids + block * BLOCK_RAYS);
+        const float near = seen.x, far = seen.y;
+        if (!(near <= far)) continue;
         const Bundle bundle = block_bundle(rays, work, block);
         const Beam beam = block_beam(&bundle);
         const float wx0 = fabs(fma(near, beam.gx, beam.hx)) + fabs(fma(near, beam.gu, beam.hu));
@@ -110,7 +133,7 @@ inline int beam_bounds(const Rays *rays, const BeamWork *work, global const floa
 // See the whole beam, and gather what may stand between it and a single light that casts shadows.
 inline void see_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, Easel *e)
 {
-    see(bvh, rays, work, &e->list, e->z, e->ids);
+    see(bvh, rays, work, &e->list, e->parts, e->z, e->ids);
 #if OUTER == 1
     e->cover.id = -1;
 #endif
@@ -213,6 +236,39 @@ inline void paint_facets(const Bvh *bvh, const Surfaces *s, const Bundle *bundle
 #endif
 }
 
+#if OUTER == 1
+// The triangle that all rays of a block meet, or -1.  One may have hidden all others after they had shared the block.
+inline int only_triangle(const BlockState *state, global const int *ids)
+{
+#if SHARED
+    if (state->divided) return -1;
+#endif
+    if (state->cover != BUFFERED) return state->cover;
+    vi other = 0;
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) other |= ~EQ(VLOAD(ids + at), (vi)(ids[0]));
+    return row_any(other) ? -1 : ids[0];
+}
+
+// Share out a block among the triangles that it meets; false where they are many, or some ray sees one edge-on.
+inline int share_block(const Surfaces *s, const Rays *rays, const BeamWork *work, int block, const Bundle *bundle, float pixel, Easel *e,
+                       Shares *shares)
+{
+    const int2 where = block_position(work, block);
+    global int *ids = e->ids + block * BLOCK_RAYS;
+    const int most = min(rays->columns, rays->rows) < DENSE ? CROWD : SHARES;
+#if SHARED
+    const BlockState *state = work->block + block;
+    if (state->divided) {
+        write_ids(state, ids);
+        crop_block(rays, where, ids);
+        return share_parts(s, bundle, state, clamp((int2)(rays->columns, rays->rows) - where, 0, BLOCK), most, pixel, shares);
+    }
+#endif
+    crop_block(rays, where, ids);
+    return share_out(s, bundle, ids, most, pixel, shares);
+}
+#endif
+
 // Linear colours, not clamped, of one block of a beam that was seen: (3, BLOCK_RAYS) at colours.base.
 inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, int block, float pixel, Easel *e)
 {
@@ -220,7 +276,7 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, Bea
     const Bundle bundle = block_bundle(rays, work, block);
     global float *z = e->z + block * BLOCK_RAYS;
     global int *ids = e->ids + block * BLOCK_RAYS;
-    if (state->cover == NOTHING) {
+    if (sees_nothing(state)) {
         shade_nothing(s, &e->colours);
         return;
     }
@@ -228,17 +284,17 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, Bea
 #if SHADOW_LIGHTS
     enter_element(rays, work, block, &e->shadows.screens);
 #endif
-    if (state->cover >= 0) {
-        paint_cover(bvh, s, rays, work, block, &bundle, state->cover, pixel, e);
+#if SCATTERED
+    crop_block(rays, block_position(work, block), ids);
+#else
+    const int only = only_triangle(state, ids);
+    if (only >= 0) {
+        paint_cover(bvh, s, rays, work, block, &bundle, only, pixel, e);
         return;
     }
-    crop_block(rays, block_position(work, block), ids);
-#if !SCATTERED
     Shares shares;
-    if (share_out(s, &bundle, ids, pixel, &shares)) {
-        // One triangle may have hidden all others after they had shared the block.
-        if (shares.count == 1 && !some_miss(ids)) paint_cover(bvh, s, rays, work, block, &bundle, shares.of[0].id, pixel, e);
-        else paint_shared(bvh, s, &bundle, &shares, ids, e);
+    if (share_block(s, rays, work, block, &bundle, pixel, e, &shares)) {
+        paint_shared(bvh, s, &bundle, &shares, ids, e);
         return;
     }
 #endif

@@ -30,6 +30,22 @@ constant float node_rows[NODES] = {NODE_A, NODE_A, NODE_A, NODE_A, NODE_B, NODE_
 // Places (column, row) counted from a block's centre: a middle, and half extents.
 typedef struct { float x, y, wide, high; } Rectangle;
 
+// Around columns from `left` to `right` and rows from `top` to `bottom`.
+inline Rectangle rectangle_of(float left, float right, float top, float bottom)
+{
+    Rectangle r = {0.5f * (left + right) - HALF, 0.5f * (top + bottom) - HALF, 0.5f * (right - left), 0.5f * (bottom - top)};
+    return r;
+}
+
+// Depths between which rays in a rectangle of a block meet a plane, depth over / under, that all see from
+// one side: extremes are in the corners.
+inline float2 corner_depths(Form over, Form under, Rectangle at)
+{
+    const float4 x = (float4)(-at.wide, at.wide, -at.wide, at.wide) + at.x, y = (float4)(-at.high, -at.high, at.high, at.high) + at.y;
+    const float4 z = fma(x, over.i, fma(y, over.j, over.c)) / fma(x, under.i, fma(y, under.j, under.c));
+    return (float2)(min(min(z.x, z.y), min(z.z, z.w)), max(max(z.x, z.y), max(z.z, z.w)));
+}
+
 // LANES nodes, from node `at` on, as places on the block.
 typedef struct { vf x, y; } Places;
 inline Places nodes_at(const Rectangle *over, int at)

@@ -11,36 +11,52 @@ typedef struct {
     Rectangle over;     // around its rays, which see it from one side
 } Share;
 
-#define SHARES 4
+// Light of a share is set up once, and shadows for all blocks of a beam.  Of an inner grid of fewer than DENSE rays along either axis
+// a triangle is seen by few blocks, and setting up more than CROWD for one does not pay: measured.
+#define SHARES 8
+#define CROWD 4
+#ifndef DENSE
+#define DENSE 256
+#endif
 typedef struct {
     Share of[SHARES];
     Facet facets[SHARES];
     int count;
 } Shares;
 
-// Find where the rays of a block lie that meet triangle `own`.  Returns the next larger one in the block, -1 after the last.
-inline int find_share(global const int *ids, int own, Rectangle *over)
+// Where the rays of a block lie that meet triangle `own`.
+inline Rectangle find_share(global const int *ids, int own)
 {
-    vu first = BLOCK, last = 0, next = -1;
+    vu first = BLOCK, last = 0;
     vu columns[BLOCK / LANES];
     for (int k = 0; k < BLOCK / LANES; ++k) columns[k] = 0;
     for (int row = 0; row < BLOCK; ++row)
         for (int k = 0; k < BLOCK / LANES; ++k) {
-            const vi id = VLOAD(ids + row * BLOCK + k * LANES);
-            const vu mine = AS_VU(EQ(id, (vi)(own)));
+            const vu mine = AS_VU(EQ(VLOAD(ids + row * BLOCK + k * LANES), (vi)(own)));
             first = min(first, (uint)row | ~mine);
             last = max(last, (uint)row & mine);
             columns[k] |= mine;
-            next = min(next, AS_VU(id) | ~AS_VU(GT(id, (vi)(own))));  // none is the largest unsigned
         }
     uint met = 0;
     for (int k = 0; k < BLOCK / LANES; ++k) met |= row_bits(AS_VI(columns[k])) << (k * LANES);
-    const float left = lowest(met), right = 31 - clz(met), top = row_least(first), bottom = row_most(last);
-    over->x = 0.5f * (left + right) - HALF;
-    over->y = 0.5f * (top + bottom) - HALF;
-    over->wide = 0.5f * (right - left);
-    over->high = 0.5f * (bottom - top);
-    return (int)row_least(next);
+    return rectangle_of(lowest(met), 31 - clz(met), row_least(first), row_most(last));
+}
+
+// The triangles that a block meets, if they are `most` at most; else a number beyond it.
+inline int count_triangles(global const int *ids, int most, private int *found)
+{
+    int count = 0;
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const vi row = VLOAD(ids + at);
+        vi new = GE(row, (vi)(0));
+        for (int k = 0; k < count; ++k) new &= ~EQ(row, (vi)(found[k]));
+        for (; row_any(new); ++count) {
+            if (count == most) return most + 1;
+            found[count] = ids[at + lowest(row_bits(new))];
+            new &= ~EQ(row, (vi)(found[count]));
+        }
+    }
+    return count;
 }
 
 // Whether a facet is seen from one side all over a rectangle of its block.
@@ -57,21 +73,46 @@ inline Share whole_block(int id, const Facet *facet)
     return share;
 }
 
-// Share out a block among the triangles that it meets; false where they are many, or some ray sees one edge-on.
-inline int share_out(const Surfaces *s, const Bundle *r, global const int *ids, float pixel, Shares *out)
+// Add a triangle's rays, in a rectangle around them, to the shares; false if some may see it edge-on.
+inline int add_share(const Surfaces *s, const Bundle *r, int id, Rectangle over, float pixel, Shares *out)
 {
-    Rectangle nothing;
+    Share *share = out->of + out->count;
+    share->id = id;
+    share->over = over;
+    share->facet = out->facets + out->count;
+    prepare_facet(s, r, id, pixel, out->facets + out->count++);
+    return one_sided_over(share->facet, over);
+}
+
+#if SHARED
+// Share out a block of few triangles, those in its first `open` columns and rows, by the parts that were seen.
+inline int share_parts(const Surfaces *s, const Bundle *r, const BlockState *state, int2 open, int most, float pixel, Shares *out)
+{
+    global const Parts *parts = state->parts;
+    private int seen[PARTS];
+    private Rectangle over[PARTS + 1];
     int count = 0;
-    for (int id = find_share(ids, -1, &nothing); id >= 0; ++count) {
-        if (count == SHARES) return 0;
-        Share *share = out->of + count;
-        share->id = id;
-        share->facet = out->facets + count;
-        prepare_facet(s, r, id, pixel, out->facets + count);
-        id = find_share(ids, id, &share->over);
-        if (!one_sided_over(share->facet, share->over)) return 0;
+    for (int k = 0; k < parts->count; ++k) {
+        seen[count] = k;
+        count += around_rays(parts->of[k].rays, open, over + count);
     }
-    out->count = count;
+    const int beyond = state->cover != NOTHING && around_rays(parts->open, open, over + count);
+    out->count = 0;
+    if (count + beyond > most) return 0;
+    for (int k = 0; k < count; ++k)
+        if (!add_share(s, r, parts->of[seen[k]].id, over[k], pixel, out)) return 0;
+    return !beyond || add_share(s, r, state->cover, over[count], pixel, out);
+}
+#endif
+
+// The same by the triangles that `ids` says its rays meet.
+inline int share_out(const Surfaces *s, const Bundle *r, global const int *ids, int most, float pixel, Shares *out)
+{
+    int found[SHARES];
+    const int count = count_triangles(ids, most, found);
+    if (count > most) return 0;
+    for (out->count = 0; out->count < count;)
+        if (!add_share(s, r, found[out->count], find_share(ids, found[out->count]), pixel, out)) return 0;
     return 1;
 }
 

@@ -8,6 +8,7 @@
 #define LFCORE_VISIBILITY_CL
 #include "merge.cl"
 #include "batch.cl"
+#include "parts.cl"
 
 // STACK, given on building, is what the deepest walk through this hierarchy can leave on its stack.
 #define LIST 64
@@ -81,14 +82,39 @@ inline void gather(const Bvh *bvh, const Beam *beam, float z_far, Walk *walk, Le
 }
 
 // What is known of a block while its triangles are tested.  Most blocks of a dense slab lie wholly on
-// one triangle: such a block keeps six coefficients, and no depth buffer until something forces one.
+// one triangle: such a block keeps six coefficients.  Where few triangles lie before that one, or before nothing, it keeps
+// their parts, and no depth buffer until something forces one.
 #define NOTHING -1   // no triangle yet, depth buffer not written
-#define BUFFERED -2  // depth buffer in use; any other value: the one triangle that covers the block
+#define BUFFERED -2  // depth buffer in use; any other value: the one triangle behind all parts
 typedef struct {
     int cover;            // NOTHING, BUFFERED or a triangle
-    float z_near, z_far;  // depth range of what covers the block; z_far is FAR while a ray sees nothing
-    Form over, under;     // depth is their quotient
+    float z_near, z_far;  // depth range of all that the block sees; z_far is FAR while a ray sees nothing
+    Form over, under;     // of the cover; depth is their quotient
+#if SHARED
+    float near, far;      // depth range of the cover
+    int divided;          // whether there are parts
+    global Parts *parts;  // valid if there are any
+#endif
 } BlockState;
+
+// A block that has seen nothing, to be tested up to z_far.
+inline void clear_block(BlockState *state, float z_far)
+{
+    state->cover = NOTHING;
+    state->z_near = FAR;
+    state->z_far = z_far;
+#if SHARED
+    state->divided = 0;
+#endif
+}
+
+inline int sees_nothing(const BlockState *state)
+{
+#if SHARED
+    if (state->divided) return 0;
+#endif
+    return state->cover == NOTHING;
+}
 
 inline vf quotient_row(Form over, Form under, Row at) { return flat_row(over, at) * reciprocal(flat_row(under, at)); }
 
@@ -101,7 +127,40 @@ inline void materialise(BlockState *state, global float *z, global int *ids)
         VSTORE(state->cover == NOTHING ? (vf)(INFINITY) : quotient_row(state->over, state->under, row_at(at)), z + at);
     }
     state->cover = BUFFERED;
+#if SHARED
+    for (int k = 0; state->divided && k < state->parts->count; ++k) {
+        global const Part *p = state->parts->of + k;
+        const uint2 places = places_of(p->rays, BLOCK);
+        for (int column = 0; column < BLOCK; column += LANES) {
+            if (!(places.x >> column & ((1u << LANES) - 1u))) continue;
+            for (int row = lowest(places.y); places.y >> row; ++row) {
+                const int at = row * BLOCK + column;
+                const vi mine = part_row(p, at);
+                VSTORE(pick(VLOAD(z + at), quotient_row(p->over, p->under, row_at(at)), mine), z + at);
+                VSTORE(pick_int(VLOAD(ids + at), (vi)(p->id), mine), ids + at);
+            }
+        }
+    }
+    state->divided = 0;
+#endif
 }
+
+#if SHARED
+// Triangles of a block that has no depth buffer, ray by ray.
+inline void write_ids(const BlockState *state, global int *ids)
+{
+    for (int row = 0; row < BLOCK; ++row) {
+        vi id[BLOCK / LANES];
+        for (int k = 0; k < BLOCK / LANES; ++k) id[k] = state->cover;
+        for (int n = 0; n < state->parts->count; ++n) {
+            global const Part *p = state->parts->of + n;
+            const vi rays = p->rays[row];
+            for (int k = 0; k < BLOCK / LANES; ++k) id[k] = pick_int((vi)(p->id), id[k], EQ(rays & (LANE_BITS << (k * LANES)), (vi)(0)));
+        }
+        for (int k = 0; k < BLOCK / LANES; ++k) VSTORE(id[k], ids + row * BLOCK + k * LANES);
+    }
+}
+#endif
 
 inline float farthest(global const float *z)
 {
@@ -134,15 +193,18 @@ inline float4 corners_of(Form f, int outer)
 inline int settle(Form over, Form under, float z_near, float z_far, int id, BlockState *state)
 {
     if (!(z_near > 0.0f)) return 0;
-    if (state->cover != NOTHING) {
-        if (z_near > state->z_far) return 1;
-        if (!(z_far < state->z_near)) return 0;
-    }
+    if (z_near > state->z_far) return 1;
+    if (!(z_far < state->z_near)) return 0;
     state->cover = id;
     state->z_near = z_near;
     state->z_far = z_far;
     state->over = over;
     state->under = under;
+#if SHARED
+    state->near = z_near;
+    state->far = z_far;
+    state->divided = 0;
+#endif
     return 1;
 }
 
@@ -194,6 +256,54 @@ inline void visit_block(const Bvh *bvh, const Bundle *block, const Bundle *about
 }
 
 #if SHARED
+// Nothing is seen beyond the parts.
+inline void fill_state(BlockState *state)
+{
+    global const Parts *parts = state->parts;
+    global const Part *first = parts->of;
+    float far = first->far;
+    for (int k = 1; k < parts->count; ++k) far = max(far, parts->of[k].far);
+    state->z_far = far;
+    if (parts->count > 1) return;
+    state->cover = first->id;
+    state->over = first->over;
+    state->under = first->under;
+    state->near = first->near;
+    state->far = first->far;
+    state->divided = 0;
+}
+
+// See triangle `k` of LANES in front of a block that has no depth buffer; false if it needs one.
+inline int see_part(private const float *c, uint k, private const int *span, int id, float near, float far, BlockState *state)
+{
+    if (!(near > 0.0f) || !(far < FAR)) return 0;
+    for (int edge = 0; edge < 3; ++edge) {
+        const float turn = fabs(c[(3 * edge + 1) * LANES + k]);
+        if (turn > 0.0f && turn < LEAST_TURN) return 0;
+    }
+    global Parts *parts = state->parts;
+    if (!state->divided) clear_parts(parts);
+    global Part *p = parts->of + parts->count;
+    if (!find_rays(c, k, span[k], span[LANES + k], p->rays)) return 1;
+    p->id = id;
+    p->over = read_flat(c + 3 * EDGE * LANES, k);
+    p->under = read_flat(c + (3 * EDGE + FLAT) * LANES, k);
+    p->near = near;
+    p->far = far;
+    if (state->cover != NOTHING && !(far < state->near)) {
+        if (near > state->far) return 1;
+        for (int row = 0; row < BLOCK; row += LANES) {
+            const vi mine = VLOAD(p->rays + row);
+            VSTORE(nearer_rays(p->over, p->under, id, state->over, state->under, state->cover, mine, row), p->rays + row);
+        }
+    }
+    if (!add_part(parts)) return 0;
+    state->z_near = min(state->z_near, parts->near);
+    state->divided = parts->count > 0;
+    if (state->divided && fill_block(parts)) fill_state(state);
+    return 1;
+}
+
 // Merge what was taken of a batch, up to z_far, into the block at `at`: first what covers it.  Returns whether
 // the depth buffer changed.
 inline int merge_taken(const Batch *batch, const Taken *taken, float2 at, float z_far, BlockState *state, global float *z, global int *ids)
@@ -209,12 +319,17 @@ inline int merge_taken(const Batch *batch, const Taken *taken, float2 at, float 
                 const int slot = n * LANES + k, id = batch->id[slot];
                 const float near = taken->near[slot];
                 if (near > z_far) continue;
+                const float far = taken->far[slot];
                 if (covers && state->cover != BUFFERED) {
                     const Form over = read_flat(c + 3 * EDGE * LANES, k), under = read_flat(c + (3 * EDGE + FLAT) * LANES, k);
-                    if (settle(over, under, near, taken->far[slot], id, state)) continue;
+                    if (settle(over, under, near, far, id, state)) continue;
                 }
                 if (spanned != n) span_taken(batch, n, at, taken, span);
                 spanned = n;
+                if (state->cover != BUFFERED && see_part(c, k, span, id, near, far, state)) {
+                    z_far = min(z_far, state->z_far);
+                    continue;
+                }
                 materialise(state, z, ids);
                 changed |= hit_triangle(c, k, covers, (cull.mixed >> k) & 1, span, id, z, ids);
             }
@@ -228,6 +343,9 @@ inline void visit_with_batch(const Batch *batch, float2 at, BlockState *state, g
     Taken taken;
     float z_far = min(state->z_far, batch->z_far);
     for (int n = 0; n * LANES < batch->count; ++n) z_far = take_triangles(batch, n, at, z_far, &taken);
+    int kept = state->divided ? state->parts->count : 0;
+    for (int n = 0; n * LANES < batch->count; ++n) kept += popcount(taken.cull[n].keep);
+    if (kept > FEW_KEPT) materialise(state, z, ids);
     if (merge_taken(batch, &taken, at, z_far, state, z, ids)) state->z_far = farthest(z);
 }
 
