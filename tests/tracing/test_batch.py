@@ -8,6 +8,7 @@ from tracing_scenes import CAMERA, scene, soup
 from lfcore.opencl.device import open_device
 from lfcore.optics.bundles import macropixels, views
 from lfcore.optics.slab import Slab
+from lfcore.oracle.shading import radiance
 from lfcore.oracle.slab import slab_hits
 from lfcore.scene.model import POINT, Light
 from lfcore.tracing.bvh import build_bvh
@@ -153,9 +154,13 @@ def test_eight_triangles_share_a_block_as_many_do(device):
         )
         for dense in (0, 1000)
     )
-    difference = np.abs(shared - alone).max(-1)
-    assert 0 < difference.max() and np.ptp(shared) > 0.1
-    assert (difference > 1e-4).mean() < 1e-3
+    origins, directions = bundles.rays()
+    world = Sharing(FEW["mesh"], ALWAYS, device, lights=[LAMP]).scene
+    truth = radiance(world, origins.reshape(-1, 3), directions.reshape(-1, 3)).reshape(shared.shape)
+    assert (shared != alone).any() and np.ptp(shared) > 0.1
+    assert (np.abs(shared - truth).max(-1) > 1e-4).mean() < 1e-3
+    # Where light grazes, a block's occluders are told from neighbours less well than a triangle's.
+    assert (np.abs(alone - truth).max(-1) > 1e-4).mean() < 5e-3
 
 
 def test_what_covers_the_whole_beam_settles_all_its_blocks(device):

@@ -1,5 +1,7 @@
 """Colours from truncated series, against the same computed ray by ray, and the oracle."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from tracing_scenes import CAMERA, scene, soup
@@ -81,8 +83,11 @@ TOLERANCE = {"textured": 1e-3}
 
 
 def colours(world, error, device=None, views=70):
-    slab = Slab(CAMERA, views, 24)
-    return OneElement(world, error, device).bundle_radiance(macropixels(slab, PIXELS), PIXELS)
+    return colours_of(world, error, device, Slab(CAMERA, views, 24), PIXELS)
+
+
+def colours_of(world, error, device, slab, pixels):
+    return OneElement(world, error, device).bundle_radiance(macropixels(slab, pixels), pixels)
 
 
 @pytest.mark.parametrize("name", WORLDS)
@@ -110,3 +115,34 @@ def test_magnified_texture_is_the_oracles(device):
     error = np.abs(np.clip(found, 0, 1) - truth).max(1)
     assert np.quantile(error, 0.99) < 4e-3  # beside edges, which rounding moves
     assert truth.std() > 0.05
+
+
+@pytest.mark.parametrize("scale", [3, 12, 60, 120, 400])
+def test_patches_of_any_size(device, scale):
+    """From one cell of the texture in a block to more than a patch holds, in the lamp's shadows."""
+    world = curved([LAMP], texture=noise())
+    world = dataclasses.replace(world, uvs=(world.triangles[..., :2] * scale).astype(np.float32))
+    series, single = colours(world, "3.0e-5f", device), colours(world, "0.0f", device)
+    assert (series != single).any()
+    assert np.abs(series - single).max() <= 1e-3 * max(1, scale / 30)
+
+
+def test_a_plane_through_the_lens_has_two_sides(device):
+    """Some blocks of a beam see it from above and others from below: each in its own light."""
+    slab, pixel = Slab(CAMERA, 70, 24), [[12, 11]]
+    origins, directions = (a[0].astype(float) for a in macropixels(slab, pixel).rays())
+    slope = directions[:, 0, 1] / directions[:, 0, 2]
+    rows = origins[:, 0, 1]
+    focus = (rows[-1] - rows[0]) / (slope[0] - slope[-1])
+    # Half a row below the plane at the focus: what lies above it on the lens meets it before, what
+    # lies below it beyond.
+    level, step = rows[24], rows[1] - rows[0]
+    tilt = (rows[0] + slope[0] * focus - level + step / 2) / focus
+    corners = [(x, level + tilt * z, z) for x, z in ((0, 0.1), (-40, 90), (40, 90))]
+    sun = Light(DIRECTIONAL, (0.0, 0.96, -0.28), (0.8, 0.7, 0.6), 0.0, False)
+    world = scene(np.float32([corners]), lights=[sun])
+    found = colours_of(world, "3.0e-5f", device, slab, pixel)[0]
+    truth = radiance(world, origins.reshape(-1, 3), directions.reshape(-1, 3)).reshape(found.shape)
+    lit = truth[..., 0] > 0.3
+    assert lit[rows > level + step].any() and not lit[rows < level - step].any()
+    assert np.quantile(np.abs(found - truth).max(-1), 0.98) < 1e-4

@@ -5,7 +5,7 @@
 #ifndef LFCORE_DARKNESS_CL
 #define LFCORE_DARKNESS_CL
 #include "occluders.cl"
-#include "series.cl"
+#include "shares.cl"
 
 #if OUTER == 1
 #define ROW_GROUPS (BLOCK / LANES)
@@ -108,25 +108,23 @@ inline int cast_occluders(const Affine *e, vi may, Darkness *d)
     return !all_dark(d);
 }
 
-// Take the dark rays from `wants`: of all the block or, given `ids`, of those on triangle `own`.
-inline void take_dark(const Darkness *d, global const int *ids, int own, global int *wants)
+// How many rays are not dark, of all the rectangle's or, given `ids`, of those on triangle `own`; where some are, `wants`
+// receives which.
+inline int count_lit(const Darkness *d, global const int *ids, int own, global int *wants)
 {
-    if (!some_dark(d)) return;
+    if (!some_dark(d)) return ALL_RAYS;
     private int rows[BLOCK];
+    vi lit = 0, dark = 0;
     for (int k = 0; k < ROW_GROUPS; ++k) VSTORE(d->dark[k], rows + k * LANES);
     for (int row = 0; row < BLOCK; ++row)
         for (int column = 0; column < BLOCK; column += LANES) {
             const int at = row * BLOCK + column;
-            vi dark = MASK(((vi)(rows[row] >> column) & LANE_BITS) != 0);
-            if (ids) dark &= EQ(VLOAD(ids + at), (vi)(own));
-            VSTORE(VLOAD(wants + at) & ~dark, wants + at);
+            const vi hidden = MASK(((vi)(rows[row] >> column) & LANE_BITS) != 0), mine = ids ? EQ(VLOAD(ids + at), (vi)(own)) : (vi)(-1);
+            VSTORE(ids ? pick_int(VLOAD(wants + at), ~hidden, mine) : ~hidden, wants + at);
+            lit |= mine & ~hidden;
+            dark |= mine & hidden;
         }
-}
-
-// Take all of those rays.
-inline void take_all(global const int *ids, int own, global int *wants)
-{
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE(ids ? VLOAD(wants + at) & ~EQ(VLOAD(ids + at), (vi)(own)) : (vi)(0), wants + at);
+    return !row_any(lit) ? NO_RAY : row_any(dark) ? SOME_RAYS : ALL_RAYS;
 }
 #endif
 #endif

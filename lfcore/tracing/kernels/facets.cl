@@ -134,7 +134,8 @@ inline int choose_level(const Surfaces *s, int texture, global const float *uv, 
     const int4 finest = s->images[texture * MIP_LEVELS];
     const float twice = fabs((uv[2] - uv[0]) * (uv[5] - uv[1]) - (uv[4] - uv[0]) * (uv[3] - uv[1]));
     const float texels = twice * finest.y * finest.z * (depth * pixel) * (depth * pixel) / max(fabs(f->sum.c), 1.0e-30f);
-    const int level = texels > 2.0f ? (int)(0.5f * native_log2(texels) + 0.5f) : 0;
+    // Half the logarithm to base 2, rounded, from the exponent: a call of a logarithm would spill every vector register.
+    const int level = texels > 2.0f ? ((as_int(2.0f * texels) >> 23) - 127) >> 1 : 0;
     return min(level, finest.w - 1);
 }
 #endif
@@ -205,7 +206,11 @@ inline Surface interpolate(const Facet *f, Row at)
 #if SMOOTH
     p.normal.x = form_row(f->n[0], at); p.normal.y = form_row(f->n[1], at); p.normal.z = form_row(f->n[2], at);
 #else
-    p.normal.x = f->normal.x; p.normal.y = f->normal.y; p.normal.z = f->normal.z;
+    // Some rays of a block may see the triangle's other side.
+    const vi back = AS_VI(flat_row(f->under, at)) & (vi)(0x80000000);
+    p.normal.x = flip_sign((vf)(f->normal.x), back);
+    p.normal.y = flip_sign((vf)(f->normal.y), back);
+    p.normal.z = flip_sign((vf)(f->normal.z), back);
 #endif
 #if TEXTURED || VERTEX_COLOURS
     const vf inverse = reciprocal(flat_row(f->sum, at));
@@ -227,15 +232,14 @@ inline Surface interpolate(const Facet *f, Row at)
 // corners.
 inline void facet_patch(const Surfaces *s, const Facet *f, const Rectangle *over, int4 image, Patch *patch)
 {
-    float lo[2] = {FAR, FAR}, hi[2] = {-FAR, -FAR};
-    for (int k = 0; k < 4; ++k) {
-        const float x = over->x + (k & 1 ? over->wide : -over->wide), y = over->y + (k & 2 ? over->high : -over->high);
-        const float weight = f->sum.c + x * f->sum.i + y * f->sum.j;
-        for (int axis = 0; axis < 2; ++axis) {
-            const float at = (f->uv[axis].c + x * f->uv[axis].i + y * f->uv[axis].j) / weight;
-            lo[axis] = min(lo[axis], at);
-            hi[axis] = max(hi[axis], at);
-        }
+    const float4 x = (float4)(-over->wide, over->wide, -over->wide, over->wide) + over->x;
+    const float4 y = (float4)(-over->high, -over->high, over->high, over->high) + over->y;
+    const float4 inverse = 1.0f / fma(x, f->sum.i, fma(y, f->sum.j, f->sum.c));
+    float lo[2], hi[2];
+    for (int axis = 0; axis < 2; ++axis) {
+        const float4 at = fma(x, f->uv[axis].i, fma(y, f->uv[axis].j, f->uv[axis].c)) * inverse;
+        lo[axis] = min(min(at.x, at.y), min(at.z, at.w));
+        hi[axis] = max(max(at.x, at.y), max(at.z, at.w));
     }
     make_patch(s->texels, image, lo[0], hi[0], lo[1], hi[1], patch);
 }

@@ -4,7 +4,7 @@
 #include "shadows.cl"
 #include "scattered.cl"
 #include "beam.cl"
-#include "light_series.cl"
+#include "share_colours.cl"
 
 #ifndef SHADOW_LIST
 #define SHADOW_LIST 0
@@ -169,28 +169,31 @@ inline void crop_block(const Rays *rays, int2 where, global int *ids)
 #if OUTER == 1
 // Blocks of one element on few triangles: what the lights reach is found before anything is lit.
 
+// Find out how many of a share's rays see each light that casts shadows.
+inline void look_for_lights(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, Share *share, global const int *ids, Easel *e)
+{
+#if SHADOW_LIGHTS
+    for (int k = 0; k < SHADOW_LIGHTS; ++k)
+        share->seeing[k] = shadow_share(bvh, s, k, &e->shadows, bundle, share, ids, e->colours.wants + k * BLOCK_RAYS);
+#endif
+}
+
 // A block that lies on triangle `id`.
 inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Rays *rays, const BeamWork *work, int block, const Bundle *bundle, int id,
                         float pixel, Easel *e)
 {
     Facet facet;
-    const float2 offset = cover_block(s, rays, work, block, id, pixel, &e->cover, &facet);
-    const Share share = whole_block(id, &facet);
-    for (int k = 0; k < SHADOW_LIGHTS; ++k) {
-        global int *wants = e->colours.wants + k * BLOCK_RAYS;
-        for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) VSTORE((vi)(-1), wants + ray);
-#if SHADOW_LIGHTS
-        shadow_share(bvh, s, k, &e->shadows, bundle, &share, 0, wants);
-#endif
-    }
+    const int sided = cover_block(s, rays, work, block, bundle, id, pixel, &e->cover, &facet);
+    Share share = whole_block(id, &facet);
+    look_for_lights(bvh, s, bundle, &share, 0, e);
     FacetSeries own;
     Painting p;
     p.share = &share;
     p.finish = read_finish(s, facet.finish);
     p.series = &e->cover.series;
-    p.offset = offset;
-    if (SIDE > 1 && !is_smooth(p.series, &p.finish)) {
-        facet_series(s, bundle, &facet, &share.over, &p.finish, &own);
+    p.offset = block_offset(block);
+    if (!sided || (SIDE > 1 && !is_smooth(p.series, &p.finish))) {
+        facet_series(s, bundle, &facet, &share.over, &p.finish, share.seeing, &own);
         p.series = &own;
         p.offset = 0.0f;
     }
@@ -198,15 +201,9 @@ inline void paint_cover(const Bvh *bvh, const Surfaces *s, const Rays *rays, con
 }
 
 // A block that few triangles share.
-inline void paint_shared(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, const Shares *shares, global const int *ids, Easel *e)
+inline void paint_shared(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, Shares *shares, global const int *ids, Easel *e)
 {
-    for (int k = 0; k < SHADOW_LIGHTS; ++k) {
-        global int *wants = e->colours.wants + k * BLOCK_RAYS;
-        for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) VSTORE(GE(VLOAD(ids + ray), (vi)(0)), wants + ray);
-#if SHADOW_LIGHTS
-        shadow_shares(bvh, s, k, &e->shadows, bundle, shares, ids, wants);
-#endif
-    }
+    for (int k = 0; k < shares->count; ++k) look_for_lights(bvh, s, bundle, shares->of + k, ids, e);
     paint_shares(s, bundle, shares, ids, &e->colours);
 }
 #endif

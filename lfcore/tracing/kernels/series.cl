@@ -102,16 +102,29 @@ inline Quadratic scale_quadratic(Quadratic f, float by)
     return scaled;
 }
 
-// The same along one row.
-typedef struct { float c, x, xx; } Parabola;
-
-inline Parabola along_row(Quadratic f, float y)
+inline Quadratic add_scaled(Quadratic f, Quadratic g, float by)
 {
-    Parabola p = {fma(y, fma(y, f.yy, f.y), f.c), fma(y, f.xy, f.x), f.xx};
-    return p;
+    Quadratic sum = {fma(by, g.c, f.c), fma(by, g.x, f.x), fma(by, g.y, f.y),
+                     fma(by, g.xx, f.xx), fma(by, g.xy, f.xy), fma(by, g.yy, f.yy)};
+    return sum;
 }
 
-inline vf parabola(Parabola f, vf x) { return fma(x, fma(x, (vf)(f.xx), (vf)(f.x)), (vf)(f.c)); }
+inline vf quadratic_at(Quadratic f, Places at)
+{
+    const vf along = fma(at.x, (vf)(f.xx), fma(at.y, (vf)(f.xy), (vf)(f.x)));
+    return fma(at.x, along, fma(at.y, fma(at.y, (vf)(f.yy), (vf)(f.y)), (vf)(f.c)));
+}
+
+// The same down LANES columns.
+typedef struct { vf c, y; float yy; } Column;
+
+inline Column down_column(Quadratic f, vf x)
+{
+    Column d = {fma(x, fma(x, (vf)(f.xx), (vf)(f.x)), (vf)(f.c)), fma(x, (vf)(f.xy), (vf)(f.y)), f.yy};
+    return d;
+}
+
+inline vf column_at(Column f, float y) { return fma((vf)(y), fma((vf)(y), (vf)(f.yy), f.y), f.c); }
 #endif
 
 #endif

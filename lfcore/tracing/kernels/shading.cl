@@ -30,19 +30,24 @@ inline Vec viewed_normal(Vec n, Vec direction)
     return n;
 }
 
-// `patch`, if there is one, holds the texels.
-inline Colour albedo(const Surfaces *s, const Finish *f, const Surface *p, const Patch *patch)
+// A texture's colour, times the vertex colours; `patch`, if there is one, holds the texels.
+inline Colour texel(const Surfaces *s, const Finish *f, const Surface *p, const Patch *patch)
 {
-    Colour c = {f->diffuse.x, f->diffuse.y, f->diffuse.z};
+    Colour c = {1.0f, 1.0f, 1.0f};
 #if TEXTURED
-    if (f->image.y) {
-        const Colour t = patch && patch->columns ? sample_patch(patch, p->u, p->v) : sample_texture(s->texels, f->image, p->u, p->v);
-        c.r *= t.r; c.g *= t.g; c.b *= t.b;
-    }
+    if (f->image.y) c = patch && patch->columns ? sample_patch(patch, p->u, p->v) : sample_texture(s->texels, f->image, p->u, p->v);
 #endif
 #if VERTEX_COLOURS
     c.r *= p->rgb.r; c.g *= p->rgb.g; c.b *= p->rgb.b;
 #endif
+    return c;
+}
+
+// The same, times the material's colour.
+inline Colour albedo(const Surfaces *s, const Finish *f, const Surface *p, const Patch *patch)
+{
+    const Colour t = texel(s, f, p, patch);
+    const Colour c = {t.r * f->diffuse.x, t.g * f->diffuse.y, t.b * f->diffuse.z};
     return c;
 }
 
@@ -205,7 +210,8 @@ inline const Facet *find_facet(const Surfaces *s, const Bundle *r, int id, float
 
 // Interpolate a row of rays that meet some triangle each or, in some lanes, none.  Returns what each
 // ray's surface is made of, -1 where it meets nothing; `depth`, of rays that have it in no buffer, from the triangles.
-inline vi interpolate_row(const Surfaces *s, const Bundle *r, global const int *ids, Row at, float pixel, Facets *facets, Surface *p, vf *depth)
+inline vi interpolate_row(const Surfaces *s, const Bundle *r, global const int *ids, Row at, float pixel, Facets *facets, Surface *p,
+                          vf *depth)
 {
     const vi row = VLOAD(ids);
     uint todo = row_bits(GE(row, (vi)(0)));

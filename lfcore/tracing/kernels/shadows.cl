@@ -177,8 +177,9 @@ inline int cast_on_share(const Bvh *bvh, global const float *light, ShadowMemory
     return darken(bvh, light, &rays, memory, lo, hi, &target);
 }
 
-// Take from `wants` a share's rays, all of the block's or those that `ids` says, that cannot see light `number`.
-inline void shadow_share(const Bvh *bvh, const Surfaces *s, int number, ShadowMemory *memory, const Bundle *bundle, const Share *share,
+// How many of a share's rays, all of the block's or those that `ids` says, see light `number`; where some do, `wants`
+// receives which.
+inline int shadow_share(const Bvh *bvh, const Surfaces *s, int number, ShadowMemory *memory, const Bundle *bundle, const Share *share,
                          global const int *ids, global int *wants)
 {
     global const float *light = s->lights + (OPEN_LIGHTS + number) * LIGHT;
@@ -187,7 +188,7 @@ inline void shadow_share(const Bvh *bvh, const Surfaces *s, int number, ShadowMe
     Screen *screen = memory->screens.of + key % SCREENS;
     if (screen->key != key) make_screen(bvh, s, light, memory, share->id, screen);
     screen->key = key;
-    if (screen->rows == 0) return;
+    if (screen->rows == 0) return ALL_RAYS;
     int left = 0;
     Darkness darkness;
     if (screen->rows > 0) {
@@ -200,15 +201,7 @@ inline void shadow_share(const Bvh *bvh, const Surfaces *s, int number, ShadowMe
         darkness = none_dark(share->over, (float2)(-HALF));
         left = cast_on_share(bvh, light, memory, screen, bundle, share, &darkness);
     }
-    if (left) take_dark(&darkness, ids, share->id, wants);
-    else take_all(ids, share->id, wants);
-}
-
-// The same for all shares of a block.
-inline void shadow_shares(const Bvh *bvh, const Surfaces *s, int number, ShadowMemory *memory, const Bundle *bundle, const Shares *shares,
-                          global const int *ids, global int *wants)
-{
-    for (int k = 0; k < shares->count; ++k) shadow_share(bvh, s, number, memory, bundle, shares->of + k, ids, wants);
+    return left ? count_lit(&darkness, ids, share->id, wants) : NO_RAY;
 }
 #endif
 

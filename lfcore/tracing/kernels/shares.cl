@@ -5,10 +5,14 @@
 
 #if OUTER == 1
 
+// Of a number of rays.
+enum { NO_RAY, SOME_RAYS, ALL_RAYS };
+
 typedef struct {
     int id;
     const Facet *facet;
-    Rectangle over;     // around its rays, which see it from one side
+    Rectangle over;                 // around its rays, which see it from one side
+    int seeing[SHADOW_LIGHTS + 1];  // how many of them see each light that casts shadows
 } Share;
 
 // Light of a share is set up once, and shadows for all blocks of a beam.  Of an inner grid of fewer than DENSE rays along either axis

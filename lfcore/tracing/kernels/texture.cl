@@ -56,16 +56,24 @@ inline Colour sample_texture(global const uint *texels, int4 image, vf u, vf v)
 }
 
 // The few texels that a block of rays on one triangle falls into: bilinear interpolation between them is
-//     sum of d[j][i] s_i(x) s_j(y),  s_0 = 1,  s_k(x) = x - (k - 1) clamped to [0, 1],
-// with d the differences of the texels along both axes: no addresses, and no gathers, by the ray.
+//     sum of d[j][i] s_i(x) s_j(y),  s_0 = 1,  s_1(x) = x,  s_k(x) = min(x, k - 1)
+// from the first texel to the last: no addresses, and no gathers, by the ray.
 #define PATCH 5
-#define SMALL_PATCH 3
 typedef struct {
-    int columns, rows;         // texels; 0 where there are too many
+    int columns, rows;         // texels, at least two; 0 where there are too many
     float u, v, left, top;     // whole numbers: turns of the texture, and the first texel within it
     float width, height;
-    float d[PATCH][PATCH][3];  // zero beside the texels, as far as a small patch goes
+    float4 d[PATCH][PATCH];
 } Patch;
+
+// Texels along a line `step` apart to the coefficients of such a sum.
+inline void make_sum(float4 *d, int count, int step)
+{
+    for (int k = count - 1; k > 0; --k) d[k * step] -= d[(k - 1) * step];
+    const float4 last = d[(count - 1) * step];
+    for (int k = count - 1; k > 1; --k) d[k * step] = d[(k - 1) * step] - d[k * step];
+    d[step] = last;
+}
 
 // The patch of rays whose coordinates lie within [u0, u1] x [v0, v1].
 inline void make_patch(global const uint *texels, int4 image, float u0, float u1, float v0, float v1, Patch *p)
@@ -78,59 +86,43 @@ inline void make_patch(global const uint *texels, int4 image, float u0, float u1
     if (!(across < PATCH - 1 && down < PATCH - 1)) return;
     p->columns = (int)across + 2;
     p->rows = (int)down + 2;
-    for (int j = 0; j < SMALL_PATCH; ++j)
-        for (int i = 0; i < SMALL_PATCH; ++i)
-            for (int k = 0; k < 3; ++k) p->d[j][i][k] = 0.0f;
     const int first = p->left < 0.0f ? image.y - 1 : (int)p->left;
     int line = p->top < 0.0f ? image.z - 1 : (int)p->top;
     for (int j = 0; j < p->rows; ++j, line = line + 1 < image.z ? line + 1 : 0)
         for (int i = 0, column = first; i < p->columns; ++i, column = column + 1 < image.y ? column + 1 : 0) {
-            const uint texel = texels[image.x + line * image.y + column];
-            for (int k = 0; k < 3; ++k) {
-                const float root = (float)(texel >> 10 * k & 1023u) * (1.0f / 1023.0f);
-                p->d[j][i][k] = root * root;
-            }
+            const uint4 texel = (uint4)(texels[image.x + line * image.y + column]) >> (uint4)(0, 10, 20, 30) & (uint4)(1023, 1023, 1023, 0);
+            const float4 root = convert_float4(as_int4(texel)) * (1.0f / 1023.0f);
+            p->d[j][i] = root * root;
         }
-    for (int j = p->rows - 1; j >= 0; --j)
-        for (int i = p->columns - 1; i >= 0; --i)
-            for (int k = 0; k < 3; ++k) {
-                if (i) p->d[j][i][k] -= p->d[j][i - 1][k];
-                if (j) p->d[j][i][k] -= p->d[j - 1][i][k] - (i ? p->d[j - 1][i - 1][k] : 0.0f);
-            }
+    for (int j = 0; j < p->rows; ++j) make_sum(p->d[j], p->columns, 1);
+    for (int i = 0; i < p->columns; ++i) make_sum(p->d[0] + i, p->rows, PATCH);
 }
 
-// The patch's colour at places in texels, counted from the centre of its first one; `columns` and `rows` are at least its
-// own.
-inline Colour mix_texels(const Patch *p, int columns, int rows, vf x, vf y)
+// The colour at places in texels, counted from the centre of the first one; `columns` are the patch's.
+inline Colour mix_patch(const Patch *p, int columns, vf x, vf y)
 {
     vf s[PATCH];
-    for (int i = 1; i < columns; ++i) s[i] = clamp(x - (float)(i - 1), (vf)(0.0f), (vf)(1.0f));
+    s[1] = x;
+    for (int i = 2; i < columns; ++i) s[i] = min(x, (vf)(i - 1.0f));
     Colour sum;
-    for (int j = 0; j < rows; ++j) {
-        const float (*d)[3] = p->d[j];
-        Colour row = {d[0][0], d[0][1], d[0][2]};
+    for (int j = 0; j < p->rows; ++j) {
+        const float4 *d = p->d[j];
+        Colour row = {d[0].x, d[0].y, d[0].z};
         for (int i = 1; i < columns; ++i) {
-            row.r = fma(s[i], (vf)(d[i][0]), row.r);
-            row.g = fma(s[i], (vf)(d[i][1]), row.g);
-            row.b = fma(s[i], (vf)(d[i][2]), row.b);
+            row.r = fma(s[i], (vf)(d[i].x), row.r);
+            row.g = fma(s[i], (vf)(d[i].y), row.g);
+            row.b = fma(s[i], (vf)(d[i].z), row.b);
         }
-        const vf t = clamp(y - (float)(j - 1), (vf)(0.0f), (vf)(1.0f));
+        const vf t = j > 1 ? min(y, (vf)(j - 1.0f)) : y;
         if (j) { sum.r = fma(t, row.r, sum.r); sum.g = fma(t, row.g, sum.g); sum.b = fma(t, row.b, sum.b); }
         else sum = row;
     }
     return sum;
 }
 
-// Most patches are small, and sampled without loops.
-inline Colour mix_patch(const Patch *p, vf x, vf y)
-{
-    if (max(p->columns, p->rows) <= SMALL_PATCH) return mix_texels(p, SMALL_PATCH, SMALL_PATCH, x, y);
-    return mix_texels(p, p->columns, p->rows, x, y);
-}
-
 inline Colour sample_patch(const Patch *p, vf u, vf v)
 {
-    return mix_patch(p, fma(u - p->u, (vf)(p->width), (vf)(-0.5f)) - p->left, fma(1.0f - (v - p->v), (vf)(p->height), (vf)(-0.5f)) - p->top);
+    return mix_patch(p, p->columns, fma(u - p->u, (vf)(p->width), (vf)(-0.5f)) - p->left, fma(1.0f - (v - p->v), (vf)(p->height), (vf)(-0.5f)) - p->top);
 }
 
 #endif

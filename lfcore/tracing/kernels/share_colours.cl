@@ -1,0 +1,322 @@
+// Colours of the rays that triangles have of a block of one element.
+//
+// Lights that every ray of a share sees are summed before a ray is looked at, and so is a texture of which the rays meet
+// no more than one cell: what is left is a quadratic in each colour.  Rays are visited down the columns of the block,
+// so that what changes along a row is set up once.
+#ifndef LFCORE_SHARE_COLOURS_CL
+#define LFCORE_SHARE_COLOURS_CL
+#include "light_series.cl"
+
+#if OUTER == 1
+
+// A facet while its rays in a block are lit.
+typedef struct {
+    const Share *share;
+    Finish finish;
+    const FacetSeries *series;
+    float2 offset;                  // of the block's middle from where the series are counted
+    Patch patch;
+    int patched;                    // whether all texels come from the patch, at
+    Quadratic x, y;                 // these places
+    Quadratic light[3], shine[3];   // what is multiplied by the texture, of lights that all rays see, and what is not
+    int shiny;
+    int apart[LIGHTS + 1], single;  // the `single` lights that some rays see
+} Painting;
+
+inline void add_to_quadratics(Quadratic *sum, Quadratic f, float3 by)
+{
+    const float times[3] = {by.x, by.y, by.z};
+    for (int k = 0; k < 3; ++k) sum[k] = add_scaled(sum[k], f, times[k]);
+}
+
+// Sum the lights that all rays see.
+inline void sum_lights(const Surfaces *s, Painting *p)
+{
+    const Quadratic zero = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+    for (int k = 0; k < 3; ++k) p->light[k] = p->shine[k] = zero;
+#if AMBIENT
+    p->light[0].c = s->ambient.x * p->finish.diffuse.x;
+    p->light[1].c = s->ambient.y * p->finish.diffuse.y;
+    p->light[2].c = s->ambient.z * p->finish.diffuse.z;
+#endif
+    p->shiny = 0;
+#if EMISSION
+    p->shine[0].c = p->finish.emission.x; p->shine[1].c = p->finish.emission.y; p->shine[2].c = p->finish.emission.z;
+    p->shiny = largest(p->finish.emission) > 0.0f;
+#endif
+    p->single = 0;
+    for (int k = 0; k < LIGHTS; ++k) {
+        const int facing = p->series->facing[k], seeing = k < OPEN_LIGHTS ? ALL_RAYS : p->share->seeing[k - OPEN_LIGHTS];
+        if (facing == NO_RAY || seeing == NO_RAY) continue;
+        if (facing == SOME_RAYS || seeing == SOME_RAYS) {
+            p->apart[p->single++] = k;
+            continue;
+        }
+        const float3 c = vload3(0, s->lights + k * LIGHT + 4);
+        add_to_quadratics(p->light, p->series->cosine[k], c * p->finish.diffuse);
+        if (!p->series->glossy[k]) continue;
+        add_to_quadratics(p->shine, p->series->gloss[k], c * p->finish.specular);
+        p->shiny = 1;
+    }
+}
+
+// Rays of a share down LANES columns of a block: from `column` on, and as places of the series.
+typedef struct {
+    int column, top, bottom;
+    vf x;
+    float y;     // of the top row
+} Stripe;
+
+// Write the colours of those of a row of rays that meet triangle `own`: all of them if there are no `ids`.
+inline void put_colours_of(global const int *ids, int own, int at, Colour c, const BlockColours *out)
+{
+    if (ids) {
+        const Colour before = {VLOAD(out->base + at), VLOAD(out->base + BLOCK_RAYS + at), VLOAD(out->base + 2 * BLOCK_RAYS + at)};
+        c = pick_colour(before, c, EQ(VLOAD(ids + at), (vi)(own)));
+    }
+    store_row(out->base, at, c);
+}
+
+// Three quadratics.
+typedef struct { Column r, g, b; } Columns;
+inline Columns down_columns(const Quadratic *f, vf x)
+{
+    const Columns c = {down_column(f[0], x), down_column(f[1], x), down_column(f[2], x)};
+    return c;
+}
+inline Colour columns_at(Columns f, float y)
+{
+    const Colour c = {column_at(f.r, y), column_at(f.g, y), column_at(f.b, y)};
+    return c;
+}
+
+// A stripe whose colours are quadratics.
+inline void paint_plain(const Quadratic *colour, const Stripe *stripe, global const int *ids, int own, const BlockColours *out)
+{
+    const Columns colours = down_columns(colour, stripe->x);
+    float y = stripe->y;
+    for (int line = stripe->top; line <= stripe->bottom; ++line, y += 1.0f)
+        put_colours_of(ids, own, line * BLOCK + stripe->column, columns_at(colours, y), out);
+}
+
+// The lights down a stripe.
+typedef struct {
+    Columns light, shine;
+    Column cosine[LIGHTS + 1], gloss[LIGHTS + 1];  // of those that some rays see
+} Light;
+
+inline void light_down(const Painting *p, vf x, Light *l)
+{
+    l->light = down_columns(p->light, x);
+    if (p->shiny) l->shine = down_columns(p->shine, x);
+    for (int n = 0; n < p->single; ++n) {
+        l->cosine[n] = down_column(p->series->cosine[p->apart[n]], x);
+        l->gloss[n] = down_column(p->series->gloss[p->apart[n]], x);
+    }
+}
+
+inline void add_light(Colour *sum, vf amount, float3 colour)
+{
+    sum->r = fma(amount, (vf)(colour.x), sum->r);
+    sum->g = fma(amount, (vf)(colour.y), sum->g);
+    sum->b = fma(amount, (vf)(colour.z), sum->b);
+}
+
+// Those of a row of a share's rays that see a light that casts shadows.
+inline vi rays_seeing(const Share *share, int k, global const int *wants)
+{
+    return share->seeing[k] == SOME_RAYS ? VLOAD(wants + k * BLOCK_RAYS) : (vi)(share->seeing[k] == ALL_RAYS ? -1 : 0);
+}
+
+// Colours of a row of rays of such a texture; `wants` are those that see each light that casts shadows, where
+// some do.  `single` is the painting's.
+inline Colour lit_row(const Surfaces *s, const Painting *p, const Light *l, int single, Colour texel, float y, global const int *wants)
+{
+    Colour light = columns_at(l->light, y), shine = {0.0f, 0.0f, 0.0f};
+    if (p->shiny) shine = columns_at(l->shine, y);
+    for (int n = 0; n < single; ++n) {
+        const int k = p->apart[n];
+        const float3 c = vload3(0, s->lights + k * LIGHT + 4);
+        const vf diffuse = max(column_at(l->cosine[n], y), (vf)(0.0f));
+        vi open = GT(diffuse, (vf)(0.0f));
+        if (k >= OPEN_LIGHTS) open &= rays_seeing(p->share, k - OPEN_LIGHTS, wants);
+        add_light(&light, AS_VF(AS_VI(diffuse) & open), c * p->finish.diffuse);
+        if (!p->series->glossy[k]) continue;
+        add_light(&shine, AS_VF(AS_VI(max(column_at(l->gloss[n], y), (vf)(0.0f))) & open), c * p->finish.specular);
+    }
+    const Colour sum = {fma(texel.r, light.r, shine.r), fma(texel.g, light.g, shine.g), fma(texel.b, light.b, shine.b)};
+    return sum;
+}
+
+#if TEXTURED
+// Read the texels under the share, and count the series of coordinates from there.
+inline void start_patch(const Surfaces *s, Painting *p)
+{
+    Patch *patch = &p->patch;
+    const FacetSeries *series = p->series;
+    patch->columns = 0;
+    if (p->finish.image.y) facet_patch(s, p->share->facet, &p->share->over, p->finish.image, patch);
+    p->patched = series->lit && series->drawn && patch->columns && !VERTEX_COLOURS;
+    if (!p->patched) return;
+    p->x = scale_quadratic(series->across, patch->width);
+    p->y = scale_quadratic(series->down, patch->height);
+    p->x.c -= fma(patch->u - series->turn_u, patch->width, patch->left + 0.5f);
+    p->y.c += fma(1.0f + patch->v - series->turn_v, patch->height, -(patch->top + 0.5f));
+}
+
+// A stripe of a patch of so many columns.
+inline void paint_cells(const Surfaces *s, const Painting *p, int columns, int single, const Stripe *stripe, const Light *light,
+                        global const int *ids, const BlockColours *out)
+{
+    const Column across = down_column(p->x, stripe->x), down = down_column(p->y, stripe->x);
+    float y = stripe->y;
+    for (int line = stripe->top; line <= stripe->bottom; ++line, y += 1.0f) {
+        const int at = line * BLOCK + stripe->column;
+        const Colour texel = mix_patch(&p->patch, columns, column_at(across, y), column_at(down, y));
+        put_colours_of(ids, p->share->id, at, lit_row(s, p, light, single, texel, y, out->wants + at), out);
+    }
+}
+
+inline void paint_patch(const Surfaces *s, const Painting *p, const Stripe *stripe, const Light *light, global const int *ids,
+                        const BlockColours *out)
+{
+    const int columns = p->patch.columns;
+    if (p->single || columns > 4) paint_cells(s, p, columns, p->single, stripe, light, ids, out);
+    else if (columns == 2) paint_cells(s, p, 2, 0, stripe, light, ids, out);
+    else if (columns == 3) paint_cells(s, p, 3, 0, stripe, light, ids, out);
+    else paint_cells(s, p, 4, 0, stripe, light, ids, out);
+}
+
+// Colours of rays that meet one cell of the texture as quadratics; false where they are not.
+inline int cell_series(const Painting *p, Quadratic *colour)
+{
+    private float nodes[3][NODES];
+    const Rectangle *over = &p->share->over;
+    const Rectangle at = {over->x + p->offset.x, over->y + p->offset.y, over->wide, over->high};
+    for (int node = 0; node < NODES; node += LANES) {
+        const Places here = nodes_at(&at, node);
+        const Colour texel = mix_patch(&p->patch, 2, quadratic_at(p->x, here), quadratic_at(p->y, here));
+        VSTORE(fma(texel.r, quadratic_at(p->light[0], here), quadratic_at(p->shine[0], here)), nodes[0] + node);
+        VSTORE(fma(texel.g, quadratic_at(p->light[1], here), quadratic_at(p->shine[1], here)), nodes[1] + node);
+        VSTORE(fma(texel.b, quadratic_at(p->light[2], here), quadratic_at(p->shine[2], here)), nodes[2] + node);
+    }
+    for (int k = 0; k < 3; ++k) {
+        const Series series = make_series(nodes[k]);
+        if (series_rest(&series) > LIGHT_ERROR || series.row[0].x < series_spread(&series)) return 0;
+        colour[k] = truncate(&series, over);
+    }
+    return 1;
+}
+#endif
+
+// A row of rays without series.
+inline Colour exact_row(const Surfaces *s, const Bundle *r, const Painting *p, int at, global const int *wants)
+{
+    const Row row = row_at(at);
+    const Surface surface = interpolate(p->share->facet, row);
+    const Colour colour = albedo(s, &p->finish, &surface, &p->patch);
+    const Meeting m = make_meeting(&surface, r, row, quotient_row(p->share->facet->over, p->share->facet->under, row));
+    Colour sum = unshadowed(s, &p->finish, colour, &m);
+    for (int k = 0; k < SHADOW_LIGHTS; ++k) {
+        const vi open = rays_seeing(p->share, k, wants);
+        if (!row_any(open)) continue;
+        vi facing;
+        const Colour c = light_row(s->lights + (OPEN_LIGHTS + k) * LIGHT, &p->finish, colour, m.point, m.normal, m.view, &facing);
+        sum.r += pick((vf)(0.0f), c.r, open); sum.g += pick((vf)(0.0f), c.g, open); sum.b += pick((vf)(0.0f), c.b, open);
+    }
+    return sum;
+}
+
+// Any stripe.
+inline void paint_stripe(const Surfaces *s, const Bundle *r, const Painting *p, const Stripe *stripe, const Light *light,
+                         global const int *ids, const BlockColours *out)
+{
+    float y = stripe->y;
+    for (int line = stripe->top; line <= stripe->bottom; ++line, y += 1.0f) {
+        const int at = line * BLOCK + stripe->column, own = p->share->id;
+        if (ids && !row_any(EQ(VLOAD(ids + at), (vi)(own)))) continue;
+        Colour c;
+        if (p->series->lit) {
+            const Surface surface = interpolate(p->share->facet, row_at(at));
+            c = lit_row(s, p, light, p->single, texel(s, &p->finish, &surface, &p->patch), y, out->wants + at);
+        } else c = exact_row(s, r, p, at, out->wants + at);
+        put_colours_of(ids, own, at, c, out);
+    }
+}
+
+// How a share's rays are painted, from the quickest way on.
+enum { PLAIN, PATCHED, ANY };
+
+// Colours of a share's rays: all of its rectangle if there are no `ids`.
+inline void paint_share(const Surfaces *s, const Bundle *r, Painting *p, global const int *ids, const BlockColours *out)
+{
+    const Rectangle over = p->share->over;
+    Quadratic colour[3];
+    float2 from = p->offset;        // where the places of `colour` are counted from
+    int way = ANY;
+    if (p->series->lit) sum_lights(s, p);
+    const int even = !p->single && !VERTEX_COLOURS;
+#if TEXTURED
+    start_patch(s, p);
+    if (p->patched) {
+        way = PATCHED;
+        if (even && max(p->patch.columns, p->patch.rows) == 2 && cell_series(p, colour)) {
+            way = PLAIN;
+            from = -(float2)(over.x, over.y);
+        }
+    }
+#endif
+    if (p->series->lit && even && !p->finish.image.y) {
+        way = PLAIN;
+        for (int k = 0; k < 3; ++k) colour[k] = add_scaled(p->shine[k], p->light[k], 1.0f);
+    }
+    Stripe stripe;
+    stripe.top = (int)(over.y - over.high + HALF);
+    stripe.bottom = ids ? (int)(over.y + over.high + HALF) : BLOCK - 1;
+    const int left = (int)(over.x - over.wide + HALF), right = ids ? (int)(over.x + over.wide + HALF) : BLOCK - 1;
+    for (stripe.column = left / LANES * LANES; stripe.column <= right; stripe.column += LANES) {
+        const float2 here = way == PLAIN ? from : p->offset;
+        stripe.x = IOTA + (stripe.column - HALF + here.x);
+        stripe.y = stripe.top - HALF + here.y;
+        if (way == PLAIN) {
+            paint_plain(colour, &stripe, ids, p->share->id, out);
+            continue;
+        }
+        Light light;
+        if (p->series->lit) light_down(p, stripe.x, &light);
+#if TEXTURED
+        if (way == PATCHED) {
+            paint_patch(s, p, &stripe, &light, ids, out);
+            continue;
+        }
+#endif
+        paint_stripe(s, r, p, &stripe, &light, ids, out);
+    }
+}
+
+// Whether some ray of a block meets nothing.
+inline int some_miss(global const int *ids)
+{
+    vi missing = 0;
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) missing |= LT(VLOAD(ids + at), (vi)(0));
+    return row_any(missing);
+}
+
+// The same for each triangle that shares a block.
+inline void paint_shares(const Surfaces *s, const Bundle *r, const Shares *shares, global const int *ids, const BlockColours *out)
+{
+    if (some_miss(ids)) shade_nothing(s, out);
+    for (int k = 0; k < shares->count; ++k) {
+        FacetSeries series;
+        Painting p;
+        p.share = shares->of + k;
+        p.finish = read_finish(s, p.share->facet->finish);
+        p.series = &series;
+        p.offset = -(float2)(p.share->over.x, p.share->over.y);
+        facet_series(s, r, p.share->facet, &p.share->over, &p.finish, p.share->seeing, &series);
+        paint_share(s, r, &p, ids, out);
+    }
+}
+#endif
+
+#endif
