@@ -255,7 +255,7 @@ inline void paint_share(const Surfaces *s, const Bundle *r, Painting *p, global 
     float2 from = p->offset;        // where the places of `colour` are counted from
     int way = ANY;
     if (p->series->lit) sum_lights(s, p);
-    const int even = !p->single && !VERTEX_COLOURS;
+    const int even = p->series->lit && !p->single && !VERTEX_COLOURS;
 #if TEXTURED
     start_patch(s, p);
     if (p->patched) {
@@ -266,7 +266,7 @@ inline void paint_share(const Surfaces *s, const Bundle *r, Painting *p, global 
         }
     }
 #endif
-    if (p->series->lit && even && !p->finish.image.y) {
+    if (even && !p->finish.image.y) {
         way = PLAIN;
         for (int k = 0; k < 3; ++k) colour[k] = add_scaled(p->shine[k], p->light[k], 1.0f);
     }
@@ -302,7 +302,7 @@ inline int some_miss(global const int *ids)
     return row_any(missing);
 }
 
-// The same for each triangle that shares a block.
+// Colours of a block's rays, of each triangle that shares it, and of nothing.
 inline void paint_shares(const Surfaces *s, const Bundle *r, const Shares *shares, global const int *ids, const BlockColours *out)
 {
     if (some_miss(ids)) shade_nothing(s, out);
