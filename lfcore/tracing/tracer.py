@@ -19,7 +19,7 @@ from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.radiance import RadianceJob, page_aligned
 from lfcore.tracing.surfaces import pack_surfaces
 from lfcore.tracing.tile import TileJob, TileTracing
-from lfcore.tracing.work import BeamShape, Groups, best_outer, leaves_a_ray
+from lfcore.tracing.work import BeamShape, Groups, best_outer, leaves_a_ray, probed_elements
 
 HITS_CHUNK_RAYS = 1 << 24
 SCATTERED_LEAVES = 2.5
@@ -75,6 +75,7 @@ class Tracer:
         self._programs: dict[tuple, tuple[cl.Program, cl.Kernel]] = {}
         self._scratch_words: dict[int, int] = {}
         self._outer: dict[tuple, int] = {}
+        self._scattered: dict[tuple, bool] = {}
 
     # -- visibility ---------------------------------------------------------------------------
 
@@ -281,8 +282,14 @@ class Tracer:
         Never for elements of one ray: such rays come from anywhere, and none must change how
         its neighbours are traced.
         """
-        lone = bundles.columns * bundles.rows == 1
-        return not lone and leaves_a_ray(self._leaf_boxes, bundles, outer) > SCATTERED_LEAVES
+        if bundles.columns * bundles.rows == 1:
+            return False
+        grid = outer, bundles.columns, bundles.rows, bundles.lattice, bundles.step.tobytes()
+        key = *grid, probed_elements(bundles).tobytes()
+        if key not in self._scattered:
+            leaves = leaves_a_ray(self._leaf_boxes, bundles, outer)
+            self._scattered[key] = leaves > SCATTERED_LEAVES
+        return self._scattered[key]
 
     def _ray_arguments(self, bundles: Bundles, groups: Groups, shape: BeamShape) -> list:
         """What the kernels take as their rays, from ``elements`` to ``rows``."""

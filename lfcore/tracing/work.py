@@ -105,6 +105,12 @@ class Groups:
 PROBED_BLOCKS = 16
 
 
+def probed_elements(bundles: Bundles) -> np.ndarray:
+    """(up to PROBED_BLOCKS, 4) float32: the elements whose blocks stand for all."""
+    last = len(bundles.elements) - 1
+    return bundles.elements[np.unique(np.linspace(0, last, PROBED_BLOCKS).astype(int))]
+
+
 def leaves_a_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1) -> float:
     """Leaves, boxes (L, 6), in the way of a mean block of 256 rays or fewer, a ray.
 
@@ -120,9 +126,8 @@ def leaves_a_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1) -> fl
     if outer > 1:
         lattice = bundles.lattice
         among = (outer - 1) / 2 * np.abs(lattice.origin + depths * lattice.direction)
-    chosen = np.unique(np.linspace(0, len(bundles.elements) - 1, PROBED_BLOCKS).astype(int))
-    count = 0
-    for number, element in enumerate(bundles.elements[chosen]):
+    chosen, count = probed_elements(bundles), 0
+    for number, element in enumerate(chosen):
         place = number % blocks[0], number // blocks[0] % blocks[1]
         meets = hi[:, 2] > 0
         for axis in (0, 1):
