@@ -63,7 +63,7 @@ typedef struct {
     int columns, rows;         // texels, at least two; 0 where there are too many
     float u, v, left, top;     // whole numbers: turns of the texture, and the first texel within it
     float width, height;
-    float4 d[PATCH][PATCH];
+    vf d[PATCH][PATCH][3];     // the same in all lanes: operands from memory, where numbers would be loaded to all lanes first
 } Patch;
 
 // Texels along a line `step` apart to the coefficients of such a sum.
@@ -88,14 +88,38 @@ inline void make_patch(global const uint *texels, int4 image, float u0, float u1
     p->rows = (int)down + 2;
     const int first = p->left < 0.0f ? image.y - 1 : (int)p->left;
     int line = p->top < 0.0f ? image.z - 1 : (int)p->top;
+    private float4 d[PATCH][PATCH];
     for (int j = 0; j < p->rows; ++j, line = line + 1 < image.z ? line + 1 : 0)
         for (int i = 0, column = first; i < p->columns; ++i, column = column + 1 < image.y ? column + 1 : 0) {
             const uint4 texel = (uint4)(texels[image.x + line * image.y + column]) >> (uint4)(0, 10, 20, 30) & (uint4)(1023, 1023, 1023, 0);
             const float4 root = convert_float4(as_int4(texel)) * (1.0f / 1023.0f);
-            p->d[j][i] = root * root;
+            d[j][i] = root * root;
         }
-    for (int j = 0; j < p->rows; ++j) make_sum(p->d[j], p->columns, 1);
-    for (int i = 0; i < p->columns; ++i) make_sum(p->d[0] + i, p->rows, PATCH);
+    for (int j = 0; j < p->rows; ++j) make_sum(d[j], p->columns, 1);
+    for (int i = 0; i < p->columns; ++i) make_sum(d[0] + i, p->rows, PATCH);
+    for (int j = 0; j < p->rows; ++j)
+        for (int i = 0; i < p->columns; ++i) {
+            p->d[j][i][0] = d[j][i].x; p->d[j][i][1] = d[j][i].y; p->d[j][i][2] = d[j][i].z;
+        }
+}
+
+// One row of such a sum, of `columns` terms.
+inline Colour mix_row(private const vf (*d)[3], int columns, private const vf *s)
+{
+    Colour row = {d[0][0], d[0][1], d[0][2]};
+    for (int i = 1; i < columns; ++i) {
+        row.r = fma(s[i], d[i][0], row.r);
+        row.g = fma(s[i], d[i][1], row.g);
+        row.b = fma(s[i], d[i][2], row.b);
+    }
+    return row;
+}
+
+inline void add_mixed(Colour *sum, vf t, Colour row)
+{
+    sum->r = fma(t, row.r, sum->r);
+    sum->g = fma(t, row.g, sum->g);
+    sum->b = fma(t, row.b, sum->b);
 }
 
 // The colour at places in texels, counted from the centre of the first one; `columns` are the patch's.
@@ -104,19 +128,10 @@ inline Colour mix_patch(const Patch *p, int columns, vf x, vf y)
     vf s[PATCH];
     s[1] = x;
     for (int i = 2; i < columns; ++i) s[i] = min(x, (vf)(i - 1.0f));
-    Colour sum;
-    for (int j = 0; j < p->rows; ++j) {
-        const float4 *d = p->d[j];
-        Colour row = {d[0].x, d[0].y, d[0].z};
-        for (int i = 1; i < columns; ++i) {
-            row.r = fma(s[i], (vf)(d[i].x), row.r);
-            row.g = fma(s[i], (vf)(d[i].y), row.g);
-            row.b = fma(s[i], (vf)(d[i].z), row.b);
-        }
-        const vf t = j > 1 ? min(y, (vf)(j - 1.0f)) : y;
-        if (j) { sum.r = fma(t, row.r, sum.r); sum.g = fma(t, row.g, sum.g); sum.b = fma(t, row.b, sum.b); }
-        else sum = row;
-    }
+    Colour sum = mix_row(p->d[0], columns, s);
+    add_mixed(&sum, y, mix_row(p->d[1], columns, s));
+    vf most = 1.0f;
+    for (int j = 2; j < p->rows; ++j, most += 1.0f) add_mixed(&sum, min(y, most), mix_row(p->d[j], columns, s));
     return sum;
 }
 
