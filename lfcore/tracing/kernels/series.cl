@@ -124,7 +124,7 @@ inline Column down_column(Quadratic f, vf x)
     return d;
 }
 
-inline vf column_at(Column f, float y) { return fma((vf)(y), fma((vf)(y), (vf)(f.yy), f.y), f.c); }
+inline vf column_at(Column f, vf y) { return fma(y, fma(y, (vf)(f.yy), f.y), f.c); }
 #endif
 
 #endif

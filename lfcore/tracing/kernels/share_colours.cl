@@ -64,17 +64,17 @@ inline void sum_lights(const Surfaces *s, Painting *p)
 typedef struct {
     int column, top, bottom;
     vf x;
-    float y;     // of the top row
+    vf y;        // of the top row
 } Stripe;
 
 // Write the colours of those of a row of rays that meet triangle `own`: all of them if there are no `ids`.
-inline void put_colours_of(global const int *ids, int own, int at, Colour c, const BlockColours *out)
+inline void put_colours_of(global const int *ids, vi own, int at, Colour c, global float *base)
 {
     if (ids) {
-        const Colour before = {VLOAD(out->base + at), VLOAD(out->base + BLOCK_RAYS + at), VLOAD(out->base + 2 * BLOCK_RAYS + at)};
-        c = pick_colour(before, c, EQ(VLOAD(ids + at), (vi)(own)));
+        const Colour before = {VLOAD(base + at), VLOAD(base + BLOCK_RAYS + at), VLOAD(base + 2 * BLOCK_RAYS + at)};
+        c = pick_colour(before, c, EQ(VLOAD(ids + at), own));
     }
-    store_row(out->base, at, c);
+    store_row(base, at, c);
 }
 
 // Three quadratics.
@@ -84,19 +84,19 @@ inline Columns down_columns(const Quadratic *f, vf x)
     const Columns c = {down_column(f[0], x), down_column(f[1], x), down_column(f[2], x)};
     return c;
 }
-inline Colour columns_at(Columns f, float y)
+inline Colour columns_at(Columns f, vf y)
 {
     const Colour c = {column_at(f.r, y), column_at(f.g, y), column_at(f.b, y)};
     return c;
 }
 
 // A stripe whose colours are quadratics.
-inline void paint_plain(const Quadratic *colour, const Stripe *stripe, global const int *ids, int own, const BlockColours *out)
+inline void paint_plain(const Quadratic *colour, const Stripe *stripe, global const int *ids, int own, global float *base)
 {
     const Columns colours = down_columns(colour, stripe->x);
-    float y = stripe->y;
+    vf y = stripe->y;
     for (int line = stripe->top; line <= stripe->bottom; ++line, y += 1.0f)
-        put_colours_of(ids, own, line * BLOCK + stripe->column, columns_at(colours, y), out);
+        put_colours_of(ids, own, line * BLOCK + stripe->column, columns_at(colours, y), base);
 }
 
 // The lights down a stripe.
@@ -130,10 +130,10 @@ inline vi rays_seeing(const Share *share, int k, global const int *wants)
 
 // Colours of a row of rays of such a texture; `wants` are those that see each light that casts shadows, where
 // some do.  `single` is the painting's.
-inline Colour lit_row(const Surfaces *s, const Painting *p, const Light *l, int single, Colour texel, float y, global const int *wants)
+inline Colour lit_row(const Surfaces *s, const Painting *p, const Light *l, int single, int shiny, Colour texel, vf y, global const int *wants)
 {
     Colour light = columns_at(l->light, y), shine = {0.0f, 0.0f, 0.0f};
-    if (p->shiny) shine = columns_at(l->shine, y);
+    if (shiny) shine = columns_at(l->shine, y);
     for (int n = 0; n < single; ++n) {
         const int k = p->apart[n];
         const float3 c = vload3(0, s->lights + k * LIGHT + 4);
@@ -169,11 +169,14 @@ inline void paint_cells(const Surfaces *s, const Painting *p, int columns, int s
                         global const int *ids, const BlockColours *out)
 {
     const Column across = down_column(p->x, stripe->x), down = down_column(p->y, stripe->x);
-    float y = stripe->y;
-    for (int line = stripe->top; line <= stripe->bottom; ++line, y += 1.0f) {
-        const int at = line * BLOCK + stripe->column;
+    global float *base = out->base;
+    global const int *wants = out->wants;
+    const vi own = p->share->id;
+    const int shiny = p->shiny;
+    vf y = stripe->y;
+    for (int at = stripe->top * BLOCK + stripe->column; at <= stripe->bottom * BLOCK + stripe->column; at += BLOCK, y += 1.0f) {
         const Colour texel = mix_patch(&p->patch, columns, column_at(across, y), column_at(down, y));
-        put_colours_of(ids, p->share->id, at, lit_row(s, p, light, single, texel, y, out->wants + at), out);
+        put_colours_of(ids, own, at, lit_row(s, p, light, single, shiny, texel, y, wants + at), base);
     }
 }
 
@@ -231,16 +234,16 @@ inline Colour exact_row(const Surfaces *s, const Bundle *r, const Painting *p, i
 inline void paint_stripe(const Surfaces *s, const Bundle *r, const Painting *p, const Stripe *stripe, const Light *light,
                          global const int *ids, const BlockColours *out)
 {
-    float y = stripe->y;
+    vf y = stripe->y;
     for (int line = stripe->top; line <= stripe->bottom; ++line, y += 1.0f) {
         const int at = line * BLOCK + stripe->column, own = p->share->id;
         if (ids && !row_any(EQ(VLOAD(ids + at), (vi)(own)))) continue;
         Colour c;
         if (p->series->lit) {
             const Surface surface = interpolate(p->share->facet, row_at(at));
-            c = lit_row(s, p, light, p->single, texel(s, &p->finish, &surface, &p->patch), y, out->wants + at);
+            c = lit_row(s, p, light, p->single, p->shiny, texel(s, &p->finish, &surface, &p->patch), y, out->wants + at);
         } else c = exact_row(s, r, p, at, out->wants + at);
-        put_colours_of(ids, own, at, c, out);
+        put_colours_of(ids, own, at, c, out->base);
     }
 }
 
@@ -279,7 +282,7 @@ inline void paint_share(const Surfaces *s, const Bundle *r, Painting *p, global 
         stripe.x = IOTA + (stripe.column - HALF + here.x);
         stripe.y = stripe.top - HALF + here.y;
         if (way == PLAIN) {
-            paint_plain(colour, &stripe, ids, p->share->id, out);
+            paint_plain(colour, &stripe, ids, p->share->id, out->base);
             continue;
         }
         Light light;
