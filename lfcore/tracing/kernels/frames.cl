@@ -160,6 +160,17 @@ inline void put_colours(const EncodedRow *row, int wide, global sample *to, ulon
 #endif
 }
 
+// Write `wide` columns and `high` rows of a block to a frame, by an encoding of all its colours if there is one.
+inline void write_rows(const Encoding *e, int wide, int high, global float *colours, global sample *to, ulong width, ulong pixels)
+{
+    for (int y = 0; y < high; ++y, colours += BLOCK, to += width) {
+        EncodedRow encoded;
+        if (e) encode_evenly(e, colours, &encoded);
+        else encode_row(colours, &encoded);
+        put_colours(&encoded, wide, to, pixels, colours);
+    }
+}
+
 // Write a block of linear colours (3, BLOCK_RAYS), replaced by encoded chroma on the way if that is averaged, whose
 // first ray is at column, row of its inner grid; columns and rows bound what is inside it.
 inline void write_frames(const Frames *out, int element, int column, int row, int columns, int rows, global float *colours)
@@ -169,15 +180,10 @@ inline void write_frames(const Frames *out, int element, int column, int row, in
     const ulong pixels = (ulong)out->width * out->height, chroma = pixels / (CHROMA * CHROMA);
     global sample *frame = out->frames + place.x * (pixels + 2 * chroma);
     const int x0 = place.y + column, y0 = place.z + row;
+    global sample *to = frame + (ulong)y0 * out->width + x0;
     Encoding e;
-    const int even = wide == BLOCK && high == BLOCK && make_encoding(colours, &e);
-    for (int y = 0; y < high; ++y) {
-        global float *line = colours + y * BLOCK;
-        EncodedRow encoded;
-        if (even) encode_evenly(&e, line, &encoded);
-        else encode_row(line, &encoded);
-        put_colours(&encoded, wide, frame + (ulong)(y0 + y) * out->width + x0, pixels, line);
-    }
+    if (wide == BLOCK && high == BLOCK && make_encoding(colours, &e)) write_rows(&e, BLOCK, BLOCK, colours, to, out->width, pixels);
+    else write_rows(0, wide, high, colours, to, out->width, pixels);
 #if CHROMA == 2
     for (int y = 0; y < BLOCK && row + y < rows; y += 2)
         for (int x = 0; x < BLOCK && column + x < columns; x += 2)
