@@ -99,16 +99,20 @@ inline void paint_plain(const Quadratic *colour, const Stripe *stripe, global co
         put_colours_of(ids, own, line * BLOCK + stripe->column, columns_at(colours, y), base);
 }
 
-// The lights down a stripe.
-typedef struct {
-    Columns light, shine;
-    Column cosine[LIGHTS + 1], gloss[LIGHTS + 1];  // of those that some rays see
-} Light;
+// The lights down a stripe: those that all rays see, and those that some do.
+typedef struct { Columns light, shine; } Light;
+typedef struct { Column cosine[LIGHTS + 1], gloss[LIGHTS + 1]; } PartLight;
 
-inline void light_down(const Painting *p, vf x, Light *l)
+inline Light light_down(const Painting *p, vf x)
 {
-    l->light = down_columns(p->light, x);
-    if (p->shiny) l->shine = down_columns(p->shine, x);
+    Light l;
+    l.light = down_columns(p->light, x);
+    if (p->shiny) l.shine = down_columns(p->shine, x);
+    return l;
+}
+
+inline void part_light_down(const Painting *p, vf x, PartLight *l)
+{
     for (int n = 0; n < p->single; ++n) {
         l->cosine[n] = down_column(p->series->cosine[p->apart[n]], x);
         l->gloss[n] = down_column(p->series->gloss[p->apart[n]], x);
@@ -130,19 +134,19 @@ inline vi rays_seeing(const Share *share, int k, global const int *wants)
 
 // Colours of a row of rays of such a texture; `wants` are those that see each light that casts shadows, where
 // some do.  `single` is the painting's.
-inline Colour lit_row(const Surfaces *s, const Painting *p, const Light *l, int single, int shiny, Colour texel, vf y, global const int *wants)
+inline Colour lit_row(const Surfaces *s, const Painting *p, const Light *l, const PartLight *part, int single, int shiny, Colour texel, vf y, global const int *wants)
 {
     Colour light = columns_at(l->light, y), shine = {0.0f, 0.0f, 0.0f};
     if (shiny) shine = columns_at(l->shine, y);
     for (int n = 0; n < single; ++n) {
         const int k = p->apart[n];
         const float3 c = vload3(0, s->lights + k * LIGHT + 4);
-        const vf diffuse = max(column_at(l->cosine[n], y), (vf)(0.0f));
+        const vf diffuse = max(column_at(part->cosine[n], y), (vf)(0.0f));
         vi open = GT(diffuse, (vf)(0.0f));
         if (k >= OPEN_LIGHTS) open &= rays_seeing(p->share, k - OPEN_LIGHTS, wants);
         add_light(&light, AS_VF(AS_VI(diffuse) & open), c * p->finish.diffuse);
         if (!p->series->glossy[k]) continue;
-        add_light(&shine, AS_VF(AS_VI(max(column_at(l->gloss[n], y), (vf)(0.0f))) & open), c * p->finish.specular);
+        add_light(&shine, AS_VF(AS_VI(max(column_at(part->gloss[n], y), (vf)(0.0f))) & open), c * p->finish.specular);
     }
     const Colour sum = {fma(texel.r, light.r, shine.r), fma(texel.g, light.g, shine.g), fma(texel.b, light.b, shine.b)};
     return sum;
@@ -165,7 +169,7 @@ inline void start_patch(const Surfaces *s, Painting *p)
 }
 
 // A stripe of a patch of so many columns.
-inline void paint_cells(const Surfaces *s, const Painting *p, int columns, int single, const Stripe *stripe, const Light *light,
+inline void paint_cells(const Surfaces *s, const Painting *p, int columns, int single, const Stripe *stripe,
                         global const int *ids, const BlockColours *out)
 {
     const Column across = down_column(p->x, stripe->x), down = down_column(p->y, stripe->x);
@@ -173,21 +177,24 @@ inline void paint_cells(const Surfaces *s, const Painting *p, int columns, int s
     global const int *wants = out->wants;
     const vi own = p->share->id;
     const int shiny = p->shiny;
+    const Light light = light_down(p, stripe->x);
+    PartLight part;
+    if (single) part_light_down(p, stripe->x, &part);
     vf y = stripe->y;
     for (int at = stripe->top * BLOCK + stripe->column; at <= stripe->bottom * BLOCK + stripe->column; at += BLOCK, y += 1.0f) {
         const Colour texel = mix_patch(&p->patch, columns, column_at(across, y), column_at(down, y));
-        put_colours_of(ids, own, at, lit_row(s, p, light, single, shiny, texel, y, wants + at), base);
+        put_colours_of(ids, own, at, lit_row(s, p, &light, &part, single, shiny, texel, y, wants + at), base);
     }
 }
 
-inline void paint_patch(const Surfaces *s, const Painting *p, const Stripe *stripe, const Light *light, global const int *ids,
+inline void paint_patch(const Surfaces *s, const Painting *p, const Stripe *stripe, global const int *ids,
                         const BlockColours *out)
 {
     const int columns = p->patch.columns;
-    if (p->single || columns > 4) paint_cells(s, p, columns, p->single, stripe, light, ids, out);
-    else if (columns == 2) paint_cells(s, p, 2, 0, stripe, light, ids, out);
-    else if (columns == 3) paint_cells(s, p, 3, 0, stripe, light, ids, out);
-    else paint_cells(s, p, 4, 0, stripe, light, ids, out);
+    if (p->single || columns > 4) paint_cells(s, p, columns, p->single, stripe, ids, out);
+    else if (columns == 2) paint_cells(s, p, 2, 0, stripe, ids, out);
+    else if (columns == 3) paint_cells(s, p, 3, 0, stripe, ids, out);
+    else paint_cells(s, p, 4, 0, stripe, ids, out);
 }
 
 // Colours of rays that meet one cell of the texture as quadratics; false where they are not.
@@ -231,9 +238,15 @@ inline Colour exact_row(const Surfaces *s, const Bundle *r, const Painting *p, i
 }
 
 // Any stripe.
-inline void paint_stripe(const Surfaces *s, const Bundle *r, const Painting *p, const Stripe *stripe, const Light *light,
+inline void paint_stripe(const Surfaces *s, const Bundle *r, const Painting *p, const Stripe *stripe,
                          global const int *ids, const BlockColours *out)
 {
+    Light light;
+    PartLight part;
+    if (p->series->lit) {
+        light = light_down(p, stripe->x);
+        part_light_down(p, stripe->x, &part);
+    }
     vf y = stripe->y;
     for (int line = stripe->top; line <= stripe->bottom; ++line, y += 1.0f) {
         const int at = line * BLOCK + stripe->column, own = p->share->id;
@@ -241,7 +254,7 @@ inline void paint_stripe(const Surfaces *s, const Bundle *r, const Painting *p, 
         Colour c;
         if (p->series->lit) {
             const Surface surface = interpolate(p->share->facet, row_at(at));
-            c = lit_row(s, p, light, p->single, p->shiny, texel(s, &p->finish, &surface, &p->patch), y, out->wants + at);
+            c = lit_row(s, p, &light, &part, p->single, p->shiny, texel(s, &p->finish, &surface, &p->patch), y, out->wants + at);
         } else c = exact_row(s, r, p, at, out->wants + at);
         put_colours_of(ids, own, at, c, out->base);
     }
@@ -285,15 +298,13 @@ inline void paint_share(const Surfaces *s, const Bundle *r, Painting *p, global 
             paint_plain(colour, &stripe, ids, p->share->id, out->base);
             continue;
         }
-        Light light;
-        if (p->series->lit) light_down(p, stripe.x, &light);
 #if TEXTURED
         if (way == PATCHED) {
-            paint_patch(s, p, &stripe, &light, ids, out);
+            paint_patch(s, p, &stripe, ids, out);
             continue;
         }
 #endif
-        paint_stripe(s, r, p, &stripe, &light, ids, out);
+        paint_stripe(s, r, p, &stripe, ids, out);
     }
 }
 
