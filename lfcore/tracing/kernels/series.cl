@@ -115,6 +115,58 @@ inline vf quadratic_at(Quadratic f, Places at)
     return fma(at.x, along, fma(at.y, fma(at.y, (vf)(f.yy), (vf)(f.y)), (vf)(f.c)));
 }
 
+// Quadratics in red, green and blue.
+typedef struct { float4 c, x, y, xx, xy, yy; } Tint;
+
+inline Tint add_tinted(Tint f, Quadratic g, float4 by)
+{
+    Tint sum = {fma(by, (float4)(g.c), f.c), fma(by, (float4)(g.x), f.x), fma(by, (float4)(g.y), f.y),
+                fma(by, (float4)(g.xx), f.xx), fma(by, (float4)(g.xy), f.xy), fma(by, (float4)(g.yy), f.yy)};
+    return sum;
+}
+
+// Such a function with its places counted from (a, b).
+#define ABOUT(f, a, b)                                                                                         \
+    {f.c + a * f.x + b * f.y + a * a * f.xx + a * b * f.xy + b * b * f.yy, f.x + 2.0f * a * f.xx + b * f.xy, \
+     f.y + 2.0f * b * f.yy + a * f.xy, f.xx, f.xy, f.yy}
+inline Quadratic about(Quadratic f, float a, float b) { Quadratic g = ABOUT(f, a, b); return g; }
+inline Tint tint_about(Tint f, float a, float b) { Tint g = ABOUT(f, a, b); return g; }
+
+// What such a function's first and second degree are at most within (wide, high).
+#define SLOPE(f, wide, high) (fabs(f.x) * wide + fabs(f.y) * high)
+#define BEND(f, wide, high) (fabs(f.xx) * (wide * wide) + fabs(f.xy) * (wide * high) + fabs(f.yy) * (high * high))
+
+// The product of two up to the second degree; `rest` receives a bound of what is cut off.
+inline Quadratic multiply(Quadratic f, Quadratic g, float wide, float high, float *rest)
+{
+    const float bend_f = BEND(f, wide, high), bend_g = BEND(g, wide, high);
+    *rest = SLOPE(f, wide, high) * bend_g + (SLOPE(g, wide, high) + bend_g) * bend_f;
+    Quadratic p = {f.c * g.c, fma(f.c, g.x, f.x * g.c), fma(f.c, g.y, f.y * g.c),
+                   fma(f.c, g.xx, fma(f.x, g.x, f.xx * g.c)),
+                   fma(f.c, g.xy, fma(f.x, g.y, fma(f.y, g.x, f.xy * g.c))),
+                   fma(f.c, g.yy, fma(f.y, g.y, f.yy * g.c))};
+    return p;
+}
+
+// The same of colours, plus `sum`.  What has the third degree is economised: x^3 and x^2 y are 3/4 wide^2 x and 1/2 wide^2 y
+// up to 1/4 and 1/2 of their size.
+inline Tint multiply_tints(Tint f, Tint g, Tint sum, float wide, float high, float4 *rest)
+{
+    const float ww = wide * wide, hh = high * high;
+    const float4 xxx = fma(f.x, g.xx, f.xx * g.x), yyy = fma(f.y, g.yy, f.yy * g.y);
+    const float4 xxy = fma(f.x, g.xy, fma(f.y, g.xx, fma(f.xx, g.y, f.xy * g.x)));
+    const float4 xyy = fma(f.x, g.yy, fma(f.y, g.xy, fma(f.xy, g.y, f.yy * g.x)));
+    *rest = 0.25f * (fabs(xxx) * (ww * wide) + fabs(yyy) * (hh * high)) + 0.5f * (fabs(xxy) * (ww * high) + fabs(xyy) * (wide * hh)) +
+            BEND(f, wide, high) * BEND(g, wide, high);
+    Tint p = {fma(f.c, g.c, sum.c),
+              fma(f.c, g.x, fma(f.x, g.c, fma(xxx, (float4)(0.75f * ww), fma(xyy, (float4)(0.5f * hh), sum.x)))),
+              fma(f.c, g.y, fma(f.y, g.c, fma(yyy, (float4)(0.75f * hh), fma(xxy, (float4)(0.5f * ww), sum.y)))),
+              fma(f.c, g.xx, fma(f.x, g.x, fma(f.xx, g.c, sum.xx))),
+              fma(f.c, g.xy, fma(f.x, g.y, fma(f.y, g.x, fma(f.xy, g.c, sum.xy)))),
+              fma(f.c, g.yy, fma(f.y, g.y, fma(f.yy, g.c, sum.yy)))};
+    return p;
+}
+
 // The same down LANES columns.
 typedef struct { vf c, y; float yy; } Column;
 

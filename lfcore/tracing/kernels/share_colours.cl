@@ -18,30 +18,22 @@ typedef struct {
     Patch patch;
     int patched;                    // whether all texels come from the patch, at
     Quadratic x, y;                 // these places
-    Quadratic light[3], shine[3];   // what is multiplied by the texture, of lights that all rays see, and what is not
+    Tint light, shine;            // what is multiplied by the texture, of lights that all rays see, and what is not
     int shiny;
     int apart[LIGHTS + 1], single;  // the `single` lights that some rays see
 } Painting;
 
-inline void add_to_quadratics(Quadratic *sum, Quadratic f, float3 by)
-{
-    const float times[3] = {by.x, by.y, by.z};
-    for (int k = 0; k < 3; ++k) sum[k] = add_scaled(sum[k], f, times[k]);
-}
-
 // Sum the lights that all rays see.
 inline void sum_lights(const Surfaces *s, Painting *p)
 {
-    const Quadratic zero = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
-    for (int k = 0; k < 3; ++k) p->light[k] = p->shine[k] = zero;
+    const Tint nothing = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+    p->light = p->shine = nothing;
 #if AMBIENT
-    p->light[0].c = s->ambient.x * p->finish.diffuse.x;
-    p->light[1].c = s->ambient.y * p->finish.diffuse.y;
-    p->light[2].c = s->ambient.z * p->finish.diffuse.z;
+    p->light.c = (float4)(s->ambient.xyz * p->finish.diffuse, 0.0f);
 #endif
     p->shiny = 0;
 #if EMISSION
-    p->shine[0].c = p->finish.emission.x; p->shine[1].c = p->finish.emission.y; p->shine[2].c = p->finish.emission.z;
+    p->shine.c = (float4)(p->finish.emission, 0.0f);
     p->shiny = largest(p->finish.emission) > 0.0f;
 #endif
     p->single = 0;
@@ -53,9 +45,9 @@ inline void sum_lights(const Surfaces *s, Painting *p)
             continue;
         }
         const float3 c = vload3(0, s->lights + k * LIGHT + 4);
-        add_to_quadratics(p->light, p->series->cosine[k], c * p->finish.diffuse);
+        p->light = add_tinted(p->light, p->series->cosine[k], (float4)(c * p->finish.diffuse, 0.0f));
         if (!p->series->glossy[k]) continue;
-        add_to_quadratics(p->shine, p->series->gloss[k], c * p->finish.specular);
+        p->shine = add_tinted(p->shine, p->series->gloss[k], (float4)(c * p->finish.specular, 0.0f));
         p->shiny = 1;
     }
 }
@@ -79,9 +71,12 @@ inline void put_colours_of(global const int *ids, vi own, int at, Colour c, glob
 
 // Three quadratics.
 typedef struct { Column r, g, b; } Columns;
-inline Columns down_columns(const Quadratic *f, vf x)
+inline Columns down_columns(const Tint *f, vf x)
 {
-    const Columns c = {down_column(f[0], x), down_column(f[1], x), down_column(f[2], x)};
+#define CHANNEL(k) {f->c.k, f->x.k, f->y.k, f->xx.k, f->xy.k, f->yy.k}
+    const Quadratic r = CHANNEL(x), g = CHANNEL(y), b = CHANNEL(z);
+#undef CHANNEL
+    const Columns c = {down_column(r, x), down_column(g, x), down_column(b, x)};
     return c;
 }
 inline Colour columns_at(Columns f, vf y)
@@ -91,7 +86,7 @@ inline Colour columns_at(Columns f, vf y)
 }
 
 // A stripe whose colours are quadratics.
-inline void paint_plain(const Quadratic *colour, const Stripe *stripe, global const int *ids, int own, global float *base)
+inline void paint_plain(const Tint *colour, const Stripe *stripe, global const int *ids, int own, global float *base)
 {
     const Columns colours = down_columns(colour, stripe->x);
     vf y = stripe->y;
@@ -106,8 +101,8 @@ typedef struct { Column cosine[LIGHTS + 1], gloss[LIGHTS + 1]; } PartLight;
 inline Light light_down(const Painting *p, vf x)
 {
     Light l;
-    l.light = down_columns(p->light, x);
-    if (p->shiny) l.shine = down_columns(p->shine, x);
+    l.light = down_columns(&p->light, x);
+    if (p->shiny) l.shine = down_columns(&p->shine, x);
     return l;
 }
 
@@ -197,25 +192,34 @@ inline void paint_patch(const Surfaces *s, const Painting *p, const Stripe *stri
     else paint_cells(s, p, 4, 0, stripe, ids, out);
 }
 
-// Colours of rays that meet one cell of the texture as quadratics; false where they are not.
-inline int cell_series(const Painting *p, Quadratic *colour)
+// The coefficients of texel (i, j) in a patch's sum.
+inline float4 patch_term(const Patch *p, int j, int i)
 {
-    private float nodes[3][NODES];
+    private const float *d = (private const float *)p->d[j][i];
+    return (float4)(d[0], d[LANES], d[2 * LANES], 0.0f);
+}
+
+// Colours of rays that meet one cell of the texture as quadratics about the middle of the share; false where they are not.
+inline int cell_series(const Painting *p, Tint *colour)
+{
     const Rectangle *over = &p->share->over;
-    const Rectangle at = {over->x + p->offset.x, over->y + p->offset.y, over->wide, over->high};
-    for (int node = 0; node < NODES; node += LANES) {
-        const Places here = nodes_at(&at, node);
-        const Colour texel = mix_patch(&p->patch, 2, quadratic_at(p->x, here), quadratic_at(p->y, here));
-        VSTORE(fma(texel.r, quadratic_at(p->light[0], here), quadratic_at(p->shine[0], here)), nodes[0] + node);
-        VSTORE(fma(texel.g, quadratic_at(p->light[1], here), quadratic_at(p->shine[1], here)), nodes[1] + node);
-        VSTORE(fma(texel.b, quadratic_at(p->light[2], here), quadratic_at(p->shine[2], here)), nodes[2] + node);
-    }
-    for (int k = 0; k < 3; ++k) {
-        const Series series = make_series(nodes[k]);
-        if (series_rest(&series) > LIGHT_ERROR || series.row[0].x < series_spread(&series)) return 0;
-        colour[k] = truncate(&series, over);
-    }
-    return 1;
+    const float wide = over->wide, high = over->high;
+    const float a = over->x + p->offset.x, b = over->y + p->offset.y;
+    const Quadratic x = about(p->x, a, b), y = about(p->y, a, b);
+    float product_rest;
+    const Quadratic product = multiply(x, y, wide, high, &product_rest);
+    const float4 twist = patch_term(&p->patch, 1, 1);
+    Tint texture = {patch_term(&p->patch, 0, 0), 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+    texture = add_tinted(texture, x, patch_term(&p->patch, 0, 1));
+    texture = add_tinted(texture, y, patch_term(&p->patch, 1, 0));
+    texture = add_tinted(texture, product, twist);
+    const Tint light = tint_about(p->light, a, b);
+    float4 rest;
+    *colour = multiply_tints(texture, light, tint_about(p->shine, a, b), wide, high, &rest);
+    const float4 brightest = fabs(light.c) + SLOPE(light, wide, high) + BEND(light, wide, high);
+    rest += fabs(twist) * product_rest * brightest;
+    const float4 spread = SLOPE((*colour), wide, high) + BEND((*colour), wide, high);
+    return all(rest.xyz <= LIGHT_ERROR) && all(colour->c.xyz >= spread.xyz);
 }
 #endif
 
@@ -267,7 +271,7 @@ enum { PLAIN, PATCHED, ANY };
 inline void paint_share(const Surfaces *s, const Bundle *r, Painting *p, global const int *ids, const BlockColours *out)
 {
     const Rectangle over = p->share->over;
-    Quadratic colour[3];
+    Tint colour;
     float2 from = p->offset;        // where the places of `colour` are counted from
     int way = ANY;
     if (p->series->lit) sum_lights(s, p);
@@ -276,7 +280,7 @@ inline void paint_share(const Surfaces *s, const Bundle *r, Painting *p, global 
     start_patch(s, p);
     if (p->patched) {
         way = PATCHED;
-        if (even && max(p->patch.columns, p->patch.rows) == 2 && cell_series(p, colour)) {
+        if (even && max(p->patch.columns, p->patch.rows) == 2 && cell_series(p, &colour)) {
             way = PLAIN;
             from = -(float2)(over.x, over.y);
         }
@@ -284,7 +288,9 @@ inline void paint_share(const Surfaces *s, const Bundle *r, Painting *p, global 
 #endif
     if (even && !p->finish.image.y) {
         way = PLAIN;
-        for (int k = 0; k < 3; ++k) colour[k] = add_scaled(p->shine[k], p->light[k], 1.0f);
+        const Tint sum = {p->light.c + p->shine.c, p->light.x + p->shine.x, p->light.y + p->shine.y,
+                          p->light.xx + p->shine.xx, p->light.xy + p->shine.xy, p->light.yy + p->shine.yy};
+        colour = sum;
     }
     Stripe stripe;
     stripe.top = (int)(over.y - over.high + HALF);
@@ -295,7 +301,7 @@ inline void paint_share(const Surfaces *s, const Bundle *r, Painting *p, global 
         stripe.x = IOTA + (stripe.column - HALF + here.x);
         stripe.y = stripe.top - HALF + here.y;
         if (way == PLAIN) {
-            paint_plain(colour, &stripe, ids, p->share->id, out->base);
+            paint_plain(&colour, &stripe, ids, p->share->id, out->base);
             continue;
         }
 #if TEXTURED
