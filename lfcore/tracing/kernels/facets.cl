@@ -39,15 +39,15 @@ typedef struct {
     const float4 background
 #define MAKE_SURFACES {corners, attributes, material_ids, materials, lights, images, texels, ambient, background}
 
-inline Form blend(const Form *e, float a, float b, float c)
+inline Form sum_forms(const Form *e)
 {
     Form f;
-#define BLEND(x) f.x = a * e[0].x + b * e[1].x + c * e[2].x
-    BLEND(c); BLEND(i); BLEND(j);
+#define SUM(x) f.x = e[0].x + e[1].x + e[2].x
+    SUM(c); SUM(i); SUM(j);
 #if OUTER > 1
-    BLEND(p); BLEND(q); BLEND(k);
+    SUM(p); SUM(q); SUM(k);
 #endif
-#undef BLEND
+#undef SUM
     return f;
 }
 
@@ -66,6 +66,48 @@ inline Form edge_form(float3 p, float3 q, const Bundle *r)
     return e;
 }
 
+#if ATTRIBUTES
+// Forms of what corners have, side by side: normals, texture coordinates, and colours as differences from the first
+// corner's, so that equal corners give just their colour.
+enum { NORMAL = 0, COORDINATES = 3, SHADE = 5 };
+typedef struct {
+    float8 c, i, j;
+#if OUTER > 1
+    float8 p, q, k;
+#endif
+} Forms;
+
+inline Form form_of(const Forms *f, int which)
+{
+    Form one;
+#define TAKE(x) one.x = ((const float *)&f->x)[which]
+    TAKE(c); TAKE(i); TAKE(j);
+#if OUTER > 1
+    TAKE(p); TAKE(q); TAKE(k);
+#endif
+#undef TAKE
+    return one;
+}
+
+// What corner `k` of a triangle has.
+inline float8 corner_attributes(global const float *attributes, int k)
+{
+    float8 a = 0.0f;
+#if SMOOTH
+    a.s012 = vload3(k, attributes);
+    attributes += 9;
+#endif
+#if TEXTURED
+    a.s34 = vload2(k, attributes);
+    attributes += 6;
+#endif
+#if VERTEX_COLOURS
+    a.s567 = vload3(k, attributes) - vload3(0, attributes);
+#endif
+    return a;
+}
+#endif
+
 // One triangle prepared for a block.
 typedef struct {
     Form sum;             // of the barycentric weights
@@ -73,15 +115,11 @@ typedef struct {
 #if !SMOOTH
     float3 normal;        // geometric, towards the viewer
 #endif
-#if SMOOTH
-    Form n[3];
-#endif
-#if TEXTURED
-    Form uv[2];
+#if ATTRIBUTES
+    Forms of;
 #endif
 #if VERTEX_COLOURS
-    float3 first;         // colour of the first corner; the forms hold differences from it, so that
-    Form rgb[3];          // equal corners give just their colour
+    float3 first;         // colour of the first corner
 #endif
     int finish;           // see Finish
 } Facet;
@@ -170,7 +208,7 @@ inline void prepare_facet(const Surfaces *s, const Bundle *r, int id, float pixe
     const float3 shear = (float3)(r->dx, r->dy, 0.0f), origin = (float3)(r->ox, r->oy, 0.0f);
     const float3 v[3] = {p - origin - p.z * shear, q - origin - q.z * shear, w - origin - w.z * shear};
     const Form e[3] = {edge_form(v[1], v[2], r), edge_form(v[2], v[0], r), edge_form(v[0], v[1], r)};
-    f->sum = blend(e, 1.0f, 1.0f, 1.0f);
+    f->sum = sum_forms(e);
     float3 n = cross(v[1] - v[0], v[2] - v[0]);
     if (n.z < 0.0f) n = -n;
     f->over = plane_form(dot(n, v[0]), -n.x, -n.y, r->sx, r->sy, r->a);
@@ -181,20 +219,19 @@ inline void prepare_facet(const Surfaces *s, const Bundle *r, int id, float pixe
     f->normal = -sign * normalize(cross(q - p, w - p));
 #endif
     global const float *attributes = s->attributes + (long)id * ATTRIBUTES;
-#if SMOOTH
-    for (int k = 0; k < 3; ++k) f->n[k] = blend(e, attributes[k], attributes[3 + k], attributes[6 + k]);
-    attributes += 9;
+#if ATTRIBUTES
+    const float8 corners[3] = {corner_attributes(attributes, 0), corner_attributes(attributes, 1), corner_attributes(attributes, 2)};
+#define BLEND(x) f->of.x = corners[0] * e[0].x + corners[1] * e[1].x + corners[2] * e[2].x
+    BLEND(c); BLEND(i); BLEND(j);
+#if OUTER > 1
+    BLEND(p); BLEND(q); BLEND(k);
 #endif
-    f->finish = choose_finish(s, id, f, (p.z * e[0].c + q.z * e[1].c + w.z * e[2].c) / f->sum.c, pixel);
-#if TEXTURED
-    for (int k = 0; k < 2; ++k) f->uv[k] = blend(e, attributes[k], attributes[2 + k], attributes[4 + k]);
-    attributes += 6;
+#undef BLEND
 #endif
 #if VERTEX_COLOURS
-    f->first = vload3(0, attributes);
-    for (int k = 0; k < 3; ++k)
-        f->rgb[k] = blend(e, 0.0f, attributes[3 + k] - attributes[k], attributes[6 + k] - attributes[k]);
+    f->first = vload3(0, attributes + 9 * SMOOTH + 6 * TEXTURED);
 #endif
+    f->finish = choose_finish(s, id, f, (p.z * e[0].c + q.z * e[1].c + w.z * e[2].c) / f->sum.c, pixel);
 }
 
 inline vf dot3(Vec a, Vec b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
@@ -204,7 +241,7 @@ inline Surface interpolate(const Facet *f, Row at)
 {
     Surface p;
 #if SMOOTH
-    p.normal.x = form_row(f->n[0], at); p.normal.y = form_row(f->n[1], at); p.normal.z = form_row(f->n[2], at);
+    p.normal.x = form_row(form_of(&f->of, NORMAL), at); p.normal.y = form_row(form_of(&f->of, NORMAL + 1), at); p.normal.z = form_row(form_of(&f->of, NORMAL + 2), at);
 #else
     // Some rays of a block may see the triangle's other side.
     const vi back = AS_VI(flat_row(f->under, at)) & (vi)(0x80000000);
@@ -216,13 +253,13 @@ inline Surface interpolate(const Facet *f, Row at)
     const vf inverse = reciprocal(flat_row(f->sum, at));
 #endif
 #if TEXTURED
-    p.u = form_row(f->uv[0], at) * inverse;
-    p.v = form_row(f->uv[1], at) * inverse;
+    p.u = form_row(form_of(&f->of, COORDINATES), at) * inverse;
+    p.v = form_row(form_of(&f->of, COORDINATES + 1), at) * inverse;
 #endif
 #if VERTEX_COLOURS
-    p.rgb.r = fma(form_row(f->rgb[0], at), inverse, (vf)(f->first.x));
-    p.rgb.g = fma(form_row(f->rgb[1], at), inverse, (vf)(f->first.y));
-    p.rgb.b = fma(form_row(f->rgb[2], at), inverse, (vf)(f->first.z));
+    p.rgb.r = fma(form_row(form_of(&f->of, SHADE), at), inverse, (vf)(f->first.x));
+    p.rgb.g = fma(form_row(form_of(&f->of, SHADE + 1), at), inverse, (vf)(f->first.y));
+    p.rgb.b = fma(form_row(form_of(&f->of, SHADE + 2), at), inverse, (vf)(f->first.z));
 #endif
     return p;
 }
@@ -237,7 +274,8 @@ inline void facet_patch(const Surfaces *s, const Facet *f, const Rectangle *over
     const float4 inverse = 1.0f / fma(x, f->sum.i, fma(y, f->sum.j, f->sum.c));
     float lo[2], hi[2];
     for (int axis = 0; axis < 2; ++axis) {
-        const float4 at = fma(x, f->uv[axis].i, fma(y, f->uv[axis].j, f->uv[axis].c)) * inverse;
+        const Form g = form_of(&f->of, COORDINATES + axis);
+        const float4 at = fma(x, g.i, fma(y, g.j, g.c)) * inverse;
         lo[axis] = min(min(at.x, at.y), min(at.z, at.w));
         hi[axis] = max(max(at.x, at.y), max(at.z, at.w));
     }

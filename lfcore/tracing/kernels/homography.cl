@@ -77,8 +77,7 @@ inline float most_dot(float3 a, float3 da, float3 b, float3 db)
 inline int turned_away(const Facet *f, const Bundle *r, Rectangle at, global const float *light, const float *lo, const float *hi)
 {
 #if SMOOTH
-    const float3 c = (float3)(f->n[0].c, f->n[1].c, f->n[2].c), i = (float3)(f->n[0].i, f->n[1].i, f->n[2].i);
-    const float3 j = (float3)(f->n[0].j, f->n[1].j, f->n[2].j);
+    const float3 c = f->of.c.s012, i = f->of.i.s012, j = f->of.j.s012;
     const float3 n = fma(i, at.x, fma(j, at.y, c)), noise = 1.0e-6f * (fabs(i * at.x) + fabs(j * at.y) + fabs(c));
     const float3 dn = fma(fabs(i), at.wide, fma(fabs(j), at.high, noise));
     // Normals are turned to the viewer, and may all have to be turned or none.

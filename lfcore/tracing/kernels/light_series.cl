@@ -45,7 +45,7 @@ inline void light_nodes(const Surfaces *s, const Bundle *r, const Facet *f, cons
         const Vec point = {fma(z, direction.x, fma(here.x, (vf)(r->sx), (vf)(r->ox))), fma(z, direction.y, fma(here.y, (vf)(r->sy), (vf)(r->oy))), z};
         const Vec view = scale3(direction, -inverse_sqrt(dot3(direction, direction)));
 #if SMOOTH
-        const Vec n = {form_nodes(f->n[0], here), form_nodes(f->n[1], here), form_nodes(f->n[2], here)};
+        const Vec n = {form_nodes(form_of(&f->of, NORMAL), here), form_nodes(form_of(&f->of, NORMAL + 1), here), form_nodes(form_of(&f->of, NORMAL + 2), here)};
 #else
         const Vec n = {f->normal.x, f->normal.y, f->normal.z};
 #endif
@@ -63,8 +63,8 @@ inline void light_nodes(const Surfaces *s, const Bundle *r, const Facet *f, cons
 // Whether normals stay on one side of the rays all over a rectangle: their product is a quadratic.
 inline int normals_sided(const Facet *f, const Bundle *r, const Rectangle *over)
 {
-    const float3 ni = {f->n[0].i, f->n[1].i, f->n[2].i}, nj = {f->n[0].j, f->n[1].j, f->n[2].j};
-    const float3 n = (float3)(f->n[0].c, f->n[1].c, f->n[2].c) + over->x * ni + over->y * nj;
+    const float3 ni = f->of.i.s012, nj = f->of.j.s012;
+    const float3 n = f->of.c.s012 + over->x * ni + over->y * nj;
     const float3 d = {fma(over->x, r->tx, r->dx), fma(over->y, r->ty, r->dy), 1.0f};
     const float wide = over->wide, high = over->high;
     const float first = wide * fabs(dot(ni, d) + n.x * r->tx) + high * fabs(dot(nj, d) + n.y * r->ty);
@@ -150,8 +150,8 @@ inline float quotient_series(Form over, Form under, const Rectangle *at, Quadrat
 // The texture's coordinates over a rectangle; false where series would not do.
 inline int texel_series(const Facet *f, const Rectangle *over, int4 image, FacetSeries *out)
 {
-    const float rest = quotient_series(f->uv[0], f->sum, over, &out->across) * image.y +
-                       quotient_series(f->uv[1], f->sum, over, &out->down) * image.z;
+    const float rest = quotient_series(form_of(&f->of, COORDINATES), f->sum, over, &out->across) * image.y +
+                       quotient_series(form_of(&f->of, COORDINATES + 1), f->sum, over, &out->down) * image.z;
     out->turn_u = floor(out->across.c);
     out->turn_v = floor(out->down.c);
     out->across.c -= out->turn_u;
@@ -214,18 +214,18 @@ inline void shift_facet(const Surfaces *s, const Cover *cover, float2 offset, fl
     facet->over = shifted(from->over, offset);
     facet->under = shifted(from->under, offset);
     facet->finish = from->finish;
-#if SMOOTH
-    for (int k = 0; k < 3; ++k) facet->n[k] = shifted(from->n[k], offset);
-#else
+#if ATTRIBUTES
+    facet->of = from->of;
+    facet->of.c = fma((float8)(offset.x), from->of.i, fma((float8)(offset.y), from->of.j, from->of.c));
+#endif
+#if !SMOOTH
     facet->normal = from->normal;
 #endif
 #if TEXTURED
-    for (int k = 0; k < 2; ++k) facet->uv[k] = shifted(from->uv[k], offset);
     facet->finish = choose_finish(s, cover->id, facet, facet->over.c / facet->under.c, pixel);
 #endif
 #if VERTEX_COLOURS
     facet->first = from->first;
-    for (int k = 0; k < 3; ++k) facet->rgb[k] = shifted(from->rgb[k], offset);
 #endif
 }
 
