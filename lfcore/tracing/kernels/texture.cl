@@ -67,12 +67,16 @@ typedef struct {
 } Patch;
 
 // Texels along a line `step` apart to the coefficients of such a sum.
-inline void make_sum(float4 *d, int count, int step)
+inline void make_sum(private float4 *d, int count, int step)
 {
-    for (int k = count - 1; k > 0; --k) d[k * step] -= d[(k - 1) * step];
-    const float4 last = d[(count - 1) * step];
-    for (int k = count - 1; k > 1; --k) d[k * step] = d[(k - 1) * step] - d[k * step];
-    d[step] = last;
+    float4 before = d[0], slope = 0.0f;
+    for (private float4 *at = d + step, *end = d + count * step; at != end; at += step) {
+        const float4 rise = *at - before;
+        before = *at;
+        *at = slope - rise;
+        slope = rise;
+    }
+    d[step] = slope;
 }
 
 // The patch of rays whose coordinates lie within [u0, u1] x [v0, v1].
