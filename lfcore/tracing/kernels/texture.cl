@@ -66,18 +66,24 @@ typedef struct {
     vf d[PATCH][PATCH][3];     // the same in all lanes: operands from memory, where numbers would be loaded to all lanes first
 } Patch;
 
-// Texels along a line `step` apart to the coefficients of such a sum.
-inline void make_sum(private float4 *d, int count, int step)
+// Texels along a line, one after the other, to the coefficients of such a sum.
+typedef struct { float4 before, slope; } Summing;
+inline float4 next_term(Summing *s, float4 texel)
 {
-    float4 before = d[0], slope = 0.0f;
-    for (private float4 *at = d + step, *end = d + count * step; at != end; at += step) {
-        const float4 rise = *at - before;
-        before = *at;
-        *at = slope - rise;
-        slope = rise;
-    }
-    d[step] = slope;
+    const float4 rise = texel - s->before, term = s->slope - rise;
+    s->before = texel;
+    s->slope = rise;
+    return term;
 }
+
+inline float4 decode_texel(uint packed)
+{
+    const uint4 texel = (uint4)(packed) >> (uint4)(0, 10, 20, 30) & (uint4)(1023, 1023, 1023, 0);
+    const float4 root = convert_float4(as_int4(texel)) * (1.0f / 1023.0f);
+    return root * root;
+}
+
+inline void spread_term(float4 d, private vf *to) { to[0] = d.x; to[1] = d.y; to[2] = d.z; }
 
 // The patch of rays whose coordinates lie within [u0, u1] x [v0, v1].
 inline void make_patch(global const uint *texels, int4 image, float u0, float u1, float v0, float v1, Patch *p)
@@ -93,18 +99,22 @@ inline void make_patch(global const uint *texels, int4 image, float u0, float u1
     const int first = p->left < 0.0f ? image.y - 1 : (int)p->left;
     int line = p->top < 0.0f ? image.z - 1 : (int)p->top;
     private float4 d[PATCH][PATCH];
-    for (int j = 0; j < p->rows; ++j, line = line + 1 < image.z ? line + 1 : 0)
-        for (int i = 0, column = first; i < p->columns; ++i, column = column + 1 < image.y ? column + 1 : 0) {
-            const uint4 texel = (uint4)(texels[image.x + line * image.y + column]) >> (uint4)(0, 10, 20, 30) & (uint4)(1023, 1023, 1023, 0);
-            const float4 root = convert_float4(as_int4(texel)) * (1.0f / 1023.0f);
-            d[j][i] = root * root;
+    for (int j = 0; j < p->rows; ++j, line = line + 1 < image.z ? line + 1 : 0) {
+        global const uint *row = texels + image.x + line * image.y;
+        Summing along = {decode_texel(row[first]), 0.0f};
+        d[j][0] = along.before;
+        for (int i = 1, column = first; i < p->columns; ++i) {
+            column = column + 1 < image.y ? column + 1 : 0;
+            d[j][i] = next_term(&along, decode_texel(row[column]));
         }
-    for (int j = 0; j < p->rows; ++j) make_sum(d[j], p->columns, 1);
-    for (int i = 0; i < p->columns; ++i) make_sum(d[0] + i, p->rows, PATCH);
-    for (int j = 0; j < p->rows; ++j)
-        for (int i = 0; i < p->columns; ++i) {
-            p->d[j][i][0] = d[j][i].x; p->d[j][i][1] = d[j][i].y; p->d[j][i][2] = d[j][i].z;
-        }
+        d[j][1] = along.slope;
+    }
+    for (int i = 0; i < p->columns; ++i) {
+        Summing down = {d[0][i], 0.0f};
+        spread_term(down.before, p->d[0][i]);
+        for (int j = 1; j < p->rows; ++j) spread_term(next_term(&down, d[j][i]), p->d[j][i]);
+        spread_term(down.slope, p->d[1][i]);
+    }
 }
 
 // One row of such a sum, of `columns` terms.
