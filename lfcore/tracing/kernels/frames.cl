@@ -182,8 +182,9 @@ inline void write_frames(const Frames *out, int element, int column, int row, in
     const int x0 = place.y + column, y0 = place.z + row;
     global sample *to = frame + (ulong)y0 * out->width + x0;
     Encoding e;
-    if (wide == BLOCK && high == BLOCK && make_encoding(colours, &e)) write_rows(&e, BLOCK, BLOCK, colours, to, out->width, pixels);
-    else write_rows(0, wide, high, colours, to, out->width, pixels);
+    if (wide < BLOCK || high < BLOCK) write_rows(0, wide, high, colours, to, out->width, pixels);
+    else if (make_encoding(colours, &e)) write_rows(&e, BLOCK, BLOCK, colours, to, out->width, pixels);
+    else write_rows(0, BLOCK, BLOCK, colours, to, out->width, pixels);
 #if CHROMA == 2
     for (int y = 0; y < BLOCK && row + y < rows; y += 2)
         for (int x = 0; x < BLOCK && column + x < columns; x += 2)
