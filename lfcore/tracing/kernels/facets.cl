@@ -241,7 +241,9 @@ inline Surface interpolate(const Facet *f, Row at)
 {
     Surface p;
 #if SMOOTH
-    p.normal.x = form_row(form_of(&f->of, NORMAL), at); p.normal.y = form_row(form_of(&f->of, NORMAL + 1), at); p.normal.z = form_row(form_of(&f->of, NORMAL + 2), at);
+    p.normal.x = form_row(form_of(&f->of, NORMAL), at);
+    p.normal.y = form_row(form_of(&f->of, NORMAL + 1), at);
+    p.normal.z = form_row(form_of(&f->of, NORMAL + 2), at);
 #else
     // Some rays of a block may see the triangle's other side.
     const vi back = AS_VI(flat_row(f->under, at)) & (vi)(0x80000000);

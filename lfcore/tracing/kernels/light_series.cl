@@ -45,7 +45,8 @@ inline void light_nodes(const Surfaces *s, const Bundle *r, const Facet *f, cons
         const Vec point = {fma(z, direction.x, fma(here.x, (vf)(r->sx), (vf)(r->ox))), fma(z, direction.y, fma(here.y, (vf)(r->sy), (vf)(r->oy))), z};
         const Vec view = scale3(direction, -inverse_sqrt(dot3(direction, direction)));
 #if SMOOTH
-        const Vec n = {form_nodes(form_of(&f->of, NORMAL), here), form_nodes(form_of(&f->of, NORMAL + 1), here), form_nodes(form_of(&f->of, NORMAL + 2), here)};
+        const Vec n = {form_nodes(form_of(&f->of, NORMAL), here), form_nodes(form_of(&f->of, NORMAL + 1), here),
+                       form_nodes(form_of(&f->of, NORMAL + 2), here)};
 #else
         const Vec n = {f->normal.x, f->normal.y, f->normal.z};
 #endif

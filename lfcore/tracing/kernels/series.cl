@@ -102,19 +102,6 @@ inline Quadratic scale_quadratic(Quadratic f, float by)
     return scaled;
 }
 
-inline Quadratic add_scaled(Quadratic f, Quadratic g, float by)
-{
-    Quadratic sum = {fma(by, g.c, f.c), fma(by, g.x, f.x), fma(by, g.y, f.y),
-                     fma(by, g.xx, f.xx), fma(by, g.xy, f.xy), fma(by, g.yy, f.yy)};
-    return sum;
-}
-
-inline vf quadratic_at(Quadratic f, Places at)
-{
-    const vf along = fma(at.x, (vf)(f.xx), fma(at.y, (vf)(f.xy), (vf)(f.x)));
-    return fma(at.x, along, fma(at.y, fma(at.y, (vf)(f.yy), (vf)(f.y)), (vf)(f.c)));
-}
-
 // Quadratics in red, green and blue.
 typedef struct { float4 c, x, y, xx, xy, yy; } Tint;
 

@@ -18,7 +18,7 @@ typedef struct {
     Patch patch;
     int patched;                    // whether all texels come from the patch, at
     Quadratic x, y;                 // these places
-    Tint light, shine;            // what is multiplied by the texture, of lights that all rays see, and what is not
+    Tint light, shine;              // what is multiplied by the texture, of lights that all rays see, and what is not
     int shiny;
     int apart[LIGHTS + 1], single;  // the `single` lights that some rays see
 } Painting;
@@ -128,8 +128,9 @@ inline vi rays_seeing(const Share *share, int k, global const int *wants)
 }
 
 // Colours of a row of rays of such a texture; `wants` are those that see each light that casts shadows, where
-// some do.  `single` is the painting's.
-inline Colour lit_row(const Surfaces *s, const Painting *p, const Light *l, const PartLight *part, int single, int shiny, Colour texel, vf y, global const int *wants)
+// some do.  `single` and `shiny` are the painting's.
+inline Colour lit_row(const Surfaces *s, const Painting *p, const Light *l, const PartLight *part, int single, int shiny, Colour texel,
+                      vf y, global const int *wants)
 {
     Colour light = columns_at(l->light, y), shine = {0.0f, 0.0f, 0.0f};
     if (shiny) shine = columns_at(l->shine, y);
@@ -164,8 +165,8 @@ inline void start_patch(const Surfaces *s, Painting *p)
 }
 
 // A stripe of a patch of so many columns.
-inline void paint_cells(const Surfaces *s, const Painting *p, int columns, int single, const Stripe *stripe,
-                        global const int *ids, const BlockColours *out)
+inline void paint_cells(const Surfaces *s, const Painting *p, int columns, int single, const Stripe *stripe, global const int *ids,
+                        const BlockColours *out)
 {
     const Column across = down_column(p->x, stripe->x), down = down_column(p->y, stripe->x);
     global float *base = out->base;
@@ -182,8 +183,7 @@ inline void paint_cells(const Surfaces *s, const Painting *p, int columns, int s
     }
 }
 
-inline void paint_patch(const Surfaces *s, const Painting *p, const Stripe *stripe, global const int *ids,
-                        const BlockColours *out)
+inline void paint_patch(const Surfaces *s, const Painting *p, const Stripe *stripe, global const int *ids, const BlockColours *out)
 {
     const int columns = p->patch.columns;
     if (p->single || columns > 4) paint_cells(s, p, columns, p->single, stripe, ids, out);
@@ -192,7 +192,7 @@ inline void paint_patch(const Surfaces *s, const Painting *p, const Stripe *stri
     else paint_cells(s, p, 4, 0, stripe, ids, out);
 }
 
-// The coefficients of texel (i, j) in a patch's sum.
+// Term (j, i) of a patch's sum, in red, green and blue.
 inline float4 patch_term(const Patch *p, int j, int i)
 {
     private const float *d = (private const float *)p->d[j][i];
@@ -215,11 +215,12 @@ inline int cell_series(const Painting *p, Tint *colour)
     texture = add_tinted(texture, product, twist);
     const Tint light = tint_about(p->light, a, b);
     float4 rest;
-    *colour = multiply_tints(texture, light, tint_about(p->shine, a, b), wide, high, &rest);
+    const Tint mixed = multiply_tints(texture, light, tint_about(p->shine, a, b), wide, high, &rest);
     const float4 brightest = fabs(light.c) + SLOPE(light, wide, high) + BEND(light, wide, high);
     rest += fabs(twist) * product_rest * brightest;
-    const float4 spread = SLOPE((*colour), wide, high) + BEND((*colour), wide, high);
-    return all(rest.xyz <= LIGHT_ERROR) && all(colour->c.xyz >= spread.xyz);
+    const float4 spread = SLOPE(mixed, wide, high) + BEND(mixed, wide, high);
+    *colour = mixed;
+    return all(rest.xyz <= LIGHT_ERROR) && all(mixed.c.xyz >= spread.xyz);
 }
 #endif
 
@@ -242,8 +243,8 @@ inline Colour exact_row(const Surfaces *s, const Bundle *r, const Painting *p, i
 }
 
 // Any stripe.
-inline void paint_stripe(const Surfaces *s, const Bundle *r, const Painting *p, const Stripe *stripe,
-                         global const int *ids, const BlockColours *out)
+inline void paint_stripe(const Surfaces *s, const Bundle *r, const Painting *p, const Stripe *stripe, global const int *ids,
+                         const BlockColours *out)
 {
     Light light;
     PartLight part;
