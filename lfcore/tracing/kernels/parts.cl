@@ -58,7 +58,7 @@ inline Turning make_turning(float c, float i, float j)
 }
 
 // Columns in which an edge is not negative, a bit for each, and bits that are of no column, of LANES rows at places y.
-// The place where it changes is off by less than what edges are widened by.
+// Edges are widened by more than the place where it changes may be off.
 inline vi turned_columns(Turning t, vf y)
 {
     const vf place = fma(fma(y, (vf)(t.j), (vf)(t.c)), (vf)(t.turn), (vf)(HALF));

@@ -146,18 +146,24 @@ inline void materialise(BlockState *state, global float *z, global int *ids)
 }
 
 #if SHARED
-// Triangles of a block that has no depth buffer, ray by ray.
+// Triangles of a block that has no depth buffer, ray by ray: some rows at a time, which stay in registers.
+#define ID_ROWS 4
 inline void write_ids(const BlockState *state, global int *ids)
 {
-    for (int row = 0; row < BLOCK; ++row) {
-        vi id[BLOCK / LANES];
-        for (int k = 0; k < BLOCK / LANES; ++k) id[k] = state->cover;
+    for (int at = 0; at < BLOCK_RAYS; at += ID_ROWS * BLOCK) {
+        vi id[ID_ROWS * BLOCK / LANES];
+        for (int k = 0; k < ID_ROWS * BLOCK / LANES; ++k) id[k] = state->cover;
         for (int n = 0; n < state->parts->count; ++n) {
             global const Part *p = state->parts->of + n;
-            const vi rays = p->rays[row];
-            for (int k = 0; k < BLOCK / LANES; ++k) id[k] = pick_int((vi)(p->id), id[k], EQ(rays & (LANE_BITS << (k * LANES)), (vi)(0)));
+            const vi own = p->id;
+            for (int k = 0; k < ID_ROWS * BLOCK / LANES; ++k) {
+                const int ray = k * LANES;
+                // A ray's bit comes to be the sign.
+                const vi mine = (vi)(p->rays[(at + ray) / BLOCK]) << (31 - ray % BLOCK - TO_VI(IOTA));
+                id[k] = pick_int(id[k], own, LT(mine, (vi)(0)));
+            }
         }
-        for (int k = 0; k < BLOCK / LANES; ++k) VSTORE(id[k], ids + row * BLOCK + k * LANES);
+        for (int k = 0; k < ID_ROWS * BLOCK / LANES; ++k) VSTORE(id[k], ids + at + k * LANES);
     }
 }
 #endif
