@@ -120,7 +120,8 @@ inline int beam_bounds(const Rays *rays, const BeamWork *work, global const floa
         const Bundle r = block_bundle(rays, work, block);
         const float4 depth = seen.xyxy, origin = (float4)(r.ox, r.ox, r.oy, r.oy), slope = (float4)(r.dx, r.dx, r.dy, r.dy);
         const float4 middle = fma(depth, slope, origin);
-        const float4 reach = HALF * fabs(fma(depth, slope_step, origin_step)) + OUTER_HALF * fabs(fma(depth, (float4)(r.b), (float4)(r.a))) +
+        const float4 reach = HALF * fabs(fma(depth, slope_step, origin_step)) +
+                             OUTER_HALF * fabs(fma(depth, (float4)(r.b), (float4)(r.a))) +
                              1.0e-6f * fma(depth, fabs(slope) + wide_slope, fabs(origin) + wide_origin);
         least = min(least, middle - reach);
         most = max(most, middle + reach);
