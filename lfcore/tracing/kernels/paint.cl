@@ -103,30 +103,34 @@ inline float2 seen_depths(const BlockState *state, global const float *z, global
     return state->cover == NOTHING ? seen : (float2)(state->z_near, state->z_far);
 }
 
-// Bounds of everything that the beam sees.
+// Bounds of everything that the beam sees.  Of a block the ends of its depth bound it, along x, then along y;
+// it is widened by a few ulp of every term, as beams are.
 inline int beam_bounds(const Rays *rays, const BeamWork *work, global const float *z, global const int *ids, float *lo, float *hi)
 {
-    for (int k = 0; k < 3; ++k) { lo[k] = FAR; hi[k] = -FAR; }
+    const float4 origin_step = rays->step.xxyy, slope_step = rays->step.zzww;
+    const float4 wide_origin = HALF * fabs(origin_step) + OUTER_HALF * fabs(rays->outer.x);
+    const float4 wide_slope = HALF * fabs(slope_step) + OUTER_HALF * fabs(rays->outer.y);
+    float4 least = FAR, most = -FAR;
+    float near = FAR, far = -FAR;
     for (int block = 0; block < BEAM_BLOCKS; ++block) {
         const BlockState *state = work->block + block;
         if (state->z_far < 0.0f) continue;
         const float2 seen = seen_depths(state, z + block * BLOCK_RAYS, ids + block * BLOCK_RAYS);
-        const float near = seen.x, far = seen.y;
-        if (!(near <= far)) continue;
-        const Bundle bundle = block_bundle(rays, work, block);
-        const Beam beam = block_beam(&bundle);
-        const float wx0 = fabs(fma(near, beam.gx, beam.hx)) + fabs(fma(near, beam.gu, beam.hu));
-        const float wx1 = fabs(fma(far, beam.gx, beam.hx)) + fabs(fma(far, beam.gu, beam.hu));
-        const float wy0 = fabs(fma(near, beam.gy, beam.hy)) + fabs(fma(near, beam.gu, beam.hu));
-        const float wy1 = fabs(fma(far, beam.gy, beam.hy)) + fabs(fma(far, beam.gu, beam.hu));
-        lo[0] = min(lo[0], min(fma(near, beam.dx_lo, beam.ox_lo - wx0), fma(far, beam.dx_lo, beam.ox_lo - wx1)));
-        hi[0] = max(hi[0], max(fma(near, beam.dx_hi, beam.ox_hi + wx0), fma(far, beam.dx_hi, beam.ox_hi + wx1)));
-        lo[1] = min(lo[1], min(fma(near, beam.dy_lo, beam.oy_lo - wy0), fma(far, beam.dy_lo, beam.oy_lo - wy1)));
-        hi[1] = max(hi[1], max(fma(near, beam.dy_hi, beam.oy_hi + wy0), fma(far, beam.dy_hi, beam.oy_hi + wy1)));
-        lo[2] = min(lo[2], near);
-        hi[2] = max(hi[2], far);
+        if (!(seen.x <= seen.y)) continue;
+        const Bundle r = block_bundle(rays, work, block);
+        const float4 depth = seen.xyxy, origin = (float4)(r.ox, r.ox, r.oy, r.oy), slope = (float4)(r.dx, r.dx, r.dy, r.dy);
+        const float4 middle = fma(depth, slope, origin);
+        const float4 reach = HALF * fabs(fma(depth, slope_step, origin_step)) +
+                             OUTER_HALF * fabs(fma(depth, (float4)(r.b), (float4)(r.a))) +
+                             1.0e-6f * fma(depth, fabs(slope) + wide_slope, fabs(origin) + wide_origin);
+        least = min(least, middle - reach);
+        most = max(most, middle + reach);
+        near = min(near, seen.x);
+        far = max(far, seen.y);
     }
-    return lo[2] <= hi[2];
+    lo[0] = min(least.x, least.y); lo[1] = min(least.z, least.w); lo[2] = near;
+    hi[0] = max(most.x, most.y); hi[1] = max(most.z, most.w); hi[2] = far;
+    return near <= far;
 }
 #endif
 

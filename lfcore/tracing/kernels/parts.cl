@@ -42,49 +42,40 @@ inline vf row_places(int first) { return IOTA + (first - HALF); }
 
 // An edge over a block: its sign changes once along a row.
 typedef struct {
-    float c, i, j;
-    float turn;      // -1 / i
-    int rises, step; // mask of whether i is positive; how far the place that division finds may be off
+    float c, j;
+    float turn;  // -1 / i
+    int falls;   // mask of whether i is not positive
 } Turning;
 
 // Below this, 1 / i loses digits.
 #define LEAST_TURN 1.0e-25f
 
-inline Turning make_turning(private const float *c)
+// One along the rows is of one sign in each: it changes past one end or the other.
+inline Turning make_turning(float c, float i, float j)
 {
-    Turning t;
-    t.c = c[0]; t.i = c[LANES]; t.j = c[2 * LANES];
-    // One along the rows is of one sign in each: it changes past one end or the other.
-    t.turn = t.i == 0.0f ? 0.0f : -1.0f / t.i;
-    t.step = t.i == 0.0f ? BLOCK : 1;
-    t.rises = t.i > 0.0f ? -1 : 0;
+    const Turning t = {c, j, fabs(i) < LEAST_TURN ? 1.0f / LEAST_TURN : -1.0f / i, i >= LEAST_TURN ? 0 : -1};
     return t;
 }
 
 // Columns in which an edge is not negative, a bit for each, and bits that are of no column, of LANES rows at places y.
-// What is rounded once does not fall where the exact sum rises: the places to both sides of the one found tell exactly.
+// Edges are widened by more than the place where it changes may be off.
 inline vi turned_columns(Turning t, vf y)
 {
-    const vf base = fma(y, (vf)(t.j), (vf)(t.c));
-    const vf found = ceil(clamp(fma(base, (vf)(t.turn), (vf)(HALF)), (vf)(0.0f), (vf)(BLOCK)));
-    const vf x = found - HALF;
-    const vi here = GE(fma(x, (vf)(t.i), base), (vf)(0.0f)) ^ ~t.rises;
-    const vi before = GE(fma(x - 1.0f, (vf)(t.i), base), (vf)(0.0f)) ^ ~t.rises;
-    const vi turn = clamp(TO_VI(found) + (~here & t.step) - (before & t.step), 0, BLOCK);
-    return ((vi)(-1) << turn) ^ ~t.rises;
+    const vf place = fma(fma(y, (vf)(t.j), (vf)(t.c)), (vf)(t.turn), (vf)(HALF));
+    return ((vi)(-1) << TO_VI(ceil(clamp(place, (vf)(0.0f), (vf)(BLOCK))))) ^ t.falls;
 }
 
-// Rays of the rows from `first` to `last` that a triangle meets, whose denominator of depth is positive all over the
-// block; returns whether there are any.
-inline int find_rays(private const float *c, uint lane, int first, int last, global int *rays)
+// Rays of the rows from place `first` to `last` that a triangle meets, whose denominator of depth is positive all over
+// the block; returns whether there are any.
+inline int find_rays(private const float *c, uint lane, float first, float last, global int *rays)
 {
     vi any = 0;
     c += lane;
-    const Turning a = make_turning(c), b = make_turning(c + 3 * LANES), g = make_turning(c + 6 * LANES);
+    const Turning a = make_turning(c[0], c[LANES], c[2 * LANES]), b = make_turning(c[3 * LANES], c[4 * LANES], c[5 * LANES]);
+    const Turning g = make_turning(c[6 * LANES], c[7 * LANES], c[8 * LANES]);
     for (int row = 0; row < BLOCK; row += LANES) {
         const vf y = row_places(row);
-        const vi at = TO_VI(IOTA) + row;
-        const vi within = GE(at, (vi)(first)) & LE(at, (vi)(last)) & 0xffff;
+        const vi within = GE(y, (vf)(first)) & LE(y, (vf)(last)) & 0xffff;
         const vi met = turned_columns(a, y) & turned_columns(b, y) & turned_columns(g, y) & within;
         VSTORE(met, rays + row);
         any |= met;
@@ -93,8 +84,8 @@ inline int find_rays(private const float *c, uint lane, int first, int last, glo
 }
 
 // Of the rays in `rows`, LANES rows from `first` on, those on which depth over / under of triangle `id` is nearer
-// than that of `other_id`.
-inline vi nearer_rays(Form over, Form under, int id, Form other_over, Form other_under, int other_id, vi rows, int first)
+// than that of `other_id`, ray by ray.
+inline vi compare_rays(Form over, Form under, int id, Form other_over, Form other_under, int other_id, vi rows, int first)
 {
     const vf y = row_places(first);
     const vf a = fma(y, (vf)(over.j), (vf)(over.c)), b = fma(y, (vf)(under.j), (vf)(under.c));
@@ -110,6 +101,37 @@ inline vi nearer_rays(Form over, Form under, int id, Form other_over, Form other
     return nearer & rows;
 }
 
+// Two triangles with depths over / under, and where either is surely the nearer: the rays of a block meet in one point,
+// or are parallel, and so the difference of depths times both denominators is affine; terms of second order cancel.
+typedef struct {
+    Form over, under, other_over, other_under;
+    int id, other_id;
+    Turning nearer, farther;
+} Order;
+
+// Depths that differ by less, relative to them, are to be compared ray by ray.
+#define CLOSE_DEPTHS 2.0e-5f
+
+inline Order make_order(Form over, Form under, int id, Form other_over, Form other_under, int other_id)
+{
+    Order o = {over, under, other_over, other_under, id, other_id};
+    const float r = 1.0f / under.c, s = 1.0f / other_under.c, z = over.c * r, w = other_over.c * s, close = CLOSE_DEPTHS * max(z, w);
+    const float i = (over.i * r - other_over.i * s) + (z * other_under.i * s - w * under.i * r);
+    const float j = (over.j * r - other_over.j * s) + (z * other_under.j * s - w * under.j * r);
+    o.nearer = make_turning(w - z - close, -i, -j);
+    o.farther = make_turning(z - w - close, i, j);
+    return o;
+}
+
+// Of the rays in `rows`, LANES rows from `first` on, those on which the first of two triangles is nearer.
+inline vi nearer_rays(const Order *o, vi rows, int first)
+{
+    const vf y = row_places(first);
+    const vi nearer = rows & turned_columns(o->nearer, y), close = rows & ~nearer & ~turned_columns(o->farther, y);
+    if (!row_any(close)) return nearer;
+    return nearer | compare_rays(o->over, o->under, o->id, o->other_over, o->other_under, o->other_id, close, first);
+}
+
 // Mask of a part's rays in the row of LANES that begins with ray `at`.
 inline vi part_row(global const Part *p, int at) { return MASK(((vi)(p->rays[at / BLOCK] >> at % BLOCK) & LANE_BITS) != 0); }
 
@@ -121,10 +143,12 @@ inline int divide_rays(global Part *p, global Part *q)
     vi compare = 0, left = 0;
     for (int row = 0; row < BLOCK; row += LANES) compare |= VLOAD(p->rays + row) & VLOAD(q->rays + row) & ~(front | behind);
     const int unknown = row_any(compare);
+    Order order;
+    if (unknown) order = make_order(p->over, p->under, p->id, q->over, q->under, q->id);
     for (int row = 0; row < BLOCK; row += LANES) {
         const vi mine = VLOAD(p->rays + row), theirs = VLOAD(q->rays + row), both = mine & theirs;
         vi won = both & front;
-        if (unknown) won = nearer_rays(p->over, p->under, p->id, q->over, q->under, q->id, both, row);
+        if (unknown) won = nearer_rays(&order, both, row);
         VSTORE(mine & (won | ~both), p->rays + row);
         VSTORE(theirs & ~won, q->rays + row);
         left |= theirs & ~won;

@@ -68,7 +68,8 @@ inline Affine edge(vf px, vf py, vf pz, vf qx, vf qy, vf qz, const Bundle *r)
 
 // Bound of the rounding error of such a form anywhere within `extent` columns and rows of the centre: sum,
 // difference, product and their difference are four roundings of each term, its evaluation at a ray two more, or
-// four; where it is moved to a block's centre first, two for that and one for each of i and j.
+// four; where it is moved to a block's centre first, two for that and one for each of i and j, and where its sign
+// is found by division (parts.cl), another.
 inline vf edge_noise(vf px, vf py, vf pz, vf qx, vf qy, vf qz, const Bundle *r, float extent)
 {
     const vf sx = fabs(px + qx), sy = fabs(py + qy), sz = fabs(pz + qz), dx = fabs(qx - px), dy = fabs(qy - py), dz = fabs(qz - pz);
@@ -79,7 +80,7 @@ inline vf edge_noise(vf px, vf py, vf pz, vf qx, vf qy, vf qz, const Bundle *r, 
     const vf both = dz * (4.0f * HALF * OUTER_HALF * (fabs(r->sx * r->b) + fabs(r->a * r->tx)));
     return 4.8e-7f * (fma((vf)(extent), wide, fma(sx, dy, sy * dx)) + fma((vf)(OUTER_HALF), outer, both));
 #else
-    return (extent > HALF ? 6.0e-7f : 3.6e-7f) * fma((vf)(extent), wide, fma(sx, dy, sy * dx));
+    return (extent > HALF ? 6.6e-7f : 3.6e-7f) * fma((vf)(extent), wide, fma(sx, dy, sy * dx));
 #endif
 }
 

@@ -146,18 +146,24 @@ inline void materialise(BlockState *state, global float *z, global int *ids)
 }
 
 #if SHARED
-// Triangles of a block that has no depth buffer, ray by ray.
+// Triangles of a block that has no depth buffer, ray by ray: some rows at a time, which stay in registers.
+#define ID_ROWS 4
 inline void write_ids(const BlockState *state, global int *ids)
 {
-    for (int row = 0; row < BLOCK; ++row) {
-        vi id[BLOCK / LANES];
-        for (int k = 0; k < BLOCK / LANES; ++k) id[k] = state->cover;
+    for (int at = 0; at < BLOCK_RAYS; at += ID_ROWS * BLOCK) {
+        vi id[ID_ROWS * BLOCK / LANES];
+        for (int k = 0; k < ID_ROWS * BLOCK / LANES; ++k) id[k] = state->cover;
         for (int n = 0; n < state->parts->count; ++n) {
             global const Part *p = state->parts->of + n;
-            const vi rays = p->rays[row];
-            for (int k = 0; k < BLOCK / LANES; ++k) id[k] = pick_int((vi)(p->id), id[k], EQ(rays & (LANE_BITS << (k * LANES)), (vi)(0)));
+            const vi own = p->id;
+            for (int k = 0; k < ID_ROWS * BLOCK / LANES; ++k) {
+                const int ray = k * LANES;
+                // A ray's bit comes to be the sign.
+                const vi mine = (vi)(p->rays[(at + ray) / BLOCK]) << (31 - ray % BLOCK - TO_VI(IOTA));
+                id[k] = pick_int(id[k], own, LT(mine, (vi)(0)));
+            }
         }
-        for (int k = 0; k < BLOCK / LANES; ++k) VSTORE(id[k], ids + row * BLOCK + k * LANES);
+        for (int k = 0; k < ID_ROWS * BLOCK / LANES; ++k) VSTORE(id[k], ids + at + k * LANES);
     }
 }
 #endif
@@ -273,8 +279,8 @@ inline void fill_state(BlockState *state)
     state->divided = 0;
 }
 
-// See triangle `k` of LANES in front of a block that has no depth buffer; false if it needs one.
-inline int see_part(private const float *c, uint k, private const int *span, int id, float near, float far, BlockState *state)
+// See triangle `k` of LANES, within some rows, in front of a block that has no depth buffer; false if it needs one.
+inline int see_part(private const float *c, uint k, float2 rows, int id, float near, float far, BlockState *state)
 {
     if (!(near > 0.0f) || !(far < FAR)) return 0;
     for (int edge = 0; edge < 3; ++edge) {
@@ -284,7 +290,7 @@ inline int see_part(private const float *c, uint k, private const int *span, int
     global Parts *parts = state->parts;
     if (!state->divided) clear_parts(parts);
     global Part *p = parts->of + parts->count;
-    if (!find_rays(c, k, span[k], span[LANES + k], p->rays)) return 1;
+    if (!find_rays(c, k, rows.x, rows.y, p->rays)) return 1;
     p->id = id;
     p->over = read_flat(c + 3 * EDGE * LANES, k);
     p->under = read_flat(c + (3 * EDGE + FLAT) * LANES, k);
@@ -292,10 +298,8 @@ inline int see_part(private const float *c, uint k, private const int *span, int
     p->far = far;
     if (state->cover != NOTHING && !(far < state->near)) {
         if (near > state->far) return 1;
-        for (int row = 0; row < BLOCK; row += LANES) {
-            const vi mine = VLOAD(p->rays + row);
-            VSTORE(nearer_rays(p->over, p->under, id, state->over, state->under, state->cover, mine, row), p->rays + row);
-        }
+        const Order order = make_order(p->over, p->under, id, state->over, state->under, state->cover);
+        for (int row = 0; row < BLOCK; row += LANES) VSTORE(nearer_rays(&order, VLOAD(p->rays + row), row), p->rays + row);
     }
     if (!add_part(parts)) return 0;
     state->z_near = min(state->z_near, parts->near);
@@ -324,12 +328,13 @@ inline int merge_taken(const Batch *batch, const Taken *taken, float2 at, float 
                     const Form over = read_flat(c + 3 * EDGE * LANES, k), under = read_flat(c + (3 * EDGE + FLAT) * LANES, k);
                     if (settle(over, under, near, far, id, state)) continue;
                 }
-                if (spanned != n) span_taken(batch, n, at, taken, span);
-                spanned = n;
-                if (state->cover != BUFFERED && see_part(c, k, span, id, near, far, state)) {
+                const float2 rows = (float2)(batch->row[TOP][slot], batch->row[BOTTOM][slot]) - (at.y + FORM_HALF);
+                if (state->cover != BUFFERED && see_part(c, k, rows, id, near, far, state)) {
                     z_far = min(z_far, state->z_far);
                     continue;
                 }
+                if (spanned != n) span_taken(batch, n, at, taken, span);
+                spanned = n;
                 materialise(state, z, ids);
                 changed |= hit_triangle(c, k, covers, (cull.mixed >> k) & 1, span, id, z, ids);
             }
