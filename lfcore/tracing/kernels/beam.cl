@@ -106,7 +106,15 @@ inline Bundle element_bundle(const Rays *rays, const BeamWork *work, int block)
     return bundle_at(rays, middle_of(rays, work, block), (int2)(work->column, work->row), ELEMENT_HALF);
 }
 
-// Where a block lies from the centre of that, in columns and rows.
+// All rays of an element, as if they were one block.
+inline Bundle all_rays(const Rays *rays, float4 middle)
+{
+    const Bundle r = {middle.x, middle.y, middle.z, middle.w, rays->step.x, rays->step.y, rays->step.z, rays->step.w,
+                      rays->outer.x, rays->outer.y};
+    return r;
+}
+
+// Where a block lies from the centre of its element's part, in columns and rows.
 inline float2 block_offset(int block)
 {
     const int within = block % ELEMENT_BLOCKS;

@@ -81,6 +81,9 @@ void trace_radiance(BVH_PARAMETERS,
     const Surfaces surfaces = MAKE_SURFACES;
     const Rays rays = MAKE_RAYS;
     Easel easel = make_easel(scratch + get_global_id(0) * (ulong)EASEL_WORDS);
+#if OUTER == 1
+    easel.follow = 1;
+#endif
     const ulong pitch = 3 * (ulong)across * columns;
     BeamWork work;
     for (int beam = atomic_inc(next); beam < n_beams; beam = atomic_inc(next)) {

@@ -94,6 +94,9 @@ void trace_slab(BVH_PARAMETERS,
                            plane_info, runs, masks, kinds, sums + get_global_id(0) * plane_words};
     global uint *memory = scratch + get_global_id(0) * (ulong)SCRATCH_WORDS;
     Easel easel = make_easel(memory);
+#if OUTER == 1
+    easel.follow = tall == 1;
+#endif
     global float *painted = (global float *)(memory + EASEL_WORDS);
     global uint *prefix = memory + EASEL_WORDS + BEAM_TILES * COLOURS;
 #if PLANES && !VIEWS
