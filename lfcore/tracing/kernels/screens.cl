@@ -18,7 +18,7 @@
 #define SCREEN_LIMIT 128    // and of one: more are culled block by block
 #if SHARED
 #define WHOLE_POOL 8192     // the same of screens before whole elements
-#define WHOLE_LIMIT 512
+#define WHOLE_LIMIT 2048
 #else
 #define WHOLE_POOL 0
 #endif
@@ -75,16 +75,6 @@ inline void make_screens(global float *pool, Screens *screens)
     screens->whole.size = WHOLE_POOL / LANES;
     screens->whole.limit = WHOLE_LIMIT;
     screens->owner = -1;
-#endif
-}
-
-// Whether an element's rays fill several beams and start in several places: they are a pixel's, and cross where it is in focus.
-inline int rays_cross(const Rays *rays)
-{
-#if SHARED
-    return max(rays->columns, rays->rows) > REACH && (rays->step.x != 0.0f || rays->step.y != 0.0f);
-#else
-    return 0;
 #endif
 }
 
@@ -181,19 +171,40 @@ inline int evenly_weighted(const Facet *f, Rectangle at)
     return middle - spread > 0.125f * max(middle + spread, f->under.c);
 }
 
-// What is not negative at a point relative to the apex: n . P + c, where that lies behind a triangle's plane, or before it by
-// less than what is excluded near surfaces.
-typedef struct { float3 n; float c; } Behind;
+// What is not negative at a point relative to the apex, n . P + c, where that can darken nothing.
+typedef struct { float3 n; float c; } Beyond;
 
-inline Behind behind_plane(global const float *corners, const ShadowRays *r)
+// Behind a triangle's plane, or before it by less than what is excluded near surfaces.
+inline Beyond behind_plane(global const float *corners, const ShadowRays *r)
 {
     const float3 p = corner(corners, 0), n = cross(corner(corners, 1) - p, corner(corners, 2) - p), at = p - r->apex;
     const float offset = dot(n, at), side = r->is_point ? offset : -dot(n, r->towards), sign = side < 0.0f ? -1.0f : 1.0f;
-    const Behind b = {sign * n, SHADOW_MARGIN * dot(fabs(n), fabs(at) + r->size) - sign * offset};
+    const Beyond b = {sign * n, SHADOW_MARGIN * dot(fabs(n), fabs(at) + r->size) - sign * offset};
     return b;
 }
 
-inline vi lie_behind(const Behind *b, const Occluders *o)
+// Beside all ways from the hit points of a receiver's rectangle to the light: beyond the four planes through its sides.
+inline void wedge_before(const Receiver *f, const ShadowRays *r, Beyond *sides)
+{
+    float3 at[4], middle = fma(f->i, f->over.x, fma(f->j, f->over.y, f->c));
+    float w[4];
+    for (int k = 0; k < 4; ++k) {
+        const float x = f->over.x + (k == 0 || k == 3 ? -f->over.wide : f->over.wide), y = f->over.y + (k < 2 ? -f->over.high : f->over.high);
+        at[k] = fma(f->i, x, fma(f->j, y, f->c));
+        w[k] = fma(f->wi, x, fma(f->wj, y, f->wc));
+    }
+    for (int k = 0; k < 4; ++k) {
+        const int to = (k + 1) % 4;
+        // Hit points times their weights; a light far away is at infinity, of weight 0.
+        float3 n = r->is_point ? cross(at[k], at[to]) : cross(w[k] * at[to] - w[to] * at[k], r->towards);
+        const float3 inner = w[k] * at[(k + 2) % 4] - w[(k + 2) % 4] * at[k];
+        if (dot(n, r->is_point ? at[(k + 2) % 4] : inner) > 0.0f) n = -n;
+        sides[k].n = n;
+        sides[k].c = (r->is_point ? 0.0f : -max(dot(n, at[k]) / w[k], dot(n, at[to]) / w[to])) - 4.0e-6f * dot(fabs(n), r->size);
+    }
+}
+
+inline vi lie_beyond(const Beyond *b, const Occluders *o)
 {
     vf least = FAR;
     for (int k = 0; k < 3; ++k)
@@ -206,7 +217,7 @@ typedef struct {
     int own;                // the triangle that it is before
     ShadowRays rays;
     Receiver receiver;      // of all rays that may meet it
-    Behind behind;          // its plane
+    Beyond behind, beside[4];  // its plane, and all ways to the light
     ScreenSet *set;
     Screen *screen;
     int count;              // of occluders
@@ -232,14 +243,14 @@ inline int put_on_screen(ScreenMaker *m, const Affine *e, vi may, vi all)
 }
 
 // Put on the screen those of LANES triangles of a leaf that can darken a ray.  0 once no more are wanted.
-inline int add_to_screen(ScreenMaker *m, const Shaft *shaft, global const float *leaf, global const int *leaf_ids)
+inline int add_to_screen(ScreenMaker *m, global const float *leaf, global const int *leaf_ids)
 {
-    vi may = ~(shaft_misses(shaft, leaf) | EQ(VLOAD(leaf_ids), (vi)(m->own))), all = -1;
-    if (!row_any(may)) return 1;
     Affine e[4];
     Occluders o;
     place_occluders(&m->rays, leaf, &o);
-    may &= ~lie_behind(&m->behind, &o);
+    vi may = ~(lie_beyond(&m->behind, &o) | EQ(VLOAD(leaf_ids), (vi)(m->own))), all = -1;
+    if (!row_any(may)) return 1;
+    for (int k = 0; k < 4; ++k) may &= ~lie_beyond(m->beside + k, &o);
     if (!row_any(may)) return 1;
     e[3] = project_plane(&m->receiver, face_occluders(&m->rays, &o, &may));
     sift_occluders(e[3], &m->receiver.over, &may, &all);

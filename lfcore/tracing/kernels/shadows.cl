@@ -89,29 +89,23 @@ inline int cast_leaf(const ShadowRays *r, Target *target, const Plane *planes, v
     return 1;
 }
 
-// Darken the target behind the leaves on a list; false once no ray of it can see the light.
-inline int cast_list(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, const LeafList *list, Target *target)
+// Darken the target behind `count` leaves; false once no ray of it can see the light.
+inline int cast_leaves(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, global const int *leaves, int count, Target *target)
 {
     Plane planes[4];
-    for (int base = 0; base < list->count; base += LANES) {
-        uint near = row_bits(shaft_meets(shaft, list->boxes + base, list->pitch));
-        if (base + LANES > list->count) near &= (1u << (list->count - base)) - 1u;
-        for (; near; near &= near - 1) {
-            const int leaf = list->leaf[base + lowest(near)];
-            for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-                global const float *corners = bvh->leaves + leaf * 9 * NODE_WIDTH + lane;
-                global const int *ids = bvh->leaf_ids + leaf * NODE_WIDTH + lane;
+    for (int k = 0; k < count; ++k)
+        for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
+            global const float *corners = bvh->leaves + leaves[k] * 9 * NODE_WIDTH + lane;
+            global const int *ids = bvh->leaf_ids + leaves[k] * NODE_WIDTH + lane;
 #if OUTER == 1
-                if (target->maker) {
-                    if (!add_to_screen(target->maker, shaft, corners, ids)) return 0;
-                    continue;
-                }
-#endif
-                const vi may = setup_occluders(r, shaft, corners, planes);
-                if (row_any(may) && !cast_leaf(r, target, planes, may, ids)) return 0;
+            if (target->maker) {
+                if (!add_to_screen(target->maker, corners, ids)) return 0;
+                continue;
             }
+#endif
+            const vi may = setup_occluders(r, shaft, corners, planes);
+            if (row_any(may) && !cast_leaf(r, target, planes, may, ids)) return 0;
         }
-    }
     return 1;
 }
 
@@ -121,14 +115,13 @@ inline int darken(const Bvh *bvh, global const float *light, const ShadowRays *r
                   const float *lo, const float *hi, Target *target)
 {
     const Shaft shaft = make_shaft(light, lo, hi);
-    if (list) return cast_list(bvh, &shaft, rays, list, target);
     Walk walk;
     start_walk(&walk);
-    while (walk.size) {
-        scratch->count = 0;
-        gather_shaft(bvh, &shaft, &walk, scratch);
-        if (!cast_list(bvh, &shaft, rays, scratch, target)) return 0;
-    }
+    if (list) walk.size = 0;
+    do {
+        const int count = list ? pick_leaves(&shaft, list, scratch->leaf) : gather_leaves(bvh, &shaft, &walk, scratch->pitch, scratch->leaf);
+        if (!cast_leaves(bvh, &shaft, rays, scratch->leaf, count, target)) return 0;
+    } while (walk.size);
     return 1;
 }
 
@@ -153,6 +146,7 @@ inline void make_screen(const Bvh *bvh, const Surfaces *s, global const float *l
     if (turned_away(&facet, bundle, seen.over, light, seen.lo, seen.hi)) return;
     maker.receiver = make_receiver(bundle, &facet, seen.over, maker.rays.apex);
     maker.behind = behind_plane(s->corners + id * 9, &maker.rays);
+    wedge_before(&maker.receiver, &maker.rays, maker.beside);
     maker.set = set;
     maker.screen = screen;
     maker.count = 0;
