@@ -1,7 +1,7 @@
 // What may stand between a beam and a light, gathered when it is first asked for.
 #ifndef LFCORE_BETWEEN_CL
 #define LFCORE_BETWEEN_CL
-#include "shaft.cl"
+#include "occluders.cl"
 #include "beam.cl"
 
 #define SHADOW_LIST 512
