@@ -106,7 +106,15 @@ inline Bundle element_bundle(const Rays *rays, const BeamWork *work, int block)
     return bundle_at(rays, middle_of(rays, work, block), (int2)(work->column, work->row), ELEMENT_HALF);
 }
 
-// Where a block lies from the centre of that, in columns and rows.
+// All rays of an element, as if they were one block.
+inline Bundle all_rays(const Rays *rays, float4 middle)
+{
+    const Bundle r = {middle.x, middle.y, middle.z, middle.w, rays->step.x, rays->step.y, rays->step.z, rays->step.w,
+                      rays->outer.x, rays->outer.y};
+    return r;
+}
+
+// Where a block lies from the centre of its element's part, in columns and rows.
 inline float2 block_offset(int block)
 {
     const int within = block % ELEMENT_BLOCKS;
@@ -126,6 +134,28 @@ inline void start_beam(const Rays *rays, int beam, BeamWork *work)
         const int none = OUTER == 1 && block_element(work, block, 0, 0) < 0;
         clear_block(work->block + block, none || at.x >= rays->columns || at.y >= rays->rows ? -1.0f : FAR);
     }
+}
+
+// Whether an element's rays fill several beams and start in several places: they are a pixel's, and cross where it is in focus.
+inline int rays_cross(const Rays *rays)
+{
+#if SHARED
+    return max(rays->columns, rays->rows) > REACH && (rays->step.x != 0.0f || rays->step.y != 0.0f);
+#else
+    return 0;
+#endif
+}
+
+// The next item of a job for this worker, of those from `item` on that it took; false if none is left.  Beams of a pixel that
+// follow each other have much in common, so a worker takes them all while that leaves enough to the others.
+inline int next_item(const Rays *rays, int follow, global int *next, int n_items, int *item, int *end)
+{
+    if (++*item < *end) return 1;
+    const int squares = rays->beams_across * rays->beams_down, left = n_items - atomic_add(next, 0);
+    const int take = follow && rays_cross(rays) ? clamp(left / (4 * (int)get_global_size(0)), 1, squares) : 1;
+    *item = atomic_add(next, take);
+    *end = min(*item + take, n_items);
+    return *item < n_items;
 }
 
 // The first element of a beam; negative if it has none.

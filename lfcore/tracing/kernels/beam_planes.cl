@@ -99,7 +99,8 @@ inline void add_rows(global const int *run, int count, global const uint *prefix
     }
 }
 
-// Add a beam of linear colours (BEAM_TILES, 3, BLOCK_RAYS) to its strip.  Its first row of pixels is v, a multiple of GROUP; `prefix` (PREFIX_WORDS) is scratch.
+// Add a beam of linear colours (BEAM_TILES, 3, BLOCK_RAYS) to its strip.  Its first row of pixels is v, a multiple of GROUP;
+// `prefix` (PREFIX_WORDS) is scratch.
 inline void add_to_strip(const Planes *p, const BeamWork *work, int v, global const float *colours, global uint *prefix, const Strip *strip)
 {
     const int square = work->row / REACH;

@@ -12,6 +12,8 @@
 // Below this share of a form's size its slope along a row is taken for it: no ray can tell.
 #define LEAST_SLOPE 9.0e-13f
 #define ANYWHERE 1.0e30f
+// More than an inner grid has; less of a level form is rounding.
+#define MOST_COLUMNS 16384.0f
 
 typedef struct {
     Rectangle over;     // around the rays, in columns and rows as forms count them
@@ -47,7 +49,7 @@ inline void store_line(Affine e, float first, private float *out)
     VSTORE(-e.j * inverse, out);
     VSTORE(-e.c * inverse - first, out + LANES);
     // A form that is zero all along a row is not negative there.
-    VSTORE(pick((vf)(ANYWHERE), pick((vf)(0.0f), (vf)(4.0f * SIDE * BLOCK), level), up), out + 2 * LANES);
+    VSTORE(pick((vf)(ANYWHERE), pick((vf)(0.0f), (vf)(MOST_COLUMNS), level), up), out + 2 * LANES);
     VSTORE(pick((vf)(0.0f), (vf)(ANYWHERE), up), out + 3 * LANES);
 }
 

@@ -42,7 +42,8 @@ inline void light_nodes(const Surfaces *s, const Bundle *r, const Facet *f, cons
         const Places here = nodes_at(over, at);
         const vf z = form_nodes(f->over, here) * reciprocal(form_nodes(f->under, here));
         const Vec direction = {fma(here.x, (vf)(r->tx), (vf)(r->dx)), fma(here.y, (vf)(r->ty), (vf)(r->dy)), (vf)(1.0f)};
-        const Vec point = {fma(z, direction.x, fma(here.x, (vf)(r->sx), (vf)(r->ox))), fma(z, direction.y, fma(here.y, (vf)(r->sy), (vf)(r->oy))), z};
+        const vf x = fma(here.x, (vf)(r->sx), (vf)(r->ox)), y = fma(here.y, (vf)(r->sy), (vf)(r->oy));
+        const Vec point = {fma(z, direction.x, x), fma(z, direction.y, y), z};
         const Vec view = scale3(direction, -inverse_sqrt(dot3(direction, direction)));
 #if SMOOTH
         const Vec n = {form_nodes(form_of(&f->of, NORMAL), here), form_nodes(form_of(&f->of, NORMAL + 1), here),

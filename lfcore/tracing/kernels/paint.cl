@@ -11,7 +11,7 @@
 #endif
 #define SHADOWED (SHADOW_LIGHTS > 0)
 #if SHADOWED && OUTER == 1
-#define SCREEN_WORDS (OCCLUDER_WORDS * POOL)
+#define SCREEN_WORDS (OCCLUDER_WORDS * (POOL + WHOLE_POOL))
 #else
 #define SCREEN_WORDS 0
 #endif
@@ -31,6 +31,7 @@ typedef struct {
     global uint *spare;      // (3, BLOCK_RAYS)
 #if OUTER == 1
     Cover cover;             // the triangle that covered a block last
+    int follow;              // whether beams of one element follow each other
 #endif
 } Easel;
 
@@ -51,16 +52,17 @@ inline Easel make_easel(global uint *memory)
     e.list.leaf = TAKE(int, LIST);
     e.list.pitch = LIST;
 #if SHADOW_LIGHTS
-    e.shadows.list.boxes = TAKE(float, 6 * SHADOW_LIST);
-    e.shadows.list.leaf = TAKE(int, SHADOW_LIST);
+    e.shadows.between.list.boxes = TAKE(float, 6 * SHADOW_LIST);
+    e.shadows.between.list.leaf = TAKE(int, SHADOW_LIST);
     e.shadows.nearby.boxes = TAKE(float, 6 * SHADOW_LIST);
     e.shadows.nearby.leaf = TAKE(int, SHADOW_LIST);
-    e.shadows.list.pitch = e.shadows.nearby.pitch = SHADOW_LIST;
+    e.shadows.between.list.pitch = e.shadows.nearby.pitch = SHADOW_LIST;
     e.shadows.open = TAKE(int, BLOCK_RAYS);
     e.shadows.seeing = TAKE(int, BLOCK_RAYS);
     e.shadows.seen = TAKE(float, 3 * BLOCK_RAYS);
 #if OUTER == 1
-    e.shadows.screens.pool = TAKE(float, SCREEN_WORDS);
+    global float *pool = TAKE(float, SCREEN_WORDS);
+    make_screens(pool, &e.shadows.screens);
 #endif
 #endif
     e.colours.base = TAKE(float, 3 * BLOCK_RAYS);
@@ -72,69 +74,7 @@ inline Easel make_easel(global uint *memory)
     return e;
 }
 
-#if SHADOW_LIGHTS
-// Depths between which a block sees anything; the second is less than the first if it sees nothing.
-inline float2 seen_depths(const BlockState *state, global const float *z, global const int *ids)
-{
-    if (state->cover == BUFFERED) {
-        vf low = FAR, high = 0.0f;
-        for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-            const vf depth = VLOAD(z + at);
-            low = min(low, depth);
-            high = pick(high, max(high, depth), GE(VLOAD(ids + at), (vi)(0)));
-        }
-        return (float2)(row_min(low), row_max(high));
-    }
-    float2 seen = (float2)(FAR, -FAR);
-#if SHARED
-    if (state->divided) {
-        Rectangle over;
-        for (int k = 0; k < state->parts->count; ++k) {
-            global const Part *p = state->parts->of + k;
-            around_rays(p->rays, BLOCK, &over);
-            const float2 depths = corner_depths(p->over, p->under, over);
-            seen = (float2)(min(seen.x, depths.x), max(seen.y, depths.y));
-        }
-        if (state->cover == NOTHING || !around_rays(state->parts->open, BLOCK, &over)) return seen;
-        const float2 depths = corner_depths(state->over, state->under, over);
-        return (float2)(min(seen.x, depths.x), max(seen.y, depths.y));
-    }
-#endif
-    return state->cover == NOTHING ? seen : (float2)(state->z_near, state->z_far);
-}
-
-// Bounds of everything that the beam sees.  Of a block the ends of its depth bound it, along x, then along y;
-// it is widened by a few ulp of every term, as beams are.
-inline int beam_bounds(const Rays *rays, const BeamWork *work, global const float *z, global const int *ids, float *lo, float *hi)
-{
-    const float4 origin_step = rays->step.xxyy, slope_step = rays->step.zzww;
-    const float4 wide_origin = HALF * fabs(origin_step) + OUTER_HALF * fabs(rays->outer.x);
-    const float4 wide_slope = HALF * fabs(slope_step) + OUTER_HALF * fabs(rays->outer.y);
-    float4 least = FAR, most = -FAR;
-    float near = FAR, far = -FAR;
-    for (int block = 0; block < BEAM_BLOCKS; ++block) {
-        const BlockState *state = work->block + block;
-        if (state->z_far < 0.0f) continue;
-        const float2 seen = seen_depths(state, z + block * BLOCK_RAYS, ids + block * BLOCK_RAYS);
-        if (!(seen.x <= seen.y)) continue;
-        const Bundle r = block_bundle(rays, work, block);
-        const float4 depth = seen.xyxy, origin = (float4)(r.ox, r.ox, r.oy, r.oy), slope = (float4)(r.dx, r.dx, r.dy, r.dy);
-        const float4 middle = fma(depth, slope, origin);
-        const float4 reach = HALF * fabs(fma(depth, slope_step, origin_step)) +
-                             OUTER_HALF * fabs(fma(depth, (float4)(r.b), (float4)(r.a))) +
-                             1.0e-6f * fma(depth, fabs(slope) + wide_slope, fabs(origin) + wide_origin);
-        least = min(least, middle - reach);
-        most = max(most, middle + reach);
-        near = min(near, seen.x);
-        far = max(far, seen.y);
-    }
-    lo[0] = min(least.x, least.y); lo[1] = min(least.z, least.w); lo[2] = near;
-    hi[0] = max(most.x, most.y); hi[1] = max(most.z, most.w); hi[2] = far;
-    return near <= far;
-}
-#endif
-
-// See the whole beam, and gather what may stand between it and a single light that casts shadows.
+// See the whole beam.
 inline void see_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, Easel *e)
 {
     see(bvh, rays, work, &e->list, e->parts, e->z, e->ids);
@@ -142,21 +82,10 @@ inline void see_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWo
     e->cover.id = -1;
 #endif
 #if SHADOW_LIGHTS
-    e->shadows.complete = 0;
+    enter_beam(rays, work, e->z, e->ids, &e->shadows.between);
 #if OUTER == 1
     e->shadows.screens.element = -1;
 #endif
-#endif
-#if SHADOW_LIGHTS == 1 && !SCATTERED
-    float lo[3], hi[3];
-    LeafList *list = &e->shadows.list;
-    list->count = 0;
-    if (!beam_bounds(rays, work, e->z, e->ids, lo, hi)) return;
-    const Shaft shaft = make_shaft(s->lights + OPEN_LIGHTS * LIGHT, lo, hi);
-    Walk walk;
-    start_walk(&walk);
-    gather_shaft(bvh, &shaft, &walk, list);
-    e->shadows.complete = walk.size == 0;
 #endif
 }
 
@@ -213,7 +142,8 @@ inline void paint_shared(const Bvh *bvh, const Surfaces *s, const Bundle *bundle
 #endif
 
 // A block of several triangles or elements, or between whose rays some meet nothing.
-inline void paint_facets(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, global const float *z, global const int *ids, float pixel, Easel *e)
+inline void paint_facets(const Bvh *bvh, const Surfaces *s, const Bundle *bundle, global const float *z, global const int *ids, float pixel,
+                         Easel *e)
 {
     Facets facets;
     shade_block(s, bundle, z, ids, pixel, &facets, &e->colours);
@@ -223,7 +153,7 @@ inline void paint_facets(const Bvh *bvh, const Surfaces *s, const Bundle *bundle
         global const float *light = s->lights + (OPEN_LIGHTS + k) * LIGHT;
         ShadowMemory *memory = &e->shadows;
         if (SCATTERED || facets.count > MANY_TRIANGLES)
-            shadow_rays_singly(bvh, light, &memory->list, memory->complete, &memory->nearby, ids, e->colours.point, wants);
+            shadow_rays_singly(bvh, light, list_between(bvh, light, &memory->between), &memory->nearby, ids, e->colours.point, wants);
         else if (facets.count)
             shadow_block(bvh, light, memory, bundle, ids, e->colours.point, wants);
         for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) {
@@ -283,7 +213,7 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, Bea
     }
 #if OUTER == 1
 #if SHADOW_LIGHTS
-    enter_element(rays, work, block, &e->shadows.screens);
+    enter_element(rays, work, block, e->follow, &e->shadows.screens);
 #endif
 #if SCATTERED
     crop_block(rays, block_position(work, block), ids);

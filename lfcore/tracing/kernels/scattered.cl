@@ -86,9 +86,9 @@ inline int blocking_listed(const Bvh *bvh, const LeafList *list, const Ray *r, f
     return -1;
 }
 
-// List what may stand between the light and the hit points in `wants`: of `beam`, where that is complete for
+// List what may stand between the light and the hit points in `wants`: of `beam`, if that is given, all for
 // the whole beam.  False if it is too much for the list.
-inline int narrow_list(const Bvh *bvh, global const float *light, const LeafList *beam, int complete, global const float *point, global const int *wants,
+inline int narrow_list(const Bvh *bvh, global const float *light, const LeafList *beam, global const float *point, global const int *wants,
                        LeafList *list)
 {
     float lo[3], hi[3];
@@ -106,13 +106,13 @@ inline int narrow_list(const Bvh *bvh, global const float *light, const LeafList
     list->count = 0;
     if (lo[0] > hi[0]) return 1;
     const Shaft shaft = make_shaft(light, lo, hi);
-    if (!complete) {
+    if (!beam) {
         Walk walk;
         start_walk(&walk);
         gather_shaft(bvh, &shaft, &walk, list);
         if (walk.size) return 0;
     }
-    for (int base = 0; complete && base < beam->count; base += LANES) {
+    for (int base = 0; beam && base < beam->count; base += LANES) {
         uint near = row_bits(shaft_meets(&shaft, beam->boxes + base, beam->pitch));
         if (base + LANES > beam->count) near &= (1u << (beam->count - base)) - 1u;
         for (; near; near &= near - 1) {
@@ -130,10 +130,10 @@ inline int narrow_list(const Bvh *bvh, global const float *light, const LeafList
 #define LISTED (!SCATTERED && (OUTER > 1 || HALF > 5.0f))
 
 // Take from `wants` the rays of a block that cannot see the light, one by one.
-inline void shadow_rays_singly(const Bvh *bvh, global const float *light, const LeafList *beam, int complete, LeafList *list,
+inline void shadow_rays_singly(const Bvh *bvh, global const float *light, const LeafList *beam, LeafList *list,
                                global const int *ids, global const float *point, global int *wants)
 {
-    const int listed = LISTED && narrow_list(bvh, light, beam, complete, point, wants, list);
+    const int listed = LISTED && narrow_list(bvh, light, beam, point, wants, list);
     int last = -1;  // what darkened a neighbour is likely to darken the next
     for (int at = 0; at < BLOCK_RAYS; ++at) {
         if (!wants[at]) continue;

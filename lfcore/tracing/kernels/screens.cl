@@ -1,94 +1,165 @@
-// Screens: the occluders of one triangle's rays, found once a beam.
+// Screens: the occluders of one triangle's rays, found once for many blocks.
 //
 // Blocks of a beam lie side by side, and most share their triangles with their neighbours.  What may stand between
 // the light and all that one element's part of the beam sees of a triangle is gathered when the first block asks, and
-// its forms, counted from the middle of that part, are set up for good; often there is nothing.  A screen depends on
-// nothing but the beam, the triangle and the light: which block asked first, and what else is traced, changes no bit of it.
+// its forms are set up for good; often there is nothing.  Where an element's rays fill several beams and cross, as a
+// pixel's do, its beams share most triangles, too: what stands before all its rays is found first, and each beam takes
+// what matters to it.  A screen depends on nothing but the beam, the triangle and the light: which block or beam asked
+// first, and what else is traced, changes no bit of it.
 #ifndef LFCORE_SCREENS_CL
 #define LFCORE_SCREENS_CL
 #include "homography.cl"
 #include "beam.cl"
 
 #if OUTER == 1
-#define SCREENS 64
-#define POOL 1024           // occluders of all screens
-#define SCREEN_LIMIT 128    // and of one: more are culled block by block
+#define SCREENS 256
 #define OCCLUDER_WORDS 12
+#define POOL 1024           // occluders of all screens before parts of elements
+#define SCREEN_LIMIT 128    // and of one: more are culled block by block
+#if SHARED
+#define WHOLE_POOL 8192     // the same of screens before whole elements
+#define WHOLE_LIMIT 2048
+#else
+#define WHOLE_POOL 0
+#endif
 
-// No ray of the beam that meets the triangle sees the light; occluders are culled block by block.
+// No ray that meets the triangle sees the light; occluders are culled block by block, or beam by beam.
 enum { ALL_DARK = -2, NO_SCREEN = -1 };
 
 typedef struct {
     int key;                // triangle and light; -1: none
-    int first, rows;        // rows of LANES occluders in the pool, or one of these:
-    Rectangle over;         // around the rays of the beam that may meet the triangle
-    float lo[3], hi[3];     // of their hit points
+    int first, rows;        // rows of LANES occluders in the pool, or one of these
 } Screen;
 
 typedef struct {
     Screen of[SCREENS];
-    global float *pool;     // (POOL / LANES, OCCLUDER_WORDS, LANES) four forms of each occluder
-    int used;               // rows of the pool
-    int element;            // whose rays these are
-    Bundle beam;            // its part of the beam, as if that were one block
-    float2 block;           // where the block that is painted lies within
+    global float *pool;     // (rows, OCCLUDER_WORDS, LANES) four forms of each occluder
+    int used, size, limit;  // rows of the pool; occluders that one screen may have
+} ScreenSet;
+
+typedef struct {
+    ScreenSet part;         // before an element's rays in the beam
+#if SHARED
+    ScreenSet whole;        // before all rays of an element
+    int owner;              // whose rays those are
+#endif
+    int element;            // of the beam, whose rays are painted
+    Bundle bundle;          // those that forms are counted from the middle of, as if they were one block
+    Rectangle all, here;    // all of them, and those of the beam
+    float2 block;           // where the block that is painted lies among them
+    int keep;               // whether beams of one element follow each other
 } Screens;
 
-inline void clear_screens(Screens *screens)
+inline void clear_screens(ScreenSet *set)
 {
-    for (int k = 0; k < SCREENS; ++k) screens->of[k].key = -1;
-    screens->used = 0;
+    for (int k = 0; k < SCREENS; ++k) set->of[k].key = -1;
+    set->used = 0;
 }
 
-// To be called before a block is painted.
-inline void enter_element(const Rays *rays, const BeamWork *work, int block, Screens *screens)
+// The place of a screen in its set: it is there, or to be made, for which there is room.
+inline Screen *free_screen(ScreenSet *set, int key)
 {
-    screens->block = block_offset(block);
-    if (screens->element == block / ELEMENT_BLOCKS) return;
-    screens->element = block / ELEMENT_BLOCKS;
-    clear_screens(screens);
-    screens->beam = element_bundle(rays, work, block);
+    Screen *screen = set->of + key % SCREENS;
+    if (screen->key != key && set->used + set->limit / LANES > set->size) clear_screens(set);
+    return screen;
+}
+
+// Divide `pool`, for worker's screens, none of which are there yet.
+inline void make_screens(global float *pool, Screens *screens)
+{
+    screens->part.pool = pool;
+    screens->part.size = POOL / LANES;
+    screens->part.limit = SCREEN_LIMIT;
+#if SHARED
+    screens->whole.pool = pool + OCCLUDER_WORDS * POOL;
+    screens->whole.size = WHOLE_POOL / LANES;
+    screens->whole.limit = WHOLE_LIMIT;
+    screens->owner = -1;
+#endif
+}
+
+// To be called before a block is painted; `follow`: whether beams of one element follow each other.
+inline void enter_element(const Rays *rays, const BeamWork *work, int block, int follow, Screens *screens)
+{
+    const float2 from = convert_float2(block_position(work, block)) + HALF;
+    if (screens->element != block / ELEMENT_BLOCKS) {
+        screens->element = block / ELEMENT_BLOCKS;
+        clear_screens(&screens->part);
+        screens->bundle = element_bundle(rays, work, block);
+        const Rectangle here = {0.0f, 0.0f, ELEMENT_HALF, ELEMENT_HALF};
+        screens->all = screens->here = here;
+        screens->keep = 0;
+#if SHARED
+        if (rays_cross(rays)) {
+            const float2 extent = 0.5f * (float2)(rays->columns - 1, rays->rows - 1);
+            const float2 at = (float2)(work->column, work->row) + ELEMENT_HALF - extent;
+            const Rectangle all = {0.0f, 0.0f, extent.x, extent.y};
+            screens->bundle = all_rays(rays, middle_of(rays, work, block));
+            screens->all = all;
+            screens->here.x = at.x;
+            screens->here.y = at.y;
+            screens->keep = follow;
+            if (follow && screens->owner != work->element[0]) clear_screens(&screens->whole);
+            screens->owner = work->element[0];
+        }
+#endif
+    }
+    screens->block = block_offset(block) + (float2)(screens->here.x, screens->here.y);
 }
 
 // Where along one axis the rays lie that may meet a triangle with corners at `at` and depths `z`, in columns from the
-// middle of those that pass `from` + z `along`, each `step` + z `turn` beside the one before: the middle, and half the extent.
-inline float2 span_of(float3 at, float3 z, float from, float along, float step, float turn)
+// middle of those that pass `from` + z `along`, each `step` + z `turn` beside the one before, of `most` columns to either side
+// of `here`: the middle, and half the extent.
+inline float2 span_of(float3 at, float3 z, float from, float along, float step, float turn, float here, float most)
 {
     const float3 pitch = fma(z, turn, step), noise = 1.0e-6f * (fabs(at) + fabs(from) + fabs(z * along));
     const int crossed = min(pitch.x, min(pitch.y, pitch.z)) <= 0.0f && max(pitch.x, max(pitch.y, pitch.z)) >= 0.0f;
     // Rays of a pixel cross where it is in focus, and nothing is met behind the lens.
-    if (crossed || min(z.x, min(z.y, z.z)) <= 0.0f) return (float2)(0.0f, ELEMENT_HALF);
+    if (crossed || min(z.x, min(z.y, z.z)) <= 0.0f) return (float2)(here, most);
     const float3 column = (at - from - z * along) / pitch, slack = noise / fabs(pitch) + 0.01f;
     const float3 low = column - slack, high = column + slack;
-    const float first = clamp(min(low.x, min(low.y, low.z)), -ELEMENT_HALF, ELEMENT_HALF);
-    const float last = clamp(max(high.x, max(high.y, high.z)), -ELEMENT_HALF, ELEMENT_HALF);
+    const float first = clamp(min(low.x, min(low.y, low.z)), here - most, here + most);
+    const float last = clamp(max(high.x, max(high.y, high.z)), here - most, here + most);
     return 0.5f * (float2)(first + last, last - first);
 }
 
-// Bounds of what an element's part of the beam sees of triangle `id`; `facet` receives it, prepared for the beam.
-inline void screen_bounds(const Surfaces *s, const Bundle *beam, int id, Facet *facet, Screen *screen)
+// Where in a rectangle those lie that may meet triangle `id`.
+inline Rectangle rays_at(const Surfaces *s, const Bundle *r, Rectangle within, int id)
 {
-    prepare_facet(s, beam, id, 0.0f, facet);
     global const float *at = s->corners + id * 9;
     const float3 x = (float3)(at[0], at[3], at[6]), y = (float3)(at[1], at[4], at[7]), depth = (float3)(at[2], at[5], at[8]);
-    const float2 across = span_of(x, depth, beam->ox, beam->dx, beam->sx, beam->tx);
-    const float2 down = span_of(y, depth, beam->oy, beam->dy, beam->sy, beam->ty);
+    const float2 across = span_of(x, depth, r->ox, r->dx, r->sx, r->tx, within.x, within.wide);
+    const float2 down = span_of(y, depth, r->oy, r->dy, r->sy, r->ty, within.y, within.high);
     const Rectangle over = {across.x, down.x, across.y, down.y};
-    screen->over = over;
+    return over;
+}
+
+// Rays that may meet a triangle, and bounds of their hit points.
+typedef struct {
+    Rectangle over;
+    float lo[3], hi[3];
+} Seen;
+
+inline Seen see_triangle(const Surfaces *s, const Bundle *r, Rectangle within, int id, const Facet *facet)
+{
+    Seen seen;
+    global const float *at = s->corners + id * 9;
+    seen.over = rays_at(s, r, within, id);
     const float3 p = corner(at, 0), q = corner(at, 1), w = corner(at, 2), slack = 1.0e-6f * max(fabs(p), max(fabs(q), fabs(w)));
     const float3 low = min(p, min(q, w)) - slack, high = max(p, max(q, w)) + slack;
     float2 z = (float2)(max(low.z, 0.0f), high.z);
-    if (one_sided_over(facet, over)) {
-        const float2 depths = facet_depths(facet, over);
+    if (one_sided_over(facet, seen.over)) {
+        const float2 depths = facet_depths(facet, seen.over);
         z = (float2)(max(z.x, depths.x), max(max(z.x, depths.x), min(z.y, depths.y)));
     }
-    bundle_bounds(beam, over, z.x, z.y, screen->lo, screen->hi);
+    bundle_bounds(r, seen.over, z.x, z.y, seen.lo, seen.hi);
     const float l[2] = {low.x, low.y}, h[2] = {high.x, high.y};
     for (int k = 0; k < 2; ++k) {
         // Rounding apart, both hold what is seen.
-        screen->lo[k] = min(max(screen->lo[k], l[k]), h[k]);
-        screen->hi[k] = max(min(screen->hi[k], h[k]), screen->lo[k]);
+        seen.lo[k] = min(max(seen.lo[k], l[k]), h[k]);
+        seen.hi[k] = max(min(seen.hi[k], h[k]), seen.lo[k]);
     }
+    return seen;
 }
 
 // Whether hit points on a facet times their weight may be moved from block to block of a beam: rounding is that of the
@@ -100,19 +171,41 @@ inline int evenly_weighted(const Facet *f, Rectangle at)
     return middle - spread > 0.125f * max(middle + spread, f->under.c);
 }
 
-// What is not negative at a point relative to the apex: n . P + c, where that lies behind a triangle's plane, or before it by
-// less than what is excluded near surfaces.
-typedef struct { float3 n; float c; } Behind;
+// What is not negative at a point relative to the apex, n . P + c, where that can darken nothing.
+typedef struct { float3 n; float c; } Beyond;
 
-inline Behind behind_plane(global const float *corners, const ShadowRays *r)
+// Behind a triangle's plane, or before it by less than what is excluded near surfaces.
+inline Beyond behind_plane(global const float *corners, const ShadowRays *r)
 {
     const float3 p = corner(corners, 0), n = cross(corner(corners, 1) - p, corner(corners, 2) - p), at = p - r->apex;
     const float offset = dot(n, at), side = r->is_point ? offset : -dot(n, r->towards), sign = side < 0.0f ? -1.0f : 1.0f;
-    const Behind b = {sign * n, SHADOW_MARGIN * dot(fabs(n), fabs(at) + r->size) - sign * offset};
+    const Beyond b = {sign * n, SHADOW_MARGIN * dot(fabs(n), fabs(at) + r->size) - sign * offset};
     return b;
 }
 
-inline vi lie_behind(const Behind *b, const Occluders *o)
+// Beside all ways from the hit points of a receiver's rectangle to the light: beyond the four planes through its sides.
+inline void wedge_before(const Receiver *f, const ShadowRays *r, Beyond *sides)
+{
+    float3 at[4], middle = fma(f->i, f->over.x, fma(f->j, f->over.y, f->c));
+    float w[4];
+    for (int k = 0; k < 4; ++k) {
+        const float x = f->over.x + (k == 0 || k == 3 ? -f->over.wide : f->over.wide);
+        const float y = f->over.y + (k < 2 ? -f->over.high : f->over.high);
+        at[k] = fma(f->i, x, fma(f->j, y, f->c));
+        w[k] = fma(f->wi, x, fma(f->wj, y, f->wc));
+    }
+    for (int k = 0; k < 4; ++k) {
+        const int to = (k + 1) % 4;
+        // Hit points times their weights; a light far away is at infinity, of weight 0.
+        float3 n = r->is_point ? cross(at[k], at[to]) : cross(w[k] * at[to] - w[to] * at[k], r->towards);
+        const float3 inner = w[k] * at[(k + 2) % 4] - w[(k + 2) % 4] * at[k];
+        if (dot(n, r->is_point ? at[(k + 2) % 4] : inner) > 0.0f) n = -n;
+        sides[k].n = n;
+        sides[k].c = (r->is_point ? 0.0f : -max(dot(n, at[k]) / w[k], dot(n, at[to]) / w[to])) - 4.0e-6f * dot(fabs(n), r->size);
+    }
+}
+
+inline vi lie_beyond(const Beyond *b, const Occluders *o)
 {
     vf least = FAR;
     for (int k = 0; k < 3; ++k)
@@ -120,27 +213,45 @@ inline vi lie_behind(const Behind *b, const Occluders *o)
     return GE(least, (vf)(0.0f));
 }
 
-// What a new screen, which the pool ends with, is made with.
+// What a new screen, which its set's pool ends with, is made with.
 typedef struct {
     int own;                // the triangle that it is before
     ShadowRays rays;
     Receiver receiver;      // of all rays that may meet it
-    Behind behind;          // its plane
-    Screens *screens;
+    Beyond behind, beside[4];  // its plane, and all ways to the light
+    ScreenSet *set;
     Screen *screen;
     int count;              // of occluders
 } ScreenMaker;
 
-// Put on the screen those of LANES triangles of a leaf that can darken a ray.  0 once no more are wanted: one of them darkens
-// every ray, or they are too many.
-inline int add_to_screen(ScreenMaker *m, const Shaft *shaft, global const float *leaf, global const int *leaf_ids)
+// Put LANES occluders of forms `e` on the screen, those that `may` darken a ray.  0 once no more are wanted: one of them
+// darkens every ray, or they are too many.
+inline int put_on_screen(ScreenMaker *m, const Affine *e, vi may, vi all)
 {
-    vi may = ~(shaft_misses(shaft, leaf) | EQ(VLOAD(leaf_ids), (vi)(m->own))), all = -1;
-    if (!row_any(may)) return 1;
+    const uint keep = row_bits(may);
+    if (row_any(all & may) || m->count + popcount(keep) > m->set->limit) {
+        m->screen->rows = row_any(all & may) ? ALL_DARK : NO_SCREEN;
+        return 0;
+    }
+    private float words[OCCLUDER_WORDS * LANES];
+    for (int k = 0; k < 4; ++k) store_flat(e[k], words + 3 * k * LANES);
+    for (uint left = keep; left; left &= left - 1) {
+        global float *to = m->set->pool + (m->set->used + m->count / LANES) * OCCLUDER_WORDS * LANES + m->count % LANES;
+        for (int k = 0; k < OCCLUDER_WORDS; ++k) to[k * LANES] = words[k * LANES + lowest(left)];
+        ++m->count;
+    }
+    return 1;
+}
+
+// Put on the screen those of LANES triangles of a leaf that can darken a ray.  0 once no more are wanted.
+inline int add_to_screen(ScreenMaker *m, global const float *leaf, global const int *leaf_ids)
+{
     Affine e[4];
     Occluders o;
     place_occluders(&m->rays, leaf, &o);
-    may &= ~lie_behind(&m->behind, &o);
+    vi may = ~(lie_beyond(&m->behind, &o) | EQ(VLOAD(leaf_ids), (vi)(m->own))), all = -1;
+    if (!row_any(may)) return 1;
+    for (int k = 0; k < 4; ++k) may &= ~lie_beyond(m->beside + k, &o);
     if (!row_any(may)) return 1;
     e[3] = project_plane(&m->receiver, face_occluders(&m->rays, &o, &may));
     sift_occluders(e[3], &m->receiver.over, &may, &all);
@@ -149,47 +260,58 @@ inline int add_to_screen(ScreenMaker *m, const Shaft *shaft, global const float 
         e[k] = project_plane(&m->receiver, edge_of_occluders(&m->rays, &o, k));
         sift_occluders(e[k], &m->receiver.over, &may, &all);
     }
-    all &= may;
-    const uint keep = row_bits(may);
-    if (row_any(all) || m->count + popcount(keep) > SCREEN_LIMIT) {
-        m->screen->rows = row_any(all) ? ALL_DARK : NO_SCREEN;
-        return 0;
-    }
-    private float words[OCCLUDER_WORDS * LANES];
-    for (int k = 0; k < 4; ++k) store_flat(e[k], words + 3 * k * LANES);
-    for (uint left = keep; left; left &= left - 1) {
-        global float *to = m->screens->pool + (m->screens->used + m->count / LANES) * OCCLUDER_WORDS * LANES + m->count % LANES;
-        for (int k = 0; k < OCCLUDER_WORDS; ++k) to[k * LANES] = words[k * LANES + lowest(left)];
-        ++m->count;
-    }
-    return 1;
+    return put_on_screen(m, e, may, all);
 }
 
 // Fill the last row of a new screen with what darkens nothing.
 inline void close_screen(const ScreenMaker *m)
 {
-    Screens *screens = m->screens;
-    Screen *screen = m->screen;
+    ScreenSet *set = m->set;
     int count = m->count;
-    screen->first = screens->used;
-    screen->rows = (count + LANES - 1) / LANES;
+    m->screen->first = set->used;
+    m->screen->rows = (count + LANES - 1) / LANES;
     for (; count % LANES; ++count) {
-        global float *to = screens->pool + (screens->used + count / LANES) * OCCLUDER_WORDS * LANES + count % LANES;
+        global float *to = set->pool + (set->used + count / LANES) * OCCLUDER_WORDS * LANES + count % LANES;
         for (int k = 0; k < OCCLUDER_WORDS; ++k) to[k * LANES] = k % 3 == 0 ? -1.0f : 0.0f;
     }
-    screens->used += screen->rows;
+    set->used += m->screen->rows;
 }
 
+inline void take_occluders(const ScreenSet *set, int row, Affine *e)
+{
+    global const float *at = set->pool + row * OCCLUDER_WORDS * LANES;
+    for (int k = 0; k < 4; ++k) {
+        const Affine form = {VLOAD(at + 3 * k * LANES), VLOAD(at + (3 * k + 1) * LANES), VLOAD(at + (3 * k + 2) * LANES)};
+        e[k] = form;
+    }
+}
+
+#if SHARED
+// Make a screen of what, of one before more rays, may darken those `over` which it is.
+inline void sift_screen(Screens *screens, const Screen *whole, Rectangle over, Screen *screen)
+{
+    ScreenMaker m;
+    m.set = &screens->part;
+    m.screen = screen;
+    m.count = 0;
+    screen->rows = ALL_DARK;
+    for (int row = whole->first; row < whole->first + whole->rows; ++row) {
+        Affine e[4];
+        vi may = -1, all = -1;
+        take_occluders(&screens->whole, row, e);
+        for (int k = 0; k < 4; ++k) sift_occluders(e[k], &over, &may, &all);
+        if (row_any(may) && !put_on_screen(&m, e, may, all)) return;
+    }
+    if (whole->rows >= 0) close_screen(&m);
+}
+#endif
+
 // Darken what lies behind a screen; false when nothing is left.
-inline int cast_screen(const Screens *screens, const Screen *screen, Darkness *d)
+inline int cast_screen(const ScreenSet *set, const Screen *screen, Darkness *d)
 {
     for (int row = screen->first; row < screen->first + screen->rows; ++row) {
-        global const float *at = screens->pool + row * OCCLUDER_WORDS * LANES;
         Affine e[4];
-        for (int k = 0; k < 4; ++k) {
-            const Affine form = {VLOAD(at + 3 * k * LANES), VLOAD(at + (3 * k + 1) * LANES), VLOAD(at + (3 * k + 2) * LANES)};
-            e[k] = form;
-        }
+        take_occluders(set, row, e);
         if (!cast_occluders(e, (vi)(-1), d)) return 0;
     }
     return 1;

@@ -50,7 +50,8 @@ inline float2 corner_depths(Form over, Form under, Rectangle at)
 typedef struct { vf x, y; } Places;
 inline Places nodes_at(const Rectangle *over, int at)
 {
-    Places p = {fma(VLOAD(node_columns + at), (vf)(over->wide), (vf)(over->x)), fma(VLOAD(node_rows + at), (vf)(over->high), (vf)(over->y))};
+    Places p = {fma(VLOAD(node_columns + at), (vf)(over->wide), (vf)(over->x)),
+                fma(VLOAD(node_rows + at), (vf)(over->high), (vf)(over->y))};
     return p;
 }
 inline vf form_nodes(Form f, Places at) { return fma(at.x, (vf)(f.i), fma(at.y, (vf)(f.j), (vf)(f.c))); }

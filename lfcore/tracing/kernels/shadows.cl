@@ -9,18 +9,17 @@
 #include "shading.cl"
 
 #if SHADOW_LIGHTS
+#include "between.cl"
 #include "screens.cl"
 #include "light_view.cl"
 #include "scattered.cl"
 
-#define SHADOW_LIST 512
 #define SPAN 1.1f
 
 // A worker's memory for shadows.
 typedef struct {
-    LeafList list;         // leaves between the light and the whole beam, where `complete`; else scratch
+    Between between;
     LeafList nearby;       // scratch
-    int complete;
     global int *open, *seeing;  // (BLOCK_RAYS,) masks: rays of one span, rays that see the light
     global float *seen;         // (3, BLOCK_RAYS) see light_view.cl
 #if OUTER == 1
@@ -90,83 +89,111 @@ inline int cast_leaf(const ShadowRays *r, Target *target, const Plane *planes, v
     return 1;
 }
 
-// Darken the target behind the leaves on a list; false once no ray of it can see the light.
-inline int cast_list(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, const LeafList *list, Target *target)
+// Darken the target behind `count` leaves; false once no ray of it can see the light.
+inline int cast_leaves(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, global const int *leaves, int count, Target *target)
 {
     Plane planes[4];
-    for (int base = 0; base < list->count; base += LANES) {
-        uint near = row_bits(shaft_meets(shaft, list->boxes + base, list->pitch));
-        if (base + LANES > list->count) near &= (1u << (list->count - base)) - 1u;
-        for (; near; near &= near - 1) {
-            const int leaf = list->leaf[base + lowest(near)];
-            for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-                global const float *corners = bvh->leaves + leaf * 9 * NODE_WIDTH + lane;
-                global const int *ids = bvh->leaf_ids + leaf * NODE_WIDTH + lane;
+    for (int k = 0; k < count; ++k)
+        for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
+            global const float *corners = bvh->leaves + leaves[k] * 9 * NODE_WIDTH + lane;
+            global const int *ids = bvh->leaf_ids + leaves[k] * NODE_WIDTH + lane;
 #if OUTER == 1
-                if (target->maker) {
-                    if (!add_to_screen(target->maker, shaft, corners, ids)) return 0;
-                    continue;
-                }
-#endif
-                const vi may = setup_occluders(r, shaft, corners, planes);
-                if (row_any(may) && !cast_leaf(r, target, planes, may, ids)) return 0;
+            if (target->maker) {
+                if (!add_to_screen(target->maker, corners, ids)) return 0;
+                continue;
             }
+#endif
+            const vi may = setup_occluders(r, shaft, corners, planes);
+            if (row_any(may) && !cast_leaf(r, target, planes, may, ids)) return 0;
         }
-    }
     return 1;
 }
 
-// Darken the target's rays, whose hit points lo and hi bound; false once none of them can see the light.
-inline int darken(const Bvh *bvh, global const float *light, const ShadowRays *rays, ShadowMemory *memory, const float *lo,
-                   const float *hi, Target *target)
+// Darken the target's rays, whose hit points lo and hi bound, behind leaves of `list` or, without one, of the whole scene;
+// false once none of them can see the light.
+inline int darken(const Bvh *bvh, global const float *light, const ShadowRays *rays, const LeafList *list, LeafList *scratch,
+                  const float *lo, const float *hi, Target *target)
 {
     const Shaft shaft = make_shaft(light, lo, hi);
-    if (memory->complete) return cast_list(bvh, &shaft, rays, &memory->list, target);
     Walk walk;
     start_walk(&walk);
-    while (walk.size) {
-        memory->list.count = 0;
-        gather_shaft(bvh, &shaft, &walk, &memory->list);
-        if (!cast_list(bvh, &shaft, rays, &memory->list, target)) return 0;
-    }
+    if (list) walk.size = 0;
+    do {
+        const int count = list ? pick_leaves(&shaft, list, scratch->leaf)
+                               : gather_leaves(bvh, &shaft, &walk, scratch->pitch, scratch->leaf);
+        if (!cast_leaves(bvh, &shaft, rays, scratch->leaf, count, target)) return 0;
+    } while (walk.size);
     return 1;
 }
 
 #if OUTER == 1
-// The screen before what a beam sees of triangle `id`.
-inline void make_screen(const Bvh *bvh, const Surfaces *s, global const float *light, ShadowMemory *memory, int id, Screen *screen)
+// Make the screen before triangle `id`, for the rays of the beam or, if `whole`, for all of the element's.
+inline void make_screen(const Bvh *bvh, const Surfaces *s, global const float *light, ShadowMemory *memory, int id, int whole,
+                        ScreenSet *set, Screen *screen)
 {
-    Screens *screens = &memory->screens;
-    if (screens->used + SCREEN_LIMIT / LANES > POOL / LANES) clear_screens(screens);
+    const Screens *screens = &memory->screens;
+    const Bundle *bundle = &screens->bundle;
     Facet facet;
-    screen_bounds(s, &screens->beam, id, &facet, screen);
-    screen->rows = NO_SCREEN;
-    if (!evenly_weighted(&facet, screen->over)) return;
-    screen->rows = ALL_DARK;
-    if (turned_away(&facet, &screens->beam, screen->over, light, screen->lo, screen->hi)) return;
+    prepare_facet(s, bundle, id, 0.0f, &facet);
+    // What it is counted from, and what is excluded near surfaces, are the same for each part.
+    Seen seen = see_triangle(s, bundle, screens->all, id, &facet);
     ScreenMaker maker;
     maker.own = id;
-    maker.rays = shadow_rays(light, screen->lo, screen->hi);
-    maker.receiver = make_receiver(&screens->beam, &facet, screen->over, maker.rays.apex);
+    maker.rays = shadow_rays(light, seen.lo, seen.hi);
+    if (!whole && rays_cross(memory->between.rays)) seen = see_triangle(s, bundle, screens->here, id, &facet);
+    screen->rows = NO_SCREEN;
+    if (!evenly_weighted(&facet, seen.over)) return;
+    screen->rows = ALL_DARK;
+    if (turned_away(&facet, bundle, seen.over, light, seen.lo, seen.hi)) return;
+    maker.receiver = make_receiver(bundle, &facet, seen.over, maker.rays.apex);
     maker.behind = behind_plane(s->corners + id * 9, &maker.rays);
-    maker.screens = screens;
+    wedge_before(&maker.receiver, &maker.rays, maker.beside);
+    maker.set = set;
     maker.screen = screen;
     maker.count = 0;
     Target target;
     target.own = id;
     target.maker = &maker;
-    if (darken(bvh, light, &maker.rays, memory, screen->lo, screen->hi, &target)) close_screen(&maker);
+    const LeafList *list = whole ? 0 : list_between(bvh, light, &memory->between);
+    if (darken(bvh, light, &maker.rays, list, &memory->nearby, seen.lo, seen.hi, &target)) close_screen(&maker);
+}
+
+// The screen before what the beam sees of triangle `id`, in light `number`.
+inline const Screen *find_screen(const Bvh *bvh, const Surfaces *s, int number, ShadowMemory *memory, int id)
+{
+    global const float *light = s->lights + (OPEN_LIGHTS + number) * LIGHT;
+    const int key = id * SHADOW_LIGHTS + number;
+    Screens *screens = &memory->screens;
+    Screen *screen = free_screen(&screens->part, key);
+    if (screen->key == key) return screen;
+    screen->key = key;
+#if SHARED
+    if (screens->keep) {
+        Screen *whole = free_screen(&screens->whole, key);
+        if (whole->key != key) make_screen(bvh, s, light, memory, id, 1, &screens->whole, whole);
+        whole->key = key;
+        if (whole->rows != NO_SCREEN) {
+            sift_screen(screens, whole, rays_at(s, &screens->bundle, screens->here, id), screen);
+            return screen;
+        }
+    }
+#endif
+    make_screen(bvh, s, light, memory, id, 0, &screens->part, screen);
+    return screen;
 }
 
 // Darken a share's rays for which there is no screen; false when none is left.
-inline int cast_on_share(const Bvh *bvh, global const float *light, ShadowMemory *memory, const Screen *screen, const Bundle *bundle,
+inline int cast_on_share(const Bvh *bvh, const Surfaces *s, global const float *light, ShadowMemory *memory, const Bundle *bundle,
                          const Share *share, Darkness *darkness)
 {
     float lo[3], hi[3];
     const float2 z = facet_depths(share->facet, share->over);
     bundle_bounds(bundle, share->over, z.x, z.y, lo, hi);
     if (turned_away(share->facet, bundle, share->over, light, lo, hi)) return 0;
-    ShadowRays rays = shadow_rays(light, screen->lo, screen->hi);
+    Facet facet;
+    prepare_facet(s, &memory->screens.bundle, share->id, 0.0f, &facet);
+    const Seen seen = see_triangle(s, &memory->screens.bundle, memory->screens.all, share->id, &facet);
+    ShadowRays rays = shadow_rays(light, seen.lo, seen.hi);
     const Receiver receiver = make_receiver(bundle, share->facet, share->over, rays.apex);
     aim_at(&rays, lo, hi);
     Target target;
@@ -174,7 +201,7 @@ inline int cast_on_share(const Bvh *bvh, global const float *light, ShadowMemory
     target.receiver = &receiver;
     target.darkness = darkness;
     target.maker = 0;
-    return darken(bvh, light, &rays, memory, lo, hi, &target);
+    return darken(bvh, light, &rays, list_between(bvh, light, &memory->between), &memory->nearby, lo, hi, &target);
 }
 
 // How many of a share's rays, all of the block's or those that `ids` says, see light `number`; where some do, `wants`
@@ -183,11 +210,8 @@ inline int shadow_share(const Bvh *bvh, const Surfaces *s, int number, ShadowMem
                          global const int *ids, global int *wants)
 {
     global const float *light = s->lights + (OPEN_LIGHTS + number) * LIGHT;
-    const int key = share->id * SHADOW_LIGHTS + number;
     const Screens *screens = &memory->screens;
-    Screen *screen = memory->screens.of + key % SCREENS;
-    if (screen->key != key) make_screen(bvh, s, light, memory, share->id, screen);
-    screen->key = key;
+    const Screen *screen = find_screen(bvh, s, number, memory, share->id);
     if (screen->rows == 0) return ALL_RAYS;
     int left = 0;
     Darkness darkness;
@@ -196,10 +220,10 @@ inline int shadow_share(const Bvh *bvh, const Surfaces *s, int number, ShadowMem
         over.x += screens->block.x;
         over.y += screens->block.y;
         darkness = none_dark(over, screens->block - HALF);
-        left = cast_screen(screens, screen, &darkness);
+        left = cast_screen(&screens->part, screen, &darkness);
     } else if (screen->rows == NO_SCREEN) {
         darkness = none_dark(share->over, (float2)(-HALF));
-        left = cast_on_share(bvh, light, memory, screen, bundle, share, &darkness);
+        left = cast_on_share(bvh, s, light, memory, bundle, share, &darkness);
     }
     return left ? count_lit(&darkness, ids, share->id, wants) : NO_RAY;
 }
@@ -216,6 +240,7 @@ inline void shadow_block(const Bvh *bvh, global const float *light, ShadowMemory
     target.own = -1;
     target.maker = 0;
 #endif
+    const LeafList *list = list_between(bvh, light, &memory->between);
     target.seen = memory->seen;
     target.ids = ids;
     target.open = memory->open;
@@ -223,9 +248,9 @@ inline void shadow_block(const Bvh *bvh, global const float *light, ShadowMemory
         const ShadowRays rays = shadow_rays(light, lo, hi);
         target.view = make_light_view(&rays);
         if (see_from_light(&rays, point, memory->open, &target.view, &target.strips, memory->seen))
-            darken(bvh, light, &rays, memory, lo, hi, &target);
+            darken(bvh, light, &rays, list, &memory->nearby, lo, hi, &target);
         else
-            shadow_rays_singly(bvh, light, &memory->list, memory->complete, &memory->nearby, ids, point, memory->open);
+            shadow_rays_singly(bvh, light, list, &memory->nearby, ids, point, memory->open);
         for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE(VLOAD(memory->seeing + at) | VLOAD(memory->open + at), memory->seeing + at);
     }
     for (int at = 0; at < BLOCK_RAYS; at += LANES) VSTORE(VLOAD(memory->seeing + at), wants + at);

@@ -102,6 +102,35 @@ inline void gather_shaft(const Bvh *bvh, const Shaft *shaft, Walk *walk, LeafLis
     }
 }
 
+// Numbers of leaves within the shaft, until there is no room for those of another node or nothing is left.
+inline int gather_leaves(const Bvh *bvh, const Shaft *shaft, Walk *walk, int room, global int *leaves)
+{
+    int count = 0;
+    while (walk->size && count <= room - NODE_WIDTH) {
+        const int node = walk->node[--walk->size];
+        global const float *boxes = bvh->boxes + node * 6 * NODE_WIDTH;
+        for (int first = 0; first < NODE_WIDTH; first += LANES)
+            for (uint bits = row_bits(shaft_meets(shaft, boxes + first, NODE_WIDTH)); bits; bits &= bits - 1) {
+                const int child = bvh->children[node * NODE_WIDTH + first + lowest(bits)];
+                if (child < 0) leaves[count++] = -1 - child;
+                else walk->node[walk->size++] = child;
+            }
+    }
+    return count;
+}
+
+// The same of those on a list.
+inline int pick_leaves(const Shaft *shaft, const LeafList *list, global int *leaves)
+{
+    int count = 0;
+    for (int base = 0; base < list->count; base += LANES) {
+        uint near = row_bits(shaft_meets(shaft, list->boxes + base, list->pitch));
+        if (base + LANES > list->count) near &= (1u << (list->count - base)) - 1u;
+        for (; near; near &= near - 1) leaves[count++] = list->leaf[base + lowest(near)];
+    }
+    return count;
+}
+
 inline void start_walk(Walk *walk)
 {
     walk->node[0] = 0;

@@ -151,7 +151,8 @@ inline Colour mix_patch(const Patch *p, int columns, vf x, vf y)
 
 inline Colour sample_patch(const Patch *p, vf u, vf v)
 {
-    return mix_patch(p, p->columns, fma(u - p->u, (vf)(p->width), (vf)(-0.5f)) - p->left, fma(1.0f - (v - p->v), (vf)(p->height), (vf)(-0.5f)) - p->top);
+    const vf x = fma(u - p->u, (vf)(p->width), (vf)(-0.5f)) - p->left, y = fma(1.0f - (v - p->v), (vf)(p->height), (vf)(-0.5f)) - p->top;
+    return mix_patch(p, p->columns, x, y);
 }
 
 #endif

@@ -106,7 +106,8 @@ inline void shear_leaf(const Ray *r, global const float *leaf, Sheared *s)
     }
     s->sum = s->e[0] + s->e[1] + s->e[2];
     const vd zero = 0;
-    s->mask &= VD_MASK(((s->e[0] >= zero) & (s->e[1] >= zero) & (s->e[2] >= zero)) | ((s->e[0] <= zero) & (s->e[1] <= zero) & (s->e[2] <= zero)));
+    s->mask &= VD_MASK(((s->e[0] >= zero) & (s->e[1] >= zero) & (s->e[2] >= zero)) |
+                       ((s->e[0] <= zero) & (s->e[1] <= zero) & (s->e[2] <= zero)));
     s->mask &= VD_MASK(s->sum != zero);
 }
 
