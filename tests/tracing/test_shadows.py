@@ -125,7 +125,7 @@ def test_every_lane_width_finds_the_same_shadows(lanes):
 @pytest.mark.parametrize("name", ["both", "many"])
 def test_what_else_is_traced_changes_no_shadow(name):
     """An aperture closes blocks, so that others are the first to ask for what casts shadows."""
-    here, slab = world(name), Slab(CAMERA, 40, 4)
+    here, slab = world(name), Slab(CAMERA, 72, 4)
     layout = FrameLayout("macropixels", 72, 4, "raster", 1, "yuv444p")
     planes = [SensorPlane(2.0, 2.8)]
     tracer = OneElement(here, build_bvh(here.triangles))
@@ -139,3 +139,17 @@ def test_what_else_is_traced_changes_no_shadow(name):
             parts.append(tracing.plane_sums)
         sums.append(total(slab, planes, parts).sums)
     assert (sums[0] == sums[1]).all()
+
+
+@pytest.mark.parametrize("name", ["both", "many"])
+def test_shadows_do_not_depend_on_the_order_of_beams(name):
+    """Frames alone take a pixel's beams in turn and keep its screens, planes strips of pixels."""
+    here, slab = world(name), Slab(CAMERA, 72, 24)
+    tile = FrameLayout("macropixels", 72, 24, "raster", 1, "yuv444p").tile(0, 8, 24, 6)
+    tracer = OneElement(here, build_bvh(here.triangles))
+    kept, alone = (
+        np.concatenate([chunk.frames.copy() for chunk in tracer.trace_tile(slab, tile, planes)])
+        for planes in ([], [SensorPlane(2.0, 2.8)])
+    )
+    assert np.ptp(kept) > 50
+    assert (kept == alone).all()
