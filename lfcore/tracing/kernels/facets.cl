@@ -66,7 +66,7 @@ inline Form edge_form(float3 p, float3 q, const Bundle *r)
     return e;
 }
 
-#if ATTRIBUTES
+#if SMOOTH || TEXTURED || VERTEX_COLOURS
 // Forms of what corners have, side by side: normals, texture coordinates, and colours as differences from the first
 // corner's, so that equal corners give just their colour.
 enum { NORMAL = 0, COORDINATES = 3, SHADE = 5 };
@@ -115,7 +115,7 @@ typedef struct {
 #if !SMOOTH
     float3 normal;        // geometric, towards the viewer
 #endif
-#if ATTRIBUTES
+#if SMOOTH || TEXTURED || VERTEX_COLOURS
     Forms of;
 #endif
 #if VERTEX_COLOURS
@@ -219,7 +219,7 @@ inline void prepare_facet(const Surfaces *s, const Bundle *r, int id, float pixe
     f->normal = -sign * normalize(cross(q - p, w - p));
 #endif
     global const float *attributes = s->attributes + (long)id * ATTRIBUTES;
-#if ATTRIBUTES
+#if SMOOTH || TEXTURED || VERTEX_COLOURS
     const float8 corners[3] = {corner_attributes(attributes, 0), corner_attributes(attributes, 1), corner_attributes(attributes, 2)};
 #define BLEND(x) f->of.x = corners[0] * e[0].x + corners[1] * e[1].x + corners[2] * e[2].x
     BLEND(c); BLEND(i); BLEND(j);

@@ -216,7 +216,7 @@ inline void shift_facet(const Surfaces *s, const Cover *cover, float2 offset, fl
     facet->over = shifted(from->over, offset);
     facet->under = shifted(from->under, offset);
     facet->finish = from->finish;
-#if ATTRIBUTES
+#if SMOOTH || TEXTURED || VERTEX_COLOURS
     facet->of = from->of;
     facet->of.c = fma((float8)(offset.x), from->of.i, fma((float8)(offset.y), from->of.j, from->of.c));
 #endif

@@ -186,8 +186,9 @@ inline Beyond behind_plane(global const float *corners, const ShadowRays *r)
 // Beside all ways from the hit points of a receiver's rectangle to the light: beyond the four planes through its sides.
 inline void wedge_before(const Receiver *f, const ShadowRays *r, Beyond *sides)
 {
-    float3 at[4], middle = fma(f->i, f->over.x, fma(f->j, f->over.y, f->c));
+    float3 at[4];
     float w[4];
+    const float size = length(r->size);
     for (int k = 0; k < 4; ++k) {
         const float x = f->over.x + (k == 0 || k == 3 ? -f->over.wide : f->over.wide);
         const float y = f->over.y + (k < 2 ? -f->over.high : f->over.high);
@@ -200,8 +201,12 @@ inline void wedge_before(const Receiver *f, const ShadowRays *r, Beyond *sides)
         float3 n = r->is_point ? cross(at[k], at[to]) : cross(w[k] * at[to] - w[to] * at[k], r->towards);
         const float3 inner = w[k] * at[(k + 2) % 4] - w[(k + 2) % 4] * at[k];
         if (dot(n, r->is_point ? at[(k + 2) % 4] : inner) > 0.0f) n = -n;
+        // Of a side that is short, or a point, rounding is all there is of the plane: nothing lies beyond it.
+        const float here = length(at[k]) + w[k] * size, there = length(at[to]) + w[to] * size;
+        const float rounding = r->is_point ? here * there : w[k] * there + w[to] * here;
         sides[k].n = n;
-        sides[k].c = (r->is_point ? 0.0f : -max(dot(n, at[k]) / w[k], dot(n, at[to]) / w[to])) - 4.0e-6f * dot(fabs(n), r->size);
+        sides[k].c = r->is_point ? 0.0f : -max(dot(n, at[k]) / w[k], dot(n, at[to]) / w[to]);
+        sides[k].c -= 4.0e-7f * rounding * size + 4.0e-6f * dot(fabs(n), r->size);
     }
 }
 
