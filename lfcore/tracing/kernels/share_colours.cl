@@ -19,9 +19,30 @@ typedef struct {
     int patched;                    // whether all texels come from the patch, at
     Quadratic x, y;                 // these places
     Tint light, shine;              // what is multiplied by the texture, of lights that all rays see, and what is not
-    int shiny;
+    int shiny, tinted;              // tinted: the corners' one colour is part of the finish
     int apart[LIGHTS + 1], single;  // the `single` lights that some rays see
 } Painting;
+
+// Corners of one colour change the material's: what else would be the same is, to the last bit.
+inline void tint_finish(Painting *p)
+{
+    p->tinted = 1;
+#if VERTEX_COLOURS
+    const Forms *f = &p->share->facet->of;
+    const float8 differs = fabs(f->c) + fabs(f->i) + fabs(f->j);
+    p->tinted = differs.s5 + differs.s6 + differs.s7 == 0.0f;
+    if (p->tinted) p->finish.diffuse *= p->share->facet->first;
+#endif
+}
+
+inline Surface surface_at(const Painting *p, Row at)
+{
+    Surface surface = interpolate(p->share->facet, at);
+#if VERTEX_COLOURS
+    if (p->tinted) surface.rgb.r = surface.rgb.g = surface.rgb.b = 1.0f;
+#endif
+    return surface;
+}
 
 // Sum the lights that all rays see.
 inline void sum_lights(const Surfaces *s, Painting *p)
@@ -156,7 +177,7 @@ inline void start_patch(const Surfaces *s, Painting *p)
     const FacetSeries *series = p->series;
     patch->columns = 0;
     if (p->finish.image.y) facet_patch(s, p->share->facet, &p->share->over, p->finish.image, patch);
-    p->patched = series->lit && series->drawn && patch->columns && !VERTEX_COLOURS;
+    p->patched = series->lit && series->drawn && patch->columns && p->tinted;
     if (!p->patched) return;
     p->x = scale_quadratic(series->across, patch->width);
     p->y = scale_quadratic(series->down, patch->height);
@@ -228,7 +249,7 @@ inline int cell_series(const Painting *p, Tint *colour)
 inline Colour exact_row(const Surfaces *s, const Bundle *r, const Painting *p, int at, global const int *wants)
 {
     const Row row = row_at(at);
-    const Surface surface = interpolate(p->share->facet, row);
+    const Surface surface = surface_at(p, row);
     const Colour colour = albedo(s, &p->finish, &surface, &p->patch);
     const Meeting m = make_meeting(&surface, r, row, quotient_row(p->share->facet->over, p->share->facet->under, row));
     Colour sum = unshadowed(s, &p->finish, colour, &m);
@@ -258,7 +279,7 @@ inline void paint_stripe(const Surfaces *s, const Bundle *r, const Painting *p, 
         if (ids && !row_any(EQ(VLOAD(ids + at), (vi)(own)))) continue;
         Colour c;
         if (p->series->lit) {
-            const Surface surface = interpolate(p->share->facet, row_at(at));
+            const Surface surface = surface_at(p, row_at(at));
             c = lit_row(s, p, &light, &part, p->single, p->shiny, texel(s, &p->finish, &surface, &p->patch), y, out->wants + at);
         } else c = exact_row(s, r, p, at, out->wants + at);
         put_colours_of(ids, own, at, c, out->base);
@@ -275,8 +296,9 @@ inline void paint_share(const Surfaces *s, const Bundle *r, Painting *p, global 
     Tint colour;
     float2 from = p->offset;        // where the places of `colour` are counted from
     int way = ANY;
+    tint_finish(p);
     if (p->series->lit) sum_lights(s, p);
-    const int even = p->series->lit && !p->single && !VERTEX_COLOURS;
+    const int even = p->series->lit && !p->single && p->tinted;
 #if TEXTURED
     start_patch(s, p);
     if (p->patched) {
