@@ -81,7 +81,6 @@ inline void make_screens(global float *pool, Screens *screens)
 // To be called before a block is painted; `follow`: whether beams of one element follow each other.
 inline void enter_element(const Rays *rays, const BeamWork *work, int block, int follow, Screens *screens)
 {
-    const float2 from = convert_float2(block_position(work, block)) + HALF;
     if (screens->element != block / ELEMENT_BLOCKS) {
         screens->element = block / ELEMENT_BLOCKS;
         clear_screens(&screens->part);
