@@ -112,7 +112,7 @@ def codec_spec(settings: Mapping, views: int) -> CodecSpec:
     encoder, best = settings["encoder"], defaults.default_spec(views)
     spec = replace(best, codec="libx264", threads=1)
     if encoder["codec"] != "libx264" or encoder["preset"] != "auto":
-        spec = replace(spec, preset=None, bframes=None, refs=None, lookahead=None)
+        spec = spec.of_preset(None)
     chosen = {key: value for key, value in encoder.items() if value != "auto"}
     if chosen["codec"] == "libsvtav1":
         chosen.setdefault("pixel_format", "yuv420p")

@@ -91,29 +91,26 @@ def encode(frames: np.ndarray, path: Path, spec: CodecSpec, layout: FrameLayout)
         writer.write(frames)
 
 
-def side_by_side(count: int, jobs: Sequence, work: Callable) -> list:
-    """``work(worker, job)`` of every job; ``count`` workers take the next one when free."""
-    free = list(range(count))
+def side_by_side(count: int, jobs: Sequence, work: Callable) -> None:
+    """``work(worker, job)`` of every job by each of ``count`` workers, every other one from the
+    last on, so that none waits long for another when it is done."""
 
-    def one(job):
-        worker = free.pop()
-        try:
-            return work(worker, job)
-        finally:
-            free.append(worker)
+    def all_of(worker: int) -> None:
+        for job in jobs[:: -1 if worker % 2 else 1]:
+            work(worker, job)
 
     with ThreadPoolExecutor(count) as pool:
-        return list(pool.map(one, jobs))
+        list(pool.map(all_of, range(count)))
 
 
 def together(loaded: Loaded, store: SampledStore, repeats: int) -> list[dict]:
     """Tracing and encoding against the encoder alone, fed the same frames from memory; both
     encode as many segments at a time as there are threads."""
     count, layout = len(store.tracers), store.tiles[0].layout
-    scratch = [store.folder / f"again_{tile.index}.mp4" for tile in store.tiles]
+    scratch = [store.folder / f"again_{worker}.mp4" for worker in range(count)]
 
     def encoding(worker: int, k: int) -> None:
-        encode(store.frames[k], scratch[k], store.spec, layout)
+        encode(store.frames[k], scratch[worker], store.spec, layout)
 
     def tracing(worker: int, k: int) -> None:
         for _ in store.tracers[worker].trace_tile(store.slab, store.tiles[k]):
@@ -121,11 +118,11 @@ def together(loaded: Loaded, store: SampledStore, repeats: int) -> list[dict]:
 
     def both(worker: int, k: int) -> None:
         tracer = store.tracers[worker]
-        record_tile(tracer, store.slab, store.tiles[k], scratch[k], store.spec)
+        record_tile(tracer, store.slab, store.tiles[k], scratch[worker], store.spec)
 
     every = range(len(store.tiles))
     methods = [
-        _method(name, store.rays, lambda work=work: side_by_side(count, every, work))
+        _method(name, count * store.rays, lambda work=work: side_by_side(count, every, work))
         for name, work in (("encode", encoding), ("trace", tracing), ("trace and encode", both))
     ]
     rows = _rows(loaded, store, in_turn(methods, repeats), "encode", count)
@@ -154,11 +151,11 @@ def retrieval(loaded: Loaded, store: SampledStore, repeats: int) -> list[dict]:
         return former.plane_sums()
 
     every = range(len(store.tiles))
-    methods = [_method("decode", store.rays, lambda: side_by_side(count, every, decoding))]
+    methods = [_method("decode", count * store.rays, lambda: side_by_side(count, every, decoding))]
     for n, planes in stack.items():
         # Adding the parts of all tiles to whole pictures is left out: it costs the same for these
         # few as for all.
-        methods.append(_method(f"decode and {n} planes", store.rays, lambda planes=planes:
+        methods.append(_method(f"decode and {n} planes", count * store.rays, lambda planes=planes:
             side_by_side(count, every, lambda worker, k: forming(planes, worker, k))
         ))  # fmt: skip
     runs = in_turn(methods, repeats)

@@ -41,9 +41,9 @@ def codec_spec(
         form = "yuv444p" if "yuv444p" in CODECS[codec] else "yuv420p"
         tune = None if codec == "ffv1" else "psnr"
         base = CodecSpec(codec, form, crf=OTHER_CRF, preset=PRESETS.get(codec), tune=tune)
-    if preset not in (None, base.preset):
-        base = replace(base, lookahead=None)
-    given = {"pixel_format": pixel_format, "crf": crf, "preset": preset}
+    if preset is not None:
+        base = base.of_preset(preset)
+    given = {"pixel_format": pixel_format, "crf": crf}
     return replace(base, **{key: value for key, value in given.items() if value is not None})
 
 

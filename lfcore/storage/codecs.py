@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 
 from lfcore.errors import StorageError
 from lfcore.storage.pixels import pixel_format
@@ -80,6 +80,13 @@ class CodecSpec:
         for key, good, range_text in checks:
             if not good:
                 raise StorageError(f"must be {range_text}, not {getattr(self, key)}", key=key)
+
+    def of_preset(self, preset: str | None) -> CodecSpec:
+        """The same at another preset, with all that a preset decides left to it."""
+        if preset == self.preset:
+            return self
+        own = {"bframes": None, "refs": None, "lookahead": None, "extra": ()}
+        return replace(self, preset=preset, **own)
 
     @property
     def lossless(self) -> bool:

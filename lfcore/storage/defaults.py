@@ -87,12 +87,21 @@ from __future__ import annotations
 from lfcore.errors import StorageError
 from lfcore.storage.codecs import CodecSpec
 
+_QUICK = {
+    "preset": "veryfast",
+    "bframes": 8,
+    "refs": 3,
+    "lookahead": 40,
+    "extra": (("trellis", "1"),),
+}
 _SETTINGS = (
-    # views up to, preset, crf, bframes, frames that are looked ahead
-    (32, "medium", 30, 8, None),
-    (64, "medium", 33, 8, None),
-    (128, "medium", 30, None, None),
-    (1 << 30, "medium", 28, None, 20),
+    # views up to, and what is set
+    (16, {"crf": 30.5} | _QUICK),
+    (32, {"crf": 30.0} | _QUICK),
+    (64, {"crf": 34.0} | _QUICK),
+    (128, {"crf": 30.0} | _QUICK),
+    (256, {"crf": 28.0} | _QUICK | {"lookahead": 20}),
+    (1 << 30, {"crf": 28.0, "preset": "medium", "lookahead": 20}),
 )
 KEY_EVERY = 128
 """Frames from one key frame to the next."""
@@ -132,15 +141,8 @@ def default_spec(views: int) -> CodecSpec:
     Raises :class:`StorageError` unless ``views`` is positive.
     """
     _check(views)
-    preset, crf, bframes, ahead = next(own for limit, *own in _SETTINGS if views <= limit)
-    return CodecSpec(
-        preset=preset,
-        pixel_format="yuv444p",
-        crf=float(crf),
-        bframes=bframes,
-        gop=KEY_EVERY,
-        lookahead=ahead,
-    )
+    settings = next(own for limit, own in _SETTINGS if views <= limit)
+    return CodecSpec(pixel_format="yuv444p", gop=KEY_EVERY, **settings)
 
 
 def _check(views: int) -> None:

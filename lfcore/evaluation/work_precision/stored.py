@@ -97,7 +97,7 @@ def _spec(codec: dict, views: int, crf: float) -> CodecSpec:
     if given.get("codec", base.codec) != base.codec:
         base = CodecSpec(crf=base.crf, threads=1)
     if "preset" in given:
-        base = replace(base, lookahead=None)
+        base = base.of_preset(given["preset"])
     return replace(base, **given)
 
 
