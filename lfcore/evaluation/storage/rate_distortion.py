@@ -37,13 +37,14 @@ SVT_SCALE = 1.5
 """AV1's constant rate factor runs to 63, and this times x264's gives about its quality."""
 FFV1 = {"codec": "ffv1", "preset": None, "tune": None}
 SVT = {"codec": "libsvtav1", "pixel_format": "yuv420p"}
+TRELLIS = {"bframes": 8, "refs": 3, "lookahead": 40, "extra": (("trellis", "1"),)}
 
 CURVES: Mapping[str, dict] = {
     "x264 ultrafast 4:2:0": {"preset": "ultrafast"},
     "x264 veryfast 4:2:0": {"preset": "veryfast"},
     ANCHOR: {"preset": "medium"},
-    "x264 medium 4:2:0, 16 B 16 refs": {"preset": "medium", "bframes": 16, "refs": 16},
     "x264 veryfast 4:4:4": {"preset": "veryfast", "pixel_format": "yuv444p"},
+    "x264 veryfast 4:4:4, trellis": {"preset": "veryfast", "pixel_format": "yuv444p"} | TRELLIS,
     "x264 medium 4:4:4": {"preset": "medium", "pixel_format": "yuv444p"},
     "x264 medium 4:2:0 10 bit": {"preset": "medium", "pixel_format": "yuv420p10le"},
     "x264 medium 4:4:4 10 bit": {"preset": "medium", "pixel_format": "yuv444p10le"},

@@ -201,6 +201,7 @@ class _Errors:
 
     def __init__(self, frames: Frames, device: Device):
         self.frames, self.used = frames, frames.used()
+        self.whole = self.used.all()
         sample = frames.sample
         self.former = PlaneFormer(sample.slab, frames.tile, sample.planes, device)
         self.square, self.count, self.ssims = 0.0, 0, []
@@ -210,7 +211,9 @@ class _Errors:
     def add(self, some: np.ndarray, first: int) -> None:
         layout, truth = self.frames.layout, self.frames.rgb[first : first + len(some)]
         found = rgb_from_frames(some, layout.pixel_format, layout.frame_width, layout.frame_height)
-        error = (found - truth)[:, self.used]
+        error = found - truth
+        if not self.whole:
+            error = error[:, self.used]
         self.square += float(np.square(error, dtype=np.float64).sum())
         self.count += error.size
         for k in range(-first % self.every, len(some), self.every):

@@ -77,6 +77,7 @@ inline int normals_sided(const Facet *f, const Bundle *r, const Rectangle *over)
 #endif
 
 inline float largest(float3 c) { return max(c.x, max(c.y, c.z)); }
+inline float light_strength(const Surfaces *s, int k) { return largest(vload3(0, s->lights + k * LIGHT + 4)); }
 
 // The series of a light's highlight, if there is one on the rectangle; false where it varies too much.
 inline int gloss_series(const Finish *finish, const LightNodes *nodes, const Rectangle *over, int k, float strength, FacetSeries *out)
@@ -110,22 +111,26 @@ inline int light_series(const Surfaces *s, const Bundle *r, const Facet *f, cons
                         FacetSeries *out)
 {
     if (!(LIGHT_ERROR > 0.0f)) return 0;
-    int seen = OPEN_LIGHTS;
-    for (int k = 0; k < LIGHTS; ++k) out->facing[k] = NO_RAY;
-    for (int k = 0; k < SHADOW_LIGHTS; ++k) seen += seeing[k] != NO_RAY;
-    if (!seen) return 1;
+    const float most = max(largest(finish->diffuse), largest(finish->specular));
+    int some = 0;
+    for (int k = 0; k < LIGHTS; ++k) {
+        const int hidden = k >= OPEN_LIGHTS && seeing[k - OPEN_LIGHTS] == NO_RAY;
+        const int shines = !hidden && light_strength(s, k) * most >= NEGLIGIBLE;
+        out->facing[k] = shines ? SOME_RAYS : NO_RAY;
+        some |= shines;
+    }
+    if (!some) return 1;
 #if SMOOTH
     if (!normals_sided(f, r, over)) return 0;
 #endif
     LightNodes nodes;
     light_nodes(s, r, f, over, finish, &nodes);
     for (int k = 0; k < LIGHTS; ++k) {
-        if (k >= OPEN_LIGHTS && seeing[k - OPEN_LIGHTS] == NO_RAY) continue;
-        const float strength = largest(vload3(0, s->lights + k * LIGHT + 4));
+        if (out->facing[k] == NO_RAY) continue;
+        const float strength = light_strength(s, k);
         const Series cosine = make_series(nodes.cosine[k]);
-        const int faint = strength * max(largest(finish->diffuse), largest(finish->specular)) < NEGLIGIBLE;
         const float spread = series_spread(&cosine);
-        out->facing[k] = faint || cosine.row[0].x + spread < 0.0f ? NO_RAY : cosine.row[0].x < spread ? SOME_RAYS : ALL_RAYS;
+        out->facing[k] = cosine.row[0].x + spread < 0.0f ? NO_RAY : cosine.row[0].x < spread ? SOME_RAYS : ALL_RAYS;
         if (out->facing[k] == NO_RAY) continue;
         if (!(series_rest(&cosine) * strength * largest(finish->diffuse) <= LIGHT_ERROR)) return 0;
         out->cosine[k] = truncate(&cosine, over);
