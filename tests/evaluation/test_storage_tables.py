@@ -26,6 +26,7 @@ from lfcore.evaluation.storage.sample import (
 from lfcore.evaluation.storage.table import make_table, read_rows, write_rows
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.refocus.direct import trace_planes
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
@@ -52,9 +53,16 @@ def test_a_window_has_the_rays_of_the_middle_of_the_picture(chart):
 def test_a_window_is_as_large_as_its_rays_allow(monkeypatch, chart, views, pixels, rays, window):
     fake = np.zeros((window**2, views, views, 3), np.float32)
     monkeypatch.setattr(chart, "bundle_radiance", lambda bundles, elements: fake)
-    monkeypatch.setattr("lfcore.evaluation.storage.sample.trace_planes", lambda *given: None)
+    module = "lfcore.evaluation.storage.sample"
+    monkeypatch.setattr(f"{module}.shift_sum_views", lambda *given, device: None)
     found = trace_sample(chart, [], views=views, pixels=pixels, most_rays=rays)
     assert found.window == window and found.rgb.shape[:3] == (window, window, views)
+
+
+def test_pictures_are_those_formed_while_tracing(sample, chart):
+    assert sample.rgb.max() <= 1 and sample.pictures.max() > 0.1
+    traced = trace_planes(chart, sample.slab, sample.planes)
+    assert np.array_equal(sample.pictures, traced)
 
 
 def test_planes_that_are_not_recorded_are_refused(chart):

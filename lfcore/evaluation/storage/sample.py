@@ -25,7 +25,7 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.plane_sums import total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.refocus.direct import trace_planes
+from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.refocus.slicing import PlaneFormer
 from lfcore.scene.colour import linear_to_srgb
 from lfcore.scene.model import Scene
@@ -51,7 +51,8 @@ class Sample:
     """Rays of a window and the pictures that they give.
 
     ``rgb`` is (w, w, N, N, 3) float32, sRGB-encoded in [0, 1], indexed [v, u, j, i]; not rounded.
-    ``pictures`` (P, w, w, 3) float32, linear light, are the sensor planes formed while tracing.
+    ``pictures`` (P, w, w, 3) float32, linear light, are the sensor planes that they form, each
+    clipped to [0, 1] as frames clip them.
     """
 
     scene: str
@@ -94,8 +95,11 @@ def trace_sample(
     slab = Slab(window_camera(tracer.scene.camera, pixels, window), views, window)
     elements = np.stack(np.divmod(np.arange(window**2, dtype=np.int64), window)[::-1], 1)
     light = tracer.bundle_radiance(bundles.macropixels(slab, elements), elements)
-    rgb = srgb_encode(light).reshape(window, window, views, views, 3)
-    pictures = trace_planes(tracer, slab, list(planes))
+    light = light.reshape(window, window, views, views, 3)
+    rgb = srgb_encode(light)
+    # As slicing, to the last bit, by a program that serves every scene and N.
+    each = light.transpose(2, 3, 0, 1, 4)
+    pictures = shift_sum_views(slab, each, planes, device=tracer.device)
     return Sample(tracer.scene.name, slab, rgb, list(planes), pictures)
 
 
