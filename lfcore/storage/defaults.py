@@ -109,20 +109,21 @@ from __future__ import annotations
 from lfcore.errors import StorageError
 from lfcore.storage.codecs import CodecSpec
 
-_QUICK = {
+QUICK = {
     "preset": "veryfast",
     "bframes": 8,
     "refs": 3,
     "lookahead": 40,
     "extra": (("trellis", "1"),),
 }
+"""Settings of H.264 in the middle of the range of N."""
 _SETTINGS = (
     # views up to, and what is set
     (16, {"crf": 30.0, "preset": "medium", "bframes": 8}),
-    (32, {"crf": 30.0} | _QUICK),
-    (64, {"crf": 34.0} | _QUICK),
-    (128, {"crf": 30.0} | _QUICK),
-    (256, {"crf": 28.0} | _QUICK | {"lookahead": 20}),
+    (32, {"crf": 30.0} | QUICK),
+    (64, {"crf": 34.0} | QUICK),
+    (128, {"crf": 30.0} | QUICK),
+    (256, {"crf": 28.0} | QUICK | {"lookahead": 20}),
     (1 << 30, {"crf": 28.0, "preset": "medium", "lookahead": 20}),
 )
 KEY_EVERY = 128

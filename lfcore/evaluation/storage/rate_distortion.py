@@ -17,7 +17,7 @@ import pandas as pd
 from lfcore.evaluation.storage.sample import Frames, Stored, own_planes, store, trace_sample
 from lfcore.evaluation.tables import sizes
 from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.defaults import default_kind, default_pack, default_spec
+from lfcore.storage.defaults import QUICK, default_kind, default_pack, default_spec
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
 
@@ -37,14 +37,13 @@ SVT_SCALE = 1.5
 """AV1's constant rate factor runs to 63, and this times x264's gives about its quality."""
 FFV1 = {"codec": "ffv1", "preset": None, "tune": None}
 SVT = {"codec": "libsvtav1", "pixel_format": "yuv420p"}
-TRELLIS = {"bframes": 8, "refs": 3, "lookahead": 40, "extra": (("trellis", "1"),)}
 
 CURVES: Mapping[str, dict] = {
     "x264 ultrafast 4:2:0": {"preset": "ultrafast"},
     "x264 veryfast 4:2:0": {"preset": "veryfast"},
     ANCHOR: {"preset": "medium"},
     "x264 veryfast 4:4:4": {"preset": "veryfast", "pixel_format": "yuv444p"},
-    "x264 veryfast 4:4:4, trellis": {"preset": "veryfast", "pixel_format": "yuv444p"} | TRELLIS,
+    "x264 veryfast 4:4:4, trellis": QUICK | {"pixel_format": "yuv444p"},
     "x264 medium 4:4:4": {"preset": "medium", "pixel_format": "yuv444p"},
     "x264 medium 4:4:4 10 bit": {"preset": "medium", "pixel_format": "yuv444p10le"},
     "x265 ultrafast 4:2:0": {"codec": "libx265", "preset": "ultrafast"},
