@@ -61,8 +61,9 @@ middle 256 of N = 32 and 64, whose "lens" is therefore lower than of all of them
     512  macropixels                veryfast crf 28           0.027    39.0   52.5     81
     512  macropixels                ultrafast 4:2:0 crf 34    0.032    36.4   50.9    293
 
-and on another processor, slower by a third, 25 to 100 million rays of bike; quick is ``--preset
-veryfast --extra trellis=1 rc-lookahead=40 ref=3 bframes=8`` (20 ahead at N = 256):
+and on another processor, slower by a quarter, 67 million rays of views of bike and 60 to 200 of
+macropixels, 4:4:4, M = 512; quick is ``--preset veryfast --extra keyint=128 trellis=1
+rc-lookahead=40 ref=3 bframes=8`` (20 ahead at N = 256):
 
     16   views                      medium crf 30, 8 B        0.180    30.0   44.0     17
     16   views                      quick crf 30              0.194    29.6   43.5     36
