@@ -29,7 +29,7 @@ from lfcore.refocus.array.focal_surface import parallel
 from lfcore.refocus.array.isaksen import isaksen
 from lfcore.refocus.array.monte_carlo import monte_carlo
 from lfcore.refocus.array.quadrature import quadrature
-from lfcore.refocus.array.trace import trace_array
+from lfcore.rendering.array import trace_array
 from lfcore.scene.build import build_scene
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer

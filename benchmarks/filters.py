@@ -25,7 +25,7 @@ from measured.scenes import Loaded
 from lfcore.optics import bundles
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.refocus.direct import trace_picture
+from lfcore.rendering.direct import trace_picture
 from lfcore.storage.colour import srgb_encode
 
 FILTERS = ("nearest", "bilinear", "cell", "staggered", "dithered")

@@ -19,8 +19,8 @@ import pandas as pd
 import yaml
 
 from lfcore.errors import LfcoreError
-from lfcore.evaluation.files import write_text
 from lfcore.evaluation.tables import write_csv
+from lfcore.files import write_text
 from workflow.settings import SettingsError, check_settings
 
 ROOT = Path(__file__).resolve().parents[1]

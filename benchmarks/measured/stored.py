@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 from peers.method import Method, clocked
 
-from lfcore.cli.record import record_tile
 from lfcore.opencl.device import Device, open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.slicing import CHUNK_BYTES, PlaneFormer
+from lfcore.rendering.record import record_tile
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.defaults import default_kind, default_pack, default_spec
 from lfcore.storage.layout import FrameLayout, Tile

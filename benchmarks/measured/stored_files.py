@@ -19,7 +19,7 @@ GROWTH_LIMIT = 1.05
 JOB = """
 import sys
 from pathlib import Path
-from lfcore.cli.record import codec_spec, frame_layout, record
+from lfcore.rendering.record import codec_spec, frame_layout, record
 from lfcore.cli.render import load, open_tracers
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab

@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     argv = list(sys.argv[1:] if argv is None else argv)
     if argv[:1] == ["imgtool"]:
-        return import_module("lfcore.imgtool").main(argv[1:])
+        return import_module("lfcore.cli.imgtool").main(argv[1:])
     try:
         arguments = _parser(argv).parse_args(argv)
         arguments.run(arguments)

@@ -41,7 +41,7 @@ def add_parser(commands, name: str, summary: str) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     from lfcore.optics.slab import Slab
-    from lfcore.refocus import depth as depths
+    from lfcore.rendering import depth as depths
 
     field = _checked(arguments)
     scene = load(arguments.scene)
@@ -89,8 +89,8 @@ def _checked(arguments: argparse.Namespace):
 
 def _sharp(field, slab, tracer) -> np.ndarray:
     from lfcore.optics.slab import Slab
-    from lfcore.refocus import depth as depths
     from lfcore.refocus.views import read_views
+    from lfcore.rendering import depth as depths
 
     centre = depths.depth_of_views(tracer, Slab(slab.camera, 1, slab.pixels))[0]
     everything = depths.all_samples(slab)

@@ -53,8 +53,8 @@ def read_lightfield(path: Path) -> tuple[np.ndarray, CameraArray | None, dict]:
 
 def save_video(arguments, image: np.ndarray, array: CameraArray, scene: dict) -> str:
     """Store an array as the options of :func:`add_encoder` say; returns one line about it."""
-    from lfcore.cli.record import codec_spec
     from lfcore.refocus.array.stored import store_array
+    from lfcore.rendering.record import codec_spec
 
     output = arguments.output
     check_suffix(output, (VIDEO,))

@@ -10,8 +10,8 @@ import numpy as np
 from PIL import Image
 
 from lfcore.errors import LfcoreError
-from lfcore.evaluation.files import whole
-from lfcore.evaluation.pictures import encode_srgb
+from lfcore.files import whole
+from lfcore.pictures import encode_srgb
 
 CODED = (".png", ".ppm")
 FLOAT = (".exr", ".npy")
@@ -61,7 +61,7 @@ def _npy(path: Path, picture: np.ndarray) -> None:
 
 
 def _exr(path: Path, picture: np.ndarray) -> None:
-    from lfcore.scene.colour import srgb_to_linear
+    from lfcore.colour import srgb_to_linear
     from lfcore.storage.tiled_exr import write_picture as write_exr
 
     if picture.dtype == np.uint8:

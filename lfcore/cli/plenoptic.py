@@ -46,7 +46,7 @@ def add_parser(commands, name: str, summary: str) -> None:
 def run(arguments: argparse.Namespace) -> None:
     from lfcore.optics.planes import SensorPlane
     from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture
-    from lfcore.refocus.plenoptic import photograph, refocus_photograph
+    from lfcore.rendering.plenoptic import photograph, refocus_photograph
 
     refocus, views = _requests(arguments)
     scene = load(arguments.scene)

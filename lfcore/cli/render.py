@@ -127,7 +127,7 @@ def open_tracers(scene, device: str | None) -> list:
 def recorded_camera(camera: Camera, focus: float | None, f_number: float | None) -> Camera:
     """The scene's camera with another focus or lens; the extent of the picture stays."""
     from lfcore.optics.planes import SensorPlane
-    from lfcore.refocus.direct import focused_camera
+    from lfcore.rendering.direct import focused_camera
 
     plane = SensorPlane(
         camera.focus_distance_m if focus is None else focus,
@@ -139,7 +139,7 @@ def recorded_camera(camera: Camera, focus: float | None, f_number: float | None)
 def render(arguments: argparse.Namespace) -> None:
     from lfcore.cli.refocus import save
     from lfcore.optics.slab import Slab
-    from lfcore.refocus.direct import trace_picture, trace_planes
+    from lfcore.rendering.direct import trace_picture, trace_planes
 
     check_suffix(arguments.output)
     if arguments.pinhole and (arguments.views or arguments.f_number or arguments.plane):
@@ -172,8 +172,8 @@ def render(arguments: argparse.Namespace) -> None:
 
 
 def trace(arguments: argparse.Namespace) -> None:
-    from lfcore.cli.record import codec_spec, frame_layout, record
     from lfcore.optics.slab import Slab
+    from lfcore.rendering.record import codec_spec, frame_layout, record
 
     check_suffix(arguments.output, (".mkv",))
     scene = load(arguments.scene)

@@ -63,7 +63,7 @@ def render_film(arguments: argparse.Namespace, scene) -> None:
 def trace_film(arguments: argparse.Namespace, scene) -> None:
     """Expose a light field camera's film and store it as a light field file."""
     from lfcore.cli.imgtool_store import save_video
-    from lfcore.cli.record import scene_digest
+    from lfcore.rendering.record import scene_digest
 
     what = {"name": scene.name, "digest": scene_digest(arguments.scene)}
     say(f"wrote {save_video(arguments, _expose(arguments, scene), scene.view.array, what)}")
@@ -71,7 +71,7 @@ def trace_film(arguments: argparse.Namespace, scene) -> None:
 
 def _expose(arguments: argparse.Namespace, scene):
     from lfcore.opencl.device import open_device
-    from lfcore.refocus.array.photograph import photograph
+    from lfcore.rendering.photograph import photograph
 
     width, height = scene.view.film
     samples, device = (

@@ -153,7 +153,7 @@ def write_film(path: Path, pictures: np.ndarray, fps: int) -> None:
     """An H.264 film (4:2:0, BT.709, as players want it) of pictures of linear light."""
     import av
 
-    from lfcore.evaluation.pictures import encode_srgb
+    from lfcore.pictures import encode_srgb
     from lfcore.storage.atomic import whole_file, writing
 
     path.parent.mkdir(parents=True, exist_ok=True)

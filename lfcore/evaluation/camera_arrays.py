@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from lfcore.colour import linear_to_srgb
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.metrics import mse, psnr
 from lfcore.optics.array import CameraArray
@@ -24,9 +25,8 @@ from lfcore.refocus.array.isaksen import isaksen
 from lfcore.refocus.array.monte_carlo import monte_carlo
 from lfcore.refocus.array.quadrature import quadrature
 from lfcore.refocus.array.result import Synthesis
-from lfcore.refocus.array.trace import trace_array
 from lfcore.refocus.array.virtual_camera import VirtualCamera
-from lfcore.scene.colour import linear_to_srgb
+from lfcore.rendering.array import trace_array
 from lfcore.storage.tiled_exr import write_array
 from lfcore.tracing.tracer import Tracer
 

@@ -15,17 +15,17 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from lfcore.colour import linear_to_srgb
 from lfcore.evaluation.metrics import psnr, ssim
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera
 from lfcore.optics.slab import Slab
-from lfcore.refocus.direct import trace_picture, trace_planes
-from lfcore.refocus.plenoptic import photograph, refocus_photograph
 from lfcore.refocus.resampling import FILTERS, coverage
 from lfcore.refocus.shift_sum import ViewSummer
 from lfcore.refocus.stored_views import FrameSummer
-from lfcore.scene.colour import linear_to_srgb
+from lfcore.rendering.direct import trace_picture, trace_planes
+from lfcore.rendering.plenoptic import photograph, refocus_photograph
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
 

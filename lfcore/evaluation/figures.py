@@ -16,8 +16,8 @@ from matplotlib import font_manager
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
-from lfcore.evaluation.files import whole
-from lfcore.evaluation.pictures import encode_srgb
+from lfcore.files import whole
+from lfcore.pictures import encode_srgb
 
 PANEL_PX = 256
 GAP_PX = 10

@@ -15,8 +15,8 @@ from pathlib import Path
 import pandas as pd
 
 from lfcore.evaluation.captions import to_html
-from lfcore.evaluation.files import write_text
 from lfcore.evaluation.tables import readable
+from lfcore.files import write_text
 
 STYLE = Path(__file__).with_name("page.css")
 MEDIA_TYPES = {".png": "image/png", ".jpg": "image/jpeg", ".svg": "image/svg+xml"}

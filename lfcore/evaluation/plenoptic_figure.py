@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 
 from lfcore.evaluation.figures import contact_sheet
-from lfcore.evaluation.files import whole
+from lfcore.files import whole
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture
-from lfcore.refocus.plenoptic import photograph, refocus_photograph
+from lfcore.rendering.plenoptic import photograph, refocus_photograph
 from lfcore.storage.colour import srgb_decode
 from lfcore.tracing.tracer import Tracer
 

@@ -24,13 +24,13 @@ from types import ModuleType
 import cv2
 import numpy as np
 
+from lfcore.colour import linear_to_srgb
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.evaluation.metrics import psnr, ssim
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
-from lfcore.refocus.direct import focused_camera, trace_picture
-from lfcore.scene.colour import linear_to_srgb
+from lfcore.rendering.direct import focused_camera, trace_picture
 from lfcore.scene.mitsuba import Description
 from lfcore.scene.povray import FILE, write_povray
 from lfcore.tracing.tracer import Tracer

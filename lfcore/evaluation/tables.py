@@ -14,7 +14,7 @@ from pathlib import Path
 import pandas as pd
 
 from lfcore.errors import LfcoreError
-from lfcore.evaluation.files import whole, write_text
+from lfcore.files import whole, write_text
 
 THESIS_FILE = Path(__file__).with_name("thesis_tables.csv")
 MIB = 2**20

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.colour import srgb_to_linear
 from lfcore.errors import SceneError
-from lfcore.scene.colour import srgb_to_linear
 from lfcore.scene.parts import Colour, Part, Surface
 from lfcore.scene.smoothing import crease_normals
 

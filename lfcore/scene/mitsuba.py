@@ -12,9 +12,9 @@ import math
 
 import numpy as np
 
+from lfcore.colour import srgb_to_linear
 from lfcore.errors import SceneError
 from lfcore.optics.camera import Camera
-from lfcore.scene.colour import srgb_to_linear
 from lfcore.scene.model import POINT, Scene
 
 

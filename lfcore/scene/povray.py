@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from lfcore.colour import linear_to_srgb, srgb_to_linear
 from lfcore.errors import SceneError
 from lfcore.optics.camera import Camera
-from lfcore.scene.colour import linear_to_srgb, srgb_to_linear
 from lfcore.scene.model import POINT, Scene
 
 FILE = "scene.pov"

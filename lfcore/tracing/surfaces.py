@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lfcore.scene.colour import srgb_to_linear
+from lfcore.colour import srgb_to_linear
 from lfcore.scene.model import POINT, Light, Scene
 from lfcore.scene.needs import Needs
 

@@ -18,10 +18,10 @@ from lfcore.evaluation.camera_arrays import (
     square_field,
 )
 from lfcore.optics.array import CameraArray
-from lfcore.refocus.array.photograph import direct_thin_lens, thin_lens_bundles
 from lfcore.refocus.array.sampling import concentric_disk
-from lfcore.refocus.array.trace import trace_array
 from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore.rendering.array import trace_array
+from lfcore.rendering.photograph import direct_thin_lens, thin_lens_bundles
 from lfcore.scene.pbrt import build_pbrt_scene
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer

@@ -13,10 +13,10 @@ from PIL import Image
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.captions import to_html
 from lfcore.evaluation.figures import contact_sheet, curves_over_n
-from lfcore.evaluation.files import whole, write_json
 from lfcore.evaluation.page import Section, write_page
-from lfcore.evaluation.pictures import encode_srgb, load_stack, save_stack, write_picture
+from lfcore.files import whole, write_json
 from lfcore.optics.planes import SensorPlane
+from lfcore.pictures import encode_srgb, load_stack, save_stack, write_picture
 
 
 def test_srgb_codes():

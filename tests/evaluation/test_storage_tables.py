@@ -26,7 +26,7 @@ from lfcore.evaluation.storage.sample import (
 from lfcore.evaluation.storage.table import make_table, read_rows, write_rows
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.refocus.direct import trace_planes
+from lfcore.rendering.direct import trace_planes
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout

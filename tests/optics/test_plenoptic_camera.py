@@ -12,8 +12,8 @@ from lfcore.optics import bundles
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture, sub_apertures
-from lfcore.refocus.direct import trace_planes
-from lfcore.refocus.plenoptic import photograph, refocus_photograph
+from lfcore.rendering.direct import trace_planes
+from lfcore.rendering.plenoptic import photograph, refocus_photograph
 from lfcore.scene.build import build_scene
 from lfcore.storage.colour import srgb_decode
 from lfcore.tracing.bvh import build_bvh

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lfcore import imgtool
+from lfcore.cli import imgtool
 from lfcore.optics.array import CameraArray
 from lfcore.storage.tiled_exr import read_picture, write_array, write_picture
 

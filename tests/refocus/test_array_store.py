@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lfcore import imgtool
-from lfcore.cli import main
+from lfcore.cli import imgtool, main
 from lfcore.errors import OpticsError
 from lfcore.evaluation.metrics import psnr
 from lfcore.optics.array import CameraArray

@@ -11,9 +11,9 @@ from lfcore.optics.array import CameraArray
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import parallel
 from lfcore.refocus.array.quadrature import quadrature
-from lfcore.refocus.array.shutter import shutter_times, trace_shutter
-from lfcore.refocus.array.trace import array_bundles, stratified_offsets, trace_array
 from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore.rendering.array import array_bundles, stratified_offsets, trace_array
+from lfcore.rendering.shutter import shutter_times, trace_shutter
 from lfcore.scene.pbrt import build_pbrt_scene
 from lfcore.tracing import radiance
 from lfcore.tracing.bvh import build_bvh

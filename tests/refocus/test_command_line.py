@@ -219,8 +219,8 @@ def test_help_teaches(name, capsys):
 
 
 def test_encoder_settings_are_those_measured_unless_said():
-    from lfcore.cli.record import codec_spec
     from lfcore.errors import StorageError
+    from lfcore.rendering.record import codec_spec
     from lfcore.storage.defaults import default_spec
 
     assert codec_spec(64) == default_spec(64)

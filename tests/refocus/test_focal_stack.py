@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfcore.cli import main
+from lfcore.colour import linear_to_srgb
 from lfcore.errors import OpticsError
 from lfcore.evaluation.metrics import psnr
 from lfcore.optics.camera import Camera
@@ -17,7 +18,6 @@ from lfcore.optics.slab import Slab
 from lfcore.refocus.focal_stack import FocalStackSummer, focal_stack, focal_stack_views, plan
 from lfcore.refocus.resampling import coverage
 from lfcore.refocus.shift_sum import shift_sum_views
-from lfcore.scene.colour import linear_to_srgb
 
 CAMERA = Camera(0.2, 0.1, 1.0, 2.0)  # wide: shifts of many pixels
 CHART = Path(__file__).parents[2] / "scenes" / "chart"

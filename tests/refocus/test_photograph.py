@@ -7,9 +7,9 @@ import pytest
 
 from lfcore.cli import main
 from lfcore.errors import OpticsError
-from lfcore.refocus.array.photograph import direct_thin_lens, photograph
-from lfcore.refocus.array.trace import trace_array
 from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore.rendering.array import trace_array
+from lfcore.rendering.photograph import direct_thin_lens, photograph
 from lfcore.scene.pbrt import build_pbrt_scene
 from lfcore.storage.tiled_exr import read_array, read_picture
 from lfcore.tracing.bvh import build_bvh

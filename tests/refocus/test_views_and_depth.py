@@ -10,7 +10,7 @@ from lfcore.cli import main
 from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
-from lfcore.refocus import depth as depths
+from lfcore.rendering import depth as depths
 from lfcore.scene.model import Material, Scene
 from lfcore.storage.lightfield import LightField
 from lfcore.tracing.bvh import build_bvh

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from lfcore.colour import linear_to_srgb
 from lfcore.errors import SceneError
 from lfcore.evaluation.metrics import psnr
 from lfcore.evaluation.renderers import mitsuba, povray, spread_picture
 from lfcore.opencl.device import open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.scene.build import build_scene
-from lfcore.scene.colour import linear_to_srgb
 from lfcore.scene.mitsuba import Description
 from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material, Motion
 from lfcore.scene.povray import write_povray

@@ -8,9 +8,9 @@ import trimesh
 from PIL import Image
 from trimesh.visual.material import PBRMaterial
 
+from lfcore.colour import linear_to_srgb, srgb_to_linear
 from lfcore.errors import SceneError
 from lfcore.scene.build import build_scene
-from lfcore.scene.colour import linear_to_srgb, srgb_to_linear
 from lfcore.scene.meshes import load_mesh
 from lfcore.scene.parts import face_normals
 from lfcore.scene.smoothing import crease_normals

@@ -6,7 +6,7 @@ import numpy as np
 
 from lfcore.evaluation.camera_arrays import errors, timed
 from lfcore.evaluation.figures import contact_sheet
-from lfcore.evaluation.files import write_json
+from lfcore.files import write_json
 from lfcore.opencl.device import open_device
 from lfcore.optics.lens_system import LensSystem
 from lfcore.refocus.array import focal_surface as surfaces

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from lfcore import __version__
-from lfcore.evaluation.files import read_json
 from lfcore.evaluation.page import Section, write_page
 from lfcore.evaluation.timing import machine
+from lfcore.files import read_json
 from workflow.job import job
 
 

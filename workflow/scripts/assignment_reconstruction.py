@@ -12,8 +12,8 @@ from lfcore.evaluation.camera_arrays import (
     square_field,
 )
 from lfcore.evaluation.figures import save_figure
-from lfcore.evaluation.files import write_json
-from lfcore.refocus.array.photograph import direct_thin_lens
+from lfcore.files import write_json
+from lfcore.rendering.photograph import direct_thin_lens
 from workflow.assignment import ARRAYS, BOOK_FOCUS_M, measured_camera
 from workflow.job import job
 from workflow.tracer import open_tracer

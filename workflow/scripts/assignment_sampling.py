@@ -2,10 +2,10 @@
 
 from lfcore.evaluation.camera_arrays import errors, square_field
 from lfcore.evaluation.figures import contact_sheet
-from lfcore.evaluation.files import write_json
+from lfcore.files import write_json
 from lfcore.refocus.array.focal_surface import parallel
-from lfcore.refocus.array.photograph import direct_thin_lens
 from lfcore.refocus.array.quadrature import quadrature
+from lfcore.rendering.photograph import direct_thin_lens
 from workflow.assignment import ARRAYS, AUTHORS_FOCUS_M, measured_camera
 from workflow.job import job
 from workflow.tracer import open_tracer

@@ -6,12 +6,12 @@ import numpy as np
 
 from lfcore.evaluation.camera_arrays import errors, timed
 from lfcore.evaluation.figures import contact_sheet
-from lfcore.evaluation.files import write_json
+from lfcore.files import write_json
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import parallel
-from lfcore.refocus.array.photograph import direct_thin_lens
 from lfcore.refocus.array.quadrature import quadrature
 from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore.rendering.photograph import direct_thin_lens
 from lfcore.storage.tiled_exr import read_array
 from workflow.assignment import ECOSYS_FOCUS_M
 from workflow.job import job, log_progress

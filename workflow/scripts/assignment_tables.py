@@ -5,8 +5,8 @@ from pathlib import Path
 
 from lfcore.evaluation.camera_arrays import make_array_table
 from lfcore.evaluation.captions import fill
-from lfcore.evaluation.files import read_json
 from lfcore.evaluation.tables import write_csv, write_markdown
+from lfcore.files import read_json
 from workflow.job import job
 
 with job(snakemake):

@@ -6,13 +6,13 @@ import numpy as np
 
 from lfcore.evaluation.camera_arrays import errors
 from lfcore.evaluation.figures import contact_sheet
-from lfcore.evaluation.files import write_json
+from lfcore.files import write_json
 from lfcore.opencl.device import open_device
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import parallel
 from lfcore.refocus.array.quadrature import quadrature
-from lfcore.refocus.array.shutter import trace_shutter
 from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore.rendering.shutter import trace_shutter
 from lfcore.scene.pbrt import build_pbrt_scene
 from workflow.job import job, log_progress
 

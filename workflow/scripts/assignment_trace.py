@@ -3,9 +3,9 @@
 import time
 from pathlib import Path
 
-from lfcore.evaluation.files import write_json
+from lfcore.files import write_json
 from lfcore.optics.array import CameraArray
-from lfcore.refocus.array.trace import trace_array
+from lfcore.rendering.array import trace_array
 from lfcore.storage.tiled_exr import write_array
 from workflow.assignment import ARRAYS
 from workflow.job import job, log_progress

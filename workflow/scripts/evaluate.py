@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from lfcore.evaluation.files import read_json, write_json
+from lfcore.colour import linear_to_srgb
 from lfcore.evaluation.metrics import psnr, ssim
-from lfcore.evaluation.pictures import load_stack
 from lfcore.evaluation.tables import sizes
-from lfcore.scene.colour import linear_to_srgb
+from lfcore.files import read_json, write_json
+from lfcore.pictures import load_stack
 from workflow.job import job
 
 

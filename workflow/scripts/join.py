@@ -3,8 +3,8 @@
 import hashlib
 from pathlib import Path
 
-from lfcore.evaluation.files import read_json, write_json
 from lfcore.evaluation.timing import Stopwatch
+from lfcore.files import read_json, write_json
 from lfcore.optics.slab import Slab
 from lfcore.storage.container import join_segments
 from workflow import cases

@@ -5,9 +5,9 @@ from pathlib import Path
 import pandas as pd
 
 from lfcore.evaluation.captions import fill
-from lfcore.evaluation.files import read_json
 from lfcore.evaluation.left_out.bench import COLUMNS
 from lfcore.evaluation.tables import write_csv, write_markdown
+from lfcore.files import read_json
 from workflow.job import job
 
 with job(snakemake):

@@ -1,7 +1,7 @@
 """What one scene leaves out, against the program with it."""
 
-from lfcore.evaluation.files import write_json
 from lfcore.evaluation.left_out.rows import left_out
+from lfcore.files import write_json
 from lfcore.opencl.device import open_device
 from lfcore.scene.files import load_scene
 from lfcore.tracing.bvh import load_bvh

@@ -1,8 +1,8 @@
 """Decode a stored light field and form the sensor planes from it (Algorithm 4)."""
 
-from lfcore.evaluation.files import write_json
-from lfcore.evaluation.pictures import save_stack, write_pictures
+from lfcore.files import write_json
 from lfcore.opencl.device import open_device
+from lfcore.pictures import save_stack, write_pictures
 from lfcore.refocus.slicing import form_planes
 from workflow import cases
 from workflow.job import job, log_progress

@@ -1,9 +1,9 @@
 """Add up the partial planes of all tiles, and write them as pictures."""
 
-from lfcore.evaluation.files import read_json, write_json
-from lfcore.evaluation.pictures import save_stack, write_pictures
+from lfcore.files import read_json, write_json
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.slab import Slab
+from lfcore.pictures import save_stack, write_pictures
 from workflow import cases
 from workflow.job import job
 

@@ -4,8 +4,8 @@ import math
 from pathlib import Path
 
 from lfcore.evaluation.captions import fill
-from lfcore.evaluation.files import read_json
 from lfcore.evaluation.tables import SPECS, make_table, write_csv, write_markdown
+from lfcore.files import read_json
 from workflow.job import job
 
 with job(snakemake):

@@ -2,8 +2,8 @@
 
 from contextlib import nullcontext
 
-from lfcore.evaluation.files import write_json
 from lfcore.evaluation.timing import Stopwatch, machine
+from lfcore.files import write_json
 from lfcore.opencl.device import open_device
 from lfcore.optics.slab import Slab
 from lfcore.scene.files import load_scene

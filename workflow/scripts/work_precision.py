@@ -5,11 +5,11 @@ from pathlib import Path
 import pandas as pd
 
 from lfcore.evaluation.captions import fill
-from lfcore.evaluation.files import read_json
 from lfcore.evaluation.tables import write_csv, write_markdown
 from lfcore.evaluation.work_precision import figure
 from lfcore.evaluation.work_precision.point import COLUMNS, check_trusted, rounded
 from lfcore.evaluation.work_precision.quadrature import convergence
+from lfcore.files import read_json
 from workflow.job import job
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.colour import linear_to_srgb
 from lfcore.errors import StorageError
 from lfcore.evaluation.metrics import psnr, ssim
 from lfcore.evaluation.timing import Stopwatch
@@ -27,7 +28,6 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.refocus.slicing import PlaneFormer
-from lfcore.scene.colour import linear_to_srgb
 from lfcore.scene.model import Scene
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.colour import frames_from_rgb, rgb_from_frames, srgb_encode

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from lfcore.evaluation.files import read_json, write_json
+from lfcore.files import read_json, write_json
 
 DIGITS = 5
 """Significant digits that are published: more than any measurement carries."""

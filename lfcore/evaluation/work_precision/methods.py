@@ -22,12 +22,12 @@ from lfcore.refocus.array.focal_surface import PlaneSurface
 from lfcore.refocus.array.isaksen import isaksen
 from lfcore.refocus.array.monte_carlo import monte_carlo
 from lfcore.refocus.array.virtual_camera import VirtualCamera
-from lfcore.refocus.direct import trace_planes
 from lfcore.refocus.focal_stack import focal_stack_views
-from lfcore.refocus.plenoptic import refocus_photograph
 from lfcore.refocus.resampling import FILTERS, coverage
 from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.refocus.slicing import form_planes
+from lfcore.rendering.direct import trace_planes
+from lfcore.rendering.plenoptic import refocus_photograph
 from lfcore.tracing.tracer import Tracer
 
 STACK = 16  # pictures of a focal stack, whose seconds one of them has its share of

@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
+from lfcore.colour import linear_to_srgb
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.metrics import psnr
 from lfcore.evaluation.tables import TableError
 from lfcore.evaluation.timing import Timing
-from lfcore.scene.colour import linear_to_srgb
 
 COLUMNS = (
     "scene", "panel", "f_number", "method", "knob", "rays_per_pixel", "rmse", "order", "psnr_db",

@@ -12,7 +12,7 @@ from lfcore.evaluation.work_precision.point import point, rmse, trusted, with_or
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.refocus.direct import focused_camera
+from lfcore.rendering.direct import focused_camera
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
 

@@ -12,8 +12,8 @@ import numpy as np
 from lfcore.evaluation.work_precision.point import point
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.refocus.direct import trace_planes
 from lfcore.refocus.slicing import form_planes
+from lfcore.rendering.direct import trace_planes
 from lfcore.storage import defaults
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import join_segments

@@ -8,8 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from lfcore.colour import linear_to_srgb, srgb_to_linear
 from lfcore.errors import SceneError
-from lfcore.scene.colour import linear_to_srgb, srgb_to_linear
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
 from lfcore.scene.pbrt.lexer import Place, syntax_error
 from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet

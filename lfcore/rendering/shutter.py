@@ -13,7 +13,7 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
-from lfcore.refocus.array.trace import trace_array
+from lfcore.rendering.array import trace_array
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import scene_at
 from lfcore.tracing.bvh import build_bvh

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from lfcore.colour import linear_to_srgb
 from lfcore.errors import LfcoreError
-from lfcore.evaluation.files import whole
+from lfcore.files import whole
 from lfcore.optics.planes import SensorPlane
-from lfcore.scene.colour import linear_to_srgb
 
 FORMATS = ("png", "ppm")
 

@@ -16,9 +16,9 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device
 from lfcore.optics.bundles import Bundles
 from lfcore.refocus.array import sampling
-from lfcore.refocus.array.shutter import expose
-from lfcore.refocus.array.trace import trace_array
 from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore.rendering.array import trace_array
+from lfcore.rendering.shutter import expose
 from lfcore.scene.model import Scene
 from lfcore.scene.view import LIGHTFIELD
 from lfcore.tracing.tracer import Tracer

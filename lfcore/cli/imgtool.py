@@ -348,8 +348,8 @@ def convert(arguments: argparse.Namespace) -> str:
 
     import cv2
 
+    from lfcore.colour import linear_to_srgb
     from lfcore.errors import StorageError
-    from lfcore.scene.colour import linear_to_srgb
     from lfcore.storage.tiled_exr import read_picture
 
     image = np.nan_to_num(read_picture(arguments.input).astype(np.float64)) * arguments.scale

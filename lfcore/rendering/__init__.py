@@ -1,0 +1,1 @@
+"""Pictures, depth and light fields straight from a scene: whatever traces."""
