@@ -23,10 +23,10 @@ unexport PYTHONPATH PYTHONHOME
 .DELETE_ON_ERROR:
 
 tables: $(VENV)/installed
-	$(BIN)/snakemake --cores $(CORES) results/tables/
+	$(BIN)/python -m workflow.run --cores $(CORES) results/tables/
 
 smoke: $(VENV)/installed
-	$(BIN)/snakemake --cores $(CORES) --configfile config/smoke.yaml -- results/tables/
+	$(BIN)/python -m workflow.run --cores $(CORES) --configfile config/smoke.yaml -- results/tables/
 
 sweep: $(VENV)/installed
 	$(BIN)/python -m workflow.sweep $(SWEEP) --cores $(CORES)

@@ -14,6 +14,11 @@ report: "workflow/report/workflow.rst"
 include: "workflow/rules/common.smk"
 
 
+# Jobs of this run end with it, however that is; see workflow/run.py.
+onstart:
+    hold()
+
+
 rule all:
     default_target: True
     input:

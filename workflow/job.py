@@ -7,33 +7,46 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from lfcore.errors import LfcoreError
+from workflow.run import end_with_run
 
 
 @contextmanager
 def job(snakemake) -> Iterator[None]:
     """Send all output of this process to the rule's log; end an error of the user's in one line.
 
-    Also what libraries in C print goes to the log.  An :class:`LfcoreError` ends the process with
-    status 1 after its text alone, in the log and on the terminal; any other exception is a
-    mistake of ours, and its traceback is in the log.
+    Also what libraries in C print goes to the log.  An :class:`LfcoreError`, and an OSError such
+    as a full disk, end the process with status 1 after one line, in the log and on the terminal;
+    any other exception is a mistake of ours, and its traceback is in the log.
     """
     terminal = os.dup(2)
-    log = os.open(snakemake.log[0], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-    for stream in (1, 2):
-        os.dup2(log, stream)
-    sys.stdout.reconfigure(line_buffering=True)
-    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
-    # The drivers' thread pools, and those of numpy's libraries, keep to the job's share.
-    os.environ["LFCORE_THREADS"] = str(snakemake.threads)
+    end_with_run()
     try:
+        log = os.open(snakemake.log[0], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        for stream in (1, 2):
+            os.dup2(log, stream)
+        sys.stdout.reconfigure(line_buffering=True)
+        logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+        # The drivers' thread pools, and those of numpy's libraries, keep to the job's share.
+        os.environ["LFCORE_THREADS"] = str(snakemake.threads)
         yield
     except LfcoreError as error:
-        print(error)
-        os.write(terminal, f"{error}\n".encode())
-        raise SystemExit(1) from None
+        _fail(terminal, str(error))
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        _fail(terminal, f"{place}{error.strerror or error}.")
+
+
+def _fail(terminal: int, message: str) -> None:
+    """End this process; a disk that is full takes no line of the log, nor what is buffered."""
+    for stream in {1, terminal}:
+        with suppress(OSError):
+            os.write(stream, f"{message}\n".encode())
+    with suppress(OSError, ValueError):
+        sys.stdout.flush()
+    os._exit(1)
 
 
 def log_progress(what: str, *, every_seconds: float = 5.0) -> Callable[[int, int], None]:

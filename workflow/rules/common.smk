@@ -10,6 +10,7 @@ sys.path.insert(0, str(ROOT))
 from lfcore.errors import LfcoreError
 from workflow import cases
 from workflow.assignment import ARRAYS as ASSIGNMENT_ARRAYS
+from workflow.run import hold
 from workflow.settings import check_settings
 from workflow.sources import source_digest
 

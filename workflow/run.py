@@ -1,0 +1,113 @@
+"""Start Snakemake so that nothing is left to be done by hand after a kill.
+
+    python -m workflow.run --cores 2 -- results/tables/
+
+Every run holds a lock file of its own in ``.snakemake/runs/``, which the system frees with the
+process, however that ends.  So whoever starts next knows what is alive:
+
+- another run that is alive is waited for;
+- a run that was killed leaves jobs behind, which go on writing: each job waits for its run's
+  lock, gets it when the run has died, and ends at once (:func:`end_with_run`);
+- Snakemake's own lock is a list of files, which a kill leaves behind: it is removed when no run
+  is alive.
+
+A bare ``snakemake`` holds such a lock, too (``onstart`` in the Snakefile), but cannot remove what
+a killed run left: Snakemake refuses before that, and says ``--unlock``.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import sys
+import threading
+import time
+import uuid
+from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # Windows: Snakemake's own lock, and --unlock by hand
+    fcntl = None
+
+VARIABLE = "LFCORE_RUN"
+"""Environment variable that tells a job its run: host, a colon, and the path of its lock."""
+
+
+def hold(folder: str | Path = ".") -> int | None:
+    """Lock a new file below ``folder``; jobs of this process will end with it.
+
+    Returns the descriptor that holds the lock, which must stay open; None where the process holds
+    one already, or the file system has no locks.
+    """
+    if VARIABLE in os.environ or fcntl is None:
+        return None
+    path = Path(folder).resolve() / ".snakemake" / "runs" / f"{os.getpid()}.{uuid.uuid4().hex[:8]}"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        path.unlink()
+        return None
+    os.environ[VARIABLE] = f"{socket.gethostname()}:{path}"
+    return descriptor
+
+
+def wait_for_others(folder: str | Path = ".") -> None:
+    """Wait until no run of ``folder`` and no job of one is alive; forget those that are not."""
+    for path in sorted((Path(folder) / ".snakemake" / "runs").glob("*")):
+        told = False
+        with path.open("rb+") as file:
+            while not _taken(file):
+                if not told:
+                    number = path.name.split(".")[0]
+                    print(f"Waiting for the run of process {number} in this folder to end.")
+                    told = True
+                time.sleep(0.2)
+            # Within the lock: a job of that run that begins only now finds no file, and ends.
+            path.unlink(missing_ok=True)
+
+
+def _taken(file) -> bool:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def end_with_run() -> None:
+    """In a job: end this process as soon as its run has died, wherever it is then."""
+    host, _, path = os.environ.get(VARIABLE, "").partition(":")
+    if fcntl is None or host != socket.gethostname():
+        return
+    threading.Thread(target=_outlive, args=(path,), daemon=True, name="end with run").start()
+
+
+def _outlive(path: str) -> None:
+    try:
+        with open(path, "rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH)  # granted when the run is no more
+    except FileNotFoundError:
+        pass
+    except OSError:
+        return  # no locks here, so nothing is known
+    os._exit(1)
+
+
+def main(arguments: list[str]) -> None:
+    """Become Snakemake with these arguments; the working folder is the run's."""
+    if fcntl is not None:
+        wait_for_others()
+        if (descriptor := hold()) is not None:
+            os.set_inheritable(descriptor, True)
+            shutil.rmtree(".snakemake/locks", ignore_errors=True)
+    sys.stdout.flush()
+    os.execv(sys.executable, [sys.executable, "-m", "snakemake", *arguments])
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
