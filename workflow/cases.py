@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +22,11 @@ from workflow.settings import SettingsError
 
 MIB = 2**20
 BYTES_OF_A_RAY = 3
+NAME = re.compile(r"[\w+-][\w.+-]{0,99}")
+"""What a scene may be called: its results have this folder, and rules a pattern of all names."""
+RESERVED = {"tables", "assignment", "sweeps"}
+OWN = {"chart", "book", "sphere", "ecosys"}
+"""Scenes that figures and the assignment show, whatever scenes are in the tables."""
 
 
 def scene_files(entries: Iterable[str], root: Path) -> dict[str, str]:
@@ -40,11 +46,26 @@ def scene_files(entries: Iterable[str], root: Path) -> dict[str, str]:
                 key="configuration: scenes",
                 remedy="Give the name of a folder below scenes/, or the path of a scene or mesh",
             )
-        name = file.resolve().parent.name if file.name == "scene.yaml" else file.stem
-        if name in found:
-            raise SettingsError(f"two scenes are called {name!r}", key="configuration: scenes")
-        found[name] = str(file)
+        found[_scene_name(file, root, found)] = str(file)
     return found
+
+
+def _scene_name(file: Path, root: Path, taken: Iterable[str]) -> str:
+    """Name of a scene's folder of results: of its folder, or of its file."""
+    name = file.resolve().parent.name if file.name == "scene.yaml" else file.stem
+    rename = "Rename the folder or the file"
+    if not NAME.fullmatch(name):
+        problem = f"{name!r} cannot be a folder of results"
+        rename += "; a name has letters, digits, '_', '-', '+' and '.', and begins with no '.'"
+    elif name.lower() in RESERVED:
+        problem = f"results/{name}/ is not a scene's"
+    elif name in taken:
+        problem = f"two scenes are called {name!r}"
+    elif name in OWN and file.resolve() != (root / "scenes" / name / "scene.yaml").resolve():
+        problem = f"{name!r} is a scene of this project, which other results are made of, too"
+    else:
+        return name
+    raise SettingsError(problem, file=file, key="configuration: scenes", remedy=rename)
 
 
 def files_of_scene(file: str | Path) -> list[str]:

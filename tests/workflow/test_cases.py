@@ -85,6 +85,43 @@ def test_a_scene_that_is_not_there(tmp_path):
         cases.scene_files(["bike", str(tmp_path / "bike.yaml")], ROOT)
 
 
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [
+        ("...obj", r"'\.\.' cannot be a folder of results\. Rename the folder or the file;"),
+        (".hidden.obj", r"'\.hidden' cannot be a folder"),
+        ("a b.ply", "'a b' cannot be a folder"),
+        ("{n}.ply", r"'\{n\}' cannot be a folder"),
+        ("a'; touch x;.ply", "cannot be a folder"),
+        ("x" * 101 + ".ply", "cannot be a folder"),
+        ("tables.obj", "results/tables/ is not a scene's. Rename"),
+        ("Assignment.ply", "results/Assignment/ is not a scene's. Rename"),
+        ("chart.obj", "'chart' is a scene of this project.*Rename"),
+        ("sphere/scene.yaml", "'sphere' is a scene of this project.*Rename"),
+    ],
+)
+def test_names_that_no_scene_can_have(tmp_path, file, words):
+    """They would be written outside their folder, or into another's."""
+    path = tmp_path / file
+    path.parent.mkdir(exist_ok=True)
+    path.touch()
+    with pytest.raises(SettingsError, match=words) as caught:
+        cases.scene_files([str(path)], ROOT)
+    assert "configuration: scenes" in str(caught.value) and str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("file", ["teapot-2.1_final+.glb", "größe.ply", "-1.obj"])
+def test_names_that_scenes_have(tmp_path, file):
+    (tmp_path / file).touch()
+    assert list(cases.scene_files([str(tmp_path / file)], ROOT)) == [file.rsplit(".", 1)[0]]
+
+
+def test_the_project_s_own_scenes_by_path():
+    assert list(cases.scene_files(["chart", str(ROOT / "scenes" / "book")], ROOT)) == [
+        "chart", "book",
+    ]  # fmt: skip
+
+
 def test_files_that_a_scene_names_are_inputs(tmp_path):
     for name in ("scene.yaml", "mesh.obj", "wood.png"):
         (tmp_path / name).touch()
