@@ -8,13 +8,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import yaml
-
-from lfcore.errors import OpticsError
+from lfcore.errors import OpticsError, SceneError
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.scene.files import read_header
+from lfcore.scene.reading import DESCRIPTIONS, read_yaml
 from lfcore.storage import defaults
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.layout import FrameLayout, Tile
@@ -68,25 +67,14 @@ def _scene_name(file: Path, root: Path, taken: Iterable[str]) -> str:
     raise SettingsError(problem, file=file, key="configuration: scenes", remedy=rename)
 
 
-def files_of_scene(file: str | Path) -> list[str]:
-    """The scene file and every file that it names, sorted; what is missing is left out."""
-    file = Path(file)
-    if file.suffix.lower() not in (".yaml", ".yml"):
-        return [str(file)]
-    try:
-        description = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
-        return [str(file)]  # parsing the scene says what is wrong with it
-    named = (file.parent / text for text in _strings(description) if 0 < len(text) < 256)
-    return [str(file), *sorted({str(path) for path in named if path.is_file()})]
-
-
 def builders_of_scene(file: str | Path, root: Path) -> list[Path]:
     """Modules of the procedural builders that a scene file names."""
-    try:
-        description = yaml.safe_load(Path(file).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+    if Path(file).suffix.lower() not in DESCRIPTIONS:
         return []
+    try:
+        description = read_yaml(file)
+    except SceneError:
+        return []  # parsing the scene says what is wrong with it
     folder = root / "lfcore" / "scene" / "procedural"
     names = {text for text in _strings(description) if text.isidentifier()}
     return [folder / f"{name}.py" for name in sorted(names) if (folder / f"{name}.py").is_file()]

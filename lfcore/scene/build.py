@@ -17,10 +17,10 @@ from lfcore.scene.meshes import load_mesh, read_texture
 from lfcore.scene.model import DIRECTIONAL, POINT, Light, Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.parts import Part, transform_all
+from lfcore.scene.reading import DESCRIPTIONS
 from lfcore.scene.transforms import parse_transform
 from lfcore.scene.view import View, lightfield_view
 
-DESCRIPTIONS = (".yaml", ".yml")
 PBRT = (".pbrt", ".pbrt.gz")
 
 

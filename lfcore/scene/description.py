@@ -12,7 +12,10 @@ import jsonschema
 import yaml
 
 from lfcore.errors import SceneError
+from lfcore.scene.reading import read_yaml
 
+# What fits 64 bits: of larger ones numpy makes objects, or nothing.
+LARGEST_INTEGER = 2**63 - 1
 SCHEMA_PATH = Path(__file__).with_name("scene.schema.yaml")
 
 
@@ -27,21 +30,7 @@ def read_description(path: str | Path) -> dict:
 
     Raises :class:`SceneError` that names file and key for whatever the schema refuses.
     """
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise SceneError(
-            "scene file not found", file=path, remedy="Check the path, or create the file"
-        ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"scene file cannot be read: {error}", file=path) from error
-    try:
-        description = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise SceneError(
-            f"not valid YAML: {' '.join(str(error).split())}", file=path, remedy="Mend the syntax"
-        ) from error
+    description = read_yaml(path)
     return complete(check(description, file=path))
 
 
@@ -73,6 +62,8 @@ def complete(description: dict) -> dict:
 def _with_defaults(value: Any, rule: dict) -> Any:
     if "$ref" in rule:
         rule = {**_resolve(rule["$ref"]), **rule}
+    if rule.get("type") == "integer" and isinstance(value, float):
+        return int(value)  # 1.0 is an integer to JSON schema, and to no generator of random numbers
     if isinstance(value, dict):
         properties = dict(rule.get("properties", {}))
         for option in rule.get("oneOf", []):
@@ -96,7 +87,13 @@ def _resolve(reference: str) -> dict:
 def _check_finite(value: Any, file: str | Path, key: str) -> None:
     # YAML's .nan and .inf are numbers to the schema; here they are mistakes.
     if isinstance(value, float) and not math.isfinite(value):
-        raise SceneError(f"{value} is not a finite number", file=file, key=key)
+        raise SceneError(
+            f"{value} is not a finite number", file=file, key=key, remedy="Give a finite one"
+        )
+    if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
+        raise SceneError(
+            f"a number of {value.bit_length()} bits", file=file, key=key, remedy="Give a lesser one"
+        )
     items = value.items() if isinstance(value, dict) else ()
     if isinstance(value, list):
         items = enumerate(value)
@@ -138,10 +135,10 @@ def _explain(error: jsonschema.ValidationError, file: str | Path) -> SceneError:
     rule, value = error.schema, error.instance
     if error.validator == "additionalProperties":
         known = list(rule.get("properties", {}))
-        unknown = sorted(set(value) - set(known))[0]
-        near = difflib.get_close_matches(str(unknown), known, n=1)
+        unknown = min(map(str, set(value) - set(known)))
+        near = difflib.get_close_matches(unknown, known, n=1)
         hint = f"Did you mean {near[0]!r}" if near else f"Known keys: {', '.join(known)}"
-        return SceneError("unknown key", file=file, key=_join(key, str(unknown)), remedy=hint)
+        return SceneError("unknown key", file=file, key=_join(key, unknown), remedy=hint)
     owner = error
     while "description" not in owner.schema and owner.parent is not None:
         owner = owner.parent

@@ -122,18 +122,6 @@ def test_the_project_s_own_scenes_by_path():
     ]  # fmt: skip
 
 
-def test_files_that_a_scene_names_are_inputs(tmp_path):
-    for name in ("scene.yaml", "mesh.obj", "wood.png"):
-        (tmp_path / name).touch()
-    (tmp_path / "scene.yaml").write_text(
-        "objects: [{file: mesh.obj, material: {texture: wood.png}}, {file: absent.obj}]"
-    )
-    names = [path.rsplit("/", 1)[1] for path in cases.files_of_scene(tmp_path / "scene.yaml")]
-    assert names == ["scene.yaml", "mesh.obj", "wood.png"]
-    (tmp_path / "scene.yaml").write_text("objects: [")
-    assert cases.files_of_scene(tmp_path / "scene.yaml") == [str(tmp_path / "scene.yaml")]
-
-
 def test_planes_of_the_scene_or_of_the_configuration():
     assert cases.sensor_planes("scene", CAMERA, (2.0, 4.0)) == [
         SensorPlane(2.0, 2.0),

@@ -8,6 +8,7 @@ ROOT = Path(workflow.basedir)
 sys.path.insert(0, str(ROOT))
 
 from lfcore.errors import LfcoreError
+from lfcore.scene.sources import files_of_scene
 from workflow import cases
 from workflow.assignment import ARRAYS as ASSIGNMENT_ARRAYS
 from workflow.run import hold
@@ -54,7 +55,7 @@ SCENE_SOURCES = {
 
 
 def scene_inputs(wildcards):
-    return cases.files_of_scene(PARSED[wildcards.scene])
+    return list(map(str, files_of_scene(PARSED[wildcards.scene])))
 
 
 def of_tiles(suffix):

@@ -7,7 +7,7 @@ Rendering): identifiers, quoted strings, numbers, square brackets and ``#`` comm
 from __future__ import annotations
 
 import bisect
-import gzip
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.errors import SceneError
+from lfcore.scene import reading
 
 WORD, STRING, NUMBER, NUMBERS, OPEN, CLOSE, END = (
     "word",
@@ -73,16 +74,17 @@ def read_text(path: Path, asked_from: Place | None = None) -> str:
     Raises :class:`SceneError` naming the file, or the line that includes it.
     """
     try:
-        raw = path.read_bytes()
-        if path.suffix == ".gz":
-            raw = gzip.decompress(raw)
-        return raw.decode("utf-8", errors="surrogateescape")
-    except (OSError, EOFError) as error:
-        reason = getattr(error, "strerror", None) or error
-        problem = f"scene file {str(path)!r} cannot be read: {reason}"
+        raw = reading.read_bytes(path, reading.LARGEST_TEXT, "scene file")
+    except SceneError as error:
         if asked_from is None:
-            raise SceneError(problem, file=path, remedy="Check the path") from None
-        raise syntax_error(problem, asked_from, "Check the path given to Include") from None
+            raise
+        raise at_place(error, path, asked_from) from None
+    return raw.decode("utf-8", errors="surrogateescape")
+
+
+def at_place(error: SceneError, path: Path, place: Place) -> SceneError:
+    """The error about a file as one at the place that names it."""
+    return syntax_error(f"{str(path)!r}: {error.problem}", place, error.remedy)
 
 
 def tokenize(text: str, file: Path) -> Iterator[Token]:
@@ -127,12 +129,22 @@ def _number_list(match: re.Match, place: Place) -> Token:
     except ValueError:
         wrong = next(word for word in words if not _is_number(word))
         raise syntax_error(f"{wrong!r} is not a number", place, "Mend the number") from None
+    if not np.isfinite(values).all():
+        raise _too_great(next(word for word in words if math.isinf(float(word))), place)
     return Token(NUMBERS, values, f"[ {' '.join(words[:4])} ...", place)
+
+
+def _too_great(word: str, place: Place) -> SceneError:
+    shown = word if len(word) <= 20 else f"{word[:20]}..."
+    return syntax_error(f"{shown} is too great a number", place, "Give one below 1e308")
 
 
 def _plain(word: str, place: Place) -> Token:
     if _is_number(word):
-        return Token(NUMBER, float(word), word, place)
+        value = float(word)
+        if math.isinf(value):
+            raise _too_great(word, place)
+        return Token(NUMBER, value, word, place)
     if not re.fullmatch(r"[A-Za-z_][\w]*", word):
         raise syntax_error(
             f"{word!r} is neither a number, a directive nor a quoted string",

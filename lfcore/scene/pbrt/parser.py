@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +34,8 @@ GRAMMAR = {
     "Option": "p",
 }  # fmt: skip
 _INCLUDES = ("Include", "Import")
+DEEPEST_INCLUDE = 64
+MOST_FILES = 100_000
 
 
 @dataclass
@@ -58,11 +61,24 @@ class _Parser:
     def __init__(self, main: Path, notebook: Notebook):
         self.folder = main.parent
         self.notebook = notebook
+        self.files = 0
 
     def file(self, path: Path, stack: list[Path], asked: Place | None) -> Iterator[Directive]:
-        identity = path.resolve()
+        try:
+            identity = path.resolve()
+        except (OSError, ValueError) as error:  # a circle of links, or a NUL in the name
+            raise syntax_error(
+                f"{str(path)!r} is no file: {error}", asked, "Check the path given to Include"
+            ) from None
         if identity in stack:
             raise syntax_error(f"{str(path)!r} includes itself", asked, "Break the circle")
+        self.files += 1
+        if len(stack) > DEEPEST_INCLUDE or self.files > MOST_FILES:
+            raise syntax_error(
+                f"includes files more than {DEEPEST_INCLUDE} deep, or more than {MOST_FILES}",
+                asked,
+                "Include each file once",
+            )
         tokens = _Cursor(lexer.tokenize(lexer.read_text(path, asked), path))
         while tokens.peek.kind != lexer.END:
             directive = self.directive(tokens)
@@ -75,7 +91,7 @@ class _Parser:
     def locate(self, name: str, includer: Path) -> Path:
         """Beside the main file, as pbrt; else beside the file that includes it."""
         beside_main = self.folder / name
-        return beside_main if beside_main.exists() else includer.parent / name
+        return beside_main if os.path.exists(beside_main) else includer.parent / name
 
     def directive(self, tokens: _Cursor) -> Directive:
         token = tokens.take()

@@ -1,0 +1,184 @@
+"""Files that others wrote, read within bounds of size and depth: whatever they hold, it ends."""
+
+from __future__ import annotations
+
+import os
+import stat
+import zlib
+from pathlib import Path
+
+import yaml
+
+from lfcore.errors import SceneError
+
+DESCRIPTIONS = (".yaml", ".yml")
+MIB = 2**20
+LARGEST_DESCRIPTION = 4 * MIB
+LARGEST_TEXT = 1024 * MIB
+LARGEST_MESH = 4096 * MIB
+DEEPEST_YAML = 64
+MOST_YAML_NODES = 100_000
+"""Of a YAML file with its aliases followed."""
+_CHUNK = 4 * MIB
+
+
+def read_bytes(path: str | Path, most: int, what: str = "file") -> bytes:
+    """The bytes of a regular file; those of a ``.gz`` unpacked.
+
+    Parameters
+    ----------
+    most : bytes that it may hold, unpacked.
+    what : what the file is, for messages.
+
+    Raises
+    ------
+    SceneError : no such file, a folder, device or pipe, a damaged archive, or more than ``most``.
+    """
+    path = Path(path)
+    try:
+        with open(os.open(path, os.O_RDONLY | _NO_WAIT), "rb") as stream:
+            status = os.fstat(stream.fileno())
+            if not stat.S_ISREG(status.st_mode):
+                raise SceneError(
+                    f"{what} is a device or pipe", file=path, remedy="Give a regular file"
+                )
+            if path.suffix.lower() == ".gz":
+                return _unpacked(stream, path, most, what)
+            if status.st_size > most:
+                raise _too_large(path, most, what)
+            return stream.read()
+    except (FileNotFoundError, NotADirectoryError):
+        raise SceneError(f"{what} not found", file=path, remedy="Check the path") from None
+    except ValueError:  # a NUL in the name
+        raise SceneError(
+            f"{what} cannot have the name {str(path)!r}", remedy="Check the path"
+        ) from None
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise SceneError(
+            f"{what} cannot be read: {reason}", file=path, remedy="Check the path"
+        ) from None
+
+
+# A pipe that nobody writes to would keep open() waiting; Windows has none in its file system.
+_NO_WAIT = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+
+
+def _unpacked(stream, path: Path, most: int, what: str) -> bytes:
+    made = bytearray()
+    unpack = zlib.decompressobj(wbits=31)
+    try:
+        rest = stream.read(_CHUNK)
+        while rest:
+            made += unpack.decompress(rest, most + 1 - len(made))
+            if len(made) > most:
+                raise _too_large(path, most, what)
+            rest = unpack.unconsumed_tail or unpack.unused_data or stream.read(_CHUNK)
+            if unpack.eof and rest:  # one archive after another is an archive, too
+                if not rest.strip(b"\0"):
+                    rest = stream.read(_CHUNK)
+                    continue
+                unpack = zlib.decompressobj(wbits=31)
+    except zlib.error as error:
+        raise _damaged(path, what, str(error)) from None
+    if not unpack.eof:
+        raise _damaged(path, what, "it ends early")
+    return bytes(made)
+
+
+def _damaged(path: Path, what: str, reason: str) -> SceneError:
+    return SceneError(
+        f"{what} cannot be unpacked: {reason}", file=path, remedy="Get or make the file again"
+    )
+
+
+def _too_large(path: Path, most: int, what: str) -> SceneError:
+    size = f"{most // MIB} MiB" if most >= MIB else f"{most} bytes"
+    return SceneError(
+        f"{what} holds more than {size}", file=path, remedy="Split it, or make it less"
+    )
+
+
+def read_yaml(path: str | Path, what: str = "scene file"):
+    """What a YAML file says, plain lists, dictionaries and scalars.
+
+    Raises
+    ------
+    SceneError : bytes that are not UTF-8 or not YAML, and what nests too deep, contains itself, or
+        grows beyond :data:`MOST_YAML_NODES` by aliases of aliases.
+    """
+    path = Path(path)
+    raw = read_bytes(path, LARGEST_DESCRIPTION, what)
+    try:
+        loader = _Loader(raw.decode("utf-8"))
+        try:
+            node = loader.get_single_node()
+            if node is None:
+                return None
+            _count(node, {}, path)
+            return loader.construct_document(node)
+        finally:
+            loader.dispose()
+    except UnicodeDecodeError as error:
+        raise SceneError(
+            f"{what} is not text in UTF-8: {error}", file=path, remedy="Save it as UTF-8"
+        ) from None
+    except _TooDeep as error:
+        raise SceneError(
+            f"nests more than {DEEPEST_YAML} deep on line {error.line}",
+            file=path,
+            remedy="Close the brackets, or flatten it",
+        ) from None
+    except yaml.YAMLError as error:
+        raise SceneError(
+            f"not valid YAML: {' '.join(str(error).split())}", file=path, remedy="Mend the syntax"
+        ) from None
+    except ValueError as error:  # a date such as 2026-99-99, or an integer of 10,000 digits
+        raise SceneError(
+            f"holds a value that YAML cannot read: {error}", file=path, remedy="Put it in quotes"
+        ) from None
+
+
+class _TooDeep(Exception):
+    def __init__(self, line: int):
+        self.line = line
+
+
+class _Loader(yaml.SafeLoader):
+    """yaml.SafeLoader, which calls itself for each level, down to :data:`DEEPEST_YAML`."""
+
+    depth = 0
+
+    def compose_node(self, parent, index):
+        self.depth += 1
+        if self.depth > DEEPEST_YAML:
+            raise _TooDeep(self.peek_event().start_mark.line + 1)
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+
+def _count(node: yaml.Node, known: dict[int, int | None], path: Path) -> int:
+    """Nodes below and including ``node`` when every alias is written out."""
+    if id(node) in known:
+        size = known[id(node)]
+        if size is None:
+            line = node.start_mark.line + 1
+            raise SceneError(
+                f"what starts on line {line} contains itself", file=path, remedy="Remove the alias"
+            )
+        return size
+    known[id(node)] = None
+    size = 1
+    if isinstance(node, yaml.CollectionNode):
+        for item in node.value:
+            for part in item if isinstance(item, tuple) else (item,):
+                size += _count(part, known, path)
+    if size > MOST_YAML_NODES:
+        raise SceneError(
+            f"holds more than {MOST_YAML_NODES} values once its aliases are followed",
+            file=path,
+            remedy="Write fewer aliases",
+        )
+    known[id(node)] = size
+    return size

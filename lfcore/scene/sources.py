@@ -1,0 +1,183 @@
+"""The files that a scene is made from, found by scanning: nothing is parsed, decoded or built.
+
+A build system asks this before it parses a scene, so that an edit of any of them parses it anew.
+Names are searched for in the text, by the formats' own marks; of names that mean no file, or a
+file that is missing, parsing tells the user.  A name in a comment counts: it costs a parse at most.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import struct
+import urllib.parse
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+from lfcore.errors import SceneError
+from lfcore.scene import reading
+
+_INCLUDE = re.compile(rb'\b(?:Include|Import)\s*"([^"\n]{1,4096})"')
+_QUOTED = re.compile(rb'"([^"\n]{1,4096})"')
+_MATERIAL_FILE = re.compile(rb"^[ \t]*mtllib[ \t]+(\S[^\r\n]*)", re.MULTILINE)
+_TEXTURE_LINE = re.compile(
+    rb"^[ \t]*(?:map_\w+|bump|disp|decal|refl|norm)[ \t]+(\S[^\r\n]*)", re.MULTILINE | re.IGNORECASE
+)
+_PLY_TEXTURE = re.compile(rb"^comment TextureFile[ \t]+(\S[^\r\n]*)", re.MULTILINE)
+_PLY_HEADER_BYTES = 1 << 16
+_GLB = struct.Struct("<4sIIII")  # magic, version, length; length and kind of the first chunk
+
+Scanner = Callable[[Path], Iterable[str]]
+
+
+def files_of_scene(path: str | Path) -> list[Path]:
+    """A scene file and every file that it was or will be made from, the scene itself first.
+
+    Parameters
+    ----------
+    path : a scene.yaml, a pbrt scene or a mesh file, as :func:`~lfcore.scene.build.build_scene`.
+
+    Returns
+    -------
+    Existing files: meshes and textures of a scene.yaml; pbrt's ``Include`` and ``Import``, PLY
+    files, textures and spectra; OBJ's material libraries and their textures; glTF's buffers and
+    images; PLY's textures.  Each once, sorted but for the first.  A file that cannot be read
+    counts, what it would have named does not: parsing says what is wrong with it.
+    """
+    path = Path(path)
+    waiting = [(path, path.parent, _scanner_of(path))]
+    seen = {path}
+    while waiting:
+        file, main, scanner = waiting.pop()
+        for name, scanner_of_named in _named_by(file, scanner):
+            # pbrt looks beside its main file, then beside the file that includes.
+            candidates = (_existing(folder, name) for folder in dict.fromkeys((main, file.parent)))
+            named = next((candidate for candidate in candidates if candidate), None)
+            if named and named not in seen:
+                seen.add(named)
+                scanner_of_named = scanner_of_named or _scanner_of(named)
+                waiting.append(
+                    (named, main if scanner is _pbrt else named.parent, scanner_of_named)
+                )
+    return [path, *sorted(seen - {path})]
+
+
+def _named_by(file: Path, scanner: Scanner) -> list[tuple[str, Scanner | None]]:
+    """Names in a file, and how to scan what they mean; None: by its suffix."""
+    try:
+        names: list[tuple[str, Scanner | None]] = [(name, None) for name in scanner(file)]
+        if scanner is _pbrt:
+            names = [(name, _pbrt) for name in _included(file)] + names
+        return names
+    except (OSError, ValueError, SceneError):
+        return []
+
+
+def _existing(folder: Path, name: str) -> Path | None:
+    try:
+        return folder / name if (folder / name).is_file() else None
+    except (OSError, ValueError):  # too long, or holds a NUL
+        return None
+
+
+def _scanner_of(file: Path) -> Scanner:
+    return _SCANNERS.get(file.name.lower().removesuffix(".gz").rpartition(".")[2], _nothing)
+
+
+def _nothing(file: Path) -> Iterable[str]:
+    return ()
+
+
+def _description(file: Path) -> Iterator[str]:
+    description = reading.read_yaml(file)
+    entries = description.get("objects") if isinstance(description, dict) else None
+    for entry in entries if isinstance(entries, list) else ():
+        yield from _strings_at(entry, "file")
+        for surface in (_at(entry, "material"), *_values(_at(entry, "materials"))):
+            yield from _strings_at(surface, "texture")
+
+
+def _at(holder: object, key: str) -> object:
+    return holder.get(key) if isinstance(holder, dict) else None
+
+
+def _values(holder: object) -> list:
+    return list(holder.values()) if isinstance(holder, dict) else []
+
+
+def _strings_at(holder: object, key: str) -> Iterator[str]:
+    value = _at(holder, key)
+    if isinstance(value, str):
+        yield value
+
+
+def _pbrt(file: Path) -> Iterator[str]:
+    # Whatever is quoted and names a file: the parameters that take one differ by version.
+    data = reading.read_bytes(file, reading.LARGEST_TEXT)
+    yield from map(_text, dict.fromkeys(_QUOTED.findall(data)))
+
+
+def _included(file: Path) -> Iterator[str]:
+    yield from map(_text, _INCLUDE.findall(reading.read_bytes(file, reading.LARGEST_TEXT)))
+
+
+def _text(name: bytes) -> str:
+    return name.decode("utf-8", errors="surrogateescape")
+
+
+def _obj(file: Path) -> Iterator[str]:
+    data = reading.read_bytes(file, reading.LARGEST_MESH)
+    yield from _tails(_MATERIAL_FILE.findall(data))
+
+
+def _mtl(file: Path) -> Iterator[str]:
+    yield from _tails(_TEXTURE_LINE.findall(reading.read_bytes(file, reading.LARGEST_TEXT)))
+
+
+def _tails(lines: Iterable[bytes]) -> Iterator[str]:
+    """A name may hold spaces, and options may stand before it: every end of the line is tried."""
+    for line in dict.fromkeys(lines):
+        words = _text(line).split()
+        for first in range(len(words)):
+            yield " ".join(words[first:])
+
+
+def _ply(file: Path) -> Iterator[str]:
+    with file.open("rb") as stream:
+        head = stream.read(_PLY_HEADER_BYTES)
+    for name in _PLY_TEXTURE.findall(head):
+        yield _text(name).strip()
+
+
+def _gltf(file: Path) -> Iterator[str]:
+    yield from _uris(json.loads(reading.read_bytes(file, reading.LARGEST_TEXT)))
+
+
+def _glb(file: Path) -> Iterator[str]:
+    with file.open("rb") as stream:
+        head = stream.read(_GLB.size)
+        if len(head) == _GLB.size and head[:4] == b"glTF":
+            size = min(_GLB.unpack(head)[3], reading.LARGEST_TEXT)
+            yield from _uris(json.loads(stream.read(size)))
+
+
+def _uris(document: object) -> Iterator[str]:
+    for kind in ("buffers", "images"):
+        entries = _at(document, kind)
+        for entry in entries if isinstance(entries, list) else ():
+            for uri in _strings_at(entry, "uri"):
+                if not uri.startswith("data:"):
+                    yield uri
+                    yield urllib.parse.unquote(uri)
+
+
+_SCANNERS: dict[str, Callable[[Path], Iterable[str]]] = {
+    "yaml": _description,
+    "yml": _description,
+    "pbrt": _pbrt,
+    "obj": _obj,
+    "mtl": _mtl,
+    "ply": _ply,
+    "gltf": _gltf,
+    "glb": _glb,
+}

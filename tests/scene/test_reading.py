@@ -1,0 +1,119 @@
+"""Hostile files: whatever they hold, reading ends, soon and with one line."""
+
+from __future__ import annotations
+
+import gzip
+import os
+
+import pytest
+
+from lfcore.errors import SceneError
+from lfcore.scene import reading
+from lfcore.scene.build import build_scene
+
+LAUGHS = "a0: &a0 [1, 1]\n" + "".join(
+    f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]\n" for k in range(1, 12)
+)
+HOSTILE_YAML = {
+    "aliases of aliases": (LAUGHS, "aliases"),
+    "merged aliases": (LAUGHS.replace("[1, 1]", "{k: 1}") + "b: {<<: *a11}\n", "aliases"),
+    "contains itself": ("objects: &a [*a]\n", "contains itself"),
+    "a key that contains itself": ("? &a [*a]\n: 1\n", "contains itself"),
+    "lists 3000 deep": ("objects: " + "[" * 3000 + "]" * 3000, "deep"),
+    "mappings 3000 deep": ("{a: " * 3000 + "}" * 3000, "deep"),
+    "blocks 1000 deep": ("".join(" " * k + "a:\n" for k in range(1000)), "deep"),
+    "a date that is none": ("objects: 2026-99-99\n", "YAML"),
+    "an integer of 10,000 digits": ("objects: " + "9" * 10_000, "cannot read"),
+    "a key that is a list": ("? [1, 2]\n: 3\n", "YAML"),
+    "a python object": ("objects: !!python/object:os.system []\n", "YAML"),
+    "NUL": ("objects: \0\n", "YAML"),
+    "an integer of 80 bits": ("ambient: [1, 1, 9999999999999999999999]", "bits"),
+    "keys of mixed types": ("1: 2\na: 3\nobjects: []\n", "unknown key"),
+    "a false key": ("false: 2\nobjects: [{file: a}]\n", "unknown key"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text, words", HOSTILE_YAML.values(), ids=HOSTILE_YAML.keys())
+def test_hostile_yaml_is_one_line(write_scene, text, words):
+    path = write_scene(text)
+    with pytest.raises(SceneError) as caught:
+        build_scene(path)
+    assert caught.value.file == path
+    assert caught.value.remedy
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_aliases_may_be_used(write_scene, tetrahedron):
+    skin = "&skin {diffuse: [1, 0, 0]}"
+    entry = f"file: {tetrahedron.name}, material:"
+    path = write_scene(f"objects: [{{{entry} {skin}}}, {{{entry} *skin}}]")
+    assert len(build_scene(path).materials) == 1
+
+
+def test_whole_floats_count_as_integers(write_scene):
+    scene = build_scene(write_scene("objects: [{builder: sphere, seed: 1.0}]"))
+    other = build_scene(write_scene("objects: [{builder: sphere, seed: 1}]"))
+    assert (scene.textures[0] == other.textures[0]).all()
+
+
+def test_a_large_file_is_refused_before_it_is_read(tmp_path):
+    path = tmp_path / "scene.yaml"
+    with path.open("wb") as stream:
+        stream.truncate(reading.LARGEST_DESCRIPTION + 1)
+    with pytest.raises(SceneError, match="more than 4 MiB"):
+        build_scene(path)
+
+
+def test_bytes_that_are_no_text(tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_bytes(b"objects: \xff\xfe")
+    with pytest.raises(SceneError, match="UTF-8"):
+        build_scene(path)
+
+
+@pytest.mark.parametrize("name", ["scene.yaml", "scene.pbrt", "mesh.obj", "mesh.ply"])
+def test_pipes_and_folders_are_refused(tmp_path, name):
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(tmp_path / name)
+        with pytest.raises(SceneError, match=r"device or pipe|not found"):
+            build_scene(tmp_path / name)
+        (tmp_path / name).unlink()
+    (tmp_path / name).mkdir()
+    with pytest.raises(SceneError) as caught:
+        reading.read_bytes(tmp_path / name, 10)
+    assert caught.value.remedy
+
+
+def bomb() -> bytes:
+    return gzip.compress(b" " * 5000)
+
+
+@pytest.mark.parametrize(
+    "packed, words",
+    [
+        (bomb(), "more than 1000 bytes"),
+        (gzip.compress(b"x" * 600) * 2, "more than 1000 bytes"),
+        (gzip.compress(b"abc")[:-4], "ends early"),
+        (gzip.compress(b"abc")[:5] + b"\xff" * 20, "cannot be unpacked"),
+        (gzip.compress(b"abc") + b"tail", "cannot be unpacked"),
+        (b"", "ends early"),
+    ],
+)
+def test_archives_that_are_damaged_or_grow(tmp_path, packed, words):
+    path = tmp_path / "x.gz"
+    path.write_bytes(packed)
+    with pytest.raises(SceneError, match=words) as caught:
+        reading.read_bytes(path, 1000)
+    assert caught.value.remedy
+
+
+def test_sound_archives(tmp_path):
+    path = tmp_path / "x.gz"
+    path.write_bytes(gzip.compress(b"abc") + gzip.compress(b"def") + b"\0" * 512)
+    assert reading.read_bytes(path, 6) == b"abcdef"
+
+
+def test_a_name_with_nul():
+    with pytest.raises(SceneError, match="name"):
+        reading.read_bytes("a\0b", 10)
