@@ -2,6 +2,7 @@
 #
 #   make tables    the thesis's tables and figures for three scenes: results/tables/index.html
 #   make test      the whole test suite
+#   make fuzz SECONDS=600    hostile inputs for ten minutes: a table of what came of them
 #   make smoke     the same pipeline, tiny: what continuous integration runs
 #   make lint      formatting and static checks
 #   make sweep SWEEP=config/sweeps/crf.tsv    one run for each row of a sweep
@@ -13,13 +14,14 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 VENV := .venv
 BIN := $(VENV)/bin
 CORES ?= 2
+SECONDS ?= 60
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 # A run of ours must not see packages of the user's home, nor of another checkout.
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: tables test smoke sweep lint format clean distclean pins
+.PHONY: tables test fuzz smoke sweep lint format clean distclean pins
 .DELETE_ON_ERROR:
 
 tables: $(VENV)/installed
@@ -33,6 +35,9 @@ sweep: $(VENV)/installed
 
 test: $(VENV)/installed-dev
 	$(BIN)/python -m pytest -n $(CORES) --dist loadfile
+
+fuzz: $(VENV)/installed-dev
+	$(BIN)/python -m robustness.fuzz --seconds $(SECONDS) --keep
 
 lint: $(VENV)/installed-dev
 	$(BIN)/ruff check .

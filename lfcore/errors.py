@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import unicodedata
 from pathlib import Path
+
+LONGEST_TEXT = 1000
+"""Characters of an error: one line that can still be read."""
 
 
 class LfcoreError(Exception):
@@ -30,7 +34,29 @@ class LfcoreError(Exception):
         self.problem, self.file, self.key, self.remedy = problem, file, key, remedy
         place = ": ".join(str(part) for part in (file, key) if part)
         text = f"{place}: {problem}" if place else problem
-        super().__init__(f"{text}. {remedy}." if remedy else f"{text}.")
+        end = f". {remedy}." if remedy else "."
+        super().__init__(_shortened(_printable(text), LONGEST_TEXT) + _printable(end))
+
+
+def _printable(text: str) -> str:
+    """``text`` on one line: names and values from files may hold anything, a terminal's codes too.
+
+    Line ends, control characters and halves of surrogate pairs appear as escapes.
+    """
+    if text.isprintable():
+        return text
+    # Marks that change the direction of writing (Cf) would show the line in another order.
+    bad = ("Cc", "Cf", "Cs", "Zl", "Zp")
+    return "".join(
+        ascii(letter)[1:-1] if unicodedata.category(letter) in bad else letter for letter in text
+    )
+
+
+def _shortened(text: str, most: int) -> str:
+    """What stands at both ends of a text that is too long: the place, and the reason."""
+    if len(text) <= most:
+        return text
+    return f"{text[: most * 2 // 3]} ... {text[-(most // 3) :]}"
 
 
 class SceneError(LfcoreError):

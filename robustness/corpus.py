@@ -1,0 +1,52 @@
+"""What was found once, kept as inputs that every later run begins with."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from robustness.outcome import Outcome
+
+CORPUS = Path(__file__).with_name("corpus")
+
+
+def kept(target: str) -> list[Path]:
+    """Files of the inputs of a target, sorted."""
+    folder = CORPUS / _slug(target)
+    return sorted(path for path in folder.glob("*") if path.is_file()) if folder.is_dir() else []
+
+
+def keep(target: str, data: bytes, signature: str) -> Path:
+    """Write an input down; its name tells what it was found for."""
+    folder = CORPUS / _slug(target)
+    folder.mkdir(parents=True, exist_ok=True)
+    digest = hashlib.sha256(data).hexdigest()[:8]
+    path = folder / f"{_slug(signature)[:60]}-{digest}"
+    path.write_bytes(data)
+    return path
+
+
+def _slug(text: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
+
+
+def smaller(data: bytes, still: Callable[[bytes], Outcome], signature: str, tries: int) -> bytes:
+    """A shorter input with the same finding: pieces are left out while it stays.
+
+    Delta debugging without its complements: Zeller, Hildebrandt, "Simplifying and Isolating
+    Failure-Inducing Input", IEEE TSE 2002.
+    """
+    size = len(data) // 2
+    while size >= 1 and tries > 0:
+        at = 0
+        while at < len(data) and tries > 0:
+            shorter = data[:at] + data[at + size :]
+            tries -= 1
+            if still(shorter).signature == signature:
+                data = shorter
+            else:
+                at += size
+        size //= 2
+    return data

@@ -1,0 +1,178 @@
+"""``python -m robustness.fuzz``: hostile inputs for a while; a table of what came of them."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import shutil
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from robustness import corpus
+from robustness.children import run_all
+from robustness.outcome import OK, REFUSED, Outcome
+from robustness.targets import Target, all_targets
+
+MINIMISE_TRIES = 120
+MEMORY_DISK = Path("/dev/shm")
+
+
+@dataclass
+class Tally:
+    """What came of a target's inputs; ``findings``: signature to (kind, text, input, count)."""
+
+    counts: Counter = field(default_factory=Counter)
+    findings: dict[str, list] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    @property
+    def inputs(self) -> int:
+        return sum(self.counts.values())
+
+    def add(self, outcome: Outcome, data: bytes) -> None:
+        self.counts[outcome.kind if outcome.kind in (OK, REFUSED) else "finding"] += 1
+        if outcome.is_finding:
+            known = self.findings.setdefault(outcome.signature, [outcome, data, 0])
+            known[2] += 1
+            if len(data) < len(known[1]):
+                known[:2] = outcome, data
+
+
+class Bench:
+    """A target with its seeds and the folder that its children work in."""
+
+    def __init__(self, target: Target, home: Path):
+        self.target, self.tally, self.done = target, Tally(), 0
+        self.folder = home / target.name.replace(" ", "-")
+        seeds, self.work = self.folder / "seeds", self.folder / "work"
+        seeds.mkdir(parents=True)
+        self.work.mkdir()
+        self.crash_log = self.folder / "stack.txt"
+        self.seeds = target.seeds(seeds)
+        target.sides(self.work)
+
+    def run(self, inputs: Sequence[bytes]) -> list[Outcome]:
+        """Outcomes of inputs, in children."""
+
+        def one(index: int) -> Outcome:
+            return self.target.judge(inputs[index], self.work)
+
+        found = run_all(len(inputs), one, self.target.limits, self.crash_log)
+        return [outcome for _, outcome in found]
+
+    def batch(self, seed: int, count: int | None = None) -> None:
+        """The next inputs of the run ``seed``."""
+        before = time.monotonic()
+        count = count or self.target.batch
+        indices = range(self.done, self.done + count)
+        inputs = [self.target.input(seed, index, self.seeds) for index in indices]
+        self.account(inputs)
+        self.done += count
+        self.tally.seconds += time.monotonic() - before
+
+    def account(self, inputs: Sequence[bytes]) -> None:
+        for data, outcome in zip(inputs, self.run(inputs), strict=True):
+            self.tally.add(outcome, data)
+
+    def replay(self) -> None:
+        """What is kept in the corpus, and the seeds themselves."""
+        self.account([*(path.read_bytes() for path in corpus.kept(self.target.name)), *self.seeds])
+
+    def keep(self) -> list[Path]:
+        """Write down one input of each finding, made shorter."""
+        files = []
+        for signature, (outcome, data, _) in self.tally.findings.items():
+            tries = MINIMISE_TRIES if outcome.kind not in ("hang", "time") else 4
+            data = corpus.smaller(data, lambda d: self.run([d])[0], signature, tries)
+            files.append(corpus.keep(self.target.name, data, f"{outcome.kind} {signature}"))
+        return files
+
+
+def fuzz(targets: Sequence[Target], home: Path, *, seed: int, seconds: float, most: int) -> list:
+    """Benches after ``seconds``, or ``most`` inputs; each target has its share of the time."""
+    benches = [Bench(target, home) for target in targets]
+    for bench in benches:
+        bench.replay()
+    end = time.monotonic() + seconds
+    while time.monotonic() < end and sum(bench.tally.inputs for bench in benches) < most:
+        min(benches, key=lambda bench: bench.tally.seconds / bench.target.weight).batch(seed)
+    return benches
+
+
+def table(benches: Sequence[Bench]) -> str:
+    """As Markdown: target, inputs, ok, refused, findings, inputs a second."""
+    lines = [
+        "| target | inputs | ok | refused | findings | inputs/s |",
+        "|---|--:|--:|--:|--:|--:|",
+    ]
+    total, seconds = Counter(), 0.0
+    for bench in benches:
+        tally = bench.tally
+        lines.append(_row(bench.target.name, tally.counts, tally.seconds))
+        total, seconds = total + tally.counts, seconds + tally.seconds
+    return "\n".join([*lines, _row("all", total, seconds)])
+
+
+def _row(name: str, counts: Counter, seconds: float) -> str:
+    inputs = sum(counts.values())
+    rate = inputs / seconds if seconds else 0
+    numbers = (inputs, counts[OK], counts[REFUSED], counts["finding"])
+    return f"| {name} | " + " | ".join(f"{n:,}" for n in numbers) + f" | {rate:,.0f} |"
+
+
+def report(benches: Sequence[Bench]) -> str:
+    """Each finding once, with how often it came."""
+    lines = []
+    for bench in benches:
+        for signature, (outcome, data, count) in bench.tally.findings.items():
+            head = f"{bench.target.name}: {outcome.kind}, {count} times: {signature}"
+            lines += [head, f"  input of {len(data)} bytes: {data[:200]!r}"]
+            lines += [f"  {line}" for line in outcome.text.splitlines()[-8:]]
+    return "\n".join(lines)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Fuzz; status 1 when there are findings."""
+    parser = argparse.ArgumentParser("robustness.fuzz", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=60, help="for how long (60)")
+    parser.add_argument("--inputs", type=int, default=1 << 62, help="at most so many")
+    parser.add_argument("--seed", type=int, default=1, help="of the random numbers (1)")
+    parser.add_argument("--target", action="append", help="only this one; may be repeated")
+    parser.add_argument("--keep", action="store_true", help="write findings to the corpus")
+    arguments = parser.parse_args(argv)
+    known = all_targets()
+    for name in set(arguments.target or ()) - set(known):
+        parser.error(f"no target {name!r}; there are {', '.join(known)}")
+    chosen = [target for name, target in known.items() if name in (arguments.target or known)]
+    home = Path(tempfile.mkdtemp(prefix="lfcore-fuzz-", dir=_disk()))
+    try:
+        benches = fuzz(
+            chosen, home, seed=arguments.seed, seconds=arguments.seconds, most=arguments.inputs
+        )
+        print(table(benches))
+        if found := report(benches):
+            print(found)
+        if arguments.keep:
+            for bench in benches:
+                for file in bench.keep():
+                    print(f"kept {file}")
+    finally:
+        shutil.rmtree(home, ignore_errors=True)
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    print(f"largest child: {peak:,.0f} MiB; seed {arguments.seed}")
+    return int(any(bench.tally.findings for bench in benches))
+
+
+def _disk() -> Path | None:
+    """In memory where the system has such a folder: thousands of small files are written."""
+    return MEMORY_DISK if MEMORY_DISK.is_dir() and os.access(MEMORY_DISK, os.W_OK) else None
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,141 @@
+"""The command line: options with hostile values, up to where a device would be opened."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from random import Random
+from unittest import mock
+
+from lfcore.errors import DeviceError
+from robustness import extremes
+from robustness.outcome import Outcome, judge_message, outcome_of
+from robustness.targets import Target
+from robustness.targets.pictures import exr_seeds
+from robustness.targets.scenes import PBRT_SPHERE, PLAIN, write_sides
+from robustness.targets.stores import whole_store
+
+COMMANDS = (
+    "info store.mkv", "info store.mkv --verify --json", "info store.mkv --salvage",
+    "view store.mkv -o out/v.png", "view store.mkv --view 0 1 -o out/v.exr",
+    "view store.mkv --macropixel 1 2 -o out/v.npy", "view store.mkv --grid 2 -o out/v.ppm",
+    "refocus store.mkv -o out/r.png --focus 3 --f-number 4 --aperture polygon --blades 5",
+    "refocus store.mkv -o out/r.npy --plane focus=2,f=2 --plane focus=6,f=8 --filter bilinear",
+    "refocus store.mkv -o out/r.exr --planes planes.csv --method slicing",
+    "stack store.mkv --focus 2 3 4 -o out/s.mp4", "stack store.mkv --focus 2 3 -o out/s.png",
+    "render scene.yaml -o out/p.png --size 16 --views 2 --focus 2.5 --f-number 1.4",
+    "render scene.pbrt -o out/p.exr", "render mesh.obj -o out/p.png --size 8 --pinhole",
+    "trace scene.yaml -o out/t.mkv --size 16 --views 4 --layout views --crf 18 --codec libx264",
+    "trace mesh.ply -o out/t.mkv --size 16 --views 4 --codec ffv1 --pixel-format gbrp",
+    "plenoptic scene.yaml -o out/p.png", "depth scene.yaml -o out/d.npz --size 16",
+    "imgtool convert in.exr out/c.png", "imgtool convert --scale 2 --tonemap in.exr out/c.jpg",
+    "imgtool store --camsperdim 2 2 --griddim -1 1 -1 1 --inputfov 40 in.exr out/i.mkv",
+    "imgtool tiles store.mkv out/t.exr",
+    "imgtool lightfield --camsperdim 2 2 --griddim -1 1 -1 1 --focalplanez 4 in.exr out/l.exr",
+    "imgtool lightfield --montecarlo --lensradius 0.1 --samplesperpixel 2 in.exr out/l.exr",
+    "imgtool lightfield --lens lens.dat --aperturediameter 3 in.exr out/l.exr",
+)  # fmt: skip
+
+
+def seeds(folder: Path) -> list[bytes]:
+    whole_store("x264", folder)
+    exr_seeds(folder)
+    return [json.dumps(line.split()).encode() for line in COMMANDS]
+
+
+def damage_words(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
+    words = json.loads(data)
+    for _ in range(draw.choice((1, 1, 1, 2, 3))):
+        kind, at = draw.randrange(10), draw.randrange(len(words))
+        if kind <= 3:
+            words[at] = extremes.number_text(draw)
+        elif kind == 4:
+            words[at] = extremes.text(draw)
+        elif kind == 5 and len(words) > 1:
+            del words[at]
+        elif kind == 6:
+            words[at:at] = words[at : at + draw.randrange(1, 4)]
+        elif kind == 7:
+            words[at] = draw.choice(json.loads(draw.choice(seeds)))
+        elif kind == 8:
+            words[at] = f"focus={extremes.number_text(draw)},f={extremes.number_text(draw)}"
+        else:
+            words[at] = words[at] + extremes.text(draw)
+    # The system takes no NUL in an argument, and nothing beyond its limit.
+    return json.dumps([word.replace("\0", "")[:100_000] for word in words]).encode()
+
+
+def write_all_sides(home: Path, folder: Path) -> None:
+    write_sides(folder)
+    (folder / "scene.yaml").write_text(PLAIN)
+    (folder / "scene.pbrt").write_text(PBRT_SPHERE)
+    (folder / "planes.csv").write_text("focus,f,aperture\n2.0,2.8,circle\n4.0,5.6,square\n")
+    (folder / "lens.dat").write_text("50 5 1.5 20\n-50 40 1 20\n")
+    (folder / "store.mkv").write_bytes(whole_store("x264", home)[0])
+    (folder / "in.exr").write_bytes((home / "plain.exr").read_bytes())
+
+
+def no_device(*_, **__) -> None:
+    raise DeviceError("no device is opened here", key="device")
+
+
+def judge(data: bytes, folder: Path) -> Outcome:
+    """Status 0, 1 with one line, or 2 with the usage; a failed command leaves no file."""
+    from lfcore.cli import main
+
+    words = json.loads(data)
+    out = folder / "out"
+    out.mkdir(exist_ok=True)
+    for file in out.iterdir():
+        file.unlink()
+    said, printed = io.StringIO(), io.StringIO()
+    status: list[object] = []
+
+    def work() -> None:
+        with (
+            mock.patch("lfcore.opencl.device.open_device", no_device),
+            contextlib.redirect_stderr(said),
+            contextlib.redirect_stdout(printed),
+            contextlib.chdir(folder),
+        ):
+            try:
+                status.append(main(words))
+            except SystemExit as end:  # argparse's
+                status.append(end.code)
+
+    outcome = outcome_of(work, names=None)
+    if outcome.is_finding:
+        return outcome
+    return _judged(status[0], said.getvalue(), sorted(file.name for file in out.iterdir()), words)
+
+
+def _judged(status: object, said: str, left: list[str], words: list[str]) -> Outcome:
+    if status == 0:
+        drafts = [name for name in left if name.startswith(".")]
+        return Outcome("left over", f"drafts of {words[0]}", str(left)) if drafts else Outcome("ok")
+    if left:
+        return Outcome("left over", f"files of {words[0]} that failed", f"{left} {said}")
+    if status == 2:
+        return Outcome("refused")
+    if status != 1:
+        return Outcome("status", f"status {status} of {words[0]}", said)
+    # Above the error may stand what was said on the way: notes on a scene, damage left out.
+    return judge_message(said.strip("\n").rpartition("\n")[2], names=None)
+
+
+def targets() -> list[Target]:
+    home: list[Path] = []
+
+    def own_seeds(folder: Path) -> list[bytes]:
+        home.append(folder)
+        return seeds(folder)
+
+    return [
+        Target(
+            "commands", own_seeds, damage_words, judge,
+            lambda folder: write_all_sides(home[-1], folder), weight=2,
+        )
+    ]  # fmt: skip

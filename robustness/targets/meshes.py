@@ -1,0 +1,75 @@
+"""Mesh files of the four formats that people have: OBJ with its MTL, PLY, STL, GLB."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from random import Random
+
+import trimesh
+
+from lfcore.scene.build import build_scene
+from robustness.mutate import damage_bytes, damage_text, mixed
+from robustness.outcome import Outcome, outcome_of
+from robustness.sound import check_scene
+from robustness.targets import Target
+from robustness.targets.scenes import MTL, OBJ, PLY, write_sides
+
+STL = """\
+solid one
+facet normal 0 0 1
+outer loop
+vertex 0 0 0
+vertex 1 0 0
+vertex 0 1 0
+endloop
+endfacet
+endsolid one
+"""
+MATERIALS = b"\n#### material library\n"
+"""In an input of the target ``obj``, what follows is the MTL."""
+
+
+def seeds_of(kind: str, folder: Path) -> list[bytes]:
+    box = trimesh.creation.icosphere(subdivisions=1)
+    if kind == "obj":
+        return [OBJ.encode() + MATERIALS + MTL.encode(), OBJ.encode().replace(b"mtllib", b"#")]
+    if kind == "ply":
+        return [PLY.encode(), box.export(file_type="ply")]
+    if kind == "stl":
+        return [STL.encode(), box.export(file_type="stl")]
+    write_sides(folder)
+    textured = trimesh.load_scene(folder / "mesh.obj").export(file_type="glb")
+    return [box.export(file_type="glb"), textured]
+
+
+def judge(kind: str, data: bytes, folder: Path) -> Outcome:
+    file = folder / f"input.{kind}"
+    if kind == "obj":
+        data, _, materials = data.partition(MATERIALS)
+        (folder / "mesh.mtl").write_bytes(materials)
+    file.write_bytes(data)
+    return outcome_of(lambda: check_scene(build_scene(file)), names=str(folder))
+
+
+def damage_glb(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
+    """Bytes, or the JSON part's text with its length put right."""
+    if draw.random() < 0.4:
+        return damage_bytes(draw, data, seeds)
+    length = int.from_bytes(data[12:16], "little")
+    text, rest = data[20 : 20 + length], data[20 + length :]
+    text = damage_text(draw, text, [text])
+    text += b" " * (-len(text) % 4)
+    total = 20 + len(text) + len(rest)
+    sizes = total.to_bytes(4, "little") + len(text).to_bytes(4, "little")
+    return data[:8] + sizes + data[16:20] + text + rest
+
+
+def targets() -> list[Target]:
+    either = mixed((0.75, damage_text), (0.25, damage_bytes))
+    mutations = {"obj": damage_text, "ply": either, "stl": either, "glb": damage_glb}
+    return [
+        Target(kind, partial(seeds_of, kind), mutation, partial(judge, kind), write_sides)
+        for kind, mutation in mutations.items()
+    ]

@@ -1,0 +1,106 @@
+"""EXR files, with and without a camera array in the header, textures, and lens files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from random import Random
+
+import numpy as np
+from PIL import Image
+
+from lfcore.optics.array import CameraArray
+from lfcore.optics.lens_system import LensSampler, LensSystem
+from lfcore.scene.meshes import read_texture
+from lfcore.storage.tiled_exr import read_array, read_picture, write_array, write_picture
+from robustness.mutate import damage_bytes, damage_text
+from robustness.outcome import ROOT, Outcome, SilentlyWrong, outcome_of
+from robustness.targets import Target
+from robustness.trees import damage_json
+
+
+def exr_seeds(folder: Path) -> list[bytes]:
+    ramp = np.linspace(0, 2, 32 * 32 * 3, dtype=np.float32).reshape(32, 32, 3)
+    array = CameraArray.on_grid((2, 2), (-1, 1, -1, 1), 40.0, (16, 16))
+    write_picture(folder / "plain.exr", ramp)
+    write_picture(folder / "half.exr", ramp[:7, :5], half=True)
+    write_array(folder / "array.exr", ramp, array, extra={"scene": "ramp"})
+    return [(folder / f"{name}.exr").read_bytes() for name in ("plain", "half", "array")]
+
+
+def judge_exr(data: bytes, folder: Path) -> Outcome:
+    """Pixels carry no check sum in EXR: a picture that is read has a sound form, no more."""
+    file = folder / "input.exr"
+    file.write_bytes(data)
+
+    def work() -> None:
+        picture = read_picture(file)
+        if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.float32:
+            raise SilentlyWrong(f"a picture {picture.shape} {picture.dtype}")
+        if not picture.size:
+            raise SilentlyWrong("a picture without pixels")
+        found = read_array(file)
+        if found.array is not None:
+            found.array.tiles(found.image)
+
+    return outcome_of(work, names=str(file))
+
+
+def damage_header(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
+    """Bytes, or the JSON of the geometry with its length put right."""
+    start = data.find(b'{"format"')
+    if start < 0 or draw.random() < 0.5:
+        return damage_bytes(draw, data, seeds)
+    length = int.from_bytes(data[start - 4 : start], "little")
+    text = damage_json(draw, data[start : start + length], [data[start : start + length]])
+    # The table of offsets is wrong after this, as a careless editor leaves it; readers mend it.
+    return data[: start - 4] + len(text).to_bytes(4, "little") + text + data[start + length :]
+
+
+def texture_seeds(folder: Path) -> list[bytes]:
+    codes = np.arange(192, dtype=np.uint8).reshape(8, 8, 3)
+    files = []
+    for suffix in ("png", "jpg", "tga", "bmp", "gif", "tif", "webp"):
+        Image.fromarray(codes).save(folder / f"t.{suffix}")
+        files.append((folder / f"t.{suffix}").read_bytes())
+    return files
+
+
+def judge_texture(data: bytes, folder: Path) -> Outcome:
+    file = folder / "input.png"
+    file.write_bytes(data)
+
+    def work() -> None:
+        texture = read_texture(file, file="scene.yaml", key="texture")
+        if texture.ndim != 3 or texture.shape[2] != 3 or not texture.size:
+            raise SilentlyWrong(f"a texture {texture.shape}")
+
+    return outcome_of(work, names=str(file))
+
+
+def lens_seeds(folder: Path) -> list[bytes]:
+    return [(ROOT / "scenes/lenses/double_gauss.dat").read_bytes(), b"50 5 1.5 20\n-50 40 1 20\n"]
+
+
+def judge_lens(data: bytes, folder: Path) -> Outcome:
+    """Read, focus, and send rays as the realistic camera does."""
+    file = folder / "input.dat"
+    file.write_bytes(data)
+
+    def work() -> None:
+        lens = LensSystem.read(file).focused(5.0)
+        film = np.array([[0.0, 0.0], [0.005, 0.002]])
+        origins, directions, weights = LensSampler(lens, 0.01).rays(film, np.full((2, 2), 0.4))
+        for array in (origins, directions, weights):
+            if not np.isfinite(array).all():
+                raise SilentlyWrong("rays that are not finite")
+
+    return outcome_of(work, names=None)
+
+
+def targets() -> list[Target]:
+    return [
+        Target("exr", exr_seeds, damage_header, judge_exr),
+        Target("texture", texture_seeds, damage_bytes, judge_texture),
+        Target("lens", lens_seeds, damage_text, judge_lens, weight=0.5),
+    ]

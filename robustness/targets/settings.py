@@ -1,0 +1,57 @@
+"""Configurations of the workflow: everything that is done with one before the first job."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+
+import yaml
+
+from lfcore.optics.camera import Camera
+from robustness.mutate import damage_text, mixed
+from robustness.outcome import ROOT, Outcome, outcome_of
+from robustness.targets import Target
+from robustness.trees import damage_yaml
+from workflow import cases
+from workflow.settings import check_settings
+
+CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
+
+
+def seeds(folder: Path) -> list[bytes]:
+    files = ("config/smoke.yaml", "config/config.yaml", "config/thesis.yaml")
+    texts = [(ROOT / file).read_bytes() for file in files]
+    # Those of a run lie above the default one, as Snakemake lays them.
+    default = yaml.safe_load(texts[1])
+    texts = [yaml.dump(default | yaml.safe_load(text)).encode() for text in texts]
+    planes = b"planes: [{focus_distance_m: 3, f_number: 4, shape: polygon, blades: 5}]\n"
+    return [*texts, b"scenes: [bike]\ntile_mib: 1\nstore: false\n" + planes]
+
+
+def judge(data: bytes, folder: Path) -> Outcome:
+    """Check it and plan with it, as the Snakefile does.
+
+    Snakemake reads the file itself: what YAML refuses, and what is no mapping, is its to tell.
+    """
+    try:
+        config = yaml.load(io.BytesIO(data), yaml.CSafeLoader)
+    except (yaml.YAMLError, ValueError, RecursionError):
+        return Outcome("refused")
+    if not isinstance(config, Mapping):
+        return Outcome("refused")
+
+    def work() -> None:
+        settings = check_settings(config)
+        cases.scene_files(settings["scenes"], ROOT)
+        for views in settings["angular_resolutions"]:
+            cases.tile_names(settings, views)
+            cases.codec_spec(settings, views)
+        cases.sensor_planes(settings["planes"], CAMERA, (3.0,))
+
+    return outcome_of(work, names="configuration")
+
+
+def targets() -> list[Target]:
+    mutation = mixed((0.75, damage_yaml), (0.25, damage_text))
+    return [Target("config.yaml", seeds, mutation, judge, weight=2)]

@@ -1,0 +1,203 @@
+"""Light field files of four codecs, and metadata that contradict themselves under a true digest."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import cache
+from pathlib import Path
+from random import Random
+
+import av
+import numpy as np
+
+from lfcore.optics.array import CameraArray
+from lfcore.optics.camera import Camera
+from lfcore.optics.slab import Slab
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.container import join_segments
+from lfcore.storage.layout import FrameLayout
+from lfcore.storage.lightfield import LightField
+from lfcore.storage.metadata import TAG
+from lfcore.storage.segment import SegmentWriter
+from robustness.mutate import damage_bytes
+from robustness.outcome import Outcome, SilentlyWrong, outcome_of
+from robustness.targets import Target
+from robustness.trees import damage_json
+
+VIEWS, PIXELS = 4, 8
+CODECS = {
+    "x264": CodecSpec("libx264", "yuv444p", crf=10, preset="veryfast", gop=6),
+    "x265": CodecSpec("libx265", "yuv420p", crf=10, preset="fast", gop=6),
+    "av1": CodecSpec("libsvtav1", "yuv420p", crf=10, preset="10", gop=6),
+    "ffv1": CodecSpec("ffv1", "gbrp", crf=0, preset=None, tune=None),
+}
+# The smallest frames that the AV1 encoder takes are those of 64 pixels: eight elements a side.
+PACKS = {"av1": 8}
+
+
+@cache
+def whole_store(name: str, folder: Path, geometry: str = "slab") -> tuple[bytes, bytes]:
+    """(the file, all its pixels) of a light field of noise-free waves in four segments or so."""
+    spec, pack = CODECS[name], PACKS.get(name, 1)
+    pixels = 16 if pack > 1 else PIXELS
+    layout = FrameLayout(
+        "macropixels", 8 if pack > 1 else VIEWS, pixels, pack=pack, pixel_format=spec.pixel_format
+    )
+    tiles = layout.tiles(layout.rays, least=4, small_rays=0)
+    wave = np.random.default_rng(5)
+    segments = []
+    for tile in tiles:
+        segments.append(folder / f"{name}-{tile.index}.mp4")
+        with SegmentWriter(segments[-1], spec, layout.frame_width, layout.frame_height) as writer:
+            grain = wave.integers(60, 180, (tile.frame_count, 1), np.uint8)
+            fine = wave.integers(0, 40, (tile.frame_count, layout.frame_bytes), np.uint8)
+            writer.write(grain + fine)
+    path = folder / f"{name}.mkv"
+    join_segments(
+        path, segments, tiles, layout, spec=spec, scene={"name": "waves", "digest": "0123"},
+        geometry=_geometry(geometry, layout),
+    )  # fmt: skip
+    return path.read_bytes(), pixels_of(LightField.open(path))
+
+
+def _geometry(kind: str, layout: FrameLayout) -> Slab | dict:
+    if kind == "slab":
+        return Slab(Camera(0.05, 0.036, 2.0, 3.0), layout.views, layout.pixels)
+    array = CameraArray.on_grid((layout.views,) * 2, (-1, 1, -1, 1), 40.0, (layout.pixels,) * 2)
+    return array.to_json() | {"white": 1.5}
+
+
+def pixels_of(field: LightField) -> bytes:
+    return field.rectangle(0, 0, field.layout.pixels, field.layout.pixels).tobytes()
+
+
+def judge_store(name: str, home: Path, data: bytes, folder: Path) -> Outcome:
+    """A damaged file gives right pixels or none, and whatever differs is found by verify()."""
+    original, right = whole_store(name, home)
+    file = folder / "input.mkv"
+    file.write_bytes(data)
+    outcome = outcome_of(lambda: _read_all(file, data == original, right), names=str(file))
+    if outcome.is_finding:
+        return outcome
+    salvaged = outcome_of(lambda: _salvage(file, right), names=str(file))
+    return salvaged if salvaged.is_finding else outcome
+
+
+def _read_all(file: Path, same: bool, right: bytes) -> None:
+    field = LightField.open(file)
+    if pixels_of(field) != right:
+        raise SilentlyWrong("other pixels than were stored")
+    field.view(1, 1)
+    field.verify()
+    if not same:
+        raise SilentlyWrong("verify() finds no damage in a file that differs")
+
+
+def _salvage(file: Path, right: bytes) -> None:
+    field = LightField.open(file, salvage=True)
+    size, side = field.layout.pixels, field.layout.views
+    whole = np.frombuffer(right, np.uint8)
+    if whole.size != size * size * side * side * 3:
+        raise SilentlyWrong("a light field of another size")
+    whole = whole.reshape(size, size, side, side, 3)
+    known = np.zeros((size, size), bool)
+    for part in field.segments:
+        tile = part.tile
+        known[tile.row : tile.row + tile.rows, tile.column : tile.column + tile.columns] = True
+    found = field.rectangle(0, 0, size, size)
+    if (found[known] != whole[known]).any() or found[~known].any():
+        raise SilentlyWrong("other pixels than were stored, when salvaged")
+
+
+def metadata_seeds(home: Path) -> list[bytes]:
+    seeds = []
+    for geometry in ("slab", "array"):
+        folder = home / geometry
+        folder.mkdir(exist_ok=True)
+        whole_store("x264", folder, geometry)
+        with av.open(str(folder / "x264.mkv")) as container:
+            data = json.loads(container.metadata[TAG])
+        data.pop("digest")
+        seeds.append(json.dumps(data).encode())
+    return seeds
+
+
+def sealed(text: bytes) -> str:
+    """The metadata with a digest that is right, however wrong they are otherwise."""
+    try:
+        data = json.loads(text)
+        canonical = json.dumps(data, sort_keys=True, separators=(",", ":"))
+        digest = hashlib.sha256(canonical.encode()).hexdigest()
+        return json.dumps(data | {"digest": digest})
+    except (ValueError, TypeError, RecursionError):
+        return text.decode("utf-8", "replace")
+
+
+def judge_metadata(home: Path, data: bytes, folder: Path) -> Outcome:
+    """Open, show and read a file with these metadata; the video is sound."""
+    from lfcore.cli.inspect import facts
+    from lfcore.refocus.api import LightField as Refocusable
+
+    file = folder / "input.mkv"
+    kind = "array" if b'"geometry": "array"' in data else "slab"
+    _remux(home / kind / "x264.mkv", file, sealed(data))
+
+    def work() -> None:
+        field = Refocusable.open(file)
+        facts(field)
+        json.loads(field.metadata.to_text())
+        field.view(0, 0)
+        field.macropixel(0, 0)
+        field.verify()
+
+    return outcome_of(work, names=str(file))
+
+
+def _remux(source: Path, path: Path, text: str) -> None:
+    with av.open(str(source)) as old, av.open(str(path), "w", format="matroska") as new:
+        stream = new.add_stream_from_template(old.streams.video[0], opaque=True)
+        stream.time_base = Fraction(1, 1000)
+        new.metadata[TAG] = text.replace("\0", "")
+        for index, packet in enumerate(p for p in old.demux(video=0) if p.size):
+            packet.dts = (index - 4) * 40
+            packet.stream = stream
+            new.mux(packet)
+
+
+def damage_store(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
+    """Mostly one flipped bit, where every byte of the file is as likely."""
+    if draw.random() < 0.5:
+        changed = bytearray(data)
+        for _ in range(draw.choice((1, 1, 1, 2, 8))):
+            changed[draw.randrange(len(changed))] ^= 1 << draw.randrange(8)
+        return bytes(changed)
+    return damage_bytes(draw, data, seeds)
+
+
+def store_target(name: str) -> Target:
+    home: list[Path] = []  # where the seeds were made, known when they are
+
+    def seeds(folder: Path) -> list[bytes]:
+        home.append(folder)
+        return [whole_store(name, folder)[0]]
+
+    return Target(
+        f"store {name}", seeds, damage_store, lambda d, f: judge_store(name, home[-1], d, f)
+    )
+
+
+def metadata_target() -> Target:
+    home: list[Path] = []
+
+    def seeds(folder: Path) -> list[bytes]:
+        home.append(folder)
+        return metadata_seeds(folder)
+
+    return Target("metadata", seeds, damage_json, lambda d, f: judge_metadata(home[-1], d, f))
+
+
+def targets() -> list[Target]:
+    return [*map(store_target, CODECS), metadata_target()]

@@ -1,0 +1,54 @@
+"""Scenes that were taken, traced by the device: no crash, and a picture of finite light."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.scene.build import build_scene
+from robustness.children import Limits
+from robustness.mutate import damage_text, mixed
+from robustness.outcome import Outcome, SilentlyWrong, outcome_of
+from robustness.targets import Target
+from robustness.targets.scenes import PLAIN, SHORT, write_sides
+from robustness.trees import damage_yaml
+
+PIXELS, VIEWS, MOST_TRIANGLES = 8, 2, 20_000
+
+
+def seeds(folder: Path) -> list[bytes]:
+    return [PLAIN.encode(), SHORT.encode()]
+
+
+def judge(data: bytes, folder: Path) -> Outcome:
+    from lfcore.opencl.device import open_device
+    from lfcore.optics.planes import SensorPlane
+    from lfcore.rendering.direct import trace_picture
+    from lfcore.tracing.bvh import build_bvh
+    from lfcore.tracing.tracer import Tracer
+
+    file = folder / "input.yaml"
+    file.write_bytes(data)
+
+    def work() -> None:
+        scene = build_scene(file)
+        if scene.triangle_count > MOST_TRIANGLES:
+            return
+        tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
+        camera = scene.camera
+        plane = SensorPlane(camera.focus_distance_m, camera.f_number)
+        picture = trace_picture(tracer, camera, PIXELS, plane, views=VIEWS)
+        if picture.shape != (PIXELS, PIXELS, 3):
+            raise SilentlyWrong(f"a picture {picture.shape}")
+        if not np.isfinite(picture).all() or picture.min() < 0:
+            raise SilentlyWrong("a picture that is not finite or darker than black")
+
+    return outcome_of(work, names=None)
+
+
+def targets() -> list[Target]:
+    mutation = mixed((0.8, damage_yaml), (0.2, damage_text))
+    # Programs are built in a child, and drivers map much: no limit of the address space.
+    limits = Limits(cpu=60, wall=300, memory=None)
+    return [Target("trace", seeds, mutation, judge, write_sides, limits, weight=1.5, batch=400)]

@@ -1,0 +1,115 @@
+"""Mutations of YAML and JSON that keep the syntax: of the tree that the text stands for."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable, Sequence
+from random import Random
+
+import yaml
+
+from robustness import extremes
+from robustness.mutate import damage_text, how_many
+
+DEPTHS = (3, 30, 300, 3000, 100_000)
+
+
+def damage_yaml(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
+    """A changed tree as YAML; self-references come out as anchors and aliases."""
+    return _damage(draw, data, seeds, _load_yaml, _dump_yaml)
+
+
+def damage_json(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
+    """A changed tree as JSON."""
+    return _damage(draw, data, seeds, json.loads, json.dumps)
+
+
+def _load_yaml(data: bytes) -> object:
+    return yaml.load(data, yaml.CSafeLoader)
+
+
+def _dump_yaml(tree: object) -> str:
+    return yaml.dump(tree, Dumper=yaml.CSafeDumper, allow_unicode=True, sort_keys=False)
+
+
+def _damage(
+    draw: Random,
+    data: bytes,
+    seeds: Sequence[bytes],
+    load: Callable[[bytes], object],
+    dump: Callable[[object], str],
+) -> bytes:
+    try:
+        tree = [load(data)]
+        donor = load(draw.choice(seeds))
+        for _ in range(how_many(draw)):
+            _change(draw, tree, donor, recursive=load is _load_yaml)
+        return _nested(draw, dump(tree[0])).encode("utf-8", "surrogatepass")
+    except (ValueError, TypeError, OverflowError, RecursionError, yaml.YAMLError):
+        # A tree that cannot be written, as one with mixed keys: damage the text instead.
+        return damage_text(draw, data, seeds)
+
+
+def places(tree: object) -> list[tuple[object, object]]:
+    """(container, key) of each value below ``tree``, shared and circular ones once."""
+    found, waiting, seen = [], [tree], set()
+    while waiting:
+        node = waiting.pop()
+        if id(node) in seen or len(found) > 5000:
+            continue
+        seen.add(id(node))
+        keys = list(node) if isinstance(node, dict) else range(len(node))
+        for key in keys:
+            found.append((node, key))
+            if isinstance(node[key], (dict, list)):
+                waiting.append(node[key])
+    return found
+
+
+def _change(draw: Random, tree: list, donor: object, *, recursive: bool) -> None:
+    """``tree`` is a list that holds the root."""
+    node, key = draw.choice(places(tree))
+    kind = draw.randrange(14)
+    if kind <= 4:
+        node[key] = extremes.scalar(draw)
+    elif kind == 5:
+        found = places([donor])
+        other, name = draw.choice(found)
+        node[key] = copy.deepcopy(other[name])
+    elif kind == 6:
+        node[key] = draw.choice(([], {}, [node[key]], {"a": node[key]}, [node[key], node[key]]))
+    elif kind == 7 and node is not tree:
+        del node[key]
+    elif kind == 8 and isinstance(node, dict):
+        node[_key(draw)] = node[key]
+    elif kind == 9 and isinstance(node, dict):
+        node[_key(draw)] = node.pop(key)
+    elif kind == 10 and isinstance(node, list) and node is not tree:
+        node[key:key] = [node[key]] * draw.choice((1, 2, 100, 5000))
+    elif kind == 11:
+        node[key] = str(node[key])[:1000]
+    elif kind == 12 and recursive:
+        node[key] = draw.choice(places(tree))[0]
+    elif kind == 13:
+        node[key] = _MARK
+    else:
+        number = node[key]
+        if isinstance(number, (int, float)):
+            factor = draw.choice((-1, 0.5, 2, 10, 1e6, 1e30, 1e-30))
+            node[key] = number * factor
+
+
+def _key(draw: Random) -> object:
+    return draw.choice((extremes.text(draw), "name", "file", "version", "1", 1, 1.5, None, True))
+
+
+_MARK = "deeply-nested"
+
+
+def _nested(draw: Random, text: str) -> str:
+    """Where the mark stands, a list within a list and so on: too deep for a writer's recursion."""
+    depth = draw.choice(DEPTHS)
+    opening, closing = draw.choice((("[", "]"), ('{"a": ', "}")))
+    deep = opening * depth + "1" + closing * depth
+    return text.replace(f'"{_MARK}"', deep).replace(_MARK, deep)

@@ -1,0 +1,108 @@
+"""The harness itself: defects that are planted are found, each as what it is."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from lfcore.errors import LfcoreError
+from robustness import corpus
+from robustness.children import Limits, run_all
+from robustness.fuzz import fuzz, table
+from robustness.outcome import Outcome, SilentlyWrong, judge_message, outcome_of
+from robustness.targets import Target
+
+LIMITS = Limits(cpu=0.3, wall=2.0, memory=256 << 20)
+
+
+def recurse(depth=0):
+    return recurse(depth + 1)
+
+
+def spin():
+    while True:
+        pass
+
+
+def refuse(text):
+    raise LfcoreError(text, file="input.txt")
+
+
+def lie():
+    raise SilentlyWrong("two and two are five")
+
+
+PLANTED = {
+    "ok": (lambda: None, "ok"),
+    "refuse": (lambda: refuse("no good"), "refused"),
+    "nameless": (lambda: (_ for _ in ()).throw(LfcoreError("no good")), "message"),
+    "raise": (lambda: {}["key"], "traceback"),
+    "exit": (lambda: exit(3), "traceback"),
+    "recursion": (recurse, "traceback"),
+    "memory": (lambda: bytearray(1 << 30), "memory"),
+    "wrong": (lie, "silent wrong"),
+    "segfault": (lambda: os.kill(os.getpid(), signal.SIGSEGV), "crash"),
+    "abort": (os.abort, "crash"),
+    "status": (lambda: os._exit(7), "crash"),
+    "busy": (spin, "time"),
+    "asleep": (lambda: time.sleep(60), "hang"),
+}
+
+
+def judge(data: bytes, folder: Path) -> Outcome:
+    return outcome_of(PLANTED[data.decode()][0], names="input.txt")
+
+
+@pytest.fixture
+def planted():
+    """A target whose inputs are the names of what is planted."""
+    names = [name.encode() for name in PLANTED if name != "asleep"]
+    return Target("planted", lambda folder: names, lambda draw, data, seeds: data, judge,
+                  limits=LIMITS)  # fmt: skip
+
+
+def test_each_planted_defect_is_found_and_the_next_input_runs(tmp_path):
+    names = list(PLANTED)
+    outcomes = run_all(
+        len(names), lambda index: judge(names[index].encode(), tmp_path), LIMITS, tmp_path / "log"
+    )
+    assert [outcome.kind for _, outcome in outcomes] == [kind for _, kind in PLANTED.values()]
+
+
+def test_the_table_counts_what_came(planted, tmp_path):
+    (bench,) = fuzz([planted], tmp_path, seed=1, seconds=0, most=0)
+    assert bench.tally.counts == {"ok": 1, "refused": 1, "finding": len(PLANTED) - 3}
+    assert f"| planted | {len(PLANTED) - 1} | 1 | 1 | {len(PLANTED) - 3} |" in table([bench])
+
+
+def test_an_input_is_a_function_of_the_seed_and_its_number():
+    target = Target("t", list, lambda draw, data, seeds: data + draw.randbytes(4), judge)
+    first = [target.input(1, index, [b"a", b"b"]) for index in range(20)]
+    assert first == [target.input(1, index, [b"a", b"b"]) for index in range(20)]
+    assert len(set(first)) == 20
+    assert first != [target.input(2, index, [b"a", b"b"]) for index in range(20)]
+
+
+@pytest.mark.parametrize("text", ["", "two\nlines input.txt", "\x1b[31minput.txt", "x" * 3000])
+def test_what_is_no_message(text):
+    assert judge_message(text, "input.txt").is_finding
+
+
+def test_an_error_is_one_printable_line_of_bearable_length():
+    error = LfcoreError("a\nb\x1b[2J\ud800" + "x" * 10_000, file="input.txt", remedy="Say less")
+    assert judge_message(str(error), "input.txt").kind == "refused"
+    assert str(error).endswith("Say less.")
+
+
+def test_a_finding_is_made_shorter():
+    def still(data: bytes) -> Outcome:
+        return (
+            Outcome("traceback", "both") if b"needle" in data and b"pin" in data else Outcome("ok")
+        )
+
+    data = b"hay" * 50 + b"needle" + b"hay" * 50 + b"pin"
+    assert corpus.smaller(data, still, "both", tries=500) == b"needlepin"
