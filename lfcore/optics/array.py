@@ -113,10 +113,15 @@ class CameraArray:
     def from_slab(cls, slab: Slab) -> CameraArray:
         """The views of a light slab as an array: the same rays, sheared by the slab's focus."""
         positions = tuple(slab.lens_positions().tolist())
-        fov_deg = math.degrees(2 * math.atan(slab.camera.field_width / 2))
+        column, row, columns, rows = slab.held.views
+        size = slab.held.pixels[2:]
+        share = min(size) / slab.pixels
+        fov_deg = math.degrees(2 * math.atan(slab.camera.field_width * share / 2))
         margin = slab.lens_pitch_m / 2
-        size = (slab.pixels, slab.pixels)
-        return cls(positions, positions, fov_deg, size, (margin, margin), slab.camera.delta)
+        return cls(
+            positions[column : column + columns], positions[row : row + rows], fov_deg, size,
+            (margin, margin), slab.camera.delta,
+        )  # fmt: skip
 
     def as_slab(self) -> Slab | None:
         """The light slab of the same rays, as :meth:`from_slab` takes it; None if there is none.

@@ -111,9 +111,13 @@ class SensorPlane:
         """
         s = slab.lens_positions()
         mask = self.aperture(slab).contains(s[None, :], s[:, None])
+        if slab.extent is not None:
+            mask &= slab.views_held()
         if not mask.any():
-            near = np.abs(s) <= np.abs(s).min() * (1 + 1e-9) + 1e-30
-            mask = near[:, None] & near[None, :]
+            radius = np.hypot(s[None, :], s[:, None])
+            if slab.extent is not None:
+                radius = np.where(slab.views_held(), radius, np.inf)
+            mask = radius <= radius.min() * (1 + 1e-9) + 1e-30
         return mask
 
     def magnification(self, slab: Slab) -> float:

@@ -17,6 +17,30 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera
 
+Rectangle = tuple[int, int, int, int]
+"""First column, first row, columns, rows."""
+
+
+@dataclass(frozen=True)
+class Extent:
+    """What of a slab's two square grids there is: a rectangle of views, and one of pixels.
+
+    Traced slabs are whole; recorded light fields have more columns than rows, and wide pictures.
+    """
+
+    views: Rectangle
+    pixels: Rectangle
+
+    @classmethod
+    def centred(cls, columns: int, rows: int, width: int, height: int) -> Extent:
+        """In the middle of the smallest squares that hold them; half a step beside it where the
+        sides are not both even or both odd."""
+        rectangles = []
+        for across, down in ((columns, rows), (width, height)):
+            side = max(across, down)
+            rectangles.append(((side - across + 1) // 2, (side - down + 1) // 2, across, down))
+        return cls(*rectangles)
+
 
 @dataclass(frozen=True)
 class Slab:
@@ -24,21 +48,43 @@ class Slab:
 
     Lens samples are the centres of an N x N grid over the square that encloses the lens; index
     ``i`` runs along +x (s), ``j`` along +y (t).  Pixel ``u`` is the column, ``v`` the row.
+    ``extent`` is None where all views and pixels are there.
     """
 
     camera: Camera
     views: int
     pixels: int
+    extent: Extent | None = None
 
     def __post_init__(self) -> None:
+        if self.extent is not None:
+            for key, side in (("views", self.views), ("pixels", self.pixels)):
+                column, row, columns, rows = getattr(self.extent, key)
+                inside = 0 <= column < column + columns <= side
+                if not (inside and 0 <= row < row + rows <= side):
+                    raise OpticsError(f"does not lie within {side} x {side}", key=f"extent.{key}")
         for key, low, high in (("views", 1, 4096), ("pixels", 1, 65536)):
             value = getattr(self, key)
             if not (isinstance(value, int) and low <= value <= high):
                 raise OpticsError(f"must be an integer from {low} to {high}, not {value}", key=key)
 
     @property
+    def held(self) -> Extent:
+        """The views and pixels that are there."""
+        whole = Extent((0, 0, self.views, self.views), (0, 0, self.pixels, self.pixels))
+        return self.extent or whole
+
+    @property
     def rays(self) -> int:
-        return self.views**2 * self.pixels**2
+        (*_, columns, rows), (*_, width, height) = self.held.views, self.held.pixels
+        return columns * rows * width * height
+
+    def views_held(self) -> np.ndarray:
+        """(N, N) bool, indexed [j, i]: which views are there."""
+        column, row, columns, rows = self.held.views
+        mask = np.zeros((self.views, self.views), bool)
+        mask[row : row + rows, column : column + columns] = True
+        return mask
 
     @property
     def lens_pitch_m(self) -> float:
@@ -58,8 +104,14 @@ class Slab:
         return (np.arange(self.pixels) - (self.pixels - 1) / 2.0) * self.pixel_pitch
 
     def to_json(self) -> dict:
-        return {"camera": asdict(self.camera), "views": self.views, "pixels": self.pixels}
+        """``extent`` is left out where everything is there."""
+        data = {"camera": asdict(self.camera), "views": self.views, "pixels": self.pixels}
+        return data | ({"extent": asdict(self.extent)} if self.extent else {})
 
     @classmethod
     def from_json(cls, data: dict) -> Slab:
-        return cls(Camera(**data["camera"]), int(data["views"]), int(data["pixels"]))
+        extent = data.get("extent")
+        if extent is not None:
+            columns, rows = ([int(n) for n in extent[key]] for key in ("views", "pixels"))
+            extent = Extent(tuple(columns), tuple(rows))
+        return cls(Camera(**data["camera"]), int(data["views"]), int(data["pixels"]), extent)

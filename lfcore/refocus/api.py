@@ -6,6 +6,7 @@ picture = lfcore.LightField.open("lightfield.mkv").refocus(focus_m=3.2, f_number
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -35,6 +36,8 @@ class LightField(lightfield.LightField):
         rotation_deg: float = 0.0,
         normalise: bool = True,
         keep_magnification: bool = False,
+        disparity_px: float | None = None,
+        aperture_views: float | None = None,
     ) -> SensorPlane:
         """The sensor plane of these settings.
 
@@ -46,10 +49,19 @@ class LightField(lightfield.LightField):
         rotation_deg : of a polygon, degrees.
         normalise : divide by the open aperture; else the picture dims as the lens stops down.
         keep_magnification : of the physical sensor, which moves when it is focused.
+        disparity_px : instead of a distance, pixels by which what is in focus moves from one view
+            to the next; 0 as recorded, more is nearer.
+        aperture_views : instead of an f-number, the aperture's diameter in views.
 
         Raises :class:`OpticsError`, naming file and key, for what was not recorded.
         """
         camera = self.require_slab().camera
+        if focus_m is not None or f_number is not None or keep_magnification:
+            self.require_metric("focus_m" if focus_m is not None else "f_number")
+        if disparity_px is not None:
+            focus_m = self.distance_of(disparity_px)
+        if aperture_views is not None:
+            f_number = self.f_number_of(aperture_views)
         plane = SensorPlane(
             camera.focus_distance_m if focus_m is None else float(focus_m),
             camera.f_number if f_number is None else float(f_number),
@@ -119,6 +131,53 @@ class LightField(lightfield.LightField):
         pictures = self._refocus(planes, check_method(method, filter), filter, device, progress)
         return pictures if self.white == 1.0 else pictures * np.float32(self.white)
 
+    def distance_of(self, disparity_px: float) -> float:
+        """Metres at which points move by that many pixels from one view to the next.
+
+        The metres of the file's own slab: see :attr:`metric`.  Raises :class:`OpticsError` for a
+        disparity beyond that of infinity.
+        """
+        slab = self.require_slab()
+        step = slab.pixel_pitch / slab.lens_pitch_m
+        delta = slab.camera.delta + disparity_px * step
+        if abs(delta) < 1e-12 * step:
+            return math.inf
+        if not delta > 0:
+            raise OpticsError(
+                f"nothing has a disparity of {disparity_px:g} pixels: infinity has "
+                f"{-slab.camera.delta / step:.4g}",
+                file=self.path,
+                key="disparity",
+            )
+        return 1.0 / delta
+
+    def disparity_of(self, distance_m: float) -> float:
+        """Pixels by which a point at that distance moves; see :meth:`distance_of`."""
+        slab = self.require_slab()
+        return (1.0 / distance_m - slab.camera.delta) * slab.lens_pitch_m / slab.pixel_pitch
+
+    def f_number_of(self, aperture_views: float) -> float:
+        """The f-number of an aperture that is so many views across."""
+        slab = self.require_slab()
+        if not 0 < aperture_views <= slab.views:
+            raise OpticsError(
+                f"must be more than 0 and at most {slab.views}, not {aperture_views:g}",
+                file=self.path,
+                key="aperture_views",
+            )
+        return slab.camera.focal_length_m / (aperture_views * slab.lens_pitch_m)
+
+    def require_metric(self, key: str) -> None:
+        """Raise :class:`OpticsError` where distances and f-numbers are not known."""
+        if not self.metric:
+            raise OpticsError(
+                "does not hold its geometry: there are neither distances nor f-numbers",
+                file=self.path,
+                key=key,
+                remedy="Focus by disparity, stop down by views, or import it again with "
+                "--baseline, --field-of-view and --focus",
+            )
+
     def _refocus(self, planes, method, filter, device, progress) -> np.ndarray:
         if not 1 <= len(planes) <= MOST_PLANES:
             raise OpticsError(
@@ -126,6 +185,8 @@ class LightField(lightfield.LightField):
                 file=self.path,
                 remedy=f"Ask for 1 to {MOST_PLANES} at a time",
             )
+        if method == "slicing" and self.slab.extent and filter == "nearest":
+            method = "shift-sum"  # the same sums, and it knows of grids in part
         if method == "shift-sum":
             return shift_sum(
                 self.path, planes, filter=filter, device=device, salvage=self._salvage,

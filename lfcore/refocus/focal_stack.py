@@ -26,7 +26,7 @@ from lfcore.opencl.device import Device, build_program, cl, open_device
 from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.refocus.resampling import normalise
+from lfcore.refocus.resampling import crop, normalise
 from lfcore.refocus.shift_sum import (
     GROUP_BYTES,
     MOST_VIEWS,
@@ -254,4 +254,4 @@ def focal_stack(
     device = device if isinstance(device, Device) else open_device(device)
     summer = FocalStackSummer(field.slab, planes, tolerance_px=tolerance_px, device=device)
     add_frames(summer, field, progress)
-    return summer.pictures() * np.float32(field.white)
+    return crop(field.slab, summer.pictures()) * np.float32(field.white)

@@ -52,12 +52,21 @@ def taps(slab: Slab, plane: SensorPlane, filter: str) -> tuple[np.ndarray, np.nd
 def coverage(slab: Slab, plane: SensorPlane, filter: str) -> np.ndarray:
     """(M, M) float64: how many views, or shares of views, a pixel reads.
 
-    Separable but for the aperture: A mask A^T, A[X, i] the share of column i that lies within.
+    Separable but for the aperture: A mask B^T, A[Y, j] the share of row j that lies within, and B
+    that of columns.
     """
     first, share = taps(slab, plane, filter)
-    inside = np.where((first >= 0) & (first < slab.pixels), 1 - share.astype(np.float64), 0)
-    inside += np.where((first >= -1) & (first < slab.pixels - 1), share, 0)
-    return inside.T @ plane.mask(slab).astype(np.float64) @ inside
+    left, top, width, height = slab.held.pixels
+    down, across = (
+        _within(first, share, low, low + length) for low, length in ((top, height), (left, width))
+    )
+    return down.T @ plane.mask(slab).astype(np.float64) @ across
+
+
+def _within(first: np.ndarray, share: np.ndarray, low: int, high: int) -> np.ndarray:
+    """How much of each pair of taps lies among pixels [low, high)."""
+    inside = np.where((first >= low) & (first < high), 1 - share.astype(np.float64), 0)
+    return inside + np.where((first >= low - 1) & (first < high - 1), share, 0)
 
 
 def normalise(slab: Slab, plane: SensorPlane, filter: str, sums: np.ndarray) -> np.ndarray:
@@ -67,8 +76,14 @@ def normalise(slab: Slab, plane: SensorPlane, filter: str, sums: np.ndarray) -> 
     the same light over more pixels.
     """
     if plane.normalise == "lens":
-        weight = np.float64(slab.views**2 * plane.magnification(slab) ** 2)
+        weight = np.float64(slab.views_held().sum() * plane.magnification(slab) ** 2)
     else:
         weight = coverage(slab, plane, filter)
         weight = np.where(weight > 1e-9, weight, np.inf)
     return np.ascontiguousarray((sums / weight).transpose(1, 2, 0), np.float32)
+
+
+def crop(slab: Slab, pictures: np.ndarray) -> np.ndarray:
+    """Pictures (P, height, width, 3) of the pixels that are there, of pictures (P, M, M, 3)."""
+    left, top, width, height = slab.held.pixels
+    return np.ascontiguousarray(pictures[:, top : top + height, left : left + width])

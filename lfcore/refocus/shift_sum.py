@@ -19,7 +19,7 @@ from lfcore.opencl.device import Device, build_program, cl, open_device
 from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.refocus.resampling import check_filter, normalise, taps
+from lfcore.refocus.resampling import check_filter, crop, normalise, taps
 from lfcore.refocus.stored_views import add_frames
 from lfcore.storage.colour import srgb_decode
 from lfcore.storage.lightfield import LightField
@@ -228,7 +228,8 @@ def launch_add(
 
 @dataclass(frozen=True)
 class ShiftSum:
-    """``pictures`` (P, M, M, 3) float32, linear light, and the wall ``seconds`` they took."""
+    """``pictures`` (P, M, M, 3) float32, linear light, and the wall ``seconds`` they took; of the
+    pixels alone that are there."""
 
     pictures: np.ndarray
     seconds: float
@@ -265,7 +266,7 @@ def shift_sum(
     device = device if isinstance(device, Device) else open_device(device)
     summer = ViewSummer(field.slab, planes, filter=filter, device=device)
     add_frames(summer, field, progress)
-    return ShiftSum(summer.pictures(), time.perf_counter() - begun)
+    return ShiftSum(crop(field.slab, summer.pictures()), time.perf_counter() - begun)
 
 
 def shift_sum_views(

@@ -132,6 +132,11 @@ def form_planes(
     field = LightField.open(path, salvage=salvage)
     if field.slab is None:
         raise OpticsError("holds a camera array, no slab", file=path, remedy="Use lfcore imgtool")
+    if field.slab.extent:
+        raise OpticsError(
+            "holds a part of the grids, which slicing does not know", file=path,
+            remedy="Use the method shift-sum",
+        )  # fmt: skip
     for plane in planes:
         plane.check(field.slab)
     begun = time.perf_counter()

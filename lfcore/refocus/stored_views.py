@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from lfcore.opencl.device import Device, build_program, cl
+from lfcore.optics.slab import Rectangle
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.lightfield import LightField
 
@@ -34,10 +35,14 @@ class TakesViews(Protocol):
 
 
 class FrameSummer:
-    """Unpacks frames of a stored light field on the device and hands views to ``summer``."""
+    """Unpacks frames of a stored light field on the device and hands views to ``summer``.
 
-    def __init__(self, summer: TakesViews, layout: FrameLayout):
+    ``pixels`` are the ones to take, of the views that a frame holds; default all.
+    """
+
+    def __init__(self, summer: TakesViews, layout: FrameLayout, pixels: Rectangle | None = None):
         self.summer, self.layout = summer, layout
+        self._pixels = pixels or (0, 0, layout.pixels, layout.pixels)
         defines = {
             "BITS": layout.format.bits,
             "CHROMA": layout.format.subsampling,
@@ -70,13 +75,13 @@ class FrameSummer:
             self._add_macropixels(buffer, places[raster], tile)
 
     def _add_views(self, frames, elements, places) -> None:
-        size = self.layout.pixels
         wanted = self._is_open[elements[:, 1], elements[:, 0]]
         elements, places = elements[wanted], places[wanted]
-        step = self.summer.group_size(size, size)
+        places[:, 1:3] += np.int32(self._pixels[:2])
+        step = self.summer.group_size(*self._pixels[2:])
         for start in range(0, len(elements), step):
             part = slice(start, start + step)
-            self._unpack(frames, places[part], elements[part], (0, 0, size, size))
+            self._unpack(frames, places[part], elements[part], self._pixels)
 
     def _add_macropixels(self, frames, places, tile) -> None:
         region = (tile.column, tile.row, tile.columns, tile.rows)
@@ -115,7 +120,7 @@ def add_frames(
 
     ``progress`` is called with (frames done, frames in all).
     """
-    frames, done = FrameSummer(summer, field.layout), 0
+    frames, done = FrameSummer(summer, field.layout, field.extent.pixels), 0
     total = sum(part.frames for part in field.segments)
     for tile, first, chunk in ahead(frame_chunks(field)):
         frames.add(chunk, tile, first)

@@ -23,6 +23,9 @@ def read_views(
 ) -> np.ndarray:
     """(K, M, M, 3) float32, linear light, of lens samples (K, 2) (i, j).
 
+    Of a file that holds a part of the grids alone, samples count from its first view, and pictures
+    are as large as its own: (K, height, width, 3).
+
     From macropixels every frame is decoded, once, however many views are asked for.
     ``progress`` is called with (frames done, frames in all).
     Raises :class:`OpticsError` for samples outside the lens or asked for twice.
@@ -36,11 +39,15 @@ class _Collector:
     """Takes unpacked views as a :class:`ViewSummer` does, and keeps them."""
 
     def __init__(self, field: LightField, samples: np.ndarray, device: Device | None):
-        size, views = field.layout.pixels, field.layout.views
-        if len(samples) and not (0 <= samples.min() and samples.max() < views):
-            raise OpticsError(f"lens samples are from 0 to {views - 1}", file=field.path)
+        column, row, columns, rows = field.extent.views
+        *self._corner, width, height = field.extent.pixels
+        if len(samples) and not (0 <= samples.min() and (samples < [columns, rows]).all()):
+            raise OpticsError(
+                f"lens samples are from (0, 0) to ({columns - 1}, {rows - 1})", file=field.path
+            )
+        samples = samples + np.int32([column, row])
         self.device, self.open_samples = device or open_device(), samples
-        self.views = np.zeros((len(samples), size, size, 3), np.float32)
+        self.views = np.zeros((len(samples), height, width, 3), np.float32)
         self._place = {tuple(sample): k for k, sample in enumerate(samples.tolist())}
         if len(self._place) < len(samples):
             raise OpticsError("a view is asked for twice", file=field.path)
@@ -50,6 +57,7 @@ class _Collector:
 
     def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
         column, row, width, height = region
+        column, row = column - self._corner[0], row - self._corner[1]
         light = np.empty((len(samples), 3, height, width), np.uint32)
         cl.enqueue_copy(self.device.queue, light, views)
         for picture, sample in zip(light, samples.tolist(), strict=True):

@@ -19,6 +19,8 @@ from lfcore.storage.atomic import whole_file, writing
 from lfcore.tracing.tracer import Tracer
 
 VIEWS_AT_A_TIME_RAYS = 1 << 24
+RANGE_VIEWS, RANGE_PIXELS = 3, 96
+"""Rays a side of lens and picture that tell the range of depths."""
 
 
 def depth_of_views(
@@ -46,6 +48,18 @@ def depth_of_views(
         if progress:
             progress(start + len(part), len(samples))
     return depth
+
+
+def depth_range(tracer: Tracer, slab: Slab) -> tuple[float, float] | None:
+    """The nearest and the farthest depth, metres, of rays spread over the slab; None if all miss.
+
+    Every ray is traced by itself: what is smaller than a hundredth of the picture may be missed.
+    """
+    coarse = Slab(slab.camera, min(slab.views, RANGE_VIEWS), RANGE_PIXELS)
+    origins, directions = bundles.views(coarse, all_samples(coarse)).rays()
+    depth = tracer.closest_hit(origins, directions)[1]
+    depth = depth[np.isfinite(depth) & (depth > 0)]
+    return (float(depth.min()), float(depth.max())) if len(depth) else None
 
 
 def all_samples(slab: Slab) -> np.ndarray:

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lfcore.optics.slab import Slab
+from lfcore.rendering.depth import depth_range
 from lfcore.storage.codecs import CODECS, CodecSpec
 from lfcore.storage.container import join_segments
 from lfcore.storage.defaults import default_kind, default_spec, macropixel_pack
@@ -103,6 +104,7 @@ def record(
             except BaseException:
                 pool.shutdown(cancel_futures=True)
                 raise
+        seen = depth_range(tracers[0], slab)
         return join_segments(
             path,
             segments,
@@ -111,6 +113,7 @@ def record(
             geometry=slab,
             scene={"name": tracers[0].scene.name, "digest": scene_digest(scene)},
             spec=spec,
+            content={"depth_m": list(seen)} if seen else None,
         )
 
 

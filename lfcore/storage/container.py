@@ -35,6 +35,7 @@ def join_segments(
     geometry: Slab | dict,
     scene: dict,
     spec: CodecSpec | None = None,
+    content: dict | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Metadata:
     """Write the light field file ``path`` from one segment file a tile, in the order of tiles.
@@ -44,6 +45,7 @@ def join_segments(
     geometry : the slab, or a JSON object that describes a camera array.
     scene : JSON object with at least ``name`` and ``digest``.
     spec : what the segments were encoded with, to be recorded.
+    content : what else is known, as :class:`Metadata` has it.
     progress : called with (segments done, of all).
 
     Memory does not grow with the number or length of segments.  Raises :class:`StorageError`,
@@ -73,6 +75,7 @@ def join_segments(
         scene=scene,
         segments=tuple(parts),
         software=f"lfcore {__version__}",
+        content=content or {},
     )
     metadata.check()
     with whole_file(path) as file, writing(path, "joining segments"):

@@ -19,7 +19,7 @@ from av.error import FFmpegError
 
 from lfcore.errors import StorageError
 from lfcore.optics.array import CameraArray
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Extent, Slab
 from lfcore.storage.container import FRAME_MS
 from lfcore.storage.decoding import DecodeCount, FrameRun, frame_number, ticks_per_frame
 from lfcore.storage.ebml import Structure, scan
@@ -97,6 +97,39 @@ class LightField:
     def white(self) -> float:
         """Linear light of the brightest code: 1, but for an array of brighter."""
         return self.metadata.white
+
+    @property
+    def extent(self) -> Extent:
+        """The views and pixels that are there: all, but of imported light fields."""
+        n, m = self.layout.views, self.layout.pixels
+        slab = self.metadata.slab
+        return slab.held if slab else Extent((0, 0, n, n), (0, 0, m, m))
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Columns and rows of views."""
+        return self.extent.views[2:]
+
+    @property
+    def picture_size(self) -> tuple[int, int]:
+        """Width and height of a view, pixels."""
+        return self.extent.pixels[2:]
+
+    @property
+    def content(self) -> dict:
+        """What else is known of the light field; see :class:`Metadata`."""
+        return self.metadata.content
+
+    @property
+    def depth_range(self) -> tuple[float, float] | None:
+        """The nearest and farthest depth seen, metres; None where it is not known."""
+        found = self.content.get("depth_m")
+        return tuple(found) if found else None
+
+    @property
+    def metric(self) -> bool:
+        """Whether lens, focus and distances are known; else only disparities mean something."""
+        return bool(self.content.get("metric", True))
 
     @property
     def layout(self) -> FrameLayout:
@@ -189,35 +222,42 @@ class LightField:
 
     def view(self, i: int, j: int) -> np.ndarray:
         """(M, M, 3) uint8 sRGB, indexed [v, u]: the picture from lens sample (i, j)."""
-        size = self.layout.pixels
-        lens, film = (i, j, i + 1, j + 1), (0, 0, size, size)
-        if self.layout.kind == "views":
-            return self._read(lens, film)[0, 0]
-        return self._read(film, lens)[:, :, 0, 0]
+        return self.views(i, j, i + 1, j + 1)[0, 0]
+
+    def views(self, i0: int, j0: int, i1: int, j1: int) -> np.ndarray:
+        """(j1 - j0, i1 - i0, M, M, 3) uint8 sRGB, indexed [j, i, v, u], half open."""
+        *_, width, height = self.extent.pixels
+        return self._rays((i0, j0, i1, j1), (0, 0, width, height))
 
     def rectangle(self, u0: int, v0: int, u1: int, v1: int) -> np.ndarray:
         """(v1 - v0, u1 - u0, N, N, 3) uint8 sRGB, indexed [v, u, j, i], half open.
 
         Pixels of segments that are damaged are black if the file was opened to salvage.
         """
-        size = self.layout.views
-        film, lens = (u0, v0, u1, v1), (0, 0, size, size)
-        if self.layout.kind == "macropixels":
-            return self._read(film, lens)
-        return np.ascontiguousarray(self._read(lens, film).transpose(2, 3, 0, 1, 4))
+        *_, columns, rows = self.extent.views
+        rays = self._rays((0, 0, columns, rows), (u0, v0, u1, v1))
+        return np.ascontiguousarray(rays.transpose(2, 3, 0, 1, 4))
+
+    def _rays(self, lens: tuple, film: tuple) -> np.ndarray:
+        """uint8 [j, i, v, u] of rectangles that count from the first view and pixel there are."""
+        moved = []
+        for asked, held in ((lens, self.extent.views), (film, self.extent.pixels)):
+            (a, b, c, d), (column, row, columns, rows) = asked, held
+            if not (0 <= a < c <= columns and 0 <= b < d <= rows):
+                raise StorageError(
+                    f"({a}, {b}) to ({c}, {d}) lies outside the {columns} x {rows} recorded",
+                    file=self.path,
+                )
+            moved.append((a + column, b + row, c + column, d + row))
+        if self.layout.kind == "views":
+            return self._read(*moved)
+        return self._read(*moved[::-1]).transpose(2, 3, 0, 1, 4)
 
     def _read(self, outer: tuple, inner: tuple) -> np.ndarray:
         """uint8 (outer rows, outer columns, inner rows, inner columns, 3) of two rectangles.
 
         Rectangles are (column0, row0, column1, row1), half open.
         """
-        layout = self.layout
-        for (a, b, c, d), size in ((outer, layout.outer), (inner, layout.inner)):
-            if not (0 <= a < c <= size and 0 <= b < d <= size):
-                raise StorageError(
-                    f"({a}, {b}) to ({c}, {d}) lies outside the {size} x {size} recorded",
-                    file=self.path,
-                )
         shape = (outer[3] - outer[1], outer[2] - outer[0], inner[3] - inner[1], inner[2] - inner[0])
         out = np.zeros((*shape, 3), np.uint8)
         corner = np.int32(outer[:2])

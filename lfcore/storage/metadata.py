@@ -10,7 +10,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ import numpy as np
 
 from lfcore.errors import LfcoreError, StorageError
 from lfcore.optics.array import CameraArray
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Rectangle, Slab
 from lfcore.storage.layout import FrameLayout, Tile
 
 TAG = "LIGHTFIELD"
@@ -36,6 +36,7 @@ KEYS = {
     "version", "software", "geometry", "slab", "array", "layout", "colour", "codec",
     "header_crc32", "settings", "scene", "segments",
 }  # fmt: skip
+OPTIONAL_KEYS = {"content"}
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,9 @@ class Metadata:
     codec : name of the video stream, e.g. ``h264``; ``settings`` are what it was encoded with.
     header_crc32 : of the codec's global header.
     scene : JSON object with at least ``name`` and ``digest``.
+    content : JSON object of what is known beside the rays: ``depth_m`` [nearest, farthest] seen,
+        ``metric`` false where the slab's lengths are not those of the cameras, but say how views
+        are shifted against one another; ``source``, what an imported one was.
     """
 
     geometry: str
@@ -78,6 +82,7 @@ class Metadata:
     scene: dict
     segments: tuple[Segment, ...]
     software: str
+    content: dict = field(default_factory=dict)
 
     @property
     def frames(self) -> int:
@@ -111,6 +116,8 @@ class Metadata:
                 for part in self.segments
             ],
         }
+        if self.content:
+            data["content"] = self.content
         return _canonical(data | {"digest": _digest(data)})
 
     @classmethod
@@ -129,10 +136,9 @@ class Metadata:
                 file=file,
                 remedy="Use the program that wrote it, or a later one",
             )
-        if set(data) != KEYS:
-            raise StorageError(
-                f"has other metadata than it must: {sorted(set(data) ^ KEYS)}", file=file
-            )
+        if set(data) - OPTIONAL_KEYS != KEYS:
+            odd = (set(data) - OPTIONAL_KEYS) ^ KEYS
+            raise StorageError(f"has other metadata than it must: {sorted(odd)}", file=file)
         try:
             return cls._from_json(data)
         except StorageError as error:
@@ -151,6 +157,7 @@ class Metadata:
         found = cls(
             data["geometry"], slab, data["array"], layout, data["codec"], data["header_crc32"],
             data["settings"], data["scene"], tuple(segments), data["software"],
+            data.get("content", {}),
         )  # fmt: skip
         found.check()
         return found
@@ -183,7 +190,15 @@ class Metadata:
             raise StorageError(f"a white of {self.white} is none", key="array")
         if not {"name", "digest"} <= set(self.scene):
             raise StorageError("the scene lacks name or digest", key="scene")
+        if self.slab and self.slab.extent and layout.kind != "views":
+            raise StorageError("a part of the grids is stored as views", key="layout")
+        self._check_content()
         self._check_segments()
+
+    def _check_content(self) -> None:
+        depth = self.content.get("depth_m") if isinstance(self.content, dict) else ()
+        if depth is not None and not (len(depth) == 2 and 0 < depth[0] <= depth[1] < math.inf):
+            raise StorageError(f"{depth} is no range of depths", key="content")
 
     def _check_segments(self) -> None:
         first = 0
@@ -195,22 +210,28 @@ class Metadata:
                     key="segments",
                 )
             first = part.stop
-        check_cover([part.tile for part in self.segments], self.layout)
+        extent = self.slab.extent.views if self.slab and self.slab.extent else None
+        check_cover([part.tile for part in self.segments], self.layout, extent)
 
 
-def check_cover(tiles: Sequence[Tile], layout: FrameLayout) -> None:
-    """Raise :class:`StorageError` unless each element of the outer grid is in just one tile."""
+def check_cover(
+    tiles: Sequence[Tile], layout: FrameLayout, extent: Rectangle | None = None
+) -> None:
+    """Raise :class:`StorageError` unless each element of the outer grid, or of the rectangle
+    ``extent`` of it, is in just one tile."""
+    column, row, columns, rows = extent or (0, 0, layout.outer, layout.outer)
     # Tiles without a common element whose areas add up to the whole are a partition of it.
-    whole = sum(tile.element_count for tile in tiles) == layout.outer**2
+    whole = sum(tile.element_count for tile in tiles) == columns * rows
     boxes = np.array([tile.to_json() for tile in tiles]).reshape(-1, 4)
     low, high = boxes[:, :2], boxes[:, :2] + boxes[:, 2:]
+    whole &= (low >= [column, row]).all() and (high <= [column + columns, row + rows]).all()
     for index in range(len(tiles) - 1):
         later = slice(index + 1, None)
         meets = (low[later] < high[index]).all(1) & (low[index] < high[later]).all(1)
         whole &= not meets.any()
     if not whole:
         raise StorageError(
-            f"the tiles do not cover the {layout.outer} x {layout.outer} elements exactly once",
+            f"the tiles do not cover the {columns} x {rows} elements exactly once",
             key="segments",
         )
 

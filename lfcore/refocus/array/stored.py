@@ -94,11 +94,11 @@ def read_stored(
     ------
     StorageError : the file is damaged.
     """
-    slab, size = field.metadata.slab, field.layout.views
+    slab, (columns, rows) = field.metadata.slab, field.grid
     array = field.array if slab is None else CameraArray.from_slab(slab)
-    samples = np.stack(np.meshgrid(np.arange(size), np.arange(size)), -1).reshape(-1, 2)
+    samples = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).reshape(-1, 2)
     views = read_views(field, samples, device=device, progress=progress)
-    image = array.mosaic(views.reshape(size, size, *views.shape[1:]))
+    image = array.mosaic(views.reshape(rows, columns, *views.shape[1:]))
     if field.white != 1.0:
         image *= np.float32(field.white)
     return image, array
