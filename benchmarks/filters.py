@@ -22,11 +22,11 @@ import numpy as np
 from measured.rows import print_table, say, write_csv
 from measured.scenes import Loaded
 
+from lfcore.colour import srgb_encode
 from lfcore.optics import bundles
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import trace_picture
-from lfcore.storage.colour import srgb_encode
 
 FILTERS = ("nearest", "bilinear", "cell", "staggered", "dithered")
 

@@ -1,21 +1,61 @@
-"""Colour between linear light and sRGB (IEC 61966-2-1)."""
+"""Colour between linear light and sRGB (IEC 61966-2-1), for pictures in memory.
+
+The kernels have their own (tracing/kernels), and lfcore.storage.ycbcr goes on from here to the
+planes of a video frame.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-
-def srgb_to_linear(encoded: np.ndarray) -> np.ndarray:
-    """sRGB in [0, 1] to linear light, float64 (IEC 61966-2-1)."""
-    encoded = np.asarray(encoded, np.float64)
-    return np.where(
-        encoded <= 0.04045, encoded / 12.92, (np.maximum(encoded, 0) / 1.055 + 0.055 / 1.055) ** 2.4
-    )
+PEAK = 255.0
+"""Display value of white."""
 
 
-def linear_to_srgb(linear: np.ndarray) -> np.ndarray:
-    """Linear light in [0, 1] to sRGB in [0, 1], float64 (IEC 61966-2-1)."""
-    linear = np.asarray(linear, np.float64)
-    return np.where(
-        linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0) ** (1 / 2.4) - 0.055
-    )
+def srgb_encode(linear: np.ndarray | float) -> np.ndarray:
+    """Display values of linear light, both in [0, 1] (clipped); float32 is kept, else float64."""
+    linear = np.clip(floating(linear), 0, 1)
+    with np.errstate(under="ignore"):
+        power = linear ** linear.dtype.type(1 / 2.4)
+    curve = power * linear.dtype.type(1.055) - linear.dtype.type(0.055)
+    return np.where(linear <= 0.0031308, linear * linear.dtype.type(12.92), curve)
+
+
+def srgb_decode(encoded: np.ndarray | float) -> np.ndarray:
+    """Linear light of display values, both in [0, 1] (clipped).
+
+    ``encoded`` is float32, kept, uint8 codes, which give float32, or else taken as float64.
+    """
+    encoded = np.asarray(encoded)
+    if encoded.dtype == np.uint8:
+        return _LINEAR_OF_CODE[encoded]
+    encoded = np.clip(floating(encoded), 0, 1)
+    kind = encoded.dtype.type
+    curve = ((encoded + kind(0.055)) * kind(1 / 1.055)) ** kind(2.4)
+    return np.where(encoded <= 0.04045, encoded * kind(1 / 12.92), curve)
+
+
+def display_values(picture: np.ndarray) -> np.ndarray:
+    """float64 sRGB values from 0 to 255, not rounded, of linear light in [0, 1] (clipped).
+
+    Errors of pictures are measured in these, so they are made in float64 whatever comes.
+    """
+    return PEAK * srgb_encode(np.asarray(picture, np.float64))
+
+
+def srgb_codes(picture: np.ndarray) -> np.ndarray:
+    """uint8 sRGB codes of linear light in [0, 1] (clipped), rounded once, half to even."""
+    return np.rint(display_values(picture)).astype(np.uint8)
+
+
+def to_uint8(encoded: np.ndarray) -> np.ndarray:
+    """uint8 codes of display values in [0, 1] (clipped), rounded."""
+    return np.rint(np.clip(encoded, 0, 1) * PEAK).astype(np.uint8)
+
+
+def floating(values: np.ndarray | float) -> np.ndarray:
+    values = np.asarray(values)
+    return values if values.dtype in (np.float32, np.float64) else values.astype(np.float64)
+
+
+_LINEAR_OF_CODE = srgb_decode(np.arange(256) / PEAK).astype(np.float32)

@@ -1,34 +1,137 @@
-"""Files appear whole or not at all: written beside their place, then moved there."""
+"""Files and folders that appear whole or not at all.
+
+What is being written has a temporary name, a *draft*, beside its place.  When it is complete, its
+bytes are on the disk and the disk said so, it takes its name.  A draft is held by a lock that ends
+with its process, however that ends: drafts without a holder are remains of a run that was killed,
+and the next run that writes into their folder removes them.
+"""
 
 from __future__ import annotations
 
 import json
 import os
+import re
+import secrets
+import shutil
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any, BinaryIO
+
+from lfcore.errors import StorageError
+
+try:
+    import fcntl
+except ImportError:  # Windows, where a file that is open cannot be removed: that is its lock
+    fcntl = None  # type: ignore[assignment]
+
+_DRAFT = re.compile(r"\..*\.[0-9a-f]{12}\.draft(\.[^.]*)?", re.DOTALL)
+_LONGEST_NAME = 160
+"""Bytes of a file's name that its draft's name repeats: file systems take 255 in all."""
+_drafts: dict[Path, int] = {}
+"""Drafts of this process, with the descriptor that holds each one's lock."""
+_cleared: set[Path] = set()
+_lock = threading.Lock()
+
+
+class WholeFile:
+    """A binary file that is being written: what a program that takes a file object needs.
+
+    It has no ``fileno``, so that numpy, Pillow and others write by :meth:`write` alone, whose
+    failure is an exception, and not beside it, where a full disk may pass unseen.
+    """
+
+    def __init__(self, file: BinaryIO):
+        self._file = file
+        self.error: OSError | None = None
+        """The first refusal of the system."""
+
+    def write(self, data: Any) -> int:
+        try:
+            return self._file.write(data)
+        except OSError as error:
+            self.error = self.error or error
+            raise
+
+    def read(self, size: int = -1) -> bytes:
+        return self._file.read(size)
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        try:
+            return self._file.seek(offset, whence)  # writes what is in its buffer
+        except OSError as error:
+            self.error = self.error or error
+            raise
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def flush(self) -> None:
+        try:
+            self._file.flush()
+        except OSError as error:
+            self.error = self.error or error
+            raise
+
+    def sync(self) -> None:
+        """Wait until the disk has all that was written; several files are then renamed at once."""
+        self.flush()
+        try:
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            self.error = self.error or error
+            raise
+
+    def readable(self) -> bool:
+        return True
+
+    def writable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
 
 
 @contextmanager
-def whole(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path beside ``path``, of the same suffix; move it there on success.
+def whole_file(path: str | Path) -> Iterator[WholeFile]:
+    """A binary file that takes the name ``path`` when the block ends without an exception.
 
-    When the block raises, the temporary file is removed and ``path`` is left as it was.
+    After an exception nothing is left, and a file of that name is as it was.  Raises
+    :class:`StorageError` with the file's name when it cannot be created, written or finished.
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
-        yield draft
-        os.replace(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)
+    with _held_draft(path) as draft:
+        with _named(path):
+            opened = open(draft, "r+b", buffering=1 << 18)
+        file = WholeFile(opened)
+        try:
+            yield file
+            file.sync()
+            opened.close()
+        except BaseException as error:
+            with suppress(OSError):  # a full disk fails again when buffers are flushed
+                opened.close()
+            if file.error:
+                raise cannot_write(path, file.error) from error
+            raise
+        with _named(path):
+            os.replace(draft, path)
+
+
+@contextmanager
+def draft_folder(path: str | Path) -> Iterator[Path]:
+    """A folder beside ``path`` for what it is made of; it is gone when the block ends."""
+    make_folder(Path(path).parent)
+    with _held_draft(Path(path), folder=True) as folder:
+        yield folder
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write UTF-8 text, whole or not at all."""
-    with whole(path) as draft:
-        draft.write_text(text, encoding="utf-8")
+    """Write UTF-8 text, whole or not at all; raises :class:`StorageError` when it cannot."""
+    make_folder(Path(path).parent)
+    with whole_file(path) as file:
+        file.write(text.encode())
 
 
 def write_json(path: str | Path, data: object) -> None:
@@ -36,6 +139,116 @@ def write_json(path: str | Path, data: object) -> None:
     write_text(path, json.dumps(data, indent=2, allow_nan=False) + "\n")
 
 
-def read_json(path: str | Path) -> dict:
+def read_json(path: str | Path) -> Any:
     """Read a JSON file of UTF-8 text."""
     return json.loads(Path(path).read_text(encoding="utf-8"))
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder and those above it; raises :class:`StorageError` when it cannot."""
+    with _named(path):
+        path.mkdir(parents=True, exist_ok=True)
+
+
+def abandon_drafts() -> None:
+    """Remove all drafts of this process, which is about to end without unwinding."""
+    for draft in list(_drafts):
+        _remove(draft)
+
+
+def cannot_write(path: str | Path, error: OSError) -> StorageError:
+    """What to tell the user when the system refuses to write ``path``."""
+    return StorageError(
+        f"cannot be written: {error.strerror or error}",
+        file=path,
+        remedy="Free space on that disk, or choose a folder that can be written",
+    )
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise cannot_write(path, error) from error
+
+
+@contextmanager
+def _held_draft(path: Path, *, folder: bool = False) -> Iterator[Path]:
+    """The name of a new, empty draft of ``path``, held by its lock; removed in the end."""
+    _clear_remains(path.parent)
+    while True:
+        draft = _draft_name(path, "" if folder else path.suffix)
+        with _named(path):
+            if folder:
+                draft.mkdir()
+            else:
+                draft.open("xb").close()
+        with _held(draft) as there:
+            if not there:
+                continue  # another run took it for remains before it was locked
+            try:
+                yield draft
+            finally:
+                _remove(draft)  # a file has its name by now if all went well
+            return
+
+
+def _draft_name(path: Path, suffix: str) -> Path:
+    name = os.fsdecode(os.fsencode(path.name)[:_LONGEST_NAME])
+    return path.with_name(f".{name}.{secrets.token_hex(6)}.draft{suffix}")
+
+
+@contextmanager
+def _held(draft: Path) -> Iterator[bool]:
+    """Hold the lock of a draft; gives whether it is still there."""
+    descriptor, there = -1, True
+    if fcntl is not None:
+        with suppress(OSError):  # a file system without locks: nobody will clear it
+            descriptor = os.open(draft, os.O_RDONLY)
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        there = draft.exists()
+    with _lock:
+        _drafts[draft] = descriptor
+    try:
+        yield there
+    finally:
+        with _lock:
+            del _drafts[draft]
+        if descriptor >= 0:
+            os.close(descriptor)
+
+
+def _clear_remains(folder: Path) -> None:
+    """Remove drafts in ``folder`` whose process is gone; once a process and folder."""
+    folder = folder.absolute()
+    with _lock:
+        if folder in _cleared:
+            return
+        _cleared.add(folder)
+    with suppress(OSError):
+        for entry in os.scandir(folder):
+            if _DRAFT.fullmatch(entry.name):
+                _clear(Path(entry.path))
+
+
+def _clear(draft: Path) -> None:
+    if fcntl is None:
+        with suppress(OSError):
+            draft.unlink()
+        return
+    with suppress(OSError):
+        descriptor = os.open(draft, os.O_RDONLY)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _remove(draft)
+        finally:
+            os.close(descriptor)
+
+
+def _remove(draft: Path) -> None:
+    if draft.is_dir():
+        shutil.rmtree(draft, ignore_errors=True)
+    else:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.cli.command import add_command
-from lfcore.cli.output import check_suffix, write_picture
 from lfcore.cli.progress import progress, say
 from lfcore.cli.render import add_scene, load, open_tracer
 from lfcore.errors import OpticsError
+from lfcore.pictures import check_suffix, write_picture
 
 DESCRIPTION = """\
 Depth (metres along the axis) and disparity (pixels from view to view) of every view of a scene,
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> None:
             depths.save_depth(arguments.output, slab, samples, depth)
         else:
             picture = depths.disparity(slab, depth) if arguments.disparity else depth
-            depths.write_pfm(arguments.output, picture[0])
+            write_picture(arguments.output, picture[0])
         say(f"wrote {arguments.output}")
     if arguments.all_in_focus:
         write_picture(arguments.all_in_focus, _sharp(field, slab, tracer))

@@ -159,9 +159,9 @@ def lightfield(arguments: argparse.Namespace) -> str:
     Raises :class:`LfcoreError` for flags that contradict the header, each other or the picture.
     """
     from lfcore.opencl.device import open_device
+    from lfcore.pictures import write_picture
     from lfcore.refocus.array.device_field import DeviceField
     from lfcore.refocus.array.virtual_camera import VirtualCamera
-    from lfcore.storage.tiled_exr import write_picture
 
     method = chosen_method(arguments)
     image, recorded, _ = imgtool_store.read_lightfield(arguments.input)
@@ -283,8 +283,8 @@ def _check_agreement(flags: dict, recorded: CameraArray, file: Path) -> None:
 
 def focal_surface(arguments: argparse.Namespace, camera):
     """The surface that the focus options describe; a plane at z = 10 by default."""
+    from lfcore.exr import read_exr_picture
     from lfcore.refocus.array import focal_surface as surfaces
-    from lfcore.storage.tiled_exr import read_picture
 
     if arguments.focaldistance is not None:
         return surfaces.at_distance(camera, arguments.focaldistance)
@@ -295,7 +295,7 @@ def focal_surface(arguments: argparse.Namespace, camera):
         x, y, z, radius = arguments.focalsphere
         return surfaces.SphereSurface([x, -y, z], radius)
     if arguments.depthmap is not None:
-        return surfaces.DepthMapSurface(read_picture(arguments.depthmap)[..., 0])
+        return surfaces.DepthMapSurface(read_exr_picture(arguments.depthmap)[..., 0])
     if arguments.focalplanez is None and arguments.camerarot is not None:
         return surfaces.at_distance(camera, 10.0)
     return surfaces.parallel(10.0 if arguments.focalplanez is None else arguments.focalplanez)
@@ -344,35 +344,15 @@ def convert(arguments: argparse.Namespace) -> str:
 
     Raises :class:`LfcoreError` when either file is at fault.
     """
-    import os
+    from lfcore.exr import read_exr_picture
+    from lfcore.pictures import ALL_CODED, check_suffix, write_picture
 
-    import cv2
-
-    from lfcore.colour import linear_to_srgb
-    from lfcore.errors import StorageError
-    from lfcore.storage.tiled_exr import read_picture
-
-    image = np.nan_to_num(read_picture(arguments.input).astype(np.float64)) * arguments.scale
+    check_suffix(arguments.output, ALL_CODED, "output")
+    image = np.nan_to_num(read_exr_picture(arguments.input).astype(np.float64)) * arguments.scale
     if arguments.tonemap:
         image = tonemap(image)
-    encoded = np.rint(linear_to_srgb(np.clip(image, 0, 1)) * 255).astype(np.uint8)
-    output = arguments.output
-    try:
-        done, data = cv2.imencode(output.suffix or ".png", encoded[..., ::-1])
-    except cv2.error:
-        done = False
-    if not done:
-        raise StorageError(
-            f"no encoder for {output.suffix!r}", file=output, remedy="Use .png or .jpg"
-        )
-    temporary = output.with_name(f".{output.name}.{os.getpid()}.part")
-    try:
-        temporary.write_bytes(data.tobytes())
-        os.replace(temporary, output)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise StorageError(f"cannot be written: {error.strerror}", file=output) from None
-    return f"{output}: {image.shape[1]} x {image.shape[0]}"
+    write_picture(arguments.output, image)
+    return f"{arguments.output}: {image.shape[1]} x {image.shape[0]}"
 
 
 def tonemap(image: np.ndarray) -> np.ndarray:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.cli.output import check_suffix
 from lfcore.cli.progress import progress
 from lfcore.optics.array import CameraArray
+from lfcore.pictures import check_suffix
 
 CODECS = ("libx264", "libx265", "libsvtav1", "ffv1")
 VIDEO = ".mkv"
@@ -61,7 +61,6 @@ def save_video(arguments, image: np.ndarray, array: CameraArray, scene: dict) ->
     spec = codec_spec(
         array.cameras[0], arguments.codec, crf=arguments.crf, preset=arguments.preset
     )  # fmt: skip
-    output.parent.mkdir(parents=True, exist_ok=True)
     with progress("encoding", "cameras") as report:
         made = store_array(
             output, image, array, spec, scene=scene, white=arguments.white, progress=report

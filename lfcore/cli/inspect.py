@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.cli.command import add_command
-from lfcore.cli.output import check_suffix, write_picture
 from lfcore.cli.progress import progress, say
 from lfcore.cli.refocus import open_field
+from lfcore.pictures import check_suffix, write_picture
 from lfcore.storage.codecs import LOSSLESS
 
 INFO = """\

@@ -209,7 +209,7 @@ def check_planes(planes: list[SensorPlane], slab, file: Path | None) -> None:
 
 def output_names(path: Path, planes: list[SensorPlane]) -> list[Path]:
     """One name a plane: ``path`` itself for a single one, else numbered and labelled."""
-    from lfcore.pictures import plane_label
+    from lfcore.optics.plane_pictures import plane_label
 
     if len(planes) == 1:
         return [path]

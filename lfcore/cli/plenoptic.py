@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.cli.command import add_command
-from lfcore.cli.output import check_suffix, write_pictures
 from lfcore.cli.planes import distance
 from lfcore.cli.progress import progress, say
 from lfcore.cli.render import load, open_tracer, recorded_camera
+from lfcore.pictures import check_suffix, write_pictures
 
 DESCRIPTION = """\
 Trace a scene through a plenoptic camera: microlenses in the image of a main lens, N x N

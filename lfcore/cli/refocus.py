@@ -9,8 +9,8 @@ import numpy as np
 
 from lfcore.cli import planes as plane_options
 from lfcore.cli.command import add_command
-from lfcore.cli.output import check_suffix, write_pictures
 from lfcore.cli.progress import progress, say
+from lfcore.pictures import check_suffix, write_pictures
 
 DESCRIPTION = """\
 Make pictures from a light field file: focused at any distance, through any aperture that is no

@@ -11,10 +11,10 @@ from pathlib import Path
 from lfcore.cli import imgtool_store, render_view
 from lfcore.cli import planes as plane_options
 from lfcore.cli.command import add_command
-from lfcore.cli.output import check_suffix
 from lfcore.cli.progress import progress, say
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.optics.camera import Camera
+from lfcore.pictures import check_suffix
 from lfcore.storage.pixels import PIXEL_FORMATS
 
 RENDER = """\
@@ -195,7 +195,6 @@ def trace(arguments: argparse.Namespace) -> None:
     )
     layout = frame_layout(slab, arguments.layout, spec.pixel_format)
     tracers = open_tracers(scene, arguments.device)
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
     with progress(f"tracing {slab.rays:,} rays", "elements") as report:
         metadata = record(
             arguments.output, tracers, slab, layout, spec, scene=arguments.scene, progress=report

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import argparse
 
-from lfcore.cli.output import write_picture
 from lfcore.cli.progress import progress, say
 from lfcore.errors import OpticsError
+from lfcore.files import make_folder
+from lfcore.pictures import write_picture
 
 # Options that ask for a square picture from a light slab instead of the scene's own film.
 SLAB_OPTIONS = (
@@ -52,7 +53,7 @@ def render_film(arguments: argparse.Namespace, scene) -> None:
 
     image, view, output = _expose(arguments, scene), scene.view, arguments.output
     if view.kind == LIGHTFIELD and output.suffix.lower() == ".exr":
-        output.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(output.parent)
         extra = {"scene": scene.name, "shutter": list(view.shutter)}
         write_array(output, image, view.array, extra=extra)
     else:

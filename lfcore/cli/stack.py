@@ -11,10 +11,10 @@ import numpy as np
 
 from lfcore.cli import planes as plane_options
 from lfcore.cli.command import add_command
-from lfcore.cli.output import CODED, SUFFIXES, check_suffix, write_picture
 from lfcore.cli.progress import progress, say
 from lfcore.cli.refocus import add_method, make_pictures, open_field, save
 from lfcore.errors import LfcoreError, OpticsError
+from lfcore.pictures import CODED, SUFFIXES, check_suffix, write_picture
 
 DESCRIPTION = """\
 Make a focal stack (one aperture, several focus distances) or an aperture stack (one focus,
@@ -153,12 +153,13 @@ def write_film(path: Path, pictures: np.ndarray, fps: int) -> None:
     """An H.264 film (4:2:0, BT.709, as players want it) of pictures of linear light."""
     import av
 
-    from lfcore.pictures import encode_srgb
-    from lfcore.storage.atomic import whole_file, writing
+    from lfcore.colour import srgb_codes
+    from lfcore.files import make_folder, whole_file
+    from lfcore.storage.segment import named_errors
 
-    path.parent.mkdir(parents=True, exist_ok=True)
     size = pictures.shape[1] + pictures.shape[1] % 2
-    with whole_file(path) as file, writing(path, "encoding the film"):
+    make_folder(path.parent)
+    with whole_file(path) as file, named_errors(path, "encoding the film"):
         with av.open(file, "w", format="mp4") as output:
             stream = output.add_stream("libx264", fps, width=size, height=size)
             stream.pix_fmt = "yuv420p"
@@ -167,7 +168,7 @@ def write_film(path: Path, pictures: np.ndarray, fps: int) -> None:
             context.color_primaries, context.colorspace, context.color_trc = 1, 1, 13
             context.color_range = 1
             for picture in pictures:
-                codes = encode_srgb(picture)
+                codes = srgb_codes(picture)
                 edge = size - len(codes)
                 codes = np.pad(codes, ((0, edge), (0, edge), (0, 0)), mode="edge")
                 frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(codes), format="rgb24")

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from lfcore.colour import linear_to_srgb
+from lfcore.colour import display_values
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.metrics import mse, psnr
 from lfcore.optics.array import CameraArray
@@ -49,7 +49,7 @@ DECIMALS = {"seconds": 4, "mrays_per_second": 3, "rmse": 6, "psnr_db": 3}
 
 def errors(image: np.ndarray, reference: np.ndarray) -> dict[str, float]:
     """``rmse`` of linear radiance and ``psnr_db`` of sRGB codes, clipped to [0, 1]."""
-    codes = (PEAK * linear_to_srgb(np.clip(part, 0.0, 1.0)) for part in (image, reference))
+    codes = (display_values(part) for part in (image, reference))
     return {"rmse": math.sqrt(mse(image, reference)), "psnr_db": psnr(*codes, peak=PEAK)}
 
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from lfcore.colour import linear_to_srgb
+from lfcore.colour import display_values
 from lfcore.evaluation.metrics import psnr, ssim
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
@@ -62,9 +62,9 @@ class Equivalence:
 
     def errors(self) -> Iterator[tuple[Made, np.ndarray]]:
         """Each method with its error maps (P, M, M): root mean square over channels, in codes."""
-        reference = _codes(self.made[0].pictures)
+        reference = display_values(self.made[0].pictures)
         for one in self.made[1:]:
-            yield one, np.sqrt(np.square(_codes(one.pictures) - reference).mean(axis=-1))
+            yield one, np.sqrt(np.square(display_values(one.pictures) - reference).mean(axis=-1))
 
 
 def equivalence(
@@ -181,7 +181,7 @@ def _plenoptic(tracer, camera, planes) -> list[Made]:
 
 def _rows(scene, slab, planes, made: Made, reference, rays) -> Iterator[dict]:
     for plane, picture, truth in zip(planes, made.pictures, reference, strict=True):
-        ours, theirs = _codes(picture), _codes(truth)
+        ours, theirs = display_values(picture), display_values(truth)
         inside = _inside(slab, plane)
         trace, refocus = made.trace / len(planes), made.refocus / len(planes)
         yield {
@@ -203,10 +203,6 @@ def _rows(scene, slab, planes, made: Made, reference, rays) -> Iterator[dict]:
             "refocus_seconds": refocus,
             "seconds": trace + refocus,
         }
-
-
-def _codes(pictures: np.ndarray) -> np.ndarray:
-    return PEAK * linear_to_srgb(np.clip(pictures, 0, 1))
 
 
 def _inside(slab: Slab, plane: SensorPlane) -> np.ndarray:

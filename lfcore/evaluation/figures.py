@@ -16,8 +16,9 @@ from matplotlib import font_manager
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
-from lfcore.files import whole
-from lfcore.pictures import encode_srgb
+from lfcore.colour import srgb_codes
+from lfcore.files import make_folder, whole_file
+from lfcore.pictures import write_picture
 
 PANEL_PX = 256
 GAP_PX = 10
@@ -52,7 +53,7 @@ def contact_sheet(
     """
     if not len(pictures) or len(pictures) != len(labels):
         raise ValueError(f"{len(pictures)} pictures and {len(labels)} labels make no sheet")
-    panels = [_panel(encode_srgb(picture), panel_px) for picture in pictures]
+    panels = [_panel(srgb_codes(picture), panel_px) for picture in pictures]
     width, height = panels[0].size
     columns = min(columns or len(panels), len(panels))
     rows = math.ceil(len(panels) / columns)
@@ -70,8 +71,7 @@ def contact_sheet(
         y = GAP_PX + (index // columns) * (height + LABEL_PX + GAP_PX)
         sheet.paste(panel, (x, y))
         draw.text((x + width / 2, y + height + 4), label, INK, font, anchor="ma")
-    with whole(path) as draft:
-        sheet.save(draft)
+    write_picture(path, np.asarray(sheet))
 
 
 def _panel(codes: np.ndarray, panel_px: int) -> Image.Image:
@@ -139,5 +139,6 @@ def _curve(axis, x, y, style: str, colour: str, label: str | None) -> None:
 
 def save_figure(path: str | Path, figure: Figure, *, dpi: int = 130) -> None:
     """Write a matplotlib figure as PNG, without the date: equal figures are equal files."""
-    with whole(path) as draft:
-        figure.savefig(draft, dpi=dpi, metadata={"Software": None})
+    make_folder(Path(path).parent)
+    with whole_file(path) as file:
+        figure.savefig(file, format="png", dpi=dpi, metadata={"Software": None})

@@ -9,18 +9,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from lfcore.colour import srgb_decode
 from lfcore.evaluation.figures import contact_sheet
-from lfcore.files import whole
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture
+from lfcore.pictures import write_picture
 from lfcore.rendering.plenoptic import photograph, refocus_photograph
-from lfcore.storage.colour import srgb_decode
 from lfcore.tracing.tracer import Tracer
 
 PANEL_PX = 384
 LENSES_SHOWN = 24
 """Along a side of the detail, so that single microlenses are seen."""
-PNG_COMPRESSION = 3
 INSET = 2
 """Views are shown from this many samples within the left and right end of the lens."""
 
@@ -55,10 +54,7 @@ def take(
 
 def write_photograph(path: str | Path, picture: Photograph) -> None:
     """The whole photograph as PNG, M N x M N pixels."""
-    with whole(path) as draft:
-        cv2.imwrite(
-            str(draft), picture.pixels[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, PNG_COMPRESSION]
-        )
+    write_picture(path, picture.pixels)
 
 
 def panels(

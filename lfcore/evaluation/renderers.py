@@ -24,7 +24,7 @@ from types import ModuleType
 import cv2
 import numpy as np
 
-from lfcore.colour import linear_to_srgb
+from lfcore.colour import display_values
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.evaluation.metrics import psnr, ssim
@@ -97,17 +97,13 @@ def _row(one: Rendered, truth: np.ndarray) -> dict:
     row = {"method": one.method, "rays_per_pixel": one.rays, "note": one.note}
     if one.picture is None:
         return row | dict.fromkeys(("psnr_db", "ssim", "seconds", "mrays_per_second"))
-    ours, theirs = _codes(one.picture), _codes(truth)
+    ours, theirs = display_values(one.picture), display_values(truth)
     return row | {
         "psnr_db": psnr(ours, theirs, peak=PEAK),
         "ssim": ssim(ours, theirs, peak=PEAK),
         "seconds": one.seconds,
         "mrays_per_second": truth.shape[0] ** 2 * one.rays / one.seconds / 1e6,
     }
-
-
-def _codes(picture: np.ndarray) -> np.ndarray:
-    return PEAK * linear_to_srgb(np.clip(picture, 0, 1))
 
 
 def spread_picture(

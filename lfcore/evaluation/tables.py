@@ -14,7 +14,7 @@ from pathlib import Path
 import pandas as pd
 
 from lfcore.errors import LfcoreError
-from lfcore.files import whole, write_text
+from lfcore.files import write_text
 
 THESIS_FILE = Path(__file__).with_name("thesis_tables.csv")
 MIB = 2**20
@@ -153,8 +153,7 @@ def sizes(*, rays: int, video_bytes: int) -> dict[str, float]:
 
 def write_csv(path: str | Path, table: pd.DataFrame) -> None:
     """Write any table as CSV; infinities as ``inf``, unknown cells empty."""
-    with whole(path) as draft:
-        table.to_csv(draft, index=False, lineterminator="\n")
+    write_text(path, table.to_csv(index=False, lineterminator="\n"))
 
 
 def write_markdown(path: str | Path, table: pd.DataFrame, *, title: str, caption: str) -> None:

@@ -6,7 +6,6 @@ whatever order and on however many threads or tiles they were added.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.errors import OpticsError
+from lfcore.files import whole_file
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 
@@ -104,14 +104,8 @@ class PlaneSums:
     def save(self, path: str | Path) -> None:
         """Write the region and sums (npz), whole or not at all; slab and planes are the
         configuration's."""
-        part = Path(f"{path}.part")
-        try:
-            with open(part, "wb") as file:
-                np.savez(file, sums=self.sums, corner=np.array([self.left, self.top]))
-            os.replace(part, path)
-        except BaseException:
-            part.unlink(missing_ok=True)
-            raise
+        with whole_file(path) as file:
+            np.savez(file, sums=self.sums, corner=np.array([self.left, self.top]))
 
     @classmethod
     def load(cls, path: str | Path, slab: Slab, planes: list[SensorPlane]) -> PlaneSums:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.colour import srgb_decode
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, build_program, cl, open_device
 from lfcore.optics.plane_sums import FIXED_ONE
@@ -21,7 +22,6 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.resampling import check_filter, crop, normalise, taps
 from lfcore.refocus.stored_views import add_frames
-from lfcore.storage.colour import srgb_decode
 from lfcore.storage.lightfield import LightField
 
 GROUP_BYTES = 64 << 20

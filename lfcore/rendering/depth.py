@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.errors import OpticsError
+from lfcore.files import whole_file
 from lfcore.optics import bundles
 from lfcore.optics.slab import Slab
-from lfcore.storage.atomic import whole_file, writing
 from lfcore.tracing.tracer import Tracer
 
 VIEWS_AT_A_TIME_RAYS = 1 << 24
@@ -135,9 +135,8 @@ def save_depth(path: str | Path, slab: Slab, samples: np.ndarray, depth: np.ndar
     Arrays: ``depth_m`` and ``disparity_px`` (K, M, M) float32, ``samples`` (K, 2) int32,
     ``slab`` the bytes of the JSON.
     """
-    path = Path(path)
     header = np.frombuffer(json.dumps(slab.to_json()).encode(), np.uint8)
-    with whole_file(path) as file, writing(path, "writing depths"):
+    with whole_file(path) as file:
         np.savez_compressed(
             file,
             depth_m=depth,
@@ -145,14 +144,3 @@ def save_depth(path: str | Path, slab: Slab, samples: np.ndarray, depth: np.ndar
             samples=np.asarray(samples, np.int32),
             slab=header,
         )
-
-
-def write_pfm(path: str | Path, picture: np.ndarray) -> None:
-    """Write (H, W) or (H, W, 3) float32 as a Portable FloatMap: little-endian, last row first."""
-    path, picture = Path(path), np.asarray(picture, "<f4")
-    if picture.ndim not in (2, 3) or picture.shape[2:] not in ((), (3,)):
-        raise OpticsError(f"a float map is (H, W) or (H, W, 3), not {picture.shape}", file=path)
-    kind = "Pf" if picture.ndim == 2 else "PF"
-    head = f"{kind}\n{picture.shape[1]} {picture.shape[0]}\n-1.0\n".encode("ascii")
-    with whole_file(path) as file, writing(path, "writing a float map"):
-        file.write(head + np.ascontiguousarray(picture[::-1]).tobytes())

@@ -6,12 +6,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from lfcore.colour import to_uint8
 from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera, sub_apertures
 from lfcore.refocus.shift_sum import shift_sum_views
-from lfcore.storage.colour import rgb_from_planes, to_uint8
 from lfcore.storage.layout import FrameLayout
+from lfcore.storage.ycbcr import rgb_from_planes
 from lfcore.tracing.tracer import Tracer
 
 TILE_RAYS = 1 << 24

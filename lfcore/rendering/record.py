@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import tempfile
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
+from lfcore.files import draft_folder
 from lfcore.optics.slab import Slab
 from lfcore.rendering.depth import depth_range
 from lfcore.storage.codecs import CODECS, CodecSpec
@@ -83,8 +83,8 @@ def record(
     tiles = layout.tiles(TILE_RAYS, least=max(2, len(tracers)))
     count, lock = _Elements(progress, layout.outer**2), threading.Lock()
     free = list(tracers)
-    with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
-        segments = [Path(folder) / f"{tile.index:04d}.mp4" for tile in tiles]
+    with draft_folder(path) as folder:
+        segments = [folder / f"{tile.index:04d}.mp4" for tile in tiles]
 
         def one(tile: Tile) -> None:
             with lock:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lfcore.colour import srgb_to_linear
+from lfcore.colour import srgb_decode
 from lfcore.scene.parts import Colour
 
 
@@ -19,5 +19,5 @@ def parse_colour(value: str | list[float]) -> Colour:
 def hex_colour(code: str) -> Colour:
     """``"#rrggbb"``, sRGB, to linear RGB."""
     encoded = np.array([int(code[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
-    red, green, blue = srgb_to_linear(encoded).tolist()
+    red, green, blue = srgb_decode(encoded).tolist()
     return red, green, blue

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import zipfile
 from dataclasses import asdict
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.errors import OpticsError, SceneError
+from lfcore.files import whole_file
 from lfcore.optics.camera import Camera
 from lfcore.scene.model import Light, Material, Motion, Scene
 from lfcore.scene.needs import Needs
@@ -30,18 +30,12 @@ ARRAYS = {
 
 def save_scene(path: str | Path, scene: Scene) -> None:
     """Write ``scene``; equal scenes give equal bytes. The file appears only when whole."""
-    path = Path(path)
     arrays = {name: np.ascontiguousarray(getattr(scene, name), ARRAYS[name][0]) for name in ARRAYS}
     for index, texture in enumerate(scene.textures):
         arrays[f"texture_{index:04d}"] = np.ascontiguousarray(texture, np.uint8)
     header = json.dumps(_header(scene), sort_keys=True).encode()
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as stream:
-            np.savez(stream, header=np.frombuffer(header, np.uint8), **arrays)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with whole_file(path) as file:
+        np.savez(file, header=np.frombuffer(header, np.uint8), **arrays)
 
 
 def _header(scene: Scene) -> dict:

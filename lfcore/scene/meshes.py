@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.colour import srgb_to_linear
+from lfcore.colour import srgb_decode
 from lfcore.errors import SceneError
 from lfcore.scene.parts import Colour, Part, Surface
 from lfcore.scene.smoothing import crease_normals
@@ -237,7 +237,7 @@ def _colours(visual, faces: np.ndarray, path: Path) -> np.ndarray | None:
             return None
         corner = np.asarray(attribute)[faces]
     colours = _unit(corner)[..., :3]
-    return colours if path.suffix.lower() in LINEAR_COLOUR_FORMATS else srgb_to_linear(colours)
+    return colours if path.suffix.lower() in LINEAR_COLOUR_FORMATS else srgb_decode(colours)
 
 
 def _unit(values) -> np.ndarray:

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from lfcore.colour import srgb_to_linear
+from lfcore.colour import srgb_decode
 from lfcore.errors import SceneError
 from lfcore.optics.camera import Camera
 from lfcore.scene.model import POINT, Scene
@@ -126,7 +126,7 @@ class Description:
                 f"the emission of material {material.name!r} over a texture is not exported",
                 key=scene.name,
             )
-        texels = srgb_to_linear(scene.textures[material.texture] / 255.0) * diffuse
+        texels = srgb_decode(scene.textures[material.texture] / 255.0) * diffuse
         bitmap = self.mitsuba.Bitmap(np.ascontiguousarray(texels, np.float32))
         return {"type": "bitmap", "bitmap": bitmap, "filter_type": "bilinear", "raw": True}
 

@@ -12,11 +12,11 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
-from lfcore.colour import linear_to_srgb, srgb_to_linear
+from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.errors import SceneError
 from lfcore.optics.camera import Camera
+from lfcore.pictures import write_picture
 from lfcore.scene.model import POINT, Scene
 
 FILE = "scene.pov"
@@ -98,9 +98,9 @@ def _texture(scene: Scene, index: int, folder: Path) -> str:
     diffuse = np.array(material.diffuse)
     pigment = f"rgb {_vector(diffuse)}"
     if _textured(scene, index):
-        linear = srgb_to_linear(scene.textures[material.texture] / 255.0) * diffuse
-        codes = np.rint(255 * linear_to_srgb(np.clip(linear, 0, 1))).astype(np.uint8)
-        Image.fromarray(codes).save(folder / f"{index}.png")
+        linear = srgb_decode(scene.textures[material.texture] / 255.0) * diffuse
+        codes = srgb_codes(linear)
+        write_picture(folder / f"{index}.png", codes)
         pigment = f'uv_mapping image_map {{ png "{index}.png" interpolate 2 }}'
     finish = f"ambient rgb {_vector(scene.ambient)} diffuse 1"
     if any(material.emission):

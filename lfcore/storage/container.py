@@ -11,13 +11,13 @@ import av
 
 from lfcore import __version__
 from lfcore.errors import StorageError
+from lfcore.files import whole_file
 from lfcore.optics.slab import Slab
-from lfcore.storage.atomic import whole_file, writing
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.decoding import FRAME_RATE, ticks_per_frame
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import TAG, Metadata, Segment
-from lfcore.storage.segment import SegmentInfo, SegmentReader
+from lfcore.storage.segment import SegmentInfo, SegmentReader, named_errors
 
 FRAME_MS = 1000 // FRAME_RATE
 """Milliseconds, Matroska's unit of time, from one frame to the next; exact."""
@@ -78,7 +78,7 @@ def join_segments(
         content=content or {},
     )
     metadata.check()
-    with whole_file(path) as file, writing(path, "joining segments"):
+    with whole_file(path) as file, named_errors(path, "joining segments"):
         _mux(file, readers, metadata, reorder, progress or (lambda done, total: None))
     return metadata
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 import zlib
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -18,7 +19,7 @@ import numpy as np
 from av.error import FFmpegError
 
 from lfcore.errors import StorageError
-from lfcore.storage.atomic import whole_file, writing
+from lfcore.files import cannot_write, whole_file
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.decoding import (
     FRAME_RATE,
@@ -84,7 +85,7 @@ class SegmentWriter:
         context.options = options
 
     def _named_errors(self):
-        return writing(self.path, f"encoding with {self.spec.codec}")
+        return named_errors(self.path, f"encoding with {self.spec.codec}")
 
     def write(self, frames: np.ndarray) -> None:
         """Encode ``frames`` (F, frame_bytes) uint8; the array may be overwritten afterwards."""
@@ -116,6 +117,20 @@ class SegmentWriter:
                 self._scope.__exit__(*sys.exc_info())
                 raise
         self._scope.__exit__(kind, error, trace)
+
+
+@contextmanager
+def named_errors(path: Path, what: str) -> Iterator[None]:
+    """Turn errors of the system and of FFmpeg into :class:`StorageError` with the file's name.
+
+    ``what`` says in words what was being done, e.g. "encoding with libx264".
+    """
+    try:
+        yield
+    except FFmpegError as error:
+        raise StorageError(f"{what} failed: {error.strerror or error}", file=path) from error
+    except OSError as error:
+        raise cannot_write(path, error) from error
 
 
 @dataclass(frozen=True)

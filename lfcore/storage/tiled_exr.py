@@ -9,7 +9,6 @@ geometry must then come from elsewhere.
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +16,8 @@ import numpy as np
 import OpenEXR
 
 from lfcore.errors import OpticsError, StorageError
+from lfcore.exr import exr_bytes, read_exr
+from lfcore.files import whole_file
 from lfcore.optics.array import CameraArray
 
 ATTRIBUTE = "lightfield"
@@ -62,15 +63,8 @@ def write_array(
         tiles = OpenEXR.TileDescription()
         tiles.xSize, tiles.ySize = array.tile
         header |= {"type": OpenEXR.tiledimage, "tiles": tiles}
-    _write(path, image, header, half)
-
-
-def write_picture(path: str | Path, image: np.ndarray, *, half: bool = False) -> None:
-    """Write one linear picture (H, W, 3) as a scanline EXR.
-
-    Raises :class:`StorageError` when the file cannot be written.
-    """
-    _write(path, image, {}, half)
+    with whole_file(path) as file:
+        file.write(exr_bytes(image, header, half=half))
 
 
 def read_array(path: str | Path) -> TiledPicture:
@@ -80,7 +74,7 @@ def read_array(path: str | Path) -> TiledPicture:
     ------
     StorageError : not an EXR, no colour channels, or a header that contradicts the picture.
     """
-    image, header = _read(path)
+    image, header = read_exr(path)
     text = header.get(ATTRIBUTE)
     if text is None:
         return TiledPicture(image, None, {})
@@ -100,52 +94,3 @@ def read_array(path: str | Path) -> TiledPicture:
             remedy="Write the light field again",
         ) from None
     return TiledPicture(image, array, description.get("extra", {}))
-
-
-def read_picture(path: str | Path) -> np.ndarray:
-    """(H, W, 3) float32 of any EXR; a single channel is repeated.
-
-    Raises :class:`StorageError` for a file that is no EXR.
-    """
-    return _read(path)[0].astype(np.float32)
-
-
-def _read(path: str | Path) -> tuple[np.ndarray, dict]:
-    try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
-            header = dict(file.header())
-            channels = {name: channel.pixels for name, channel in file.channels().items()}
-    except Exception as error:  # the package raises RuntimeError, ValueError and more
-        if not Path(path).exists():
-            raise StorageError("no such file", file=path, remedy="Check the path") from None
-        raise StorageError(
-            f"not a readable EXR: {error}", file=path, remedy="Write the file again"
-        ) from None
-    if {"R", "G", "B"} <= set(channels):
-        planes = [channels[name] for name in "RGB"]
-    elif "Y" in channels or len(channels) == 1:
-        planes = [channels.get("Y", next(iter(channels.values())))] * 3
-    else:
-        raise StorageError(f"has channels {sorted(channels)}, not R, G, B", file=path)
-    dtype = np.float16 if all(p.dtype == np.float16 for p in planes) else np.float32
-    return np.stack([np.asarray(plane, dtype) for plane in planes], -1), header
-
-
-def _write(path: str | Path, image: np.ndarray, header: dict, half: bool) -> None:
-    path = Path(path)
-    if image.ndim != 3 or image.shape[2] != 3:
-        raise StorageError(f"a picture is (H, W, 3), not {image.shape}", file=path)
-    pixels = np.ascontiguousarray(image, np.float16 if half else np.float32)
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | header
-    # Moved into place when whole: a file that looks finished is finished.
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with OpenEXR.File(header, {"RGB": pixels}) as file:
-            file.write(str(temporary))
-        os.replace(temporary, path)
-    except (OSError, RuntimeError, ValueError) as error:
-        temporary.unlink(missing_ok=True)
-        reason = getattr(error, "strerror", None) or error
-        raise StorageError(
-            f"cannot be written: {reason}", file=path, remedy="Check the folder and free space"
-        ) from None

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from lfcore.storage.colour import rgb_from_planes, to_uint8
+from lfcore.colour import to_uint8
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.pixels import pixel_format
+from lfcore.storage.ycbcr import rgb_from_planes
 
 FULL = {8: "yuv444p", 10: "yuv444p10le"}
 """Formats of as many bits whose chroma is not subsampled."""

@@ -13,7 +13,6 @@ tree), ``bvh_wide`` (the collapse to 16 children) and ``bvh_check`` (invariants)
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -21,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.errors import SceneError
+from lfcore.files import whole_file
 from lfcore.tracing import bvh_check
 from lfcore.tracing.bvh_binary import build_binary
 from lfcore.tracing.bvh_check import Statistics
@@ -158,14 +158,8 @@ def _leaf_ids(tree, leaves: np.ndarray) -> np.ndarray:
 
 def save_bvh(path: str | Path, bvh: Bvh) -> None:
     """Write ``bvh`` to ``path`` (.npz), whole or not at all."""
-    path = Path(path)
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as file:
-            np.savez(file, **{f.name: getattr(bvh, f.name) for f in fields(Bvh)})
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with whole_file(path) as file:
+        np.savez(file, **{f.name: getattr(bvh, f.name) for f in fields(Bvh)})
 
 
 def load_bvh(path: str | Path) -> Bvh:

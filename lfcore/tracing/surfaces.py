@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lfcore.colour import srgb_to_linear
+from lfcore.colour import srgb_decode
 from lfcore.scene.model import POINT, Light, Scene
 from lfcore.scene.needs import Needs
 
@@ -125,7 +125,7 @@ def _mip_chain(texture: np.ndarray) -> Iterator[np.ndarray]:
     """Linear float32 (H, W, 3), then halves of it down to one texel."""
     import cv2  # loaded for textures alone
 
-    decode = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)
+    decode = srgb_decode(np.arange(256) / 255.0).astype(np.float32)
     linear = decode[texture]
     yield linear
     for _ in range(MIP_LEVELS - 1):

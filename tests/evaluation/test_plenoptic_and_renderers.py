@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from lfcore.colour import srgb_decode
 from lfcore.evaluation import renderers
 from lfcore.evaluation.plenoptic_figure import (
     detail,
@@ -14,7 +15,6 @@ from lfcore.evaluation.plenoptic_figure import (
     write_photograph,
 )
 from lfcore.evaluation.storage.table import make_table
-from lfcore.storage.colour import srgb_decode
 
 
 @pytest.fixture(scope="module")

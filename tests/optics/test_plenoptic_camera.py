@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lfcore.cli import main
+from lfcore.colour import srgb_decode
 from lfcore.errors import OpticsError
 from lfcore.optics import bundles
 from lfcore.optics.camera import Camera
@@ -15,7 +16,6 @@ from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture, sub_apertures
 from lfcore.rendering.direct import trace_planes
 from lfcore.rendering.plenoptic import photograph, refocus_photograph
 from lfcore.scene.build import build_scene
-from lfcore.storage.colour import srgb_decode
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 

@@ -7,8 +7,10 @@ import OpenEXR
 import pytest
 
 from lfcore.errors import OpticsError, StorageError
+from lfcore.exr import read_exr_picture
 from lfcore.optics.array import CameraArray
-from lfcore.storage.tiled_exr import ATTRIBUTE, read_array, read_picture, write_array, write_picture
+from lfcore.pictures import write_picture
+from lfcore.storage.tiled_exr import ATTRIBUTE, read_array, write_array
 
 
 @pytest.fixture
@@ -50,10 +52,10 @@ def test_a_foreign_exr_has_no_geometry(tmp_path, image):
 def test_single_channels_and_missing_channels(tmp_path):
     plane = np.random.default_rng(0).random((4, 6), np.float32)
     OpenEXR.File({}, {"Y": plane}).write(str(tmp_path / "y.exr"))
-    np.testing.assert_array_equal(read_picture(tmp_path / "y.exr")[..., 2], plane)
+    np.testing.assert_array_equal(read_exr_picture(tmp_path / "y.exr")[..., 2], plane)
     OpenEXR.File({}, {"A": plane, "Z": plane}).write(str(tmp_path / "az.exr"))
     with pytest.raises(StorageError, match="channels"):
-        read_picture(tmp_path / "az.exr")
+        read_exr_picture(tmp_path / "az.exr")
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from lfcore.cli import imgtool
+from lfcore.exr import read_exr_picture
 from lfcore.optics.array import CameraArray
-from lfcore.storage.tiled_exr import read_picture, write_array, write_picture
+from lfcore.pictures import write_picture
+from lfcore.storage.tiled_exr import write_array
 
 GRID = (-0.6, 0.6, -0.4, 0.4)
 
@@ -56,7 +58,7 @@ def test_header_and_flags_give_the_same_picture(files, options):
         folder, "lightfield", *options, *FLAGS, folder / "pbrt.exr", folder / "b.exr"
     )
     assert status == 0 and "outside the array" in lines[0]
-    ours, pbrt = read_picture(folder / "a.exr"), read_picture(folder / "b.exr")
+    ours, pbrt = read_exr_picture(folder / "a.exr"), read_exr_picture(folder / "b.exr")
     assert ours.shape == (14, 20, 3) and ours.any()
     np.testing.assert_allclose(ours, pbrt, atol=1e-6)
     agree = run(folder, "lightfield", *options, *FLAGS, folder / "ours.exr", folder / "c.exr")
@@ -69,7 +71,7 @@ def test_top_left_tile_is_the_top_left_camera(files, array):
     options = ["--camerapos", GRID[0], GRID[3], 0, "--outputfov", 50, "--outputdim", 32, 32]
     options += ["--filterwidth", 0.01]
     assert run(folder, "lightfield", *options, folder / "ours.exr", folder / "t.exr")[0] == 0
-    np.testing.assert_allclose(read_picture(folder / "t.exr"), image[:32, :32], atol=1e-4)
+    np.testing.assert_allclose(read_exr_picture(folder / "t.exr"), image[:32, :32], atol=1e-4)
 
 
 def test_defaults_are_the_assignments():
@@ -103,7 +105,7 @@ def test_both_years_command_lines_are_taken_as_they_are(files, line, method):
     status, lines = run(folder, "lightfield", *words)
     assert status == 0 and method in lines[0] and "outside the array" in lines[0]
     size = int(line.split()[-1])
-    assert read_picture(folder / "year.exr").shape == (size, size, 3)
+    assert read_exr_picture(folder / "year.exr").shape == (size, size, 3)
 
 
 @pytest.mark.parametrize(
@@ -143,7 +145,7 @@ def test_realistic_lens(files, tmp_path):
     options = ["--lens", tmp_path / "lens.dat", "--samplesperpixel", 8, "--outputdim", 12, 8]
     options += ["--focaldistance", 5, "--filmdiagonal", 20, "--aperturediameter", 8]
     assert run(folder, "lightfield", *options, folder / "ours.exr", folder / "r.exr")[0] == 0
-    assert 0.2 < read_picture(folder / "r.exr")[3:5, 5:7].mean() < 0.9
+    assert 0.2 < read_exr_picture(folder / "r.exr")[3:5, 5:7].mean() < 0.9
 
 
 def test_convert(tmp_path, capsys):

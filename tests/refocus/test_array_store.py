@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from lfcore.cli import imgtool, main
+from lfcore.colour import srgb_encode
 from lfcore.errors import OpticsError
 from lfcore.evaluation.metrics import psnr
+from lfcore.exr import read_exr_picture
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
@@ -15,8 +17,7 @@ from lfcore.refocus.api import LightField
 from lfcore.refocus.array.stored import read_stored, store_array
 from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.colour import srgb_encode
-from lfcore.storage.tiled_exr import read_array, read_picture, write_array
+from lfcore.storage.tiled_exr import read_array, write_array
 
 LOSSLESS = CodecSpec("ffv1", "yuv444p", crf=0, preset=None, tune=None)
 SCENE = {"name": "waves", "digest": "0123"}
@@ -134,7 +135,7 @@ def test_store_tiles_and_synthesis_on_the_command_line(array, image, tmp_path, c
     options = ["--focalplanez", 2, "--filterwidth", 0.2, "--outputdim", 16, 16]
     for source, out in ((exr, "x.exr"), (mkv, "y.exr")):
         assert run("lightfield", *options, source, tmp_path / out)[0] == 0
-    a, b = (codes(read_picture(tmp_path / out), 2.4) for out in ("x.exr", "y.exr"))
+    a, b = (codes(read_exr_picture(tmp_path / out), 2.4) for out in ("x.exr", "y.exr"))
     assert np.abs(a - b).max() < CODE
     assert main(["info", str(mkv)]) == 0
     assert "camera array, 5 x 5" in capsys.readouterr().out

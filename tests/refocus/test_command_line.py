@@ -10,7 +10,7 @@ from PIL import Image
 
 import lfcore
 from lfcore.cli import COMMANDS, main
-from lfcore.storage.tiled_exr import read_picture
+from lfcore.exr import read_exr_picture
 
 CHART = Path(__file__).parents[2] / "scenes" / "chart"
 SIZE, VIEWS = 24, 4
@@ -42,7 +42,7 @@ def test_refocus_equals_the_library(recorded, tmp_path):
     assert picture.dtype == np.float32
     np.testing.assert_array_equal(np.load(out), picture)
     assert main([*command[:-1], str(tmp_path / "out.exr")]) == 0
-    np.testing.assert_array_equal(read_picture(tmp_path / "out.exr"), picture)
+    np.testing.assert_array_equal(read_exr_picture(tmp_path / "out.exr"), picture)
 
 
 def test_methods_and_filters(recorded, tmp_path):
@@ -151,11 +151,11 @@ def test_a_pinhole_has_no_focus(tmp_path):
         out = tmp_path / f"{focus}.exr"
         options = ["--pinhole", "--focus", focus, "--size", "16", "-o", str(out)]
         assert main(["render", str(CHART), *options]) == 0
-        made.append(read_picture(out))
+        made.append(read_exr_picture(out))
     np.testing.assert_allclose(made[0], made[1], atol=1e-4)
     out = tmp_path / "lens.exr"
     assert main(["render", str(CHART), "--focus", "1", "--size", "16", "-o", str(out)]) == 0
-    assert np.abs(read_picture(out) - made[0]).max() > 0.03
+    assert np.abs(read_exr_picture(out) - made[0]).max() > 0.03
     assert main(["render", str(CHART), "--pinhole", "--views", "4", "-o", str(out)]) == 1
 
 
@@ -254,7 +254,7 @@ def test_a_pbrt_file_is_a_scene(tmp_path):
         'Shape "sphere" "float radius" 1\n'
     )
     assert main(["render", str(scene), "-o", str(out), "--size", "24", "--views", "2"]) == 0
-    picture = read_picture(out)
+    picture = read_exr_picture(out)
     assert picture[12, 12, 0] > 2 * picture[12, 12, 1] > 0
     pinhole = tmp_path / "pinhole.exr"
     assert main(["render", str(scene), "-o", str(pinhole), "--size", "24", "--pinhole"]) == 0

@@ -7,11 +7,12 @@ import pytest
 
 from lfcore.cli import main
 from lfcore.errors import OpticsError
+from lfcore.exr import read_exr_picture
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.array import trace_array
 from lfcore.rendering.photograph import direct_thin_lens, photograph
 from lfcore.scene.pbrt import build_pbrt_scene
-from lfcore.storage.tiled_exr import read_array, read_picture
+from lfcore.storage.tiled_exr import read_array
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -99,7 +100,7 @@ def test_render_writes_film_and_geometry(scene, tmp_path):
     assert found.array == made.view.array and found.extra["shutter"] == [0, 0]
     np.testing.assert_array_equal(found.image, photograph(made))
     assert main(["render", file, "-o", str(tmp_path / "x.exr"), "--size", "16"]) == 0
-    assert read_picture(tmp_path / "x.exr").shape == (16, 16, 3)
+    assert read_exr_picture(tmp_path / "x.exr").shape == (16, 16, 3)
 
 
 def test_options_of_film_and_slab_exclude_each_other(scene, tmp_path, capsys):

@@ -18,10 +18,10 @@ from lfcore.refocus.shift_sum import ViewSummer, shift_sum, shift_sum_views
 from lfcore.refocus.shift_sum_reference import shift_sum_reference
 from lfcore.refocus.slicing import form_planes
 from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.colour import frames_from_rgb
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentWriter
+from lfcore.storage.ycbcr import frames_from_rgb
 
 CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
 PLANES = [

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lfcore.colour import srgb_decode
 from lfcore.opencl.device import cl, open_device
 from lfcore.optics.camera import Camera
 from lfcore.optics.plane_sums import FIXED_ONE, targets
@@ -11,7 +12,6 @@ from lfcore.optics.slab import Slab
 from lfcore.oracle import colour as truth
 from lfcore.refocus.slicing import PlaneFormer, form_planes
 from lfcore.refocus.stored_views import FrameSummer
-from lfcore.storage.colour import srgb_decode
 from lfcore.storage.container import join_segments
 from lfcore.storage.defaults import default_spec
 from lfcore.storage.layout import FrameLayout

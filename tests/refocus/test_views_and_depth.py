@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from lfcore.cli import main
-from lfcore.errors import OpticsError
+from lfcore.errors import LfcoreError, OpticsError
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
+from lfcore.pictures import write_picture
 from lfcore.rendering import depth as depths
 from lfcore.scene.model import Material, Scene
 from lfcore.storage.lightfield import LightField
@@ -88,12 +89,12 @@ def test_all_in_focus_has_both_walls_sharp(tracer):
 
 def test_float_maps_and_archives(tmp_path):
     picture = np.arange(6, dtype=np.float32).reshape(2, 3)
-    depths.write_pfm(tmp_path / "a.pfm", picture)
+    write_picture(tmp_path / "a.pfm", picture)
     data = (tmp_path / "a.pfm").read_bytes()
     assert data.startswith(b"Pf\n3 2\n-1.0\n")
     np.testing.assert_array_equal(np.frombuffer(data[-24:], "<f4"), [3, 4, 5, 0, 1, 2])
-    with pytest.raises(OpticsError, match="float map"):
-        depths.write_pfm(tmp_path / "b.pfm", picture[0])
+    with pytest.raises(LfcoreError, match="float map"):
+        write_picture(tmp_path / "b.pfm", picture[0])
     slab = Slab(CAMERA, 1, 2)
     depths.save_depth(tmp_path / "d.npz", slab, [(0, 0)], np.full((1, 2, 2), 2.0, np.float32))
     with np.load(tmp_path / "d.npz") as archive:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lfcore.colour import linear_to_srgb
+from lfcore.colour import srgb_encode
 from lfcore.errors import SceneError
 from lfcore.evaluation.metrics import psnr
 from lfcore.evaluation.renderers import mitsuba, povray, spread_picture
@@ -117,7 +117,7 @@ def test_other_programs_see_the_same_picture(chart, render, installed):
         assert made.picture is None and "not installed" in made.note
         pytest.skip(made.note)
     truth = spread_picture(tracer, plane, 48, 16, 4)
-    ours, theirs = (255 * linear_to_srgb(np.clip(p, 0, 1)) for p in (made.picture, truth))
+    ours, theirs = (255 * srgb_encode(np.clip(p, 0, 1)) for p in (made.picture, truth))
     # A lens twice or half as wide, or a picture half a pixel aside, is below 30 dB.
     assert psnr(ours, theirs, peak=255) > 33
     assert made.picture.mean() == pytest.approx(truth.mean(), rel=0.01)

@@ -11,9 +11,9 @@ import pytest
 
 from lfcore.cli import main
 from lfcore.errors import SceneError
+from lfcore.exr import read_exr_picture
 from lfcore.scene.model import DIRECTIONAL, POINT
 from lfcore.scene.pbrt import build_pbrt_scene
-from lfcore.storage.tiled_exr import read_picture
 
 LISTED = {
     "left out": {
@@ -82,7 +82,7 @@ def test_what_has_a_counterpart_is_there(scene):
 def test_it_renders_as_the_file_says(folder, tmp_path):
     out = tmp_path / "out.exr"
     assert main(["render", str(folder / "scene.pbrt"), "-o", str(out), "--samples", "2"]) == 0
-    picture = read_picture(out)
+    picture = read_exr_picture(out)
     assert picture.shape == (100, 160, 3) and np.isfinite(picture).all()
     # Sky on top, the checked floor's contrast at the bottom.
     np.testing.assert_allclose(picture[0, 0], [0.3, 0.35, 0.4], rtol=1e-3)

@@ -11,10 +11,10 @@ import pytest
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.colour import frames_from_rgb
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.segment import SegmentWriter
+from lfcore.storage.ycbcr import frames_from_rgb
 
 SCENE = {"name": "waves", "digest": "0123"}
 

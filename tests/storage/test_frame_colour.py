@@ -5,17 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lfcore.colour import srgb_decode, srgb_encode, to_uint8
 from lfcore.errors import StorageError
-from lfcore.storage.colour import (
-    frames_from_rgb,
-    rgb_from_frames,
-    rgb_to_ycbcr,
-    srgb_decode,
-    srgb_encode,
-    to_uint8,
-    ycbcr_to_rgb,
-)
 from lfcore.storage.pixels import pixel_format
+from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames, rgb_to_ycbcr, ycbcr_to_rgb
 
 
 def reference_ycbcr(red: float, green: float, blue: float, bits: int) -> tuple:

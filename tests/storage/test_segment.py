@@ -11,10 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lfcore.colour import to_uint8
 from lfcore.errors import StorageError
 from lfcore.storage.codecs import CODECS, CodecSpec
-from lfcore.storage.colour import frames_from_rgb, rgb_from_frames, to_uint8
 from lfcore.storage.segment import SegmentReader, SegmentWriter
+from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
 
 PRESETS = {"libx264": "veryfast", "libx265": "superfast", "libsvtav1": "12", "ffv1": None}
 ALL = [(codec, name) for codec, names in CODECS.items() for name in names]

@@ -11,8 +11,8 @@ from lfcore.optics.slab import Slab
 from lfcore.oracle import colour as truth
 from lfcore.oracle.planes import form_plane
 from lfcore.oracle.slab import all_pixels, trace
-from lfcore.storage.colour import rgb_to_ycbcr
 from lfcore.storage.layout import FrameLayout
+from lfcore.storage.ycbcr import rgb_to_ycbcr
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 

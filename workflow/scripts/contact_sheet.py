@@ -1,7 +1,7 @@
 """The pictures of a stack side by side, each with what tells it from the others."""
 
 from lfcore.evaluation.figures import contact_sheet
-from lfcore.pictures import load_stack
+from lfcore.optics.plane_pictures import load_stack
 from workflow.job import job
 
 CORNERS = ["lens top left", "top right", "bottom left", "bottom right", "middle"]

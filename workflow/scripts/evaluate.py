@@ -2,18 +2,17 @@
 
 import numpy as np
 
-from lfcore.colour import linear_to_srgb
+from lfcore.colour import display_values
 from lfcore.evaluation.metrics import psnr, ssim
 from lfcore.evaluation.tables import sizes
 from lfcore.files import read_json, write_json
-from lfcore.pictures import load_stack
+from lfcore.optics.plane_pictures import load_stack
 from workflow.job import job
 
 
-def codes(stack_file):
-    """Pictures of a stack, sRGB-encoded, on the scale of 8-bit codes, not rounded."""
-    pictures, _ = load_stack(stack_file)
-    return 255.0 * linear_to_srgb(np.clip(pictures, 0, 1))
+def values(stack_file):
+    """Pictures of a stack on the scale of 8-bit sRGB codes, not rounded."""
+    return display_values(load_stack(stack_file)[0])
 
 
 def quality(pictures, references):
@@ -27,9 +26,12 @@ def quality(pictures, references):
 
 with job(snakemake):
     given, rows = snakemake.input, {"table_7_1": [], "table_7_2": [], "table_7_3": []}
-    best = codes(given.on_the_fly[-1])
+    best = values(given.on_the_fly[-1])
     for index, views in enumerate(snakemake.params.angular_resolutions):
-        traced, pictures = read_json(given.trace[index]), codes(given.on_the_fly[index])
+        traced, pictures = (
+            read_json(given.trace[index]),
+            values(given.on_the_fly[index]),
+        )
         context = {"scene": snakemake.wildcards.scene, "N": views}
         context["M"] = snakemake.params.spatial_resolution
         context |= {key: traced[key] for key in ("triangles", "device", "threads")}
@@ -42,7 +44,7 @@ with job(snakemake):
         context |= {key: stored[key] for key in ("device", "threads")}
         rows["table_7_2"].append(context | seconds | size)
         context |= {key: retrieved[key] for key in ("device", "threads", "seconds")}
-        rows["table_7_3"].append(context | quality(codes(given.from_video[index]), pictures))
+        rows["table_7_3"].append(context | quality(values(given.from_video[index]), pictures))
     # JSON knows no infinity: the quality of a picture against itself is null here.
     for row in rows["table_7_1"]:
         row["psnr_db"] = row["psnr_db"] if np.isfinite(row["psnr_db"]) else None

@@ -2,7 +2,7 @@
 
 from lfcore.files import write_json
 from lfcore.opencl.device import open_device
-from lfcore.pictures import save_stack, write_pictures
+from lfcore.optics.plane_pictures import save_stack, write_plane_pictures
 from lfcore.refocus.slicing import form_planes
 from workflow import cases
 from workflow.job import job, log_progress
@@ -20,7 +20,7 @@ with job(snakemake):
         progress=log_progress("frames"),
     )
     pictures = retrieval.sums.pictures()
-    write_pictures(output.pictures, pictures, planes, suffix=params.picture_format)
+    write_plane_pictures(output.pictures, pictures, planes, suffix=params.picture_format)
     save_stack(output.stack, pictures, planes)
     write_json(
         output.seconds,

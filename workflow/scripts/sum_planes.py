@@ -1,9 +1,9 @@
 """Add up the partial planes of all tiles, and write them as pictures."""
 
 from lfcore.files import read_json, write_json
+from lfcore.optics.plane_pictures import save_stack, write_plane_pictures
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.slab import Slab
-from lfcore.pictures import save_stack, write_pictures
 from workflow import cases
 from workflow.job import job
 
@@ -14,7 +14,7 @@ with job(snakemake):
     planes = cases.sensor_planes(params.planes, camera, focus_distances_m)
     parts = (PlaneSums.load(path, slab, planes) for path in snakemake.input.planes)
     pictures = total(slab, planes, parts).pictures()
-    write_pictures(output.pictures, pictures, planes, suffix=params.picture_format)
+    write_plane_pictures(output.pictures, pictures, planes, suffix=params.picture_format)
     save_stack(output.stack, pictures, planes)
     tiles = [read_json(path) for path in snakemake.input.seconds]
     write_json(

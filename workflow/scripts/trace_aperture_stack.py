@@ -1,8 +1,8 @@
 """One focus through a closing lens: thesis figures 4.3 (dimmed) and 4.4 (normalised)."""
 
+from lfcore.optics.plane_pictures import save_stack
 from lfcore.optics.plane_sums import total
 from lfcore.optics.slab import Slab
-from lfcore.pictures import save_stack
 from lfcore.storage.layout import FrameLayout
 from workflow import cases
 from workflow.job import job, log_progress

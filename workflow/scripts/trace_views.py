@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from lfcore.optics.plane_pictures import save_stack
 from lfcore.optics.plane_sums import FIXED_ONE, total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.pictures import save_stack
 from lfcore.storage.layout import FrameLayout
 from workflow.job import job
 from workflow.tracer import open_tracer

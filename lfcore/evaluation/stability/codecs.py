@@ -21,9 +21,9 @@ from lfcore.evaluation.stability.judge import row
 from lfcore.evaluation.stability.rows import Row
 from lfcore.evaluation.stability.subject import Subject
 from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.colour import frames_from_rgb, rgb_from_frames
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentReader, SegmentWriter
+from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
 
 SIDES = (1, 2, 15, 16, 33, 64)
 FRAMES = 4

@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from lfcore.colour import srgb_decode
 from lfcore.evaluation.equivalence import Equivalence
 from lfcore.evaluation.figures import contact_sheet, save_figure
-from lfcore.storage.colour import srgb_decode
 
 MARKERS = {"raster": "s", "serpentine": "o", "hilbert": "^"}
 STYLES = {"libx264": "-", "libx265": "--", "libsvtav1": ":"}

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.colour import linear_to_srgb
+from lfcore.colour import display_values, srgb_encode
 from lfcore.errors import StorageError
 from lfcore.evaluation.metrics import psnr, ssim
 from lfcore.evaluation.timing import Stopwatch
@@ -30,11 +30,11 @@ from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.refocus.slicing import PlaneFormer
 from lfcore.scene.model import Scene
 from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.colour import frames_from_rgb, rgb_from_frames, srgb_encode
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightField
 from lfcore.storage.segment import SegmentWriter
+from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
 from lfcore.tracing.tracer import Tracer
 
 PEAK = 255
@@ -132,7 +132,7 @@ class Frames:
         return self.sample.rgb[:, :, row, column]
 
     @cached_property
-    def codes(self) -> np.ndarray:
+    def display_values(self) -> np.ndarray:
         """(F, frame_bytes) uint8 in the layout's pixel format."""
         layout, step = self.layout, self.step
         out = np.empty((self.tile.frame_count, layout.frame_bytes), np.uint8)
@@ -235,13 +235,11 @@ class _Errors:
 
 def quality(pictures: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
     """Means over planes of PSNR in dB and SSIM of (P, H, W, 3) pictures in linear light."""
-    pairs = [(codes(ours), codes(theirs)) for ours, theirs in zip(pictures, truth, strict=True)]
+    pairs = [
+        (display_values(ours), display_values(theirs))
+        for ours, theirs in zip(pictures, truth, strict=True)
+    ]
     return (
         float(np.mean([psnr(*pair, peak=PEAK) for pair in pairs])),
         float(np.mean([ssim(*pair, peak=PEAK) for pair in pairs])),
     )
-
-
-def codes(picture: np.ndarray) -> np.ndarray:
-    """sRGB codes of linear light, on the scale of 255, not rounded."""
-    return PEAK * linear_to_srgb(np.clip(picture, 0, 1))

@@ -12,9 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from lfcore.colour import display_values
 from lfcore.evaluation import renderers
 from lfcore.evaluation.metrics import psnr
-from lfcore.evaluation.work_precision.point import COLUMNS, codes, rmse, trusted
+from lfcore.evaluation.work_precision.point import COLUMNS, rmse, trusted
 from lfcore.optics.planes import SensorPlane
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.tracer import Tracer
@@ -47,7 +48,7 @@ def _curve(renderer, tracer, plane, pixels, reference, context) -> Iterator[dict
     # Independent samples: the error falls with the square root of their number.
     doubt = errors[-1] * VIEWS[-1] / REFERENCE_VIEWS
     for views, one, error in zip(VIEWS, made, errors, strict=True):
-        quality = psnr(codes(np.asarray(one.picture)), codes(truth), peak=255)
+        quality = psnr(display_values(np.asarray(one.picture)), display_values(truth), peak=255)
         yield context | {
             "knob": f"{views**2} samples",
             "rays_per_pixel": views**2,

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from lfcore.colour import linear_to_srgb
+from lfcore.colour import display_values
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.metrics import psnr
 from lfcore.evaluation.tables import TableError
@@ -59,11 +59,6 @@ def rmse(pictures: Iterable[np.ndarray], reference: np.ndarray) -> float:
     return math.sqrt(np.mean([np.square(one - reference).mean() for one in pictures]))
 
 
-def codes(picture: np.ndarray) -> np.ndarray:
-    """sRGB on the scale of 8-bit codes, not rounded: what published PSNR is of."""
-    return 255.0 * linear_to_srgb(np.clip(picture, 0, 1))
-
-
 def point(
     work: Callable[[int], np.ndarray],
     reference: np.ndarray,
@@ -103,7 +98,8 @@ def point(
     low, middle, high = (
         t / pictures for t in (timing.quartiles[0], timing.median, timing.quartiles[1])
     )
-    quality = [psnr(codes(one[where]), codes(reference[where]), peak=255) for one in made]
+    truth = display_values(reference[where])
+    quality = [psnr(display_values(one[where]), truth, peak=255) for one in made]
     return row | {
         "rmse": error,
         "psnr_db": float(np.mean(quality)) if error else None,

@@ -6,23 +6,24 @@ The store holds sRGB codes from 0 to 1, an array linear radiance without an uppe
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from lfcore.colour import srgb_encode
 from lfcore.errors import OpticsError
+from lfcore.files import draft_folder
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.refocus.views import read_views
 from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.colour import frames_from_rgb, srgb_encode
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightField
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentWriter
+from lfcore.storage.ycbcr import frames_from_rgb
 
 _CHUNK_PIXELS = 1 << 22
 
@@ -62,8 +63,8 @@ def store_array(
     whole = layout.tile(0, 0, layout.views, layout.views)
     size, cameras = (layout.frame_width, layout.frame_height), whole.elements()
     step = max(1, _CHUNK_PIXELS // layout.pixels**2)
-    with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
-        segment = Path(folder) / "array.mp4"
+    with draft_folder(path) as folder:
+        segment = folder / "array.mp4"
         with SegmentWriter(segment, spec, *size) as writer:
             for start in range(0, len(cameras), step):
                 column, row = cameras[start : start + step].T

@@ -105,9 +105,9 @@ def _infinite(rig, parameters, textures, notebook) -> None:
         path = textures.folder / parameters.string(name)
         picture, encoded = read_picture(path, parameters.items[name].place)
         if encoded:
-            from lfcore.colour import srgb_to_linear
+            from lfcore.colour import srgb_decode
 
-            picture = srgb_to_linear(picture / 255.0)
+            picture = srgb_decode(picture / 255.0)
         # Version 3 maps by latitude, whose rows shrink towards the poles; version 4's
         # octahedral map has texels of equal solid angle.
         rows = len(picture)

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from lfcore.colour import linear_to_srgb, srgb_to_linear
+from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.errors import SceneError
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
 from lfcore.scene.pbrt.lexer import Place, syntax_error
@@ -35,7 +35,7 @@ class Texture:
         """(3,) average linear RGB."""
         if self.image is None:
             return self.factor
-        return self.factor * srgb_to_linear(self.image / 255.0).mean((0, 1))
+        return self.factor * srgb_decode(self.image / 255.0).mean((0, 1))
 
     @property
     def placement(self) -> tuple:
@@ -49,7 +49,7 @@ def constant(value: float | np.ndarray) -> Texture:
 def encode(linear: np.ndarray) -> tuple[np.ndarray, float]:
     """Linear (H, W, 3) as sRGB uint8 and the factor that restores values above one."""
     top = max(1.0, float(linear.max(initial=0.0)))
-    return np.rint(linear_to_srgb(np.clip(linear / top, 0, 1)) * 255).astype(np.uint8), top
+    return srgb_codes(linear / top), top
 
 
 def read_picture(path: Path, place: Place) -> tuple[np.ndarray, bool]:
@@ -61,7 +61,7 @@ def read_picture(path: Path, place: Place) -> tuple[np.ndarray, bool]:
     if not path.exists():
         raise syntax_error(f"image {str(path)!r} does not exist", place, "Check the path")
     if path.suffix.lower() == ".exr":
-        from lfcore.storage.tiled_exr import read_picture as read_exr
+        from lfcore.exr import read_exr_picture as read_exr
 
         return read_exr(path), False
     picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
@@ -73,7 +73,7 @@ def read_picture(path: Path, place: Place) -> tuple[np.ndarray, bool]:
     if picture.dtype == np.uint8:
         return picture, True
     if picture.dtype == np.uint16:
-        return srgb_to_linear(picture / 65535.0).astype(np.float32), False
+        return srgb_decode(picture / 65535.0).astype(np.float32), False
     return picture.astype(np.float32), False
 
 
@@ -186,7 +186,7 @@ class TextureTable:
         if not encoded:
             picture, factor = encode(picture)
         if parameters.bool("invert", False):
-            picture, factor = encode(1.0 - srgb_to_linear(picture / 255.0) * factor)
+            picture, factor = encode(1.0 - srgb_decode(picture / 255.0) * factor)
         if (wrap := parameters.string("wrap", "repeat")) != "repeat":
             self.notebook.add(
                 APPROXIMATED, parameters.items["wrap"].place, f'wrap "{wrap}": repeats instead'
@@ -226,7 +226,7 @@ def _product(a: Texture, b: Texture) -> Texture:
     height = max(a.image.shape[0], b.image.shape[0])
     width = max(a.image.shape[1], b.image.shape[1])
     linear = [
-        cv2.resize(srgb_to_linear(t.image / 255.0), (width, height), interpolation=cv2.INTER_LINEAR)
+        cv2.resize(srgb_decode(t.image / 255.0), (width, height), interpolation=cv2.INTER_LINEAR)
         for t in (a, b)
     ]
     image, top = encode(linear[0] * linear[1])

@@ -1,6 +1,6 @@
-"""Colour between linear light, sRGB and the planes of a video frame.
+"""sRGB-encoded pictures to the planes of a video frame, and back.
 
-Light is averaged linear and stored sRGB-encoded (IEC 61966-2-1).  YCbCr is ITU-R BT.709, limited
+Light is averaged linear and stored sRGB-encoded (lfcore.colour).  YCbCr is ITU-R BT.709, limited
 range: for b bits, luma codes run from 16 to 235 and chroma codes from 16 to 240, times
 ``2^(b - 8)``.  Conversions are done in float and rounded once, half to even.  4:2:0 chroma is the
 mean of 2 x 2 pixels, so its samples lie in their centre; streams are tagged so.
@@ -10,33 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from lfcore.colour import floating
 from lfcore.storage.pixels import PixelFormat, pixel_format
 
 RED, BLUE = 0.2126, 0.0722
 """BT.709 luma weights of red and blue; green has the rest."""
 GREEN = 1.0 - RED - BLUE
-
-
-def srgb_encode(linear: np.ndarray) -> np.ndarray:
-    """Display values of linear light, both in [0, 1] (clipped); float32 or float64 is kept."""
-    linear = np.clip(_floating(linear), 0, 1)
-    with np.errstate(under="ignore"):
-        power = linear ** linear.dtype.type(1 / 2.4)
-    curve = power * linear.dtype.type(1.055) - linear.dtype.type(0.055)
-    return np.where(linear <= 0.0031308, linear * linear.dtype.type(12.92), curve)
-
-
-def srgb_decode(encoded: np.ndarray) -> np.ndarray:
-    """Linear light of display values, both in [0, 1] (clipped).
-
-    ``encoded`` is float32 or float64, kept, or uint8 codes, which give float32.
-    """
-    if encoded.dtype == np.uint8:
-        return _LINEAR_OF_CODE[encoded]
-    encoded = np.clip(_floating(encoded), 0, 1)
-    kind = encoded.dtype.type
-    curve = ((encoded + kind(0.055)) * kind(1 / 1.055)) ** kind(2.4)
-    return np.where(encoded <= 0.04045, encoded * kind(1 / 12.92), curve)
 
 
 def rgb_to_ycbcr(rgb: np.ndarray, bits: int = 8) -> np.ndarray:
@@ -45,7 +24,7 @@ def rgb_to_ycbcr(rgb: np.ndarray, bits: int = 8) -> np.ndarray:
     float32 or float64, kept.  BT.709: ``Y' = Kr R + Kg G + Kb B``, ``Cb = (B - Y') / (2 - 2 Kb)``,
     ``Cr = (R - Y') / (2 - 2 Kr)``; limited range ``16 + 219 Y'``, ``128 + 224 C``.
     """
-    rgb = _floating(rgb)
+    rgb = floating(rgb)
     kind, scale = rgb.dtype.type, float(1 << (bits - 8))
     red, green, blue = rgb[..., 0], rgb[..., 1], rgb[..., 2]
     luma = kind(RED) * red + kind(GREEN) * green + kind(BLUE) * blue
@@ -128,11 +107,6 @@ def rgb_from_planes(
     return ycbcr_to_rgb(codes, form.bits)
 
 
-def to_uint8(picture: np.ndarray) -> np.ndarray:
-    """uint8 codes of a picture in [0, 1], rounded."""
-    return np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8)
-
-
 def _upsampled(chroma: np.ndarray, form: PixelFormat, linear: bool) -> np.ndarray:
     """Chroma (F, h, w) on the grid of the luma; centre-sited."""
     if form.subsampling == 1:
@@ -152,11 +126,3 @@ def _upsampled(chroma: np.ndarray, form: PixelFormat, linear: bool) -> np.ndarra
         shape[axis] *= 2
         chroma = pair.reshape(shape)
     return chroma
-
-
-def _floating(values: np.ndarray) -> np.ndarray:
-    values = np.asarray(values)
-    return values if values.dtype in (np.float32, np.float64) else values.astype(np.float64)
-
-
-_LINEAR_OF_CODE = srgb_decode(np.arange(256) / 255).astype(np.float32)

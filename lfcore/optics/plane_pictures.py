@@ -1,0 +1,66 @@
+"""Pictures of sensor planes on disk: named by their planes, or stacked with them in one file."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.errors import LfcoreError
+from lfcore.files import make_folder, whole_file
+from lfcore.optics.planes import SensorPlane
+from lfcore.pictures import write_pictures
+
+
+def plane_label(index: int, plane: SensorPlane) -> str:
+    """A file name for plane ``index``, e.g. ``02_focus1.25m_f2.8_circle``."""
+    return f"{index:02d}_focus{plane.focus_distance_m:.4g}m_f{plane.f_number:.3g}_{plane.shape}"
+
+
+def write_plane_pictures(
+    folder: str | Path, pictures: np.ndarray, planes: Sequence[SensorPlane], *, suffix: str
+) -> None:
+    """Write (P, M, M, 3) linear light as one picture a plane, named by :func:`plane_label`.
+
+    ``suffix`` is a format of :mod:`lfcore.pictures` without its dot, e.g. ``png``; raises
+    :class:`LfcoreError` for another.
+    """
+    names = [f"{plane_label(index, plane)}.{suffix}" for index, plane in enumerate(planes)]
+    write_pictures([(Path(folder) / n, p) for n, p in zip(names, pictures, strict=True)])
+
+
+def save_stack(path: str | Path, pictures: np.ndarray, planes: Sequence[SensorPlane]) -> None:
+    """Write (P, M, M, 3) float32 linear light with the planes it shows, as npz.
+
+    Raises ``ValueError`` when there is not one plane a picture.
+    """
+    if len(pictures) != len(planes):
+        raise ValueError(f"{len(pictures)} pictures of {len(planes)} planes")
+    header = json.dumps([plane.to_json() for plane in planes])
+    make_folder(Path(path).parent)
+    with whole_file(path) as file:
+        np.savez(
+            file,
+            pictures=np.asarray(pictures, np.float32),
+            planes=np.frombuffer(header.encode(), np.uint8),
+        )
+
+
+def load_stack(path: str | Path) -> tuple[np.ndarray, list[SensorPlane]]:
+    """The (P, M, M, 3) float32 pictures and the planes of :func:`save_stack`.
+
+    Raises :class:`LfcoreError` when the file is missing, damaged or not a stack.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            planes = json.loads(archive["planes"].tobytes())
+            return archive["pictures"], [SensorPlane(**plane) for plane in planes]
+    except (OSError, KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise LfcoreError(
+            f"not a whole stack of planes ({' '.join(str(error).split())[:120]})",
+            file=path,
+            remedy="Delete it and run again",
+        ) from None
