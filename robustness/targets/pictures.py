@@ -9,10 +9,12 @@ from random import Random
 import numpy as np
 from PIL import Image
 
+from lfcore.exr import read_exr_picture
 from lfcore.optics.array import CameraArray
 from lfcore.optics.lens_system import LensSampler, LensSystem
+from lfcore.pictures import write_picture
 from lfcore.scene.meshes import read_texture
-from lfcore.storage.tiled_exr import read_array, read_picture, write_array, write_picture
+from lfcore.storage.tiled_exr import read_array, write_array
 from robustness.mutate import damage_bytes, damage_text
 from robustness.outcome import ROOT, Outcome, SilentlyWrong, outcome_of
 from robustness.targets import Target
@@ -34,7 +36,7 @@ def judge_exr(data: bytes, folder: Path) -> Outcome:
     file.write_bytes(data)
 
     def work() -> None:
-        picture = read_picture(file)
+        picture = read_exr_picture(file)
         if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.float32:
             raise SilentlyWrong(f"a picture {picture.shape} {picture.dtype}")
         if not picture.size:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lfcore.colour import srgb_decode
 from lfcore.errors import OpticsError, StorageError
 from lfcore.optics.array import CameraArray, thin_lens
 from lfcore.optics.slab import Extent, Slab
@@ -12,10 +13,10 @@ from lfcore.refocus.focal_stack import focal_stack
 from lfcore.refocus.slicing import form_planes
 from lfcore.refocus.views import read_views
 from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.colour import frames_from_rgb, srgb_decode
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentWriter
+from lfcore.storage.ycbcr import frames_from_rgb
 
 COLUMNS, ROWS, WIDTH, HEIGHT = 5, 3, 22, 16
 EXTENT = Extent.centred(COLUMNS, ROWS, WIDTH, HEIGHT)
