@@ -6,7 +6,8 @@ Pictures come as float arrays in linear light; they are encoded to sRGB here, on
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib
@@ -87,44 +88,86 @@ def _font() -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(font_manager.findfont("DejaVu Sans"), 15)
 
 
-def curves_over_n(
-    path: str | Path,
-    table: pd.DataFrame,
-    panels: Mapping[str, tuple[str, str]],
-    *,
-    log_y: Sequence[str] = (),
-) -> None:
-    """Draw columns of a table over N, one curve a scene, the thesis's own dashed.
+THESIS_PIXELS = 512
+"""M of all that the thesis measured."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A column of one of the thesis's tables over N: of ours, and of the thesis.
+
+    ``per_ray`` is None, or the factor of the value divided by the rays N^2 M^2: only such values
+    compare across M.
+    """
+
+    label: str
+    column: str
+    per_ray: float | None = None
+
+    @property
+    def thesis_column(self) -> str:
+        return f"thesis_{self.column}"
+
+    def values(self, rows: pd.DataFrame, column: str, pixels) -> np.ndarray:
+        """(R,) float64 of a column, per ray of M = ``pixels`` where that is asked for."""
+        values = pd.to_numeric(rows[column], errors="coerce").to_numpy(np.float64)
+        if self.per_ray is None:
+            return values
+        return values * self.per_ray / (rows.N * rows.N * pixels * pixels).to_numpy(np.float64)
+
+
+QUALITY = (Panel("PSNR (dB)", "psnr_db"), Panel("SSIM", "ssim"))
+TIME = Panel("nanoseconds a ray", "seconds", 1e9)
+SIZE = Panel("bits a ray", "video_bytes", 8)
+PANELS = {
+    "table_7_1": (*QUALITY, TIME), "table_7_2": (SIZE, TIME), "table_7_3": (*QUALITY, TIME),
+}  # fmt: skip
+
+
+def curves_over_n(table: pd.DataFrame, panels: Sequence[Panel]) -> Figure:
+    """Columns of a table over N, one curve a scene, the thesis's dashed.
+
+    What is not per ray depends on M, so where M is not the thesis's 512 its curves have axes of
+    their own: no axis shows two values of M.
 
     Parameters
     ----------
-    table : with ``scene`` and ``N``; points that are missing or infinite are left out.
-    panels : for each panel its y label, and the columns of ours and of the thesis.
-    log_y : y labels of the panels with a logarithmic axis.
+    table : with ``scene``, ``N``, ``M`` and the panels' columns; points that are missing or
+        infinite are left out.
     """
-    figure = Figure(figsize=(4.4 * len(panels), 3.7), layout="constrained")
-    axes = np.atleast_1d(figure.subplots(1, len(panels)))
-    for axis, (label, (ours, thesis)) in zip(axes, panels.items(), strict=True):
+    (pixels,) = table.M.unique()
+    drawn: list[tuple[Panel, str]] = []
+    for panel in panels:
+        together = panel.per_ray is not None or pixels == THESIS_PIXELS
+        drawn += [(panel, "both")] if together else [(panel, "ours"), (panel, "thesis")]
+    figure = Figure(figsize=(3.9 * len(drawn), 3.7), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(1, len(drawn)))
+    titles = {"ours": f"M = {pixels}", "thesis": f"the thesis, M = {THESIS_PIXELS}"}
+    titles["both"] = f"M = {pixels}; dashed: the thesis, M = {THESIS_PIXELS}"
+    for axis, (panel, whose) in zip(axes, drawn, strict=True):
         for index, (scene, rows) in enumerate(table.groupby("scene", sort=False)):
-            colour = f"C{index}"
-            _curve(axis, rows.N, rows[ours], "o-", colour, str(scene))
-            _curve(axis, rows.N, rows[thesis], "x--", colour, None)
+            if whose != "thesis":
+                ours = panel.values(rows, panel.column, rows.M)
+                _curve(axis, rows.N, ours, "o-", f"C{index}", str(scene))
+            if whose != "ours":
+                thesis = panel.values(rows, panel.thesis_column, THESIS_PIXELS)
+                label = str(scene) if whose == "thesis" else None
+                _curve(axis, rows.N, thesis, "x--", f"C{index}", label)
         axis.set_xscale("log", base=2)
-        if label in log_y:
+        if panel.per_ray is not None:
             axis.set_yscale("log")
         axis.set_xticks(sorted(table.N.unique()))
         axis.xaxis.set_major_formatter("{x:.0f}")
         axis.minorticks_off()
         axis.set_xlabel("angular resolution N")
-        axis.set_ylabel(label)
+        axis.set_ylabel(panel.label)
+        axis.set_title(titles[whose], fontsize=9)
         axis.grid(alpha=0.3)
-    axes[0].plot([], [], "x--", color="0.5", label="thesis")
     axes[0].legend(frameon=False)
-    save_figure(path, figure)
+    return figure
 
 
-def _curve(axis, x, y, style: str, colour: str, label: str | None) -> None:
-    y = pd.to_numeric(y, errors="coerce").to_numpy(np.float64)
+def _curve(axis, x, y: np.ndarray, style: str, colour: str, label: str | None) -> None:
     shown = np.isfinite(y)
     axis.plot(
         np.asarray(x)[shown],

@@ -9,7 +9,7 @@ import pytest
 
 import lfcore.tracing
 from lfcore.evaluation.left_out import packages, rows
-from lfcore.evaluation.left_out.bench import COLUMNS, same
+from lfcore.evaluation.left_out.bench import COLUMNS, LeftOutError, check_identical, same
 from lfcore.evaluation.left_out.features import FEATURES, full_needs
 from lfcore.evaluation.stability.subject import bare_scene
 from lfcore.opencl.device import open_device
@@ -143,3 +143,10 @@ def test_what_differs_is_not_called_identical():
     zero, one = np.zeros(3), np.array([0.0, 0.0, 1e-30])
     assert same([zero], [zero.copy()])
     assert not same([zero], [one]) and not same([zero], [zero, zero])
+
+
+def test_a_row_that_differs_is_an_error():
+    rows = [{"scene": "s", "feature": name, "identical": name != "fog"} for name in ("a", "fog")]
+    check_identical(rows[:1])
+    with pytest.raises(LeftOutError, match="s, fog"):
+        check_identical(rows)

@@ -13,8 +13,9 @@ from PIL import Image
 from lfcore.colour import srgb_codes
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.captions import to_html
-from lfcore.evaluation.figures import contact_sheet, curves_over_n
+from lfcore.evaluation.figures import PANELS, QUALITY, TIME, contact_sheet, curves_over_n
 from lfcore.evaluation.page import Section, write_page
+from lfcore.evaluation.tables import SPECS
 from lfcore.files import whole_file, write_json
 from lfcore.optics.plane_pictures import load_stack, save_stack
 from lfcore.optics.planes import SensorPlane
@@ -85,13 +86,47 @@ def test_contact_sheet_wants_a_label_each(tmp_path):
         contact_sheet(tmp_path / "c.png", [np.zeros((4, 4, 3))], [])
 
 
-def test_curves_leave_out_what_is_infinite(tmp_path):
-    table = pd.DataFrame(
-        {"scene": ["a", "a", "b"], "N": [16, 32, 16], "y": [1.0, math.inf, 2.0], "t": [None] * 3}
-    )
-    curves_over_n(tmp_path / "q.png", table, {"PSNR (dB)": ("y", "t")})
-    with Image.open(tmp_path / "q.png") as image:
-        assert np.asarray(image.convert("RGB")).std() > 5
+def of_scenes(pixels):
+    """A table like the thesis's, of two scenes."""
+    rows = pd.DataFrame({"scene": ["a", "a", "b"], "N": [16, 32, 16], "M": pixels})
+    rows["psnr_db"], rows["thesis_psnr_db"] = [40.0, math.inf, 42.0], [38.0, 41.0, None]
+    rows["seconds"], rows["thesis_seconds"] = [1.0, 2.0, 3.0], [100.0, None, None]
+    return rows
+
+
+def shown(axis):
+    """Curves of an axis by label and style: their points."""
+    return {
+        (line.get_label()[:1], line.get_linestyle()): line.get_xydata().tolist()
+        for line in axis.lines
+        if len(line.get_xdata())
+    }
+
+
+def test_curves_of_unequal_m_have_axes_of_their_own():
+    panels = (QUALITY[0], TIME)
+    ours, thesis, time = curves_over_n(of_scenes(128), panels).axes
+    assert ours.get_title() == "M = 128" and thesis.get_title() == "the thesis, M = 512"
+    # What is infinite or missing is left out.
+    assert shown(ours) == {("a", "-"): [[16, 40]], ("b", "-"): [[16, 42]]}
+    assert shown(thesis) == {("a", "--"): [[16, 38], [32, 41]]}
+    # Time per ray compares whatever M is.
+    points = shown(time)
+    assert points["a", "-"][0][1] == pytest.approx(1e9 / (16 * 128) ** 2)
+    assert points["_", "--"][0][1] == pytest.approx(100e9 / (16 * 512) ** 2)
+    assert time.get_title() == "M = 128; dashed: the thesis, M = 512"
+
+
+def test_curves_of_the_thesis_s_m_share_an_axis():
+    quality, time = curves_over_n(of_scenes(512), (QUALITY[0], TIME)).axes
+    assert set(shown(quality)) == {("a", "-"), ("b", "-"), ("_", "--")}
+    assert shown(time)["_", "--"][0][1] == pytest.approx(100e9 / (16 * 512) ** 2)
+
+
+@pytest.mark.parametrize("name", PANELS)
+def test_panels_are_columns_of_their_tables(name):
+    for panel in PANELS[name]:
+        assert {panel.column, panel.thesis_column} <= set(SPECS[name].columns)
 
 
 def test_page_is_whole_and_self_contained(tmp_path):

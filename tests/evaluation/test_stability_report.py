@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lfcore.evaluation.stability.about import ABOUT, about, cases_table
-from lfcore.evaluation.stability.rows import COLUMNS, Row
+from lfcore.evaluation.stability.rows import COLUMNS, LIMITS, Row
 from lfcore.evaluation.stability_report import error_growth, heat_map, stability_table, summary
 from lfcore.scene.assemble import LARGEST_COORDINATE, SMALLEST_VOLUME
 from lfcore.tracing.tracer import SMALLEST_SCENE
@@ -27,7 +27,18 @@ def test_every_case_has_its_bound_explained():
 
 def test_cases_table():
     rows = [Row("needles (depth)", "aspect", 10.0**k, 9, k, 16, condition=2 + k) for k in range(3)]
-    rows += [Row("thin gap", "gap m", 1.0, 0.5, math.nan, 0.0, refused=True)]
+    rows += [
+        Row(
+            "thin gap",
+            "gap m",
+            1.0,
+            0.5,
+            math.nan,
+            0.0,
+            "coordinates",
+            "1 triangle is out of range",
+        )
+    ]
     table = cases_table(rows).set_index("case")
     assert table.loc["needles (depth)", ["least", "most", "passed"]].tolist() == [1, 100, 3]
     assert table.condition_number["needles (depth)"] == 4 and table.worst["needles (depth)"] == 2
@@ -40,9 +51,17 @@ def test_the_documented_range_is_the_program_s():
         assert f"{value:.0e}".replace("+", "") in text
 
 
+def test_every_limit_is_documented():
+    text = " ".join(DOCUMENT.read_text(encoding="utf-8").split())
+    for name, said in LIMITS.items():
+        assert f"| {name} |" in text and said in text
+
+
 def test_table_and_figures(tmp_path):
     rows = [Row("a", "x", 10.0**k, 10.0**k, 10.0 ** (k / 2), 1.0) for k in range(-2, 4)]
-    rows += [Row("b", "y", 1.0, math.inf, math.nan, 0.0, refused=True)]
+    rows += [
+        Row("b", "y", 1.0, math.inf, math.nan, 0.0, "coordinates", "1 triangle is out of range")
+    ]
     table = stability_table(rows)
     assert tuple(table.columns) == COLUMNS and "refused" in summary(table)
     heat_map(tmp_path / "heat.png", table)

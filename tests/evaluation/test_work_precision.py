@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from lfcore.errors import OpticsError
+from lfcore.errors import DeviceError, OpticsError, StorageError
 from lfcore.evaluation.recommendation import DEFAULT_TASK, recommendation
 from lfcore.evaluation.stability.subject import bare_scene
 from lfcore.evaluation.tables import TableError
@@ -157,8 +157,13 @@ def test_a_method_that_refuses_is_shown_as_failed():
 
     row = point(refuse, np.zeros((2, 2, 3)), None, method="m")
     assert row["rmse"] is None and row["method"] == "m"
-    with pytest.raises(ZeroDivisionError):
-        point(lambda seed: 1 / 0, np.zeros((2, 2, 3)), None)
+    for error in (ZeroDivisionError(), DeviceError("lost"), StorageError("full")):
+
+        def fail(seed, error=error):
+            raise error
+
+        with pytest.raises(type(error)):
+            point(fail, np.zeros((2, 2, 3)), None)
 
 
 def test_orders():

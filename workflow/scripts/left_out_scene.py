@@ -1,5 +1,6 @@
 """What one scene leaves out, against the program with it."""
 
+from lfcore.evaluation.left_out.bench import check_identical
 from lfcore.evaluation.left_out.rows import left_out
 from lfcore.files import write_json
 from lfcore.opencl.device import open_device
@@ -11,4 +12,5 @@ with job(snakemake):
     scene, bvh = load_scene(snakemake.input.scene), load_bvh(snakemake.input.bvh)
     device = open_device(snakemake.params.device or None, threads=snakemake.threads)
     rows = left_out(scene, bvh, device, **snakemake.params.measured)
+    check_identical(rows)
     write_json(snakemake.output[0], {"rows": rows})

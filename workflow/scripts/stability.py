@@ -4,9 +4,9 @@ from pathlib import Path
 
 from lfcore.evaluation import stability_report
 from lfcore.evaluation.captions import fill
-from lfcore.evaluation.stability import edges, extents
 from lfcore.evaluation.stability.about import cases_table
 from lfcore.evaluation.stability.all_cases import run_all
+from lfcore.evaluation.stability.rows import check_rows
 from lfcore.evaluation.stability.subject import tracer_subject
 from lfcore.evaluation.tables import write_csv, write_markdown
 from lfcore.opencl.device import open_device
@@ -14,11 +14,11 @@ from workflow.job import job, log_progress
 
 with job(snakemake):
     params, output = snakemake.params, snakemake.output
-    edges.RAYS, extents.RAYS = params.rays, params.rays
     device = open_device(params.device or None, threads=snakemake.threads)
-    rows = run_all(tracer_subject(device), progress=log_progress("cases"))
+    rows = run_all(tracer_subject(device, rays=params.rays), progress=log_progress("cases"))
     table = stability_report.stability_table(rows)
     print(stability_report.summary(table))
+    check_rows(rows)
     write_csv(output.csv, table)
     text = fill(Path(snakemake.input.caption).read_text(encoding="utf-8"), params.config)
     write_markdown(output.markdown, table, title="Stiff and extreme cases", caption=text)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lfcore.errors import LfcoreError
 from lfcore.evaluation.timing import Timing
 from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
@@ -21,6 +22,10 @@ from lfcore.tracing.tracer import Tracer
 COLUMNS = (
     "scene", "feature", "what", "seconds_full", "seconds_left_out", "bytes_saved", "identical",
 )  # fmt: skip
+
+
+class LeftOutError(LfcoreError):
+    """What a scene does not need changes its picture when it is left out."""
 
 
 @dataclass
@@ -89,6 +94,16 @@ def same(one: Iterable[np.ndarray], other: Iterable[np.ndarray]) -> bool:
     """Whether arrays agree to the last bit."""
     one, other = list(one), list(other)
     return len(one) == len(other) and all(map(np.array_equal, one, other))
+
+
+def check_identical(rows: Iterable[dict]) -> None:
+    """Raises :class:`LeftOutError` that names the rows whose two programs differ in a bit."""
+    differ = [f"{row['scene']}, {row['feature']}" for row in rows if not row["identical"]]
+    if differ:
+        raise LeftOutError(
+            f"frames or plane sums change when what is not needed is left out: {'; '.join(differ)}",
+            remedy="lfcore/evaluation/left_out/features.py says what each feature switches",
+        )
 
 
 def scene_bytes(tracer: Tracer, bvh: Bvh) -> int:

@@ -18,7 +18,7 @@ import av
 import numpy as np
 
 from lfcore.evaluation.stability.judge import row
-from lfcore.evaluation.stability.rows import Row
+from lfcore.evaluation.stability.rows import NO_ANSWER, Row
 from lfcore.evaluation.stability.subject import Subject
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.layout import FrameLayout
@@ -121,7 +121,7 @@ def _round_trip(rgb: np.ndarray, spec: CodecSpec) -> np.ndarray:
 
 
 def _library(rgb: np.ndarray, spec: CodecSpec) -> np.ndarray:
-    """The same by the library's defaults; sides that the codec refuses are an error of all."""
+    """The same by the library's defaults; of sides that the codec refuses no picture comes."""
     file = io.BytesIO()
     codes = np.rint(255 * rgb).astype(np.uint8)
     try:
@@ -136,7 +136,7 @@ def _library(rgb: np.ndarray, spec: CodecSpec) -> np.ndarray:
         with av.open(file) as source:
             found = [frame.to_ndarray(format="rgb24") for frame in source.decode(video=0)]
     except (av.error.FFmpegError, ValueError):
-        return np.full(rgb.shape, np.inf)
+        return np.full(rgb.shape, NO_ANSWER)
     return np.stack(found) / 255.0
 
 

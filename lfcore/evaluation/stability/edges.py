@@ -16,8 +16,6 @@ from lfcore.evaluation.stability.shapes import grid, rays_at, sphere
 from lfcore.evaluation.stability.subject import CAMERA, Subject
 from lfcore.optics.slab import Slab
 
-RAYS = 2000
-
 
 def edge_rays(subject: Subject) -> Iterator[Row]:
     """Points of edges of a sphere seen from within, ever finer."""
@@ -25,10 +23,10 @@ def edge_rays(subject: Subject) -> Iterator[Row]:
         mesh = np.float32(sphere(max(6, columns // 4), columns, 2.0))
         rng = np.random.default_rng(columns)
         ahead = mesh[(mesh[:, :, 2] > 0.3).all(1)].astype(float)
-        chosen = rng.integers(0, len(ahead), RAYS)
-        side, share = rng.integers(0, 3, RAYS), rng.uniform(0, 1, (RAYS, 1))
+        chosen = rng.integers(0, len(ahead), subject.rays)
+        side, share = rng.integers(0, 3, subject.rays), rng.uniform(0, 1, (subject.rays, 1))
         points = ahead[chosen, side] * share + ahead[chosen, (side + 1) % 3] * (1 - share)
-        rays = rays_at(points, rng.uniform(-0.1, 0.1, (RAYS, 2)))
+        rays = rays_at(points, rng.uniform(-0.1, 0.1, (subject.rays, 2)))
         yield _leaks(subject, "edge rays", "columns", columns, mesh, rays)
 
 
@@ -36,7 +34,7 @@ def vertex_rays(subject: Subject) -> Iterator[Row]:
     """The pole of a sphere seen from within, of ever more triangles."""
     for valence in (4, 8, 64, 200):
         mesh = np.float32(sphere(8, valence, 2.0))
-        count = max(50, 2 * RAYS // valence)  # the oracle settles each of these by integers
+        count = max(50, 2 * subject.rays // valence)  # the oracle settles each of these by integers
         lens = np.random.default_rng(valence).uniform(-0.1, 0.1, (count, 2))
         rays = rays_at(np.tile([0.0, 0.0, 2.0], (count, 1)), lens)
         yield _leaks(subject, "vertex rays", "valence", valence, mesh, rays)

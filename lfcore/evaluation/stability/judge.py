@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lfcore.errors import LfcoreError
-from lfcore.evaluation.stability.rows import Row
+from lfcore.errors import OpticsError, SceneError
+from lfcore.evaluation.stability.rows import NO_ANSWER, Row
 from lfcore.oracle.crossings import ULP
 from lfcore.oracle.intersect import Hits, closest_hits
 
@@ -37,7 +37,7 @@ def depth_error(found, hits: Hits) -> float:
         return 0.0
     with np.errstate(all="ignore"):
         error = np.abs(t[same] - hits.t[same]) / (hits.t * hits.grazing)[same] / ULP
-    return float(np.where(np.isfinite(error), error, np.inf).max())
+    return float(np.where(np.isfinite(error), error, NO_ANSWER).max())
 
 
 def condition_of_depth(hits: Hits) -> float:
@@ -45,13 +45,16 @@ def condition_of_depth(hits: Hits) -> float:
     return float(hits.grazing[hits.triangle >= 0].max(initial=1.0))
 
 
-def row(case, parameter, value, bound, naive, ours, *, condition=float("nan")) -> Row:
-    """A row of two callables that give an error each; ``ours`` may raise LfcoreError."""
+def row(case, parameter, value, bound, naive, ours, *, limit="", condition=float("nan")) -> Row:
+    """A row of two callables that give an error each; ``ours`` may refuse a scene or a lens.
+
+    Any other error, such as a device's or a file's, is no refusal and passes through.
+    """
     known = {"case": case, "parameter": parameter, "value": float(value), "bound": float(bound)}
-    known["condition"] = float(condition)
+    known |= {"limit": limit, "condition": float(condition)}
     with np.errstate(all="ignore"):
         known["naive_error"] = float(naive())
         try:
             return Row(error=float(ours()), **known)
-        except LfcoreError:
-            return Row(error=float("nan"), refused=True, **known)
+        except (SceneError, OpticsError) as error:
+            return Row(error=float("nan"), said=str(error), **known)

@@ -11,7 +11,7 @@ import numpy as np
 
 from lfcore.evaluation.stability import naive
 from lfcore.evaluation.stability.judge import row
-from lfcore.evaluation.stability.rows import Row
+from lfcore.evaluation.stability.rows import NO_ANSWER, Row
 from lfcore.evaluation.stability.subject import CAMERA, Subject
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.camera import Camera
@@ -30,8 +30,10 @@ def near_the_focal_length(subject: Subject) -> Iterator[Row]:
             exact = Fraction(focal) * Fraction(distance) / (Fraction(distance) - Fraction(focal))
 
         def error(found, exact=exact):
-            if exact is None or not math.isfinite(found):
-                return math.inf
+            if exact is None:  # the picture of the focal point is at infinity
+                return 0.0 if math.isinf(found) else NO_ANSWER
+            if not math.isfinite(found):
+                return NO_ANSWER
             return abs(float((Fraction(float(found)) - exact) / exact)) / ULP
 
         yield row(
@@ -43,6 +45,7 @@ def near_the_focal_length(subject: Subject) -> Iterator[Row]:
             lambda distance=distance, error=error: error(
                 Camera(focal, 0.036, 2.0, distance).image_distance_m
             ),
+            limit="focus" if distance <= focal else "",
             condition=math.inf if distance == focal else distance / abs(distance - focal),
         )
 
@@ -63,11 +66,11 @@ def _directions(slab: Slab) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndar
 
 
 def _angle(found: np.ndarray, exact: np.ndarray) -> float:
-    """Largest angle between directions, in 2^-24; inf where there is no direction."""
+    """Largest angle between directions, in 2^-24."""
     found = np.asarray(found, float)
     unit = [a / np.linalg.norm(a, axis=1, keepdims=True) for a in (found, exact)]
     angle = np.linalg.norm(np.cross(*unit), axis=1) / ULP
-    return float(np.where(np.isfinite(angle), angle, np.inf).max())
+    return float(np.where(np.isfinite(angle), angle, NO_ANSWER).max())
 
 
 def focus_to_infinity(subject: Subject) -> Iterator[Row]:
@@ -135,28 +138,36 @@ def refocus_shifts(subject: Subject) -> Iterator[Row]:
 def beyond_the_slab(subject: Subject) -> Iterator[Row]:
     """Apertures up to and wider than the recorded lens, as shares of it; 64 x 64 lens samples.
 
-    Error: samples let through too many or too few, by a count in whole numbers.  Naive: a mask in
-    float32, which knows no limit and pretends that what was not recorded is dark.
+    Error: samples let through too many or too few, by a count in whole numbers of all samples
+    of that spacing, recorded or not.  Naive: a mask in float32, which knows no limit and
+    pretends that what was not recorded is dark.
     """
     slab = Slab(CAMERA, 64, 16)
     odd = 2 * np.arange(64) - 63  # lens positions in units of R / 64
-    square = odd[:, None] ** 2 + odd[None, :] ** 2
     for share in (0.0, 0.25, 0.5, 1.0, 1.0001, 2.0, 1e3):
         # A pinhole is the view in the middle, of which an even number of samples has four.
-        exact = int((square <= (64 * Fraction(share)) ** 2).sum()) or 4
+        exact = _samples_within(64 * Fraction(share)) or 4
         number = math.inf if share == 0 else CAMERA.f_number / share
 
         def plain(share=share, exact=exact):
             s = (odd / np.float32(64)).astype(np.float32)
             inside = (s[:, None] ** 2 + s[None, :] ** 2 <= np.float32(share) ** 2).sum()
-            return math.inf if share > 1 else abs(int(inside) - exact)
+            return abs(int(inside) - exact)
 
         def ours(number=number, exact=exact):
             plane = SensorPlane(CAMERA.focus_distance_m, number)
             plane.check(slab)
             return abs(int(plane.mask(slab).sum()) - exact)
 
-        yield row("beyond the slab", "aperture / lens", share, 0, plain, ours)
+        limit = "apertures" if share > 1 else ""
+        yield row("beyond the slab", "aperture / lens", share, 0, plain, ours, limit=limit)
+
+
+def _samples_within(radius: Fraction) -> int:
+    """Points with two odd coordinates in a disk about 0, counted column by column."""
+    square = math.floor(radius * radius)
+    columns = range(1, math.isqrt(square) + 1, 2)
+    return 4 * sum((math.isqrt(square - x * x) + 1) // 2 for x in columns)
 
 
 CASES = (beyond_the_slab, near_the_focal_length, focus_to_infinity, apertures, refocus_shifts)

@@ -1,22 +1,39 @@
-"""One measured point of a stability sweep."""
+"""One measured point of a stability sweep, and what its verdict follows from."""
 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-COLUMNS = ("case", "parameter", "value", "naive_error", "error", "bound", "verdict")
+from lfcore.errors import LfcoreError
+
+COLUMNS = ("case", "parameter", "value", "naive_error", "error", "bound", "verdict", "limit")
+LIMITS = {
+    "coordinates": "out of range",
+    "small triangles": "too small",
+    "focus": "inside the focal length",
+    "apertures": "wider than the lens",
+}
+"""The documented limits (``docs/stability.md``), and what the program says beyond each."""
+NO_ANSWER = math.inf
+"""Error of a method that gives no number, or no picture: larger than any that can be measured."""
+
+
+class StabilityError(LfcoreError):
+    """A stability sweep in which a row fails."""
 
 
 @dataclass(frozen=True)
 class Row:
     """``error`` of lfcore and ``naive_error`` of a textbook float32 method beside it.
 
-    The bound is set before the measurement and in the unit that the case states.  The verdict
-    is ``refused`` when lfcore raised one of its errors rather than compute, which is right
-    outside the documented range; then ``error`` is NaN.  ``condition`` is the largest condition
-    number of the problem at this value, relative change of the answer over that of the input; NaN
-    where the answer is a choice and has none.
+    The bound is set before the measurement and in the unit that the case states.  So is ``limit``:
+    the name in :data:`LIMITS` of the documented limit beyond which the value lies, or nothing.
+    ``said`` is the program's refusal, where it refused; then ``error`` is NaN.  ``condition`` is
+    the largest condition number of the problem at this value, relative change of the answer over
+    that of the input; NaN where the answer is a choice and has none.
     """
 
     case: str
@@ -25,15 +42,39 @@ class Row:
     naive_error: float
     error: float
     bound: float
-    refused: bool = False
+    limit: str = ""
+    said: str = ""
     condition: float = math.nan
 
     @property
     def verdict(self) -> str:
-        if self.refused:
-            return "refused"
+        """``refused``: beyond a limit, and the program named that limit.
+
+        To refuse within all limits, to name another limit, and to compute beyond one is to fail.
+        """
+        if self.limit:
+            return "refused" if re.search(LIMITS[self.limit], self.said) else "fail"
+        if self.said:
+            return "fail"
         return "pass" if math.isfinite(self.error) and self.error <= self.bound else "fail"
 
     def as_dict(self) -> dict[str, object]:
         """By the names of :data:`COLUMNS`."""
         return {name: getattr(self, name) for name in COLUMNS}
+
+    def __str__(self) -> str:
+        found = f"said {self.said!r}" if self.said else f"error {self.error:g}"
+        beyond = f", beyond the limit of {self.limit}" if self.limit else ""
+        return (
+            f"{self.case}, {self.parameter} = {self.value:g}{beyond}: {found}, bound {self.bound:g}"
+        )
+
+
+def check_rows(rows: Iterable[Row]) -> None:
+    """Raises :class:`StabilityError` that names the rows that fail."""
+    failed = [str(row) for row in rows if row.verdict == "fail"]
+    if failed:
+        raise StabilityError(
+            f"{len(failed)} rows of the stability sweeps fail: {'; '.join(failed[:20])}",
+            remedy="What they test, and where their bounds come from, is in docs/stability.md",
+        )

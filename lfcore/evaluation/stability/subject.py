@@ -37,12 +37,14 @@ class Subject:
     any_closest : the same for any origins and directions.
     slab_hits : of triangles, a slab and pixels (P, 2): triangle and depth, (P, N, N).
     picture : of a scene, a slab and a plane: (M, M, 3) linear light.
+    rays : how many of them a step of a sweep has, where a case draws them at random.
     """
 
     closest: ClosestHit
     any_closest: ClosestHit
     slab_hits: SlabHits
     picture: Picture
+    rays: int = 1500
 
 
 def bare_scene(triangles: np.ndarray, **changes) -> Scene:
@@ -63,19 +65,23 @@ def bare_scene(triangles: np.ndarray, **changes) -> Scene:
     return Scene(**{**values, **changes})
 
 
-def _loaded(triangles: np.ndarray) -> np.ndarray:
-    """Numbers of the triangles that a scene file's loader keeps.
-
-    Raises :class:`SceneError` where the loader says that triangles are out of range or too small.
-    """
-    keep, dropped = sound(triangles.astype(np.float64))
+def check_kept(triangles: np.ndarray) -> None:
+    """Raises :class:`SceneError` where a scene's loader leaves triangles out for their size."""
+    _, dropped = sound(np.asarray(triangles, np.float64))
     for reason in ("out of range", "too small"):
         if reason in dropped:
-            raise SceneError(f"{dropped[reason]} triangles are {reason}")
-    return np.flatnonzero(keep)
+            raise SceneError(f"{dropped[reason]} triangles were left out: {reason}")
 
 
-def tracer_subject(device: Device | None = None, *, general: bool = False) -> Subject:
+def kept(triangles: np.ndarray) -> np.ndarray:
+    """(T,) bool: the triangles that a scene's loader keeps."""
+    with np.errstate(invalid="ignore"):  # random bits may be signalling NaN
+        return sound(triangles.astype(np.float64))[0]
+
+
+def tracer_subject(
+    device: Device | None = None, *, general: bool = False, rays: int = 1500
+) -> Subject:
     """The OpenCL tracer on ``device``.
 
     Lone rays go through the slab's kernel, each a bundle of its own, or with ``general`` through
@@ -88,13 +94,13 @@ def tracer_subject(device: Device | None = None, *, general: bool = False) -> Su
 
     def any_closest(triangles, origins, directions):
         triangles = np.float32(triangles)
-        keep = _loaded(triangles)
+        keep = np.flatnonzero(kept(triangles))
         found = tracer(bare_scene(triangles[keep])).closest_hit(origins, directions)
         return np.append(keep, -1)[found[0]], found[1]
 
     def closest(triangles, origins, directions):
         triangles = np.float32(triangles)
-        keep = _loaded(triangles)
+        keep = np.flatnonzero(kept(triangles))
         elements = np.concatenate([origins[:, :2], directions[:, :2]], axis=1)
         bundles = Bundles(elements.astype(np.float32), np.zeros(4, np.float32), 1, 1, 0.0)
         triangle, depth = tracer(bare_scene(triangles[keep])).bundle_hits(bundles)
@@ -112,4 +118,4 @@ def tracer_subject(device: Device | None = None, *, general: bool = False) -> Su
         return tracing.plane_sums.pictures()[0]
 
     lone = any_closest if general else closest
-    return Subject(lone, any_closest, slab_hits, picture)
+    return Subject(lone, any_closest, slab_hits, picture, rays)

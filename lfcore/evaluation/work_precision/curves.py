@@ -22,6 +22,7 @@ from lfcore.evaluation.work_precision.stored import storage
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.oracle import slab as oracle
+from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -81,6 +82,18 @@ def scene_rows(
     return rows
 
 
+def oracle_error(scene: Scene) -> float:
+    """Bound of a colour's error in the float64 oracle, whose choice of triangle is exact.
+
+    Fewer than 256 operations lead from a ray to what one light adds, each rounding by 2^-53; a
+    highlight is a power, which multiplies the error of its base, itself of fewer than 64
+    operations, by the exponent.  What lights add is not negative, so that a sum rounds once for
+    each and cancels nothing; and a colour is at most 1.
+    """
+    exponent = max((one.shininess for one in scene.materials if any(one.specular)), default=0.0)
+    return (256 + 64 * exponent + len(scene.lights)) * 2.0**-53
+
+
 def arithmetic(tracer: Tracer, study: Study) -> Iterator[dict]:
     """Colours of the rays of some pixels; textures at full size, which is all the oracle knows."""
     scene = tracer.scene
@@ -94,11 +107,10 @@ def arithmetic(tracer: Tracer, study: Study) -> Iterator[dict]:
     shape = len(places), slab.views**2, 3
     context = {"panel": "arithmetic", "f_number": scene.camera.f_number}
     context |= {"knob": f"{len(places)} pixels, N = {slab.views}", "rays_per_pixel": slab.views**2}
-    # The oracle's choices are exact, its colours float64: 1e-13 of what they are.
     yield point(
         lambda _: np.clip(tracer.bundle_radiance(bundles, places), 0, 1).reshape(shape),
         truth.reshape(shape),
-        1e-13,
+        oracle_error(scene),
         inside=np.ones(shape[:2], bool),
         method="float32 kernels",
         **context,

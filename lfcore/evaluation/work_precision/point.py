@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from lfcore.colour import display_values
-from lfcore.errors import LfcoreError
+from lfcore.errors import OpticsError, SceneError
 from lfcore.evaluation.metrics import psnr
 from lfcore.evaluation.tables import TableError
 from lfcore.evaluation.timing import Timing
@@ -83,13 +83,14 @@ def point(
     picture_of : makes the picture of what ``work`` returns, unseen by the clock.
     context : the other columns.
 
-    A method that refuses is a row without error: it failed, and is shown as failed.
+    A method that refuses the lens or scene is a row without error, shown as failed; what a device
+    or a file has to say passes through.
     """
     row = dict.fromkeys(COLUMNS) | {"reference_rmse": reference_rmse} | context
     try:
         results, timing = timed(work, seeds=seeds, warm=warm)
         made = [picture_of(result) for result in results]
-    except LfcoreError:
+    except (OpticsError, SceneError):
         return row
     where = np.ones(reference.shape[:2], bool) if inside is None else inside
     error = rmse([one[where] for one in made], reference[where])
