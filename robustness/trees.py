@@ -25,6 +25,21 @@ def damage_json(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
     return _damage(draw, data, seeds, json.loads, json.dumps)
 
 
+def extreme_yaml(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
+    """One number or two made extreme: most of these are legal, and go far."""
+    tree = [_load_yaml(data)]
+    numbers = [
+        (node, key) for node, key in places(tree)
+        if isinstance(node[key], (int, float)) and not isinstance(node[key], bool)
+    ]  # fmt: skip
+    if not numbers:
+        return damage_yaml(draw, data, seeds)
+    for _ in range(draw.choice((1, 1, 2))):
+        node, key = draw.choice(numbers)
+        node[key] = extremes.number(draw)
+    return _dump_yaml(tree[0]).encode()
+
+
 def _load_yaml(data: bytes) -> object:
     return yaml.load(data, yaml.CSafeLoader)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import difflib
+import functools
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -19,8 +20,9 @@ class SettingsError(LfcoreError):
     """A configuration that names no run."""
 
 
+@functools.cache
 def read_schema() -> dict:
-    """The JSON schema (2020-12) of the configuration."""
+    """The JSON schema (2020-12) of the configuration; not to be changed."""
     return yaml.safe_load(SCHEMA_FILE.read_text(encoding="utf-8"))
 
 

@@ -12,6 +12,13 @@ from robustness.children import Limits
 from robustness.mutate import Mutation
 from robustness.outcome import Outcome
 
+WARM = (
+    "lfcore.rendering.direct", "lfcore.rendering.photograph", "lfcore.rendering.record",
+    "lfcore.refocus.api", "lfcore.refocus.array.sampling", "lfcore.scene.procedural.sphere",
+    "lfcore.scene.pbrt", "trimesh.exchange.gltf", "scipy.spatial.transform", "scipy.stats", "cv2",
+    "PIL.GifImagePlugin", "PIL.TiffImagePlugin", "PIL.WebPImagePlugin", "PIL.TgaImagePlugin",
+)  # fmt: skip
+"""What readers and commands import when they need it, imported once before the children."""
 MODULES = ("scenes", "meshes", "pictures", "stores", "settings", "commands", "tracing")
 
 
@@ -43,5 +50,7 @@ class Target:
 
 def all_targets() -> dict[str, Target]:
     """By name.  Imports the library: the parent of all children should be one that has."""
+    for name in WARM:
+        import_module(name)
     modules = (import_module(f"robustness.targets.{name}") for name in MODULES)
     return {target.name: target for module in modules for target in module.targets()}

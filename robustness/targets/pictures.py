@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from random import Random
@@ -85,24 +86,29 @@ def lens_seeds(folder: Path) -> list[bytes]:
 
 
 def judge_lens(data: bytes, folder: Path) -> Outcome:
-    """Read, focus, and send rays as the realistic camera does."""
+    """Read, focus and send rays; of one lens in eight also those of the realistic camera.
+
+    Its search for the pupil costs a hundred times as much as all else.
+    """
     file = folder / "input.dat"
     file.write_bytes(data)
 
     def work() -> None:
         lens = LensSystem.read(file).focused(5.0)
         film = np.array([[0.0, 0.0], [0.005, 0.002]])
-        origins, directions, weights = LensSampler(lens, 0.01).rays(film, np.full((2, 2), 0.4))
-        for array in (origins, directions, weights):
-            if not np.isfinite(array).all():
-                raise SilentlyWrong("rays that are not finite")
+        rear = np.array([0.001, 0.0, lens.film_distance_m])
+        rays = lens.trace(np.pad(film, ((0, 0), (0, 1))), rear - np.pad(film, ((0, 0), (0, 1))))
+        if zlib.crc32(data) % 8 == 0:
+            rays = (*rays, *LensSampler(lens, 0.01).rays(film, np.full((2, 2), 0.4)))
+        if not all(np.isfinite(array).all() for array in rays):
+            raise SilentlyWrong("rays that are not finite")
 
     return outcome_of(work, names=None)
 
 
 def targets() -> list[Target]:
     return [
-        Target("exr", exr_seeds, damage_header, judge_exr),
+        Target("exr", exr_seeds, damage_header, judge_exr, weight=0.4),
         Target("texture", texture_seeds, damage_bytes, judge_texture),
         Target("lens", lens_seeds, damage_text, judge_lens, weight=0.5),
     ]

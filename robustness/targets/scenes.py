@@ -6,6 +6,7 @@ import gzip
 import os
 import shutil
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from random import Random
 
@@ -13,6 +14,7 @@ import numpy as np
 from PIL import Image
 
 from lfcore.scene.build import build_scene
+from lfcore.scene.description import schema
 from lfcore.scene.files import load_scene, save_scene
 from robustness import extremes
 from robustness.mutate import damage_bytes, damage_text, mixed
@@ -150,6 +152,7 @@ def write_sides(folder: Path) -> None:
 
 
 def yaml_seeds(folder: Path) -> list[bytes]:
+    schema()  # read once, for all children
     return [text.encode() for text in (PLAIN, BUILT, SHORT)]
 
 
@@ -233,8 +236,13 @@ def repack(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
     if kind < 0.95:
         text = damage_pbrt(draw, gzip.decompress(data), [gzip.decompress(data)])
         return gzip.compress(text, 1, mtime=0)
-    block = gzip.compress(draw.choice((b" ", b"\0", b"[", b"1 ")) * (8 << 20), 1, mtime=0)
-    return block * draw.choice((1, 8, 64))
+    return _bomb(draw.choice((b" ", b"\0", b"[", b"1 "))) * draw.choice((1, 8, 64))
+
+
+@cache
+def _bomb(letters: bytes) -> bytes:
+    """8 MiB and more, packed into a few kilobytes."""
+    return gzip.compress(letters * (8 << 20), 9, mtime=0)
 
 
 def saved_seeds(folder: Path) -> list[bytes]:

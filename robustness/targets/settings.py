@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,12 +15,14 @@ from robustness.outcome import ROOT, Outcome, outcome_of
 from robustness.targets import Target
 from robustness.trees import damage_yaml
 from workflow import cases
-from workflow.settings import check_settings
+from workflow.settings import check_settings, read_schema
 
+_OPENS = re.compile(rb"[\[{]|[-?] ")
 CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
 
 
 def seeds(folder: Path) -> list[bytes]:
+    read_schema()  # once, for all children
     files = ("config/smoke.yaml", "config/config.yaml", "config/thesis.yaml")
     texts = [(ROOT / file).read_bytes() for file in files]
     # Those of a run lie above the default one, as Snakemake lays them.
@@ -34,8 +37,10 @@ def judge(data: bytes, folder: Path) -> Outcome:
 
     Snakemake reads the file itself: what YAML refuses, and what is no mapping, is its to tell.
     """
+    # The reader in C is quick, and dies of depth.
+    deep = len(_OPENS.findall(data)) > 1000
     try:
-        config = yaml.load(io.BytesIO(data), yaml.CSafeLoader)
+        config = yaml.load(io.BytesIO(data), yaml.SafeLoader if deep else yaml.CSafeLoader)
     except (yaml.YAMLError, ValueError, RecursionError):
         return Outcome("refused")
     if not isinstance(config, Mapping):

@@ -12,7 +12,7 @@ from robustness.mutate import damage_text, mixed
 from robustness.outcome import Outcome, SilentlyWrong, outcome_of
 from robustness.targets import Target
 from robustness.targets.scenes import PLAIN, SHORT, write_sides
-from robustness.trees import damage_yaml
+from robustness.trees import damage_yaml, extreme_yaml
 
 PIXELS, VIEWS, MOST_TRIANGLES = 8, 2, 20_000
 
@@ -48,7 +48,7 @@ def judge(data: bytes, folder: Path) -> Outcome:
 
 
 def targets() -> list[Target]:
-    mutation = mixed((0.8, damage_yaml), (0.2, damage_text))
+    mutation = mixed((0.7, extreme_yaml), (0.2, damage_yaml), (0.1, damage_text))
     # Programs are built in a child, and drivers map much: no limit of the address space.
     limits = Limits(cpu=60, wall=300, memory=None)
     return [Target("trace", seeds, mutation, judge, write_sides, limits, weight=1.5, batch=400)]
