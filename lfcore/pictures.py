@@ -30,7 +30,7 @@ def check_suffix(
     suffix = Path(path).suffix
     if suffix.lower() not in suffixes:
         raise LfcoreError(
-            f"unknown format {suffix!r}, there is no encoder for it",
+            f"unknown format {suffix!r}",
             file=path,
             key=key,
             remedy=f"Use a name that ends in {', '.join(suffixes)}",

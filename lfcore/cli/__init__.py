@@ -7,12 +7,14 @@ writes files that appear whole or not at all.
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 
 from lfcore import __version__
+from lfcore.cli.interrupt import interruptible, leave_at_once, status_of, word_of
 from lfcore.errors import LfcoreError
 
 COMMANDS = {
@@ -41,14 +43,18 @@ EPILOG = """examples:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit status.
 
-    Errors of the user's making go to standard error, one line, with status 1.
+    Errors of the user's making go to standard error, one line, with status 1.  As the program
+    itself (``argv`` None) an interruption ends the process at once, also while a kernel runs.
     """
-    argv = list(sys.argv[1:] if argv is None else argv)
-    if argv[:1] == ["imgtool"]:
-        return import_module("lfcore.cli.imgtool").main(argv[1:])
+    words = list(sys.argv[1:] if argv is None else argv)
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal that knows no letter of a name shows its code, and the command goes on.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
-        arguments = _parser(argv).parse_args(argv)
-        arguments.run(arguments)
+        with interruptible():
+            arguments = parser(words).parse_args(words)
+            arguments.run(arguments)
     except LfcoreError as error:
         return _failed(str(error))
     except BrokenPipeError:
@@ -58,18 +64,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         return _failed(f"{place}{error.strerror or error}.")
-    except KeyboardInterrupt:
-        return _failed("Interrupted.", 130)
+    except MemoryError:
+        return _failed("There is not enough memory. Ask for a smaller size, or fewer views.")
+    except KeyboardInterrupt as error:
+        status = _failed(word_of(error), status_of(error))
+        if argv is None:
+            leave_at_once(status)
+        return status
     return 0
 
 
 def _failed(message: str, status: int = 1) -> int:
     # Below a line of progress, not behind it.
-    print(f"\r{message}" if sys.stderr.isatty() else message, file=sys.stderr)
+    print(f"\n{message}" if sys.stderr.isatty() else message, file=sys.stderr, flush=True)
     return status
 
 
-def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
+def parser(argv: Sequence[str]) -> argparse.ArgumentParser:
     """The parser; only the command that is asked for is imported and described in full."""
     top = argparse.ArgumentParser(
         "lfcore",

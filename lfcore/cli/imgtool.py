@@ -10,35 +10,51 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from lfcore.cli import imgtool_store
-from lfcore.errors import LfcoreError, OpticsError
+from lfcore.cli.command import add_command
+from lfcore.errors import OpticsError
 from lfcore.optics.array import CameraArray
 
 DESCRIPTION = "Make pictures from a camera array's light field, or convert EXR pictures."
 
 
-def parser() -> argparse.ArgumentParser:
-    """The command line of ``lfcore imgtool``."""
-    top = argparse.ArgumentParser("lfcore imgtool", description=DESCRIPTION)
-    commands = top.add_subparsers(dest="command", required=True)
-    _lightfield_parser(
-        commands.add_parser(
-            "lightfield",
-            help="synthesise a picture from a light field",
-            description=(
-                "Synthesise a picture. Without --montecarlo, --focaldistance or --camerarot: "
-                "Isaksen's filter; with one of them a thin lens. Geometry in the EXR's header "
-                "makes --camsperdim, --griddim and --inputfov optional."
-            ),
+def add_parser(commands, name: str, summary: str) -> None:
+    command = add_command(commands, name, summary, DESCRIPTION)
+    tools = command.add_subparsers(dest="tool", required=True, metavar="TOOL")
+
+    def add_tool(tool: str, run: Callable, text: str, more: str = "") -> argparse.ArgumentParser:
+        added = tools.add_parser(tool, help=text, description=f"{text.capitalize()}. {more}")
+        # What a tool has to say is its result: it goes to standard output.
+        added.set_defaults(run=lambda arguments: print(run(arguments)))
+        return added
+
+    _lightfield_options(
+        add_tool(
+            "lightfield", lightfield, "synthesise a picture from a light field",
+            "Without --montecarlo, --focaldistance or --camerarot: Isaksen's filter; with one of "
+            "them a thin lens. Geometry in the EXR's header makes --camsperdim, --griddim and "
+            "--inputfov optional.",
         )
-    )
-    convert = commands.add_parser("convert", help="turn an EXR into a picture to look at")
+    )  # fmt: skip
+    _convert_options(add_tool("convert", convert, "turn an EXR into a picture to look at"))
+    store = add_tool(
+        "store", lambda given: imgtool_store.store(given, geometry),
+        "store a camera array's EXR as video, to be opened like any light field file",
+    )  # fmt: skip
+    _array_options(store)
+    imgtool_store.add_encoder(store)
+    store.add_argument("input", type=Path, help="EXR that holds all data cameras")
+    store.add_argument("output", type=Path, help="light field file to write, .mkv")
+    text = "write the views of a light field file, array or slab, as one tiled EXR"
+    imgtool_store.add_tiles(add_tool("tiles", imgtool_store.tiles, text))
+
+
+def _convert_options(convert: argparse.ArgumentParser) -> None:
     convert.add_argument(
         "--tonemap",
         action="store_true",
@@ -47,15 +63,6 @@ def parser() -> argparse.ArgumentParser:
     convert.add_argument("--scale", type=float, default=1.0, help="multiply radiance first")
     convert.add_argument("input", type=Path)
     convert.add_argument("output", type=Path)
-    text = "store a camera array's EXR as video, to be opened like any light field file"
-    store = commands.add_parser("store", help=text, description=text.capitalize())
-    _array_options(store)
-    imgtool_store.add_encoder(store)
-    store.add_argument("input", type=Path, help="EXR that holds all data cameras")
-    store.add_argument("output", type=Path, help="light field file to write, .mkv")
-    text = "write the views of a light field file, array or slab, as one tiled EXR"
-    imgtool_store.add_tiles(commands.add_parser("tiles", help=text, description=text.capitalize()))
-    return top
 
 
 def _array_options(command: argparse.ArgumentParser) -> None:
@@ -74,7 +81,7 @@ def _array_options(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def _lightfield_parser(command: argparse.ArgumentParser) -> None:
+def _lightfield_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     _array_options(command)
     add(
@@ -131,26 +138,6 @@ def _method_options(command: argparse.ArgumentParser) -> None:
     method.add_argument(
         "--filmdiagonal", type=float, default=35.0, help="behind the realistic lens, mm (35)"
     )
-
-
-def main(argv: Sequence[str] | None = None, report: Callable[[str], None] = print) -> int:
-    """Run ``lfcore imgtool``; returns the exit status.
-
-    ``report`` receives lines for the user.  Errors go to standard error, one line, status 1.
-    """
-    arguments = parser().parse_args(argv)
-    run = {
-        "lightfield": lightfield,
-        "convert": convert,
-        "store": lambda given: imgtool_store.store(given, geometry),
-        "tiles": imgtool_store.tiles,
-    }[arguments.command]
-    try:
-        report(run(arguments))
-    except LfcoreError as error:
-        print(error, file=sys.stderr)
-        return 1
-    return 0
 
 
 def lightfield(arguments: argparse.Namespace) -> str:
@@ -361,7 +348,3 @@ def tonemap(image: np.ndarray) -> np.ndarray:
     white = max(float(luminance.max()), 1e-12)
     scale = (1.0 + luminance / white**2) / (1.0 + luminance)
     return image * scale[..., None]
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

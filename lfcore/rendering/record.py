@@ -102,6 +102,7 @@ def record(
                 for job in jobs:
                     job.result()
             except BaseException:
+                count.stop()
                 pool.shutdown(cancel_futures=True)
                 raise
         seen = depth_range(tracers[0], slab)
@@ -140,25 +141,34 @@ def record_tile(
             writer.write(some)
 
 
+class _Stopped(Exception):
+    """Another tile failed, or the user interrupted: this one is not wanted any more."""
+
+
 class _Elements:
     """Adds up the outer elements that several threads have done."""
 
     def __init__(self, callback: Callable[[int, int], None] | None, total: int):
         self._callback, self._total, self._done = callback, total, 0
-        self._lock = threading.Lock()
+        self._lock, self._stopped = threading.Lock(), False
 
-    def of_tile(self) -> Callable[[int, int], None] | None:
+    def stop(self) -> None:
+        """Let tiles that are being traced end where they next report."""
+        self._stopped = True
+
+    def of_tile(self) -> Callable[[int, int], None]:
         """What a tile is to call with (done, of its own)."""
-        if self._callback is None:
-            return None
         before = 0
 
         def report(done: int, _: int) -> None:
             nonlocal before
             with self._lock:
+                if self._stopped:
+                    raise _Stopped
                 self._done += done - before
                 before = done
-                self._callback(self._done, self._total)
+                if self._callback:
+                    self._callback(self._done, self._total)
 
         return report
 

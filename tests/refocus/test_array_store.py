@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
+from contextlib import redirect_stdout
+
 import numpy as np
 import pytest
 
-from lfcore.cli import imgtool, main
+from lfcore.cli import main
 from lfcore.colour import srgb_encode
 from lfcore.errors import OpticsError
 from lfcore.evaluation.metrics import psnr
@@ -120,8 +123,9 @@ def test_bad_light_is_refused(array, image, tmp_path):
 
 
 def run(*words):
-    lines = []
-    return imgtool.main([str(word) for word in words], report=lines.append), lines
+    with redirect_stdout(io.StringIO()) as said:
+        status = main(["imgtool", *(str(word) for word in words)])
+    return status, said.getvalue().splitlines()
 
 
 def test_store_tiles_and_synthesis_on_the_command_line(array, image, tmp_path, capsys):

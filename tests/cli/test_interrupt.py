@@ -1,0 +1,104 @@
+"""Signals end a command within seconds, whatever it waits for, and leave nothing."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from lfcore.files import whole_file
+
+SCENES = Path(__file__).parents[2] / "scenes"
+WITHIN_S = 2.0
+LOAD_S = 1.0  # what a machine that is busy with other things may add
+
+
+def start(tmp_path, *words):
+    """The program, up to where it traces or encodes."""
+    command = [sys.executable, "-m", "lfcore.cli", *map(str, words)]
+    return subprocess.Popen(
+        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True,
+        env=os.environ | {"LFCORE_THREADS": "1"},
+    )  # fmt: skip
+
+
+def wait_for(condition, process, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert process.poll() is None, process.stderr.read()
+        assert time.monotonic() < end, "the command did not come so far"
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize(
+    ("number", "status"),
+    [(signal.SIGINT, 130), (signal.SIGTERM, 143)],
+)
+def test_trace_ends_at_once_and_leaves_nothing(tmp_path, number, status):
+    words = ("trace", SCENES / "chart", "-o", "out.mkv", "--size", 1024, "--views", 64)
+    with start(tmp_path, *words) as process:
+        wait_for(lambda: list(tmp_path.glob(".out.mkv.*/*")), process)
+        time.sleep(0.3)  # into the first tile
+        begun = time.monotonic()
+        process.send_signal(number)
+        assert process.wait(timeout=30) == status
+        took = time.monotonic() - begun
+        assert process.stderr.read().splitlines()[-1] in ("Interrupted.", "Terminated.")
+    print(f"took {took:.2f} s")
+    assert took < WITHIN_S + LOAD_S
+    assert list(tmp_path.iterdir()) == []
+
+
+STUCK = """
+import sys, time
+from lfcore.cli import main
+from lfcore.cli.interrupt import interruptible
+from lfcore.files import whole_file, draft_folder
+def deaf():
+    end = time.monotonic() + 60
+    while time.monotonic() < end:
+        try:
+            time.sleep(60)  # as a kernel that runs on: nothing comes of the exception
+        except KeyboardInterrupt:
+            print("was told", file=sys.stderr, flush=True)
+with interruptible(), whole_file("a.bin") as file, draft_folder("b"):
+    file.write(bytes(100))
+    print("ready", flush=True)
+    deaf()
+"""
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_command_that_does_not_listen_is_ended(tmp_path, name):
+    number = getattr(signal, name)
+    with subprocess.Popen(
+        [sys.executable, "-c", STUCK], cwd=tmp_path, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        assert process.stdout.readline() == "ready\n"
+        assert len(list(tmp_path.iterdir())) == 2
+        begun = time.monotonic()
+        process.send_signal(number)
+        assert process.wait(timeout=30) == 128 + number
+        assert time.monotonic() - begun < WITHIN_S + LOAD_S
+        assert "was told" in process.stderr.read()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_handlers_of_others_are_left_alone(tmp_path):
+    from lfcore.cli.interrupt import interruptible
+
+    before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        with interruptible():
+            assert signal.getsignal(signal.SIGTERM) == signal.SIG_IGN
+        assert signal.set_wakeup_fd(-1) == -1
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    with pytest.raises(KeyboardInterrupt), interruptible(), whole_file(tmp_path / "a"):
+        raise KeyboardInterrupt
