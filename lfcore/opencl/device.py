@@ -112,7 +112,7 @@ def open_device(
 
     Raises
     ------
-    DeviceError : no driver, or none whose name fits.
+    DeviceError : no driver, none whose name fits, or an ``LFCORE_THREADS`` that is no number.
     """
     name = name or os.environ.get("LFCORE_DEVICE")
     device = _choose(name)
@@ -122,9 +122,21 @@ def open_device(
     if lanes not in (1, 4, 8, 16):
         raise DeviceError(f"lanes must be 1, 4, 8 or 16, not {lanes}")
     available = len(os.sched_getaffinity(0)) if is_cpu else 64 * device.max_compute_units
-    threads = threads or int(os.environ.get("LFCORE_THREADS", 0)) or available
+    threads = threads or _asked_threads() or available
     context = _context(device)
     return Device(device, context, cl.CommandQueue(context), lanes, min(threads, available))
+
+
+def _asked_threads() -> int:
+    """``LFCORE_THREADS``; 0 where it is not set, or is 0."""
+    text = os.environ.get("LFCORE_THREADS") or "0"
+    if not (text.isascii() and text.isdigit()):
+        raise DeviceError(
+            f"must be a number of threads, not {text[:40]!r}",
+            key="LFCORE_THREADS",
+            remedy="Set this environment variable to a whole number, or unset it",
+        )
+    return int(text[:9])
 
 
 def _choose(name: str | None) -> cl.Device:

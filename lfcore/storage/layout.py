@@ -24,6 +24,8 @@ from lfcore.storage.curves import ORDERS
 from lfcore.storage.pixels import PixelFormat, pixel_format
 
 KINDS = ("macropixels", "views")
+MOST_A_SIDE = 65536
+"""Of views and of pixels, as in a slab."""
 SMALLEST_FRAME = 16
 """Frames are padded to this size: some encoders refuse smaller ones, all pad to it inside."""
 
@@ -53,6 +55,8 @@ class FrameLayout:
             value = getattr(self, key)
             if not (isinstance(value, int) and not isinstance(value, bool) and value >= 1):
                 raise StorageError(f"must be a positive integer, not {value!r}", key=key)
+            if value > MOST_A_SIDE:
+                raise StorageError(f"must be at most {MOST_A_SIDE}, not {value}", key=key)
         pixel_format(self.pixel_format)
 
     @property

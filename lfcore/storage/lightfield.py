@@ -264,6 +264,8 @@ class LightField:
         for part in self.segments:
             if not part.tile.overlaps(*outer):
                 continue
+            if part.index not in self._checked:  # before a list is made of what may not be there
+                self.check_segment(part.index)
             elements = part.tile.elements()
             inside = (elements >= corner).all(1) & (elements < outer[2:]).all(1)
             elements = elements[inside]

@@ -37,6 +37,12 @@ KEYS = {
     "header_crc32", "settings", "scene", "segments",
 }  # fmt: skip
 OPTIONAL_KEYS = {"content"}
+TYPES: dict[str, type] = {
+    "software": str, "geometry": str, "slab": dict, "array": dict, "layout": dict, "colour": dict,
+    "codec": str, "header_crc32": int, "settings": dict, "scene": dict, "segments": list,
+    "content": dict,
+}  # fmt: skip
+_NAMES = {str: "text", dict: "an object", int: "a whole number", list: "a list"}
 
 
 @dataclass(frozen=True)
@@ -125,10 +131,11 @@ class Metadata:
         """Raises :class:`StorageError` when it is damaged, too new, or contradicts itself."""
         try:
             data = json.loads(text)
-            digest = data.pop("digest")
-        except (ValueError, KeyError, AttributeError, TypeError):
+            whole = data.pop("digest") == _digest(data)
+        # Text that nests deeper than Python's stack is nothing that we wrote.
+        except (ValueError, KeyError, AttributeError, TypeError, RecursionError):
             raise _damaged(file) from None
-        if digest != _digest(data):
+        if not whole:
             raise _damaged(file)
         if data.get("version") != VERSION:
             raise StorageError(
@@ -143,11 +150,14 @@ class Metadata:
             return cls._from_json(data)
         except StorageError as error:
             raise StorageError(error.problem, file=file, key=error.key) from error
-        except (LfcoreError, KeyError, TypeError, ValueError, AttributeError) as error:
+        except (
+            LfcoreError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError,
+        ) as error:  # fmt: skip
             raise StorageError(f"has metadata that make no sense: {error}", file=file) from error
 
     @classmethod
     def _from_json(cls, data: dict[str, Any]) -> Metadata:
+        _check_types(data)
         layout = FrameLayout.from_json(data["layout"])
         segments = []
         for index, (*tile, first, frames, size, crc) in enumerate(data["segments"]):
@@ -212,6 +222,22 @@ class Metadata:
             first = part.stop
         extent = self.slab.extent.views if self.slab and self.slab.extent else None
         check_cover([part.tile for part in self.segments], self.layout, extent)
+
+
+def _check_types(data: dict[str, Any]) -> None:
+    """Raise :class:`StorageError` where a value is of another type than it is written with."""
+    for key, kind in TYPES.items():
+        if not isinstance(data.get(key, kind()), kind) and not (
+            key in GEOMETRIES and data[key] is None
+        ):
+            raise StorageError(f"must be {_NAMES[kind]}, not {data[key]!r}", key=key)
+    for key in ("name", "digest"):
+        if not isinstance(data["scene"].get(key), str):
+            raise StorageError("the scene lacks name or digest", key=f"scene.{key}")
+    for index, part in enumerate(data["segments"]):
+        whole = isinstance(part, list) and len(part) == 8
+        if not (whole and all(type(n) is int and 0 <= n < 1 << 63 for n in part)):
+            raise StorageError("must be eight whole numbers", key=f"segments[{index}]")
 
 
 def check_cover(

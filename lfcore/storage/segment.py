@@ -244,9 +244,13 @@ def open_video(path: Path, **options: str) -> av.container.InputContainer:
             file=path,
             remedy="The file may be cut short or no video; make it again",
         ) from error
-    if len(container.streams.video) != 1:
+    streams = container.streams.video
+    if len(streams) != 1:
         container.close()
         raise StorageError("does not hold exactly one video stream", file=path)
+    if streams[0].codec_context is None:
+        container.close()
+        raise StorageError("holds a video of an unknown codec", file=path)
     return container
 
 

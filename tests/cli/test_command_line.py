@@ -1,6 +1,9 @@
 """The ``lfcore`` command: what it writes, what it says, what it leaves behind when it fails."""
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import av
@@ -43,6 +46,34 @@ def test_refocus_equals_the_library(recorded, tmp_path):
     np.testing.assert_array_equal(np.load(out), picture)
     assert main([*command[:-1], str(tmp_path / "out.exr")]) == 0
     np.testing.assert_array_equal(read_exr_picture(tmp_path / "out.exr"), picture)
+
+
+def test_what_a_terminal_cannot_show_is_shown_as_its_code(recorded, tmp_path):
+    path = tmp_path / "caf\N{LATIN SMALL LETTER E WITH ACUTE}.mkv"
+    path.write_bytes(recorded.read_bytes())
+    done = subprocess.run(
+        [sys.executable, "-m", "lfcore.cli", "info", path], capture_output=True, timeout=60,
+        env=os.environ | {"PYTHONIOENCODING": "ascii", "LC_ALL": "C.UTF-8"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert rb"caf\xe9.mkv" in done.stdout
+
+
+def test_errors_of_every_command_are_one_line(tmp_path, capsys):
+    """Of the system's, too: a folder where a file should be, and no right to write."""
+    (tmp_path / "folder.exr").mkdir()
+    (tmp_path / "folder.mkv").mkdir()
+    for words in (
+        ("imgtool", "convert", tmp_path / "folder.exr", tmp_path / "a.png"),
+        ("imgtool", "tiles", tmp_path / "folder.mkv", tmp_path / "a.exr"),
+        ("imgtool", "convert", tmp_path / "none.exr", "/proc/none/a.png"),
+        ("info", tmp_path / "folder.mkv"),
+        ("render", CHART, "-o", "/proc/none/a.png", "--size", "16", "--views", "2"),
+    ):
+        assert main([str(word) for word in words]) == 1
+        said = capsys.readouterr().err.splitlines()
+        assert any(name in said[-1] for name in ("folder", "none")), said
+        assert not any("Traceback" in line for line in said)
 
 
 def test_methods_and_filters(recorded, tmp_path):

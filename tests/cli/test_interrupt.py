@@ -63,12 +63,12 @@ def deaf():
     end = time.monotonic() + 60
     while time.monotonic() < end:
         try:
+            print("ready", flush=True)
             time.sleep(60)  # as a kernel that runs on: nothing comes of the exception
         except KeyboardInterrupt:
             print("was told", file=sys.stderr, flush=True)
 with interruptible(), whole_file("a.bin") as file, draft_folder("b"):
     file.write(bytes(100))
-    print("ready", flush=True)
     deaf()
 """
 

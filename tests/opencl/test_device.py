@@ -24,6 +24,15 @@ def test_threads_are_at_most_what_there_is_and_lanes_a_width_of_rows(device):
         open_device(name, lanes=3)
 
 
+@pytest.mark.parametrize("text", ["abc", "-1", "1.5", "٣"])
+def test_a_number_of_threads_that_is_none_is_said(device, monkeypatch, text):
+    monkeypatch.setenv("LFCORE_THREADS", text)
+    with pytest.raises(DeviceError, match=r"LFCORE_THREADS: must be a number.*Set this"):
+        open_device(device.device.name.strip())
+    monkeypatch.setenv("LFCORE_THREADS", "")
+    assert open_device(device.device.name.strip()).threads == device.threads
+
+
 def test_a_program_is_built_once_for_each_set_of_options(device):
     name = device.device.name.strip()
     again, narrow = open_device(name), open_device(name, lanes=1)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lfcore.errors import SceneError
 from lfcore.scene.build import build_scene
 from lfcore.scene.needs import Needs
 from lfcore.scene.parts import Surface, face_normals
@@ -165,3 +166,9 @@ def test_textures_repeat_and_tile(texture):
     inside = np.abs(np.diff(values, axis=1)).mean((0, 2))
     seam = np.abs(values[:, 0] - values[:, -1]).mean()
     assert seam <= 1.5 * np.percentile(inside, 99) + 2
+
+
+@pytest.mark.parametrize("segments", [2, -1, 200_000, 10**30])
+def test_a_sphere_of_too_many_segments_is_refused(segments):
+    with pytest.raises(SceneError, match=r"parameters\.segments: must be from 3 to 4096"):
+        build("sphere", {"segments": segments}, 1)

@@ -13,7 +13,7 @@ import pytest
 
 from lfcore.errors import StorageError
 from lfcore.storage.lightfield import LightField
-from lfcore.storage.metadata import TAG
+from lfcore.storage.metadata import TAG, Metadata
 
 
 @pytest.fixture(scope="module")
@@ -185,6 +185,66 @@ def test_metadata_that_contradict(tmp_path, stored, change, words):
     remux(stored.path, tmp_path / "x.mkv", text=text)
     with pytest.raises(StorageError, match=words):
         LightField.open(tmp_path / "x.mkv")
+
+
+def signed(text, change):
+    """Metadata that ``change`` was made to, with a digest that is right again."""
+    data = json.loads(text)
+    data.pop("digest")
+    change(data)
+    canonical = json.dumps(data, sort_keys=True, separators=(",", ":"))
+    data["digest"] = hashlib.sha256(canonical.encode()).hexdigest()
+    return json.dumps(data)
+
+
+WRONG = (None, True, -1, 1.5, 10**400, "text", [], [1], [[]], {}, {"a": 1}, float("nan"))
+
+
+def test_metadata_of_wrong_types_are_one_error_of_ours(stored):
+    """Each value that is there, and each within an object or list, of every other type."""
+    text = LightField.open(stored.path).metadata.to_text()
+    data = json.loads(text)
+    paths = [(key,) for key in data if key != "digest"]
+    paths += [
+        (key, inner) for (key,) in paths if isinstance(data[key], dict) for inner in data[key]
+    ]
+    paths += [("slab", "camera", key) for key in data["slab"]["camera"]]
+    paths += [("segments", 1), *(("segments", 1, number) for number in range(8))]
+    for path in paths:
+        for wrong in WRONG:
+
+            def change(data, path=path, wrong=wrong):
+                for key in path[:-1]:
+                    data = data[key]
+                data[path[-1]] = wrong
+
+            try:
+                found = Metadata.from_text(signed(text, change), stored.path)
+            except StorageError as error:
+                assert str(stored.path) in str(error)
+            else:  # a value that may be anything, or is what it was
+                assert isinstance(found.scene["name"], str)
+                assert path[0] in ("settings", "scene", "header_crc32", "slab", "segments",
+                                   "software", "codec", "colour", "array",
+                                   "version"), path  # fmt: skip
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"digest":' * 100_000, '{"a":' * 990 + "1"])
+def test_metadata_that_nest_deep_are_damaged(stored, text):
+    with pytest.raises(StorageError, match="are damaged"):
+        Metadata.from_text(text, stored.path)
+
+
+def test_every_bit_of_the_codec_id(tmp_path, stored, whole):
+    data, path = whole[0], tmp_path / "codec.mkv"
+    place = data.index(b"V_MPEG4/ISO/AVC")
+    for bit in range(8 * len(b"V_MPEG4/ISO/AVC")):
+        changed = bytearray(data)
+        changed[place + bit // 8] ^= 1 << bit % 8
+        path.write_bytes(changed)
+        with pytest.raises(StorageError) as found:
+            LightField.open(path)
+        assert str(path) in str(found.value)
 
 
 FULL_DISK = """

@@ -10,6 +10,9 @@ from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.primitives import rectangle
 from lfcore.scene.procedural.primitives import sphere as ball
 
+MOST_SEGMENTS = 4096
+"""16 million triangles: beyond, a machine's memory decides."""
+
 
 def build(
     seed: int, *, radius_m: float = 1.0, segments: int = 96, checks: float = 1.0
@@ -18,8 +21,10 @@ def build(
 
     ``checks`` counts fields a metre; ``seed`` draws the sphere's speckles.
     """
-    if not radius_m > 0 or segments < 3 or not checks > 0:
-        raise SceneError("radius_m and checks must be above 0, segments at least 3")
+    if not radius_m > 0 or not checks > 0:
+        raise SceneError("radius_m and checks must be above 0")
+    if not 3 <= segments <= MOST_SEGMENTS:
+        raise SceneError(f"must be from 3 to {MOST_SEGMENTS}, not {segments}", key="segments")
     skin = textures.speckle(seed, ((150, 40, 30), (226, 120, 60), (246, 220, 170)), cells=(6, 12))
     red = Surface("sphere", (1, 1, 1), (0.4, 0.4, 0.4), 80.0, texture=skin)
     board = np.full((128, 128, 3), 228, np.uint8)
