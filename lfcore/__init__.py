@@ -10,7 +10,7 @@ from importlib import import_module
 __version__ = "0.1.0"
 
 _LAZY = {
-    "LightField": "lfcore.refocus.api",
+    "LightField": "lfcore.lightfield",
     "SensorPlane": "lfcore.optics.planes",
     "Slab": "lfcore.optics.slab",
     "Camera": "lfcore.optics.camera",

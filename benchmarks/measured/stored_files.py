@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.storage.lightfield import LightField
+from lfcore.storage.lightfield import LightFieldFile
 from measured.rows import say
 from measured.scenes import SCENES
 
@@ -86,8 +86,8 @@ def random_access(scene: str, views: list[int], folder: Path) -> list[dict]:
     rows = []
     for n in views:
         path = file_of(folder, n)
-        for what, read in _reads(LightField.open(path)):
-            field = LightField.open(path)
+        for what, read in _reads(LightFieldFile.open(path)):
+            field = LightFieldFile.open(path)
             begun = time.perf_counter()
             picture = read(field)
             seconds = time.perf_counter() - begun
@@ -106,7 +106,7 @@ def random_access(scene: str, views: list[int], folder: Path) -> list[dict]:
     return rows
 
 
-def _reads(field: LightField) -> list[tuple]:
+def _reads(field: LightFieldFile) -> list[tuple]:
     size, views = field.layout.pixels, field.layout.views
     u, v = size * 3 // 5, size * 2 // 3
     side = max(1, size // 8)
@@ -117,7 +117,7 @@ def _reads(field: LightField) -> list[tuple]:
     ]
 
 
-def _needed(field: LightField, what: str) -> int:
+def _needed(field: LightFieldFile, what: str) -> int:
     """Frames that hold a ray asked for: those that a store of single pictures would read."""
     layout = field.layout
     if (what == "view") == (layout.kind == "views"):

@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _checked(arguments: argparse.Namespace):
     """The light field that is named, if any; :class:`LfcoreError` for options that miss others."""
-    from lfcore.refocus.api import LightField
+    from lfcore.lightfield import LightField
 
     if not (arguments.output or arguments.all_in_focus):
         raise OpticsError("nothing to write", remedy="Give --output or --all-in-focus")

@@ -43,9 +43,9 @@ def read_lightfield(path: Path) -> tuple[np.ndarray, CameraArray | None, dict]:
         found = read_array(path)
         return found.image, found.array, found.extra
     from lfcore.refocus.array.stored import read_stored
-    from lfcore.storage.lightfield import LightField
+    from lfcore.storage.lightfield import LightFieldFile
 
-    field = LightField.open(path)
+    field = LightFieldFile.open(path)
     with progress("reading views", "frames") as report:
         image, array = read_stored(field, progress=report)
     return image, array, {"scene": field.metadata.scene["name"]}

@@ -58,7 +58,7 @@ def add_method(command: argparse.ArgumentParser) -> None:
 
 def open_field(arguments: argparse.Namespace):
     """The light field of the command line; damage that is left out is told."""
-    from lfcore.refocus.api import LightField
+    from lfcore.lightfield import LightField
 
     field = LightField.open(arguments.lightfield, salvage=arguments.salvage)
     for damage in field.damage:

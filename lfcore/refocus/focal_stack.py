@@ -36,7 +36,7 @@ from lfcore.refocus.shift_sum import (
     zeroed,
 )
 from lfcore.refocus.stored_views import add_frames
-from lfcore.storage.lightfield import LightField
+from lfcore.storage.lightfield import LightFieldFile
 
 MOST_BYTES = 1 << 30
 MOST_BLOCKS = 63  # a side: 32-bit sums hold no more block pictures
@@ -232,7 +232,7 @@ def _check(slab: Slab, planes: Sequence[SensorPlane], tolerance_px: float) -> No
 
 
 def focal_stack(
-    path: str | Path,
+    source: LightFieldFile | str | Path,
     planes: Sequence[SensorPlane],
     *,
     tolerance_px: float = 0.5,
@@ -248,10 +248,10 @@ def focal_stack(
     StorageError : the file is damaged or foreign.
     OpticsError : as :class:`FocalStackSummer`.
     """
-    field = LightField.open(path)
-    if field.slab is None:
-        raise OpticsError("holds a camera array, no slab", file=path, remedy="Use lfcore imgtool")
+    field = LightFieldFile.opened(source)
     device = device if isinstance(device, Device) else open_device(device)
-    summer = FocalStackSummer(field.slab, planes, tolerance_px=tolerance_px, device=device)
+    summer = FocalStackSummer(
+        field.require_slab(), planes, tolerance_px=tolerance_px, device=device
+    )
     add_frames(summer, field, progress)
     return crop(field.slab, summer.pictures()) * np.float32(field.white)

@@ -22,7 +22,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.resampling import check_filter, crop, normalise, taps
 from lfcore.refocus.stored_views import add_frames
-from lfcore.storage.lightfield import LightField
+from lfcore.storage.lightfield import LightFieldFile
 
 GROUP_BYTES = 64 << 20
 MOST_VIEWS = 4095  # of a group: 32-bit sums hold no more
@@ -236,22 +236,20 @@ class ShiftSum:
 
 
 def shift_sum(
-    path: str | Path,
+    source: LightFieldFile | str | Path,
     planes: Sequence[SensorPlane],
     *,
     filter: str = "nearest",
     device: Device | str | None = None,
-    salvage: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> ShiftSum:
     """Refocus a stored light field by shift-sum; the next frames are decoded meanwhile.
 
     Parameters
     ----------
-    path : light field file, of views or of macropixels.
+    source : light field file, open or its name, of views or of macropixels.
     planes : pictures to make.
     filter : ``nearest`` or ``bilinear``.
-    salvage : leave out damaged segments instead of refusing them.
     progress : called with (frames done, frames in all).
 
     Raises
@@ -260,11 +258,9 @@ def shift_sum(
     OpticsError : a plane asks for what the slab did not record.
     """
     begun = time.perf_counter()
-    field = LightField.open(path, salvage=salvage)
-    if field.slab is None:
-        raise OpticsError("holds a camera array, no slab", file=path, remedy="Use lfcore imgtool")
+    field = LightFieldFile.opened(source)
     device = device if isinstance(device, Device) else open_device(device)
-    summer = ViewSummer(field.slab, planes, filter=filter, device=device)
+    summer = ViewSummer(field.require_slab(), planes, filter=filter, device=device)
     add_frames(summer, field, progress)
     return ShiftSum(crop(field.slab, summer.pictures()), time.perf_counter() - begun)
 

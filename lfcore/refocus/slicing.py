@@ -18,7 +18,7 @@ from lfcore.optics.plane_tables import view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.strip_tables import STRIP, StripTables, strip_tables, table_words
-from lfcore.storage.lightfield import LightField
+from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.plane_buffers import PlaneBuffers
 
 CHUNK_BYTES = 64 << 20
@@ -106,22 +106,20 @@ def _strips(slab: Slab, planes: list[SensorPlane], tile) -> StripTables:
 
 
 def form_planes(
-    path: str | Path,
+    source: LightFieldFile | str | Path,
     planes: Sequence[SensorPlane],
     *,
     threads: int | None = None,
     device: str | None = None,
-    salvage: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Retrieval:
     """Form ``planes`` from a stored light field (Algorithm 4), whole segments side by side.
 
     Parameters
     ----------
-    path : the light field file.
+    source : a light field file, open or its name.
     threads : segments decoded at a time, each by one thread that also forms its planes.
     device : name of the OpenCL device.
-    salvage : leave out damaged segments instead of refusing them.
     progress : called with (frames done, frames in all), from any thread but one at a time.
 
     Raises
@@ -129,16 +127,15 @@ def form_planes(
     StorageError : the file is damaged or foreign.
     OpticsError : a plane asks for what the slab did not record.
     """
-    field = LightField.open(path, salvage=salvage)
-    if field.slab is None:
-        raise OpticsError("holds a camera array, no slab", file=path, remedy="Use lfcore imgtool")
-    if field.slab.extent:
+    field = LightFieldFile.opened(source)
+    slab = field.require_slab()
+    if slab.extent:
         raise OpticsError(
-            "holds a part of the grids, which slicing does not know", file=path,
+            "holds a part of the grids, which slicing does not know", file=field.path,
             remedy="Use the method shift-sum",
         )  # fmt: skip
     for plane in planes:
-        plane.check(field.slab)
+        plane.check(slab)
     begun = time.perf_counter()
     count = _Progress(progress, sum(part.frames for part in field.segments))
     threads = max(1, min(threads or open_device(device).threads, len(field.segments)))
@@ -186,7 +183,11 @@ class _Progress:
 
 
 def _form_segment(
-    field: LightField, index: int, planes: Sequence[SensorPlane], device: Device, count: _Progress
+    field: LightFieldFile,
+    index: int,
+    planes: Sequence[SensorPlane],
+    device: Device,
+    count: _Progress,
 ) -> Retrieval:
     part = field.metadata.segments[index]
     former = PlaneFormer(field.slab, part.tile, planes, device)

@@ -11,7 +11,7 @@ import numpy as np
 from lfcore.opencl.device import Device, build_program, cl
 from lfcore.optics.slab import Rectangle
 from lfcore.storage.layout import FrameLayout, Tile
-from lfcore.storage.lightfield import LightField
+from lfcore.storage.lightfield import LightFieldFile
 
 CHUNK_BYTES = 64 << 20
 _SOURCE = "refocus/kernels/shift_sum.cl"
@@ -113,7 +113,7 @@ class FrameSummer:
 
 def add_frames(
     summer: TakesViews,
-    field: LightField,
+    field: LightFieldFile,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
     """Hand to ``summer`` all views of ``field`` that it wants; frames ahead are decoded meanwhile.
@@ -129,7 +129,7 @@ def add_frames(
             progress(done, total)
 
 
-def frame_chunks(field: LightField) -> Iterator[tuple[Tile, int, np.ndarray]]:
+def frame_chunks(field: LightFieldFile) -> Iterator[tuple[Tile, int, np.ndarray]]:
     """(tile, number of the first frame, frames): some views at a time, or a tile of macropixels."""
     step = max(1, CHUNK_BYTES // field.layout.frame_bytes)
     for part in field.segments:

@@ -11,11 +11,11 @@ from lfcore.opencl.device import Device, cl, open_device
 from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.refocus.shift_sum import GROUP_BYTES
 from lfcore.refocus.stored_views import add_frames
-from lfcore.storage.lightfield import LightField
+from lfcore.storage.lightfield import LightFieldFile
 
 
 def read_views(
-    field: LightField,
+    field: LightFieldFile,
     samples: np.ndarray,
     *,
     device: Device | None = None,
@@ -38,7 +38,7 @@ def read_views(
 class _Collector:
     """Takes unpacked views as a :class:`ViewSummer` does, and keeps them."""
 
-    def __init__(self, field: LightField, samples: np.ndarray, device: Device | None):
+    def __init__(self, field: LightFieldFile, samples: np.ndarray, device: Device | None):
         column, row, columns, rows = field.extent.views
         *self._corner, width, height = field.extent.pixels
         if len(samples) and not (0 <= samples.min() and (samples < [columns, rows]).all()):

@@ -12,12 +12,13 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import av
 import numpy as np
 from av.error import FFmpegError
 
-from lfcore.errors import StorageError
+from lfcore.errors import OpticsError, StorageError
 from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Extent, Slab
 from lfcore.storage.container import FRAME_MS
@@ -41,7 +42,7 @@ class Damage:
     reason: str
 
 
-class LightField:
+class LightFieldFile:
     """A light field file that was opened; see :meth:`open`.
 
     ``damage`` lists what was found unreadable (only with ``salvage``; else that is an error), and
@@ -54,12 +55,12 @@ class LightField:
         self.count = DecodeCount()
         self.decoded_segments: set[int] = set()
         self.damage: list[Damage] = []
-        self._salvage = False
         self._checked: set[int] = set()
         self._keys = keys
+        self._idle: list[av.container.InputContainer] = []
 
     @classmethod
-    def open(cls, path: str | Path, *, salvage: bool = False, threads: int = 1) -> LightField:
+    def open(cls, path: str | Path, *, salvage: bool = False, threads: int = 1) -> Self:
         """Open ``path``; ``threads`` are those of a decoder.
 
         Raises :class:`StorageError`, saying what is damaged and what can still be read, for a
@@ -72,11 +73,15 @@ class LightField:
         metadata = _read_metadata(path, structure)
         field = cls(path, metadata, [key // FRAME_MS for key in structure.keys], threads)
         if salvage:
-            field._salvage = True
             field._find_damage()
         else:
             field._refuse_faults(structure)
         return field
+
+    @classmethod
+    def opened(cls, source: LightFieldFile | str | Path) -> LightFieldFile:
+        """``source`` itself where it is open, else opened."""
+        return source if isinstance(source, LightFieldFile) else cls.open(source)
 
     @property
     def geometry(self) -> str:
@@ -87,6 +92,15 @@ class LightField:
     def slab(self) -> Slab | None:
         """The slab; of a camera array that of the same rays, None where there is none."""
         return self.metadata.slab or (self.array.as_slab() if self.array else None)
+
+    def require_slab(self) -> Slab:
+        """The slab; :class:`OpticsError` for a camera array that is none."""
+        if self.slab is None:
+            raise OpticsError(
+                "holds a camera array that is no slab", file=self.path,
+                remedy="Use lfcore imgtool lightfield",
+            )  # fmt: skip
+        return self.slab
 
     @property
     def array(self) -> CameraArray | None:
@@ -302,24 +316,66 @@ class LightField:
 
     def _packets(self, part: Segment, first: int) -> Iterator:
         """First (decoder, ticks a frame), then packets from a key frame at or before ``first``."""
-        with open_video(self.path) as container:
+        container = self._take_container(first)
+        try:
             stream = container.streams.video[0]
-            stream.codec_context.thread_count = self.threads
             ticks = ticks_per_frame(stream.time_base)
             yield stream.codec_context, ticks
+            if first:
+                container.seek(first * ticks, stream=stream)
+            for packet in container.demux(stream):
+                number = frame_number(packet.pts, ticks)
+                if not packet.size or number is None:
+                    continue
+                if number >= part.stop:
+                    break
+                if number >= part.first:
+                    yield packet
+        except FFmpegError as error:
+            container.close()
+            raise self._bad_segment(part, f"cannot be read: {error.strerror}") from error
+        except GeneratorExit:  # enough was read
+            self._idle.append(container)
+            raise
+        except BaseException:
+            container.close()
+            raise
+        self._idle.append(container)
+
+    def _take_container(self, first: int) -> av.container.InputContainer:
+        """The open file for one reader alone; before the beginning where ``first`` is 0.
+
+        Once opened, it is kept for the next reader: nothing of the file is read twice, and one of
+        the same name that takes its place meanwhile is not mixed with it.
+        """
+        while container := self._next_idle():
+            if first:
+                return container
             try:
-                if first:
-                    container.seek(first * ticks, stream=stream)
-                for packet in container.demux(stream):
-                    number = frame_number(packet.pts, ticks)
-                    if not packet.size or number is None:
-                        continue
-                    if number >= part.stop:
-                        break
-                    if number >= part.first:
-                        yield packet
-            except FFmpegError as error:
-                raise self._bad_segment(part, f"cannot be read: {error.strerror}") from error
+                container.seek(0, stream=container.streams.video[0])
+                return container
+            except FFmpegError:  # a file without its index is read from its beginning only
+                container.close()
+        container = open_video(self.path)
+        container.streams.video[0].codec_context.thread_count = self.threads
+        return container
+
+    def close(self) -> None:
+        """Close the file; it is opened again when it is read again."""
+        while container := self._next_idle():
+            container.close()
+
+    def _next_idle(self) -> av.container.InputContainer | None:
+        try:
+            return self._idle.pop()
+        except IndexError:  # several threads read at a time
+            return None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
     def _bad_segment(self, part: Segment, problem: str) -> StorageError:
         a, b, c, d = part.tile.to_json()
@@ -425,4 +481,4 @@ def _check_stream(
         )
 
 
-__all__ = ["Damage", "LightField"]
+__all__ = ["Damage", "LightFieldFile"]

@@ -14,7 +14,7 @@ from robustness.outcome import Outcome
 
 WARM = (
     "lfcore.rendering.direct", "lfcore.rendering.photograph", "lfcore.rendering.record",
-    "lfcore.refocus.api", "lfcore.refocus.array.sampling", "lfcore.scene.procedural.sphere",
+    "lfcore.lightfield", "lfcore.refocus.array.sampling", "lfcore.scene.procedural.sphere",
     "lfcore.scene.pbrt", "trimesh.exchange.gltf", "scipy.spatial.transform", "scipy.stats", "cv2",
     "PIL.GifImagePlugin", "PIL.TiffImagePlugin", "PIL.WebPImagePlugin", "PIL.TgaImagePlugin",
 )  # fmt: skip

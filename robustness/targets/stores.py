@@ -19,7 +19,7 @@ from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
-from lfcore.storage.lightfield import LightField
+from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.metadata import TAG
 from lfcore.storage.segment import SegmentWriter
 from robustness.mutate import damage_bytes
@@ -60,7 +60,7 @@ def whole_store(name: str, folder: Path, geometry: str = "slab") -> tuple[bytes,
         path, segments, tiles, layout, spec=spec, scene={"name": "waves", "digest": "0123"},
         geometry=_geometry(geometry, layout),
     )  # fmt: skip
-    return path.read_bytes(), pixels_of(LightField.open(path))
+    return path.read_bytes(), pixels_of(LightFieldFile.open(path))
 
 
 def _geometry(kind: str, layout: FrameLayout) -> Slab | dict:
@@ -70,7 +70,7 @@ def _geometry(kind: str, layout: FrameLayout) -> Slab | dict:
     return array.to_json() | {"white": 1.5}
 
 
-def pixels_of(field: LightField) -> bytes:
+def pixels_of(field: LightFieldFile) -> bytes:
     return field.rectangle(0, 0, field.layout.pixels, field.layout.pixels).tobytes()
 
 
@@ -87,7 +87,7 @@ def judge_store(name: str, home: Path, data: bytes, folder: Path) -> Outcome:
 
 
 def _read_all(file: Path, same: bool, right: bytes) -> None:
-    field = LightField.open(file)
+    field = LightFieldFile.open(file)
     if pixels_of(field) != right:
         raise SilentlyWrong("other pixels than were stored")
     field.view(1, 1)
@@ -97,7 +97,7 @@ def _read_all(file: Path, same: bool, right: bytes) -> None:
 
 
 def _salvage(file: Path, right: bytes) -> None:
-    field = LightField.open(file, salvage=True)
+    field = LightFieldFile.open(file, salvage=True)
     size, side = field.layout.pixels, field.layout.views
     whole = np.frombuffer(right, np.uint8)
     if whole.size != size * size * side * side * 3:
@@ -139,7 +139,7 @@ def sealed(text: bytes) -> str:
 def judge_metadata(home: Path, data: bytes, folder: Path) -> Outcome:
     """Open, show and read a file with these metadata; the video is sound."""
     from lfcore.cli.inspect import facts
-    from lfcore.refocus.api import LightField as Refocusable
+    from lfcore.lightfield import LightField as Refocusable
 
     file = folder / "input.mkv"
     kind = "array" if b'"geometry": "array"' in data else "slab"

@@ -200,7 +200,7 @@ def test_reading_costs(file, chart, tmp_path):
 
 
 def test_planes_are_even_in_dioptres(file):
-    field = retrieval.LightField.open(file[0])
+    field = retrieval.LightFieldFile.open(file[0])
     planes = retrieval.focal_planes(field, (1.0, 2.0), 3)
     assert [plane.delta for plane in planes] == pytest.approx([1, 0.75, 0.5])
     assert retrieval.focal_planes(field, (1.0, 2.0), 1)[0].delta == pytest.approx(0.75)

@@ -13,10 +13,10 @@ from lfcore.colour import srgb_encode
 from lfcore.errors import OpticsError
 from lfcore.evaluation.metrics import psnr
 from lfcore.exr import read_exr_picture
+from lfcore.lightfield import LightField
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
-from lfcore.refocus.api import LightField
 from lfcore.refocus.array.stored import read_stored, store_array
 from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.storage.codecs import CodecSpec

@@ -5,9 +5,9 @@ import pytest
 
 from lfcore.colour import srgb_decode
 from lfcore.errors import OpticsError, StorageError
+from lfcore.lightfield import LightField
 from lfcore.optics.array import CameraArray, thin_lens
 from lfcore.optics.slab import Extent, Slab
-from lfcore.refocus.api import LightField
 from lfcore.refocus.array.stored import read_stored
 from lfcore.refocus.focal_stack import focal_stack
 from lfcore.refocus.slicing import form_planes

@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfcore.errors import OpticsError, StorageError
+from lfcore.lightfield import LightField
 from lfcore.opencl.device import open_device
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SHAPES, SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.oracle.planes import form_plane
-from lfcore.refocus.api import LightField
 from lfcore.refocus.shift_sum import ViewSummer, shift_sum, shift_sum_views
 from lfcore.refocus.shift_sum_reference import shift_sum_reference
 from lfcore.refocus.slicing import form_planes

@@ -13,7 +13,7 @@ from lfcore.optics.slab import Slab
 from lfcore.pictures import write_picture
 from lfcore.rendering import depth as depths
 from lfcore.scene.model import Material, Scene
-from lfcore.storage.lightfield import LightField
+from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -115,7 +115,7 @@ def test_views_read_in_bulk_are_those_read_alone(tmp_path, kind):
     path, out = tmp_path / "chart.mkv", tmp_path / "depth.npz"
     options = ["--size", "20", "--views", "3", "--codec", "ffv1", "--layout", kind]
     assert main(["trace", CHART, "-o", str(path), *options]) == 0
-    field = LightField.open(path)
+    field = LightFieldFile.open(path)
     samples = [(2, 1), (0, 0)]
     light = read_views(field, samples)
     for (i, j), picture in zip(samples, light, strict=True):

@@ -12,20 +12,20 @@ import numpy as np
 import pytest
 
 from lfcore.errors import StorageError
-from lfcore.storage.lightfield import LightField
+from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.metadata import TAG, Metadata
 
 
 @pytest.fixture(scope="module")
 def whole(stored):
     """(bytes of the file, all of its pixels)."""
-    return stored.path.read_bytes(), LightField.open(stored.path).rectangle(0, 0, 12, 12)
+    return stored.path.read_bytes(), LightFieldFile.open(stored.path).rectangle(0, 0, 12, 12)
 
 
-def salvaged(path, pixels) -> LightField | None:
+def salvaged(path, pixels) -> LightFieldFile | None:
     """Open to salvage: pixels of whole segments must be right, all others black."""
     try:
-        light_field = LightField.open(path, salvage=True)
+        light_field = LightFieldFile.open(path, salvage=True)
     except StorageError:
         return None
     found, known = light_field.rectangle(0, 0, 12, 12), np.zeros((12, 12), bool)
@@ -40,7 +40,7 @@ def salvaged(path, pixels) -> LightField | None:
 def refused(path, pixels) -> str:
     """The error of opening, or else of verifying; unchecked reading gives right pixels or fails."""
     try:
-        light_field = LightField.open(path)
+        light_field = LightFieldFile.open(path)
     except StorageError as error:
         return str(error)
     with pytest.raises(StorageError) as found:
@@ -74,12 +74,12 @@ def test_cut_anywhere(tmp_path, whole):
     for length in [0, 1, 50, len(data) - 1, *(draw.randrange(len(data)) for _ in range(50))]:
         path.write_bytes(data[:length])
         with pytest.raises(StorageError) as found:
-            LightField.open(path)
+            LightFieldFile.open(path)
         assert str(path) in str(found.value), length
         salvaged(path, pixels)
     path.write_bytes(data[: len(data) * 7 // 10])
     with pytest.raises(StorageError, match=r"ends after \d+ of \d+ bytes.* 4 segments can still"):
-        LightField.open(path)
+        LightFieldFile.open(path)
     assert 1 <= len(salvaged(path, pixels).segments) <= 3
 
 
@@ -87,12 +87,12 @@ def test_bytes_that_follow(tmp_path, whole):
     path = tmp_path / "longer.mkv"
     path.write_bytes(whole[0] + b"more")
     with pytest.raises(StorageError, match="4 bytes follow"):
-        LightField.open(path)
+        LightFieldFile.open(path)
 
 
 def test_a_damaged_segment_is_named_before_any_frame(tmp_path, stored, whole):
     data, pixels = whole
-    middle = LightField.open(stored.path)
+    middle = LightFieldFile.open(stored.path)
     target = next(iter(middle.frames(2)))  # readable before
     assert len(target)
     changed = bytearray(data)
@@ -101,7 +101,7 @@ def test_a_damaged_segment_is_named_before_any_frame(tmp_path, stored, whole):
     changed[packet.pos + 60] ^= 0x10
     path = tmp_path / "flipped.mkv"
     path.write_bytes(changed)
-    light_field = LightField.open(path)
+    light_field = LightFieldFile.open(path)
     with pytest.raises(StorageError, match=r"segment 2 .*check sum"):
         next(light_field.frames(2))
     assert (light_field.macropixel(0, 0) == pixels[0, 0]).all()
@@ -130,18 +130,18 @@ def remux(source, path, keep=lambda number: True, text=None):
 
 def test_a_remuxed_copy_still_opens(tmp_path, stored, whole):
     remux(stored.path, tmp_path / "copy.mkv")
-    light_field = LightField.open(tmp_path / "copy.mkv")
+    light_field = LightFieldFile.open(tmp_path / "copy.mkv")
     light_field.verify()
     assert (light_field.rectangle(0, 0, 12, 12) == whole[1]).all()
 
 
 @pytest.mark.parametrize("missing", [1, 3])
 def test_a_missing_segment(tmp_path, stored, whole, missing):
-    gone = LightField.open(stored.path).segments[missing]
+    gone = LightFieldFile.open(stored.path).segments[missing]
     path = tmp_path / "short.mkv"
     remux(stored.path, path, lambda number: not gone.first <= number < gone.stop)
     with pytest.raises(StorageError, match=f"segment {missing} is missing"):
-        LightField.open(path)
+        LightFieldFile.open(path)
     assert [d.segment.index for d in salvaged(path, whole[1]).damage] == [missing]
 
 
@@ -149,7 +149,7 @@ def test_a_missing_frame(tmp_path, stored):
     path = tmp_path / "short.mkv"
     remux(stored.path, path, lambda number: number != 41)
     with pytest.raises(StorageError, match=r"segment 1 .* has 35 of its 36 frames"):
-        list(LightField.open(path).frames(1))
+        list(LightFieldFile.open(path).frames(1))
 
 
 def test_foreign_files(tmp_path, stored):
@@ -157,12 +157,12 @@ def test_foreign_files(tmp_path, stored):
     for data in (b"", b"no video at all" * 100, stored.segments[0].read_bytes()):
         path.write_bytes(data)
         with pytest.raises(StorageError, match="not a Matroska file"):
-            LightField.open(path)
+            LightFieldFile.open(path)
     remux(stored.path, path, text="")
     with pytest.raises(StorageError, match="no light field"):
-        LightField.open(path)
+        LightFieldFile.open(path)
     with pytest.raises(StorageError, match="cannot be read"):
-        LightField.open(tmp_path / "absent.mkv")
+        LightFieldFile.open(tmp_path / "absent.mkv")
 
 
 @pytest.mark.parametrize("change, words", [
@@ -171,7 +171,7 @@ def test_foreign_files(tmp_path, stored):
     (("pack", 2), "tile"), (("kind", "views"), "tile|segment"),
 ])  # fmt: skip
 def test_metadata_that_contradict(tmp_path, stored, change, words):
-    metadata = LightField.open(stored.path).metadata
+    metadata = LightFieldFile.open(stored.path).metadata
     text, (key, value) = metadata.to_text(), change
     if key == "frame":
         text = text.replace('"views":6', '"views":7')
@@ -184,7 +184,7 @@ def test_metadata_that_contradict(tmp_path, stored, change, words):
         text = json.dumps(data)
     remux(stored.path, tmp_path / "x.mkv", text=text)
     with pytest.raises(StorageError, match=words):
-        LightField.open(tmp_path / "x.mkv")
+        LightFieldFile.open(tmp_path / "x.mkv")
 
 
 def signed(text, change):
@@ -202,7 +202,7 @@ WRONG = (None, True, -1, 1.5, 10**400, "text", [], [1], [[]], {}, {"a": 1}, floa
 
 def test_metadata_of_wrong_types_are_one_error_of_ours(stored):
     """Each value that is there, and each within an object or list, of every other type."""
-    text = LightField.open(stored.path).metadata.to_text()
+    text = LightFieldFile.open(stored.path).metadata.to_text()
     data = json.loads(text)
     paths = [(key,) for key in data if key != "digest"]
     paths += [
@@ -243,7 +243,7 @@ def test_every_bit_of_the_codec_id(tmp_path, stored, whole):
         changed[place + bit // 8] ^= 1 << bit % 8
         path.write_bytes(changed)
         with pytest.raises(StorageError) as found:
-            LightField.open(path)
+            LightFieldFile.open(path)
         assert str(path) in str(found.value)
 
 
@@ -251,8 +251,8 @@ FULL_DISK = """
 import resource, sys
 from lfcore.errors import StorageError
 from lfcore.storage.container import join_segments
-from lfcore.storage.lightfield import LightField
-light_field = LightField.open(sys.argv[1])
+from lfcore.storage.lightfield import LightFieldFile
+light_field = LightFieldFile.open(sys.argv[1])
 tiles = [part.tile for part in light_field.segments]
 resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
 try:

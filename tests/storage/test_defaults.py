@@ -6,7 +6,7 @@ import pytest
 from lfcore.errors import StorageError
 from lfcore.storage.defaults import default_kind, default_pack, default_spec, macropixel_pack
 from lfcore.storage.layout import FrameLayout
-from lfcore.storage.lightfield import LightField
+from lfcore.storage.lightfield import LightFieldFile
 
 
 @pytest.mark.parametrize("views", [1, 2, 15, 16, 32, 64, 65, 128, 256, 512, 4096])
@@ -39,6 +39,6 @@ def test_a_smooth_light_field_keeps_its_colours(tmp_path, make_store, views, pix
     spec = default_spec(views)
     layout = FrameLayout(default_kind(views, pixels), views, pixels, pixel_format=spec.pixel_format)
     stored = make_store(tmp_path, layout, spec)
-    found = LightField.open(stored.path).rectangle(0, 0, pixels, pixels) / 255
+    found = LightFieldFile.open(stored.path).rectangle(0, 0, pixels, pixels) / 255
     means = found.mean((2, 3)) - stored.field.mean((0, 1))
     assert -10 * np.log10(np.mean(means**2)) > 40

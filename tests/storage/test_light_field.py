@@ -1,6 +1,7 @@
 """The joined file: bit-exact, self-contained, and any part of it read like the whole."""
 
 import zlib
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from lfcore.optics.array import CameraArray
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
-from lfcore.storage.lightfield import LightField
+from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 
 PRESETS = {"libx264": "veryfast", "libx265": "superfast", "libsvtav1": "12", "ffv1": None}
@@ -21,7 +22,7 @@ def truth(field: np.ndarray) -> np.ndarray:
     return field.transpose(2, 3, 0, 1, 4)
 
 
-def everything(light_field: LightField) -> np.ndarray:
+def everything(light_field: LightFieldFile) -> np.ndarray:
     size = light_field.layout.pixels
     return light_field.rectangle(0, 0, size, size)
 
@@ -37,7 +38,7 @@ def psnr(a, b) -> float:
 def test_joining_is_bit_exact(tmp_path, make_store, codec, name):
     spec = CodecSpec(codec, name, crf=10, preset=PRESETS[codec])
     stored = make_store(tmp_path, FrameLayout("macropixels", 4, 9, pixel_format=name), spec)
-    light_field = LightField.open(stored.path)
+    light_field = LightFieldFile.open(stored.path)
     light_field.verify()
     assert light_field.slab == stored.slab and light_field.layout == stored.layout
     assert light_field.metadata.settings == spec.to_json()
@@ -64,7 +65,7 @@ def test_joining_is_bit_exact(tmp_path, make_store, codec, name):
 def test_parts_equal_the_whole(tmp_path, make_store, kind, views, pixels, pack, order, name):
     layout = FrameLayout(kind, views, pixels, order, pack, name)
     stored = make_store(tmp_path, layout, CodecSpec("ffv1", name, gop=4))
-    light_field = LightField.open(stored.path)
+    light_field = LightFieldFile.open(stored.path)
     whole = everything(light_field)
     error = np.abs(whole / 255 - truth(stored.field)).max()
     assert error <= (0.03 if name == "yuv420p10le" else 0.0041)
@@ -82,25 +83,25 @@ def test_subsampled_colour_does_not_leak_between_neighbours(tmp_path, make_store
         (tmp_path / str(pack)).mkdir()
         layout = FrameLayout("macropixels", 5, 6, "raster", pack, "yuv420p10le")
         stored = make_store(tmp_path / str(pack), layout, CodecSpec("ffv1", "yuv420p10le"))
-        found.append(everything(LightField.open(stored.path)))
+        found.append(everything(LightFieldFile.open(stored.path)))
     assert (found[0] == found[1]).all()
 
 
 def test_only_what_is_needed_is_decoded(stored):
-    light_field = LightField.open(stored.path)
+    light_field = LightFieldFile.open(stored.path)
     tile = light_field.segments[1].tile
     light_field.macropixel(tile.column, tile.row)
     assert light_field.count.frames <= 3  # the first frame, and what the decoder runs ahead
-    light_field = LightField.open(stored.path)
+    light_field = LightFieldFile.open(stored.path)
     light_field.rectangle(0, tile.row, 4, tile.row + 1)
     assert 4 <= light_field.count.frames <= 12  # of the 36 of its segment and 144 of the file
-    light_field = LightField.open(stored.path)
+    light_field = LightFieldFile.open(stored.path)
     light_field.view(0, 0)
     assert light_field.count.frames == 144
 
 
 def test_outside_is_refused(stored):
-    light_field = LightField.open(stored.path)
+    light_field = LightFieldFile.open(stored.path)
     for wrong in [
         lambda: light_field.macropixel(12, 0),
         lambda: light_field.view(0, -1),
@@ -129,7 +130,7 @@ def test_a_camera_array_can_be_stored(tmp_path, stored):
         path, stored.segments, stored.tiles, stored.layout, geometry=array,
         scene={"name": "waves", "digest": ""}, progress=lambda *step: steps.append(step),
     )  # fmt: skip
-    light_field = LightField.open(path)
+    light_field = LightFieldFile.open(path)
     assert (light_field.geometry, light_field.metadata.slab) == ("array", None)
     assert light_field.metadata.array == array == light_field.array.to_json()
     assert (light_field.slab.views, light_field.slab.pixels) == (6, 12)
@@ -170,3 +171,37 @@ def test_segments_that_do_not_fit_are_refused(tmp_path, stored):
     with pytest.raises(StorageError, match="exactly once"):
         join_with(stored, tmp_path, [good[0], *good[:3]], [stored.tiles[0], *stored.tiles[:3]])
     assert not (tmp_path / "x.mkv").exists()
+
+
+def test_a_file_stays_open_and_its_decoders_have_the_threads_asked_for(
+    tmp_path, make_store, monkeypatch
+):
+    """Read again and from several threads at once: the same, opened once for each reader."""
+    from lfcore.storage import lightfield
+
+    spec = CodecSpec("libx264", "yuv444p", crf=20, preset="veryfast", gop=3)
+    made = make_store(tmp_path, FrameLayout("views", 4, 20, pixel_format="yuv444p"), spec)
+    opened = []
+
+    def counted(path, **options):
+        opened.append(real(path, **options))
+        return opened[-1]
+
+    real = lightfield.open_video
+    monkeypatch.setattr(lightfield, "open_video", counted)
+    with LightFieldFile.open(made.path, threads=3) as field:
+        assert len(opened) == 1  # for the metadata
+        first = field.rectangle(0, 0, 20, 20)
+        assert len(opened) == 2
+        for corner in (3, 0, 7):
+            part = field.rectangle(corner, corner, corner + 2, corner + 2)
+            assert (part == first[corner : corner + 2, corner : corner + 2]).all()
+        assert len(opened) == 2
+        assert opened[1].streams.video[0].codec_context.thread_count == 3
+        with ThreadPoolExecutor(4) as pool:
+            views = list(pool.map(lambda k: field.view(k % 4, k // 4), range(16)))
+        for k, view in enumerate(views):
+            assert (view == first[:, :, k // 4, k % 4]).all()
+        assert len(opened) <= 1 + 4
+        made.path.unlink()  # what is open can be read still
+        assert (field.view(1, 2) == first[:, :, 2, 1]).all()

@@ -18,7 +18,7 @@ import numpy as np
 from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
 from lfcore.refocus.slicing import CHUNK_BYTES, PlaneFormer
-from lfcore.storage.lightfield import LightField
+from lfcore.storage.lightfield import LightFieldFile
 
 COLUMNS = [
     "scene", "N", "M", "layout", "pixel_format", "segments", "file_bytes", "what",
@@ -70,7 +70,7 @@ def retrieval_rows(
     Raises :class:`StorageError` for a damaged file, :class:`OpticsError` for a distance that was
     not recorded.
     """
-    field = LightField.open(path)
+    field = LightFieldFile.open(path)
     works = [*_planes(field, focus_m, study, device), *_pieces(field)]
     rounds: list[list[Cost]] = [[] for _ in works]
     for round_ in range(study.repeats):
@@ -103,7 +103,9 @@ def _row(costs: list[Cost], alone: float) -> dict:
     }
 
 
-def focal_planes(field: LightField, focus_m: tuple[float, float], count: int) -> list[SensorPlane]:
+def focal_planes(
+    field: LightFieldFile, focus_m: tuple[float, float], count: int
+) -> list[SensorPlane]:
     """``count`` planes through the whole lens, evenly spaced in dioptres; a single one is in the
     middle."""
     near, far = (1 / distance for distance in focus_m)
@@ -143,7 +145,7 @@ def _planes(field, focus_m, study, device) -> Iterator[Callable[[], Cost]]:
         yield lambda planes=planes: formed(planes)
 
 
-def _pieces(field: LightField) -> Iterator[Callable[[], Cost]]:
+def _pieces(field: LightFieldFile) -> Iterator[Callable[[], Cost]]:
     """One view, one macropixel and one rectangle, each by a file opened anew.
 
     Of the layout's elements (macropixels, or views) those in the middle of segment 0 are read.
@@ -175,7 +177,7 @@ def _pieces(field: LightField) -> Iterator[Callable[[], Cost]]:
 
 def _piece(path: Path, what: str, read: Callable, everywhere: bool) -> Cost:
     begun = time.process_time()
-    field = LightField.open(path)
+    field = LightFieldFile.open(path)
     share = 1.0
     if everywhere:
         field, share = first_segment(field)
@@ -185,7 +187,7 @@ def _piece(path: Path, what: str, read: Callable, everywhere: bool) -> Cost:
     return Cost(what, spent, share, frames)
 
 
-def first_segment(field: LightField) -> tuple[LightField, float]:
+def first_segment(field: LightFieldFile) -> tuple[LightFieldFile, float]:
     """The same file with only its first segment in reach, and that segment's share of the rays.
 
     What lies in other segments reads as black.

@@ -32,7 +32,7 @@ from lfcore.scene.model import Scene
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
-from lfcore.storage.lightfield import LightField
+from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.segment import SegmentWriter
 from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
 from lfcore.tracing.tracer import Tracer
@@ -192,7 +192,7 @@ def store(frames: Frames, spec: CodecSpec, device: Device) -> Stored:
             file, [segment], [tile], frames.layout, geometry=sample.slab, scene=scene, spec=spec
         )
         errors = _Errors(frames, device)
-        field, first = LightField.open(file), 0
+        field, first = LightFieldFile.open(file), 0
         for some in watch.each("decode", field.frames(0, chunk=frames.step)):
             errors.add(some, first)
             first += len(some)

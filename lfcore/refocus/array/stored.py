@@ -20,7 +20,7 @@ from lfcore.refocus.views import read_views
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
-from lfcore.storage.lightfield import LightField
+from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentWriter
 from lfcore.storage.ycbcr import frames_from_rgb
@@ -79,7 +79,7 @@ def store_array(
 
 
 def read_stored(
-    field: LightField,
+    field: LightFieldFile,
     *,
     device: Device | None = None,
     progress: Callable[[int, int], None] | None = None,

@@ -13,17 +13,16 @@ import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
 from lfcore.refocus.resampling import check_filter
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
-from lfcore.storage import lightfield
+from lfcore.storage.lightfield import LightFieldFile
 
 METHODS = ("slicing", "shift-sum")
 MOST_PLANES = 100
 
 
-class LightField(lightfield.LightField):
+class LightField(LightFieldFile):
     """A light field file with :meth:`refocus`; everything else is of the class below."""
 
     def plane(
@@ -189,21 +188,9 @@ class LightField(lightfield.LightField):
             method = "shift-sum"  # the same sums, and it knows of grids in part
         if method == "shift-sum":
             return shift_sum(
-                self.path, planes, filter=filter, device=device, salvage=self._salvage,
-                progress=progress,
+                self, planes, filter=filter, device=device, progress=progress
             ).pictures  # fmt: skip
-        return form_planes(
-            self.path, planes, device=device, salvage=self._salvage, progress=progress
-        ).sums.pictures()
-
-    def require_slab(self) -> Slab:
-        """The slab; :class:`OpticsError` for a camera array that is none."""
-        if self.slab is None:
-            raise OpticsError(
-                "holds a camera array that is no slab", file=self.path,
-                remedy="Use lfcore imgtool lightfield",
-            )  # fmt: skip
-        return self.slab
+        return form_planes(self, planes, device=device, progress=progress).sums.pictures()
 
 
 def check_method(method: str | None, filter: str) -> str:
