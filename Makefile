@@ -3,6 +3,7 @@
 #   make tables    the thesis's tables and figures for three scenes: results/tables/index.html
 #   make test      the whole test suite
 #   make fuzz SECONDS=600    hostile inputs for ten minutes: a table of what came of them
+#   make faults KILLS=100      kills, full disks, missing folders: the same results afterwards
 #   make smoke     the same pipeline, tiny: what continuous integration runs
 #   make lint      formatting and static checks
 #   make sweep SWEEP=config/sweeps/crf.tsv    one run for each row of a sweep
@@ -15,13 +16,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 CORES ?= 2
 SECONDS ?= 60
+KILLS ?= 20
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 # A run of ours must not see packages of the user's home, nor of another checkout.
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: tables test fuzz smoke sweep lint format clean distclean pins
+.PHONY: tables test fuzz faults smoke sweep lint format clean distclean pins
 .DELETE_ON_ERROR:
 
 tables: $(VENV)/installed
@@ -38,6 +40,9 @@ test: $(VENV)/installed-dev
 
 fuzz: $(VENV)/installed-dev
 	$(BIN)/python -m robustness.fuzz --seconds $(SECONDS) --keep
+
+faults: $(VENV)/installed-dev
+	$(BIN)/python -m robustness.faults --kills $(KILLS)
 
 lint: $(VENV)/installed-dev
 	$(BIN)/ruff check .

@@ -94,11 +94,19 @@ class Bench:
         return files
 
 
-def fuzz(targets: Sequence[Target], home: Path, *, seed: int, seconds: float, most: int) -> list:
-    """Benches after ``seconds``, or ``most`` inputs; each target has its share of the time."""
+def fuzz(
+    targets: Sequence[Target], home: Path, *, seed: int, seconds: float, most: int, each: int = 0
+) -> list[Bench]:
+    """Benches of all targets: the corpus and the seeds, then what is drawn.
+
+    First ``each`` inputs of every target; then until ``seconds`` have passed or there were
+    ``most`` inputs, where each target has its share of the time.
+    """
     benches = [Bench(target, home) for target in targets]
     for bench in benches:
         bench.replay()
+        if each:
+            bench.batch(seed, each)
     end = time.monotonic() + seconds
     while time.monotonic() < end and sum(bench.tally.inputs for bench in benches) < most:
         min(benches, key=lambda bench: bench.tally.seconds / bench.target.weight).batch(seed)
@@ -141,6 +149,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Fuzz; status 1 when there are findings."""
     parser = argparse.ArgumentParser("robustness.fuzz", description=__doc__)
     parser.add_argument("--seconds", type=float, default=60, help="for how long (60)")
+    parser.add_argument("--each", type=int, default=0, help="at least so many a target (0)")
     parser.add_argument("--inputs", type=int, default=1 << 62, help="at most so many")
     parser.add_argument("--seed", type=int, default=1, help="of the random numbers (1)")
     parser.add_argument("--target", action="append", help="only this one; may be repeated")
@@ -153,8 +162,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     home = Path(tempfile.mkdtemp(prefix="lfcore-fuzz-", dir=_disk()))
     try:
         benches = fuzz(
-            chosen, home, seed=arguments.seed, seconds=arguments.seconds, most=arguments.inputs
-        )
+            chosen, home, seed=arguments.seed, seconds=arguments.seconds, most=arguments.inputs,
+            each=arguments.each,
+        )  # fmt: skip
         print(table(benches))
         if found := report(benches):
             print(found)

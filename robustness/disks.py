@@ -1,0 +1,191 @@
+"""Disks that fill while a file is written: it is whole and right, or refused and gone."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.files import write_json, write_text
+from lfcore.optics.array import CameraArray
+from lfcore.pictures import write_picture
+from lfcore.scene.build import build_scene
+from lfcore.scene.files import save_scene
+from lfcore.storage.container import join_segments
+from lfcore.storage.layout import FrameLayout
+from lfcore.storage.segment import SegmentWriter
+from lfcore.storage.tiled_exr import write_array
+from lfcore.tracing.bvh import build_bvh, save_bvh
+from robustness.children import Limits, run_all
+from robustness.outcome import ROOT, Outcome, SilentlyWrong, outcome_of
+from robustness.targets.stores import CODECS
+
+PAGE = os.sysconf("SC_PAGE_SIZE")
+MOST_TRIES = 40
+"""Sizes of a disk that are tried for a file; small files are tried page by page."""
+
+
+@dataclass(frozen=True)
+class Writer:
+    """Writes one file of a fixed content."""
+
+    name: str
+    file: str
+    write: Callable[[Path], object]
+
+
+def writers(home: Path) -> list[Writer]:
+    """Every kind of file that the project writes, some tens to hundreds of kilobytes each."""
+    noise = np.random.default_rng(3)
+    picture = noise.random((96, 128, 3), np.float32)
+    array = CameraArray.on_grid((2, 2), (-1, 1, -1, 1), 40.0, (64, 48))
+    scene = build_scene(ROOT / "scenes/sphere")
+    bvh = build_bvh(scene.triangles)
+    layout = FrameLayout("macropixels", 16, 24, pixel_format="yuv444p")
+    tiles = layout.tiles(layout.rays, least=2, small_rays=0)
+    segments = [home / f"{tile.index}.mp4" for tile in tiles]
+    frames = noise.integers(0, 255, (tiles[0].frame_count, layout.frame_bytes), np.uint8)
+
+    def segment(path: Path, spec=CODECS["x264"]) -> None:
+        with SegmentWriter(path, spec, layout.frame_width, layout.frame_height) as writer:
+            writer.write(frames)
+
+    for path in segments:
+        segment(path)
+
+    def join(path: Path) -> None:
+        join_segments(path, segments, tiles, layout, geometry=_slab(layout),
+                      scene={"name": "noise", "digest": ""})  # fmt: skip
+
+    pictures = [
+        Writer(f"picture {kind}", f"p.{kind}", lambda path: write_picture(path, picture))
+        for kind in ("png", "ppm", "exr", "npy")
+    ]
+    return [
+        *pictures,
+        Writer("tiled EXR", "t.exr", lambda path: write_array(path, picture, array)),
+        Writer("segment", "s.mp4", segment),
+        Writer("light field", "l.mkv", join),
+        Writer("scene", "scene.npz", lambda path: save_scene(path, scene)),
+        Writer("hierarchy", "bvh.npz", lambda path: save_bvh(path, bvh)),
+        Writer("table", "t.csv", lambda path: write_text(path, "1.5,2.5\n" * 9000)),
+        Writer("JSON", "t.json", lambda path: write_json(path, list(range(9000)))),
+    ]
+
+
+def _slab(layout: FrameLayout):
+    from lfcore.optics.camera import Camera
+    from lfcore.optics.slab import Slab
+
+    return Slab(Camera(0.05, 0.036, 2.0, 3.0), layout.views, layout.pixels)
+
+
+def fill(writer: Writer, home: Path, tries: int = MOST_TRIES) -> list[tuple[int, Outcome]]:
+    """(pages of the disk, what came of it) for disks from empty to large enough.
+
+    Raises :class:`OSError` where no small disk can be mounted.
+    """
+    reference = home / writer.file
+    writer.write(reference)
+    whole = reference.read_bytes()
+    again = home / f"again-{writer.file}"
+    writer.write(again)
+    if again.read_bytes() != whole:
+        raise RuntimeError(f"{writer.name} is not written the same twice")
+    need = -(-len(whole) // PAGE)
+    step = max(1, need // tries)
+    # A page for the folder itself, and beyond the file room for the muxer's second thoughts.
+    pages = [1, *range(2, need + 8, step), 4 * need + 64]
+    mount = home / "disk"
+    mount.mkdir(exist_ok=True)
+
+    def one(index: int) -> Outcome:
+        file = mount / writer.file
+        before = b"before" if index % 2 else b""
+        with small_disk(mount, (pages[index] + bool(before)) * PAGE):
+            if before:
+                file.write_bytes(before)
+            return outcome_of(lambda: _write(writer, file, whole, before), names=str(file))
+
+    found = run_all(len(pages), one, Limits(), home / "stack.txt")
+    return [(pages[index], outcome) for index, outcome in found]
+
+
+def _write(writer: Writer, file: Path, whole: bytes, before: bytes) -> None:
+    """Write; a refusal leaves what was there, and nothing else."""
+    right = before
+    try:
+        writer.write(file)
+        right = whole
+    finally:
+        left = sorted(path.name for path in file.parent.iterdir())
+        if left != ([file.name] if right else []):
+            raise SilentlyWrong(f"there is {left}")
+        if right and file.read_bytes() != right:
+            size = file.stat().st_size
+            raise SilentlyWrong(f"{size} bytes under its name instead of {len(right)}")
+
+
+class small_disk:
+    """A file system of that size in memory at ``folder``, seen by this process alone.
+
+    It needs the rights to mount, or a system whose users may make name spaces of their own.
+    """
+
+    _entered = False
+
+    def __init__(self, folder: Path, size: int):
+        self.folder, self.size = folder, size
+        self._libc = ctypes.CDLL(None, use_errno=True)
+
+    def __enter__(self) -> None:
+        if not small_disk._entered:
+            own_mounts(self._libc)
+            small_disk._entered = True
+        _call(self._libc.mount, b"none", bytes(self.folder), b"tmpfs", 0, b"size=%d" % self.size)
+
+    def __exit__(self, *_) -> None:
+        _call(self._libc.umount2, bytes(self.folder), 2)  # MNT_DETACH: whatever is open there
+
+
+NEW_USER, NEW_MOUNTS, PRIVATE_RECURSIVE = 0x10000000, 0x00020000, (1 << 18) | (1 << 14)
+
+
+def own_mounts(libc: ctypes.CDLL) -> None:
+    """Leave the system's mounts: what is mounted from now on ends with this process."""
+    user, group = os.getuid(), os.getgid()
+    _call(libc.unshare, NEW_MOUNTS if user == 0 else NEW_MOUNTS | NEW_USER)
+    if user:
+        Path("/proc/self/setgroups").write_text("deny")
+        Path("/proc/self/uid_map").write_text(f"0 {user} 1")
+        Path("/proc/self/gid_map").write_text(f"0 {group} 1")
+    _call(libc.mount, b"none", b"/", None, PRIVATE_RECURSIVE, None)
+
+
+def _call(function, *arguments) -> None:
+    if function(*arguments):
+        number = ctypes.get_errno()
+        raise OSError(number, f"{function.__name__}: {os.strerror(number)}")
+
+
+def can_mount(home: Path) -> str:
+    """Empty where small disks can be had; else why not."""
+    mount = home / "probe"
+    mount.mkdir(parents=True, exist_ok=True)
+
+    def one(index: int) -> Outcome:
+        with small_disk(mount, PAGE):
+            return Outcome("ok")
+
+    def judged(index: int) -> Outcome:
+        try:
+            return one(index)
+        except OSError as error:
+            return Outcome("refused", text=str(error))
+
+    ((_, outcome),) = run_all(1, judged, Limits(), home / "probe.txt")
+    return outcome.text

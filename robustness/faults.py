@@ -1,0 +1,111 @@
+"""``python -m robustness.faults``: kills, full disks, missing folders; a table of each."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from random import Random
+
+from robustness import disks, folders, kills
+from robustness.outcome import OK, REFUSED
+
+
+def kill_all(home: Path, *, count: int, seconds: float, seed: int, only: Sequence[str] = ()) -> str:
+    """Kill runs, ``count`` in all or until the time is over; (table, findings) as text."""
+    killed = [
+        kills.Killed(job, home / job.name) for job in kills.jobs() if not only or job.name in only
+    ]
+    tallies = {(one.job.name, way): kills.Tally() for one in killed for way in one.job.ways}
+    draw, end, done = Random(seed), time.monotonic() + seconds, 0
+    while done < count and time.monotonic() < end:
+        one = killed[done % len(killed)]
+        way = draw.choice(one.job.ways)
+        one.disturb(draw, way, tallies[one.job.name, way])
+        done = sum(tally.kills for tally in tallies.values())
+    lines = [
+        "| run | ended by | kills | went on by itself | identical | slowest end | findings |",
+        "|---|---" + 5 * "|--:" + "|",
+    ]
+    for (name, way), tally in tallies.items():
+        slowest = f"{tally.slowest:.1f} s" if tally.slowest else ""
+        numbers = f"{tally.kills} | {tally.went_on} | {tally.identical} | {slowest}"
+        lines.append(f"| {name} | {way} | {numbers} | {len(tally.findings)} |")
+    keys = ("kills", "went_on", "identical")
+    total = [sum(getattr(tally, key) for tally in tallies.values()) for key in keys]
+    found = [finding for tally in tallies.values() for finding in tally.findings]
+    lines.append(f"| all | | {total[0]} | {total[1]} | {total[2]} | | {len(found)} |")
+    return _text(lines, found)
+
+
+def _text(lines: list[str], findings: list[str]) -> str:
+    return "\n".join([*lines, "", *(f"FINDING {finding}" for finding in findings)])
+
+
+def fill_all(home: Path) -> str:
+    """Each kind of file on disks from too small to large enough; as :func:`kill_all`."""
+    home.mkdir(parents=True)
+    if reason := disks.can_mount(home):
+        return f"SKIPPED full disks: no file system can be mounted here ({reason})\n"
+    lines = ["| file | disks | refused | written | findings |", "|---" + 4 * "|--:" + "|"]
+    found = []
+    for writer in disks.writers(home):
+        outcomes = disks.fill(writer, home)
+        counts = Counter(outcome.kind for _, outcome in outcomes)
+        wrong = [
+            f"{writer.name}, {pages} pages: {outcome.kind} {outcome.signature}: {outcome.text}"
+            for pages, outcome in outcomes
+            if outcome.is_finding
+        ]
+        found += wrong
+        numbers = (len(outcomes), counts[REFUSED], counts[OK], len(wrong))
+        lines.append(f"| {writer.name} | " + " | ".join(map(str, numbers)) + " |")
+        if not counts[OK] or not counts[REFUSED]:
+            found.append(f"{writer.name}: the disks were all too small, or all large enough")
+    return _text(lines, found)
+
+
+def miss_all(home: Path) -> str:
+    """Missing folders and closed streams; as :func:`kill_all`."""
+    results = list(folders.try_all(home))
+    lines = ["| surrounding | |", "|---|---|"]
+    lines += [f"| {name} | {'wrong' if wrong else 'as it must'} |" for name, wrong in results]
+    return _text(lines, [f"{name}: {wrong}" for name, wrong in results if wrong])
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Cause accidents; status 1 when there are findings."""
+    parser = argparse.ArgumentParser("robustness.faults", description=__doc__)
+    parser.add_argument("--kills", type=int, default=20, help="how many (20)")
+    parser.add_argument("--seconds", type=float, default=1e9, help="at most so long for kills")
+    parser.add_argument("--seed", type=int, default=1, help="of times and ways of kills (1)")
+    parser.add_argument("--job", action="append", default=[], help="kill this one only")
+    parser.add_argument("--only", choices=("kills", "disks", "folders"), help="that part only")
+    given = parser.parse_args(argv)
+    home = Path(tempfile.mkdtemp(prefix="lfcore-faults-"))
+    parts = {
+        "disks": lambda: fill_all(home / "disks"),
+        "folders": lambda: miss_all(home / "folders"),
+        "kills": lambda: kill_all(
+            home, count=given.kills, seconds=given.seconds, seed=given.seed, only=given.job
+        ),
+    }
+    bad = False
+    try:
+        for name, part in parts.items():
+            if given.only in (None, name):
+                text = part()
+                bad |= "\nFINDING" in text
+                print(text, flush=True)
+    finally:
+        shutil.rmtree(home, ignore_errors=True)
+    return int(bad)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

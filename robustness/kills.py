@@ -1,0 +1,246 @@
+"""Runs that are killed at random times: the plain command must go on and end as undisturbed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+
+from robustness.outcome import ROOT
+
+WAYS = ("KILL", "KILL group", "KILL child", "TERM", "INT group")
+"""How a run is ended: the process alone, all of its group as a terminal does, or one child."""
+STATUS = {"TERM": (143, -signal.SIGTERM), "INT group": (130, -signal.SIGINT)}
+PROMPT_SECONDS = 2.0
+"""Within which a command must have ended after TERM or INT, on a machine that is not busy."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """A command that makes files.
+
+    ``results`` are patterns of the files that must be the same each time, below its folder;
+    ``ways`` how it may be ended.
+    """
+
+    name: str
+    command: tuple[str, ...]
+    results: tuple[str, ...]
+    prepare: Callable[[Path], None]
+    ways: tuple[str, ...] = WAYS
+    statuses: bool = True
+
+
+@dataclass
+class Tally:
+    """Of the kills of one job in one way; ``findings`` say what went wrong, with the time."""
+
+    kills: int = 0
+    too_late: int = 0
+    went_on: int = 0
+    identical: int = 0
+    slowest: float = 0.0
+    findings: list[str] = field(default_factory=list)
+
+
+class Killed:
+    """A job with its folder, what it makes undisturbed, and how long that takes."""
+
+    def __init__(self, job: Job, folder: Path):
+        self.job, self.folder = job, folder
+        folder.mkdir(parents=True)
+        job.prepare(folder)
+        self.whole, self.seconds = {}, 0.0
+        for _ in range(2):  # the first run fills caches
+            self.clean()
+            start = time.monotonic()
+            status, said = self.run()
+            self.seconds = time.monotonic() - start
+            if status:
+                raise RuntimeError(f"{job.name} fails undisturbed: {said}")
+            before, self.whole = self.whole, self.digests()
+        if before != self.whole or not self.whole:
+            raise RuntimeError(f"{job.name} does not make the same twice: {before} {self.whole}")
+
+    def clean(self) -> None:
+        """As before the first run."""
+        for name in ("results", "logs", ".snakemake", "out"):
+            shutil.rmtree(self.folder / name, ignore_errors=True)
+        (self.folder / "out").mkdir()
+
+    def digests(self) -> dict[str, str]:
+        """Name and SHA-256 of each result."""
+        files = {file for pattern in self.job.results for file in self.folder.glob(pattern)}
+        return {
+            str(file.relative_to(self.folder)): hashlib.sha256(file.read_bytes()).hexdigest()
+            for file in sorted(files)
+            if file.is_file() and not file.name.startswith(".snakemake")
+        }
+
+    def drafts(self) -> list[str]:
+        """Hidden files and folders that were not there undisturbed."""
+        hidden = [*self.folder.glob("out/.*"), *self.folder.glob("results/**/.*")]
+        return [str(file) for file in hidden if not file.name.startswith(".snakemake")]
+
+    def start(self) -> subprocess.Popen:
+        return subprocess.Popen(
+            [sys.executable, *self.job.command],
+            cwd=self.folder,
+            env=os.environ | {"PYTHONPATH": str(self._package())},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+
+    def _package(self) -> Path:
+        return self.folder if (self.folder / "lfcore").is_dir() else ROOT
+
+    def run(self) -> tuple[int, str]:
+        """The plain command: (status, what it said); a status of 99 when it does not end."""
+        process = self.start()
+        try:
+            said, _ = process.communicate(timeout=max(120.0, 20 * self.seconds))
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            return 99, "it does not end"
+        return process.returncode, said.decode(errors="replace")[-2000:]
+
+    def disturb(self, draw: Random, way: str, tally: Tally) -> None:
+        """Run, kill, run again, compare."""
+        self.clean()
+        after = draw.uniform(0, 1.05 * self.seconds)
+        note = f"{self.job.name}, {way} after {after:.2f} of {self.seconds:.2f} s"
+        if not self._end(after, way, tally, note):
+            tally.too_late += 1
+            return
+        tally.kills += 1
+        status, said = self.run()
+        if status:
+            tally.findings.append(f"{note}: then status {status}: {said[-600:]}")
+            return
+        tally.went_on += 1
+        if self.digests() == self.whole:
+            tally.identical += 1
+        else:
+            tally.findings.append(f"{note}: other results: {self.digests()}")
+        if self.drafts():
+            tally.findings.append(f"{note}: left over: {self.drafts()}")
+
+    def _end(self, after: float, way: str, tally: Tally, note: str) -> bool:
+        """Start and kill; whether it was still running then."""
+        process = self.start()
+        try:
+            process.wait(after)
+            process.communicate()
+            return False
+        except subprocess.TimeoutExpired:
+            pass
+        began = time.monotonic()
+        if not _strike(process.pid, way):
+            process.communicate()
+            return False
+        try:
+            said = process.communicate(timeout=60)[0].decode(errors="replace")
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+            tally.findings.append(f"{note}: not ended after 60 s")
+            return True
+        if self.job.statuses and way in STATUS:
+            took = time.monotonic() - began
+            tally.slowest = max(tally.slowest, took)
+            tally.findings += [f"{note}: {wrong}" for wrong in self._wrong(process, way, said)]
+        return True
+
+    def _wrong(self, process: subprocess.Popen, way: str, said: str) -> Iterator[str]:
+        if process.returncode == 0:
+            return  # it had done all when the signal came
+        if process.returncode not in STATUS[way]:
+            yield f"status {process.returncode}: {said[-300:]}"
+        if "Traceback" in said:
+            yield f"a traceback: {said[-300:]}"
+        if self.drafts():
+            yield f"left behind at once: {self.drafts()}"
+
+
+def _strike(leader: int, way: str) -> bool:
+    """Send the signal; False when there is nobody to send it to."""
+    number = getattr(signal, f"SIG{way.split()[0]}")
+    with suppress(ProcessLookupError):
+        if way.endswith("group"):
+            os.killpg(leader, number)
+            return True
+        if not way.endswith("child"):
+            os.kill(leader, number)
+            return True
+        children = descendants(leader)
+        if children:
+            os.kill(max(children), number)  # the latest one: the job, not the one that waits
+            return True
+        os.killpg(leader, signal.SIGKILL)
+    return False
+
+
+def descendants(process: int) -> list[int]:
+    """Processes below one, as /proc has them."""
+    found: list[int] = []
+    for file in Path("/proc").glob(f"{process}/task/*/children"):
+        with suppress(OSError):
+            for child in map(int, file.read_text().split()):
+                found += [child, *descendants(child)]
+    return found
+
+
+MICRO = {
+    "scenes": ["sphere"],
+    "angular_resolutions": [2, 4],
+    "spatial_resolution": 16,
+    "figures": {"make": []},
+    "storage": {"make": []},
+    "analysis": {"make": []},
+    "assignment": {"in_tables": False},
+}
+PARTS = ("Snakefile", "config", "lfcore", "profiles", "scenes", "workflow")
+
+
+def copy_project(folder: Path) -> None:
+    """The project itself, and a configuration of a run of seconds."""
+    ignored = shutil.ignore_patterns("__pycache__", "*.pyc", ".*")
+    for name in PARTS:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, folder / name, ignore=ignored)
+        else:
+            shutil.copy(ROOT / name, folder / name)
+    (folder / "micro.yaml").write_text(json.dumps(MICRO))
+
+
+def nothing(folder: Path) -> None:
+    """Commands work on the project's own scenes."""
+
+
+def jobs() -> list[Job]:
+    scene = str(ROOT / "scenes/sphere")
+    lfcore = ("-m", "lfcore.cli")
+    size = ("--size", "96", "--views", "32")  # some seconds of tracing
+    workflow = ("-m", "workflow.run", "--cores", "2", "--configfile", "micro.yaml", "--")
+    made = ("results/sphere/N4/planes/from_video", "results/sphere/N2/planes/on_the_fly")
+    commands = ("KILL", "TERM", "INT group")
+    return [
+        Job("trace", (*lfcore, "trace", scene, "-o", "out/a.mkv", *size), ("out/*",), nothing,
+            commands),
+        Job("render", (*lfcore, "render", scene, "-o", "out/a.ppm", *size), ("out/*",), nothing,
+            commands),
+        Job("workflow", (*workflow, *made), ("results/**/*.npz", "results/**/*.png",
+            "results/**/*.mkv"), copy_project, statuses=False),
+    ]  # fmt: skip

@@ -1,0 +1,86 @@
+"""The fault injector itself, and a short form of what `make faults` does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from robustness import disks, kills
+from robustness.disks import Writer
+
+# Takes half a second; what a kill leaves behind is in the next run's result, or is not.
+PROGRAM = """
+import pathlib, time
+left = pathlib.Path("left")
+found = left.exists()
+left.touch()
+time.sleep(0.5)
+pathlib.Path("out/made").write_text(str(found and {careless}))
+left.unlink()
+"""
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory):
+    home = tmp_path_factory.mktemp("disks")
+    if reason := disks.can_mount(home):
+        pytest.skip(f"no small disk can be mounted here: {reason}")
+    return home
+
+
+def half(path: Path) -> None:
+    """Does not hear what the system says, as a library in C may not."""
+    try:
+        path.write_bytes(b"0123456789abcdef" * 1024)
+    except OSError:
+        pass
+
+
+def untidy(path: Path) -> None:
+    """Leaves its draft."""
+    draft = path.with_name(".draft")
+    draft.write_bytes(b"0123456789abcdef" * 1024)
+    draft.rename(path)
+
+
+@pytest.mark.parametrize("write", [half, untidy])
+def test_a_writer_that_leaves_half_a_file_is_found(home, write):
+    outcomes = disks.fill(Writer("bad", "bad.bin", write), home)
+    assert {outcome.kind for _, outcome in outcomes} == {"silent wrong", "ok"}
+
+
+def test_every_file_is_whole_or_refused_on_a_full_disk(home):
+    for writer in disks.writers(home):
+        outcomes = disks.fill(writer, home, tries=8)
+        assert not [(pages, found) for pages, found in outcomes if found.is_finding], writer.name
+        assert {outcome.kind for _, outcome in outcomes} == {"ok", "refused"}, writer.name
+
+
+@pytest.mark.parametrize("careless", [False, True])
+def test_what_a_kill_changes_is_found(tmp_path, careless):
+    program = tmp_path / "program.py"
+    program.write_text(PROGRAM.format(careless=careless))
+    job = kills.Job("program", (str(program),), ("out/*",), kills.nothing)
+    killed, tally, draw = kills.Killed(job, tmp_path / "run"), kills.Tally(), Random(3)
+    while tally.kills < 2:
+        # Late enough that the program has begun.
+        killed.disturb(draw, "KILL", tally)
+        (tmp_path / "run" / "left").unlink(missing_ok=True)
+    assert tally.went_on == 2
+    if careless:
+        assert tally.identical < 2 and "other results" in tally.findings[0]
+    else:
+        assert tally.identical == 2 and not tally.findings
+
+
+@pytest.mark.slow
+def test_a_render_that_is_killed_goes_on_and_is_identical(tmp_path):
+    (render,) = (job for job in kills.jobs() if job.name == "render")
+    small = replace(render, command=(*render.command[:-4], "--size", "16", "--views", "4"))
+    killed, tally, draw = kills.Killed(small, tmp_path / "run"), kills.Tally(), Random(5)
+    for way in ("KILL", "TERM"):
+        killed.disturb(draw, way, tally)
+    assert not tally.findings and tally.identical == tally.kills
