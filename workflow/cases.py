@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from lfcore.errors import OpticsError, SceneError
@@ -93,14 +92,10 @@ def _strings(value: object) -> Iterable[str]:
 
 def frame_layout(settings: Mapping, views: int) -> FrameLayout:
     """How the rays of N = ``views`` are laid out in frames; ``auto`` is what measured best."""
-    layout, pixels = settings["layout"], settings["spatial_resolution"]
-    kind, pack = layout["kind"], layout["pack"]
-    if kind == "auto":
-        kind = defaults.default_kind(views, pixels)
-    if pack == "auto":
-        pack = min(defaults.macropixel_pack(views), pixels) if kind == "macropixels" else 1
     pixel_format = codec_spec(settings, views).pixel_format
-    return FrameLayout(kind, views, pixels, layout["order"], pack, pixel_format)
+    return defaults.frame_layout(
+        views, settings["spatial_resolution"], pixel_format, **settings["layout"]
+    )
 
 
 def tiles(settings: Mapping, views: int) -> list[Tile]:
@@ -116,18 +111,9 @@ def tile_names(settings: Mapping, views: int) -> list[str]:
 def codec_spec(settings: Mapping, views: int) -> CodecSpec:
     """Settings of the encoder at N = ``views``; one thread, so that a stream is reproducible.
 
-    ``auto`` is what measured best for H.264 at that N; other codecs have their own presets.
+    ``auto`` is what measured best for H.264 at that N, or goes by that for other codecs.
     """
-    encoder, best = settings["encoder"], defaults.default_spec(views)
-    spec = replace(best, codec="libx264", threads=1)
-    if encoder["codec"] != "libx264" or encoder["preset"] != "auto":
-        spec = spec.of_preset(None)
-    chosen = {key: value for key, value in encoder.items() if value != "auto"}
-    if chosen["codec"] == "libsvtav1":
-        chosen.setdefault("pixel_format", "yuv420p")
-    if chosen["codec"] == "ffv1":
-        chosen["preset"] = chosen["tune"] = None
-    return replace(spec, **chosen)
+    return defaults.codec_spec(views, **settings["encoder"])
 
 
 def sensor_planes(

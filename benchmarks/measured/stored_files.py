@@ -19,7 +19,8 @@ GROWTH_LIMIT = 1.05
 JOB = """
 import sys
 from pathlib import Path
-from lfcore.rendering.record import codec_spec, frame_layout, record
+from lfcore.rendering.record import record
+from lfcore.storage.defaults import codec_spec, frame_layout
 from lfcore.cli.render import load, open_tracers
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -30,7 +31,7 @@ scene_ = load(scene)
 if what == "record":
     slab = Slab(scene_.camera, views, pixels)
     spec = codec_spec(views)
-    layout = frame_layout(slab, None, spec.pixel_format)
+    layout = frame_layout(slab.views, slab.pixels, spec.pixel_format)
     record(Path(path), open_tracers(scene_, None), slab, layout, spec, scene=scene)
 elif what == "retrieve":
     camera = scene_.camera

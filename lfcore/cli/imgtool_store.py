@@ -11,15 +11,18 @@ import numpy as np
 from lfcore.cli.progress import progress
 from lfcore.optics.array import CameraArray
 from lfcore.pictures import check_suffix
+from lfcore.storage.codecs import CODECS, CodecSpec
+from lfcore.storage.defaults import codec_spec
 
-CODECS = ("libx264", "libx265", "libsvtav1", "ffv1")
 VIDEO = ".mkv"
 
 
 def add_encoder(command: argparse.ArgumentParser):
     """Options of the video that a light field is stored in; returns their group."""
     how = command.add_argument_group("storage")
-    how.add_argument("--codec", choices=CODECS, default="libx264", help="ffv1 loses nothing more")
+    how.add_argument(
+        "--codec", choices=tuple(CODECS), default="libx264", help="ffv1 loses nothing more"
+    )
     how.add_argument("--crf", type=float, help="lower is better and larger (default: by N)")
     how.add_argument("--preset", help="of the encoder (default: by N)")
     how.add_argument(
@@ -27,6 +30,13 @@ def add_encoder(command: argparse.ArgumentParser):
         help="of an array: radiance of the brightest code (default: the brightest, at least 1)",
     )  # fmt: skip
     return how
+
+
+def asked_spec(arguments: argparse.Namespace, views: int) -> CodecSpec:
+    """What the options of :func:`add_encoder` ask of an encoder, and ``--pixel-format``."""
+    given = {key: getattr(arguments, key, None) for key in ("pixel_format", "crf", "preset")}
+    given = {key: value for key, value in given.items() if value is not None}
+    return codec_spec(views, arguments.codec, **given)
 
 
 def add_tiles(command: argparse.ArgumentParser) -> None:
@@ -54,13 +64,10 @@ def read_lightfield(path: Path) -> tuple[np.ndarray, CameraArray | None, dict]:
 def save_video(arguments, image: np.ndarray, array: CameraArray, scene: dict) -> str:
     """Store an array as the options of :func:`add_encoder` say; returns one line about it."""
     from lfcore.refocus.array.stored import store_array
-    from lfcore.rendering.record import codec_spec
 
     output = arguments.output
     check_suffix(output, (VIDEO,))
-    spec = codec_spec(
-        array.cameras[0], arguments.codec, crf=arguments.crf, preset=arguments.preset
-    )  # fmt: skip
+    spec = asked_spec(arguments, array.cameras[0])
     with progress("encoding", "cameras") as report:
         made = store_array(
             output, image, array, spec, scene=scene, white=arguments.white, progress=report

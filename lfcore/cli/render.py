@@ -173,7 +173,8 @@ def render(arguments: argparse.Namespace) -> None:
 
 def trace(arguments: argparse.Namespace) -> None:
     from lfcore.optics.slab import Slab
-    from lfcore.rendering.record import codec_spec, frame_layout, record
+    from lfcore.rendering.record import record
+    from lfcore.storage.defaults import frame_layout
 
     check_suffix(arguments.output, (".mkv",))
     scene = load(arguments.scene)
@@ -186,14 +187,8 @@ def trace(arguments: argparse.Namespace) -> None:
     if not math.isfinite(camera.field_width):
         raise LfcoreError("the picture has no extent", file=arguments.scene)
     slab = Slab(camera, views, size)
-    spec = codec_spec(
-        slab.views,
-        arguments.codec,
-        pixel_format=arguments.pixel_format,
-        crf=arguments.crf,
-        preset=arguments.preset,
-    )
-    layout = frame_layout(slab, arguments.layout, spec.pixel_format)
+    spec = imgtool_store.asked_spec(arguments, views)
+    layout = frame_layout(views, size, spec.pixel_format, kind=arguments.layout or "auto")
     tracers = open_tracers(scene, arguments.device)
     with progress(f"tracing {slab.rays:,} rays", "elements") as report:
         metadata = record(

@@ -6,53 +6,19 @@ import hashlib
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 
 from lfcore.files import draft_folder
 from lfcore.optics.slab import Slab
 from lfcore.rendering.depth import depth_range
-from lfcore.storage.codecs import CODECS, CodecSpec
+from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import join_segments
-from lfcore.storage.defaults import default_kind, default_spec, macropixel_pack
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentWriter
 from lfcore.tracing.tracer import Tracer
 
 TILE_RAYS = 1 << 27
-PRESETS = {"libx265": "fast", "libsvtav1": "8"}
-OTHER_CRF = 24.0
-
-
-def codec_spec(
-    views: int,
-    codec: str = "libx264",
-    *,
-    pixel_format: str | None = None,
-    crf: float | None = None,
-    preset: str | None = None,
-) -> CodecSpec:
-    """Settings of an encoder; what is None is as measured best for N = ``views``, or the codec's.
-
-    Raises :class:`StorageError` for settings that it does not take.
-    """
-    base = default_spec(views)
-    if codec != base.codec:
-        form = "yuv444p" if "yuv444p" in CODECS[codec] else "yuv420p"
-        tune = None if codec == "ffv1" else "psnr"
-        base = CodecSpec(codec, form, crf=OTHER_CRF, preset=PRESETS.get(codec), tune=tune)
-    if preset is not None:
-        base = base.of_preset(preset)
-    given = {"pixel_format": pixel_format, "crf": crf}
-    return replace(base, **{key: value for key, value in given.items() if value is not None})
-
-
-def frame_layout(slab: Slab, kind: str | None, pixel_format: str) -> FrameLayout:
-    """Views or macropixels, as measured best unless said; small macropixels share a frame."""
-    kind = kind or default_kind(slab.views, slab.pixels)
-    pack = min(macropixel_pack(slab.views), slab.pixels) if kind == "macropixels" else 1
-    return FrameLayout(kind, slab.views, slab.pixels, pack=pack, pixel_format=pixel_format)
 
 
 def record(

@@ -107,8 +107,11 @@ What follows from it:
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from lfcore.errors import StorageError
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import CODECS, CodecSpec
+from lfcore.storage.layout import FrameLayout
 
 QUICK = {
     "preset": "veryfast",
@@ -129,6 +132,10 @@ _SETTINGS = (
 )
 KEY_EVERY = 128
 """Frames from one key frame to the next."""
+AUTO = "auto"
+OTHER_PRESETS = {"libx265": "fast", "libsvtav1": "8"}
+CRF_SCALE = {"libsvtav1": 1.5}
+"""AV1's constant rate factor runs to 63, and this times x264's gives about its quality."""
 PIXELS_FOR_VIEWS, FEW_VIEWS = 16, 8
 
 
@@ -167,6 +174,59 @@ def default_spec(views: int) -> CodecSpec:
     _check(views)
     settings = next(own for limit, own in _SETTINGS if views <= limit)
     return CodecSpec(pixel_format="yuv444p", gop=KEY_EVERY, **settings)
+
+
+def codec_spec(
+    views: int,
+    codec: str = "libx264",
+    *,
+    pixel_format: str = AUTO,
+    crf: float | str = AUTO,
+    preset: str | None = AUTO,
+    tune: str | None = "psnr",
+) -> CodecSpec:
+    """Settings of any encoder for N = ``views``; what is ``auto`` is as measured best.
+
+    H.265 has H.264's rate factor of that N and AV1 that times :data:`CRF_SCALE`, for about the
+    same quality, at presets of their own; chroma is whole where the codec can store it whole.
+
+    Parameters
+    ----------
+    codec : a key of :data:`lfcore.storage.codecs.CODECS`.
+    pixel_format, crf, preset, tune : as :class:`CodecSpec` takes them, or ``auto``.
+
+    Raises :class:`StorageError` for settings that the codec does not take.
+    """
+    best = default_spec(views)
+    if codec == best.codec:
+        spec = best if preset == AUTO else best.of_preset(preset)
+    else:
+        spec = CodecSpec(
+            codec,
+            "yuv444p" if "yuv444p" in CODECS.get(codec, ()) else "yuv420p",
+            crf=min(63.0, best.crf * CRF_SCALE.get(codec, 1.0)),
+            preset=OTHER_PRESETS.get(codec) if preset == AUTO else preset,
+            gop=best.gop,
+        )
+    given = {"pixel_format": pixel_format, "crf": crf, "tune": tune}
+    spec = replace(spec, **{key: value for key, value in given.items() if value != AUTO})
+    return replace(spec, preset=None, tune=None) if spec.lossless else spec
+
+
+def frame_layout(
+    views: int,
+    pixels: int,
+    pixel_format: str,
+    *,
+    kind: str = AUTO,
+    order: str = "serpentine",
+    pack: int | str = AUTO,
+) -> FrameLayout:
+    """How the rays of N = ``views`` and M = ``pixels`` lie in frames; ``auto`` as measured best."""
+    kind = default_kind(views, pixels) if kind == AUTO else kind
+    if pack == AUTO:
+        pack = min(macropixel_pack(views), pixels) if kind == "macropixels" else 1
+    return FrameLayout(kind, views, pixels, order, int(pack), pixel_format)
 
 
 def _check(views: int) -> None:

@@ -251,13 +251,12 @@ def test_help_teaches(name, capsys):
 
 def test_encoder_settings_are_those_measured_unless_said():
     from lfcore.errors import StorageError
-    from lfcore.rendering.record import codec_spec
-    from lfcore.storage.defaults import default_spec
+    from lfcore.storage.defaults import codec_spec, default_spec
 
     assert codec_spec(64) == default_spec(64)
     said = codec_spec(64, crf=11.0, preset="slow")
     assert (said.crf, said.preset, said.pixel_format) == (11.0, "slow", "yuv444p")
-    ahead = [codec_spec(512, preset=preset).lookahead for preset in (None, "ultrafast")]
+    ahead = [codec_spec(512, preset=preset).lookahead for preset in ("auto", "ultrafast")]
     assert ahead == [default_spec(512).lookahead, None]  # the preset's own is none
     assert codec_spec(64, "ffv1").lossless
     with pytest.raises(StorageError, match="does not take yuv444p"):

@@ -7,6 +7,8 @@ import shutil
 
 import pytest
 
+from lfcore.cli import parser
+from lfcore.cli.imgtool_store import asked_spec
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.storage import defaults
@@ -61,10 +63,22 @@ def test_every_pixel_format_of_the_store_can_be_said(name):
     assert cases.frame_layout(settings(encoder=encoder), 16).pixel_format == name
 
 
-@pytest.mark.parametrize("codec", ["libx265", "libsvtav1", "ffv1"])
-def test_other_codecs_have_their_own_presets(codec):
+@pytest.mark.parametrize(
+    ("codec", "preset", "crf", "pixel_format"),
+    [
+        ("libx265", "fast", 34.0, "yuv444p"),
+        ("libsvtav1", "8", 51.0, "yuv420p"),
+        ("ffv1", None, 34.0, "yuv444p"),
+    ],
+)
+def test_other_codecs_have_their_own_presets(codec, preset, crf, pixel_format):
+    """The same, whether the workflow or the command line asks."""
     spec = cases.codec_spec(settings(encoder={"codec": codec}), 64)
-    assert spec.codec == codec and spec.preset is None
+    assert (spec.codec, spec.preset, spec.crf) == (codec, preset, crf)
+    assert (spec.pixel_format, spec.gop) == (pixel_format, defaults.KEY_EVERY)
+    assert spec == defaults.codec_spec(64, codec)
+    words = ["trace", "scene", "-o", "x.mkv", "--codec", codec]
+    assert spec == asked_spec(parser(words).parse_args(words), 64)
 
 
 def test_scenes_by_name_and_by_path(tmp_path):

@@ -17,7 +17,7 @@ import pandas as pd
 from lfcore.evaluation.storage.sample import Frames, Stored, own_planes, store, trace_sample
 from lfcore.evaluation.tables import sizes
 from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.defaults import QUICK, default_kind, default_pack, default_spec
+from lfcore.storage.defaults import CRF_SCALE, QUICK, default_kind, default_pack, default_spec
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
 
@@ -33,8 +33,6 @@ BD_COLUMNS = [
 ANCHOR = "x264 medium 4:2:0"
 LEAST_OVERLAP = 0.5
 """Share of the anchor's range of PSNR below which a delta rate would say nothing."""
-SVT_SCALE = 1.5
-"""AV1's constant rate factor runs to 63, and this times x264's gives about its quality."""
 FFV1 = {"codec": "ffv1", "preset": None, "tune": None}
 SVT = {"codec": "libsvtav1", "pixel_format": "yuv420p"}
 
@@ -75,7 +73,7 @@ def specs(study: RateStudy) -> list[tuple[str, CodecSpec]]:
     found = []
     for name, changes in study.curves.items():
         spec = CodecSpec(**changes)
-        scale = SVT_SCALE if spec.codec == "libsvtav1" else 1.0
+        scale = CRF_SCALE.get(spec.codec, 1.0)
         crfs = study.crfs[:1] if spec.lossless else study.crfs
         found += [(name, replace(spec, crf=min(63.0, scale * crf))) for crf in crfs]
     return found

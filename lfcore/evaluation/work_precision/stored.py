@@ -32,9 +32,7 @@ def default_spec(views: int, crf: float | None = None) -> CodecSpec:
 
 def layout_of(slab: Slab, spec: CodecSpec) -> FrameLayout:
     """The default layout."""
-    views, pixels = slab.views, slab.pixels
-    kind, pack = defaults.default_kind(views, pixels), defaults.default_pack(views, pixels)
-    return FrameLayout(kind, views, pixels, pack=min(pack, pixels), pixel_format=spec.pixel_format)
+    return defaults.frame_layout(slab.views, slab.pixels, spec.pixel_format)
 
 
 def frames_of(tracer: Tracer, slab: Slab, layout: FrameLayout) -> list[np.ndarray]:
@@ -93,12 +91,9 @@ def storage(tracer: Tracer, study) -> Iterator[dict]:
 def _spec(codec: dict, views: int, crf: float) -> CodecSpec:
     """A codec of the configuration: what it does not say is the default's."""
     given = {key: value for key, value in codec.items() if key not in ("name", "crf_offset")}
-    base = default_spec(views, crf + codec.get("crf_offset", 0))
-    if given.get("codec", base.codec) != base.codec:
-        base = CodecSpec(crf=base.crf, threads=1)
-    if "preset" in given:
-        base = base.of_preset(given["preset"])
-    return replace(base, **given)
+    known = {key: given.pop(key) for key in ("codec", "pixel_format", "preset") if key in given}
+    crf = float(crf + codec.get("crf_offset", 0))
+    return replace(defaults.codec_spec(views, crf=crf, **known), **given)
 
 
 def _stored(tracer, slab, plane, reference, frames, spec, name) -> dict:
