@@ -1,0 +1,111 @@
+"""Pictures from rays of known depth, each spread over what its cell sweeps: float64, slow.
+
+A ray stands for a cell: ``ds`` of the lens and a part of a pixel.  A surface that it meets at
+depth z moves on the plane focused at 1 / delta' by ``(delta' - 1/z) ds`` while the lens point
+crosses the cell.  So the ray's light is spread evenly over a box of that side about the place
+where it falls.  What lies behind adds to a pixel only what nearer light has left of it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.ray_cells import ViewSet, lens_cells
+
+
+def slice_by_depth(
+    views: ViewSet,
+    plane: SensorPlane,
+    light: np.ndarray,
+    depth: np.ndarray,
+    pixels: int,
+    *,
+    least_px: float,
+    bounds_px: tuple[float, ...],
+    edge_steps: int | None = None,
+) -> np.ndarray:
+    """One picture (pixels, pixels, 3) float64, linear light.
+
+    Parameters
+    ----------
+    light : (K, S, S, 3) radiance of every ray, [view, v, u], taken as at most 1.
+    depth : (K, S, S), metres; infinity for a miss.
+    least_px : least side of a box, in pixels of the picture.
+    bounds_px : sweeps that part the layers, rising: what is swept by less than the first is in
+        focus; what lies before and behind it has a layer for every further bound.  None: one layer
+        holds all.
+    edge_steps : edges of boxes are rounded to such parts of a pixel; default not at all.
+    """
+    slab, scale = views.slab, plane.magnification(views.slab)
+    cells = lens_cells(slab, plane.aperture(slab))
+    pitch = slab.camera.field_width / pixels
+    layers = 2 * len(bounds_px) + 1
+    total = np.zeros((layers, pixels, pixels, 4))
+    room = np.zeros((pixels, pixels))
+    for k, (at, displacement) in enumerate(zip(views.positions, views.displacement, strict=True)):
+        if not cells.share[k]:
+            continue
+        across, down = (
+            _places(slab, plane, at[axis], displacement[axis], pixels) for axis in range(2)
+        )
+        room += cells.share[k] * np.outer(_covered(down, pixels), _covered(across, pixels))
+        # How far a point seen moves on the plane, in pixels a metre of the lens.
+        moves = (plane.delta - 1.0 / depth[k].astype(float)) * scale / pitch
+        boxes = []
+        for axis, place in enumerate((across[None, :-1], down[:-1, None])):
+            half = np.maximum(np.abs(moves) * cells.extent[k, axis], least_px) / 2
+            step = np.diff(across)[0] / 2  # from the edge of the slab's pixel to its middle
+            middle = place + step + (cells.middle[k, axis] - at[axis]) * moves
+            edges = [middle - half, middle + half]
+            if edge_steps:
+                edges = [np.rint(edge * edge_steps) / edge_steps for edge in edges]
+            boxes.append(_shares(edges[0].ravel(), edges[1].ravel(), pixels))
+        layer = _layer(moves.ravel() * slab.lens_pitch_m, bounds_px)
+        colour = np.ones((layer.size, 4))
+        colour[:, :3] = np.minimum(light[k].reshape(-1, 3), 1)
+        for number in range(layers):
+            rays = layer == number
+            total[number] += cells.share[k] * np.einsum(
+                "ry,rx,rc->yxc", boxes[1][rays], boxes[0][rays], colour[rays]
+            )
+    room *= (slab.pixels / pixels / scale) ** 2
+    return _composed(total, room)
+
+
+def _places(slab, plane, at: float, displacement: float, pixels: int) -> np.ndarray:
+    """(S + 1,) edges of the slab's pixels on the picture, in its pixels."""
+    size, scale = slab.pixels, plane.magnification(slab)
+    tangent = (np.arange(size + 1) + displacement - size / 2) * slab.pixel_pitch
+    moved = (tangent + at * (plane.delta - slab.camera.delta)) * scale
+    return moved / (slab.camera.field_width / pixels) + pixels / 2
+
+
+def _covered(edges: np.ndarray, pixels: int) -> np.ndarray:
+    """(pixels,) share of each pixel between the first and the last of ``edges``."""
+    left = np.arange(pixels)
+    return np.clip(np.minimum(edges[-1], left + 1) - np.maximum(edges[0], left), 0, 1)
+
+
+def _shares(low: np.ndarray, high: np.ndarray, pixels: int) -> np.ndarray:
+    """(R, pixels): part of the box [low, high] that lies in each pixel."""
+    left = np.arange(pixels)[None, :]
+    inside = np.minimum(high[:, None], left + 1) - np.maximum(low[:, None], left)
+    return np.maximum(inside, 0) / (high - low)[:, None]
+
+
+def _layer(sweep: np.ndarray, bounds: tuple[float, ...]) -> np.ndarray:
+    """(R,) number of the layer, the nearest first; ``sweep`` is negative before the plane."""
+    beyond = np.searchsorted(np.array(bounds), np.abs(sweep), side="right")
+    return len(bounds) + np.where(sweep < 0, -beyond, beyond)
+
+
+def _composed(total: np.ndarray, room: np.ndarray) -> np.ndarray:
+    """The layers front to back, each taking no more of a pixel than those before it left."""
+    left, colour = room.copy(), np.zeros((*room.shape, 3))
+    for layer in total:
+        used = np.minimum(layer[..., 3], left)
+        colour += layer[..., :3] * (used / np.maximum(layer[..., 3], 1e-300))[..., None]
+        left -= used
+    filled = (room - left)[..., None]
+    return np.where(filled > 0, colour / np.where(filled > 0, filled, 1), 0)

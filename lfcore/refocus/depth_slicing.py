@@ -1,0 +1,193 @@
+"""Slicing by depth: pictures from few rays, each spread over what its cell sweeps.
+
+A ray of lens cell ds that meets depth z stands for rays that fall (1/d' - 1/z) ds apart on the
+plane focused at d'.  Spread over a box of that side, a few samples of the lens give what all of it
+would, where slicing leaves gaps.  What the cell as a whole sees is neglected in two ways: that
+colour changes with direction, and that what hides a surface may hide part of its cell.  The second
+is made good between surfaces of unlike sweep: light from behind adds to a pixel only what nearer
+light has left of it.
+
+Zwicker et al. ("EWA Splatting", 2002) splat surfaces by their footprint; Lehtinen et al. ("Temporal
+Light Field Reconstruction for Rendering Distribution Effects", SIGGRAPH 2011) reproject sparse
+samples by their depth; Soler et al. ("Fourier Depth of Field", TOG 2009) say how many are needed.
+`lfcore.oracle.depth_slicing` is the reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+from lfcore.opencl.device import Device, build_program, cl, open_device
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.ray_cells import LensCells, ViewSet, lens_cells
+
+BOUNDS_PX = (0.5, 2.0)
+"""Sweeps, pixels of the picture, that part what is in focus from what lies before and behind it:
+measured, docs/notebook/true-picture.md."""
+LEAST_OF_RAY = 0.5
+"""Least side of a box, of the distance between neighbouring rays of a view: measured there."""
+STRIPS_A_THREAD = 2
+MOST_RAYS_A_PIXEL = 1 << 20
+"""Sums are 63 bits, a ray 2^40."""
+
+
+class DepthSlicer:
+    """Forms ``planes`` from rays of ``views`` whose depth is known.
+
+    Parameters
+    ----------
+    views : where the rays run.
+    pixels : side of the pictures; need not divide that of the views.
+    bounds_px, least_px : as for the reference, default as measured.
+
+    Raises
+    ------
+    OpticsError : a plane asks for what the views did not record, or more rays a pixel than sums
+        hold.
+    """
+
+    def __init__(
+        self,
+        views: ViewSet,
+        planes: Sequence[SensorPlane],
+        pixels: int,
+        device: Device | None = None,
+        *,
+        bounds_px: Sequence[float] = BOUNDS_PX,
+        least_px: float | None = None,
+    ):
+        for plane in planes:
+            plane.check(views.slab)
+        slab = views.slab
+        if slab.rays > MOST_RAYS_A_PIXEL * pixels**2:
+            raise OpticsError(
+                f"{slab.rays // pixels**2:,} rays a pixel are more than {MOST_RAYS_A_PIXEL:,}",
+                remedy="Trace fewer, or ask for more pixels",
+            )
+        self.views, self.planes, self.pixels = views, list(planes), pixels
+        self.device = device or open_device()
+        self.least_px = LEAST_OF_RAY * pixels / slab.pixels if least_px is None else least_px
+        program = build_program(
+            self.device, ["refocus/kernels/depth_slicing.cl"], {"N_BOUNDS": len(bounds_px)}
+        )
+        self._add = cl.Kernel(program, "add_rays")
+        self._compose = cl.Kernel(program, "compose")
+        self._cells = [lens_cells(slab, plane.aperture(slab)) for plane in self.planes]
+        self._bounds = self.device.buffer(np.array([*bounds_px, np.inf], np.float32))
+        strips = STRIPS_A_THREAD * self.device.threads
+        self._rows = -(-pixels // min(strips, pixels))
+        self._strips = -(-pixels // self._rows)
+        self._planes = self.device.buffer(self._plane_records())
+        layers = 2 * len(bounds_px) + 1
+        size = self._strips * (self._rows + 1) * (pixels + 1) * layers * len(planes) * 32
+        self._sums = [self._zeros(size) for _ in range(2)]
+
+    def _zeros(self, size: int) -> cl.Buffer:
+        buffer = self.device.empty(size)
+        cl.enqueue_fill_buffer(self.device.queue, buffer, np.uint64(0), 0, size)
+        return buffer
+
+    def _scale(self, plane: SensorPlane) -> float:
+        """Pixels of a picture, a metre of the lens and a dioptre."""
+        slab = self.views.slab
+        return plane.magnification(slab) * self.pixels / slab.camera.field_width
+
+    def _step(self, plane: SensorPlane) -> float:
+        """Pixels of a picture from one pixel of the slab to the next."""
+        slab = self.views.slab
+        return plane.magnification(slab) * self.pixels / slab.pixels
+
+    def _plane_records(self) -> np.ndarray:
+        pitch = self.views.slab.lens_pitch_m
+        records = [[p.delta, self._scale(p), self._step(p), pitch] for p in self.planes]
+        return np.array(records, np.float32)
+
+    def _first(self, plane: SensorPlane) -> np.ndarray:
+        """(K, 2) float64: where the ray of pixel (0, 0) of each view falls, pixels."""
+        views = self.views
+        moved = views.displacement - (views.slab.pixels - 1) / 2
+        shift = views.positions * (plane.delta - views.slab.camera.delta)
+        return moved * self._step(plane) + shift * self._scale(plane) + self.pixels / 2
+
+    def _cell_records(self, part: slice) -> np.ndarray:
+        """(planes, views, 8) float32, as the kernel's Cell."""
+        records = np.zeros((len(self.planes), len(self.views.positions[part]), 8), np.float32)
+        for record, plane, cells in zip(records, self.planes, self._cells, strict=True):
+            record[:, 0:2] = self._first(plane)[part]
+            record[:, 2:4] = cells.middle[part] - self.views.positions[part]
+            record[:, 4:6] = cells.extent[part]
+            record[:, 6] = cells.share[part]
+        return records
+
+    def add(self, part: slice, light: np.ndarray, depth: np.ndarray) -> None:
+        """Add the rays of some of the views, in any order, each view once.
+
+        Parameters
+        ----------
+        light : (K, S, S, 3) float32 linear radiance, [view, v, u]; more than 1 counts as 1.
+        depth : (K, S, S) float32, metres; infinity for a miss.
+        """
+        size, device = self.views.slab.pixels, self.device
+        ranges = np.stack([depth.min(axis=2), depth.max(axis=2)], -1).astype(np.float32)
+        records = self._cell_records(part)
+        if light.shape != (records.shape[1], size, size, 3) or depth.shape != light.shape[:3]:
+            raise ValueError(f"rays of shapes {light.shape} and {depth.shape} are not these views'")
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
+        hosts = [np.ascontiguousarray(a, np.float32) for a in (light, depth)]
+        rays = [cl.Buffer(device.context, flags, hostbuf=a) for a in hosts]
+        self._add(
+            device.queue,
+            (self._strips, len(self.planes)),
+            (1, 1),
+            *rays,
+            device.buffer(ranges),
+            device.buffer(records),
+            self._planes,
+            self._bounds,
+            np.int32(records.shape[1]),
+            np.int32(size),
+            np.float32(self.least_px),
+            np.int32(self._rows),
+            np.int32(self.pixels),
+            *self._sums,
+        )
+        device.queue.finish()
+
+    def pictures(self) -> np.ndarray:
+        """(P, pixels, pixels, 3) float32, linear light, of all rays; nothing can be added then.
+
+        A pixel is divided by what it got, or, with ``normalise='lens'``, dims as the lens stops
+        down.  Where no ray fell it is black.
+        """
+        device = self.device
+        room = np.stack([self._room(*each) for each in zip(self.planes, self._cells, strict=True)])
+        pictures = np.empty((*room.shape, 3), np.float32)
+        target = device.empty(pictures.nbytes)
+        self._compose(
+            device.queue,
+            (self._strips, len(self.planes)),
+            (1, 1),
+            *self._sums,
+            device.buffer(room),
+            np.int32(self._rows),
+            np.int32(self.pixels),
+            target,
+        )
+        cl.enqueue_copy(device.queue, pictures, target)
+        for picture, plane, cells in zip(pictures, self.planes, self._cells, strict=True):
+            if plane.normalise == "lens":
+                picture *= cells.share.mean() / plane.magnification(self.views.slab) ** 2
+        return pictures
+
+    def _room(self, plane: SensorPlane, cells: LensCells) -> np.ndarray:
+        """(pixels, pixels) float32: weight of the rays that a pixel gets when nothing is spread."""
+        first, step = self._first(plane), self._step(plane)
+        low = first - step / 2
+        left = np.arange(self.pixels)
+        high = low + step * self.views.slab.pixels
+        reach = np.minimum(high[..., None], left + 1) - np.maximum(low[..., None], left)
+        across, down = np.clip(reach, 0, 1).transpose(1, 0, 2)
+        return ((down * cells.share[:, None]).T @ across / step**2).astype(np.float32)

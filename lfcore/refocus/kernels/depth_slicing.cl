@@ -1,0 +1,196 @@
+// Slicing by depth: a ray is spread over the box that its cell sweeps on a plane.
+//
+// Edges of boxes are whole numbers of 1 / STEPS pixel and light is in fixed point, so the sums are the same
+// in whatever order, by however many threads and in however many parts rays are added.  Each work-item owns
+// a strip of rows of one plane; no two ever write to the same place.
+//
+// A box of a few pixels is added pixel by pixel to `sums`.  A larger one is added to `edges`, the differences
+// of such sums along both axes, where it is 16 numbers whatever its size (F. Crow, "Summed-area tables for
+// texture mapping", SIGGRAPH 1984, the other way round).
+
+#define STEPS 256
+#define ONE 1099511627776.0f  // 2^40: the weight of a ray whose cell is open
+#define FEW_PIXELS 16
+#define LAYERS (2 * N_BOUNDS + 1)
+
+typedef struct {
+    float x, y;            // where the ray of pixel (0, 0) falls, in pixels of the picture
+    float off_x, off_y;    // from the lens point to the middle of its cell, metres
+    float side_x, side_y;  // of the cell, metres
+    float share;           // of the cell that is open
+    float unused;
+} Cell;
+
+typedef struct {
+    float delta;   // inverse focus distance
+    float scale;   // pixels of the picture, a metre of the lens and a dioptre
+    float step;    // pixels of the picture from one pixel of the slab to the next
+    float pitch;   // of the lens samples, metres
+} Plane;
+
+// Rows of a strip of `sums` and `edges`: one more of each, where what ends outside is dropped.
+typedef struct {
+    global long4 *sums, *edges;
+    int top, rows, width;
+} Strip;
+
+inline Strip make_strip(global long4 *sums, global long4 *edges, int plane, int strip, int strip_rows, int pixels)
+{
+    const ulong count = (ulong)(strip_rows + 1) * (pixels + 1);
+    const int strips = (pixels + strip_rows - 1) / strip_rows;
+    const ulong at = (ulong)(plane * strips + strip) * LAYERS * count;
+    const int top = strip * strip_rows;
+    return (Strip){sums + at, edges + at, top, min(strip_rows, pixels - top), pixels};
+}
+
+inline ulong layer_size(const Strip *s, int strip_rows) { return (ulong)(strip_rows + 1) * (s->width + 1); }
+
+inline int floor_pixel(int edge) { return edge >> 8; }
+
+// The part of [low, high] that lies in a pixel, in 1 / STEPS.
+inline long overlap(int low, int high, int pixel)
+{
+    return min(high, (pixel + 1) * STEPS) - max(low, pixel * STEPS);
+}
+
+inline void add_few(const Strip *s, global long4 *to, int4 box, long4 colour)
+{
+    const int x0 = max(0, floor_pixel(box.x)), x1 = min(s->width - 1, floor_pixel(box.z - 1));
+    const int y0 = max(s->top, floor_pixel(box.y)), y1 = min(s->top + s->rows - 1, floor_pixel(box.w - 1));
+    for (int y = y0; y <= y1; ++y) {
+        const long4 row = colour * overlap(box.y, box.w, y);
+        global long4 *at = to + (ulong)(y - s->top) * (s->width + 1);
+        for (int x = x0; x <= x1; ++x) at[x] += row * overlap(box.x, box.z, x);
+    }
+}
+
+// Differences of overlap along one axis: at the first pixel and the one behind it, the last and the one behind it.
+inline void differences(int low, int high, int first, int count, int at[4], long value[4])
+{
+    const int a = floor_pixel(low), b = floor_pixel(high - 1);
+    const long head = (a + 1) * STEPS - low, tail = high - b * STEPS;
+    at[0] = a; at[1] = a + 1; at[2] = b; at[3] = b + 1;
+    value[0] = head; value[1] = STEPS - head; value[2] = tail - STEPS; value[3] = -tail;
+    for (int k = 0; k < 4; ++k) at[k] = clamp(at[k] - first, 0, count);
+}
+
+inline void add_edges(const Strip *s, global long4 *to, int4 box, long4 colour)
+{
+    int x[4], y[4];
+    long along[4], down[4];
+    differences(box.x, box.z, 0, s->width, x, along);
+    differences(box.y, box.w, s->top, s->rows, y, down);
+    for (int j = 0; j < 4; ++j) {
+        const long4 row = colour * down[j];
+        global long4 *at = to + (ulong)y[j] * (s->width + 1);
+        for (int i = 0; i < 4; ++i) at[x[i]] += row * along[i];
+    }
+}
+
+// The layer of what is swept by so many pixels, the nearest first.
+inline int layer_of(float sweep, constant const float *bounds)
+{
+    int beyond = 0;
+    for (int k = 0; k < N_BOUNDS; ++k) beyond += fabs(sweep) >= bounds[k];
+    return N_BOUNDS + (sweep < 0.0f ? -beyond : beyond);
+}
+
+// Add the rays of one row of a view.
+inline void add_row(const Strip *s, int strip_rows, Plane p, Cell cell, float y, int size, float least, constant const float *bounds,
+                    global const float *light, global const float *depth)
+{
+    for (int u = 0; u < size; ++u) {
+        const float moves = (p.delta - 1.0f / depth[u]) * p.scale;
+        const float half_x = 0.5f * max(fabs(moves) * cell.side_x, least), half_y = 0.5f * max(fabs(moves) * cell.side_y, least);
+        const float x = fma((float)u, p.step, cell.x) + cell.off_x * moves, at_y = y + cell.off_y * moves;
+        // Whatever lies far outside is clamped there: integers must hold it.
+        const float far = 4.0f * s->width;
+        const int4 box = convert_int4_rte(clamp((float4)(x - half_x, at_y - half_y, x + half_x, at_y + half_y), -far, far + far) * (float)STEPS);
+        if (floor_pixel(box.w - 1) < s->top || floor_pixel(box.y) >= s->top + s->rows || box.z <= 0 || box.x >= s->width * STEPS) continue;
+        const int wide = box.z - box.x, tall = box.w - box.y;
+        if (wide <= 0 || tall <= 0) continue;
+        const float weight = cell.share * ONE / ((float)wide * (float)tall);
+        const float3 seen = clamp(vload3(u, light), 0.0f, 1.0f);
+        const long4 colour = convert_long4_rte((float4)(seen * weight, weight));
+        const int spans = (floor_pixel(box.z - 1) - floor_pixel(box.x) + 1) * (floor_pixel(box.w - 1) - floor_pixel(box.y) + 1);
+        const ulong layer = layer_of(moves * p.pitch, bounds) * layer_size(s, strip_rows);
+        if (spans <= FEW_PIXELS) add_few(s, s->sums + layer, box, colour);
+        else add_edges(s, s->edges + layer, box, colour);
+    }
+}
+
+// Whether any ray of a row, whose depths lie in `range`, reaches the strip.
+inline int reaches(const Strip *s, Plane p, Cell cell, float y, float least, float2 range)
+{
+    const float moves = max(fabs(p.delta - 1.0f / range.x), fabs(p.delta - 1.0f / range.y)) * p.scale;
+    const float reach = 0.5f * max(moves * cell.side_y, least) + fabs(cell.off_y) * moves + 1.0f;
+    return y + reach >= s->top && y - reach <= s->top + s->rows;
+}
+
+kernel __attribute__((reqd_work_group_size(1, 1, 1))) void add_rays(global const float *restrict light,    // (views, size, size, 3)
+                     global const float *restrict depth,    // (views, size, size), metres
+                     global const float2 *restrict ranges,  // (views, size) least and most depth of a row
+                     global const Cell *restrict cells,     // (planes, views)
+                     global const Plane *restrict planes,
+                     constant float *restrict bounds,
+                     const int n_views,
+                     const int size,
+                     const float least,                     // side of a box, pixels
+                     const int strip_rows,
+                     const int pixels,
+                     global long4 *restrict sums,
+                     global long4 *restrict edges)
+{
+    const int plane = get_global_id(1);
+    const Strip s = make_strip(sums, edges, plane, get_global_id(0), strip_rows, pixels);
+    const Plane p = planes[plane];
+    for (int view = 0; view < n_views; ++view) {
+        const Cell cell = cells[plane * n_views + view];
+        if (!(cell.share > 0.0f)) continue;
+        for (int v = 0; v < size; ++v) {
+            const float y = fma((float)v, p.step, cell.y);
+            const ulong row = (ulong)view * size + v;
+            if (!reaches(&s, p, cell, y, least, ranges[row])) continue;
+            add_row(&s, strip_rows, p, cell, y, size, least, bounds, light + 3 * row * size, depth + row * size);
+        }
+    }
+}
+
+// Pictures from the sums: layers front to back, each taking no more of a pixel than those before it left.
+kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global long4 *restrict sums,
+                    global long4 *restrict edges,
+                    global const float *restrict room,  // (planes, pixels, pixels): weight of all rays that fall there
+                    const int strip_rows,
+                    const int pixels,
+                    global float *restrict pictures)    // (planes, pixels, pixels, 3)
+{
+    const int plane = get_global_id(1);
+    const Strip s = make_strip(sums, edges, plane, get_global_id(0), strip_rows, pixels);
+    const ulong pitch = pixels + 1, size = layer_size(&s, strip_rows);
+    for (int y = 0; y < s.rows; ++y) {
+        for (int layer = 0; layer < LAYERS; ++layer) {
+            global long4 *row = s.edges + layer * size + y * pitch;
+            long4 along = 0;
+            for (int x = 0; x < pixels; ++x) {
+                along += row[x];
+                row[x] = along;
+                if (y) row[x] += row[x - (long)pitch];
+            }
+        }
+        for (int x = 0; x < pixels; ++x) {
+            const ulong at = ((ulong)plane * pixels + s.top + y) * pixels + x;
+            float left = room[at], filled = 0.0f;
+            float3 colour = 0.0f;
+            for (int layer = 0; layer < LAYERS; ++layer) {
+                const ulong from = layer * size + y * pitch + x;
+                const float4 found = convert_float4(s.sums[from] + s.edges[from]) / ONE;
+                const float used = min(found.w, left);
+                if (!(used > 0.0f)) continue;
+                colour += found.xyz * (used / found.w);
+                filled += used;
+                left -= used;
+            }
+            vstore3(filled > 0.0f ? colour / filled : 0.0f, at, pictures);
+        }
+    }
+}

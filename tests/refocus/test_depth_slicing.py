@@ -1,0 +1,199 @@
+"""Slicing by depth against its float64 reference, and on scenes whose picture is known."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lfcore.errors import OpticsError
+from lfcore.evaluation.metrics import psnr
+from lfcore.opencl.device import open_device
+from lfcore.optics.camera import Camera
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.ray_cells import crossed_views, plain_views
+from lfcore.optics.slab import Slab
+from lfcore.oracle.depth_slicing import slice_by_depth
+from lfcore.refocus.depth_slicing import BOUNDS_PX, DepthSlicer
+
+CAMERA = Camera(0.4, 0.3, 1.0, 4.0)
+
+
+def sliced(views, planes, pixels, light, depth, parts=None, device=None, **more):
+    slicer = DepthSlicer(views, planes, pixels, device, **more)
+    for part in parts or [slice(0, len(light))]:
+        slicer.add(part, light[part], depth[part])
+    return slicer.pictures()
+
+
+def noise(views, seed=1):
+    """Rays of any colour and depth, some of which miss."""
+    rng, size = np.random.default_rng(seed), views.slab.pixels
+    light = rng.random((views.slab.views**2, size, size, 3), np.float32) * 1.2
+    depth = rng.uniform(1.1, 20, light.shape[:3]).astype(np.float32)
+    depth[rng.random(depth.shape) < 0.1] = np.inf
+    return light, depth
+
+
+def seen(views, surfaces):
+    """Light and depth of planes (depth, colour of X and Y in metres, where they are).
+
+    ``surfaces`` are from near to far.
+    """
+    origin, direction = views.bundles().rays()
+    light = np.zeros((*origin.shape[:3], 3), np.float32)
+    depth = np.full(origin.shape[:3], np.inf, np.float32)
+    for z, colour, where in reversed(surfaces):
+        at = origin + z * direction
+        inside = where(at[..., 0], at[..., 1])
+        light[inside] = colour(at[..., 0], at[..., 1])[inside]
+        depth[inside] = z
+    return light, depth
+
+
+def grey(value):
+    return lambda x, y: np.broadcast_to(value(x, y)[..., None], (*x.shape, 3))
+
+
+def everywhere(x, y):
+    return np.ones(x.shape, bool)
+
+
+PLANES = [
+    SensorPlane(2.5, 1.0, "square"),
+    SensorPlane(4.0, 1.4),
+    SensorPlane(9.0, 2.0, "polygon", keep_magnification=True),
+    SensorPlane(1.3, 11.0, normalise="aperture"),
+]
+
+
+@pytest.mark.parametrize("pixels", [7, 16, 24])
+def test_equal_to_the_reference(pixels):
+    views = crossed_views(Slab(CAMERA, 3, 16))
+    light, depth = noise(views)
+    pictures = sliced(views, PLANES, pixels, light, depth)
+    for plane, picture in zip(PLANES, pictures, strict=True):
+        how = {"least_px": 0.5 * pixels / 16, "bounds_px": BOUNDS_PX}
+        rounded = slice_by_depth(views, plane, light, depth, pixels, edge_steps=256, **how)
+        exact = slice_by_depth(views, plane, light, depth, pixels, **how)
+        # An edge within float32's rounding of the middle between two steps may go either way.
+        one_edge = 1 / (256 * how["least_px"]) / (9 * (16 / pixels) ** 2)
+        assert np.abs(picture - rounded).max() < 2 * one_edge
+        assert np.median(np.abs(picture - rounded)) < 1e-6
+        # Unrounded: a step over the least side, were all rays of a pixel off by as much.
+        assert np.abs(picture - exact).max() < 1 / (256 * how["least_px"])
+
+
+@given(st.integers(0, 99), st.floats(1.05, 50), st.sampled_from([1.0, 1.7, 5.6]))
+@settings(max_examples=12, deadline=None)
+def test_equal_to_the_reference_wherever_it_is_focused(seed, focus, f_number):
+    views = crossed_views(Slab(CAMERA, 2, 12))
+    light, depth = noise(views, seed)
+    plane = SensorPlane(focus, f_number)
+    picture = sliced(views, [plane], 6, light, depth)[0]
+    expected = slice_by_depth(
+        views, plane, light, depth, 6, least_px=0.25, bounds_px=BOUNDS_PX, edge_steps=256
+    )
+    assert np.abs(picture - expected).max() < 2 / (256 * 0.25) / 16
+
+
+def test_the_same_bits_in_any_parts_and_on_any_number_of_threads():
+    views = crossed_views(Slab(CAMERA, 4, 16))
+    light, depth = noise(views)
+    whole = sliced(views, PLANES, 9, light, depth, device=open_device(threads=1))
+    parts = [slice(9, 16), slice(0, 2), slice(2, 9)]
+    np.testing.assert_array_equal(whole, sliced(views, PLANES, 9, light, depth, parts))
+
+
+@pytest.mark.parametrize("focus", [1.8, 4.0, 7.0])
+def test_a_ramp_at_one_depth_is_exact(focus):
+    """What is linear along the surface is its own average over any pixel and lens."""
+    views, z = crossed_views(Slab(CAMERA, 4, 32)), 3.0
+    ramp = [(z, grey(lambda x, y: 0.5 + 0.1 * x - 0.2 * y), everywhere)]
+    picture = sliced(views, [SensorPlane(focus, 1.0, "square")], 16, *seen(views, ramp))[0]
+    tangent = (np.arange(16) - 7.5) * CAMERA.field_width / 16
+    expected = 0.5 + z * (0.1 * tangent[None, :] - 0.2 * tangent[:, None])
+    inner = slice(6, -6)
+    # A pixel's rays are not all alike in place: what its weights are off shows in the slope.
+    assert np.abs(picture[..., 0] - expected)[inner, inner].max() < 2e-3
+
+
+def test_what_lies_behind_does_not_shine_through():
+    views = crossed_views(Slab(CAMERA, 2, 64))
+    card = (4.0, grey(lambda x, y: 0 * x), lambda x, y: x < 0)
+    wall = (12.0, grey(lambda x, y: 0 * x + 1), everywhere)
+    plane = SensorPlane(4.0, 1.0, "square")
+    rays = seen(views, [card, wall])
+    picture = sliced(views, [plane], 16, *rays)[0, ..., 0]
+    # The card is in focus and ends between two pixels; rays beside its edge have half their box
+    # on either side.
+    assert picture[:, :7].max() == 0
+    assert picture[:, 7].max() < 0.05
+    np.testing.assert_allclose(picture[:, 9:], 1, atol=1e-6)
+    mixed = sliced(views, [plane], 16, *rays, bounds_px=())[0, ..., 0]
+    assert mixed[:, 7].min() > 2 * picture[:, 7].max()
+
+
+def _truth(surfaces, plane, pixels):
+    """Many rays, each in its own pixel of a camera focused there."""
+    from lfcore.rendering.direct import focused_camera
+
+    views = crossed_views(Slab(focused_camera(CAMERA, plane), 12, 4 * pixels))
+    light = seen(views, surfaces)[0].mean(0)
+    return light.reshape(pixels, 4, pixels, 4, 3).mean((1, 3))
+
+
+@pytest.mark.parametrize(("focus", "least_db"), [(4.0, 40), (12.0, 34)])
+def test_a_thin_rod_before_a_wall(focus, least_db):
+    """In focus or not, sixteen lens samples give what many do."""
+    plane, pixels = SensorPlane(focus, 1.0, "square"), 24
+    stripes = grey(lambda x, y: 0.5 + 0.4 * np.sin(6 * x) * np.sin(5 * y))
+    rod = (4.0, grey(lambda x, y: 0 * x + 0.05), lambda x, y: np.abs(x - 0.03) < 0.08)
+    surfaces = [rod, (12.0, stripes, everywhere)]
+    views = crossed_views(Slab(CAMERA, 4, 2 * pixels))
+    rays = seen(views, surfaces)
+    inner = slice(5, -5)
+    truth = _truth(surfaces, plane, pixels)[inner, inner]
+    picture = sliced(views, [plane], pixels, *rays)[0][inner, inner]
+    nearest = slice_by_depth(
+        views, plane, rays[0], np.full_like(rays[1], focus), pixels, least_px=1e-3, bounds_px=()
+    )[inner, inner]
+    found = psnr(picture, truth, peak=1)
+    assert found > least_db
+    assert found > psnr(nearest, truth, peak=1) + 3
+
+
+def test_a_highlight_is_averaged_over_the_lens_samples_that_see_it():
+    """Colour that changes with direction is what few samples of the lens get wrong: a highlight
+    seen by one in sixteen is a sixteenth as bright, wherever in its cell it begins."""
+    views = plain_views(Slab(CAMERA, 4, 16))
+    light, depth = seen(views, [(4.0, grey(lambda x, y: 0 * x), everywhere)])
+    light[5] = 1
+    picture = sliced(views, [SensorPlane(4.0, 1.0, "square")], 8, light, depth)[0]
+    np.testing.assert_allclose(picture, 1 / 16, atol=1e-6)
+
+
+@pytest.mark.parametrize("f_number", [1.0, 3.0, 4.0])
+def test_a_stopped_down_picture_is_that_of_the_smaller_lens(f_number):
+    """Few cells are open, some in part: boxes shrink with the open part."""
+    plane, pixels = SensorPlane(3.0, f_number, "square"), 24
+    edge = [(12.0, grey(lambda x, y: (x + 0.3 * y > 0) * 1.0), everywhere)]
+    views = crossed_views(Slab(CAMERA, 4, 2 * pixels))
+    picture = sliced(views, [plane], pixels, *seen(views, edge))[0]
+    inner = slice(6, -6)
+    truth = _truth(edge, plane, pixels)
+    assert psnr(picture[inner, inner], truth[inner, inner], peak=1) > 33
+
+
+def test_no_light_is_lost_as_the_lens_stops_down():
+    views = crossed_views(Slab(CAMERA, 4, 16))
+    rays = seen(views, [(5.0, grey(lambda x, y: 0 * x + 0.8), everywhere)])
+    planes = [SensorPlane(4.0, 2.0, "square", normalise=how) for how in ("aperture", "lens")]
+    whole, dimmed = sliced(views, planes, 8, *rays)
+    np.testing.assert_allclose(whole, 0.8, atol=1e-5)
+    np.testing.assert_allclose(dimmed, 0.2, rtol=1e-2)
+
+
+def test_a_plane_that_was_not_recorded_is_refused():
+    views = crossed_views(Slab(CAMERA, 2, 8))
+    with pytest.raises(OpticsError, match="wider than the lens"):
+        DepthSlicer(views, [SensorPlane(4.0, 0.5)], 8)
