@@ -5,8 +5,9 @@
                                                      + specular * max(N . H, 0) ^ shininess)
 
 A light is in sight of a point when N . L > 0 and, if it casts shadows, when no other triangle
-lies between.  N is the interpolated normal turned towards the viewer, H halfway between L and
-the direction to the viewer.  Textures are filtered bilinearly at full size: no mip levels.
+lies between that is not the light's own.  Of a point of an emitter strength includes the cosine
+there.  N is the interpolated normal turned towards the viewer, H halfway between L and the
+direction to the viewer.  Textures are filtered bilinearly at full size: no mip levels.
 
 Source: J. F. Blinn, "Models of light reflection for computer synthesized pictures", 1977.
 """
@@ -119,6 +120,9 @@ def arriving(light: Light, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     fall_off = np.ones_like(distance)
     if light.reference_distance_m:
         fall_off = (light.reference_distance_m / distance) ** 2
+    if any(light.normal):
+        cosine = -(away / distance) @ np.array(light.normal, np.float64)
+        fall_off *= np.maximum(cosine, 0)[:, None]
     return away / distance, colour * fall_off
 
 
@@ -130,7 +134,12 @@ def _in_shadow(scene, light, point, triangle) -> np.ndarray:
     else:
         towards, until = np.tile(vector, (len(point), 1)), np.inf
         after = TOUCHING * np.linalg.norm(point, axis=1)
-    return occluded(scene.triangles, point, towards, after=after, until=until, exclude=triangle)
+    first, end = light.own
+    others = np.concatenate([scene.triangles[:first], scene.triangles[end:]])
+    # The numbers of the triangles that are left.
+    own = (triangle >= first) & (triangle < end)
+    left = np.where(own, -1, np.where(triangle >= end, triangle - (end - first), triangle))
+    return occluded(others, point, towards, after=after, until=until, exclude=left)
 
 
 def _interpolate(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:

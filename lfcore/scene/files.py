@@ -18,7 +18,7 @@ from lfcore.scene.needs import Needs
 from lfcore.scene.notes import Note
 from lfcore.scene.view import View
 
-FORMAT = "lfcore scene 2"
+FORMAT = "lfcore scene 3"
 ARRAYS = {
     "triangles": (np.float32, (3, 3)),
     "normals": (np.float32, (3, 3)),

@@ -16,13 +16,14 @@ from lfcore.colour import srgb_decode
 from lfcore.errors import SceneError
 from lfcore.optics.camera import Camera
 from lfcore.scene.model import POINT, Scene
+from lfcore.scene.needs import Needs
 
 
 class Description:
     """Turns a scene and a camera into Mitsuba's dictionary.
 
     ``mitsuba`` is the module, its variant set.  Raises :class:`SceneError` for colours at corners,
-    for motion, and for ambient light beside other light unless ``leave_out_ambient``.
+    for motion, for points of area lights, and for ambient light beside other light unless ``leave_out_ambient``.
     """
 
     def __init__(self, mitsuba, scene: Scene, *, leave_out_ambient: bool = False):
@@ -32,6 +33,8 @@ class Description:
             raise SceneError("colours at corners are not exported to Mitsuba", key=scene.name)
         if scene.motions:
             raise SceneError("motion is not exported to Mitsuba", key=scene.name)
+        if Needs.of(scene).emitters:
+            raise SceneError("points of area lights are not exported to Mitsuba", key=scene.name)
         if any(scene.ambient) and not self._glows and not leave_out_ambient:
             raise SceneError(
                 "Mitsuba has no ambient light",

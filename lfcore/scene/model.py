@@ -41,6 +41,10 @@ class Light:
     light (:data:`DIRECTIONAL`).  ``colour`` is linear RGB: for a point light the irradiance at
     ``reference_distance_m`` (inverse-square fall-off; 0 means no fall-off), for a directional
     light the irradiance everywhere.
+
+    A point light may be a point of a surface that glows: with a ``normal`` (unit, camera space;
+    zero: shines to all sides) it gives the cosine to it times as much, and nothing behind.  The
+    triangles ``own``, from the first to before the second number, never shadow it.
     """
 
     kind: int
@@ -48,6 +52,12 @@ class Light:
     colour: tuple[float, float, float]
     reference_distance_m: float = 0.0
     casts_shadows: bool = True
+    normal: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    own: tuple[int, int] = (0, 0)
+
+    @property
+    def is_of_emitter(self) -> bool:
+        return any(self.normal) or self.own[0] < self.own[1]
 
 
 @dataclass(frozen=True, eq=False)

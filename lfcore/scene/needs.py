@@ -27,6 +27,7 @@ class Needs:
     point_lights, directional_lights : how many of each.
     falloff : some point light falls off with distance.
     coloured_lights : some light's colour is not grey.
+    emitters : some point light is a point of a surface that glows.
     """
 
     textures: bool
@@ -41,6 +42,7 @@ class Needs:
     directional_lights: int
     falloff: bool
     coloured_lights: bool
+    emitters: bool
 
     @classmethod
     def of(cls, scene: Scene) -> Needs:
@@ -60,6 +62,7 @@ class Needs:
             directional_lights=sum(light.kind == DIRECTIONAL for light in lights),
             falloff=any(light.kind == POINT and light.reference_distance_m for light in lights),
             coloured_lights=any(len(set(light.colour)) > 1 for light in lights),
+            emitters=any(light.is_of_emitter for light in lights),
         )
 
     def to_json(self) -> dict:

@@ -18,6 +18,7 @@ from lfcore.errors import SceneError
 from lfcore.optics.camera import Camera
 from lfcore.pictures import write_picture
 from lfcore.scene.model import POINT, Scene
+from lfcore.scene.needs import Needs
 
 FILE = "scene.pov"
 MESH = "mesh.inc"
@@ -33,8 +34,8 @@ def write_povray(folder: str | Path, scene: Scene, camera: Camera, *, samples: i
     ``camera`` is a thin lens at the scene's origin, focused where its sensor is; every pixel
     takes ``samples`` rays through the lens.  To be run there, since names are relative.
 
-    Raises :class:`SceneError` for what is not exported: colours at corners, motion, emission
-    over a texture, a focus at infinity.
+    Raises :class:`SceneError` for what is not exported: colours at corners, motion, points
+    of area lights, emission over a texture, a focus at infinity.
     """
     if len(scene.colours):
         raise SceneError(
@@ -44,6 +45,8 @@ def write_povray(folder: str | Path, scene: Scene, camera: Camera, *, samples: i
         )
     if scene.motions:
         raise SceneError("motion is not exported to POV-Ray", key=scene.name)
+    if Needs.of(scene).emitters:
+        raise SceneError("points of area lights are not exported to POV-Ray", key=scene.name)
     if math.isinf(camera.focus_distance_m):
         raise SceneError("POV-Ray cannot focus at infinity", key="camera.focus_distance_m")
     folder = Path(folder)

@@ -164,6 +164,9 @@ def lean(scene: Scene, bvh: Bvh, camera: Camera) -> tuple[Scene, Bvh]:
         for name in ("triangles", "normals", "uvs", "colours", "material_ids")
         if len(getattr(scene, name))
     }
+    number = np.concatenate([[0], np.cumsum(keep)])
+    own = [tuple(number[list(light.own)].tolist()) for light in lights]
+    lights = [replace(light, own=range_) for light, range_ in zip(lights, own, strict=True)]
     return replace(scene, lights=lights, **columns), prune(bvh, keep)
 
 

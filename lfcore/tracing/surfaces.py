@@ -14,6 +14,7 @@ from lfcore.scene.needs import Needs
 
 MIP_LEVELS = 12
 MATERIAL_WORDS = 12
+LIGHT_WORDS = 16
 TEXEL_ONE = 1023
 LEAST_GLOSS = 2.0**-24
 """A highlight below this share of its strength is left out: it would change no float near 1."""
@@ -64,6 +65,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         "BACKGROUND": int(needs.background),
         "FALLOFF": int(needs.falloff),
         "COLOURED_LIGHTS": int(needs.coloured_lights),
+        "EMITTERS": int(needs.emitters),
         "POINT_LIGHTS": int(needs.point_lights > 0),
         "DIRECTIONAL_LIGHTS": int(needs.directional_lights > 0),
         "OPEN_LIGHTS": len(lights) - shadows,
@@ -74,7 +76,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         attributes=np.ascontiguousarray(np.concatenate(parts, axis=1), np.float32),
         material_ids=np.ascontiguousarray(scene.material_ids, np.int32),
         materials=_pack_materials(scene),
-        lights=np.array([_pack_light(light) for light in lights], np.float32),
+        lights=_pack_lights(lights),
         images=images,
         texels=texels,
         ambient=np.array([*scene.ambient, 0], np.float32),
@@ -93,9 +95,14 @@ def _pack_materials(scene: Scene) -> np.ndarray:
     return packed
 
 
-def _pack_light(light: Light) -> list[float]:
-    kind = float(light.kind == POINT)
-    return [*light.vector, kind, *light.colour, light.reference_distance_m]
+def _pack_lights(lights: list[Light]) -> np.ndarray:
+    packed = np.zeros((len(lights), LIGHT_WORDS), np.float32)
+    for row, light in zip(packed, lights, strict=True):
+        row[0:3], row[3] = light.vector, light.kind == POINT
+        row[4:7], row[7] = light.colour, light.reference_distance_m
+        row[8:11] = light.normal
+        row[12:14].view(np.int32)[:] = light.own
+    return packed
 
 
 def pack_textures(

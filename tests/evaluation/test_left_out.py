@@ -65,7 +65,8 @@ PLACES = {
     },
     "Light": {
         "kind": "directional_lights", "vector": "", "colour": "coloured_lights",
-        "reference_distance_m": "falloff", "casts_shadows": "shadows",
+        "reference_distance_m": "falloff", "casts_shadows": "shadows", "normal": "emitters",
+        "own": "emitters",
     },
 }  # fmt: skip
 

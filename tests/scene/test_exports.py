@@ -85,16 +85,19 @@ def test_what_is_not_exported_is_refused(chart, tmp_path):
     coloured = dataclasses.replace(chart, colours=np.ones_like(chart.triangles))
     glowing = [Material("glow", (0, 0, 0), emission=(1, 0, 0))] * len(chart.materials)
     far = dataclasses.replace(chart.camera, focus_distance_m=math.inf)
+    facing = Light(POINT, (0, 0, 0), (1, 1, 1), normal=(0.0, 0.0, 1.0))
+    panel = dataclasses.replace(chart, lights=[facing])
     moving = dataclasses.replace(chart, motions=(Motion(0, 2, np.eye(4), np.eye(4)),))
     for scene, words in (
         (coloured, "corners"),
         (dataclasses.replace(chart, materials=glowing), "emission"),
         (dataclasses.replace(chart, camera=far), "infinity"),
         (moving, "motion"),
+        (panel, "area lights"),
     ):
         with pytest.raises(SceneError, match=words):
             written(tmp_path, scene)
-    for scene, words in ((coloured, "corners"), (moving, "motion")):
+    for scene, words in ((coloured, "corners"), (moving, "motion"), (panel, "area lights")):
         with pytest.raises(SceneError, match=words):
             Description(None, scene)
     lit = dataclasses.replace(chart, lights=[Light(POINT, (0, 0, 0), (1, 1, 1))])

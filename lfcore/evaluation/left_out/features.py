@@ -82,6 +82,7 @@ FEATURES = (
     Feature("point_lights", ("POINT_LIGHTS",), "the question of each light's kind"),
     Feature("falloff", ("FALLOFF",), "fall-off with the distance of the light"),
     Feature("coloured_lights", ("COLOURED_LIGHTS",), "two of the three factors of a grey light"),
+    Feature("emitters", ("EMITTERS",), "cosines at surfaces that glow, and what is their own"),
 )  # fmt: skip
 
 

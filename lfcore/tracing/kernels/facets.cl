@@ -13,7 +13,9 @@
 #endif
 #define ATTRIBUTES (9 * SMOOTH + 6 * TEXTURED + 9 * VERTEX_COLOURS)
 #define MATERIAL 12
-#define LIGHT 8
+#define LIGHT 16
+#define LIGHT_NORMAL 8
+#define LIGHT_OWN 12
 #define MIP_LEVELS 12
 
 typedef struct {
@@ -21,7 +23,8 @@ typedef struct {
     global const float *attributes;  // (T, ATTRIBUTES): normals, texture coordinates, colours of the corners
     global const int *material_ids;  // (T,)
     global const float *materials;   // (K, MATERIAL): diffuse, shininess, specular, texture, emission, dull (see Finish)
-    global const float *lights;      // (LIGHTS, LIGHT): vector, 1 if a point, colour, reference distance
+    global const float *lights;      // (LIGHTS, LIGHT): vector, 1 if a point, colour, reference distance; of a point of an
+                                     // emitter its normal or 0, 0, and as integers its first triangle and that after its last
     global const int4 *images;       // (textures, MIP_LEVELS): offset, width, height, number of levels
     global const uint *texels;
     float4 ambient, background;

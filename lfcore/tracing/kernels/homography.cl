@@ -73,7 +73,8 @@ inline float most_dot(float3 a, float3 da, float3 b, float3 db)
     return dot(a, b) + 1.00001f * dot(fabs(a), db) + 1.00001f * dot(da, fabs(b) + db) + 1.0e-6f * dot(fabs(a), fabs(b));
 }
 
-// Whether no ray in a rectangle that meets one triangle, between lo and hi, meets a side that faces the light.
+// Whether no ray in a rectangle that meets one triangle, between lo and hi, meets a side that faces the light, or the light
+// turns its back on all of them.
 inline int turned_away(const Facet *f, const Bundle *r, Rectangle at, global const float *light, const float *lo, const float *hi)
 {
 #if SMOOTH
@@ -94,6 +95,9 @@ inline int turned_away(const Facet *f, const Bundle *r, Rectangle at, global con
         const float3 low = vload3(0, lo), high = vload3(0, hi);
         dl = 0.5f * (high - low) + 1.0e-6f * fabs(l);
         l -= 0.5f * (low + high);
+#if EMITTERS
+        if (most_dot(-vload3(0, light + LIGHT_NORMAL), 0.0f, l, dl) < 0.0f) return 1;
+#endif
     }
     return most_dot(sign * n, dn, l, dl) < 0.0f;
 }

@@ -14,6 +14,7 @@ typedef struct {
     float3 towards;        // direction to a directional light
     float3 centre, extent; // box of the hit points relative to the apex
     float3 size;           // largest magnitudes that entered, for the margin
+    int2 own;              // the light's own triangles, which never shadow it: first, and after the last
 } ShadowRays;
 
 // A form n . P + c of the hit point relative to the apex.
@@ -98,11 +99,31 @@ inline vi setup_occluders(const ShadowRays *r, const Shaft *shaft, global const 
     return keep;
 }
 
+// Which of LANES triangles are a light's own.
+inline vi are_own(int2 own, global const int *ids)
+{
+#if EMITTERS
+    return GE(VLOAD(ids), (vi)(own.x)) & LT(VLOAD(ids), (vi)(own.y));
+#else
+    return 0;
+#endif
+}
+
 // Look at the hit points between lo and hi alone; what they are relative to, and so every occluder, stays.
 inline void aim_at(ShadowRays *r, const float *lo, const float *hi)
 {
     r->centre = 0.5f * (vload3(0, lo) + vload3(0, hi)) - r->apex;
     r->extent = 0.5f * (vload3(0, hi) - vload3(0, lo));
+}
+
+// The triangles of the emitter that a light is a point of: the first, and that after the last.
+inline int2 own_triangles(global const float *light)
+{
+#if EMITTERS
+    return as_int2(vload2(0, light + LIGHT_OWN));
+#else
+    return 0;
+#endif
 }
 
 inline ShadowRays shadow_rays(global const float *light, const float *lo, const float *hi)
@@ -112,6 +133,7 @@ inline ShadowRays shadow_rays(global const float *light, const float *lo, const 
     r.is_point = IS_POINT(light);
     r.apex = r.is_point ? l : 0.5f * (low + high);
     r.towards = l;
+    r.own = own_triangles(light);
     aim_at(&r, lo, hi);
     r.size = max(fabs(low), fabs(high)) + fabs(r.centre) + r.extent;
     return r;

@@ -23,9 +23,9 @@ inline void see_rays(const Bvh *bvh, const Bundle *r, int columns, int rows, glo
 }
 
 #ifdef SHADOW_MARGIN
-// Whether a leaf holds a triangle, other than `own`, between the ray's origin and `far`.  What lies within
+// Whether a leaf holds a triangle, other than `own` and the `light`'s, between the ray's origin and `far`.  What lies within
 // the rounding of the numbers that enter is not in between, as in shadows.cl.
-inline int leaf_blocks(const Bvh *bvh, const Ray *r, int leaf, float far, int own)
+inline int leaf_blocks(const Bvh *bvh, const Ray *r, int leaf, float far, int own, int2 light)
 {
     for (int part = 0; part < NODE_WIDTH; part += LANES) {
         global const float *at = bvh->leaves + leaf * 9 * NODE_WIDTH + part;
@@ -33,7 +33,8 @@ inline int leaf_blocks(const Bvh *bvh, const Ray *r, int leaf, float far, int ow
         shear_leaf(r, at, &s);
         if (!row_any(s.mask)) continue;
         const vf t = sheared_time(r, &s);
-        s.mask &= GT(t, (vf)(0.0f)) & LT(t, (vf)(far)) & ~EQ(VLOAD(bvh->leaf_ids + leaf * NODE_WIDTH + part), (vi)(own));
+        global const int *ids = bvh->leaf_ids + leaf * NODE_WIDTH + part;
+        s.mask &= GT(t, (vf)(0.0f)) & LT(t, (vf)(far)) & ~(EQ(VLOAD(ids), (vi)(own)) | are_own(light, ids));
         if (!row_any(s.mask)) continue;
         vf p[3], a[3], b[3];
         for (int k = 0; k < 3; ++k) {
@@ -54,7 +55,7 @@ inline int leaf_blocks(const Bvh *bvh, const Ray *r, int leaf, float far, int ow
 }
 
 // The leaf that blocks the ray nearer than `far`, or -1.
-inline int blocking_leaf(const Bvh *bvh, const Ray *r, float far, int own)
+inline int blocking_leaf(const Bvh *bvh, const Ray *r, float far, int own, int2 light)
 {
     Walk walk;
     private float near[NODE_WIDTH];
@@ -68,20 +69,20 @@ inline int blocking_leaf(const Bvh *bvh, const Ray *r, float far, int own)
         for (; bits; bits &= bits - 1) {
             const int child = children[lowest(bits)];
             if (child >= 0) walk.node[walk.size++] = child;
-            else if (leaf_blocks(bvh, r, -1 - child, far, own)) return -1 - child;
+            else if (leaf_blocks(bvh, r, -1 - child, far, own, light)) return -1 - child;
         }
     }
     return -1;
 }
 
 // The same among the leaves of a list, whose count was rounded up to LANES with boxes that nothing meets.
-inline int blocking_listed(const Bvh *bvh, const LeafList *list, const Ray *r, float far, int own)
+inline int blocking_listed(const Bvh *bvh, const LeafList *list, const Ray *r, float far, int own, int2 light)
 {
     private float near[LANES];
     for (int base = 0; base < list->count; base += LANES)
         for (uint bits = row_bits(ray_meets(r, list->boxes + base, list->pitch, far, near)); bits; bits &= bits - 1) {
             const int leaf = list->leaf[base + lowest(bits)];
-            if (leaf_blocks(bvh, r, leaf, far, own)) return leaf;
+            if (leaf_blocks(bvh, r, leaf, far, own, light)) return leaf;
         }
     return -1;
 }
@@ -134,6 +135,7 @@ inline void shadow_rays_singly(const Bvh *bvh, global const float *light, const 
                                global const int *ids, global const float *point, global int *wants)
 {
     const int listed = LISTED && narrow_list(bvh, light, beam, point, wants, list);
+    const int2 emitter = own_triangles(light);
     int last = -1;  // what darkened a neighbour is likely to darken the next
     for (int at = 0; at < BLOCK_RAYS; ++at) {
         if (!wants[at]) continue;
@@ -141,8 +143,8 @@ inline void shadow_rays_singly(const Bvh *bvh, global const float *light, const 
         int exponent;
         const Ray ray = scaled_ray(p, IS_POINT(light) ? vload3(0, light) - p : vload3(0, light), &exponent);
         const float far = IS_POINT(light) ? ldexp(1.0f, exponent) : FAR;
-        if (last < 0 || !leaf_blocks(bvh, &ray, last, far, ids[at]))
-            last = listed ? blocking_listed(bvh, list, &ray, far, ids[at]) : blocking_leaf(bvh, &ray, far, ids[at]);
+        if (last < 0 || !leaf_blocks(bvh, &ray, last, far, ids[at], emitter))
+            last = listed ? blocking_listed(bvh, list, &ray, far, ids[at], emitter) : blocking_leaf(bvh, &ray, far, ids[at], emitter);
         if (last >= 0) wants[at] = 0;
     }
 }

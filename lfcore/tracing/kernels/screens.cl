@@ -253,7 +253,7 @@ inline int add_to_screen(ScreenMaker *m, global const float *leaf, global const 
     Affine e[4];
     Occluders o;
     place_occluders(&m->rays, leaf, &o);
-    vi may = ~(lie_beyond(&m->behind, &o) | EQ(VLOAD(leaf_ids), (vi)(m->own))), all = -1;
+    vi may = ~(lie_beyond(&m->behind, &o) | EQ(VLOAD(leaf_ids), (vi)(m->own)) | are_own(m->rays.own, leaf_ids)), all = -1;
     if (!row_any(may)) return 1;
     for (int k = 0; k < 4; ++k) may &= ~lie_beyond(m->beside + k, &o);
     if (!row_any(may)) return 1;

@@ -7,7 +7,7 @@
 // Compiled in only where the scene needs it: SMOOTH (interpolated normals), TEXTURED, VERTEX_COLOURS,
 // SPECULAR, EMISSION, AMBIENT, BACKGROUND; OPEN_LIGHTS and SHADOW_LIGHTS count the lights without and with
 // shadows; POINT_LIGHTS and DIRECTIONAL_LIGHTS: some light is of that kind, FALLOFF: some falls off with
-// distance, COLOURED_LIGHTS: some is not grey.
+// distance, COLOURED_LIGHTS: some is not grey, EMITTERS: some is a point of a surface that glows.
 #ifndef LFCORE_SHADING_CL
 #define LFCORE_SHADING_CL
 #include "facets.cl"
@@ -78,6 +78,10 @@ inline Incidence incidence(global const float *light, int gloss, Vec point, Vec 
         l = scale3(l, inverse);
 #if FALLOFF
         if (light[7] > 0.0f) in.strength = light[7] * inverse * (light[7] * inverse);
+#endif
+#if EMITTERS
+        const float3 n = vload3(0, light + LIGHT_NORMAL);
+        if (any(n != 0.0f)) in.strength *= max(-fma(l.x, (vf)(n.x), fma(l.y, (vf)(n.y), l.z * n.z)), (vf)(0.0f));
 #endif
     }
     in.cosine = dot3(normal, l);

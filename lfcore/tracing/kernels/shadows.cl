@@ -103,7 +103,7 @@ inline int cast_leaves(const Bvh *bvh, const Shaft *shaft, const ShadowRays *r, 
                 continue;
             }
 #endif
-            const vi may = setup_occluders(r, shaft, corners, planes);
+            const vi may = setup_occluders(r, shaft, corners, planes) & ~are_own(r->own, ids);
             if (row_any(may) && !cast_leaf(r, target, planes, may, ids)) return 0;
         }
     return 1;

@@ -1,0 +1,97 @@
+"""Points of surfaces that glow: their own cosine, and what never shadows them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import trimesh
+from tracing_scenes import CAMERA, scene, soup
+
+from lfcore.optics.bundles import macropixels
+from lfcore.optics.slab import Slab
+from lfcore.oracle.slab import all_pixels, trace
+from lfcore.scene.model import POINT, Light, Material
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.reach import lean
+from lfcore.tracing.tracer import Tracer
+
+WALL = [[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]]
+BEHIND = [[[-1, -1, -6], [1, -1, -6], [0, 1, -6]]]
+WHITE = (0.9, 0.9, 0.9)
+
+
+class Rays(Tracer):
+    """A tracer that follows rays one by one (``singly``), or by blocks of one element."""
+
+    singly = False
+
+    def outer(self, bundles, work):
+        return 1
+
+    def scattered(self, bundles, outer=1):
+        return self.singly
+
+
+class Singly(Rays):
+    singly = True
+
+
+def panel(middle, normal):
+    """A point above a wall's panel, which it would see nothing through."""
+    return Light(POINT, middle, WHITE, 2.0, normal=normal)
+
+
+def world(normals=False):
+    """A ball with a light inside and a panel, around it what casts shadows, before a wall."""
+    ball = trimesh.creation.icosphere(1, radius=0.4).triangles + (0.5, -0.3, 3.0)
+    triangles = np.concatenate([BEHIND, soup(30, 1, 0.5), ball, soup(20, 4, 0.5), WALL])
+    inside = Light(POINT, (0.55, -0.25, 2.95), (0.8, 0.6, 0.4), 1.0, own=(31, 31 + len(ball)))
+    lights = [inside, panel((-1.0, -0.5, 2.0), (0.6, 0.0, 0.8))]
+    changes = {"lights": lights, "ambient": (0.1, 0.1, 0.1)}
+    if normals:
+        face = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        face /= np.linalg.norm(face, axis=1, keepdims=True)
+        noise = np.random.default_rng(3).normal(size=triangles.shape) * 0.1
+        unit = face[:, None] + noise
+        unit /= np.linalg.norm(unit, axis=2, keepdims=True)
+        changes["normals"] = unit.astype(np.float32)
+        changes["materials"] = [Material("gloss", (0.6, 0.6, 0.6), (0.3, 0.3, 0.3), 20.0)]
+    return scene(triangles, **changes)
+
+
+@pytest.mark.parametrize("kind", [Rays, Singly, Tracer])
+def test_emitters_are_the_oracles(device, kind):
+    here, slab = world(), Slab(CAMERA, 40, 4)
+    pixels = all_pixels(slab)
+    found = kind(here, build_bvh(here.triangles), device).bundle_radiance(macropixels(slab, pixels))
+    expected = trace(here, slab, pixels).reshape(found.shape)
+    assert np.ptp(expected) > 0.15
+    assert (np.abs(found - expected).max(-1) > 0.01).mean() < 2e-3
+
+
+def test_highlights_of_emitters_are_the_oracles(device):
+    here, slab = world(normals=True), Slab(CAMERA, 16, 6)
+    pixels = all_pixels(slab)
+    found = Rays(here, build_bvh(here.triangles), device).bundle_radiance(macropixels(slab, pixels))
+    expected = trace(here, slab, pixels).reshape(found.shape)
+    assert (np.abs(found - expected).max(-1) > 0.01).mean() < 4e-3
+
+
+def test_own_triangles_and_cosines_matter():
+    """What the other tests rely on: without either the oracle's picture is another."""
+    here, slab = world(), Slab(CAMERA, 5, 8)
+    pixels = all_pixels(slab)
+    truth = trace(here, slab, pixels)
+    for change in ({"own": (0, 0)}, {"normal": (0.0, 0.0, 0.0)}):
+        lights = [dataclasses.replace(light, **change) for light in here.lights]
+        other = trace(dataclasses.replace(here, lights=lights), slab, pixels)
+        assert (np.abs(truth - other).max(-1) > 0.02).mean() > 0.02
+
+
+def test_own_triangles_keep_their_numbers_when_others_are_left_out():
+    here = world()
+    small, _ = lean(here, build_bvh(here.triangles), CAMERA)
+    assert len(small.triangles) < len(here.triangles)
+    for before, after in zip(here.lights, small.lights, strict=True):
+        kept = here.triangles[slice(*before.own)]
+        np.testing.assert_array_equal(small.triangles[slice(*after.own)], kept)
