@@ -23,7 +23,8 @@ class Description:
     """Turns a scene and a camera into Mitsuba's dictionary.
 
     ``mitsuba`` is the module, its variant set.  Raises :class:`SceneError` for colours at corners,
-    for motion, for points of area lights, and for ambient light beside other light unless ``leave_out_ambient``.
+    for motion, for points of area lights, and for ambient light beside other light unless
+    ``leave_out_ambient``.
     """
 
     def __init__(self, mitsuba, scene: Scene, *, leave_out_ambient: bool = False):
