@@ -31,15 +31,6 @@ TWICE = {
         "inline Cull fenced(Cull a) { " + FENCE + "; return a; }\n"
         "#define setup_triangles(...) "
         "same(fenced(setup_triangles(__VA_ARGS__)), setup_triangles(__VA_ARGS__))\n"
-        '#include "batch.cl"\n'
-        "#if SHARED\n"
-        "inline float fenced_float(float a) { " + FENCE + "; return a; }\n"
-        "#define take_triangles(...) "
-        "min(fenced_float(take_triangles(__VA_ARGS__)), take_triangles(__VA_ARGS__))\n"
-        "#define add_to_batch(beam, leaf, ids, batch) "
-        "{ const int count = (batch)->count; add_to_batch(beam, leaf, ids, batch); " + FENCE + "; "
-        "(batch)->count = count; add_to_batch(beam, leaf, ids, batch); }\n"
-        "#endif\n"
     ),
     "box tests": (
         '#include "bundle.cl"\n'

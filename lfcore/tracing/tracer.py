@@ -125,7 +125,7 @@ class Tracer:
     def _hits_chunk(self, bundles, coordinates, shape, triangle, depth) -> None:
         device, groups = self.device, Groups.of(shape, bundles, coordinates)
         kernel = self._beam_kernel("hits.cl", "slab_hits", shape, {"WRITE": 1})
-        words = 3 * shape.blocks * 256 + 7 * 64
+        words = 2 * shape.blocks * 256 + 7 * 64
         depths, triangles = device.empty(depth.nbytes), device.empty(triangle.nbytes)
         kernel(
             device.queue,

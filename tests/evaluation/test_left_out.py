@@ -38,17 +38,11 @@ OF_THE_JOB = {
     "OUTER": "elements that a block spans, by how many triangles its rays meet",
     "LIGHTS": "OPEN_LIGHTS + SHADOW_LIGHTS",
     "SHADOW_LIST": "default of a size",
-    "FEW_LEAVES": "default of a size",
-    "FEW_KEPT": "default of a size",
     "DENSE": "default of a size",
-    "BLOCK_RAYS": "size of a block, compared with that of its parts",
-    "PARTS_WORDS": "size of a block's parts",
     "LIGHT_ERROR": "default of an error",
     "SHADOWED": "SHADOW_LIGHTS > 0",
-    "SHARED": "whether beams are of one element and several blocks",
     "SHADOW_MARGIN": "defined with SHADOW_LIGHTS: a file that shading shares with visibility",
     "SCATTERED": "whether rays are followed one by one, by how many leaves a block would meet",
-    "WINDOW": "whether blocks of lens samples test small triangles in windows",
 }
 # Where each part of a scene has its place in Needs; "" with the reason why there is none.
 PLACES = {

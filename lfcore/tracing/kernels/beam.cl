@@ -106,14 +106,6 @@ inline Bundle element_bundle(const Rays *rays, const BeamWork *work, int block)
     return bundle_at(rays, middle_of(rays, work, block), (int2)(work->column, work->row), ELEMENT_HALF);
 }
 
-// All rays of an element, as if they were one block.
-inline Bundle all_rays(const Rays *rays, float4 middle)
-{
-    const Bundle r = {middle.x, middle.y, middle.z, middle.w, rays->step.x, rays->step.y, rays->step.z, rays->step.w,
-                      rays->outer.x, rays->outer.y};
-    return r;
-}
-
 // Where a block lies from the centre of its element's part, in columns and rows.
 inline float2 block_offset(int block)
 {
@@ -134,28 +126,6 @@ inline void start_beam(const Rays *rays, int beam, BeamWork *work)
         const int none = OUTER == 1 && block_element(work, block, 0, 0) < 0;
         clear_block(work->block + block, none || at.x >= rays->columns || at.y >= rays->rows ? -1.0f : FAR);
     }
-}
-
-// Whether an element's rays fill several beams and start in several places: they are a pixel's, and cross where it is in focus.
-inline int rays_cross(const Rays *rays)
-{
-#if SHARED
-    return max(rays->columns, rays->rows) > REACH && (rays->step.x != 0.0f || rays->step.y != 0.0f);
-#else
-    return 0;
-#endif
-}
-
-// The next item of a job for this worker, of those from `item` on that it took; false if none is left.  Beams of a pixel that
-// follow each other have much in common, so a worker takes them all while that leaves enough to the others.
-inline int next_item(const Rays *rays, int follow, global int *next, int n_items, int *item, int *end)
-{
-    if (++*item < *end) return 1;
-    const int squares = rays->beams_across * rays->beams_down, left = n_items - atomic_add(next, 0);
-    const int take = follow && rays_cross(rays) ? clamp(left / (4 * (int)get_global_size(0)), 1, squares) : 1;
-    *item = atomic_add(next, take);
-    *end = min(*item + take, n_items);
-    return *item < n_items;
 }
 
 // The first element of a beam; negative if it has none.
@@ -196,63 +166,20 @@ inline float beam_far(const BeamWork *work)
     return far;
 }
 
-#if SHARED
-inline void visit_batch(Batch *batch, BeamWork *work, global float *z, global int *ids)
-{
-    prune_batch(batch);
-    uint blocks = ~0u;
-    if (batch->count == 1 && batch->row[HIDES][0] < FAR) blocks = settle_all(batch, work->block);
-    for (int block = 0; block < BEAM_BLOCKS; ++block) {
-        if (work->block[block].z_far < 0.0f || !(blocks >> block & 1)) continue;
-        visit_with_batch(batch, block_offset(block), work->block + block, z + block * BLOCK_RAYS, ids + block * BLOCK_RAYS);
-    }
-    batch->count = 0;
-    batch->z_far = beam_far(work);
-}
-
-// Test all blocks against the gathered leaves, whose triangles are set up once.
-inline void share_leaves(const Bvh *bvh, const Rays *rays, BeamWork *work, const LeafList *list, global float *z, global int *ids)
-{
-    const Bundle beam = element_bundle(rays, work, 0);
-    Batch batch;
-    batch.count = 0;
-    batch.z_far = beam_far(work);
-    for (int slot = 0; slot < list->count; ++slot) {
-        if (list->boxes[2 * list->pitch + slot] > batch.z_far) continue;
-        const int leaf = list->leaf[slot];
-        for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-            add_to_batch(&beam, bvh->leaves + leaf * 9 * NODE_WIDTH + lane, bvh->leaf_ids + leaf * NODE_WIDTH + lane, &batch);
-            if (batch.count > BATCH - LANES) visit_batch(&batch, work, z, ids);
-        }
-    }
-    visit_batch(&batch, work, z, ids);
-}
-#endif
-
 // Test all blocks against the gathered leaves.
 inline void visit_leaves(const Bvh *bvh, const Rays *rays, BeamWork *work, const LeafList *list, global float *z, global int *ids)
 {
     for (int block = 0; block < BEAM_BLOCKS; ++block) {
         if (work->block[block].z_far < 0.0f) continue;
         const Bundle bundle = block_bundle(rays, work, block);
-#if SHARED
-        const Bundle about = element_bundle(rays, work, 0);
-        const float2 at = block_offset(block);
-#else
-        const Bundle about = bundle;
-        const float2 at = 0.0f;
-#endif
-        visit_block(bvh, &bundle, &about, at, list, work->block + block, z + block * BLOCK_RAYS, ids + block * BLOCK_RAYS);
+        visit_block(bvh, &bundle, list, work->block + block, z + block * BLOCK_RAYS, ids + block * BLOCK_RAYS);
     }
 }
 
 // Find what every block of the beam sees; a block whose state says BUFFERED has its depths and
 // triangles (infinity and -1 where nothing is met) in z and ids, BLOCK_RAYS a block.
-inline void see(const Bvh *bvh, const Rays *rays, BeamWork *work, LeafList *list, global Parts *parts, global float *z, global int *ids)
+inline void see(const Bvh *bvh, const Rays *rays, BeamWork *work, LeafList *list, global float *z, global int *ids)
 {
-#if SHARED
-    for (int block = 0; block < BEAM_BLOCKS; ++block) work->block[block].parts = parts + block;
-#endif
 #if SCATTERED
     for (int block = 0; block < BEAM_BLOCKS; ++block) {
         if (work->block[block].z_far < 0.0f) continue;
@@ -268,12 +195,6 @@ inline void see(const Bvh *bvh, const Rays *rays, BeamWork *work, LeafList *list
     while (walk.size) {
         list->count = 0;
         gather(bvh, &beam, beam_far(work), &walk, list);
-#if SHARED
-        if (list->count <= FEW_LEAVES) {
-            share_leaves(bvh, rays, work, list, z, ids);
-            continue;
-        }
-#endif
         visit_leaves(bvh, rays, work, list, z, ids);
     }
 #endif

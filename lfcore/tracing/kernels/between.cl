@@ -37,20 +37,6 @@ inline float2 seen_depths(const BlockState *state, global const float *z, global
         return (float2)(row_min(low), row_max(high));
     }
     float2 seen = (float2)(FAR, -FAR);
-#if SHARED
-    if (state->divided) {
-        Rectangle over;
-        for (int k = 0; k < state->parts->count; ++k) {
-            global const Part *p = state->parts->of + k;
-            around_rays(p->rays, BLOCK, &over);
-            const float2 depths = corner_depths(p->over, p->under, over);
-            seen = (float2)(min(seen.x, depths.x), max(seen.y, depths.y));
-        }
-        if (state->cover == NOTHING || !around_rays(state->parts->open, BLOCK, &over)) return seen;
-        const float2 depths = corner_depths(state->over, state->under, over);
-        return (float2)(min(seen.x, depths.x), max(seen.y, depths.y));
-    }
-#endif
     return state->cover == NOTHING ? seen : (float2)(state->z_near, state->z_far);
 }
 

@@ -1,10 +1,7 @@
 // Visibility alone: the closest triangle and its depth for every ray of a job.
 #include "beam.cl"
 
-#define SCRATCH_FLOATS (3 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST)
-#if PARTS_WORDS > BLOCK_RAYS
-#error "the host makes a block's parts as much room as its depths"
-#endif
+#define SCRATCH_FLOATS (2 * BEAM_BLOCKS * BLOCK_RAYS + 7 * LIST)
 
 // Write what a block saw, its rays of one element and one row of the inner grid at a time.
 inline void write_hits(const Rays *rays, const BeamWork *work, int block, global const float *z, global const int *ids,
@@ -40,11 +37,10 @@ void slab_hits(BVH_PARAMETERS,
     global int *ids = (global int *)(z + BEAM_BLOCKS * BLOCK_RAYS);
     LeafList list = {(global float *)(ids + BEAM_BLOCKS * BLOCK_RAYS), 0, LIST, 0};
     list.leaf = (global int *)(list.boxes + 6 * LIST);
-    global Parts *parts = (global Parts *)(list.leaf + LIST);
     BeamWork work;
     for (int beam = atomic_inc(next); beam < n_beams; beam = atomic_inc(next)) {
         start_beam(&rays, beam, &work);
-        see(&bvh, &rays, &work, &list, parts, z, ids);
+        see(&bvh, &rays, &work, &list, z, ids);
         for (int block = 0; block < BEAM_BLOCKS; ++block) {
             if (work.block[block].z_far < 0.0f) continue;
             materialise(work.block + block, z + block * BLOCK_RAYS, ids + block * BLOCK_RAYS);

@@ -139,21 +139,6 @@ inline int hit_triangle(private const float *c, uint lane, int covers, int mixed
 
 #else
 
-// A row made of 4 x 4 samples, for triangles that reach no farther.
-#if LANES == 16
-#define WINDOW 4
-#define WINDOW_X ((vf)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3))
-#define WINDOW_Y ((vf)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3))
-#define LOAD_WINDOW(type, p) ((type)(vload4(0, p), vload4(0, (p) + BLOCK), vload4(0, (p) + 2 * BLOCK), vload4(0, (p) + 3 * BLOCK)))
-#define STORE_WINDOW(x, p)                    \
-    {                                         \
-        vstore4(x.s0123, 0, p);               \
-        vstore4(x.s4567, 0, (p) + BLOCK);     \
-        vstore4(x.s89ab, 0, (p) + 2 * BLOCK); \
-        vstore4(x.scdef, 0, (p) + 3 * BLOCK); \
-    }
-#endif
-
 // A triangle over a row of rays.
 inline vi meet_row(private const float *c, uint lane, int covers, int mixed, vf x, vf y, vf *depth)
 {
@@ -169,23 +154,6 @@ inline int hit_triangle(private const float *c, uint lane, int covers, int mixed
     const int first = span[lane], last = span[LANES + lane];
     int changed = 0;
     vf depth;
-#ifdef WINDOW
-    const int left = min(span[2 * LANES + lane], BLOCK - WINDOW), top = min(first, BLOCK - WINDOW);
-    if (last - top < WINDOW && span[3 * LANES + lane] - left < WINDOW) {
-        const vi mask = meet_row(c, lane, covers, mixed, WINDOW_X + (left - HALF), WINDOW_Y + (top - HALF), &depth);
-        z += top * BLOCK + left;
-        ids += top * BLOCK + left;
-        const vf old = LOAD_WINDOW(vf, z);
-        const vi old_id = LOAD_WINDOW(vi, ids);
-        const vi nearer = mask & (LT(AS_VU(depth), AS_VU(old)) | (EQ(AS_VU(depth), AS_VU(old)) & LT((vi)(id), old_id)));
-        if (!row_any(nearer)) return 0;
-        const vf new_z = pick(old, depth, nearer);
-        const vi new_id = pick_int(old_id, (vi)(id), nearer);
-        STORE_WINDOW(new_z, z)
-        STORE_WINDOW(new_id, ids)
-        return 1;
-    }
-#endif
     for (int row = first; row <= last; ++row) {
         for (int column = 0; column < BLOCK; column += LANES) {
             const vi mask = meet_row(c, lane, covers, mixed, IOTA + (column - HALF), (vf)(row - HALF), &depth);

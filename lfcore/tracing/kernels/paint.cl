@@ -11,7 +11,7 @@
 #endif
 #define SHADOWED (SHADOW_LIGHTS > 0)
 #if SHADOWED && OUTER == 1
-#define SCREEN_WORDS (OCCLUDER_WORDS * (POOL + WHOLE_POOL))
+#define SCREEN_WORDS (OCCLUDER_WORDS * (POOL))
 #else
 #define SCREEN_WORDS 0
 #endif
@@ -22,22 +22,19 @@
 typedef struct {
     global float *z;         // depth buffers of the beam
     global int *ids;
-    global Parts *parts;
     LeafList list;
 #if SHADOW_LIGHTS
     ShadowMemory shadows;
 #endif
     BlockColours colours;
-    global uint *spare;      // (3, BLOCK_RAYS)
 #if OUTER == 1
     Cover cover;             // the triangle that covered a block last
-    int follow;              // whether beams of one element follow each other
 #endif
 } Easel;
 
 #define EASEL_WORDS                                                                                    \
-    (BEAM_BLOCKS * (2 * BLOCK_RAYS + PARTS_WORDS) + 7 * LIST + 14 * SHADOW_LIST + SCREEN_WORDS +       \
-     (3 + 8 * SHADOWED + 4 * SHADOW_LIGHTS + 3) * BLOCK_RAYS)
+    (BEAM_BLOCKS * 2 * BLOCK_RAYS + 7 * LIST + 14 * SHADOW_LIST + SCREEN_WORDS +       \
+     (3 + 8 * SHADOWED + 4 * SHADOW_LIGHTS) * BLOCK_RAYS)
 
 // Divide `memory`, of EASEL_WORDS words.
 inline Easel make_easel(global uint *memory)
@@ -47,7 +44,6 @@ inline Easel make_easel(global uint *memory)
     Easel e;
     e.z = TAKE(float, BEAM_BLOCKS * BLOCK_RAYS);
     e.ids = TAKE(int, BEAM_BLOCKS * BLOCK_RAYS);
-    e.parts = (global Parts *)at; at += BEAM_BLOCKS * PARTS_WORDS;
     e.list.boxes = TAKE(float, 6 * LIST);
     e.list.leaf = TAKE(int, LIST);
     e.list.pitch = LIST;
@@ -69,7 +65,6 @@ inline Easel make_easel(global uint *memory)
     e.colours.point = TAKE(float, 3 * SHADOWED * BLOCK_RAYS);
     e.colours.lit = TAKE(float, 3 * SHADOW_LIGHTS * BLOCK_RAYS);
     e.colours.wants = TAKE(int, SHADOW_LIGHTS * BLOCK_RAYS);
-    e.spare = TAKE(uint, 3 * BLOCK_RAYS);
 #undef TAKE
     return e;
 }
@@ -77,7 +72,7 @@ inline Easel make_easel(global uint *memory)
 // See the whole beam.
 inline void see_beam(const Bvh *bvh, const Surfaces *s, const Rays *rays, BeamWork *work, Easel *e)
 {
-    see(bvh, rays, work, &e->list, e->parts, e->z, e->ids);
+    see(bvh, rays, work, &e->list, e->z, e->ids);
 #if OUTER == 1
     e->cover.id = -1;
 #endif
@@ -171,9 +166,6 @@ inline void paint_facets(const Bvh *bvh, const Surfaces *s, const Bundle *bundle
 // The triangle that all rays of a block meet, or -1.  One may have hidden all others after they had shared the block.
 inline int only_triangle(const BlockState *state, global const int *ids)
 {
-#if SHARED
-    if (state->divided) return -1;
-#endif
     if (state->cover != BUFFERED) return state->cover;
     vi other = 0;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) other |= ~EQ(VLOAD(ids + at), (vi)(ids[0]));
@@ -187,14 +179,6 @@ inline int share_block(const Surfaces *s, const Rays *rays, const BeamWork *work
     const int2 where = block_position(work, block);
     global int *ids = e->ids + block * BLOCK_RAYS;
     const int most = min(rays->columns, rays->rows) < DENSE ? CROWD : SHARES;
-#if SHARED
-    const BlockState *state = work->block + block;
-    if (state->divided) {
-        write_ids(state, ids);
-        crop_block(rays, where, ids);
-        return share_parts(s, bundle, state, clamp((int2)(rays->columns, rays->rows) - where, 0, BLOCK), most, pixel, shares);
-    }
-#endif
     crop_block(rays, where, ids);
     return share_out(s, bundle, ids, most, pixel, shares);
 }
@@ -207,13 +191,13 @@ inline void paint_block(const Bvh *bvh, const Surfaces *s, const Rays *rays, Bea
     const Bundle bundle = block_bundle(rays, work, block);
     global float *z = e->z + block * BLOCK_RAYS;
     global int *ids = e->ids + block * BLOCK_RAYS;
-    if (sees_nothing(state)) {
+    if (state->cover == NOTHING) {
         shade_nothing(s, &e->colours);
         return;
     }
 #if OUTER == 1
 #if SHADOW_LIGHTS
-    enter_element(rays, work, block, e->follow, &e->shadows.screens);
+    enter_element(rays, work, block, &e->shadows.screens);
 #endif
 #if SCATTERED
     crop_block(rays, block_position(work, block), ids);

@@ -81,13 +81,9 @@ void trace_radiance(BVH_PARAMETERS,
     const Surfaces surfaces = MAKE_SURFACES;
     const Rays rays = MAKE_RAYS;
     Easel easel = make_easel(scratch + get_global_id(0) * (ulong)EASEL_WORDS);
-#if OUTER == 1
-    easel.follow = 1;
-#endif
     const ulong pitch = 3 * (ulong)across * columns;
     BeamWork work;
-    int beam = 0, end = 0;
-    while (next_item(&rays, 1, next, n_beams, &beam, &end)) {
+    for (int beam = atomic_inc(next); beam < n_beams; beam = atomic_inc(next)) {
         start_beam(&rays, beam, &work);
         see_beam(&bvh, &surfaces, &rays, &work, &easel);
         for (int block = 0; block < BEAM_BLOCKS; ++block) {

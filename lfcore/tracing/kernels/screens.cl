@@ -2,9 +2,7 @@
 //
 // Blocks of a beam lie side by side, and most share their triangles with their neighbours.  What may stand between
 // the light and all that one element's part of the beam sees of a triangle is gathered when the first block asks, and
-// its forms are set up for good; often there is nothing.  Where an element's rays fill several beams and cross, as a
-// pixel's do, its beams share most triangles, too: what stands before all its rays is found first, and each beam takes
-// what matters to it.  A screen depends on nothing but the beam, the triangle and the light: which block or beam asked
+// its forms are set up for good; often there is nothing.  A screen depends on nothing but the beam, the triangle and the light: which block or beam asked
 // first, and what else is traced, changes no bit of it.
 #ifndef LFCORE_SCREENS_CL
 #define LFCORE_SCREENS_CL
@@ -14,14 +12,8 @@
 #if OUTER == 1
 #define SCREENS 256
 #define OCCLUDER_WORDS 12
-#define POOL 1024           // occluders of all screens before parts of elements
+#define POOL 1024           // occluders of all screens
 #define SCREEN_LIMIT 128    // and of one: more are culled block by block
-#if SHARED
-#define WHOLE_POOL 8192     // the same of screens before whole elements
-#define WHOLE_LIMIT 2048
-#else
-#define WHOLE_POOL 0
-#endif
 
 // No ray that meets the triangle sees the light; occluders are culled block by block, or beam by beam.
 enum { ALL_DARK = -2, NO_SCREEN = -1 };
@@ -39,15 +31,10 @@ typedef struct {
 
 typedef struct {
     ScreenSet part;         // before an element's rays in the beam
-#if SHARED
-    ScreenSet whole;        // before all rays of an element
-    int owner;              // whose rays those are
-#endif
     int element;            // of the beam, whose rays are painted
     Bundle bundle;          // those that forms are counted from the middle of, as if they were one block
-    Rectangle all, here;    // all of them, and those of the beam
+    Rectangle all;          // all of them
     float2 block;           // where the block that is painted lies among them
-    int keep;               // whether beams of one element follow each other
 } Screens;
 
 inline void clear_screens(ScreenSet *set)
@@ -70,40 +57,19 @@ inline void make_screens(global float *pool, Screens *screens)
     screens->part.pool = pool;
     screens->part.size = POOL / LANES;
     screens->part.limit = SCREEN_LIMIT;
-#if SHARED
-    screens->whole.pool = pool + OCCLUDER_WORDS * POOL;
-    screens->whole.size = WHOLE_POOL / LANES;
-    screens->whole.limit = WHOLE_LIMIT;
-    screens->owner = -1;
-#endif
 }
 
-// To be called before a block is painted; `follow`: whether beams of one element follow each other.
-inline void enter_element(const Rays *rays, const BeamWork *work, int block, int follow, Screens *screens)
+// To be called before a block is painted.
+inline void enter_element(const Rays *rays, const BeamWork *work, int block, Screens *screens)
 {
     if (screens->element != block / ELEMENT_BLOCKS) {
         screens->element = block / ELEMENT_BLOCKS;
         clear_screens(&screens->part);
         screens->bundle = element_bundle(rays, work, block);
         const Rectangle here = {0.0f, 0.0f, ELEMENT_HALF, ELEMENT_HALF};
-        screens->all = screens->here = here;
-        screens->keep = 0;
-#if SHARED
-        if (rays_cross(rays)) {
-            const float2 extent = 0.5f * (float2)(rays->columns - 1, rays->rows - 1);
-            const float2 at = (float2)(work->column, work->row) + ELEMENT_HALF - extent;
-            const Rectangle all = {0.0f, 0.0f, extent.x, extent.y};
-            screens->bundle = all_rays(rays, middle_of(rays, work, block));
-            screens->all = all;
-            screens->here.x = at.x;
-            screens->here.y = at.y;
-            screens->keep = follow;
-            if (follow && screens->owner != work->element[0]) clear_screens(&screens->whole);
-            screens->owner = work->element[0];
-        }
-#endif
+        screens->all = here;
     }
-    screens->block = block_offset(block) + (float2)(screens->here.x, screens->here.y);
+    screens->block = block_offset(block);
 }
 
 // Where along one axis the rays lie that may meet a triangle with corners at `at` and depths `z`, in columns from the
@@ -182,33 +148,6 @@ inline Beyond behind_plane(global const float *corners, const ShadowRays *r)
     return b;
 }
 
-// Beside all ways from the hit points of a receiver's rectangle to the light: beyond the four planes through its sides.
-inline void wedge_before(const Receiver *f, const ShadowRays *r, Beyond *sides)
-{
-    float3 at[4];
-    float w[4];
-    const float size = length(r->size);
-    for (int k = 0; k < 4; ++k) {
-        const float x = f->over.x + (k == 0 || k == 3 ? -f->over.wide : f->over.wide);
-        const float y = f->over.y + (k < 2 ? -f->over.high : f->over.high);
-        at[k] = fma(f->i, x, fma(f->j, y, f->c));
-        w[k] = fma(f->wi, x, fma(f->wj, y, f->wc));
-    }
-    for (int k = 0; k < 4; ++k) {
-        const int to = (k + 1) % 4;
-        // Hit points times their weights; a light far away is at infinity, of weight 0.
-        float3 n = r->is_point ? cross(at[k], at[to]) : cross(w[k] * at[to] - w[to] * at[k], r->towards);
-        const float3 inner = w[k] * at[(k + 2) % 4] - w[(k + 2) % 4] * at[k];
-        if (dot(n, r->is_point ? at[(k + 2) % 4] : inner) > 0.0f) n = -n;
-        // Of a side that is short, or a point, rounding is all there is of the plane: nothing lies beyond it.
-        const float here = length(at[k]) + w[k] * size, there = length(at[to]) + w[to] * size;
-        const float rounding = r->is_point ? here * there : w[k] * there + w[to] * here;
-        sides[k].n = n;
-        sides[k].c = r->is_point ? 0.0f : -max(dot(n, at[k]) / w[k], dot(n, at[to]) / w[to]);
-        sides[k].c -= 4.0e-7f * rounding * size + 4.0e-6f * dot(fabs(n), r->size);
-    }
-}
-
 inline vi lie_beyond(const Beyond *b, const Occluders *o)
 {
     vf least = FAR;
@@ -222,7 +161,7 @@ typedef struct {
     int own;                // the triangle that it is before
     ShadowRays rays;
     Receiver receiver;      // of all rays that may meet it
-    Beyond behind, beside[4];  // its plane, and all ways to the light
+    Beyond behind;          // its plane
     ScreenSet *set;
     Screen *screen;
     int count;              // of occluders
@@ -254,8 +193,6 @@ inline int add_to_screen(ScreenMaker *m, global const float *leaf, global const 
     Occluders o;
     place_occluders(&m->rays, leaf, &o);
     vi may = ~(lie_beyond(&m->behind, &o) | EQ(VLOAD(leaf_ids), (vi)(m->own)) | are_own(m->rays.own, leaf_ids)), all = -1;
-    if (!row_any(may)) return 1;
-    for (int k = 0; k < 4; ++k) may &= ~lie_beyond(m->beside + k, &o);
     if (!row_any(may)) return 1;
     e[3] = project_plane(&m->receiver, face_occluders(&m->rays, &o, &may));
     sift_occluders(e[3], &m->receiver.over, &may, &all);
@@ -290,25 +227,6 @@ inline void take_occluders(const ScreenSet *set, int row, Affine *e)
     }
 }
 
-#if SHARED
-// Make a screen of what, of one before more rays, may darken those `over` which it is.
-inline void sift_screen(Screens *screens, const Screen *whole, Rectangle over, Screen *screen)
-{
-    ScreenMaker m;
-    m.set = &screens->part;
-    m.screen = screen;
-    m.count = 0;
-    screen->rows = ALL_DARK;
-    for (int row = whole->first; row < whole->first + whole->rows; ++row) {
-        Affine e[4];
-        vi may = -1, all = -1;
-        take_occluders(&screens->whole, row, e);
-        for (int k = 0; k < 4; ++k) sift_occluders(e[k], &over, &may, &all);
-        if (row_any(may) && !put_on_screen(&m, e, may, all)) return;
-    }
-    if (whole->rows >= 0) close_screen(&m);
-}
-#endif
 
 // Darken what lies behind a screen; false when nothing is left.
 inline int cast_screen(const ScreenSet *set, const Screen *screen, Darkness *d)

@@ -213,9 +213,8 @@ inline const Facet *find_facet(const Surfaces *s, const Bundle *r, int id, float
 }
 
 // Interpolate a row of rays that meet some triangle each or, in some lanes, none.  Returns what each
-// ray's surface is made of, -1 where it meets nothing; `depth`, of rays that have it in no buffer, from the triangles.
-inline vi interpolate_row(const Surfaces *s, const Bundle *r, global const int *ids, Row at, float pixel, Facets *facets, Surface *p,
-                          vf *depth)
+// ray's surface is made of, -1 where it meets nothing.
+inline vi interpolate_row(const Surfaces *s, const Bundle *r, global const int *ids, Row at, float pixel, Facets *facets, Surface *p)
 {
     const vi row = VLOAD(ids);
     uint todo = row_bits(GE(row, (vi)(0)));
@@ -227,9 +226,6 @@ inline vi interpolate_row(const Surfaces *s, const Bundle *r, global const int *
         todo &= ~row_bits(mask);
         const Surface q = interpolate(f, at);
         *p = first ? q : pick_surface(*p, q, mask);
-#if SHARED
-        *depth = pick(*depth, quotient_row(f->over, f->under, at), mask);
-#endif
         made_of = pick_int(made_of, (vi)(f->finish), mask);
     }
     return made_of;
@@ -268,7 +264,7 @@ inline void shade_row(const Surfaces *s, const Surface *p, const Meeting *m, vi 
     }
 }
 
-// Shade a block from its buffers, without that of depths where it may have none (SHARED); `facets` receives the triangles that it sees.
+// Shade a block from its buffers; `facets` receives the triangles that it sees.
 inline void shade_block(const Surfaces *s, const Bundle *r, global const float *z, global const int *ids, float pixel, Facets *facets,
                         const BlockColours *out)
 {
@@ -278,9 +274,8 @@ inline void shade_block(const Surfaces *s, const Bundle *r, global const float *
     Surface p = {0};
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const Row row = row_at(at);
-        vf depth = SHARED ? (vf)(INFINITY) : VLOAD(z + at);
-        const vi made_of = interpolate_row(s, r, ids + at, row, pixel, facets, &p, &depth);
-        const Meeting m = make_meeting(&p, r, row, depth);
+        const vi made_of = interpolate_row(s, r, ids + at, row, pixel, facets, &p);
+        const Meeting m = make_meeting(&p, r, row, VLOAD(z + at));
 #if SHADOW_LIGHTS
         const Colour where = {m.point.x, m.point.y, m.point.z};
         store_row(out->point, at, where);

@@ -127,34 +127,31 @@ inline int darken(const Bvh *bvh, global const float *light, const ShadowRays *r
 }
 
 #if OUTER == 1
-// Make the screen before triangle `id`, for the rays of the beam or, if `whole`, for all of the element's.
-inline void make_screen(const Bvh *bvh, const Surfaces *s, global const float *light, ShadowMemory *memory, int id, int whole,
-                        ScreenSet *set, Screen *screen)
+// Make the screen before triangle `id`, for the rays of the beam.
+inline void make_screen(const Bvh *bvh, const Surfaces *s, global const float *light, ShadowMemory *memory, int id, ScreenSet *set,
+                        Screen *screen)
 {
     const Screens *screens = &memory->screens;
     const Bundle *bundle = &screens->bundle;
     Facet facet;
     prepare_facet(s, bundle, id, 0.0f, &facet);
-    // What it is counted from, and what is excluded near surfaces, are the same for each part.
-    Seen seen = see_triangle(s, bundle, screens->all, id, &facet);
+    const Seen seen = see_triangle(s, bundle, screens->all, id, &facet);
     ScreenMaker maker;
     maker.own = id;
     maker.rays = shadow_rays(light, seen.lo, seen.hi);
-    if (!whole && rays_cross(memory->between.rays)) seen = see_triangle(s, bundle, screens->here, id, &facet);
     screen->rows = NO_SCREEN;
     if (!evenly_weighted(&facet, seen.over)) return;
     screen->rows = ALL_DARK;
     if (turned_away(&facet, bundle, seen.over, light, seen.lo, seen.hi)) return;
     maker.receiver = make_receiver(bundle, &facet, seen.over, maker.rays.apex);
     maker.behind = behind_plane(s->corners + id * 9, &maker.rays);
-    wedge_before(&maker.receiver, &maker.rays, maker.beside);
     maker.set = set;
     maker.screen = screen;
     maker.count = 0;
     Target target;
     target.own = id;
     target.maker = &maker;
-    const LeafList *list = whole ? 0 : list_between(bvh, light, &memory->between);
+    const LeafList *list = list_between(bvh, light, &memory->between);
     if (darken(bvh, light, &maker.rays, list, &memory->nearby, seen.lo, seen.hi, &target)) close_screen(&maker);
 }
 
@@ -167,18 +164,7 @@ inline const Screen *find_screen(const Bvh *bvh, const Surfaces *s, int number, 
     Screen *screen = free_screen(&screens->part, key);
     if (screen->key == key) return screen;
     screen->key = key;
-#if SHARED
-    if (screens->keep) {
-        Screen *whole = free_screen(&screens->whole, key);
-        if (whole->key != key) make_screen(bvh, s, light, memory, id, 1, &screens->whole, whole);
-        whole->key = key;
-        if (whole->rows != NO_SCREEN) {
-            sift_screen(screens, whole, rays_at(s, &screens->bundle, screens->here, id), screen);
-            return screen;
-        }
-    }
-#endif
-    make_screen(bvh, s, light, memory, id, 0, &screens->part, screen);
+    make_screen(bvh, s, light, memory, id, &screens->part, screen);
     return screen;
 }
 

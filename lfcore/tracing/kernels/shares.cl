@@ -88,26 +88,6 @@ inline int add_share(const Surfaces *s, const Bundle *r, int id, Rectangle over,
     return one_sided_over(share->facet, over);
 }
 
-#if SHARED
-// Share out a block of few triangles, those in its first `open` columns and rows, by the parts that were seen.
-inline int share_parts(const Surfaces *s, const Bundle *r, const BlockState *state, int2 open, int most, float pixel, Shares *out)
-{
-    global const Parts *parts = state->parts;
-    private int seen[PARTS];
-    private Rectangle over[PARTS + 1];
-    int count = 0;
-    for (int k = 0; k < parts->count; ++k) {
-        seen[count] = k;
-        count += around_rays(parts->of[k].rays, open, over + count);
-    }
-    const int beyond = state->cover != NOTHING && around_rays(parts->open, open, over + count);
-    out->count = 0;
-    if (count + beyond > most) return 0;
-    for (int k = 0; k < count; ++k)
-        if (!add_share(s, r, parts->of[seen[k]].id, over[k], pixel, out)) return 0;
-    return !beyond || add_share(s, r, state->cover, over[count], pixel, out);
-}
-#endif
 
 // The same by the triangles that `ids` says its rays meet.
 inline int share_out(const Surfaces *s, const Bundle *r, global const int *ids, int most, float pixel, Shares *out)

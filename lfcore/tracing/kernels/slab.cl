@@ -94,9 +94,6 @@ void trace_slab(BVH_PARAMETERS,
                            plane_info, runs, masks, kinds, sums + get_global_id(0) * plane_words};
     global uint *memory = scratch + get_global_id(0) * (ulong)SCRATCH_WORDS;
     Easel easel = make_easel(memory);
-#if OUTER == 1
-    easel.follow = tall == 1;
-#endif
     global float *painted = (global float *)(memory + EASEL_WORDS);
     global uint *prefix = memory + EASEL_WORDS + BEAM_TILES * COLOURS;
 #if PLANES && !VIEWS
@@ -105,8 +102,7 @@ void trace_slab(BVH_PARAMETERS,
 #endif
     BeamWork work;
     const int squares = rays.beams_across * rays.beams_down, n_items = n_beams / tall;
-    int item = 0, end = 0;
-    while (next_item(&rays, tall == 1, next, n_items, &item, &end)) {
+    for (int item = atomic_inc(next); item < n_items; item = atomic_inc(next)) {
         int u = 0;
         for (int k = 0; k < tall; ++k) {
             start_beam(&rays, (item / squares * tall + k) * squares + item % squares, &work);

@@ -21,15 +21,6 @@
 #endif
 #define COEFFICIENTS (3 * EDGE + 2 * FLAT)
 
-// Where a beam is several blocks of one element, forms are made about the beam's centre and moved to a block's, so
-// that they are the same to the last bit whether they are set up for one block or, in batch.cl, for all.
-#define SHARED (OUTER == 1 && ELEMENTS == 1 && SIDE > 1)
-#if SHARED
-#define FORM_HALF (0.5f * (SIDE * INNER - 1))
-#else
-#define FORM_HALF HALF
-#endif
-
 // A Form for each of LANES triangles.
 typedef struct {
     vf c, i, j;
@@ -37,15 +28,6 @@ typedef struct {
     vf p, q, k;
 #endif
 } Affine;
-
-// A form about a place `at` columns and rows from where it was made.
-inline Affine move_form(Affine f, float2 at)
-{
-#if SHARED
-    f.c = fma((vf)(at.x), f.i, fma((vf)(at.y), f.j, f.c));
-#endif
-    return f;
-}
 
 // Twice the edge function: P x Q = (P + Q) x (Q - P) / 2.  The difference of two corners that are near
 // each other is exact, so the error scales with the triangle's edge, and not with the distance to the block's
@@ -66,11 +48,10 @@ inline Affine edge(vf px, vf py, vf pz, vf qx, vf qy, vf qz, const Bundle *r)
     return e;
 }
 
-// Bound of the rounding error of such a form anywhere within `extent` columns and rows of the centre: sum,
+// Bound of the rounding error of such a form anywhere in the block: sum,
 // difference, product and their difference are four roundings of each term, its evaluation at a ray two more, or
-// four; where it is moved to a block's centre first, two for that and one for each of i and j, and where its sign
-// is found by division (parts.cl), another.
-inline vf edge_noise(vf px, vf py, vf pz, vf qx, vf qy, vf qz, const Bundle *r, float extent)
+// four.
+inline vf edge_noise(vf px, vf py, vf pz, vf qx, vf qy, vf qz, const Bundle *r)
 {
     const vf sx = fabs(px + qx), sy = fabs(py + qy), sz = fabs(pz + qz), dx = fabs(qx - px), dy = fabs(qy - py), dz = fabs(qz - pz);
     const vf cx = fma(sy, dz, sz * dy), cy = fma(sz, dx, sx * dz);
@@ -78,24 +59,22 @@ inline vf edge_noise(vf px, vf py, vf pz, vf qx, vf qy, vf qz, const Bundle *r, 
 #if OUTER > 1
     const vf outer = fma(cx + cy, (vf)(fabs(r->b)), 2.0f * (dx + dy) * fabs(r->a));
     const vf both = dz * (4.0f * HALF * OUTER_HALF * (fabs(r->sx * r->b) + fabs(r->a * r->tx)));
-    return 4.8e-7f * (fma((vf)(extent), wide, fma(sx, dy, sy * dx)) + fma((vf)(OUTER_HALF), outer, both));
+    return 4.8e-7f * (fma((vf)(HALF), wide, fma(sx, dy, sy * dx)) + fma((vf)(OUTER_HALF), outer, both));
 #else
-    return (extent > HALF ? 6.6e-7f : 3.6e-7f) * fma((vf)(extent), wide, fma(sx, dy, sy * dx));
+    return 3.6e-7f * fma((vf)(HALF), wide, fma(sx, dy, sy * dx));
 #endif
 }
 
-// What a form varies by within `extent` columns and rows of the centre, at most.
-inline vf spread_within(Affine e, float extent)
+// What a form varies by within the block, at most.
+inline vf spread(Affine e)
 {
-    const vf wide = extent * (fabs(e.i) + fabs(e.j));
+    const vf wide = HALF * (fabs(e.i) + fabs(e.j));
 #if OUTER > 1
     return wide + OUTER_HALF * (fabs(e.p) + fabs(e.q)) + 2.0f * HALF * OUTER_HALF * fabs(e.k);
 #else
     return wide;
 #endif
 }
-
-inline vf spread(Affine e) { return spread_within(e, HALF); }
 
 typedef struct {
     uint keep;     // lanes that may be hit
@@ -259,25 +238,19 @@ inline Edges make_edges(const Corners *v, const Bundle *r)
     e.e0 = edge(v->qx, v->qy, v->qz, v->rx, v->ry, v->rz, r);
     e.e1 = edge(v->rx, v->ry, v->rz, v->px, v->py, v->pz, r);
     e.e2 = edge(v->px, v->py, v->pz, v->qx, v->qy, v->qz, r);
-    e.noise0 = edge_noise(v->qx, v->qy, v->qz, v->rx, v->ry, v->rz, r, FORM_HALF);
-    e.noise1 = edge_noise(v->rx, v->ry, v->rz, v->px, v->py, v->pz, r, FORM_HALF);
-    e.noise2 = edge_noise(v->px, v->py, v->pz, v->qx, v->qy, v->qz, r, FORM_HALF);
+    e.noise0 = edge_noise(v->qx, v->qy, v->qz, v->rx, v->ry, v->rz, r);
+    e.noise1 = edge_noise(v->rx, v->ry, v->rz, v->px, v->py, v->pz, r);
+    e.noise2 = edge_noise(v->px, v->py, v->pz, v->qx, v->qy, v->qz, r);
     return e;
 }
 
-// How triangles lie to all the rays within some columns and rows of the centre.
+// How triangles lie to all the rays of the block.
 typedef struct {
     vi meets;   // some ray may meet it
     vi covers;  // every ray does
     vi mixed;   // seen edge-on by some ray: the sign of n . D changes
     vi flip;    // sign bit of those that were seen from behind
 } Lie;
-
-inline Edges move_edges(Edges e, float2 at)
-{
-    e.e0 = move_form(e.e0, at); e.e1 = move_form(e.e1, at); e.e2 = move_form(e.e2, at);
-    return e;
-}
 
 inline Edges turn_edges(Edges e, vi flip)
 {
@@ -286,10 +259,10 @@ inline Edges turn_edges(Edges e, vi flip)
 }
 
 // Finds it, signs edges so that n . D > 0 unless mixed, and then widens them.
-inline Lie lie_of(Edges *e, float extent)
+inline Lie lie_of(Edges *e)
 {
     const Affine n = sum_edges(e->e0, e->e1, e->e2);
-    const vf w = spread_within(n, extent);
+    const vf w = spread(n);
     const vi flat = EQ(n.c, (vf)(0.0f)) & EQ(w, (vf)(0.0f));
     Lie lie;
     lie.mixed = LE(fabs(n.c), w * 1.00001f);
@@ -300,8 +273,8 @@ inline Lie lie_of(Edges *e, float extent)
     e->e2.c += pick((vf)(0.0f), e->noise2, ~lie.mixed);
     // A rounding error of the evaluation at a ray must not be culled away: a little slack.
     const vf slack = 1.00001f;
-    const vf w0 = spread_within(e->e0, extent) * slack, w1 = spread_within(e->e1, extent) * slack;
-    const vf w2 = spread_within(e->e2, extent) * slack;
+    const vf w0 = spread(e->e0) * slack, w1 = spread(e->e1) * slack;
+    const vf w2 = spread(e->e2) * slack;
     const vf tiny = 1.0e-30f;
     const vi outside = LT(e->e0.c + w0, -tiny) | LT(e->e1.c + w1, -tiny) | LT(e->e2.c + w2, -tiny);
     lie.covers = GE(e->e0.c, w0 + tiny) & GE(e->e1.c, w1 + tiny) & GE(e->e2.c, w2 + tiny) & ~lie.mixed;
@@ -345,18 +318,16 @@ inline Reach reach_of(const Corners *v, const Bundle *r, float extent, float z_f
 
 // Set up the LANES triangles at `leaf` (9 rows of 16); writes coefficients, signed so that n . D > 0
 // unless mixed, to `out`, and to `span` what of the block each can touch: first and last row, first and last
-// column, or, for blocks of several elements, a bit for each row, and for each column.  Forms are made about the
-// centre of `about`, from which the block lies `at` columns and rows.
-inline Cull setup_triangles(const Bundle *r, const Bundle *about, float2 at, global const float *leaf, float z_far, private float *out,
-                            private int *span)
+// column, or, for blocks of several elements, a bit for each row, and for each column.
+inline Cull setup_triangles(const Bundle *r, global const float *leaf, float z_far, private float *out, private int *span)
 {
-    const Corners v = shear_corners(r, leaf), w = shear_corners(about, leaf);
+    const Corners v = shear_corners(r, leaf);
     const Reach reach = reach_of(&v, r, HALF, z_far);
     vi keep = reach.keep;
     Cull cull = {0, 0, 0};
     if (!row_any(keep)) return cull;
-    Edges e = move_edges(make_edges(&w, about), at);
-    const Lie lie = lie_of(&e, HALF);
+    Edges e = make_edges(&v, r);
+    const Lie lie = lie_of(&e);
     keep &= lie.meets;
     if (!row_any(keep)) return cull;
 #if OUTER > 1
@@ -377,9 +348,9 @@ inline Cull setup_triangles(const Bundle *r, const Bundle *about, float2 at, glo
     cull.mixed = row_bits(keep & lie.mixed);
     store_edges(&e, out);
     Affine over, under;
-    plane_forms(&w, about, lie.flip, &over, &under);
-    store_flat(move_form(over, at), out + 3 * EDGE * LANES);
-    store_flat(move_form(under, at), out + (3 * EDGE + FLAT) * LANES);
+    plane_forms(&v, r, lie.flip, &over, &under);
+    store_flat(over, out + 3 * EDGE * LANES);
+    store_flat(under, out + (3 * EDGE + FLAT) * LANES);
 #if OUTER == 1
     store_span(&e, lie.mixed, left, right, first, last, span);
 #endif

@@ -1,4 +1,4 @@
-"""Triangles set up once for a beam, against the same set up block by block, and the oracle."""
+"""Blocks of the rays of one element, against the oracle."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import trimesh
 from tracing_scenes import CAMERA, scene, soup
 
 from lfcore.opencl.device import open_device
-from lfcore.optics.bundles import macropixels, views
+from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.oracle.shading import radiance
 from lfcore.oracle.slab import slab_hits
@@ -14,24 +14,18 @@ from lfcore.scene.model import POINT, Light
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
-ALWAYS, NEVER = 64, -1
-ALL_PARTS, NO_PARTS = 1000, -1
 LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.9, 0.9))
 
 
-class Sharing(Tracer):
-    """Blocks of one element, whose beams share what they set up for so many leaves."""
+class OneElement(Tracer):
+    """Blocks of one element, whatever they meet."""
 
-    def __init__(self, triangles, leaves, device=None, kept=ALL_PARTS, lights=(), dense=256):
+    def __init__(self, triangles, device=None, lights=()):
         world = scene(triangles, lights=list(lights))
         super().__init__(world, build_bvh(world.triangles), device)
-        self.values = {"FEW_LEAVES": leaves, "FEW_KEPT": kept, "DENSE": dense}
 
     def outer(self, bundles, work):
         return 1
-
-    def _beam_kernel(self, file, name, shape, defines):
-        return super()._beam_kernel(file, name, shape, {**defines, **self.values})
 
 
 def plate(z, size=40.0):
@@ -81,12 +75,9 @@ SCENES = {
     **FEW,
     "large": soup(60, 1, 1.0),
     "many": soup(3000, 2, 0.1),
-    "tiny": 1e-8 * soup(300, 3),
     "hidden": np.concatenate([soup(100, 4), plate(0.5)]),
     "before a wall": np.concatenate([soup(20, 5), plate(5.0)]),
-    "copies": np.concatenate([plate(2.0), soup(20, 5), plate(2.0)]),
     "edge-on": np.concatenate([edge_on(), plate(6.0)]),
-    "nothing": plate(-1.0),
 }
 
 
@@ -94,22 +85,10 @@ def two_pixels(slab):
     return [[slab.pixels // 2, slab.pixels // 2 - 1], [1, slab.pixels - 2]]
 
 
-@pytest.mark.parametrize("views_a_side", [40, 100])
-@pytest.mark.parametrize("name", SCENES)
-def test_shared_and_alone_agree_to_the_last_bit(device, name, views_a_side):
-    slab = Slab(CAMERA, views_a_side, 24)
-    found = [
-        Sharing(SCENES[name], leaves, device).slab_hits(slab, two_pixels(slab))
-        for leaves in (ALWAYS, NEVER)
-    ]
-    for shared, alone in zip(*found, strict=True):
-        assert shared.tobytes() == alone.tobytes()
-
-
-@pytest.mark.parametrize("name", ["large", "hidden", "before a wall", "edge-on"])
-def test_shared_triangles_are_the_oracles(device, name):
+@pytest.mark.parametrize("name", ["large", "hidden", "before a wall", "edge-on", *FEW])
+def test_triangles_are_the_oracles(device, name):
     slab = Slab(CAMERA, 40, 24)
-    tracer = Sharing(SCENES[name], ALWAYS, device)
+    tracer = OneElement(SCENES[name], device)
     triangle, depth = tracer.slab_hits(slab, two_pixels(slab))
     truth = slab_hits(tracer.scene, slab, np.array(two_pixels(slab)))
     clear = truth.clear(16)
@@ -120,75 +99,35 @@ def test_shared_triangles_are_the_oracles(device, name):
     assert (error <= 16 * 2.0**-24 * np.maximum(truth.grazing[same], 1)).all()
 
 
-@pytest.mark.parametrize("name", FEW)
-def test_parts_and_depth_buffers_agree_to_the_last_bit(device, name):
-    slab = Slab(CAMERA, 100, 24)
-    found = [
-        Sharing(FEW[name], ALWAYS, device, kept).slab_hits(slab, two_pixels(slab))
-        for kept in (ALL_PARTS, NO_PARTS)
-    ]
-    assert len(np.unique(found[0][0])) > 3
-    for parts, buffered in zip(*found, strict=True):
-        assert parts.tobytes() == buffered.tobytes()
-
-
-def test_pictures_do_not_depend_on_what_blocks_keep(device):
+@pytest.mark.parametrize("name", ["mesh", "crossing"])
+def test_few_triangles_have_the_oracles_colours(device, name):
+    """A mesh of few triangles to a block, and one whose triangles pass through each other."""
     slab = Slab(CAMERA, 100, 24)
     bundles = macropixels(slab, two_pixels(slab))
-    found = [
-        Sharing(FEW["crossing"], leaves, device, kept, [LAMP]).bundle_radiance(
-            bundles, two_pixels(slab)
-        )
-        for leaves, kept in ((ALWAYS, ALL_PARTS), (ALWAYS, NO_PARTS), (NEVER, ALL_PARTS))
-    ]
-    assert np.ptp(found[0]) > 0.1
-    assert found[0].tobytes() == found[1].tobytes() == found[2].tobytes()
-
-
-def test_eight_triangles_share_a_block_as_many_do(device):
-    slab = Slab(CAMERA, 100, 24)
-    bundles = macropixels(slab, two_pixels(slab))
-    shared, alone = (
-        Sharing(FEW["mesh"], ALWAYS, device, lights=[LAMP], dense=dense).bundle_radiance(
-            bundles, two_pixels(slab)
-        )
-        for dense in (0, 1000)
-    )
+    tracer = OneElement(FEW[name], device, [LAMP])
+    found = tracer.bundle_radiance(bundles, two_pixels(slab))
     origins, directions = bundles.rays()
-    world = Sharing(FEW["mesh"], ALWAYS, device, lights=[LAMP]).scene
-    truth = radiance(world, origins.reshape(-1, 3), directions.reshape(-1, 3)).reshape(shared.shape)
-    assert (shared != alone).any() and np.ptp(shared) > 0.1
-    assert (np.abs(shared - truth).max(-1) > 1e-4).mean() < 1e-3
-    # Where light grazes, a block's occluders are told from neighbours less well than a triangle's.
-    assert (np.abs(alone - truth).max(-1) > 1e-4).mean() < 5e-3
+    rays = origins.reshape(-1, 3), directions.reshape(-1, 3)
+    truth = radiance(tracer.scene, *rays).reshape(found.shape)
+    assert np.ptp(found) > 0.1
+    assert (np.abs(found - truth).max(-1) > 1e-4).mean() < 5e-3
 
 
-def test_what_covers_the_whole_beam_settles_all_its_blocks(device):
+def test_what_covers_a_block_hides_all_beyond(device):
     slab = Slab(CAMERA, 100, 24)
-    triangle, depth = Sharing(SCENES["hidden"], ALWAYS, device).slab_hits(slab, two_pixels(slab))
+    triangle, depth = OneElement(SCENES["hidden"], device).slab_hits(slab, two_pixels(slab))
     assert (triangle == len(SCENES["hidden"]) - 1).all()
     assert np.abs(depth / 0.5 - 1).max() < 1e-6
 
 
-def test_pictures_share_as_lenses_do(device):
-    bundles = views(Slab(CAMERA, 4, 72), [[0, 0], [2, 1]])
-    found = [
-        Sharing(SCENES["many"], leaves, device).bundle_hits(bundles, [[0, 0], [2, 1]])
-        for leaves in (ALWAYS, NEVER)
-    ]
-    assert (found[0][0] >= 0).any()
-    for shared, alone in zip(*found, strict=True):
-        assert shared.tobytes() == alone.tobytes()
-
-
 @pytest.mark.parametrize("lanes", [1, 8])
-def test_every_lane_width_shares_alike(device, lanes):
+def test_every_lane_width_finds_the_same(device, lanes):
     if not device.is_cpu:
         pytest.skip("a GPU has one lane width")
     slab = Slab(CAMERA, 64, 24)
     found = []
     for width in (16, lanes):
-        tracer = Sharing(SCENES["many"], ALWAYS, open_device(lanes=width))
+        tracer = OneElement(SCENES["many"], open_device(lanes=width))
         found.append(tracer.slab_hits(slab, two_pixels(slab)))
     assert (found[0][0] == found[1][0]).all()
     met = found[0][0] >= 0
