@@ -1,31 +1,73 @@
 """Synthetic light fields: trace a light slab, store it, refocus it, measure it.
 
-Data flows one way: scene -> rays -> light field -> pictures -> numbers.  A package imports
-only those on its left: ``scene``, ``optics``, ``opencl``, ``tracing``, ``storage``,
-``refocus``, ``evaluation``.  ``oracle`` holds slow float64 references for tests and reports.
+    import lfcore
+
+    scene = lfcore.load_scene("model.glb")
+    picture = lfcore.render(scene, focus_m=3.2, f_number=2)
+    field = lfcore.record(scene, "model.mkv", views=32, pixels=512)
+    near = field.refocus(focus_m=2.0)
+
+Everything public is named here.  Of the packages below, each imports only those on its left:
+``optics``, ``scene``, ``opencl``, ``tracing``, ``storage``, ``refocus``, ``rendering``, then the
+modules ``lightfield`` and ``api``, then ``evaluation`` and ``cli``.  ``oracle`` holds slow float64
+references for tests and reports.
 """
 
+from __future__ import annotations
+
 from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lfcore.api import load_scene, record, render, trace_array
+    from lfcore.errors import DeviceError, LfcoreError, OpticsError, SceneError, StorageError
+    from lfcore.lightfield import LightField
+    from lfcore.opencl.device import Device, open_device
+    from lfcore.optics.array import CameraArray
+    from lfcore.optics.camera import Camera
+    from lfcore.optics.planes import SensorPlane
+    from lfcore.optics.slab import Slab
+    from lfcore.pictures import write_picture
+    from lfcore.refocus.array.stored import store_array
+    from lfcore.scene.model import Light, Scene
+    from lfcore.scene.parts import Surface
+    from lfcore.storage.codecs import CodecSpec
+    from lfcore.tracing.tracer import Tracer
 
 __version__ = "0.1.0"
 
-_LAZY = {
-    "LightField": "lfcore.lightfield",
-    "SensorPlane": "lfcore.optics.planes",
-    "Slab": "lfcore.optics.slab",
-    "Camera": "lfcore.optics.camera",
-    "Tracer": "lfcore.tracing.tracer",
-    "LfcoreError": "lfcore.errors",
+__all__ = [
+    "load_scene", "render", "record", "trace_array", "store_array", "write_picture", "open_device",
+    "LightField", "Scene", "Surface", "Light", "Camera", "CameraArray", "SensorPlane", "Slab",
+    "CodecSpec", "Device", "Tracer",
+    "LfcoreError", "SceneError", "OpticsError", "StorageError", "DeviceError",
+]  # fmt: skip
+
+_HOMES = {
+    "api": ("load_scene", "render", "record", "trace_array"),
+    "errors": ("LfcoreError", "SceneError", "OpticsError", "StorageError", "DeviceError"),
+    "lightfield": ("LightField",),
+    "opencl.device": ("Device", "open_device"),
+    "optics.array": ("CameraArray",),
+    "optics.camera": ("Camera",),
+    "optics.planes": ("SensorPlane",),
+    "optics.slab": ("Slab",),
+    "pictures": ("write_picture",),
+    "refocus.array.stored": ("store_array",),
+    "scene.model": ("Light", "Scene"),
+    "scene.parts": ("Surface",),
+    "storage.codecs": ("CodecSpec",),
+    "tracing.tracer": ("Tracer",),
 }
+_HOME_OF = {name: f"{__name__}.{module}" for module, names in _HOMES.items() for name in names}
 
 
-def __getattr__(name: str):
+def __getattr__(name: str) -> object:
     """Public names, imported when first asked for: ``import lfcore`` alone loads no driver."""
-    if name in _LAZY:
-        # By a string: whoever reads imports to find what a module depends on is not misled.
-        return getattr(import_module(_LAZY[name]), name)
+    if name in _HOME_OF:
+        return getattr(import_module(_HOME_OF[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_LAZY])
+    return sorted({*globals(), *__all__})

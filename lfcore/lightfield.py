@@ -7,16 +7,25 @@ picture = lfcore.LightField.open("lightfield.mkv").refocus(focus_m=3.2, f_number
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
 from lfcore.errors import OpticsError
+from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.refocus.focal_stack import focal_stack
 from lfcore.refocus.resampling import check_filter
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
+from lfcore.refocus.views import read_views
+from lfcore.rendering.depth import all_in_focus, all_samples, depth_of_views
+from lfcore.rendering.prepared import open_tracer
+from lfcore.scene.model import Scene
 from lfcore.storage.lightfield import LightFieldFile
+
+Progress = Callable[[int, int], None]
 
 METHODS = ("slicing", "shift-sum")
 MOST_PLANES = 100
@@ -87,8 +96,8 @@ class LightField(LightFieldFile):
         *,
         method: str | None = None,
         filter: str = "nearest",
-        device: str | None = None,
-        progress: Callable[[int, int], None] | None = None,
+        device: Device | str | None = None,
+        progress: Progress | None = None,
         **more,
     ) -> np.ndarray:
         """One picture, (M, M, 3) float32, linear light.
@@ -114,8 +123,8 @@ class LightField(LightFieldFile):
         *,
         method: str | None = None,
         filter: str = "nearest",
-        device: str | None = None,
-        progress: Callable[[int, int], None] | None = None,
+        device: Device | str | None = None,
+        progress: Progress | None = None,
     ) -> np.ndarray:
         """(P, M, M, 3) float32, linear light: up to 100 pictures from one pass over the file.
 
@@ -129,6 +138,94 @@ class LightField(LightFieldFile):
         self.require_slab()
         pictures = self._refocus(planes, check_method(method, filter), filter, device, progress)
         return pictures if self.white == 1.0 else pictures * np.float32(self.white)
+
+    def stack(
+        self,
+        focus_m: Sequence[float] | None = None,
+        f_numbers: Sequence[float] | None = None,
+        aperture: str = "circle",
+        *,
+        fast: bool = False,
+        device: Device | str | None = None,
+        progress: Progress | None = None,
+        **more,
+    ) -> np.ndarray:
+        """A focal stack, an aperture stack or both, from one pass over the file.
+
+        Parameters
+        ----------
+        focus_m : focus distances, metres; default the recorded one.
+        f_numbers : default the whole lens.
+        aperture, more : what :meth:`plane` takes.
+        fast : a focal stack of one aperture whose views are first added in blocks: many pictures
+            for the price of a few, within half a pixel of blur at the rim of the lens.
+
+        Returns
+        -------
+        (P, M, M, 3) float32, linear light: at each distance every f-number, in their order.
+
+        Raises as :meth:`refocus`.  Source: thesis, figures 4.2 to 4.4; for ``fast`` see
+        :mod:`lfcore.refocus.focal_stack`.
+        """
+        planes = [
+            self.plane(distance, number, aperture, **more)
+            for distance in (focus_m or [None])
+            for number in (f_numbers or [None])
+        ]
+        if fast:
+            return focal_stack(self, planes, device=device, progress=progress)
+        return self.refocus_many(planes, device=device, progress=progress)
+
+    def depth(
+        self,
+        scene: Scene,
+        samples: np.ndarray | None = None,
+        *,
+        device: Device | str | None = None,
+        progress: Progress | None = None,
+    ) -> np.ndarray:
+        """Exact depth of views, traced anew: the file holds colours alone.
+
+        Parameters
+        ----------
+        scene : what was recorded; nothing here can tell whether it is another.
+        samples : (K, 2) integer, lens samples (i, j); default all, row by row.
+        progress : called with (views done, of all).
+
+        Returns
+        -------
+        (K, M, M) float32, metres along the axis, infinity for a miss; see
+        :func:`lfcore.rendering.depth.disparity` for pixels.
+
+        Raises :class:`OpticsError` for samples outside the lens.
+        """
+        tracer = open_tracer(scene, device)
+        return depth_of_views(tracer, self.require_slab(), samples, progress=progress)
+
+    def all_in_focus(
+        self,
+        scene: Scene,
+        *,
+        device: Device | str | None = None,
+        progress: Progress | None = None,
+    ) -> np.ndarray:
+        """(M, M, 3) float32, linear light: every point in focus, averaged over all views that
+        see it.  Parameters as :meth:`depth`; see :func:`lfcore.rendering.depth.all_in_focus`."""
+        slab, tracer = self.require_slab(), open_tracer(scene, device)
+        centre = depth_of_views(tracer, Slab(slab.camera, 1, slab.pixels))[0]
+        everything = all_samples(slab)
+        # Macropixels are decoded whole for each group of views: few, large groups.
+        step = max(1, (1 << 26) // slab.pixels**2)
+
+        def groups() -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+            for start in range(0, len(everything), step):
+                samples = everything[start : start + step]
+                light = read_views(self, samples, device=tracer.device)
+                yield samples, light, depth_of_views(tracer, slab, samples)
+                if progress:
+                    progress(start + len(samples), len(everything))
+
+        return all_in_focus(slab, centre, groups())
 
     def distance_of(self, disparity_px: float) -> float:
         """Metres at which points move by that many pixels from one view to the next.

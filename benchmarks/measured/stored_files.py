@@ -19,20 +19,14 @@ GROWTH_LIMIT = 1.05
 JOB = """
 import sys
 from pathlib import Path
-from lfcore.rendering.record import record
-from lfcore.storage.defaults import codec_spec, frame_layout
-from lfcore.cli.render import load, open_tracers
+from lfcore.api import load_scene, record
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
 from lfcore.refocus.slicing import form_planes
 what, scene, path = sys.argv[1], Path(sys.argv[2]), sys.argv[5]
 views, pixels = map(int, sys.argv[3:5])
-scene_ = load(scene)
+scene_ = load_scene(scene)
 if what == "record":
-    slab = Slab(scene_.camera, views, pixels)
-    spec = codec_spec(views)
-    layout = frame_layout(slab.views, slab.pixels, spec.pixel_format)
-    record(Path(path), open_tracers(scene_, None), slab, layout, spec, scene=scene)
+    record(scene_, path, views=views, pixels=pixels)
 elif what == "retrieve":
     camera = scene_.camera
     planes = [SensorPlane(d, camera.f_number) for d in scene_.focus_distances_m]

@@ -9,7 +9,7 @@ import numpy as np
 
 from lfcore.cli.command import add_command
 from lfcore.cli.progress import progress, say
-from lfcore.cli.render import add_scene, load, open_tracer
+from lfcore.cli.render import add_scene, load, say_what_is_in
 from lfcore.errors import OpticsError
 from lfcore.pictures import check_suffix, write_picture
 
@@ -42,16 +42,18 @@ def add_parser(commands, name: str, summary: str) -> None:
 def run(arguments: argparse.Namespace) -> None:
     from lfcore.optics.slab import Slab
     from lfcore.rendering import depth as depths
+    from lfcore.rendering.prepared import open_tracer
 
     field = _checked(arguments)
     scene = load(arguments.scene)
     slab = field.slab if field else Slab(scene.camera, arguments.views, arguments.size)
-    tracer = open_tracer(scene, arguments.device)
+    say_what_is_in(scene)
     if arguments.output:
         samples = depths.all_samples(slab)
         if arguments.output.suffix.lower() == ".pfm":
             middle = slab.views // 2
             samples = np.array([arguments.view or (middle, middle)])
+        tracer = open_tracer(scene, arguments.device)
         with progress(f"tracing the depth of {len(samples)} views", "views") as report:
             depth = depths.depth_of_views(tracer, slab, samples, progress=report)
         if arguments.output.suffix.lower() == ".npz":
@@ -61,7 +63,9 @@ def run(arguments: argparse.Namespace) -> None:
             write_picture(arguments.output, picture[0])
         say(f"wrote {arguments.output}")
     if arguments.all_in_focus:
-        write_picture(arguments.all_in_focus, _sharp(field, slab, tracer))
+        with progress("bringing everything into focus", "views") as report:
+            sharp = field.all_in_focus(scene, device=arguments.device, progress=report)
+        write_picture(arguments.all_in_focus, sharp)
         say(f"wrote {arguments.all_in_focus}")
 
 
@@ -85,24 +89,3 @@ def _checked(arguments: argparse.Namespace):
     field = LightField.open(arguments.lightfield)
     field.require_slab()
     return field
-
-
-def _sharp(field, slab, tracer) -> np.ndarray:
-    from lfcore.optics.slab import Slab
-    from lfcore.refocus.views import read_views
-    from lfcore.rendering import depth as depths
-
-    centre = depths.depth_of_views(tracer, Slab(slab.camera, 1, slab.pixels))[0]
-    everything = depths.all_samples(slab)
-    # Macropixels are decoded whole for each group of views: few, large groups.
-    step = max(1, (1 << 26) // slab.pixels**2)
-
-    def groups():
-        for start in range(0, len(everything), step):
-            samples = everything[start : start + step]
-            light = read_views(field, samples, device=tracer.device)
-            yield samples, light, depths.depth_of_views(tracer, slab, samples)
-            report(start + len(samples), len(everything))
-
-    with progress("bringing everything into focus", "views") as report:
-        return depths.all_in_focus(slab, centre, groups())

@@ -11,7 +11,7 @@ import numpy as np
 from lfcore.cli.progress import progress
 from lfcore.optics.array import CameraArray
 from lfcore.pictures import check_suffix
-from lfcore.storage.codecs import CODECS, CodecSpec
+from lfcore.storage.codecs import CODECS
 from lfcore.storage.defaults import codec_spec
 
 VIDEO = ".mkv"
@@ -32,11 +32,10 @@ def add_encoder(command: argparse.ArgumentParser):
     return how
 
 
-def asked_spec(arguments: argparse.Namespace, views: int) -> CodecSpec:
-    """What the options of :func:`add_encoder` ask of an encoder, and ``--pixel-format``."""
+def asked(arguments: argparse.Namespace) -> dict:
+    """What the options of :func:`add_encoder`, and ``--pixel-format``, ask of an encoder."""
     given = {key: getattr(arguments, key, None) for key in ("pixel_format", "crf", "preset")}
-    given = {key: value for key, value in given.items() if value is not None}
-    return codec_spec(views, arguments.codec, **given)
+    return {"codec": arguments.codec} | {k: v for k, v in given.items() if v is not None}
 
 
 def add_tiles(command: argparse.ArgumentParser) -> None:
@@ -67,7 +66,7 @@ def save_video(arguments, image: np.ndarray, array: CameraArray, scene: dict) ->
 
     output = arguments.output
     check_suffix(output, (VIDEO,))
-    spec = asked_spec(arguments, array.cameras[0])
+    spec = codec_spec(array.cameras[0], **asked(arguments))
     with progress("encoding", "cameras") as report:
         made = store_array(
             output, image, array, spec, scene=scene, white=arguments.white, progress=report

@@ -10,7 +10,7 @@ import numpy as np
 from lfcore.cli.command import add_command
 from lfcore.cli.planes import distance
 from lfcore.cli.progress import progress, say
-from lfcore.cli.render import load, open_tracer, recorded_camera
+from lfcore.cli.render import load, say_what_is_in
 from lfcore.pictures import check_suffix, write_pictures
 
 DESCRIPTION = """\
@@ -44,9 +44,11 @@ def add_parser(commands, name: str, summary: str) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
+    from lfcore.api import recorded_camera
     from lfcore.optics.planes import SensorPlane
     from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture
     from lfcore.rendering.plenoptic import photograph, refocus_photograph
+    from lfcore.rendering.prepared import open_tracer
 
     refocus, views = _requests(arguments)
     scene = load(arguments.scene)
@@ -55,6 +57,7 @@ def run(arguments: argparse.Namespace) -> None:
     planes = [SensorPlane(metres, lens.f_number) for metres, _ in refocus]
     for plane in planes:
         plane.check(camera.slab())
+    say_what_is_in(scene)
     tracer = open_tracer(scene, arguments.device)
     side = camera.photograph_side
     say(

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
-from dataclasses import replace
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lfcore.cli import imgtool_store, render_view
 from lfcore.cli import planes as plane_options
 from lfcore.cli.command import add_command
 from lfcore.cli.progress import progress, say
-from lfcore.errors import LfcoreError, OpticsError
-from lfcore.optics.camera import Camera
+from lfcore.errors import OpticsError
 from lfcore.pictures import check_suffix
 from lfcore.storage.pixels import PIXEL_FORMATS
+
+if TYPE_CHECKING:
+    from lfcore.scene.model import Scene
 
 RENDER = """\
 Trace a scene and make pictures from its rays at once; no light field is stored. SCENE is a
@@ -77,17 +80,11 @@ def add_scene(command: argparse.ArgumentParser) -> None:
     command.add_argument("--device", help="part of an OpenCL device's name")
 
 
-def load(path: Path):
-    """The scene of any file that describes one; what could not be read exactly is told.
+def load(path: Path) -> Scene:
+    """As :func:`lfcore.load_scene`; what could not be read exactly is told."""
+    from lfcore.api import load_scene
 
-    Raises :class:`SceneError` for whatever is wrong with it.
-    """
-    from lfcore.scene.build import build_scene
-    from lfcore.scene.files import load_scene
-
-    if path.suffix.lower() == ".npz":
-        return load_scene(path)
-    scene = build_scene(path)
+    scene = load_scene(path)
     if scene.notes:
         say(scene.summary())
     return scene
@@ -100,46 +97,9 @@ def say_what_is_in(scene) -> None:
         say(f"{count} triangles were left out: {reason}")
 
 
-def open_tracer(scene, device: str | None):
-    """A tracer of the scene, with a line of progress for its hierarchy."""
-    from lfcore.opencl.device import open_device
-    from lfcore.tracing.bvh import build_bvh
-    from lfcore.tracing.tracer import Tracer
-
-    say_what_is_in(scene)
-    opened = open_device(device)
-    return Tracer(scene, build_bvh(scene.triangles), opened)
-
-
-def open_tracers(scene, device: str | None) -> list:
-    """One tracer a core, each of one thread, or a single one for a device beside the CPU."""
-    from lfcore.opencl.device import open_device
-    from lfcore.tracing.bvh import build_bvh
-    from lfcore.tracing.tracer import Tracer
-
-    say_what_is_in(scene)
-    opened, bvh = open_device(device), build_bvh(scene.triangles)
-    if not opened.is_cpu:
-        return [Tracer(scene, bvh, opened)]
-    return [Tracer(scene, bvh, open_device(device, threads=1)) for _ in range(opened.threads)]
-
-
-def recorded_camera(camera: Camera, focus: float | None, f_number: float | None) -> Camera:
-    """The scene's camera with another focus or lens; the extent of the picture stays."""
-    from lfcore.optics.planes import SensorPlane
-    from lfcore.rendering.direct import focused_camera
-
-    plane = SensorPlane(
-        camera.focus_distance_m if focus is None else focus,
-        camera.f_number if f_number is None else f_number,
-    )
-    return focused_camera(camera, plane)
-
-
 def render(arguments: argparse.Namespace) -> None:
+    from lfcore import api
     from lfcore.cli.refocus import save
-    from lfcore.optics.slab import Slab
-    from lfcore.rendering.direct import trace_picture, trace_planes
 
     check_suffix(arguments.output)
     if arguments.pinhole and (arguments.views or arguments.f_number or arguments.plane):
@@ -148,51 +108,52 @@ def render(arguments: argparse.Namespace) -> None:
             remedy="Leave out --views, --f-number and --plane",
         )  # fmt: skip
     scene = load(arguments.scene)
+    say_what_is_in(scene)
     if render_view.wants_film(arguments, scene):
-        say_what_is_in(scene)
         render_view.render_film(arguments, scene)
         return
     size = 256 if arguments.size is None else arguments.size
     views = 1 if arguments.pinhole else 16 if arguments.views is None else arguments.views
     planes = plane_options.read_planes(arguments, scene.camera)
-    widest = min(plane.f_number for plane in planes)
-    # A wider lens than the scene's can be traced: the scene knows all light.
-    camera = replace(scene.camera, f_number=min(widest, scene.camera.f_number))
-    slab = Slab(camera, views, size)
-    plane_options.check_planes(planes, slab, arguments.scene)
-    tracer = open_tracer(scene, arguments.device)
-    with progress(f"tracing {slab.rays:,} rays", "pixels") as report:
-        if len(planes) == 1:
-            pictures = trace_picture(
-                tracer, camera, slab.pixels, planes[0], views=views, progress=report
-            )[None]
-        else:
-            pictures = trace_planes(tracer, slab, planes, progress=report)
+    with named_file(arguments.scene), progress(_what(views, size), "pixels") as report:
+        pictures = api.render(
+            scene, planes=planes, pixels=size, views=views, device=arguments.device,
+            progress=report,
+        )  # fmt: skip
     save(arguments.output, planes, pictures)
 
 
 def trace(arguments: argparse.Namespace) -> None:
-    from lfcore.optics.slab import Slab
-    from lfcore.rendering.record import record
-    from lfcore.storage.defaults import frame_layout
+    from lfcore import api
 
     check_suffix(arguments.output, (".mkv",))
     scene = load(arguments.scene)
+    say_what_is_in(scene)
     if render_view.wants_film(arguments, scene) and scene.view.kind == "lightfield":
         render_view.trace_film(arguments, scene)
         return
     views = 16 if arguments.views is None else arguments.views
     size = 256 if arguments.size is None else arguments.size
-    camera = recorded_camera(scene.camera, arguments.focus, arguments.f_number)
-    if not math.isfinite(camera.field_width):
-        raise LfcoreError("the picture has no extent", file=arguments.scene)
-    slab = Slab(camera, views, size)
-    spec = imgtool_store.asked_spec(arguments, views)
-    layout = frame_layout(views, size, spec.pixel_format, kind=arguments.layout or "auto")
-    tracers = open_tracers(scene, arguments.device)
-    with progress(f"tracing {slab.rays:,} rays", "elements") as report:
-        metadata = record(
-            arguments.output, tracers, slab, layout, spec, scene=arguments.scene, progress=report
-        )
-    size = os.path.getsize(arguments.output)
-    say(f"wrote {arguments.output}: {len(metadata.segments)} segments, {size:,} bytes")
+    with named_file(arguments.scene), progress(_what(views, size), "elements") as report:
+        field = api.record(
+            scene, arguments.output, views=views, pixels=size, focus_m=arguments.focus,
+            f_number=arguments.f_number, layout=arguments.layout or "auto",
+            device=arguments.device, progress=report, **imgtool_store.asked(arguments),
+        )  # fmt: skip
+    length = os.path.getsize(arguments.output)
+    say(f"wrote {arguments.output}: {len(field.segments)} segments, {length:,} bytes")
+
+
+def _what(views: int, size: int) -> str:
+    return f"tracing {views**2 * size**2:,} rays"
+
+
+@contextmanager
+def named_file(file: Path) -> Iterator[None]:
+    """Errors of optics within the block name the file whose lens it is."""
+    try:
+        yield
+    except OpticsError as error:
+        raise OpticsError(
+            error.problem, file=error.file or file, key=error.key, remedy=error.remedy
+        ) from None

@@ -64,23 +64,22 @@ def render_film(arguments: argparse.Namespace, scene) -> None:
 def trace_film(arguments: argparse.Namespace, scene) -> None:
     """Expose a light field camera's film and store it as a light field file."""
     from lfcore.cli.imgtool_store import save_video
-    from lfcore.rendering.record import scene_digest
+    from lfcore.scene.files import scene_digest
 
-    what = {"name": scene.name, "digest": scene_digest(arguments.scene)}
+    what = {"name": scene.name, "digest": scene_digest(scene)}
     say(f"wrote {save_video(arguments, _expose(arguments, scene), scene.view.array, what)}")
 
 
 def _expose(arguments: argparse.Namespace, scene):
-    from lfcore.opencl.device import open_device
-    from lfcore.rendering.photograph import photograph
+    from lfcore.api import trace_array
 
     width, height = scene.view.film
-    samples, device = (
-        arguments.samples or scene.view.samples_per_pixel,
-        open_device(arguments.device),
-    )
+    samples = arguments.samples or scene.view.samples_per_pixel
     with progress(f"tracing {width} x {height} pixels, {samples} rays each", "instants") as report:
-        return photograph(scene, samples, arguments.instants, device=device, progress=report)
+        return trace_array(
+            scene, samples_per_pixel=samples, instants=arguments.instants,
+            device=arguments.device, progress=report,
+        )  # fmt: skip
 
 
 def _given(value) -> bool:

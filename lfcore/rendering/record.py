@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -11,6 +10,7 @@ from pathlib import Path
 from lfcore.files import draft_folder
 from lfcore.optics.slab import Slab
 from lfcore.rendering.depth import depth_range
+from lfcore.scene.files import scene_digest
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout, Tile
@@ -21,14 +21,13 @@ from lfcore.tracing.tracer import Tracer
 TILE_RAYS = 1 << 27
 
 
-def record(
-    path: Path,
+def record_slab(
+    path: str | Path,
     tracers: Sequence[Tracer],
     slab: Slab,
     layout: FrameLayout,
     spec: CodecSpec,
     *,
-    scene: Path,
     progress: Callable[[int, int], None] | None = None,
 ) -> Metadata:
     """Trace ``slab`` and write the light field file ``path``.
@@ -39,13 +38,13 @@ def record(
     Parameters
     ----------
     tracers : of one scene, on devices (queues) of their own.
-    scene : the file that the scene was read from, for the name and digest in the metadata.
     progress : called with (outer elements done, of all), from any thread but one at a time.
 
     Raises
     ------
     StorageError : a file cannot be written; none is left then.
     """
+    path, scene = Path(path), tracers[0].scene
     tiles = layout.tiles(TILE_RAYS, least=max(2, len(tracers)))
     count, lock = _Elements(progress, layout.outer**2), threading.Lock()
     free = list(tracers)
@@ -78,7 +77,7 @@ def record(
             tiles,
             layout,
             geometry=slab,
-            scene={"name": tracers[0].scene.name, "digest": scene_digest(scene)},
+            scene={"name": scene.name, "digest": scene_digest(scene)},
             spec=spec,
             content={"depth_m": list(seen)} if seen else None,
         )
@@ -152,10 +151,3 @@ def _copied_ahead(tracing):
         while (frames := coming.result()) is not end:
             coming = pool.submit(following)
             yield frames
-
-
-def scene_digest(scene: Path) -> str:
-    """SHA-256 of the scene's file; of a folder, of its scene.yaml."""
-    file = scene / "scene.yaml" if scene.is_dir() else scene
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

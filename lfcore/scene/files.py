@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
 import math
 import zipfile
@@ -30,12 +32,23 @@ ARRAYS = {
 
 def save_scene(path: str | Path, scene: Scene) -> None:
     """Write ``scene``; equal scenes give equal bytes. The file appears only when whole."""
+    with whole_file(path) as file:
+        _write(file, scene)
+
+
+def scene_digest(scene: Scene) -> str:
+    """SHA-256 of what :func:`save_scene` writes, in hex: equal scenes have equal digests."""
+    stream = io.BytesIO()
+    _write(stream, scene)
+    return hashlib.sha256(stream.getbuffer()).hexdigest()
+
+
+def _write(file, scene: Scene) -> None:
     arrays = {name: np.ascontiguousarray(getattr(scene, name), ARRAYS[name][0]) for name in ARRAYS}
     for index, texture in enumerate(scene.textures):
         arrays[f"texture_{index:04d}"] = np.ascontiguousarray(texture, np.uint8)
     header = json.dumps(_header(scene), sort_keys=True).encode()
-    with whole_file(path) as file:
-        np.savez(file, header=np.frombuffer(header, np.uint8), **arrays)
+    np.savez(file, header=np.frombuffer(header, np.uint8), **arrays)
 
 
 def _header(scene: Scene) -> dict:

@@ -6,13 +6,19 @@ a :class:`Scene` moves the geometry there in float64 and rounds to float32 once.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lfcore.optics.camera import Camera
 from lfcore.scene.notes import Note, summary
 from lfcore.scene.view import View
+
+if TYPE_CHECKING:
+    from lfcore.scene.parts import Surface
 
 POINT, DIRECTIONAL = 0, 1
 
@@ -128,6 +134,46 @@ class Scene:
     view: View | None = None
     motions: tuple[Motion, ...] = ()
     notes: tuple[Note, ...] = ()
+
+    @classmethod
+    def from_triangles(
+        cls,
+        triangles: ArrayLike,
+        *,
+        normals: ArrayLike | None = None,
+        uvs: ArrayLike | None = None,
+        colours: ArrayLike | None = None,
+        surface: Surface | None = None,
+        camera: Camera | None = None,
+        lights: Sequence[Light] | None = None,
+        ambient: tuple[float, float, float] | None = None,
+        background: tuple[float, float, float] | None = None,
+        name: str = "triangles",
+    ) -> Scene:
+        """A scene of triangles in memory; what is not given is as for a mesh file.
+
+        Parameters
+        ----------
+        triangles : (T, 3, 3), corners in metres.  Without ``camera`` they are in world space,
+            right-handed, y up, and a camera is placed so that all of them are seen; with one they
+            are in its space, x right, y down, z forward.
+        normals : (T, 3, 3), shading normals of the corners, of any length; else flat shaded.
+        uvs : (T, 3, 2), texture coordinates, v up.
+        colours : (T, 3, 3), linear RGB of the corners, which multiplies the surface's.
+        surface : material of all of them, with its texture (H, W, 3) uint8 sRGB.
+        lights : in camera space; else one over the camera's left shoulder.
+        ambient, background : linear RGB.
+
+        Raises
+        ------
+        SceneError : arrays of other shapes, or no triangle that can be traced.
+        """
+        from lfcore.scene.arrays import scene_from_triangles
+
+        return scene_from_triangles(
+            triangles, normals=normals, uvs=uvs, colours=colours, surface=surface, camera=camera,
+            lights=lights, ambient=ambient, background=background, name=name,
+        )  # fmt: skip
 
     @property
     def triangle_count(self) -> int:

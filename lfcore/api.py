@@ -1,0 +1,221 @@
+"""What the library does, one function each: scenes from files, pictures and light fields of them.
+
+    import lfcore
+
+    scene = lfcore.load_scene("model.glb")
+    picture = lfcore.render(scene, focus_m=3.2, f_number=2)
+    field = lfcore.record(scene, "model.mkv", views=32, pixels=512)
+    near = field.refocus(focus_m=2.0)
+
+Distances are metres, pictures float32 arrays of linear light, rows from the top.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+from lfcore.lightfield import LightField
+from lfcore.opencl.device import Device
+from lfcore.optics.array import CameraArray
+from lfcore.optics.camera import Camera
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.rendering.direct import focused_camera, trace_picture, trace_planes
+from lfcore.rendering.photograph import photograph
+from lfcore.rendering.prepared import open_tracer, open_tracers, opened
+from lfcore.rendering.record import record_slab
+from lfcore.rendering.shutter import trace_shutter
+from lfcore.scene.build import build_scene
+from lfcore.scene.files import load_scene as load_prepared
+from lfcore.scene.model import Scene
+from lfcore.storage.defaults import AUTO, codec_spec, frame_layout
+
+Progress = Callable[[int, int], None]
+"""Called with (done, of all), from any thread but one at a time."""
+
+
+def load_scene(path: str | Path) -> Scene:
+    """The scene of any file that describes one.
+
+    Parameters
+    ----------
+    path : a ``scene.yaml`` or the folder that holds one, a mesh (GLB, OBJ, PLY, STL, ...), which
+        gets a camera and a light, a ``.pbrt`` file, or a ``scene.npz`` of the workflow.  What a
+        foreign format says and cannot be mapped exactly is in the scene's ``notes``.
+
+    Raises
+    ------
+    SceneError : the file is missing or damaged, or says what makes no scene.
+    """
+    path = Path(path)
+    return load_prepared(path) if path.suffix.lower() == ".npz" else build_scene(path)
+
+
+def render(
+    scene: Scene,
+    focus_m: float | None = None,
+    f_number: float | None = None,
+    *,
+    planes: Sequence[SensorPlane] | None = None,
+    pixels: int = 256,
+    views: int = 16,
+    device: Device | str | None = None,
+    progress: Progress | None = None,
+) -> np.ndarray:
+    """Pictures of a scene through its lens, without storing a light field (Algorithm 1).
+
+    Parameters
+    ----------
+    focus_m : metres, ``math.inf`` allowed; default the scene's.
+    f_number : of a round aperture; default the scene's.
+    planes : several pictures from the same rays, instead of ``focus_m`` and ``f_number``.
+    pixels, views : M and N: N x N rays through the lens for each of M x M pixels.
+    device : open, or part of its name.
+    progress : called with (pixels done, of all).
+
+    Returns
+    -------
+    (M, M, 3) float32, linear light; with ``planes`` (P, M, M, 3).  A single picture is traced at
+    its own focus, so that every ray counts in the pixel that it is sent from.
+
+    Raises
+    ------
+    OpticsError : a plane that the lens cannot form.
+    DeviceError : no device, or none whose name fits.
+
+    Source: thesis, Algorithm 1 and section 6.3.2.
+    """
+    camera = scene.camera
+    if planes is None:
+        wanted = [_plane(camera, focus_m, f_number)]
+    elif focus_m is not None or f_number is not None:
+        raise OpticsError("excludes focus_m and f_number", key="planes", remedy="Give one of them")
+    else:
+        wanted = list(planes)
+    if not wanted:
+        raise OpticsError("no planes were asked for", key="planes")
+    # A wider lens than the scene's can be traced: the scene knows all light.
+    widest = min(plane.f_number for plane in wanted)
+    camera = replace(camera, f_number=min(widest, camera.f_number))
+    slab = Slab(camera, views, pixels)
+    for plane in wanted:
+        plane.check(slab)
+        plane.aperture(slab)
+    tracer = open_tracer(scene, device)
+    if len(wanted) > 1:
+        return trace_planes(tracer, slab, wanted, progress=progress)
+    picture = trace_picture(tracer, camera, pixels, wanted[0], views=views, progress=progress)
+    return picture if planes is None else picture[None]
+
+
+def record(
+    scene: Scene,
+    path: str | Path,
+    *,
+    views: int = 16,
+    pixels: int = 256,
+    focus_m: float | None = None,
+    f_number: float | None = None,
+    layout: str = AUTO,
+    codec: str = "libx264",
+    pixel_format: str = AUTO,
+    crf: float | str = AUTO,
+    preset: str | None = AUTO,
+    device: Device | str | None = None,
+    progress: Progress | None = None,
+) -> LightField:
+    """Trace a light field of a scene and store it as video (Algorithm 3): trace, encode, join.
+
+    Parameters
+    ----------
+    path : the file to write, ``.mkv``; it appears when it is whole.
+    views, pixels : N x N views of M x M pixels.
+    focus_m : metres, ``math.inf`` allowed; default the scene's.
+    f_number : the widest that can be refocused later; default the scene's.
+    layout : ``macropixels``, ``views``, or ``auto`` as measured best at that N and M.
+    codec, pixel_format, crf, preset : as :func:`lfcore.storage.defaults.codec_spec` takes them.
+    device : open, or part of its name.
+    progress : called with (outer elements done, of all).
+
+    Returns
+    -------
+    The light field, opened.
+
+    Raises
+    ------
+    OpticsError : a lens that cannot be.
+    StorageError : settings that the codec does not take, or a file that cannot be written.
+    DeviceError : no device, or none whose name fits.
+
+    Source: thesis, Algorithm 3.
+    """
+    slab = Slab(recorded_camera(scene.camera, focus_m, f_number), views, pixels)
+    spec = codec_spec(views, codec, pixel_format=pixel_format, crf=crf, preset=preset)
+    frames = frame_layout(views, pixels, spec.pixel_format, kind=layout)
+    record_slab(path, open_tracers(scene, device), slab, frames, spec, progress=progress)
+    return LightField.open(path)
+
+
+def recorded_camera(camera: Camera, focus_m: float | None, f_number: float | None) -> Camera:
+    """The camera with another focus or lens; the extent of its picture stays.
+
+    Raises :class:`OpticsError` for a focus inside the focal length or a picture without extent.
+    """
+    found = focused_camera(camera, _plane(camera, focus_m, f_number))
+    if not np.isfinite(found.field_width):
+        raise OpticsError("the picture has no extent", key="focus_m")
+    return found
+
+
+def trace_array(
+    scene: Scene,
+    array: CameraArray | None = None,
+    samples_per_pixel: int | None = None,
+    *,
+    instants: int | None = None,
+    device: Device | str | None = None,
+    progress: Progress | None = None,
+) -> np.ndarray:
+    """Pictures of parallel pinhole cameras on a grid, side by side: the light field camera.
+
+    Parameters
+    ----------
+    array : the cameras, in the scene's camera space; default what the scene's own film asks for
+        (``Camera "lightfield"`` of pbrt, or ``camera.lightfield`` of a scene.yaml).
+    samples_per_pixel : rays a pixel; default the film's, or 1.
+    instants : of the shutter while objects move; default 1 at rest, else up to 16.
+    progress : called with (instants done, of all).
+
+    Returns
+    -------
+    (Ny h, Nx w, 3) float32, linear radiance, not clamped; the array of the scene's own film is
+    ``scene.view.array``.
+
+    Raises
+    ------
+    OpticsError : neither an array nor a film, or no samples.
+    DeviceError : no device, or none whose name fits.
+
+    Source: CS348b's third assignment; pbrt's light field camera.
+    """
+    if array is None:
+        return photograph(
+            scene, samples_per_pixel, instants, device=opened(device), progress=progress
+        )
+    return trace_shutter(
+        scene, array, 1 if instants is None else instants,
+        1 if samples_per_pixel is None else samples_per_pixel,
+        device=opened(device), progress=progress,
+    )  # fmt: skip
+
+
+def _plane(camera: Camera, focus_m: float | None, f_number: float | None) -> SensorPlane:
+    return SensorPlane(
+        camera.focus_distance_m if focus_m is None else float(focus_m),
+        camera.f_number if f_number is None else float(f_number),
+    )

@@ -1,0 +1,131 @@
+"""The library as README shows it: from a model to pictures, without the command line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+
+import lfcore
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    path = tmp_path_factory.mktemp("api") / "model.glb"
+    trimesh.creation.icosphere(subdivisions=2).export(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def recorded(model):
+    scene = lfcore.load_scene(model)
+    seen = []
+    field = lfcore.record(
+        scene, model.with_suffix(".mkv"), views=4, pixels=32, codec="ffv1",
+        progress=lambda done, total: seen.append((done, total)),
+    )  # fmt: skip
+    assert seen[-1][0] == seen[-1][1]
+    return scene, field
+
+
+def test_a_light_field_of_a_model(recorded, tmp_path):
+    scene, lf = recorded
+    focus = scene.camera.focus_distance_m
+    picture = lf.refocus(focus_m=focus, f_number=2)
+    assert picture.shape == (32, 32, 3) and picture.dtype == np.float32
+    traced = lfcore.render(scene, focus_m=focus, f_number=2, pixels=32, views=4)
+    assert np.abs(picture - traced).max() < 0.02  # colours pass as 8-bit YCbCr
+    assert traced[16, 16].mean() > traced[0, 0].mean() + 0.05
+    assert lf.view(1, 2).shape == (32, 32, 3) and lf.macropixel(16, 16).shape == (4, 4, 3)
+    stack = lf.stack([0.8 * focus, focus], [2.0, 4.0])
+    assert stack.shape == (4, 32, 32, 3)
+    np.testing.assert_array_equal(stack[2], picture)
+    depth = lf.depth(scene)
+    assert depth.shape == (16, 32, 32)
+    ball = depth[5][np.isfinite(depth[5])]
+    assert 0 < ball.min() < ball.max() and np.isinf(depth[5][0, 0])
+    sharp = lf.all_in_focus(scene)
+    assert sharp.shape == (32, 32, 3) and sharp[16, 16].mean() > 0.05
+    lfcore.write_picture(tmp_path / "near.png", picture)
+    assert (tmp_path / "near.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_several_pictures_from_the_same_rays(recorded):
+    scene, lf = recorded
+    focus = scene.camera.focus_distance_m
+    planes = [lf.plane(0.9 * focus), lf.plane(1.1 * focus, 4.0, "square")]
+    together = lfcore.render(scene, planes=planes, pixels=32, views=4)
+    assert together.shape == (2, 32, 32, 3)
+    np.testing.assert_allclose(together, lf.refocus_many(planes), atol=0.02)
+    with pytest.raises(lfcore.OpticsError, match="planes: excludes focus_m"):
+        lfcore.render(scene, 2.0, planes=planes)
+    with pytest.raises(lfcore.OpticsError, match="no planes"):
+        lfcore.render(scene, planes=[])
+
+
+def test_a_scene_of_arrays_is_that_of_the_same_file(model):
+    mesh = trimesh.load(model, force="mesh")
+    triangles = mesh.vertices[mesh.faces]
+    scene = lfcore.Scene.from_triangles(triangles, normals=mesh.vertex_normals[mesh.faces])
+    known = lfcore.load_scene(model)
+    np.testing.assert_allclose(scene.triangles, known.triangles, atol=1e-6)
+    assert scene.camera.focus_distance_m == pytest.approx(known.camera.focus_distance_m)
+    ours, theirs = (lfcore.render(s, pixels=24, views=2) for s in (scene, known))
+    assert np.abs(ours - theirs).mean() < 0.02
+
+
+def test_triangles_before_a_camera_are_in_its_space():
+    camera = lfcore.Camera(0.05, 0.036, 2.0, 3.0)
+    wall = [[[-9, -9, 3], [9, -9, 3], [0, 9, 3]]]
+    glow = lfcore.Surface("glow", diffuse=(0, 0, 0), emission=(0.25, 0.5, 1.0))
+    scene = lfcore.Scene.from_triangles(wall, camera=camera, surface=glow, lights=[])
+    assert scene.camera == camera
+    picture = lfcore.render(scene, pixels=16, views=2)
+    np.testing.assert_allclose(picture[8, 8], [0.25, 0.5, 1.0], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "words"),
+    [
+        ({"triangles": np.zeros((0, 3, 3))}, "triangles: the scene is empty"),
+        ({"triangles": np.zeros((2, 3, 3))}, "triangles: the scene is empty.*zero area"),
+        ({"triangles": np.zeros((2, 3))}, r"triangles: must be \(T, 3, 3\), not"),
+        ({"triangles": "words"}, "triangles: are no array of numbers"),
+        ({"triangles": np.eye(3)[None], "uvs": np.zeros((2, 3, 2))}, r"uvs: must be \(1, 3, 2\)"),
+        ({"triangles": np.eye(3)[None], "normals": [[1]]}, "normals: must be"),
+    ],
+)
+def test_arrays_that_make_no_scene(arrays, words):
+    with pytest.raises(lfcore.SceneError, match=words):
+        lfcore.Scene.from_triangles(**arrays)
+
+
+def test_a_camera_array(recorded):
+    scene, _ = recorded
+    distance = scene.camera.focus_distance_m
+    array = lfcore.CameraArray.on_grid((3, 2), (-0.2, 0.2, -0.1, 0.1), 45.0, (16, 16))
+    image = lfcore.trace_array(scene, array, 2)
+    assert image.shape == (32, 48, 3) and image.max() > 0.1 and distance > 0
+    with pytest.raises(lfcore.OpticsError):
+        lfcore.trace_array(scene)
+
+
+def test_equal_scenes_have_equal_digests(recorded, model):
+    _, lf = recorded
+    again = lfcore.record(lfcore.load_scene(model), model.with_name("b.mkv"), views=2, pixels=16)
+    assert again.metadata.scene == lf.metadata.scene
+
+
+def test_every_public_name_is_there_and_loads_alone():
+    assert sorted(lfcore._HOME_OF) == sorted(lfcore.__all__)
+    for name in lfcore.__all__:
+        assert getattr(lfcore, name).__doc__, name
+    assert set(lfcore.__all__) <= set(dir(lfcore))
+    program = "import sys, lfcore; print({'numpy', 'pyopencl', 'av', 'cv2'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.stdout == "set()\n", done.stderr
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = lfcore.nothing
