@@ -6,6 +6,7 @@
 #   make faults KILLS=100      kills, full disks, missing folders: the same results afterwards
 #   make smoke     the same pipeline, tiny: what continuous integration runs
 #   make lint      formatting and static checks
+#   make digests   the table of bits that every processor is held to: after a change that means to change bits
 #   make sweep SWEEP=config/sweeps/crf.tsv    one run for each row of a sweep
 #   make clean     forget results; make distclean forgets the environment, too
 
@@ -23,7 +24,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: tables test fuzz faults smoke sweep lint format clean distclean pins
+.PHONY: tables test fuzz faults smoke sweep lint format digests clean distclean pins
 .DELETE_ON_ERROR:
 
 tables: $(VENV)/installed
@@ -68,6 +69,9 @@ $(VENV)/installed-dev: $(VENV)/installed
 	@echo "Installing the test tools into $(VENV) ..."
 	PIP_CONSTRAINT=constraints.txt $(PIP) install --editable '.[dev]'
 	@touch $@
+
+digests: $(VENV)/installed-dev
+	PYTHONPATH=tests $(BIN)/python tests/tracing/digests.py --write
 
 # Pins of what is installed now: run it after a package was added to pyproject.toml.
 pins: $(VENV)/installed-dev

@@ -170,7 +170,10 @@ def build_program(
     folders = {str((KERNELS / file).parent) for file in files} | {str(SHARED_KERNELS)}
     # The loader strips no quotes on every platform, so paths go as separate arguments.
     options += [part for folder in sorted(folders) for part in ("-I", folder)]
+    if device.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
+        options.append("-cl-fp32-correctly-rounded-divide-sqrt")
     source = "\n".join(f'#include "{Path(file).name}"' for file in files)
+    source = f"#pragma OPENCL FP_CONTRACT OFF\n{source}\n"
     try:
         return _compile(device.context, source, tuple(options))
     except cl.Error as error:

@@ -56,7 +56,7 @@ inline Form sum_forms(const Form *e)
 
 inline Form edge_form(float3 p, float3 q, const Bundle *r)
 {
-    const float3 c = cross(p, q);
+    const float3 c = cross_product(p, q);
     Form e;
     e.c = c.z;
     e.i = c.x * r->tx + (p.y - q.y) * r->sx;
@@ -212,14 +212,14 @@ inline void prepare_facet(const Surfaces *s, const Bundle *r, int id, float pixe
     const float3 v[3] = {p - origin - p.z * shear, q - origin - q.z * shear, w - origin - w.z * shear};
     const Form e[3] = {edge_form(v[1], v[2], r), edge_form(v[2], v[0], r), edge_form(v[0], v[1], r)};
     f->sum = sum_forms(e);
-    float3 n = cross(v[1] - v[0], v[2] - v[0]);
+    float3 n = cross_product(v[1] - v[0], v[2] - v[0]);
     if (n.z < 0.0f) n = -n;
-    f->over = plane_form(dot(n, v[0]), -n.x, -n.y, r->sx, r->sy, r->a);
+    f->over = plane_form(inner_product(n, v[0]), -n.x, -n.y, r->sx, r->sy, r->a);
     f->under = plane_form(n.z, n.x, n.y, r->tx, r->ty, r->b);
 #if !SMOOTH
     // The sum of the weights is n . D: negative when the corners turn towards the viewer.
     const float sign = f->sum.c < 0.0f ? -1.0f : 1.0f;
-    f->normal = -sign * normalize(cross(q - p, w - p));
+    f->normal = -sign * direction_of(cross_product(q - p, w - p));
 #endif
     global const float *attributes = s->attributes + (long)id * ATTRIBUTES;
 #if SMOOTH || TEXTURED || VERTEX_COLOURS

@@ -12,20 +12,15 @@ typedef struct {
     int width, height;
 } Frames;
 
-// IEC 61966-2-1 encoding of values clamped to [0, 1].  A polynomial (least largest error, 7e-6) in the fourth
-// root, from two reciprocal square roots of the processor's, good to 11 bits or more, and one step of Newton's: the
-// first is off by half as much in the root, 0.02 of a code of 8 bits in the mean and 0.07 at most: codes of more
-// bits have it refined, too.
+// IEC 61966-2-1 encoding of values clamped to [0, 1]: a polynomial (least largest error, 7e-6) in the fourth root.
 #define LINEAR_END 0.0031308f
 inline vf encode_srgb(vf x)
 {
     x = clamp(x, (vf)(1.0e-9f), (vf)(1.0f));
-    const vf r = BITS == 8 ? native_rsqrt(x) : inverse_sqrt(x), y = native_rsqrt(r);
-    const vf root = y * fma(-(y * r), y, (vf)(3.0f));  // twice that
-    const vf square = root * root;
-    const vf high = fma(root, (vf)(-6.814727000e-02f / 32.0f), (vf)(2.895329352e-01f / 16.0f));
-    const vf middle = fma(root, (vf)(-5.774826995e-01f / 8.0f), (vf)(1.255404424e+00f / 4.0f));
-    const vf low = fma(root, (vf)(1.620262543e-01f / 2.0f), (vf)(-6.134021422e-02f));
+    const vf square = sqrt(x), root = sqrt(square);
+    const vf high = fma(root, (vf)(-6.814727000e-02f), (vf)(2.895329352e-01f));
+    const vf middle = fma(root, (vf)(-5.774826995e-01f), (vf)(1.255404424e+00f));
+    const vf low = fma(root, (vf)(1.620262543e-01f), (vf)(-6.134021422e-02f));
     const vf p = fma(fma(high, square, middle), square, low);
     return pick(12.92f * x, p, GT(x, (vf)(LINEAR_END)));
 }

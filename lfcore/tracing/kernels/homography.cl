@@ -70,7 +70,7 @@ inline float2 facet_depths(const Facet *f, Rectangle at) { return corner_depths(
 // Bounds of a dot product: the largest value of a . b with each coordinate off by up to da and db.
 inline float most_dot(float3 a, float3 da, float3 b, float3 db)
 {
-    return dot(a, b) + 1.00001f * dot(fabs(a), db) + 1.00001f * dot(da, fabs(b) + db) + 1.0e-6f * dot(fabs(a), fabs(b));
+    return inner_product(a, b) + 1.00001f * inner_product(fabs(a), db) + 1.00001f * inner_product(da, fabs(b) + db) + 1.0e-6f * inner_product(fabs(a), fabs(b));
 }
 
 // Whether no ray in a rectangle that meets one triangle, between lo and hi, meets a side that faces the light, or the light

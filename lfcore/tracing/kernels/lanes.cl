@@ -1,9 +1,12 @@
 // Lane types: every kernel is written once over a row of LANES values (16, 8, 4 or 1).
 //
 // Comparisons give masks of -1 / 0 in an integer row for every width; OpenCL's own give 1 / 0 when
-// the row is one value wide.  Contraction is off: the edge functions of two triangles that share an
-// edge must be each other's negative to the last bit, and a product that is fused on one side only
-// is not.  Where a fused multiply-add is wanted, fma() says so.
+// the row is one value wide.
+//
+// Every width and every processor gives the same bits: no operation is used whose rounding OpenCL leaves
+// open (native_*, half_*, mad, pow and their kin).  Contraction is off: the edge functions of two triangles
+// that share an edge must be each other's negative to the last bit, and a product that is fused on one side
+// only is not.  Where a fused multiply-add is wanted, fma() says so.
 #ifndef LFCORE_LANES_CL
 #define LFCORE_LANES_CL
 #pragma OPENCL FP_CONTRACT OFF
@@ -126,17 +129,30 @@ inline int largest_axis(float3 v)
     return size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
 }
 
-// 1 / x to about one unit in the last place, the same on every lane width
-inline vf reciprocal(vf x)
+// Division and square root are rounded correctly, which tests/opencl/test_rounding.py tries for every mantissa.  The
+// processor's approximations (native_recip, native_rsqrt) have 12 bits here and 14 there, and were no faster.
+inline vf reciprocal(vf x) { return 1.0f / x; }
+inline vf inverse_sqrt(vf x) { return 1.0f / sqrt(x); }
+
+// In place of dot, cross, length and normalize, whose order and rounding each driver may choose.
+inline float inner_product(float3 a, float3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline float3 cross_product(float3 a, float3 b)
 {
-    const vf r = native_recip(x);
-    return fma(r, fma(-x, r, (vf)(1.0f)), r);
+    return (float3)(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
 }
 
-inline vf inverse_sqrt(vf x)
+// Length, and direction: of vectors whose squares a float cannot hold, too; nothing has no direction.
+inline float largest_component(float3 a) { return max(fabs(a.x), max(fabs(a.y), fabs(a.z))); }
+inline float norm(float3 a)
 {
-    const vf r = native_rsqrt(x);
-    return r * fma(-0.5f * x * r, r, (vf)(1.5f));
+    const float most = largest_component(a);
+    a /= max(most, 1.0e-37f);
+    return most * sqrt(inner_product(a, a));
+}
+inline float3 direction_of(float3 a)
+{
+    a /= max(largest_component(a), 1.0e-37f);
+    return a / max(norm(a), 1.0e-37f);
 }
 
 // Logarithm and exponential to base 2 in line: a call of the library's would spill every vector

@@ -69,10 +69,10 @@ inline int normals_sided(const Facet *f, const Bundle *r, const Rectangle *over)
     const float3 n = f->of.c.s012 + over->x * ni + over->y * nj;
     const float3 d = {fma(over->x, r->tx, r->dx), fma(over->y, r->ty, r->dy), 1.0f};
     const float wide = over->wide, high = over->high;
-    const float first = wide * fabs(dot(ni, d) + n.x * r->tx) + high * fabs(dot(nj, d) + n.y * r->ty);
+    const float first = wide * fabs(inner_product(ni, d) + n.x * r->tx) + high * fabs(inner_product(nj, d) + n.y * r->ty);
     const float second = wide * wide * fabs(ni.x * r->tx) + high * high * fabs(nj.y * r->ty) +
                          wide * high * fabs(nj.x * r->tx + ni.y * r->ty);
-    return fabs(dot(n, d)) > 1.00001f * (first + second) + 1.0e-6f * dot(fabs(n), fabs(d));
+    return fabs(inner_product(n, d)) > 1.00001f * (first + second) + 1.0e-6f * inner_product(fabs(n), fabs(d));
 }
 #endif
 

@@ -142,9 +142,9 @@ typedef struct { float3 n; float c; } Beyond;
 // Behind a triangle's plane, or before it by less than what is excluded near surfaces.
 inline Beyond behind_plane(global const float *corners, const ShadowRays *r)
 {
-    const float3 p = corner(corners, 0), n = cross(corner(corners, 1) - p, corner(corners, 2) - p), at = p - r->apex;
-    const float offset = dot(n, at), side = r->is_point ? offset : -dot(n, r->towards), sign = side < 0.0f ? -1.0f : 1.0f;
-    const Beyond b = {sign * n, SHADOW_MARGIN * dot(fabs(n), fabs(at) + r->size) - sign * offset};
+    const float3 p = corner(corners, 0), n = cross_product(corner(corners, 1) - p, corner(corners, 2) - p), at = p - r->apex;
+    const float offset = inner_product(n, at), side = r->is_point ? offset : -inner_product(n, r->towards), sign = side < 0.0f ? -1.0f : 1.0f;
+    const Beyond b = {sign * n, SHADOW_MARGIN * inner_product(fabs(n), fabs(at) + r->size) - sign * offset};
     return b;
 }
 

@@ -113,7 +113,7 @@ inline vi places_reached(vf a, vf b, vf c, vf az, vf bz, vf cz, vf noise, float 
 {
     const vf wa = fma(az, (vf)(t), (vf)(s)), wb = fma(bz, (vf)(t), (vf)(s)), wc = fma(cz, (vf)(t), (vf)(s));
     const vf ua = fma(az, (vf)(r->b), (vf)(r->a)), ub = fma(bz, (vf)(r->b), (vf)(r->a)), uc = fma(cz, (vf)(r->b), (vf)(r->a));
-    const vf ra = native_recip(wa), rb = native_recip(wb), rc = native_recip(wc);
+    const vf ra = reciprocal(wa), rb = reciprocal(wb), rc = reciprocal(wc);
     const vf slack = fma(noise, max(fabs(ra), max(fabs(rb), fabs(rc))), (vf)(0.01f));
     vi places = 0;
     for (int k = 0; k < OUTER; ++k) {
@@ -134,10 +134,9 @@ inline void span_samples(vf a, vf b, vf c, vf az, vf bz, vf cz, vf noise, float 
                          vf *last)
 {
     const vf wa = fma(az, (vf)(t), (vf)(s)), wb = fma(bz, (vf)(t), (vf)(s)), wc = fma(cz, (vf)(t), (vf)(s));
-    const vf ra = native_recip(wa), rb = native_recip(wb), rc = native_recip(wc);
+    const vf ra = reciprocal(wa), rb = reciprocal(wb), rc = reciprocal(wc);
     const vf ia = a * ra, ib = b * rb, ic = c * rc;
-    // Of `extent`, reciprocals of twelve bits lose a little.
-    const vf slack = fma(noise, max(fabs(ra), max(fabs(rb), fabs(rc))), (vf)(fma(extent - HALF, 0.0013f, 0.01f)));
+    const vf slack = fma(noise, max(fabs(ra), max(fabs(rb), fabs(rc))), (vf)(0.01f));
     const vi same = GT(wa * wb, (vf)(0.0f)) & GT(wb * wc, (vf)(0.0f));
     const vf lo = ceil(min(ia, min(ib, ic)) - slack + extent), hi = floor(max(ia, max(ib, ic)) + slack + extent);
     *first = max(pick((vf)(0.0f), lo, same), (vf)(0.0f));
@@ -149,7 +148,7 @@ inline void span_samples(vf a, vf b, vf c, vf az, vf bz, vf cz, vf noise, float 
 inline void narrow_rows(Affine e, vi mixed, vf *first, vf *last)
 {
     const vf wide = HALF * fabs(e.i);
-    const vf at = -(e.c + wide + 1.0e-6f * (fabs(e.c) + wide)) * native_recip(e.j);
+    const vf at = -(e.c + wide + 1.0e-6f * (fabs(e.c) + wide)) / e.j;
     *first = pick(*first, max(*first, ceil(at + (HALF - 0.01f))), GT(e.j, (vf)(1.0e-30f)) & ~mixed);
     *last = pick(*last, min(*last, floor(at + (HALF + 0.01f))), LT(e.j, (vf)(-1.0e-30f)) & ~mixed);
 }

@@ -1,0 +1,174 @@
+"""What rays of three small scenes give, to the last bit: one digest for each piece of work.
+
+    make digests
+
+remakes the table beside this file.  Every processor is held to the table, so that one that gives
+other bits is found out.  The table is remade when a change of the program means to change bits,
+and for nothing else.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import hashlib
+import json
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import tracing_scenes
+from tracing_scenes import lit_soup, scene, soup
+
+from lfcore.opencl.device import Device, open_device
+from lfcore.optics import bundles
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material, Scene
+from lfcore.storage.layout import FrameLayout
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+TABLE = Path(__file__).with_suffix(".json")
+CAMERA = dataclasses.replace(tracing_scenes.CAMERA, focus_distance_m=3.0)
+PLANES = [
+    SensorPlane(2.0, 1.0),
+    SensorPlane(0.7, 1.4),
+    SensorPlane(4.0, 1.2, "polygon", blades=5, rotation_deg=10.0),
+    SensorPlane(float("inf"), 1.1, "diamond", normalise="lens"),
+]
+
+
+SUN = Light(DIRECTIONAL, (-0.15, -0.25, -0.95), (0.3, 0.35, 0.4))
+
+
+def textured_soup() -> Scene:
+    """Flat triangles with a texture, far and near, in three lights, two of which cast shadows."""
+    rng = np.random.default_rng(11)
+    wall = np.float32([[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]])
+    triangles = np.concatenate([soup(120, 9, 0.5), wall]).astype(np.float32)
+    return scene(
+        triangles,
+        uvs=(triangles[..., :2] * 3).astype(np.float32),
+        textures=[rng.integers(0, 256, (48, 40, 3), np.uint8)],
+        materials=[Material("tiles", (0.7, 0.6, 0.5), (0.2, 0.2, 0.2), 30.0, texture=0)],
+        lights=[
+            Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.8, 0.7), 2.0, True),
+            SUN,
+            Light(DIRECTIONAL, (1.0, 0.0, -0.1), (0.2, 0.1, 0.1), 0.0, False),
+        ],
+    )
+
+
+def fine_soup() -> Scene:
+    """Many small triangles with colours at their corners, in the sun."""
+    triangles = soup(20_000, 4, 0.05).astype(np.float32)
+    colours = np.random.default_rng(5).random(triangles.shape).astype(np.float32)
+    return scene(triangles, colours=colours, lights=[SUN])
+
+
+WORLDS = {"lit": lit_soup, "textured": textured_soup, "fine": fine_soup}
+Case = Callable[[Tracer], Iterator[np.ndarray]]
+
+
+def hits(kind: str, views: int, pixels: int) -> Case:
+    """Triangle and depth of every ray of some elements that lie side by side."""
+
+    def run(tracer: Tracer) -> Iterator[np.ndarray]:
+        slab = Slab(CAMERA, views, pixels)
+        size = pixels if kind == "macropixels" else views
+        places = np.argwhere(np.ones((min(size, 12),) * 2)) + max(0, size // 2 - 6)
+        yield from tracer.bundle_hits(getattr(bundles, kind)(slab, places), places)
+
+    return run
+
+
+def single(tracer: Tracer) -> Iterator[np.ndarray]:
+    """Triangle, distance and weights of rays from anywhere to anywhere."""
+    rng = np.random.default_rng(6)
+    origins, ends = rng.random((2, 4000, 3)) * [2, 2, 4] - [1, 1, 0]
+    yield from tracer.closest_hit(origins, ends - origins)
+
+
+def radiance(views: int, pixels: int) -> Case:
+    """Colours as floats, of views."""
+
+    def run(tracer: Tracer) -> Iterator[np.ndarray]:
+        places = np.argwhere(np.ones((2, 3))) + 1
+        yield tracer.bundle_radiance(bundles.views(Slab(CAMERA, views, pixels), places), places)
+
+    return run
+
+
+def tiles(kind: str, views: int, pixels: int, form: str = "yuv420p") -> Case:
+    """Frames of two tiles in the middle, and what they add to planes."""
+
+    def run(tracer: Tracer) -> Iterator[np.ndarray]:
+        slab = Slab(CAMERA, views, pixels)
+        layout = FrameLayout(kind, views, pixels, pixel_format=form)
+        size = min(layout.outer, 24)
+        left = (layout.outer - size) // 2
+        for row, rows in ((left, size // 2), (left + size // 2, size - size // 2)):
+            tracing = tracer.trace_tile(slab, layout.tile(left, row, size, rows), PLANES)
+            for chunk in tracing:
+                yield chunk.frames.copy()
+            yield tracing.plane_sums.sums
+
+    return run
+
+
+# (scene, name).  Few lens samples of many pixels make blocks that span pixels, others beams of a
+# pixel each; small triangles in few pixels make rays that are followed one by one.
+CASES: dict[tuple[str, str], Case] = {
+    ("fine", "hits, N = 4"): hits("macropixels", 4, 96),
+    ("fine", "hits, N = 8"): hits("macropixels", 8, 96),
+    ("fine", "hits, N = 16"): hits("macropixels", 16, 96),
+    ("fine", "hits, N = 64"): hits("macropixels", 64, 24),
+    ("fine", "hits of views"): hits("views", 6, 50),
+    ("fine", "single rays"): single,
+    ("fine", "frames and planes, N = 2"): tiles("macropixels", 2, 6),
+    ("fine", "frames and planes, N = 8"): tiles("macropixels", 8, 96),
+    ("lit", "frames and planes, N = 4"): tiles("macropixels", 4, 512),
+    ("lit", "frames and planes, N = 8"): tiles("macropixels", 8, 24),
+    ("lit", "frames and planes, N = 64"): tiles("macropixels", 64, 5),
+    ("lit", "radiance of views"): radiance(5, 40),
+    ("textured", "frames and planes, N = 16"): tiles("macropixels", 16, 12, "yuv444p10le"),
+    ("textured", "views, N = 4"): tiles("views", 4, 40),
+}
+
+
+@cache
+def tracer_of(world: str, device: Device) -> Tracer:
+    made = WORLDS[world]()
+    return Tracer(made, build_bvh(made.triangles), device)
+
+
+def digest(world: str, name: str, device: Device) -> str:
+    """16 hexadecimal digits of every bit that one case gives on a device."""
+    found = hashlib.sha256()
+    for array in CASES[world, name](tracer_of(world, device)):
+        found.update(f"{array.dtype} {array.shape}".encode())
+        found.update(np.ascontiguousarray(array).tobytes())
+    return found.hexdigest()[:16]
+
+
+def table(device: Device, chosen: list[str] | None = None) -> dict[str, str]:
+    """``scene: case`` -> digest, of all cases or of those ``chosen``."""
+    names = {f"{world}: {name}": (world, name) for world, name in CASES}
+    return {key: digest(*names[key], device) for key in chosen or names}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--write", action="store_true", help=f"remake {TABLE.name}")
+    parser.add_argument("--case", action="append", help="one case of the table, or several")
+    options = parser.parse_args()
+    text = json.dumps(table(open_device(), options.case), indent=2) + "\n"
+    if options.write:
+        TABLE.write_text(text, encoding="utf-8")
+    print(text, end="")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,57 @@
+"""Every processor, lane width and instruction set gives the bits of the committed table."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from digests import CASES, TABLE, digest, table
+
+from lfcore.opencl.device import open_device
+
+KNOWN = json.loads(TABLE.read_text(encoding="utf-8"))
+FEW = ["fine: hits, N = 4", "fine: single rays", "lit: frames and planes, N = 4"]
+"""Cases that together take most kinds of arithmetic, for what builds programs of its own."""
+
+
+def test_the_table_has_all_cases():
+    assert list(KNOWN) == [f"{world}: {name}" for world, name in CASES]
+    assert len(set(KNOWN.values())) == len(KNOWN)
+
+
+@pytest.mark.parametrize(("world", "name"), CASES)
+def test_this_device_gives_the_bits_of_the_table(device, world, name):
+    if not device.is_cpu:
+        pytest.skip("promised for processors alone")
+    assert digest(world, name, device) == KNOWN[f"{world}: {name}"]
+
+
+def test_every_lane_width_gives_them(device):
+    if not device.is_cpu:
+        pytest.skip("a GPU has one lane width")
+    for lanes in {1, 4, 8, 16} - {device.lanes}:
+        narrow = open_device(device.device.name, lanes=lanes)
+        assert table(narrow, FEW[:2]) == {case: KNOWN[case] for case in FEW[:2]}, f"{lanes} lanes"
+
+
+def test_a_processor_without_avx512_gives_them(tmp_path):
+    """What runs is held to AVX2: OpenCL programs, numpy, its linear algebra and OpenCV."""
+    found = np.show_config("dicts")["SIMD Extensions"]["found"]
+    wide = [name for name in found if name.startswith(("AVX512", "X86_V4"))]
+    if not wide:
+        pytest.skip("this processor has no AVX-512: the other tests are held to AVX2 as they are")
+    held = {
+        "CL_CONFIG_CPU_TARGET_ARCH": "core-avx2",
+        "NPY_DISABLE_CPU_FEATURES": " ".join(wide),
+        "OPENBLAS_CORETYPE": "Haswell",
+        "OPENCV_CPU_DISABLE": "AVX512-SKX",
+        "XDG_CACHE_HOME": str(tmp_path),
+        "PYTHONPATH": str(TABLE.parents[1]),
+    }
+    chosen = [word for case in FEW for word in ("--case", case)]
+    command = [sys.executable, str(Path(__file__).with_name("digests.py")), *chosen]
+    found = subprocess.run(command, env={**os.environ, **held}, capture_output=True, check=True)
+    assert json.loads(found.stdout) == {case: KNOWN[case] for case in FEW}
