@@ -38,6 +38,7 @@ DEVELOPMENT = {
     "drjit",
     "embreex",
     "execnet",
+    "h5py",
     "hypothesis",
     "iniconfig",
     "lxml",

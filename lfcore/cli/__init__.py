@@ -26,6 +26,8 @@ COMMANDS = {
     "render": ("render", "pictures straight from a scene, without storing a light field"),
     "trace": ("render", "a light field file from a scene"),
     "plenoptic": ("plenoptic", "the photograph of a plenoptic camera, from a scene"),
+    "import": ("exchange", "a light field file from a light field of another program"),
+    "export": ("exchange", "a light field file in the format of another program"),
     "imgtool": ("imgtool", "camera arrays: synthesise pictures, convert EXR"),
     "devices": ("inspect", "OpenCL devices that can be used"),
 }

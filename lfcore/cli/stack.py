@@ -70,6 +70,8 @@ def run(arguments: argparse.Namespace) -> None:
     make = _make_fast if arguments.fast else make_pictures
     pictures = make(arguments, field, planes)
     if film:
+        from lfcore.film import write_film
+
         write_film(path, pictures, arguments.fps)
     elif arguments.sheet:
         write_picture(path, contact_sheet(pictures))
@@ -147,33 +149,3 @@ def contact_sheet(pictures: np.ndarray) -> np.ndarray:
         y, x = (step * at for at in divmod(k, columns))
         sheet[y : y + size, x : x + size] = picture
     return sheet
-
-
-def write_film(path: Path, pictures: np.ndarray, fps: int) -> None:
-    """An H.264 film (4:2:0, BT.709, as players want it) of pictures of linear light."""
-    import av
-
-    from lfcore.colour import srgb_codes
-    from lfcore.files import make_folder, whole_file
-    from lfcore.storage.segment import named_errors
-
-    size = pictures.shape[1] + pictures.shape[1] % 2
-    make_folder(path.parent)
-    with whole_file(path) as file, named_errors(path, "encoding the film"):
-        with av.open(file, "w", format="mp4") as output:
-            stream = output.add_stream("libx264", fps, width=size, height=size)
-            stream.pix_fmt = "yuv420p"
-            stream.options = {"crf": "16", "preset": "medium"}
-            context = stream.codec_context
-            context.color_primaries, context.colorspace, context.color_trc = 1, 1, 13
-            context.color_range = 1
-            for picture in pictures:
-                codes = srgb_codes(picture)
-                edge = size - len(codes)
-                codes = np.pad(codes, ((0, edge), (0, edge), (0, 0)), mode="edge")
-                frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(codes), format="rgb24")
-                frame = frame.reformat(
-                    format="yuv420p", src_colorspace="ITU709", dst_colorspace="ITU709"
-                )
-                output.mux(stream.encode(frame))
-            output.mux(stream.encode(None))

@@ -1,0 +1,10 @@
+"""Light fields of others in, ours out: one file a format, and one table of them.
+
+``import_lightfield(source, "lf.mkv")`` and ``export_lightfield("lf.mkv", "hci", folder)``.
+"""
+
+from lfcore.exchange.exporting import export_lightfield
+from lfcore.exchange.importing import import_lightfield
+from lfcore.exchange.table import FORMATS
+
+__all__ = ["FORMATS", "export_lightfield", "import_lightfield"]

@@ -1,0 +1,51 @@
+"""ESLF, as Lytro Power Tools and Stanford's multi-view sets have it: one picture of macropixels.
+
+Pixel ``(v T + t, u S + s)`` is pixel (u, v) of the view in column s and row t.  Lytro's are of 14 x
+14 views, the corners of which are black; an alpha channel is a weight and left out.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.exchange import pictures
+from lfcore.exchange.grid import ExchangeError, ViewGrid
+
+LYTRO = 14
+
+
+def recognise(path: Path) -> bool:
+    return ".eslf." in path.name.lower() and pictures.is_picture(path)
+
+
+def read(path: Path, options) -> ViewGrid:
+    columns, rows = options.grid or (LYTRO, LYTRO)
+    width, height = pictures.size_of(path)
+    if width % columns or height % rows:
+        raise ExchangeError(
+            f"is {width} x {height} pixels, which macropixels of {columns} x {rows} do not divide",
+            file=path,
+            key="--grid",
+            remedy="Give the number of views with --grid COLUMNSxROWS",
+        )
+    whole = cache(lambda: pictures.read(path, (width, height)))
+    notes = () if options.grid else (f"taken for {LYTRO} x {LYTRO} views, as Lytro's; else --grid",)
+    name = path.name[: path.name.lower().find(".eslf.")] if ".eslf." in path.name else path.stem
+    return ViewGrid(
+        columns, rows, width // columns, height // rows,
+        lambda i, j: whole()[j::rows, i::columns], name, notes=notes,
+    )  # fmt: skip
+
+
+def write(source, folder: Path, options) -> None:
+    views = source.array(options.progress)
+    rows, columns, height, width = views.shape[:4]
+    picture = views.transpose(2, 0, 3, 1, 4).reshape(height * rows, width * columns, 3)
+    pictures.write(folder / f"{source.name}.eslf.png", np.ascontiguousarray(picture))
+    if (columns, rows) != (LYTRO, LYTRO):
+        options.notes.append(
+            f"readers take {LYTRO} x {LYTRO} views for granted: tell them {columns} x {rows}"
+        )

@@ -1,0 +1,79 @@
+"""Our light fields in the formats of others: choose views, stage a folder, move it into place."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lfcore.exchange import table
+from lfcore.exchange.grid import ExchangeError, Order
+from lfcore.exchange.source import Selection, Source, Truth
+from lfcore.files import draft_folder
+from lfcore.lightfield import LightField
+from lfcore.storage.segment import named_errors
+
+
+@dataclass(frozen=True)
+class WriteOptions:
+    """What is asked for beside the format.
+
+    order : of two numbers in names (JPEG Pleno); tiles : of a quilt, (columns, rows); count : of
+    pictures of a film; near_m, far_m : depths, where the file does not hold them; depth : whether
+    depth is wanted, None for where the scene is at hand.
+    """
+
+    order: Order | None = None
+    tiles: tuple[int, int] | None = None
+    count: int = 60
+    near_m: float | None = None
+    far_m: float | None = None
+    bits: int | None = None
+    progress: Callable[[int, int], None] | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+def export_lightfield(
+    lightfield: str | Path | LightField,
+    format: str,
+    folder: str | Path,
+    *,
+    selection: Selection | None = None,
+    scene: str | Path | None = None,
+    device: str | None = None,
+    options: WriteOptions | None = None,
+) -> list[str]:
+    """Write ``folder`` with the light field in that format; returns what there is to say of it.
+
+    Parameters
+    ----------
+    format : name in :data:`lfcore.exchange.table.FORMATS`.
+    selection : some of the views, a part of the picture; default all.
+    scene : what the light field was traced from, for the depth of every view.
+
+    Raises :class:`StorageError` for what the format or the file does not hold; no folder is left
+    then.
+    """
+    row = table.find(format)
+    folder, options = Path(folder), options or WriteOptions()
+    opened = lightfield if isinstance(lightfield, LightField) else LightField.open(lightfield)
+    _check_folder(folder)
+    source = Source(opened, selection or Selection())
+    if scene is not None:
+        if source.geometry is None:
+            source.require_geometry("its scene's depth")
+        source.truth = Truth(Path(scene), opened, device)
+    with draft_folder(folder) as draft, named_errors(folder, "exporting"):
+        stage = draft / "export"
+        stage.mkdir()
+        row.load().write(source, stage, options)
+        os.replace(stage, folder)
+    return options.notes
+
+
+def _check_folder(folder: Path) -> None:
+    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
+        raise ExchangeError(
+            "exists already", file=folder, key="--output", remedy="Name a folder that is not there"
+        )

@@ -1,0 +1,98 @@
+"""Any folder of pictures: one view a file, by two numbers in the names or by their order.
+
+PlenoptiCam's ``viewpoints_9px/00_00.png`` (row_column) are of this kind.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+from lfcore.exchange import pictures
+from lfcore.exchange.grid import ExchangeError, Order, ViewGrid
+
+_TWO = re.compile(r"(?<!\d)(\d+)_(\d+)$")
+
+
+def recognise(path: Path) -> bool:
+    return path.is_dir() and len(pictures.pictures_of(path)) > 0
+
+
+def read(path: Path, options) -> ViewGrid:
+    if not path.is_dir():
+        raise ExchangeError("is no folder of views", file=path)
+    files = pictures.pictures_of(path)
+    if not files:
+        raise ExchangeError("holds no pictures", file=path)
+    order = options.order or Order()
+    numbered = None if options.grid else by_numbers(files, path, order)
+    return of_files(numbered or in_order(files, path, options.grid, order), path.name)
+
+
+def of_files(files: list[list[Path]], name: str, **more) -> ViewGrid:
+    """A grid of ``files[row][column]``, all of the first one's size."""
+    size = pictures.size_of(files[0][0])
+    return ViewGrid(
+        len(files[0]), len(files), *size, lambda i, j: pictures.read(files[j][i], size), name,
+        **more,
+    )  # fmt: skip
+
+
+def by_numbers(files: list[Path], folder: Path, order: Order) -> list[list[Path]] | None:
+    """``files[row][column]`` of names that end in two numbers; None where not all do.
+
+    Raises :class:`ExchangeError` when a view is missing or there twice.
+    """
+    found = [_TWO.search(file.stem) for file in files]
+    if not all(found):
+        return None
+    places = {}
+    for file, match in zip(files, found, strict=True):
+        first, second = int(match[1]), int(match[2])
+        place = (second, first) if order.columns_first else (first, second)
+        if place in places:
+            raise ExchangeError(f"has the numbers of {places[place].name}, too", file=file)
+        places[place] = file
+    lines = [sorted({place[axis] for place in places}) for axis in (0, 1)]
+    for row in range(lines[0][0], lines[0][-1] + 1):
+        for column in range(lines[1][0], lines[1][-1] + 1):
+            if (row, column) not in places:
+                numbers = (column, row) if order.columns_first else (row, column)
+                raise ExchangeError(
+                    f"lacks the view of numbers {numbers[0]} and {numbers[1]}: {len(files)} of "
+                    f"{len(lines[0])} x {len(lines[1])} are there",
+                    file=folder,
+                )
+    return [[places[row, column] for column in lines[1]] for row in lines[0]]
+
+
+def in_order(
+    files: list[Path], folder: Path, grid: tuple[int, int] | None, order: Order
+) -> list[list[Path]]:
+    """``files[row][column]`` of views in the order of their names.
+
+    Raises :class:`ExchangeError` when their number is not that of the grid.
+    """
+    if grid is None:
+        side = math.isqrt(len(files))
+        if side * side != len(files):
+            raise ExchangeError(
+                f"holds {len(files)} pictures, no square number, and their names do not number "
+                "rows and columns",
+                file=folder,
+                remedy="Give --grid COLUMNSxROWS",
+            )
+        grid = side, side
+    columns, rows = grid
+    if columns * rows != len(files):
+        raise ExchangeError(
+            f"holds {len(files)} pictures; {columns} x {rows} views were asked for",
+            file=folder,
+            key="--grid",
+        )
+    out = [[files[0]] * columns for _ in range(rows)]
+    for index, file in enumerate(files):
+        column, row = order.place(index, columns, rows)
+        out[row][column] = file
+    return out

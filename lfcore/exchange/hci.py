@@ -1,0 +1,176 @@
+"""The HCI 4D Light Field Benchmark: views, parameters.cfg, depth and disparity as float maps.
+
+Honauer, Johannsen, Kondermann, Goldluecke, "A Dataset and Evaluation Methodology for Depth
+Estimation on 4D Light Fields", ACCV 2016.  Cameras are parallel with shifted lenses, row 0 on top.
+With f the focal length, b the baseline, S the sensor behind the longer side of w pixels and F the
+focus, a point at depth Z has the disparity ``b f w / S (1 / Z - 1 / F)`` pixels: that of a slab.
+"""
+
+from __future__ import annotations
+
+import configparser
+import math
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.exchange import pictures
+from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
+from lfcore.pictures import write_picture as write_pfm
+
+CONFIG = "parameters.cfg"
+FSTOP = 100.0
+
+
+def recognise(path: Path) -> bool:
+    return (path / CONFIG).is_file()
+
+
+def read(path: Path, options) -> ViewGrid:
+    config = _config(path / CONFIG)
+    columns, rows = (config.number("extrinsics", f"num_cams_{axis}") for axis in "xy")
+    columns, rows = int(columns), int(rows)
+    size = tuple(
+        int(config.number("intrinsics", f"image_resolution_{axis}_px")) for axis in "xy"
+    )  # fmt: skip
+    if min(columns, rows, *size) < 1:
+        raise ExchangeError("has no views or no pixels", file=path / CONFIG)
+    files = [_view(path, index, columns * rows) for index in range(columns * rows)]
+    for file in files:
+        if pictures.size_of(file) != size:
+            raise ExchangeError(f"is not {size[0]} x {size[1]} pixels, as {CONFIG} says", file=file)
+    focus = config.number("extrinsics", "focus_distance_m")
+    sensor = config.number("intrinsics", "sensor_size_mm") / 1e3
+    focal = config.number("intrinsics", "focal_length_mm") / 1e3
+    for key, value in (("sensor_size_mm", sensor), ("focal_length_mm", focal)):
+        if not value > 0:
+            raise ExchangeError("must be positive", file=path / CONFIG, key=key)
+    geometry = Geometry(
+        config.number("extrinsics", "baseline_mm") / 1e3, sensor / focal / max(size),
+        1 / focus if focus else 0.0, sensor,
+    )  # fmt: skip
+    return ViewGrid(
+        columns, rows, *size, lambda i, j: pictures.read(files[j * columns + i], size),
+        config.text("meta", "scene") or path.name, geometry=geometry, depth_m=_depths(path),
+    )  # fmt: skip
+
+
+def _view(path: Path, index: int, count: int) -> Path:
+    for digits in (3, 4, 5, 6):
+        for suffix in (".png", ".jpg"):
+            file = path / f"input_Cam{index:0{digits}d}{suffix}"
+            if file.is_file():
+                return file
+    raise ExchangeError(
+        f"no such file; {CONFIG} asks for {count} views",
+        file=path / f"input_Cam{index:03d}.png",
+    )
+
+
+def _depths(path: Path) -> tuple[float, float] | None:
+    for name in ("gt_depth_lowres.pfm", "gt_depth_highres.pfm"):
+        if (path / name).is_file():
+            depth = pictures.read_pfm(path / name)
+            depth = depth[np.isfinite(depth) & (depth > 0)]
+            return (float(depth.min()), float(depth.max())) if depth.size else None
+    return None
+
+
+class _config:
+    """parameters.cfg, with errors that name file and key."""
+
+    def __init__(self, path: Path):
+        self.path, self._data = path, configparser.ConfigParser(interpolation=None)
+        try:
+            self._data.read_string(path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError, configparser.Error) as error:
+            reason = " ".join(str(error).split())[:120]
+            raise ExchangeError(f"cannot be read: {reason}", file=path) from None
+
+    def text(self, section: str, key: str) -> str | None:
+        return self._data.get(section, key, fallback=None)
+
+    def number(self, section: str, key: str) -> float:
+        text = self.text(section, key)
+        try:
+            value = float(text)
+        except (TypeError, ValueError):
+            problem = "is missing" if text is None else f"is no number: {text!r}"
+            raise ExchangeError(problem, file=self.path, key=f"{section}.{key}") from None
+        if not math.isfinite(value):
+            raise ExchangeError(f"cannot be {value}", file=self.path, key=f"{section}.{key}")
+        return value
+
+
+def write(source, folder: Path, options) -> None:
+    geometry = source.require_geometry("parameters.cfg")
+    total = source.columns * source.rows
+    digits = max(3, len(str(total - 1)))
+    names = [f"Cam{index:0{digits}d}" for index in range(total)]
+    for column, row, picture in source.views(options.progress):
+        index = row * source.columns + column
+        pictures.write(folder / f"input_{names[index]}.png", picture)
+    reach = source.field.depth_range
+    if source.truth is not None:
+        reach = _write_truth(source, folder, names)
+    else:
+        options.notes.append(
+            "no depth was written: give --scene for the depth and disparity of every view"
+        )
+    if source.columns != source.rows:
+        options.notes.append("the benchmark's own readers take square grids only")
+    (folder / CONFIG).write_text(_parameters(source, geometry, reach), encoding="utf-8")
+
+
+def _write_truth(source, folder: Path, names: list[str]) -> tuple[float, float] | None:
+    """Depth, disparity and materials of every view; the middle one's under the short names, too."""
+    middle = (source.rows // 2) * source.columns + source.columns // 2
+    near, far = math.inf, 0.0
+    for index, name in enumerate(names):
+        depth, ids = source.depth(index % source.columns, index // source.columns)
+        seen = depth[np.isfinite(depth)]
+        if seen.size:
+            near, far = min(near, float(seen.min())), max(far, float(seen.max()))
+        for suffix in (f"_{name}", "") if index == middle else (f"_{name}",):
+            for size in ("lowres", "highres"):
+                write_pfm(folder / f"gt_depth_{size}{suffix}.pfm", depth)
+                write_pfm(folder / f"gt_disp_{size}{suffix}.pfm", source.disparity(depth))
+            pictures.write(folder / f"objectids_highres{suffix}.png", ids)
+    return (near, far) if far else None
+
+
+def _parameters(source, geometry: Geometry, reach: tuple[float, float] | None) -> str:
+    focal = geometry.sensor_m / (geometry.pixel_pitch * max(source.width, source.height))
+    meta = {"scene": source.name, "category": "synthetic", "date": "", "version": "v0",
+            "authors": "", "contact": ""}  # fmt: skip
+    if reach:
+        high, low = source.disparity(np.array(reach, np.float64)).tolist()
+        for prefix in ("", "frustum_"):
+            meta |= {f"{prefix}disp_min": _number(low), f"{prefix}disp_max": _number(high)}
+    meta["depth_map_scale"] = "1.0"
+    sections = {
+        "intrinsics": {
+            "focal_length_mm": _number(1e3 * focal),
+            "image_resolution_x_px": str(source.width),
+            "image_resolution_y_px": str(source.height),
+            "sensor_size_mm": _number(1e3 * geometry.sensor_m),
+            "fstop": _number(FSTOP),
+        },
+        "extrinsics": {
+            "num_cams_x": str(source.columns),
+            "num_cams_y": str(source.rows),
+            "baseline_mm": _number(1e3 * geometry.pitch_m),
+            "focus_distance_m": _number(1 / geometry.delta if geometry.delta else 0.0),
+            **{f"center_cam_{axis}_m": "0.0" for axis in "xyz"},
+            **{f"center_cam_r{axis}_rad": "0.0" for axis in "xyz"},
+        },
+        "meta": meta,
+    }
+    lines = []
+    for title, values in sections.items():
+        lines += [f"[{title}]", *(f"{key} = {value}" for key, value in values.items()), ""]
+    return "\n".join(lines)
+
+
+def _number(value: float) -> str:
+    return repr(float(value))

@@ -1,0 +1,67 @@
+"""HDF5 as the HCI tools convert scenes: ``LF`` (rows, columns, y, x, 3), depth, disparity.
+
+It needs h5py: ``pip install 'lfcore[hdf5]'``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.exchange.grid import ExchangeError, ViewGrid
+
+SUFFIXES = (".h5", ".hdf5")
+
+
+def recognise(path: Path) -> bool:
+    return path.suffix.lower() in SUFFIXES and path.is_file()
+
+
+def _h5py():
+    try:
+        import h5py
+    except ImportError:
+        raise ExchangeError(
+            "HDF5 needs the package h5py", key="--format", remedy="pip install 'lfcore[hdf5]'"
+        ) from None
+    return h5py
+
+
+def data_set(path: Path, name: str) -> np.ndarray | None:
+    """A data set of a file, None where it has none of that name."""
+    h5py = _h5py()
+    try:
+        with h5py.File(path, "r") as file:
+            return file[name][()] if name in file else None
+    except (OSError, RuntimeError, TypeError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise ExchangeError(f"cannot be read as HDF5: {reason}", file=path) from None
+
+
+def read(path: Path, options) -> ViewGrid:
+    from lfcore.exchange.matlab import of_values
+
+    name = options.variable or "LF"
+    return of_values(data_set(path, name), name, path)
+
+
+def write(source, folder: Path, options) -> None:
+    h5py = _h5py()
+    shape = (source.rows, source.columns, source.height, source.width)
+    with h5py.File(folder / "scene.h5", "w") as file:
+        views = file.create_dataset("LF", (*shape, 3), np.uint8)
+        for column, row, picture in source.views(options.progress):
+            views[row, column] = picture
+        if source.geometry is not None:
+            for key, value in vars(source.geometry).items():
+                views.attrs[key] = value
+        if source.truth is None:
+            options.notes.append("no depth was written: give --scene")
+            return
+        depths = file.create_dataset("depth_lowres", shape, np.float32)
+        moved = file.create_dataset("disp_lowres", shape, np.float32)
+        for row in range(source.rows):
+            for column in range(source.columns):
+                depth, _ = source.depth(column, row)
+                depths[row, column], moved[row, column] = depth, source.disparity(depth)

@@ -1,0 +1,155 @@
+"""Light fields of others into ours: recognise, read, complete the geometry, encode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.exchange import table
+from lfcore.exchange.grid import ExchangeError, Geometry, Order, ViewGrid
+from lfcore.exchange.pictures import is_picture
+from lfcore.exchange.storing import store_grid
+from lfcore.files import make_folder
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.defaults import AUTO, codec_spec
+from lfcore.storage.metadata import Metadata
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """What a format may not say of itself.
+
+    grid : (columns, rows); order : of views, None for the format's own; geometry : what the user
+    says of it, which goes before what the format says; fov_deg : of the picture's width.
+    """
+
+    grid: tuple[int, int] | None = None
+    order: Order | None = None
+    geometry: Geometry = field(default_factory=Geometry)
+    fov_deg: float | None = None
+    variable: str | None = None
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What was written, and what there is to say about it."""
+
+    grid: ViewGrid
+    metadata: Metadata
+
+
+def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGrid:
+    """The views of ``source``; raises :class:`ExchangeError`, naming the file, for what is none."""
+    if not source.exists():
+        raise ExchangeError("no such file or folder", file=source)
+    if source.is_dir() and len(inside := [one for one in source.iterdir() if one.is_file()]) == 1:
+        source = inside[0]
+    if format is None and options.grid and is_picture(source):
+        format = "eslf" if ".eslf." in source.name.lower() else "mosaic"
+    row = table.find(format, imports=True) if format else table.recognise(source)
+    grid = replace(row.load().read(source, options), format=row.name)
+    asked = options.geometry
+    if options.fov_deg is not None:
+        if not 0 < options.fov_deg < 180:
+            raise ExchangeError(f"must lie between 0 and 180, not {options.fov_deg:g}",
+                                key="--field-of-view")  # fmt: skip
+        extent = 2 * np.tan(np.radians(options.fov_deg) / 2)
+        asked = replace(asked, pixel_pitch=float(extent) / grid.width)
+    geometry = asked.or_else(grid.geometry)
+    if asked.pixel_pitch is not None:
+        geometry = replace(geometry, sensor_m=None)
+    _check(geometry)
+    order = options.order or Order()
+    return replace(grid, geometry=geometry).turned(order.left, order.up)
+
+
+def _check(geometry: Geometry) -> None:
+    for option, value, good in (
+        ("--baseline", geometry.pitch_m, lambda x: 0 < x < np.inf),
+        ("--field-of-view", geometry.pixel_pitch, lambda x: 0 < x < np.inf),
+        ("--focus", geometry.delta, lambda x: 0 <= x < np.inf),
+    ):
+        if value is not None and not good(value):
+            raise ExchangeError(f"cannot be {value:g}", key=option)
+
+
+def import_lightfield(
+    source: str | Path,
+    output: str | Path,
+    *,
+    format: str | None = None,
+    options: ReadOptions | None = None,
+    codec: str = "libx264",
+    pixel_format: str | None = None,
+    crf: float | None = None,
+    preset: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Imported:
+    """Write the light field file ``output`` of a light field of another program.
+
+    Parameters
+    ----------
+    source : folder or file.
+    format : name in :data:`lfcore.exchange.table.FORMATS`; default recognised.
+    codec, pixel_format, crf, preset : of the video; ``ffv1`` keeps 8-bit RGB exactly.
+    progress : called with (views done, of all).
+
+    Raises :class:`StorageError`, naming the file and what was expected; nothing is left then.
+    """
+    source, output = Path(source), Path(output)
+    grid = read_grid(source, format, options or ReadOptions())
+    if codec == "ffv1" and pixel_format is None:
+        pixel_format = "gbrp"
+    spec: CodecSpec = codec_spec(
+        max(grid.columns, grid.rows), codec, pixel_format=pixel_format or AUTO,
+        crf=AUTO if crf is None else crf, preset=preset or AUTO,
+    )  # fmt: skip
+    note = check_order(grid)
+    if note:
+        grid = replace(grid, notes=(*grid.notes, note))
+    make_folder(output.parent)
+    return Imported(grid, store_grid(output, grid, spec, progress=progress))
+
+
+def check_order(grid: ViewGrid) -> str | None:
+    """A warning where rows seem to run the other way than columns, by the sign of parallax.
+
+    Points move against the camera by as much across as down.  With ``I`` the middle view and ``R``,
+    ``D`` its neighbours, least squares on blocks give both movements; where they are strong their
+    product is positive.
+    """
+    if min(grid.columns, grid.rows) < 2 or min(grid.width, grid.height) < 16:
+        return None
+    i, j = (grid.columns - 1) // 2, (grid.rows - 1) // 2
+    views = [_grey(grid.read(*at)) for at in ((i, j), (i + 1, j), (i, j + 1))]
+    gy, gx = np.gradient(views[0])
+    across, down = _movement(gx, views[1] - views[0]), _movement(gy, views[2] - views[0])
+    power = np.sqrt(np.sum(across**2) * np.sum(down**2))
+    if power > 1e-9 and np.sum(across * down) < -0.5 * power:
+        return (
+            "points move the other way from row to row than from column to column: the order of "
+            "one of them is wrong, see --order"
+        )
+    return None
+
+
+def _grey(picture: np.ndarray) -> np.ndarray:
+    import cv2
+
+    most = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}.get(picture.dtype, 1.0)
+    return cv2.GaussianBlur(np.float32(picture).mean(-1) / np.float32(most), (0, 0), 3)
+
+
+def _movement(gradient: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """Pixels that blocks of 16 x 16 move by; 0 where there is too little to see."""
+    rows, columns = (side // 16 * 16 for side in gradient.shape)
+
+    def blocks(values: np.ndarray) -> np.ndarray:
+        cut = values[:rows, :columns].reshape(rows // 16, 16, columns // 16, 16)
+        return cut.sum((1, 3))
+
+    power = blocks(gradient**2)
+    return -blocks(gradient * change) / (power + 1e-6) * (power > 1e-4)

@@ -1,0 +1,45 @@
+"""JPEG Pleno's test material: one PPM a view, ``000_000.ppm``, 10 bits a sample.
+
+Two orders are in use: the verification model's names are column_row (``--order columns``, the
+default), others read row_column (``--order rows``).
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from lfcore.exchange import folder as plain
+from lfcore.exchange import pictures
+from lfcore.exchange.grid import ExchangeError, Order, ViewGrid
+
+_NAME = re.compile(r"\d{3}_\d{3}\.ppm")
+BITS = 10
+
+
+def _views(path: Path) -> list[Path]:
+    if not path.is_dir():
+        return []
+    return sorted(file for file in path.iterdir() if _NAME.fullmatch(file.name))
+
+
+def recognise(path: Path) -> bool:
+    return bool(_views(path))
+
+
+def read(path: Path, options) -> ViewGrid:
+    files = _views(path)
+    if not files:
+        raise ExchangeError("holds no views named 000_000.ppm", file=path)
+    order = options.order or Order(columns_first=True)
+    return plain.of_files(plain.by_numbers(files, path, order), path.name)
+
+
+def write(source, folder: Path, options) -> None:
+    order = options.order or Order(columns_first=True)
+    if max(source.columns, source.rows) > 1000:
+        raise ExchangeError("more than 1000 views a side have no names", file=source.field.path)
+    for column, row, picture in source.views(options.progress):
+        first, second = (column, row) if order.columns_first else (row, column)
+        path = folder / f"{first:03d}_{second:03d}.ppm"
+        pictures.write_ppm(path, picture, options.bits or BITS)

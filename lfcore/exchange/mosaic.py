@@ -1,0 +1,49 @@
+"""One picture of all views side by side, as plenpy and others save them."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.exchange import pictures
+from lfcore.exchange.grid import ExchangeError, ViewGrid
+
+
+def recognise(path: Path) -> bool:
+    return False  # nothing tells a mosaic from any picture: --format mosaic or --grid
+
+
+def of_tiles(path: Path, columns: int, rows: int) -> ViewGrid:
+    """The tiles of a picture; :class:`ExchangeError` when it is not so many of one size."""
+    width, height = pictures.size_of(path)
+    if width % columns or height % rows:
+        raise ExchangeError(
+            f"is {width} x {height} pixels, which {columns} x {rows} views do not divide",
+            file=path,
+            key="--grid",
+        )
+    w, h = width // columns, height // rows
+    whole = cache(lambda: pictures.read(path, (width, height)))
+
+    def read_tile(column: int, row: int) -> np.ndarray:
+        return whole()[row * h : (row + 1) * h, column * w : (column + 1) * w]
+
+    return ViewGrid(columns, rows, w, h, read_tile, path.stem)
+
+
+def read(path: Path, options) -> ViewGrid:
+    if not options.grid:
+        raise ExchangeError(
+            "nothing in a mosaic says how many views it holds", file=path,
+            remedy="Give --grid COLUMNSxROWS",
+        )  # fmt: skip
+    return of_tiles(path, *options.grid)
+
+
+def write(source, folder: Path, options) -> None:
+    views = source.array(options.progress)
+    rows, columns, height, width = views.shape[:4]
+    picture = views.swapaxes(1, 2).reshape(rows * height, columns * width, 3)
+    pictures.write(folder / f"{source.name}_{columns}x{rows}.png", np.ascontiguousarray(picture))

@@ -1,0 +1,145 @@
+"""nerfstudio's ``transforms.json``: poses as OpenGL has them, principal points a frame.
+
+A slab whose views coincide at a distance has principal points that move with the camera, which
+nerfstudio reads a frame where none is given for all.  The world has z up.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.exchange import pictures, posed
+from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
+from lfcore.files import write_json
+
+CONFIG = "transforms.json"
+TO_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+"""From x right, y up, z back to x right, y forward, z up."""
+MOST_MM = 65535
+
+
+def recognise(path: Path) -> bool:
+    return path.name == CONFIG or (path / CONFIG).is_file()
+
+
+def read(path: Path, options) -> ViewGrid:
+    file = path / CONFIG if path.is_dir() else path
+    data = load_json(file)
+    frames = data.get("frames")
+    if not isinstance(frames, list) or not frames:
+        raise ExchangeError("holds no frames", file=file, key="frames")
+    names = [str(frame.get("file_path", "?")) for frame in frames]
+    grid = posed.on_a_plane(_poses(frames, file), file, names)
+    files = [_file(file.parent, name) for name in names]
+    size = pictures.size_of(files[0])
+    focal = _of_all(data, frames, "fl_x", file)
+    notes = []
+    if any(data.get(key) for key in ("k1", "k2", "k3", "p1", "p2")):
+        notes.append("the lens's distortion was left as it is in the pictures")
+    delta = _delta(data, frames, grid, size, focal, notes)
+    geometry = Geometry(grid.pitch, 1 / focal, delta)
+    return ViewGrid(
+        grid.index.shape[1], grid.index.shape[0], *size,
+        lambda i, j: pictures.read(files[grid.index[j, i]], size),
+        file.parent.resolve().name, geometry=geometry, notes=tuple(notes),
+    )  # fmt: skip
+
+
+def load_json(file: Path) -> dict:
+    """The object in a JSON file; :class:`ExchangeError` for anything else."""
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise ExchangeError(f"cannot be read: {reason}", file=file) from None
+    if not isinstance(data, dict):
+        raise ExchangeError("is no JSON object", file=file)
+    return data
+
+
+def _poses(frames: list, file: Path) -> np.ndarray:
+    try:
+        poses = np.array([frame["transform_matrix"] for frame in frames], np.float64)
+    except (KeyError, TypeError, ValueError):
+        poses = np.zeros(0)
+    if poses.shape[1:] not in ((4, 4), (3, 4)):
+        raise ExchangeError("is not 4 x 4 in every frame", file=file, key="transform_matrix")
+    return poses
+
+
+def _file(folder: Path, name: str) -> Path:
+    for suffix in ("", ".png", ".jpg"):
+        if (folder / (name + suffix)).is_file():
+            return folder / (name + suffix)
+    raise ExchangeError(f"no such file; {CONFIG} asks for it", file=folder / name)
+
+
+def _of_all(data: dict, frames: list, key: str, file: Path) -> float:
+    """A number that all cameras share."""
+    values = {data[key]} if key in data else {frame.get(key) for frame in frames}
+    try:
+        found = [float(value) for value in values]
+    except (TypeError, ValueError):
+        raise ExchangeError("is missing or no number", file=file, key=key) from None
+    if not found or max(found) - min(found) > 1e-3 * max(found) or not min(found) > 0:
+        raise ExchangeError("differs from camera to camera, or is not positive", file=file, key=key)
+    return found[0]
+
+
+def _delta(data, frames, grid, size, focal, notes) -> float | None:
+    middle = np.array(size) / 2
+    centres = np.array(
+        [[float(data.get(k, frame.get(k, m))) for k, m in zip(("cx", "cy"), middle, strict=True)]
+         for frame in frames]
+    )[grid.index]  # fmt: skip
+    slope, off = posed.shear(grid, centres)
+    beside = np.abs(centres.mean((0, 1)) - middle).max()
+    if off > 0.5:
+        notes.append(f"principal points lie up to {off:.2g} pixels beside those of a slab")
+    if beside > 0.5:
+        notes.append(f"the axis is {beside:.3g} pixels beside the pictures' middle, taken as there")
+    delta = slope / focal
+    if delta < -1e-9 or (off > 0.5 and off > 0.1 * abs(slope) * np.ptp(grid.x)):
+        return None
+    return max(delta, 0.0)
+
+
+def write(source, folder: Path, options) -> None:
+    geometry = source.require_geometry("transforms.json")
+    (folder / "images").mkdir()
+    if source.truth is not None:
+        (folder / "depth").mkdir()
+    frames = []
+    parallel = geometry.delta == 0
+    for column, row, picture in source.views(options.progress):
+        name = f"view_{row:03d}_{column:03d}.png"
+        pictures.write(folder / "images" / name, picture)
+        pose = TO_WORLD @ source.pose(column, row)
+        frame = {"file_path": f"images/{name}", "transform_matrix": pose.tolist()}
+        if not parallel:
+            cx, cy = source.centre(column, row)
+            frame |= {"cx": float(cx), "cy": float(cy)}
+        if source.truth is not None:
+            depth, _ = source.depth(column, row)
+            pictures.write(folder / "depth" / name, _millimetres(depth))
+            frame["depth_file_path"] = f"depth/{name}"
+        frames.append(frame)
+    shared = {
+        "camera_model": "OPENCV", "fl_x": source.focal_px, "fl_y": source.focal_px,
+        "w": source.width, "h": source.height, "k1": 0.0, "k2": 0.0, "p1": 0.0, "p2": 0.0,
+        "orientation_override": "none",
+    }  # fmt: skip
+    if parallel:
+        shared |= dict(zip(("cx", "cy"), map(float, source.axis_px), strict=True))
+    write_json(folder / CONFIG, {**shared, "frames": frames})
+    if source.truth is None:
+        options.notes.append("no depth was written: give --scene")
+
+
+def _millimetres(depth: np.ndarray) -> np.ndarray:
+    """uint16; 0, which is "not known", for a miss and for what is farther than 65.5 m."""
+    mm = np.rint(1e3 * np.where(np.isfinite(depth), depth, np.inf).astype(np.float64))
+    return np.where(mm <= MOST_MM, mm, 0).astype(np.uint16)

@@ -1,0 +1,187 @@
+"""Pictures of other programs, read whole or refused, and float maps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+
+from lfcore.colour import srgb_encode
+from lfcore.exchange.grid import ExchangeError
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".ppm", ".bmp", ".tif", ".tiff", ".webp", ".rgb", ".exr")
+Image.MAX_IMAGE_PIXELS = 1 << 30  # mosaics of views are large by nature
+
+
+def is_picture(path: Path) -> bool:
+    return path.is_file() and path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
+
+
+def pictures_of(folder: Path) -> list[Path]:
+    """Pictures in a folder, sorted by the numbers in their names."""
+    return sorted((path for path in folder.iterdir() if is_picture(path)), key=natural)
+
+
+def natural(path: Path) -> list:
+    """Sort key: runs of digits count as numbers."""
+    parts, run = [], ""
+    for character in path.name + "\0":
+        if run and character.isdigit() != run[-1].isdigit():
+            parts.append((0, int(run), "") if run[0].isdigit() else (1, 0, run))
+            run = ""
+        run += character
+    return parts
+
+
+def size_of(path: Path) -> tuple[int, int]:
+    """(width, height) of a picture, from its header where that is cheap."""
+    if path.suffix.lower() == ".exr":
+        return read(path).shape[1::-1]
+    try:
+        with Image.open(path) as picture:
+            return picture.size
+    except (OSError, UnidentifiedImageError, ValueError, SyntaxError) as error:
+        raise _unreadable(path, error) from None
+
+
+def read(path: Path, size: tuple[int, int] | None = None) -> np.ndarray:
+    """(h, w, 3) uint8 or uint16 codes, or float32 sRGB-encoded values of an EXR's linear light.
+
+    Grey is repeated and an alpha channel left out.  Raises :class:`ExchangeError` for a file that
+    is missing, cut short, no picture, or not of ``size`` (width, height).
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".exr":
+        from lfcore.exr import read_exr_picture
+
+        picture = srgb_encode(read_exr_picture(path))
+    elif suffix == ".ppm":
+        picture = read_ppm(path)
+    elif suffix in (".rgb", ".webp"):
+        picture = _by_pillow(path)
+    else:
+        picture = _by_opencv(path)
+    if picture.ndim == 2:
+        picture = np.repeat(picture[..., None], 3, -1)
+    picture = picture[..., :3]
+    if size is not None and picture.shape[1::-1] != tuple(size):
+        raise ExchangeError(
+            f"is {picture.shape[1]} x {picture.shape[0]} pixels, the other views are "
+            f"{size[0]} x {size[1]}",
+            file=path,
+        )
+    return picture
+
+
+def _by_opencv(path: Path) -> np.ndarray:
+    # Pillow refuses pictures that are cut short, OpenCV fills them up; Pillow has no 16-bit RGB.
+    whole = _by_pillow(path)
+    if path.suffix.lower() in (".jpg", ".jpeg", ".bmp"):
+        return whole
+    try:
+        data = np.frombuffer(path.read_bytes(), np.uint8)
+        picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    except (OSError, cv2.error) as error:
+        raise _unreadable(path, error) from None
+    if picture is None or picture.dtype != np.uint16:
+        return whole
+    return picture if picture.ndim == 2 else picture[..., [2, 1, 0]]
+
+
+def _by_pillow(path: Path) -> np.ndarray:
+    try:
+        with Image.open(path) as picture:
+            picture.load()
+            return np.asarray(picture.convert("RGB"))
+    except (OSError, UnidentifiedImageError, ValueError, SyntaxError) as error:
+        raise _unreadable(path, error) from None
+
+
+def read_ppm(path: Path) -> np.ndarray:
+    """(h, w, 3) of a binary PPM: uint8, or uint16 scaled to the full range of 16 bits.
+
+    Raises :class:`ExchangeError` for another file, or one that is cut short.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise _unreadable(path, error) from None
+    words, position = [], 0
+    while len(words) < 4 and position < len(data):
+        if data[position : position + 1].isspace():
+            position += 1
+        elif data[position : position + 1] == b"#":
+            position = data.find(b"\n", position) + 1 or len(data)
+        else:
+            end = position
+            while end < len(data) and not data[end : end + 1].isspace():
+                end += 1
+            words.append(data[position:end])
+            position = end
+    try:
+        kind, (width, height, most) = words[0], (int(word) for word in words[1:4])
+    except (ValueError, IndexError):
+        raise ExchangeError("is no PPM: its header cannot be read", file=path) from None
+    if kind != b"P6" or not (0 < most < 65536 and width > 0 and height > 0):
+        raise ExchangeError("is no binary PPM (P6) of 1 to 16 bits", file=path)
+    item = np.dtype(np.uint8) if most < 256 else np.dtype(">u2")
+    size = width * height * 3 * item.itemsize
+    if len(data) - position - 1 < size:
+        raise ExchangeError(
+            f"is cut short: {len(data)} bytes, {position + 1 + size} expected", file=path
+        )
+    codes = np.frombuffer(data, item, width * height * 3, position + 1)
+    codes = codes.reshape(height, width, 3)
+    if most == 255:
+        return codes
+    return np.rint(codes * (65535.0 / most)).clip(0, 65535).astype(np.uint16)
+
+
+def write(path: Path, picture: np.ndarray) -> None:
+    """Write uint8 or uint16 (h, w, 3) or (h, w) without loss, by the suffix."""
+    if picture.ndim == 3 and picture.dtype == np.uint8:
+        Image.fromarray(picture).save(path)
+        return
+    channels = picture if picture.ndim == 2 else picture[..., ::-1]
+    if not cv2.imwrite(str(path), np.ascontiguousarray(channels)):
+        raise ExchangeError("cannot be written", file=path)
+
+
+def write_ppm(path: Path, picture: np.ndarray, bits: int) -> None:
+    """uint8 codes as a binary PPM of ``bits`` a sample, most significant byte first."""
+    most = (1 << bits) - 1
+    codes = np.rint(picture * (most / 255.0)).astype(np.uint8 if bits == 8 else ">u2")
+    head = f"P6\n{picture.shape[1]} {picture.shape[0]}\n{most}\n".encode("ascii")
+    path.write_bytes(head + codes.tobytes())
+
+
+def read_pfm(path: Path) -> np.ndarray:
+    """(h, w) or (h, w, 3) float32 of a Portable FloatMap, first row on top.
+
+    Raises :class:`ExchangeError` for another file, or one that is cut short.
+    """
+    try:
+        with path.open("rb") as file:
+            kind, size, scale = file.readline().strip(), file.readline(), file.readline()
+            data = file.read()
+        (width, height), scale = (int(word) for word in size.split()), float(scale)
+        channels = {b"Pf": 1, b"PF": 3}[kind]
+    except OSError as error:
+        raise _unreadable(path, error) from None
+    except (ValueError, KeyError):
+        raise ExchangeError("is no float map (PFM)", file=path) from None
+    count = width * height * channels
+    if len(data) < 4 * count:
+        raise ExchangeError(f"is cut short: {len(data)} bytes, {4 * count} expected", file=path)
+    values = np.frombuffer(data, "<f4" if scale < 0 else ">f4", count) * np.float32(abs(scale))
+    shape = (height, width) if channels == 1 else (height, width, 3)
+    return values.reshape(shape)[::-1].astype(np.float32)
+
+
+def _unreadable(path: Path, error: Exception) -> ExchangeError:
+    if not path.exists():
+        return ExchangeError("no such file", file=path)
+    reason = " ".join(str(getattr(error, "strerror", None) or error).split())[:120]
+    return ExchangeError(f"cannot be read as a picture: {reason}", file=path)

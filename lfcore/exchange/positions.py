@@ -1,0 +1,117 @@
+"""Views whose names hold the cameras' positions, as Stanford's archive has them.
+
+``name_i_j_y_x`` are two indices and two coordinates, y down and x to the right; the positions
+decide, whichever way the indices run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.exchange import pictures
+from lfcore.exchange.grid import ExchangeError
+
+MOST_UNEQUAL = 0.05
+"""By how much steps across and down may differ and count as one pitch."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """A picture with its numbers: two indices, (x, y), and what else the name holds."""
+
+    path: Path
+    first: int
+    second: int
+    x: float
+    y: float
+    more: tuple[float, ...]
+
+
+def parse(path: Path) -> Named | None:
+    """The numbers in a name, None for another kind of name; empty words do not count."""
+    words = [word for word in path.stem.split("_") if word]
+    if len(words) not in (5, 7):
+        return None
+    try:
+        first, second = int(words[1]), int(words[2])
+        y, x, *more = (float(word) for word in words[3:])
+    except ValueError:
+        return None
+    return Named(path, first, second, x, y, tuple(more))
+
+
+def named_pictures(folder: Path) -> list[Named]:
+    if not folder.is_dir():
+        return []
+    return [found for file in pictures.pictures_of(folder) if (found := parse(file))]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """``files[row][column]`` with the step between cameras, in the names' unit.
+
+    ``step`` is None where steps differ too much; ``off`` is how far a camera stands from its place
+    on the grid at the most, in steps.
+    """
+
+    files: list[list[Path]]
+    step: float | None
+    off: float
+
+
+def placed(folder: Path, named: list[Named]) -> Placed:
+    """Sort views by their positions.
+
+    Raises :class:`ExchangeError` when they are not a full grid.
+    """
+    by_index = {(one.first, one.second): one for one in named}
+    lines = sorted({one.first for one in named}), sorted({one.second for one in named})
+    if len(by_index) != len(named):
+        raise ExchangeError("holds two views of one index", file=folder)
+    for first in lines[0]:
+        for second in lines[1]:
+            if (first, second) not in by_index:
+                raise ExchangeError(
+                    f"lacks the view of indices {first} and {second}: {len(named)} of "
+                    f"{len(lines[0])} x {len(lines[1])} are there",
+                    file=folder,
+                )
+    grid = [[by_index[a, b] for b in lines[1]] for a in lines[0]]
+    x, y = (np.array([[getattr(one, key) for one in line] for line in grid]) for key in "xy")
+    # Which index counts rows is told by the coordinate that changes most along it.
+    if np.ptp(x.mean(1)) > np.ptp(x.mean(0)) or np.ptp(y.mean(0)) > np.ptp(y.mean(1)):
+        grid, x, y = [list(line) for line in zip(*grid, strict=True)], x.T, y.T
+    columns, rows = np.argsort(x.mean(0), kind="stable"), np.argsort(y.mean(1), kind="stable")
+    files = [[grid[j][i].path for i in columns] for j in rows]
+    x, y = x[np.ix_(rows, columns)], y[np.ix_(rows, columns)]
+    return Placed(files, *_step(x, y))
+
+
+def _step(x: np.ndarray, y: np.ndarray) -> tuple[float | None, float]:
+    steps = []
+    if x.shape[1] > 1:
+        steps.append(np.ptp(x.mean(0)) / (x.shape[1] - 1))
+    if y.shape[0] > 1:
+        steps.append(np.ptp(y.mean(1)) / (y.shape[0] - 1))
+    step = float(np.mean(steps)) if steps else 0.0
+    if not step > 0 or max(steps) - min(steps) > MOST_UNEQUAL * step:
+        return None, 0.0
+    off = [
+        np.abs(values - values.mean() - (place - place.mean()) * step).max() / step
+        for values, place in (
+            (x, np.arange(x.shape[1])[None, :] + 0 * y), (y, np.arange(y.shape[0])[:, None] + 0 * x)
+        )
+    ]  # fmt: skip
+    return step, float(max(off))
+
+
+def notes(found: Placed) -> tuple[str, ...]:
+    """What a file cannot hold of where the cameras stand."""
+    if found.step is None:
+        return ("steps across and down differ, so the spacing was not taken over",)
+    if found.off > 0.01:
+        return (f"cameras stand up to {found.off:.2g} steps beside an even grid, taken as on it",)
+    return ()

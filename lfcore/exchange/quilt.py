@@ -1,0 +1,68 @@
+"""Looking Glass quilts: views from left to right as tiles, the first one bottom left.
+
+The name says columns, rows and the aspect of a view: ``name_qs8x6a0.75.png``.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.exchange import pictures
+from lfcore.exchange.grid import ExchangeError, ViewGrid
+from lfcore.exchange.mosaic import of_tiles
+from lfcore.exchange.source import Selection, Source
+
+_NAME = re.compile(r"_qs(\d+)x(\d+)a([\d.]+?)(?:\.[A-Za-z]+)$")
+
+
+def recognise(path: Path) -> bool:
+    return pictures.is_picture(path) and bool(_NAME.search(path.name))
+
+
+def read(path: Path, options) -> ViewGrid:
+    match = _NAME.search(path.name)
+    if not match and not options.grid:
+        raise ExchangeError(
+            "its name does not say columns and rows, as in name_qs8x6a0.75.png", file=path,
+            remedy="Give --grid COLUMNSxROWS",
+        )  # fmt: skip
+    columns, rows = options.grid or (int(match[1]), int(match[2]))
+    tiles = of_tiles(path, columns, rows)
+
+    def read_tile(column: int, row: int) -> np.ndarray:
+        return tiles.read(column % columns, rows - 1 - column // columns)
+
+    return replace(tiles, columns=columns * rows, rows=1, read=read_tile)
+
+
+def write(source, folder: Path, options) -> None:
+    across, down = options.tiles or _factors(source.columns)
+    if across * down > source.columns:
+        raise ExchangeError(
+            f"a quilt of {across} x {down} shows {across * down} views; there are "
+            f"{source.columns} in a row",
+            file=source.field.path,
+            key="--tiles",
+        )
+    crop = (source.left, source.top, source.width, source.height)
+    baseline = source.geometry.pitch_m if source.geometry and source.stride > 1 else None
+    row = Source(source.field, Selection((across * down, 1), baseline, crop))
+    height, width = source.height, source.width
+    quilt = np.empty((down * height, across * width, 3), np.uint8)
+    for index, _, picture in row.views(options.progress):
+        line, column = down - 1 - index // across, index % across
+        quilt[line * height : (line + 1) * height, column * width : (column + 1) * width] = picture
+    name = f"{source.name}_qs{across}x{down}a{width / height:.6g}.png"
+    pictures.write(folder / name, quilt)
+    if source.rows > 1:
+        options.notes.append("a quilt shows one row of views: the middle one was taken")
+
+
+def _factors(count: int) -> tuple[int, int]:
+    """Columns and rows that hold just ``count`` tiles, as near to a square as they come."""
+    rows = max(k for k in range(1, int(count**0.5) + 1) if count % k == 0)
+    return count // rows, rows

@@ -1,0 +1,269 @@
+"""What an export reads: some of the views of a light field file, cropped, and their geometry."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.colour import srgb_codes
+from lfcore.exchange.grid import ExchangeError, Geometry
+from lfcore.lightfield import LightField
+from lfcore.optics.slab import Slab
+
+BAND_BYTES = 1 << 28
+"""Of views that are decoded at a time."""
+_ON_STEP = 1e-6
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which views and pixels: ``views`` (columns, rows), default all; ``baseline_m`` from one to
+    the next, default as far as they reach; ``crop`` (left, top, width, height)."""
+
+    views: tuple[int, int] | None = None
+    baseline_m: float | None = None
+    crop: tuple[int, int, int, int] | None = None
+
+
+class Truth:
+    """Depths and materials of a light field's own scene, traced again."""
+
+    def __init__(self, scene: Path, field: LightField, device: str | None = None):
+        """Raises :class:`ExchangeError` for another scene than the light field is of."""
+        from lfcore.opencl.device import open_device
+        from lfcore.rendering.record import scene_digest
+        from lfcore.scene.build import build_scene
+        from lfcore.tracing.bvh import build_bvh
+        from lfcore.tracing.tracer import Tracer
+
+        if scene_digest(scene) != field.metadata.scene["digest"]:
+            raise ExchangeError(
+                f"is not what {field.path} was traced from, {field.metadata.scene['name']!r}",
+                file=scene,
+                key="--scene",
+                remedy="Give the scene as it was, or trace it again",
+            )
+        built = build_scene(scene)
+        self._tracer = Tracer(built, build_bvh(built.triangles), open_device(device))
+        self._materials = built.material_ids
+
+    def of_view(self, slab: Slab, column: int, row: int) -> tuple[np.ndarray, np.ndarray]:
+        """(M, M) float32 depth, metres, infinity for a miss; and (M, M) uint16: material and one,
+        0 for a miss."""
+        from lfcore.optics import bundles
+
+        samples = np.array([[column, row]])
+        triangle, depth = self._tracer.bundle_hits(bundles.views(slab, samples), samples)
+        ids = np.where(triangle[0] < 0, 0, self._materials[triangle[0]] + 1)
+        return depth[0], ids.astype(np.uint16)
+
+
+class Source:
+    """Views of ``field`` as a selection asks for them.
+
+    Attributes
+    ----------
+    columns, rows, width, height : of the selection.
+    geometry : of the selection; None where the file does not hold one.
+    columns_m, rows_m : where the cameras stand, camera space (y down), metres.
+    axis_px : (x, y) of the optical axis in the picture of a camera at the origin, counted from the
+        corner of the top left pixel.
+    """
+
+    def __init__(self, field: LightField, selection: Selection, truth: Truth | None = None):
+        slab = field.slab
+        if slab is None:
+            raise ExchangeError(
+                "holds a camera array that is no slab", file=field.path,
+                remedy="Write its pictures with lfcore imgtool tiles",
+            )  # fmt: skip
+        self.field, self.slab, self.truth = field, slab, truth
+        across, down = field.grid
+        self._i = _chosen(selection, 0, across, slab, field)
+        self._j = _chosen(selection, 1, down, slab, field)
+        self.columns, self.rows = len(self._i), len(self._j)
+        several = self._i if self.columns > 1 else self._j
+        self.stride = int(several[1] - several[0]) if len(several) > 1 else 1
+        self._crop(selection)
+        place = slab.lens_positions()
+        column, row = slab.held.views[:2]
+        self.columns_m, self.rows_m = place[self._i + column], place[self._j + row]
+        left, top = slab.held.pixels[:2]
+        half = slab.pixels / 2
+        self.axis_px = (half - left - self.left, half - top - self.top)
+        whole = Geometry.of_slab(slab)
+        share = max(self.width, self.height) / slab.pixels
+        self.geometry = (
+            replace(whole, pitch_m=whole.pitch_m * self.stride, sensor_m=whole.sensor_m * share)
+            if field.metric
+            else None
+        )
+        self.name = _word(str(field.metadata.scene.get("name") or field.path.stem))
+
+    def _crop(self, selection: Selection) -> None:
+        width, height = self.field.picture_size
+        left, top, across, down = selection.crop or (0, 0, width, height)
+        if not (0 <= left < left + across <= width and 0 <= top < top + down <= height):
+            raise ExchangeError(
+                f"{across}x{down}+{left}+{top} does not lie within {width} x {height}",
+                file=self.field.path,
+                key="--crop",
+            )
+        self.left, self.top, self.width, self.height = left, top, across, down
+
+    @property
+    def shift_px(self) -> float:
+        """Pixels by which the axis moves from one camera to the next: 0 for parallel cameras."""
+        slab = self.slab
+        return slab.camera.delta * slab.lens_pitch_m * self.stride / slab.pixel_pitch
+
+    def require_geometry(self, what: str) -> Geometry:
+        """The geometry; :class:`ExchangeError` where it is not known."""
+        if self.geometry is None:
+            raise ExchangeError(
+                f"does not hold its geometry, which {what} needs",
+                file=self.field.path,
+                remedy="Import it again with --baseline, --field-of-view and --focus, or take "
+                "another format",
+            )
+        return self.geometry
+
+    def views(
+        self, progress: Callable[[int, int], None] | None = None
+    ) -> Iterator[tuple[int, int, np.ndarray]]:
+        """(column, row, (height, width, 3) uint8 sRGB), row after row; decoded in bands."""
+        total = self.columns * self.rows
+        bands = self._picked() if self.field.layout.kind == "macropixels" else self._bands()
+        for done, (column, row, picture) in enumerate(bands, 1):
+            window = picture[self.top : self.top + self.height, self.left : self.left + self.width]
+            yield column, row, np.ascontiguousarray(window)
+            if progress:
+                progress(done, total)
+
+    def _bands(self) -> Iterator[tuple[int, int, np.ndarray]]:
+        """From a file of views: frames follow one another along rows."""
+        first, last = int(self._i[0]), int(self._i[-1])
+        width, height = self.field.picture_size
+        across = (last - first + 1) * width * height * 3
+        step = max(1, BAND_BYTES // (across * self.stride))
+        for start in range(0, self.rows, step):
+            rows = self._j[start : start + step]
+            part = self.field.views(first, int(rows[0]), last + 1, int(rows[-1]) + 1)
+            for k, line in enumerate(part[rows - rows[0]]):
+                for column, picture in enumerate(line[self._i - first]):
+                    yield column, start + k, picture
+
+    def _picked(self) -> Iterator[tuple[int, int, np.ndarray]]:
+        """From a file of macropixels, all of which are decoded for each group of views."""
+        from lfcore.refocus.views import read_views
+
+        samples = np.array([(i, j) for j in self._j for i in self._i])
+        width, height = self.field.picture_size
+        step = max(1, BAND_BYTES // (width * height * 12))
+        for start in range(0, len(samples), step):
+            light = read_views(self.field, samples[start : start + step])
+            for k, picture in enumerate(light, start):
+                row, column = divmod(k, self.columns)
+                yield column, row, srgb_codes(picture)
+
+    def array(self, progress: Callable[[int, int], None] | None = None) -> np.ndarray:
+        """(rows, columns, height, width, 3) uint8: all views at once."""
+        out = np.empty((self.rows, self.columns, self.height, self.width, 3), np.uint8)
+        for column, row, picture in self.views(progress):
+            out[row, column] = picture
+        return out
+
+    def depth(self, column: int, row: int) -> tuple[np.ndarray, np.ndarray]:
+        """(height, width) depth, metres, and (height, width) uint16 material of a view."""
+        whole = Slab(self.slab.camera, self.slab.views, self.slab.pixels)
+        depth, ids = self.truth.of_view(whole, int(self._i[column]), int(self._j[row]))
+        window = np.s_[self.top : self.top + self.height, self.left : self.left + self.width]
+        return depth[window], ids[window]
+
+    def disparity(self, depth: np.ndarray) -> np.ndarray:
+        """Pixels by which points move from one view of the selection to the next."""
+        scale = self.slab.lens_pitch_m * self.stride / self.slab.pixel_pitch
+        with np.errstate(divide="ignore"):
+            apart = 1.0 / np.asarray(depth, np.float64) - self.slab.camera.delta
+        return (apart * scale).astype(np.float32)
+
+    def require_truth(self, what: str) -> None:
+        """Raise :class:`ExchangeError` where no scene is at hand."""
+        if self.truth is None:
+            raise ExchangeError(
+                f"holds no depth, which {what} needs",
+                file=self.field.path,
+                remedy="Give the scene that it was traced from with --scene",
+            )
+
+    def depth_range(self, what: str) -> tuple[float, float]:
+        """Nearest and farthest depth; :class:`ExchangeError` where they are not known."""
+        if self.field.depth_range is None:
+            raise ExchangeError(
+                f"does not say how near and far its scene is, which {what} needs",
+                file=self.field.path,
+                remedy="Give --near and --far, metres",
+            )
+        return self.field.depth_range
+
+    def pose(self, column: int, row: int) -> np.ndarray:
+        """(4, 4) camera to world as OpenGL has them: x right, y up, z backwards."""
+        matrix = np.eye(4)
+        matrix[:2, 3] = self.columns_m[column], -self.rows_m[row]
+        return matrix
+
+    def centre(self, column: int, row: int) -> tuple[float, float]:
+        """(cx, cy) of that camera's principal point, from the corner of the top left pixel."""
+        slab = self.slab
+        per_metre = slab.camera.delta / slab.pixel_pitch
+        x = self.axis_px[0] + self.columns_m[column] * per_metre
+        return x, self.axis_px[1] + self.rows_m[row] * per_metre
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length in pixels."""
+        return 1.0 / self.slab.pixel_pitch
+
+
+def _chosen(selection: Selection, axis: int, count: int, slab: Slab, field) -> np.ndarray:
+    """Indices of the views along one axis, in the middle of those there are."""
+    wanted = selection.views[axis] if selection.views else None
+    step = 1
+    if selection.baseline_m is not None:
+        if not field.metric:
+            field.require_metric("--baseline")
+        ratio = selection.baseline_m / slab.lens_pitch_m
+        step = round(ratio)
+        if step < 1 or abs(ratio - step) > _ON_STEP * max(1, ratio):
+            raise ExchangeError(
+                f"{1e3 * selection.baseline_m:g} mm is no multiple of the "
+                f"{1e3 * slab.lens_pitch_m:.6g} mm between its views",
+                file=field.path,
+                key="--baseline",
+                remedy="Give a multiple, or trace with that pitch",
+            )
+        wanted = wanted or (count - 1) // step + 1
+    elif wanted and wanted > 1:
+        step = max(1, (count - 1) // (wanted - 1))
+        if selection.views:
+            both = [(n - 1) // (w - 1) for n, w in zip(field.grid, selection.views, strict=True)
+                    if w > 1]  # fmt: skip
+            step = max(1, min(both))
+    wanted = wanted or count
+    reach = (wanted - 1) * step + 1
+    if wanted < 1 or reach > count:
+        raise ExchangeError(
+            f"{wanted} views {step} apart are more than the {count} there are",
+            file=field.path,
+            key="--views",
+        )
+    return (count - reach + 1) // 2 + np.arange(wanted) * step
+
+
+def _word(name: str) -> str:
+    """A name that is safe in file names, without the separators that formats use."""
+    return re.sub(r"[^A-Za-z0-9-]+", "-", name).strip("-") or "lightfield"

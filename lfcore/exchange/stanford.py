@@ -1,0 +1,57 @@
+"""The Stanford light field archive: ``out_YY_XX_y_x.png``, positions in the names.
+
+The plane that the pictures are rectified to is not in the names, nor is the field of view: they are
+asked for by --focus and --field-of-view, or stay unknown.  Positions are taken for millimetres.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lfcore.exchange import pictures, positions
+from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
+
+
+def recognise(path: Path) -> bool:
+    found = positions.named_pictures(path)
+    return bool(found) and found[0].path.name.startswith("out_") and not found[0].more
+
+
+def read(path: Path, options) -> ViewGrid:
+    return read_named(path, path.name, lambda one, width: Geometry())
+
+
+def read_named(path: Path, name: str, geometry_of) -> ViewGrid:
+    """A grid of views with positions; ``geometry_of(view, width)`` adds to the spacing."""
+    named = positions.named_pictures(path)
+    if not named:
+        raise ExchangeError(
+            "holds no views named with two indices, y and x", file=path,
+            remedy="Names are like out_00_00_-12.5_8.0.png",
+        )  # fmt: skip
+    found = positions.placed(path, named)
+    size = pictures.size_of(found.files[0][0])
+    pitch = Geometry(pitch_m=found.step / 1e3 if found.step else None)
+    geometry = pitch.or_else(geometry_of(named[0], max(size)))
+    return ViewGrid(
+        len(found.files[0]), len(found.files), *size,
+        lambda i, j: pictures.read(found.files[j][i], size),
+        name, geometry=geometry, notes=positions.notes(found),
+    )  # fmt: skip
+
+
+def write(source, folder: Path, options) -> None:
+    write_named(source, folder, options, "out", ())
+
+
+def write_named(source, folder: Path, options, prefix: str, more: tuple[float, ...]) -> None:
+    """Views with row, column, y and x in millimetres, and ``more`` numbers in their names."""
+    x, y = 1e3 * source.columns_m, 1e3 * source.rows_m
+    if source.geometry is None:
+        options.notes.append("positions are steps of the grid: the file does not hold its geometry")
+        x, y = source.columns_m, source.rows_m  # nominal metres are steps
+    digits = max(2, len(str(max(source.columns, source.rows) - 1)))
+    tail = "".join(f"_{value:.6f}" for value in more)
+    for column, row, picture in source.views(options.progress):
+        name = f"{prefix}_{row:0{digits}d}_{column:0{digits}d}_{y[row]:.6f}_{x[column]:.6f}{tail}"
+        pictures.write(folder / f"{name}.png", picture)

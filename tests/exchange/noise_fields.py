@@ -1,0 +1,50 @@
+"""Light field files of noise, which are their own ground truth."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.exchange.grid import Geometry, ViewGrid
+from lfcore.exchange.importing import ReadOptions, import_lightfield
+from lfcore.exchange.storing import store_grid
+from lfcore.lightfield import LightField
+from lfcore.storage.codecs import CodecSpec
+
+EXACT = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
+KNOWN = Geometry(pitch_m=0.004, pixel_pitch=0.02, delta=0.5, sensor_m=0.036)
+
+
+def noise(rows, columns, height, width, seed=1):
+    """(rows, columns, height, width, 3) uint8."""
+    shape = (rows, columns, height, width, 3)
+    return np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8)
+
+
+@dataclass
+class Noise:
+    path: Path
+    views: np.ndarray
+
+    @property
+    def field(self) -> LightField:
+        return LightField.open(self.path)
+
+
+def store(folder, views, geometry=KNOWN, name="noise") -> Noise:
+    path = folder / f"{name}.mkv"
+    store_grid(path, ViewGrid.of_array(views, name, format="test", geometry=geometry), EXACT)
+    return Noise(path, views)
+
+
+def taken_back(source, folder, **more):
+    """The light field file of what was exported, exact."""
+    options = more.pop("options", None) or ReadOptions()
+    output = folder / "back.mkv"
+    made = import_lightfield(source, output, codec="ffv1", options=options, **more)
+    return made, LightField.open(output)
+
+
+def all_views(field):
+    columns, rows = field.grid
+    return field.views(0, 0, columns, rows)

@@ -1,0 +1,274 @@
+"""Formats that go one way, parts of grids, orders, and what others write."""
+
+import json
+import shutil
+
+import av
+import numpy as np
+import pytest
+from noise_fields import KNOWN, all_views, noise, store, taken_back
+from PIL import Image
+
+from lfcore.exchange import export_lightfield
+from lfcore.exchange.exporting import WriteOptions
+from lfcore.exchange.grid import ExchangeError, Geometry, Order
+from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.source import Selection
+
+
+def picture(path):
+    return np.asarray(Image.open(path).convert("RGB"))
+
+
+def test_quilts_go_from_bottom_left(wide, tmp_path):
+    export_lightfield(wide.path, "quilt", tmp_path / "out")
+    (file,) = (tmp_path / "out").iterdir()
+    assert file.name == "noise_qs2x2a1.375.png"
+    quilt = picture(file)
+    np.testing.assert_array_equal(quilt[16:, :22], wide.views[1, 0])
+    np.testing.assert_array_equal(quilt[:16, 22:], wide.views[1, 3])
+    made, field = taken_back(file, tmp_path)
+    assert (made.grid.format, field.grid) == ("quilt", (4, 1))
+    np.testing.assert_array_equal(all_views(field), wide.views[1:])
+    with pytest.raises(ExchangeError, match="there are 4 in a row"):
+        export_lightfield(wide.path, "quilt", tmp_path / "b", options=WriteOptions(tiles=(5, 1)))
+    assert not (tmp_path / "b").exists()
+
+
+def test_hdf5(wide, tmp_path):
+    h5py = pytest.importorskip("h5py")
+    export_lightfield(wide.path, "hdf5", tmp_path / "out")
+    with h5py.File(tmp_path / "out" / "scene.h5") as file:
+        np.testing.assert_array_equal(file["LF"][1, 2], wide.views[1, 2])
+    made, field = taken_back(tmp_path / "out", tmp_path)
+    assert made.grid.format == "hdf5"
+    np.testing.assert_array_equal(all_views(field), wide.views)
+
+
+def test_colmap_projects_as_the_slab_does(wide, tmp_path):
+    export_lightfield(wide.path, "colmap", tmp_path / "out")
+    model = tmp_path / "out" / "sparse" / "0"
+    lines = (model / "cameras.txt").read_text().splitlines()[1:]
+    lens = np.array([line.split()[4:] for line in lines], float)
+    poses = np.array([line.split()[1:8] for line in
+                      (model / "images.txt").read_text().splitlines()[2::2]], float)  # fmt: skip
+    point = np.array([0.03, -0.02, 1.7])
+    slab = wide.field.slab
+    s = slab.lens_positions()[np.arange(4)]
+    t = slab.lens_positions()[slab.extent.views[1] + np.arange(2)]
+    for k, (row, column) in enumerate(np.ndindex(2, 4)):
+        there = point + poses[k, 4:]
+        found = lens[k, :2] * there[:2] / there[2] + lens[k, 2:]
+        place = np.array([s[column], t[row]])
+        tangent = (point[:2] - place) / point[2] + place * slab.camera.delta
+        middle = slab.pixels / 2 - np.array(slab.extent.pixels[:2])
+        np.testing.assert_allclose(found, tangent / slab.pixel_pitch + middle, atol=1e-9)
+    np.testing.assert_array_equal(
+        picture(tmp_path / "out" / "images" / "view_001_002.png"), wide.views[1, 2]
+    )
+
+
+def test_llff_has_its_axes_in_the_middle(tmp_path):
+    geometry = Geometry(pitch_m=0.04, pixel_pitch=0.02, delta=0.5)  # the axis moves a pixel a view
+    stored = store(tmp_path, noise(3, 3, 16, 16), geometry)
+    notes = export_lightfield(
+        stored.path, "llff", tmp_path / "out", options=WriteOptions(near_m=1, far_m=4)
+    )
+    assert any("cropped to 14 x 14" in note for note in notes)
+    rows = np.load(tmp_path / "out" / "poses_bounds.npy")
+    assert (rows.shape, rows.dtype) == ((9, 17), np.float64)
+    np.testing.assert_array_equal(rows[:, 15:], [[1, 4]] * 9)
+    matrix = rows[:, :15].reshape(9, 3, 5)
+    np.testing.assert_allclose(matrix[0, :, :3].T, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    np.testing.assert_allclose(matrix[2, :, 3], [0.04, 0.04, 0])
+    np.testing.assert_allclose(matrix[5, :, 4], [14, 14, 50])
+    for k, (row, column) in enumerate(np.ndindex(3, 3)):
+        view = picture(tmp_path / "out" / "images" / f"view_{row:03d}_{column:03d}.png")
+        expected = stored.views[row, column, row : row + 14, column : column + 14]
+        np.testing.assert_array_equal(view, expected, err_msg=str(k))
+    with pytest.raises(ExchangeError, match="--near and --far"):
+        export_lightfield(stored.path, "llff", tmp_path / "b")
+
+
+def test_a_film_through_the_focus(square, tmp_path):
+    options = WriteOptions(count=3, near_m=1.0, far_m=3.0)
+    export_lightfield(square.path, "sweep", tmp_path / "out", options=options)
+    with av.open(tmp_path / "out" / "noise_focus.mp4") as film:
+        assert sum(1 for _ in film.decode(video=0)) == 4
+
+
+@pytest.mark.parametrize("order", ["rows", "columns", "rows-up", "columns-left-up", "rows-snake"])
+def test_folders_in_any_order(order, wide, tmp_path):
+    parsed = Order.parse(order)
+    (tmp_path / "in").mkdir()
+    for index in range(8):
+        column, row = parsed.place(index, 4, 2)
+        column, row = 3 - column if parsed.left else column, 1 - row if parsed.up else row
+        Image.fromarray(wide.views[row, column]).save(tmp_path / "in" / f"shot {index}.png")
+    options = ReadOptions((4, 2), parsed)
+    made, field = taken_back(tmp_path / "in", tmp_path, options=options)
+    assert made.grid.format == "folder"
+    np.testing.assert_array_equal(all_views(field), wide.views)
+
+
+def test_jpeg_pleno_in_the_other_order_and_by_hand(wide, tmp_path):
+    rows = Order.parse("rows")
+    export_lightfield(wide.path, "jpeg-pleno", tmp_path / "out", options=WriteOptions(order=rows))
+    data = (tmp_path / "out" / "001_003.ppm").read_bytes()
+    assert data.startswith(b"P6\n22 16\n1023\n")
+    codes = np.frombuffer(data[14:], ">u2").reshape(16, 22, 3)
+    np.testing.assert_array_equal(codes, np.rint(wide.views[1, 3] * (1023 / 255)))
+    _, field = taken_back(tmp_path / "out", tmp_path, options=ReadOptions(order=rows))
+    np.testing.assert_array_equal(all_views(field), wide.views)
+
+
+def test_hci_as_published(wide, tmp_path):
+    """Without our own keys, focused at infinity, comments and other spacing."""
+    export_lightfield(wide.path, "hci", tmp_path / "out")
+    config = tmp_path / "out" / "parameters.cfg"
+    text = config.read_text().replace(" = ", "=").split("[meta]")[0]
+    config.write_text(text.replace("focus_distance_m=2.0", "focus_distance_m=0") + "[meta]\n")
+    _, field = taken_back(tmp_path / "out", tmp_path)
+    assert field.slab.camera.delta == 0
+    assert field.metadata.scene["name"] == "out"
+
+
+def test_hci_disparity_is_the_benchmarks(square):
+    """beta = b f w; disparity (beta F / Z - beta) / (F S), in mm, as the benchmark states it."""
+    from lfcore.exchange.source import Source
+
+    source = Source(square.field, Selection())
+    b, size, focus, sensor = 4.0, 16, 2000.0, 36.0
+    focal = sensor / (0.02 * size)
+    beta = b * focal * size
+    depth = np.array([1.0, 2.0, 3.7])
+    expected = (beta * focus / (1e3 * depth) - beta) / (focus * sensor)
+    np.testing.assert_allclose(source.disparity(depth), expected, rtol=1e-6, atol=1e-7)
+
+
+def test_stanford_positions_decide(square, tmp_path):
+    """Columns counted from the right, rows from the bottom: the names' coordinates tell."""
+    (tmp_path / "in").mkdir()
+    for (row, column), view in zip(
+        np.ndindex(3, 3), square.views.reshape(9, 16, 16, 3), strict=True
+    ):
+        name = f"out_{2 - row:02d}_{2 - column:02d}_{50 * row - 900}_{50 * column + 3.25}_.png"
+        Image.fromarray(view).save(tmp_path / "in" / name)
+    made, field = taken_back(tmp_path / "in", tmp_path)
+    assert made.grid.format == "stanford"
+    assert made.grid.geometry == Geometry(pitch_m=0.05)
+    np.testing.assert_array_equal(all_views(field), square.views)
+
+
+def test_parallel_cameras_keep_all_in_the_renderers_names(tmp_path):
+    stored = store(tmp_path, noise(2, 2, 16, 16), Geometry(0.004, 0.02, 0.0))
+    export_lightfield(stored.path, "renderer", tmp_path / "out")
+    _, field = taken_back(tmp_path / "out", tmp_path)
+    assert field.metric
+    assert field.slab.camera.delta == 0
+    assert field.slab.pixel_pitch == pytest.approx(0.02, rel=1e-6)
+
+
+def test_gfxdisp_counts_from_the_bottom_right(square, tmp_path):
+    (tmp_path / "in").mkdir()
+    text = "cmera: Camera\nnum_x: 3\nnum_y: 3\nbase_x: 0.1\nbase_y: 0.1\n"
+    (tmp_path / "in" / "param.txt").write_text(text)
+    for row, column in np.ndindex(3, 3):
+        view = Image.fromarray(square.views[2 - row, 2 - column])
+        view.save(tmp_path / "in" / f"{row:02}_{column:02}.png")
+    made, field = taken_back(tmp_path / "in", tmp_path)
+    assert made.grid.format == "blender"
+    assert made.grid.geometry == Geometry(pitch_m=0.1, delta=0.0)
+    np.testing.assert_array_equal(all_views(field), square.views)
+
+
+@pytest.mark.parametrize("matrices", [True, False])
+def test_idlab_planes(matrices, wide, tmp_path):
+    from scipy.spatial.transform import Rotation
+
+    (tmp_path / "in" / "png").mkdir(parents=True)
+    turn = Rotation.from_euler("xyz", [0.4, -0.2, 1.1])
+    frames = []
+    for row, column in np.ndindex(2, 4):
+        name = f"view_{4 * row + column:04d}f"
+        Image.fromarray(wide.views[row, column]).save(tmp_path / "in" / "png" / f"{name}.png")
+        place = turn.apply([0.01 * column, -0.01 * row, 0.0]) + [3, 4, 5]
+        frame = {"name": name, "position": place.tolist(), "rotation": [0.4, -0.2, 1.1]}
+        if matrices:
+            pose = np.eye(4)
+            pose[:3, :3], pose[:3, 3] = turn.as_matrix(), place
+            frame["world_matrix"] = pose.tolist()
+        frames.append(frame)
+    data = {
+        "camera": {"type": "PERSP", "lens_unit": "MILLIMETERS", "focal_length": 50.0},
+        "lf_type": "PLANE", "resolution": [22, 16], "sensor_size": [36.0, 36.0 * 16 / 22],
+        "frames": frames,
+    }  # fmt: skip
+    (tmp_path / "in" / "lightfield.json").write_text(json.dumps(data))
+    _, field = taken_back(tmp_path / "in", tmp_path)
+    assert field.metric
+    assert field.slab.lens_pitch_m == pytest.approx(0.01)
+    assert field.slab.pixel_pitch == pytest.approx(36 / 50 / 22)
+    np.testing.assert_array_equal(all_views(field), wide.views)
+
+
+def test_sixteen_bits_grey_and_alpha(tmp_path):
+    import cv2
+
+    codes = noise(1, 1, 16, 16)[0, 0].astype(np.uint16) * 257
+    (tmp_path / "in").mkdir()
+    cv2.imwrite(str(tmp_path / "in" / "0.png"), codes[..., ::-1])
+    grey = Image.fromarray(np.arange(256, dtype=np.uint8).reshape(16, 16))
+    grey.save(tmp_path / "in" / "1.png")
+    clear = np.dstack([codes >> 8, np.full((16, 16), 9)]).astype(np.uint8)
+    Image.fromarray(clear, "RGBA").save(tmp_path / "in" / "2.png")
+    Image.fromarray((codes >> 8).astype(np.uint8)).save(tmp_path / "in" / "3.png")
+    _, field = taken_back(tmp_path / "in", tmp_path)
+    np.testing.assert_array_equal(field.view(0, 0), codes >> 8)
+    np.testing.assert_array_equal(field.view(1, 0)[..., 1], np.asarray(grey))
+    np.testing.assert_array_equal(field.view(0, 1), codes >> 8)
+
+
+def test_macropixels_are_exported_as_their_views(tmp_path):
+    """A store of macropixels is decoded once for many views."""
+    from lfcore.lightfield import LightField
+    from lfcore.storage.codecs import CodecSpec
+    from lfcore.storage.container import join_segments
+    from lfcore.storage.layout import FrameLayout
+    from lfcore.storage.segment import SegmentWriter
+    from lfcore.storage.ycbcr import frames_from_rgb
+
+    views = noise(4, 4, 16, 16)
+    layout = FrameLayout("macropixels", 4, 16, pixel_format="gbrp")
+    spec, tile = CodecSpec("ffv1", "gbrp"), layout.tile(0, 0, 16, 16)
+    with SegmentWriter(tmp_path / "0.mp4", spec, 16, 16) as writer:
+        for u, v in tile.elements():
+            square = np.pad(views[:, :, v, u], ((0, 12), (0, 12), (0, 0)), mode="edge")
+            writer.write(frames_from_rgb(square[None], "gbrp"))
+    join_segments(tmp_path / "lf.mkv", [tmp_path / "0.mp4"], [tile], layout,
+                  geometry=KNOWN.slab(4, 4, 16, 16), scene={"name": "a", "digest": ""})  # fmt: skip
+    np.testing.assert_array_equal(LightField.open(tmp_path / "lf.mkv").view(1, 2), views[2, 1])
+    export_lightfield(
+        tmp_path / "lf.mkv", "json", tmp_path / "out", selection=Selection((2, 2), 0.008)
+    )
+    _, field = taken_back(tmp_path / "out", tmp_path)
+    np.testing.assert_array_equal(all_views(field), views[1::2, 1::2])
+    shutil.rmtree(tmp_path / "out")
+
+
+def test_a_wrong_order_is_told(tmp_path):
+    """Rows that run the other way than columns give a note, right ones none."""
+    y, x = np.mgrid[0:64, 0:64] / 64.0
+
+    def view(column, row):
+        moved = np.sin(9 * (x + 0.02 * column)) * np.cos(8 * (y + 0.02 * row))
+        return np.repeat(np.uint8(127 + 100 * moved)[..., None], 3, -1)
+
+    views = np.array([[view(i, j) for i in range(3)] for j in range(3)])
+    from lfcore.exchange.grid import ViewGrid
+    from lfcore.exchange.importing import check_order
+
+    grid = ViewGrid.of_array(views, "waves")
+    assert check_order(grid) is None
+    assert "--order" in check_order(grid.turned(up=True))
+    assert check_order(grid.turned(left=True, up=True)) is None
