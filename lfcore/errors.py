@@ -35,7 +35,12 @@ class LfcoreError(Exception):
         place = ": ".join(str(part) for part in (file, key) if part)
         text = f"{place}: {problem}" if place else problem
         end = f". {remedy}." if remedy else "."
-        super().__init__(_shortened(_printable(text), LONGEST_TEXT) + _printable(end))
+        super().__init__(one_line(text) + _printable(end))
+
+
+def one_line(text: str) -> str:
+    """``text`` as one printable line of at most some :data:`LONGEST_TEXT` characters."""
+    return _shortened(_printable(text), LONGEST_TEXT)
 
 
 def _printable(text: str) -> str:

@@ -15,7 +15,7 @@ from importlib import import_module
 
 from lfcore import __version__
 from lfcore.cli.interrupt import interruptible, leave_at_once, status_of, word_of
-from lfcore.errors import LfcoreError
+from lfcore.errors import LfcoreError, one_line
 
 COMMANDS = {
     "refocus": ("refocus", "pictures at any focus and aperture from a light field file"),
@@ -65,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
-        return _failed(f"{place}{error.strerror or error}.")
+        return _failed(one_line(f"{place}{error.strerror or error}."))
     except MemoryError:
         return _failed("There is not enough memory. Ask for a smaller size, or fewer views.")
     except KeyboardInterrupt as error:

@@ -63,7 +63,10 @@ class CameraArray:
 
     def __post_init__(self) -> None:
         for key in ("columns_m", "rows_m"):
-            axis = np.asarray(getattr(self, key), np.float64)
+            try:
+                axis = np.asarray(getattr(self, key), np.float64)
+            except (TypeError, ValueError, OverflowError):
+                axis = np.zeros(0)
             if axis.ndim != 1 or not len(axis) or not np.isfinite(axis).all():
                 raise OpticsError("needs one finite position or more", key=key)
             if (np.diff(axis) <= 0).any():
@@ -238,7 +241,7 @@ class CameraArray:
                 (float(data["margin_m"][0]), float(data["margin_m"][1])),
                 float(data["delta"]),
             )
-        except (KeyError, TypeError, ValueError, IndexError) as error:
+        except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
             raise OpticsError(f"not the description of a camera array: {error!r}") from None
 
 

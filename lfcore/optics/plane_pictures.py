@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -58,7 +57,9 @@ def load_stack(path: str | Path) -> tuple[np.ndarray, list[SensorPlane]]:
         with np.load(path, allow_pickle=False) as archive:
             planes = json.loads(archive["planes"].tobytes())
             return archive["pictures"], [SensorPlane(**plane) for plane in planes]
-    except (OSError, KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
+    except MemoryError:
+        raise
+    except Exception as error:  # zipfile, zlib, numpy and a foreign header raise anything
         raise LfcoreError(
             f"not a whole stack of planes ({' '.join(str(error).split())[:120]})",
             file=path,

@@ -19,6 +19,7 @@ from lfcore.errors import OpticsError
 from lfcore.optics.camera import check_focus, image_distance
 from lfcore.optics.slab import Slab
 
+MOST_BLADES = 1000  # no eye tells such a polygon from a circle
 SHAPES = ("circle", "square", "diamond", "polygon")
 NORMALISATIONS = ("aperture", "lens")
 
@@ -40,8 +41,12 @@ class Aperture:
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
             raise OpticsError(f"unknown aperture {self.shape!r}", remedy=f"Use one of {SHAPES}")
-        if self.shape == "polygon" and self.blades < 3:
-            raise OpticsError(f"a polygon needs at least 3 blades, not {self.blades}")
+        if self.shape == "polygon" and not 3 <= self.blades <= MOST_BLADES:
+            raise OpticsError(
+                f"a polygon needs at least 3 blades and at most {MOST_BLADES}, not {self.blades}"
+            )
+        if not math.isfinite(self.rotation_deg):
+            raise OpticsError(f"an aperture cannot be turned by {self.rotation_deg} degrees")
 
     def contains(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Boolean mask of the lens points (s, t), metres, float64, that let light through."""

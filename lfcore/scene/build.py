@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from pathlib import Path
 
 import numpy as np
@@ -184,7 +185,7 @@ def _object(entry: dict, *, file: Path, key: str) -> list[Part]:
             parts = [Part(p.triangles, p.surface, None, p.uvs, p.colours) for p in parts]
     else:
         mesh = file.parent / entry["file"]
-        if not mesh.is_file():
+        if not os.path.isfile(mesh):  # False, too, for a name too long
             raise SceneError(
                 f"mesh file {str(mesh)!r} not found",
                 file=file,

@@ -6,13 +6,12 @@ import hashlib
 import io
 import json
 import math
-import zipfile
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
-from lfcore.errors import OpticsError, SceneError
+from lfcore.errors import SceneError
 from lfcore.files import whole_file
 from lfcore.optics.camera import Camera
 from lfcore.scene.model import Light, Material, Motion, Scene
@@ -95,9 +94,9 @@ def _read(path: str | Path, reader):
         raise SceneError(
             "scene file not found", file=path, remedy="Parse the scene first"
         ) from None
-    except (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise _damaged(path, error) from error
-    except (zipfile.BadZipFile, OpticsError) as error:
+    except (SceneError, MemoryError):
+        raise
+    except Exception as error:  # zipfile, zlib, numpy, and a header of wrong types raise anything
         raise _damaged(path, error) from error
 
 

@@ -7,6 +7,7 @@ Whatever trimesh loads is accepted; PBR materials are mapped to Blinn-Phong (see
 from __future__ import annotations
 
 import io
+import os
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,8 @@ from lfcore.scene.smoothing import crease_normals
 
 # Formats whose vertex colours are linear; everywhere else they are display values.
 LINEAR_COLOUR_FORMATS = (".glb", ".gltf")
+FARTHEST_UV = 1e5
+"""Repeats of a texture: beyond, float32 cannot tell a hundredth of one from the next."""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tga", ".bmp", ".webp", ".tif", ".tiff", ".gif")
 
 
@@ -75,7 +78,7 @@ def _load(trimesh, path: Path):
                 self.trouble.append(f"texture {name!r} cannot be decoded")
             return data
 
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise SceneError("mesh file not found", file=path, remedy="Check the path")
     kind = path.suffix[1:].lower()
     if kind not in trimesh.available_formats():
@@ -123,6 +126,12 @@ def _check_found(trouble: list[str], path: Path) -> None:
 def _part(mesh, path: Path, shading: str, crease_deg: float) -> Part:
     vertices = np.asarray(mesh.vertices, np.float64)
     faces = np.asarray(mesh.faces, np.int64)
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise SceneError(
+            f"a vertex has {vertices.shape[-1] if vertices.ndim == 2 else 'no'} coordinates",
+            file=path,
+            remedy="Give each vertex x, y and z",
+        )
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise SceneError(
             f"face names vertex {int(faces.max())} of {len(vertices)}",
@@ -159,10 +168,29 @@ def _surface(visual, faces: np.ndarray, path: Path) -> tuple[Surface, np.ndarray
         surface = _surface_of_simple(material, path)
     else:
         surface = Surface(path.stem)
+    values = (*surface.diffuse, *surface.specular, *surface.emission, surface.shininess)
+    if not np.isfinite(values).all():
+        raise SceneError(
+            f"material {surface.name!r} has a number that is not finite",
+            file=path,
+            remedy="Mend the material",
+        )
     uv = getattr(visual, "uv", None)
     if surface.texture is None or uv is None or len(uv) == 0:
         return surface, None
-    return surface, np.nan_to_num(np.asarray(uv, np.float64)[faces][..., :2])
+    return surface, _texture_coordinates(np.asarray(uv, np.float64), faces, path)
+
+
+def _texture_coordinates(uv: np.ndarray, faces: np.ndarray, path: Path) -> np.ndarray:
+    """(T, 3, 2) of the corners; exporters write NaN for what is not unwrapped, read as 0."""
+    uv = np.where(np.isnan(uv), 0.0, uv)
+    if uv.ndim != 2 or uv.shape[1] < 2 or len(uv) <= faces.max() or np.abs(uv).max() > FARTHEST_UV:
+        raise SceneError(
+            f"texture coordinates are not two numbers from -{FARTHEST_UV:g} to {FARTHEST_UV:g}",
+            file=path,
+            remedy="Unwrap the mesh again, or take its texture away",
+        )
+    return uv[faces][..., :2]
 
 
 def surface_of_pbr(material, path: Path) -> Surface:
@@ -197,12 +225,16 @@ def _surface_of_simple(material, path: Path) -> Surface:
     """OBJ's MTL: Kd, Ks, Ns and map_Kd; Kd and Ks are linear, and Ks needs an Ns to count."""
     given = {key.lower(): value for key, value in (material.kwargs or {}).items()}
     texture = _image(material.image, path)
-    diffuse = np.asarray(given["kd"], np.float64) if "kd" in given else np.full(3, 0.8)
+
+    def number(key: str, otherwise: float) -> np.ndarray:
+        return _mtl_numbers(given.get(key, otherwise), f"{material.name}: {key.title()}", path)
+
+    diffuse = number("kd", 0.8)
     if texture is not None and not diffuse.any():
         diffuse = np.ones(3)  # exporters write Kd 0 0 0 beside a texture and mean the texture
-    shininess = float(np.ravel(given.get("ns", 0.0))[0])
-    specular = np.asarray(given["ks"], np.float64) if "ks" in given and shininess >= 1 else [0] * 3
-    emission = np.asarray(given.get("ke", [0, 0, 0]), np.float64)
+    shininess = float(number("ns", 0.0)[0])
+    specular = number("ks", 0.0) if shininess >= 1 else np.zeros(3)
+    emission = number("ke", 0.0)
     return Surface(
         material.name or path.stem,
         _triple(diffuse),
@@ -211,6 +243,22 @@ def _surface_of_simple(material, path: Path) -> Surface:
         _triple(emission),
         texture,
     )
+
+
+def _mtl_numbers(value, key: str, path: Path) -> np.ndarray:
+    """(3,) of what stands behind a key of an MTL: a single number counts for all three."""
+    try:
+        numbers = np.ravel(np.asarray(value, np.float64))
+    except (ValueError, TypeError):
+        numbers = np.zeros(0)
+    if len(numbers) not in (1, 3) or not np.isfinite(numbers).all():
+        raise SceneError(
+            f"{value!r} is not one finite number or three",
+            file=path,
+            key=f"material {key}",
+            remedy="Mend the material file",
+        )
+    return np.broadcast_to(numbers, 3)
 
 
 def _image(image, path: Path) -> np.ndarray | None:
@@ -258,7 +306,7 @@ def read_texture(path: str | Path, *, file: str | Path, key: str) -> np.ndarray:
     from PIL import Image
 
     path = Path(path)
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise SceneError(
             f"texture {str(path)!r} not found",
             file=file,

@@ -86,7 +86,7 @@ def read_array(path: str | Path) -> TiledPicture:
             raise ValueError(f"version {description['version']} is newer than {VERSION}")
         array = CameraArray.from_json(description["array"])
         array.tiles(image)
-    except (ValueError, KeyError, TypeError, OpticsError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError, OpticsError) as error:
         raise StorageError(
             f"the geometry in its header does not fit: {error}",
             file=path,

@@ -64,12 +64,18 @@ def damage_words(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
             words[at] = f"focus={extremes.number_text(draw)},f={extremes.number_text(draw)}"
         else:
             words[at] = words[at] + extremes.text(draw)
-    # The system takes no NUL in an argument, and nothing beyond its limit.
-    return json.dumps([word.replace("\0", "")[:100_000] for word in words]).encode()
+    return json.dumps([_argument(word) for word in words]).encode()
+
+
+def _argument(word: str) -> str:
+    """As the system can hand it over: no NUL, no surrogates but those of bytes, and a limit."""
+    word = word.encode("utf-8", "surrogatepass").decode("utf-8", "surrogateescape")
+    return word.replace("\0", "")[:100_000]
 
 
 def write_all_sides(home: Path, folder: Path) -> None:
     write_sides(folder)
+    (folder / "fifo").unlink()  # a command may read a pipe that it is given, and wait for it
     (folder / "scene.yaml").write_text(PLAIN)
     (folder / "scene.pbrt").write_text(PBRT_SPHERE)
     (folder / "planes.csv").write_text("focus,f,aperture\n2.0,2.8,circle\n4.0,5.6,square\n")
