@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from lfcore.opencl.program_cache import watching
+
 WIDTH = 24
 INTERVAL_S = 0.2
 
@@ -15,7 +17,8 @@ INTERVAL_S = 0.2
 def progress(what: str, unit: str = "") -> Iterator[Callable[[int, int], None]]:
     """Yield ``report(done, total)``, which draws a bar; ends with a line of how long it took.
 
-    Where standard error is no terminal, only that last line is written.
+    Says so while a program is built, which comes before the first step.  Where standard error is
+    no terminal, only that last line is written.
     """
     begun, last, live = time.perf_counter(), 0.0, sys.stderr.isatty()
 
@@ -30,7 +33,12 @@ def progress(what: str, unit: str = "") -> Iterator[Callable[[int, int], None]]:
         text = f"\r{what} [{bar:<{WIDTH}}] {done}/{total} {unit}, {left:.0f} s left "
         print(f"{text:<90}", end="", file=sys.stderr, flush=True)
 
-    yield report
+    def building() -> None:
+        if live:
+            print(f"\r{f'{what}: building kernels ...':<90}", end="", file=sys.stderr, flush=True)
+
+    with watching(building):
+        yield report
     start = "\r" if live else ""
     line = f"{what}: {time.perf_counter() - begun:.1f} s"
     print(f"{start}{line:<90}".rstrip(" ") if not live else f"{start}{line:<90}", file=sys.stderr)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lfcore.errors import DeviceError
-from lfcore.opencl import drivers
+from lfcore.opencl import drivers, program_cache
 
 drivers.prepare()
 
@@ -21,6 +21,8 @@ log = logging.getLogger(__name__)
 
 # The compiler's remarks on a successful build ("vectorization skipped") are of no use to a user.
 warnings.filterwarnings("ignore", category=cl.CompilerWarning)
+# Of pyopencl's own cache, which knows a processor by its name alone and is passed by.
+warnings.filterwarnings("ignore", message="Pre-build attribute access")
 
 KERNELS = Path(__file__).parent.parent
 SHARED_KERNELS = KERNELS / "tracing/kernels"
@@ -70,10 +72,19 @@ class Device:
 
 @functools.cache
 def usable_devices() -> tuple[cl.Device, ...]:
-    """Every device that can build a one-line kernel, GPUs first, then CPUs.
+    """Every device that can build a one-line kernel, CPUs first, then GPUs.
 
-    A driver that cannot is passed over with a line in the log that says why.
+    One that cannot is passed over with a line in the log that says why.
     """
+    found = tuple(device for device in _devices() if _is_usable(device))
+    if not found:
+        raise DeviceError("no OpenCL device can build a kernel", remedy=_REMEDY)
+    return found
+
+
+@functools.cache
+def _devices() -> list[cl.Device]:
+    """All devices that drivers offer, CPUs first."""
     try:
         platforms = cl.get_platforms()
     except cl.Error as error:
@@ -81,21 +92,21 @@ def usable_devices() -> tuple[cl.Device, ...]:
     found = []
     for platform in platforms:
         try:
-            devices = platform.get_devices()
+            found += platform.get_devices()
         except cl.Error as error:
             log.warning("OpenCL platform %s passed over: %s", platform.name, error)
-            continue
-        for device in devices:
-            try:
-                _compile(_context(device), "kernel void one(global int *x) { *x = 1; }", ())
-            except cl.Error as error:
-                reason = str(error).strip().splitlines()[0]
-                log.warning("OpenCL device %s passed over: %s", device.name, reason)
-            else:
-                found.append(device)
-    if not found:
-        raise DeviceError("no OpenCL device can build a kernel", remedy=_REMEDY)
-    return tuple(sorted(found, key=lambda device: device.type & cl.device_type.CPU))
+    return sorted(found, key=lambda device: not device.type & cl.device_type.CPU)
+
+
+@functools.cache
+def _is_usable(device: cl.Device) -> bool:
+    try:
+        _compile(_context(device), "kernel void one(global int *x) { *x = 1; }", (), ())
+    except cl.Error as error:
+        reason = str(error).strip().splitlines()[0]
+        log.warning("OpenCL device %s passed over: %s", device.name, reason)
+        return False
+    return True
 
 
 def open_device(
@@ -106,7 +117,7 @@ def open_device(
     Parameters
     ----------
     name : part of a device's or platform's name, upper or lower case; default the environment
-        variable ``LFCORE_DEVICE``, else the first GPU, else the first CPU.
+        variable ``LFCORE_DEVICE``, else the first CPU, else the first of all.
     threads : CPU threads to use; default ``LFCORE_THREADS``, else all of them.
     lanes : 1, 4, 8 or 16; default 1 on a GPU and the native float width on a CPU.
 
@@ -121,10 +132,17 @@ def open_device(
         lanes = min(16, max(4, device.native_vector_width_float)) if is_cpu else 1
     if lanes not in (1, 4, 8, 16):
         raise DeviceError(f"lanes must be 1, 4, 8 or 16, not {lanes}")
-    available = len(os.sched_getaffinity(0)) if is_cpu else 64 * device.max_compute_units
+    available = _processors() if is_cpu else 64 * device.max_compute_units
     threads = threads or _asked_threads() or available
     context = _context(device)
     return Device(device, context, cl.CommandQueue(context), lanes, min(threads, available))
+
+
+def _processors() -> int:
+    """Processors that this process may use; all there are where the system does not say."""
+    if hasattr(os, "sched_getaffinity"):  # not on macOS, nor on Windows
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _asked_threads() -> int:
@@ -140,12 +158,11 @@ def _asked_threads() -> int:
 
 
 def _choose(name: str | None) -> cl.Device:
+    for device in _devices():
+        if not name or name.lower() in f"{device.name} {device.platform.name}".lower():
+            if _is_usable(device):
+                return device
     devices = usable_devices()
-    if not name:
-        return devices[0]
-    for device in devices:
-        if name.lower() in f"{device.name} {device.platform.name}".lower():
-            return device
     known = ", ".join(f"{device.name.strip()} ({device.platform.name})" for device in devices)
     raise DeviceError(
         f"no OpenCL device is named like {name!r}", key="device", remedy=f"Found: {known}"
@@ -157,9 +174,8 @@ def build_program(
 ) -> cl.Program:
     """Build kernel ``files`` (paths below ``lfcore/``) with ``-D`` ``defines``.
 
-    Builds are cached on disk by pyopencl, keyed by source, included files and options, so that
-    a second job or run pays next to nothing, and within a process, so that a second tracer or
-    refocusing pays nothing.
+    Builds are kept on disk (:mod:`lfcore.opencl.program_cache`), so that a second job or run pays
+    next to nothing, and within a process, so that a second tracer or refocusing pays nothing.
 
     Raises
     ------
@@ -168,14 +184,12 @@ def build_program(
     values = {"LANES": device.lanes, **(defines or {})}
     options = [f"-D{key}={_literal(value)}" for key, value in sorted(values.items())]
     folders = {str((KERNELS / file).parent) for file in files} | {str(SHARED_KERNELS)}
-    # The loader strips no quotes on every platform, so paths go as separate arguments.
-    options += [part for folder in sorted(folders) for part in ("-I", folder)]
     if device.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
         options.append("-cl-fp32-correctly-rounded-divide-sqrt")
     source = "\n".join(f'#include "{Path(file).name}"' for file in files)
     source = f"#pragma OPENCL FP_CONTRACT OFF\n{source}\n"
     try:
-        return _compile(device.context, source, tuple(options))
+        return _compile(device.context, source, tuple(options), tuple(sorted(folders)))
     except cl.Error as error:
         raise DeviceError(f"building {', '.join(files)} failed: {error}") from None
 
@@ -187,8 +201,28 @@ def _context(device: cl.Device) -> cl.Context:
 
 
 @functools.lru_cache(maxsize=128)
-def _compile(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Program:
-    return cl.Program(context, source).build(options=list(options))
+def _compile(
+    context: cl.Context, source: str, options: tuple[str, ...], folders: tuple[str, ...]
+) -> cl.Program:
+    """A program of ``source``, whose includes are in ``folders``, from the cache or built."""
+    device = context.devices[0]
+
+    def load(binary: bytes) -> cl.Program | None:
+        try:
+            return cl.Program(context, [device], [binary]).build()
+        except cl.Error:
+            return None
+
+    def build() -> tuple[cl.Program, bytes]:
+        program = cl.Program(context, source)
+        program.int_ptr  # noqa: B018  (creates it past pyopencl's own cache)
+        # The loader strips no quotes on every platform, so paths go as separate arguments.
+        paths = [part for folder in folders for part in ("-I", folder)]
+        program.build(options=[*options, *paths])
+        return program, program.binaries[0]
+
+    name = program_cache.key(device, program_cache.expanded(source, folders), options)
+    return program_cache.cached(name, load, build)
 
 
 def _literal(value: object) -> str:

@@ -15,6 +15,8 @@ import sysconfig
 import tempfile
 from pathlib import Path
 
+from lfcore.opencl.program_cache import cache_home
+
 SYSTEM_VENDORS = Path("/etc/OpenCL/vendors")
 
 
@@ -63,8 +65,8 @@ def _loads(library: str) -> bool:
 def _write(entries: dict[str, str]) -> Path:
     """Write the vendor directory once per set of entries; safe against parallel jobs."""
     digest = hashlib.sha256(repr(sorted(entries.items())).encode()).hexdigest()[:16]
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    for root in (cache / "lfcore", Path(tempfile.gettempdir()) / f"lfcore-{os.getuid()}"):
+    user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
+    for root in (cache_home() / "lfcore", Path(tempfile.gettempdir()) / f"lfcore-{user}"):
         directory = root / f"opencl-vendors-{digest}"
         try:
             directory.mkdir(parents=True, exist_ok=True)

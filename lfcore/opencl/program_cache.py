@@ -1,0 +1,203 @@
+"""Built programs on disk, shared by all processes of a user and by machines that share a home.
+
+An entry's name is a digest of all that its binary depends on: source with what it includes,
+options, driver, its version, device, and the processor's instruction set.  So a processor never
+finds what was built for another.  An entry carries a digest of its contents: one that is damaged,
+cut short or refused by the driver is built again.  Where no folder can be written, programs are
+kept by the process alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import logging
+import os
+import platform
+import re
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+log = logging.getLogger(__name__)
+
+LIMIT_BYTES = 256 << 20
+"""Of all entries: those that were not used for longest make room for new ones."""
+_MAGIC = b"lfcore program 1\n"
+_DIGEST = hashlib.sha256().digest_size
+_INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
+_HELD = ("CL_CONFIG_", "POCL_", "PYOPENCL_BUILD_OPTIONS")
+"""Beginnings of variables by which a user tells a driver how to build."""
+
+
+def cache_home() -> Path:
+    """The user's folder for what can be made again."""
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
+    except RuntimeError:  # a user without a home
+        return Path(os.devnull)
+
+
+@functools.cache
+def folder() -> Path | None:
+    """Where entries are, made if need be; None, with a line in the log, where none can be."""
+    path = cache_home() / "lfcore" / "programs"
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=path).close()
+    except OSError as error:
+        log.warning(
+            "OpenCL programs are built anew by each process: no folder for them (%s). "
+            "Set XDG_CACHE_HOME to a folder that can be written",
+            error,
+        )
+        return None
+    return path
+
+
+@functools.cache
+def instruction_set() -> str:
+    """What the processor can execute, as far as the system tells; two kinds may share a name."""
+    with contextlib.suppress(OSError), open("/proc/cpuinfo", encoding="utf-8") as file:
+        for line in file:
+            if line.startswith(("flags", "Features")):
+                return " ".join(sorted(line.partition(":")[2].split()))
+    return f"{platform.machine()} {platform.processor()}"
+
+
+def expanded(source: str, folders: Sequence[str]) -> str:
+    """A source followed by every file that it includes, each once, found in ``folders``."""
+    texts, found = [source], set()
+    for text in texts:
+        for name in _INCLUDE.findall(text):
+            for folder in folders:
+                path = Path(folder) / name
+                if path not in found and path.is_file():
+                    found.add(path)
+                    texts.append(path.read_text(encoding="utf-8"))
+    return "\0".join(texts)
+
+
+def key(device, source: str, options: Sequence[str]) -> str:
+    """The name of an entry: ``source`` is expanded, ``device`` a pyopencl Device."""
+    held = [f"{k}={value}" for k, value in sorted(os.environ.items()) if k.startswith(_HELD)]
+    about = [
+        device.platform.name,
+        device.platform.version,
+        device.driver_version,
+        device.vendor,
+        device.name,
+        device.version,
+        instruction_set(),
+        *held,
+    ]
+    return hashlib.sha256("\0".join([*about, *options, source]).encode()).hexdigest()
+
+
+def cached(name: str, load: Callable[[bytes], object], build: Callable[[], tuple]) -> object:
+    """The program called ``name``: loaded from the cache, else built, by one process at a time.
+
+    Parameters
+    ----------
+    name : from :func:`key`.
+    load : makes a program of its binary; returns None for one that the driver refuses.
+    build : returns a program and its binary.
+    """
+    path = folder()
+    if path is None:
+        _tell()
+        return build()[0]
+    entry = path / f"{name}.bin"
+    program = _read(entry, load)
+    if program is None:
+        _tell()
+        with _alone(path / f"{name[:2]}.lock"):
+            program = _read(entry, load)  # of a process that was waited for
+            if program is None:
+                program, binary = build()
+                _write(entry, binary)
+    return program
+
+
+@contextlib.contextmanager
+def watching(tell: Callable[[], None]) -> Iterator[None]:
+    """Call ``tell`` whenever a program is about to be built, or waited for, in this process."""
+    _watchers.append(tell)
+    try:
+        yield
+    finally:
+        _watchers.remove(tell)
+
+
+_watchers: list[Callable[[], None]] = []
+
+
+def _tell() -> None:
+    for tell in list(_watchers):
+        tell()
+
+
+def _read(entry: Path, load: Callable[[bytes], object]) -> object | None:
+    try:
+        contents = entry.read_bytes()
+    except OSError:
+        return None
+    head = len(_MAGIC) + _DIGEST
+    binary, digest = contents[head:], contents[len(_MAGIC) : head]
+    if contents[: len(_MAGIC)] == _MAGIC and hashlib.sha256(binary).digest() == digest:
+        program = load(binary)
+        if program is not None:
+            with contextlib.suppress(OSError):
+                os.utime(entry)  # the last use, by which entries make room
+            return program
+    log.info("built program %s is damaged or foreign, and is built again", entry.name)
+    return None
+
+
+def _write(entry: Path, binary: bytes) -> None:
+    """Give an entry its name when it is whole; a full disk costs the entry alone."""
+    part = entry.with_name(f"{entry.stem}.{os.getpid()}.{id(binary):x}.part")
+    try:
+        part.write_bytes(_MAGIC + hashlib.sha256(binary).digest() + binary)
+        os.replace(part, entry)
+    except OSError as error:
+        log.warning("a built OpenCL program was not kept: %s", error)
+        with contextlib.suppress(OSError):
+            part.unlink()
+    _make_room(entry.parent, LIMIT_BYTES)
+
+
+def _make_room(path: Path, limit: int) -> None:
+    """Remove what was not used for longest until entries take less than three quarters of a limit.
+
+    What a killed process left half written counts as an entry.
+    """
+    entries = []
+    with contextlib.suppress(OSError), os.scandir(path) as files:
+        for file in files:
+            if file.name.endswith((".bin", ".part")):
+                with contextlib.suppress(OSError):
+                    about = file.stat()
+                    entries.append((about.st_mtime, about.st_size, file.path))
+    total = sum(size for _, size, _ in entries)
+    if total <= limit:
+        return
+    for _, size, name in sorted(entries):
+        with contextlib.suppress(OSError):
+            os.unlink(name)
+        total -= size
+        if total <= 0.75 * limit:
+            return
+
+
+@contextlib.contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Hold a lock that the system frees with the process; go on without where there are none."""
+    with contextlib.ExitStack() as held:
+        with contextlib.suppress(ImportError, OSError):
+            import fcntl
+
+            file = held.enter_context(open(path, "w", encoding="utf-8"))
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield

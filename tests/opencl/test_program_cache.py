@@ -1,0 +1,194 @@
+"""The cache of built programs: whose entries they are, what damage does, who builds, how large."""
+
+import logging
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from lfcore.opencl import device as devices
+from lfcore.opencl import program_cache
+from lfcore.opencl.device import cl, open_device
+
+SOURCE = "kernel void twice(global int *x) { *x *= 2; }"
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """An empty cache, which this process has not looked into."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    program_cache.folder.cache_clear()
+    yield tmp_path / "lfcore" / "programs"
+    program_cache.folder.cache_clear()
+
+
+def twice(device, source=SOURCE):
+    """21, doubled by a program that is not in this process's memory."""
+    devices._compile.cache_clear()
+    program = devices._compile(device.context, source, (), ())
+    number, buffer = np.array([21], np.int32), device.changed(np.array([21], np.int32))
+    cl.Kernel(program, "twice")(device.queue, (1,), None, buffer)
+    cl.enqueue_copy(device.queue, number, buffer)
+    return int(number[0])
+
+
+def entries(cache):
+    return sorted(cache.glob("*.bin"))
+
+
+def count_builds(monkeypatch):
+    built = []
+    tell = program_cache._tell
+    monkeypatch.setattr(program_cache, "_tell", lambda: (built.append(1), tell()))
+    return built
+
+
+def test_a_program_is_built_once_and_read_afterwards(device, cache, monkeypatch):
+    built = count_builds(monkeypatch)
+    assert [twice(device) for _ in range(3)] == [42] * 3
+    assert len(built) == len(entries(cache)) == 1
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda whole: b"",
+        lambda whole: whole[: len(whole) // 2],
+        lambda whole: whole[:-1] + bytes([whole[-1] ^ 1]),
+        lambda whole: b"another program's\n" + whole,
+    ],
+    ids=["empty", "half written", "a bit", "foreign"],
+)
+def test_damaged_entries_are_built_again(device, cache, monkeypatch, damage):
+    assert twice(device) == 42
+    (entry,) = entries(cache)
+    whole = entry.read_bytes()
+    entry.write_bytes(damage(whole))
+    built = count_builds(monkeypatch)
+    assert twice(device) == 42
+    assert len(built) == 1
+    assert program_cache._read(entry, lambda binary: binary) is not None, "it is whole again"
+
+
+def test_a_binary_that_the_driver_refuses_is_built_again(device, cache, monkeypatch):
+    assert twice(device) == 42
+    (entry,) = entries(cache)
+    program_cache._write(entry, b"no program of any driver's")
+    built = count_builds(monkeypatch)
+    assert twice(device) == 42
+    assert len(built) == 1
+
+
+def test_every_thing_that_a_binary_depends_on_is_in_its_name(device, cache, monkeypatch):
+    one = device.device
+
+    def names():
+        yield program_cache.key(one, SOURCE, ())
+        yield program_cache.key(one, SOURCE + " ", ())
+        yield program_cache.key(one, SOURCE, ("-DX=1",))
+        with monkeypatch.context() as patch:
+            patch.setattr(program_cache, "instruction_set", lambda: "avx2")
+            yield program_cache.key(one, SOURCE, ())
+        with monkeypatch.context() as patch:
+            patch.setenv("CL_CONFIG_CPU_TARGET_ARCH", "core-avx2")
+            yield program_cache.key(one, SOURCE, ())
+
+    assert len(set(names())) == 5
+    assert program_cache.instruction_set()
+
+
+def test_included_files_are_in_the_name_too(tmp_path):
+    (tmp_path / "a.cl").write_text('#include "b.cl"\n')
+    (tmp_path / "b.cl").write_text("int x;")
+    before = program_cache.expanded('#include "a.cl"', [str(tmp_path)])
+    assert "int x;" in before
+    (tmp_path / "b.cl").write_text("int y;")
+    assert program_cache.expanded('#include "a.cl"', [str(tmp_path)]) != before
+
+
+def test_without_a_folder_one_line_is_logged_and_programs_work(device, monkeypatch, caplog):
+    monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null")
+    program_cache.folder.cache_clear()
+    with caplog.at_level(logging.WARNING):
+        assert [twice(device), twice(device)] == [42, 42]
+    program_cache.folder.cache_clear()
+    assert [record.message for record in caplog.records if "no folder" in record.message] == [
+        line.message for line in caplog.records
+    ]
+    assert len(caplog.records) == 1
+
+
+def test_commands_run_without_a_home():
+    home = {"HOME": "/dev/null", "PATH": os.environ["PATH"]}
+    command = [sys.executable, "-m", "lfcore.cli", "devices"]
+    found = subprocess.run(command, env=home, capture_output=True, text=True, check=True)
+    assert found.stdout.startswith("*")
+    assert len(found.stderr.splitlines()) == 1 and "XDG_CACHE_HOME" in found.stderr
+
+
+BUILD_ONE = """
+import sys, time
+from pathlib import Path
+from lfcore.opencl import program_cache
+def build():
+    with open(sys.argv[1], "a") as log:
+        log.write("built\\n")
+    time.sleep(0.3)
+    return "program", b"binary"
+print(program_cache.cached("ab" * 32, lambda binary: binary.decode(), build))
+"""
+
+
+def test_of_many_processes_one_builds_and_the_others_wait(cache, tmp_path):
+    command = [sys.executable, "-c", BUILD_ONE, str(tmp_path / "log")]
+    running = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(5)]
+    found = sorted(process.communicate()[0].strip() for process in running)
+    assert found == ["binary"] * 4 + ["program"]
+    assert (tmp_path / "log").read_text() == "built\n"
+
+
+def test_entries_that_were_not_used_for_longest_make_room(cache, monkeypatch):
+    cache.mkdir(parents=True)
+    monkeypatch.setattr(program_cache, "LIMIT_BYTES", 10_000)
+    for number in range(20):
+        entry = cache / f"{number:02}.bin"
+        program_cache._write(entry, bytes(900))
+        os.utime(entry, (number, number))
+        if number > 4 and (cache / "03.bin").exists():
+            os.utime(cache / "03.bin", (number, number))  # in use all the time
+    left = [entry.name for entry in entries(cache)]
+    assert "03.bin" in left and "19.bin" in left and "00.bin" not in left
+    assert sum(entry.stat().st_size for entry in entries(cache)) <= 10_000
+
+
+def test_what_watches_is_told_before_a_program_is_built(device, cache):
+    told = []
+    with program_cache.watching(lambda: told.append(1)):
+        twice(device)
+        twice(device)
+    twice(device, SOURCE + " // another")
+    assert len(told) == 1
+
+
+def test_a_processor_is_the_default(monkeypatch):
+    class Kind:
+        def __init__(self, name, kind):
+            self.name, self.type, self.platform = name, kind, self
+
+        def get_devices(self):
+            return [self]
+
+    platforms = [Kind("fast", cl.device_type.GPU), Kind("plain", cl.device_type.CPU)]
+    monkeypatch.setattr(cl, "get_platforms", lambda: platforms)
+    monkeypatch.setattr(devices, "_devices", devices._devices.__wrapped__)
+    monkeypatch.setattr(devices, "_is_usable", lambda device: True)
+    assert devices._choose(None).name == "plain"
+    assert devices._choose("FAST").name == "fast"
+
+
+def test_threads_where_the_system_does_not_tell_which_processors_are_ours(monkeypatch):
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 7)
+    assert open_device().threads in (7, int(os.environ.get("LFCORE_THREADS") or 7))
