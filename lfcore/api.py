@@ -31,6 +31,7 @@ from lfcore.rendering.prepared import open_tracer, open_tracers, opened
 from lfcore.rendering.record import record_slab
 from lfcore.rendering.shutter import trace_shutter
 from lfcore.scene.build import build_scene
+from lfcore.scene.emitters import POINTS
 from lfcore.scene.files import load_scene as load_prepared
 from lfcore.scene.model import Scene
 from lfcore.storage.defaults import AUTO, codec_spec, frame_layout
@@ -39,7 +40,7 @@ Progress = Callable[[int, int], None]
 """Called with (done, of all), from any thread but one at a time."""
 
 
-def load_scene(path: str | Path) -> Scene:
+def load_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
     """The scene of any file that describes one.
 
     Parameters
@@ -47,13 +48,16 @@ def load_scene(path: str | Path) -> Scene:
     path : a ``scene.yaml`` or the folder that holds one, a mesh (GLB, OBJ, PLY, STL, ...), which
         gets a camera and a light, a ``.pbrt`` file, or a ``scene.npz`` of the workflow.  What a
         foreign format says and cannot be mapped exactly is in the scene's ``notes``.
+    light_points : point lights that stand for each area light of a pbrt scene.
 
     Raises
     ------
     SceneError : the file is missing or damaged, or says what makes no scene.
     """
     path = Path(path)
-    return load_prepared(path) if path.suffix.lower() == ".npz" else build_scene(path)
+    if path.suffix.lower() == ".npz":
+        return load_prepared(path)
+    return build_scene(path, light_points=light_points)
 
 
 def render(

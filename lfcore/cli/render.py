@@ -15,6 +15,7 @@ from lfcore.cli.command import add_command
 from lfcore.cli.progress import progress, say
 from lfcore.errors import OpticsError
 from lfcore.pictures import check_suffix
+from lfcore.scene.emitters import POINTS
 from lfcore.storage.pixels import PIXEL_FORMATS
 
 if TYPE_CHECKING:
@@ -78,13 +79,17 @@ def add_scene(command: argparse.ArgumentParser) -> None:
     command.add_argument("scene", type=Path, help="scene.yaml, its folder, a mesh or a .pbrt file")
     command.add_argument("--size", type=int, default=256, metavar="M", help="M x M pixels (256)")
     command.add_argument("--device", help="part of an OpenCL device's name")
+    command.add_argument(
+        "--light-points", type=int, default=POINTS, metavar="P",
+        help=f"points of each area light of a pbrt scene ({POINTS})",
+    )  # fmt: skip
 
 
-def load(path: Path) -> Scene:
+def load(path: Path, light_points: int = POINTS) -> Scene:
     """As :func:`lfcore.load_scene`; what could not be read exactly is told."""
     from lfcore.api import load_scene
 
-    scene = load_scene(path)
+    scene = load_scene(path, light_points=light_points)
     if scene.notes:
         say(scene.summary())
     return scene
@@ -107,7 +112,7 @@ def render(arguments: argparse.Namespace) -> None:
             "has neither aperture nor focus", key="--pinhole",
             remedy="Leave out --views, --f-number and --plane",
         )  # fmt: skip
-    scene = load(arguments.scene)
+    scene = load(arguments.scene, arguments.light_points)
     say_what_is_in(scene)
     if render_view.wants_film(arguments, scene):
         render_view.render_film(arguments, scene)
@@ -127,7 +132,7 @@ def trace(arguments: argparse.Namespace) -> None:
     from lfcore import api
 
     check_suffix(arguments.output, (".mkv",))
-    scene = load(arguments.scene)
+    scene = load(arguments.scene, arguments.light_points)
     say_what_is_in(scene)
     if render_view.wants_film(arguments, scene) and scene.view.kind == "lightfield":
         render_view.trace_film(arguments, scene)

@@ -14,6 +14,7 @@ from lfcore.scene import framing, procedural
 from lfcore.scene.assemble import assemble
 from lfcore.scene.colour import parse_colour
 from lfcore.scene.description import check, complete, read_description
+from lfcore.scene.emitters import POINTS
 from lfcore.scene.meshes import load_mesh, read_texture
 from lfcore.scene.model import DIRECTIONAL, POINT, Light, Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
@@ -25,13 +26,15 @@ from lfcore.scene.view import View, lightfield_view
 PBRT = (".pbrt", ".pbrt.gz")
 
 
-def build_scene(path: str | Path) -> Scene:
+def build_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
     """Read a scene and everything it names.
 
     Parameters
     ----------
     path : a ``scene.yaml``, the folder that holds one, a ``.pbrt`` file, or a mesh file, which
         is then a scene of its own with default camera, light and materials.
+    light_points : point lights that stand for one area light of a pbrt scene, see
+        :func:`~lfcore.scene.emitters.emitter_points`.
 
     Raises
     ------
@@ -42,7 +45,7 @@ def build_scene(path: str | Path) -> Scene:
     if path.is_dir():
         path = path / "scene.yaml"
     if path.name.lower().endswith(PBRT):
-        return _pbrt(path)
+        return _pbrt(path, light_points)
     if path.suffix.lower() in DESCRIPTIONS:
         description = read_description(path)
         name = description.get("name") or _default_name(path)
@@ -52,10 +55,10 @@ def build_scene(path: str | Path) -> Scene:
     return build(description, file=path, name=name)
 
 
-def _pbrt(path: Path) -> Scene:
+def _pbrt(path: Path, light_points: int) -> Scene:
     from lfcore.scene.pbrt import build_pbrt_scene  # a package of its own, seldom needed
 
-    scene = build_pbrt_scene(path)
+    scene = build_pbrt_scene(path, light_points=light_points)
     if scene.focus_distances_m:
         return scene
     distances = framing.default_focus_distances(scene.camera, scene.triangles)

@@ -292,20 +292,43 @@ def test_lights(read):
 
 
 def test_area_lights_send_what_they_should(read):
-    """Far away, the points of an area light add up to radiance times area."""
+    """The points of an area light add up to radiance times area, of a sphere to its disk."""
     quad = 'Shape "trianglemesh" "integer indices" [0 1 2 0 2 3] "point P" '
     quad += "[0 0 5  .1 0 5  .1 .1 5  0 .1 5]"
-    for shape, facing in (
-        (quad, 0.01),
-        ('Translate 0 0 5\nShape "sphere" "float radius" .1', math.pi * 0.01),
+    for shape, facing, number in (
+        (quad, 0.01, 16),
+        ('Translate 0 0 5\nShape "sphere" "float radius" .1', math.pi * 0.01, 12),
     ):
-        emitter = f'AreaLightSource "diffuse" "rgb L" [7 7 7]\n{shape}'
-        scene = read(emitter, area_light_points=16)
-        assert len(scene.lights) == 16
+        emitter = f'{TRIANGLE}\nAreaLightSource "diffuse" "rgb L" [7 7 7]\n{shape}'
+        scene = read(emitter, light_points=16)
+        assert len(scene.lights) == number
         total = sum(light.colour[0] for light in scene.lights) * math.pi
-        seen = 0.5 if "sphere" in shape else 1.0  # the other half is behind the horizon
-        assert total * seen == pytest.approx(7 * facing, rel=0.02)
+        assert total == pytest.approx(7 * facing, rel=2e-3)
         assert scene.materials[0].emission == (7, 7, 7)
+        # Emitters come first, and are their lights' own.
+        own = {light.own for light in scene.lights}
+        assert own == {(0, (scene.material_ids == 0).sum())}
+
+
+def test_both_sides_of_an_emitter_shine(read):
+    quad = 'Shape "trianglemesh" "integer indices" [0 1 2 0 2 3] "point P" '
+    quad += "[0 0 5  .1 0 5  .1 .1 5  0 .1 5]"
+    scene = read(f'AreaLightSource "diffuse" "bool twosided" true\n{quad}', light_points=6)
+    assert sorted(light.normal[2] for light in scene.lights) == [-1] * 6 + [1] * 6
+
+
+def test_light_of_what_moves_has_its_triangles(read):
+    moving = "AttributeBegin\nActiveTransform EndTime\nTranslate 1 0 0\nActiveTransform All\n"
+    moving += 'AreaLightSource "diffuse"\nTranslate 0 0 5\nShape "sphere"\nAttributeEnd\n'
+    scene = read(moving + TRIANGLE)
+    (motion,) = scene.motions
+    assert {light.own for light in scene.lights} == {(motion.first, scene.triangle_count)}
+
+
+@pytest.mark.parametrize("points", [0, 5000])
+def test_how_many_points_there_may_be(read, points):
+    with pytest.raises(SceneError, match=r"light_points.*Give 1 to"):
+        read(TRIANGLE, light_points=points)
 
 
 def test_spectra(read):

@@ -67,8 +67,8 @@ def test_what_has_a_counterpart_is_there(scene):
     names = {material.name for material in scene.materials}
     assert len(names) == len(scene.materials) == 8
     kinds = [light.kind for light in scene.lights]
-    # A point, a spot and the four points of the area light; one distant light.
-    assert (kinds.count(POINT), kinds.count(DIRECTIONAL)) == (6, 1)
+    # A point, a spot and the twelve points of the area light; one distant light.
+    assert (kinds.count(POINT), kinds.count(DIRECTIONAL)) == (14, 1)
     np.testing.assert_allclose(scene.ambient, [0.3, 0.35, 0.4], rtol=1e-6)
     assert len(scene.textures) == 2
     (mixed,) = (k for k, name in enumerate(m.name for m in scene.materials) if "blend" in name)

@@ -6,22 +6,25 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.scene.assemble import assemble
+from lfcore.errors import SceneError
+from lfcore.scene.assemble import assemble, sound
+from lfcore.scene.emitters import POINTS
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
-from lfcore.scene.notes import LEFT_OUT, Notebook
+from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
 from lfcore.scene.parts import Part, merge
 from lfcore.scene.pbrt.interpreter import Interpreter, Item
-from lfcore.scene.pbrt.lights import AREA_LIGHT_POINTS
 from lfcore.scene.pbrt.parser import read_directives
 from lfcore.scene.pbrt.shapes import TOLERANCE
+
+MOST_LIGHT_POINTS = 1024
 
 
 def build_pbrt_scene(
     path: str | Path,
     *,
     tolerance: float = TOLERANCE,
-    area_light_points: int = AREA_LIGHT_POINTS,
+    light_points: int = POINTS,
 ) -> Scene:
     """Read a pbrt scene of version 3, or of version 4 where the same words mean the same.
 
@@ -29,7 +32,8 @@ def build_pbrt_scene(
     ----------
     path : the .pbrt file (``.pbrt.gz`` too).
     tolerance : of curved shapes, as a share of their radius.
-    area_light_points : point lights that stand for one area light.
+    light_points : point lights that stand for one shape of an area light, and side if it has two;
+        :func:`~lfcore.scene.emitters.emitter_points` says with what error.
 
     Raises
     ------
@@ -37,11 +41,21 @@ def build_pbrt_scene(
     """
     path = Path(path)
     notebook = Notebook()
-    interpreter = Interpreter(path.parent, notebook, tolerance, area_light_points)
+    if not 1 <= light_points <= MOST_LIGHT_POINTS:
+        raise SceneError(
+            f"cannot stand for an area light: {light_points} points",
+            key="light_points",
+            remedy=f"Give 1 to {MOST_LIGHT_POINTS}",
+        )
+    interpreter = Interpreter(path.parent, notebook, tolerance, light_points)
     interpreter.run(read_directives(path, notebook))
-    parts, moving = _parts(interpreter, notebook)
-    static = merge(parts)
+    static, moving, emitters = _parts(interpreter, notebook)
     geometry = assemble(static + [part for part, _ in moving], np.eye(4))
+    moves = motions(geometry, static, moving)
+    for motion, (part, _), item in zip(moves, moving, emitters, strict=True):
+        if item is not None:
+            notebook.add(APPROXIMATED, item.place, "light of what moves: from shutter open's pose")
+            interpreter.light(item, part.triangles, (motion.first, motion.first + motion.count))
     rig = interpreter.rig
     return Scene(
         name=path.name.removesuffix(".gz").removesuffix(".pbrt"),
@@ -59,28 +73,42 @@ def build_pbrt_scene(
         dropped=geometry.dropped,
         view=interpreter.view,
         notes=notebook.notes(),
-        motions=motions(geometry, static, moving),
+        motions=moves,
     )
 
 
 def _parts(interpreter: Interpreter, notebook: Notebook):
-    """Parts in camera space: those at rest, and those that move with their two poses."""
-    parts: list[Part] = []
+    """Parts in camera space: those at rest, those that move with their two poses, and of these the
+    items of which glow.  Lights of what rests are added.
+
+    Emitters at rest come first, each a part of its own, so that lights can name their triangles.
+    """
+    lamps: list[Part] = []
+    others: list[Part] = []
     moving: list[Moving] = []
+    emitters: list[Item | None] = []
+    first = 0
     for item in interpreter.items:
         poses = tuple(interpreter.world_to_camera @ matrix for matrix in item.matrices)
         part = _place(interpreter, item, poses[0])
-        interpreter.light(item, part.triangles)
+        glows = any(item.emission)
+        rests = np.array_equal(poses[0], poses[1])
+        if part.surface is not None and not rests and is_rigid(*poses):
+            moving.append((part, poses))
+            emitters.append(item if glows else None)
+            continue
         if part.surface is None:
             notebook.add(LEFT_OUT, item.place, "a shape whose material is no surface")
-        elif np.array_equal(poses[0], poses[1]):
-            parts.append(part)
-        elif is_rigid(*poses):
-            moving.append((part, poses))
-        else:
+        elif not rests:
             notebook.add(LEFT_OUT, item.place, "motion that is not rigid: shutter open's pose")
-            parts.append(part)
-    return parts, moving
+        count = 0
+        if part.surface is not None:
+            (lamps if glows else others).append(part)
+            count = int(sound(part.triangles)[0].sum()) if glows else 0
+        if glows:
+            interpreter.light(item, part.triangles, (first, first + count))
+            first += count
+    return lamps + merge(others), moving, emitters
 
 
 def _place(interpreter: Interpreter, item: Item, to_camera: np.ndarray) -> Part:

@@ -223,7 +223,7 @@ class Interpreter:
         self.notebook.add(
             APPROXIMATED,
             directive.place,
-            f"{parameters.owner}: {self.light_points} point lights a shape, without a cosine",
+            f"{parameters.owner}: {self.light_points} point lights a shape and side",
         )
         for name in ("samples", "nsamples"):
             parameters.get(name)
@@ -263,12 +263,10 @@ class Interpreter:
             matrices = tuple(outer @ inner for outer, inner in pair)
             self.items.append(replace(item, matrices=matrices, emission=(0.0, 0.0, 0.0)))
 
-    def light(self, item: Item, triangles: np.ndarray) -> None:
-        """Add the point lights of an emitting item; ``triangles`` in camera space."""
-        if any(item.emission):
-            add_area_light(
-                self.rig, triangles, np.array(item.emission), item.two_sided, self.light_points
-            )
+    def light(self, item: Item, triangles: np.ndarray, own: tuple[int, int]) -> None:
+        """Add the lights of an emitting item; of ``triangles`` in camera space."""
+        emission = np.array(item.emission)
+        add_area_light(self.rig, triangles, emission, item.two_sided, self.light_points, own)
 
     def uvs(self, item: Item) -> tuple[np.ndarray | None, object]:
         """Texture coordinates of an item (None without texture) and its surface."""

@@ -7,21 +7,16 @@ here is pbrt's over pi: a matte surface of reflectance Kd then has pbrt's radian
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lfcore.scene.emitters import emitter_points
 from lfcore.scene.model import DIRECTIONAL, POINT, Light
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
 from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet
 from lfcore.scene.pbrt.spectra import parameter_rgb
 from lfcore.scene.pbrt.textures import TextureTable, read_picture
-
-# Point lights that stand for one area light.
-AREA_LIGHT_POINTS = 4
-# An area light's points float above its surface by this share of its size, so that the
-# emitter does not shadow its own light.
-_LIFT = 1e-3
 
 
 @dataclass
@@ -124,41 +119,22 @@ def _infinite(rig, parameters, textures, notebook) -> None:
 
 
 def add_area_light(
-    rig: LightRig, triangles: np.ndarray, radiance: np.ndarray, two_sided: bool, points: int
+    rig: LightRig,
+    triangles: np.ndarray,
+    radiance: np.ndarray,
+    two_sided: bool,
+    count: int,
+    own: tuple[int, int],
 ) -> None:
-    """Let ``points`` point lights stand for an emitting surface.
+    """Let point lights stand for an emitting surface, ``count`` for each side.
 
-    ``triangles`` (T, 3, 3) is in camera space, front side counter-clockwise.  Points are spread
-    over the area at equal shares.  A point light cannot follow a cosine, so together they carry
-    what a far receiver gets: the radiance times the area facing it, which is the whole area of
-    a flat emitter seen along its normal and, by Cauchy, a quarter of a closed convex surface --
-    of whose points it sees half.
+    ``triangles`` (T, 3, 3) is in camera space, front side counter-clockwise; ``own`` are the first
+    of them in the scene and that after the last.
     """
-    edge = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    double_area = np.linalg.norm(edge, axis=1)
-    area = double_area.sum() / 2
-    if not area > 0:
+    points = emitter_points(triangles, count, two_sided=two_sided)
+    if points is None:
         return
-    flatness = np.linalg.norm(edge.sum(0)) / double_area.sum()  # 1 flat, 0 closed
-    # What a receiver must get from all points together, and the share of points it sees.
-    projected = area * (flatness + (1 - flatness) / 4)
-    seen = 1.0 if two_sided or flatness > 0.5 else 0.5
-    intensity = radiance * projected / (points * seen)
-    size = np.ptp(triangles.reshape(-1, 3), axis=0).max()
-    for position, normal in _spread(triangles, edge, double_area, points):
-        lifted = position + _LIFT * size * normal
-        rig.lights.append(Light(POINT, tuple(lifted.tolist()), _over_pi(intensity), 1.0))
-
-
-def _spread(triangles, edge, double_area, points):
-    """Positions and unit normals of points at equal shares of the area (stratified, no seed)."""
-    cumulative = np.cumsum(double_area) / double_area.sum()
-    golden = (math.sqrt(5) - 1) / 2
-    for index in range(points):
-        share = (index + 0.5) / points
-        face = min(int(np.searchsorted(cumulative, share)), len(triangles) - 1)
-        a = math.sqrt((0.5 + index * golden) % 1.0) if len(triangles) <= 2 * points else 0.8165
-        b = (0.5 + index * golden * golden) % 1.0
-        first, second, third = triangles[face]
-        position = (1 - a) * first + a * (1 - b) * second + a * b * third
-        yield position, edge[face] / max(double_area[face], 1e-300)
+    for position, normal, area in zip(*vars(points).values(), strict=True):
+        x, y, z = position.tolist()
+        light = Light(POINT, (x, y, z), _over_pi(radiance * area), 1.0)
+        rig.lights.append(replace(light, normal=tuple(normal.tolist()), own=own))

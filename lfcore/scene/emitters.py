@@ -1,0 +1,187 @@
+"""Surfaces that glow as point lights: where the points are and what each is worth.
+
+A surface of radiance L with normals n gives a point of another surface, of normal n', whose way to
+a place x of the first has the direction w, the irradiance
+
+    E = L  integral of  max(-n . w, 0) max(n' . w, 0) / |x|^2  dA
+
+which is summed over a few points with weights of area, each with its cosine ``-n . w``.
+
+A whole sphere needs no cosines.  Seen from outside, where no horizon cuts it, it gives what a point
+of intensity L pi r^2 in its middle gives, and so does every spherical shell about that middle
+(Newton's theorem: the field is harmonic).  Twelve points in the corners of an icosahedron are a
+shell up to terms of order 6 in the shell's radius over the distance (a spherical 5-design:
+Delsarte, Goethals and Seidel, "Spherical codes and designs", 1977).  Its radius is sqrt(3/4) r, so
+that the points have the second moments of the disk that the sphere shows: so wide is the penumbra.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+POINTS = 12
+"""Of an emitter, unless asked otherwise."""
+# A flat emitter's points stand off it by this share of its size: no surface holds a light.
+LIFT = 1e-4
+SAMPLES_A_POINT = 128
+_ROUNDS = 30
+# A tessellated sphere: corners this close to it, and so little area lost by its chords.
+_ROUND, _AREA_LOST = 1e-3, 0.03
+_FLAT = 1e-6
+_SHELL = math.sqrt(0.75)
+
+
+@dataclass(frozen=True, eq=False)
+class EmitterPoints:
+    """``positions`` (P, 3); ``normals`` (P, 3) unit, or zero: shine to all sides; ``areas`` (P,).
+
+    The intensity of a point is the radiance times its area, times the cosine where it has a normal.
+    """
+
+    positions: np.ndarray
+    normals: np.ndarray
+    areas: np.ndarray
+
+
+def emitter_points(
+    triangles: np.ndarray, count: int = POINTS, *, two_sided: bool = False
+) -> EmitterPoints | None:
+    """Points that stand for a surface that glows on the side where corners run counter-clockwise.
+
+    Parameters
+    ----------
+    triangles : (T, 3, 3) float64.
+    count : points; of a whole sphere the most of 1, 4, 6 and 12 that it allows.
+    two_sided : glows on both sides, with ``count`` points for each.
+
+    Returns
+    -------
+    None for a surface without area.  With the default of 12 points, irradiance where no part is
+    beyond the receiver's horizon is right to 2% from a diameter on before a disk, a side before a
+    square, half a diameter above a sphere; the error falls with the square of the distance, of a
+    sphere with its sixth power, and with the number of points on a flat surface.  Surfaces that are
+    neither are right to 20% from a diameter on, to 5% with 48 points.
+    """
+    triangles = np.asarray(triangles, np.float64)
+    double = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    length = np.linalg.norm(double, axis=1)
+    if not length.sum() > 0:
+        return None
+    sphere = None if two_sided else _as_sphere(triangles, double, length)
+    if sphere is not None:
+        corners = _design(count)
+        middle, radius = sphere
+        areas = np.full(len(corners), math.pi * radius**2 / len(corners))
+        return EmitterPoints(middle + _SHELL * radius * corners, np.zeros_like(corners), areas)
+    one = _spread(triangles, double, length, count)
+    if not two_sided:
+        return one
+    other = _spread(triangles[:, [0, 2, 1]], -double, length, count)
+    pair = zip(vars(one).values(), vars(other).values(), strict=True)
+    return EmitterPoints(*(np.concatenate(both) for both in pair))
+
+
+def _as_sphere(triangles, double, length) -> tuple[np.ndarray, float] | None:
+    """Middle and radius of a closed sphere that glows outward; None of anything else."""
+    if np.linalg.norm(double.sum(0)) > _FLAT * length.sum():
+        return None
+    corners = triangles.reshape(-1, 3)
+    shift = corners.mean(0)
+    around = corners - shift
+    # |p|^2 = 2 c . p + r^2 - |c|^2 for every corner p.
+    left = np.concatenate([2 * around, np.ones((len(around), 1))], axis=1)
+    solved, _, rank, _ = np.linalg.lstsq(left, (around**2).sum(1), rcond=None)
+    if rank < 4:
+        return None
+    middle = solved[:3]
+    radius = math.sqrt(max(solved[3] + middle @ middle, 0.0))
+    off = np.abs(np.linalg.norm(around - middle, axis=1) - radius).max()
+    lost = 1 - length.sum() / 2 / (4 * math.pi * radius**2)
+    outward = (double * (triangles.mean(1) - shift - middle)).sum()
+    if off > _ROUND * radius or not -1e-6 < lost < _AREA_LOST or outward <= 0:
+        return None
+    return middle + shift, radius
+
+
+def _design(count: int) -> np.ndarray:
+    """(P, 3) unit: corners of the largest regular solid of at most ``count`` corners; 0 for one."""
+    if count >= 12:
+        golden = (1 + math.sqrt(5)) / 2
+        plane = np.array([[0, y, z] for y in (1, -1) for z in (golden, -golden)])
+        corners = np.concatenate([np.roll(plane, turn, axis=1) for turn in range(3)])
+        return corners / math.hypot(1, golden)
+    if count >= 6:
+        return np.concatenate([np.eye(3), -np.eye(3)])
+    if count >= 4:
+        return np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / math.sqrt(3)
+    return np.zeros((1, 3))
+
+
+def _spread(triangles, double, length, count: int) -> EmitterPoints:
+    """Points of patches alike in area, place and direction, by Lloyd's algorithm."""
+    from scipy.spatial import cKDTree  # slow to import, and few scenes glow
+
+    total = length.sum() / 2
+    positions, faces = _samples(triangles, length, count * SAMPLES_A_POINT)
+    normals = double[faces] / length[faces][:, None]
+    size = float(np.linalg.norm(np.ptp(positions, axis=0)))
+    places = np.concatenate([positions / size, normals / 2], axis=1)
+    middles = places[_far_apart(places, count)]
+    for _ in range(_ROUNDS):
+        nearest = cKDTree(middles).query(places)[1]
+        shares = np.bincount(nearest, minlength=len(middles))
+        sums = np.stack([np.bincount(nearest, axis, len(middles)) for axis in places.T], axis=1)
+        middles = sums / shares[:, None]
+    nearest = cKDTree(middles).query(places)[1]
+    weights = np.bincount(nearest, minlength=len(middles)) / len(places)
+    # Each patch is seen from a point of its own, on one face: a mean would lie off the surface.
+    chosen = cKDTree(places).query(middles)[1]
+    points, normals = positions[chosen], normals[chosen]
+    if np.linalg.norm(double.sum(0)) > (1 - _FLAT) * length.sum():
+        weights = _balanced(points, weights, positions)
+    return EmitterPoints(points + LIFT * size * normals, normals, weights * total)
+
+
+def _samples(triangles, length, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """(number, 3) points spread evenly over the area, and their triangles (number,)."""
+    cumulative = np.cumsum(length) / length.sum()
+    shares = (np.arange(number) + 0.5) / number
+    faces = np.minimum(np.searchsorted(cumulative, shares), len(triangles) - 1)
+    # The additive recurrence R2 of M. Roberts, "The unreasonable effectiveness of quasirandom
+    # sequences", 2018.
+    plastic = 1.32471795724474602596
+    a, b = ((0.5 + np.arange(number) / plastic**power) % 1 for power in (1, 2))
+    root = np.sqrt(a)
+    weights = np.stack([1 - root, root * (1 - b), root * b], axis=-1)
+    return (weights[:, :, None] * triangles[faces]).sum(1), faces
+
+
+def _far_apart(places: np.ndarray, count: int) -> list[int]:
+    """Each the farthest from those before it; fewer than ``count`` where no more differ."""
+    chosen = [0]
+    distance = ((places - places[0]) ** 2).sum(1)
+    while len(chosen) < count and distance.max() > 0:
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, ((places - places[chosen[-1]]) ** 2).sum(1))
+    return chosen
+
+
+def _balanced(points, weights, positions) -> np.ndarray:
+    """Weights of a flat surface's points, changed least so that moments up to the second agree."""
+    middle = positions.mean(0)
+    axes = np.linalg.svd(positions - middle, full_matrices=False)[2][:2]
+    size = np.abs(positions - middle).max()
+
+    def moments(at):
+        x, y = axes @ (at - middle).T / size
+        return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+
+    rows, wanted = moments(points), moments(positions).mean(1)
+    if np.linalg.matrix_rank(rows) < len(rows):
+        return weights
+    change = np.linalg.lstsq((rows * weights) @ rows.T, wanted - rows @ weights, rcond=None)[0]
+    balanced = weights + weights * (rows.T @ change)
+    return balanced if (balanced > 0).all() else weights
