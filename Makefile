@@ -5,7 +5,8 @@
 #   make fuzz SECONDS=600    hostile inputs for ten minutes: a table of what came of them
 #   make faults KILLS=100      kills, full disks, missing folders: the same results afterwards
 #   make smoke     the same pipeline, tiny: what continuous integration runs
-#   make lint      formatting and static checks
+#   make lint      formatting, layers and types
+#   make wheel     the wheel, installed and tried in an empty environment
 #   make digests   the table of bits that every processor is held to: after a change that means to change bits
 #   make sweep SWEEP=config/sweeps/crf.tsv    one run for each row of a sweep
 #   make clean     forget results; make distclean forgets the environment, too
@@ -24,7 +25,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: tables test fuzz faults smoke sweep lint format digests clean distclean pins
+.PHONY: tables test fuzz faults smoke sweep lint wheel format digests clean distclean pins
 .DELETE_ON_ERROR:
 
 tables: $(VENV)/installed
@@ -49,7 +50,17 @@ lint: $(VENV)/installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/snakefmt --check Snakefile workflow
+	$(BIN)/lint-imports
+	$(BIN)/mypy
 	$(BIN)/snakemake --lint
+
+# The wheel, in an empty environment of its own, without what the workflow needs.
+wheel: | $(VENV)/bin/python
+	rm -rf build/wheel && mkdir -p build/wheel
+	$(PIP) wheel --no-deps --wheel-dir build/wheel .
+	$(PYTHON) -m venv build/wheel/venv
+	PIP_CONSTRAINT= build/wheel/venv/bin/python -m pip --quiet --disable-pip-version-check install build/wheel/*.whl
+	cd build/wheel && venv/bin/python $(CURDIR)/.ci/try_wheel.py
 
 format: $(VENV)/installed-dev
 	$(BIN)/ruff check --fix .
@@ -62,12 +73,12 @@ $(VENV)/bin/python:
 
 $(VENV)/installed: pyproject.toml constraints.txt | $(VENV)/bin/python
 	@echo "Installing the pinned packages into $(VENV) ..."
-	PIP_CONSTRAINT=constraints.txt $(PIP) install --editable .
+	PIP_CONSTRAINT=constraints.txt $(PIP) install --editable '.[workflow]'
 	@touch $@
 
 $(VENV)/installed-dev: $(VENV)/installed
 	@echo "Installing the test tools into $(VENV) ..."
-	PIP_CONSTRAINT=constraints.txt $(PIP) install --editable '.[dev]'
+	PIP_CONSTRAINT=constraints.txt $(PIP) install --editable '.[workflow,dev]'
 	@touch $@
 
 digests: $(VENV)/installed-dev
@@ -78,7 +89,7 @@ pins: $(VENV)/installed-dev
 	$(BIN)/python -m workflow.pins
 
 clean:
-	rm -rf results logs .snakemake .pytest_cache .hypothesis .ruff_cache
+	rm -rf results logs build .snakemake .pytest_cache .hypothesis .ruff_cache
 
 distclean: clean
 	rm -rf $(VENV)

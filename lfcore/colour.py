@@ -14,11 +14,12 @@ PEAK = 255.0
 
 def srgb_encode(linear: np.ndarray | float) -> np.ndarray:
     """Display values of linear light, both in [0, 1] (clipped); float32 is kept, else float64."""
-    linear = np.clip(floating(linear), 0, 1)
+    light = np.clip(floating(linear), 0, 1)
+    kind = light.dtype.type
     with np.errstate(under="ignore"):
-        power = linear ** linear.dtype.type(1 / 2.4)
-    curve = power * linear.dtype.type(1.055) - linear.dtype.type(0.055)
-    return np.where(linear <= 0.0031308, linear * linear.dtype.type(12.92), curve)
+        power = light ** kind(1 / 2.4)
+    curve = power * kind(1.055) - kind(0.055)
+    return np.where(light <= 0.0031308, light * kind(12.92), curve)
 
 
 def srgb_decode(encoded: np.ndarray | float) -> np.ndarray:
@@ -26,13 +27,13 @@ def srgb_decode(encoded: np.ndarray | float) -> np.ndarray:
 
     ``encoded`` is float32, kept, uint8 codes, which give float32, or else taken as float64.
     """
-    encoded = np.asarray(encoded)
-    if encoded.dtype == np.uint8:
-        return _LINEAR_OF_CODE[encoded]
-    encoded = np.clip(floating(encoded), 0, 1)
-    kind = encoded.dtype.type
-    curve = ((encoded + kind(0.055)) * kind(1 / 1.055)) ** kind(2.4)
-    return np.where(encoded <= 0.04045, encoded * kind(1 / 12.92), curve)
+    given = np.asarray(encoded)
+    if given.dtype == np.uint8:
+        return _LINEAR_OF_CODE[given]
+    shown = np.clip(floating(given), 0, 1)
+    kind = shown.dtype.type
+    curve = ((shown + kind(0.055)) * kind(1 / 1.055)) ** kind(2.4)
+    return np.where(shown <= 0.04045, shown * kind(1 / 12.92), curve)
 
 
 def display_values(picture: np.ndarray) -> np.ndarray:

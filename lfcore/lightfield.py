@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +64,8 @@ class LightField(LightFieldFile):
 
         Raises :class:`OpticsError`, naming file and key, for what was not recorded.
         """
-        camera = self.require_slab().camera
+        slab = self.require_slab()
+        camera = slab.camera
         if focus_m is not None or f_number is not None or keep_magnification:
             self.require_metric("focus_m" if focus_m is not None else "f_number")
         if disparity_px is not None:
@@ -80,8 +82,8 @@ class LightField(LightFieldFile):
             keep_magnification,
         )
         try:
-            plane.check(self.slab)
-            plane.aperture(self.slab)
+            plane.check(slab)
+            plane.aperture(slab)
         except OpticsError as error:
             raise OpticsError(
                 error.problem, file=self.path, key=error.key, remedy=error.remedy
@@ -98,7 +100,7 @@ class LightField(LightFieldFile):
         filter: str = "nearest",
         device: Device | str | None = None,
         progress: Progress | None = None,
-        **more,
+        **more: Any,
     ) -> np.ndarray:
         """One picture, (M, M, 3) float32, linear light.
 
@@ -148,7 +150,7 @@ class LightField(LightFieldFile):
         fast: bool = False,
         device: Device | str | None = None,
         progress: Progress | None = None,
-        **more,
+        **more: Any,
     ) -> np.ndarray:
         """A focal stack, an aperture stack or both, from one pass over the file.
 
@@ -169,8 +171,8 @@ class LightField(LightFieldFile):
         """
         planes = [
             self.plane(distance, number, aperture, **more)
-            for distance in (focus_m or [None])
-            for number in (f_numbers or [None])
+            for distance in (focus_m or (None,))
+            for number in (f_numbers or (None,))
         ]
         if fast:
             return focal_stack(self, planes, device=device, progress=progress)
@@ -274,14 +276,21 @@ class LightField(LightFieldFile):
                 "--baseline, --field-of-view and --focus",
             )
 
-    def _refocus(self, planes, method, filter, device, progress) -> np.ndarray:
+    def _refocus(
+        self,
+        planes: Sequence[SensorPlane],
+        method: str,
+        filter: str,
+        device: Device | str | None,
+        progress: Progress | None,
+    ) -> np.ndarray:
         if not 1 <= len(planes) <= MOST_PLANES:
             raise OpticsError(
                 f"{len(planes)} planes were asked for",
                 file=self.path,
                 remedy=f"Ask for 1 to {MOST_PLANES} at a time",
             )
-        if method == "slicing" and self.slab.extent and filter == "nearest":
+        if method == "slicing" and self.require_slab().extent and filter == "nearest":
             method = "shift-sum"  # the same sums, and it knows of grids in part
         if method == "shift-sum":
             return shift_sum(

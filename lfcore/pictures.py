@@ -67,7 +67,7 @@ def write_pictures(named: Sequence[tuple[str | Path, np.ndarray]], *, half: bool
             file.sync()
 
 
-def _writer(path: Path, half: bool) -> Callable[[WholeFile, np.ndarray], None]:
+def _writer(path: Path, half: bool) -> Callable[[WholeFile, np.ndarray], object]:
     suffix = path.suffix.lower()
     if suffix == ".npy":
         return lambda file, picture: np.save(file, picture, allow_pickle=False)

@@ -34,25 +34,34 @@ dependencies:
 
 # What a job needs is less than what a developer needs.
 DEVELOPMENT = {
+    "ast-serialize",
     "black",
     "drjit",
     "embreex",
     "execnet",
+    "grimp",
     "h5py",
     "hypothesis",
+    "import-linter",
     "iniconfig",
+    "librt",
     "lxml",
+    "markdown-it-py",
+    "mdurl",
     "mitsuba",
+    "mypy",
     "mypy-extensions",
     "pathspec",
     "pluggy",
     "pytest",
     "pytest-xdist",
     "pytokens",
+    "rich",
     "ruff",
     "shfmt-py",
     "snakefmt",
     "sortedcontainers",
+    "types-pyyaml",
 }
 
 

@@ -176,9 +176,8 @@ class CameraArray:
 
     def pixel_tangents(self) -> tuple[np.ndarray, np.ndarray]:
         """(w,) x of columns and (h,) y of rows, float64, at pixel centres."""
-        return tuple(
-            (np.arange(count) - (count - 1) / 2.0) * self.pixel_pitch for count in self.tile
-        )
+        x, y = ((np.arange(n) - (n - 1) / 2.0) * self.pixel_pitch for n in self.tile)
+        return x, y
 
     def origins(self) -> np.ndarray:
         """(Ny, Nx, 3) float64: O of every data camera, metres."""

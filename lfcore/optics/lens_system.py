@@ -168,7 +168,7 @@ class LensSystem:
         for k in range(len(self.radius_m) - 1, -1, -1):
             hit, normal, met = self._meet(k, o, d)
             alive &= met & ((hit[:, :2] ** 2).sum(1) <= self.aperture_m[k] ** 2)
-            if self.radius_m[k]:
+            if normal is not None:
                 ahead = 1.0 if k == 0 else self.index[k - 1]
                 bent, passed = _refract(d, normal, self.index[k] / ahead)
                 alive &= passed
@@ -176,7 +176,9 @@ class LensSystem:
             o = np.where(alive[:, None], hit, o)
         return o, d, alive
 
-    def _meet(self, k: int, o: np.ndarray, d: np.ndarray):
+    def _meet(
+        self, k: int, o: np.ndarray, d: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
         """Points, unit normals against the ray, and whether surface k is met at all."""
         vertex, radius = self.positions_m[k], self.radius_m[k]
         if radius == 0:

@@ -117,7 +117,8 @@ def distinct_masks(slab: Slab, planes: list[SensorPlane]) -> tuple[np.ndarray, n
     """(masks, N, N) uint8 0 / 255, no two alike, and for each plane which of them it uses."""
     found: dict[bytes, int] = {}
     openings: dict[Aperture, int] = {}
-    stack, which = [], np.zeros(len(planes), np.int64)
+    stack: list[np.ndarray] = []
+    which = np.zeros(len(planes), np.int64)
     for row, plane in enumerate(planes):
         opening = plane.aperture(slab)
         if opening not in openings:
@@ -137,7 +138,7 @@ def block_kinds(masks: np.ndarray) -> np.ndarray:
     padded = np.zeros((count, blocks * BLOCK, blocks * BLOCK), bool)
     padded[:, :size, :size] = masks > 0
     cells = padded.reshape(count, blocks, BLOCK, blocks, BLOCK)
-    return cells.any(axis=(2, 4)).astype(np.uint8) + cells.all(axis=(2, 4))
+    return np.asarray(cells.any(axis=(2, 4)).astype(np.uint8) + cells.all(axis=(2, 4)))
 
 
 def beam_targets(moves: np.ndarray, group: int, span: int) -> np.ndarray:

@@ -134,7 +134,7 @@ def _lens_cells(count: int, pitch: float, aperture: Aperture) -> LensCells:
     return LensCells(np.stack(middle, 1), np.stack(extent, 1), share)
 
 
-def _moment(member, inside, weight, axis: int) -> np.ndarray:
+def _moment(member: np.ndarray, inside: np.ndarray, weight: np.ndarray, axis: int) -> np.ndarray:
     """(rows, columns) sum of ``weight`` of the points of each cell along x (0) or y (1)."""
     weighted = inside * (weight[None, :] if axis == 0 else weight[:, None])
     return member @ weighted @ member.T

@@ -10,6 +10,7 @@ parameter is depth.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -112,6 +113,10 @@ class Slab:
     def from_json(cls, data: dict) -> Slab:
         extent = data.get("extent")
         if extent is not None:
-            columns, rows = ([int(n) for n in extent[key]] for key in ("views", "pixels"))
-            extent = Extent(tuple(columns), tuple(rows))
+            extent = Extent(_rectangle(extent["views"]), _rectangle(extent["pixels"]))
         return cls(Camera(**data["camera"]), int(data["views"]), int(data["pixels"]), extent)
+
+
+def _rectangle(numbers: Sequence[float]) -> Rectangle:
+    column, row, columns, rows = (int(number) for number in numbers)
+    return column, row, columns, rows

@@ -254,4 +254,4 @@ def focal_stack(
         field.require_slab(), planes, tolerance_px=tolerance_px, device=device
     )
     add_frames(summer, field, progress)
-    return crop(field.slab, summer.pictures()) * np.float32(field.white)
+    return crop(field.require_slab(), summer.pictures()) * np.float32(field.white)

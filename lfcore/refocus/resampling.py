@@ -76,7 +76,7 @@ def normalise(slab: Slab, plane: SensorPlane, filter: str, sums: np.ndarray) -> 
     the same light over more pixels.
     """
     if plane.normalise == "lens":
-        weight = np.float64(slab.views_held().sum() * plane.magnification(slab) ** 2)
+        weight = np.asarray(slab.views_held().sum() * plane.magnification(slab) ** 2, np.float64)
     else:
         weight = coverage(slab, plane, filter)
         weight = np.where(weight > 1e-9, weight, np.inf)

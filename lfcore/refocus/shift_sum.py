@@ -21,7 +21,7 @@ from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.resampling import check_filter, crop, normalise, taps
-from lfcore.refocus.stored_views import add_frames
+from lfcore.refocus.stored_views import TakesViews, add_frames
 from lfcore.storage.lightfield import LightFieldFile
 
 GROUP_BYTES = 64 << 20
@@ -178,7 +178,7 @@ class _Batch:
 def zeroed(device: Device, nbytes: int) -> cl.Buffer:
     """A buffer of zeros; nothing of its size is needed on the host."""
     buffer = device.empty(nbytes)
-    cl.enqueue_fill_buffer(device.queue, buffer, np.uint32(0), 0, nbytes)
+    cl.enqueue_fill_buffer(device.queue, buffer, np.zeros(1, np.uint32), 0, nbytes)
     return buffer
 
 
@@ -262,7 +262,7 @@ def shift_sum(
     device = device if isinstance(device, Device) else open_device(device)
     summer = ViewSummer(field.require_slab(), planes, filter=filter, device=device)
     add_frames(summer, field, progress)
-    return ShiftSum(crop(field.slab, summer.pictures()), time.perf_counter() - begun)
+    return ShiftSum(crop(field.require_slab(), summer.pictures()), time.perf_counter() - begun)
 
 
 def shift_sum_views(
@@ -283,7 +283,7 @@ def shift_sum_views(
     return summer.pictures()
 
 
-def add_views(summer: ViewSummer, slab: Slab, views: np.ndarray) -> None:
+def add_views(summer: TakesViews, slab: Slab, views: np.ndarray) -> None:
     """Add those of all views (N, N, M, M, 3) that ``summer`` wants, some at a time.
 
     Raises :class:`OpticsError` when their shape is not the slab's.

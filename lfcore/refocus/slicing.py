@@ -18,6 +18,7 @@ from lfcore.optics.plane_tables import view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.strip_tables import STRIP, StripTables, strip_tables, table_words
+from lfcore.storage.layout import Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.plane_buffers import PlaneBuffers
 
@@ -40,7 +41,7 @@ class PlaneFormer:
     """
 
     def __init__(
-        self, slab: Slab, tile, planes: Sequence[SensorPlane], device: Device | None = None
+        self, slab: Slab, tile: Tile, planes: Sequence[SensorPlane], device: Device | None = None
     ):
         for plane in planes:
             plane.check(slab)
@@ -100,7 +101,7 @@ class PlaneFormer:
         return self._sums.collect()
 
 
-def _strips(slab: Slab, planes: list[SensorPlane], tile) -> StripTables:
+def _strips(slab: Slab, planes: list[SensorPlane], tile: Tile) -> StripTables:
     right, bottom = tile.column + tile.columns, tile.row + tile.rows
     return strip_tables(slab, planes, tile.column, tile.row, right, bottom)
 
@@ -110,7 +111,7 @@ def form_planes(
     planes: Sequence[SensorPlane],
     *,
     threads: int | None = None,
-    device: str | None = None,
+    device: Device | str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Retrieval:
     """Form ``planes`` from a stored light field (Algorithm 4), whole segments side by side.
@@ -119,7 +120,7 @@ def form_planes(
     ----------
     source : a light field file, open or its name.
     threads : segments decoded at a time, each by one thread that also forms its planes.
-    device : name of the OpenCL device.
+    device : the OpenCL device, or part of its name.
     progress : called with (frames done, frames in all), from any thread but one at a time.
 
     Raises
@@ -137,19 +138,22 @@ def form_planes(
     for plane in planes:
         plane.check(slab)
     begun = time.perf_counter()
+    name = device.device.name if isinstance(device, Device) else device
+    if isinstance(device, Device):
+        threads = threads or device.threads
     count = _Progress(progress, sum(part.frames for part in field.segments))
-    threads = max(1, min(threads or open_device(device).threads, len(field.segments)))
+    threads = max(1, min(threads or open_device(name).threads, len(field.segments)))
     local = threading.local()
 
     def one(index: int) -> Retrieval:
         if not hasattr(local, "device"):
-            local.device = open_device(device, threads=1)
+            local.device = open_device(name, threads=1)
         return _form_segment(field, index, planes, local.device, count)
 
     with ThreadPoolExecutor(threads) as pool:
         parts = list(pool.map(one, [part.index for part in field.segments]))
     return Retrieval(
-        total(field.slab, list(planes), (part.sums for part in parts)),
+        total(slab, list(planes), (part.sums for part in parts)),
         seconds=time.perf_counter() - begun,
         decode_seconds=sum(part.decode_seconds for part in parts),
         plane_seconds=sum(part.plane_seconds for part in parts),
@@ -190,7 +194,7 @@ def _form_segment(
     count: _Progress,
 ) -> Retrieval:
     part = field.metadata.segments[index]
-    former = PlaneFormer(field.slab, part.tile, planes, device)
+    former = PlaneFormer(field.require_slab(), part.tile, planes, device)
     chunk = max(1, CHUNK_BYTES // field.layout.frame_bytes)
     begun, forming, first = time.perf_counter(), 0.0, 0
     for frames in field.frames(index, chunk=chunk, reuse=True):

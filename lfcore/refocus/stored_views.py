@@ -74,22 +74,24 @@ class FrameSummer:
             raster = np.lexsort((elements[:, 0], elements[:, 1]))
             self._add_macropixels(buffer, places[raster], tile)
 
-    def _add_views(self, frames, elements, places) -> None:
+    def _add_views(self, frames: cl.Buffer, elements: np.ndarray, places: np.ndarray) -> None:
         wanted = self._is_open[elements[:, 1], elements[:, 0]]
         elements, places = elements[wanted], places[wanted]
-        places[:, 1:3] += np.int32(self._pixels[:2])
+        places[:, 1:3] += np.array(self._pixels[:2], np.int32)
         step = self.summer.group_size(*self._pixels[2:])
         for start in range(0, len(elements), step):
             part = slice(start, start + step)
             self._unpack(frames, places[part], elements[part], self._pixels)
 
-    def _add_macropixels(self, frames, places, tile) -> None:
+    def _add_macropixels(self, frames: cl.Buffer, places: np.ndarray, tile: Tile) -> None:
         region = (tile.column, tile.row, tile.columns, tile.rows)
         step = self.summer.group_size(tile.columns, tile.rows)
         for start in range(0, len(self._open), step):
             self._unpack(frames, places, self._open[start : start + step], region)
 
-    def _unpack(self, frames, places, samples, region) -> None:
+    def _unpack(
+        self, frames: cl.Buffer, places: np.ndarray, samples: np.ndarray, region: tuple
+    ) -> None:
         device, layout = self.summer.device, self.layout
         (width, height), count = region[2:], len(samples)
         views = device.empty(12 * count * width * height)

@@ -45,7 +45,7 @@ class _Collector:
             raise OpticsError(
                 f"lens samples are from (0, 0) to ({columns - 1}, {rows - 1})", file=field.path
             )
-        samples = samples + np.int32([column, row])
+        samples = samples + np.array([column, row], np.int32)
         self.device, self.open_samples = device or open_device(), samples
         self.views = np.zeros((len(samples), height, width, 3), np.float32)
         self._place = {tuple(sample): k for k, sample in enumerate(samples.tolist())}

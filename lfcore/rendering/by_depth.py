@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -38,7 +38,9 @@ def trace_by_depth(
     return slicer.pictures()
 
 
-def traced_views(tracer: Tracer, views: ViewSet, pixels: int):
+def traced_views(
+    tracer: Tracer, views: ViewSet, pixels: int
+) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
     """Yield (part, light, depth) of a few views at a time, for pictures of so many pixels.
 
     ``light`` is (K, S, S, 3) and ``depth`` (K, S, S) float32, valid until the next is asked for.

@@ -38,7 +38,8 @@ def trace_planes(
         tracing = tracer.trace_tile(slab, tile, planes, frames=False, progress=count)
         for _ in tracing:
             pass
-        parts.append(tracing.plane_sums)
+        if tracing.plane_sums is not None:
+            parts.append(tracing.plane_sums)
         done += tile.element_count
     return total(slab, list(planes), parts).pictures()
 

@@ -11,7 +11,7 @@ from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera, sub_apertures
 from lfcore.refocus.shift_sum import shift_sum_views
-from lfcore.storage.layout import FrameLayout
+from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.ycbcr import rgb_from_planes
 from lfcore.tracing.tracer import Tracer
 
@@ -52,7 +52,7 @@ def photograph(
     return out
 
 
-def _block_corners(tile, samples: int) -> dict[int, tuple[int, int, int, int]]:
+def _block_corners(tile: Tile, samples: int) -> dict[int, tuple[int, int, int, int]]:
     """Where each frame of a tile lies in the photograph: column, row, width, height in pixels."""
     elements = tile.elements()
     frames = tile.placement(elements)[:, 0]

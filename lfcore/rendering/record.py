@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+
+import numpy as np
 
 from lfcore.files import draft_folder
 from lfcore.optics.slab import Slab
@@ -16,6 +18,7 @@ from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentWriter
+from lfcore.tracing.tile import Chunk
 from lfcore.tracing.tracer import Tracer
 
 TILE_RAYS = 1 << 27
@@ -98,7 +101,7 @@ def record_tile(
     only take the encoder's core from it.
     """
     layout, tracing = tile.layout, tracer.trace_tile(slab, tile, progress=progress)
-    frames = (chunk.frames for chunk in tracing)
+    frames: Iterator[np.ndarray] = (chunk.frames for chunk in tracing)
     if not tracer.device.is_cpu:
         frames = _copied_ahead(tracing)
     with SegmentWriter(segment, spec, layout.frame_width, layout.frame_height) as writer:
@@ -138,16 +141,16 @@ class _Elements:
         return report
 
 
-def _copied_ahead(tracing):
+def _copied_ahead(tracing: Iterable[Chunk]) -> Iterator[np.ndarray]:
     """Frames of a tile, traced by one thread while the other encodes those before."""
-    chunks, end = iter(tracing), object()
+    chunks = iter(tracing)
 
-    def following():
-        chunk = next(chunks, end)
-        return chunk if chunk is end else chunk.frames.copy()
+    def following() -> np.ndarray | None:
+        chunk = next(chunks, None)
+        return None if chunk is None else chunk.frames.copy()
 
     with ThreadPoolExecutor(1) as pool:
         coming = pool.submit(following)
-        while (frames := coming.result()) is not end:
+        while (frames := coming.result()) is not None:
             coming = pool.submit(following)
             yield frames

@@ -46,7 +46,8 @@ def expose(
     of ``times``, with one hierarchy.  Else every instant has a hierarchy of its own.
     ``progress`` is called with (instants done, instants).
     """
-    instants, total, tracer = shutter_times(times, seed), 0.0, None
+    instants, tracer = shutter_times(times, seed), None
+    total: np.ndarray = np.zeros(())
     view = scene.view
     moves = scene.motions and not (view and view.shutter[0] == view.shutter[1])
     for index, instant in enumerate(instants):

@@ -6,8 +6,10 @@ import hashlib
 import io
 import json
 import math
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -42,12 +44,13 @@ def scene_digest(scene: Scene) -> str:
     return hashlib.sha256(stream.getbuffer()).hexdigest()
 
 
-def _write(file, scene: Scene) -> None:
+def _write(file: Any, scene: Scene) -> None:
     arrays = {name: np.ascontiguousarray(getattr(scene, name), ARRAYS[name][0]) for name in ARRAYS}
     for index, texture in enumerate(scene.textures):
         arrays[f"texture_{index:04d}"] = np.ascontiguousarray(texture, np.uint8)
     header = json.dumps(_header(scene), sort_keys=True).encode()
-    np.savez(file, header=np.frombuffer(header, np.uint8), **arrays)
+    named: dict[str, Any] = {"header": np.frombuffer(header, np.uint8), **arrays}
+    np.savez(file, **named)
 
 
 def _header(scene: Scene) -> dict:
@@ -86,7 +89,7 @@ def load_scene(path: str | Path) -> Scene:
     return _read(path, lambda archive: _scene(archive, path))
 
 
-def _read(path: str | Path, reader):
+def _read(path: str | Path, reader: Callable[[Any], Any]) -> Any:
     try:
         with np.load(path, allow_pickle=False) as archive:
             return reader(archive)
@@ -108,14 +111,14 @@ def _damaged(path: str | Path, error: Exception | str) -> SceneError:
     )
 
 
-def _parse_header(archive, path: str | Path) -> dict:
+def _parse_header(archive: Any, path: str | Path) -> dict:
     header = json.loads(archive["header"].tobytes())
     if header.get("format") != FORMAT:
         raise _damaged(path, f"format {header.get('format')!r} instead of {FORMAT!r}")
     return header
 
 
-def _scene(archive, path: str | Path) -> Scene:
+def _scene(archive: Any, path: str | Path) -> Scene:
     header = _parse_header(archive, path)
     arrays = {name: archive[name] for name in ARRAYS}
     for name, (dtype, shape) in ARRAYS.items():

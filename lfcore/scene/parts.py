@@ -7,6 +7,7 @@ turns the list into the flat arrays of a :class:`~lfcore.scene.model.Scene`.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +64,7 @@ class Part:
             normals = normals @ (cofactor * np.sign(np.linalg.det(matrix[:3, :3]) or 1.0)).T
         return replace(self, triangles=triangles, normals=normals)
 
-    def with_surface(self, **changes) -> Part:
+    def with_surface(self, **changes: Any) -> Part:
         return replace(self, surface=replace(self.surface, **changes))
 
 

@@ -81,7 +81,7 @@ def perspective_view(
     camera = thin_lens(2 * math.tan(math.radians(fov_deg) / 2), lens_radius_m, focus_distance_m)
     array = CameraArray.single(fov_deg, film)
     return View(
-        PERSPECTIVE, camera, array, tuple(film), shutter, lens_radius_m, samples_per_pixel
+        PERSPECTIVE, camera, array, (film[0], film[1]), shutter, lens_radius_m, samples_per_pixel
     )  # fmt: skip
 
 
@@ -121,5 +121,5 @@ def lightfield_view(
     widest = max(abs(bound) for bound in grid_bounds_m)
     camera = thin_lens(array.field_width, widest, math.inf)
     return View(
-        LIGHTFIELD, camera, array, tuple(film), shutter, samples_per_pixel=samples_per_pixel
+        LIGHTFIELD, camera, array, (film[0], film[1]), shutter, samples_per_pixel=samples_per_pixel
     )  # fmt: skip

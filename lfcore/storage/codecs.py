@@ -85,8 +85,9 @@ class CodecSpec:
         """The same at another preset, with all that a preset decides left to it."""
         if preset == self.preset:
             return self
-        own = {"bframes": None, "refs": None, "lookahead": None, "extra": ()}
-        return replace(self, preset=preset, **own)
+        return replace(
+            self, preset=preset, bframes=None, refs=None, lookahead=None, extra=()
+        )  # fmt: skip
 
     @property
     def lossless(self) -> bool:

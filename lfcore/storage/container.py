@@ -11,7 +11,7 @@ import av
 
 from lfcore import __version__
 from lfcore.errors import StorageError
-from lfcore.files import whole_file
+from lfcore.files import WholeFile, whole_file
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.decoding import FRAME_RATE, ticks_per_frame
@@ -57,7 +57,8 @@ def join_segments(
         raise StorageError(f"{len(files)} segments for {len(tiles)} tiles", file=path)
     readers = [SegmentReader(file) for file in files]
     header = _header(readers[0])
-    parts, reorder = [], 0
+    parts: list[Segment] = []
+    reorder = 0
     for reader, tile in zip(readers, tiles, strict=True):
         info = reader.info()
         _check(reader, info, tile, layout, header, readers[0].codec)
@@ -119,7 +120,13 @@ def _check(
         )
 
 
-def _mux(file, readers: list[SegmentReader], metadata: Metadata, reorder: int, progress) -> None:
+def _mux(
+    file: WholeFile,
+    readers: list[SegmentReader],
+    metadata: Metadata,
+    reorder: int,
+    progress: Callable[[int, int], None],
+) -> None:
     output = av.open(file, "w", format="matroska", options=MUXER_OPTIONS)
     with readers[0].open() as template:
         # opaque: by codec parameters; else FFmpeg looks for an encoder of the decoder's name.
@@ -133,7 +140,7 @@ def _mux(file, readers: list[SegmentReader], metadata: Metadata, reorder: int, p
             crc = zlib.crc32(packet, crc)
             # In the segment's own unit of time; the muxer goes over to milliseconds, exactly.
             ticks = ticks or ticks_per_frame(packet.time_base)
-            packet.pts += part.first * ticks
+            packet.pts = (packet.pts or 0) + part.first * ticks
             packet.dts, packet.duration = (position - reorder) * ticks, ticks
             packet.stream = stream
             output.mux_one(packet)

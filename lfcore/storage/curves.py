@@ -51,7 +51,7 @@ def _hilbert_square(side: int) -> np.ndarray:
     while half < side:
         first = curve[:, ::-1]
         last = np.stack([2 * half - 1 - curve[:, 1], half - 1 - curve[:, 0]], axis=1)
-        up, across = np.int32([0, half]), np.int32([half, half])
+        up, across = np.array([0, half], np.int32), np.array([half, half], np.int32)
         curve = np.concatenate([first, curve + up, curve + across, last]).astype(np.int32)
         half *= 2
     return curve

@@ -26,8 +26,10 @@ class DecodeCount:
     frames: int = 0
 
 
-def ticks_per_frame(time_base: Fraction) -> int:
+def ticks_per_frame(time_base: Fraction | None) -> int:
     """Units of ``time_base`` from one frame to the next; 0 when that is no whole number."""
+    if not time_base:
+        return 0
     ticks = 1 / (time_base * FRAME_RATE)
     return ticks.numerator if ticks.denominator == 1 else 0
 
@@ -97,7 +99,9 @@ class FrameRun:
         out = aligned_frames(frames, self.form.frame_bytes(self.width, self.height))
         return out, self.form.views(out, self.width, self.height)
 
-    def _frames(self, context, packets: Iterable[av.Packet]) -> Iterator[av.VideoFrame]:
+    def _frames(
+        self, context: av.VideoCodecContext, packets: Iterable[av.Packet]
+    ) -> Iterator[av.VideoFrame]:
         try:
             for packet in packets:
                 yield from context.decode(packet)

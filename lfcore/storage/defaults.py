@@ -108,12 +108,13 @@ What follows from it:
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from lfcore.errors import StorageError
 from lfcore.storage.codecs import CODECS, CodecSpec
 from lfcore.storage.layout import FrameLayout
 
-QUICK = {
+QUICK: dict[str, Any] = {
     "preset": "veryfast",
     "bframes": 8,
     "refs": 3,
@@ -121,7 +122,7 @@ QUICK = {
     "extra": (("trellis", "1"),),
 }
 """Settings of H.264 in the middle of the range of N."""
-_SETTINGS = (
+_SETTINGS: tuple[tuple[int, dict[str, Any]], ...] = (
     # views up to, and what is set
     (16, {"crf": 30.0, "preset": "medium", "bframes": 8}),
     (32, {"crf": 30.0} | QUICK),
@@ -208,7 +209,7 @@ def codec_spec(
             preset=OTHER_PRESETS.get(codec) if preset == AUTO else preset,
             gop=best.gop,
         )
-    given = {"pixel_format": pixel_format, "crf": crf, "tune": tune}
+    given: dict[str, Any] = {"pixel_format": pixel_format, "crf": crf, "tune": tune}
     spec = replace(spec, **{key: value for key, value in given.items() if value != AUTO})
     return replace(spec, preset=None, tune=None) if spec.lossless else spec
 

@@ -88,7 +88,9 @@ def scan(
         raise StorageError(f"cannot be read: {error.strerror or error}", file=path) from error
 
 
-def _scan(file: BinaryIO, path: Path, size: int, clusters: bool, progress) -> Structure:
+def _scan(
+    file: BinaryIO, path: Path, size: int, clusters: bool, progress: Callable[[int, int], None]
+) -> Structure:
     found = Structure(size)
     position = _head(file, path, found)
     while position < size:
@@ -191,6 +193,8 @@ def _intact(file: BinaryIO, element: Element) -> bool | None:
     if not element.summed:
         return None
     first = _header(file, start)
+    if first is None:
+        return False
     expected = int.from_bytes(file_range(file, *first[1:]), "little")
     crc, position = 0, first[2]
     while position < element.stop:

@@ -135,7 +135,7 @@ class FrameLayout:
         if bands * pieces < least:
             bands = min(blocks, least)
             pieces = min(blocks, -(-least // bands))
-        tiles = []
+        tiles: list[Tile] = []
         for top, bottom in _spans(blocks, bands, self.pack, self.outer):
             for left, right in _spans(blocks, pieces, self.pack, self.outer):
                 tiles.append(self.tile(left, top, right - left, bottom - top, len(tiles)))
@@ -204,7 +204,7 @@ class Tile:
         cells = (self._scan[:, None] * np.int32(pack) + slots).reshape(-1, 2)
         if self.columns % pack or self.rows % pack:
             cells = cells[(cells[:, 0] < self.columns) & (cells[:, 1] < self.rows)]
-        return cells + np.int32([self.column, self.row])
+        return cells + np.array([self.column, self.row], np.int32)
 
     def placement(self, elements: np.ndarray) -> np.ndarray:
         """(E, 3) int32 [frame within the tile, x0, y0] of outer coordinates (E, 2).
@@ -212,7 +212,9 @@ class Tile:
         (x0, y0) is the corner of the element's inner grid within the frame, in pixels.
         Raises :class:`StorageError` for elements outside the tile.
         """
-        local = np.asarray(elements, np.int32).reshape(-1, 2) - np.int32([self.column, self.row])
+        local = np.asarray(elements, np.int32).reshape(-1, 2) - np.array(
+            [self.column, self.row], np.int32
+        )
         if local.size and (local.min() < 0 or (local >= [self.columns, self.rows]).any()):
             raise StorageError("elements lie outside the tile", key="tile")
         block, slot = np.divmod(local, np.int32(self.layout.pack))

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import zlib
 from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import av
 import numpy as np
@@ -274,7 +274,7 @@ class LightFieldFile:
         """
         shape = (outer[3] - outer[1], outer[2] - outer[0], inner[3] - inner[1], inner[2] - inner[0])
         out = np.zeros((*shape, 3), np.uint8)
-        corner = np.int32(outer[:2])
+        corner = np.array(outer[:2], np.int32)
         for part in self.segments:
             if not part.tile.overlaps(*outer):
                 continue
@@ -284,15 +284,18 @@ class LightFieldFile:
             inside = (elements >= corner).all(1) & (elements < outer[2:]).all(1)
             elements = elements[inside]
             places = part.tile.placement(elements)
-            for frames, which in self._needed(part, places[:, 0]):
+            for frames, places_of, which in self._needed(part, places[:, 0]):
                 column, line = (elements[which] - corner).T
-                out[line, column] = windows(self.layout, *frames, places[which, 1:], inner)
+                found = windows(self.layout, frames, places_of, places[which, 1:], inner)
+                out[line, column] = found
         return out
 
-    def _needed(self, part: Segment, numbers: np.ndarray) -> Iterator[tuple]:
+    def _needed(
+        self, part: Segment, numbers: np.ndarray
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, slice]]:
         """Decode the frames ``numbers`` (ascending), some at a time.
 
-        Gives ((frames of one chunk, index into them of each element), slice of ``numbers``).
+        Gives (frames of one chunk, index into them of each element, slice of ``numbers``).
         """
         wanted = np.unique(numbers)
         step = max(1, CHUNK_BYTES // self.layout.frame_bytes)
@@ -310,11 +313,11 @@ class LightFieldFile:
             for chunk in self.frames(part.index, first, int(wanted[stop - 1]) + 1, chunk=step):
                 low, high = np.searchsorted(numbers, (first, first + len(chunk)))
                 if low < high:
-                    yield (chunk, numbers[low:high] - first), slice(low, high)
+                    yield chunk, numbers[low:high] - first, slice(low, high)
                 first += len(chunk)
             start = stop
 
-    def _packets(self, part: Segment, first: int) -> Iterator:
+    def _packets(self, part: Segment, first: int) -> Generator[Any]:
         """First (decoder, ticks a frame), then packets from a key frame at or before ``first``."""
         container = self._take_container(first)
         try:

@@ -160,8 +160,9 @@ class Metadata:
         _check_types(data)
         layout = FrameLayout.from_json(data["layout"])
         segments = []
-        for index, (*tile, first, frames, size, crc) in enumerate(data["segments"]):
-            part = layout.tile(*tile, index)
+        for index, numbers in enumerate(data["segments"]):
+            column, row, columns, rows, first, frames, size, crc = numbers
+            part = layout.tile(column, row, columns, rows, index)
             segments.append(Segment(index, part, first, frames, size, crc))
         slab = Slab.from_json(data["slab"]) if data["slab"] is not None else None
         found = cls(
@@ -250,11 +251,12 @@ def check_cover(
     whole = sum(tile.element_count for tile in tiles) == columns * rows
     boxes = np.array([tile.to_json() for tile in tiles]).reshape(-1, 4)
     low, high = boxes[:, :2], boxes[:, :2] + boxes[:, 2:]
-    whole &= (low >= [column, row]).all() and (high <= [column + columns, row + rows]).all()
+    whole &= bool((low >= [column, row]).all())
+    whole &= bool((high <= [column + columns, row + rows]).all())
     for index in range(len(tiles) - 1):
         later = slice(index + 1, None)
         meets = (low[later] < high[index]).all(1) & (low[index] < high[later]).all(1)
-        whole &= not meets.any()
+        whole &= not bool(meets.any())
     if not whole:
         raise StorageError(
             f"the tiles do not cover the {columns} x {rows} elements exactly once",

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import av
 import numpy as np
+from numpy.typing import DTypeLike
 
 from lfcore.storage.pixels import PixelFormat
 
@@ -71,5 +74,5 @@ def copy_out(frame: av.VideoFrame, form: PixelFormat, planes: list[np.ndarray], 
         target[at] = source
 
 
-def _array(plane, shape: tuple, strides: tuple, dtype) -> np.ndarray:
+def _array(plane: Any, shape: tuple, strides: tuple, dtype: DTypeLike) -> np.ndarray:
     return np.ndarray(shape, dtype, buffer=plane, strides=strides)

@@ -9,10 +9,12 @@ from __future__ import annotations
 import sys
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from types import TracebackType
+from typing import cast
 
 import av
 import numpy as np
@@ -61,9 +63,10 @@ class SegmentWriter:
         try:
             with self._named_errors():
                 self._output = av.open(file, "w", format="mp4")
-                self._stream = self._output.add_stream(
+                stream = self._output.add_stream(
                     self.spec.codec, FRAME_RATE, width=self.width, height=self.height
                 )
+                self._stream = cast(av.VideoStream, stream)
                 self._configure(self._stream.codec_context)
                 self._output.start_encoding()
         except BaseException:
@@ -84,7 +87,7 @@ class SegmentWriter:
             options["chroma_sample_location"] = "center"
         context.options = options
 
-    def _named_errors(self):
+    def _named_errors(self) -> AbstractContextManager[None]:
         return named_errors(self.path, f"encoding with {self.spec.codec}")
 
     def write(self, frames: np.ndarray) -> None:
@@ -109,7 +112,12 @@ class SegmentWriter:
                 self._output.mux_one(packet)
             self._output.close()
 
-    def __exit__(self, kind, error, trace) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         if kind is None:
             try:
                 self._finish()

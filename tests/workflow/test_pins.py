@@ -23,7 +23,8 @@ def constraints():
 
 def required():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    everything = project["dependencies"] + project["optional-dependencies"]["dev"]
+    extras = project["optional-dependencies"]
+    everything = project["dependencies"] + extras["workflow"] + extras["dev"]
     return {canonical(re.match(r"[A-Za-z0-9._-]+", text)[0]) for text in everything}
 
 

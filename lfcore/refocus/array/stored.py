@@ -97,6 +97,7 @@ def read_stored(
     """
     slab, (columns, rows) = field.metadata.slab, field.grid
     array = field.array if slab is None else CameraArray.from_slab(slab)
+    assert array is not None  # a file holds one or the other
     samples = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).reshape(-1, 2)
     views = read_views(field, samples, device=device, progress=progress)
     image = array.mosaic(views.reshape(rows, columns, *views.shape[1:]))

@@ -70,7 +70,7 @@ class VirtualCamera:
         for axis, angle in enumerate(np.radians(rotation_deg)):
             turn = turn @ _axis_rotation(axis, float(angle))
         place = FLIP @ np.asarray(position, np.float64)
-        return cls(place, FLIP @ turn @ FLIP, fov_deg, tuple(size), lens_radius_m)
+        return cls(place, FLIP @ turn @ FLIP, fov_deg, (size[0], size[1]), lens_radius_m)
 
     @property
     def pixel_pitch(self) -> float:

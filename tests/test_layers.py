@@ -1,0 +1,41 @@
+"""Imports go one way, as .importlinter says, which names each package and what it may not see."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_each_package_imports_only_those_below_it():
+    linter = Path(sys.executable).with_name("lint-imports")
+    done = subprocess.run([linter], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout[-3000:]
+    assert "4 kept, 0 broken" in done.stdout
+
+
+def test_a_forbidden_import_is_found(tmp_path):
+    """The check can fail: a scene that imports the store."""
+    package = tmp_path / "lfcore"
+    for name in ("scene", "storage"):
+        (package / name).mkdir(parents=True)
+        (package / name / "__init__.py").touch()
+    (package / "__init__.py").touch()
+    (package / "scene" / "model.py").write_text("import lfcore.storage\n")
+    layers = (ROOT / ".importlinter").read_text()
+    layers = layers.replace("exhaustive = True", "exhaustive = False")
+    optional = ("cli", "evaluation", "api", "lightfield", "rendering", "refocus", "tracing",
+                "opencl", "optics", "pictures", "exr", "colour | files", "errors")  # fmt: skip
+    for name in optional:
+        inside = " | ".join(f"({part})" for part in name.split(" | "))
+        layers = layers.replace(f"\n    {name}\n", f"\n    {inside}\n")
+    layers = layers[: layers.index("[importlinter:contract:oracle]")]
+    (tmp_path / ".importlinter").write_text(layers)
+    linter = Path(sys.executable).with_name("lint-imports")
+    done = subprocess.run(
+        [linter], cwd=tmp_path, capture_output=True, text=True, timeout=120,
+        env={"PYTHONPATH": str(tmp_path), "PATH": "/usr/bin"},
+    )  # fmt: skip
+    assert done.returncode != 0 and "lfcore.scene.model -> lfcore.storage" in done.stdout, (
+        done.stdout + done.stderr
+    )
