@@ -9,8 +9,8 @@
 
 Everything public is named here.  Of the packages below, each imports only those on its left:
 ``optics``, ``scene``, ``opencl``, ``tracing``, ``storage``, ``refocus``, ``rendering``, then the
-modules ``lightfield`` and ``api``, then ``evaluation`` and ``cli``.  ``oracle`` holds slow float64
-references for tests and reports.
+modules ``lightfield`` and ``api``, then ``exchange``, ``evaluation`` and ``cli``: .importlinter
+lists all, and is checked.  ``oracle`` holds slow float64 references for tests and reports.
 """
 
 from __future__ import annotations

@@ -24,12 +24,15 @@ def test_a_forbidden_import_is_found(tmp_path):
     (package / "scene" / "model.py").write_text("import lfcore.storage\n")
     layers = (ROOT / ".importlinter").read_text()
     layers = layers.replace("exhaustive = True", "exhaustive = False")
-    optional = ("cli", "evaluation", "api", "lightfield", "rendering", "refocus", "tracing",
-                "opencl", "optics", "pictures", "exr", "colour | files", "errors")  # fmt: skip
-    for name in optional:
-        inside = " | ".join(f"({part})" for part in name.split(" | "))
-        layers = layers.replace(f"\n    {name}\n", f"\n    {inside}\n")
     layers = layers[: layers.index("[importlinter:contract:oracle]")]
+    head, listed = layers.split("layers =\n")
+    # Layers that this small package lacks are optional, which brackets say.
+    listed = "".join(
+        f"    {' | '.join(f'({part})' for part in line.strip().split(' | '))}\n"
+        for line in listed.splitlines()
+        if line.strip()
+    )
+    layers = f"{head}layers =\n{listed}"
     (tmp_path / ".importlinter").write_text(layers)
     linter = Path(sys.executable).with_name("lint-imports")
     done = subprocess.run(
