@@ -62,7 +62,7 @@ class PlaneFormer:
         tables = view_tables(slab, planes) if views else _strips(slab, planes, tile)
         self._sums = PlaneBuffers(self.device, slab, planes, tables)
         self._words = 3 * 256 if views else table_words(layout.inner)
-        self._scratch = self.device.empty(4 * self._words * self.device.threads)
+        self._scratch = self.device.empty(4 * self._words * self._sums.workers)
         elements = tile.elements()
         self._places = np.zeros((len(elements), 4), np.int32)
         self._places[:, :3] = tile.placement(elements)
@@ -81,7 +81,7 @@ class PlaneFormer:
         host = np.ascontiguousarray(frames)
         self._kernel(
             device.queue,
-            (device.threads,),
+            (self._sums.workers,),
             (1,),
             cl.Buffer(device.context, flags, hostbuf=host),
             np.int32(layout.frame_width),

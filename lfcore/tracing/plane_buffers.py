@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from lfcore.errors import DeviceError
 from lfcore.opencl.device import Device, cl
 from lfcore.optics.plane_sums import PlaneSums, offsets
 from lfcore.optics.plane_tables import PlaneTables, beam_targets, lens_tables, view_tables
@@ -21,17 +24,43 @@ def plane_tables(slab: Slab, planes: list[SensorPlane], tile, shape: BeamShape) 
     return lens_tables(slab, planes, corners, shape.group, shape.tiles)
 
 
+MEMORY_SHARE = 4
+"""Sums of one kind take at most one part in this many of a device's memory."""
+
+
+def workers_that_fit(device: Device, each: int) -> int:
+    """How many of a device's workers its memory holds buffers of ``each`` bytes for."""
+    about = device.device
+    room = min(about.max_mem_alloc_size, about.global_mem_size // MEMORY_SHARE)
+    if each > room:
+        raise DeviceError(
+            f"sums of planes take {each / 2**30:.1f} GiB, and {device.name} has room for "
+            f"{room / 2**30:.1f}",
+            remedy="Ask for fewer planes at a time, or for fewer pixels",
+        )
+    return min(device.threads, room // max(each, 1))
+
+
 class PlaneBuffers:
     """Tables and accumulators of ``planes`` for the rays of one tile of a light field.
 
     Every worker adds to sums of its own, 64-bit integers, so that no two ever meet and the
     result does not depend on who added what.
+
+    Attributes
+    ----------
+    workers : how many may add; fewer than the device's threads where its memory holds no more sums.
+
+    Raises
+    ------
+    DeviceError : the sums of one worker are too large for the device.
     """
 
     def __init__(self, device: Device, slab: Slab, planes: list[SensorPlane], tables):
         self.device, self.slab, self.planes = device, slab, planes
         self.tables = t = tables
-        shape = (device.threads, len(planes), t.height, t.width, 4)
+        self.workers = workers_that_fit(device, len(planes) * t.height * t.width * 4 * 8)
+        shape = (self.workers, len(planes), t.height, t.width, 4)
         self._host = np.zeros(shape if planes else (0,), np.uint64)
         self._sums = device.changed(self._host)
         self._tables = [device.buffer(a) for a in t.arrays]
@@ -66,18 +95,21 @@ class StripBuffers:
     ----------
     tall : beams in a strip; 1 where there is nothing to sum, or for few ``elements``.
     ring : rows of a plane that are kept, a power of two.
+    workers : how many may sum, at most as many as ``sums`` has room for.
     """
 
     def __init__(self, sums: PlaneBuffers, shape: BeamShape, views: int, elements: int):
         device, planes = sums.device, len(sums.planes)
         beams = elements // shape.elements * shape.squares(views, views) if planes else 0
-        self.tall = min(max(1, beams // (device.threads * ITEMS_A_WORKER)), STRIP_BEAMS)
+        self.tall = min(max(1, beams // (sums.workers * ITEMS_A_WORKER)), STRIP_BEAMS)
         span = shape.tiles * BLOCK
         reached = strip_rows(sums.slab, sums.planes, self.tall * shape.group, span)
         self.ring = 1 << (min(reached, sums.slab.pixels) - 1).bit_length()
-        windows = np.empty((device.threads, planes, 2), np.int32)
+        row = planes, self.ring, 3, shape.group * span
+        self.workers = min(sums.workers, workers_that_fit(device, 4 * math.prod(row)))
+        windows = np.empty((self.workers, planes, 2), np.int32)
         windows[:] = np.iinfo(np.int32).max, 0
-        rows = np.zeros((device.threads, planes, self.ring, 3, shape.group * span), np.uint32)
+        rows = np.zeros((self.workers, *row), np.uint32)
         self._buffers = [device.changed(a) for a in (windows, rows)]
 
     def arguments(self) -> list:

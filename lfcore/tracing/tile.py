@@ -142,7 +142,7 @@ class TileJob:
         groups = Groups.of(self.shape, bundles, self.elements[part], self.strips.tall)
         self.kernel(
             device.queue,
-            (tracer._workers(len(groups.members)),),
+            (min(tracer._workers(len(groups.members)), self.strips.workers),),
             (1,),
             *tracer._bvh,
             *tracer._scene,

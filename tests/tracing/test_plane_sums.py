@@ -1,9 +1,12 @@
 """Sensor planes of whole tiles, to the last bit the sum of every ray alone."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from tracing_scenes import CAMERA, closed_room, lit_soup, painted_soup, scene
 
+from lfcore.errors import DeviceError
 from lfcore.opencl.device import open_device
 from lfcore.optics import bundles
 from lfcore.optics.plane_sums import FIXED_ONE, targets, total
@@ -13,7 +16,7 @@ from lfcore.oracle.slab import all_pixels
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing import plane_buffers
 from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.plane_buffers import strip_rows
+from lfcore.tracing.plane_buffers import strip_rows, workers_that_fit
 from lfcore.tracing.tracer import Tracer
 
 # Every ray on its own pixel, several on one, most beside the picture, pixels moved unevenly.
@@ -123,3 +126,21 @@ def test_strip_rows_by_walking_strips(pixels, span, views, size):
     found = strip_rows(slab, PLANES, pixels, span)
     # Rows of pixels beside the picture may add to it, but no more than there are of them.
     assert most <= found <= most + pixels
+
+
+def test_workers_are_as_many_as_memory_has_sums_for():
+    about = SimpleNamespace(max_mem_alloc_size=20 << 30, global_mem_size=64 << 30)
+    wide = SimpleNamespace(threads=64 * 132, device=about, name="a wide one")
+    assert workers_that_fit(wide, 1 << 10) == wide.threads
+    assert workers_that_fit(wide, 42 << 20) == (16 << 30) // (42 << 20)
+    with pytest.raises(DeviceError, match=r"17\.0 GiB, and a wide one has room for 16\.0.*fewer"):
+        workers_that_fit(wide, 17 << 30)
+
+
+def test_fewer_workers_give_the_same_sums(monkeypatch):
+    world, slab = painted_soup(), Slab(CAMERA, 3, 13)
+    layout = FrameLayout("macropixels", 3, 13)
+    tracer = Tracer(world, build_bvh(world.triangles), open_device(threads=2))
+    many = formed(tracer, slab, layout, PLANES)
+    monkeypatch.setattr(plane_buffers, "workers_that_fit", lambda device, each: 1)
+    assert (formed(tracer, slab, layout, PLANES) == many).all()
