@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from lfcore.scene.assemble import assemble
 from lfcore.scene.colour import parse_colour
 from lfcore.scene.description import check, complete, read_description
 from lfcore.scene.emitters import POINTS
+from lfcore.scene.limits import within_limits
 from lfcore.scene.meshes import load_mesh, read_texture
 from lfcore.scene.model import DIRECTIONAL, POINT, Light, Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
@@ -60,9 +62,9 @@ def _pbrt(path: Path, light_points: int) -> Scene:
 
     scene = build_pbrt_scene(path, light_points=light_points)
     if scene.focus_distances_m:
-        return scene
+        return within_limits(scene, path)
     distances = framing.default_focus_distances(scene.camera, scene.triangles)
-    return dataclasses.replace(scene, focus_distances_m=distances)
+    return within_limits(dataclasses.replace(scene, focus_distances_m=distances), path)
 
 
 def _default_name(path: Path) -> str:
@@ -99,7 +101,7 @@ def build(description: dict, *, file: str | Path, name: str) -> Scene:
         )
     focus = description.get("focus_distances_m")
     _check_focus_distances(focus or [], camera.focal_length_m, file)
-    return Scene(
+    scene = Scene(
         name=name,
         camera=camera,
         view=view,
@@ -112,6 +114,7 @@ def build(description: dict, *, file: str | Path, name: str) -> Scene:
         else framing.default_focus_distances(camera, geometry.triangles),
         **vars(geometry),
     )
+    return within_limits(scene, file)
 
 
 def _check_focus_distances(distances: list[float], focal_length_m: float, file: Path) -> None:
@@ -251,7 +254,10 @@ def _lights(description: dict, to_camera: np.ndarray, file: Path) -> list[Light]
             reference = float(entry["reference_distance_m"])
             lights.append(Light(POINT, (x, y, z), colour, reference, shadows))
             continue
-        towards = to_camera[:3, :3] @ np.asarray(entry["towards_light"], np.float64)
+        given = np.asarray(entry["towards_light"], np.float64)
+        # Scaled by a power of two: squares of great numbers overflow, those of small ones vanish.
+        given = np.ldexp(given, -math.frexp(np.abs(given).max())[1])
+        towards = to_camera[:3, :3] @ given
         length = float(np.linalg.norm(towards))
         if not length > 0:
             raise SceneError(

@@ -21,6 +21,7 @@ from lfcore.scene.view import View
 
 _TRANSFORMS = ("Translate", "Scale", "Rotate", "LookAt", "Transform", "ConcatTransform", "Identity")
 _HEADER_ONLY = ("Camera", "Film", "TransformTimes")
+_WORLD_ONLY = ("LightSource", "AreaLightSource", "Shape", "ObjectInstance")
 _IGNORED = (
     "Sampler", "Integrator", "SurfaceIntegrator", "VolumeIntegrator", "Accelerator",
     "PixelFilter", "Renderer", "Option", "ColorSpace",
@@ -81,6 +82,8 @@ class Interpreter:
         name = directive.name
         if name in _HEADER_ONLY and self._in_world:
             raise syntax_error(f"{name} inside the world block", directive.place)
+        if name in _WORLD_ONLY and not self._in_world:
+            raise syntax_error(f"{name} before WorldBegin", directive.place, "Move it behind")
         if name in _TRANSFORMS:
             self._transform(directive)
         elif name.endswith(("Begin", "End")):

@@ -6,7 +6,6 @@ times the radius; normals are the surface's own.
 
 from __future__ import annotations
 
-import gzip
 import io
 import math
 from dataclasses import dataclass
@@ -15,10 +14,12 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from lfcore.errors import SceneError
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.pbrt.lexer import syntax_error
 from lfcore.scene.pbrt.loop_subdivision import loop_subdivide
 from lfcore.scene.pbrt.parameters import ParameterSet
+from lfcore.scene.reading import LARGEST_MESH, read_bytes
 
 TOLERANCE = 1e-3
 
@@ -120,14 +121,16 @@ def _plymesh(parameters: ParameterSet, folder: Path) -> Mesh:
         raise parameters.error("filename", "is missing", "Name the PLY file")
     place, path = parameters.items["filename"].place, folder / name
     try:
-        data = path.read_bytes()
-        if path.suffix == ".gz":
-            data = gzip.decompress(data)
+        data = read_bytes(path, LARGEST_MESH)
         loaded = trimesh.load(io.BytesIO(data), file_type="ply", process=False)
         points = np.asarray(loaded.vertices, np.float64)
         faces = np.asarray(loaded.faces, np.int64)
         if not len(faces):
             raise ValueError("it holds no faces")
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise ValueError("its vertices have no x, y and z")
+    except SceneError as error:
+        raise syntax_error(f"PLY file {str(path)!r}: {error.problem}", place) from error
     except Exception as error:  # the reader raises whatever its parts raise on damage
         reason = getattr(error, "strerror", None) or error
         raise syntax_error(f"PLY file {str(path)!r} cannot be read: {reason}", place) from error

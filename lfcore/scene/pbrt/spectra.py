@@ -11,8 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.errors import SceneError
 from lfcore.scene.pbrt.lexer import syntax_error
 from lfcore.scene.pbrt.parameters import Parameter
+from lfcore.scene.reading import LARGEST_DESCRIPTION, read_bytes
 
 # IEC 61966-2-1
 XYZ_TO_RGB = np.array(
@@ -85,11 +87,13 @@ def read_spd(path: Path, parameter: Parameter) -> tuple[np.ndarray, np.ndarray]:
     Raises :class:`SceneError` at the parameter when it cannot be read.
     """
     try:
-        rows = np.loadtxt(path, ndmin=2, comments="#")
+        text = read_bytes(path, LARGEST_DESCRIPTION).decode()
+        rows = np.loadtxt(text.splitlines(), ndmin=2, comments="#")
         wavelengths, values = rows[:, 0], rows[:, 1]
-    except (OSError, ValueError, IndexError) as error:
+    except (SceneError, ValueError, IndexError) as error:
+        reason = getattr(error, "problem", error)
         raise syntax_error(
-            f"spectrum file {str(path)!r} cannot be read: {error}", parameter.place
+            f"spectrum file {str(path)!r} cannot be read: {reason}", parameter.place
         ) from None
     return wavelengths, values
 

@@ -59,7 +59,7 @@ def read_picture(path: Path, place: Place) -> tuple[np.ndarray, bool]:
     Anything else (EXR, PFM, HDR, 16 bit) comes as linear float32.
     Raises :class:`SceneError` at ``place`` when it cannot be read.
     """
-    if not os.path.exists(path):
+    if not os.path.isfile(path):
         raise syntax_error(f"image {str(path)!r} does not exist", place, "Check the path")
     if path.suffix.lower() == ".exr":
         from lfcore.exr import read_exr_picture as read_exr
