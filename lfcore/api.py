@@ -25,6 +25,7 @@ from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.rendering.by_depth import DEFAULT_COUNT, RayCount, pictures_by_depth
 from lfcore.rendering.direct import focused_camera, trace_picture, trace_planes
 from lfcore.rendering.photograph import photograph
 from lfcore.rendering.prepared import open_tracer, open_tracers, opened
@@ -36,6 +37,7 @@ from lfcore.scene.files import load_scene as load_prepared
 from lfcore.scene.model import Scene
 from lfcore.storage.defaults import AUTO, codec_spec, frame_layout
 
+FILTERS = ("depth", "nearest")
 Progress = Callable[[int, int], None]
 """Called with (done, of all), from any thread but one at a time."""
 
@@ -67,33 +69,44 @@ def render(
     *,
     planes: Sequence[SensorPlane] | None = None,
     pixels: int = 256,
-    views: int = 16,
+    views: int | None = None,
+    subpixels: float | None = None,
+    filter: str = "depth",
     device: Device | str | None = None,
     progress: Progress | None = None,
 ) -> np.ndarray:
-    """Pictures of a scene through its lens, without storing a light field (Algorithm 1).
+    """Pictures of a scene through its lens, without storing a light field.
 
     Parameters
     ----------
     focus_m : metres, ``math.inf`` allowed; default the scene's.
     f_number : of a round aperture; default the scene's.
     planes : several pictures from the same rays, instead of ``focus_m`` and ``f_number``.
-    pixels, views : M and N: N x N rays through the lens for each of M x M pixels.
+    pixels : M, side of the pictures.
+    views : N x N lens samples; default 8, or 16 with the filter ``nearest``.
+    subpixels : side of the grid of rays of a lens sample and pixel; default 2, with ``nearest`` 1.
+    filter : ``depth`` spreads a ray over what its part of lens and pixel sweeps at the depth that
+        it met; with ``nearest`` it counts in the pixel that it falls on (Algorithm 1).
     device : open, or part of its name.
-    progress : called with (pixels done, of all).
+    progress : called with (done, of all).
 
     Returns
     -------
     (M, M, 3) float32, linear light; with ``planes`` (P, M, M, 3).  A single picture is traced at
-    its own focus, so that every ray counts in the pixel that it is sent from.
+    its own focus.
 
     Raises
     ------
-    OpticsError : a plane that the lens cannot form.
+    OpticsError : a plane that the lens cannot form, a filter that is not known, or rays that it
+        does not take.
     DeviceError : no device, or none whose name fits.
 
-    Source: thesis, Algorithm 1 and section 6.3.2.
+    Source: docs/notebook/true-picture.md; thesis, Algorithm 1 and section 6.3.2.
     """
+    if filter not in FILTERS:
+        raise OpticsError(
+            f"unknown filter {filter!r}", key="filter", remedy=f"Use one of {FILTERS}"
+        )
     camera = scene.camera
     if planes is None:
         wanted = [_plane(camera, focus_m, f_number)]
@@ -106,15 +119,28 @@ def render(
     # A wider lens than the scene's can be traced: the scene knows all light.
     widest = min(plane.f_number for plane in wanted)
     camera = replace(camera, f_number=min(widest, camera.f_number))
+    if filter == "nearest" and subpixels is not None:
+        raise OpticsError("belong to the filter 'depth'", key="subpixels", remedy="Leave them out")
+    views = views or (DEFAULT_COUNT.views if filter == "depth" else 16)
     slab = Slab(camera, views, pixels)
     for plane in wanted:
         plane.check(slab)
         plane.aperture(slab)
-    tracer = open_tracer(scene, device)
-    if len(wanted) > 1:
-        return trace_planes(tracer, slab, wanted, progress=progress)
-    picture = trace_picture(tracer, camera, pixels, wanted[0], views=views, progress=progress)
-    return picture if planes is None else picture[None]
+    if filter == "depth":
+        count = RayCount(views, DEFAULT_COUNT.subpixels if subpixels is None else subpixels)
+        tracer = open_tracer(scene, device)
+        made = pictures_by_depth(tracer, camera, wanted, pixels, count, progress=progress)
+    else:
+        made = _nearest(open_tracer(scene, device), slab, wanted, progress)
+    return made[0] if planes is None else made
+
+
+def _nearest(tracer, slab: Slab, planes: list[SensorPlane], progress) -> np.ndarray:
+    if len(planes) > 1:
+        return trace_planes(tracer, slab, planes, progress=progress)
+    return trace_picture(
+        tracer, slab.camera, slab.pixels, planes[0], views=slab.views, progress=progress
+    )[None]
 
 
 def record(

@@ -36,7 +36,8 @@ def test_a_light_field_of_a_model(recorded, tmp_path):
     focus = scene.camera.focus_distance_m
     picture = lf.refocus(focus_m=focus, f_number=2)
     assert picture.shape == (32, 32, 3) and picture.dtype == np.float32
-    traced = lfcore.render(scene, focus_m=focus, f_number=2, pixels=32, views=4)
+    same_rays = {"pixels": 32, "views": 4, "filter": "nearest"}
+    traced = lfcore.render(scene, focus_m=focus, f_number=2, **same_rays)
     assert np.abs(picture - traced).max() < 0.02  # colours pass as 8-bit YCbCr
     assert traced[16, 16].mean() > traced[0, 0].mean() + 0.05
     assert lf.view(1, 2).shape == (32, 32, 3) and lf.macropixel(16, 16).shape == (4, 4, 3)
@@ -57,13 +58,34 @@ def test_several_pictures_from_the_same_rays(recorded):
     scene, lf = recorded
     focus = scene.camera.focus_distance_m
     planes = [lf.plane(0.9 * focus), lf.plane(1.1 * focus, 4.0, "square")]
-    together = lfcore.render(scene, planes=planes, pixels=32, views=4)
+    together = lfcore.render(scene, planes=planes, pixels=32, views=4, filter="nearest")
     assert together.shape == (2, 32, 32, 3)
     np.testing.assert_allclose(together, lf.refocus_many(planes), atol=0.02)
     with pytest.raises(lfcore.OpticsError, match="planes: excludes focus_m"):
         lfcore.render(scene, 2.0, planes=planes)
     with pytest.raises(lfcore.OpticsError, match="no planes"):
         lfcore.render(scene, planes=[])
+
+
+def test_rays_count_by_their_depth_unless_asked_otherwise(recorded):
+    scene, lf = recorded
+    planes = [
+        lf.plane(0.8 * scene.camera.focus_distance_m),
+        lf.plane(scene.camera.focus_distance_m),
+    ]
+    few = lfcore.render(scene, planes=planes, pixels=24, views=4)
+    many = lfcore.render(scene, planes=planes, pixels=24, views=32, filter="nearest")
+    inner = np.s_[:, 4:-4, 4:-4]
+    assert np.sqrt(np.mean((few - many)[inner] ** 2)) < 0.02
+    alone = lfcore.render(scene, planes=planes[1:], pixels=24, views=4)
+    assert np.sqrt(np.mean((few[1:] - alone)[inner] ** 2)) < 0.01
+    for wrong, what in (
+        ({"filter": "cubic"}, "unknown filter 'cubic'"),
+        ({"filter": "nearest", "subpixels": 2}, "belong to the filter 'depth'"),
+        ({"subpixels": float("nan")}, "subpixels: must be above 0"),
+    ):
+        with pytest.raises(lfcore.OpticsError, match=what):
+            lfcore.render(scene, pixels=8, **wrong)
 
 
 def test_a_scene_of_arrays_is_that_of_the_same_file(model):

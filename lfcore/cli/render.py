@@ -26,15 +26,18 @@ Trace a scene and make pictures from its rays at once; no light field is stored.
 scene.yaml, a folder that holds one, a mesh (GLB, OBJ, PLY, STL, ...) or a .pbrt file."""
 RENDER_EPILOG = """\
 examples:
-  lfcore render scenes/bike -o bike.png --size 512 --views 16
+  lfcore render scenes/bike -o bike.png --size 512
+      8 x 8 lens samples by 2 x 2 rays of a pixel, each spread by its depth over what it stands for
   lfcore render table.glb -o table.png --focus 2.5 --f-number 1.4
-      a single picture is traced at its own focus: every ray counts in the pixel it is sent from
+      a single picture is traced at its own focus
   lfcore render scene.pbrt -o scene.exr
       as the file says: film, rays a pixel, lens or Camera "lightfield", shutter
   lfcore render scene.pbrt -o square.exr --size 256 --pinhole
       one ray a pixel, all in focus
   lfcore render scenes/bike -o bike.png --plane focus=2 --plane focus=6
-      several pictures from the same rays (Algorithm 1 of the thesis)
+      several pictures from the same rays
+  lfcore render scenes/bike -o bike.png --plane focus=2 --plane focus=6 --filter nearest --views 64
+      as Algorithm 1 of the thesis: a ray counts in the pixel that it falls on
 """
 TRACE = """\
 Trace a scene into a light field file that 'lfcore refocus' makes pictures from: N x N views of
@@ -55,7 +58,18 @@ def add_parser(commands, name: str, summary: str) -> None:
     add_scene(command)
     if name == "render":
         command.add_argument("-o", "--output", type=Path, required=True, help="picture to write")
-        command.add_argument("--views", type=int, metavar="N", help="N x N rays a pixel (16)")
+        command.add_argument(
+            "--views", type=int, metavar="N",
+            help="N x N lens samples (8, or 16 with --filter nearest)",
+        )  # fmt: skip
+        command.add_argument(
+            "--subpixels", type=float, metavar="Q", help="Q x Q rays of a pixel and lens sample (2)"
+        )
+        command.add_argument(
+            "--filter", choices=("depth", "nearest"), default="depth",
+            help="how a ray counts: over what its part of lens and pixel sweeps at the depth that "
+            "it met (default), or in the pixel that it falls on",
+        )  # fmt: skip
         command.add_argument("--pinhole", action="store_true", help="one ray through a point")
         plane_options.add_options(command)
         render_view.add_options(command)
@@ -107,10 +121,11 @@ def render(arguments: argparse.Namespace) -> None:
     from lfcore.cli.refocus import save
 
     check_suffix(arguments.output)
-    if arguments.pinhole and (arguments.views or arguments.f_number or arguments.plane):
+    lens = arguments.views, arguments.subpixels, arguments.f_number, arguments.plane
+    if arguments.pinhole and any(lens):
         raise OpticsError(
             "has neither aperture nor focus", key="--pinhole",
-            remedy="Leave out --views, --f-number and --plane",
+            remedy="Leave out --views, --subpixels, --f-number and --plane",
         )  # fmt: skip
     scene = load(arguments.scene, arguments.light_points)
     say_what_is_in(scene)
@@ -118,12 +133,13 @@ def render(arguments: argparse.Namespace) -> None:
         render_view.render_film(arguments, scene)
         return
     size = 256 if arguments.size is None else arguments.size
-    views = 1 if arguments.pinhole else 16 if arguments.views is None else arguments.views
+    views = 1 if arguments.pinhole else arguments.views
+    how = "nearest" if arguments.pinhole else arguments.filter
     planes = plane_options.read_planes(arguments, scene.camera)
-    with named_file(arguments.scene), progress(_what(views, size), "pixels") as report:
+    with named_file(arguments.scene), progress("tracing", "parts") as report:
         pictures = api.render(
-            scene, planes=planes, pixels=size, views=views, device=arguments.device,
-            progress=report,
+            scene, planes=planes, pixels=size, views=views, subpixels=arguments.subpixels,
+            filter=how, device=arguments.device, progress=report,
         )  # fmt: skip
     save(arguments.output, planes, pictures)
 

@@ -81,9 +81,17 @@ class DepthSlicer:
         self._rows = -(-pixels // min(strips, pixels))
         self._strips = -(-pixels // self._rows)
         self._planes = self.device.buffer(self._plane_records())
-        layers = 2 * len(bounds_px) + 1
-        size = self._strips * (self._rows + 1) * (pixels + 1) * layers * len(planes) * 32
+        size = self.sums_bytes(len(planes), pixels, len(bounds_px), self._rows)
         self._sums = [self._zeros(size) for _ in range(2)]
+
+    @staticmethod
+    def sums_bytes(
+        planes: int, pixels: int, bounds: int = len(BOUNDS_PX), rows: int | None = None
+    ) -> int:
+        """Bytes of each of the two arrays of sums, in strips of ``rows``, default one strip."""
+        rows = rows or pixels
+        lines = -(-pixels // rows) * (rows + 1)
+        return planes * (2 * bounds + 1) * lines * (pixels + 1) * 32
 
     def _zeros(self, size: int) -> cl.Buffer:
         buffer = self.device.empty(size)

@@ -2,19 +2,115 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lfcore.errors import OpticsError
+from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.ray_cells import ViewSet
+from lfcore.optics.ray_cells import ViewSet, crossed_views, lens_cells
+from lfcore.optics.slab import Slab
 from lfcore.refocus.depth_slicing import DepthSlicer
+from lfcore.rendering.direct import focused_camera
 from lfcore.tracing.tracer import Tracer
 
 RAYS_AT_A_TIME = 1 << 23
-FOOTPRINT_PX = 0.25
-"""Most that textures are filtered over, in pixels of the picture: measured,
-docs/notebook/true-picture.md."""
+SUMS_BYTES = 1 << 30
+"""Of the planes that are formed at a time; for more, rays are traced again."""
+FOOTPRINT = 2.0
+"""Tangent that textures are filtered over, of the distance between the rays of all views together
+where they are in focus: measured, docs/notebook/true-picture.md."""
+MOST_SUBPIXELS = 64
+
+
+@dataclass(frozen=True)
+class RayCount:
+    """Rays of a picture's pixel: ``views`` lens samples by ``subpixels`` a side.
+
+    Raises :class:`OpticsError` for sub-pixels that are no such number.
+    """
+
+    views: int
+    subpixels: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.subpixels) and 0 < self.subpixels <= MOST_SUBPIXELS):
+            what = f"must be above 0 and at most {MOST_SUBPIXELS}, not {self.subpixels:g}"
+            raise OpticsError(what, key="subpixels")
+
+    def side(self, pixels: int) -> int:
+        """Pixels of each view, for pictures of ``pixels``."""
+        return max(1, round(self.subpixels * pixels))
+
+    def rays(self, pixels: int) -> int:
+        return (self.views * self.side(pixels)) ** 2
+
+    @property
+    def rays_a_pixel(self) -> float:
+        return (self.views * self.subpixels) ** 2
+
+    def __str__(self) -> str:
+        return f"{self.views} x {self.subpixels:g}"
+
+
+DEFAULT_COUNT = RayCount(8, 2)
+
+
+def pictures_by_depth(
+    tracer: Tracer,
+    camera: Camera,
+    planes: Sequence[SensorPlane],
+    pixels: int,
+    count: RayCount,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """Pictures of a scene from the same rays: (P, pixels, pixels, 3) float32, linear light.
+
+    Parameters
+    ----------
+    camera : the lens and sensor that ``planes`` belong to.  The rays of a single plane are traced
+        at its own focus and through its own aperture.
+    progress : called with (views done, of all).
+
+    Raises
+    ------
+    OpticsError : a focus inside the focal length, a plane wider than the lens, or pictures too
+        large for the device's memory.
+    """
+    planes = list(planes)
+    if len(planes) == 1:
+        return _focused(tracer, camera, planes[0], pixels, count, progress)[None]
+    views = crossed_views(Slab(camera, count.views, count.side(pixels)))
+    room = max(1, SUMS_BYTES // DepthSlicer.sums_bytes(1, pixels))
+    groups = [planes[first : first + room] for first in range(0, len(planes), room)]
+    made = []
+    for number, group in enumerate(groups):
+        tell = _within(progress, number, len(groups))
+        made.append(trace_by_depth(tracer, views, group, pixels, progress=tell))
+    return np.concatenate(made)
+
+
+def _within(progress, number: int, groups: int):
+    """``progress`` of one of several passes, told as of all."""
+    if progress is None:
+        return None
+    return lambda done, of: progress(number * of + done, groups * of)
+
+
+def _focused(tracer, camera: Camera, plane: SensorPlane, pixels, count, progress) -> np.ndarray:
+    views = crossed_views(Slab(focused_camera(camera, plane), count.views, count.side(pixels)))
+    own = replace(plane, normalise="aperture", keep_magnification=False)
+    picture = trace_by_depth(tracer, views, [own], pixels, progress=progress)[0]
+    if plane.normalise == "lens":
+        whole = Slab(camera, 1, 1)
+        share = lens_cells(views.slab, own.aperture(views.slab)).share.mean()
+        share *= (camera.f_number / plane.f_number) ** 2
+        picture *= share / plane.magnification(whole) ** 2
+    return picture
 
 
 def trace_by_depth(
@@ -28,9 +124,18 @@ def trace_by_depth(
     """Trace views and slice them by depth: (P, pixels, pixels, 3) float32, linear light.
 
     ``progress`` is called with (views done, of all).
-    Raises :class:`OpticsError` for a plane that the views do not hold.
+    Raises :class:`OpticsError` for a plane that the views do not hold, or pictures too large for
+    the device's memory.
     """
-    slicer = DepthSlicer(views, planes, pixels, tracer.device)
+    device = tracer.device
+    needed = 2 * DepthSlicer.sums_bytes(len(planes), pixels)
+    if needed > device.device.global_mem_size // 2:
+        raise OpticsError(
+            f"sums of {len(planes)} pictures of {pixels} pixels take {needed / 2**30:.1f} GiB",
+            key="size",
+            remedy="Ask for fewer pixels or pictures, or use the filter 'nearest'",
+        )
+    slicer = DepthSlicer(views, planes, pixels, device)
     for part, light, depth in traced_views(tracer, views, pixels):
         slicer.add(part, light, depth)
         if progress:
@@ -43,10 +148,11 @@ def traced_views(
 ) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
     """Yield (part, light, depth) of a few views at a time, for pictures of so many pixels.
 
-    ``light`` is (K, S, S, 3) and ``depth`` (K, S, S) float32, valid until the next is asked for.
+    ``light`` is (K, S, S, 3) and ``depth`` (K, S, S) float32.
     """
     slab = views.slab
-    footprint = min(slab.pixel_pitch, FOOTPRINT_PX * slab.camera.field_width / pixels)
+    between = slab.camera.field_width / (slab.views * slab.pixels)
+    footprint = min(slab.pixel_pitch, FOOTPRINT * between)
     count, step = slab.views**2, max(1, RAYS_AT_A_TIME // slab.pixels**2)
     for start in range(0, count, step):
         part = slice(start, min(start + step, count))
