@@ -24,7 +24,7 @@ from lfcore.optics.slab import Slab
 from lfcore.refocus.resampling import FILTERS, coverage
 from lfcore.refocus.shift_sum import ViewSummer
 from lfcore.refocus.stored_views import FrameSummer
-from lfcore.rendering.direct import trace_picture, trace_planes
+from lfcore.rendering.direct import finished, trace_picture, trace_planes
 from lfcore.rendering.plenoptic import photograph, refocus_photograph
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
@@ -128,8 +128,7 @@ def _warm_up(tracer, slab, planes, reference_views) -> None:
     trace_picture(tracer, slab.camera, WARM_UP_PIXELS, planes[0], views=reference_views)
     _slicing(tracer, slab, planes)
     layout = FrameLayout("views", slab.views, slab.pixels, pixel_format="yuv444p")
-    for _ in tracer.trace_tile(slab, layout.tile(0, 0, 1, 1)):
-        pass
+    finished(tracer.trace_tile(slab, layout.tile(0, 0, 1, 1)))
     _plenoptic(tracer, PlenopticCamera(slab.camera, slab.pixels, slab.views), planes)
 
 

@@ -2,19 +2,45 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from lfcore.optics.camera import Camera, check_focus, image_distance
-from lfcore.optics.plane_sums import total
+from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.storage.layout import FrameLayout
+from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.tracing.tile import TileTracing
 from lfcore.tracing.tracer import Tracer
 
 TILE_RAYS = 1 << 26
+
+
+def finished(tracing: TileTracing) -> TileTracing:
+    """``tracing`` traced to its end; for a tile without frames, whose chunks are empty."""
+    deque(tracing, maxlen=0)
+    return tracing
+
+
+def tile_sums(
+    tracer: Tracer,
+    slab: Slab,
+    tile: Tile,
+    planes: Sequence[SensorPlane],
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> PlaneSums:
+    """What the rays of one tile add to ``planes``.
+
+    ``progress`` is called with (elements done, of the tile).
+    Raises :class:`OpticsError` for a plane that the slab does not hold.
+    """
+    tracing = finished(tracer.trace_tile(slab, tile, planes, frames=False, progress=progress))
+    assert tracing.plane_sums is not None  # of a tracing that has ended
+    return tracing.plane_sums
 
 
 def trace_planes(
@@ -35,11 +61,7 @@ def trace_planes(
         count = (
             (lambda n, _, before=done: progress(before + n, slab.pixels**2)) if progress else None
         )
-        tracing = tracer.trace_tile(slab, tile, planes, frames=False, progress=count)
-        for _ in tracing:
-            pass
-        if tracing.plane_sums is not None:
-            parts.append(tracing.plane_sums)
+        parts.append(tile_sums(tracer, slab, tile, planes, progress=count))
         done += tile.element_count
     return total(slab, list(planes), parts).pictures()
 

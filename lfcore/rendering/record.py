@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.files import draft_folder
+from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.depth import depth_range
 from lfcore.scene.files import scene_digest
@@ -18,7 +19,7 @@ from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentWriter
-from lfcore.tracing.tile import Chunk
+from lfcore.tracing.tile import Chunk, TileTracing
 from lfcore.tracing.tracer import Tracer
 
 TILE_RAYS = 1 << 27
@@ -92,21 +93,25 @@ def record_tile(
     tile: Tile,
     segment: Path,
     spec: CodecSpec,
+    planes: Sequence[SensorPlane] = (),
     *,
     progress: Callable[[int, int], None] | None = None,
-) -> None:
+) -> TileTracing:
     """Trace one tile into the file ``segment``; frames are encoded as they come.
+
+    Returns the tracing, which has ended: its seconds, and what it added to ``planes``.
 
     On a device beside the CPU the next frames are traced meanwhile; on the CPU itself that would
     only take the encoder's core from it.
     """
-    layout, tracing = tile.layout, tracer.trace_tile(slab, tile, progress=progress)
+    layout, tracing = tile.layout, tracer.trace_tile(slab, tile, planes, progress=progress)
     frames: Iterator[np.ndarray] = (chunk.frames for chunk in tracing)
     if not tracer.device.is_cpu:
         frames = _copied_ahead(tracing)
     with SegmentWriter(segment, spec, layout.frame_width, layout.frame_height) as writer:
         for some in frames:
             writer.write(some)
+    return tracing
 
 
 class _Stopped(Exception):

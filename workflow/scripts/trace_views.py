@@ -6,6 +6,7 @@ from lfcore.optics.plane_pictures import save_stack
 from lfcore.optics.plane_sums import FIXED_ONE, total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.rendering.direct import tile_sums
 from lfcore.storage.layout import FrameLayout
 from workflow.job import job
 from workflow.tracer import open_tracer
@@ -22,9 +23,7 @@ with job(snakemake):
     plane = SensorPlane(camera.focus_distance_m, camera.f_number, shape="square")
     pictures = []
     for i, j in ((0, 0), (last, 0), (0, last), (last, last), (last // 2, last // 2)):
-        tracing = tracer.trace_tile(slab, layout.tile(i, j, 1, 1), [plane], frames=False)
-        for _ in tracing:
-            pass
-        sums = total(slab, [plane], [tracing.plane_sums]).sums[0]
+        part = tile_sums(tracer, slab, layout.tile(i, j, 1, 1), [plane])
+        sums = total(slab, [plane], [part]).sums[0]
         pictures.append((sums / FIXED_ONE).transpose(1, 2, 0))
     save_stack(snakemake.output[0], np.array(pictures), [plane] * len(pictures))

@@ -13,6 +13,7 @@ from lfcore.evaluation.timing import Timing
 from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.rendering.direct import finished
 from lfcore.scene.model import Scene
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import Bvh
@@ -55,14 +56,10 @@ class Bench:
         made = [chunk.frames.copy() for chunk in tracing]
         return made, tracing.plane_sums.sums
 
-    def tracing(self, tracer: Tracer, planes, *, frames: bool) -> Callable[[], None]:
+    def tracing(self, tracer: Tracer, planes, *, frames: bool) -> Callable[[], object]:
         """Work to be timed: the whole slab."""
 
-        def work():
-            for _ in tracer.trace_tile(self.slab, self.tile, planes, frames=frames):
-                pass
-
-        return work
+        return lambda: finished(tracer.trace_tile(self.slab, self.tile, planes, frames=frames))
 
     def row(self, feature: str, what: str, full, lean, saved: int, identical: bool) -> dict:
         """A row of the report; ``full`` and ``lean`` take turns under the clock."""

@@ -8,6 +8,7 @@ from lfcore.evaluation.stability.subject import CAMERA, bare_scene
 from lfcore.opencl.device import open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.rendering.direct import tile_sums
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
@@ -22,7 +23,4 @@ def plane_sums() -> np.ndarray:
     slab = Slab(CAMERA, 8, 16)
     plane = SensorPlane(CAMERA.focus_distance_m, CAMERA.f_number)
     tile = FrameLayout("macropixels", slab.views, slab.pixels).tile(0, 0, slab.pixels, slab.pixels)
-    tracing = tracer.trace_tile(slab, tile, [plane], frames=False)
-    for _ in tracing:
-        pass
-    return tracing.plane_sums.sums
+    return tile_sums(tracer, slab, tile, [plane]).sums

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from lfcore.evaluation.left_out.bench import Bench, same
+from lfcore.rendering.record import record_tile
 from lfcore.storage import defaults
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
-from lfcore.storage.segment import SegmentWriter
 from lfcore.tracing.tracer import Tracer
 
 
@@ -41,10 +41,7 @@ def _store(bench: Bench, tracer: Tracer, planes, file: Path):
     layout = FrameLayout("macropixels", slab.views, slab.pixels, pixel_format=spec.pixel_format)
     tile = layout.tile(0, 0, slab.pixels, slab.pixels)
     segment = file.with_name("0.mp4")
-    tracing = tracer.trace_tile(slab, tile, planes)
-    with SegmentWriter(segment, spec, layout.frame_width, layout.frame_height) as writer:
-        for chunk in tracing:
-            writer.write(chunk.frames)
+    tracing = record_tile(tracer, slab, tile, segment, spec, planes)
     about = {"name": bench.scene.name, "digest": "0" * 64}
     join_segments(file, [segment], [tile], layout, geometry=slab, scene=about, spec=spec)
     return tracing.plane_sums.sums

@@ -13,9 +13,9 @@ from lfcore.optics.bundles import Bundles
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.rendering.direct import trace_planes
 from lfcore.scene.assemble import sound
 from lfcore.scene.model import Material, Scene
-from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -110,12 +110,7 @@ def tracer_subject(
         return tracer(bare_scene(triangles)).slab_hits(slab, pixels)
 
     def picture(scene, slab, plane):
-        layout = FrameLayout("macropixels", slab.views, slab.pixels)
-        tile = layout.tile(0, 0, slab.pixels, slab.pixels)
-        tracing = tracer(scene).trace_tile(slab, tile, [plane], frames=False)
-        for _ in tracing:
-            pass
-        return tracing.plane_sums.pictures()[0]
+        return trace_planes(tracer(scene), slab, [plane])[0]
 
     lone = any_closest if general else closest
     return Subject(lone, any_closest, slab_hits, picture, rays)

@@ -132,7 +132,7 @@ class Frames:
         return self.sample.rgb[:, :, row, column]
 
     @cached_property
-    def display_values(self) -> np.ndarray:
+    def codes(self) -> np.ndarray:
         """(F, frame_bytes) uint8 in the layout's pixel format."""
         layout, step = self.layout, self.step
         out = np.empty((self.tile.frame_count, layout.frame_bytes), np.uint8)

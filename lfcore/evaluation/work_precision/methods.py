@@ -28,6 +28,7 @@ from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.refocus.slicing import form_planes
 from lfcore.rendering.direct import trace_planes
 from lfcore.rendering.plenoptic import refocus_photograph
+from lfcore.rendering.record import record_slab
 from lfcore.tracing.tracer import Tracer
 
 STACK = 16  # pictures of a focal stack, whose seconds one of them has its share of
@@ -186,7 +187,8 @@ def _from_video(tracer: Tracer, study, plane: SensorPlane, row) -> Iterator[dict
     for crf in study.crfs:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "lightfield.mkv"
-            stored.record(tracer, slab, stored.default_spec(slab.views, crf), file)
+            spec = stored.default_spec(slab.views, crf)
+            record_slab(file, [tracer], slab, stored.layout_of(slab, spec), spec)
             bits = 8 * file.stat().st_size / slab.rays
             work = lambda _, file=file: (  # noqa: E731
                 form_planes(file, [plane], threads=1, device=name).sums.pictures()[0]

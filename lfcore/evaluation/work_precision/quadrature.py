@@ -12,7 +12,7 @@ from lfcore.evaluation.work_precision.point import point, rmse, trusted, with_or
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.rendering.direct import focused_camera
+from lfcore.rendering.direct import focused_camera, tile_sums
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
 
@@ -90,10 +90,7 @@ def grid(tracer: Tracer, camera: Camera, where: windows.Windows, views: int) -> 
     found = []
     for column, row in where.corners.tolist():
         tile = layout.tile(column, row, windows.SIDE, windows.SIDE)
-        tracing = tracer.trace_tile(slab, tile, [plane], frames=False)
-        for _ in tracing:
-            pass
-        sums = tracing.plane_sums
+        sums = tile_sums(tracer, slab, tile, [plane])
         top, left = row - sums.top, column - sums.left
         part = sums.sums[0, :, top : top + windows.SIDE, left : left + windows.SIDE]
         found.append(part.transpose(1, 2, 0) / rays)

@@ -61,13 +61,6 @@ def join(tracer, slab: Slab, layout: FrameLayout, spec: CodecSpec, segments, fil
     join_segments(file, segments, tiles, layout, geometry=slab, scene=about, spec=spec)
 
 
-def record(tracer: Tracer, slab: Slab, spec: CodecSpec, file: Path) -> None:
-    """Trace, encode and join."""
-    layout = layout_of(slab, spec)
-    segments = encode(frames_of(tracer, slab, layout), layout, spec, file)
-    join(tracer, slab, layout, spec, segments, file)
-
-
 def storage(tracer: Tracer, study) -> Iterator[dict]:
     """By codec, preset and CRF; seconds are of encoding.
 
