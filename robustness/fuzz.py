@@ -76,19 +76,24 @@ class Bench:
         self.done += count
         self.tally.seconds += time.monotonic() - before
 
-    def account(self, inputs: Sequence[bytes]) -> None:
+    def account(self, inputs: Sequence[bytes], *, are_seeds: bool = False) -> None:
         for data, outcome in zip(inputs, self.run(inputs), strict=True):
+            if are_seeds and outcome.kind == REFUSED:
+                outcome = Outcome("seed refused", outcome.text[:80], outcome.text)
             self.tally.add(outcome, data)
 
     def replay(self) -> None:
         """What is kept in the corpus, and the seeds themselves."""
-        self.account([*(path.read_bytes() for path in corpus.kept(self.target.name)), *self.seeds])
+        self.account([path.read_bytes() for path in corpus.kept(self.target.name)])
+        self.account(self.seeds, are_seeds=self.target.takes_seeds)
 
     def keep(self) -> list[Path]:
         """Write down one input of each finding, made shorter."""
-        files = []
+        files: list[Path] = []
+        if not self.target.portable:
+            return files
         for signature, (outcome, data, _) in self.tally.findings.items():
-            tries = MINIMISE_TRIES if outcome.kind not in ("hang", "time") else 4
+            tries = 0 if outcome.kind in ("hang", "time") else MINIMISE_TRIES
             data = corpus.smaller(data, lambda d: self.run([d])[0], signature, tries)
             files.append(corpus.keep(self.target.name, data, f"{outcome.kind} {signature}"))
         return files
@@ -153,21 +158,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--inputs", type=int, default=1 << 62, help="at most so many")
     parser.add_argument("--seed", type=int, default=1, help="of the random numbers (1)")
     parser.add_argument("--target", action="append", help="only this one; may be repeated")
+    parser.add_argument("--without", action="append", default=[], help="not this target")
     parser.add_argument("--keep", action="store_true", help="write findings to the corpus")
     arguments = parser.parse_args(argv)
     known = all_targets()
-    for name in set(arguments.target or ()) - set(known):
+    wanted = set(arguments.target or known) - set(arguments.without)
+    for name in {*(arguments.target or ()), *arguments.without} - set(known):
         parser.error(f"no target {name!r}; there are {', '.join(known)}")
-    chosen = [target for name, target in known.items() if name in (arguments.target or known)]
+    chosen = [target for name, target in known.items() if name in wanted]
     home = Path(tempfile.mkdtemp(prefix="lfcore-fuzz-", dir=_disk()))
     try:
         benches = fuzz(
             chosen, home, seed=arguments.seed, seconds=arguments.seconds, most=arguments.inputs,
             each=arguments.each,
         )  # fmt: skip
-        print(table(benches))
+        print(table(benches), flush=True)
         if found := report(benches):
-            print(found)
+            print(found, flush=True)
         if arguments.keep:
             for bench in benches:
                 for file in bench.keep():

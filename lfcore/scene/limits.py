@@ -23,6 +23,8 @@ SMALLEST_LENGTH, LARGEST_LENGTH = 1e-12, 1e12
 """Of a camera, metres; a pinhole may be smaller."""
 WIDEST_FIELD = 1e9
 """Tangent extent; and the inverse of the narrowest."""
+FARTHEST_UV = 1e5
+"""Repeats of a texture: beyond, float32 cannot tell a hundredth of one from the next."""
 
 
 def within_limits(scene: Scene, file: str | Path) -> Scene:
@@ -37,6 +39,8 @@ def within_limits(scene: Scene, file: str | Path) -> Scene:
     _check(scene.ambient, 0, BRIGHTEST, file, "ambient light")
     _check(scene.background, 0, BRIGHTEST, file, "background")
     _check_camera(scene.camera, file)
+    farthest = np.abs(scene.uvs).max(initial=0)
+    _check([float(farthest)], 0, FARTHEST_UV, file, "texture coordinates")
     for motion in scene.motions:
         poses = np.concatenate([motion.start[:3].ravel(), motion.end[:3].ravel()])
         _check(poses, -LARGEST_COORDINATE, LARGEST_COORDINATE, file, "motion")

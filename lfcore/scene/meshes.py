@@ -19,8 +19,6 @@ from lfcore.scene.smoothing import crease_normals
 
 # Formats whose vertex colours are linear; everywhere else they are display values.
 LINEAR_COLOUR_FORMATS = (".glb", ".gltf")
-FARTHEST_UV = 1e5
-"""Repeats of a texture: beyond, float32 cannot tell a hundredth of one from the next."""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tga", ".bmp", ".webp", ".tif", ".tiff", ".gif")
 
 
@@ -184,9 +182,9 @@ def _surface(visual, faces: np.ndarray, path: Path) -> tuple[Surface, np.ndarray
 def _texture_coordinates(uv: np.ndarray, faces: np.ndarray, path: Path) -> np.ndarray:
     """(T, 3, 2) of the corners; exporters write NaN for what is not unwrapped, read as 0."""
     uv = np.where(np.isnan(uv), 0.0, uv)
-    if uv.ndim != 2 or uv.shape[1] < 2 or len(uv) <= faces.max() or np.abs(uv).max() > FARTHEST_UV:
+    if uv.ndim != 2 or uv.shape[1] < 2 or len(uv) <= faces.max():
         raise SceneError(
-            f"texture coordinates are not two numbers from -{FARTHEST_UV:g} to {FARTHEST_UV:g}",
+            "a vertex has no two texture coordinates",
             file=path,
             remedy="Unwrap the mesh again, or take its texture away",
         )

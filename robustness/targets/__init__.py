@@ -31,6 +31,8 @@ class Target:
     sides : writes the side files that inputs may name, into each folder of a child.
     weight : share of the time.
     batch : inputs of one child.
+    takes_seeds : each seed must be taken; else it may be refused (for want of a device).
+    portable : inputs mean the same on every machine, so that they can be kept.
     """
 
     name: str
@@ -41,6 +43,8 @@ class Target:
     limits: Limits = field(default_factory=Limits)
     weight: float = 1.0
     batch: int = 100
+    takes_seeds: bool = True
+    portable: bool = True
 
     def input(self, seed: int, index: int, seeds: Sequence[bytes]) -> bytes:
         """Input ``index`` of the run ``seed``: always the same bytes."""

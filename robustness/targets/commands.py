@@ -142,6 +142,6 @@ def targets() -> list[Target]:
     return [
         Target(
             "commands", own_seeds, damage_words, judge,
-            lambda folder: write_all_sides(home[-1], folder), weight=2,
+            lambda folder: write_all_sides(home[-1], folder), weight=2, takes_seeds=False,
         )
     ]  # fmt: skip

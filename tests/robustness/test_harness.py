@@ -62,7 +62,7 @@ def planted():
     """A target whose inputs are the names of what is planted."""
     names = [name.encode() for name in PLANTED if name != "asleep"]
     return Target("planted", lambda folder: names, lambda draw, data, seeds: data, judge,
-                  limits=LIMITS)  # fmt: skip
+                  limits=LIMITS, takes_seeds=False)  # fmt: skip
 
 
 def test_each_planted_defect_is_found_and_the_next_input_runs(tmp_path):

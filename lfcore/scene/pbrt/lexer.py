@@ -147,7 +147,7 @@ def _plain(word: str, place: Place) -> Token:
         return Token(NUMBER, value, word, place)
     if not re.fullmatch(r"[A-Za-z_][\w]*", word):
         raise syntax_error(
-            f"{word!r} is neither a number, a directive nor a quoted string",
+            f"{word[:80]!r} is neither a number, a directive nor a quoted string",
             place,
             "Quote strings and parameter names",
         )

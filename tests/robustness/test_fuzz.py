@@ -1,0 +1,25 @@
+"""A short form of `make fuzz`: what was found once, the seeds, and some new inputs of each kind."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from robustness import corpus
+from robustness.outcome import ROOT
+
+EACH = 15
+
+
+def test_nothing_that_was_found_comes_back_and_nothing_new_in_a_few_hundred_inputs():
+    # A process of its own: children must not inherit this one's OpenCL threads.
+    done = subprocess.run(
+        [sys.executable, "-m", "robustness.fuzz", "--seconds", "0", "--each", str(EACH),
+         "--without", "config.yaml"],
+        cwd=ROOT, capture_output=True, text=True, timeout=600,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
+    row = next(line for line in done.stdout.splitlines() if line.startswith("| all |"))
+    inputs, taken, refused, findings = (int(cell.replace(",", "")) for cell in row.split("|")[2:6])
+    assert findings == 0 and taken > 0 and refused > 0
+    assert inputs >= sum(len(corpus.kept(folder.name)) for folder in corpus.CORPUS.iterdir())
