@@ -15,11 +15,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.errors import OpticsError
-from lfcore.lightfield import LightField
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
@@ -27,17 +27,18 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.by_depth import DEFAULT_COUNT, RayCount, pictures_by_depth
 from lfcore.rendering.direct import focused_camera, trace_picture, trace_planes
-from lfcore.rendering.photograph import photograph
 from lfcore.rendering.prepared import open_tracer, open_tracers, opened
-from lfcore.rendering.record import record_slab
-from lfcore.rendering.shutter import trace_shutter
 from lfcore.scene.build import build_scene
 from lfcore.scene.emitters import POINTS
 from lfcore.scene.files import load_scene as load_prepared
 from lfcore.scene.model import Scene
 from lfcore.storage.defaults import AUTO, codec_spec, frame_layout
 
+if TYPE_CHECKING:
+    from lfcore.lightfield import LightField
+
 FILTERS = ("depth", "nearest")
+# What a single function needs, video and exposure, it imports itself: a picture is there sooner.
 Progress = Callable[[int, int], None]
 """Called with (done, of all), from any thread but one at a time."""
 
@@ -184,6 +185,9 @@ def record(
 
     Source: thesis, Algorithm 3.
     """
+    from lfcore.lightfield import LightField
+    from lfcore.rendering.record import record_slab
+
     slab = Slab(recorded_camera(scene.camera, focus_m, f_number), views, pixels)
     spec = codec_spec(views, codec, pixel_format=pixel_format, crf=crf, preset=preset)
     frames = frame_layout(views, pixels, spec.pixel_format, kind=layout)
@@ -233,6 +237,9 @@ def trace_array(
 
     Source: CS348b's third assignment; pbrt's light field camera.
     """
+    from lfcore.rendering.photograph import photograph
+    from lfcore.rendering.shutter import trace_shutter
+
     if array is None:
         return photograph(
             scene, samples_per_pixel, instants, device=opened(device), progress=progress

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.stats import qmc
 
 from lfcore.errors import OpticsError
 
@@ -76,6 +75,8 @@ def permute(index: np.ndarray, count: int, key: np.ndarray) -> np.ndarray:
 
 def halton_table(count: int) -> np.ndarray:
     """(count, 4) float32: the Halton set in bases 5, 7 (film) and 2, 3 (lens)."""
+    from scipy.stats import qmc  # half a second, for this alone
+
     points = qmc.Halton(d=4, scramble=False).random(count)
     return np.ascontiguousarray(points[:, [2, 3, 0, 1]], np.float32)
 
