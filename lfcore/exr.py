@@ -12,19 +12,19 @@ from lfcore.errors import StorageError
 
 
 def exr_bytes(image: np.ndarray, header: dict | None = None, *, half: bool = False) -> bytes:
-    """An EXR file of ``image`` (H, W, 3), of linear light.
+    """An EXR file of ``image`` (H, W, 3), of linear light, or of (H, W) depths, channel Z.
 
     ``header`` has further attributes of OpenEXR's; ``half`` stores 16-bit floats.  In memory:
     writing by a name, the library does not notice a full disk.
     Raises :class:`StorageError` for an image of another shape.
     """
-    if image.ndim != 3 or image.shape[2] != 3:
-        raise StorageError(f"a picture is (H, W, 3), not {image.shape}")
+    if image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)):
+        raise StorageError(f"a picture is (H, W, 3) or (H, W), not {image.shape}")
     pixels = np.ascontiguousarray(image, np.float16 if half else np.float32)
     base = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     stream = io.BytesIO()
     try:
-        with OpenEXR.File(base | (header or {}), {"RGB": pixels}) as f:
+        with OpenEXR.File(base | (header or {}), {"RGB" if image.ndim == 3 else "Z": pixels}) as f:
             f.write(stream)
     except (RuntimeError, ValueError) as error:
         raise StorageError(f"cannot be made an EXR: {error}") from None

@@ -11,14 +11,16 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.colour import srgb_codes, srgb_decode
+from lfcore.colour import srgb_codes, srgb_decode, srgb_encode
 from lfcore.errors import LfcoreError
 from lfcore.files import WholeFile, make_folder, whole_file
 
-CODED = (".png", ".ppm")
+CODED = (".png", ".ppm", ".jpg", ".jpeg", ".webp")
 SUFFIXES = (*CODED, ".exr", ".npy")
-"""Formats that keep every picture as it was made; the command line offers these."""
-ALL_CODED = (*CODED, ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
+"""What the command line offers."""
+ALL_CODED = (*CODED, ".bmp", ".tif", ".tiff")
+DEEP = (".png", ".tif", ".tiff")
+"""Formats of 16-bit codes, too."""
 ALL_SUFFIXES = (*ALL_CODED, ".exr", ".npy", ".pfm")
 _PNG_COMPRESSION = 3  # of 9: a third more bytes than the most, in a tenth of the time
 
@@ -37,7 +39,17 @@ def check_suffix(
         )
 
 
-def write_picture(path: str | Path, picture: np.ndarray, *, half: bool = False) -> None:
+def check_bits(path: str | Path, bits: int) -> None:
+    """Raise :class:`LfcoreError` for more than 8 bits of a format that has not so many."""
+    if bits != 8 and Path(path).suffix.lower() not in DEEP:
+        raise LfcoreError(
+            f"has no codes of {bits} bits", file=path, key="--bits", remedy="Write a .png"
+        )
+
+
+def write_picture(
+    path: str | Path, picture: np.ndarray, *, half: bool = False, bits: int = 8
+) -> None:
     """Write one picture; the name says the format.
 
     Parameters
@@ -45,29 +57,33 @@ def write_picture(path: str | Path, picture: np.ndarray, *, half: bool = False) 
     picture : (H, W, 3), also (H, W) except in EXR; uint8 are sRGB codes, floats linear light.
         Any array to ``.npy``.
     half : 16-bit floats in EXR.
+    bits : 8, or 16 in PNG and TIFF: of the codes of linear light.
 
     Raises
     ------
     LfcoreError : a name of no known format, or a file that cannot be written; none is left then.
     """
-    write_pictures([(path, picture)], half=half)
+    write_pictures([(path, picture)], half=half, bits=bits)
 
 
-def write_pictures(named: Sequence[tuple[str | Path, np.ndarray]], *, half: bool = False) -> None:
+def write_pictures(
+    named: Sequence[tuple[str | Path, np.ndarray]], *, half: bool = False, bits: int = 8
+) -> None:
     """As :func:`write_picture`, several; all of them appear, or none."""
     with ExitStack() as stack:
         files = []
         for path, picture in named:
             check_suffix(path, ALL_SUFFIXES, key=None)
+            check_bits(path, bits)
             make_folder(Path(path).parent)
             file = stack.enter_context(whole_file(path))
-            _writer(Path(path), half)(file, np.asarray(picture))
+            _writer(Path(path), half, bits)(file, np.asarray(picture))
             files.append(file)
         for file in files:
             file.sync()
 
 
-def _writer(path: Path, half: bool) -> Callable[[WholeFile, np.ndarray], object]:
+def _writer(path: Path, half: bool, bits: int) -> Callable[[WholeFile, np.ndarray], object]:
     suffix = path.suffix.lower()
     if suffix == ".npy":
         return lambda file, picture: np.save(file, picture, allow_pickle=False)
@@ -77,17 +93,22 @@ def _writer(path: Path, half: bool) -> Callable[[WholeFile, np.ndarray], object]
         return lambda file, picture: file.write(exr_bytes(_linear(picture), half=half))
     if suffix == ".pfm":
         return lambda file, picture: file.write(_pfm_bytes(path, _linear(picture)))
-    return lambda file, picture: file.write(_coded_bytes(suffix, picture))
+    return lambda file, picture: file.write(_coded_bytes(suffix, picture, bits))
 
 
 def _linear(picture: np.ndarray) -> np.ndarray:
     return srgb_decode(picture) if picture.dtype == np.uint8 else picture
 
 
-def _coded_bytes(suffix: str, picture: np.ndarray) -> bytes:
+def _coded_bytes(suffix: str, picture: np.ndarray, bits: int) -> bytes:
     import cv2  # heavy: whoever writes no such picture does without
 
-    codes = picture if picture.dtype == np.uint8 else srgb_codes(picture)
+    if picture.dtype in (np.uint8, np.uint16):
+        codes = picture
+    elif bits == 16:
+        codes = np.rint(65535 * srgb_encode(np.asarray(picture, np.float64))).astype(np.uint16)
+    else:
+        codes = srgb_codes(picture)
     options = [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION] if suffix == ".png" else []
     if codes.ndim == 3:
         codes = codes[..., ::-1]

@@ -11,7 +11,7 @@ from lfcore.cli.command import add_command
 from lfcore.cli.progress import progress, say
 from lfcore.cli.render import add_scene, load, say_what_is_in
 from lfcore.errors import OpticsError
-from lfcore.pictures import check_suffix, write_picture
+from lfcore.pictures import CODED, check_suffix, write_picture
 
 DESCRIPTION = """\
 Depth (metres along the axis) and disparity (pixels from view to view) of every view of a scene,
@@ -22,6 +22,8 @@ examples:
       depth_m and disparity_px, (views, rows, columns), of the light field that was traced
   lfcore depth scenes/bike --size 512 -o centre.pfm
       of the view through the middle of the lens alone, as a float map
+  lfcore depth scenes/bike --size 512 -o centre.png
+      the same to look at: near is warm, far is cold
   lfcore depth scenes/bike --lightfield bike.mkv --all-in-focus sharp.png
 """
 
@@ -29,13 +31,16 @@ examples:
 def add_parser(commands, name: str, summary: str) -> None:
     command = add_command(commands, name, summary, DESCRIPTION, EPILOG)
     add_scene(command)
-    command.add_argument("-o", "--output", type=Path, help=".npz (every view) or .pfm (one view)")
+    command.add_argument(
+        "-o", "--output", type=Path,
+        help=".npz (every view); .pfm, .exr, or .png to look at (one view)",
+    )  # fmt: skip
     command.add_argument("--all-in-focus", type=Path, metavar="PICTURE", help="picture to write")
     command.add_argument("--lightfield", type=Path, metavar="FILE",
                          help="whose lens, size and views to use")  # fmt: skip
     command.add_argument("--views", type=int, default=1, metavar="N", help="N x N views (1)")
-    command.add_argument("--view", nargs=2, type=int, metavar=("I", "J"), help="which for .pfm")
-    command.add_argument("--disparity", action="store_true", help="write disparity to .pfm")
+    command.add_argument("--view", nargs=2, type=int, metavar=("I", "J"), help="which, of one view")
+    command.add_argument("--disparity", action="store_true", help="disparity instead of depth")
     command.set_defaults(run=run)
 
 
@@ -50,17 +55,21 @@ def run(arguments: argparse.Namespace) -> None:
     say_what_is_in(scene)
     if arguments.output:
         samples = depths.all_samples(slab)
-        if arguments.output.suffix.lower() == ".pfm":
+        suffix = arguments.output.suffix.lower()
+        if suffix != ".npz":
             middle = slab.views // 2
             samples = np.array([arguments.view or (middle, middle)])
         tracer = open_tracer(scene, arguments.device)
         with progress(f"tracing the depth of {len(samples)} views", "views") as report:
             depth = depths.depth_of_views(tracer, slab, samples, progress=report)
-        if arguments.output.suffix.lower() == ".npz":
+        if suffix == ".npz":
             depths.save_depth(arguments.output, slab, samples, depth)
         else:
             picture = depths.disparity(slab, depth) if arguments.disparity else depth
-            write_picture(arguments.output, picture[0])
+            looked_at = suffix in CODED
+            write_picture(
+                arguments.output, depths.depth_picture(depth[0]) if looked_at else picture[0]
+            )
         say(f"wrote {arguments.output}")
     if arguments.all_in_focus:
         with progress("bringing everything into focus", "views") as report:
@@ -76,7 +85,7 @@ def _checked(arguments: argparse.Namespace):
     if not (arguments.output or arguments.all_in_focus):
         raise OpticsError("nothing to write", remedy="Give --output or --all-in-focus")
     if arguments.output:
-        check_suffix(arguments.output, (".npz", ".pfm"))
+        check_suffix(arguments.output, (".npz", ".pfm", ".exr", *CODED))
     if arguments.all_in_focus:
         check_suffix(arguments.all_in_focus, key="--all-in-focus")
         if not arguments.lightfield:

@@ -160,17 +160,19 @@ def run_import(arguments: argparse.Namespace) -> None:
 
 
 def run_export(arguments: argparse.Namespace) -> None:
+    from lfcore.cli.render import load
     from lfcore.exchange.exporting import WriteOptions, export_lightfield
     from lfcore.exchange.grid import Order
     from lfcore.exchange.source import Selection
 
+    scene = load(arguments.scene) if arguments.scene else None
     with progress(f"writing {arguments.format}", "views") as report:
         notes = export_lightfield(
             arguments.lightfield,
             arguments.format,
             arguments.output,
             selection=Selection(arguments.views, arguments.baseline, arguments.crop),
-            scene=arguments.scene,
+            scene=scene,
             device=arguments.device,
             options=WriteOptions(
                 Order.parse(arguments.order) if arguments.order else None, arguments.tiles,

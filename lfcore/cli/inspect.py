@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -89,16 +88,17 @@ def facts(field) -> dict[str, str]:
     """What ``lfcore info`` prints, name and value."""
     metadata, layout = field.metadata, field.layout
     size = field.path.stat().st_size
+    (columns, rows), (width, height) = field.grid, field.picture_size
+    rays = columns * rows * width * height
     found = {"file": str(field.path), "scene": str(metadata.scene.get("name")), **_optics(field)}
     found |= {
-        "resolution": f"{layout.pixels} x {layout.pixels} pixels, "
-        f"{layout.views} x {layout.views} views, {layout.rays:,} rays",
+        "resolution": f"{width} x {height} pixels, {columns} x {rows} views, {rays:,} rays",
         "layout": f"{layout.kind}, {layout.order}, {layout.elements_per_frame} a frame, "
         f"{metadata.frames} frames of {layout.frame_width} x {layout.frame_height}",
         "codec": f"{metadata.codec}, {layout.pixel_format}{_settings(metadata.settings)}",
         "segments": f"{len(metadata.segments)}, damaged: {len(field.damage)}",
-        "size": f"{size:,} bytes, {8 * size / layout.rays:.4f} bits a ray, "
-        f"1 : {3 * layout.rays / size:.1f} of 8-bit RGB",
+        "size": f"{size:,} bytes, {8 * size / rays:.4f} bits a ray, "
+        f"1 : {3 * rays / size:.1f} of 8-bit RGB",
         "software": metadata.software,
     }
     return found
@@ -120,12 +120,22 @@ def _optics(field) -> dict[str, str]:
             f"to {columns[-1]:g} m, y {rows[0]:g} to {rows[-1]:g} m down",
             "white": f"radiance {field.white:g}",
         }
-    camera = field.slab.camera
-    return {
+    slab, camera = field.slab, field.slab.camera
+    source = field.content.get("source", {}).get("format")
+    found = {"from": f"imported, {source}"} if source else {}
+    if not field.metric:
+        return found | {"geometry": "not known: refocus by --disparity"}
+    found |= {
         "lens": f"{1e3 * camera.focal_length_m:g} mm f/{camera.f_number:g}, "
         f"sensor {1e3 * camera.sensor_width_m:g} mm",
         "focus": f"{camera.focus_distance_m:g} m",
+        "views": f"{1e3 * slab.lens_pitch_m:.4g} mm apart",
     }
+    if field.depth_range:
+        near, far = field.depth_range
+        px = [field.disparity_of(end) for end in (far, near)]
+        found["depth"] = f"{near:.4g} to {far:.4g} m, disparities {px[0]:.3g} to {px[1]:.3g} pixels"
+    return found
 
 
 def view(arguments: argparse.Namespace) -> None:
@@ -136,26 +146,30 @@ def view(arguments: argparse.Namespace) -> None:
     elif arguments.grid:
         picture = _grid(field, arguments.grid)
     else:
-        middle = field.layout.views // 2
-        picture = field.view(*(arguments.view or (middle, middle)))
+        picture = field.view(*(arguments.view or (side // 2 for side in field.grid)))
     write_picture(arguments.output, picture)
     say(f"wrote {arguments.output}; {field.count.frames} frames were decoded")
 
 
 def _grid(field, count: int) -> np.ndarray:
     """``count`` x ``count`` views side by side, from corner to corner of the lens."""
-    from lfcore.errors import OpticsError
     from lfcore.refocus.views import read_views
 
-    views = field.layout.views
-    if not 1 <= count <= views:
-        raise OpticsError(f"must be from 1 to {views}, not {count}", key="--grid")
-    chosen = np.rint(np.linspace(0, views - 1, count)).astype(int) if count > 1 else [views // 2]
-    if max(Counter(list(chosen)).values()) > 1:
-        raise OpticsError(f"{views} views have no {count} different columns", key="--grid")
-    samples = np.array([(i, j) for j in chosen for i in chosen])
+    chosen = [_spread(count, there) for there in field.grid]
+    samples = np.array([(i, j) for j in chosen[1] for i in chosen[0]])
     with progress("reading views", "frames") as report:
         light = read_views(field, samples, progress=report)
-    size = field.layout.pixels
-    cells = light.reshape(count, count, size, size, 3).transpose(0, 2, 1, 3, 4)
-    return cells.reshape(count * size, count * size, 3)
+    width, height = field.picture_size
+    cells = light.reshape(count, count, height, width, 3).transpose(0, 2, 1, 3, 4)
+    return cells.reshape(count * height, count * width, 3)
+
+
+def _spread(count: int, views: int) -> np.ndarray:
+    """``count`` of ``views`` columns or rows, from end to end."""
+    from lfcore.errors import OpticsError
+
+    if not 1 <= count <= views:
+        raise OpticsError(f"must be from 1 to {views}, not {count}", key="--grid")
+    if count == 1:
+        return np.array([views // 2])
+    return np.rint(np.linspace(0, views - 1, count)).astype(int)

@@ -29,6 +29,8 @@ KEYS = {
     "normalise": "normalise",
     "keep_magnification": "keep_magnification",
 }
+BY_VIEWS = {"disparity": "focus_distance_m", "aperture_views": "f_number"}
+"""Keys in pixels and views, which a light field turns into metres and f-numbers of its slab."""
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -40,6 +42,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     one.add_argument("--f-number", type=float, metavar="F", help="default: the whole lens")
     add_aperture(one)
+    add_bits(one)
     many = command.add_argument_group("many pictures (up to 100), from one pass")
     many.add_argument(
         "--plane", action="append", default=[], metavar="KEY=VALUE,...",
@@ -77,8 +80,47 @@ def distance(text: str) -> float:
         raise argparse.ArgumentTypeError(f"not a distance in metres: {text!r}") from None
 
 
-def read_planes(arguments: argparse.Namespace, camera: Camera) -> list[SensorPlane]:
-    """The planes that the options ask for.
+def add_bits(group) -> None:
+    group.add_argument("--bits", type=int, choices=(8, 16), default=8, help="a sample of a PNG (8)")
+
+
+def add_by_views(group) -> None:
+    """Options of a light field file that need no geometry, to a group of options."""
+    group.add_argument(
+        "--disparity", type=float, metavar="PX",
+        help="instead of --focus: pixels from view to view of what is in focus, 0 as recorded",
+    )  # fmt: skip
+    group.add_argument(
+        "--aperture-views", type=float, metavar="N", help="instead of --f-number: views across"
+    )
+
+
+def settle(arguments: argparse.Namespace, field) -> None:
+    """Put ``--disparity`` and ``--aperture-views`` into ``focus`` and ``f_number``.
+
+    Raises :class:`OpticsError` where both ways are used, and where metres are asked of a file that
+    holds no geometry.
+    """
+    for option, other, convert in (
+        ("disparity", "focus", field.distance_of),
+        ("aperture_views", "f_number", field.f_number_of),
+    ):
+        given, metres = getattr(arguments, option, None), getattr(arguments, other, None)
+        flag = f"--{option.replace('_', '-')}"
+        if metres is not None:
+            field.require_metric(f"--{other.replace('_', '-')}")
+        if given is not None:
+            if metres is not None:
+                raise OpticsError(
+                    f"excludes --{other.replace('_', '-')}", key=flag, remedy="Leave one out"
+                )
+            setattr(arguments, other, convert(given))
+    if arguments.keep_magnification:
+        field.require_metric("--keep-magnification")
+
+
+def read_planes(arguments: argparse.Namespace, camera: Camera, field=None) -> list[SensorPlane]:
+    """The planes that the options ask for; of a light field file, by disparity, too.
 
     Raises :class:`LfcoreError`, naming the option or the file's row, for what makes no plane.
     """
@@ -101,7 +143,7 @@ def read_planes(arguments: argparse.Namespace, camera: Camera) -> list[SensorPla
         raise OpticsError(
             f"{len(asked)} planes were asked for", remedy=f"Ask for {MOST_PLANES} at a time"
         )
-    return [_plane(default, *given) for given in asked]
+    return [_plane(default, *given, field) for given in asked]
 
 
 def _words(text: str) -> dict[str, str]:
@@ -137,10 +179,18 @@ def _rows(path: Path) -> list[Mapping]:
     return rows
 
 
-def _plane(default: Mapping, given: Mapping, key: str, file: Path | None) -> SensorPlane:
+def _plane(
+    default: Mapping, given: Mapping, key: str, file: Path | None, field=None
+) -> SensorPlane:
     values = dict(default)
     for word, value in given.items():
-        name = KEYS.get(str(word).replace("-", "_"))
+        plain = str(word).replace("-", "_")
+        name = KEYS.get(plain)
+        if field is not None and plain in BY_VIEWS:
+            values[BY_VIEWS[plain]] = _by_views(plain, value, key, file, field)
+            continue
+        if field is not None and name in ("focus_distance_m", "f_number", "keep_magnification"):
+            field.require_metric(f"{key}: {word}")
         if name is None:
             known = ", ".join(dict.fromkeys(KEYS))
             raise OpticsError(f"unknown key {word!r}", file=file, key=key, remedy=f"Known: {known}")
@@ -152,6 +202,14 @@ def _plane(default: Mapping, given: Mapping, key: str, file: Path | None) -> Sen
         return SensorPlane(**values)
     except OpticsError as error:
         raise OpticsError(error.problem, file=file, key=key, remedy=error.remedy) from None
+
+
+def _by_views(word: str, value: object, key: str, file: Path | None, field) -> float:
+    try:
+        number = _number(value)
+    except (ValueError, TypeError):
+        raise OpticsError(f"{word} cannot be {value!r}", file=file, key=key) from None
+    return field.distance_of(number) if word == "disparity" else field.f_number_of(number)
 
 
 def _choice(*known: str) -> Callable[[object], str]:
@@ -207,13 +265,21 @@ def check_planes(planes: list[SensorPlane], slab, file: Path | None) -> None:
             ) from None
 
 
-def output_names(path: Path, planes: list[SensorPlane]) -> list[Path]:
-    """One name a plane: ``path`` itself for a single one, else numbered and labelled."""
+def output_names(path: Path, planes: list[SensorPlane], field=None) -> list[Path]:
+    """One name a plane: ``path`` itself for a single one, else numbered and labelled.
+
+    Planes of a light field without a geometry are named by their disparity.
+    """
     from lfcore.optics.plane_pictures import plane_label
 
     if len(planes) == 1:
         return [path]
-    return [
-        path.with_name(f"{path.stem}_{plane_label(k, plane)}{path.suffix}")
-        for k, plane in enumerate(planes)
-    ]
+    if field is None or field.metric:
+        labels = [plane_label(k, plane) for k, plane in enumerate(planes)]
+    else:
+        moved = [field.disparity_of(plane.focus_distance_m) for plane in planes]
+        labels = [
+            f"{k:02d}_disparity{px:.3g}_{plane.shape}"
+            for k, (px, plane) in enumerate(zip(moved, planes, strict=True))
+        ]
+    return [path.with_name(f"{path.stem}_{label}{path.suffix}") for label in labels]

@@ -10,7 +10,7 @@ import numpy as np
 from lfcore.cli import planes as plane_options
 from lfcore.cli.command import add_command
 from lfcore.cli.progress import progress, say
-from lfcore.pictures import check_suffix, write_pictures
+from lfcore.pictures import check_bits, check_suffix, write_pictures
 
 DESCRIPTION = """\
 Make pictures from a light field file: focused at any distance, through any aperture that is no
@@ -28,8 +28,11 @@ examples:
                         4.0,5.6,square
   lfcore refocus bike.mkv --focus 3.2 --filter bilinear -o bike.npy
       smoother, by shift-sum; linear light, float32
+  lfcore refocus chess.mkv --disparity 1.5 --aperture-views 7 -o chess.png
+      an imported light field whose cameras are not known
 
-PNG and PPM hold 8-bit sRGB; EXR and NPY linear light in float32. Several planes go to one NPY.
+PNG, PPM, JPEG and WebP hold 8-bit sRGB, PNG 16 bits with --bits 16; EXR and NPY linear light in
+float32. Several planes go to one NPY.
 """
 
 
@@ -38,6 +41,7 @@ def add_parser(commands, name: str, summary: str) -> None:
     command.add_argument("lightfield", type=Path, help="light field file, .mkv")
     command.add_argument("-o", "--output", type=Path, required=True, help="picture to write")
     plane_options.add_options(command)
+    plane_options.add_by_views(command.add_argument_group("without metres"))
     add_method(command)
     command.set_defaults(run=run)
 
@@ -80,19 +84,21 @@ def make_pictures(arguments: argparse.Namespace, field, planes) -> np.ndarray:
 
 def run(arguments: argparse.Namespace) -> None:
     check_suffix(arguments.output)
+    check_bits(arguments.output, arguments.bits)
     field = open_field(arguments)
-    planes = plane_options.read_planes(arguments, field.require_slab().camera)
+    plane_options.settle(arguments, field)
+    planes = plane_options.read_planes(arguments, field.require_slab().camera, field)
     plane_options.check_planes(planes, field.slab, arguments.lightfield)
     pictures = make_pictures(arguments, field, planes)
-    save(arguments.output, planes, pictures)
+    save(arguments.output, planes, pictures, field, arguments.bits)
 
 
-def save(path: Path, planes, pictures: np.ndarray) -> None:
+def save(path: Path, planes, pictures: np.ndarray, field=None, bits: int = 8) -> None:
     """Write what was made and say where; several planes go to one NPY, or a file each."""
     if path.suffix.lower() == ".npy":
         named = [(path, pictures[0] if len(planes) == 1 else pictures)]
     else:
-        named = list(zip(plane_options.output_names(path, planes), pictures, strict=True))
-    write_pictures(named)
+        named = list(zip(plane_options.output_names(path, planes, field), pictures, strict=True))
+    write_pictures(named, bits=bits)
     for file, _ in named:
         say(f"wrote {file}")

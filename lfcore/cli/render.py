@@ -14,7 +14,7 @@ from lfcore.cli import planes as plane_options
 from lfcore.cli.command import add_command
 from lfcore.cli.progress import progress, say
 from lfcore.errors import OpticsError
-from lfcore.pictures import check_suffix
+from lfcore.pictures import check_bits, check_suffix
 from lfcore.scene.emitters import POINTS
 from lfcore.storage.pixels import PIXEL_FORMATS
 
@@ -121,6 +121,7 @@ def render(arguments: argparse.Namespace) -> None:
     from lfcore.cli.refocus import save
 
     check_suffix(arguments.output)
+    check_bits(arguments.output, arguments.bits)
     lens = arguments.views, arguments.subpixels, arguments.f_number, arguments.plane
     if arguments.pinhole and any(lens):
         raise OpticsError(
@@ -141,7 +142,7 @@ def render(arguments: argparse.Namespace) -> None:
             scene, planes=planes, pixels=size, views=views, subpixels=arguments.subpixels,
             filter=how, device=arguments.device, progress=report,
         )  # fmt: skip
-    save(arguments.output, planes, pictures)
+    save(arguments.output, planes, pictures, bits=arguments.bits)
 
 
 def trace(arguments: argparse.Namespace) -> None:

@@ -57,7 +57,7 @@ def render_film(arguments: argparse.Namespace, scene) -> None:
         extra = {"scene": scene.name, "shutter": list(view.shutter)}
         write_array(output, image, view.array, extra=extra)
     else:
-        write_picture(output, image)
+        write_picture(output, image, bits=getattr(arguments, "bits", 8))
     say(f"wrote {output}")
 
 

@@ -12,6 +12,8 @@ from lfcore.exchange.grid import ExchangeError, Order
 from lfcore.exchange.source import Selection, Source, Truth
 from lfcore.files import draft_folder
 from lfcore.lightfield import LightField
+from lfcore.opencl.device import Device
+from lfcore.scene.model import Scene
 from lfcore.storage.segment import named_errors
 
 
@@ -40,8 +42,8 @@ def export_lightfield(
     folder: str | Path,
     *,
     selection: Selection | None = None,
-    scene: str | Path | None = None,
-    device: str | None = None,
+    scene: Scene | None = None,
+    device: Device | str | None = None,
     options: WriteOptions | None = None,
 ) -> list[str]:
     """Write ``folder`` with the light field in that format; returns what there is to say of it.
@@ -63,7 +65,7 @@ def export_lightfield(
     if scene is not None:
         if source.geometry is None:
             source.require_geometry("its scene's depth")
-        source.truth = Truth(Path(scene), opened, device)
+        source.truth = Truth(scene, opened, device)
     with draft_folder(folder) as draft, named_errors(folder, "exporting"):
         stage = draft / "export"
         stage.mkdir()

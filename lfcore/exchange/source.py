@@ -5,14 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from lfcore.colour import srgb_codes
 from lfcore.exchange.grid import ExchangeError, Geometry
 from lfcore.lightfield import LightField
+from lfcore.opencl.device import Device
+from lfcore.optics import bundles
 from lfcore.optics.slab import Slab
+from lfcore.refocus.views import read_views
+from lfcore.rendering.prepared import open_tracer
+from lfcore.scene.files import scene_digest
+from lfcore.scene.model import Scene
 
 BAND_BYTES = 1 << 28
 """Of views that are decoded at a time."""
@@ -32,30 +37,21 @@ class Selection:
 class Truth:
     """Depths and materials of a light field's own scene, traced again."""
 
-    def __init__(self, scene: Path, field: LightField, device: str | None = None):
+    def __init__(self, scene: Scene, field: LightField, device: Device | str | None = None):
         """Raises :class:`ExchangeError` for another scene than the light field is of."""
-        from lfcore.opencl.device import open_device
-        from lfcore.rendering.record import scene_digest
-        from lfcore.scene.build import build_scene
-        from lfcore.tracing.bvh import build_bvh
-        from lfcore.tracing.tracer import Tracer
-
         if scene_digest(scene) != field.metadata.scene["digest"]:
             raise ExchangeError(
                 f"is not what {field.path} was traced from, {field.metadata.scene['name']!r}",
-                file=scene,
+                file=scene.name,
                 key="--scene",
                 remedy="Give the scene as it was, or trace it again",
             )
-        built = build_scene(scene)
-        self._tracer = Tracer(built, build_bvh(built.triangles), open_device(device))
-        self._materials = built.material_ids
+        self._tracer = open_tracer(scene, device)
+        self._materials = scene.material_ids
 
     def of_view(self, slab: Slab, column: int, row: int) -> tuple[np.ndarray, np.ndarray]:
         """(M, M) float32 depth, metres, infinity for a miss; and (M, M) uint16: material and one,
         0 for a miss."""
-        from lfcore.optics import bundles
-
         samples = np.array([[column, row]])
         triangle, depth = self._tracer.bundle_hits(bundles.views(slab, samples), samples)
         ids = np.where(triangle[0] < 0, 0, self._materials[triangle[0]] + 1)
@@ -159,8 +155,6 @@ class Source:
 
     def _picked(self) -> Iterator[tuple[int, int, np.ndarray]]:
         """From a file of macropixels, all of which are decoded for each group of views."""
-        from lfcore.refocus.views import read_views
-
         samples = np.array([(i, j) for j in self._j for i in self._i])
         width, height = self.field.picture_size
         step = max(1, BAND_BYTES // (width * height * 12))

@@ -30,7 +30,7 @@ FORMATS = {
         Format("hci", "hci", "HCI 4D light field benchmark: parameters.cfg, input_Cam000.png"),
         Format("nerfstudio", "nerfstudio", "nerfstudio: transforms.json, cameras on a plane"),
         Format("blender", "blender", "Blender add-ons: lightfield.json, param.txt", exports=False),
-        Format("json", "image_folder", "views and lightfield.json, geometry included"),
+        Format("json", "image_folder", "our own: views and views.json, geometry included"),
         Format("llff", "llff", "LLFF: poses_bounds.npy", imports=False),
         Format("colmap", "colmap", "COLMAP text model with exact poses", imports=False),
         Format("lid", "lid", "Stanford lightpack: .lid and SGI pictures, two planes"),

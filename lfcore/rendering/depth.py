@@ -129,6 +129,24 @@ def _inverse(depth: np.ndarray) -> np.ndarray:
         return 1.0 / np.asarray(depth, np.float64)
 
 
+def depth_picture(depth: np.ndarray) -> np.ndarray:
+    """uint8 (H, W, 3) sRGB to look at: depths (H, W) by a colour map, evenly in dioptres.
+
+    Near is warm, far is cold, what is not there black.  The map is Turbo (Mikhailov, 2019).
+    """
+    import cv2
+
+    near = _inverse(depth)
+    seen = np.isfinite(depth) & (depth > 0)
+    if not seen.any():
+        return np.zeros((*depth.shape, 3), np.uint8)
+    low, high = near[seen].min(), near[seen].max()
+    share = np.where(seen, (near - low) / max(high - low, 1e-30), 0.0)
+    codes = np.rint(20 + 225 * share).astype(np.uint8)  # the map's own ends are nearly black
+    colours = cv2.applyColorMap(codes, cv2.COLORMAP_TURBO)[..., ::-1]
+    return np.ascontiguousarray(np.where(seen[..., None], colours, 0).astype(np.uint8))
+
+
 def save_depth(path: str | Path, slab: Slab, samples: np.ndarray, depth: np.ndarray) -> None:
     """Write depths and disparities beside the light field, as npz; the slab is in it as JSON.
 

@@ -13,7 +13,10 @@ from PIL import Image
 
 import lfcore
 from lfcore.cli import COMMANDS, main
+from lfcore.colour import srgb_encode
+from lfcore.exchange.pictures import read_pfm
 from lfcore.exr import read_exr_picture
+from lfcore.pictures import read_codes
 
 CHART = Path(__file__).parents[2] / "scenes" / "chart"
 SIZE, VIEWS = 24, 4
@@ -290,3 +293,61 @@ def test_a_pbrt_file_is_a_scene(tmp_path):
     assert picture[12, 12, 0] > 2 * picture[12, 12, 1] > 0
     pinhole = tmp_path / "pinhole.exr"
     assert main(["render", str(scene), "-o", str(pinhole), "--size", "24", "--pinhole"]) == 0
+
+
+def test_a_stack_without_a_number(recorded, tmp_path, monkeypatch, capsys):
+    """From near to far, as the file holds them: evenly in dioptres."""
+    field = lfcore.LightField.open(recorded)
+    near, far = field.depth_range
+    assert near == pytest.approx(1.0, rel=0.05)
+    assert main(["info", str(recorded)]) == 0
+    assert f"{near:.4g} to {far:.4g} m" in capsys.readouterr().out
+    monkeypatch.chdir(tmp_path)
+    assert main(["stack", str(recorded), "--sheet"]) == 0
+    assert Image.open("chart_stack.png").size == (4 * SIZE + 12, 2 * SIZE + 4)
+    assert main(["stack", str(recorded), "--count", "4", "-o", "s.npy"]) == 0
+    expected = [field.refocus(1 / d) for d in np.linspace(1 / near, 1 / far, 4)]
+    np.testing.assert_array_equal(np.load("s.npy"), expected)
+
+
+def test_focus_by_disparity(recorded, tmp_path, capsys):
+    field = lfcore.LightField.open(recorded)
+    out = tmp_path / "a.npy"
+    options = ["--disparity", "-0.5", "--aperture-views", "3", "-o", str(out)]
+    assert main(["refocus", str(recorded), *options]) == 0
+    distance = field.distance_of(-0.5)
+    assert (1 / distance - field.slab.camera.delta) < 0
+    expected = field.refocus(distance, field.f_number_of(3))
+    np.testing.assert_array_equal(np.load(out), expected)
+    assert main(["refocus", str(recorded), *options, "--focus", "1"]) == 1
+    assert "--disparity: excludes --focus" in capsys.readouterr().err
+    plane = ["--plane", "disparity=-0.5,aperture_views=3"]
+    assert main(["refocus", str(recorded), *plane, "-o", str(out)]) == 0
+    np.testing.assert_array_equal(np.load(out), expected)
+
+
+def test_pictures_of_other_formats(recorded, tmp_path):
+    deep = tmp_path / "a.png"
+    assert main(["refocus", str(recorded), "--bits", "16", "-o", str(deep)]) == 0
+    codes = read_codes(deep)
+    assert codes.dtype == np.uint16
+    light = lfcore.LightField.open(recorded).refocus()
+    np.testing.assert_array_equal(codes, np.rint(65535 * srgb_encode(light.astype(np.float64))))
+    for name in ("a.jpg", "a.webp"):
+        assert main(["refocus", str(recorded), "-o", str(tmp_path / name)]) == 0
+        assert np.abs(np.asarray(Image.open(tmp_path / name)) - codes / 257).mean() < 8
+    assert main(["refocus", str(recorded), "--bits", "16", "-o", str(tmp_path / "b.jpg")]) == 1
+    assert not (tmp_path / "b.jpg").exists()
+
+
+def test_depth_to_look_at(tmp_path):
+    command = ["depth", str(CHART), "--size", str(SIZE), "-o"]
+    for name in ("d.pfm", "d.exr", "d.png"):
+        assert main([*command, str(tmp_path / name)]) == 0
+    depth = read_pfm(tmp_path / "d.pfm")
+    np.testing.assert_array_equal(read_exr_picture(tmp_path / "d.exr")[..., 1], depth)
+    look = np.asarray(Image.open(tmp_path / "d.png")).astype(int)
+    near = depth == depth.min()
+    assert (look[near][:, 0] > look[near][:, 2]).all()
+    far = depth == depth[np.isfinite(depth)].max()
+    assert (look[far][:, 0] < look[far][:, 2]).all()

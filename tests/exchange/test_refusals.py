@@ -1,12 +1,14 @@
 """What is incomplete, contradicts itself or is not known: one line that names it, and no file."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 from noise_fields import noise, store
 from PIL import Image
 
+from lfcore.api import load_scene
 from lfcore.cli import main
 from lfcore.errors import LfcoreError
 from lfcore.exchange import export_lightfield, import_lightfield
@@ -166,9 +168,7 @@ def test_a_folder_that_is_there_is_left_alone(square, tmp_path):
 
 
 def test_another_scene_is_refused(square, tmp_path):
-    from pathlib import Path
-
-    chart = Path(__file__).parents[2] / "scenes" / "chart"
+    chart = load_scene(Path(__file__).parents[2] / "scenes" / "chart")
     with pytest.raises(LfcoreError, match="is not what"):
         export_lightfield(square.path, "hci", tmp_path / "out", scene=chart)
 
