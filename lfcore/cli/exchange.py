@@ -12,6 +12,7 @@ from lfcore.cli.progress import progress, say
 from lfcore.errors import LfcoreError
 from lfcore.exchange.table import FORMATS
 from lfcore.pictures import check_suffix
+from lfcore.scene.emitters import POINTS
 from lfcore.storage.codecs import CODECS
 from lfcore.storage.pixels import PIXEL_FORMATS
 
@@ -93,6 +94,8 @@ def _export_options(command: argparse.ArgumentParser) -> None:
     part.add_argument("--crop", type=window, metavar="WxH+X+Y", help="pixels of every view")
     more = command.add_argument_group("more")
     more.add_argument("--scene", type=Path, help="what it was traced from: depth of every view")
+    more.add_argument("--light-points", type=int, default=POINTS, metavar="K",
+                      help="as when it was traced")  # fmt: skip
     more.add_argument("--order", metavar="ORDER", help="of JPEG Pleno's names: columns or rows")
     more.add_argument("--tiles", type=pair, metavar="CxR", help="of a quilt")
     more.add_argument("--count", type=int, default=60, metavar="K", help="pictures of a film (60)")
@@ -165,7 +168,7 @@ def run_export(arguments: argparse.Namespace) -> None:
     from lfcore.exchange.grid import Order
     from lfcore.exchange.source import Selection
 
-    scene = load(arguments.scene) if arguments.scene else None
+    scene = load(arguments.scene, arguments.light_points) if arguments.scene else None
     with progress(f"writing {arguments.format}", "views") as report:
         notes = export_lightfield(
             arguments.lightfield,
