@@ -106,13 +106,12 @@ def cached(name: str, load: Callable[[bytes], object], build: Callable[[], tuple
     """
     path = folder()
     if path is None:
-        _tell()
-        return build()[0]
+        with _telling():
+            return build()[0]
     entry = path / f"{name}.bin"
     program = _read(entry, load)
     if program is None:
-        _tell()
-        with _alone(path / f"{name[:2]}.lock"):
+        with _telling(), _alone(path / f"{name[:2]}.lock"):
             program = _read(entry, load)  # of a process that was waited for
             if program is None:
                 program, binary = build()
@@ -121,8 +120,11 @@ def cached(name: str, load: Callable[[bytes], object], build: Callable[[], tuple
 
 
 @contextlib.contextmanager
-def watching(tell: Callable[[], None]) -> Iterator[None]:
-    """Call ``tell`` whenever a program is about to be built, or waited for, in this process."""
+def watching(tell: Callable[[bool], None]) -> Iterator[None]:
+    """Call ``tell(True)`` before a program is built, or waited for, and ``tell(False)`` after.
+
+    Any thread may build, several at a time.
+    """
     _watchers.append(tell)
     try:
         yield
@@ -130,12 +132,19 @@ def watching(tell: Callable[[], None]) -> Iterator[None]:
         _watchers.remove(tell)
 
 
-_watchers: list[Callable[[], None]] = []
+_watchers: list[Callable[[bool], None]] = []
 
 
-def _tell() -> None:
-    for tell in list(_watchers):
-        tell()
+@contextlib.contextmanager
+def _telling() -> Iterator[None]:
+    told = list(_watchers)
+    for tell in told:
+        tell(True)
+    try:
+        yield
+    finally:
+        for tell in told:
+            tell(False)
 
 
 def _read(entry: Path, load: Callable[[bytes], object]) -> object | None:
