@@ -19,7 +19,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from lfcore.api import load_scene, record, render, trace_array
+    from lfcore.api import load_scene, record, render, render_to_quality, trace_array
     from lfcore.errors import DeviceError, LfcoreError, OpticsError, SceneError, StorageError
     from lfcore.lightfield import LightField
     from lfcore.opencl.device import Device, open_device
@@ -37,14 +37,15 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "load_scene", "render", "record", "trace_array", "store_array", "write_picture", "open_device",
+    "load_scene", "render", "render_to_quality", "record", "trace_array", "store_array",
+    "write_picture", "open_device",
     "LightField", "Scene", "Surface", "Light", "Camera", "CameraArray", "SensorPlane", "Slab",
     "CodecSpec", "Device", "Tracer",
     "LfcoreError", "SceneError", "OpticsError", "StorageError", "DeviceError",
 ]  # fmt: skip
 
 _HOMES = {
-    "api": ("load_scene", "render", "record", "trace_array"),
+    "api": ("load_scene", "render", "render_to_quality", "record", "trace_array"),
     "errors": ("LfcoreError", "SceneError", "OpticsError", "StorageError", "DeviceError"),
     "lightfield": ("LightField",),
     "opencl.device": ("Device", "open_device"),

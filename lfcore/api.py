@@ -12,6 +12,7 @@ Distances are metres, pictures float32 arrays of linear light, rows from the top
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +29,7 @@ from lfcore.optics.slab import Slab
 from lfcore.rendering.by_depth import DEFAULT_COUNT, RayCount, pictures_by_depth
 from lfcore.rendering.direct import focused_camera, trace_picture, trace_planes
 from lfcore.rendering.prepared import open_tracer, open_tracers, opened
+from lfcore.rendering.quality import Rendering, pictures_of_quality
 from lfcore.scene.build import build_scene
 from lfcore.scene.emitters import POINTS
 from lfcore.scene.files import load_scene as load_prepared
@@ -108,25 +110,17 @@ def render(
         raise OpticsError(
             f"unknown filter {filter!r}", key="filter", remedy=f"Use one of {FILTERS}"
         )
-    camera = scene.camera
     if planes is None:
-        wanted = [_plane(camera, focus_m, f_number)]
+        wanted = [_plane(scene.camera, focus_m, f_number)]
     elif focus_m is not None or f_number is not None:
         raise OpticsError("excludes focus_m and f_number", key="planes", remedy="Give one of them")
     else:
         wanted = list(planes)
-    if not wanted:
-        raise OpticsError("no planes were asked for", key="planes")
-    # A wider lens than the scene's can be traced: the scene knows all light.
-    widest = min(plane.f_number for plane in wanted)
-    camera = replace(camera, f_number=min(widest, camera.f_number))
+    camera = _lens_for(scene, wanted)
     if filter == "nearest" and subpixels is not None:
         raise OpticsError("belong to the filter 'depth'", key="subpixels", remedy="Leave them out")
     views = views or (DEFAULT_COUNT.views if filter == "depth" else 16)
     slab = Slab(camera, views, pixels)
-    for plane in wanted:
-        plane.check(slab)
-        plane.aperture(slab)
     if filter == "depth":
         count = RayCount(views, DEFAULT_COUNT.subpixels if subpixels is None else subpixels)
         tracer = open_tracer(scene, device)
@@ -134,6 +128,50 @@ def render(
     else:
         made = _nearest(open_tracer(scene, device), slab, wanted, progress)
     return made[0] if planes is None else made
+
+
+def render_to_quality(
+    scene: Scene,
+    quality_db: float,
+    *,
+    planes: Sequence[SensorPlane] | None = None,
+    pixels: int = 256,
+    device: Device | str | None = None,
+    progress: Progress | None = None,
+) -> Rendering:
+    """As :func:`render`, with as few rays as give every picture a PSNR of ``quality_db``.
+
+    Against the average over pixel and lens, sRGB.  A pilot of 52 rays a pixel tells how many it
+    takes; what is expected of each picture is in the result, whose pictures are (P, M, M, 3).
+
+    Raises
+    ------
+    OpticsError : a plane that the lens cannot form, or a quality beyond 4096 rays a pixel.
+    DeviceError : no device, or none whose name fits.
+
+    Source: docs/notebook/true-picture.md.
+    """
+    wanted = [_plane(scene.camera, None, None)] if planes is None else list(planes)
+    camera = _lens_for(scene, wanted)
+    if not (math.isfinite(quality_db) and quality_db > 0):
+        raise OpticsError(f"must be a positive number of dB, not {quality_db}", key="quality")
+    tracer = open_tracer(scene, device)
+    return pictures_of_quality(tracer, camera, wanted, pixels, quality_db, progress=progress)
+
+
+def _lens_for(scene: Scene, planes: list[SensorPlane]) -> Camera:
+    """The scene's camera, as wide open as any of ``planes``: the scene knows all light.
+
+    Raises :class:`OpticsError` where there are none, or for one that the lens cannot form.
+    """
+    if not planes:
+        raise OpticsError("no planes were asked for", key="planes")
+    widest = min(plane.f_number for plane in planes)
+    camera = replace(scene.camera, f_number=min(widest, scene.camera.f_number))
+    for plane in planes:
+        plane.check(Slab(camera, 1, 1))
+        plane.aperture(Slab(camera, 1, 1))
+    return camera
 
 
 def _nearest(tracer, slab: Slab, planes: list[SensorPlane], progress) -> np.ndarray:

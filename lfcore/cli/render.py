@@ -30,6 +30,8 @@ examples:
       8 x 8 lens samples by 2 x 2 rays of a pixel, each spread by its depth over what it stands for
   lfcore render table.glb -o table.png --focus 2.5 --f-number 1.4
       a single picture is traced at its own focus
+  lfcore render scenes/bike -o bike.png --quality 45
+      with as few rays as that takes, found by a pilot
   lfcore render scene.pbrt -o scene.exr
       as the file says: film, rays a pixel, lens or Camera "lightfield", shutter
   lfcore render scene.pbrt -o square.exr --size 256 --pinhole
@@ -69,6 +71,11 @@ def add_parser(commands, name: str, summary: str) -> None:
             "--filter", choices=("depth", "nearest"), default="depth",
             help="how a ray counts: over what its part of lens and pixel sweeps at the depth that "
             "it met (default), or in the pixel that it falls on",
+        )  # fmt: skip
+        command.add_argument(
+            "--quality", type=float, metavar="DB",
+            help="as few rays as every picture needs for this PSNR against the average over its "
+            "pixels and the lens, instead of --views and --subpixels",
         )  # fmt: skip
         command.add_argument("--pinhole", action="store_true", help="one ray through a point")
         plane_options.add_options(command)
@@ -122,18 +129,16 @@ def render(arguments: argparse.Namespace) -> None:
 
     check_suffix(arguments.output)
     check_bits(arguments.output, arguments.bits)
-    lens = arguments.views, arguments.subpixels, arguments.f_number, arguments.plane
-    if arguments.pinhole and any(lens):
-        raise OpticsError(
-            "has neither aperture nor focus", key="--pinhole",
-            remedy="Leave out --views, --subpixels, --f-number and --plane",
-        )  # fmt: skip
+    _check_rays(arguments)
     scene = load(arguments.scene, arguments.light_points)
     say_what_is_in(scene)
     if render_view.wants_film(arguments, scene):
         render_view.render_film(arguments, scene)
         return
     size = 256 if arguments.size is None else arguments.size
+    if arguments.quality is not None:
+        _render_to_quality(arguments, scene, size)
+        return
     views = 1 if arguments.pinhole else arguments.views
     how = "nearest" if arguments.pinhole else arguments.filter
     planes = plane_options.read_planes(arguments, scene.camera)
@@ -143,6 +148,40 @@ def render(arguments: argparse.Namespace) -> None:
             filter=how, device=arguments.device, progress=report,
         )  # fmt: skip
     save(arguments.output, planes, pictures, bits=arguments.bits)
+
+
+def _check_rays(arguments: argparse.Namespace) -> None:
+    """Options on rays that do not go together."""
+    rays = arguments.views, arguments.subpixels
+    if arguments.pinhole and any((*rays, arguments.f_number, arguments.plane)):
+        raise OpticsError(
+            "has neither aperture nor focus", key="--pinhole",
+            remedy="Leave out --views, --subpixels, --f-number and --plane",
+        )  # fmt: skip
+    if arguments.quality is not None and (
+        any(rays) or arguments.pinhole or arguments.filter == "nearest"
+    ):
+        raise OpticsError(
+            "chooses the rays itself", key="--quality",
+            remedy="Leave out --views, --subpixels, --pinhole and --filter nearest",
+        )  # fmt: skip
+
+
+def _render_to_quality(arguments: argparse.Namespace, scene, size: int) -> None:
+    """Pictures of ``--quality``, and a line on what is expected of each."""
+    from lfcore import api
+    from lfcore.cli.refocus import save
+
+    planes = plane_options.read_planes(arguments, scene.camera)
+    with named_file(arguments.scene), progress("tracing", "views") as report:
+        made = api.render_to_quality(
+            scene, arguments.quality, planes=planes, pixels=size, device=arguments.device,
+            progress=report,
+        )  # fmt: skip
+    db = ", ".join(f"{each:.1f}" for each in made.expected_db)
+    rays = f"{made.count} lens samples by rays of a pixel a side"
+    say(f"{rays}, {made.count.rays_a_pixel:g} a pixel: {db} dB expected")
+    save(arguments.output, planes, made.pictures, bits=arguments.bits)
 
 
 def trace(arguments: argparse.Namespace) -> None:

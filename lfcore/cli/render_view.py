@@ -12,7 +12,8 @@ from lfcore.pictures import write_picture
 
 # Options that ask for a square picture from a light slab instead of the scene's own film.
 SLAB_OPTIONS = (
-    "size", "views", "pinhole", "focus", "f_number", "plane", "planes", "layout", "pixel_format",
+    "size", "views", "subpixels", "quality", "pinhole", "focus", "f_number", "plane", "planes",
+    "layout", "pixel_format",
 )  # fmt: skip
 FILM_OPTIONS = ("samples", "instants", "white")
 

@@ -181,6 +181,21 @@ def test_every_pixel_format_is_traced_and_refocused(tmp_path, capsys, codec, for
     assert np.abs(np.load(direct) - np.load(stored)).mean() < most
 
 
+def test_rays_that_do_not_go_together_are_refused(tmp_path, capsys):
+    out = ["-o", str(tmp_path / "a.png"), "--size", "16"]
+    for options, key in (
+        (["--quality", "40", "--views", "4"], "--quality: chooses the rays itself"),
+        (["--quality", "40", "--filter", "nearest"], "--quality: chooses the rays itself"),
+        (["--pinhole", "--subpixels", "2"], "--pinhole: has neither"),
+        (["--filter", "nearest", "--subpixels", "2"], "belong to the filter 'depth'"),
+        (["--subpixels", "-1"], "subpixels: must be above 0"),
+    ):
+        assert main(["render", str(CHART), *options, *out]) == 1
+        assert key in capsys.readouterr().err
+    assert main(["render", str(CHART), "--quality", "30", *out]) == 0
+    assert "dB expected" in capsys.readouterr().err
+
+
 def test_a_pinhole_has_no_focus(tmp_path):
     made = []
     for focus in ("1", "2"):
