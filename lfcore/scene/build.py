@@ -20,6 +20,7 @@ from lfcore.scene.limits import within_limits
 from lfcore.scene.meshes import load_mesh, read_texture
 from lfcore.scene.model import DIRECTIONAL, POINT, Light, Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
+from lfcore.scene.notes import Notebook
 from lfcore.scene.parts import Part, transform_all
 from lfcore.scene.reading import DESCRIPTIONS
 from lfcore.scene.transforms import parse_transform
@@ -76,11 +77,12 @@ def _default_name(path: Path) -> str:
 def build(description: dict, *, file: str | Path, name: str) -> Scene:
     """The scene of a checked and completed description; paths are relative to ``file``."""
     file = Path(file)
+    notebook = Notebook()
     parts: list[Part] = []
     moving: list[Moving] = []
     for index, entry in enumerate(description["objects"]):
         key = f"objects[{index}]"
-        made = _object(entry, file=file, key=key)
+        made = _object(entry, notebook, file=file, key=key)
         if "motion" in entry:
             poses = _poses(entry, file, key)
             moving += [(part, poses) for part in made]
@@ -112,6 +114,7 @@ def build(description: dict, *, file: str | Path, name: str) -> Scene:
         focus_distances_m=tuple(float(d) for d in focus)
         if focus
         else framing.default_focus_distances(camera, geometry.triangles),
+        notes=notebook.notes(),
         **vars(geometry),
     )
     return within_limits(scene, file)
@@ -181,7 +184,7 @@ def _view(camera: dict, file: Path) -> View | None:
         ) from None
 
 
-def _object(entry: dict, *, file: Path, key: str) -> list[Part]:
+def _object(entry: dict, notebook: Notebook, *, file: Path, key: str) -> list[Part]:
     """World-space parts of one entry of ``objects``."""
     if "builder" in entry:
         parts = procedural.build(
@@ -198,15 +201,28 @@ def _object(entry: dict, *, file: Path, key: str) -> list[Part]:
                 key=f"{key}.file",
                 remedy="Give a path relative to the scene file",
             )
-        parts = load_mesh(mesh, shading=entry["shading"], crease_deg=entry["crease_deg"])
+        parts = load_mesh(
+            mesh, shading=entry["shading"], crease_deg=entry["crease_deg"], notebook=notebook
+        )
     if "material" in entry:
-        changes = _material(entry["material"], file, f"{key}.material")
-        parts = [part.with_surface(**changes) for part in parts]
+        parts = _with_material(parts, entry["material"], file, f"{key}.material")
     parts = _override_by_name(parts, entry["materials"], file, f"{key}.materials")
     if "transform" in entry:
         matrix = parse_transform(entry["transform"], file=file, key=f"{key}.transform")
         parts = transform_all(parts, matrix)
     return parts
+
+
+def _with_material(parts: list[Part], material: dict, file: Path, key: str) -> list[Part]:
+    changes = _material(material, file, key)
+    if changes.get("texture") is not None and all(part.uvs is None for part in parts):
+        raise SceneError(
+            "the mesh has no texture coordinates",
+            file=file,
+            key=f"{key}.texture",
+            remedy="Unwrap it and export it with them, or give a colour",
+        )
+    return [part.with_surface(**changes) for part in parts]
 
 
 def _override_by_name(parts: list[Part], overrides: dict, file: Path, key: str) -> list[Part]:
@@ -219,10 +235,9 @@ def _override_by_name(parts: list[Part], overrides: dict, file: Path, key: str) 
                 key=f"{key}.{name}",
                 remedy=f"The object has: {', '.join(known)}",
             )
-        changes = _material(material, file, f"{key}.{name}")
-        parts = [
-            part.with_surface(**changes) if part.surface.name == name else part for part in parts
-        ]
+        named = [part for part in parts if part.surface.name == name]
+        changed = iter(_with_material(named, material, file, f"{key}.{name}"))
+        parts = [next(changed) if part.surface.name == name else part for part in parts]
     return parts
 
 

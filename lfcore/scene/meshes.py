@@ -14,7 +14,9 @@ import numpy as np
 
 from lfcore.colour import srgb_decode
 from lfcore.errors import SceneError
+from lfcore.scene.notes import LEFT_OUT, Notebook
 from lfcore.scene.parts import Colour, Part, Surface
+from lfcore.scene.ply import with_strips
 from lfcore.scene.smoothing import crease_normals
 
 # Formats whose vertex colours are linear; everywhere else they are display values.
@@ -22,28 +24,36 @@ LINEAR_COLOUR_FORMATS = (".glb", ".gltf")
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tga", ".bmp", ".webp", ".tif", ".tiff", ".gif")
 
 
-def load_mesh(path: str | Path, *, shading: str = "auto", crease_deg: float = 40.0) -> list[Part]:
+def load_mesh(
+    path: str | Path,
+    *,
+    shading: str = "auto",
+    crease_deg: float = 40.0,
+    notebook: Notebook | None = None,
+) -> list[Part]:
     """The parts of a mesh file, in its own coordinates (taken as metres, y up).
 
     Parameters
     ----------
     shading : ``auto`` (the file's normals, else smoothed), ``smooth`` or ``flat``.
     crease_deg : edges sharper than this stay sharp when smoothing.
+    notebook : takes what the file asks for and does not get.
 
     Raises
     ------
     SceneError
         for a file that is missing, that trimesh cannot read, that holds no triangles, or that
-        names a texture or material file which cannot be found.
+        names a texture which cannot be found.  Without its MTL an OBJ has the default material,
+        which is noted.
     """
     import trimesh  # the heaviest import of the package, not needed by procedural scenes
 
     path = Path(path)
-    scene = _load(trimesh, path)
+    scene = _load(trimesh, path, Notebook() if notebook is None else notebook)
     parts = []
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph[node]
-        mesh = scene.geometry[name]
+        mesh = _with_strips(scene.geometry[name], path)
         if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
             part = _part(mesh, path, shading, crease_deg)
             parts.append(part.transformed(np.asarray(matrix, np.float64)))
@@ -56,7 +66,14 @@ def load_mesh(path: str | Path, *, shading: str = "auto", crease_deg: float = 40
     return parts
 
 
-def _load(trimesh, path: Path):
+def _with_strips(mesh, path: Path):
+    try:
+        return with_strips(mesh)
+    except ValueError as error:
+        raise SceneError(str(error), file=path, remedy="Export the mesh again") from None
+
+
+def _load(trimesh, path: Path, notebook: Notebook):
     from trimesh.resolvers import FilePathResolver
 
     class Resolver(FilePathResolver):
@@ -70,7 +87,11 @@ def _load(trimesh, path: Path):
             try:
                 data = super().get(name)
             except (OSError, ValueError):
-                self.trouble.append(f"texture or material file {name!r} not found")
+                if name.strip().lower().endswith(".mtl"):
+                    what = f"material library {name.strip()!r}, not found: the default material"
+                    notebook.add_in(LEFT_OUT, path, what)
+                else:
+                    self.trouble.append(f"texture {name!r} not found")
                 raise
             if Path(name.strip()).suffix.lower() in IMAGE_SUFFIXES and not _is_image(data):
                 self.trouble.append(f"texture {name!r} cannot be decoded")
@@ -160,6 +181,8 @@ def _surface(visual, faces: np.ndarray, path: Path) -> tuple[Surface, np.ndarray
     from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
     material = getattr(visual, "material", None)
+    if _is_invented(material):
+        material = None
     if isinstance(material, PBRMaterial):
         surface = surface_of_pbr(material, path)
     elif isinstance(material, SimpleMaterial):
@@ -174,9 +197,14 @@ def _surface(visual, faces: np.ndarray, path: Path) -> tuple[Surface, np.ndarray
             remedy="Mend the material",
         )
     uv = getattr(visual, "uv", None)
-    if surface.texture is None or uv is None or len(uv) == 0:
+    if uv is None or len(uv) == 0:
         return surface, None
-    return surface, _texture_coordinates(np.asarray(uv, np.float64), faces, path)
+    try:
+        return surface, _texture_coordinates(np.asarray(uv, np.float64), faces, path)
+    except SceneError:
+        if surface.texture is None:
+            return surface, None  # nothing is read there
+        raise
 
 
 def _texture_coordinates(uv: np.ndarray, faces: np.ndarray, path: Path) -> np.ndarray:
@@ -189,6 +217,18 @@ def _texture_coordinates(uv: np.ndarray, faces: np.ndarray, path: Path) -> np.nd
             remedy="Unwrap the mesh again, or take its texture away",
         )
     return uv[faces][..., :2]
+
+
+def _is_invented(material) -> bool:
+    """Whether trimesh made the material up, for texture coordinates that came without one.
+
+    Its picture is 2 x 2 texels of (100, 100, 100); GLB files that it exported hold it, too.
+    """
+    image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+    if image is None or image.size != (2, 2):
+        return False
+    texels = np.asarray(image.convert("RGB")).reshape(-1, 3)
+    return bool((texels == 100).all()) and not getattr(material, "kwargs", None)
 
 
 def surface_of_pbr(material, path: Path) -> Surface:

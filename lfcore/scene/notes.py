@@ -18,6 +18,7 @@ class Note:
 
     ``kind`` is :data:`LEFT_OUT` (missing from the picture), :data:`APPROXIMATED` (mapped to the
     nearest thing there is) or :data:`NOT_USED` (has no meaning here, e.g. pbrt's sampler).
+    ``line`` counts from 1; 0 is the whole file.
     """
 
     kind: str
@@ -26,7 +27,8 @@ class Note:
     what: str
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.line}: {self.kind}: {self.what}"
+        place = f"{self.file}:{self.line}" if self.line else str(self.file)
+        return f"{place}: {self.kind}: {self.what}"
 
 
 class Notebook:
@@ -36,7 +38,11 @@ class Notebook:
         self._notes: dict[Note, None] = {}
 
     def add(self, kind: str, place: Place, what: str) -> None:
-        self._notes.setdefault(Note(kind, place.file, place.line, what))
+        self.add_in(kind, place.file, what, place.line)
+
+    def add_in(self, kind: str, file: Path, what: str, line: int = 0) -> None:
+        """As :meth:`add`, of a file whose lines are not known or do not matter."""
+        self._notes.setdefault(Note(kind, file, line, what))
 
     def notes(self) -> tuple[Note, ...]:
         return tuple(self._notes)

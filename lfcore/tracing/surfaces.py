@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.colour import srgb_decode
+from lfcore.scene.limits import within_limits
 from lfcore.scene.model import POINT, Light, Scene
 from lfcore.scene.needs import Needs
 
@@ -40,7 +41,10 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
     """Pack what ``needs`` says is used; everything else is an empty array.
 
     Without ``mipmaps`` every texture has its finest level only.
+
+    Raises :class:`SceneError` for a light, material or camera that float32 cannot hold.
     """
+    within_limits(scene, scene.name)
     count = scene.triangle_count
     parts = [np.zeros((count, 0), np.float32)]
     if needs.smooth_normals:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from lfcore.errors import SceneError
 from lfcore.scene.build import build_scene
+from lfcore.scene.model import Light
+from lfcore.scene.needs import Needs
+from lfcore.tracing.surfaces import pack_surfaces
 
 POINT = {"position_m": [0, 2, 0], "colour": [1, 1, 1], "reference_distance_m": 1}
 POSE = {"position_m": [0, 0, 6], "look_at_m": [0, 0, 0]}
@@ -36,3 +41,10 @@ def test_a_direction_may_have_any_length(write_scene, minimal, length):
     minimal["lights"] = [{"towards_light": [length] * 3, "colour": [1, 1, 1]}]
     (light,) = build_scene(write_scene(minimal)).lights
     np.testing.assert_allclose(light.vector, np.array([1, -1, -1]) / np.sqrt(3), atol=1e-12)
+
+
+def test_the_tracer_refuses_what_was_built_by_hand(write_scene, minimal):
+    scene = build_scene(write_scene(minimal))
+    far = dataclasses.replace(scene, lights=[Light(0, (1e36, 0.0, 0.0), (1.0, 1.0, 1.0))])
+    with pytest.raises(SceneError, match=r"lights\[0\]: metres"):
+        pack_surfaces(far, Needs.of(far))

@@ -44,13 +44,95 @@ def test_obj_material_texture_and_coordinates(textured):
     np.testing.assert_allclose(part.uvs, part.triangles[..., :2], atol=1e-6)
 
 
-@pytest.mark.parametrize("missing", ["skin.png", "m.mtl"])
-def test_missing_side_file_is_named(textured, missing):
+def test_missing_texture_is_named(textured):
     path, _ = textured
-    (path.parent / missing).unlink()
-    with pytest.raises(SceneError, match=missing) as caught:
+    (path.parent / "skin.png").unlink()
+    with pytest.raises(SceneError, match=r"skin\.png") as caught:
         build_scene(path)
     assert caught.value.remedy
+
+
+def test_without_its_mtl_an_obj_has_the_default_material_and_says_so(textured):
+    path, _ = textured
+    (path.parent / "m.mtl").unlink()
+    scene = build_scene(path)
+    assert scene.materials[0].diffuse == (0.8, 0.8, 0.8) and scene.textures == []
+    assert scene.summary().startswith(f"{path}: left out: material library 'm.mtl', not found")
+
+
+COORDINATES = {
+    "obj": SQUARE.replace("mtllib m.mtl\n", "").replace("usemtl skin\n", ""),
+    "ply": (
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+        "property float z\nproperty float s\nproperty float t\nelement face 1\n"
+        "property list uchar int vertex_indices\nend_header\n"
+        "0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n"
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", COORDINATES)
+@pytest.mark.parametrize("exported", [False, True])
+def test_coordinates_without_a_material_do_not_darken(tmp_path, kind, exported):
+    """trimesh makes up a dark picture for them, and exports it."""
+    path = tmp_path / f"m.{kind}"
+    path.write_text(COORDINATES[kind])
+    if exported:
+        trimesh.load(path, process=False).export(tmp_path / "m.glb")
+        path = tmp_path / "m.glb"
+    (part,) = load_mesh(path)
+    assert part.surface.texture is None
+    assert part.surface.diffuse == (0.8, 0.8, 0.8)
+    # They are there for a texture that a scene gives.
+    assert np.ptp(part.uvs) == 1
+
+
+def test_a_picture_of_two_texels_a_side_is_kept_with_its_material(textured):
+    path, _ = textured
+    Image.new("RGB", (2, 2), (100, 100, 100)).save(path.parent / "skin.png")
+    (part,) = load_mesh(path)
+    assert (part.surface.texture == 100).all()
+
+
+def test_a_texture_for_a_mesh_without_coordinates_is_refused(write_scene, minimal, tmp_path):
+    Image.new("RGB", (2, 2)).save(tmp_path / "skin.png")
+    minimal["objects"][0]["material"] = {"texture": "skin.png"}
+    with pytest.raises(SceneError, match=r"objects\[0\]\.material\.texture.*coordinates"):
+        build_scene(write_scene(minimal))
+
+
+STRIPS = (
+    "ply\nformat {} 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
+    "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+    "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+)
+STRIP = [0, 1, 2, 3, -1, 2, 3, 4, 4]
+CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0), (0.5, 2, 0)]
+
+
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
+def test_triangle_strips(tmp_path, kind):
+    path = tmp_path / "strips.ply"
+    head = STRIPS.format(kind)
+    if kind == "ascii":
+        rows = "".join(f"{x} {y} {z} 255 0 0\n" for x, y, z in CORNERS)
+        path.write_text(f"{head}{rows}{len(STRIP)} {' '.join(map(str, STRIP))}\n")
+    else:
+        rows = b"".join(np.float32(c).tobytes() + bytes((255, 0, 0)) for c in CORNERS)
+        path.write_bytes(head.encode() + rows + np.int32([len(STRIP), *STRIP]).tobytes())
+    (part,) = load_mesh(path)
+    corners = np.array(CORNERS)
+    np.testing.assert_array_equal(part.triangles, corners[[[0, 1, 2], [2, 1, 3], [2, 3, 4]]])
+    np.testing.assert_allclose(face_normals(part.triangles), [[0, 0, 1]] * 3)
+    np.testing.assert_allclose(part.colours, [[[1, 0, 0]] * 3] * 3)
+
+
+def test_strips_that_name_no_vertex(tmp_path):
+    path = tmp_path / "strips.ply"
+    rows = "".join(f"{x} {y} {z} 255 0 0\n" for x, y, z in CORNERS)
+    path.write_text(f"{STRIPS.format('ascii')}{rows}3 0 1 7\n")
+    with pytest.raises(SceneError, match=r"strips\.ply.*names vertex 7 of 5"):
+        load_mesh(path)
 
 
 def test_damaged_texture_is_refused_not_ignored(textured):

@@ -26,6 +26,7 @@ from lfcore.scene.view import (
 TO_OURS = np.diag([1.0, -1.0, 1.0, 1.0])
 DEFAULT_FILM = (640, 480)  # version 3; version 4 has 1280 x 720
 DEFAULT_SAMPLES = 16
+LARGEST_FILM = MOST_SAMPLES = 65536
 PARAMETERS = {
     "fov_deg": "fov",
     "cameras_per_dim": "camerasperdim",
@@ -43,8 +44,10 @@ def read_film(parameters: ParameterSet | None, notebook: Notebook) -> tuple[int,
         parameters.integer(name, default)
         for name, default in zip(("xresolution", "yresolution"), DEFAULT_FILM, strict=True)
     )
-    if min(size) < 1:
-        raise parameters.error("xresolution", f"of {size[0]} x {size[1]} is no film")
+    if min(size) < 1 or max(size) > LARGEST_FILM:
+        raise parameters.error(
+            "xresolution", f"of {size[0]} x {size[1]} is no film", f"Give 1 to {LARGEST_FILM}"
+        )
     if parameters.get("cropwindow"):
         notebook.add(LEFT_OUT, parameters.place, f"crop window of {parameters.owner}")
     parameters.note_unused(notebook)
@@ -59,8 +62,8 @@ def read_samples(parameters: ParameterSet | None) -> int:
     if not count:
         grid = [parameters.integer(name, 0) for name in ("xsamples", "ysamples")]
         count = math.prod(grid) or DEFAULT_SAMPLES
-    if count < 1:
-        raise parameters.error("pixelsamples", f"must be at least 1, not {count}")
+    if not 1 <= count <= MOST_SAMPLES:
+        raise parameters.error("pixelsamples", f"must be from 1 to {MOST_SAMPLES}, not {count}")
     return count
 
 

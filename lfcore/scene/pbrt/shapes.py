@@ -19,6 +19,7 @@ from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.pbrt.lexer import syntax_error
 from lfcore.scene.pbrt.loop_subdivision import loop_subdivide
 from lfcore.scene.pbrt.parameters import ParameterSet
+from lfcore.scene.ply import vertex_columns, with_strips
 from lfcore.scene.reading import LARGEST_MESH, read_bytes
 
 TOLERANCE = 1e-3
@@ -122,9 +123,9 @@ def _plymesh(parameters: ParameterSet, folder: Path) -> Mesh:
     place, path = parameters.items["filename"].place, folder / name
     try:
         data = read_bytes(path, LARGEST_MESH)
-        loaded = trimesh.load(io.BytesIO(data), file_type="ply", process=False)
+        loaded = with_strips(trimesh.load(io.BytesIO(data), file_type="ply", process=False))
         points = np.asarray(loaded.vertices, np.float64)
-        faces = np.asarray(loaded.faces, np.int64)
+        faces = np.asarray(getattr(loaded, "faces", ()), np.int64)
         if not len(faces):
             raise ValueError("it holds no faces")
         if points.ndim != 2 or points.shape[1] != 3:
@@ -138,18 +139,9 @@ def _plymesh(parameters: ParameterSet, folder: Path) -> Mesh:
     return _indexed(
         points,
         faces,
-        _columns(raw, len(points), ("nx", "ny", "nz")),
-        _first(_columns(raw, len(points), pair) for pair in (("u", "v"), ("s", "t"))),
+        vertex_columns(raw, len(points), ("nx", "ny", "nz")),
+        _first(vertex_columns(raw, len(points), pair) for pair in (("u", "v"), ("s", "t"))),
     )
-
-
-def _columns(raw, count: int, names: tuple[str, ...]) -> np.ndarray | None:
-    """Vertex properties of a PLY file as (count, len(names)) float64; None when it lacks them."""
-    # The reader gives a structured array for binary files and a dictionary for text.
-    known = raw.keys() if isinstance(raw, dict) else getattr(raw, "dtype", np.dtype("f4")).names
-    if not set(names) <= set(known or ()) or any(len(raw[name]) != count for name in names):
-        return None
-    return np.stack([np.asarray(raw[name], np.float64).reshape(count) for name in names], -1)
 
 
 def _first(candidates):
