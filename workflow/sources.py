@@ -53,7 +53,10 @@ def _digest_of(file: Path) -> bytes:
 
 def _statements(node: ast.AST) -> Iterator[ast.AST]:
     """All statements below a module or statement; most nodes are expressions, passed over."""
-    for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+    parts = ("body", "orelse", "finalbody", "handlers", "cases")
+    if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
+        parts = ("orelse",)  # for type checkers alone; nothing of it is run
+    for part in parts:
         for child in getattr(node, part, ()):
             yield child
             yield from _statements(child)
