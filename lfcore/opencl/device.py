@@ -14,6 +14,9 @@ from lfcore.errors import DeviceError
 from lfcore.opencl import drivers, program_cache
 
 drivers.prepare()
+# Programs have a cache of ours.  pyopencl keeps its calls of kernels in a database of the user's,
+# without which (no home, a damaged file) it fails; to write them anew takes milliseconds.
+os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
 
 import pyopencl as cl  # noqa: E402  (the loader reads its environment on import)
 
