@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -60,14 +60,16 @@ def surroundings(folder: Path) -> list[Surrounding]:
     ]
 
 
-def try_all(folder: Path) -> Iterator[tuple[str, str]]:
-    """(name, what is wrong: empty when nothing is) of each surrounding."""
+def try_all(folder: Path, only: Sequence[str] = ()) -> Iterator[tuple[str, str]]:
+    """(name, what is wrong: empty when nothing is) of each surrounding, or of those of a name."""
     folder.mkdir(parents=True, exist_ok=True)
     undisturbed = _render(Surrounding("undisturbed"), folder)
     right = (folder / "p.ppm").read_bytes()
     if undisturbed.returncode:
         raise RuntimeError(f"fails undisturbed: {undisturbed.stderr}")
     for surrounding in surroundings(folder):
+        if only and surrounding.name not in only:
+            continue
         picture = folder / surrounding.output
         if picture.is_file():
             picture.unlink()

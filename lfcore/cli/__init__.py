@@ -7,6 +7,7 @@ writes files that appear whole or not at all.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import io
 import os
 import sys
@@ -49,6 +50,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     itself (``argv`` None) an interruption ends the process at once, also while a kernel runs.
     """
     words = list(sys.argv[1:] if argv is None else argv)
+    if argv is None:
+        _open_closed_streams()
     for stream in (sys.stdout, sys.stderr):
         # A terminal that knows no letter of a name shows its code, and the command goes on.
         if isinstance(stream, io.TextIOWrapper):
@@ -57,13 +60,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         with interruptible():
             arguments = parser(words).parse_args(words)
             arguments.run(arguments)
+            sys.stdout.flush()
     except LfcoreError as error:
         return _failed(str(error))
     except BrokenPipeError:
-        # Whoever read our output has seen enough; nothing is left to be flushed on exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _forget_output()  # whoever read it has seen enough
         return 1
     except OSError as error:
+        if argv is None:
+            _forget_output()  # it may be what is full
         place = f"{error.filename}: " if error.filename else ""
         return _failed(one_line(f"{place}{error.strerror or error}."))
     except MemoryError:
@@ -74,6 +79,22 @@ def main(argv: Sequence[str] | None = None) -> int:
             leave_at_once(status)
         return status
     return 0
+
+
+def _open_closed_streams() -> None:
+    """Standard streams that the caller closed lead nowhere: no file of ours may take their number.
+
+    What a library in C says to number 2 would be written into that file.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.open(os.devnull, os.O_RDWR), mode))
+
+
+def _forget_output() -> None:
+    """Nothing is left to be flushed on exit."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _failed(message: str, status: int = 1) -> int:

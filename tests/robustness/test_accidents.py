@@ -8,7 +8,7 @@ from random import Random
 
 import pytest
 
-from robustness import disks, kills
+from robustness import disks, folders, kills
 from robustness.disks import Writer
 
 # Takes half a second; what a kill leaves behind is in the next run's result, or is not.
@@ -84,3 +84,9 @@ def test_a_render_that_is_killed_goes_on_and_is_identical(tmp_path):
     for way in ("KILL", "TERM"):
         killed.disturb(draw, way, tally)
     assert not tally.findings and tally.identical == tally.kills
+
+
+def test_surroundings_that_are_not_as_they_should(tmp_path):
+    names = ("standard error is closed", "the output is below a file", "threads: abc")
+    results = dict(folders.try_all(tmp_path / "folder", names))
+    assert results == dict.fromkeys(names, "")
