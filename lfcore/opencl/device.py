@@ -16,6 +16,7 @@ from lfcore.opencl import drivers, program_cache
 drivers.prepare()
 # Programs have a cache of ours.  pyopencl keeps its calls of kernels in a database of the user's,
 # without which (no home, a damaged file) it fails; to write them anew takes milliseconds.
+# Where it was imported before, programs are kept from its cache below, at the price of a warning.
 os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
 
 import pyopencl as cl  # noqa: E402  (the loader reads its environment on import)
@@ -24,7 +25,6 @@ log = logging.getLogger(__name__)
 
 # The compiler's remarks on a successful build ("vectorization skipped") are of no use to a user.
 warnings.filterwarnings("ignore", category=cl.CompilerWarning)
-# Of pyopencl's own cache, which knows a processor by its name alone and is passed by.
 warnings.filterwarnings("ignore", message="Pre-build attribute access")
 
 KERNELS = Path(__file__).parent.parent
@@ -217,10 +217,10 @@ def _compile(
             return None
 
     def build() -> tuple[cl.Program, bytes]:
-        program = cl.Program(context, source)
-        program.int_ptr  # noqa: B018  (creates it past pyopencl's own cache)
         # The loader strips no quotes on every platform, so paths go as separate arguments.
         paths = [part for folder in folders for part in ("-I", folder)]
+        program = cl.Program(context, source)
+        program.int_ptr  # noqa: B018  (exists from here on, so that pyopencl looks for no other)
         program.build(options=[*options, *paths])
         return program, program.binaries[0]
 
