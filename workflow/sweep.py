@@ -19,7 +19,7 @@ import pandas as pd
 import yaml
 
 from lfcore.errors import LfcoreError
-from lfcore.evaluation.tables import write_csv
+from lfcore.evaluation.table_files import write_csv
 from lfcore.files import write_text
 from workflow.settings import SettingsError, check_settings
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import csv
-import os
+import io
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from peers.method import Method, Run
+
+from lfcore.files import write_text
 
 
 def say(text: str) -> None:
@@ -53,14 +55,12 @@ def shown(value) -> str:
 def write_csv(path: Path, rows: Sequence[dict]) -> None:
     """Write ``rows``, whole or not at all; columns in order of first appearance."""
     columns = list(dict.fromkeys(key for row in rows for key in row))
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns)
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({key: shown(value) for key, value in row.items()})
-    os.replace(part, path)
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, columns)
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({key: shown(value) for key, value in row.items()})
+    write_text(path, text.getvalue())
 
 
 def print_table(rows: Sequence[dict], leave_out: Sequence[str] = ()) -> None:

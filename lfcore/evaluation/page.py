@@ -15,7 +15,7 @@ from pathlib import Path
 import pandas as pd
 
 from lfcore.evaluation.captions import to_html
-from lfcore.evaluation.tables import readable
+from lfcore.evaluation.table_files import readable
 from lfcore.files import write_text
 
 STYLE = Path(__file__).with_name("page.css")

@@ -14,7 +14,6 @@ from pathlib import Path
 import pandas as pd
 
 from lfcore.errors import LfcoreError
-from lfcore.files import write_text
 
 THESIS_FILE = Path(__file__).with_name("thesis_tables.csv")
 MIB = 2**20
@@ -149,45 +148,3 @@ def sizes(*, rays: int, video_bytes: int) -> dict[str, float]:
         "ratio_float32": 12 * rays / video_bytes,
         "ratio_uint8": 3 * rays / video_bytes,
     }
-
-
-def write_csv(path: str | Path, table: pd.DataFrame) -> None:
-    """Write any table as CSV; infinities as ``inf``, unknown cells empty."""
-    write_text(path, table.to_csv(index=False, lineterminator="\n"))
-
-
-def write_markdown(path: str | Path, table: pd.DataFrame, *, title: str, caption: str) -> None:
-    """Write any table as Markdown under its title, with the caption below."""
-    body = readable(table).to_markdown(index=False, disable_numparse=True)
-    write_text(path, f"# {title}\n\n{body}\n\n{caption.strip()}\n")
-
-
-def readable(table: pd.DataFrame) -> pd.DataFrame:
-    """The table as text for people: sizes in KiB, MiB, GiB, unknown cells as a dash."""
-    text = pd.DataFrame(index=table.index)
-    for column in table.columns:
-        in_bytes = "bytes" in column
-        name = column.replace("_bytes", "").replace("bytes_", "") if in_bytes else column
-        text[name.replace("_", " ")] = [
-            _cell(value, in_bytes=in_bytes) for value in table[column].tolist()
-        ]
-    return text
-
-
-def _cell(value: object, *, in_bytes: bool) -> str:
-    if value is None or value != value:
-        return "–"
-    if in_bytes:
-        return human_bytes(float(value))
-    if isinstance(value, float):
-        return f"{value:.0f}" if value.is_integer() and abs(value) < 1e15 else f"{value:.6g}"
-    return str(value)
-
-
-def human_bytes(count: float) -> str:
-    """``1536`` as ``1.5 KiB``."""
-    for unit in ("B", "KiB", "MiB", "GiB"):
-        if count < 1024:
-            return f"{count:.4g} {unit}"
-        count /= 1024
-    return f"{count:.4g} TiB"

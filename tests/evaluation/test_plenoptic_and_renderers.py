@@ -14,7 +14,7 @@ from lfcore.evaluation.plenoptic_figure import (
     take,
     write_photograph,
 )
-from lfcore.evaluation.storage.table import make_table
+from lfcore.evaluation.table_files import table_of
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_missing_renderers_are_left_out_aloud(monkeypatch, chart, tmp_path):
     monkeypatch.setattr(renderers.shutil, "which", lambda name: None)
     monkeypatch.setattr(renderers.importlib.util, "find_spec", lambda name: None)
     rows, rendered = renderers.compare(chart, (1.0, 2.0), pixels=32, views=4)
-    table = make_table(rows, renderers.COLUMNS)
+    table = table_of(rows, renderers.COLUMNS)
     assert len(table) == 8
     missing = table[table.method.isin(["POV-Ray", "Mitsuba 3"])]
     assert missing.note.str.startswith("left out").all() and missing.psnr_db.isna().all()

@@ -23,7 +23,7 @@ from lfcore.evaluation.storage.sample import (
     trace_sample,
     window_camera,
 )
-from lfcore.evaluation.storage.table import make_table, read_rows, write_rows
+from lfcore.evaluation.table_files import read_rows, table_of, write_rows
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import trace_planes
@@ -141,14 +141,14 @@ def test_rate_and_distortion_of_a_scene(chart, tmp_path):
     study = rate_distortion.RateStudy([16], 1, [12, 24, 36], curves)
     seen = []
     rows = rate_distortion.rate_rows(chart, study, 32, progress=lambda *done: seen.append(done))
-    points = make_table(rows, rate_distortion.COLUMNS)
+    points = table_of(rows, rate_distortion.COLUMNS)
     assert points.curve.tolist() == ["default", *[names[0]] * 3, *[names[1]] * 3, names[2]]
     assert seen[-1] == (8, 8)
     lossy = points[points.curve == names[0]]
     assert lossy.bits_per_ray.is_monotonic_decreasing
     assert lossy.psnr_frames_db.is_monotonic_decreasing
     assert np.allclose(points.ratio_float32, 96 / points.bits_per_ray, rtol=1e-4)
-    deltas = make_table(rate_distortion.bd_rows(points), rate_distortion.BD_COLUMNS)
+    deltas = table_of(rate_distortion.bd_rows(points), rate_distortion.BD_COLUMNS)
     assert deltas.curve.tolist() == list(names[:2])
     assert deltas.bd_rate_frames_percent[0] == pytest.approx(0, abs=1e-6)
     rate_distortion_figure(tmp_path / "rd.png", points, deltas)
@@ -157,7 +157,7 @@ def test_rate_and_distortion_of_a_scene(chart, tmp_path):
 
 def test_layouts_of_a_scene(chart, tmp_path):
     study = layouts.LayoutStudy([16], 1, [1, 2])
-    table = make_table(layouts.layout_rows(chart, study, 32), layouts.COLUMNS)
+    table = table_of(layouts.layout_rows(chart, study, 32), layouts.COLUMNS)
     assert len(table) == 3 + 3 + 2 and table.is_default.sum() == 1
     assert (table.raw_bytes_float32 == 12 * 256 * 256).all() and (table.psnr_frames_db > 20).all()
     layouts_figure(tmp_path / "layouts.png", table)
@@ -185,7 +185,7 @@ def test_reading_costs(file, chart, tmp_path):
     path, kind = file
     study = retrieval.RetrievalStudy([1, 5], 1 << 14, 2)
     rows = retrieval.retrieval_rows(path, "chart", (1.0, 2.0), study, chart.device)
-    table = make_table(rows, retrieval.COLUMNS).set_index("what")
+    table = table_of(rows, retrieval.COLUMNS).set_index("what")
     assert table.index[0] == retrieval.DECODING and "5 planes" in table.index
     assert table.ratio_to_decoding.iloc[0] == 1 and (table.seconds > 0).all()
     # Planes: 2^14 of 2^18 rays; whole views or macropixels from the first of four segments.
@@ -211,7 +211,7 @@ def test_rows_survive_a_file(tmp_path):
     write_rows(tmp_path / "r.json", rows)
     again = read_rows([tmp_path / "r.json"])
     assert again == [{"a": 1, "b": math.inf, "c": None}, {"a": 2, "b": 1.234567, "c": None}]
-    table = make_table(again, ["a", "b", "c"])
+    table = table_of(again, ["a", "b", "c"])
     assert table.b.tolist() == [math.inf, 1.2346]
     with pytest.raises(KeyError, match="d"):
-        make_table(rows, ["a", "b", "d"])
+        table_of(rows, ["a", "b", "d"])

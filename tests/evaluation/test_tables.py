@@ -5,17 +5,8 @@ import math
 import pandas as pd
 import pytest
 
-from lfcore.evaluation.tables import (
-    SPECS,
-    TableError,
-    human_bytes,
-    make_table,
-    readable,
-    sizes,
-    thesis_figures,
-    write_csv,
-    write_markdown,
-)
+from lfcore.evaluation.table_files import human_bytes, readable, write_csv, write_markdown
+from lfcore.evaluation.tables import SPECS, TableError, make_table, sizes, thesis_figures
 
 CONTEXT = {"triangles": 9990, "M": 128, "device": "made up", "threads": 1}
 

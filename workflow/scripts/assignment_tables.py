@@ -1,11 +1,9 @@
 """The assignment's tables, as CSV and Markdown."""
 
 from operator import itemgetter
-from pathlib import Path
 
 from lfcore.evaluation.camera_arrays import make_array_table
-from lfcore.evaluation.captions import fill
-from lfcore.evaluation.tables import write_csv, write_markdown
+from lfcore.evaluation.table_files import publish_table
 from lfcore.files import read_json
 from workflow.job import job
 
@@ -21,6 +19,4 @@ with job(snakemake):
     outputs = zip(params.titles.items(), given.captions, output.csv, output.markdown, strict=True)
     for (name, title), caption, csv, markdown in outputs:
         table = make_array_table(name, records[name])
-        write_csv(csv, table)
-        text = fill(Path(caption).read_text(encoding="utf-8"), params.config)
-        write_markdown(markdown, table, title=title, caption=text)
+        publish_table(table, csv, markdown, title=title, caption=caption, config=params.config)

@@ -2,7 +2,7 @@
 
 from lfcore.evaluation.equivalence import equivalence
 from lfcore.evaluation.storage.figures import equivalence_sheet
-from lfcore.evaluation.storage.table import write_rows
+from lfcore.evaluation.table_files import write_rows
 from lfcore.optics.planes import SensorPlane
 from workflow.job import job, log_progress
 from workflow.tracer import open_tracer

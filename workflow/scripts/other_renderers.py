@@ -1,11 +1,7 @@
 """The same pictures by this program, POV-Ray and Mitsuba 3; what is not installed is left out."""
 
-from pathlib import Path
-
-from lfcore.evaluation.captions import fill
 from lfcore.evaluation.renderers import COLUMNS, compare, renderers_sheet
-from lfcore.evaluation.storage.table import make_table
-from lfcore.evaluation.tables import write_csv, write_markdown
+from lfcore.evaluation.table_files import publish_table, table_of
 from workflow.job import job, log_progress
 from workflow.tracer import open_tracer
 
@@ -18,8 +14,13 @@ with job(snakemake):
     for row in rows:
         if row["note"].startswith("left out"):
             print(f"{row['method']}, focus {row['focus_m']} m: {row['note']}")
-    table = make_table(rows, COLUMNS)
-    write_csv(output.csv, table)
-    text = fill(Path(given.caption).read_text(encoding="utf-8"), params.config)
-    write_markdown(output.markdown, table, title=params.title, caption=text)
+    table = table_of(rows, COLUMNS)
+    publish_table(
+        table,
+        output.csv,
+        output.markdown,
+        title=params.title,
+        caption=given.caption,
+        config=params.config,
+    )
     renderers_sheet(output.figure, rendered, focus_m)

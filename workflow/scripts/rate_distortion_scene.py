@@ -1,7 +1,7 @@
 """Rate and distortion of one scene, on samples."""
 
 from lfcore.evaluation.storage.rate_distortion import RateStudy, rate_rows
-from lfcore.evaluation.storage.table import write_rows
+from lfcore.evaluation.table_files import write_rows
 from workflow.job import job, log_progress
 from workflow.tracer import open_tracer
 

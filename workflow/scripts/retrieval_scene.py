@@ -1,7 +1,7 @@
 """What it costs to read the stored light fields of one scene."""
 
 from lfcore.evaluation.storage.retrieval import RetrievalStudy, retrieval_rows
-from lfcore.evaluation.storage.table import write_rows
+from lfcore.evaluation.table_files import write_rows
 from lfcore.opencl.device import open_device
 from workflow import cases
 from workflow.job import job, log_progress

@@ -1,14 +1,11 @@
 """All stability sweeps of the tracer, as a table, a heat map and plots of error growth."""
 
-from pathlib import Path
-
 from lfcore.evaluation import stability_report
-from lfcore.evaluation.captions import fill
 from lfcore.evaluation.stability.about import cases_table
 from lfcore.evaluation.stability.all_cases import run_all
 from lfcore.evaluation.stability.rows import check_rows
 from lfcore.evaluation.stability.subject import tracer_subject
-from lfcore.evaluation.tables import write_csv, write_markdown
+from lfcore.evaluation.table_files import publish_table, write_csv
 from lfcore.opencl.device import open_device
 from workflow.job import job, log_progress
 
@@ -19,9 +16,14 @@ with job(snakemake):
     table = stability_report.stability_table(rows)
     print(stability_report.summary(table))
     check_rows(rows)
-    write_csv(output.csv, table)
-    text = fill(Path(snakemake.input.caption).read_text(encoding="utf-8"), params.config)
-    write_markdown(output.markdown, table, title="Stiff and extreme cases", caption=text)
+    publish_table(
+        table,
+        output.csv,
+        output.markdown,
+        title="Stiff and extreme cases",
+        caption=snakemake.input.caption,
+        config=params.config,
+    )
     write_csv(output.cases, cases_table(rows))
     stability_report.heat_map(output.heat_map, table)
     stability_report.error_growth(output.error_growth, table)

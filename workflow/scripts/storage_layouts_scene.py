@@ -1,7 +1,7 @@
 """Every layout of one scene's light fields, on samples."""
 
 from lfcore.evaluation.storage.layouts import LayoutStudy, layout_rows
-from lfcore.evaluation.storage.table import write_rows
+from lfcore.evaluation.table_files import write_rows
 from workflow.job import job, log_progress
 from workflow.tracer import open_tracer
 

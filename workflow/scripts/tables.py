@@ -1,10 +1,9 @@
 """The thesis's tables over all scenes, as CSV and Markdown."""
 
 import math
-from pathlib import Path
 
-from lfcore.evaluation.captions import fill
-from lfcore.evaluation.tables import SPECS, make_table, write_csv, write_markdown
+from lfcore.evaluation.table_files import publish_table
+from lfcore.evaluation.tables import SPECS, make_table
 from lfcore.files import read_json
 from workflow.job import job
 
@@ -18,6 +17,11 @@ with job(snakemake):
             if row.get("psnr_db", 0) is None:
                 row["psnr_db"] = math.inf
         table = make_table(name, records)
-        write_csv(csv, table)
-        text = fill(Path(caption).read_text(encoding="utf-8"), snakemake.params.config)
-        write_markdown(markdown, table, title=SPECS[name].title, caption=text)
+        publish_table(
+            table,
+            csv,
+            markdown,
+            title=SPECS[name].title,
+            caption=caption,
+            config=snakemake.params.config,
+        )

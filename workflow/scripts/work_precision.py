@@ -1,11 +1,8 @@
 """Work-precision diagrams and their tables over all scenes."""
 
-from pathlib import Path
-
 import pandas as pd
 
-from lfcore.evaluation.captions import fill
-from lfcore.evaluation.tables import write_csv, write_markdown
+from lfcore.evaluation.table_files import publish_table, write_csv
 from lfcore.evaluation.work_precision import figure
 from lfcore.evaluation.work_precision.point import COLUMNS, check_trusted, rounded
 from lfcore.evaluation.work_precision.quadrature import convergence
@@ -36,6 +33,11 @@ with job(snakemake):
     orders = convergence([row for row in rows if row["panel"] == "quadrature"])
     write_csv(output.convergence, rounded(pd.DataFrame(orders)))
     table = rounded(points[list(COLUMNS)])
-    write_csv(output.csv, table)
-    text = fill(Path(given.caption).read_text(encoding="utf-8"), snakemake.params.config)
-    write_markdown(output.markdown, table, title="Error against run time", caption=text)
+    publish_table(
+        table,
+        output.csv,
+        output.markdown,
+        title="Error against run time",
+        caption=given.caption,
+        config=snakemake.params.config,
+    )

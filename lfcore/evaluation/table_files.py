@@ -1,0 +1,109 @@
+"""Tables on disk, written here alone: rows for programs, CSV and Markdown for people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from lfcore.files import read_json, write_json, write_text
+
+DIGITS = 5
+"""Significant digits that are published: more than any measurement carries."""
+
+
+def table_of(rows: Iterable[Mapping], columns: Sequence[str]) -> pd.DataFrame:
+    """The rows with these columns in this order, numbers rounded to five significant digits.
+
+    Raises ``KeyError`` when a row lacks a column or has one too many.
+    """
+    rows = list(rows)
+    for row in rows:
+        if set(row) != set(columns):
+            raise KeyError(f"columns {sorted(set(row) ^ set(columns))}")
+    return pd.DataFrame([{c: _rounded(row[c]) for c in columns} for row in rows], columns=columns)
+
+
+def _rounded(value: object) -> object:
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+def write_rows(path: str | Path, rows: Iterable[Mapping]) -> None:
+    """Rows as JSON, which knows no infinity (written as text) and no missing number (null)."""
+    write_json(path, {"rows": [{key: _plain(value) for key, value in row.items()} for row in rows]})
+
+
+def read_rows(paths: Iterable[str | Path]) -> list[dict]:
+    """The rows of all files, in order."""
+    rows = [row for path in paths for row in read_json(path)["rows"]]
+    return [{k: math.inf if v == "inf" else v for k, v in row.items()} for row in rows]
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, float) and not math.isfinite(value):
+        return "inf" if value > 0 else None
+    return value
+
+
+def publish_table(
+    table: pd.DataFrame,
+    csv: str | Path,
+    markdown: str | Path,
+    *,
+    title: str,
+    caption: str | Path,
+    config: Mapping,
+) -> None:
+    """Write a table as CSV, and as Markdown under ``title`` with its caption.
+
+    ``caption`` is the file of the caption's text, whose places are filled in from ``config``.
+    """
+    from lfcore.evaluation.captions import fill  # jinja2 and docutils
+
+    write_csv(csv, table)
+    text = fill(Path(caption).read_text(encoding="utf-8"), config)
+    write_markdown(markdown, table, title=title, caption=text)
+
+
+def write_csv(path: str | Path, table: pd.DataFrame) -> None:
+    """Write any table as CSV; infinities as ``inf``, unknown cells empty."""
+    write_text(path, table.to_csv(index=False, lineterminator="\n"))
+
+
+def write_markdown(path: str | Path, table: pd.DataFrame, *, title: str, caption: str) -> None:
+    """Write any table as Markdown under its title, with the caption below."""
+    body = readable(table).to_markdown(index=False, disable_numparse=True)
+    write_text(path, f"# {title}\n\n{body}\n\n{caption.strip()}\n")
+
+
+def readable(table: pd.DataFrame) -> pd.DataFrame:
+    """The table as text for people: sizes in KiB, MiB, GiB, unknown cells as a dash."""
+    text = pd.DataFrame(index=table.index)
+    for column in table.columns:
+        in_bytes = "bytes" in column
+        name = column.replace("_bytes", "").replace("bytes_", "") if in_bytes else column
+        text[name.replace("_", " ")] = [
+            _cell(value, in_bytes=in_bytes) for value in table[column].tolist()
+        ]
+    return text
+
+
+def _cell(value: object, *, in_bytes: bool) -> str:
+    if value is None or value != value:
+        return "–"
+    if in_bytes:
+        return human_bytes(float(value))
+    if isinstance(value, float):
+        return f"{value:.0f}" if value.is_integer() and abs(value) < 1e15 else f"{value:.6g}"
+    return str(value)
+
+
+def human_bytes(count: float) -> str:
+    """``1536`` as ``1.5 KiB``."""
+    for unit in ("B", "KiB", "MiB", "GiB"):
+        if count < 1024:
+            return f"{count:.4g} {unit}"
+        count /= 1024
+    return f"{count:.4g} TiB"
