@@ -14,6 +14,8 @@ from lfcore.pictures import write_picture as write_pfm
 CONFIG = "views.json"
 NAME = "view_{row:03d}_{column:03d}.png"
 KIND = "lfcore views"
+MOST_VIEWS = 4096
+"""A side: as a camera array of a scene has at most."""
 
 
 def recognise(path: Path) -> bool:
@@ -27,10 +29,12 @@ def read(path: Path, options) -> ViewGrid:
         if data["format"] != KIND:
             raise ValueError
         columns, rows = int(data["columns"]), int(data["rows"])
+        if not (1 <= columns <= MOST_VIEWS and 1 <= rows <= MOST_VIEWS):
+            raise ValueError
         known = {key: data["geometry"].get(key) for key in vars(Geometry())}
         depth = data.get("depth_m")
         geometry = Geometry(**{k: None if v is None else float(v) for k, v in known.items()})
-    except (KeyError, TypeError, ValueError, AttributeError):
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
         raise ExchangeError(f"is no description of {KIND}", file=file) from None
     files = [
         [path / NAME.format(row=row, column=column) for column in range(columns)]

@@ -17,6 +17,11 @@ from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.defaults import AUTO, codec_spec
 from lfcore.storage.metadata import Metadata
 
+# What a reader stumbles over in a description whose values are of other types or beyond all bounds.
+_NOT_OF_THE_FORMAT = (
+    ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError,
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class ReadOptions:
@@ -50,7 +55,14 @@ def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGri
     if format is None and options.grid and is_picture(source):
         format = "eslf" if ".eslf." in source.name.lower() else "mosaic"
     row = table.find(format, imports=True) if format else table.recognise(source)
-    grid = replace(row.load().read(source, options), format=row.name)
+    try:
+        grid = replace(row.load().read(source, options), format=row.name)
+    except _NOT_OF_THE_FORMAT as error:
+        raise ExchangeError(
+            f"holds what {row.name} does not ({type(error).__name__}: {error})",
+            file=source,
+            remedy="Name another --format, or mend what describes the views",
+        ) from error
     asked = options.geometry
     if options.fov_deg is not None:
         if not 0 < options.fov_deg < 180:

@@ -42,7 +42,9 @@ FORMATS = {
         Format("mat", "matlab", "LFToolbox: variable LF of a .mat file"),
         Format("hdf5", "hdf5", "HCI's scene.h5: data set LF (needs h5py)"),
         Format("mosaic", "mosaic", "one picture of views side by side, as plenpy saves"),
-        Format("folder", "folder", "any pictures of views, one a file, in any order"),
+        Format(
+            "folder", "folder", "any pictures of views, one a file, in any order", exports=False
+        ),
         Format("sweep", "sweep", "an MP4 film through the focus", imports=False),
     )
 }

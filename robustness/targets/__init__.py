@@ -19,7 +19,9 @@ WARM = (
     "PIL.GifImagePlugin", "PIL.TiffImagePlugin", "PIL.WebPImagePlugin", "PIL.TgaImagePlugin",
 )  # fmt: skip
 """What readers and commands import when they need it, imported once before the children."""
-MODULES = ("scenes", "meshes", "pictures", "stores", "settings", "commands", "tracing")
+MODULES = (
+    "scenes", "meshes", "pictures", "exchange", "stores", "settings", "commands", "tracing",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

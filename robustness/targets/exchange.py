@@ -1,0 +1,140 @@
+"""Light fields of other programs: one file of a folder damaged, or its name."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from random import Random
+
+import numpy as np
+
+from lfcore.exchange import FORMATS, export_lightfield
+from lfcore.exchange.grid import Geometry, ViewGrid
+from lfcore.exchange.importing import ReadOptions, read_grid
+from lfcore.exchange.pictures import is_picture
+from lfcore.exchange.storing import store_grid
+from lfcore.storage.codecs import CodecSpec
+from robustness.mutate import damage_bytes, damage_text
+from robustness.outcome import Outcome, SilentlyWrong, outcome_of
+from robustness.targets import Target
+from robustness.trees import damage_json
+
+EXACT = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
+KNOWN = Geometry(pitch_m=0.004, pixel_pitch=0.02, delta=0.5, sensor_m=0.036)
+GRID = (3, 3)
+TEXTS = (".json", ".cfg", ".txt", ".lid")
+UNRECOGNISED = ("eslf", "mosaic", "folder")
+PICTURES_A_FORMAT = 2
+MOST_PIXELS = 1 << 22
+
+
+def seeds(folder: Path) -> list[bytes]:
+    """Whole inputs: the name of a file below ``folder``, a line end, and what is in it."""
+    shape = (*GRID, 16, 16, 3)
+    noise = np.random.default_rng(1).integers(0, 256, shape, np.uint8)
+    views = ViewGrid.of_array(noise, "noise", format="noise", geometry=KNOWN)
+    store_grid(folder / "noise.mkv", views, EXACT)
+    whole = []
+    for name, row in FORMATS.items():
+        if not row.imports or name == "hdf5":  # which needs a package of its own
+            continue
+        if name == "folder":
+            shutil.copytree(folder / "blender" / "png", folder / name)
+        elif name == "blender":
+            write_blender(folder / name, noise)
+        else:
+            export_lightfield(folder / "noise.mkv", name, folder / name)
+        files = sorted(path for path in (folder / name).rglob("*") if path.is_file())
+        pictures = [path for path in files if is_picture(path)]
+        for file in [path for path in files if path not in pictures[PICTURES_A_FORMAT:]]:
+            whole.append(f"{file.relative_to(folder)}\n".encode() + file.read_bytes())
+    return whole
+
+
+def write_blender(folder: Path, views: np.ndarray) -> None:
+    """As the add-on of IDLab writes it."""
+    from PIL import Image
+
+    (folder / "png").mkdir(parents=True)
+    frames = []
+    for row, column in np.ndindex(views.shape[:2]):
+        name = f"view_{views.shape[1] * row + column:04d}f"
+        Image.fromarray(views[row, column]).save(folder / "png" / f"{name}.png")
+        place = [0.01 * column, -0.01 * row, 0.0]
+        frames.append({"name": name, "position": place, "rotation": [0, 0, 0]})
+    camera = {"type": "PERSP", "lens_unit": "MILLIMETERS", "focal_length": 50.0}
+    size = {"resolution": [16, 16], "sensor_size": [36.0, 36.0]}
+    data = {"camera": camera, "lf_type": "PLANE", **size, "frames": frames}
+    (folder / "lightfield.json").write_text(json.dumps(data))
+
+
+def damage(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
+    """Of the contents mostly, by what they are; of the name sometimes."""
+    name, _, contents = data.partition(b"\n")
+    if draw.random() < 0.15:
+        head, _, tail = name.partition(b"/")
+        changed = damage_text(draw, tail, [tail]).replace(b"\n", b"").replace(b"\0", b"")
+        return head + b"/" + changed[:200] + b"\n" + contents
+    others = [seed.partition(b"\n")[2] for seed in seeds]
+    if name.endswith(b".json") and draw.random() < 0.7:
+        return name + b"\n" + damage_json(draw, contents, [contents])
+    text = name.decode().endswith(TEXTS)
+    return name + b"\n" + (damage_text if text else damage_bytes)(draw, contents, others)
+
+
+def judge(home: Path, data: bytes, folder: Path) -> Outcome:
+    """Read every view of the folder with that file in place of its own."""
+    name, _, contents = data.partition(b"\n")
+    format_name = name.partition(b"/")[0].decode("utf-8", "replace")
+    if format_name not in FORMATS:
+        return Outcome("refused")
+    source = folder / "source"
+    shutil.rmtree(source, ignore_errors=True)
+    shutil.copytree(home / format_name, source)
+    original = next(
+        (seed for seed in (home / format_name).rglob("*") if seed.is_file()
+         and str(seed.relative_to(home)).encode() == name), None,
+    )  # fmt: skip
+    if original is None:  # a name that was changed: the last file is the one that had it
+        sorted(path for path in source.rglob("*") if path.is_file())[-1].unlink()
+    try:
+        place = folder / "source" / name.partition(b"/")[2].decode("utf-8", "surrogateescape")
+        if not place.resolve().is_relative_to(source.resolve()):
+            return Outcome("refused")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(contents)
+    except (OSError, ValueError):
+        return Outcome("refused")  # no file can have that name
+    # Those that cannot be recognised are always named; others half of the time.
+    told = format_name in UNRECOGNISED or zlib.crc32(data) % 2
+    named = format_name if told else None
+    return outcome_of(lambda: _read(source, named), names=None)
+
+
+def _read(source: Path, named: str | None) -> None:
+    options = ReadOptions(grid=GRID if named in UNRECOGNISED else None)
+    grid = read_grid(source, named, options)
+    if min(grid.columns, grid.rows, grid.width, grid.height) < 1:
+        raise SilentlyWrong("a grid without views or pixels")
+    geometry = (grid.geometry.pitch_m, grid.geometry.pixel_pitch, grid.geometry.delta)
+    if not all(value is None or np.isfinite(value) for value in geometry):
+        raise SilentlyWrong(f"a geometry {geometry}")
+    if grid.columns * grid.rows * grid.width * grid.height > MOST_PIXELS:
+        return
+    for row, column in np.ndindex(grid.rows, grid.columns):
+        view = grid.read(column, row)
+        if view.shape != (grid.height, grid.width, 3):
+            raise SilentlyWrong(f"a view {view.shape} {view.dtype}")
+
+
+def targets() -> list[Target]:
+    home: list[Path] = []
+
+    def own_seeds(folder: Path) -> list[bytes]:
+        home.append(folder)
+        return seeds(folder)
+
+    return [Target("import", own_seeds, damage, lambda d, f: judge(home[-1], d, f), weight=2)]
