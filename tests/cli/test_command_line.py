@@ -244,7 +244,7 @@ def test_bad_files_leave_no_file(recorded, tmp_path, capsys):
         target = tmp_path / ("x.mkv" if command == "trace" else "x.png")
         assert main([command, str(tmp_path / "none.glb"), "-o", str(target)]) == 1
         assert "none.glb" in capsys.readouterr().err
-    assert main(["refocus", str(recorded), "-o", str(tmp_path / "out.jpeg")]) == 1
+    assert main(["refocus", str(recorded), "-o", str(tmp_path / "out.gif")]) == 1
     assert ".png" in capsys.readouterr().err
     assert main(["trace", str(CHART), "--views", "0", "-o", str(tmp_path / "x.mkv")]) == 1
     assert "views" in capsys.readouterr().err
