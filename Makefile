@@ -8,7 +8,8 @@
 #   make lint      formatting, layers and types
 #   make wheel     the wheel, installed and tried in an empty environment
 #   make digests   the table of bits that every processor is held to: after a change that means to change bits
-#   make sweep SWEEP=config/sweeps/crf.tsv    one run for each row of a sweep
+#   make sweep SWEEP=config/sweeps/crf.tsv    a light field for each row: one table, one figure
+#   make settings  what is made from the configuration's keys: schema, defaults, table
 #   make clean     forget results; make distclean forgets the environment, too
 
 SHELL := /bin/sh
@@ -25,17 +26,17 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: tables test fuzz faults smoke sweep lint wheel format digests clean distclean pins
+.PHONY: tables test fuzz faults smoke sweep settings lint wheel format digests clean distclean pins
 .DELETE_ON_ERROR:
 
 tables: $(VENV)/installed
-	$(BIN)/python -m workflow.run --cores $(CORES) results/tables/
+	$(BIN)/python -m lfcore.workflow.run --cores $(CORES) results/tables/
 
 smoke: $(VENV)/installed
-	$(BIN)/python -m workflow.run --cores $(CORES) --configfile config/smoke.yaml -- results/tables/
+	$(BIN)/python -m lfcore.workflow.run --cores $(CORES) --configfile config/smoke.yaml -- results/tables/
 
 sweep: $(VENV)/installed
-	$(BIN)/python -m workflow.sweep $(SWEEP) --cores $(CORES)
+	$(BIN)/python -m lfcore.workflow.run --cores $(CORES) --config sweep=$(SWEEP) -- sweep
 
 test: $(VENV)/installed-dev
 	$(BIN)/python -m pytest -n $(CORES) --dist loadfile
@@ -83,6 +84,10 @@ $(VENV)/installed-dev: $(VENV)/installed
 
 digests: $(VENV)/installed-dev
 	PYTHONPATH=tests $(BIN)/python tests/tracing/digests.py --write
+
+# Files that are made from the configuration's keys: run it after lfcore/workflow/keys.py was edited.
+settings: $(VENV)/installed
+	$(BIN)/python -m lfcore.workflow.settings
 
 # Pins of what is installed now: run it after a package was added to pyproject.toml.
 pins: $(VENV)/installed-dev

@@ -1,22 +1,29 @@
 # From scenes to tables: see README.md for the two commands, config/README.md for every key, and
 # docs/architecture.md for how data flows.
+from pathlib import Path
+
 from snakemake.utils import min_version
+
+from lfcore.workflow.run import hold
 
 min_version("9.0")
 
+# Of this file, also where another workflow takes it as a module.
+ROOT = Path(workflow.current_basedir.get_path_or_uri(secret_free=False))
 
-configfile: f"{workflow.basedir}/config/config.yaml"
+
+configfile: ROOT / "config" / "config.yaml"
 
 
 report: "workflow/report/workflow.rst"
 
 
-include: "workflow/rules/common.smk"
-
-
-# Jobs of this run end with it, however that is; see workflow/run.py.
+# Jobs of this run end with it, however that is; see lfcore/workflow/run.py.
 onstart:
     hold()
+
+
+include: "workflow/rules/common.smk"
 
 
 rule all:
@@ -34,4 +41,5 @@ include: "workflow/rules/figures.smk"
 include: "workflow/rules/storage.smk"
 include: "workflow/rules/analysis.smk"
 include: "workflow/rules/assignment.smk"
+include: "workflow/rules/sweep.smk"
 include: "workflow/rules/report.smk"

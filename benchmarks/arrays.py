@@ -21,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from measured.rows import in_turn, print_table, rates, say, write_csv
 from peers.method import Method, SkippedError, clocked
 
+from lfcore.evaluation.assignment.book import BOOK_FOCUS_M, assignment_camera
 from lfcore.evaluation.timing import machine
 from lfcore.opencl.device import open_device
 from lfcore.optics.array import CameraArray
@@ -33,7 +34,7 @@ from lfcore.rendering.array import trace_array
 from lfcore.scene.build import build_scene
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
-from workflow.assignment import ARRAYS, BOOK_FOCUS_M, assignment_camera
+from lfcore.workflow.keys import ARRAYS
 
 ROOT = Path(__file__).resolve().parents[1]
 LENS_M, FILTER_M = 0.15, 0.3  # of the assignment's command line, see workflow/scripts
@@ -58,7 +59,7 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
 def traced(options: argparse.Namespace, name: str, device) -> tuple[list[dict], DeviceField]:
     """Rows of tracing one scene's array, and the array itself."""
     scene = build_scene(ROOT / "scenes" / name)
-    bounds, fov_deg = ARRAYS[name]
+    bounds, fov_deg = ARRAYS[name]["bounds_m"], ARRAYS[name]["fov_deg"]
     size = (options.cameras,) * 2, (options.tile,) * 2
     array = CameraArray.on_grid(size[0], bounds, fov_deg, size[1])
     tracer = Tracer(scene, build_bvh(scene.triangles), device)

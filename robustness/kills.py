@@ -233,7 +233,7 @@ def jobs() -> list[Job]:
     scene = str(ROOT / "scenes/sphere")
     lfcore = ("-m", "lfcore.cli")
     size = ("--size", "96", "--views", "32")  # some seconds of tracing
-    workflow = ("-m", "workflow.run", "--cores", "2", "--configfile", "micro.yaml", "--")
+    workflow = ("-m", "lfcore.workflow.run", "--cores", "2", "--configfile", "micro.yaml", "--")
     made = ("results/sphere/N4/planes/from_video", "results/sphere/N2/planes/on_the_fly")
     commands = ("KILL", "TERM", "INT group")
     return [

@@ -10,6 +10,7 @@ import math
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -191,6 +192,14 @@ def overview(image: np.ndarray, width: int) -> np.ndarray:
     rows, columns = (length // factor for length in image.shape[:2])
     cut = image[: rows * factor, : columns * factor].astype(np.float32)
     return cut.reshape(rows, factor, columns, factor, 3).mean((1, 3))
+
+
+def merged_arrays(swept: Iterable[Mapping], whole: Iterable[Mapping]) -> list[Mapping]:
+    """Rows of arrays: of a sweep, but for those that are in ``whole``, too; then these."""
+    whole = list(whole)
+    size = itemgetter("scene", "cameras", "pixels")
+    known = {size(row) for row in whole}
+    return [*(row for row in swept if size(row) not in known), *whole]
 
 
 def make_array_table(name: str, records: Iterable[Mapping]) -> pd.DataFrame:

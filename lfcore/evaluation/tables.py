@@ -7,6 +7,7 @@ thesis are joined by scene and N; a scene that the thesis does not know has empt
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -126,6 +127,17 @@ def make_table(name: str, records: Iterable[Mapping]) -> pd.DataFrame:
         rows.append({column: record[column] for column in own} | _thesis_cells(spec, key))
     table = pd.DataFrame(rows, columns=list(spec.columns))
     return table.round({c: DECIMALS[c] for c in spec.measured if c in DECIMALS})
+
+
+def read_records(scenes: Iterable[Mapping], name: str) -> list[dict]:
+    """Records of one table from those of all scenes, as :mod:`scene_records` makes them.
+
+    JSON knows no infinity: the quality of a picture against itself is null there.
+    """
+    records = [dict(row) for scene in scenes for row in scene[name]]
+    return [
+        row | {"psnr_db": math.inf} if row.get("psnr_db", 0) is None else row for row in records
+    ]
 
 
 def _thesis_cells(spec: TableSpec, key: tuple[str, int]) -> dict:

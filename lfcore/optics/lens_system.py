@@ -147,6 +147,17 @@ class LensSystem:
                 height += angle * self.thickness_m[k]
         return -1.0 / angle if angle else math.inf
 
+    @property
+    def image_distance_m(self) -> float:
+        """From the rear principal plane to the film, paraxial."""
+        return self.focal_length_m + self.film_distance_m - self.paraxial_image(math.inf)
+
+    @property
+    def working_f_number(self) -> float:
+        """From the cone of light that reaches the middle of the film through the open stop."""
+        radius = math.sqrt(self.axial_pupil_area() / math.pi)
+        return 1 / (2 * math.sin(math.atan(radius / self.film_distance_m)))
+
     def trace(
         self, origins: np.ndarray, directions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

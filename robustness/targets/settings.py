@@ -10,19 +10,18 @@ from pathlib import Path
 import yaml
 
 from lfcore.optics.camera import Camera
+from lfcore.workflow import cases
+from lfcore.workflow.settings import check_settings
 from robustness.mutate import damage_text, mixed
 from robustness.outcome import ROOT, Outcome, outcome_of
 from robustness.targets import Target
 from robustness.trees import damage_yaml
-from workflow import cases
-from workflow.settings import check_settings, read_schema
 
 _OPENS = re.compile(rb"[\[{]|[-?] ")
 CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
 
 
 def seeds(folder: Path) -> list[bytes]:
-    read_schema()  # once, for all children
     files = ("config/smoke.yaml", "config/config.yaml", "config/thesis.yaml")
     texts = [(ROOT / file).read_bytes() for file in files]
     # Those of a run lie above the default one, as Snakemake lays them.

@@ -6,7 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
@@ -15,11 +15,12 @@ ROOT = Path(__file__).resolve().parents[2]
 COPIED = ("Snakefile", "config", "lfcore", "profiles", "scenes", "workflow")
 
 
-@dataclass(frozen=True)
+@dataclass
 class Checkout:
     """A copy of the project in ``folder``."""
 
     folder: Path
+    scripts: set[str] = field(default_factory=set)
 
     def snakemake(self, *arguments, timeout=420) -> subprocess.CompletedProcess:
         """Run Snakemake there; ``stdout`` holds its output and errors."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import shutil
+from pathlib import Path
 
 import pytest
 
@@ -13,11 +13,10 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.storage import defaults
 from lfcore.storage.pixels import PIXEL_FORMATS
-from workflow import cases
-from workflow.settings import SettingsError, check_settings
-from workflow.sources import source_digest
-from workflow.sweep import ROOT, join_tables, nested
+from lfcore.workflow import cases
+from lfcore.workflow.settings import SettingsError, check_settings
 
+ROOT = Path(__file__).resolve().parents[2]
 CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
 
 
@@ -173,63 +172,8 @@ def test_lossless_storage_takes_no_preset():
     assert spec.lossless and spec.preset is None and spec.threads == 1
 
 
-@pytest.fixture
-def project(tmp_path):
-    ignored = shutil.ignore_patterns("__pycache__", "*.pyc", ".*")
-    for name in ("lfcore", "workflow"):
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored)
-    return tmp_path
-
-
-@pytest.mark.parametrize(
-    ("edited", "rerun"),
-    [
-        ("lfcore/tracing/kernels/slab.cl", {"trace.py", "trace_views.py", "retrieve.py"}),
-        ("lfcore/tracing/tracer.py", {"trace.py", "trace_views.py"}),
-        ("lfcore/storage/segment.py", {"trace.py", "join.py"}),
-        ("lfcore/evaluation/metrics.py", {"evaluate.py"}),
-        ("lfcore/evaluation/page.css", {"page.py"}),
-        ("lfcore/evaluation/thesis_tables.csv", {"evaluate.py", "tables.py"}),
-        ("lfcore/scene/procedural/textures.py", set()),
-        ("workflow/sweep.py", set()),
-    ],
-)
-def test_an_edit_changes_the_digests_of_those_who_use_it(project, edited, rerun):
-    scripts = ["trace.py", "trace_views.py", "join.py", "retrieve.py", "evaluate.py", "page.py"]
-    scripts += ["tables.py", "build.py"]
-    folder = project / "workflow" / "scripts"
-    before = {script: source_digest(folder / script, project) for script in scripts}
-    # Another copy: digests are cached by path within a run of Snakemake.
-    other = project.with_name(project.name + "_edited")
-    shutil.copytree(project, other)
-    with (other / edited).open("a") as file:
-        file.write("\n")
-    folder = other / "workflow" / "scripts"
-    after = {script: source_digest(folder / script, other) for script in scripts}
-    changed = {script for script in scripts if before[script] != after[script]}
-    assert rerun <= changed
-    unaffected = {"build.py", "tables.py", "page.py"} - rerun
-    if edited.startswith("lfcore/evaluation/thesis"):
-        unaffected -= {"page.py"}
-    assert not unaffected & changed
-
-
-def test_a_builder_belongs_to_the_scenes_that_name_it(tmp_path):
-    names = [path.stem for path in cases.builders_of_scene(ROOT / "scenes/bike/scene.yaml", ROOT)]
-    assert names == ["bike"]
-
-
-def test_tables_of_a_sweep_are_joined(tmp_path):
-    for case, value in (("a", "1.5"), ("b", "2.5")):
-        folder = tmp_path / case / "results" / "tables"
-        folder.mkdir(parents=True)
-        (folder / "t.csv").write_text(f"scene,seconds\nbike,{value}\n")
-    cases_of_sweep = {"a": {"encoder.crf": 1, "scene": "x"}, "b": {"encoder.crf": 2, "scene": "y"}}
-    assert join_tables(tmp_path, cases_of_sweep) == [tmp_path / "t.csv"]
-    assert (tmp_path / "t.csv").read_text() == (
-        "case,encoder.crf,config.scene,scene,seconds\na,1,x,bike,1.5\nb,2,y,bike,2.5\n"
-    )
-
-
-def test_dotted_keys_nest():
-    assert nested({"a.b": 1, "a.c": 2, "d": 3}) == {"a": {"b": 1, "c": 2}, "d": 3}
+def test_scenes_of_builders_depend_on_the_builders(tmp_path):
+    assert cases.is_procedural(ROOT / "scenes/bike/scene.yaml")
+    (tmp_path / "mesh.obj").write_text("v 0 0 0")
+    assert not cases.is_procedural(tmp_path / "mesh.obj")
+    assert not cases.is_procedural(tmp_path / "absent.yaml")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from workflow import job, run
+from lfcore.workflow import job, run
 
 ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.workflow
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.workflow
 SNAKEFILE = f"""
 import sys
 sys.path.insert(0, {str(ROOT)!r})
-from workflow.run import hold
+from lfcore.workflow.run import hold
 
 onstart:
     hold()
@@ -34,9 +34,9 @@ SLOW = f"""
 import sys, time
 sys.path.insert(0, {str(ROOT)!r})
 from pathlib import Path
-from workflow.job import job
+from lfcore.workflow.job import job
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     Path(snakemake.output[0]).write_text("half")
     with open("trace", "a") as trace:
         while not Path("hurry").exists():
@@ -74,7 +74,7 @@ def until(condition, seconds=60.0):
         time.sleep(0.05)
 
 
-@pytest.mark.parametrize("command", [("-m", "workflow.run"), ("-m", "snakemake")])
+@pytest.mark.parametrize("command", [("-m", "lfcore.workflow.run"), ("-m", "snakemake")])
 def test_a_run_goes_on_by_itself_after_a_kill(folder, command):
     """Its job, which nobody ended, has ended before the next run writes; no lock is in its way."""
     killed = start(folder, *command)
@@ -89,7 +89,7 @@ def test_a_run_goes_on_by_itself_after_a_kill(folder, command):
     time.sleep(0.3)
     assert trace.stat().st_size == written
     (folder / "hurry").touch()
-    again = start(folder, "-m", "workflow.run")
+    again = start(folder, "-m", "lfcore.workflow.run")
     assert again.wait(60) == 0, (folder / "terminal").read_text()
     assert (folder / "made").read_text() == "whole"
 
@@ -103,9 +103,9 @@ def run_is_over(folder):
 
 
 def test_a_run_waits_for_one_that_is_alive(folder):
-    first = start(folder, "-m", "workflow.run")
+    first = start(folder, "-m", "lfcore.workflow.run")
     until((folder / "trace").exists)
-    second = start(folder, "-m", "workflow.run")
+    second = start(folder, "-m", "lfcore.workflow.run")
     until(lambda: "Waiting for the run of process" in (folder / "terminal").read_text())
     (folder / "hurry").touch()
     assert first.wait(60) == 0 and second.wait(60) == 0
@@ -115,7 +115,9 @@ def test_a_run_waits_for_one_that_is_alive(folder):
 
 
 def test_a_job_that_begins_after_its_run_has_died_ends(folder, monkeypatch):
-    program = "import time; from workflow.run import end_with_run; end_with_run(); time.sleep(60)"
+    program = (
+        "import time; from lfcore.workflow.run import end_with_run; end_with_run(); time.sleep(60)"
+    )
     gone = folder / ".snakemake" / "runs" / "gone"
     environment = os.environ | {
         run.VARIABLE: f"{run.socket.gethostname()}:{gone}", "PYTHONPATH": str(ROOT),
@@ -128,10 +130,9 @@ def test_a_job_that_begins_after_its_run_has_died_ends(folder, monkeypatch):
 
 JOB = """
 import os, sys
-from types import SimpleNamespace
 from lfcore.errors import SceneError
-from workflow.job import job
-with job(SimpleNamespace(log=[sys.argv[1]], threads=1)):
+from lfcore.workflow.job import job
+with job(sys.argv[1], 1):
     {body}
 """
 

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import jsonschema
 import pytest
 import yaml
 
-from workflow.settings import SettingsError, check_settings, read_schema
-from workflow.sweep import ROOT, merged, nested, read_sweep
+from lfcore.workflow import settings as documents
+from lfcore.workflow.keys import Configuration
+from lfcore.workflow.settings import SettingsError, check_settings
+from lfcore.workflow.sweep import merged
 
+ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "config"
 
 
@@ -16,25 +21,36 @@ def load(name):
     return yaml.safe_load((CONFIG / name).read_text())
 
 
-def test_the_schema_is_one():
-    jsonschema.Draft202012Validator.check_schema(read_schema())
+def test_schema_defaults_and_table_are_those_of_the_keys():
+    """Else: `make settings`."""
+    for path, text in documents.documents(ROOT).items():
+        assert path.read_text(encoding="utf-8") == text, path
 
 
-@pytest.mark.parametrize("name", ["config.yaml", "thesis.yaml", "smoke.yaml"])
+def test_the_schema_is_one_and_admits_what_the_keys_admit():
+    schema = load("../workflow/schemas/config.schema.yaml")
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    assert validator.is_valid(load("config.yaml"))
+    assert not validator.is_valid(load("config.yaml") | {"spatial_resolution": 15})
+    assert not validator.is_valid(load("config.yaml") | {"colour": 1})
+
+
+def test_every_key_says_what_it_means():
+    text = (CONFIG / "README.md").read_text(encoding="utf-8")
+    for name, field in documents.leaves(Configuration):
+        assert field.description and f"| `{name}` | {field.description} |" in text, name
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "thesis.yaml", "smoke.yaml", "micro.yaml"])
 def test_the_configurations_of_the_project(name):
     settings = check_settings(merged(load("config.yaml"), load(name)))
-    assert settings["scenes"] == ["bike", "cabin", "bedroom"]
-    expected = {"config.yaml": 128, "thesis.yaml": 512, "smoke.yaml": 32}
+    scenes = ["chart"] if name == "micro.yaml" else ["bike", "cabin", "bedroom"]
+    assert settings["scenes"] == scenes
+    expected = {"config.yaml": 128, "thesis.yaml": 512, "smoke.yaml": 32, "micro.yaml": 16}
     assert settings["spatial_resolution"] == expected[name]
-    assert max(settings["angular_resolutions"]) == (64 if name == "smoke.yaml" else 512)
-
-
-@pytest.mark.parametrize("path", sorted((CONFIG / "sweeps").glob("*.tsv")), ids=lambda p: p.stem)
-def test_the_sweeps_of_the_project(path):
-    cases = read_sweep(path)
-    assert len(cases) > 1
-    for overrides in cases.values():
-        check_settings(merged(load("config.yaml"), nested(overrides)))
+    largest = {"smoke.yaml": 64, "micro.yaml": 4}
+    assert max(settings["angular_resolutions"]) == largest.get(name, 512)
 
 
 def test_defaults_are_those_of_the_default_configuration():
@@ -112,13 +128,49 @@ def test_a_hundred_planes_are_admitted():
     assert check_settings({"scenes": ["bike"], "planes": planes})["planes"] == planes
 
 
-def test_sweeps_say_what_is_wrong(tmp_path):
-    path = tmp_path / "s.tsv"
-    path.write_text("name\tcrf\na\t1\n")
-    with pytest.raises(SettingsError, match="column 'case'"):
-        read_sweep(path)
-    path.write_text("case\tencoder.crf\na\t1\na\t2\n")
-    with pytest.raises(SettingsError, match="two cases are called 'a'"):
-        read_sweep(path)
-    with pytest.raises(SettingsError, match="cannot be read"):
-        read_sweep(tmp_path / "absent.tsv")
+def itself():
+    value = {"kind": "views"}
+    value["order"] = value
+    return value
+
+
+def deep():
+    value = []
+    for _ in range(3000):
+        value = [value]
+    return value
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({1: 2}, "configuration: 1: unknown key"),
+        ({1: 2, "b": 3, None: 4}, "configuration: .*: unknown key"),
+        ({"layout": {1: 2, "b": 3}}, r"configuration: layout\..*: unknown key"),
+        ({"layout": itself()}, r"layout\.order: contains itself"),
+        ({"scenes": deep()}, r"scenes\.0.*: is nested more than 32 deep"),
+        ({"tile_mib": True}, "tile_mib: True is no number"),
+        ({"tile_mib": float("nan")}, "tile_mib"),
+        ({"spatial_resolution": 1e400}, "spatial_resolution"),
+        ({"spatial_resolution": "9" * 5000}, "spatial_resolution"),
+        ({"scenes": "bike"}, "scenes"),
+        ({"encoder": 3}, "encoder"),
+        ({"encoder": None}, "encoder"),
+        ({"device": 1}, "device"),
+        ({"sweep": ["a"]}, "sweep"),
+        ({"layout": {"pack": "autoo"}}, r"layout\.pack"),
+        ({"analysis": {"targets_db": [35, "x"]}}, r"analysis\.targets_db\.1: 'x'"),
+        ({"planes": "scenes"}, "planes: 'scenes' is neither 'scene' nor a list"),
+    ],
+    ids=range(17),
+)
+def test_strange_configurations_are_one_line(change, words):
+    with pytest.raises(SettingsError, match=words) as caught:
+        check_settings({"scenes": ["bike"]} | change)
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 1000
+
+
+def test_whole_numbers_may_be_written_with_a_point():
+    assert check_settings({"scenes": ["a"], "tile_mib": 64.0})["tile_mib"] == 64
+    with pytest.raises(SettingsError, match="tile_mib"):
+        check_settings({"scenes": ["a"], "tile_mib": 64.5})

@@ -1,22 +1,5 @@
 # Three reports on the program itself: error against run time, stiff cases, what scenes leave out.
 ANALYSIS = SETTINGS["analysis"]
-ANALYSES = {
-    "work_precision": {
-        "title": "Error against run time",
-        "figures": ["quadrature", "convergence", "methods", "arithmetic", "storage"],
-    },
-    "recommendation": {"title": "Recommended settings", "figures": []},
-    "stability": {"title": "Stiff and extreme cases", "figures": ["heat_map", "error_growth"]},
-    "left_out": {"title": "Nothing a scene does not need", "figures": []},
-}
-for name, about in ANALYSES.items():
-    if name in ANALYSIS["make"]:
-        SECTIONS[name] = {"title": about["title"], "table": f"results/tables/{name}.csv"}
-        if about["figures"]:
-            SECTIONS[name]["figures"] = {
-                figure.replace("_", " "): f"results/tables/figures/{name}_{figure}.png"
-                for figure in about["figures"]
-            }
 
 
 rule work_precision_scene:
@@ -30,10 +13,15 @@ rule work_precision_scene:
     conda:
         "../envs/lfcore.yaml"
     threads: 1
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("work_precision_scene.py"),
+        sources=digest(
+            *sources.READING,
+            *sources.MEASURING,
+            "evaluation/work_precision",
+            "oracle",
+            "evaluation/renderers.py",
+            "evaluation/figures.py",
+        ),
         study=ANALYSIS["work_precision"],
         device=SETTINGS["device"],
     script:
@@ -42,66 +30,45 @@ rule work_precision_scene:
 
 rule work_precision:
     input:
-        rows=expand("results/{scene}/analysis/work_precision.json", scene=SCENES),
-        caption=caption_of("work_precision"),
+        of_scenes("analysis/work_precision.json"),
     output:
-        csv=report(
-            "results/tables/work_precision.csv",
-            caption="../report/work_precision.rst",
-            category="Tables",
-        ),
-        markdown="results/tables/work_precision.md",
+        csv=table("work_precision"),
         convergence="results/tables/convergence.csv",
         figures=expand(
             "results/tables/figures/work_precision_{panel}.png",
-            panel=ANALYSES["work_precision"]["figures"],
+            panel=reports.PANELS["work_precision"],
         ),
     log:
         "logs/work_precision.log",
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=sources("work_precision.py"),
-        config=SETTINGS,
-        panels=ANALYSES["work_precision"]["figures"],
+        sources=digest(*sources.READING, *sources.TABLES, "evaluation/work_precision", "oracle"),
+        panels=reports.PANELS["work_precision"],
     script:
         "../scripts/work_precision.py"
 
 
 rule recommendation:
     input:
-        points="results/tables/work_precision.csv",
-        caption=caption_of("recommendation"),
+        "results/tables/work_precision.csv",
     output:
-        csv=report(
-            "results/tables/recommendation.csv",
-            caption="../report/recommendation.rst",
-            category="Tables",
-        ),
-        markdown="results/tables/recommendation.md",
+        table("recommendation"),
     log:
         "logs/recommendation.log",
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=sources("recommendation.py"),
+        sources=digest("evaluation/recommendation.py", "evaluation/table_files.py"),
         targets_db=ANALYSIS["targets_db"],
-        config=SETTINGS,
     script:
         "../scripts/recommendation.py"
 
 
 rule stability:
-    input:
-        caption=caption_of("stability"),
     output:
-        csv=report(
-            "results/tables/stability.csv",
-            caption="../report/stability.rst",
-            category="Tables",
-        ),
+        csv=table("stability"),
         cases="results/tables/stability_cases.csv",
-        markdown="results/tables/stability.md",
         heat_map="results/tables/figures/stability_heat_map.png",
         error_growth="results/tables/figures/stability_error_growth.png",
     log:
@@ -111,13 +78,18 @@ rule stability:
     conda:
         "../envs/lfcore.yaml"
     threads: 1
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("stability.py"),
+        sources=digest(
+            *sources.STORING,
+            *sources.PARSING,
+            *sources.MEASURING,
+            "oracle",
+            "evaluation/stability*",
+            "evaluation/figures.py",
+        ),
         rays=ANALYSIS["stability_rays"],
+        cases=ANALYSIS["stability_cases"],
         device=SETTINGS["device"],
-        config=SETTINGS,
     script:
         "../scripts/stability.py"
 
@@ -133,10 +105,13 @@ rule left_out_scene:
     conda:
         "../envs/lfcore.yaml"
     threads: 1
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("left_out_scene.py"),
+        sources=digest(
+            *sources.STORING,
+            *sources.MEASURING,
+            "evaluation/left_out",
+            "evaluation/table_files.py",
+        ),
         measured=ANALYSIS["left_out"],
         device=SETTINGS["device"],
     script:
@@ -145,21 +120,17 @@ rule left_out_scene:
 
 rule left_out:
     input:
-        rows=expand("results/{scene}/analysis/left_out.json", scene=SCENES),
-        caption=caption_of("left_out"),
+        of_scenes("analysis/left_out.json"),
     output:
-        csv=report(
-            "results/tables/left_out.csv",
-            caption="../report/left_out.rst",
-            category="Tables",
-        ),
-        markdown="results/tables/left_out.md",
+        table("left_out"),
     log:
         "logs/left_out.log",
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=sources("left_out.py"),
-        config=SETTINGS,
+        sources=digest(
+            *sources.READING, *sources.TABLES, "evaluation/storage", "evaluation/left_out"
+        ),
+        table="left_out",
     script:
-        "../scripts/left_out.py"
+        "../scripts/storage_table.py"

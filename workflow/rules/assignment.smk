@@ -2,46 +2,19 @@
 # pictures, measurements and tables from them. `snakemake --cores 2 results/assignment/`
 ARRAY = SETTINGS["assignment"]
 ARRAYS = "results/assignment/arrays"
-# Pictures of the page, in order: title, and the scripts' records that its caption speaks of.
-ASSIGNMENT_FIGURES = {
-    "light_fields": "Step 2: light fields",
-    "synthesis": "Steps 3 and 4: pictures of the book",
-    "see_through": "Step 4: seeing through trees",
-    "focal_surfaces": "Step 5: focal surfaces",
-    "realistic_lens": "Step 5: a realistic lens",
-    "few_cameras": "Step 6: few cameras",
-    "equal_storage": "Step 6: many cameras of few pixels",
-    "time": "Step 6: time",
-    "reconstruction": "Error, run time and convergence",
-}
-ASSIGNMENT_TABLES = {
-    "camera_array": "Table: camera arrays",
-    "reconstruction": "Table: reconstruction",
-}
-ASSIGNMENT_FILES = [
-    *(f"results/assignment/figures/{figure}.png" for figure in ASSIGNMENT_FIGURES),
-    *(
-        f"results/assignment/{table}.{kind}"
-        for table in ASSIGNMENT_TABLES
-        for kind in ("csv", "md")
-    ),
-    "results/assignment/index.html",
-    *(f"results/tables/{table}.{kind}" for table in ASSIGNMENT_TABLES for kind in ("csv", "md")),
+RECORDS = "results/assignment/records"
+ASSIGNMENT_SECTIONS = reports.assignment_sections(SETTINGS)
+ASSIGNMENT_FILES = [file for section in ASSIGNMENT_SECTIONS for file in section.files]
+# What results/tables/ shows of it: the quick ones of its scenes.
+QUICK_SCENES = [scene for scene in ASSIGNMENT_SCENES if scene in ("book", "sphere")]
+QUICK_TABLES = [
+    f"results/tables/{name}.{kind}"
+    for name in reports.ARRAY_TABLES
+    for kind in ("csv", "md")
+    if "book" in ASSIGNMENT_SCENES
 ]
-# The quick ones of its scenes are in the tables of results/tables/, with its figure of errors.
-QUICK_SCENES = ["book", "sphere"]
-ERRORS_FIGURE = "results/assignment/figures/reconstruction.png"
-if ARRAY["in_tables"]:
-    for name, title in (
-        ("camera_array", "Camera arrays"),
-        ("reconstruction", "Pictures from camera arrays"),
-    ):
-        SECTIONS[name] = {"title": title, "table": f"results/tables/{name}.csv"}
-    SECTIONS["reconstruction"]["figures"] = {"": ERRORS_FIGURE}
-# Scripts, and the figures that each makes beside its record.
-BOOK_FIGURES = ["synthesis", "focal_surfaces", "realistic_lens"]
-SAMPLING_FIGURES = ["few_cameras", "equal_storage"]
-ASSIGNMENT_RECORDS = ["book", "see_through", "sampling", "time", "reconstruction"]
+SEEN_THROUGH = ARRAY["see_through"]["scene"]
+ARRAY_SOURCES = digest(*sources.READING, *sources.TABLES, "evaluation/assignment")
 
 
 rule assignment_trace:
@@ -54,17 +27,16 @@ rule assignment_trace:
     log:
         "logs/assignment/trace/{scene}.log",
     wildcard_constraints:
-        scene="|".join(ASSIGNMENT_SCENES),
+        scene="|".join(map(re.escape, ASSIGNMENT_SCENES)),
     priority: 10
     conda:
         "../envs/lfcore.yaml"
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("assignment_trace.py"),
+        sources=ARRAY_SOURCES,
         cameras_per_dim=ARRAY["cameras_per_dim"],
-        tile_px=lambda wildcards: ARRAY["tile_px"][wildcards.scene],
-        samples_per_pixel=lambda wildcards: ARRAY["samples_per_pixel"][wildcards.scene],
+        grid=lambda wildcards: ARRAY["arrays"].get(wildcards.scene),
+        tile_px=lambda wildcards: ARRAY["tile_px"].get(wildcards.scene),
+        samples_per_pixel=lambda wildcards: ARRAY["samples_per_pixel"].get(wildcards.scene, 1),
         device=SETTINGS["device"],
     script:
         "../scripts/assignment_trace.py"
@@ -80,7 +52,7 @@ rule assignment_light_fields:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=sources("assignment_light_fields.py"),
+        sources=ARRAY_SOURCES,
         scenes=list(ASSIGNMENT_SCENES),
     script:
         "../scripts/assignment_light_fields.py"
@@ -89,18 +61,16 @@ rule assignment_light_fields:
 rule assignment_book:
     input:
         light_field=f"{ARRAYS}/book.exr",
-        lens=f"{workflow.basedir}/scenes/lenses/double_gauss.dat",
+        lens=str(ROOT / "scenes" / "lenses" / "double_gauss.dat"),
     output:
-        figures=[assignment_figure(name) for name in BOOK_FIGURES],
-        record="results/assignment/records/book.json",
+        figures=[assignment_figure(name) for name in reports.BOOK_FIGURES],
+        record=f"{RECORDS}/book.json",
     log:
         "logs/assignment/book.log",
     conda:
         "../envs/lfcore.yaml"
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("assignment_book.py"),
+        sources=ARRAY_SOURCES,
         picture_px=ARRAY["picture_px"],
         device=SETTINGS["device"],
     script:
@@ -109,22 +79,20 @@ rule assignment_book:
 
 rule assignment_see_through:
     input:
-        light_field=f"{ARRAYS}/ecosys.exr",
-        scene="results/ecosys/scene.npz",
-        bvh="results/ecosys/bvh.npz",
+        **of_scene(SEEN_THROUGH),
+        light_field=f"{ARRAYS}/{SEEN_THROUGH}.exr",
     output:
         figure=assignment_figure("see_through"),
-        record="results/assignment/records/see_through.json",
+        record=f"{RECORDS}/see_through.json",
     log:
         "logs/assignment/see_through.log",
     conda:
         "../envs/lfcore.yaml"
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("assignment_see_through.py"),
-        picture_px=ARRAY["tile_px"]["ecosys"] * 3 // 2,
-        reference_samples=ARRAY["reference_samples"]["ecosys"],
+        sources=ARRAY_SOURCES,
+        study=ARRAY["see_through"],
+        picture_px=ARRAY["tile_px"].get(SEEN_THROUGH, 64) * 3 // 2,
+        reference_samples=ARRAY["reference_samples"].get(SEEN_THROUGH, 64),
         device=SETTINGS["device"],
     script:
         "../scripts/assignment_see_through.py"
@@ -132,23 +100,21 @@ rule assignment_see_through:
 
 rule assignment_sampling:
     input:
-        scene="results/book/scene.npz",
-        bvh="results/book/bvh.npz",
+        **of_scene("book"),
     output:
-        figures=[assignment_figure(name) for name in SAMPLING_FIGURES],
-        record="results/assignment/records/sampling.json",
+        figures=[assignment_figure(name) for name in reports.SAMPLING_FIGURES],
+        record=f"{RECORDS}/sampling.json",
     log:
         "logs/assignment/sampling.log",
     conda:
         "../envs/lfcore.yaml"
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("assignment_sampling.py"),
+        sources=ARRAY_SOURCES,
+        grid=ARRAY["arrays"].get("book"),
         picture_px=ARRAY["picture_px"],
-        tile_px=ARRAY["tile_px"]["book"],
+        tile_px=ARRAY["tile_px"].get("book", 64),
         storage_px=ARRAY["storage_px"],
-        reference_samples=ARRAY["reference_samples"]["book"],
+        reference_samples=ARRAY["reference_samples"].get("book", 64),
         device=SETTINGS["device"],
     script:
         "../scripts/assignment_sampling.py"
@@ -156,18 +122,16 @@ rule assignment_sampling:
 
 rule assignment_time:
     input:
-        scene=f"{workflow.basedir}/scenes/sphere/moving.pbrt",
+        [str(file) for file in files_of_scene(ROOT / "scenes" / "sphere" / "moving.pbrt")],
     output:
         figure=assignment_figure("time"),
-        record="results/assignment/records/time.json",
+        record=f"{RECORDS}/time.json",
     log:
         "logs/assignment/time.log",
     conda:
         "../envs/lfcore.yaml"
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("assignment_time.py"),
+        sources=digest(*sources.PARSING, *sources.READING, *sources.TABLES, "evaluation/assignment"),
         picture_px=ARRAY["picture_px"],
         instants=ARRAY["instants"],
         device=SETTINGS["device"],
@@ -177,24 +141,25 @@ rule assignment_time:
 
 rule assignment_reconstruction:
     input:
-        scene="results/book/scene.npz",
-        bvh="results/book/bvh.npz",
+        **of_scene("book"),
     output:
         figure=assignment_figure("reconstruction"),
-        record="results/assignment/records/reconstruction.json",
+        record=f"{RECORDS}/reconstruction.json",
     log:
         "logs/assignment/reconstruction.log",
     conda:
         "../envs/lfcore.yaml"
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("assignment_reconstruction.py"),
-        picture_px=ARRAY["picture_px"],
-        tile_px=ARRAY["tile_px"]["book"],
-        camera_counts=ARRAY["camera_counts"],
-        monte_carlo_samples=ARRAY["monte_carlo_samples"],
-        reference_samples=ARRAY["reference_samples"]["book"],
+        sources=ARRAY_SOURCES,
+        grid=ARRAY["arrays"].get("book"),
+        study={
+            "picture_px": ARRAY["picture_px"],
+            "tile_px": ARRAY["tile_px"].get("book", 64),
+            "camera_counts": ARRAY["camera_counts"],
+            "monte_carlo_samples": ARRAY["monte_carlo_samples"],
+            "convergence_samples": ARRAY["convergence_samples"],
+            "reference_samples": ARRAY["reference_samples"].get("book", 64),
+        },
         device=SETTINGS["device"],
     script:
         "../scripts/assignment_reconstruction.py"
@@ -203,91 +168,26 @@ rule assignment_reconstruction:
 rule assignment_tables:
     input:
         camera_array=expand(f"{ARRAYS}/{{scene}}.json", scene=ASSIGNMENT_SCENES),
-        reconstruction="results/assignment/records/reconstruction.json",
-        captions=[caption_of(f"assignment_table_{table}") for table in ASSIGNMENT_TABLES],
+        reconstruction=f"{RECORDS}/reconstruction.json",
     output:
-        csv=[f"results/assignment/{table}.csv" for table in ASSIGNMENT_TABLES],
-        markdown=[f"results/assignment/{table}.md" for table in ASSIGNMENT_TABLES],
+        camera_array="results/assignment/camera_array.csv",
+        reconstruction="results/assignment/reconstruction.csv",
     log:
         "logs/assignment/tables.log",
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=sources("assignment_tables.py"),
-        titles=ASSIGNMENT_TABLES,
-        config=SETTINGS,
+        sources=ARRAY_SOURCES,
     script:
         "../scripts/assignment_tables.py"
 
 
-rule array_tables:
+use rule assignment_tables as array_tables with:
     input:
         camera_array=expand(f"{ARRAYS}/{{scene}}.json", scene=QUICK_SCENES),
-        reconstruction="results/assignment/records/reconstruction.json",
-        captions=[caption_of(table) for table in ASSIGNMENT_TABLES],
+        reconstruction=f"{RECORDS}/reconstruction.json",
     output:
-        csv=[
-            report(
-                f"results/tables/{table}.csv",
-                caption=f"../report/{table}.rst",
-                category="Tables",
-            )
-            for table in ASSIGNMENT_TABLES
-        ],
-        markdown=[f"results/tables/{table}.md" for table in ASSIGNMENT_TABLES],
+        camera_array=table("camera_array"),
+        reconstruction=table("reconstruction"),
     log:
         "logs/array_tables.log",
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        sources=sources("assignment_tables.py"),
-        titles=ASSIGNMENT_TABLES,
-        config=SETTINGS,
-    script:
-        "../scripts/assignment_tables.py"
-
-
-rule assignment_page:
-    input:
-        figures=[f"results/assignment/figures/{figure}.png" for figure in ASSIGNMENT_FIGURES],
-        tables=[f"results/assignment/{table}.csv" for table in ASSIGNMENT_TABLES],
-        records=[f"results/assignment/records/{name}.json" for name in ASSIGNMENT_RECORDS],
-        introduction=caption_of("assignment_page"),
-        figure_captions=[caption_of(f"assignment_{figure}") for figure in ASSIGNMENT_FIGURES],
-        table_captions=[caption_of(f"assignment_table_{table}") for table in ASSIGNMENT_TABLES],
-    output:
-        report(
-            "results/assignment/index.html",
-            caption="../report/assignment_figure.rst",
-            category="Assignment",
-            labels={"figure": "page"},
-        ),
-    log:
-        "logs/assignment/page.log",
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        sources=sources("assignment_page.py"),
-        figures=ASSIGNMENT_FIGURES,
-        tables=ASSIGNMENT_TABLES,
-        records=ASSIGNMENT_RECORDS,
-        config=SETTINGS,
-    script:
-        "../scripts/assignment_page.py"
-
-
-# Two spellings of one folder, as for results/tables.
-rule:
-    name:
-        "results/assignment"
-    input:
-        ASSIGNMENT_FILES,
-    localrule: True
-
-
-rule:
-    name:
-        "results/assignment/"
-    input:
-        ASSIGNMENT_FILES,
-    localrule: True

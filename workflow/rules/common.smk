@@ -1,19 +1,14 @@
 # The checked configuration, and what all stages ask of it. Rules are in the other files.
-import sys
-from pathlib import Path
+import re
 
 from snakemake.exceptions import WorkflowError
 
-ROOT = Path(workflow.basedir)
-sys.path.insert(0, str(ROOT))
-
 from lfcore.errors import LfcoreError
+from lfcore.evaluation.captions import fill
 from lfcore.scene.sources import files_of_scene
-from workflow import cases
-from workflow.assignment import ARRAYS as ASSIGNMENT_ARRAYS
-from workflow.run import hold
-from workflow.settings import check_settings
-from workflow.sources import source_digest
+from lfcore.workflow import cases, reports, sources, sweep
+from lfcore.workflow.settings import check_settings
+from lfcore.workflow.sources import digest
 
 # What the plenoptic photograph and other renderers show, whatever scenes are in tables.
 CHART = "chart"
@@ -21,19 +16,20 @@ CHART = "chart"
 try:
     SETTINGS = check_settings(config)
     SCENES = cases.scene_files(SETTINGS["scenes"], ROOT)
+    SWEEP = sweep.plan(Path(SETTINGS["sweep"]), config, ROOT) if SETTINGS["sweep"] else None
     FIGURE_SCENES = cases.scene_files([CHART], ROOT)
-    ASSIGNMENT_SCENES = cases.scene_files(ASSIGNMENT_ARRAYS, ROOT)
+    ASSIGNMENT_SCENES = cases.scene_files(SETTINGS["assignment"]["scenes"], ROOT)
     TILES = {views: cases.tile_names(SETTINGS, views) for views in SETTINGS["angular_resolutions"]}
 except LfcoreError as error:
     raise WorkflowError(str(error)) from None
 
 # What can be parsed: the tables' scenes, and figures' and the assignment's whether in tables or not.
 PARSED = {**FIGURE_SCENES, **ASSIGNMENT_SCENES, **SCENES}
+if SWEEP:
+    PARSED |= cases.scene_files(SWEEP.scenes, ROOT)
 STORE = SETTINGS["store"]
 RESOLUTIONS = sorted(SETTINGS["angular_resolutions"])
-# What the page shows, in order: {name: {"title": ..., "table": bool, "figures": {label: file}}}.
-# Each stage adds its own; captions are in workflow/report/<name>.rst.
-SECTIONS = {}
+TABLE_SECTIONS = reports.table_sections(SETTINGS, SCENES)
 
 
 wildcard_constraints:
@@ -42,20 +38,14 @@ wildcard_constraints:
     tile=r"\d{4}",
 
 
-def sources(script, *more):
-    """Digest of what a script imports: without it in params, an edit would re-run nothing."""
-    return source_digest(ROOT / "workflow" / "scripts" / script, ROOT, *more)
-
-
-# A scene depends on the builders that it names, and on no others.
-SCENE_SOURCES = {
-    scene: sources("parse.py", *cases.builders_of_scene(file, ROOT))
-    for scene, file in PARSED.items()
-}
-
-
 def scene_inputs(wildcards):
-    return list(map(str, files_of_scene(PARSED[wildcards.scene])))
+    """The scene's file, and all that it is made from: an edit of any parses it anew."""
+    return [str(file) for file in files_of_scene(PARSED[wildcards.scene])]
+
+
+def scene_sources(wildcards):
+    procedural = ["scene/procedural"] if cases.is_procedural(PARSED[wildcards.scene]) else []
+    return digest(*sources.PARSING, *procedural)
 
 
 def of_tiles(suffix):
@@ -71,17 +61,23 @@ def of_resolutions(file):
     return [f"results/{{scene}}/N{views}/{file}" for views in RESOLUTIONS]
 
 
-def wanted(figure):
-    return figure in SETTINGS["figures"]["make"]
-
-
 def of_scenes(file):
     """This file of every scene of the tables."""
     return [f"results/{scene}/{file}" for scene in SCENES]
 
 
+def of_scene(name):
+    """Files of a scene's arrays in camera space and its tree."""
+    return {"scene": f"results/{name}/scene.npz", "bvh": f"results/{name}/bvh.npz"}
+
+
 def caption_of(name):
-    return f"{workflow.basedir}/workflow/report/{name}.rst"
+    return str(ROOT / "workflow" / "report" / f"{name}.rst")
+
+
+def table(name):
+    """A table's file, as Snakemake's own report shows it."""
+    return report(f"results/tables/{name}.csv", caption=f"../report/{name}.rst", category="Tables")
 
 
 def assignment_figure(name):

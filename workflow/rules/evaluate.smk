@@ -4,12 +4,11 @@ MEASURED = {
     "on_the_fly": of_resolutions("planes/on_the_fly.npz"),
     "trace": of_resolutions("trace.json"),
 }
-TABLES = ["table_7_1"]
+TABLES = reports.thesis_tables(SETTINGS)
 if STORE:
     MEASURED["from_video"] = of_resolutions("planes/from_video.npz")
     MEASURED["store"] = of_resolutions("store.json")
     MEASURED["retrieve"] = of_resolutions("retrieve.json")
-    TABLES += ["table_7_2", "table_7_3"]
 
 
 rule evaluate:
@@ -21,10 +20,8 @@ rule evaluate:
         "logs/evaluate/{scene}.log",
     conda:
         "../envs/lfcore.yaml"
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("evaluate.py"),
+        sources=digest(*sources.SCENE, *sources.TABLES),
         angular_resolutions=RESOLUTIONS,
         spatial_resolution=SETTINGS["spatial_resolution"],
     script:
@@ -33,25 +30,15 @@ rule evaluate:
 
 rule tables:
     input:
-        records=expand("results/{scene}/evaluation.json", scene=SCENES),
-        captions=[caption_of(table) for table in TABLES],
+        of_scenes("evaluation.json"),
     output:
-        csv=[
-            report(
-                f"results/tables/{table}.csv",
-                caption=f"../report/{table}.rst",
-                category="Tables",
-            )
-            for table in TABLES
-        ],
-        markdown=[f"results/tables/{table}.md" for table in TABLES],
+        [table(name) for name in TABLES],
     log:
         "logs/tables.log",
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=sources("tables.py"),
+        sources=digest("evaluation/table*.py", "evaluation/thesis_tables.csv"),
         tables=TABLES,
-        config=SETTINGS,
     script:
         "../scripts/tables.py"

@@ -3,35 +3,12 @@
 import importlib.util
 import shutil
 
-SHEETS = {
-    "focal_stack": "Focal stack",
-    "aperture_stack": "Aperture stack",
-    "sub_aperture_views": "Sub-aperture views",
-}
 # The focal stack is there already: the planes of the largest N.
 STACKS = {
     "focal_stack": f"results/{{scene}}/N{RESOLUTIONS[-1]}/planes/on_the_fly.npz",
     "aperture_stack": "results/{scene}/figures/aperture_stack.npz",
     "sub_aperture_views": "results/{scene}/figures/sub_aperture_views.npz",
 }
-for figure, title in SHEETS.items():
-    if wanted(figure):
-        SECTIONS[figure] = {
-            "title": title,
-            "figures": {scene: f"results/tables/figures/{figure}_{scene}.png" for scene in SCENES},
-        }
-
-if wanted("plenoptic_photograph"):
-    SECTIONS["plenoptic_photograph"] = {
-        "title": "Photographs of a plenoptic camera",
-        "figures": {"": "results/tables/figures/plenoptic_photograph.png"},
-    }
-if wanted("other_renderers"):
-    SECTIONS["other_renderers"] = {
-        "title": "Other ray tracers",
-        "table": "results/tables/other_renderers.csv",
-        "figures": {"": "results/tables/figures/other_renderers.png"},
-    }
 
 
 rule trace_aperture_stack:
@@ -44,10 +21,8 @@ rule trace_aperture_stack:
         "logs/trace_aperture_stack/{scene}.log",
     conda:
         "../envs/lfcore.yaml"
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("trace_aperture_stack.py"),
+        sources=digest(*sources.STORING),
         spatial_resolution=SETTINGS["spatial_resolution"],
         angular_resolution=SETTINGS["figures"]["angular_resolution"],
         stops=SETTINGS["figures"]["aperture_stops"],
@@ -66,10 +41,8 @@ rule trace_views:
         "logs/trace_views/{scene}.log",
     conda:
         "../envs/lfcore.yaml"
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("trace_views.py"),
+        sources=digest(*sources.STORING),
         spatial_resolution=SETTINGS["spatial_resolution"],
         angular_resolution=SETTINGS["figures"]["angular_resolution"],
         device=SETTINGS["device"],
@@ -90,11 +63,11 @@ rule contact_sheet:
     log:
         "logs/contact_sheet/{figure}_{scene}.log",
     wildcard_constraints:
-        figure="|".join(SHEETS),
+        figure="|".join(reports.SHEETS),
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=sources("contact_sheet.py"),
+        sources=digest("optics", "evaluation/figures.py"),
     script:
         "../scripts/contact_sheet.py"
 
@@ -109,7 +82,7 @@ rule curves:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=sources("curves.py"),
+        sources=digest("evaluation/figures.py"),
     script:
         "../scripts/curves.py"
 
@@ -133,10 +106,8 @@ rule plenoptic_photograph:
         "logs/plenoptic_photograph.log",
     conda:
         "../envs/lfcore.yaml"
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("plenoptic_photograph.py"),
+        sources=digest(*sources.READING, "evaluation/figures.py", "evaluation/plenoptic_figure.py"),
         camera=SETTINGS["figures"]["plenoptic"],
         device=SETTINGS["device"],
     script:
@@ -147,28 +118,18 @@ rule other_renderers:
     input:
         scene=f"results/{CHART}/scene.npz",
         bvh=f"results/{CHART}/bvh.npz",
-        caption=caption_of("other_renderers"),
     output:
-        csv=report(
-            "results/tables/other_renderers.csv",
-            caption="../report/other_renderers.rst",
-            category="Tables",
-        ),
-        markdown="results/tables/other_renderers.md",
+        csv=table("other_renderers"),
         figure="results/tables/figures/other_renderers.png",
     log:
         "logs/other_renderers.log",
     conda:
         "../envs/lfcore.yaml"
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("other_renderers.py"),
+        sources=digest(*sources.READING, *sources.TABLES, "evaluation/table_files.py"),
         # Installing a renderer makes the figure anew.
         installed=[bool(shutil.which("povray")), bool(importlib.util.find_spec("mitsuba"))],
         study=SETTINGS["figures"]["renderers"],
-        title="Other ray tracers",
         device=SETTINGS["device"],
-        config=SETTINGS,
     script:
         "../scripts/other_renderers.py"

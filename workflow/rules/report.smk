@@ -1,28 +1,49 @@
-# One page over everything that the stages above have entered in SECTIONS.
+# Captions, and the pages over all that the stages above have made. What only words a caption, or
+# shows what was measured, is here: it measures nothing again.
 #
 # "results/tables" is a folder of separate files, so its two spellings are rules without outputs:
 # as a directory() output, a deleted table would not be noticed.
-TITLES = {
-    "table_7_1": "Table 7.1: angular resolution",
-    "table_7_2": "Table 7.2: encoding",
-    "table_7_3": "Table 7.3: retrieval",
-}
-for table in TABLES:
-    SECTIONS[table] = {"title": TITLES[table], "table": f"results/tables/{table}.csv"}
-    if wanted("quality"):
-        SECTIONS[table]["figures"] = {"": f"results/tables/figures/{table}_curves.png"}
+REPORTED = [file for section in TABLE_SECTIONS for file in section.files]
+PAGE_SOURCES = digest(
+    "evaluation/page.*",
+    "evaluation/captions.py",
+    "evaluation/table_files.py",
+    "evaluation/timing.py",
+)
 
-REPORTED = [
-    *(section["table"] for section in SECTIONS.values() if "table" in section),
-    *(file for section in SECTIONS.values() for file in section.get("figures", {}).values()),
-]
+
+rule markdown:
+    input:
+        table="results/{page}/{table}.csv",
+        caption=lambda wildcards: caption_of(
+            wildcards.table
+            if wildcards.page == "tables"
+            else f"assignment_table_{wildcards.table}"
+        ),
+    output:
+        "results/{page}/{table}.md",
+    log:
+        "logs/markdown/{page}_{table}.log",
+    wildcard_constraints:
+        page="tables|assignment",
+        table="|".join(reports.TITLES),
+    conda:
+        "../envs/lfcore.yaml"
+    params:
+        sources=digest("evaluation/captions.py", "evaluation/table_files.py"),
+        title=lambda wildcards: reports.TITLES[wildcards.table],
+        # Filled in: another value of a key that the caption does not speak of changes nothing.
+        caption=lambda wildcards, input: fill(Path(input.caption).read_text("utf-8"), SETTINGS),
+    script:
+        "../scripts/markdown.py"
 
 
 rule page:
     input:
         reported=REPORTED,
         traced=expand("results/{scene}/N{n}/trace.json", scene=SCENES, n=RESOLUTIONS[-1]),
-        captions=[caption_of(name) for name in ["page", *SECTIONS]],
+        records=[],
+        captions=[caption_of(name) for name in ["page", *(one.caption for one in TABLE_SECTIONS)]],
     output:
         report("results/tables/index.html", caption="../report/page.rst", category="Page"),
     log:
@@ -30,26 +51,63 @@ rule page:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=sources("page.py"),
-        sections=SECTIONS,
+        sources=PAGE_SOURCES,
+        title="Synthetic light fields: tables and figures",
+        sections=TABLE_SECTIONS,
+        records=[],
+        facts={"M": SETTINGS["spatial_resolution"], "N": ", ".join(map(str, RESOLUTIONS))},
         config=SETTINGS,
     script:
         "../scripts/page.py"
 
 
-rule:
-    name:
-        "results/tables"
+use rule page as assignment_page with:
     input:
-        REPORTED,
-        "results/tables/index.html",
-    localrule: True
+        reported=ASSIGNMENT_FILES,
+        traced=[],
+        records=expand(
+            f"{RECORDS}/{{name}}.json", name=reports.assignment_records(ASSIGNMENT_SECTIONS)
+        ),
+        captions=[
+            caption_of(name)
+            for name in ["assignment_page", *(one.caption for one in ASSIGNMENT_SECTIONS)]
+        ],
+    output:
+        report(
+            "results/assignment/index.html",
+            caption="../report/assignment_figure.rst",
+            category="Assignment",
+            labels={"figure": "page"},
+        ),
+    log:
+        "logs/assignment/page.log",
+    params:
+        sources=PAGE_SOURCES,
+        title="The light field camera",
+        sections=ASSIGNMENT_SECTIONS,
+        records=reports.assignment_records(ASSIGNMENT_SECTIONS),
+        facts={},
+        config={"assignment": ARRAY},
 
 
-rule:
-    name:
-        "results/tables/"
-    input:
-        REPORTED,
-        "results/tables/index.html",
-    localrule: True
+for folder in ("results/tables", "results/tables/"):
+
+    rule:
+        name:
+            folder
+        input:
+            REPORTED,
+            "results/tables/index.html",
+        localrule: True
+
+
+for folder in ("results/assignment", "results/assignment/"):
+
+    rule:
+        name:
+            folder
+        input:
+            ASSIGNMENT_FILES,
+            QUICK_TABLES,
+            "results/assignment/index.html",
+        localrule: True

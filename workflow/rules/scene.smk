@@ -10,10 +10,8 @@ rule parse:
         "logs/parse/{scene}.log",
     conda:
         "../envs/lfcore.yaml"
-    resources:
-        mem_mb=2000,
     params:
-        sources=lambda wildcards: SCENE_SOURCES[wildcards.scene],
+        sources=scene_sources,
     script:
         "../scripts/parse.py"
 
@@ -27,9 +25,7 @@ rule build:
         "logs/build/{scene}.log",
     conda:
         "../envs/lfcore.yaml"
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("build.py"),
+        sources=digest(*sources.TREE),
     script:
         "../scripts/build.py"

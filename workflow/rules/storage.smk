@@ -1,29 +1,5 @@
 # Four reports on the store: its layouts, rate against distortion, ways to one picture, reading it.
 STORAGE = SETTINGS["storage"]
-STORAGE_TITLES = {
-    "storage_layouts": "Layouts of the stored light field",
-    "rate_distortion": "Rate against distortion",
-    "equivalence": "One picture made in four ways",
-    "retrieval": "What it costs to read a stored light field",
-}
-# What is not stored cannot be read.
-STORAGE_REPORTS = [
-    name for name in STORAGE_TITLES if name in STORAGE["make"] and (STORE or name != "retrieval")
-]
-OF_SCENES = {scene: f"results/tables/figures/{{name}}_{scene}.png" for scene in SCENES}
-ONE_FIGURE = {"": "results/tables/figures/{name}.png"}
-for name in STORAGE_REPORTS:
-    figures = OF_SCENES if name in ("rate_distortion", "equivalence") else ONE_FIGURE
-    SECTIONS[name] = {
-        "title": STORAGE_TITLES[name],
-        "table": f"results/tables/{name}.csv",
-        "figures": {label: file.format(name=name) for label, file in figures.items()},
-    }
-    if name == "rate_distortion":
-        SECTIONS["bd_rate"] = {
-            "title": "Bits at equal quality (BD-rate)",
-            "table": "results/tables/bd_rate.csv",
-        }
 
 
 rule storage_layouts_scene:
@@ -37,10 +13,8 @@ rule storage_layouts_scene:
     conda:
         "../envs/lfcore.yaml"
     threads: 1
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("storage_layouts_scene.py"),
+        sources=digest(*sources.READING, *sources.MEASURING, "evaluation/storage"),
         study=STORAGE["storage_layouts"],
         spatial_resolution=SETTINGS["spatial_resolution"],
         device=SETTINGS["device"],
@@ -59,10 +33,8 @@ rule rate_distortion_scene:
     conda:
         "../envs/lfcore.yaml"
     threads: 1
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("rate_distortion_scene.py"),
+        sources=digest(*sources.READING, *sources.MEASURING, "evaluation/storage"),
         study=STORAGE["rate_distortion"],
         spatial_resolution=SETTINGS["spatial_resolution"],
         device=SETTINGS["device"],
@@ -87,10 +59,14 @@ rule equivalence_scene:
     conda:
         "../envs/lfcore.yaml"
     threads: 1
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("equivalence_scene.py"),
+        sources=digest(
+            *sources.READING,
+            *sources.MEASURING,
+            "evaluation/storage",
+            "evaluation/equivalence.py",
+            "evaluation/figures.py",
+        ),
         study=STORAGE["equivalence"],
         device=SETTINGS["device"],
     script:
@@ -110,113 +86,67 @@ if STORE:
         conda:
             "../envs/lfcore.yaml"
         threads: 1
-        resources:
-            mem_mb=2000,
         params:
-            sources=sources("retrieval_scene.py"),
+            sources=digest(*sources.READING, *sources.MEASURING, "evaluation/storage"),
             study=STORAGE["retrieval"],
             device=SETTINGS["device"],
         script:
             "../scripts/retrieval_scene.py"
 
 
-rule storage_layouts:
-    input:
-        rows=of_scenes("storage/storage_layouts.json"),
-        caption=caption_of("storage_layouts"),
-    output:
-        csv=report(
-            "results/tables/storage_layouts.csv",
-            caption="../report/storage_layouts.rst",
-            category="Tables",
-        ),
-        markdown="results/tables/storage_layouts.md",
-        figure="results/tables/figures/storage_layouts.png",
-    log:
-        "logs/storage_layouts.log",
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        sources=sources("storage_table.py"),
-        table="storage_layouts",
-        title=STORAGE_TITLES["storage_layouts"],
-        config=SETTINGS,
-    script:
-        "../scripts/storage_table.py"
+for name in ("storage_layouts", "equivalence", "retrieval"):
+
+    rule:
+        name:
+            name
+        input:
+            of_scenes(f"storage/{name}.json"),
+        output:
+            table(name),
+        log:
+            f"logs/{name}.log",
+        conda:
+            "../envs/lfcore.yaml"
+        params:
+            sources=digest(*sources.READING, *sources.MEASURING, "evaluation/storage"),
+            table=name,
+        script:
+            "../scripts/storage_table.py"
 
 
-rule equivalence:
-    input:
-        rows=of_scenes("storage/equivalence.json"),
-        caption=caption_of("equivalence"),
-    output:
-        csv=report(
-            "results/tables/equivalence.csv",
-            caption="../report/equivalence.rst",
-            category="Tables",
-        ),
-        markdown="results/tables/equivalence.md",
-    log:
-        "logs/equivalence.log",
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        sources=sources("storage_table.py"),
-        table="equivalence",
-        title=STORAGE_TITLES["equivalence"],
-        config=SETTINGS,
-    script:
-        "../scripts/storage_table.py"
+for name in ("storage_layouts", "retrieval"):
 
-
-rule retrieval:
-    input:
-        rows=of_scenes("storage/retrieval.json"),
-        caption=caption_of("retrieval"),
-    output:
-        csv=report(
-            "results/tables/retrieval.csv",
-            caption="../report/retrieval.rst",
-            category="Tables",
-        ),
-        markdown="results/tables/retrieval.md",
-        figure="results/tables/figures/retrieval.png",
-    log:
-        "logs/retrieval.log",
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        sources=sources("storage_table.py"),
-        table="retrieval",
-        title=STORAGE_TITLES["retrieval"],
-        config=SETTINGS,
-    script:
-        "../scripts/storage_table.py"
+    rule:
+        name:
+            f"{name}_figure"
+        input:
+            f"results/tables/{name}.csv",
+        output:
+            f"results/tables/figures/{name}.png",
+        log:
+            f"logs/{name}_figure.log",
+        conda:
+            "../envs/lfcore.yaml"
+        params:
+            sources=digest(*sources.READING, *sources.TABLES, "evaluation/storage"),
+            table=name,
+        script:
+            "../scripts/storage_figure.py"
 
 
 rule rate_distortion:
     input:
-        rows=of_scenes("storage/rate_distortion.json"),
-        captions=[caption_of(name) for name in ["rate_distortion", "bd_rate"]],
+        of_scenes("storage/rate_distortion.json"),
     output:
-        csv=[
-            report(
-                f"results/tables/{name}.csv",
-                caption=f"../report/{name}.rst",
-                category="Tables",
-            )
-            for name in ["rate_distortion", "bd_rate"]
-        ],
-        markdown=["results/tables/rate_distortion.md", "results/tables/bd_rate.md"],
+        rate_distortion=table("rate_distortion"),
+        bd_rate=table("bd_rate"),
         figures=expand("results/tables/figures/rate_distortion_{scene}.png", scene=SCENES),
     log:
         "logs/rate_distortion.log",
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=sources("rate_distortion.py"),
-        titles=["Rate against distortion", "Bits at equal quality"],
+        sources=digest(*sources.READING, *sources.TABLES, "evaluation/storage"),
         scenes=list(SCENES),
-        config=SETTINGS,
     script:
         "../scripts/rate_distortion.py"

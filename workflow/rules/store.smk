@@ -13,10 +13,8 @@ if STORE:
             "logs/join/{scene}/N{n}.log",
         conda:
             "../envs/lfcore.yaml"
-        resources:
-            mem_mb=2000,
         params:
-            sources=sources("join.py"),
+            sources=digest(*sources.SCENE, "storage", "evaluation/timing.py"),
             spatial_resolution=SETTINGS["spatial_resolution"],
             layout=SETTINGS["layout"],
             tile_mib=SETTINGS["tile_mib"],
@@ -37,10 +35,8 @@ if STORE:
         conda:
             "../envs/lfcore.yaml"
         threads: 2
-        resources:
-            mem_mb=2000,
         params:
-            sources=sources("retrieve.py"),
+            sources=digest(*sources.READING),
             planes=SETTINGS["planes"],
             picture_format=SETTINGS["picture_format"],
             device=SETTINGS["device"],

@@ -20,10 +20,8 @@ rule trace:
     conda:
         "../envs/lfcore.yaml"
     threads: 1
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("trace.py"),
+        sources=digest(*sources.STORING, "evaluation/timing.py"),
         spatial_resolution=SETTINGS["spatial_resolution"],
         planes=SETTINGS["planes"],
         layout=SETTINGS["layout"],
@@ -48,10 +46,8 @@ rule sum_planes:
         "logs/sum_planes/{scene}/N{n}.log",
     conda:
         "../envs/lfcore.yaml"
-    resources:
-        mem_mb=2000,
     params:
-        sources=sources("sum_planes.py"),
+        sources=digest(*sources.SCENE, "storage"),
         spatial_resolution=SETTINGS["spatial_resolution"],
         planes=SETTINGS["planes"],
         picture_format=SETTINGS["picture_format"],

@@ -3,11 +3,11 @@
 from lfcore.evaluation.camera_arrays import overview
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.storage.tiled_exr import read_array
-from workflow.job import job
+from lfcore.workflow.job import job
 
 WIDTH = 512
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     pictures, labels = [], []
     for name, file in zip(snakemake.params.scenes, snakemake.input, strict=True):
         found = read_array(file)

@@ -2,7 +2,7 @@
 
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.optics.plane_pictures import load_stack
-from workflow.job import job
+from lfcore.workflow.job import job
 
 CORNERS = ["lens top left", "top right", "bottom left", "bottom right", "middle"]
 DIMMING = {"lens": "dimmed", "aperture": "normalised"}
@@ -16,7 +16,7 @@ def aperture_label(plane):
     return f"f/{plane.f_number:.2g}, {DIMMING[plane.normalise]}"
 
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     pictures, planes = load_stack(snakemake.input[0])
     columns = 5
     if snakemake.wildcards.figure == "focal_stack":

@@ -4,12 +4,12 @@ from lfcore.evaluation.equivalence import equivalence
 from lfcore.evaluation.storage.figures import equivalence_sheet
 from lfcore.evaluation.table_files import write_rows
 from lfcore.optics.planes import SensorPlane
-from workflow.job import job, log_progress
-from workflow.tracer import open_tracer
+from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.tracers import open_tracer
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     params, output = snakemake.params, snakemake.output
-    tracer = open_tracer(snakemake)
+    tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
     scene = tracer.scene
     camera, focus = scene.camera, scene.focus_distances_m
     focus_m = sorted({min(focus), camera.focus_distance_m, max(focus)})

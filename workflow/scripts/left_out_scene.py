@@ -2,15 +2,15 @@
 
 from lfcore.evaluation.left_out.bench import check_identical
 from lfcore.evaluation.left_out.rows import left_out
-from lfcore.files import write_json
+from lfcore.evaluation.table_files import write_rows
 from lfcore.opencl.device import open_device
 from lfcore.scene.files import load_scene
 from lfcore.tracing.bvh import load_bvh
-from workflow.job import job
+from lfcore.workflow.job import job
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     scene, bvh = load_scene(snakemake.input.scene), load_bvh(snakemake.input.bvh)
     device = open_device(snakemake.params.device or None, threads=snakemake.threads)
     rows = left_out(scene, bvh, device, **snakemake.params.measured)
     check_identical(rows)
-    write_json(snakemake.output[0], {"rows": rows})
+    write_rows(snakemake.output[0], rows)

@@ -1,4 +1,4 @@
-"""One page over all tables and figures."""
+"""One page over tables and figures; captions may speak of what was measured."""
 
 from pathlib import Path
 
@@ -6,35 +6,34 @@ from lfcore import __version__
 from lfcore.evaluation.page import Section, write_page
 from lfcore.evaluation.timing import machine
 from lfcore.files import read_json
-from workflow.job import job
+from lfcore.workflow.job import job
 
 
-def sections(wanted, captions):
-    """The sections of the page; one caption file each, in the same order."""
-    made = []
-    for (name, section), caption in zip(wanted.items(), captions, strict=True):
-        figures = {label: Path(file) for label, file in section.get("figures", {}).items()}
-        table = Path(section["table"]) if "table" in section else None
-        text = Path(caption).read_text(encoding="utf-8")
-        made.append(Section(name, section["title"], text, table, figures))
-    return made
+def text(file):
+    return Path(file).read_text(encoding="utf-8")
 
 
-with job(snakemake):
-    introduction, *captions = snakemake.input.captions
-    config, here = snakemake.params.config, machine()
-    devices = {read_json(path)["device"] for path in snakemake.input.traced}
+with job(snakemake.log[0], snakemake.threads):
+    given, params, here = snakemake.input, snakemake.params, machine()
+    introduction, *captions = map(text, given.captions)
+    sections = [
+        Section(one.name, one.title, caption, one.table and Path(one.table),
+                {label: Path(file) for label, file in one.figures.items()})
+        for one, caption in zip(params.sections, captions, strict=True)
+    ]  # fmt: skip
+    records = zip(params.records, given.records, strict=True)
+    measured = {name: read_json(file) for name, file in records}
+    devices = sorted({read_json(file)["device"] for file in given.traced})
     write_page(
         snakemake.output[0],
-        sections(snakemake.params.sections, captions),
-        title="Synthetic light fields: tables and figures",
-        introduction=Path(introduction).read_text(encoding="utf-8"),
+        sections,
+        title=params.title,
+        introduction=introduction,
         facts={
             "machine": f"{here['processor']}, {here['cores']} cores, {here['memory_gib']} GiB",
-            "OpenCL device": ", ".join(sorted(devices)),
+            **({"OpenCL device": ", ".join(devices)} if devices else {}),
             "system": f"{here['system']}, Python {here['python']}, lfcore {__version__}",
-            "M": config["spatial_resolution"],
-            "N": ", ".join(map(str, sorted(config["angular_resolutions"]))),
+            **params.facts,
         },
-        config=config,
+        config={**params.config, "measured": measured},
     )

@@ -2,9 +2,9 @@
 
 from lfcore.scene.build import build_scene
 from lfcore.scene.files import save_scene
-from workflow.job import job
+from lfcore.workflow.job import job
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     scene = build_scene(snakemake.input[0])
     print(f"{scene.triangle_count} triangles, dropped: {scene.dropped or 'none'}")
     save_scene(snakemake.output[0], scene)

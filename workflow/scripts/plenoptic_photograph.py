@@ -1,12 +1,12 @@
 """The plenoptic photograph in and out of focus, whole, and one sheet of what is in it."""
 
 from lfcore.evaluation.plenoptic_figure import panels, plenoptic_sheet, take, write_photograph
-from workflow.job import job, log_progress
-from workflow.tracer import open_tracer
+from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.tracers import open_tracer
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     params, output = snakemake.params, snakemake.output
-    tracer = open_tracer(snakemake)
+    tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
     scene = tracer.scene
     focus = scene.focus_distances_m
     rows = []

@@ -2,11 +2,12 @@
 
 from lfcore.evaluation.storage.rate_distortion import RateStudy, rate_rows
 from lfcore.evaluation.table_files import write_rows
-from workflow.job import job, log_progress
-from workflow.tracer import open_tracer
+from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.tracers import open_tracer
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     params = snakemake.params
     study, progress = RateStudy(**params.study), log_progress("points")
-    rows = rate_rows(open_tracer(snakemake), study, params.spatial_resolution, progress=progress)
+    tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
+    rows = rate_rows(tracer, study, params.spatial_resolution, progress=progress)
     write_rows(snakemake.output[0], rows)

@@ -3,17 +3,9 @@
 import pandas as pd
 
 from lfcore.evaluation.recommendation import recommendation
-from lfcore.evaluation.table_files import publish_table
-from workflow.job import job
+from lfcore.evaluation.table_files import write_csv
+from lfcore.workflow.job import job
 
-with job(snakemake):
-    given, output = snakemake.input, snakemake.output
-    table = recommendation(pd.read_csv(given.points), snakemake.params.targets_db)
-    publish_table(
-        table,
-        output.csv,
-        output.markdown,
-        title="Recommended settings",
-        caption=given.caption,
-        config=snakemake.params.config,
-    )
+with job(snakemake.log[0], snakemake.threads):
+    points = pd.read_csv(snakemake.input[0])
+    write_csv(snakemake.output[0], recommendation(points, snakemake.params.targets_db))

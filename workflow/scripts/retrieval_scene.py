@@ -3,10 +3,10 @@
 from lfcore.evaluation.storage.retrieval import RetrievalStudy, retrieval_rows
 from lfcore.evaluation.table_files import write_rows
 from lfcore.opencl.device import open_device
-from workflow import cases
-from workflow.job import job, log_progress
+from lfcore.workflow import cases
+from lfcore.workflow.job import job, log_progress
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     params = snakemake.params
     _, focus_distances_m, _ = cases.read_camera(snakemake.input.scene)
     device = open_device(params.device or None, threads=snakemake.threads)

@@ -4,10 +4,10 @@ from lfcore.files import write_json
 from lfcore.opencl.device import open_device
 from lfcore.optics.plane_pictures import save_stack, write_plane_pictures
 from lfcore.refocus.slicing import form_planes
-from workflow import cases
-from workflow.job import job, log_progress
+from lfcore.workflow import cases
+from lfcore.workflow.job import job, log_progress
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     params, output = snakemake.params, snakemake.output
     camera, focus_distances_m, _ = cases.read_camera(snakemake.input.scene)
     planes = cases.sensor_planes(params.planes, camera, focus_distances_m)

@@ -2,28 +2,22 @@
 
 from lfcore.evaluation import stability_report
 from lfcore.evaluation.stability.about import cases_table
-from lfcore.evaluation.stability.all_cases import run_all
+from lfcore.evaluation.stability.all_cases import chosen, run_all
 from lfcore.evaluation.stability.rows import check_rows
 from lfcore.evaluation.stability.subject import tracer_subject
-from lfcore.evaluation.table_files import publish_table, write_csv
+from lfcore.evaluation.table_files import write_csv
 from lfcore.opencl.device import open_device
-from workflow.job import job, log_progress
+from lfcore.workflow.job import job, log_progress
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     params, output = snakemake.params, snakemake.output
     device = open_device(params.device or None, threads=snakemake.threads)
-    rows = run_all(tracer_subject(device, rays=params.rays), progress=log_progress("cases"))
+    subject = tracer_subject(device, rays=params.rays)
+    rows = run_all(subject, chosen(params.cases), progress=log_progress("cases"))
     table = stability_report.stability_table(rows)
     print(stability_report.summary(table))
     check_rows(rows)
-    publish_table(
-        table,
-        output.csv,
-        output.markdown,
-        title="Stiff and extreme cases",
-        caption=snakemake.input.caption,
-        config=params.config,
-    )
+    write_csv(output.csv, table)
     write_csv(output.cases, cases_table(rows))
     stability_report.heat_map(output.heat_map, table)
     stability_report.error_growth(output.error_growth, table)

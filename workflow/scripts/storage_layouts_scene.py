@@ -2,11 +2,12 @@
 
 from lfcore.evaluation.storage.layouts import LayoutStudy, layout_rows
 from lfcore.evaluation.table_files import write_rows
-from workflow.job import job, log_progress
-from workflow.tracer import open_tracer
+from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.tracers import open_tracer
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     params = snakemake.params
     study, progress = LayoutStudy(**params.study), log_progress("layouts")
-    rows = layout_rows(open_tracer(snakemake), study, params.spatial_resolution, progress=progress)
+    tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
+    rows = layout_rows(tracer, study, params.spatial_resolution, progress=progress)
     write_rows(snakemake.output[0], rows)

@@ -4,10 +4,10 @@ from lfcore.files import read_json, write_json
 from lfcore.optics.plane_pictures import save_stack, write_plane_pictures
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.slab import Slab
-from workflow import cases
-from workflow.job import job
+from lfcore.workflow import cases
+from lfcore.workflow.job import job
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     params, output = snakemake.params, snakemake.output
     camera, focus_distances_m, triangles = cases.read_camera(snakemake.input.scene)
     slab = Slab(camera, int(snakemake.wildcards.n), params.spatial_resolution)

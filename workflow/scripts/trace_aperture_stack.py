@@ -3,13 +3,13 @@
 from lfcore.optics.plane_pictures import save_stack
 from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import trace_planes
-from workflow import cases
-from workflow.job import job, log_progress
-from workflow.tracer import open_tracer
+from lfcore.workflow import cases
+from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.tracers import open_tracer
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     params = snakemake.params
-    tracer = open_tracer(snakemake)
+    tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
     camera = tracer.scene.camera
     slab = Slab(camera, params.angular_resolution, params.spatial_resolution)
     planes = cases.aperture_stack(params.stops, camera, camera.focus_distance_m)

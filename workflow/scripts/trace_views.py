@@ -8,12 +8,12 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import tile_sums
 from lfcore.storage.layout import FrameLayout
-from workflow.job import job
-from workflow.tracer import open_tracer
+from lfcore.workflow.job import job
+from lfcore.workflow.tracers import open_tracer
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     params = snakemake.params
-    tracer = open_tracer(snakemake)
+    tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
     camera = tracer.scene.camera
     slab = Slab(camera, params.angular_resolution, params.spatial_resolution)
     layout = FrameLayout("views", slab.views, slab.pixels)

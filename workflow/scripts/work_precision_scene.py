@@ -6,9 +6,9 @@ from lfcore.opencl.device import open_device
 from lfcore.scene.files import load_scene
 from lfcore.tracing.bvh import load_bvh
 from lfcore.tracing.tracer import Tracer
-from workflow.job import job, log_progress
+from lfcore.workflow.job import job, log_progress
 
-with job(snakemake):
+with job(snakemake.log[0], snakemake.threads):
     scene, bvh = load_scene(snakemake.input.scene), load_bvh(snakemake.input.bvh)
     device = open_device(snakemake.params.device or None, threads=snakemake.threads)
     study = Study(**snakemake.params.study)

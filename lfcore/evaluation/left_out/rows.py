@@ -6,7 +6,7 @@ agree to the last bit.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from lfcore.evaluation.left_out.bench import Bench, same, scene_bytes
@@ -23,23 +23,33 @@ from lfcore.tracing.tracer import Tracer
 
 
 def left_out(
-    scene: Scene, bvh: Bvh, device, *, views: int, pixels: int, repeats: int = 5
+    scene: Scene,
+    bvh: Bvh,
+    device,
+    *,
+    views: int,
+    pixels: int,
+    repeats: int = 5,
+    features: str | Sequence[str] = "all",
 ) -> list[dict]:
-    """Rows with :data:`bench.COLUMNS` of everything that is left out for ``scene``."""
+    """Rows with :data:`bench.COLUMNS` of everything that is left out for ``scene``.
+
+    ``features`` are fields of :class:`Needs`, ``all`` of which are compared unless some are named.
+    """
     bench = Bench(scene, bvh, device, Slab(scene.camera, views, pixels), repeats)
-    rows = [*features(bench), *beyond_reach(bench), *unwanted(bench), *stages(bench)]
+    rows = [*lacking(bench, features), *beyond_reach(bench), *unwanted(bench), *stages(bench)]
     rows += packages(bench)
     return [{"scene": scene.name, **row} for row in rows]
 
 
-def features(bench: Bench) -> Iterator[dict]:
+def lacking(bench: Bench, names: str | Sequence[str] = "all") -> Iterator[dict]:
     """Code and buffers of features that the scene lacks."""
     needs = Needs.of(bench.scene)
     lean = Tracer(bench.scene, bench.bvh, bench.device, needs)
     planes = [bench.plane]
     frames, sums = bench.run(lean, planes, frames=True)
     for feature in FEATURES:
-        if not feature.missing(needs):
+        if not feature.missing(needs) or (names != "all" and feature.field not in names):
             continue
         filled = feature.fill(bench.scene)
         full = Tracer(filled, bench.bvh, bench.device, full_needs(filled, feature.field))

@@ -18,6 +18,17 @@ PINNED = 3.0
 """How far beyond the plotted errors a failed point is pinned, as a factor."""
 
 
+def draw(panel: str, path: str | Path, points: pd.DataFrame, *, machine: str) -> None:
+    """The figure of one panel; ``points`` have columns of kinds of pixels beside the table's."""
+    rows = points[points.panel == panel]
+    if panel == "storage":
+        storage(path, rows, machine=machine)
+    elif panel == "convergence":
+        convergence(path, points[points.panel == "quadrature"])
+    else:
+        work_precision(path, rows, machine=machine)
+
+
 def pareto(error: np.ndarray, seconds: np.ndarray) -> np.ndarray:
     """(K,) bool: points that no other beats in both; failed ones (NaN) never are."""
     better = np.zeros(len(error), bool)

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from lfcore.errors import OpticsError, SceneError
+from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.scene.files import read_header
-from lfcore.scene.reading import DESCRIPTIONS, read_yaml
 from lfcore.storage import defaults
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.layout import FrameLayout, Tile
-from workflow.settings import SettingsError
+from lfcore.workflow.settings import SettingsError
 
 MIB = 2**20
 BYTES_OF_A_RAY = 3
@@ -66,28 +66,12 @@ def _scene_name(file: Path, root: Path, taken: Iterable[str]) -> str:
     raise SettingsError(problem, file=file, key="configuration: scenes", remedy=rename)
 
 
-def builders_of_scene(file: str | Path, root: Path) -> list[Path]:
-    """Modules of the procedural builders that a scene file names."""
-    if Path(file).suffix.lower() not in DESCRIPTIONS:
-        return []
+def is_procedural(file: str | Path) -> bool:
+    """Whether a scene may name a builder of procedural models: then it depends on their sources."""
     try:
-        description = read_yaml(file)
-    except SceneError:
-        return []  # parsing the scene says what is wrong with it
-    folder = root / "lfcore" / "scene" / "procedural"
-    names = {text for text in _strings(description) if text.isidentifier()}
-    return [folder / f"{name}.py" for name in sorted(names) if (folder / f"{name}.py").is_file()]
-
-
-def _strings(value: object) -> Iterable[str]:
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, Mapping):
-        for part in value.values():
-            yield from _strings(part)
-    elif isinstance(value, list):
-        for part in value:
-            yield from _strings(part)
+        return "builder" in Path(file).read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False  # parsing says what is wrong with it
 
 
 def frame_layout(settings: Mapping, views: int) -> FrameLayout:
@@ -142,6 +126,12 @@ def read_camera(scene: str | Path) -> tuple[Camera, tuple[float, ...], int]:
     header = read_header(scene)
     camera = {key: float(value) for key, value in header["camera"].items()}
     return Camera(**camera), tuple(header["focus_distances_m"]), header["triangles"]
+
+
+def file_digest(path: str | Path) -> str:
+    """SHA-256 of a file, in hexadecimal."""
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def aperture_stack(

@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from lfcore.errors import LfcoreError
-from workflow.run import end_with_run
+from lfcore.workflow.run import end_with_run
 
 
 @contextmanager
-def job(snakemake) -> Iterator[None]:
-    """Send all output of this process to the rule's log; end an error of the user's in one line.
+def job(log: str, threads: int) -> Iterator[None]:
+    """Send all output of this process to the rule's ``log``; a user's error is one line.
 
     Also what libraries in C print goes to the log.  An :class:`LfcoreError`, and an OSError such
     as a full disk, end the process with status 1 after one line, in the log and on the terminal;
@@ -24,13 +24,13 @@ def job(snakemake) -> Iterator[None]:
     terminal = os.dup(2)
     end_with_run()
     try:
-        log = os.open(snakemake.log[0], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         for stream in (1, 2):
-            os.dup2(log, stream)
+            os.dup2(file, stream)
         sys.stdout.reconfigure(line_buffering=True)
         logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
         # The drivers' thread pools, and those of numpy's libraries, keep to the job's share.
-        os.environ["LFCORE_THREADS"] = str(snakemake.threads)
+        os.environ["LFCORE_THREADS"] = str(threads)
         yield
     except LfcoreError as error:
         _fail(terminal, str(error))

@@ -1,6 +1,6 @@
 """Start Snakemake so that nothing is left to be done by hand after a kill.
 
-    python -m workflow.run --cores 2 -- results/tables/
+    python -m lfcore.workflow.run --cores 2 -- results/tables/
 
 Every run holds a lock file of its own in ``.snakemake/runs/``, which the system frees with the
 process, however that ends.  So whoever starts next knows what is alive:

@@ -1,0 +1,121 @@
+"""Pictures from the book's light field: steps 3, 4 and 5 of the assignment.
+
+Each study returns pictures (size, size, 3), a label for each, and what was measured.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.evaluation.camera_arrays import errors, timed
+from lfcore.optics.lens_system import LensSystem
+from lfcore.refocus.array import focal_surface as surfaces
+from lfcore.refocus.array.device_field import DeviceField
+from lfcore.refocus.array.isaksen import isaksen
+from lfcore.refocus.array.monte_carlo import monte_carlo
+from lfcore.refocus.array.realistic import realistic
+from lfcore.refocus.array.virtual_camera import VirtualCamera
+
+# The book: focus of the assignment's command line, and of the authors' line, metres.
+BOOK_FOCUS_M = 6.8
+AUTHORS_FOCUS_M = 6.2
+# The book's cover in camera space (y down): a point on it and its normal.
+BOOK_COVER = {"point": (0.160, -0.398, 7.181), "normal": (0.2669, -0.6641, -0.6984)}
+# The book's lens in measurements; its rays and those of its filter all meet the camera grid.
+BOOK_LENS_M = 0.2
+FILTER_M = 0.3  # of the assignment's command line
+LENS_M = 0.15  # the disk that blurs about as that cone does
+SAMPLES = 64
+
+
+def assignment_camera(size: int, lens_radius_m: float = 0.0) -> VirtualCamera:
+    """The virtual camera of the assignment's command line, size x size pixels."""
+    return VirtualCamera.from_pbrt(
+        (-0.15, -0.2, -1.2), (0, 0, 0), 40.0, (size, size), lens_radius_m
+    )
+
+
+def measured_camera(size: int) -> VirtualCamera:
+    """The book's camera where pictures are measured: between the data cameras, none of them."""
+    return VirtualCamera(np.array([-0.06, 0.05, 0.0]), np.eye(3), 40.0, (size, size), BOOK_LENS_M)
+
+
+def synthesis(field: DeviceField, size: int):
+    """Isaksen's filter at two focal planes and Monte Carlo at the second; steps 3 and 4."""
+    pinhole, lens = assignment_camera(size), assignment_camera(size, LENS_M)
+    near = surfaces.parallel(AUTHORS_FOCUS_M)
+    found = {
+        f"Isaksen, z = {BOOK_FOCUS_M} m": timed(
+            lambda: isaksen(field, pinhole, surfaces.parallel(BOOK_FOCUS_M), FILTER_M)
+        ),
+        f"Isaksen, z = {AUTHORS_FOCUS_M} m": timed(lambda: isaksen(field, pinhole, near, FILTER_M)),
+        f"Monte Carlo, z = {AUTHORS_FOCUS_M} m": timed(
+            lambda: monte_carlo(field, lens, near, SAMPLES)
+        ),
+    }
+    pictures = [made.image for made, _ in found.values()]
+    record = {
+        "seconds": [seconds for _, seconds in found.values()],
+        "skipped_share": [made.skipped_share for made, _ in found.values()],
+        "psnr_of_methods_db": errors(pictures[1], pictures[2])["psnr_db"],
+        "samples": SAMPLES,
+        "filter_m": FILTER_M,
+        "lens_m": LENS_M,
+    }
+    return pictures, list(found), record
+
+
+def bent(x, y):
+    """A depth that swings with the angle from the axis: near in the middle, far at the rim."""
+    return 5.6 + 14.0 * (x * x + y * y)
+
+
+def focal_surfaces(field: DeviceField, size: int):
+    """One light field, four surfaces: the first bonus."""
+    camera = VirtualCamera(np.array([0.0, 0.0, 0.0]), np.eye(3), 44.0, (size, size), 0.35)
+    # Both planes go through one point of the cover; only the tilted one lies in it.
+    point, normal = np.array(BOOK_COVER["point"]), np.array(BOOK_COVER["normal"])
+    chosen = {
+        "plane, parallel": surfaces.parallel(float(point[2])),
+        "plane in the book's cover": surfaces.PlaneSurface(point, normal),
+        "sphere, far side at 7.2 m": surfaces.SphereSurface(np.array([0.0, 0.0, 4.2]), 3.0),
+        "function: near in the middle": surfaces.FunctionSurface(bent),
+    }
+    pictures = [monte_carlo(field, camera, surface, SAMPLES).image for surface in chosen.values()]
+    return pictures, list(chosen)
+
+
+def realistic_lens(field: DeviceField, size: int, file: str | Path):
+    """The second bonus: a double Gauss, open and stopped down, and the thin lens it should be."""
+    lens = LensSystem.read(file)
+    length = float(lens.focal_length_m)
+    diagonal = 0.9 * length
+    # The front of the glass stands in the data cameras' plane; the film behind it.
+    film_z = -float(lens.focused(BOOK_FOCUS_M + 2.0).positions_m[0])
+    sharp = lens.focused(AUTHORS_FOCUS_M - film_z)
+    camera = VirtualCamera(np.array([0.0, 0.0, film_z]), np.eye(3), 40.0, (size, size))
+    surface = surfaces.parallel(AUTHORS_FOCUS_M)
+    full = 2 * float(lens.aperture_m[lens.radius_m == 0][0])
+    pictures, labels = [], []
+    for part in (1.0, 0.5, 0.25):
+        used = sharp.stopped_down(full * part)
+        made = realistic(field, camera, used, surface, SAMPLES, film_diagonal_m=diagonal)
+        pictures.append(made.image)
+        labels.append(f"double Gauss, stop {1000 * full * part:.0f} mm")
+    f_number = lens.focused(math.inf).working_f_number
+    radius = length / f_number / 2
+    image_m = sharp.image_distance_m
+    # The thin lens stands in the front principal plane: film and focus are conjugate about it.
+    place = np.array([0.0, 0.0, AUTHORS_FOCUS_M - length * image_m / (image_m - length)])
+    fov_deg = math.degrees(2 * math.atan(diagonal / math.sqrt(8) / image_m))
+    thin = VirtualCamera(place, np.eye(3), fov_deg, (size, size), radius)
+    pictures.append(monte_carlo(field, thin, surface, SAMPLES).image)
+    labels.append(f"thin lens of {2000 * radius:.0f} mm")
+    corners = [float(picture[: size // 8, -(size // 8) :].mean()) for picture in pictures]
+    record = {"focal_length_m": length, "f_number": f_number}
+    record["corner_light_open"] = corners[0] / corners[-1]
+    record["corner_light_stopped"] = corners[2] / corners[-1]
+    return pictures, labels, record

@@ -1,0 +1,67 @@
+"""Rows of the thesis's tables for one scene: pictures against pictures, seconds, sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.colour import display_values
+from lfcore.evaluation.metrics import psnr, ssim
+from lfcore.evaluation.tables import sizes
+from lfcore.files import read_json
+from lfcore.optics.plane_pictures import load_stack
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """What was made at one N: pictures (.npz) and measurements (.json); none where not stored."""
+
+    views: int
+    on_the_fly: str | Path
+    trace: str | Path
+    from_video: str | Path | None = None
+    store: str | Path | None = None
+    retrieve: str | Path | None = None
+
+
+def scene_records(scene: str, pixels: int, files: Sequence[Resolution]) -> dict[str, list[dict]]:
+    """Rows of tables 7.1, 7.2 and 7.3; the last of ``files`` is the reference of table 7.1."""
+    rows: dict[str, list[dict]] = {"table_7_1": [], "table_7_2": [], "table_7_3": []}
+    best = _codes(files[-1].on_the_fly)
+    for one in files:
+        traced, pictures = read_json(one.trace), _codes(one.on_the_fly)
+        context = {"scene": scene, "N": one.views, "M": pixels}
+        context |= {key: traced[key] for key in ("triangles", "device", "threads")}
+        rows["table_7_1"].append(
+            context | {"seconds": traced["seconds"]} | _quality(pictures, best)
+        )
+        if one.store is None:
+            continue
+        stored, retrieved = read_json(one.store), read_json(one.retrieve)
+        seconds = {"seconds": stored["encode_seconds"] + stored["join_seconds"]}
+        size = sizes(rays=traced["rays"], video_bytes=stored["video_bytes"])
+        context |= {key: stored[key] for key in ("device", "threads")}
+        rows["table_7_2"].append(context | seconds | size)
+        context |= {key: retrieved[key] for key in ("device", "threads", "seconds")}
+        rows["table_7_3"].append(context | _quality(_codes(one.from_video), pictures))
+    # JSON knows no infinity: the quality of a picture against itself is null here.
+    for row in rows["table_7_1"]:
+        row["psnr_db"] = row["psnr_db"] if np.isfinite(row["psnr_db"]) else None
+    return rows
+
+
+def _codes(stack_file: str | Path) -> np.ndarray:
+    """Pictures of a stack, sRGB-encoded, on the scale of 8-bit codes, not rounded."""
+    return display_values(load_stack(stack_file)[0])
+
+
+def _quality(pictures: np.ndarray, references: np.ndarray) -> dict[str, float]:
+    """Averages over the planes of PSNR in dB and SSIM."""
+    pairs = list(zip(pictures, references, strict=True))
+    return {
+        "psnr_db": float(np.mean([psnr(a, b, peak=255) for a, b in pairs])),
+        "ssim": float(np.mean([ssim(a, b, peak=255) for a, b in pairs])),
+    }

@@ -1,0 +1,120 @@
+"""One tracing, stored by several encoders: what each costs, and what its pictures lose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from lfcore.colour import display_values
+from lfcore.evaluation.metrics import psnr, ssim
+from lfcore.evaluation.tables import sizes
+from lfcore.evaluation.timing import Stopwatch
+from lfcore.files import draft_folder
+from lfcore.optics.plane_sums import PlaneSums, total
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.refocus.slicing import form_planes
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.container import join_segments
+from lfcore.storage.layout import Tile
+from lfcore.storage.segment import SegmentWriter
+from lfcore.tracing.tracer import Tracer
+
+
+def sweep_rows(
+    tracer: Tracer,
+    slab: Slab,
+    tiles: Sequence[Tile],
+    planes: Sequence[SensorPlane],
+    specs: Mapping[str, CodecSpec],
+    folder: Path,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[dict]:
+    """A row for each encoder of ``specs``: seconds, size, and quality of pictures from its file.
+
+    Quality is against the same planes formed while tracing.  ``folder`` is for the files, which
+    are removed; ``progress`` counts tiles.
+    """
+    watch, sums = Stopwatch(), []
+    with draft_folder(folder / "sweep") as work:
+        segments = {case: [work / f"{case}-{t.index}.mp4" for t in tiles] for case in specs}
+        for done, tile in enumerate(tiles, 1):
+            sums.append(_trace(tracer, slab, tile, planes, specs, segments, watch))
+            if progress:
+                progress(done, len(tiles))
+        pictures = total(slab, planes, sums).pictures()
+        return [
+            {
+                "case": case,
+                "scene": tracer.scene.name,
+                "N": slab.views,
+                "M": slab.pixels,
+                "trace_seconds": round(watch.seconds["trace"], 3),
+                "encode_seconds": round(watch.seconds[case], 3),
+                **_stored(work, case, segments[case], tiles, slab, spec, planes, pictures, tracer),
+            }
+            for case, spec in specs.items()
+        ]
+
+
+def _trace(tracer, slab, tile, planes, specs, segments, watch) -> PlaneSums:
+    """One tile into a segment of each encoder."""
+    tracing = tracer.trace_tile(slab, tile, planes)
+    size = tile.layout.frame_width, tile.layout.frame_height
+    with ExitStack() as stack:
+        writers = {
+            case: stack.enter_context(SegmentWriter(segments[case][tile.index], spec, *size))
+            for case, spec in specs.items()
+        }
+        for chunk in watch.each("trace", iter(tracing)):
+            for case, writer in writers.items():
+                with watch.part(case):
+                    writer.write(chunk.frames)
+    return tracing.plane_sums
+
+
+def _stored(work, case, segments, tiles, slab, spec, planes, pictures, tracer) -> dict:
+    file = work / f"{case}.mkv"
+    scene = {"name": tracer.scene.name, "digest": ""}
+    layout = tiles[0].layout
+    join_segments(file, segments, tiles, layout, geometry=slab, scene=scene, spec=spec)
+    read = form_planes(file, planes, threads=1, device=tracer.device.device.name)
+    pairs = [
+        (display_values(one), display_values(other))
+        for one, other in zip(read.sums.pictures(), pictures, strict=True)
+    ]
+    size = file.stat().st_size
+    found = sizes(rays=slab.rays, video_bytes=size)
+    return {
+        "retrieve_seconds": round(read.seconds, 3),
+        "video_bytes": size,
+        "bits_per_ray": round(8 * size / slab.rays, 5),
+        "ratio_float32": round(found["ratio_float32"], 2),
+        "psnr_db": round(float(np.mean([psnr(*pair, peak=255) for pair in pairs])), 3),
+        "ssim": round(float(np.mean([ssim(*pair, peak=255) for pair in pairs])), 5),
+    }
+
+
+def sweep_figure(table: pd.DataFrame) -> Figure:
+    """PSNR of pictures from the file over bits a ray, and encoding time; a curve a scene and N."""
+    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    axes = figure.subplots(1, 2)
+    columns = (("bits_per_ray", "bits a ray"), ("encode_seconds", "seconds of encoding"))
+    for axis, (column, label) in zip(axes, columns, strict=True):
+        for number, ((scene, n, m), rows) in enumerate(table.groupby(["scene", "N", "M"])):
+            rows = rows.sort_values(column)
+            name = f"{scene}, N = {n}, M = {m}"
+            axis.plot(rows[column], rows.psnr_db, "o-", color=f"C{number}", label=name)
+            for row in rows.itertuples():
+                place = getattr(row, column), row.psnr_db
+                axis.annotate(row.case, place, textcoords="offset points", xytext=(4, 4), size=7)
+        axis.set(xscale="log", xlabel=label, ylabel="PSNR through the lens, dB")
+        axis.grid(alpha=0.3)
+    axes[0].legend(frameon=False, fontsize=8)
+    return figure

@@ -1,0 +1,1 @@
+"""What the Snakemake workflow asks the library for: its configuration, cases, jobs and runs."""

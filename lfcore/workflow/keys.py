@@ -1,0 +1,455 @@
+"""Every key of the configuration: its type, bounds, default and meaning, once.
+
+``python -m lfcore.workflow.settings`` writes from here what stands elsewhere: the schema, the
+default configuration, and the table of config/README.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    model_serializer,
+)
+from pydantic_core import PydanticCustomError
+
+
+class Keys(BaseModel):
+    """Keys of one mapping; others are refused."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, validate_default=True)
+
+
+class GivenKeys(Keys):
+    """Keys of which only those that were given are passed on."""
+
+    @model_serializer
+    def _given(self) -> dict[str, Any]:
+        return {
+            name: getattr(self, name)
+            for name in type(self).model_fields
+            if name in self.model_fields_set
+        }
+
+
+def _meant(value: object) -> object:
+    """Snakemake hands over what is within lists and mappings of ``--config`` as text."""
+    if isinstance(value, str):
+        try:
+            meant = yaml.safe_load(value)
+        except (yaml.YAMLError, ValueError, RecursionError):
+            return value
+        return meant if meant is None or isinstance(meant, (bool, int, float)) else value
+    return value
+
+
+def _number(value: object) -> object:
+    value = _meant(value)
+    if isinstance(value, bool) or (value is None):
+        raise PydanticCustomError("no_number", "is no number")
+    return value
+
+
+def _distinct(values: list) -> list:
+    if any(value in values[:place] for place, value in enumerate(values)):
+        raise PydanticCustomError("repeated", "has an entry twice")
+    return values
+
+
+Truth = Annotated[bool, BeforeValidator(_meant)]
+Distinct = AfterValidator(_distinct)
+
+
+def _name(value: object) -> object:
+    """AV1's presets are numbers, and None is text on the command line."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        return str(value)
+    return None if value == "null" else value
+
+
+Name = Annotated[str, BeforeValidator(_name)]
+NameOrNone = Annotated[str | None, BeforeValidator(_name)]
+
+
+def whole(low: int, high: int):
+    """A whole number from ``low`` to ``high``."""
+    return Annotated[int, Field(ge=low, le=high), BeforeValidator(_number)]
+
+
+def number(**bounds: float):
+    """A number within pydantic's bounds; whole ones stay whole."""
+    field = Field(**bounds)
+    return Annotated[Annotated[int, field] | Annotated[float, field], BeforeValidator(_number)]
+
+
+def real(low: float, high: float):
+    """A number from ``low`` to ``high``."""
+    return number(ge=low, le=high)
+
+
+def several(item, least: int = 1, most: int | None = None):
+    """A list of distinct items."""
+    return Annotated[list[item], Distinct, Field(min_length=least, max_length=most)]
+
+
+def choices(*names: str):
+    """A list of some of these names."""
+    return Annotated[list[Literal[names]], Distinct]
+
+
+def key(meaning: str, default: Any = ..., **more: Any) -> Any:
+    """A key's meaning and default; lists and mappings are copied."""
+    if isinstance(default, (list, dict)):
+        return Field(description=meaning, default_factory=lambda: _copy(default), **more)
+    return Field(default, description=meaning, **more)
+
+
+def group(model: type[Keys], meaning: str) -> Any:
+    """A mapping of keys, all of which have defaults."""
+    return Field(description=meaning, default_factory=model)
+
+
+def _copy(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _copy(part) for name, part in value.items()}
+    return [_copy(part) for part in value] if isinstance(value, list) else value
+
+
+class Plane(GivenKeys):
+    focus_distance_m: number(gt=0) = key("what is in focus, metres, beyond the focal length")
+    f_number: number(gt=0) = key(
+        "focal length over opening, no wider than the lens; default is the lens's own", None
+    )
+    shape: Literal["circle", "square", "diamond", "polygon"] = key("of the opening", "circle")
+    blades: whole(3, 32) = key("corners of a polygon", 6)
+    rotation_deg: number() = key("degrees by which a polygon is turned", 0)
+    normalise: Literal["aperture", "lens"] = key(
+        "divide by the open lens samples, or by all (the picture dims as the lens closes)",
+        "aperture",
+    )
+    keep_magnification: Truth = key("keep the physical sensor's change of magnification", False)
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, validate_default=False)
+
+
+class Layout(Keys):
+    kind: Literal["auto", "macropixels", "views"] = key(
+        "what a video frame holds: all lens samples of a pixel (macropixels), all pixels of a lens "
+        "sample (views), or what measured best at this N and M (auto)",
+        "auto",
+    )
+    order: Literal["raster", "serpentine", "hilbert"] = key(
+        "order of the frames of a tile", "serpentine"
+    )
+    pack: Literal["auto"] | whole(1, 64) = key(
+        "macropixels (or views) a side that share a frame; auto makes frames of about 128 pixels a "
+        "side from smaller macropixels",
+        "auto",
+    )
+
+
+CODECS = ("libx264", "libx265", "libsvtav1", "ffv1")
+PIXEL_FORMATS = ("yuv420p", "yuv444p", "yuv420p10le", "yuv444p10le", "gbrp")
+
+
+class Encoder(Keys):
+    codec: Literal[CODECS] = key("H.264, H.265, AV1 or lossless FFV1", "libx264")
+    pixel_format: Literal["auto", *PIXEL_FORMATS] = key(
+        "with or without subsampled colour, in 8 or 10 bits, or RGB itself; AV1 takes `yuv420p` "
+        "and `yuv420p10le` only, `gbrp` is FFV1's alone; auto is 4:4:4 where the codec has it",
+        "auto",
+    )
+    crf: Literal["auto"] | real(0, 63) = key(
+        "constant rate factor: lower is better and larger; auto is by N; FFV1 does not use it",
+        "auto",
+    )
+    preset: NameOrNone = key(
+        "the codec's own name of a compromise of speed and size, null, or auto: by N", "auto"
+    )
+    tune: NameOrNone = key("what the codec optimises: psnr, ssim, null", "psnr")
+
+
+FIGURES = (
+    "focal_stack", "aperture_stack", "sub_aperture_views", "plenoptic_photograph",
+    "other_renderers", "quality",
+)  # fmt: skip
+
+
+class Plenoptic(Keys):
+    lenses: whole(32, 2048) = key("microlenses a side of the photograph of the scene `chart`", 512)
+    samples: whole(8, 64) = key(
+        "pixels a side behind each; the photograph has `lenses` times `samples` a side", 16
+    )
+
+
+class Renderers(Keys):
+    pixels: whole(32, 1024) = key(
+        "pixels a side of the pictures that POV-Ray and Mitsuba 3 make of `chart`, where they are "
+        "installed",
+        192,
+    )
+    views: whole(2, 64) = key("lens samples a side; their square are the rays a pixel", 12)
+
+
+class Figures(Keys):
+    make: choices(*FIGURES) = key("figures to make", list(FIGURES))
+    angular_resolution: whole(2, 1024) = key(
+        "N of aperture stack and sub-aperture views, which are traced for themselves", 64
+    )
+    aperture_stops: Annotated[list[real(0, 20)], Field(min_length=1, max_length=12)] = key(
+        "stops by which the lens is closed in the aperture stack", [0, 1, 2, 3]
+    )
+    plenoptic: Plenoptic = group(Plenoptic, "The plenoptic camera of the photograph")
+    renderers: Renderers = group(Renderers, "The pictures that other ray tracers make, too")
+
+
+REPORTS_ON_THE_STORE = ("storage_layouts", "rate_distortion", "equivalence", "retrieval")
+
+
+class StorageLayouts(Keys):
+    views: several(whole(4, 512)) = key(
+        "N of the light fields that are stored in every layout", [16, 32, 64]
+    )
+    rays: whole(4096, 268435456) = key(
+        "most rays of a sample: a window of pixels in the middle of the picture", 2359296
+    )
+    packs: several(whole(1, 64), 0) = key(
+        "macropixels a side of a frame, beside the default", [1, 2, 4, 8]
+    )
+
+
+class RateDistortion(Keys):
+    views: several(whole(4, 512)) = key("N of the curves of bits against error", [16, 64])
+    rays: whole(4096, 268435456) = key("most rays of a sample", 2359296)
+    crfs: several(real(0, 42), 3, 12) = key(
+        "constant rate factors of a curve, H.264's scale", [18, 24, 30, 36]
+    )
+
+
+class Equivalence(Keys):
+    pixels: whole(32, 1024) = key("M of the picture that is made in four ways", 96)
+    views: whole(2, 128) = key("N of it", 16)
+    reference_views: whole(8, 256) = key("N of the reference: the square are its rays a pixel", 64)
+
+
+class Retrieval(Keys):
+    planes: several(whole(1, 100)) = key("how many planes are formed at once", [1, 10, 100])
+    rays: whole(4096, 4294967296) = key(
+        "most rays of the stored light field that they are formed from", 33554432
+    )
+    repeats: whole(1, 20) = key("timed rounds", 2)
+
+
+class Storage(Keys):
+    make: choices(*REPORTS_ON_THE_STORE) = key(
+        "reports on the store; `retrieval` needs `store`", list(REPORTS_ON_THE_STORE)
+    )
+    storage_layouts: StorageLayouts = group(StorageLayouts, "Samples stored in every layout")
+    rate_distortion: RateDistortion = group(RateDistortion, "Curves of bits against error")
+    equivalence: Equivalence = group(Equivalence, "Pictures that are made in four ways")
+    retrieval: Retrieval = group(Retrieval, "What is read from stored light fields")
+
+
+class Codec(GivenKeys):
+    name: str = key("of the curve")
+    codec: Literal["libx264", "libx265", "libsvtav1"] = key("encoder", "libx264")
+    preset: Name = key("the encoder's own", None)
+    pixel_format: Literal["yuv420p", "yuv444p", "yuv420p10le", "yuv444p10le"] = key("", None)
+    crf_offset: real(-20, 20) = key("added to the CRF; AV1's scale is another", 0)
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, validate_default=False)
+
+
+class WorkPrecision(Keys):
+    pixels: whole(16, 512) = key("M of the diagrams of error against run time", 24)
+    views: several(whole(2, 256), 2) = key("N of their points, ascending", [4, 8, 16, 32, 64, 128])
+    window_picture: whole(64, 1024) = key(
+        "M of the picture whose windows the lens integral is studied in", 128
+    )
+    reference_views: several(whole(3, 2048), 2, 2) = key(
+        "N of the two references, which no point may have", [557, 641]
+    )
+    f_stops: Annotated[list[real(0, 12)], Field(min_length=1, max_length=4)] = key(
+        "stops by which the lens is closed, a diagram each", [0, 2, 4]
+    )
+    video_views: whole(2, 256) = key("N of the stored light field", 32)
+    crfs: Annotated[list[real(0, 51)], Field(min_length=1, max_length=12)] = key(
+        "constant rate factors of its points", [14, 20, 26, 30, 34, 40]
+    )
+    codecs: Annotated[list[Codec], Field(min_length=1, max_length=12)] = key(
+        "encoders of the storage diagram: `name`, and `codec`, `preset`, `pixel_format`, "
+        "`crf_offset` where they are not the default's",
+        [
+            {"name": "default"},
+            {"name": "x264 ultrafast", "preset": "ultrafast"},
+            {"name": "x264 veryfast 4:2:0", "preset": "veryfast", "pixel_format": "yuv420p"},
+            {"name": "x264 slow", "preset": "slow"},
+            {"name": "x265 fast", "codec": "libx265", "preset": "fast", "pixel_format": "yuv444p"},
+            {"name": "SVT-AV1 10", "codec": "libsvtav1", "preset": "10", "pixel_format": "yuv420p",
+             "crf_offset": 10},
+        ],
+    )  # fmt: skip
+    monte_carlo_samples: Annotated[list[whole(1, 16384)], Field(min_length=1, max_length=8)] = key(
+        "samples a pixel of the Monte Carlo curve", [4, 16, 64, 256]
+    )
+    oracle_pixels: whole(1, 64) = key("pixels whose rays the oracle traces", 4)
+    oracle_views: whole(1, 32) = key("N of these rays", 8)
+
+
+class LeftOut(Keys):
+    views: whole(2, 256) = key("N of the runs that compare with the program in full", 64)
+    pixels: whole(16, 512) = key("their M", 32)
+    repeats: whole(1, 20) = key("timed runs of each program", 5)
+    features: Literal["all"] | several(str, 0) = key(
+        "which of the features that a scene lacks are compiled in to compare: `all`, or names",
+        "all",
+    )
+
+
+ANALYSES = ("work_precision", "recommendation", "stability", "left_out")
+
+
+class Analysis(Keys):
+    make: choices(*ANALYSES) = key("reports on the program itself", list(ANALYSES))
+    targets_db: Annotated[list[real(1, 100)], Field(min_length=1, max_length=12)] = key(
+        "PSNR in dB for which settings are recommended", [35, 40, 45, 50]
+    )
+    stability_rays: whole(100, 1000000) = key("rays of a step of a stability sweep", 400)
+    stability_cases: Literal["all"] | several(
+        str
+    ) = key("which stability sweeps are run: `all`, or names", "all")
+    work_precision: WorkPrecision = group(WorkPrecision, "Diagrams of error against run time")
+    left_out: LeftOut = group(LeftOut, "Runs that compare with the program in full")
+
+
+class Array(Keys):
+    bounds_m: Annotated[list[number()], Field(min_length=4, max_length=4)] = key(
+        "minX maxX minY maxY of the camera grid, metres, y up"
+    )
+    fov_deg: number(gt=0, lt=180) = key("field of view of a data camera, degrees")
+
+
+ARRAYS = {
+    "book": {"bounds_m": [-0.6, 0.6, -0.6, 0.6], "fov_deg": 50},
+    "sphere": {"bounds_m": [-0.6, 0.6, -0.6, 0.6], "fov_deg": 50},
+    "ecosys": {"bounds_m": [-2.5, 2.5, -1.5, 1.5], "fov_deg": 60},
+}
+"""The assignment's own camera grids."""
+
+
+class SeeThrough(Keys):
+    scene: str = key("scene of the study, one of `assignment.scenes`", "ecosys")
+    focus_m: Annotated[list[number(gt=0)], Field(min_length=2)] = key(
+        "focus distances: first what is seen through the others", [60.0, 12.0, 19.0]
+    )
+    lens_m: Annotated[list[number(gt=0)], Field(min_length=2)] = key(
+        "radius of the lens at each", [1.4, 0.4, 0.6]
+    )
+    names: Annotated[list[str], Field(min_length=2)] = key(
+        "what is in focus at each", ["hillside", "first tree", "second tree"]
+    )
+
+
+Sizes = dict[str, whole(1, 65536)]
+
+
+class Assignment(Keys):
+    in_tables: Truth = key(
+        "tables of camera arrays and reconstructions in `results/tables/`, too", True
+    )
+    scenes: several(str) = key(
+        "`results/assignment/`: scenes of camera arrays, names or paths; each has a "
+        "`camera.lightfield` of its own or an entry in `arrays`",
+        ["book", "sphere", "ecosys"],
+    )
+    arrays: dict[str, Array] = key(
+        "camera grids of scenes without one of their own: `bounds_m` (minX maxX minY maxY) and "
+        "`fov_deg`",
+        ARRAYS,
+    )
+    cameras_per_dim: whole(2, 256) = key("data cameras a side, where `arrays` says the grid", 16)
+    tile_px: dict[str, whole(16, 4096)] = key(
+        "pixels a side of a data camera, by scene; others take their film's",
+        {"book": 128, "sphere": 64, "ecosys": 64},
+    )
+    samples_per_pixel: dict[str, whole(1, 1024)] = key(
+        "rays a pixel of a data camera, by scene; 1 for others",
+        {"book": 4, "sphere": 4, "ecosys": 1},
+    )
+    picture_px: whole(16, 4096) = key("pixels a side of pictures from the arrays", 200)
+    camera_counts: several(whole(2, 128)) = key(
+        "data cameras a side in the table of reconstructions", [2, 4, 8, 16, 32, 64]
+    )
+    monte_carlo_samples: several(whole(1, 65536), 2) = key(
+        "rays a pixel of Monte Carlo in that table", [4, 16, 64, 256]
+    )
+    convergence_samples: several(whole(1, 65536), 2) = key(
+        "rays a pixel of the curves of its convergence", [4, 16, 64, 256]
+    )
+    reference_samples: dict[str, whole(1, 65536)] = key(
+        "rays a pixel of the directly traced thin lens, by scene; 64 for others",
+        {"book": 1024, "ecosys": 64},
+    )
+    storage_px: whole(128, 16384) = key(
+        "pixels a side of the arrays that are compared at equal storage", 1024
+    )
+    instants: whole(2, 1024) = key("instants at which the open shutter is sampled", 16)
+    see_through: SeeThrough = group(SeeThrough, "Seeing through what stands in front")
+
+
+def _scene_or_planes(value: object) -> object:
+    if isinstance(value, str) and value != "scene":
+        raise PydanticCustomError("neither", "is neither 'scene' nor a list of planes")
+    return value
+
+
+class Configuration(Keys):
+    """Configuration of a run."""
+
+    scenes: several(Annotated[str, Field(min_length=1)]) = key(
+        "what is traced: names of folders below `scenes/`, or paths of scene or mesh files"
+    )
+    angular_resolutions: several(whole(2, 1024)) = key(
+        "N, lens samples a side", [16, 32, 64, 128, 256, 512]
+    )
+    spatial_resolution: whole(16, 8192) = key("M, pixels a side", 128)
+    planes: Annotated[
+        Literal["scene"] | Annotated[list[Plane], Field(min_length=1, max_length=100)],
+        BeforeValidator(_scene_or_planes),
+    ] = key(
+        "the pictures to form: `scene` (the scene's own focus distances, open round lens) or a "
+        "list of 1 to 100 planes",
+        "scene",
+    )
+    picture_format: Literal["png", "ppm"] = key("of the planes' pictures, png or ppm", "png")
+    store: Truth = key(
+        "keep the light field as video; false leaves out encoding, joining, retrieval, tables 7.2 "
+        "and 7.3",
+        True,
+    )
+    layout: Layout = group(Layout, "How rays are laid out in video frames")
+    encoder: Encoder = group(Encoder, "Settings of the video codec")
+    tile_mib: whole(1, 65536) = key(
+        "raw 8-bit RGB of one tile, MiB; a tile is a job, so this bounds what a killed run loses",
+        1024,
+    )
+    device: str = key("part of an OpenCL device's or platform's name; empty: the processor", "")
+    sweep: str = key(
+        "a table of cases, whose light fields are made by `make sweep`; empty: none", ""
+    )
+    figures: Figures = group(Figures, "Which figures are made, and of what")
+    storage: Storage = group(Storage, "Reports on the stored light field")
+    analysis: Analysis = group(Analysis, "Reports on the program itself")
+    assignment: Assignment = group(
+        Assignment, "The light field camera's arrays, pictures and measurements"
+    )
+
+
+DEFAULT_SCENES: Sequence[str] = ("bike", "cabin", "bedroom")

@@ -1,0 +1,145 @@
+"""Sweeps: tables of light fields to make, a row a case, whose keys are the configuration's.
+
+A sweep is a table of tab-separated values: the column ``case`` names a case, every other column is
+a key of the configuration (``encoder.crf`` for a key within a key) and every cell its value, in
+YAML.  All cases are in one job graph: what they share is made once.  That is the scene with its
+tree, and the tracing of cases that differ in nothing but the encoder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+from lfcore.workflow import cases
+from lfcore.workflow.settings import SettingsError, check_settings
+
+SWEPT = (
+    "scenes", "angular_resolutions", "spatial_resolution", "planes", "layout", "encoder",
+    "tile_mib",
+)  # fmt: skip
+"""What a light field is made of: the keys that a sweep may vary."""
+
+
+def read_sweep(path: Path) -> dict[str, dict[str, object]]:
+    """Of each case the keys and values that it overrides, keys with dots as in the file.
+
+    Raises :class:`SettingsError` for a table without cases, two cases of one name, a key that is
+    not of a light field, and a cell that is no YAML.
+    """
+    try:
+        table = pd.read_csv(path, sep="\t", dtype=str, comment="#", keep_default_na=False)
+    except (OSError, ValueError) as error:
+        raise SettingsError(f"cannot be read: {error}", file=path) from None
+    if "case" not in table.columns or table.empty:
+        raise SettingsError("a sweep needs a column 'case' and at least one row", file=path)
+    repeated = table.case[table.case.duplicated()]
+    if len(repeated):
+        raise SettingsError(f"two cases are called {repeated.iloc[0]!r}", file=path)
+    for column in table.columns.drop("case"):
+        if column.split(".")[0] not in SWEPT:
+            known = ", ".join(SWEPT)
+            raise SettingsError(
+                "is not varied by a sweep", file=path, key=column, remedy=f"Vary {known}"
+            )
+    return {
+        row["case"]: {key: _cell(path, key, text) for key, text in row.items() if key != "case"}
+        for row in table.to_dict("records")
+    }
+
+
+def _cell(path: Path, key: str, text: str) -> object:
+    try:
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError, RecursionError):
+        raise SettingsError(f"{text[:80]!r} is no YAML", file=path, key=key) from None
+
+
+def nested(flat: Mapping[str, object]) -> dict:
+    """``{"encoder.crf": 20}`` as ``{"encoder": {"crf": 20}}``."""
+    result: dict = {}
+    for key, value in flat.items():
+        *above, last = key.split(".")
+        inner = result
+        for name in above:
+            inner = inner.setdefault(name, {})
+        inner[last] = value
+    return result
+
+
+def merged(base: Mapping, overrides: Mapping) -> dict:
+    """``base`` with ``overrides``, mapping by mapping."""
+    result = dict(base)
+    for key, value in overrides.items():
+        both = isinstance(value, dict) and isinstance(result.get(key), dict)
+        result[key] = merged(result[key], value) if both else value
+    return result
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What a table of cases asks for.
+
+    Attributes
+    ----------
+    name : of the folder of results.
+    overrides : of each case, as it stands in the table.
+    settings : of each case, checked and complete.
+    points : columns ``group``, ``scene``, ``n``: one tracing each.
+    """
+
+    name: str
+    overrides: dict[str, dict[str, object]]
+    settings: dict[str, dict]
+    points: pd.DataFrame
+    members: dict[tuple[str, str, int], list[str]]
+
+    @property
+    def scenes(self) -> list[str]:
+        """Entries of the key ``scenes`` of all cases, each once."""
+        every = (scene for one in self.settings.values() for scene in one["scenes"])
+        return list(dict.fromkeys(every))
+
+    def study(self, group: str, scene: str, n: int) -> dict[str, dict]:
+        """Settings of the cases that share a tracing."""
+        return {
+            case: {key: self.settings[case][key] for key in SWEPT[2:]}
+            for case in self.members[group, scene, n]
+        }
+
+
+def plan(path: Path, base: Mapping, root: Path) -> Sweep:
+    """The sweep of a table over a configuration; scenes are looked up below ``root``.
+
+    Raises :class:`SettingsError` for a case that names no run.
+    """
+    overrides = read_sweep(path)
+    settings = {case: check_settings(merged(base, nested(row))) for case, row in overrides.items()}
+    members: dict[tuple[str, str, int], list[str]] = {}
+    groups: dict[str, str] = {}
+    for case, one in settings.items():
+        for scene in cases.scene_files(one["scenes"], root):
+            for n in one["angular_resolutions"]:
+                same = repr((cases.frame_layout(one, n), one["planes"], one["tile_mib"]))
+                group = groups.setdefault(same, f"{len(groups):02d}")
+                members.setdefault((group, scene, n), []).append(case)
+    points = pd.DataFrame(list(members), columns=["group", "scene", "n"])
+    return Sweep(path.stem, overrides, settings, points, members)
+
+
+def joined(sweep: Sweep, rows: list[dict]) -> pd.DataFrame:
+    """Rows of all cases in the sweep's order, with its columns in front."""
+    made = []
+    order = list(sweep.overrides)
+    for row in sorted(rows, key=lambda row: (order.index(row["case"]), row["scene"], row["N"])):
+        keys = {
+            key: str(value)
+            for key, value in sweep.overrides[row["case"]].items()
+            if key not in ("scenes", "angular_resolutions")
+        }
+        made.append({"case": row["case"], **keys, **{k: v for k, v in row.items() if k != "case"}})
+    return pd.DataFrame(made)

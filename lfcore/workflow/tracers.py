@@ -1,0 +1,14 @@
+"""The tracer of a job."""
+
+from __future__ import annotations
+
+from lfcore.opencl.device import open_device
+from lfcore.scene.files import load_scene
+from lfcore.tracing.bvh import load_bvh
+from lfcore.tracing.tracer import Tracer
+
+
+def open_tracer(files, device: str, threads: int) -> Tracer:
+    """A tracer of ``files.scene`` and ``files.bvh`` on the device of this name."""
+    scene, bvh = load_scene(files.scene), load_bvh(files.bvh)
+    return Tracer(scene, bvh, open_device(device or None, threads=threads))

@@ -1,0 +1,120 @@
+"""What runs again after a change, in a run whose scripts write nothing but their outputs.
+
+The job graph, its params and its bookkeeping are the real ones.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+pytestmark = pytest.mark.workflow
+
+ROOT = Path(__file__).resolve().parents[2]
+MICRO = ("--configfile", "config/micro.yaml")
+TABLES, ASSIGNMENT = "results/tables/", "results/assignment/"
+PRETEND = """
+from pathlib import Path
+for file in map(Path, snakemake.output):
+    folder = file.name in ("on_the_fly", "from_video")
+    file.mkdir(parents=True, exist_ok=True) if folder else file.write_text("made")
+"""
+OBJ = "mtllib cube.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n"
+
+
+@pytest.fixture(scope="module")
+def made(project_copy):
+    """A checkout in which everything has been made, by scripts that pretend."""
+    checkout = project_copy("rerun")
+    for script in (checkout.folder / "workflow" / "scripts").glob("*.py"):
+        script.write_text(PRETEND)
+    mesh = checkout.folder / "mesh"
+    mesh.mkdir()
+    (mesh / "cube.obj").write_text(OBJ)
+    (mesh / "cube.mtl").write_text("newmtl m\nmap_Kd wood.png\n")
+    (mesh / "wood.png").write_bytes(b"not looked at")
+    done = checkout.snakemake("--cores", "2", *MICRO, "--", TABLES, ASSIGNMENT)
+    assert done.returncode == 0, done.stdout[-3000:]
+    checkout.scripts = set(re.findall(r"rule (\w+):", done.stdout))
+    return checkout
+
+
+def again(checkout, *arguments):
+    """Rules that would run again, without the targets."""
+    jobs = checkout.planned(*MICRO, *arguments)
+    return {rule: count for rule, count in jobs.items() if not rule.startswith("results/")}
+
+
+def test_a_second_run_has_nothing_to_do(made):
+    assert again(made, "--", TABLES, ASSIGNMENT) == {}
+
+
+def test_the_smallest_run_has_every_rule_and_script(made):
+    """Of all rule files; sweeps are runs of their own."""
+    text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").glob("*.smk"))
+    scripts = {path.stem for path in (ROOT / "workflow" / "scripts").glob("*.py")}
+    assert set(re.findall(r"scripts/(\w+)\.py", text)) == scripts
+    rules = set(re.findall(r"^ *(?:use )?rule (?:\w+ as )?(\w+)(?: with)?:", text, re.M))
+    rules |= {"storage_layouts", "equivalence", "retrieval", "storage_layouts_figure"}
+    assert rules - {"sweep", "sweep_group"} <= made.scripts
+
+
+@pytest.mark.parametrize(
+    ("override", "rules"),
+    [
+        ("analysis={targets_db: [25]}", {"recommendation": 1, "markdown": 1, "page": 1}),
+        ("analysis={stability_rays: 500}", {"stability": 1, "markdown": 1, "page": 1}),
+        ("figures={renderers: {views: 3}}", {"other_renderers": 1, "markdown": 1, "page": 1}),
+        ("assignment={instants: 3}", {"page": 1}),
+    ],
+)
+def test_a_key_runs_again_who_reads_it_and_nothing_else(made, override, rules):
+    assert again(made, "--config", override, "--", TABLES) == rules
+
+
+def test_what_only_words_a_caption_measures_nothing(made):
+    caption = made.folder / "workflow" / "report" / "stability.rst"
+    text = caption.read_text()
+    try:
+        time.sleep(1.1)
+        caption.write_text(text + "More.\n")
+        assert again(made, "--", TABLES) == {"markdown": 1, "page": 1}
+    finally:
+        caption.write_text(text)
+        made.snakemake("--cores", "2", *MICRO, "--", TABLES)
+
+
+def test_an_edited_texture_that_an_mtl_names_runs_the_parse_again(made):
+    target = ("--config", "scenes=[mesh/cube.obj]", "--", "results/cube/bvh.npz")
+    assert made.snakemake("--cores", "1", *MICRO, *target).returncode == 0
+    assert again(made, *target) == {}
+    time.sleep(1.1)
+    (made.folder / "mesh" / "wood.png").write_bytes(b"other wood")
+    assert again(made, *target) == {"parse": 1, "build": 1}
+
+
+def test_the_workflow_is_a_module_of_another(made, tmp_path):
+    """From another folder, with a configuration of its own."""
+    snakefile = made.folder / "Snakefile"
+    config = yaml.safe_load((made.folder / "config" / "micro.yaml").read_text())
+    (tmp_path / "Snakefile").write_text(f"""
+module lightfields:
+    snakefile: {str(snakefile)!r}
+    config: {config!r}
+
+use rule * from lightfields
+
+rule here:
+    default_target: True
+    input: "results/chart/bvh.npz"
+    output: "here"
+    shell: "touch {{output}}"
+""")
+    done = made.snakemake("--cores", "1", "--directory", str(tmp_path), "--snakefile",
+                          str(tmp_path / "Snakefile"))  # fmt: skip
+    assert done.returncode == 0, done.stdout[-3000:]
+    assert (tmp_path / "here").exists() and (tmp_path / "results/chart/scene.npz").exists()

@@ -1,0 +1,102 @@
+"""Sweeps: what cases share, what they make, and what is wrong with a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from lfcore.evaluation.stability.subject import CAMERA, bare_scene
+from lfcore.evaluation.sweep import sweep_figure, sweep_rows
+from lfcore.opencl.device import open_device
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+from lfcore.workflow import cases
+from lfcore.workflow.settings import SettingsError
+from lfcore.workflow.sweep import joined, nested, plan, read_sweep
+
+ROOT = Path(__file__).resolve().parents[2]
+BASE = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+
+
+def sweep_of(tmp_path, text):
+    path = tmp_path / "s.tsv"
+    path.write_text(text)
+    return plan(path, BASE, ROOT)
+
+
+@pytest.mark.parametrize("name", ["crf", "layout"])
+def test_the_sweeps_of_the_project(name):
+    sweep = plan(ROOT / "config" / "sweeps" / f"{name}.tsv", BASE, ROOT)
+    assert len(sweep.settings) >= 4
+    # Five rate factors share one tracing; layouts and pixel formats share none.
+    assert len(sweep.points) == {"crf": 1, "layout": 16}[name]
+
+
+def test_cases_share_a_tracing_when_they_differ_in_the_encoder_alone(tmp_path):
+    text = """case\tscenes\tangular_resolutions\tencoder.crf\tspatial_resolution
+a\t[chart]\t[4, 8]\t20\t16
+b\t[chart]\t[4]\t30\t16
+c\t[chart]\t[4]\t20\t32
+"""
+    sweep = sweep_of(tmp_path, text)
+    members = {key[1:]: value for key, value in sweep.members.items() if key[0] == "00"}
+    assert members["chart", 4] == ["a", "b"]
+    assert sorted(case for one in sweep.members.values() for case in one) == ["a", "a", "b", "c"]
+    assert sweep.scenes == ["chart"]
+    assert [one["encoder"]["crf"] for one in sweep.study("00", "chart", 4).values()] == [20, 30]
+
+
+def test_a_sweep_is_measured_and_joined(tmp_path):
+    text = "case\tscenes\tangular_resolutions\tspatial_resolution\tencoder.crf\n"
+    text += "fine\t[chart]\t[4]\t16\t10\ncoarse\t[chart]\t[4]\t16\t45\n"
+    sweep = sweep_of(tmp_path, text)
+    triangles = [[[-1, -1, 2], [1, -1, 2.5], [0, 1, 2]], [[-2, -2, 4], [2, -2, 4], [0, 2, 4]]]
+    scene = bare_scene(np.float32(triangles), ambient=(0.5, 0.4, 0.3), name="chart")
+    tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
+    study = sweep.study("00", "chart", 4)
+    one = study["fine"]
+    rows = sweep_rows(
+        tracer,
+        Slab(CAMERA, 4, 16),
+        cases.tiles(one, 4),
+        [SensorPlane(2.0, 2.0)],
+        {case: cases.codec_spec(settings, 4) for case, settings in study.items()},
+        tmp_path,
+    )
+    table = joined(sweep, rows[::-1])
+    assert table.case.tolist() == ["fine", "coarse"]
+    assert table.columns[:4].tolist() == ["case", "spatial_resolution", "encoder.crf", "scene"]
+    assert table.video_bytes[0] > table.video_bytes[1] and table.psnr_db[0] > table.psnr_db[1]
+    assert [path.name for path in tmp_path.iterdir()] == ["s.tsv"]
+    axis = sweep_figure(table).axes[0]
+    assert sorted(axis.lines[0].get_xdata()) == sorted(table.bits_per_ray)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("name\tcrf\na\t1\n", "column 'case'"),
+        ("case\tencoder.crf\na\t1\na\t2\n", "two cases are called 'a'"),
+        ("case\tfigures.make\na\t[]\n", "figures.make: is not varied by a sweep. Vary scenes"),
+        ("case\tencoder.crf\na\t[1\n", "encoder.crf: '\\[1' is no YAML"),
+    ],
+)
+def test_sweeps_say_what_is_wrong(tmp_path, text, words):
+    path = tmp_path / "s.tsv"
+    path.write_text(text)
+    with pytest.raises(SettingsError, match=words):
+        read_sweep(path)
+
+
+def test_a_sweep_that_is_not_there(tmp_path):
+    with pytest.raises(SettingsError, match="cannot be read"):
+        read_sweep(tmp_path / "absent.tsv")
+
+
+def test_dotted_keys_nest():
+    assert nested({"a.b": 1, "a.c": 2, "d": 3}) == {"a": {"b": 1, "c": 2}, "d": 3}

@@ -1,0 +1,12 @@
+"""All cases of a sweep as one table and one figure."""
+
+from lfcore.evaluation.figures import save_figure
+from lfcore.evaluation.sweep import sweep_figure
+from lfcore.evaluation.table_files import read_rows, write_csv
+from lfcore.workflow.job import job
+from lfcore.workflow.sweep import joined
+
+with job(snakemake.log[0], snakemake.threads):
+    table = joined(snakemake.params.sweep, read_rows(snakemake.input))
+    write_csv(snakemake.output.csv, table)
+    save_figure(snakemake.output.figure, sweep_figure(table))
