@@ -47,26 +47,6 @@ def _plain(value: object) -> object:
     return value
 
 
-def publish_table(
-    table: pd.DataFrame,
-    csv: str | Path,
-    markdown: str | Path,
-    *,
-    title: str,
-    caption: str | Path,
-    config: Mapping,
-) -> None:
-    """Write a table as CSV, and as Markdown under ``title`` with its caption.
-
-    ``caption`` is the file of the caption's text, whose places are filled in from ``config``.
-    """
-    from lfcore.evaluation.captions import fill  # jinja2 and docutils
-
-    write_csv(csv, table)
-    text = fill(Path(caption).read_text(encoding="utf-8"), config)
-    write_markdown(markdown, table, title=title, caption=text)
-
-
 def write_csv(path: str | Path, table: pd.DataFrame) -> None:
     """Write any table as CSV; infinities as ``inf``, unknown cells empty."""
     write_text(path, table.to_csv(index=False, lineterminator="\n"))
