@@ -448,6 +448,42 @@ def test_errors_name_file_line_and_token(read, world, words):
         assert word in str(caught.value)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("world", "words"),
+    [
+        ("Translate 1e400 0 0", "line 5, column 11: 1e400 is too great"),
+        (f'Shape "sphere" "float radius" [{"9" * 400}]', "too great"),
+        ("Scale 1e200 1 1\nScale 1e200 1 1", "line 6, column 1: Scale takes the transformation"),
+        ('LightSource "point" "blackbody I" [0 1]', "from|above 100 K"),
+        ('LightSource "point" "blackbody I" [1e-300 1]', "above 100 K"),
+        ('LightSource "point" "blackbody I" [1e300 1]', "Give 100 to 1e\\+07 K"),
+        ('AreaLightSource "diffuse"\nTranslate 0 0 1e40', "emitter reaches farther than 1e\\+12"),
+        ('Include "a\0b"', "no file"),
+        ('Include "/dev/zero"', "device or pipe"),
+        ("Translate 0 0 1e40", "every triangle was dropped"),
+        (
+            'Shape "trianglemesh" "integer indices" [0 1 1e20] "point P" [0 0 0 1 0 0 1 1 0]',
+            "whole numbers",
+        ),
+    ],
+)
+def test_numbers_and_names_beyond_measure(read, world, words):
+    with pytest.raises(SceneError, match=words) as caught:
+        read(f"{world}\n{TRIANGLE}")
+    assert "scene.pbrt" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_includes_that_multiply_end(tmp_path, monkeypatch):
+    """Each of a few files includes the next twice: as many as two to the power of them."""
+    monkeypatch.setattr("lfcore.scene.pbrt.parser.MOST_FILES", 1000)
+    for number in range(40):
+        (tmp_path / f"{number}.pbrt").write_text(f'Include "{number + 1}.pbrt"\n' * 2)
+    (tmp_path / "40.pbrt").touch()
+    with pytest.raises(SceneError, match="more than 1000"):
+        build_pbrt_scene(tmp_path / "0.pbrt")
+
+
 def test_a_missing_file(tmp_path):
     with pytest.raises(SceneError, match=r"none\.pbrt"):
         build_pbrt_scene(tmp_path / "none.pbrt")

@@ -172,3 +172,19 @@ def test_textures_repeat_and_tile(texture):
 def test_a_sphere_of_too_many_segments_is_refused(segments):
     with pytest.raises(SceneError, match=r"parameters\.segments: must be from 3 to 4096"):
         build("sphere", {"segments": segments}, 1)
+
+
+@pytest.mark.parametrize(
+    ("builder", "parameters", "words"),
+    [
+        ("bike", {"paint": "red"}, "paint: 'red' is no colour. Write #rrggbb"),
+        ("bike", {"triangles": 2_000_000_000}, "triangles: more than"),
+        ("ecosys", {"plants": 1e9}, "plants: must be from 0 to"),
+        ("ecosys", {"terrain": 100_000}, "terrain: must be from 2 to"),
+        ("cabin", {"trees": 10_000_000}, "trees: must be from 0 to"),
+        ("sphere", {"segments": 200_000}, "segments: must be from 3 to"),
+    ],
+)
+def test_parameters_beyond_measure(builder, parameters, words):
+    with pytest.raises(SceneError, match=words):
+        build(builder, parameters, 0)

@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.scene.assemble import assemble, sound
+from lfcore.scene.assemble import LARGEST_COORDINATE, assemble, sound
 from lfcore.scene.emitters import POINTS
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
 from lfcore.scene.parts import Part, merge
 from lfcore.scene.pbrt.interpreter import Interpreter, Item
+from lfcore.scene.pbrt.lexer import syntax_error
 from lfcore.scene.pbrt.parser import read_directives
 from lfcore.scene.pbrt.shapes import TOLERANCE
 
@@ -49,12 +50,22 @@ def build_pbrt_scene(
         )
     interpreter = Interpreter(path.parent, notebook, tolerance, light_points)
     interpreter.run(read_directives(path, notebook))
-    static, moving, emitters = _parts(interpreter, notebook)
+    # What overflows is dropped, and counted.
+    with np.errstate(over="ignore", invalid="ignore"):
+        static, moving, emitters = _parts(interpreter, notebook)
     geometry = assemble(static + [part for part, _ in moving], np.eye(4))
+    if geometry.dropped and not len(geometry.triangles):
+        raise SceneError(
+            f"the scene is empty: every triangle was dropped ({geometry.dropped})",
+            file=path,
+            key="Shape",
+            remedy="Check for zero-area triangles and huge coordinates",
+        )
     moves = motions(geometry, static, moving)
     for motion, (part, _), item in zip(moves, moving, emitters, strict=True):
         if item is not None:
             notebook.add(APPROXIMATED, item.place, "light of what moves: from shutter open's pose")
+            _check_emitter(item, part)
             interpreter.light(item, part.triangles, (motion.first, motion.first + motion.count))
     rig = interpreter.rig
     return Scene(
@@ -106,9 +117,19 @@ def _parts(interpreter: Interpreter, notebook: Notebook):
             (lamps if glows else others).append(part)
             count = int(sound(part.triangles)[0].sum()) if glows else 0
         if glows:
+            _check_emitter(item, part)
             interpreter.light(item, part.triangles, (first, first + count))
             first += count
     return lamps + merge(others), moving, emitters
+
+
+def _check_emitter(item: Item, part: Part) -> None:
+    if not (np.abs(part.triangles) <= LARGEST_COORDINATE).all():
+        raise syntax_error(
+            f"an emitter reaches farther than {LARGEST_COORDINATE:g} m from the camera",
+            item.place,
+            "Move it nearer, or use a distant light",
+        )
 
 
 def _place(interpreter: Interpreter, item: Item, to_camera: np.ndarray) -> Part:

@@ -105,11 +105,15 @@ class Interpreter:
         if directive.name == "Identity":
             self.state.assign(np.eye(4))
             return
-        matrix = graphics.transform_matrix(directive.name, directive.numbers, directive.place)
-        if directive.name == "Transform":
-            self.state.assign(matrix)
-        else:
-            self.state.concatenate(matrix)
+        with np.errstate(over="ignore", invalid="ignore"):
+            matrix = graphics.transform_matrix(directive.name, directive.numbers, directive.place)
+            if directive.name == "Transform":
+                self.state.assign(matrix)
+            else:
+                self.state.concatenate(matrix)
+        if not np.isfinite(self.state.now.matrices).all():
+            what = f"{directive.name} takes the transformation beyond what numbers hold"
+            raise syntax_error(what, directive.place, "Scale or move less")
 
     def _block(self, directive: Directive) -> None:
         name, place = directive.name, directive.place

@@ -116,7 +116,8 @@ class ParameterSet:
         values = self.floats(name)
         if values is None:
             return None
-        whole = values.astype(np.int64)
+        with np.errstate(invalid="ignore"):
+            whole = values.astype(np.int64)
         if not np.array_equal(whole, values):
             raise self.error(name, "must be whole numbers")
         return whole

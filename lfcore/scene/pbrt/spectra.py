@@ -24,6 +24,8 @@ XYZ_TO_RGB = np.array(
         [0.0556434, -0.2040259, 1.0572252],
     ]
 )
+# Colder, nothing is left of visible light in float64; hotter, its colour changes no more.
+COLDEST, HOTTEST = 100.0, 1e7
 _WAVELENGTHS = np.arange(380.0, 781.0, 2.0)  # nm
 
 # Normal reflectance of polished metals, linear RGB, as listed in shading literature (e.g.
@@ -110,8 +112,12 @@ def parameter_rgb(parameter: Parameter, folder: Path) -> np.ndarray:
         return np.maximum(XYZ_TO_RGB @ values, 0.0) if kind == "xyz" else np.asarray(values)
     if kind == "blackbody":
         scale = float(values[1]) if len(values) > 1 else 1.0
-        if not values[0] > 0:
-            raise syntax_error("a blackbody needs a temperature above 0 K", parameter.place)
+        if not COLDEST <= values[0] <= HOTTEST:
+            raise syntax_error(
+                f"a blackbody of {values[0]:g} K, instead of one above {COLDEST:g} K",
+                parameter.place,
+                f"Give {COLDEST:g} to {HOTTEST:g} K",
+            )
         return blackbody(float(values[0])) * scale
     if kind == "spectrum" and isinstance(values, list):
         return spectrum_to_rgb(*read_spd(folder / values[0], parameter))

@@ -9,11 +9,13 @@ from __future__ import annotations
 import difflib
 import importlib
 import inspect
+import re
 from pathlib import Path
 
 from lfcore.errors import SceneError
 from lfcore.scene.parts import Part
 
+_COLOUR = re.compile("#[0-9a-fA-F]{6}")
 BUILDERS = ("bedroom", "bike", "book", "cabin", "chart", "ecosys", "sphere")
 
 
@@ -61,4 +63,8 @@ def _check_type(value, default, file, key: str) -> None:
             file=file,
             key=key,
             remedy=f"Its default is {default!r}",
+        )
+    if isinstance(default, str) and default.startswith("#") and not _COLOUR.fullmatch(value):
+        raise SceneError(
+            f"{value!r} is no colour", file=file, key=key, remedy="Write #rrggbb in hexadecimal"
         )

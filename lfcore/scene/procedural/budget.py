@@ -7,12 +7,21 @@ from collections.abc import Callable
 from lfcore.errors import SceneError
 from lfcore.scene.parts import Part
 
+MOST_TRIANGLES = 50_000_000
+
 
 def fill_to(budget: int, unit: Part, make: Callable[[int], Part]) -> list[Part]:
     """``make(number)`` copies of ``unit``, cut off at ``budget`` triangles.
 
-    Raises :class:`SceneError` when the rest of the scene has used the budget up.
+    Raises :class:`SceneError` when the rest of the scene has used the budget up, or it is more than
+    :data:`MOST_TRIANGLES`.
     """
+    if budget > MOST_TRIANGLES:
+        raise SceneError(
+            f"more than {MOST_TRIANGLES} triangles are asked for",
+            key="triangles",
+            remedy="Ask for fewer triangles",
+        )
     if budget < 0:
         raise SceneError(
             f"the model alone has {-budget} triangles more than asked for",

@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 
+from lfcore.errors import SceneError
 from lfcore.scene.colour import hex_colour
 from lfcore.scene.parts import Part, Surface, count, merge, transform_all
 from lfcore.scene.procedural import foliage, textures
@@ -25,6 +26,8 @@ from lfcore.scene.procedural.primitives import (
 )
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
+MOST_TREES = 10_000
+
 
 def build(seed: int, *, triangles: int = 15000, trees: int = 17) -> list[Part]:
     """Exactly ``triangles`` of them; grass takes up what the rest leaves.
@@ -33,6 +36,8 @@ def build(seed: int, *, triangles: int = 15000, trees: int = 17) -> list[Part]:
     ----------
     trees : spruces behind and beside the cabin.
     """
+    if not 0 <= trees <= MOST_TREES:
+        raise SceneError(f"must be from 0 to {MOST_TREES}, not {trees}", key="trees")
     rng = np.random.default_rng(seed)
     look = _surfaces(seed)
     parts = _land(seed, look) + _sky(seed)

@@ -37,8 +37,13 @@ def build(
     tree_leaves : of each of the two trees.
     terrain : cells of the ground along each side.
     """
-    if not plants >= 0 or tree_leaves < 1 or terrain < 2:
-        raise SceneError("plants must not be negative, tree_leaves at least 1, terrain at least 2")
+    for key, value, least, most in (
+        ("plants", plants, 0, 50),
+        ("tree_leaves", tree_leaves, 1, 10_000_000),
+        ("terrain", terrain, 2, 4096),
+    ):
+        if not least <= value <= most:
+            raise SceneError(f"must be from {least} to {most}, not {value:g}", key=key)
     rng = np.random.default_rng(seed)
     surfaces = _surfaces(seed)
     parts = [_ground(terrain, surfaces["ground"])]
