@@ -35,6 +35,7 @@ from lfcore.scene.emitters import POINTS
 from lfcore.scene.files import load_scene as load_prepared
 from lfcore.scene.model import Scene
 from lfcore.storage.defaults import AUTO, codec_spec, frame_layout
+from lfcore.tracing.tracer import Tracer
 
 if TYPE_CHECKING:
     from lfcore.lightfield import LightField
@@ -174,7 +175,9 @@ def _lens_for(scene: Scene, planes: list[SensorPlane]) -> Camera:
     return camera
 
 
-def _nearest(tracer, slab: Slab, planes: list[SensorPlane], progress) -> np.ndarray:
+def _nearest(
+    tracer: Tracer, slab: Slab, planes: list[SensorPlane], progress: Progress | None
+) -> np.ndarray:
     if len(planes) > 1:
         return trace_planes(tracer, slab, planes, progress=progress)
     return trace_picture(

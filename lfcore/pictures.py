@@ -5,6 +5,7 @@ PNG, PPM, JPEG and their like hold 8-bit sRGB codes to look at; EXR, PFM and NPY
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -22,6 +23,8 @@ ALL_CODED = (*CODED, ".bmp", ".tif", ".tiff")
 DEEP = (".png", ".tif", ".tiff")
 """Formats of 16-bit codes, too."""
 ALL_SUFFIXES = (*ALL_CODED, ".exr", ".npy", ".pfm")
+UNKNOWN = "of no known format"
+MOST_PIXELS = 1 << 30  # mosaics of views are large by nature
 _PNG_COMPRESSION = 3  # of 9: a third more bytes than the most, in a tenth of the time
 
 
@@ -54,7 +57,8 @@ def write_picture(
 
     Parameters
     ----------
-    picture : (H, W, 3), also (H, W) except in EXR; uint8 are sRGB codes, floats linear light.
+    picture : (H, W, 3), also (H, W) except in EXR; uint8 and (PNG, TIFF and PPM) uint16 are sRGB
+        codes, floats linear light.
         Any array to ``.npy``.
     half : 16-bit floats in EXR.
     bits : 8, or 16 in PNG and TIFF: of the codes of linear light.
@@ -112,7 +116,12 @@ def _coded_bytes(suffix: str, picture: np.ndarray, bits: int) -> bytes:
     options = [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION] if suffix == ".png" else []
     if codes.ndim == 3:
         codes = codes[..., ::-1]
-    _, data = cv2.imencode(suffix, np.ascontiguousarray(codes), options)
+    try:
+        done, data = cv2.imencode(suffix, np.ascontiguousarray(codes), options)
+    except cv2.error:
+        done = False
+    if not done:
+        raise LfcoreError(f"{codes.dtype} of shape {codes.shape} cannot be written as {suffix}")
     return data.tobytes()
 
 
@@ -127,20 +136,54 @@ def _pfm_bytes(path: Path, picture: np.ndarray) -> bytes:
 
 
 def read_codes(path: str | Path) -> np.ndarray:
-    """(H, W, 3) RGB of a picture file: uint8 or uint16 sRGB codes, float32 of HDR and the like.
+    """(H, W, 3) RGB of a picture file: uint8 or uint16 codes, float32 of HDR and the like.
 
     Transparency is dropped, and grey is repeated.  Raises :class:`LfcoreError` when the file is
-    missing or cannot be decoded.
+    missing, cut short, or cannot be decoded.
     """
+    path = Path(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise LfcoreError(f"cannot be read: {error.strerror or error}", file=path) from None
+    # Pillow refuses pictures that are cut short, where OpenCV fills them up; OpenCV knows colours
+    # of 16 bits, and of floats.
+    picture, reason = _by_pillow(data)
+    deep = data[24:25] == b"\x10" if data[:4] == b"\x89PNG" else data[:2] in (b"II", b"MM")
+    if deep or (picture is None and reason == UNKNOWN):
+        found = _by_opencv(data)
+        if found is not None and (picture is None or found.dtype == np.uint16):
+            picture = found
+    if picture is None:
+        raise LfcoreError(
+            f"cannot be decoded as a picture: {reason}", file=path, remedy="Use a PNG or JPEG"
+        )
+    return picture
+
+
+def _by_pillow(data: bytes) -> tuple[np.ndarray | None, str]:
+    """(H, W, 3) uint8, or None and why."""
+    from PIL import Image, UnidentifiedImageError
+
+    Image.MAX_IMAGE_PIXELS = MOST_PIXELS
+    try:
+        with Image.open(io.BytesIO(data)) as image:
+            return np.array(image.convert("RGB"), np.uint8), ""
+    except UnidentifiedImageError:
+        return None, UNKNOWN
+    except Exception as error:  # Pillow raises many kinds on damaged pictures
+        return None, " ".join(str(error).split())[:120] or type(error).__name__
+
+
+def _by_opencv(data: bytes) -> np.ndarray | None:
     import cv2
 
     try:
-        data = np.fromfile(path, np.uint8)
-    except OSError as error:
-        raise LfcoreError(f"cannot be read: {error.strerror or error}", file=path) from None
-    picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+        picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        return None
     if picture is None:
-        raise LfcoreError("cannot be decoded as a picture", file=path, remedy="Use a PNG or JPEG")
+        return None
     if picture.ndim == 2:
         picture = np.repeat(picture[..., None], 3, -1)
     return np.ascontiguousarray(picture[..., 2::-1])

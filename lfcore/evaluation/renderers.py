@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
-import cv2
 import numpy as np
 
 from lfcore.colour import display_values
@@ -30,6 +29,7 @@ from lfcore.evaluation.figures import contact_sheet
 from lfcore.evaluation.metrics import psnr, ssim
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
+from lfcore.pictures import read_codes
 from lfcore.rendering.direct import focused_camera, trace_picture
 from lfcore.scene.mitsuba import Description
 from lfcore.scene.povray import FILE, write_povray
@@ -172,9 +172,9 @@ def _run_povray(name: str, tracer: Tracer, camera: Camera, pixels: int, rays: in
         found = re.search(r"Trace Time:.*?\(([\d.]+) seconds\)", done.stderr)
         if done.returncode or not found:
             raise LeftOutError(f"povray failed: {' '.join(done.stderr.split())[-200:]}")
-        codes = cv2.imread(str(Path(folder) / "out.png"), cv2.IMREAD_UNCHANGED)
+        codes = read_codes(Path(folder) / "out.png")
         version = re.search(r"POV-Ray ([\d.]+)", done.stderr)
-    picture = codes[..., ::-1].astype(np.float32) / np.iinfo(codes.dtype).max
+    picture = codes.astype(np.float32) / np.iinfo(codes.dtype).max
     note = f"{name} {version[1].rstrip('.') if version else ''}, its own lens points"
     return Rendered(name, picture, rays, float(found[1]), note)
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from lfcore.colour import srgb_encode
+from lfcore.errors import LfcoreError
 from lfcore.exchange.grid import ExchangeError
+from lfcore.files import whole_file
+from lfcore.pictures import MOST_PIXELS, read_codes, write_picture
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".ppm", ".bmp", ".tif", ".tiff", ".webp", ".rgb", ".exr")
-Image.MAX_IMAGE_PIXELS = 1 << 30  # mosaics of views are large by nature
+Image.MAX_IMAGE_PIXELS = MOST_PIXELS
 
 
 def is_picture(path: Path) -> bool:
@@ -59,13 +61,13 @@ def read(path: Path, size: tuple[int, int] | None = None) -> np.ndarray:
         picture = srgb_encode(read_exr_picture(path))
     elif suffix == ".ppm":
         picture = read_ppm(path)
-    elif suffix in (".rgb", ".webp"):
-        picture = _by_pillow(path)
     else:
-        picture = _by_opencv(path)
-    if picture.ndim == 2:
-        picture = np.repeat(picture[..., None], 3, -1)
-    picture = picture[..., :3]
+        try:
+            picture = read_codes(path)
+        except LfcoreError as error:
+            raise ExchangeError(error.problem, file=path) from None
+        if picture.dtype == np.float32:
+            raise ExchangeError("holds floats, which are not codes", file=path)
     if size is not None and picture.shape[1::-1] != tuple(size):
         raise ExchangeError(
             f"is {picture.shape[1]} x {picture.shape[0]} pixels, the other views are "
@@ -73,30 +75,6 @@ def read(path: Path, size: tuple[int, int] | None = None) -> np.ndarray:
             file=path,
         )
     return picture
-
-
-def _by_opencv(path: Path) -> np.ndarray:
-    # Pillow refuses pictures that are cut short, OpenCV fills them up; Pillow has no 16-bit RGB.
-    whole = _by_pillow(path)
-    if path.suffix.lower() in (".jpg", ".jpeg", ".bmp"):
-        return whole
-    try:
-        data = np.frombuffer(path.read_bytes(), np.uint8)
-        picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    except (OSError, cv2.error) as error:
-        raise _unreadable(path, error) from None
-    if picture is None or picture.dtype != np.uint16:
-        return whole
-    return picture if picture.ndim == 2 else picture[..., [2, 1, 0]]
-
-
-def _by_pillow(path: Path) -> np.ndarray:
-    try:
-        with Image.open(path) as picture:
-            picture.load()
-            return np.asarray(picture.convert("RGB"))
-    except (OSError, UnidentifiedImageError, ValueError, SyntaxError) as error:
-        raise _unreadable(path, error) from None
 
 
 def read_ppm(path: Path) -> np.ndarray:
@@ -141,12 +119,11 @@ def read_ppm(path: Path) -> np.ndarray:
 
 def write(path: Path, picture: np.ndarray) -> None:
     """Write uint8 or uint16 (h, w, 3) or (h, w) without loss, by the suffix."""
-    if picture.ndim == 3 and picture.dtype == np.uint8:
-        Image.fromarray(picture).save(path)
+    if path.suffix.lower() != ".rgb":
+        write_picture(path, picture)
         return
-    channels = picture if picture.ndim == 2 else picture[..., ::-1]
-    if not cv2.imwrite(str(path), np.ascontiguousarray(channels)):
-        raise ExchangeError("cannot be written", file=path)
+    with whole_file(path) as file:  # SGI's, which Pillow alone writes
+        Image.fromarray(picture).save(file, "SGI")
 
 
 def write_ppm(path: Path, picture: np.ndarray, bits: int) -> None:
@@ -154,7 +131,8 @@ def write_ppm(path: Path, picture: np.ndarray, bits: int) -> None:
     most = (1 << bits) - 1
     codes = np.rint(picture * (most / 255.0)).astype(np.uint8 if bits == 8 else ">u2")
     head = f"P6\n{picture.shape[1]} {picture.shape[0]}\n{most}\n".encode("ascii")
-    path.write_bytes(head + codes.tobytes())
+    with whole_file(path) as file:
+        file.write(head + codes.tobytes())
 
 
 def read_pfm(path: Path) -> np.ndarray:

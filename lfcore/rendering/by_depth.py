@@ -94,14 +94,23 @@ def pictures_by_depth(
     return np.concatenate(made)
 
 
-def _within(progress, number: int, groups: int):
+def _within(
+    progress: Callable[[int, int], None] | None, number: int, groups: int
+) -> Callable[[int, int], None] | None:
     """``progress`` of one of several passes, told as of all."""
     if progress is None:
         return None
     return lambda done, of: progress(number * of + done, groups * of)
 
 
-def _focused(tracer, camera: Camera, plane: SensorPlane, pixels, count, progress) -> np.ndarray:
+def _focused(
+    tracer: Tracer,
+    camera: Camera,
+    plane: SensorPlane,
+    pixels: int,
+    count: RayCount,
+    progress: Callable[[int, int], None] | None,
+) -> np.ndarray:
     views = crossed_views(Slab(focused_camera(camera, plane), count.views, count.side(pixels)))
     own = replace(plane, normalise="aperture", keep_magnification=False)
     picture = trace_by_depth(tracer, views, [own], pixels, progress=progress)[0]

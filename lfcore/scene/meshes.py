@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.colour import srgb_decode
-from lfcore.errors import SceneError
+from lfcore.colour import srgb_codes, srgb_decode
+from lfcore.errors import LfcoreError, SceneError
+from lfcore.pictures import read_codes
 from lfcore.scene.notes import LEFT_OUT, Notebook
 from lfcore.scene.parts import Colour, Part, Surface
 from lfcore.scene.ply import with_strips
@@ -341,8 +342,6 @@ def _triple(colour) -> Colour:
 
 def read_texture(path: str | Path, *, file: str | Path, key: str) -> np.ndarray:
     """An image file as (H, W, 3) uint8 sRGB; :class:`SceneError` if missing or damaged."""
-    from PIL import Image
-
     path = Path(path)
     if not os.path.isfile(path):
         raise SceneError(
@@ -352,12 +351,12 @@ def read_texture(path: str | Path, *, file: str | Path, key: str) -> np.ndarray:
             remedy="Give a path relative to the scene file",
         )
     try:
-        with Image.open(path) as image:
-            return np.array(image.convert("RGB"), np.uint8)
-    except Exception as error:
+        picture = read_codes(path)
+    except LfcoreError as error:
         raise SceneError(
-            f"texture {str(path)!r} cannot be decoded: {error}",
-            file=file,
-            key=key,
+            f"texture {str(path)!r} cannot be decoded: {error.problem}", file=file, key=key,
             remedy="Use a PNG or JPEG",
-        ) from error
+        ) from None  # fmt: skip
+    if picture.dtype == np.uint16:
+        return (picture >> 8).astype(np.uint8)
+    return picture if picture.dtype == np.uint8 else srgb_codes(picture)

@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 
 from lfcore.colour import srgb_codes, srgb_decode
-from lfcore.errors import SceneError
+from lfcore.errors import LfcoreError, SceneError
+from lfcore.pictures import read_codes
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
 from lfcore.scene.pbrt.lexer import Place, syntax_error
 from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet
@@ -65,12 +66,11 @@ def read_picture(path: Path, place: Place) -> tuple[np.ndarray, bool]:
         from lfcore.exr import read_exr_picture as read_exr
 
         return read_exr(path), False
-    picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if picture is None:
-        raise syntax_error(f"image {str(path)!r} cannot be decoded", place, "Use PNG, EXR or TGA")
-    if picture.ndim == 2:
-        picture = np.repeat(picture[..., None], 3, -1)
-    picture = np.ascontiguousarray(picture[..., 2::-1])
+    try:
+        picture = read_codes(path)
+    except LfcoreError:
+        problem = f"image {str(path)!r} cannot be decoded"
+        raise syntax_error(problem, place, "Use PNG, EXR or TGA") from None
     if picture.dtype == np.uint8:
         return picture, True
     if picture.dtype == np.uint16:
