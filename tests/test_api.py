@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -151,3 +152,20 @@ def test_every_public_name_is_there_and_loads_alone():
     assert done.stdout == "set()\n", done.stderr
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = lfcore.nothing
+
+
+def test_the_example_in_the_readme_runs(model, tmp_path, monkeypatch):
+    """As it stands there, but for its size."""
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    example = next(
+        block.split("```")[0] for block in readme.split("```python\n")[1:] if "load_scene" in block
+    )
+    for large, small in (("views=32", "views=4"), ("pixels=512", "pixels=32")):
+        assert large in example
+        example = example.replace(large, small)
+    (tmp_path / "model.glb").write_bytes(model.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    made: dict = {}
+    exec(compile(example, "README.md", "exec"), made)
+    assert made["near"].shape == (32, 32, 3) and made["picture"].shape[2] == 3
+    assert (tmp_path / "near.png").is_file() and (tmp_path / "model.mkv").is_file()
