@@ -8,6 +8,7 @@
 #   make lint      formatting, layers and types
 #   make wheel     the wheel, installed and tried in an empty environment
 #   make digests   the table of bits that every processor is held to: after a change that means to change bits
+#   make micro     every rule, script and caption, as small as they go, and Snakemake's report: build/micro
 #   make sweep SWEEP=config/sweeps/crf.tsv    a light field for each row: one table, one figure
 #   make settings  what is made from the configuration's keys: schema, defaults, table
 #   make clean     forget results; make distclean forgets the environment, too
@@ -20,13 +21,14 @@ BIN := $(VENV)/bin
 CORES ?= 2
 SECONDS ?= 60
 KILLS ?= 20
+MICRO := --directory build/micro --configfile config/micro.yaml -- results/tables/ results/assignment/
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 # A run of ours must not see packages of the user's home, nor of another checkout.
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: tables test fuzz faults smoke sweep settings lint wheel format digests clean distclean pins
+.PHONY: tables test fuzz faults smoke micro sweep settings lint wheel format digests clean distclean pins
 .DELETE_ON_ERROR:
 
 tables: $(VENV)/installed
@@ -34,6 +36,10 @@ tables: $(VENV)/installed
 
 smoke: $(VENV)/installed
 	$(BIN)/python -m lfcore.workflow.run --cores $(CORES) --configfile config/smoke.yaml -- results/tables/
+
+micro: $(VENV)/installed
+	$(BIN)/python -m lfcore.workflow.run --cores $(CORES) $(MICRO)
+	$(BIN)/snakemake --report build/micro/report.zip $(MICRO)
 
 sweep: $(VENV)/installed
 	$(BIN)/python -m lfcore.workflow.run --cores $(CORES) --config sweep=$(SWEEP) -- sweep

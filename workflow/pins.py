@@ -1,14 +1,18 @@
-"""Write constraints.txt and the conda environment from the packages installed now.
+"""Write constraints.txt and the conda environment of the rules.
 
     python -m workflow.pins
 
-Both hold the same exact pins, without any address of an index.  A test compares them.
+constraints.txt has exact pins of what is installed now, without any address of an index.  The
+environment has the ranges of pyproject.toml: packages of conda-forge where there are such, wheels
+for the rest, and no Snakemake, which reaches into a rule's environment by itself.
 """
 
 from __future__ import annotations
 
 import importlib.metadata
 import re
+import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -20,54 +24,36 @@ CONSTRAINTS_HEAD = """\
 """
 
 CONDA_HEAD = """\
-# The environment of every rule: the same pins as constraints.txt. Written by `make pins`.
-# Used with `snakemake --software-deployment-method conda`; without it, the packages of the Python
-# that runs Snakemake are used.
+# The environment of every rule: the ranges of pyproject.toml. Written by `make pins`; the library
+# itself is installed by lfcore.post-deploy.sh. Used with
+# `snakemake --software-deployment-method conda`; without it, the packages of the Python that runs
+# Snakemake are used.
 channels:
   - conda-forge
   - nodefaults
 dependencies:
-  - python =3.11
+  - python >=3.11
   - pip
-  - pip:
 """
-
-# What a job needs is less than what a developer needs.
-DEVELOPMENT = {
-    "ast-serialize",
-    "black",
-    "drjit",
-    "embreex",
-    "execnet",
-    "grimp",
-    "h5py",
-    "hypothesis",
-    "import-linter",
-    "iniconfig",
-    "librt",
-    "lxml",
-    "markdown-it-py",
-    "mdurl",
-    "mitsuba",
-    "mypy",
-    "mypy-extensions",
-    "pathspec",
-    "pluggy",
-    "pytest",
-    "pytest-xdist",
-    "pytokens",
-    "rich",
-    "ruff",
-    "shfmt-py",
-    "snakefmt",
-    "sortedcontainers",
-    "types-pyyaml",
+# Names in conda-forge where they differ; None: there is none, and the wheel is taken.
+CONDA_NAMES = {
+    "opencv-contrib-python-headless": "py-opencv",
+    "openexr": "openexr-python",
+    "matplotlib": "matplotlib-base",
+    "intel-opencl-rt": None,
+    "intel-cmplr-lib-rt": None,
+    "bjontegaard": None,
 }
 
 
 def canonical(name: str) -> str:
     """The name as package indices compare it: lower case, one hyphen for any separator."""
     return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def name_of(requirement: str) -> str:
+    """The canonical name of a requirement, without its range and marker."""
+    return canonical(re.match(r"[A-Za-z0-9._-]+", requirement)[0])
 
 
 def installed() -> list[str]:
@@ -80,13 +66,33 @@ def installed() -> list[str]:
     return [found[name] for name in sorted(found)]
 
 
+def needed_by_rules() -> list[str]:
+    """Requirements of the library and of the workflow's reports, but for Snakemake."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    every = project["dependencies"] + project["optional-dependencies"]["workflow"]
+    return [one for one in every if name_of(one) != "snakemake"]
+
+
+def conda_environment() -> str:
+    """The text of workflow/envs/lfcore.yaml."""
+    return CONDA_HEAD + "".join(_conda_lines(needed_by_rules()))
+
+
+def _conda_lines(requirements: list[str]) -> Iterator[str]:
+    wheels = [one for one in requirements if CONDA_NAMES.get(name_of(one), "") is None]
+    for one in requirements:
+        if one not in wheels:
+            name = CONDA_NAMES.get(name_of(one), name_of(one))
+            yield f"  - {name} {one[len(name_of(one)) :].strip()}\n"
+    yield "  - pip:\n"
+    for one in wheels:
+        yield f'      - "{one}"\n'
+
+
 def main() -> None:
     pins = sorted([*installed(), BUILD_BACKEND], key=str.lower)
     (ROOT / "constraints.txt").write_text(CONSTRAINTS_HEAD + "\n".join(pins) + "\n")
-    runtime = [pin for pin in pins if canonical(pin.split("==")[0]) not in DEVELOPMENT]
-    runtime.remove(BUILD_BACKEND)
-    lines = "".join(f"      - {pin}\n" for pin in runtime)
-    (ROOT / "workflow" / "envs" / "lfcore.yaml").write_text(CONDA_HEAD + lines)
+    (ROOT / "workflow" / "envs" / "lfcore.yaml").write_text(conda_environment())
 
 
 if __name__ == "__main__":

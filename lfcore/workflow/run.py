@@ -24,7 +24,10 @@ import sys
 import threading
 import time
 import uuid
+from collections.abc import Sequence
 from pathlib import Path
+
+from lfcore.errors import LfcoreError
 
 try:
     import fcntl
@@ -98,8 +101,31 @@ def _outlive(path: str) -> None:
     os._exit(1)
 
 
+def check_files(arguments: Sequence[str]) -> None:
+    """Read the configurations that Snakemake will read, which itself dies of depth.
+
+    Raises :class:`LfcoreError` for what is no YAML, contains itself, or is too large or deep.
+    """
+    from lfcore.scene.reading import read_yaml
+
+    named = False
+    for word in arguments:
+        option, equals, value = word.partition("=")
+        if option in ("--configfile", "--configfiles"):
+            named = not equals
+            word = value
+        elif word.startswith("-"):
+            named = False
+        if word and (named or (equals and option.startswith("--configfile"))) and word != option:
+            read_yaml(Path(word))
+
+
 def main(arguments: list[str]) -> None:
     """Become Snakemake with these arguments; the working folder is the run's."""
+    try:
+        check_files(arguments)
+    except LfcoreError as error:
+        sys.exit(str(error))
     if fcntl is not None:
         wait_for_others()
         if (descriptor := hold()) is not None:

@@ -180,3 +180,29 @@ def test_progress_says_the_end(capsys):
     for done in range(1, 4):
         progress(done, 3)
     assert capsys.readouterr().out == "rays: 3 of 3\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("layout: &a\n  kind: views\n  order: *a\n", ""),
+        ("scenes: " + "[" * 3000 + "]" * 3000, ""),
+        ("scenes: [", ""),
+        (None, "not found"),
+    ],
+)
+@pytest.mark.parametrize("option", [["--configfile", "FILE", "--"], ["--configfile=FILE"]])
+def test_a_configuration_that_snakemake_dies_of_is_one_line(tmp_path, text, words, option):
+    file = tmp_path / "config.yaml"
+    if text is not None:
+        file.write_text(text)
+    arguments = [word.replace("FILE", str(file)) for word in option]
+    with pytest.raises(SystemExit) as caught:
+        run.main(["--cores", "1", *arguments])
+    message = str(caught.value)
+    assert str(file) in message and words in message and "\n" not in message
+
+
+def test_configurations_that_are_right_are_passed_on():
+    run.check_files(["--configfile", str(ROOT / "config/smoke.yaml"), "--", "results/tables/"])
+    run.check_files(["--cores", "2", "results/tables/"])

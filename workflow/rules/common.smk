@@ -1,4 +1,5 @@
 # The checked configuration, and what all stages ask of it. Rules are in the other files.
+import os
 import re
 
 from snakemake.exceptions import WorkflowError
@@ -9,6 +10,9 @@ from lfcore.scene.sources import files_of_scene
 from lfcore.workflow import cases, reports, sources, sweep
 from lfcore.workflow.settings import check_settings
 from lfcore.workflow.sources import digest
+
+# Where a rule's own environment finds the library; see workflow/envs/lfcore.post-deploy.sh.
+os.environ["LFCORE_ROOT"] = str(ROOT)
 
 # What the plenoptic photograph and other renderers show, whatever scenes are in tables.
 CHART = "chart"
