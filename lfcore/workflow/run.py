@@ -108,16 +108,12 @@ def check_files(arguments: Sequence[str]) -> None:
     """
     from lfcore.scene.reading import read_yaml
 
-    named = False
+    option = ""
     for word in arguments:
-        option, equals, value = word.partition("=")
-        if option in ("--configfile", "--configfiles"):
-            named = not equals
-            word = value
-        elif word.startswith("-"):
-            named = False
-        if word and (named or (equals and option.startswith("--configfile"))) and word != option:
-            read_yaml(Path(word))
+        if word.startswith("-"):
+            option, _, word = word.partition("=")
+        if word and option in ("--configfile", "--configfiles"):
+            read_yaml(Path(word), "configuration")
 
 
 def main(arguments: list[str]) -> None:
