@@ -177,7 +177,7 @@ def test_a_file_stays_open_and_its_decoders_have_the_threads_asked_for(
     tmp_path, make_store, monkeypatch
 ):
     """Read again and from several threads at once: the same, opened once for each reader."""
-    from lfcore.storage import lightfield
+    from lfcore.storage import stored_video
 
     spec = CodecSpec("libx264", "yuv444p", crf=20, preset="veryfast", gop=3)
     made = make_store(tmp_path, FrameLayout("views", 4, 20, pixel_format="yuv444p"), spec)
@@ -187,8 +187,8 @@ def test_a_file_stays_open_and_its_decoders_have_the_threads_asked_for(
         opened.append(real(path, **options))
         return opened[-1]
 
-    real = lightfield.open_video
-    monkeypatch.setattr(lightfield, "open_video", counted)
+    real = stored_video.open_video
+    monkeypatch.setattr(stored_video, "open_video", counted)
     with LightFieldFile.open(made.path, threads=3) as field:
         assert len(opened) == 1  # for the metadata
         first = field.rectangle(0, 0, 20, 20)

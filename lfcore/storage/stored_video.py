@@ -1,0 +1,322 @@
+"""The video of a light field file: its segments, checked before they are read, and its damage.
+
+Nothing is handed out from a segment before its check sum was found right.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import av
+import numpy as np
+from av.error import FFmpegError
+
+from lfcore.errors import StorageError
+from lfcore.storage.container import FRAME_MS
+from lfcore.storage.decoding import DecodeCount, FrameRun, frame_number, ticks_per_frame
+from lfcore.storage.ebml import Structure, scan
+from lfcore.storage.layout import FrameLayout
+from lfcore.storage.metadata import TAG, Metadata, Segment
+from lfcore.storage.planar import PACKED_RGB
+from lfcore.storage.segment import open_video
+
+
+@dataclass(frozen=True)
+class Damage:
+    """A segment that cannot be read, and why."""
+
+    segment: Segment
+    reason: str
+
+
+class StoredVideo:
+    """The segments of a light field file that was opened; see :meth:`open`.
+
+    ``damage`` lists what was found unreadable (only with ``salvage``; else that is an error), and
+    ``count.frames`` adds up the frames decoded so far, those included that only led to others;
+    ``decoded_segments`` are the numbers of the segments that they were in.
+    """
+
+    def __init__(self, path: Path, metadata: Metadata, keys: list[int], threads: int):
+        self.path, self.metadata, self.threads = path, metadata, threads
+        self.count = DecodeCount()
+        self.decoded_segments: set[int] = set()
+        self.damage: list[Damage] = []
+        self._checked: set[int] = set()
+        self._keys = keys
+        self._idle: list[av.container.InputContainer] = []
+
+    @classmethod
+    def open(cls, path: str | Path, *, salvage: bool = False, threads: int = 1) -> Self:
+        """Open ``path``; ``threads`` are those of a decoder.
+
+        Raises :class:`StorageError`, saying what is damaged and what can still be read, for a
+        file that is missing, foreign, cut short, damaged outside the video, lacks segments or
+        contradicts itself.  With ``salvage``, segments that are whole can be read all the same:
+        all are checked at once, and what cannot be read is in ``damage``.
+        """
+        path = Path(path)
+        structure = scan(path, clusters=False)
+        metadata = _read_metadata(path, structure)
+        field = cls(path, metadata, [key // FRAME_MS for key in structure.keys], threads)
+        if salvage:
+            field._find_damage()
+        else:
+            field._refuse_faults(structure)
+        return field
+
+    @property
+    def layout(self) -> FrameLayout:
+        return self.metadata.layout
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """The segments that can be read, as far as is known."""
+        bad = {damage.segment.index for damage in self.damage}
+        return tuple(part for part in self.metadata.segments if part.index not in bad)
+
+    def check_segment(self, index: int) -> None:
+        """Read segment ``index`` without decoding it, and compare its packets with the index.
+
+        Raises :class:`StorageError` when packets are missing, displaced or changed.
+        """
+        part = self.metadata.segments[index]
+        frames = size = crc = 0
+        with closing(self._packets(part, part.first)) as packets:
+            next(packets)  # the context
+            for packet in packets:
+                crc, size, frames = zlib.crc32(packet, crc), size + packet.size, frames + 1
+        if (frames, size, crc) != (part.frames, part.bytes, part.crc32):
+            if frames != part.frames:
+                problem = f"has {frames} of its {part.frames} frames"
+            else:
+                problem = "is damaged: its check sum differs"
+            raise self._bad_segment(part, problem)
+        self._checked.add(index)
+
+    def verify(self, progress: Callable[[int, int], None] | None = None) -> None:
+        """Check every byte of the file and every segment.
+
+        ``progress(done, total)`` counts segments.  Raises :class:`StorageError` that names all
+        damaged segments and what can still be read.
+        """
+        structure = scan(self.path, clusters=True)
+        bad = []
+        for part in self.metadata.segments:
+            try:
+                self.check_segment(part.index)
+            except StorageError as error:
+                bad.append(Damage(part, error.problem))
+            if progress:
+                progress(part.index + 1, len(self.metadata.segments))
+        if bad or structure.faults:
+            raise self._report(structure.faults, bad)
+
+    def frames(
+        self,
+        segment: int,
+        start: int = 0,
+        stop: int | None = None,
+        *,
+        chunk: int = 64,
+        reuse: bool = False,
+    ) -> Iterator[np.ndarray]:
+        """Frames start ... stop - 1 of a segment, as arrays (up to ``chunk``, frame_bytes) uint8.
+
+        With ``reuse`` each is valid until the next one is asked for.
+
+        Decoding begins at the last key frame at or before ``start``.  Raises
+        :class:`StorageError` for a damaged segment, before any frame is handed out.
+        """
+        if not 0 <= segment < len(self.metadata.segments):
+            raise StorageError(f"there is no segment {segment}", file=self.path)
+        part = self.metadata.segments[segment]
+        stop = part.frames if stop is None else stop
+        if not 0 <= start <= stop <= part.frames:
+            raise StorageError(
+                f"frames {start} to {stop} were asked for of {part.frames}", file=self.path
+            )
+        if segment not in self._checked:
+            self.check_segment(segment)
+        if start == stop:
+            return
+        self.decoded_segments.add(segment)
+        with closing(self._packets(part, part.first + start)) as packets:
+            context, ticks = next(packets)
+            layout = self.layout
+            run = FrameRun(
+                self.path, part.first, ticks, layout.format, layout.frame_width,
+                layout.frame_height,
+            )  # fmt: skip
+            yield from run.decode(context, packets, start, stop, chunk, self.count, reuse=reuse)
+
+    def _packets(self, part: Segment, first: int) -> Generator[Any]:
+        """First (decoder, ticks a frame), then packets from a key frame at or before ``first``."""
+        container = self._take_container(first)
+        try:
+            stream = container.streams.video[0]
+            ticks = ticks_per_frame(stream.time_base)
+            yield stream.codec_context, ticks
+            if first:
+                container.seek(first * ticks, stream=stream)
+            for packet in container.demux(stream):
+                number = frame_number(packet.pts, ticks)
+                if not packet.size or number is None:
+                    continue
+                if number >= part.stop:
+                    break
+                if number >= part.first:
+                    yield packet
+        except FFmpegError as error:
+            container.close()
+            raise self._bad_segment(part, f"cannot be read: {error.strerror}") from error
+        except GeneratorExit:  # enough was read
+            self._idle.append(container)
+            raise
+        except BaseException:
+            container.close()
+            raise
+        self._idle.append(container)
+
+    def _take_container(self, first: int) -> av.container.InputContainer:
+        """The open file for one reader alone; before the beginning where ``first`` is 0.
+
+        Once opened, it is kept for the next reader: nothing of the file is read twice, and one of
+        the same name that takes its place meanwhile is not mixed with it.
+        """
+        while container := self._next_idle():
+            if first:
+                return container
+            try:
+                container.seek(0, stream=container.streams.video[0])
+                return container
+            except FFmpegError:  # a file without its index is read from its beginning only
+                container.close()
+        container = open_video(self.path)
+        container.streams.video[0].codec_context.thread_count = self.threads
+        return container
+
+    def close(self) -> None:
+        """Close the file; it is opened again when it is read again."""
+        while container := self._next_idle():
+            container.close()
+
+    def _next_idle(self) -> av.container.InputContainer | None:
+        try:
+            return self._idle.pop()
+        except IndexError:  # several threads read at a time
+            return None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def _bad_segment(self, part: Segment, problem: str) -> StorageError:
+        a, b, c, d = part.tile.to_json()
+        return StorageError(
+            f"segment {part.index} ({self.layout.kind} ({a}, {b}) to ({a + c - 1}, {b + d - 1})) "
+            + problem,
+            file=self.path,
+            remedy="Open the file to salvage the other segments, or make it again",
+        )
+
+    def _find_damage(self) -> None:
+        for part in self.metadata.segments:
+            try:
+                self.check_segment(part.index)
+            except StorageError as error:
+                self.damage.append(Damage(part, error.problem))
+
+    def _refuse_faults(self, structure: Structure) -> None:
+        """Raise when the structure or the index of key frames shows damage."""
+        if structure.faults:
+            self._find_damage()
+            raise self._report(structure.faults, self.damage)
+        missing = [
+            Damage(part, f"segment {part.index} is missing")
+            for part in self.metadata.segments
+            if self._keys and part.first not in set(self._keys)
+        ]
+        if missing:
+            raise self._report([], missing)
+
+    def _report(self, faults: list[str], bad: list[Damage]) -> StorageError:
+        total = len(self.metadata.segments)
+        if not bad:
+            readable = f"all {total} segments can still be read"
+        elif len(bad) == total:
+            readable = f"none of {total} segments can be read"
+        else:
+            numbers = ", ".join(str(damage.segment.index) for damage in bad[:20])
+            more = ", ..." if len(bad) > 20 else ""
+            readable = (
+                f"{total - len(bad)} of {total} segments can still be read, not {numbers}{more}"
+            )
+        reasons = [*faults, *(damage.reason for damage in bad[: 0 if faults else 3])]
+        return StorageError(
+            f"is damaged: {'; '.join(reasons)}; {readable}",
+            file=self.path,
+            remedy="Open it to salvage what can be read, or join the segments again",
+        )
+
+
+def _read_metadata(path: Path, structure: Structure) -> Metadata:
+    """The metadata of a file, checked against its video stream."""
+    try:
+        container = open_video(path)
+    except StorageError:
+        if structure.faults:
+            raise StorageError(
+                f"is damaged: {'; '.join(structure.faults)}; nothing can be read", file=path
+            ) from None
+        raise
+    with container:
+        text = container.metadata.get(TAG)
+        if text is None:
+            if structure.faults:
+                raise StorageError(
+                    f"is damaged: {'; '.join(structure.faults)}; without metadata (tag {TAG}) "
+                    "nothing can be read",
+                    file=path,
+                )
+            raise StorageError(
+                f"is a video, but no light field: it has no tag {TAG}",
+                file=path,
+                remedy="Give a lightfield.mkv, as the join of segments writes it",
+            )
+        metadata = Metadata.from_text(text, path)
+        _check_stream(path, metadata, container.streams.video[0], structure.faults)
+        return metadata
+
+
+def _check_stream(
+    path: Path, metadata: Metadata, stream: av.VideoStream, faults: list[str]
+) -> None:
+    """Raise :class:`StorageError` when the metadata contradict the video stream."""
+    context, layout = stream.codec_context, metadata.layout
+    name = "gbrp" if context.pix_fmt == PACKED_RGB else context.pix_fmt
+    pairs = (
+        ("codec", metadata.codec, context.codec.canonical_name),
+        ("frame width", layout.frame_width, context.width),
+        ("frame height", layout.frame_height, context.height),
+        ("pixel format", layout.pixel_format, name),
+        ("global header check sum", metadata.header_crc32, zlib.crc32(context.extradata or b"")),
+    )
+    for what, said, found in pairs:
+        # FFmpeg learns the pixel format from the first frame, which a cut file may lack.
+        if said == found or (found is None and faults):
+            continue
+        if faults:
+            raise StorageError(f"is damaged: {'; '.join(faults)}; nothing can be read", file=path)
+        raise StorageError(
+            f"contradicts itself: the metadata say {what} {said}, the video has {found}",
+            file=path,
+            remedy="Join the segments again",
+        )
