@@ -14,6 +14,7 @@ import resource
 import select
 import signal
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -95,7 +96,10 @@ def _fork(
         for index in indices:
             # CPU time: the wall clock of a busy machine says nothing of an input.
             signal.setitimer(signal.ITIMER_PROF, limits.cpu)
-            outcome = one(index)
+            try:
+                outcome = one(index)
+            except Exception as error:  # the judge's own mistake
+                outcome = Outcome("harness", repr(error)[:200], traceback.format_exc())
             signal.setitimer(signal.ITIMER_PROF, 0)
             _tell(writer, outcome)
     finally:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +21,8 @@ from lfcore.storage.segment import SegmentWriter
 from lfcore.storage.tiled_exr import write_array
 from lfcore.tracing.bvh import build_bvh, save_bvh
 from robustness.children import Limits, run_all
-from robustness.outcome import ROOT, Outcome, SilentlyWrong, outcome_of
+from robustness.kills import Killed
+from robustness.outcome import REFUSED, ROOT, Outcome, SilentlyWrong, outcome_of
 from robustness.targets.stores import CODECS
 
 PAGE = os.sysconf("SC_PAGE_SIZE")
@@ -130,6 +131,30 @@ def _write(writer: Writer, file: Path, whole: bytes, before: bytes) -> None:
             raise SilentlyWrong(f"{size} bytes under its name instead of {len(right)}")
 
 
+def fill_workflow(run: Killed, pages: Sequence[int]) -> list[tuple[int, Outcome]]:
+    """(pages, what came of it): a run whose results' disk fills, and again when room was made."""
+
+    def one(index: int) -> Outcome:
+        run.clean()
+        results = run.folder / "results"
+        results.mkdir()
+        with small_disk(results, pages[index] * PAGE) as disk:
+            status, said = run.run()
+            if status == 0 or "Traceback" in said:
+                return Outcome("silent wrong", f"status {status} on a full disk", said)
+            disk.grow(1 << 30)
+            status, said = run.run()
+            if status:
+                return Outcome("silent wrong", f"then status {status}", said)
+            if run.digests() != run.whole:
+                return Outcome("silent wrong", "then other results", str(run.digests()))
+        return Outcome(REFUSED)
+
+    limits = Limits(cpu=1e4, wall=1200, memory=None, file=1 << 40)
+    found = run_all(len(pages), one, limits, run.folder / "stack.txt")
+    return [(pages[index], outcome) for index, outcome in found]
+
+
 class small_disk:
     """A file system of that size in memory at ``folder``, seen by this process alone.
 
@@ -142,16 +167,23 @@ class small_disk:
         self.folder, self.size = folder, size
         self._libc = ctypes.CDLL(None, use_errno=True)
 
-    def __enter__(self) -> None:
+    def __enter__(self) -> small_disk:
         if not small_disk._entered:
             own_mounts(self._libc)
             small_disk._entered = True
         _call(self._libc.mount, b"none", bytes(self.folder), b"tmpfs", 0, b"size=%d" % self.size)
+        return self
 
     def __exit__(self, *_) -> None:
         _call(self._libc.umount2, bytes(self.folder), 2)  # MNT_DETACH: whatever is open there
 
+    def grow(self, size: int) -> None:
+        """Room is made on the disk."""
+        flags, options = REMOUNT, b"size=%d" % size
+        _call(self._libc.mount, b"none", bytes(self.folder), b"tmpfs", flags, options)
 
+
+REMOUNT = 32
 NEW_USER, NEW_MOUNTS, PRIVATE_RECURSIVE = 0x10000000, 0x00020000, (1 << 18) | (1 << 14)
 
 

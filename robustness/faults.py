@@ -15,6 +15,9 @@ from random import Random
 from robustness import disks, folders, kills
 from robustness.outcome import OK, REFUSED
 
+# Too small for anything, for a scene, for its tree, for a store.
+WORKFLOW_PAGES = (1, 300, 480, 530)
+
 
 def kill_all(home: Path, *, count: int, seconds: float, seed: int, only: Sequence[str] = ()) -> str:
     """Kill runs, ``count`` in all or until the time is over; (table, findings) as text."""
@@ -67,7 +70,13 @@ def fill_all(home: Path) -> str:
         lines.append(f"| {writer.name} | " + " | ".join(map(str, numbers)) + " |")
         if not counts[OK] or not counts[REFUSED]:
             found.append(f"{writer.name}: the disks were all too small, or all large enough")
-    return _text(lines, found)
+    (job,) = (job for job in kills.jobs() if job.name == "workflow")
+    outcomes = disks.fill_workflow(kills.Killed(job, home / "workflow"), WORKFLOW_PAGES)
+    wrong = [f"{o.signature}, disk of {n} pages: {o.text}" for n, o in outcomes if o.is_finding]
+    lines.append(
+        f"| workflow, then more room | {len(outcomes)} | {len(outcomes)} | | {len(wrong)} |"
+    )
+    return _text(lines, found + wrong)
 
 
 def miss_all(home: Path) -> str:

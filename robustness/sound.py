@@ -15,7 +15,6 @@ LARGEST = float(np.finfo(np.float32).max)
 def check_scene(scene: Scene) -> None:
     """Raise :class:`SilentlyWrong` for values that the tracer's float32 cannot hold or use."""
     count = scene.triangle_count
-    _must(count > 0, "a scene without triangles")
     for name in ("triangles", "normals", "uvs", "colours"):
         array = getattr(scene, name)
         _must(len(array) in (0, count), f"{name} of {len(array)} of {count} triangles")

@@ -182,7 +182,7 @@ def _surface(visual, faces: np.ndarray, path: Path) -> tuple[Surface, np.ndarray
     from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
     material = getattr(visual, "material", None)
-    if _is_invented(material):
+    if _is_invented(material, path):
         material = None
     if isinstance(material, PBRMaterial):
         surface = surface_of_pbr(material, path)
@@ -220,7 +220,7 @@ def _texture_coordinates(uv: np.ndarray, faces: np.ndarray, path: Path) -> np.nd
     return uv[faces][..., :2]
 
 
-def _is_invented(material) -> bool:
+def _is_invented(material, path: Path) -> bool:
     """Whether trimesh made the material up, for texture coordinates that came without one.
 
     Its picture is 2 x 2 texels of (100, 100, 100); GLB files that it exported hold it, too.
@@ -228,7 +228,7 @@ def _is_invented(material) -> bool:
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
     if image is None or image.size != (2, 2):
         return False
-    texels = np.asarray(image.convert("RGB")).reshape(-1, 3)
+    texels = _image(image, path)
     return bool((texels == 100).all()) and not getattr(material, "kwargs", None)
 
 

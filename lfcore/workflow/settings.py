@@ -23,6 +23,7 @@ from lfcore.workflow.keys import DEFAULT_SCENES, Configuration, Keys, Plane
 
 MISSING = "missing"
 DEEPEST = 32
+MOST_VALUES = 100_000
 _BOUNDS = {
     "greater_than_equal": ("ge", "is less than the minimum of"),
     "less_than_equal": ("le", "is greater than the maximum of"),
@@ -43,24 +44,35 @@ def check_settings(config: Mapping) -> dict:
     SettingsError
         for unknown keys and impossible values; it names the key and says what is admitted.
     """
-    _check_depth(config, "configuration")
+    _check_extent(config)
     try:
         return Configuration.model_validate(dict(config)).model_dump()
     except pydantic.ValidationError as error:
         raise _explain(error) from None
 
 
-def _check_depth(value: object, key: str, above: tuple[int, ...] = ()) -> None:
-    if not isinstance(value, (Mapping, list)):
-        return
-    if id(value) in above or len(above) > DEEPEST:
-        raise SettingsError(
-            "contains itself" if id(value) in above else f"is nested more than {DEEPEST} deep",
-            key=key if len(key) < 200 else f"{key[:200]}...",
-            remedy="Write the values out",
-        )
-    for name, part in value.items() if isinstance(value, Mapping) else enumerate(value):
-        _check_depth(part, f"{key}.{name}", (*above, id(value)))
+def _check_extent(config: Mapping) -> None:
+    """Neither too deep nor, once aliases are followed, too many values: few lines may mean both."""
+    values = 0
+
+    def check(value: object, key: str, above: tuple[int, ...]) -> None:
+        nonlocal values
+        values += 1
+        problem = ""
+        if id(value) in above:
+            problem = "contains itself"
+        elif len(above) > DEEPEST:
+            problem = f"is nested more than {DEEPEST} deep"
+        elif values > MOST_VALUES:
+            problem = f"holds more than {MOST_VALUES} values"
+        if problem:
+            raise SettingsError(problem, key=key[:200], remedy="Write the values out")
+        if isinstance(value, (Mapping, list)):
+            parts = value.items() if isinstance(value, Mapping) else enumerate(value)
+            for name, part in parts:
+                check(part, f"{key}.{name}", (*above, id(value)))
+
+    check(config, "configuration", ())
 
 
 def _explain(error: pydantic.ValidationError) -> SettingsError:

@@ -16,7 +16,7 @@ from robustness.fuzz import fuzz, table
 from robustness.outcome import Outcome, SilentlyWrong, judge_message, outcome_of
 from robustness.targets import Target
 
-LIMITS = Limits(cpu=0.3, wall=2.0, memory=256 << 20)
+LIMITS = Limits(cpu=0.3, wall=60, memory=256 << 20)
 
 
 def recurse(depth=0):
@@ -49,7 +49,6 @@ PLANTED = {
     "abort": (os.abort, "crash"),
     "status": (lambda: os._exit(7), "crash"),
     "busy": (spin, "time"),
-    "asleep": (lambda: time.sleep(60), "hang"),
 }
 
 
@@ -60,7 +59,7 @@ def judge(data: bytes, folder: Path) -> Outcome:
 @pytest.fixture
 def planted():
     """A target whose inputs are the names of what is planted."""
-    names = [name.encode() for name in PLANTED if name != "asleep"]
+    names = [name.encode() for name in PLANTED]
     return Target("planted", lambda folder: names, lambda draw, data, seeds: data, judge,
                   limits=LIMITS, takes_seeds=False)  # fmt: skip
 
@@ -73,10 +72,23 @@ def test_each_planted_defect_is_found_and_the_next_input_runs(tmp_path):
     assert [outcome.kind for _, outcome in outcomes] == [kind for _, kind in PLANTED.values()]
 
 
+def test_a_child_that_waits_for_ever_is_found(tmp_path):
+    def one(index: int) -> Outcome:
+        return outcome_of(lambda: time.sleep(60 * index), names=None)
+
+    outcomes = run_all(2, one, Limits(wall=1.0), tmp_path / "log")
+    assert [outcome.kind for _, outcome in outcomes] == ["ok", "hang"]
+
+
+def test_a_mistake_of_the_judge_is_none_of_the_input(tmp_path):
+    ((_, outcome),) = run_all(1, lambda index: 1 / index, LIMITS, tmp_path / "log")
+    assert outcome.kind == "harness" and outcome.is_finding
+
+
 def test_the_table_counts_what_came(planted, tmp_path):
     (bench,) = fuzz([planted], tmp_path, seed=1, seconds=0, most=0)
-    assert bench.tally.counts == {"ok": 1, "refused": 1, "finding": len(PLANTED) - 3}
-    assert f"| planted | {len(PLANTED) - 1} | 1 | 1 | {len(PLANTED) - 3} |" in table([bench])
+    assert bench.tally.counts == {"ok": 1, "refused": 1, "finding": len(PLANTED) - 2}
+    assert f"| planted | {len(PLANTED)} | 1 | 1 | {len(PLANTED) - 2} |" in table([bench])
 
 
 def test_an_input_is_a_function_of_the_seed_and_its_number():
