@@ -1,0 +1,284 @@
+"""Do the readers of others take what ``lfcore export`` writes?  Each is run on it and compared.
+
+    python benchmarks/interop/run.py --work /tmp/interop [--only plenpy,...]
+        [--source lftoolbox=FOLDER] [--source hci-tools=FOLDER] [--source jpeg-pleno=FOLDER]
+        [--source nerf=FOLDER] [--out table.md]
+
+Packages are installed into environments of their own under ``--work``; programs without a package
+are looked for in the folders of ``--source``, checkouts of their repositories.  A reader that
+cannot be had is a row that says so.  Nothing of theirs is kept here.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.exchange import export_lightfield
+from lfcore.exchange.grid import Geometry, ViewGrid
+from lfcore.exchange.storing import store_grid
+from lfcore.lightfield import LightField
+from lfcore.storage.codecs import CodecSpec
+
+READERS = Path(__file__).parent / "readers"
+SIDE, WIDTH, HEIGHT = 5, 48, 40
+GEOMETRY = Geometry(pitch_m=0.01, pixel_pitch=0.02, delta=0.5, sensor_m=0.036)
+DEPTH_M = (1.0, 4.0)
+FORMATS = ("hci", "json", "stanford", "eslf", "mosaic", "mat", "jpeg-pleno", "nerfstudio", "llff",
+           "colmap")  # fmt: skip
+POINTS = np.array([[0.05, -0.04, 1.3], [-0.2, 0.1, 2.0], [0.3, 0.2, 3.7]])
+"""Camera space, x right, y down, metres: projected by readers of poses."""
+
+
+class Missing(Exception):
+    """The reader cannot be had here."""
+
+
+@dataclass
+class Bench:
+    """What readers are given: folders of exports by format, and the truth."""
+
+    work: Path
+    sources: dict[str, Path]
+    views: np.ndarray
+    field: LightField
+
+    def export(self, name: str) -> Path:
+        return self.work / "exports" / name
+
+    def environment(self, name: str, packages: list[str], extra: list[str] | None = None) -> Path:
+        """The Python of an environment with these packages, made once."""
+        folder = self.work / name
+        python = folder / "bin" / "python"
+        if not python.exists():
+            run([sys.executable, "-m", "venv", str(folder)])
+        if not (folder / "installed").exists():
+            run([str(python), "-m", "pip", "install", "-q", *packages])
+            if extra:
+                run([str(python), "-m", "pip", "install", "-q", "--no-deps", *extra])
+            (folder / "installed").touch()
+        return python
+
+    def source(self, name: str) -> Path:
+        if name not in self.sources:
+            raise Missing(f"no --source {name}=FOLDER")
+        return self.sources[name].resolve()
+
+    def read(self, python: Path | str, script: str, *words: object) -> dict[str, np.ndarray]:
+        """Run a reader's script; it writes one npz of what it read."""
+        out = self.work / f"{Path(script).stem}.npz"
+        out.unlink(missing_ok=True)
+        run([str(python), str(READERS / script), *map(str, words), str(out)])
+        with np.load(out, allow_pickle=False) as data:
+            return dict(data)
+
+    def projected(self) -> np.ndarray:
+        """(rows, columns, points, 2): where the slab sees the points, from the pixels' corner."""
+        slab = self.field.slab
+        column, row, columns, rows = slab.held.views
+        place = slab.lens_positions()
+        left, top = slab.held.pixels[:2]
+        out = np.empty((rows, columns, len(POINTS), 2))
+        for j, i in np.ndindex(rows, columns):
+            at = np.array([place[i + column], place[j + row]])
+            tangent = (POINTS[:, :2] - at) / POINTS[:, 2:] + at * slab.camera.delta
+            out[j, i] = tangent / slab.pixel_pitch + slab.pixels / 2 - [left, top]
+        return out
+
+
+def run(command: list[str], timeout: float = 900, **more) -> str:
+    done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, **more)
+    if done.returncode:
+        lines = (done.stderr or done.stdout).strip().splitlines() or ["no output"]
+        raise RuntimeError(lines[-1][:200])
+    return done.stdout
+
+
+def same(found: np.ndarray, expected: np.ndarray, what: str) -> str:
+    if found.shape != expected.shape:
+        raise AssertionError(f"{what}: {found.shape}, not {expected.shape}")
+    if not np.array_equal(found, expected):
+        worst = np.abs(found.astype(float) - expected).max()
+        raise AssertionError(f"{what}: differs by up to {worst:g}")
+    return f"{what} to the last bit"
+
+
+def near(found: np.ndarray, expected: np.ndarray, limit: float, what: str) -> str:
+    worst = float(np.abs(found - expected).max())
+    if not worst <= limit:
+        raise AssertionError(f"{what}: off by {worst:.3g}, allowed {limit:g}")
+    return f"{what} to {worst:.1g}"
+
+
+def plenpy(bench: Bench) -> list[str]:
+    python = bench.environment("plenpy", ["plenpy==0.9.2"])
+    mosaic = next(bench.export("mosaic").iterdir())
+    eslf = next(bench.export("eslf").iterdir())
+    mat = next(bench.export("mat").iterdir())
+    made = bench.read(python, "plenpy_reader.py", bench.export("json"), mosaic, eslf, mat,
+                      SIDE, HEIGHT, WIDTH)  # fmt: skip
+    names = {"folder": "json: views", "sai": "mosaic", "mli": "eslf", "mat": "mat"}
+    return [same(made[key], bench.views, what) for key, what in names.items()]
+
+
+def plenopticam(bench: Bench) -> list[str]:
+    # Not its own pins, some of which have no wheels: SciPy is the last that has scipy.misc.face.
+    needs = ["numpy<2", "scipy<1.11", "pillow", "imageio", "tifffile", "scikit-image<0.23",
+             "matplotlib", "requests", "docutils", "colour_demosaicing<0.2.6",
+             "color_space_converter", "color_matcher", "ddt"]  # fmt: skip
+    python = bench.environment("plenopticam", needs, ["plenopticam==0.9.3", "depthy"])
+    eslf = next(bench.export("eslf").iterdir())
+    made = bench.read(python, "plenopticam_reader.py", eslf, bench.export("json"), SIDE)
+    return [
+        same(made["rearranged"], bench.views, "eslf: rearranged"),
+        same(made["single"], bench.views[2, 2], "json: a view"),
+    ]
+
+
+def nerfstudio(bench: Bench) -> list[str]:
+    python = bench.environment("nerfstudio", ["nerfstudio==1.1.5"])
+    made = bench.read(python, "nerfstudio_reader.py", bench.export("nerfstudio"),
+                      json.dumps(POINTS.tolist()))  # fmt: skip
+    points = made["pixels"].reshape(SIDE, SIDE, len(POINTS), 2)
+    return [near(points, bench.projected(), 1e-3, "projected points, pixels")]
+
+
+def colmap(bench: Bench) -> list[str]:
+    python = bench.environment("pycolmap", ["pycolmap", "numpy"])
+    made = bench.read(python, "colmap_reader.py", bench.export("colmap") / "sparse" / "0",
+                      json.dumps(POINTS.tolist()))  # fmt: skip
+    points = made["pixels"].reshape(SIDE, SIDE, len(POINTS), 2)
+    return [near(points, bench.projected(), 1e-6, "projected points, pixels")]
+
+
+def llff(bench: Bench) -> list[str]:
+    python = bench.environment("llff", ["numpy", "imageio", "pillow"])
+    made = bench.read(python, "llff_reader.py", bench.source("nerf"), bench.export("llff"),
+                      json.dumps(POINTS.tolist()))  # fmt: skip
+    found = made["pixels"].reshape(SIDE, SIDE, len(POINTS), 2)
+    # Views were cropped about their axes to the whole pixel: half of one at the most.
+    size = made["size"]
+    expected = np.empty_like(found)
+    slab = bench.field.slab
+    place = slab.lens_positions()
+    for j, i in np.ndindex(SIDE, SIDE):
+        at = np.array([place[i], place[j]])
+        expected[j, i] = (POINTS[:, :2] - at) / POINTS[:, 2:] / slab.pixel_pitch + size / 2
+    return [near(found, expected, 1e-6, "projected points, pixels"),
+            near(made["bounds"], np.array([DEPTH_M] * SIDE**2), 1e-9, "bounds")]  # fmt: skip
+
+
+def hci_tools(bench: Bench) -> list[str]:
+    python = bench.environment("hci-tools", ["numpy", "imageio", "pillow"])
+    made = bench.read(python, "hci_reader.py", bench.source("hci-tools"), bench.export("hci"))
+    slab = bench.field.slab
+    ends = (1 / np.array(DEPTH_M[::-1]) - slab.camera.delta) * slab.lens_pitch_m
+    return [
+        same(made["views"], bench.views, "views"),
+        near(made["numbers"], np.array([WIDTH, HEIGHT, SIDE, SIDE, 10.0, 2.0]), 1e-9, "geometry"),
+        near(made["disparity"], ends / slab.pixel_pitch, 1e-6, "range of disparity"),
+    ]
+
+
+def lftoolbox(bench: Bench) -> list[str]:
+    eslf = next(bench.export("eslf").iterdir())
+    mat = next(bench.export("mat").iterdir())
+    out = bench.work / "lftoolbox.mat"
+    out.unlink(missing_ok=True)
+    if subprocess.run(["which", "octave-cli"], capture_output=True).returncode:
+        raise Missing("no octave-cli")
+    run(["octave-cli", "--no-gui", str(READERS / "lftoolbox_reader.m"),
+         str(bench.source("lftoolbox")), str(bench.export("stanford")), str(eslf), str(mat),
+         str(SIDE), str(out)])  # fmt: skip
+    from scipy.io import loadmat
+
+    made = loadmat(out)
+    return [
+        same(made["gantry"], bench.views, "stanford: LFReadGantryArray"),
+        same(made["eslf"], bench.views, "eslf: LFReadESLF"),
+        same(made["stored"], bench.views, "mat: load"),
+    ]
+
+
+def jpeg_pleno(bench: Bench) -> list[str]:
+    source, program = bench.source("jpeg-pleno"), bench.work / "jpeg_pleno_reader"
+    if not program.exists():
+        library = source / "source" / "Lib"
+        images = sorted((library / "Utils" / "Image").glob("*.cpp"))
+        images.append(library / "Utils" / "Stream" / "BinaryTools.cpp")
+        images += sorted((library / "Part2" / "Common").glob("*ViewToFilename*.cpp"))
+        # Two of its files define one function alike; its own build links them apart.
+        flags = ["-std=c++17", "-O1", "-w", "-Wl,-z,muldefs", "-I", str(source / "source")]
+        reader = str(READERS / "jpeg_pleno_reader.cpp")
+        run(["g++", *flags, "-o", str(program), reader, *map(str, images)])
+    out = bench.work / "jpeg_pleno.raw"
+    run([str(program), str(bench.export("jpeg-pleno")), str(SIDE), str(SIDE), str(out)])
+    found = np.fromfile(out, np.uint16).reshape(SIDE, SIDE, HEIGHT, WIDTH, 3)
+    expected = np.rint(bench.views * (1023 / 255)).astype(np.uint16)
+    return [same(found, expected, "views, 10 bits")]
+
+
+PEERS: dict[str, tuple[str, Callable[[Bench], list[str]]]] = {
+    "plenpy": ("plenpy 0.9.2", plenpy),
+    "plenopticam": ("PlenoptiCam 0.9.3", plenopticam),
+    "nerfstudio": ("nerfstudio 1.1.5, its dataparser", nerfstudio),
+    "colmap": ("COLMAP, pycolmap", colmap),
+    "llff": ("NeRF's LLFF loader", llff),
+    "hci-tools": ("HCI python-tools, by 2to3", hci_tools),
+    "lftoolbox": ("LFToolbox in Octave", lftoolbox),
+    "jpeg-pleno": ("JPEG Pleno's PPM reader", jpeg_pleno),
+}
+
+
+def prepare(work: Path, sources: dict[str, Path]) -> Bench:
+    """A light field of smooth noise, and its exports."""
+    work.mkdir(parents=True, exist_ok=True)
+    rng = np.random.default_rng(7)
+    views = rng.integers(0, 256, (SIDE, SIDE, HEIGHT, WIDTH, 3), dtype=np.uint8)
+    grid = ViewGrid.of_array(views, "noise", format="test", geometry=GEOMETRY, depth_m=DEPTH_M)
+    path = work / "noise.mkv"
+    store_grid(path, grid, CodecSpec("ffv1", "gbrp", preset=None, tune=None))
+    bench = Bench(work, sources, views, LightField.open(path))
+    for name in FORMATS:
+        folder = bench.export(name)
+        if folder.exists():
+            for file in sorted(folder.rglob("*"), reverse=True):
+                file.rmdir() if file.is_dir() else file.unlink()
+            folder.rmdir()
+        export_lightfield(path, name, folder)
+    return bench
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--work", type=Path, required=True)
+    parser.add_argument("--only", default=",".join(PEERS))
+    parser.add_argument("--source", action="append", default=[], metavar="NAME=FOLDER")
+    parser.add_argument("--out", type=Path)
+    arguments = parser.parse_args()
+    pairs = dict(text.split("=", 1) for text in arguments.source)
+    bench = prepare(arguments.work.resolve(), {name: Path(path) for name, path in pairs.items()})
+    lines = ["| reader | outcome | what was compared |", "|---|---|---|"]
+    for name in arguments.only.split(","):
+        title, check = PEERS[name]
+        try:
+            outcome, said = "reads it", "; ".join(check(bench))
+        except Missing as reason:
+            outcome, said = "not run", str(reason)
+        except (AssertionError, RuntimeError, subprocess.TimeoutExpired) as error:
+            outcome, said = "FAILS", " ".join(str(error).split())[:200]
+        lines.append(f"| {title} | {outcome} | {said} |")
+        print(lines[-1], flush=True)
+    if arguments.out:
+        arguments.out.write_text("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()
