@@ -11,6 +11,9 @@ from pathlib import Path
 from random import Random
 from unittest import mock
 
+import numpy as np
+from PIL import Image
+
 from lfcore.errors import DeviceError
 from robustness import extremes
 from robustness.outcome import Outcome, judge_message, outcome_of
@@ -32,6 +35,14 @@ COMMANDS = (
     "trace scene.yaml -o out/t.mkv --size 16 --views 4 --layout views --crf 18 --codec libx264",
     "trace mesh.ply -o out/t.mkv --size 16 --views 4 --codec ffv1 --pixel-format gbrp",
     "plenoptic scene.yaml -o out/p.png", "depth scene.yaml -o out/d.npz --size 16",
+    "render scene.yaml -o out/p.png --quality 40 --size 16 --bits 16",
+    "render scene.pbrt -o out/p.exr --samples 2 --instants 2 --light-points 4",
+    "refocus store.mkv -o out/r.png --planes planes.yaml --rotation 10 --no-normalise",
+    "export store.mkv --format hci -o out/h --views 2x2 --baseline 6.25mm --crop 4x4+1+1",
+    "export store.mkv --format quilt --tiles 2x2 -o out/q",
+    "export store.mkv --format nerfstudio -o out/n",
+    "import views -o out/i.mkv --grid 2x2 --order rows-up --codec ffv1",
+    "import views -o out/i.mkv --grid 2x2 --baseline 6mm --field-of-view 40 --focus 1.2",
     "imgtool convert in.exr out/c.png", "imgtool convert --scale 2 --tonemap in.exr out/c.jpg",
     "imgtool store --camsperdim 2 2 --griddim -1 1 -1 1 --inputfov 40 in.exr out/i.mkv",
     "imgtool tiles store.mkv out/t.exr",
@@ -81,6 +92,11 @@ def write_all_sides(home: Path, folder: Path) -> None:
     (folder / "scene.pbrt").write_text(PBRT_SPHERE)
     (folder / "planes.csv").write_text("focus,f,aperture\n2.0,2.8,circle\n4.0,5.6,square\n")
     (folder / "lens.dat").write_text("50 5 1.5 20\n-50 40 1 20\n")
+    (folder / "planes.yaml").write_text("[{focus: 2, f: 2.8}, {focus: 4, aperture: square}]")
+    (folder / "views").mkdir()
+    for index in range(4):
+        codes = np.full((16, 16, 3), 40 * index, np.uint8)
+        Image.fromarray(codes).save(folder / "views" / f"view{index}.png")
     (folder / "store.mkv").write_bytes(whole_store("x264", home)[0])
     (folder / "in.exr").write_bytes((home / "plain.exr").read_bytes())
 
