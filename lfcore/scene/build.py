@@ -23,6 +23,7 @@ from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import Notebook
 from lfcore.scene.parts import Part, transform_all
 from lfcore.scene.reading import DESCRIPTIONS
+from lfcore.scene.staging import Staging, moved, staging_of
 from lfcore.scene.transforms import parse_transform
 from lfcore.scene.view import View, lightfield_view
 
@@ -89,7 +90,10 @@ def build(description: dict, *, file: str | Path, name: str) -> Scene:
         else:
             parts += made
     every = parts + [part for part, _ in moving]
-    camera, to_camera = framing.place_camera(description["camera"], every, file=file)
+    staging = staging_of(description, file, notebook)
+    camera, to_camera = framing.place_camera(
+        description["camera"], every, file=file, found=staging.camera
+    )
     geometry = assemble(every, to_camera)
     view = _view(description["camera"], file)
     if view:
@@ -108,7 +112,7 @@ def build(description: dict, *, file: str | Path, name: str) -> Scene:
         camera=camera,
         view=view,
         motions=_motions(geometry, parts, moving, to_camera),
-        lights=_lights(description, to_camera, file),
+        lights=_lights(description, staging, to_camera, file),
         ambient=parse_colour(description["ambient"]),
         background=parse_colour(description["background"]),
         focus_distances_m=tuple(float(d) for d in focus)
@@ -258,7 +262,9 @@ def _material(material: dict, file: Path, key: str) -> dict:
     return changes
 
 
-def _lights(description: dict, to_camera: np.ndarray, file: Path) -> list[Light]:
+def _lights(description: dict, staging: Staging, to_camera: np.ndarray, file: Path) -> list[Light]:
+    if "lights" not in description and staging.lights:
+        return [moved(light, to_camera) for light in staging.lights]
     if "lights" not in description:
         return [framing.default_light(to_camera)]
     lights = []

@@ -14,9 +14,10 @@ import numpy as np
 
 from lfcore.errors import OpticsError, SceneError
 from lfcore.optics.camera import Camera
+from lfcore.scene.gltf import FoundCamera
 from lfcore.scene.model import DIRECTIONAL, Light
 from lfcore.scene.parts import Part
-from lfcore.scene.transforms import look_at, pose_from_matrix
+from lfcore.scene.transforms import look_at, pose_from_matrix, rigid_to_camera
 
 # Tangent extent of the field of a fitted lens (39 degrees), the share of it that the scene may
 # fill, and the focal length per distance: at f/2 the lens is an eighth of the distance wide.
@@ -25,6 +26,8 @@ FILLED = 0.9
 FOCAL_PER_DISTANCE = 0.25
 VIEW_DIRECTION = (0.45, 0.35, 1.0)
 NEAREST_FOCUS = 1.05
+# From a camera that looks along -z with +y up to ours.
+TURNED = np.diag([1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True)
@@ -65,22 +68,28 @@ def _finite(triangles: np.ndarray) -> np.ndarray:
 
 
 def place_camera(
-    description: dict, parts: list[Part], *, file: str | Path
+    description: dict, parts: list[Part], *, file: str | Path, found: FoundCamera | None = None
 ) -> tuple[Camera, np.ndarray]:
     """The lens and the (4, 4) world-to-camera matrix of a checked ``camera`` mapping.
+
+    ``found`` is a camera of a glTF file, for a description that gives no pose.
 
     Raises :class:`SceneError` for a pose that cannot be, a scene wholly behind the lens when
     the focus must be found, and a focus inside the focal length.
     """
     extent = bounds(parts, file=file)
     pose = description.get("pose")
-    if pose is None:
+    if pose is None and found is not None:
+        to_camera = rigid_to_camera(TURNED @ found.to_world[:3, :3].T, found.to_world[:3, 3])
+    elif pose is None:
         to_camera = _framing_pose(description, extent)
     elif "matrix" in pose:
         to_camera = pose_from_matrix(pose["matrix"], file=file, key="camera.pose.matrix")
     else:
         to_camera = look_at(pose["position_m"], pose["look_at_m"], pose["up"], file=file)
     middle = float((to_camera[:3, :3] @ extent.centre + to_camera[:3, 3])[2])
+    if found is not None and pose is None:
+        middle = _depth_before(extent, to_camera, middle)
     focus = description.get("focus_distance_m", middle)
     focus = math.inf if focus == "infinity" else float(focus)
     if not focus > 0:
@@ -91,13 +100,21 @@ def place_camera(
             remedy="Turn the camera round, or give camera.focus_distance_m",
         )
     fit = focus if math.isfinite(focus) else max(middle, extent.radius, 1e-6)
-    focal_m, sensor_m = _lens(description, fit)
+    width = FIELD_WIDTH if found is None or pose is not None else found.field_width
+    focal_m, sensor_m = _lens(description, fit, width)
     try:
         return Camera(focal_m, sensor_m, float(description["f_number"]), focus), to_camera
     except OpticsError as error:
         raise SceneError(
             error.problem, file=file, key=f"camera.{error.key}", remedy=error.remedy
         ) from None
+
+
+def _depth_before(extent: Bounds, to_camera: np.ndarray, middle: float) -> float:
+    """Of what lies before a camera that may stand within the scene: the median of its vertices."""
+    depth = extent.points @ to_camera[2, :3] + to_camera[2, 3]
+    before = depth[depth > 1e-3 * extent.radius]
+    return float(np.median(before)) if len(before) else middle
 
 
 def _framing_pose(description: dict, extent: Bounds) -> np.ndarray:
@@ -115,12 +132,14 @@ def _framing_pose(description: dict, extent: Bounds) -> np.ndarray:
     return look_at(extent.centre + distance * direction, extent.centre)
 
 
-def _lens(description: dict, distance: float) -> tuple[float, float]:
+def _lens(
+    description: dict, distance: float, field_width: float = FIELD_WIDTH
+) -> tuple[float, float]:
     """Focal length and sensor width in metres; fitted to ``distance`` when neither is given."""
     focal, sensor = description.get("focal_length_mm"), description.get("sensor_width_mm")
     if focal is None and sensor is None:
         focal_m = FOCAL_PER_DISTANCE * distance
-        return focal_m, FIELD_WIDTH * focal_m / (1 - FOCAL_PER_DISTANCE)
+        return focal_m, field_width * focal_m / (1 - FOCAL_PER_DISTANCE)
     return float(focal or 50.0) / 1000, float(sensor or 36.0) / 1000
 
 

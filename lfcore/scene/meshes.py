@@ -1,7 +1,7 @@
 """Mesh files, through trimesh: geometry, normals, textures, vertex colours, materials.
 
-Whatever trimesh loads is accepted; PBR materials are mapped to Blinn-Phong (see
-:func:`surface_of_pbr`).  Texture alpha is ignored: every surface is opaque.
+Whatever trimesh loads is accepted; PBR materials are mapped to Blinn-Phong
+(:mod:`lfcore.scene.gltf_materials`).  Texture alpha is ignored: every surface is opaque.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ import numpy as np
 from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.pictures import read_codes
+from lfcore.scene.gltf import SUFFIXES, Document
+from lfcore.scene.gltf_materials import GltfSurfaces, surface_of_pbr
 from lfcore.scene.notes import LEFT_OUT, Notebook
 from lfcore.scene.parts import Colour, Part, Surface
 from lfcore.scene.ply import with_strips
@@ -50,15 +52,23 @@ def load_mesh(
     import trimesh  # the heaviest import of the package, not needed by procedural scenes
 
     path = Path(path)
-    scene = _load(trimesh, path, Notebook() if notebook is None else notebook)
-    parts = []
+    notebook = Notebook() if notebook is None else notebook
+    gltf = None
+    if path.suffix.lower() in SUFFIXES and os.path.isfile(path):
+        gltf = GltfSurfaces(Document(path), notebook)
+        gltf.document.note_what_is_left_out(notebook)
+    scene = _load(trimesh, path, gltf.document if gltf else None, notebook)
+    parts, empty = [], True
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph[node]
         mesh = _with_strips(scene.geometry[name], path)
         if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
-            part = _part(mesh, path, shading, crease_deg)
-            parts.append(part.transformed(np.asarray(matrix, np.float64)))
-    if not parts:
+            empty = False
+            surface, uvs = _surface(mesh.visual, np.asarray(mesh.faces, np.int64), path, gltf)
+            if surface is not None:
+                part = _part(mesh, surface, uvs, path, shading, crease_deg)
+                parts.append(part.transformed(np.asarray(matrix, np.float64)))
+    if empty:
         raise SceneError(
             "mesh holds no triangles",
             file=path,
@@ -74,7 +84,7 @@ def _with_strips(mesh, path: Path):
         raise SceneError(str(error), file=path, remedy="Export the mesh again") from None
 
 
-def _load(trimesh, path: Path, notebook: Notebook):
+def _load(trimesh, path: Path, document: Document | None, notebook: Notebook):
     from trimesh.resolvers import FilePathResolver
 
     class Resolver(FilePathResolver):
@@ -110,7 +120,7 @@ def _load(trimesh, path: Path, notebook: Notebook):
         )
     resolver = Resolver(str(path), allow_anywhere=True)
     try:
-        with path.open("rb") as stream:
+        with io.BytesIO(document.numbered()) if document else path.open("rb") as stream:
             scene = trimesh.load_scene(stream, file_type=kind, resolver=resolver, process=False)
     except Exception as error:  # trimesh's readers raise whatever they stumble over
         _check_found(resolver.trouble, path)
@@ -143,7 +153,9 @@ def _check_found(trouble: list[str], path: Path) -> None:
         )
 
 
-def _part(mesh, path: Path, shading: str, crease_deg: float) -> Part:
+def _part(
+    mesh, surface: Surface, uvs: np.ndarray | None, path: Path, shading: str, crease_deg: float
+) -> Part:
     vertices = np.asarray(mesh.vertices, np.float64)
     faces = np.asarray(mesh.faces, np.int64)
     if vertices.ndim != 2 or vertices.shape[1] != 3:
@@ -166,7 +178,6 @@ def _part(mesh, path: Path, shading: str, crease_deg: float) -> Part:
         normals = np.asarray(given, np.float64)[faces]
     elif shading != "flat":
         normals = _smoothed(triangles, crease_deg)
-    surface, uvs = _surface(mesh.visual, faces, path)
     colours = _colours(mesh.visual, faces, path)
     return Part(triangles, surface, normals, uvs, colours)
 
@@ -178,14 +189,17 @@ def _smoothed(triangles: np.ndarray, crease_deg: float) -> np.ndarray | None:
     return None if np.ptp(normals, axis=1).max(initial=0.0) < 1e-6 else normals
 
 
-def _surface(visual, faces: np.ndarray, path: Path) -> tuple[Surface, np.ndarray | None]:
+def _surface(
+    visual, faces: np.ndarray, path: Path, gltf: GltfSurfaces | None
+) -> tuple[Surface | None, np.ndarray | None]:
+    """Surface and texture coordinates (T, 3, 2) of a mesh; no surface: it is wholly cut out."""
     from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
     material = getattr(visual, "material", None)
     if _is_invented(material, path):
         material = None
     if isinstance(material, PBRMaterial):
-        surface = surface_of_pbr(material, path)
+        surface = surface_of_pbr(material, path, _image(material.baseColorTexture, path))
     elif isinstance(material, SimpleMaterial):
         surface = _surface_of_simple(material, path)
     else:
@@ -197,14 +211,17 @@ def _surface(visual, faces: np.ndarray, path: Path) -> tuple[Surface, np.ndarray
             file=path,
             remedy="Mend the material",
         )
+    given = gltf if isinstance(material, PBRMaterial) else None
+    made = given.surface(material, surface) if given else surface
     uv = getattr(visual, "uv", None)
     if uv is None or len(uv) == 0:
-        return surface, None
+        return made, None
     try:
-        return surface, _texture_coordinates(np.asarray(uv, np.float64), faces, path)
+        uvs = _texture_coordinates(np.asarray(uv, np.float64), faces, path)
+        return made, given.uvs(material, uvs) if given else uvs
     except SceneError:
         if surface.texture is None:
-            return surface, None  # nothing is read there
+            return made, None  # nothing is read there
         raise
 
 
@@ -230,34 +247,6 @@ def _is_invented(material, path: Path) -> bool:
         return False
     texels = _image(image, path)
     return bool((texels == 100).all()) and not getattr(material, "kwargs", None)
-
-
-def surface_of_pbr(material, path: Path) -> Surface:
-    """glTF metallic-roughness to Blinn-Phong.
-
-    Diffuse keeps the base colour, darkened for metals; the highlight has the reflectance at
-    normal incidence, 0.04 or the base colour of a metal, and the exponent 2 / alpha^2 - 2 whose
-    lobe matches GGX of alpha = roughness^2 near its peak (Karis 2013).  A metallic factor counts
-    only where the file gives one: exporters that leave it out rarely mean glTF's default of 1.
-    """
-    base = np.ones(3) if material.baseColorFactor is None else _unit(material.baseColorFactor)[:3]
-    metallic = float(material.metallicFactor or 0.0)
-    if material.metallicRoughnessTexture is not None:
-        metallic = 0.0  # its blue channel varies over the surface; a constant would be wrong
-    roughness = 1.0 if material.roughnessFactor is None else float(material.roughnessFactor)
-    alpha = max(roughness, 0.05) ** 2
-    specular = (0.04 * (1 - metallic) + base * metallic) * (1 - min(roughness, 1.0) ** 2)
-    emission = np.zeros(3)
-    if material.emissiveFactor is not None and material.emissiveTexture is None:
-        emission = np.clip(np.asarray(material.emissiveFactor, np.float64)[:3], 0, 1)
-    return Surface(
-        material.name or path.stem,
-        _triple(base * (1 - 0.6 * metallic)),
-        _triple(specular),
-        float(np.clip(2 / alpha**2 - 2, 1, 1000)),
-        _triple(emission),
-        _image(material.baseColorTexture, path),
-    )
 
 
 def _surface_of_simple(material, path: Path) -> Surface:

@@ -1,0 +1,238 @@
+"""What a glTF file says beside its meshes: lights, cameras, extensions, and what is not rendered.
+
+trimesh reads nodes, meshes, textures and factors; here is its JSON.  Source: Khronos, "glTF 2.0
+Specification", and the extensions KHR_lights_punctual, KHR_materials_unlit,
+KHR_materials_emissive_strength and KHR_texture_transform.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lfcore.errors import SceneError
+from lfcore.scene.model import DIRECTIONAL, POINT, Light
+from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
+from lfcore.scene.parts import normalise
+from lfcore.scene.reading import LARGEST_MESH, read_bytes
+
+SUFFIXES = (".glb", ".gltf")
+# Those that trimesh or this package knows; others may be used, but not required.
+KNOWN = (
+    "EXT_texture_webp",
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_unlit",
+    "KHR_texture_transform",
+)
+DEEPEST_NODE = 200
+_HEAD, _CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
+_JSON = 0x4E4F534A
+_TRIANGLES = (None, 4, 5, 6)
+
+
+@dataclass(frozen=True)
+class FoundCamera:
+    """A perspective camera: (4, 4) camera to world, looking along -z with +y up.
+
+    ``field_width`` is the tangent extent of its shorter side.
+    """
+
+    to_world: np.ndarray
+    field_width: float
+
+
+class Document:
+    """The JSON of a glTF or GLB file.
+
+    Raises
+    ------
+    SceneError : not glTF, or an extension that is required and not known.
+    """
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path)
+        self._raw = read_bytes(self.path, LARGEST_MESH, "mesh file")
+        self._binary = self._raw[:4] == b"glTF"
+        text = self._json_chunk() if self._binary else self._raw
+        try:
+            self.tree = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise self._broken(f"its JSON cannot be read: {error}") from None
+        if not isinstance(self.tree, dict):
+            raise self._broken("its JSON is no object")
+        required = self.tree.get("extensionsRequired")
+        unknown = set(map(str, required if isinstance(required, list) else ())) - set(KNOWN)
+        if unknown:
+            raise SceneError(
+                f"needs the extension {min(unknown)}, which is not known",
+                file=self.path,
+                key="extensionsRequired",
+                remedy="Export the file without it",
+            )
+
+    def _broken(self, problem: str) -> SceneError:
+        return SceneError(
+            f"mesh cannot be read: {problem}", file=self.path, remedy="Export it again"
+        )
+
+    def _json_chunk(self) -> bytes:
+        start = _HEAD.size + _CHUNK.size
+        if len(self._raw) < start:
+            raise self._broken("it ends early")
+        length, kind = _CHUNK.unpack_from(self._raw, _HEAD.size)
+        if kind != _JSON or len(self._raw) < start + length:
+            raise self._broken("it has no JSON chunk")
+        return self._raw[start : start + length]
+
+    def objects(self, *keys: str, of: dict | None = None) -> list[dict]:
+        """The objects of a list below ``keys``; what is malformed counts as absent."""
+        value: Any = self.tree if of is None else of
+        for key in keys:
+            value = value.get(key) if isinstance(value, dict) else None
+        return [v if isinstance(v, dict) else {} for v in value] if isinstance(value, list) else []
+
+    def numbered(self) -> bytes:
+        """The file with the number of each material as its name, so that it can be found again."""
+        materials = [
+            {**entry, "name": str(index)} for index, entry in enumerate(self.objects("materials"))
+        ]
+        if not materials:
+            return self._raw
+        text = json.dumps({**self.tree, "materials": materials}).encode()
+        if not self._binary:
+            return text
+        text += b" " * (-len(text) % 4)
+        rest = self._raw[_HEAD.size + _CHUNK.size + len(self._json_chunk()) :]
+        size = _HEAD.size + _CHUNK.size + len(text) + len(rest)
+        version = _HEAD.unpack_from(self._raw)[1]
+        head = _HEAD.pack(b"glTF", version, size) + _CHUNK.pack(len(text), _JSON)
+        return head + text + rest
+
+    def material(self, number: str | None) -> dict:
+        """The material of a name that :meth:`numbered` gave; empty for none."""
+        materials = self.objects("materials")
+        known = number is not None and number.isdecimal() and int(number) < len(materials)
+        return materials[int(number)] if number is not None and known else {}
+
+    @cached_property
+    def placed(self) -> list[tuple[dict, np.ndarray]]:
+        """Nodes of the scene that is shown, with their (4, 4) node to world."""
+        nodes, scenes = self.objects("nodes"), self.objects("scenes")
+        shown = self.tree.get("scene", 0)
+        if scenes and isinstance(shown, int) and 0 <= shown < len(scenes):
+            roots = scenes[shown].get("nodes", [])
+        else:
+            roots = list(range(len(nodes)))
+        return list(self._below(roots, np.eye(4), nodes, frozenset()))
+
+    def _below(self, indices, matrix, nodes, above) -> Iterator[tuple[dict, np.ndarray]]:
+        for index in indices if isinstance(indices, list) else ():
+            if not isinstance(index, int) or not 0 <= index < len(nodes) or index in above:
+                continue
+            if len(above) > DEEPEST_NODE:
+                raise self._broken(f"its nodes nest more than {DEEPEST_NODE} deep")
+            here = matrix @ self._pose(nodes[index])
+            yield nodes[index], here
+            yield from self._below(nodes[index].get("children"), here, nodes, above | {index})
+
+    def _pose(self, node: dict) -> np.ndarray:
+        from scipy.spatial.transform import Rotation  # slow to import
+
+        try:
+            if "matrix" in node:
+                return np.array(node["matrix"], np.float64).reshape(4, 4).T
+            pose = np.eye(4)
+            turn = Rotation.from_quat(np.array(node.get("rotation", (0, 0, 0, 1)), np.float64))
+            pose[:3, :3] = turn.as_matrix() * np.array(node.get("scale", (1, 1, 1)), np.float64)
+            pose[:3, 3] = node.get("translation", (0, 0, 0))
+            return pose
+        except (ValueError, TypeError) as error:
+            raise self._broken(f"a node's pose makes no sense: {error}") from None
+
+    def lights(self, notebook: Notebook) -> list[Light]:
+        """Its lights, their vectors in the world; cones of spots are noted.
+
+        glTF's intensities are candela (points) and lux, and a matte surface of colour c returns
+        c / pi of what arrives: ours are theirs over pi.
+        """
+        known = self.objects("extensions", "KHR_lights_punctual", "lights")
+        found = []
+        for node, matrix in self.placed:
+            use = node.get("extensions")
+            use = use.get("KHR_lights_punctual") if isinstance(use, dict) else None
+            number = use.get("light") if isinstance(use, dict) else None
+            if isinstance(number, int) and 0 <= number < len(known):
+                found.append(self._light(known[number], matrix, notebook))
+        return found
+
+    def _light(self, light: dict, matrix: np.ndarray, notebook: Notebook) -> Light:
+        name, kind = light.get("name", "without name"), light.get("type")
+        try:
+            colour = np.array(light.get("color", (1, 1, 1)), np.float64)
+            colour = colour * float(light.get("intensity", 1.0)) / math.pi
+            red, green, blue = colour.tolist()
+        except (ValueError, TypeError) as error:
+            raise self._broken(f"light {name!r} makes no sense: {error}") from None
+        if kind == "directional":
+            x, y, z = normalise(matrix[:3, 2]).tolist()  # it shines along the node's -z
+            return Light(DIRECTIONAL, (x, y, z), (red, green, blue))
+        if kind == "spot":
+            notebook.add_in(APPROXIMATED, self.path, f"spot light {name!r}: shines everywhere")
+        x, y, z = matrix[:3, 3].tolist()
+        return Light(POINT, (x, y, z), (red, green, blue), 1.0)
+
+    def camera(self, notebook: Notebook) -> FoundCamera | None:
+        """The first perspective camera of the scene; others are noted."""
+        cameras, found = self.objects("cameras"), None
+        for node, matrix in self.placed:
+            number = node.get("camera")
+            if not isinstance(number, int) or not 0 <= number < len(cameras):
+                continue
+            name = cameras[number].get("name") or node.get("name") or number
+            lens = cameras[number].get("perspective")
+            here = self._perspective(lens, matrix) if isinstance(lens, dict) else None
+            if here is None or found is not None:
+                notebook.add_in(NOT_USED, self.path, f"camera {name!r}")
+            else:
+                found = here
+        return found
+
+    def _perspective(self, lens: dict, matrix: np.ndarray) -> FoundCamera | None:
+        angle, aspect = lens.get("yfov"), lens.get("aspectRatio", 1.0)
+        axes = normalise(matrix[:3, :3].T).T
+        square = np.allclose(axes.T @ axes, np.eye(3), atol=1e-4) and np.linalg.det(axes) > 0
+        if not isinstance(angle, (int, float)) or not 0 < angle < math.pi or not square:
+            return None
+        narrow = min(float(aspect), 1.0) if isinstance(aspect, (int, float)) and aspect > 0 else 1.0
+        to_world = np.eye(4)
+        to_world[:3, :3], to_world[:3, 3] = axes, matrix[:3, 3]
+        return FoundCamera(to_world, 2 * math.tan(angle / 2) * narrow)
+
+    def note_what_is_left_out(self, notebook: Notebook) -> None:
+        """Of the file as a whole; materials tell their own."""
+        for key, kind in (("animations", "animation"), ("skins", "skin")):
+            for index, entry in enumerate(self.objects(key)):
+                what = f"{kind} {entry.get('name', index)!r}: the pose in the file"
+                notebook.add_in(LEFT_OUT, self.path, what)
+        for mesh in self.objects("meshes"):
+            name = mesh.get("name", "without name")
+            for primitive in self.objects("primitives", of=mesh):
+                if primitive.get("mode") not in _TRIANGLES:
+                    notebook.add_in(LEFT_OUT, self.path, f"points or lines of mesh {name!r}")
+                if primitive.get("targets"):
+                    what = f"morph targets of mesh {name!r}: its rest shape"
+                    notebook.add_in(LEFT_OUT, self.path, what)
+        used = self.tree.get("extensionsUsed")
+        for name in used if isinstance(used, list) else ():
+            if name not in KNOWN:
+                notebook.add_in(LEFT_OUT, self.path, f"extension {name}")

@@ -1,0 +1,284 @@
+"""glTF as people export it: lights, cameras, extensions, and what is said of what is dropped."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from trimesh.visual.material import PBRMaterial
+
+from lfcore.errors import SceneError
+from lfcore.scene.build import build_scene
+from lfcore.scene.gltf import Document
+from lfcore.scene.meshes import load_mesh
+from lfcore.scene.model import DIRECTIONAL, POINT
+from lfcore.scene.notes import Notebook
+
+UV = [[0, 0], [1, 0], [1, 1], [0, 1]]
+
+
+def unpacked(data):
+    length = struct.unpack_from("<I", data, 12)[0]
+    return json.loads(data[20 : 20 + length]), data[20 + length :]
+
+
+def packed(tree, rest):
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4sII", b"glTF", 2, 20 + len(text) + len(rest))
+    return head + struct.pack("<II", len(text), 0x4E4F534A) + text + rest
+
+
+@pytest.fixture
+def write(tmp_path):
+    """A function that exports a square, changes its JSON, and gives the path."""
+
+    def make(change=lambda tree: None, **material):
+        corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+        visual = trimesh.visual.TextureVisuals(UV, material=PBRMaterial(**material))
+        mesh = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], visual=visual, process=False)
+        tree, rest = unpacked(mesh.export(file_type="glb"))
+        change(tree)
+        path = tmp_path / "m.glb"
+        path.write_bytes(packed(tree, rest))
+        return path
+
+    return make
+
+
+def picture(mode="RGB", colour=(255, 0, 0)):
+    return Image.new(mode, (4, 4), colour)
+
+
+def part_and_notes(path):
+    notebook = Notebook()
+    parts = load_mesh(path, notebook=notebook)
+    return (parts[0] if parts else None), [f"{n.kind}: {n.what}" for n in notebook.notes()]
+
+
+def use(tree, name, value, **extension):
+    """Put an extension into the only material, and among those used."""
+    tree.setdefault("extensionsUsed", []).append(name)
+    tree["materials"][0].setdefault("extensions", {})[name] = {**value, **extension}
+
+
+def add_node(tree, **node):
+    tree["nodes"].append(node)
+    tree["scenes"][0].setdefault("nodes", []).append(len(tree["nodes"]) - 1)
+
+
+# -- lights and cameras ------------------------------------------------------------------------
+
+
+def lights(*kinds):
+    def change(tree):
+        tree["extensionsUsed"] = ["KHR_lights_punctual"]
+        given = [{"type": kind, "intensity": 10.0, "color": [1, 0.5, 0]} for kind in kinds]
+        tree["extensions"] = {"KHR_lights_punctual": {"lights": given}}
+        turn = [math.sqrt(0.5), 0, 0, math.sqrt(0.5)]  # a quarter about x: -z becomes +y
+        for number in range(len(kinds)):
+            reference = {"KHR_lights_punctual": {"light": number}}
+            add_node(tree, translation=[1, 2, 3], rotation=turn, extensions=reference)
+
+    return change
+
+
+def test_punctual_lights(write):
+    notebook = Notebook()
+    point, sun, spot = Document(write(lights("point", "directional", "spot"))).lights(notebook)
+    assert (point.kind, point.vector) == (POINT, (1, 2, 3)) and point.reference_distance_m == 1
+    np.testing.assert_allclose(point.colour, np.array([10, 5, 0]) / math.pi)
+    # It shines along +y, so it stands below.
+    assert sun.kind == DIRECTIONAL
+    np.testing.assert_allclose(sun.vector, (0, -1, 0), atol=1e-12)
+    assert spot.kind == POINT
+    assert "shines everywhere" in notebook.notes()[0].what
+
+
+def test_lights_of_a_file_replace_the_default(write, write_scene):
+    path = write(lights("point", "point"))
+    assert [light.kind for light in build_scene(path).lights] == [POINT, POINT]
+    sun = [{"towards_light": [0, 1, 0], "colour": [1, 1, 1]}]
+    scene = build_scene(write_scene({"objects": [{"file": path.name}], "lights": sun}))
+    assert [light.kind for light in scene.lights] == [DIRECTIONAL]
+    assert "2 lights: the scene has its own" in scene.summary()
+
+
+def test_lights_move_with_their_object(write, write_scene):
+    entry = {"file": write(lights("point")).name, "transform": [{"translate_m": [5, 0, 0]}]}
+    pose = {"position_m": [6, 2, 9], "look_at_m": [6, 2, 0]}
+    scene = build_scene(write_scene({"objects": [entry], "camera": {"pose": pose}}))
+    np.testing.assert_allclose(scene.lights[0].vector, (0, 0, 6), atol=1e-12)
+
+
+def camera(tree):
+    tree["cameras"] = [
+        {"type": "orthographic", "name": "plan", "orthographic": {}},
+        {"type": "perspective", "perspective": {"yfov": 1.0, "aspectRatio": 1.5, "znear": 0.1}},
+        {"type": "perspective", "perspective": {"yfov": 0.5, "aspectRatio": 0.5, "znear": 0.1}},
+    ]
+    for number in range(3):
+        add_node(tree, camera=number, translation=[0.5, 0.5, 4 + number])
+
+
+def test_the_first_perspective_camera_looks(write):
+    scene = build_scene(write(camera))
+    assert scene.camera.field_width == pytest.approx(2 * math.tan(0.5))
+    assert scene.camera.focus_distance_m == pytest.approx(5)
+    # From (0.5, 0.5, 5) along -z: x to the right, y down.
+    np.testing.assert_allclose(scene.triangles[0, 0], (-0.5, 0.5, 5), atol=1e-6)
+    assert "camera 'plan'" in scene.summary() and "camera 2" in scene.summary()
+
+
+def test_a_pose_of_the_scene_wins(write, write_scene):
+    pose = {"position_m": [0, 0, 9], "look_at_m": [0, 0, 0]}
+    description = {"objects": [{"file": write(camera).name}], "camera": {"pose": pose}}
+    scene = build_scene(write_scene(description))
+    np.testing.assert_allclose(scene.triangles[0, 0], (0, 0, 9), atol=1e-6)
+    assert "the scene has another" in scene.summary()
+
+
+# -- materials ---------------------------------------------------------------------------------
+
+
+def test_a_texture_is_moved(write):
+    change = {"offset": [0.25, 0.5], "rotation": math.pi / 2, "scale": [2, 3]}
+
+    def move(tree):
+        info = tree["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
+        info["extensions"] = {"KHR_texture_transform": change}
+        tree["extensionsRequired"] = tree["extensionsUsed"] = ["KHR_texture_transform"]
+
+    plain, _ = part_and_notes(write(baseColorTexture=picture()))
+    part, notes = part_and_notes(write(move, baseColorTexture=picture()))
+    # With glTF's v, down: (u, v) to (2 u, 3 v), a quarter to (3 v, -2 u), then the offset.
+    u, v = plain.uvs[..., 0], 1 - plain.uvs[..., 1]
+    np.testing.assert_allclose(part.uvs[..., 0], 3 * v + 0.25, atol=1e-6)
+    np.testing.assert_allclose(1 - part.uvs[..., 1], -2 * u + 0.5, atol=1e-6)
+    assert notes == []
+
+
+def test_unlit_is_a_glow(write):
+    path = write(lambda t: use(t, "KHR_materials_unlit", {}), baseColorFactor=[1.0, 0.2, 0, 1])
+    part, notes = part_and_notes(path)
+    assert part.surface.emission == pytest.approx((1, 0.2, 0), abs=2e-3)
+    assert part.surface.diffuse == part.surface.specular == (0, 0, 0) and notes == []
+
+
+def test_emission_with_its_strength_and_texture(write):
+    def strong(tree):
+        use(tree, "KHR_materials_emissive_strength", {"emissiveStrength": 5.0})
+
+    part, notes = part_and_notes(write(strong, emissiveFactor=[0.5, 1.0, 0]))
+    assert part.surface.emission == pytest.approx((2.5, 5, 0)) and notes == []
+    grey = picture(colour=(128, 128, 128))
+    part, notes = part_and_notes(write(strong, emissiveFactor=[1.0, 1, 0], emissiveTexture=grey))
+    assert part.surface.emission == pytest.approx((5 * 0.2158605, 5 * 0.2158605, 0), rel=1e-4)
+    assert "glows as the mean" in notes[0]
+
+
+def test_metal_of_a_texture_counts_with_its_mean(write):
+    image = picture(colour=(0, 51, 255))
+    part, notes = part_and_notes(write(metallicRoughnessTexture=image, roughnessFactor=1.0))
+    plain, _ = part_and_notes(write(metallicFactor=1.0, roughnessFactor=0.2))
+    assert part.surface.diffuse == plain.surface.diffuse
+    assert part.surface.shininess == pytest.approx(plain.surface.shininess)
+    assert "means of their texture" in notes[0]
+
+
+@pytest.mark.parametrize(
+    ("mode", "alpha", "said"),
+    [
+        ("MASK", 0, "cut out wholly"),
+        ("MASK", 255, None),
+        ("BLEND", 255, None),
+        ("BLEND", 100, "transparency: it is opaque"),
+        ("OPAQUE", 0, None),
+    ],
+)
+def test_alpha(write, mode, alpha, said):
+    image = picture("RGBA", (255, 0, 0, alpha))
+    part, notes = part_and_notes(write(baseColorTexture=image, alphaMode=mode))
+    assert (part is None) == (said == "cut out wholly")
+    assert [said in note for note in notes] == [True] * (said is not None)
+
+
+def test_a_texture_with_holes_is_opaque_and_says_so(write):
+    image = picture("RGBA", (255, 0, 0, 255))
+    image.putpixel((1, 1), (0, 0, 0, 0))
+    part, notes = part_and_notes(write(baseColorTexture=image, alphaMode="MASK"))
+    assert part is not None and "holes" in notes[0] and notes[0].startswith("left out")
+
+
+# -- the rest ----------------------------------------------------------------------------------
+
+
+def test_what_is_left_out_is_listed_by_name(write):
+    def change(tree):
+        tree["animations"] = [{"name": "walk"}]
+        tree["skins"] = [{"name": "bones", "joints": [0]}]
+        tree["meshes"][0]["name"] = "square"
+        tree["meshes"][0]["primitives"][0]["targets"] = [{"POSITION": 0}]
+        tree["materials"][0]["name"] = "skin"
+        tree["materials"][0]["normalTexture"] = {"index": 0}
+        use(tree, "KHR_materials_clearcoat", {})
+        tree["extensionsUsed"].append("KHR_xmp")
+
+    _, notes = part_and_notes(write(change, baseColorTexture=picture()))
+    text = "\n".join(notes)
+    for said in (
+        "animation 'walk'", "skin 'bones'", "morph targets of mesh 'square'",
+        "material 'skin': bumps", "material 'skin': KHR_materials_clearcoat", "extension KHR_xmp",
+    ):  # fmt: skip
+        assert f"left out: {said}" in text
+
+
+def test_a_required_extension_that_is_not_known_is_refused(write):
+    def change(tree):
+        tree["extensionsRequired"] = ["KHR_texture_transform", "KHR_mesh_quantization"]
+
+    with pytest.raises(SceneError, match=r"m\.glb: extensionsRequired: .*KHR_mesh_quantization"):
+        build_scene(write(change))
+
+
+def test_names_of_materials_stay(write, tmp_path):
+    part, _ = part_and_notes(write(lambda t: t["materials"][0].update(name="7"), name="x"))
+    assert part.surface.name == "7"
+    part, _ = part_and_notes(write(lambda t: t["materials"][0].pop("name", None)))
+    assert part.surface.name == "m"
+
+
+BROKEN = {
+    "no object": lambda tree: [1],
+    "nodes in a circle": lambda tree: {
+        **tree, "nodes": [{**tree["nodes"][0], "children": [0]}, *tree["nodes"][1:]],
+    },
+    "a light of words": lambda tree: {
+        **tree,
+        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "color": "red"}]}},
+        "nodes": [{"extensions": {"KHR_lights_punctual": {"light": 0}}}, *tree["nodes"]],
+        "scenes": [{"nodes": [0]}],
+    },
+    "a pose of words": lambda tree: {
+        **tree, "nodes": [{**n, "rotation": "up"} for n in tree["nodes"]],
+    },
+    "lists of numbers": lambda tree: {
+        **tree, "materials": 7, "animations": [1], "cameras": {"a": 1}, "extensionsUsed": 8,
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("change", BROKEN.values(), ids=BROKEN.keys())
+def test_broken_json_is_one_line(write, change):
+    path = write()
+    tree, rest = unpacked(path.read_bytes())
+    path.write_bytes(packed(change(tree), rest))
+    try:
+        build_scene(path)  # what is malformed may also count as absent
+    except SceneError as error:
+        assert "\n" not in str(error) and error.remedy
