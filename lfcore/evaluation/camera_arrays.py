@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from operator import itemgetter
 from pathlib import Path
 
@@ -19,13 +18,13 @@ import pandas as pd
 from lfcore.colour import display_values
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.metrics import mse, psnr
+from lfcore.evaluation.timing import clocked
 from lfcore.optics.array import CameraArray
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import parallel
 from lfcore.refocus.array.isaksen import isaksen
 from lfcore.refocus.array.monte_carlo import monte_carlo
 from lfcore.refocus.array.quadrature import quadrature
-from lfcore.refocus.array.result import Synthesis
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.array import trace_array
 from lfcore.storage.tiled_exr import write_array
@@ -52,13 +51,6 @@ def errors(image: np.ndarray, reference: np.ndarray) -> dict[str, float]:
     """``rmse`` of linear radiance and ``psnr_db`` of sRGB codes, clipped to [0, 1]."""
     codes = (display_values(part) for part in (image, reference))
     return {"rmse": math.sqrt(mse(image, reference)), "psnr_db": psnr(*codes, peak=PEAK)}
-
-
-def timed(work: Callable[[], Synthesis]) -> tuple[Synthesis, float]:
-    """A synthesis and its wall seconds; run once before, so that kernels are built."""
-    work()
-    begun = time.perf_counter()
-    return work(), time.perf_counter() - begun
 
 
 def reconstructions(
@@ -93,7 +85,7 @@ def reconstructions(
     rows = []
     for method, label, chosen in works:
         function, value = chosen()
-        made, seconds = timed(lambda f=function, v=value: f(field, camera, surface, v))
+        made, seconds = clocked(lambda f=function, v=value: f(field, camera, surface, v), warm_up=1)
         row = {"cameras_per_dim": field.array.cameras[0], "method": method}
         row |= {"filter_or_samples": label, **errors(made.image, reference), "seconds": seconds}
         rows.append(row)

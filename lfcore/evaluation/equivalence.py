@@ -7,7 +7,6 @@ with 4096 rays a pixel, at its own focus.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -17,6 +16,7 @@ import pandas as pd
 
 from lfcore.colour import display_values
 from lfcore.evaluation.metrics import psnr, ssim
+from lfcore.evaluation.timing import Stopwatch, clocked
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera
@@ -133,16 +133,15 @@ def _warm_up(tracer, slab, planes, reference_views) -> None:
 
 
 def _reference(tracer, camera, pixels, planes, views) -> Made:
-    begun = time.perf_counter()
-    pictures = [trace_picture(tracer, camera, pixels, plane, views=views) for plane in planes]
-    seconds = time.perf_counter() - begun
+    pictures, seconds = clocked(
+        lambda: [trace_picture(tracer, camera, pixels, plane, views=views) for plane in planes]
+    )
     return Made("traced directly", "none", np.stack(pictures), seconds, 0.0)
 
 
 def _slicing(tracer, slab, planes) -> Made:
-    begun = time.perf_counter()
-    pictures = trace_planes(tracer, slab, planes)
-    return Made("slicing the slab", "nearest", pictures, time.perf_counter() - begun, 0.0)
+    pictures, seconds = clocked(lambda: trace_planes(tracer, slab, planes))
+    return Made("slicing the slab", "nearest", pictures, seconds, 0.0)
 
 
 def _views(tracer, slab, planes) -> list[Made]:
@@ -150,30 +149,29 @@ def _views(tracer, slab, planes) -> list[Made]:
     layout = FrameLayout("views", slab.views, slab.pixels, pixel_format="yuv444p")
     summers = [ViewSummer(slab, planes, filter=name, device=tracer.device) for name in FILTERS]
     frames = [FrameSummer(summer, layout) for summer in summers]
-    trace, refocus = 0.0, [0.0] * len(FILTERS)
+    trace, watch = 0.0, Stopwatch()
     for tile in layout.tiles(TILE_RAYS):
         tracing = tracer.trace_tile(slab, tile)
         for chunk in tracing:
-            for k, summer in enumerate(frames):
-                begun = time.perf_counter()
-                summer.add(chunk.frames, tile, chunk.first)
-                refocus[k] += time.perf_counter() - begun
+            for name, summer in zip(FILTERS, frames, strict=True):
+                with watch.part(name):
+                    summer.add(chunk.frames, tile, chunk.first)
         trace += tracing.seconds
     return [
-        Made("shift-sum on views", name, summer.pictures(), trace, seconds)
-        for name, summer, seconds in zip(FILTERS, summers, refocus, strict=True)
+        Made("shift-sum on views", name, summer.pictures(), trace, watch.seconds[name])
+        for name, summer in zip(FILTERS, summers, strict=True)
     ]
 
 
 def _plenoptic(tracer, camera, planes) -> list[Made]:
-    begun = time.perf_counter()
-    picture = photograph(tracer, camera)
-    trace = time.perf_counter() - begun
+    picture, trace = clocked(lambda: photograph(tracer, camera))
     made = []
     for name in FILTERS:
-        begun = time.perf_counter()
-        refocused = refocus_photograph(camera, picture, planes, filter=name, device=tracer.device)
-        seconds = time.perf_counter() - begun
+        refocused, seconds = clocked(
+            lambda name=name: refocus_photograph(
+                camera, picture, planes, filter=name, device=tracer.device
+            )
+        )
         made.append(Made("shift-sum on the plenoptic photograph", name, refocused, trace, seconds))
     return made
 

@@ -15,7 +15,6 @@ import re
 import shutil
 import subprocess
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +26,7 @@ from lfcore.colour import display_values
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.evaluation.metrics import psnr, ssim
+from lfcore.evaluation.timing import clocked
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.pictures import read_codes
@@ -116,10 +116,8 @@ def spread_picture(
 
 
 def _timed(work: Callable[[], np.ndarray], method: str, rays: int, note: str) -> Rendered:
-    work()  # programs are built
-    begun = time.perf_counter()
-    picture = work()
-    return Rendered(method, picture, rays, time.perf_counter() - begun, note)
+    picture, seconds = clocked(work, warm_up=1)  # programs are built
+    return Rendered(method, picture, rays, seconds, note)
 
 
 def _ours(tracer: Tracer, plane: SensorPlane, pixels: int, views: int) -> Rendered:

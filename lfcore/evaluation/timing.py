@@ -1,9 +1,9 @@
 """How published seconds are measured.
 
-Two kinds, never mixed in one table.  :class:`Stopwatch` adds up the wall seconds of the parts of
-one long job, which runs once.  :func:`measure` repeats a short piece of work: warm-up runs,
-then the median of several, with the spread.  Both need the work to be over when the clock is
-read: ``finish`` is called before each reading and waits for the device's queue.
+Every published second comes from here.  :class:`Stopwatch` and :func:`clocked` are for long work,
+which runs once.  :func:`measure` and its like repeat a short piece of work: warm-up runs, then the
+median of several, with the spread.  All need the work to be over when the clock is read: what
+leaves a device's queue unfinished gives ``finish``.
 """
 
 from __future__ import annotations
@@ -11,12 +11,15 @@ from __future__ import annotations
 import os
 import platform
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,71 @@ def measure(
         finish()
         seconds.append(clock() - start)
     return Timing(tuple(seconds))
+
+
+def clocked(
+    work: Callable[[], Result],
+    *,
+    warm_up: int = 0,
+    clock: Callable[[], float] = time.perf_counter,
+) -> tuple[Result, float]:
+    """What one run of ``work`` returns, and its seconds, after ``warm_up`` unseen runs.
+
+    For work that lasts long enough to be run once.
+    """
+    for _ in range(warm_up):
+        work()
+    start = clock()
+    result = work()
+    return result, clock() - start
+
+
+def measure_in_turn(
+    works: Sequence[Callable[[], object]],
+    *,
+    repeats: int,
+    clock: Callable[[], float] = time.perf_counter,
+) -> list[Timing]:
+    """Pieces of work that take turns under the clock, after one unseen run of each.
+
+    What slows the machine for a while slows all of them.
+    """
+    seconds: list[list[float]] = [[] for _ in works]
+    for work in works:
+        work()
+    for _ in range(repeats):
+        for work, taken in zip(works, seconds, strict=True):
+            taken.append(clocked(work, clock=clock)[1])
+    return [Timing(tuple(taken)) for taken in seconds]
+
+
+def measure_within(
+    work: Callable[[int], Result],
+    budget_seconds: float,
+    *,
+    repeats: int,
+    seeds: int = 1,
+    warm: bool = False,
+    clock: Callable[[], float] = time.perf_counter,
+) -> tuple[list[Result], Timing]:
+    """Results of ``work(seed)`` for the first ``seeds`` seeds, and seconds of its repeats.
+
+    The first run is not timed, unless the program is ``warm`` and it takes the whole budget.
+    Short runs repeat ``repeats`` times; longer ones as often as the budget allows, but once a seed.
+    """
+    result, first = clocked(lambda: work(0), clock=clock)
+    if warm and seeds == 1 and first > budget_seconds:
+        return [result], Timing((first,))
+    least, results, seconds = max(1, seeds), [], []
+    for repeat in range(repeats):
+        typical = min(seconds, default=first)
+        if repeat >= least and sum(seconds) + typical > budget_seconds:
+            break
+        result, taken = clocked(lambda repeat=repeat: work(repeat % least), clock=clock)
+        seconds.append(taken)
+        if repeat < least:
+            results.append(result)
+    return results, Timing(tuple(seconds))
 
 
 @dataclass

@@ -15,7 +15,7 @@ import lfcore
 
 LIBRARY = Path(lfcore.__file__).parent
 SUFFIXES = {".py", ".cl", ".h", ".yaml", ".css", ".csv"}
-BASE = ("*.py", "workflow/*.py", "*/__init__.py", "*/*/__init__.py")
+BASE = ("*.py", "workflow/*.py", "scene/reading.py", "*/__init__.py", "*/*/__init__.py")
 """What every job uses."""
 SCENE = ("scene/*.py", "scene/*.yaml", "optics")
 """Scenes as arrays, once they are parsed."""

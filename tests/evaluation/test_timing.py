@@ -1,10 +1,21 @@
 """The protocol of published seconds, on a clock that the test turns by hand."""
 
 import json
+import re
+from pathlib import Path
 
 import pytest
 
-from lfcore.evaluation.timing import Stopwatch, Timing, machine, measure
+from lfcore.evaluation import timing as timing_module
+from lfcore.evaluation.timing import (
+    Stopwatch,
+    Timing,
+    clocked,
+    machine,
+    measure,
+    measure_in_turn,
+    measure_within,
+)
 
 
 class Clock:
@@ -72,3 +83,50 @@ def test_what_is_reported_is_json():
     assert json.loads(json.dumps(Timing((1.0, 2.0)).to_json()))["median_seconds"] == 1.5
     described = json.loads(json.dumps(machine()))
     assert described["cores"] >= 1 and described["processor"]
+
+
+def test_one_run_after_unseen_ones():
+    clock, costs = Clock(), iter([100.0, 3.0])
+    assert clocked(lambda: clock.work(next(costs)) or "made", warm_up=1, clock=clock) == (
+        "made", 3.0,
+    )  # fmt: skip
+
+
+def test_work_takes_turns():
+    clock, order = Clock(), []
+
+    def worker(name, cost):
+        return lambda: (order.append(name), clock.work(cost))
+
+    full, lean = measure_in_turn((worker("a", 2.0), worker("b", 1.0)), repeats=2, clock=clock)
+    assert order == ["a", "b"] * 3
+    assert full.seconds == (2.0, 2.0) and lean.seconds == (1.0, 1.0)
+
+
+def test_repeats_keep_to_a_budget_and_every_seed_is_run():
+    clock, seen = Clock(), []
+
+    def work(seed, cost=0.2):
+        seen.append(seed)
+        clock.work(cost)
+        return seed
+
+    results, timing = measure_within(work, 0.5, repeats=20, seeds=3, clock=clock)
+    assert results == [0, 1, 2] and seen == [0, 0, 1, 2] and len(timing.seconds) == 3
+    _, timing = measure_within(lambda seed: work(seed, 0.01), 0.5, repeats=20, clock=clock)
+    assert len(timing.seconds) == 20
+    seen.clear()
+    results, timing = measure_within(work, 0.1, repeats=20, warm=True, clock=clock)
+    assert seen == [0] and timing.seconds == pytest.approx((0.2,))
+
+
+def test_no_other_module_of_reports_reads_a_clock():
+    """Published seconds come from one place; a process of its own has a clock of its own."""
+    folder = Path(timing_module.__file__).parent
+    reading = re.compile(r"(?:perf_counter|process_time|monotonic|time\.time)\(\)")
+    found = {
+        path.relative_to(folder).as_posix()
+        for path in folder.rglob("*.py")
+        if reading.search(path.read_text(encoding="utf-8"))
+    }
+    assert found == {"left_out/packages.py"}

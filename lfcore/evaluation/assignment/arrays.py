@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from lfcore.errors import SceneError
+from lfcore.evaluation.timing import clocked
 from lfcore.optics.array import CameraArray
 from lfcore.rendering.array import trace_array
 from lfcore.scene.model import Scene
@@ -56,9 +56,9 @@ def trace_to_exr(
     """Trace an array into one tiled EXR; returns its row of the ``camera_array`` table."""
     # Kernels are built for the size of a tile: one camera of it, unseen by the clock.
     trace_array(tracer, CameraArray.single(array.fov_deg, array.tile))
-    begun = time.perf_counter()
-    image = trace_array(tracer, array, samples_per_pixel, progress=progress)
-    seconds = time.perf_counter() - begun
+    image, seconds = clocked(
+        lambda: trace_array(tracer, array, samples_per_pixel, progress=progress)
+    )
     name = tracer.scene.name
     write_array(path, image, array, half=True, extra={"scene": name})
     return {

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.evaluation.camera_arrays import errors, timed
+from lfcore.evaluation.camera_arrays import errors
+from lfcore.evaluation.timing import clocked
 from lfcore.optics.lens_system import LensSystem
 from lfcore.refocus.array import focal_surface as surfaces
 from lfcore.refocus.array.device_field import DeviceField
@@ -48,12 +49,14 @@ def synthesis(field: DeviceField, size: int):
     pinhole, lens = assignment_camera(size), assignment_camera(size, LENS_M)
     near = surfaces.parallel(AUTHORS_FOCUS_M)
     found = {
-        f"Isaksen, z = {BOOK_FOCUS_M} m": timed(
-            lambda: isaksen(field, pinhole, surfaces.parallel(BOOK_FOCUS_M), FILTER_M)
+        f"Isaksen, z = {BOOK_FOCUS_M} m": clocked(
+            lambda: isaksen(field, pinhole, surfaces.parallel(BOOK_FOCUS_M), FILTER_M), warm_up=1
         ),
-        f"Isaksen, z = {AUTHORS_FOCUS_M} m": timed(lambda: isaksen(field, pinhole, near, FILTER_M)),
-        f"Monte Carlo, z = {AUTHORS_FOCUS_M} m": timed(
-            lambda: monte_carlo(field, lens, near, SAMPLES)
+        f"Isaksen, z = {AUTHORS_FOCUS_M} m": clocked(
+            lambda: isaksen(field, pinhole, near, FILTER_M), warm_up=1
+        ),
+        f"Monte Carlo, z = {AUTHORS_FOCUS_M} m": clocked(
+            lambda: monte_carlo(field, lens, near, SAMPLES), warm_up=1
         ),
     }
     pictures = [made.image for made, _ in found.values()]

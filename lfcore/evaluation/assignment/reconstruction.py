@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 
 from matplotlib.figure import Figure
@@ -16,6 +15,7 @@ from lfcore.evaluation.camera_arrays import (
     reconstructions,
     square_field,
 )
+from lfcore.evaluation.timing import clocked
 from lfcore.rendering.photograph import direct_thin_lens
 from lfcore.tracing.tracer import Tracer
 
@@ -52,9 +52,10 @@ def reconstruction(
     # Kernels are built for the size of a tile: unseen by the clock.
     square_field(tracer, 2, bounds, fov_deg, tile_px, 1)
     for cameras in sorted(camera_counts):
-        begun = time.perf_counter()
-        field = square_field(tracer, cameras, bounds, fov_deg, tile_px, SAMPLES)
-        arrays.append(array_record(tracer.scene.name, field, SAMPLES, time.perf_counter() - begun))
+        field, seconds = clocked(
+            lambda cameras=cameras: square_field(tracer, cameras, bounds, fov_deg, tile_px, SAMPLES)
+        )
+        arrays.append(array_record(tracer.scene.name, field, SAMPLES, seconds))
         found = reconstructions(
             field, camera, BOOK_FOCUS_M, reference, samples=sorted(monte_carlo_samples)
         )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
 from lfcore.evaluation.assignment.book import AUTHORS_FOCUS_M, measured_camera
 from lfcore.evaluation.camera_arrays import errors, square_field
+from lfcore.evaluation.timing import clocked
 from lfcore.opencl.device import Device
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import parallel
@@ -83,9 +83,12 @@ def shutter(
     counts = [1, *(n for n in (2, 4, 8, 16, 32, 64) if n < instants), instants]
     pictures, seconds = [], []
     for count in counts:
-        begun = time.perf_counter()
-        image = trace_shutter(scene, scene.view.array, count, device=device, progress=progress)
-        seconds.append(time.perf_counter() - begun)
+        image, taken = clocked(
+            lambda count=count: trace_shutter(
+                scene, scene.view.array, count, device=device, progress=progress
+            )
+        )
+        seconds.append(taken)
         field = DeviceField(device, image, scene.view.array)
         pictures.append(quadrature(field, camera, parallel(SHUTTER_FOCUS_M), 16, 2).image)
     found = [errors(picture, pictures[-1]) for picture in pictures[:-1]]

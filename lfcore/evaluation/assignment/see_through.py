@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from lfcore.evaluation.camera_arrays import errors, timed
+from lfcore.evaluation.camera_arrays import errors
+from lfcore.evaluation.timing import clocked
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import parallel
 from lfcore.refocus.array.quadrature import quadrature
@@ -46,11 +46,13 @@ def see_through(
 
     def from_field(focus_m: float, radius: float):
         surface = parallel(focus_m)
-        return timed(lambda: quadrature(field, camera(radius), surface, LENS_POINTS, 2))
+        return clocked(
+            lambda: quadrature(field, camera(radius), surface, LENS_POINTS, 2), warm_up=1
+        )
 
-    begun = time.perf_counter()
-    direct = direct_thin_lens(tracer, camera(lens), focus, samples, progress=progress)
-    direct_seconds = time.perf_counter() - begun
+    direct, direct_seconds = clocked(
+        lambda: direct_thin_lens(tracer, camera(lens), focus, samples, progress=progress)
+    )
     (pinhole, _), (seen, seconds) = from_field(focus, 0.0), from_field(focus, lens)
     in_front = [from_field(focus_m, radius)[0] for _, focus_m, radius in near]
     pictures = [pinhole.image, seen.image, direct, *(made.image for made in in_front)]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from lfcore.errors import LfcoreError
-from lfcore.evaluation.timing import Timing
+from lfcore.evaluation.timing import measure_in_turn
 from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -63,28 +62,15 @@ class Bench:
 
     def row(self, feature: str, what: str, full, lean, saved: int, identical: bool) -> dict:
         """A row of the report; ``full`` and ``lean`` take turns under the clock."""
-        full_seconds, lean_seconds = in_turn(full, lean, self.repeats)
+        full_time, lean_time = measure_in_turn((full, lean), repeats=self.repeats)
         return {
             "feature": feature,
             "what": what,
-            "seconds_full": full_seconds,
-            "seconds_left_out": lean_seconds,
+            "seconds_full": full_time.median,
+            "seconds_left_out": lean_time.median,
             "bytes_saved": int(saved),
             "identical": identical,
         }
-
-
-def in_turn(full, lean, repeats: int) -> tuple[float, float]:
-    """Median seconds of two pieces of work that take turns, after one unseen run of each."""
-
-    seconds: tuple[list[float], list[float]] = ([], [])
-    for repeat in range(-1, repeats):
-        for work, taken in zip((full, lean), seconds, strict=True):
-            begun = time.perf_counter()
-            work()
-            if repeat >= 0:
-                taken.append(time.perf_counter() - begun)
-    return tuple(Timing(tuple(taken)).median for taken in seconds)
 
 
 def same(one: Iterable[np.ndarray], other: Iterable[np.ndarray]) -> bool:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.evaluation.timing import Stopwatch, clocked
 from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
 from lfcore.refocus.slicing import CHUNK_BYTES, PlaneFormer
@@ -123,20 +124,21 @@ def _planes(field, focus_m, study, device) -> Iterator[Callable[[], Cost]]:
     field.check_segment(0)
 
     def alone() -> Cost:
-        begun = time.process_time()
-        for _ in field.frames(0, 0, frames, chunk=chunk):
+        watch = Stopwatch(clock=time.process_time)
+        for _ in watch.each("decode", field.frames(0, 0, frames, chunk=chunk)):
             pass
-        return Cost(DECODING, (time.process_time() - begun) / share, share, 1.0)
+        return Cost(DECODING, watch.seconds["decode"] / share, share, 1.0)
 
     def formed(planes: list[SensorPlane], frames: int = frames) -> Cost:
-        begun, first = time.process_time(), 0
-        former = PlaneFormer(field.slab, part.tile, planes, device)
-        for some in field.frames(0, 0, frames, chunk=chunk):
-            former.add(some, first)
-            first += len(some)
-        former.plane_sums()
-        spent = (time.process_time() - begun) / share
-        return Cost(f"{len(planes)} plane{'s' * (len(planes) > 1)}", spent, share, 1.0)
+        def work() -> None:
+            first, former = 0, PlaneFormer(field.slab, part.tile, planes, device)
+            for some in field.frames(0, 0, frames, chunk=chunk):
+                former.add(some, first)
+                first += len(some)
+            former.plane_sums()
+
+        _, spent = clocked(work, clock=time.process_time)
+        return Cost(f"{len(planes)} plane{'s' * (len(planes) > 1)}", spent / share, share, 1.0)
 
     yield alone
     for count in study.planes:
@@ -176,13 +178,15 @@ def _pieces(field: LightFieldFile) -> Iterator[Callable[[], Cost]]:
 
 
 def _piece(path: Path, what: str, read: Callable, everywhere: bool) -> Cost:
-    begun = time.process_time()
-    field = LightFieldFile.open(path)
-    share = 1.0
-    if everywhere:
-        field, share = first_segment(field)
-    read(field)
-    spent = (time.process_time() - begun) / share
+    def work() -> tuple[LightFieldFile, float]:
+        field, share = LightFieldFile.open(path), 1.0
+        if everywhere:
+            field, share = first_segment(field)
+        read(field)
+        return field, share
+
+    (field, share), spent = clocked(work, clock=time.process_time)
+    spent /= share
     frames = field.count.frames / sum(part.frames for part in field.segments)
     return Cost(what, spent, share, frames)
 

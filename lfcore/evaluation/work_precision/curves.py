@@ -8,12 +8,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from lfcore.evaluation.timing import clocked
 from lfcore.evaluation.work_precision.methods import methods
 from lfcore.evaluation.work_precision.peers import peers
 from lfcore.evaluation.work_precision.point import COLUMNS, point
@@ -100,9 +100,7 @@ def arithmetic(tracer: Tracer, study: Study) -> Iterator[dict]:
     slab = Slab(scene.camera, study.oracle_views, study.pixels)
     rng = np.random.default_rng(6)
     places = np.unique(rng.integers(0, slab.pixels, (study.oracle_pixels, 2)), axis=0)
-    begun = time.perf_counter()
-    truth = oracle.trace(scene, slab, places)
-    seconds = time.perf_counter() - begun
+    truth, seconds = clocked(lambda: oracle.trace(scene, slab, places))
     bundles = macropixels(slab, places)
     shape = len(places), slab.views**2, 3
     context = {"panel": "arithmetic", "f_number": scene.camera.f_number}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
@@ -13,7 +12,7 @@ from lfcore.colour import display_values
 from lfcore.errors import OpticsError, SceneError
 from lfcore.evaluation.metrics import psnr
 from lfcore.evaluation.tables import TableError
-from lfcore.evaluation.timing import Timing
+from lfcore.evaluation.timing import measure_within
 
 COLUMNS = (
     "scene", "panel", "f_number", "method", "knob", "rays_per_pixel", "rmse", "order", "psnr_db",
@@ -24,34 +23,6 @@ REPEATS = 20
 BUDGET_SECONDS = 0.5
 MORE_ACCURATE = 10
 """How many times more accurate than a point its reference must be for the point to be shown."""
-
-
-def timed(
-    work: Callable[[int], np.ndarray], *, seeds: int = 1, warm: bool = False
-) -> tuple[list[np.ndarray], Timing]:
-    """Results of ``work(seed)`` for the first ``seeds`` seeds, and seconds of its repeats.
-
-    The first run is not timed, unless the program is ``warm`` and it takes the whole budget.
-    Runs of up to a twentieth of :data:`BUDGET_SECONDS` repeat :data:`REPEATS` times; longer ones as
-    often as the budget allows, but once a seed.
-    """
-    begun = time.perf_counter()
-    result = work(0)
-    first = time.perf_counter() - begun
-    if warm and seeds == 1 and first > BUDGET_SECONDS:
-        return [result], Timing((first,))
-    least, results, seconds = max(1, seeds), [], []
-    for repeat in range(REPEATS):
-        spent = sum(seconds)
-        typical = min(seconds, default=first)
-        if repeat >= least and spent + typical > BUDGET_SECONDS:
-            break
-        begun = time.perf_counter()
-        result = work(repeat % least)
-        seconds.append(time.perf_counter() - begun)
-        if repeat < least:
-            results.append(result)
-    return results, Timing(tuple(seconds))
 
 
 def rmse(pictures: Iterable[np.ndarray], reference: np.ndarray) -> float:
@@ -88,7 +59,9 @@ def point(
     """
     row = dict.fromkeys(COLUMNS) | {"reference_rmse": reference_rmse} | context
     try:
-        results, timing = timed(work, seeds=seeds, warm=warm)
+        results, timing = measure_within(
+            work, BUDGET_SECONDS, repeats=REPEATS, seeds=seeds, warm=warm
+        )
         made = [picture_of(result) for result in results]
     except (OpticsError, SceneError):
         return row
