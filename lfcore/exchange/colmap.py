@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lfcore.exchange import pictures
+from lfcore.files import write_text
 
 
 def write(source, folder: Path, options) -> None:
@@ -26,4 +27,4 @@ def write(source, folder: Path, options) -> None:
         x, y = -source.columns_m[column], -source.rows_m[row]
         images += [f"{number} 1 0 0 0 {x:.12g} {y:.12g} 0 {number} {name}", ""]
     for name, lines in (("cameras", cameras), ("images", images), ("points3D", ["# empty"])):
-        (model / f"{name}.txt").write_text("\n".join(lines) + "\n", encoding="ascii")
+        write_text(model / f"{name}.txt", "\n".join(lines) + "\n")

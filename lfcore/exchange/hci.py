@@ -16,6 +16,7 @@ import numpy as np
 
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
+from lfcore.files import write_text
 from lfcore.pictures import write_picture as write_pfm
 
 CONFIG = "parameters.cfg"
@@ -119,7 +120,7 @@ def write(source, folder: Path, options) -> None:
         )
     if source.columns != source.rows:
         options.notes.append("the benchmark's own readers take square grids only")
-    (folder / CONFIG).write_text(_parameters(source, geometry, reach), encoding="utf-8")
+    write_text(folder / CONFIG, _parameters(source, geometry, reach))
 
 
 def _write_truth(source, folder: Path, names: list[str]) -> tuple[float, float] | None:

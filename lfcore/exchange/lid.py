@@ -18,6 +18,7 @@ import numpy as np
 from lfcore.exchange import folder as plain
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
+from lfcore.files import write_text
 
 HEADER = "# LIF1.0"
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
@@ -146,4 +147,4 @@ def write(source, folder: Path, options) -> None:
         )  # fmt: skip
     lines += [f"SAMPLES_UV {source.columns} {source.rows}",
               f"SAMPLES_ST {source.width} {source.height}", "FORMAT rgb"]  # fmt: skip
-    (folder / f"{source.name}.lid").write_text("\n".join(lines) + "\n", encoding="ascii")
+    write_text(folder / f"{source.name}.lid", "\n".join(lines) + "\n")

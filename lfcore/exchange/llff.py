@@ -14,6 +14,7 @@ import numpy as np
 
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import ExchangeError
+from lfcore.pictures import write_picture
 
 
 def write(source, folder: Path, options) -> None:
@@ -38,7 +39,7 @@ def write(source, folder: Path, options) -> None:
         size = np.array([2 * half[1], 2 * half[0], source.focal_px])
         matrix = np.stack([down, right, back, pose[:3, 3], size], 1)
         rows.append(np.concatenate([matrix.reshape(-1), [near, far]]))
-    np.save(folder / "poses_bounds.npy", np.array(rows, np.float64), allow_pickle=False)
+    write_picture(folder / "poses_bounds.npy", np.array(rows, np.float64))
 
 
 def _bounds(source, options) -> tuple[float, float]:

@@ -15,6 +15,8 @@ import sysconfig
 import tempfile
 from pathlib import Path
 
+from lfcore.errors import StorageError
+from lfcore.files import write_text
 from lfcore.opencl.program_cache import cache_home
 
 SYSTEM_VENDORS = Path("/etc/OpenCL/vendors")
@@ -69,14 +71,10 @@ def _write(entries: dict[str, str]) -> Path:
     for root in (cache_home() / "lfcore", Path(tempfile.gettempdir()) / f"lfcore-{user}"):
         directory = root / f"opencl-vendors-{digest}"
         try:
-            directory.mkdir(parents=True, exist_ok=True)
             for name, library in entries.items():
-                target = directory / name
-                if not target.exists():
-                    part = directory / f"{name}.{os.getpid()}.part"
-                    part.write_text(library + "\n", encoding="utf-8")
-                    os.replace(part, target)
+                if not (directory / name).exists():
+                    write_text(directory / name, library + "\n")
             return directory
-        except OSError:
+        except (StorageError, OSError):
             continue
     return Path(tempfile.mkdtemp(prefix="lfcore-opencl-"))

@@ -20,6 +20,9 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from lfcore.errors import StorageError
+from lfcore.files import whole_file
+
 log = logging.getLogger(__name__)
 
 LIMIT_BYTES = 256 << 20
@@ -166,26 +169,23 @@ def _read(entry: Path, load: Callable[[bytes], object]) -> object | None:
 
 def _write(entry: Path, binary: bytes) -> None:
     """Give an entry its name when it is whole; a full disk costs the entry alone."""
-    part = entry.with_name(f"{entry.stem}.{os.getpid()}.{id(binary):x}.part")
     try:
-        part.write_bytes(_MAGIC + hashlib.sha256(binary).digest() + binary)
-        os.replace(part, entry)
-    except OSError as error:
+        with whole_file(entry) as file:
+            file.write(_MAGIC + hashlib.sha256(binary).digest() + binary)
+    except StorageError as error:
         log.warning("a built OpenCL program was not kept: %s", error)
-        with contextlib.suppress(OSError):
-            part.unlink()
     _make_room(entry.parent, LIMIT_BYTES)
 
 
 def _make_room(path: Path, limit: int) -> None:
     """Remove what was not used for longest until entries take less than three quarters of a limit.
 
-    What a killed process left half written counts as an entry.
+    What is half written counts as an entry.
     """
     entries = []
     with contextlib.suppress(OSError), os.scandir(path) as files:
         for file in files:
-            if file.name.endswith((".bin", ".part")):
+            if file.name.endswith(".bin"):
                 with contextlib.suppress(OSError):
                     about = file.stat()
                     entries.append((about.st_mtime, about.st_size, file.path))

@@ -15,6 +15,7 @@ import numpy as np
 
 from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.errors import SceneError
+from lfcore.files import write_text
 from lfcore.optics.camera import Camera
 from lfcore.pictures import write_picture
 from lfcore.scene.model import POINT, Scene
@@ -50,8 +51,7 @@ def write_povray(folder: str | Path, scene: Scene, camera: Camera, *, samples: i
     if math.isinf(camera.focus_distance_m):
         raise SceneError("POV-Ray cannot focus at infinity", key="camera.focus_distance_m")
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / MESH).write_text("\n".join(_mesh(scene, folder)) + "\n", encoding="ascii")
+    write_text(folder / MESH, "\n".join(_mesh(scene, folder)) + "\n")
     head = [
         "#version 3.7;",
         "global_settings { assumed_gamma 1 max_trace_level 2 }",
@@ -61,7 +61,7 @@ def write_povray(folder: str | Path, scene: Scene, camera: Camera, *, samples: i
         f'#include "{MESH}"',
     ]
     file = folder / FILE
-    file.write_text("\n".join(head) + "\n", encoding="ascii")
+    write_text(file, "\n".join(head) + "\n")
     return file
 
 
