@@ -10,7 +10,7 @@ import numpy as np
 
 from lfcore.exchange.grid import ExchangeError
 
-_TURNED, _APART = 1e-3, 1e-2
+_TURNED, _APART, _FARTHEST = 1e-3, 1e-2, 1e12
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ def on_a_plane(poses: np.ndarray, file: Path, names: Sequence[str]) -> PosedGrid
     Raises :class:`ExchangeError`, naming a camera, for ones that are turned against one another,
     do not lie in one plane or leave a place of the grid empty.
     """
-    if not np.isfinite(poses).all():
+    if not (np.abs(poses) < _FARTHEST).all():
         raise ExchangeError("holds poses that are not finite", file=file)
-    turn = poses[0, :3, :3] / np.linalg.norm(poses[0, :3, :3], axis=0)
+    turn = poses[0, :3, :3] / np.maximum(np.linalg.norm(poses[0, :3, :3], axis=0), 1e-30)
     turned = np.abs(poses[:, :3, :3] - poses[0, :3, :3]).max((1, 2))
     if turned.max() > _TURNED:
         raise ExchangeError(

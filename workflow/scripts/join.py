@@ -14,6 +14,8 @@ with job(snakemake.log[0], snakemake.threads):
     views, file = int(snakemake.wildcards.n), snakemake.output.light_field
     camera, _, _ = cases.read_camera(given.scene)
     tiles, spec = cases.tiles(params, views), cases.codec_spec(params, views)
+    traced = [read_json(path) for path in given.seconds]
+    depth = traced[0].get("depth_m")
     with watch.part("join"):
         metadata = join_segments(
             file,
@@ -23,9 +25,9 @@ with job(snakemake.log[0], snakemake.threads):
             geometry=Slab(camera, views, params.spatial_resolution),
             scene={"name": snakemake.wildcards.scene, "digest": cases.file_digest(given.scene)},
             spec=spec,
+            content={"depth_m": depth} if depth else None,
             progress=log_progress("segments"),
         )
-    traced = [read_json(path) for path in given.seconds]
     record = {
         "device": traced[0]["processor"],
         "threads": spec.threads,

@@ -4,6 +4,7 @@ from lfcore.evaluation.timing import Stopwatch, machine
 from lfcore.files import write_json
 from lfcore.opencl.device import open_device
 from lfcore.optics.slab import Slab
+from lfcore.rendering.depth import depth_range
 from lfcore.scene.files import load_scene
 from lfcore.tracing import reach
 from lfcore.tracing.bvh import load_bvh
@@ -31,5 +32,7 @@ with job(snakemake.log[0], snakemake.threads):
     seconds |= watch.seconds
     facts = {"rays": tracing.rays, "device": device.name, "threads": device.threads}
     facts |= {"processor": machine()["processor"], "seconds": seconds}
+    if params.store and tile.index == 0:  # of the whole slab, once
+        facts["depth_m"] = depth_range(tracer, slab)
     write_json(output.seconds, facts)
     print(facts)
