@@ -31,6 +31,7 @@ def kill_all(home: Path, *, count: int, seconds: float, seed: int, only: Sequenc
         way = draw.choice(one.job.ways)
         one.disturb(draw, way, tallies[one.job.name, way])
         done = sum(tally.kills for tally in tallies.values())
+        print(f"{done} of {count} kills", file=sys.stderr)
     lines = [
         "| run | ended by | kills | went on by itself | identical | slowest end | findings |",
         "|---|---" + 5 * "|--:" + "|",

@@ -17,6 +17,7 @@ from lfcore.exchange.importing import ReadOptions, read_grid
 from lfcore.exchange.pictures import is_picture
 from lfcore.exchange.storing import store_grid
 from lfcore.storage.codecs import CodecSpec
+from robustness.children import apart
 from robustness.mutate import damage_bytes, damage_text
 from robustness.outcome import Outcome, SilentlyWrong, outcome_of
 from robustness.targets import Target
@@ -135,6 +136,6 @@ def targets() -> list[Target]:
 
     def own_seeds(folder: Path) -> list[bytes]:
         home.append(folder)
-        return seeds(folder)
+        return apart(lambda: seeds(folder))  # exporting opens a device
 
     return [Target("import", own_seeds, damage, lambda d, f: judge(home[-1], d, f), weight=2)]
