@@ -46,7 +46,7 @@ Progress = Callable[[int, int], None]
 """Called with (done, of all), from any thread but one at a time."""
 
 
-def load_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
+def load_scene(path: str | Path, *, light_points: int = POINTS, up: str = "y") -> Scene:
     """The scene of any file that describes one.
 
     Parameters
@@ -55,6 +55,7 @@ def load_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
         gets a camera and a light, a ``.pbrt`` file, or a ``scene.npz`` of the workflow.  What a
         foreign format says and cannot be mapped exactly is in the scene's ``notes``.
     light_points : point lights that stand for each area light of a pbrt scene.
+    up : ``y`` or ``z``, the axis of a mesh that points up; glTF's is y.
 
     Raises
     ------
@@ -63,7 +64,7 @@ def load_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
     path = Path(path)
     if path.suffix.lower() == ".npz":
         return load_prepared(path)
-    return build_scene(path, light_points=light_points)
+    return build_scene(path, light_points=light_points, up=up)
 
 
 def render(

@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> None:
     from lfcore.rendering.prepared import open_tracer
 
     field = _checked(arguments)
-    scene = load(arguments.scene, arguments.light_points)
+    scene = load(arguments.scene, arguments.light_points, arguments.up)
     slab = field.slab if field else Slab(scene.camera, arguments.views, arguments.size)
     say_what_is_in(scene)
     if arguments.output:

@@ -104,13 +104,14 @@ def add_scene(command: argparse.ArgumentParser) -> None:
         "--light-points", type=int, default=POINTS, metavar="P",
         help=f"points of each area light of a pbrt scene ({POINTS})",
     )  # fmt: skip
+    command.add_argument("--up", choices=("y", "z"), default="y", help="axis of a mesh (y)")
 
 
-def load(path: Path, light_points: int = POINTS) -> Scene:
+def load(path: Path, light_points: int = POINTS, up: str = "y") -> Scene:
     """As :func:`lfcore.load_scene`; what could not be read exactly is told."""
     from lfcore.api import load_scene
 
-    scene = load_scene(path, light_points=light_points)
+    scene = load_scene(path, light_points=light_points, up=up)
     if scene.notes:
         say(scene.summary())
     return scene
@@ -130,7 +131,7 @@ def render(arguments: argparse.Namespace) -> None:
     check_suffix(arguments.output)
     check_bits(arguments.output, arguments.bits)
     _check_rays(arguments)
-    scene = load(arguments.scene, arguments.light_points)
+    scene = load(arguments.scene, arguments.light_points, arguments.up)
     say_what_is_in(scene)
     if render_view.wants_film(arguments, scene):
         render_view.render_film(arguments, scene)
@@ -188,7 +189,7 @@ def trace(arguments: argparse.Namespace) -> None:
     from lfcore import api
 
     check_suffix(arguments.output, (".mkv",))
-    scene = load(arguments.scene, arguments.light_points)
+    scene = load(arguments.scene, arguments.light_points, arguments.up)
     say_what_is_in(scene)
     if render_view.wants_film(arguments, scene) and scene.view.kind == "lightfield":
         render_view.trace_film(arguments, scene)

@@ -53,7 +53,7 @@ def scene_from_triangles(
     return Scene(
         name=name,
         camera=camera,
-        lights=[framing.default_light(to_camera)] if lights is None else list(lights),
+        lights=framing.default_lights() if lights is None else list(lights),
         ambient=parse_colour(defaults["ambient"]) if ambient is None else ambient,
         background=parse_colour(defaults["background"]) if background is None else background,
         focus_distances_m=framing.default_focus_distances(camera, geometry.triangles),

@@ -16,6 +16,7 @@ from lfcore.scene.assemble import assemble
 from lfcore.scene.colour import parse_colour
 from lfcore.scene.description import check, complete, read_description
 from lfcore.scene.emitters import POINTS
+from lfcore.scene.gltf import SUFFIXES
 from lfcore.scene.limits import within_limits
 from lfcore.scene.meshes import load_mesh, read_texture
 from lfcore.scene.model import DIRECTIONAL, POINT, Light, Scene
@@ -30,7 +31,7 @@ from lfcore.scene.view import View, lightfield_view
 PBRT = (".pbrt", ".pbrt.gz")
 
 
-def build_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
+def build_scene(path: str | Path, *, light_points: int = POINTS, up: str = "y") -> Scene:
     """Read a scene and everything it names.
 
     Parameters
@@ -39,6 +40,7 @@ def build_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
         is then a scene of its own with default camera, light and materials.
     light_points : point lights that stand for one area light of a pbrt scene, see
         :func:`~lfcore.scene.emitters.emitter_points`.
+    up : ``y`` or ``z``, the axis of a mesh file that points up.
 
     Raises
     ------
@@ -48,15 +50,32 @@ def build_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
     path = Path(path)
     if path.is_dir():
         path = path / "scene.yaml"
+    _check_up(up, path)
     if path.name.lower().endswith(PBRT):
         return _pbrt(path, light_points)
     if path.suffix.lower() in DESCRIPTIONS:
         description = read_description(path)
         name = description.get("name") or _default_name(path)
     else:
-        description = complete(check({"objects": [{"file": path.name}]}, file=path))
+        entry: dict = {"file": path.name}
+        if up == "z":
+            entry["transform"] = [{"rotate": {"axis": "x", "angle_deg": -90}}]
+        description = complete(check({"objects": [entry]}, file=path))
         name = path.stem
     return build(description, file=path, name=name)
+
+
+def _check_up(up: str, path: Path) -> None:
+    if up not in ("y", "z"):
+        raise SceneError(f"{up!r} is no axis", file=path, key="up", remedy="Give y or z")
+    scene = path.name.lower().endswith(PBRT) or path.suffix.lower() in DESCRIPTIONS
+    if up == "z" and (scene or path.suffix.lower() in SUFFIXES):
+        raise SceneError(
+            "says by itself where up is",
+            file=path,
+            key="up",
+            remedy="Leave the option out; a scene.yaml may turn an object by its transform",
+        )
 
 
 def _pbrt(path: Path, light_points: int) -> Scene:
@@ -266,7 +285,7 @@ def _lights(description: dict, staging: Staging, to_camera: np.ndarray, file: Pa
     if "lights" not in description and staging.lights:
         return [moved(light, to_camera) for light in staging.lights]
     if "lights" not in description:
-        return [framing.default_light(to_camera)]
+        return framing.default_lights()
     lights = []
     for index, entry in enumerate(description["lights"]):
         colour, shadows = parse_colour(entry["colour"]), entry["casts_shadows"]

@@ -118,18 +118,32 @@ def _depth_before(extent: Bounds, to_camera: np.ndarray, middle: float) -> float
 
 
 def _framing_pose(description: dict, extent: Bounds) -> np.ndarray:
-    """Just far enough along :data:`VIEW_DIRECTION` that every vertex lies in the picture."""
+    """Just far enough along :data:`VIEW_DIRECTION` that every vertex lies in the picture, and so
+    that the picture of all of them lies in its middle."""
     width = FIELD_WIDTH
     if "focal_length_mm" in description or "sensor_width_mm" in description:
         focal_m, sensor_m = _lens(description, 0.0)
         width = sensor_m / focal_m
     direction = np.asarray(VIEW_DIRECTION) / np.linalg.norm(VIEW_DIRECTION)
     turn = look_at(direction, (0, 0, 0))[:3, :3]
-    x, y, z = turn @ (extent.points - extent.centre).T
-    # A vertex at depth distance + z is in the picture when |x| <= FILLED width / 2 * depth.
-    reach = np.maximum(np.abs(x), np.abs(y)) / (FILLED * width / 2)
-    distance = max(float((reach - z).max()), 1.5 * extent.radius, 1e-6)
-    return look_at(extent.centre + distance * direction, extent.centre)
+    *across, z = turn @ (extent.points - extent.centre).T
+    # From (x0, y0, -distance) a vertex is in the picture when |x - x0| <= k (z + distance) and y
+    # alike.  The sum of what bounds k distance from above and below does not hold x0.
+    k = FILLED * width / 2
+    bounds_of = [((x - k * z).max() + (-x - k * z).max()) / 2 / k for x in across]
+    distance = max(*map(float, bounds_of), 1.5 * extent.radius, 1e-6)
+    aside = turn[:2].T @ [_balanced(x, z + distance) for x in across]
+    middle = extent.centre + aside
+    return look_at(middle + distance * direction, middle)
+
+
+def _balanced(x: np.ndarray, depth: np.ndarray) -> float:
+    """Where a camera sees (V,) places ``x`` at ``depth`` as far to one side as to the other."""
+    middle = 0.0
+    for _ in range(50):
+        seen = (x - middle) / depth
+        middle += float(seen.max() + seen.min()) / 2 * float(depth.min())
+    return middle
 
 
 def _lens(
@@ -143,11 +157,19 @@ def _lens(
     return float(focal or 50.0) / 1000, float(sensor or 36.0) / 1000
 
 
-def default_light(to_camera: np.ndarray) -> Light:
-    """Directional, with shadows, over the camera's left shoulder; already in camera space."""
-    towards = np.array([-0.5, -0.8, -0.7])
-    x, y, z = (towards / np.linalg.norm(towards)).tolist()
-    return Light(DIRECTIONAL, (x, y, z), (0.85, 0.83, 0.8))
+def default_lights() -> list[Light]:
+    """In camera space: a key light with shadows over the camera's left shoulder, and a faint one
+    from the right that fills them."""
+    key, fill = ([-0.5, -0.8, -0.7], [0.8, -0.15, -0.6])
+    return [
+        Light(DIRECTIONAL, _unit(key), (0.85, 0.83, 0.8)),
+        Light(DIRECTIONAL, _unit(fill), (0.18, 0.19, 0.21), casts_shadows=False),
+    ]
+
+
+def _unit(towards: list[float]) -> tuple[float, float, float]:
+    x, y, z = (np.array(towards) / np.linalg.norm(towards)).tolist()
+    return x, y, z
 
 
 def default_focus_distances(camera: Camera, triangles: np.ndarray, number: int = 5) -> tuple:

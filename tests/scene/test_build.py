@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lfcore.errors import SceneError
 from lfcore.scene.build import build_scene
 from lfcore.scene.framing import default_focus_distances
 from lfcore.scene.model import DIRECTIONAL, POINT
@@ -25,10 +26,34 @@ def test_two_line_scene_is_framed_and_lit(write_scene, minimal):
     extent = np.abs(points[:, :2] / points[:, 2:]).max() / (camera.field_width / 2)
     assert 0.8 < extent < 0.95
     assert points[:, 2].min() < camera.focus_distance_m < points[:, 2].max()
-    assert len(scene.lights) == 1 and scene.lights[0].casts_shadows
-    # Lit from the viewer's side, not from behind the object.
-    assert scene.lights[0].vector[2] < 0
+    # Lit from the viewer's side, not from behind the object; one casts shadows, one fills them.
+    key, fill = scene.lights
+    assert key.casts_shadows and not fill.casts_shadows
+    assert key.vector[2] < 0 and fill.vector[2] < 0
+    assert key.vector[0] * fill.vector[0] < 0 and max(fill.colour) < min(key.colour) / 3
     assert scene.name == write_scene(minimal).parent.name
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_picture_lies_in_the_middle(write_scene, tmp_path, seed):
+    corners = np.random.default_rng(seed).normal(size=(9, 3)) * (1, 3, 2) + (5, 0, -2)
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + ["f 1 2 3", "f 4 5 6", "f 7 8 9"]
+    (tmp_path / "a.obj").write_text("\n".join(lines))
+    scene = build_scene(tmp_path / "a.obj")
+    seen = scene.triangles.reshape(-1, 3)
+    seen = seen[:, :2] / seen[:, 2:] / (scene.camera.field_width / 2)
+    low, high = seen.min(0), seen.max(0)
+    np.testing.assert_allclose(high, -low, atol=1e-5)
+    assert high.max() == pytest.approx(0.9, abs=1e-5)
+
+
+def test_an_axis_that_is_up(tetrahedron, write_scene, minimal):
+    turned = minimal["objects"][0] | {"transform": [{"rotate": {"axis": "x", "angle_deg": -90}}]}
+    expected = build_scene(write_scene({"objects": [turned]}))
+    np.testing.assert_array_equal(build_scene(tetrahedron, up="z").triangles, expected.triangles)
+    for path, up in ((tetrahedron, "x"), (write_scene(minimal), "z")):
+        with pytest.raises(SceneError, match="up: "):
+            build_scene(path, up=up)
 
 
 def test_mesh_path_and_folder_are_scenes_too(write_scene, minimal, tetrahedron):
