@@ -66,14 +66,16 @@ def pictures_by_depth(
     pixels: int,
     count: RayCount,
     *,
+    footprint_px: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
     """Pictures of a scene from the same rays: (P, pixels, pixels, 3) float32, linear light.
 
     Parameters
     ----------
-    camera : the lens and sensor that ``planes`` belong to.  The rays of a single plane are traced
-        at its own focus and through its own aperture.
+    camera : the lens and sensor that ``planes`` belong to.  Rays are traced through the widest of
+        their apertures, those of a single plane at its own focus.
+    footprint_px : that textures are filtered over, of a picture's pixel; default as measured best.
     progress : called with (views done, of all).
 
     Raises
@@ -83,15 +85,22 @@ def pictures_by_depth(
     """
     planes = list(planes)
     if len(planes) == 1:
-        return _focused(tracer, camera, planes[0], pixels, count, progress)[None]
-    views = crossed_views(Slab(camera, count.views, count.side(pixels)))
+        return _focused(tracer, camera, planes[0], pixels, count, footprint_px, progress)[None]
+    lens = replace(camera, f_number=min(plane.f_number for plane in planes))
+    views = crossed_views(Slab(lens, count.views, count.side(pixels)))
     room = max(1, SUMS_BYTES // DepthSlicer.sums_bytes(1, pixels))
     groups = [planes[first : first + room] for first in range(0, len(planes), room)]
     made = []
     for number, group in enumerate(groups):
         tell = _within(progress, number, len(groups))
-        made.append(trace_by_depth(tracer, views, group, pixels, progress=tell))
-    return np.concatenate(made)
+        made.append(
+            trace_by_depth(tracer, views, group, pixels, footprint_px=footprint_px, progress=tell)
+        )
+    pictures = np.concatenate(made)
+    for picture, plane in zip(pictures, planes, strict=True):
+        if plane.normalise == "lens":  # the whole one, not the part that is traced
+            picture *= (camera.f_number / lens.f_number) ** 2
+    return pictures
 
 
 def _within(
@@ -109,11 +118,14 @@ def _focused(
     plane: SensorPlane,
     pixels: int,
     count: RayCount,
+    footprint_px: float | None,
     progress: Callable[[int, int], None] | None,
 ) -> np.ndarray:
     views = crossed_views(Slab(focused_camera(camera, plane), count.views, count.side(pixels)))
     own = replace(plane, normalise="aperture", keep_magnification=False)
-    picture = trace_by_depth(tracer, views, [own], pixels, progress=progress)[0]
+    picture = trace_by_depth(
+        tracer, views, [own], pixels, footprint_px=footprint_px, progress=progress
+    )[0]
     if plane.normalise == "lens":
         whole = Slab(camera, 1, 1)
         share = lens_cells(views.slab, own.aperture(views.slab)).share.mean()
@@ -128,6 +140,7 @@ def trace_by_depth(
     planes: Sequence[SensorPlane],
     pixels: int,
     *,
+    footprint_px: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
     """Trace views and slice them by depth: (P, pixels, pixels, 3) float32, linear light.
@@ -145,7 +158,7 @@ def trace_by_depth(
             remedy="Ask for fewer pixels or pictures, or use the filter 'nearest'",
         )
     slicer = DepthSlicer(views, planes, pixels, device)
-    for part, light, depth in traced_views(tracer, views, pixels):
+    for part, light, depth in traced_views(tracer, views, pixels, footprint_px):
         slicer.add(part, light, depth)
         if progress:
             progress(part.stop, len(views.positions))
@@ -153,15 +166,17 @@ def trace_by_depth(
 
 
 def traced_views(
-    tracer: Tracer, views: ViewSet, pixels: int
+    tracer: Tracer, views: ViewSet, pixels: int, footprint_px: float | None = None
 ) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
     """Yield (part, light, depth) of a few views at a time, for pictures of so many pixels.
 
     ``light`` is (K, S, S, 3) and ``depth`` (K, S, S) float32.
     """
     slab = views.slab
+    pitch = slab.camera.field_width / pixels
     between = slab.camera.field_width / (slab.views * slab.pixels)
-    footprint = min(slab.pixel_pitch, FOOTPRINT * between)
+    footprint = FOOTPRINT * between if footprint_px is None else footprint_px * pitch
+    footprint = min(slab.pixel_pitch, footprint)
     count, step = slab.views**2, max(1, RAYS_AT_A_TIME // slab.pixels**2)
     for start in range(0, count, step):
         part = slice(start, min(start + step, count))

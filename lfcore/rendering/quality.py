@@ -19,6 +19,7 @@ from lfcore.rendering.by_depth import RayCount, pictures_by_depth
 from lfcore.tracing.tracer import Tracer
 
 PILOT = (RayCount(4, 1), RayCount(4, 1.5))
+PILOT_FOOTPRINT_PX = 0.125
 LATTICES = (
     (RayCount(4, 1), 1.5),
     (RayCount(4, 1.5), 1.5),
@@ -66,7 +67,7 @@ def pictures_of_quality(
 
     Raises :class:`OpticsError` for a quality that no lattice is expected to reach.
     """
-    made = [pictures_by_depth(tracer, camera, planes, pixels, count) for count in PILOT]
+    made = pilot_pictures(tracer, camera, planes, pixels)
     expected = expectations(*made)
     reached = [(count, db) for count, db in expected if db.min() >= quality_db]
     if not reached:
@@ -81,6 +82,19 @@ def pictures_of_quality(
         return Rendering(made[PILOT.index(count)], count, db)
     pictures = pictures_by_depth(tracer, camera, planes, pixels, count, progress=progress)
     return Rendering(pictures, count, db)
+
+
+def pilot_pictures(
+    tracer: Tracer, camera: Camera, planes: Sequence[SensorPlane], pixels: int
+) -> list[np.ndarray]:
+    """The pictures (P, M, M, 3) that :func:`expectations` compares.
+
+    Their textures are filtered as those of many rays are: what aliases there must be seen here.
+    """
+    return [
+        pictures_by_depth(tracer, camera, planes, pixels, count, footprint_px=PILOT_FOOTPRINT_PX)
+        for count in PILOT
+    ]
 
 
 def expectations(one: np.ndarray, two: np.ndarray) -> list[tuple[RayCount, np.ndarray]]:

@@ -303,6 +303,23 @@ class WorkPrecision(Keys):
     oracle_views: whole(1, 32) = key("N of these rays", 8)
 
 
+LATTICE = Annotated[list[real(1, 64)], Field(min_length=2, max_length=2)]
+
+
+class TruePicture(Keys):
+    truth: Annotated[list[LATTICE], Distinct, Field(min_length=2, max_length=2)] = key(
+        "two unlike lattices of the true picture: lens samples and rays of a pixel, a side",
+        [[12, 4], [10, 5]],
+    )
+    lattices: Annotated[list[LATTICE], Distinct, Field(min_length=1, max_length=12)] = key(
+        "lattices that are sliced by depth", [[4, 1], [4, 1.5], [4, 2], [6, 2], [8, 2], [8, 3]]
+    )
+    nearest_views: several(whole(2, 1024), 1, 8) = key(
+        "N of the thesis's recipe through the stopped-down lens", [16, 64]
+    )
+    stops: number(gt=0, le=12) = key("stops by which that lens is closed", 4)
+
+
 class LeftOut(Keys):
     views: whole(2, 256) = key("N of the runs that compare with the program in full", 64)
     pixels: whole(16, 512) = key("their M", 32)
@@ -313,7 +330,7 @@ class LeftOut(Keys):
     )
 
 
-ANALYSES = ("work_precision", "recommendation", "stability", "left_out")
+ANALYSES = ("true_picture", "work_precision", "recommendation", "stability", "left_out")
 
 
 class Analysis(Keys):
@@ -325,6 +342,9 @@ class Analysis(Keys):
     stability_cases: Literal["all"] | several(
         str
     ) = key("which stability sweeps are run: `all`, or names", "all")
+    true_picture: TruePicture = group(
+        TruePicture, "Pictures against their average over pixel and lens"
+    )
     work_precision: WorkPrecision = group(WorkPrecision, "Diagrams of error against run time")
     left_out: LeftOut = group(LeftOut, "Runs that compare with the program in full")
 

@@ -24,12 +24,14 @@ STORAGE = {
     "retrieval": "What it costs to read a stored light field",
 }
 ANALYSES = {
+    "true_picture": "The true picture",
     "work_precision": "Error against run time",
     "recommendation": "Recommended settings",
     "stability": "Stiff and extreme cases",
     "left_out": "Nothing a scene does not need",
 }
 PANELS = {
+    "true_picture": ("run_time",),
     "work_precision": ("quadrature", "convergence", "methods", "arithmetic", "storage"),
     "stability": ("heat_map", "error_growth"),
 }

@@ -1,0 +1,1 @@
+"""Pictures against the average over their pixels and the lens."""

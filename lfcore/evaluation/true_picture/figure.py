@@ -1,0 +1,84 @@
+"""True error against run time: a column a scene, a row an aperture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+
+from lfcore.evaluation.figures import save_figure
+from lfcore.evaluation.true_picture.points import BY_DEPTH, NEAREST
+from lfcore.evaluation.work_precision.figure import pareto
+
+STYLES = {BY_DEPTH: ("C0", "o"), NEAREST: ("C1", "s")}
+GOALS_DB = (40, 45, 50)
+
+
+def worst_planes(rows: pd.DataFrame) -> pd.DataFrame:
+    """One row a scene, aperture, method and lattice: that of the plane with the lowest PSNR."""
+    keys = ["scene", "f_number", "method", "lattice"]
+    return rows.loc[rows.groupby(keys, sort=False).psnr_true_db.idxmin()]
+
+
+def true_errors(path: str | Path, rows: pd.DataFrame, *, machine: str) -> None:
+    """Draw ``rows`` with the columns of :mod:`~lfcore.evaluation.true_picture.points`.
+
+    Parameters
+    ----------
+    machine : what the seconds were measured on.
+    """
+    worst = worst_planes(rows)
+    scenes, stops = list(dict.fromkeys(worst.scene)), sorted(worst.f_number.unique())
+    figure = Figure(figsize=(4.6 * len(scenes), 3.8 * len(stops) + 0.5), layout="constrained")
+    grid = figure.subplots(len(stops), len(scenes), squeeze=False)
+    for line, stop in zip(grid, stops, strict=True):
+        for axis, scene in zip(line, scenes, strict=True):
+            panel = worst[(worst.scene == scene) & np.isclose(worst.f_number, stop)]
+            _panel(axis, panel, f"{scene}, f/{stop:g}")
+    handles = {
+        label: handle
+        for axis in grid.flat
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(
+        handles.values(), handles, loc="outside upper center", ncols=2, frameon=False, fontsize=8
+    )
+    figure.supxlabel(
+        f"seconds of one core for all planes ({machine})\n"
+        "Upper left is better. Grey: the Pareto front.\nDotted: how well the truth is known.",
+        fontsize=8,
+    )
+    save_figure(path, figure)
+
+
+def _panel(axis, rows: pd.DataFrame, title: str) -> None:
+    axis.set(xscale="log")
+    axis.set_title(title, fontsize=10)
+    axis.set_ylabel("PSNR of the worst plane, dB", fontsize=9)
+    axis.grid(alpha=0.3)
+    for goal in GOALS_DB:
+        axis.axhline(goal, color="0.85", linewidth=1, zorder=0)
+    error = 10 ** (-rows.psnr_true_db.to_numpy(float) / 20)
+    front = rows[pareto(error, rows.seconds.to_numpy(float))].sort_values("seconds")
+    axis.plot(front.seconds, front.psnr_true_db, color="0.8", linewidth=7, alpha=0.6, zorder=1)
+    for method, (colour, marker) in STYLES.items():
+        curve = rows[rows.method == method].sort_values("rays")
+        if curve.empty:
+            continue
+        axis.plot(
+            curve.seconds, curve.psnr_true_db, color=colour, marker=marker, markersize=4,
+            label=f"{method} (lens samples x rays of a pixel a side)",
+        )  # fmt: skip
+        # Every second label above, the others below the curve: they stand apart.
+        for number, (_, row) in enumerate(curve.iterrows()):
+            place = (0, 7) if number % 2 else (0, -12)
+            axis.annotate(
+                row.lattice, (row.seconds, row.psnr_true_db), textcoords="offset points",
+                xytext=place, ha="center", size=6, color=colour,
+            )  # fmt: skip
+    axis.axhline(rows.truth_known_db.min(), color="0.4", linestyle=":", linewidth=1)
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    axis.margins(x=0.12, y=0.15)

@@ -1,0 +1,114 @@
+"""Rows of the table of true errors: methods and lattices, their seconds and their PSNR."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+import pandas as pd
+
+from lfcore.evaluation.timing import measure
+from lfcore.evaluation.true_picture.reference import Reference, inner_psnr
+from lfcore.optics.slab import Slab
+from lfcore.rendering.by_depth import RayCount, pictures_by_depth
+from lfcore.rendering.direct import trace_planes
+from lfcore.rendering.quality import expectations, pilot_pictures
+from lfcore.tracing.tracer import Tracer
+
+COLUMNS = (
+    "scene", "f_number", "plane_m", "method", "lattice", "rays_per_pixel", "rays", "seconds",
+    "bytes", "psnr_true_db", "expected_db", "truth_known_db",
+)  # fmt: skip
+NEAREST, BY_DEPTH = "nearest pixel", "by depth"
+
+
+def rounded(rows: pd.DataFrame) -> pd.DataFrame:
+    """``rows`` as they are published."""
+    decibels = dict.fromkeys(("psnr_true_db", "expected_db", "truth_known_db"), 1)
+    return rows.round({**decibels, "seconds": 3, "rays_per_pixel": 1, "f_number": 2, "plane_m": 3})
+
+
+def plane_rows(
+    reference: Reference,
+    pictures: np.ndarray,
+    *,
+    expected_db: Sequence[float] | None = None,
+    **context,
+) -> Iterator[dict]:
+    """A row with :data:`COLUMNS` of each of ``pictures`` (P, M, M, 3), linear light.
+
+    ``context`` are the columns that all rows share.
+    """
+    expected = [None] * len(pictures) if expected_db is None else list(expected_db)
+    for plane, picture, truth, known, said in zip(
+        reference.planes, pictures, reference.pictures, reference.known_db, expected, strict=True
+    ):
+        yield (
+            dict.fromkeys(COLUMNS)
+            | context
+            | {
+                "f_number": plane.f_number,
+                "plane_m": plane.focus_distance_m,
+                "psnr_true_db": inner_psnr(picture, truth),
+                "expected_db": said,
+                "truth_known_db": float(known),
+            }
+        )
+
+
+def method_rows(
+    tracer: Tracer,
+    references: Sequence[Reference],
+    counts: Sequence[RayCount],
+    nearest_views: Sequence[int],
+) -> Iterator[dict]:
+    """Rows of every method at every lattice, timed for all planes of a reference together.
+
+    Parameters
+    ----------
+    references : one an aperture.
+    counts : lattices of slicing by depth.
+    nearest_views : N of the thesis's recipe, whose rays pass the middle of a pixel.
+    """
+    for reference in references:
+        expected = _expected(tracer, reference)
+        for count in counts:
+            pictures, seconds = _by_depth(tracer, reference, count)
+            rays = count.rays(reference.pictures.shape[1])
+            yield from plane_rows(
+                reference, pictures, expected_db=expected.get(count), scene=tracer.scene.name,
+                method=BY_DEPTH, lattice=str(count), rays=rays, seconds=seconds,
+                rays_per_pixel=rays / reference.pictures.shape[1] ** 2, bytes=16 * rays,
+            )  # fmt: skip
+        for views in nearest_views:
+            slab = Slab(tracer.scene.camera, views, reference.pictures.shape[1])
+            pictures, seconds = _nearest(tracer, reference, slab)
+            yield from plane_rows(
+                reference, pictures, scene=tracer.scene.name, method=NEAREST,
+                lattice=f"{views} x 1", rays=slab.rays, rays_per_pixel=views**2, seconds=seconds,
+            )  # fmt: skip
+
+
+def _by_depth(tracer: Tracer, reference: Reference, count: RayCount) -> tuple[np.ndarray, float]:
+    camera, pixels = tracer.scene.camera, reference.pictures.shape[1]
+    return _timed(
+        tracer, lambda: pictures_by_depth(tracer, camera, reference.planes, pixels, count)
+    )
+
+
+def _nearest(tracer: Tracer, reference: Reference, slab: Slab) -> tuple[np.ndarray, float]:
+    return _timed(tracer, lambda: trace_planes(tracer, slab, reference.planes))
+
+
+def _timed(tracer: Tracer, work: Callable[[], np.ndarray]) -> tuple[np.ndarray, float]:
+    """What ``work`` makes, and its seconds when programs are built."""
+    made: list[np.ndarray] = []
+    timing = measure(lambda: made.append(work()), repeats=1, finish=tracer.device.queue.finish)
+    return made[-1], timing.median
+
+
+def _expected(tracer: Tracer, reference: Reference) -> dict[RayCount, list[float]]:
+    """What the pilot says of every lattice that it knows."""
+    pixels = reference.pictures.shape[1]
+    pilot = pilot_pictures(tracer, tracer.scene.camera, reference.planes, pixels)
+    return {count: [float(each) for each in db] for count, db in expectations(*pilot)}

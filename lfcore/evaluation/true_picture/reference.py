@@ -1,0 +1,100 @@
+"""The true picture of a plane: averaged over its pixels and the lens, and how well it is known."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.colour import display_values
+from lfcore.errors import LfcoreError, OpticsError
+from lfcore.evaluation.metrics import psnr
+from lfcore.files import whole_file
+from lfcore.optics.planes import SensorPlane
+from lfcore.rendering.by_depth import RayCount, pictures_by_depth
+from lfcore.rendering.quality import BORDER
+from lfcore.tracing.tracer import Tracer
+
+
+@dataclass(frozen=True)
+class Reference:
+    """True pictures of ``planes``: (P, M, M, 3) float32, linear light, and their own error.
+
+    ``known_db`` is (P,): the PSNR at which the mean of two unlike lattices is known, from what
+    they disagree by.
+    """
+
+    planes: list[SensorPlane]
+    pictures: np.ndarray
+    known_db: np.ndarray
+
+
+def inner_psnr(picture: np.ndarray, truth: np.ndarray) -> float:
+    """dB of sRGB pictures (M, M, 3) without the border that not all of the lens sees."""
+    border = int(np.ceil(BORDER * len(truth)))
+    inner = slice(border, len(truth) - border)
+    one, two = (display_values(each[inner, inner]) for each in (picture, truth))
+    return psnr(one, two, peak=255)
+
+
+def true_pictures(
+    tracer: Tracer,
+    planes: Sequence[SensorPlane],
+    pixels: int,
+    counts: Sequence[RayCount],
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Reference:
+    """Trace every plane at its own focus, through its own aperture, by two lattices.
+
+    ``counts`` are the two, of unlike numbers of views and sub-pixels.  ``progress`` is called with
+    (pictures done, of all).
+
+    Raises :class:`OpticsError` for lattices too alike.
+    """
+    one, two = counts
+    if one.views == two.views or one.subpixels == two.subpixels:
+        raise OpticsError(
+            f"{one} and {two} are too alike to tell each other's error",
+            key="truth",
+            remedy="Give lattices of unlike lens samples and unlike rays of a pixel",
+        )
+    pictures, known = [], []
+    for number, plane in enumerate(planes):
+        pair = [
+            pictures_by_depth(tracer, tracer.scene.camera, [plane], pixels, count)[0]
+            for count in counts
+        ]
+        weights = [count.rays_a_pixel for count in counts]
+        pictures.append(np.average(pair, axis=0, weights=weights).astype(np.float32))
+        # Independent errors of e1 and e2 are e1 + e2 apart in mean squares, their mean errs by
+        # a quarter of that where they are equal.
+        known.append(inner_psnr(*pair) + 20 * np.log10(2))
+        if progress:
+            progress(number + 1, len(planes))
+    return Reference(list(planes), np.stack(pictures), np.array(known))
+
+
+def save_reference(path: str | Path, reference: Reference) -> None:
+    """Write it as npz: ``pictures``, ``known_db``, and the planes as JSON."""
+    header = json.dumps([plane.to_json() for plane in reference.planes])
+    with whole_file(Path(path)) as file:
+        np.savez(
+            file,
+            pictures=reference.pictures,
+            known_db=reference.known_db,
+            planes=np.frombuffer(header.encode(), np.uint8),
+        )
+
+
+def load_reference(path: str | Path) -> Reference:
+    """What :func:`save_reference` wrote; raises :class:`LfcoreError` for what it did not."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            planes = [SensorPlane(**plane) for plane in json.loads(archive["planes"].tobytes())]
+            return Reference(planes, archive["pictures"], archive["known_db"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise LfcoreError(f"holds no true pictures: {error}", file=path) from None

@@ -1,0 +1,20 @@
+"""True pictures of a scene's planes, through the whole lens and stopped down."""
+
+from dataclasses import replace
+
+from lfcore.evaluation.true_picture.reference import save_reference, true_pictures
+from lfcore.rendering.by_depth import RayCount
+from lfcore.workflow import cases
+from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.tracers import open_tracer
+
+with job(snakemake.log[0], snakemake.threads):
+    params, output = snakemake.params, snakemake.output
+    tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
+    scene, closed = tracer.scene, 2 ** (params.stops / 2)
+    planes = cases.sensor_planes(params.planes, scene.camera, scene.focus_distances_m)
+    stopped = [replace(plane, f_number=plane.f_number * closed) for plane in planes]
+    counts = [RayCount(int(views), subpixels) for views, subpixels in params.counts]
+    for file, some in ((output.wide, planes), (output.stopped, stopped)):
+        told = log_progress("true pictures")
+        save_reference(file, true_pictures(tracer, some, params.pixels, counts, progress=told))
