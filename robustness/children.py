@@ -33,7 +33,7 @@ class Limits:
     """
 
     cpu: float = 10.0
-    wall: float = 60.0
+    wall: float = 150.0
     memory: int | None = 2 << 30
     file: int = 256 << 20
 

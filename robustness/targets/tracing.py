@@ -50,5 +50,5 @@ def judge(data: bytes, folder: Path) -> Outcome:
 def targets() -> list[Target]:
     mutation = mixed((0.7, extreme_yaml), (0.2, damage_yaml), (0.1, damage_text))
     # Programs are built in a child, and drivers map much: no limit of the address space.
-    limits = Limits(cpu=60, wall=120, memory=None)
+    limits = Limits(cpu=60, wall=300, memory=None)
     return [Target("trace", seeds, mutation, judge, write_sides, limits, weight=1.5, batch=400)]
