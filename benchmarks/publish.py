@@ -1,0 +1,206 @@
+"""Write the published numbers into the documents, from result files, never by hand.
+
+    python -m benchmarks.publish                          # documents anew
+    python -m benchmarks.publish --check                  # say which are stale, status 1
+    python -m benchmarks.publish --take tables_m128 --command "make tables" results/tables
+    python -m benchmarks.publish --take recommended --command "make tables" results/tables
+
+A result file, ``benchmarks/results/NAME.csv``, begins with lines ``# key: value``: the command that
+made it, commit, processor, date, and what else is to be known.  A document has a place for it,
+
+    <!-- published: NAME -->
+    ...
+    <!-- end of NAME -->
+
+between whose lines the table is written, with its columns, or those of ``NAME: a, b, c``, and only
+the rows of ``NAME where N in 64 512``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import io
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pandas as pd
+
+from lfcore.errors import LfcoreError
+from lfcore.evaluation.recommendation import DEFAULT_TASK, TASKS
+from lfcore.evaluation.timing import machine
+from lfcore.files import write_text
+from lfcore.storage.defaults import default_spec
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "benchmarks" / "results"
+DOCUMENTS = ("README.md", "docs/measured.md", "docs/encoders.md")
+RECOMMENDED = ROOT / "config" / "recommended.csv"
+PLACE = re.compile(
+    r"(<!-- published: (\w+)(?:: ([^>\n]*?))?(?: where (\w+) in ([^>\n]*?))? -->\n)"
+    r".*?(<!-- end of \2 -->)",
+    re.DOTALL,
+)
+OF_RUN = ("command", "commit", "processor", "date")
+"""What is known of every result."""
+
+
+class PublishError(LfcoreError):
+    """Results that cannot be published."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """Measured rows, and the run that they are of."""
+
+    about: dict[str, str]
+    rows: pd.DataFrame = field(repr=False)
+
+    def text(self) -> str:
+        head = "".join(f"# {key}: {value}\n" for key, value in self.about.items())
+        return head + self.rows.to_csv(index=False, lineterminator="\n")
+
+    def source(self) -> str:
+        """A line that says what made it, where and when."""
+        known = self.about
+        more = "".join(f" {value}" for key, value in known.items() if key not in OF_RUN)
+        where = f"commit {known['commit']}, {known['date']}, {known['processor']}"
+        return f"Made by `{known['command']}`: {where}.{more}"
+
+
+def read_result(path: Path) -> Result:
+    """A result file.  Raises :class:`PublishError` for one that does not say what it is of."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise PublishError(f"cannot be read: {error.strerror}", file=path) from None
+    lines = [line for line in text.splitlines() if line.startswith("# ")]
+    about = dict(line[2:].split(": ", 1) for line in lines if ": " in line)
+    missing = [key for key in OF_RUN if not about.get(key)]
+    if missing:
+        raise PublishError(f"does not say its {', '.join(missing)}", file=path)
+    rows = pd.read_csv(io.StringIO(text), comment="#", dtype=str, keep_default_na=False)
+    return Result(about, rows)
+
+
+def of_this_run(command: str, **more: str) -> dict[str, str]:
+    """What is known of a run on this machine, at this commit."""
+
+    def git(*words: str) -> str:
+        return subprocess.run(
+            ["git", *words], cwd=ROOT, capture_output=True, text=True, check=True
+        ).stdout.strip()
+
+    commit = git("rev-parse", "--short", "HEAD") + ("+" if git("status", "--porcelain") else "")
+    here = machine()
+    processor = f"{here['processor']}, {here['cores']} cores, {here['memory_gib']} GiB"
+    today = datetime.date.today().isoformat()
+    return dict(zip(OF_RUN, (command, commit, processor, today), strict=True)) | more
+
+
+def tables(folder: Path) -> pd.DataFrame:
+    """The thesis's three tables of a run side by side, a row a scene and N."""
+    parts = []
+    for name, columns in (
+        ("table_7_1", {"seconds": "trace s", "psnr_db": "PSNR dB (7.1)", "ssim": "SSIM"}),
+        ("table_7_2", {"seconds": "encode s", "ratio_float32": "ratio, 12 bytes a ray"}),
+        ("table_7_3", {"seconds": "retrieve s", "psnr_db": "PSNR dB (7.3)", "ssim": "SSIM (7.3)"}),
+    ):
+        table = pd.read_csv(folder / f"{name}.csv").set_index(["scene", "N"])[list(columns)]
+        parts.append(table.rename(columns=columns))
+    both = pd.concat(parts, axis=1).reset_index()
+    digits = {"SSIM": 4, "SSIM (7.3)": 4, "ratio, 12 bytes a ray": 0}
+    for column in both.columns.drop(["scene", "N"]):
+        both[column] = [f"{value:.{digits.get(column, 1)}f}" for value in both[column]]
+    return both
+
+
+def recommended(folder: Path) -> pd.DataFrame:
+    """Rows on storing of a run's recommendations."""
+    table = pd.read_csv(folder / "recommendation.csv")
+    return table[table.task.isin([TASKS["storage"][0], DEFAULT_TASK])]
+
+
+def default_encoder() -> str:
+    """The default encoder as it is now, but for the CRF, which is what is recommended."""
+    spec = default_spec(32)
+    return f"{spec.codec} {spec.preset} {spec.pixel_format} {spec.bframes} {spec.refs} {spec.gop}"
+
+
+def published(text: str) -> str:
+    """A document with the table of each of its places."""
+    return PLACE.sub(lambda place: f"{place[1]}\n{_place(place)}\n\n{place[6]}", text)
+
+
+def _place(place: re.Match) -> str:
+    result = read_result(RESULTS / f"{place[2]}.csv")
+    rows = result.rows
+    if place[4]:
+        rows = rows[rows[place[4]].isin(place[5].split())]
+    if place[3]:
+        columns = [name.strip() for name in place[3].split(";")]
+        unknown = set(columns) - set(rows.columns)
+        if unknown:
+            raise PublishError(f"{place[2]} has no column {sorted(unknown)[0]!r}")
+        rows = rows[columns]
+    return "\n".join([*_markdown(rows), "", *_wrapped(result.source())])
+
+
+def _markdown(rows: pd.DataFrame) -> Iterator[str]:
+    yield f"| {' | '.join(rows.columns)} |"
+    yield "|" + "---|" * len(rows.columns)
+    for row in rows.itertuples(index=False):
+        yield f"| {' | '.join(map(str, row))} |"
+
+
+def _wrapped(text: str, width: int = 118) -> Iterator[str]:
+    line = ""
+    for word in text.split():
+        if line and len(line) + 1 + len(word) > width:
+            yield line
+            line = word
+        else:
+            line = f"{line} {word}".strip()
+    yield line
+
+
+def documents() -> dict[Path, str]:
+    """Every document with published numbers, as it should read."""
+    paths = [ROOT / name for name in DOCUMENTS]
+    return {path: published(path.read_text(encoding="utf-8")) for path in paths}
+
+
+def main(argv: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser("benchmarks.publish", description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="write nothing; 1 if one is stale")
+    parser.add_argument("--take", metavar="NAME", help="keep the tables of a run as this result")
+    parser.add_argument("--command", default="make tables", help="what made them")
+    parser.add_argument("--note", default="", help="what else is to be known")
+    parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "results" / "tables")
+    options = parser.parse_args(argv)
+    try:
+        if options.take == "recommended":
+            rows = recommended(options.folder)
+            about = of_this_run(options.command, encoder=default_encoder())
+            write_text(RECOMMENDED, Result(about, rows).text())
+        elif options.take:
+            note = {"note": options.note} if options.note else {}
+            result = Result(of_this_run(options.command, **note), tables(options.folder))
+            write_text(RESULTS / f"{options.take}.csv", result.text())
+        stale = [path for path, text in documents().items() if path.read_text("utf-8") != text]
+        for path in stale:
+            print(f"{path.relative_to(ROOT)} {'is stale' if options.check else 'written'}")
+            if not options.check:
+                write_text(path, documents()[path])
+    except (LfcoreError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 1
+    return int(options.check and bool(stale))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

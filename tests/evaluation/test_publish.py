@@ -1,0 +1,81 @@
+"""Published numbers: documents are what their result files make of them."""
+
+from __future__ import annotations
+
+import pandas as pd
+import pytest
+
+from benchmarks import publish
+
+ABOUT = {"command": "make x", "commit": "abc", "processor": "a machine", "date": "2026-01-02"}
+TEXT = "Before.\n<!-- published: some: N; s where N in 2 4 -->\nold\n<!-- end of some -->\nAfter.\n"
+
+
+@pytest.fixture
+def results(tmp_path, monkeypatch):
+    monkeypatch.setattr(publish, "RESULTS", tmp_path)
+    rows = pd.DataFrame({"N": [2, 3, 4], "s": ["1.50", "2.0", "inf"], "more": 0})
+    publish.write_text(tmp_path / "some.csv", publish.Result(ABOUT | {"note": "Hot."}, rows).text())
+    return tmp_path
+
+
+def test_documents_are_up_to_date():
+    """Else: `python -m benchmarks.publish`."""
+    stale = [
+        path.name for path, text in publish.documents().items() if path.read_text("utf-8") != text
+    ]
+    assert stale == []
+
+
+@pytest.mark.parametrize("path", sorted(publish.RESULTS.glob("*.csv")), ids=lambda path: path.stem)
+def test_every_result_is_published_and_says_what_it_is_of(path):
+    result = publish.read_result(path)
+    assert len(result.rows) and result.about["commit"] in result.source()
+    places = publish.PLACE.findall(
+        "".join((publish.ROOT / name).read_text("utf-8") for name in publish.DOCUMENTS)
+    )
+    assert path.stem in {place[1] for place in places}
+
+
+def test_a_place_is_filled_with_its_rows_and_columns(results):
+    made = publish.published(TEXT)
+    assert "| N | s |\n|---|---|\n| 2 | 1.50 |\n| 4 | inf |\n" in made
+    assert "Made by `make x`: commit abc, 2026-01-02, a machine. Hot." in made
+    assert made.startswith("Before.\n") and made.endswith("After.\n") and "old" not in made
+    assert publish.published(made) == made
+
+
+def test_what_cannot_be_published(results):
+    with pytest.raises(publish.PublishError, match="no column 'absent'"):
+        publish.published(TEXT.replace("N; s", "N; absent"))
+    (results / "some.csv").write_text("# command: x\nN\n1\n")
+    with pytest.raises(publish.PublishError, match="does not say its commit, processor, date"):
+        publish.published(TEXT)
+    (results / "some.csv").unlink()
+    with pytest.raises(publish.PublishError, match=r"some\.csv: cannot be read"):
+        publish.published(TEXT)
+
+
+def test_a_run_is_taken_with_its_commit(results, tmp_path, monkeypatch):
+    monkeypatch.setattr(publish, "documents", dict)
+    folder = tmp_path / "tables"
+    folder.mkdir()
+    key = {"scene": ["bike"], "N": [16], "seconds": [0.123]}
+    for name, more in (
+        ("table_7_1", {"psnr_db": [43.26], "ssim": [0.98765]}),
+        ("table_7_2", {"ratio_float32": [148.6]}),
+        ("table_7_3", {"psnr_db": [float("inf")], "ssim": [1.0]}),
+    ):
+        pd.DataFrame(key | more).to_csv(folder / f"{name}.csv", index=False)
+    assert publish.main(["--check", "--take", "some", "--command", "make tables", str(folder)]) == 0
+    result = publish.read_result(results / "some.csv")
+    assert result.about["command"] == "make tables" and len(result.about["commit"]) >= 7
+    assert result.rows.iloc[0].tolist() == [
+        "bike", "16", "0.1", "43.3", "0.9877", "0.1", "149", "0.1", "inf", "1.0000",
+    ]  # fmt: skip
+
+
+def test_recommended_settings_are_of_the_encoder_as_it_is():
+    """Stale else: `python -m benchmarks.publish --take recommended` after `make tables`."""
+    result = publish.read_result(publish.RECOMMENDED)
+    assert result.about["encoder"] == publish.default_encoder()
