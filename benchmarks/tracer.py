@@ -30,7 +30,7 @@ MODES = {
     "needs": (costs.needs, "what each feature of a scene costs"),
     "lanes": (costs.lanes, "kernels at 1, 4, 8 and 16 lanes"),
     "leaks": (leaks.leaks, "rays aimed at edges and vertices of closed surfaces: how many miss"),
-    "scattered": (scattered.scattered, "blocks as beams against ray by ray, both forced"),
+    "scattered": (scattered.scattered, "blocks as packets against ray by ray, both forced"),
     "fixed": (fixed.fixed, "what a job costs before its first ray"),
     "roofline": (roofline.roofline, "cycles a ray by part, against the chip's peaks"),
 }

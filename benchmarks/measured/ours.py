@@ -7,7 +7,7 @@ import time
 import numpy as np
 from peers.method import Method, Run, clocked
 
-from lfcore.opencl.device import Device, cl
+from lfcore.optics.bundles import macropixels, probe
 from lfcore.optics.planes import SensorPlane
 from lfcore.tracing.tracer import Tracer
 from measured.sample import Sample, SampledTile
@@ -16,54 +16,15 @@ NAME = "lfcore"
 CHECKED_RAYS = 1 << 22
 
 
-class MeasuredTracer(Tracer):
-    """A tracer whose launches of visibility can be replayed without what surrounds them.
-
-    While ``launches`` is a list, kernels that would write every ray to memory are built not to,
-    and each launch is put on the list.
-    """
-
-    launches: list[tuple] | None = None
-    defines: dict | None = None
-
-    def _kernel(self, *args):
-        if self.launches is None:
-            return super()._kernel(*args)
-        changed = [{**a, "WRITE": 0} if isinstance(a, dict) and "WRITE" in a else a for a in args]
-        self.defines = next(a for a in changed if isinstance(a, dict))
-        kernel = super()._kernel(*changed)
-        counters = self._counters = []
-
-        def launch(*arguments):
-            self.launches.append((kernel, arguments, counters[-1]))
-            return kernel(*arguments)
-
-        return launch
-
-    def _counter(self) -> cl.Buffer:
-        counter = super()._counter()
-        if self.launches is not None:
-            self._counters.append(counter)
-        return counter
-
-    def record(self, sample: Sample) -> list[tuple]:
-        """The launches (kernel, arguments, counter) that find every hit of ``sample``."""
-        self.slab_hits(sample.slab, sample.pixels[:1])  # what a block spans is found out once
-        self.launches = []
-        try:
-            self.slab_hits(sample.slab, sample.pixels)
-            return self.launches
-        finally:
-            self.launches = None
-
-
-def visibility(tracer: MeasuredTracer, sample: Sample) -> Method:
-    """Closest triangle and depth of every ray, left in each worker's scratch as Embree leaves
-    them in its packet: nothing is written for a later stage."""
-    device, launches = tracer.device, tracer.record(sample)
+def visibility(tracer: Tracer, sample: Sample) -> Method:
+    """Closest triangle and depth of every ray, left in the device's memory: of what
+    ``Tracer.slab_hits`` does, all but the copy to numpy arrays."""
+    device, bundles = tracer.device, macropixels(sample.slab, sample.pixels)
+    hits = tracer.hits(probe(sample.slab))
 
     def work() -> None:
-        replay(device, launches)
+        hits.launch(bundles, sample.pixels)
+        device.queue.finish()
 
     return Method(
         NAME,
@@ -73,14 +34,6 @@ def visibility(tracer: MeasuredTracer, sample: Sample) -> Method:
         lambda: check_hits(tracer, sample),
         ours=True,
     )
-
-
-def replay(device: Device, launches: list[tuple], kernel: cl.Kernel | None = None) -> None:
-    """Launch again what was recorded, with another ``kernel`` of the same arguments if given."""
-    for recorded, arguments, counter in launches:
-        cl.enqueue_fill_buffer(device.queue, counter, np.int32(0), 0, 4)
-        (kernel or recorded)(*arguments)
-    device.queue.finish()
 
 
 def check_hits(tracer: Tracer, sample: Sample) -> tuple[float, float]:

@@ -1,8 +1,6 @@
 """Where a ray's cycles go, and what the chip could do.
 
-Parts of visibility are told apart by doing each of them twice: kernels are built from the same
-sources with one function called a second time (which changes nothing), and what that adds is what
-the function costs.  Parts of Algorithm 1 are told apart by leaving them out.  Cycles are of CPU
+Parts of Algorithm 1 are told apart by leaving them out.  Cycles are of CPU
 time, so that other programs on the machine disturb them little.
 """
 
@@ -12,33 +10,12 @@ import time
 from dataclasses import replace
 
 import numpy as np
-from peers.method import Method, clocked
 
-from lfcore.opencl.device import SHARED_KERNELS, Device, cl
+from lfcore.opencl.device import Device, cl
 from measured import ours
 from measured.costs import each
-from measured.rows import in_turn, print_table, rates, say
+from measured.rows import in_turn, print_table, rates
 
-FENCE = "mem_fence(CLK_GLOBAL_MEM_FENCE | CLK_LOCAL_MEM_FENCE)"
-TWICE = {
-    "triangle rows": (
-        '#include "merge.cl"\n'
-        "#define hit_triangle(...) (hit_triangle(__VA_ARGS__) | hit_triangle(__VA_ARGS__))\n"
-    ),
-    "triangle setup": (
-        '#include "triangles.cl"\n'
-        "inline Cull same(Cull a, Cull b) { a.keep &= b.keep; a.cover &= b.cover; return a; }\n"
-        "inline Cull fenced(Cull a) { " + FENCE + "; return a; }\n"
-        "#define setup_triangles(...) "
-        "same(fenced(setup_triangles(__VA_ARGS__)), setup_triangles(__VA_ARGS__))\n"
-    ),
-    "box tests": (
-        '#include "bundle.cl"\n'
-        "inline vi fenced_mask(vi a) { " + FENCE + "; return a; }\n"
-        "#define beam_meets(...) "
-        "(fenced_mask(beam_meets(__VA_ARGS__)) & beam_meets(__VA_ARGS__))\n"
-    ),
-}
 PEAKS = """
 kernel __attribute__((reqd_work_group_size(1, 1, 1)))
 void chain(global float *x, const int count)
@@ -121,35 +98,11 @@ def peaks(device: Device, repeats: int) -> dict[str, float]:
     return out
 
 
-def doubled(tracer, sample, part: str) -> Method | None:
-    """Visibility with one part done twice; None where the kernels no longer have that form."""
-    launches = tracer.record(sample)
-    device = tracer.device
-    values = {"LANES": device.lanes, **tracer.defines}
-    options = [f"-D{key}={value}" for key, value in values.items()]
-    source = TWICE[part] + '#include "hits.cl"\n'
-    try:
-        program = cl.Program(device.context, source).build([*options, "-I", str(SHARED_KERNELS)])
-    except cl.Error as error:
-        say(f"SKIPPED {part}: the doubled kernel does not build: {str(error)[:200]}")
-        return None
-    kernel = cl.Kernel(program, "slab_hits")
-
-    def work() -> None:
-        ours.replay(device, launches, kernel)
-
-    return Method(part, "visibility", lambda: clocked(work, sample.rays), ours=True)
-
-
 def _measured(loaded, sample, repeats: int, ghz: float) -> dict[str, float]:
     """Cycles per ray of every program variant."""
     tracer, planes = loaded.tracer, ours.planes_of(loaded.scene)
     dark = [replace(light, casts_shadows=False) for light in loaded.scene.lights]
     methods = {"visibility": ours.visibility(tracer, sample)}
-    for part in TWICE:
-        method = doubled(tracer, sample, part)
-        if method:
-            methods[part] = method
     methods["all"] = ours.algorithm1(tracer, sample, planes)
     methods["no planes"] = ours.algorithm1(tracer, sample, [])
     methods["no shadows"] = ours.algorithm1(loaded.with_lights(dark), sample, [])
@@ -167,8 +120,7 @@ def roofline(options) -> list[dict]:
             peak = peaks(loaded.tracer.device, options.repeats)
             print_table([peak])
         took = _measured(loaded, sample, options.repeats, peak["clock_ghz"])
-        parts = {part: took[part] - took["visibility"] for part in TWICE if part in took}
-        parts["walk, lists, depth buffers"] = took["visibility"] - sum(parts.values())
+        parts = {"visibility": took["visibility"]}
         parts["shading"] = took["no shadows"] - took["visibility"]
         parts["shadows"] = took["no planes"] - took["no shadows"]
         parts["planes"] = took["all"] - took["no planes"]

@@ -1,4 +1,4 @@
-"""Blocks walked as beams, or ray by ray: what the tracer's choice between them is measured by."""
+"""Blocks traced as packets, or ray by ray: what the tracer's choice between them is measured by."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from peers.method import Method, Run
 
 from lfcore.optics.bundles import Bundles, macropixels, views
 from lfcore.optics.slab import Slab
-from lfcore.tracing.tracer import SCATTERED_LEAVES, Tracer
-from lfcore.tracing.work import leaves_a_ray
+from lfcore.tracing.plan import SINGLE_RAY_LEAVES, leaves_a_ray
+from lfcore.tracing.tracer import Tracer
 from measured.costs import race
 from measured.rows import say
 from measured.scenes import Loaded
@@ -18,15 +18,6 @@ from measured.scenes import Loaded
 CASES = (("macropixels", 16, 512), ("macropixels", 4, 512), ("views", 8, 256), ("views", 8, 64))
 """Inner grid, N and M; views are the data cameras of an array over the lens."""
 MOST_RAYS = 1 << 19
-
-
-class Forced(Tracer):
-    """A tracer that is told which way to go."""
-
-    ray_by_ray = False
-
-    def scattered(self, bundles: Bundles, outer: int = 1) -> bool:
-        return self.ray_by_ray
 
 
 def bundles_of(slab: Slab, kind: str) -> tuple[Bundles, np.ndarray]:
@@ -61,8 +52,10 @@ def scattered(options) -> list[dict]:
     rows = []
     for name in options.scenes:
         loaded = Loaded.open(name)
-        tracers = {way: Forced(loaded.scene, loaded.bvh) for way in ("beams", "rays")}
-        tracers["rays"].ray_by_ray = True
+        tracers = {
+            way: Tracer(loaded.scene, loaded.bvh, single_rays=way == "rays")
+            for way in ("packets", "rays")
+        }
         for kind, count, size in CASES:
             say(f"{name}, {kind}, N = {count}, M = {size}")
             bundles, places = bundles_of(Slab(loaded.scene.camera, count, size), kind)
@@ -74,7 +67,7 @@ def scattered(options) -> list[dict]:
                 "N": count,
                 "M": size,
                 "leaves_a_ray": leaves,
-                "chosen": "rays" if leaves > SCATTERED_LEAVES else "beams",
+                "chosen": "rays" if leaves > SINGLE_RAY_LEAVES else "packets",
             }
             for work in ("visibility", "radiance"):
                 methods = {way: _method(t, work, bundles, places) for way, t in tracers.items()}

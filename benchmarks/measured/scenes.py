@@ -13,7 +13,7 @@ from lfcore.scene.build import build_scene
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import Bvh, build_bvh
-from measured.ours import MeasuredTracer
+from lfcore.tracing.tracer import Tracer
 from measured.rows import say
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
@@ -27,7 +27,7 @@ class Loaded:
     scene: Scene
     bvh: Bvh
     bvh_seconds: float
-    tracer: MeasuredTracer
+    tracer: Tracer
 
     @classmethod
     def open(cls, name: str, device: Device | None = None) -> Loaded:
@@ -41,19 +41,19 @@ class Loaded:
         begun = time.perf_counter()
         bvh = build_bvh(scene.triangles)
         seconds = time.perf_counter() - begun
-        return cls(name, scene, bvh, seconds, MeasuredTracer(scene, bvh, device))
+        return cls(name, scene, bvh, seconds, Tracer(scene, bvh, device))
 
-    def with_device(self, device: Device) -> MeasuredTracer:
-        return MeasuredTracer(self.scene, self.bvh, device)
+    def with_device(self, device: Device) -> Tracer:
+        return Tracer(self.scene, self.bvh, device)
 
-    def with_needs(self, **changes) -> MeasuredTracer:
+    def with_needs(self, **changes) -> Tracer:
         """A tracer of a program that leaves features out (or of a scene without them)."""
         needs = replace(Needs.of(self.scene), **changes)
-        return MeasuredTracer(self.scene, self.bvh, self.tracer.device, needs)
+        return Tracer(self.scene, self.bvh, self.tracer.device, needs)
 
-    def with_lights(self, lights: list) -> MeasuredTracer:
+    def with_lights(self, lights: list) -> Tracer:
         scene = replace(self.scene, lights=lights)
-        return MeasuredTracer(scene, self.bvh, self.tracer.device)
+        return Tracer(scene, self.bvh, self.tracer.device)
 
 
 def resampled(scene: Scene, triangles: int) -> Scene:

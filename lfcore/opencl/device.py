@@ -29,6 +29,7 @@ warnings.filterwarnings("ignore", message="Pre-build attribute access")
 
 KERNELS = Path(__file__).parent.parent
 SHARED_KERNELS = KERNELS / "tracing/kernels"
+"""In folders by stage; files of all packages include them by name."""
 _REMEDY = (
     "Install a driver, e.g. 'pip install intel-opencl-rt intel-cmplr-lib-rt' on Linux x86-64, or "
     "the distribution's pocl-opencl-icd"
@@ -186,7 +187,8 @@ def build_program(
     """
     values = {"LANES": device.lanes, **(defines or {})}
     options = [f"-D{key}={_literal(value)}" for key, value in sorted(values.items())]
-    folders = {str((KERNELS / file).parent) for file in files} | {str(SHARED_KERNELS)}
+    folders = {str((KERNELS / file).parent) for file in files}
+    folders |= {str(folder) for folder in SHARED_KERNELS.iterdir() if folder.is_dir()}
     if device.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
         options.append("-cl-fp32-correctly-rounded-divide-sqrt")
     source = "\n".join(f'#include "{Path(file).name}"' for file in files)

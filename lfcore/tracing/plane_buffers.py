@@ -12,18 +12,22 @@ from lfcore.optics.plane_sums import PlaneSums, offsets
 from lfcore.optics.plane_tables import PlaneTables, beam_targets, lens_tables, view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.tracing.work import BLOCK, BeamShape
+from lfcore.tracing.packets import BLOCK, PacketShape
 
 
-def plane_tables(slab: Slab, planes: list[SensorPlane], tile, shape: BeamShape) -> PlaneTables:
-    """Tables for the kernels that add rays beam by beam, of ``shape``, or view by view."""
+def plane_tables(slab: Slab, planes: list[SensorPlane], tile, shape: PacketShape) -> PlaneTables:
+    """Tables for the kernels that add rays packet by packet, of ``shape``, or view by view."""
     if tile.layout.kind == "views":
         return view_tables(slab, planes)
     right, bottom = tile.column + tile.columns, tile.row + tile.rows
     corners = tile.column, tile.row, right, bottom
-    return lens_tables(slab, planes, corners, shape.group, shape.tiles)
+    return lens_tables(slab, planes, corners, shape.group, shape.cells)
 
 
+PLANE_ARGUMENTS = np.dtype(
+    [(name, np.int32) for name in ("left", "top", "width", "height", "size", "blocks", "views")]
+    + [(name, np.int32) for name in ("planes", "tall", "ring")]
+)
 MEMORY_SHARE = 4
 """Sums of one kind take at most one part in this many of a device's memory."""
 
@@ -71,6 +75,17 @@ class PlaneBuffers:
         region = [t.left, t.top, t.width, t.height, slab.pixels, t.blocks, slab.views, 0]
         return [np.int32(len(self.planes)), np.array(region, np.int32), *self._tables, self._sums]
 
+    @property
+    def buffers(self) -> list:
+        """Tables and sums, the last arguments of ``trace_slab``."""
+        return [*self._tables, self._sums]
+
+    def numbers(self, tall: int = 1, ring: int = 1) -> np.ndarray:
+        """The kernels' struct of PLANE_ARGUMENTS."""
+        t, slab = self.tables, self.slab
+        region = t.left, t.top, t.width, t.height, slab.pixels, t.blocks, slab.views
+        return np.array((*region, len(self.planes), tall, ring), PLANE_ARGUMENTS)
+
     def collect(self) -> PlaneSums:
         """Read back what was added so far."""
         t = self.tables
@@ -82,27 +97,28 @@ class PlaneBuffers:
         return PlaneSums(self.slab, self.planes, sums, t.left, t.top)
 
 
-STRIP_BEAMS = 8
-"""Beams in a strip, measured: there is little left to save.  Sums of 32 bits would hold 63."""
+STRIP_PACKETS = 8
+"""Packets in a strip, measured: there is little left to save.  Sums of 32 bits would hold 63."""
 ITEMS_A_WORKER = 8
 """Strips that each worker gets at least, lest some wait for others."""
 
 
 class StripBuffers:
-    """Sums of strips, beams of pixels one below the other, before they go to the planes' pixels.
+    """Sums of strips, packets of pixels one below the other, before they go to the planes' pixels.
 
     Attributes
     ----------
-    tall : beams in a strip; 1 where there is nothing to sum, or for few ``elements``.
+    tall : packets in a strip; 1 where there is nothing to sum, or for few ``elements``.
     ring : rows of a plane that are kept, a power of two.
     workers : how many may sum, at most as many as ``sums`` has room for.
     """
 
-    def __init__(self, sums: PlaneBuffers, shape: BeamShape, views: int, elements: int):
+    def __init__(self, sums: PlaneBuffers, shape: PacketShape, views: int, elements: int):
+        self._sums = sums
         device, planes = sums.device, len(sums.planes)
-        beams = elements // shape.elements * shape.squares(views, views) if planes else 0
-        self.tall = min(max(1, beams // (sums.workers * ITEMS_A_WORKER)), STRIP_BEAMS)
-        span = shape.tiles * BLOCK
+        packets = elements // shape.elements * shape.squares(views, views) if planes else 0
+        self.tall = min(max(1, packets // (sums.workers * ITEMS_A_WORKER)), STRIP_PACKETS)
+        span = shape.cells * BLOCK
         reached = strip_rows(sums.slab, sums.planes, self.tall * shape.group, span)
         self.ring = 1 << (min(reached, sums.slab.pixels) - 1).bit_length()
         row = planes, self.ring, 3, shape.group * span
@@ -113,8 +129,8 @@ class StripBuffers:
         self._buffers = [device.changed(a) for a in (windows, rows)]
 
     def arguments(self) -> list:
-        """The kernel's arguments from ``tall`` to ``ring``."""
-        return [np.int32(self.tall), *self._buffers, np.int32(self.ring)]
+        """The last arguments of ``trace_slab``, from its struct of planes on."""
+        return [self._sums.numbers(self.tall, self.ring), *self._buffers, *self._sums.buffers]
 
 
 def strip_rows(slab: Slab, planes: list[SensorPlane], pixels: int, span: int) -> int:

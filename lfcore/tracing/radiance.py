@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.opencl.device import Device, cl
 from lfcore.optics.bundles import Bundles
-from lfcore.tracing.work import Groups
-
-if TYPE_CHECKING:
-    from lfcore.tracing.tracer import Tracer
+from lfcore.tracing.device_scene import RAY_ARGUMENTS, SCENE_ARGUMENTS, DeviceScene
+from lfcore.tracing.packets import Groups, PacketShape
 
 CHUNK_RAYS = 1 << 24
 """Rays whose radiance a device with memory of its own holds at a time."""
@@ -23,6 +20,8 @@ STREAM_BYTES = 32 << 20
 PAGE = 4096
 ADD, STREAM = 1, 2  # of the kernel's mode
 
+IMAGE_ARGUMENTS = np.dtype([("across", np.int32), ("mode", np.int32)])
+
 
 def page_aligned(shape: Sequence[int]) -> np.ndarray:
     """An uninitialised float32 array that begins a page: drivers use such memory as it is."""
@@ -32,8 +31,10 @@ def page_aligned(shape: Sequence[int]) -> np.ndarray:
     return raw[offset : offset + 4 * count].view(np.float32).reshape(shape)
 
 
-class RadianceJob:
-    """Launches that make one image out of sets of bundles, ``across`` elements to a row of tiles.
+class TraceRadiance:
+    """Launches of ``trace_radiance`` (entry/radiance.cl) that make one image out of bundles.
+
+    It has ``across`` elements to a row of tiles.
 
     Parameters
     ----------
@@ -42,20 +43,25 @@ class RadianceJob:
     across : element e is tile (e // across, e % across).
     """
 
-    def __init__(self, tracer: Tracer, sets: Sequence[Bundles], coordinates, across: int):
-        self.tracer, self.sets, self.across = tracer, list(sets), across
-        self.coordinates = coordinates
-        grouped = coordinates is not None
-        self.shape = tracer.beam_shape(self.sets[0], "radiance", grouped=grouped)
-        defines = tracer._surfaces.defines
-        self.kernel = tracer._beam_kernel("radiance.cl", "trace_radiance", self.shape, defines)
-        self.scratch = tracer._scratch(self.kernel)
+    def __init__(
+        self,
+        scene: DeviceScene,
+        shape: PacketShape,
+        sets: Sequence[Bundles],
+        coordinates: np.ndarray | None,
+        across: int,
+    ):
+        self.scene, self.shape = scene, shape
+        self.sets, self.coordinates, self.across = list(sets), coordinates, across
+        structs = SCENE_ARGUMENTS, RAY_ARGUMENTS, IMAGE_ARGUMENTS
+        self.kernel = scene.kernel("radiance.cl", "trace_radiance", shape, structs, {})
+        self.scratch = self.kernel.scratch(scene.shadow_lights)
 
     def run(self, image: np.ndarray, progress: Callable[[int, int], None] | None = None) -> None:
         """Write ``image``, (E / across rows, across columns, 3) float32 contiguous."""
         if not image.flags.c_contiguous or image.dtype != np.float32:
             raise ValueError("radiance needs contiguous memory of float32")
-        first, device = self.sets[0], self.tracer.device
+        first, device = self.sets[0], self.scene.device
         count = len(first.elements)
         row_of_tiles = self.across * first.rows * first.columns
         # A CPU writes the host's own memory; nothing is copied, so nothing need be cut.
@@ -72,7 +78,7 @@ class RadianceJob:
 
     def _chunk(self, part: slice, piece: np.ndarray, progress) -> None:
         """Trace elements of whole rows of tiles into their contiguous piece of the image."""
-        device = self.tracer.device
+        device = self.scene.device
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
         target = (
             cl.Buffer(device.context, flags, hostbuf=piece)
@@ -81,36 +87,31 @@ class RadianceJob:
         )
         first, shape = self.sets[0], self.shape
         places = None if self.coordinates is None else self.coordinates[part]
-        beams = Groups.of(shape, first.part(part), places).members
+        packets = Groups.of(shape, first.part(part), places).members
         each = shape.blocks * 256 * shape.squares(first.columns, first.rows)
         step = max(1, LAUNCH_RAYS // each)
         stream = STREAM if piece.nbytes > STREAM_BYTES else 0
-        for start in range(0, len(beams), step):
+        for start in range(0, len(packets), step):
             for number, bundles in enumerate(self.sets):
                 mode = stream | (ADD if number else 0)
-                groups = Groups(beams[start : start + step], bundles.elements[part])
+                groups = Groups(packets[start : start + step], bundles.elements[part])
                 self._launch(bundles, groups, target, mode)
             if progress:
                 device.queue.finish()
-                progress(min(start + step, len(beams)), len(beams))
+                progress(min(start + step, len(packets)), len(packets))
         _collect(device, target, piece)
 
     def _launch(self, bundles: Bundles, groups: Groups, target: cl.Buffer, mode: int) -> None:
-        tracer, surfaces = self.tracer, self.tracer._surfaces
+        scene, image = self.scene, np.zeros((), IMAGE_ARGUMENTS)
+        image["across"], image["mode"] = self.across, mode
         self.kernel(
-            tracer.device.queue,
-            (tracer._workers(len(groups.members)),),
-            (1,),
-            *tracer._bvh,
-            *tracer._scene,
-            surfaces.ambient,
-            surfaces.background,
-            *tracer._ray_arguments(bundles, groups, self.shape),
-            np.float32(bundles.pixel_pitch),
-            tracer._counter(),
+            scene.workers(len(groups.members)),
+            *scene.tree,
+            *scene.surfaces,
+            *scene.rays(bundles, groups, self.shape),
+            scene.counter(),
             self.scratch,
-            np.int32(self.across),
-            np.int32(mode),
+            image,
             target,
         )
 

@@ -23,7 +23,10 @@ LEAST_GLOSS = 2.0**-24
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Arrays in the layout that ``shading.cl`` reads, and the defines that go with them."""
+    """Arrays in the layout that ``surface/scene.cl`` reads, and the defines that go with them.
+
+    ``lights`` are those without shadows, then the ``shadow_lights`` with.
+    """
 
     corners: np.ndarray
     attributes: np.ndarray
@@ -34,6 +37,7 @@ class Surfaces:
     texels: np.ndarray
     ambient: np.ndarray
     background: np.ndarray
+    shadow_lights: int
     defines: dict[str, int]
 
 
@@ -63,17 +67,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         "SMOOTH": int(needs.smooth_normals),
         "TEXTURED": int(needs.textures),
         "VERTEX_COLOURS": int(needs.vertex_colours),
-        "SPECULAR": int(needs.specular),
-        "EMISSION": int(needs.emission),
-        "AMBIENT": int(needs.ambient),
-        "BACKGROUND": int(needs.background),
-        "FALLOFF": int(needs.falloff),
-        "COLOURED_LIGHTS": int(needs.coloured_lights),
-        "EMITTERS": int(needs.emitters),
-        "POINT_LIGHTS": int(needs.point_lights > 0),
-        "DIRECTIONAL_LIGHTS": int(needs.directional_lights > 0),
-        "OPEN_LIGHTS": len(lights) - shadows,
-        "SHADOW_LIGHTS": shadows,
+        "SHADOWS": int(shadows > 0),
     }
     return Surfaces(
         corners=np.ascontiguousarray(scene.triangles, np.float32),
@@ -83,8 +77,9 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         lights=_pack_lights(lights),
         images=images,
         texels=texels,
-        ambient=np.array([*scene.ambient, 0], np.float32),
-        background=np.array([*scene.background, 0], np.float32),
+        ambient=np.array(scene.ambient, np.float32),
+        background=np.array(scene.background, np.float32),
+        shadow_lights=shadows,
         defines=defines,
     )
 

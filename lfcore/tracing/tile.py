@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -15,11 +15,14 @@ from lfcore.optics import bundles as rays
 from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.tracing.plane_buffers import PlaneBuffers, StripBuffers, plane_tables
-from lfcore.tracing.work import Groups
-
-if TYPE_CHECKING:
-    from lfcore.tracing.tracer import Tracer
+from lfcore.tracing.device_scene import RAY_ARGUMENTS, SCENE_ARGUMENTS, DeviceScene
+from lfcore.tracing.packets import Groups, PacketShape
+from lfcore.tracing.plane_buffers import (
+    PLANE_ARGUMENTS,
+    PlaneBuffers,
+    StripBuffers,
+    plane_tables,
+)
 
 CHUNK_BYTES = 64 << 20
 """Of frames: those of a chunk and those that its encoder keeps, whatever their size."""
@@ -28,6 +31,24 @@ ENCODER_FRAMES, LEAST_FRAMES = 56, 16
 it, since each costs a call of the device."""
 CHUNK_RAYS = 1 << 26
 PAGE = 4096
+
+
+class Tile(Protocol):
+    """What is asked of a tile; :class:`lfcore.storage.layout.Tile` is one."""
+
+    layout: Any
+    column: int
+    row: int
+    columns: int
+    rows: int
+    frame_count: int
+    rays: int
+
+    def elements(self) -> np.ndarray:
+        """(E, 2) int32 outer coordinates (column, row), frame after frame."""
+
+    def placement(self, elements: np.ndarray) -> np.ndarray:
+        """(E, 3) frame, x and y of each element's inner grid."""
 
 
 @dataclass(frozen=True)
@@ -59,39 +80,45 @@ class TileTracing:
         return self.chunks
 
 
-class TileJob:
-    """Buffers and launches of one tile."""
+FRAME_ARGUMENTS = np.dtype([(name, np.int32) for name in ("width", "height", "chroma", "rgb")])
 
-    def __init__(self, tracer: Tracer, slab: Slab, tile, planes: list[SensorPlane], frames: bool):
-        self.tracer, self.slab, self.tile, self.planes = tracer, slab, tile, planes
+
+class TraceSlab:
+    """Launches of ``trace_slab`` (entry/slab.cl) for one tile, and their buffers."""
+
+    def __init__(
+        self,
+        scene: DeviceScene,
+        shape: PacketShape,
+        slab: Slab,
+        tile: Tile,
+        planes: Sequence[SensorPlane],
+        frames: bool,
+    ):
+        self.scene, self.shape, self.slab, self.tile = scene, shape, slab, tile
         self.frames, self.layout = frames, tile.layout
         self.macro = tile.layout.kind == "macropixels"
         self.elements = tile.elements()
-        device, layout = tracer.device, tile.layout
-        self.shape = tracer.beam_shape(rays.probe(slab, self.macro), "colours")
+        device, layout = scene.device, tile.layout
         # Without frames their format is not asked for: it must not make another program.
         defines = {
-            **tracer._surfaces.defines,
-            "PLANES": int(bool(planes)),
-            "FRAMES": int(frames),
-            "BITS": layout.format.bits if frames else 8,
-            "CHROMA": layout.format.subsampling if frames else 1,
-            "RGB": int(frames and layout.format.rgb),
-            "VIEWS": int(not self.macro),
+            "PLANES": 0 if not planes else 1 if self.macro else 2,
+            "BITS": layout.format.bits if frames else 0,
         }
-        self.kernel = tracer._beam_kernel("slab.cl", "trace_slab", self.shape, defines)
-        self.scratch = tracer._scratch(self.kernel)
-        tables = plane_tables(slab, planes, tile, self.shape)
-        self.sums = PlaneBuffers(device, slab, planes, tables)
+        structs = SCENE_ARGUMENTS, RAY_ARGUMENTS, FRAME_ARGUMENTS, PLANE_ARGUMENTS
+        self.kernel = scene.kernel("slab.cl", "trace_slab", shape, structs, defines)
+        self.scratch = self.kernel.scratch(scene.shadow_lights)
+        tables = plane_tables(slab, planes, tile, shape)
+        self.sums = PlaneBuffers(device, slab, list(planes), tables)
         summed = len(self.elements) if self.macro else 0
-        self.strips = StripBuffers(self.sums, self.shape, layout.inner, summed)
+        self.strips = StripBuffers(self.sums, shape, layout.inner, summed)
 
     def run(self, tracing: TileTracing, progress) -> Iterator[Chunk]:
         places = np.zeros((len(self.elements), 4), np.int32)
         places[:, :3] = self.tile.placement(self.elements)
         places[:, 3] = self.elements[:, 0] | self.elements[:, 1] << 16
         cuts = self._cuts(places[:, 0])
-        hosts = _FrameHost(self.tracer.device, self.layout, self._frames_per_chunk())
+        hosts = _FrameHost(self.scene.device, self.layout, self._frames_per_chunk())
         for start, stop in itertools.pairwise(cuts):
             begun = time.perf_counter()
             first = int(places[start, 0])
@@ -99,7 +126,7 @@ class TileJob:
             places[start:stop, 0] -= first
             self._launch(slice(start, stop), places[start:stop], hosts.buffer)
             frames = hosts.read(count) if self.frames else np.empty((0, 0), np.uint8)
-            self.tracer.device.queue.finish()
+            self.scene.device.queue.finish()
             tracing.seconds += time.perf_counter() - begun
             if progress:
                 progress(stop, len(self.elements))
@@ -118,7 +145,7 @@ class TileJob:
     def _cuts(self, frame_of: np.ndarray) -> np.ndarray:
         """Element indices at which chunks of whole frames begin and end.
 
-        Elements that share a beam are not parted, where a chunk has room for all of them.
+        Elements that share a packet are not parted, where a chunk has room for all of them.
         """
         total = len(frame_of)
         starts = np.arange(total + 1)
@@ -136,28 +163,24 @@ class TileJob:
         return np.array(cuts)
 
     def _launch(self, part: slice, places: np.ndarray, frames: cl.Buffer) -> None:
-        tracer, device, layout = self.tracer, self.tracer.device, self.layout
+        scene, layout = self.scene, self.layout
         make = rays.macropixels if self.macro else rays.views
         bundles = make(self.slab, self.elements[part])
         groups = Groups.of(self.shape, bundles, self.elements[part], self.strips.tall)
+        numbers = np.zeros((), FRAME_ARGUMENTS)
+        numbers["width"], numbers["height"] = layout.frame_width, layout.frame_height
+        numbers["chroma"], numbers["rgb"] = layout.format.subsampling, layout.format.rgb
         self.kernel(
-            device.queue,
-            (min(tracer._workers(len(groups.members)), self.strips.workers),),
-            (1,),
-            *tracer._bvh,
-            *tracer._scene,
-            tracer._surfaces.ambient,
-            tracer._surfaces.background,
-            *tracer._ray_arguments(bundles, groups, self.shape),
-            np.float32(bundles.pixel_pitch),
-            tracer._counter(),
+            min(scene.workers(len(groups.members)), self.strips.workers),
+            *scene.tree,
+            *scene.surfaces,
+            *scene.rays(bundles, groups, self.shape),
+            scene.counter(),
             self.scratch,
-            device.buffer(np.ascontiguousarray(places)),
+            numbers,
+            scene.device.buffer(np.ascontiguousarray(places)),
             frames,
-            np.int32(layout.frame_width),
-            np.int32(layout.frame_height),
             *self.strips.arguments(),
-            *self.sums.arguments(),
         )
 
 

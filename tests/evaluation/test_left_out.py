@@ -27,22 +27,9 @@ OF_THE_JOB = {
     "LANES": "width of the device's vectors",
     "BLOCK": "side of a block, compared with that width",
     "VSTREAM": "stores past the caches, where the compiler has them",
-    "PLANES": "whether planes are formed: row planes",
-    "FRAMES": "whether frames are written: row frames",
-    "VIEWS": "layout of the frames",
-    "BITS": "pixel format of the frames",
-    "CHROMA": "pixel format of the frames",
-    "RGB": "pixel format of the frames",
-    "FP64": "whether the device has doubles",
-    "HALF": "rays in use of a block",
-    "OUTER": "elements that a block spans, by how many triangles its rays meet",
-    "LIGHTS": "OPEN_LIGHTS + SHADOW_LIGHTS",
-    "SHADOW_LIST": "default of a size",
-    "DENSE": "default of a size",
-    "LIGHT_ERROR": "default of an error",
-    "SHADOWED": "SHADOW_LIGHTS > 0",
-    "SHADOW_MARGIN": "defined with SHADOW_LIGHTS: a file that shading shares with visibility",
-    "SCATTERED": "whether rays are followed one by one, by how many leaves a block would meet",
+    "PLANES": "whether planes are formed, of macropixels or of views: row planes",
+    "BITS": "whether frames are written, and of how many bits: row frames",
+    "SHADOWS": "whether a light casts shadows",
 }
 # Where each part of a scene has its place in Needs; "" with the reason why there is none.
 PLACES = {
@@ -87,7 +74,7 @@ def test_every_feature_has_its_place():
 
 def test_every_switch_of_the_kernels_is_known():
     """A new #if fails here until it follows from needs, or stands among what a job decides."""
-    text = "\n".join(path.read_text(encoding="ascii") for path in sorted(KERNELS.glob("*.cl")))
+    text = "\n".join(path.read_text(encoding="ascii") for path in sorted(KERNELS.rglob("*.cl")))
     lines = re.findall(r"^\s*#\s*(?:if|elif|ifdef|ifndef)\b(.*)$", text, re.MULTILINE)
     names = {name for line in lines for name in re.findall(r"[A-Z][A-Z0-9_]+", line)}
     guards = {name for name in names if name.startswith("LFCORE_")}

@@ -5,7 +5,7 @@ import pytest
 from lfcore.errors import DeviceError
 from lfcore.opencl.device import build_program, open_device
 
-FILE = "tracing/kernels/lanes.cl"
+FILE = "tracing/kernels/simd/lanes.cl"
 
 
 def test_a_device_is_chosen_by_part_of_its_name(device):

@@ -25,11 +25,8 @@ class Rays(Tracer):
 
     singly = False
 
-    def outer(self, bundles, work):
-        return 1
-
-    def scattered(self, bundles, outer=1):
-        return self.singly
+    def __init__(self, *arguments, **changes):
+        super().__init__(*arguments, **changes, outer=1, single_rays=self.singly)
 
 
 class Singly(Rays):

@@ -22,10 +22,7 @@ class OneElement(Tracer):
 
     def __init__(self, triangles, device=None, lights=()):
         world = scene(triangles, lights=list(lights))
-        super().__init__(world, build_bvh(world.triangles), device)
-
-    def outer(self, bundles, work):
-        return 1
+        super().__init__(world, build_bvh(world.triangles), device, outer=1)
 
 
 def plate(z, size=40.0):

@@ -37,18 +37,15 @@ def crumbs(each):
 class Singly(Tracer):
     """A tracer that follows rays one by one."""
 
-    def scattered(self, bundles, outer=1):
-        return True
+    def __init__(self, *arguments, **changes):
+        super().__init__(*arguments, **changes, single_rays=True)
 
 
 class OneElement(Tracer):
     """A tracer whose blocks are of one element each."""
 
-    def outer(self, bundles, work):
-        return 1
-
-    def scattered(self, bundles, outer=1):
-        return False
+    def __init__(self, *arguments, **changes):
+        super().__init__(*arguments, **changes, outer=1, single_rays=False)
 
 
 def fan(depth, spokes=8, size=32.0):

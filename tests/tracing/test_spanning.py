@@ -17,22 +17,16 @@ from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
 
-class Spanning(Tracer):
-    """A tracer that is told what its blocks span."""
-
-    spans = 1
-
-    def outer(self, bundles, work):
-        return self.spans
-
-    def scattered(self, bundles, outer=1):
-        return False
-
-
 def spanning(world, spans, device=None):
-    tracer = Spanning(world, build_bvh(world.triangles), device, mipmaps=False)
-    tracer.spans = spans
-    return tracer
+    """A tracer that is told what its blocks span."""
+    return Tracer(
+        world,
+        build_bvh(world.triangles),
+        device,
+        mipmaps=False,
+        outer=spans,
+        single_rays=False,
+    )
 
 
 def traced(tracer, layout, planes=(), max_rays=1 << 30):

@@ -15,9 +15,9 @@ from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
 
-def tracer_of(triangles, device=None, **changes):
+def tracer_of(triangles, device=None, outer=None, **changes):
     world = scene(triangles, **changes)
-    return Tracer(world, build_bvh(world.triangles), device)
+    return Tracer(world, build_bvh(world.triangles), device, outer=outer)
 
 
 def some_pixels(size, count, seed=0):
@@ -60,8 +60,7 @@ def test_bundles_of_either_kind_agree_with_embree(device, make):
 @pytest.mark.parametrize("outer", [1, 2, 4])
 def test_blocks_lose_no_triangle_that_falls_between_rays(device, outer):
     # As small as the way from ray to ray, in focus and out of it, where rays cross too.
-    tracer = tracer_of(soup(20_000, 1, 0.03), device)
-    tracer.outer = lambda *_: outer
+    tracer = tracer_of(soup(20_000, 1, 0.03), device, outer=outer)
     slab = Slab(CAMERA, 16, 64)
     places = np.stack(np.meshgrid(np.arange(64), np.arange(24, 40)), -1).reshape(-1, 2)
     bundles = macropixels(slab, places)
@@ -137,8 +136,7 @@ def test_blocks_of_several_elements_see_the_same_at_every_lane_width(device, lan
     slab, pixels = Slab(CAMERA, 16, 64), np.argwhere(np.ones((8, 8))) + 24
     found = []
     for width in (16, lanes):
-        tracer = tracer_of(soup(5000, 4, 0.05), open_device(lanes=width))
-        tracer.outer = lambda *_: 4
+        tracer = tracer_of(soup(5000, 4, 0.05), open_device(lanes=width), outer=4)
         found.append(tracer.slab_hits(slab, pixels))
     for wide, narrow in zip(*found, strict=True):
         assert wide.tobytes() == narrow.tobytes()

@@ -94,7 +94,11 @@ def test_a_deleted_table_is_made_again_and_nothing_before_it(smoke):
 @pytest.mark.parametrize(
     ("edited", "again", "kept"),
     [
-        ("lfcore/tracing/kernels/slab.cl", {"trace", "sum_planes", "page"}, {"parse", "build"}),
+        (
+            "lfcore/tracing/kernels/entry/slab.cl",
+            {"trace", "sum_planes", "page"},
+            {"parse", "build"},
+        ),
         ("lfcore/evaluation/metrics.py", {"evaluate", "tables"}, {"parse", "build", "trace"}),
         ("lfcore/evaluation/page.css", {"page"}, {"parse", "build", "trace", "evaluate"}),
     ],

@@ -25,7 +25,7 @@ class Feature:
     Attributes
     ----------
     field : of :class:`Needs`.
-    defines : of the kernels that it switches.
+    defines : of the kernels that it switches; none where they look at the scene's own numbers.
     what : what is left out without it.
     fill : the same scene with data of the feature that change nothing, to run it in full.
     """
@@ -69,20 +69,20 @@ FEATURES = (
             _flat_normals),
     Feature("vertex_colours", ("VERTEX_COLOURS",), "corner colours and their interpolation",
             _white_corners),
-    Feature("specular", ("SPECULAR",), "highlights: half vector and power"),
-    Feature("emission", ("EMISSION",), "glow of materials"),
-    Feature("ambient", ("AMBIENT",), "ambient light"),
-    Feature("background", ("BACKGROUND",), "colour of rays that meet nothing"),
-    Feature("shadows", ("SHADOW_LIGHTS", "DIRECTIONAL_LIGHTS"),
+    Feature("specular", (), "highlights: half vector and power"),
+    Feature("emission", (), "glow of materials"),
+    Feature("ambient", (), "ambient light"),
+    Feature("background", (), "colour of rays that meet nothing"),
+    Feature("shadows", ("SHADOWS",),
             "shadow rays, hit points and what is lit while nothing is in between",
             _idle_light(shadows=True)),
-    Feature("directional_lights", ("OPEN_LIGHTS", "DIRECTIONAL_LIGHTS"),
+    Feature("directional_lights", (),
             "a directional light without shadows, and the question of each light's kind",
             _idle_light(shadows=False)),
-    Feature("point_lights", ("POINT_LIGHTS",), "the question of each light's kind"),
-    Feature("falloff", ("FALLOFF",), "fall-off with the distance of the light"),
-    Feature("coloured_lights", ("COLOURED_LIGHTS",), "two of the three factors of a grey light"),
-    Feature("emitters", ("EMITTERS",), "cosines at surfaces that glow, and what is their own"),
+    Feature("point_lights", (), "the question of each light's kind"),
+    Feature("falloff", (), "fall-off with the distance of the light"),
+    Feature("coloured_lights", (), "two of the three factors of a grey light"),
+    Feature("emitters", (), "cosines at surfaces that glow, and what is their own"),
 )  # fmt: skip
 
 

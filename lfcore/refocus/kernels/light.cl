@@ -2,7 +2,7 @@
 // blue, red, else BT.709 YCbCr of limited range.
 #ifndef LFCORE_LIGHT_CL
 #define LFCORE_LIGHT_CL
-#include "samples.cl"
+#include "codes.cl"
 
 #define FIXED_ONE 1048576.0f
 

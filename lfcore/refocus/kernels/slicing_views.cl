@@ -1,7 +1,7 @@
 // Algorithm 4: sensor planes from decoded frames that hold views.  BITS and RGB are as in light.cl,
 // CHROMA is 1 (4:4:4) or 2 (4:2:0).
 #include "light.cl"
-#include "planes.cl"
+#include "plane_sums.cl"
 
 inline vf load_row(global const sample *at, int step, int count)
 {
@@ -45,8 +45,8 @@ void form_planes(global const sample *restrict frames,
                  global const uchar *restrict kinds,
                  global ulong4 *restrict sums)
 {
-    const Planes planes = {n_planes, region.s5, region.s0, region.s1, region.s2, region.s3, region.s4, plane_info, runs, masks, kinds,
-                           sums + get_global_id(0) * (ulong)n_planes * region.s2 * region.s3};
+    const PlaneArguments numbers = {region.s0, region.s1, region.s2, region.s3, region.s4, region.s5, region.s6, n_planes, 1, 1};
+    const Planes planes = {&numbers, plane_info, runs, masks, kinds, sums + get_global_id(0) * (ulong)n_planes * region.s2 * region.s3};
     global float *colours = (global float *)(scratch + get_global_id(0) * (ulong)scratch_words);
     const ulong frame_samples = (ulong)frame_width * frame_height + 2 * (ulong)(frame_width / CHROMA) * (frame_height / CHROMA);
     for (int element = atomic_inc(next); element < n_elements; element = atomic_inc(next)) {
@@ -55,7 +55,7 @@ void form_planes(global const sample *restrict frames,
         for (int y = 0; y < inner; y += BLOCK)
             for (int x = 0; x < inner; x += BLOCK) {
                 load_block(frame, frame_width, frame_height, place.y + x, place.z + y, inner - x, inner - y, colours);
-                add_view_to_planes(&planes, place.w & 0xffff, place.w >> 16, region.s6, x, y, colours);
+                add_view(&planes, (int2)(place.w & 0xffff, place.w >> 16), (int2)(x, y), colours);
             }
     }
 }

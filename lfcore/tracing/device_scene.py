@@ -1,0 +1,150 @@
+"""A scene on a device, the kernels built for it, and the memory of their workers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from lfcore.errors import DeviceError, SceneError
+from lfcore.opencl.device import Device, build_program, cl
+from lfcore.optics.bundles import Bundles
+from lfcore.scene.model import Scene
+from lfcore.scene.needs import Needs
+from lfcore.tracing.bvh import Bvh
+from lfcore.tracing.packets import Groups, PacketShape
+from lfcore.tracing.surfaces import pack_surfaces
+
+FOLDER = "tracing/kernels/entry"
+MOST_LEVELS = 64
+"""Levels of a hierarchy that the kernels' stacks hold, as in traversal/walk.cl."""
+
+# Structs of the kernels.  Every member is four bytes, so there is no padding.
+RAY_ARGUMENTS = np.dtype(
+    [("step", np.float32, 4), ("outer", np.float32, 2)]
+    + [(name, np.int32) for name in ("columns", "rows", "packets")]
+    + [("pixel_tangent", np.float32)]
+)
+SCENE_ARGUMENTS = np.dtype(
+    [("ambient", np.float32, 3), ("background", np.float32, 3)]
+    + [(name, np.int32) for name in ("open_lights", "shadow_lights")]
+)
+
+
+class EntryKernel:
+    """A kernel of ``entry/``, whose structs have the layouts that the host fills.
+
+    Parameters
+    ----------
+    file, name : in ``entry/``, and of the kernel.
+    defines : what the program is built with.
+    structs : layouts of the kernel's structs, in the order of its ``struct_sizes``.
+
+    Raises
+    ------
+    DeviceError : it does not build, or the device lays a struct out in another way.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        file: str,
+        name: str,
+        defines: Mapping[str, object],
+        structs: tuple[np.dtype, ...] = (),
+    ):
+        self.device = device
+        # The wrapper of a kernel does not keep its program alive.
+        self._program = build_program(device, [f"{FOLDER}/{file}"], defines)
+        self.kernel = cl.Kernel(self._program, name)
+        self._words: dict[int, int] = {}
+        if not structs:
+            return
+        sizes = self._ask("struct_sizes", count=len(structs))
+        if sizes.tolist() != [struct.itemsize for struct in structs]:
+            raise DeviceError(f"{device.name} lays out the arguments of {name} in its own way")
+
+    def _ask(self, name: str, *arguments, count: int) -> np.ndarray:
+        answer, buffer = np.zeros(count, np.int32), self.device.empty(4 * count)
+        cl.Kernel(self._program, name)(self.device.queue, (1,), None, *arguments, buffer)
+        cl.enqueue_copy(self.device.queue, answer, buffer)
+        return answer
+
+    def scratch(self, shadow_lights: int = 0) -> cl.Buffer:
+        """Memory of all workers, of the size that the program says one needs."""
+        if shadow_lights not in self._words:
+            words = self._ask("scratch_words", np.int32(shadow_lights), count=1)
+            self._words[shadow_lights] = int(words[0])
+        return self.device.empty(4 * self._words[shadow_lights] * self.device.threads)
+
+    def __call__(self, workers: int, *arguments) -> None:
+        """Launch so many workers."""
+        self.kernel(self.device.queue, (workers,), (1,), *arguments)
+
+
+class DeviceScene:
+    """Buffers of a scene and its hierarchy.
+
+    Attributes
+    ----------
+    tree, surfaces : the kernels' first arguments.
+    shadow_lights : how many lights cast shadows.
+
+    Raises
+    ------
+    SceneError : the hierarchy is deeper than the kernels' stacks.
+    """
+
+    def __init__(self, scene: Scene, bvh: Bvh, device: Device, needs: Needs, *, mipmaps: bool):
+        if bvh.statistics().depth > MOST_LEVELS:
+            raise SceneError(
+                f"its hierarchy has more than {MOST_LEVELS} levels",
+                remedy="Remove triangles that lie in each other",
+            )
+        self.device = device
+        s = pack_surfaces(scene, needs, mipmaps=mipmaps)
+        self._defines, self.shadow_lights = s.defines, s.shadow_lights
+        buffer = device.buffer
+        self.tree = [buffer(a) for a in (bvh.boxes, bvh.children, bvh.leaves, bvh.leaf_ids)]
+        arrays = (s.corners, s.attributes, s.material_ids, s.materials, s.lights, s.images)
+        numbers = np.zeros((), SCENE_ARGUMENTS)
+        numbers["ambient"], numbers["background"] = s.ambient, s.background
+        numbers["open_lights"] = len(s.lights) - s.shadow_lights
+        numbers["shadow_lights"] = s.shadow_lights
+        self.surfaces = [*(buffer(a) for a in (*arrays, s.texels)), numbers]
+        self._kernels: dict[tuple, EntryKernel] = {}
+
+    def kernel(
+        self,
+        file: str,
+        name: str,
+        shape: PacketShape,
+        structs: tuple[np.dtype, ...],
+        defines: Mapping[str, object] | None = None,
+    ) -> EntryKernel:
+        """A kernel for packets of ``shape``; with ``defines`` it knows surfaces, too."""
+        values = {**shape.defines, **({} if defines is None else {**self._defines, **defines})}
+        key = (file, name, *sorted(values.items()))
+        if key not in self._kernels:
+            self._kernels[key] = EntryKernel(self.device, file, name, values, structs)
+        return self._kernels[key]
+
+    def rays(self, bundles: Bundles, groups: Groups, shape: PacketShape) -> list:
+        """The kernels' arguments that say which rays: elements, groups and a struct."""
+        lattice = bundles.lattice if shape.outer > 1 else None
+        numbers = np.zeros((), RAY_ARGUMENTS)
+        numbers["step"] = bundles.step
+        numbers["outer"] = (lattice.origin, lattice.direction) if lattice else 0
+        numbers["columns"], numbers["rows"] = bundles.columns, bundles.rows
+        numbers["packets"] = len(groups.members) * shape.squares(bundles.columns, bundles.rows)
+        numbers["pixel_tangent"] = bundles.pixel_pitch
+        middles = np.ascontiguousarray(groups.middles)
+        return [self.device.buffer(middles), self.device.buffer(groups.members), numbers]
+
+    def counter(self) -> cl.Buffer:
+        """What workers take the next packet from."""
+        return self.device.buffer(np.zeros(1, np.int32))
+
+    def workers(self, groups: int) -> int:
+        """How many work on so many groups of elements."""
+        return max(1, min(self.device.threads, groups * 64))

@@ -1,0 +1,31 @@
+// Visibility alone: the closest triangle and its depth for every ray of a job.
+#include "arguments.cl"
+#include "hit_buffers.cl"
+
+KERNEL void slab_hits(TREE_PARAMETERS,
+                      global const float4 *restrict elements,
+                      global const int *restrict groups,
+                      const RayArguments ray_numbers,
+                      global int *restrict next,      // (1,) the next packet to take
+                      global uint *restrict scratch,  // (workers, VISIBILITY_WORDS)
+                      global float *restrict depth,   // (E, rows, columns)
+                      global int *restrict triangle)  // (E, rows, columns)
+{
+    const Tree tree = MAKE_TREE;
+    const Rays rays = make_rays(elements, groups, &ray_numbers);
+    global uint *memory = scratch + get_global_id(0) * (ulong)VISIBILITY_WORDS;
+    Visibility visibility;
+    for (int at = atomic_inc(next); at < ray_numbers.packets; at = atomic_inc(next)) {
+        const Packet packet = make_packet(&rays, at);
+        start_visibility(memory, &visibility);
+        find_visible(&tree, &packet, &visibility);
+        for (int block = 0; block < PACKET_BLOCKS; ++block) {
+            if (!has_block(&packet, block)) continue;
+            use_buffer(visibility.block + block);
+            write_hits(&packet, block, visibility.block + block, depth, triangle);
+        }
+    }
+}
+
+kernel void scratch_words(const int lights, global int *words) { *words = VISIBILITY_WORDS; }
+kernel void struct_sizes(global int *bytes) { bytes[0] = sizeof(RayArguments); }

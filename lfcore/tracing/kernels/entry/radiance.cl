@@ -1,0 +1,58 @@
+// Linear radiance of bundles, as floats.
+//
+// Element e is tile (e / across, e % across) of one image; with one tile across, elements follow
+// each other.
+#include "pipeline.cl"
+#include "radiance_image.cl"
+
+typedef struct {
+    int across;
+    int mode;  // ADD, STREAM
+} ImageArguments;
+
+#define SCRATCH_WORDS(lights) (3 * BLOCK_RAYS + PIPELINE_WORDS(lights))
+
+KERNEL void trace_radiance(TREE_PARAMETERS,
+                           SCENE_PARAMETERS,
+                           const SceneArguments scene_numbers,
+                           global const float4 *restrict elements,
+                           global const int *restrict groups,
+                           const RayArguments ray_numbers,
+                           global int *restrict next,
+                           global uint *restrict scratch,    // (workers, SCRATCH_WORDS)
+                           const ImageArguments image,
+                           // (E / across * rows, across * columns, 3)
+                           global float *restrict radiance)
+{
+    const Tree tree = MAKE_TREE;
+    const Scene scene = MAKE_SCENE(&scene_numbers);
+    const Rays rays = make_rays(elements, groups, &ray_numbers);
+    const ulong pitch = 3 * (ulong)image.across * rays.columns;
+    const ulong words = SCRATCH_WORDS(scene_numbers.shadow_lights);
+    global float *colours = (global float *)(scratch + get_global_id(0) * words);
+    Pipeline pipeline;
+    start_pipeline(&tree, &scene, ray_numbers.pixel_tangent,
+                   (global uint *)colours + 3 * BLOCK_RAYS, &pipeline);
+    for (int at = atomic_inc(next); at < ray_numbers.packets; at = atomic_inc(next)) {
+        const Packet packet = make_packet(&rays, at);
+        see_packet(&packet, &pipeline);
+        for (int block = 0; block < PACKET_BLOCKS; ++block) {
+            if (!has_block(&packet, block)) continue;
+            colour_block(&packet, block, &pipeline, colours);
+            const int2 where = block_position(&packet, block);
+            const int element = block_element(&packet, block, 0, 0);
+            const ulong row = (ulong)(element / image.across) * rays.rows + where.y;
+            const ulong column = (ulong)(element % image.across) * rays.columns + where.x;
+            write_radiance(colours, block_inside(&packet, block), image.mode,
+                           radiance + row * pitch + 3 * column, pitch);
+        }
+    }
+}
+
+kernel void scratch_words(const int lights, global int *words) { *words = SCRATCH_WORDS(lights); }
+kernel void struct_sizes(global int *bytes)
+{
+    bytes[0] = sizeof(SceneArguments);
+    bytes[1] = sizeof(RayArguments);
+    bytes[2] = sizeof(ImageArguments);
+}

@@ -1,0 +1,133 @@
+// The whole of Algorithms 1 and 3 for one chunk of a tile: see, cast shadows, shade, form sensor
+// planes (PLANES: 1 of macropixels, 2 of views) and write encoder-ready frames (BITS, 0 for none).
+#include "pipeline.cl"
+#include "packet_sums.cl"
+#if BITS
+#include "frames.cl"
+#else
+typedef uchar sample;
+typedef struct { int width, height, chroma, rgb; } FrameArguments;
+typedef struct {
+    global const int4 *places;
+    global sample *frames;
+    const FrameArguments *numbers;
+} Frames;
+#endif
+
+#define COLOURS (3 * BLOCK_RAYS)  // of one cell of a packet
+#define SUM_WORDS (PLANES == 1 ? PREFIX_WORDS : 0)
+#define SCRATCH_WORDS(lights) \
+    (COLOURS * (PACKET_CELLS + 1) + SUM_WORDS + PIPELINE_WORDS(lights))
+
+// Clamp a block's colours to what is stored, and put them where its cells are.
+inline void sort_into_cells(global const float *from, int block, global float *cells)
+{
+    const int x = block % SIDE * INNER, y = block / SIDE * INNER;
+    const int within = y / BLOCK * CELL_SIDE + x / BLOCK, corner = y % BLOCK * BLOCK + x % BLOCK;
+    for (int at = 0; at < BLOCK_RAYS; at += 4) {
+        const int element = at / BLOCK / INNER * OUTER + at % BLOCK / INNER;
+        const int ray = corner + at / BLOCK % INNER * BLOCK + at % INNER;
+        global float *to = cells + (element * ELEMENT_CELLS + within) * COLOURS + ray;
+        for (int channel = 0; channel < 3; ++channel) {
+            const float4 c = vload4(0, from + channel * BLOCK_RAYS + at);
+            vstore4(clamp(c, 0.0f, 1.0f), 0, to + channel * BLOCK_RAYS);
+        }
+    }
+}
+
+// Linear colours of every cell of a packet within [0, 1]: (PACKET_CELLS, 3, BLOCK_RAYS).
+inline void colour_packet(const Packet *packet, Pipeline *pipeline, global float *cells)
+{
+    see_packet(packet, pipeline);
+    for (int block = 0; block < PACKET_BLOCKS; ++block) {
+        if (!has_block(packet, block)) continue;
+        global float *colours = cells + (OUTER > 1 ? PACKET_CELLS : block) * COLOURS;
+        colour_block(packet, block, pipeline, colours);
+        if (OUTER > 1) {
+            sort_into_cells(colours, block, cells);
+            continue;
+        }
+        for (int at = 0; at < COLOURS; at += LANES)
+            VSTORE(clamp(VLOAD(colours + at), (vf)(0.0f), (vf)(1.0f)), colours + at);
+    }
+}
+
+// What is made of a packet cell by cell: planes of views, and frames, in which the cells end.
+inline void write_cells(const Planes *planes, const Frames *out, const Packet *packet,
+                        global float *cells)
+{
+    const int2 grid = (int2)(packet->rays->columns, packet->rays->rows);
+    for (int cell = 0; cell < PACKET_CELLS; ++cell, cells += COLOURS) {
+        const int element = cell_element(packet, cell);
+        if (element < 0) continue;
+        const int2 where = cell_position(packet, cell);
+        const int place = out->places[element].w;
+        if (PLANES == 2) add_view(planes, (int2)(place & 0xffff, place >> 16), where, cells);
+#if BITS
+        write_frames(out, element, where, min(grid - where, BLOCK), cells);
+#endif
+    }
+}
+
+KERNEL void trace_slab(TREE_PARAMETERS,
+                       SCENE_PARAMETERS,
+                       const SceneArguments scene_numbers,
+                       global const float4 *restrict elements,
+                       global const int *restrict groups,
+                       const RayArguments ray_numbers,
+                       global int *restrict next,
+                       global uint *restrict scratch,       // (workers, SCRATCH_WORDS)
+                       const FrameArguments frame_numbers,
+                       global const int4 *restrict places,  // (E,) see Frames
+                       global sample *restrict frames,
+                       const PlaneArguments plane_numbers,
+                       global int2 *restrict windows,       // (workers, planes), empty
+                       // (workers, planes, ring, PREFIX_PITCH), 0.
+                       global uint *restrict strips,
+                       global const int4 *restrict plane_info,
+                       global const int *restrict runs,
+                       global const uchar *restrict masks,
+                       global const uchar *restrict kinds,
+                       global ulong4 *restrict sums)        // (workers, planes, height, width)
+{
+    const Tree tree = MAKE_TREE;
+    const Scene scene = MAKE_SCENE(&scene_numbers);
+    const Rays rays = make_rays(elements, groups, &ray_numbers);
+    const Frames out = {places, frames, &frame_numbers};
+    const ulong worker = get_global_id(0), area = (ulong)plane_numbers.width * plane_numbers.height;
+    const Planes planes = {&plane_numbers, plane_info, runs, masks, kinds,
+                           sums + worker * plane_numbers.planes * area};
+    const ulong strip_words = (ulong)plane_numbers.ring * PREFIX_PITCH * plane_numbers.planes;
+    const Strip strip = {windows + worker * plane_numbers.planes, strips + worker * strip_words};
+    global uint *memory = scratch + worker * (ulong)SCRATCH_WORDS(scene_numbers.shadow_lights);
+    global float *cells = (global float *)memory;
+    global uint *prefix = memory + COLOURS * (PACKET_CELLS + 1);
+    Pipeline pipeline;
+    start_pipeline(&tree, &scene, ray_numbers.pixel_tangent, prefix + SUM_WORDS, &pipeline);
+    const int squares = rays.squares, tall = plane_numbers.tall, items = ray_numbers.packets / tall;
+    for (int item = atomic_inc(next); item < items; item = atomic_inc(next)) {
+        int u = 0;
+        for (int k = 0; k < tall; ++k) {
+            const int number = (item / squares * tall + k) * squares + item % squares;
+            Packet packet = make_packet(&rays, number);
+            const int first = first_element(&packet);
+            if (first < 0) continue;
+            if (PLANES == 1 && !BITS) drop_closed_blocks(&planes, &packet);
+            colour_packet(&packet, &pipeline, cells);
+            u = (places[first].w & 0xffff) / GROUP * GROUP;
+            const int v = (places[first].w >> 16) / GROUP * GROUP;
+            if (PLANES == 1) add_to_strip(&planes, &packet, v, cells, prefix, &strip);
+            write_cells(&planes, &out, &packet, cells);
+        }
+        if (PLANES == 1) finish_strip(&planes, u, item % rays.across, &strip);
+    }
+}
+
+kernel void scratch_words(const int lights, global int *words) { *words = SCRATCH_WORDS(lights); }
+kernel void struct_sizes(global int *bytes)
+{
+    bytes[0] = sizeof(SceneArguments);
+    bytes[1] = sizeof(RayArguments);
+    bytes[2] = sizeof(FrameArguments);
+    bytes[3] = sizeof(PlaneArguments);
+}

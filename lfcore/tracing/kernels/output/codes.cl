@@ -1,0 +1,15 @@
+// Codes of video frames: BITS is 8, or 10 in 16-bit words.
+#ifndef LFCORE_CODES_CL
+#define LFCORE_CODES_CL
+#include "lanes.cl"
+
+#if BITS == 8
+#define SAMPLE uchar
+#else
+#define SAMPLE ushort
+#endif
+typedef SAMPLE sample;
+#define SAMPLES(n) JOIN(SAMPLE, n)
+#define CODES (1 << (BITS - 8))  // to one of 8 bits
+
+#endif

@@ -1,0 +1,118 @@
+// Encoder-ready frames: linear light to sRGB-encoded BT.709 YCbCr, limited range, rounded once;
+// with RGB to planes of green, blue and red, full range.
+#ifndef LFCORE_FRAMES_CL
+#define LFCORE_FRAMES_CL
+#include "srgb.cl"
+
+typedef struct {
+    int width, height;
+    int chroma;  // 1 (4:4:4) or 2 (4:2:0, means of 2 x 2)
+    int rgb;
+} FrameArguments;
+
+// Where inner grids go in planar frames.
+typedef struct {
+    global const int4 *places;  // (E,) frame, x0, y0, and the pixel u + (v << 16)
+    global sample *frames;      // (F, 3 planes)
+    const FrameArguments *numbers;
+} Frames;
+
+// Codes lie in [0, 2^BITS); in a sum with 1.5 * 2^23 they are rounded to the nearest, ties to even,
+// into the low bits.
+#define WHITE ((1 << BITS) - 1)
+#define ROUNDED(code) ((vf)((code) + 12582912.0f))
+#define ROW_PARTS (BLOCK / LANES)
+
+// Write the first `wide` codes of a block's row from such sums.
+inline void put_codes(private const vf *sums, int wide, global sample *to)
+{
+    private uint codes[BLOCK];
+    for (int k = 0; k < ROW_PARTS; ++k) VSTORE(AS_VU(sums[k]) & (uint)WHITE, codes + k * LANES);
+    const SAMPLES(16) packed = JOIN(convert_, SAMPLES(16))(vload16(0, codes));
+    if (wide == BLOCK) {
+        vstore16(packed, 0, to);
+        return;
+    }
+    private sample row[BLOCK];
+    vstore16(packed, 0, row);
+    for (int k = 0; k < wide; ++k) to[k] = row[k];
+}
+
+// A part of a row as the three planes' sums; chroma that is to be averaged takes the colours'
+// place.
+inline void encode_part(Vec c, const FrameArguments *n, global float *chroma, vf *first, vf *second,
+                        vf *third)
+{
+    if (n->rgb) {
+        *first = fma(c.y, (vf)(WHITE), ROUNDED(0.0f));
+        *second = fma(c.z, (vf)(WHITE), ROUNDED(0.0f));
+        *third = fma(c.x, (vf)(WHITE), ROUNDED(0.0f));
+        return;
+    }
+    const vf luma = fma(c.x, (vf)(0.2126f), fma(c.y, (vf)(0.7152f), c.z * 0.0722f));
+    const vf blue = c.z - luma, red = c.x - luma;
+    const vf to_blue = 224.0f / 1.8556f * CODES, to_red = 224.0f / 1.5748f * CODES;
+    *first = fma(luma, (vf)(219.0f * CODES), ROUNDED(16.0f * CODES));
+    *second = fma(blue, to_blue, ROUNDED(128.0f * CODES));
+    *third = fma(red, to_red, ROUNDED(128.0f * CODES));
+    if (n->chroma == 1) return;
+    VSTORE(fma(blue, to_blue, (vf)(128.0f * CODES)), chroma);
+    VSTORE(fma(red, to_red, (vf)(128.0f * CODES)), chroma + BLOCK_RAYS);
+}
+
+// Write `wide` columns and `high` rows of a block to a frame, by a cubic if there is one.
+inline void write_rows(const CubicEncoding *e, const FrameArguments *n, int wide, int high,
+                       global float *colours, global sample *to)
+{
+    const ulong pixels = (ulong)n->width * n->height;
+    for (int y = 0; y < high; ++y, colours += BLOCK, to += n->width) {
+        vf first[ROW_PARTS], second[ROW_PARTS], third[ROW_PARTS];
+        for (int k = 0; k < ROW_PARTS; ++k) {
+            global float *at = colours + k * LANES;
+            encode_part(encode_row(load3(at, 0), e), n, at, first + k, second + k, third + k);
+        }
+        put_codes(first, wide, to);
+        if (n->chroma > 1) continue;
+        put_codes(second, wide, to + pixels);
+        put_codes(third, wide, to + 2 * pixels);
+    }
+}
+
+// Average chroma over 2 x 2 rays; an odd inner grid repeats its last column and row.
+inline void average_chroma(global const float *chroma, int wide, int high, global sample *to,
+                           int pitch)
+{
+    for (int y = 0; y < high; y += 2)
+        for (int x = 0; x < wide; x += 2) {
+            global const float *c = chroma + y * BLOCK + x;
+            const int right = x + 1 < wide ? 1 : 0, below = y + 1 < high ? BLOCK : 0;
+            const float mean = 0.25f * (c[0] + c[right] + c[below] + c[below + right]);
+            to[(ulong)(y / 2) * pitch + x / 2] = JOIN(JOIN(convert_, SAMPLE), _sat_rte)(mean);
+        }
+}
+
+// Write a cell of linear colours (3, BLOCK_RAYS), replaced by encoded chroma on the way if that is
+// averaged.  Its first ray is at `at` of its inner grid, and `inside` columns and rows lie within
+// it.
+inline void write_frames(const Frames *out, int element, int2 at, int2 inside,
+                         global float *colours)
+{
+    const FrameArguments *n = out->numbers;
+    const int4 place = out->places[element];
+    const ulong pixels = (ulong)n->width * n->height, chroma = pixels / (n->chroma * n->chroma);
+    global sample *frame = out->frames + place.x * (pixels + 2 * chroma);
+    const int x0 = place.y + at.x, y0 = place.z + at.y;
+    const int whole = inside.x == BLOCK && inside.y == BLOCK;
+    global sample *to = frame + (ulong)y0 * n->width + x0;
+    CubicEncoding e;
+    if (whole && make_cubic(colours, &e)) write_rows(&e, n, BLOCK, BLOCK, colours, to);
+    else if (whole) write_rows(0, n, BLOCK, BLOCK, colours, to);
+    else write_rows(0, n, inside.x, inside.y, colours, to);
+    if (n->chroma == 1) return;
+    const int pitch = n->width / 2;
+    for (int plane = 0; plane < 2; ++plane)
+        average_chroma(colours + plane * BLOCK_RAYS, inside.x, inside.y,
+                       frame + pixels + plane * chroma + (ulong)(y0 / 2) * pitch + x0 / 2, pitch);
+}
+
+#endif

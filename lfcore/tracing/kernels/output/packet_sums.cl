@@ -1,0 +1,228 @@
+// Sensor planes from packets of lens samples: rows first, then columns.
+//
+// The pixel a ray falls on is separable.  A packet is one square picture of GROUP x GROUP pixels
+// times their lens samples: every column of it, (u, i), falls on one column of a plane, and every
+// row, (v, j), on one row.  Prefix sums down the columns, made once a mask, give what a row of a
+// plane gets from each column of the packet, a vector at a time.  Packets of pixels one below the
+// other, through the same lens samples, have the same columns: these rows are kept until such a
+// strip of packets is done, and only then go to pixels.
+//
+// Source of prefix sums: F. C. Crow, "Summed-Area Tables for Texture Mapping", SIGGRAPH 1984.
+#ifndef LFCORE_PACKET_SUMS_CL
+#define LFCORE_PACKET_SUMS_CL
+#include "packet.cl"
+#include "plane_sums.cl"
+
+#define GROUP (ELEMENTS == 16 ? 4 : ELEMENTS == 4 ? 2 : 1)
+#define CHUNKS (GROUP * CELL_SIDE)       // cells along a side of the packet
+#define PACKET_COLUMNS (CHUNKS * BLOCK)  // at most 64
+#define PREFIX_PITCH (3 * PACKET_COLUMNS)
+#define PREFIX_WORDS ((PACKET_COLUMNS + 1) * PREFIX_PITCH)
+// Ints: runs, then of each its target and start + (end << 8).
+#define RECORD 129
+
+// The packet's cell in `row`, `column` of its picture.
+inline int cell_at(int row, int column)
+{
+    const int element = (row / CELL_SIDE) * GROUP + column / CELL_SIDE;
+    return element * ELEMENT_CELLS + (row % CELL_SIDE) * CELL_SIDE + column % CELL_SIDE;
+}
+
+// How far a mask is open over the lens samples of a cell.
+inline int openness(const Planes *p, int mask, int2 at)
+{
+    const int blocks = p->numbers->blocks;
+    return p->kinds[(mask * blocks + at.y / BLOCK) * blocks + at.x / BLOCK];
+}
+
+// Leave out blocks of a packet that no plane's mask opens.
+inline void drop_closed_blocks(const Planes *p, Packet *packet)
+{
+    for (int block = 0; block < PACKET_BLOCKS; ++block) {
+        if (!has_block(packet, block)) continue;
+        int open = 0;
+        for (int plane = 0; plane < p->numbers->planes; ++plane)
+            open |= openness(p, p->plane[plane].x, block_position(packet, block));
+        if (!open) packet->blocks &= ~(1u << block);
+    }
+}
+
+// A row of colours in fixed point where the mask is open.
+inline uint16 open_colours(global const float *colours, int16 keep)
+{
+    const float16 fixed = fma(vload16(0, colours), (float16)(FIXED_ONE), (float16)(0.5f));
+    return as_uint16(convert_int16(fixed) & keep);
+}
+
+inline void store_prefix(uint16 red, uint16 green, uint16 blue, global uint *to)
+{
+    vstore16(red, 0, to);
+    vstore16(green, 0, to + PACKET_COLUMNS);
+    vstore16(blue, 0, to + 2 * PACKET_COLUMNS);
+}
+
+// Exclusive prefix sums down the columns of fixed-point colours where the mask is open: (rows + 1,
+// 3, columns), each below 2^27.  Returns whether anything is open.
+inline int make_prefix(const Planes *p, const Packet *packet, int mask, global const float *colours,
+                       global uint *prefix)
+{
+    const int pitch = PACKET_SIDE * ((p->numbers->blocks + CELL_SIDE - 1) / CELL_SIDE);
+    int any = 0;
+    for (int column = 0; column < CHUNKS; ++column) {
+        uint16 red = 0, green = 0, blue = 0;
+        global uint *to = prefix + column * BLOCK;
+        for (int row = 0; row < CHUNKS; ++row) {
+            const int cell = cell_at(row, column);
+            const int2 where = cell_position(packet, cell);
+            const int kind = cell_element(packet, cell) >= 0 ? openness(p, mask, where) : 0;
+            global const uchar *open = p->masks + ((ulong)mask * pitch + where.y) * pitch + where.x;
+            global const float *from = colours + cell * 3 * BLOCK_RAYS;
+            any |= kind;
+            for (int k = 0; k < BLOCK; ++k, to += PREFIX_PITCH, open += pitch, from += BLOCK) {
+                store_prefix(red, green, blue, to);
+                if (!kind) continue;
+                int16 keep = -1;
+                if (kind != 2) keep = convert_int16(as_char16(vload16(0, open)));
+                red += open_colours(from, keep);
+                green += open_colours(from + BLOCK_RAYS, keep);
+                blue += open_colours(from + 2 * BLOCK_RAYS, keep);
+            }
+        }
+        store_prefix(red, green, blue, to);
+    }
+    return any;
+}
+
+// A strip's sums before they go to pixels, of this worker.
+typedef struct {
+    // (planes,) first row and one past the last that hold anything; first >= last: none.
+    global int2 *window;
+    // (planes, ring, 3, PACKET_COLUMNS) zero but for those rows; row y is at y % ring.  32 bits
+    // will do: of a column a packet adds 64 rays of 2^20 at the most.
+    global uint *rows;
+} Strip;
+
+// Add the packet's rows of the `count` runs from `run` on to a row of the strip.
+inline void add_rows(global const int *run, int count, global const uint *prefix, global uint *to)
+{
+    for (int channel = 0; channel < 3; ++channel, prefix += PACKET_COLUMNS, to += PACKET_COLUMNS) {
+        uint16 sum[CHUNKS];
+#pragma unroll
+        for (int k = 0; k < CHUNKS; ++k) sum[k] = vload16(k, to);
+        for (int at = 0; at < count; ++at) {
+            const int span = run[2 * at + 1];
+            global const uint *above = prefix + (span & 255) * PREFIX_PITCH;
+            global const uint *below = prefix + (span >> 8) * PREFIX_PITCH;
+#pragma unroll
+            for (int k = 0; k < CHUNKS; ++k) sum[k] += vload16(k, below) - vload16(k, above);
+        }
+#pragma unroll
+        for (int k = 0; k < CHUNKS; ++k) vstore16(sum[k], k, to);
+    }
+}
+
+// Where the rays of a packet's rows, or columns, fall on a plane: runs, then of each its target and
+// start + (end << 8).
+inline global const int *runs_of(const Planes *p, int plane, int pixel, int square)
+{
+    const int4 info = p->plane[plane];
+    return p->runs + info.y + (pixel / GROUP * info.z + square) * RECORD;
+}
+
+// The row of a strip that holds row y of a plane.
+inline global uint *strip_row(const Planes *p, const Strip *strip, int plane, int y)
+{
+    const int ring = p->numbers->ring;
+    return strip->rows + ((ulong)plane * ring + (y & (ring - 1))) * PREFIX_PITCH;
+}
+
+// Add a packet of linear colours (PACKET_CELLS, 3, BLOCK_RAYS) to its strip.  Its first row of
+// pixels is v, a multiple of GROUP; `prefix` (PREFIX_WORDS) is scratch.
+inline void add_to_strip(const Planes *p, const Packet *packet, int v, global const float *colours,
+                         global uint *prefix, const Strip *strip)
+{
+    const PlaneArguments *n = p->numbers;
+    int have = -1, any = 0;
+    for (int plane = 0; plane < n->planes; ++plane) {
+        const int mask = p->plane[plane].x;
+        if (mask != have) any = make_prefix(p, packet, mask, colours, prefix);
+        have = mask;
+        if (!any) continue;
+        global const int *down = runs_of(p, plane, v, packet->row / PACKET_SIDE);
+        global const int *run = down + 1, *end = run + 2 * down[0];
+        int2 window = strip->window[plane];
+        while (run < end) {
+            global const int *first = run;
+            const int y = v + first[0];
+            do run += 2; while (run < end && run[0] == first[0]);
+            // Rows may lie beside the picture, or be of pixels beside the tile.
+            if (y < n->top || y >= n->top + n->height) continue;
+            add_rows(first, (int)(run - first) / 2, prefix, strip_row(p, strip, plane, y));
+            window = (int2)(min(window.x, y), max(window.y, y + 1));
+        }
+        strip->window[plane] = window;
+    }
+}
+
+// A row of a strip, zeroed, as red, green, blue, 0 of every column
+inline void take_row(global uint *row, private uint4 *line)
+{
+    for (int column = 0; column < PACKET_COLUMNS; column += 8, row += 8, line += 8) {
+        const uint8 red = vload8(0, row), green = vload8(0, row + PACKET_COLUMNS);
+        const uint8 blue = vload8(0, row + 2 * PACKET_COLUMNS);
+        vstore8((uint8)(0), 0, row);
+        vstore8((uint8)(0), 0, row + PACKET_COLUMNS);
+        vstore8((uint8)(0), 0, row + 2 * PACKET_COLUMNS);
+        // As processors interleave: within each half of a register.
+        const uint8 low = (uint8)(0, 8, 1, 9, 4, 12, 5, 13), high = low + (uint8)(2);
+        const uint8 even = (uint8)(0, 1, 8, 9, 4, 5, 12, 13), odd = even + (uint8)(2);
+        const uint8 rg = shuffle2(red, green, low), b = shuffle2(blue, (uint8)(0), low);
+        const uint8 rg2 = shuffle2(red, green, high), b2 = shuffle2(blue, (uint8)(0), high);
+        const uint8 c0 = shuffle2(rg, b, even), c1 = shuffle2(rg, b, odd);
+        const uint8 c2 = shuffle2(rg2, b2, even), c3 = shuffle2(rg2, b2, odd);
+        line[0] = c0.lo;
+        line[1] = c1.lo;
+        line[2] = c2.lo;
+        line[3] = c3.lo;
+        line[4] = c0.hi;
+        line[5] = c1.hi;
+        line[6] = c2.hi;
+        line[7] = c3.hi;
+    }
+}
+
+// Add runs of columns to a row of the plane; `sums` is at the pixel of target 0.
+inline void add_columns(global const int *run, global const int *end, const private uint4 *line,
+                        global ulong4 *sums)
+{
+    for (; run < end; run += 2) {
+        const int stop = run[1] >> 8;
+        int column = run[1] & 255;
+        ulong4 sum = convert_ulong4(line[column]);
+        while (++column < stop) sum += convert_ulong4(line[column]);
+        sums[run[0]] += sum;
+    }
+}
+
+// Add a strip to the planes and empty it.  Its first column of pixels is u, a multiple of GROUP;
+// `square` is its place on the lens.
+inline void finish_strip(const Planes *p, int u, int square, const Strip *strip)
+{
+    const PlaneArguments *n = p->numbers;
+    private uint4 line[PACKET_COLUMNS];
+    for (int plane = 0; plane < n->planes; ++plane) {
+        const int2 window = strip->window[plane];
+        global const int *across = runs_of(p, plane, u, square);
+        global const int *run = across + 1, *end = run + 2 * across[0];
+        while (run < end && u + run[0] < n->left) run += 2;
+        while (run < end && u + end[-2] >= n->left + n->width) end -= 2;
+        for (int y = window.x; y < window.y; ++y) {
+            global ulong4 *to = sums_of(p, plane) + (ulong)(y - n->top) * n->width;
+            take_row(strip_row(p, strip, plane, y), line);
+            add_columns(run, end, line, to + (u - n->left));
+        }
+        strip->window[plane] = (int2)(INT_MAX, 0);
+    }
+}
+
+#endif

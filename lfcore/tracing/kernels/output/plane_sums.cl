@@ -1,0 +1,96 @@
+// Sensor planes while they are formed: exact integer sums, and how blocks of a view are added.
+//
+// Radiance is held in fixed point (20 bits below the binary point): sums are integers, exact, and
+// the same in whatever order blocks are added.
+#ifndef LFCORE_PLANE_SUMS_CL
+#define LFCORE_PLANE_SUMS_CL
+#include "lanes.cl"
+
+#define FIXED_ONE 1048576.0f
+
+typedef struct {
+    int left, top, width, height;  // region of the accumulators in plane pixels
+    int size;                      // side M of a plane
+    int blocks;                    // blocks along a side of the lens grid
+    int views;                     // side N of the lens grid
+    int planes;                    // number of planes, sorted by mask
+    int tall;                      // packets in a strip
+    int ring;                      // rows of a plane that a strip keeps, a power of two
+} PlaneArguments;
+
+typedef struct {
+    const PlaneArguments *numbers;
+    // (planes,) mask, runs offset, runs per pixel (0: the same for all), 0.
+    global const int4 *plane;
+    global const int *runs;     // where rays fall: see packet_sums.cl and add_view
+    global const uchar *masks;  // (masks, N, N) 255 where open; for packets, N in whole packets
+    global const uchar *kinds;  // (masks, blocks, blocks) 0 closed, 1 partly, 2 wholly open
+    global ulong4 *sums;        // (planes, height, width) of this worker: red, green, blue, 0
+} Planes;
+
+inline global ulong4 *sums_of(const Planes *p, int plane)
+{
+    return p->sums + (ulong)plane * p->numbers->width * p->numbers->height;
+}
+
+#if LANES == BLOCK
+inline uint16 fixed_row(global const float *c)
+{
+    return TO_VU(fma(VLOAD(c), (vf)(FIXED_ONE), (vf)(0.5f)));
+}
+
+// Add a row of sixteen pixels to sixteen neighbours from `to` on.
+inline void add_row(global const float *c, global ulong *to)
+{
+    private uint r[16], g[16], b[16];
+    vstore16(fixed_row(c), 0, r);
+    vstore16(fixed_row(c + BLOCK_RAYS), 0, g);
+    vstore16(fixed_row(c + 2 * BLOCK_RAYS), 0, b);
+    for (int k = 0; k < 8; ++k) {
+        const int i = 2 * k, j = 2 * k + 1;
+        const uint8 pair = (uint8)(r[i], g[i], b[i], 0, r[j], g[j], b[j], 0);
+        vstore8(vload8(k, to) + convert_ulong8(pair), k, to);
+    }
+}
+
+// Whether the targets of sixteen columns are neighbours within the picture, as for a mere shift.
+inline int are_neighbours(global const int *across, int columns, int size)
+{
+    const int16 next = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    if (columns < BLOCK || across[0] < 0 || across[BLOCK - 1] >= size) return 0;
+    return all(vload16(0, across) == across[0] + next);
+}
+#else
+inline void add_row(global const float *c, global ulong *to) {}
+inline int are_neighbours(global const int *across, int columns, int size) { return 0; }
+#endif
+
+// Add a block of pixels of one view, of lens sample `view`, whose first pixel is `at`: `runs` holds
+// the target of every pixel column for each lens column, rows alike.
+inline void add_view(const Planes *p, int2 view, int2 at, global const float *colours)
+{
+    const PlaneArguments *n = p->numbers;
+    const int columns = min(BLOCK, n->size - at.x), rows = min(BLOCK, n->size - at.y);
+    for (int plane = 0; plane < n->planes; ++plane) {
+        const int4 info = p->plane[plane];
+        if (!p->masks[((ulong)info.x * n->views + view.y) * n->views + view.x]) continue;
+        global const int *across = p->runs + info.y + view.x * n->size + at.x;
+        global const int *down = p->runs + info.y + view.y * n->size + at.y;
+        const int neighbours = are_neighbours(across, columns, n->size);
+        for (int y = 0; y < rows; ++y) {
+            if (down[y] < 0 || down[y] >= n->size) continue;
+            global ulong4 *line = sums_of(p, plane) + (ulong)down[y] * n->width;
+            global const float *c = colours + y * BLOCK;
+            if (neighbours) add_row(c, (global ulong *)(line + across[0]));
+            for (int x = 0; !neighbours && x < columns; ++x) {
+                if (across[x] < 0 || across[x] >= n->size) continue;
+                const float4 colour = (float4)(c[x], c[BLOCK_RAYS + x], c[2 * BLOCK_RAYS + x],
+                                               0.0f);
+                const float4 half_unit = (float4)(0.5f, 0.5f, 0.5f, 0.0f);
+                line[across[x]] += convert_ulong4(fma(colour, FIXED_ONE, half_unit));
+            }
+        }
+    }
+}
+
+#endif

@@ -1,0 +1,70 @@
+// Linear radiance as floats: nothing is clamped.
+#ifndef LFCORE_RADIANCE_CL
+#define LFCORE_RADIANCE_CL
+#include "lanes.cl"
+
+// How radiance is written.
+#define ADD 1     // to what is there already
+#define STREAM 2  // past the caches
+
+#if LANES == BLOCK
+#define LINE 64   // bytes of a row of lanes, and what stores past the caches must be aligned to
+#ifdef __has_builtin
+#if __has_builtin(__builtin_nontemporal_store)
+#define VSTREAM(x, p) __builtin_nontemporal_store(x, (global vf *)(p))
+#endif
+#endif
+#ifndef VSTREAM
+#define VSTREAM VSTORE
+#endif
+
+// A row of a block, of which all is inside the inner grid, as 16 times r g b.
+inline void write_row(vf r, vf g, vf b, int mode, global float *to)
+{
+    const vu rg0 = (vu)(0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 4, 20, 0, 5);
+    const vu b0 = (vu)(0, 1, 16, 3, 4, 17, 6, 7, 18, 9, 10, 19, 12, 13, 20, 15);
+    const vu rg1 = (vu)(21, 0, 6, 22, 0, 7, 23, 0, 8, 24, 0, 9, 25, 0, 10, 26);
+    const vu b1 = (vu)(0, 21, 2, 3, 22, 5, 6, 23, 8, 9, 24, 11, 12, 25, 14, 15);
+    const vu rg2 = (vu)(0, 11, 27, 0, 12, 28, 0, 13, 29, 0, 14, 30, 0, 15, 31, 0);
+    const vu b2 = (vu)(26, 1, 2, 27, 4, 5, 28, 7, 8, 29, 10, 11, 30, 13, 14, 31);
+    vf first = shuffle2(shuffle2(r, g, rg0), b, b0);
+    vf second = shuffle2(shuffle2(r, g, rg1), b, b1);
+    vf third = shuffle2(shuffle2(r, g, rg2), b, b2);
+    if (mode & ADD) {
+        first += VLOAD(to);
+        second += VLOAD(to + LANES);
+        third += VLOAD(to + 2 * LANES);
+    }
+    if ((mode & STREAM) && (ulong)to % LINE == 0) {
+        VSTREAM(first, to);
+        VSTREAM(second, to + LANES);
+        VSTREAM(third, to + 2 * LANES);
+    } else {
+        VSTORE(first, to);
+        VSTORE(second, to + LANES);
+        VSTORE(third, to + 2 * LANES);
+    }
+}
+#endif
+
+// Write the first `inside` columns and rows of a block, the first ray at `to`, `pitch` floats a row
+// of the image.
+inline void write_radiance(global const float *colours, int2 inside, int mode, global float *to,
+                           ulong pitch)
+{
+    for (int y = 0; y < inside.y; ++y, to += pitch) {
+        global const float *c = colours + y * BLOCK;
+#if LANES == BLOCK
+        if (inside.x == BLOCK) {
+            write_row(VLOAD(c), VLOAD(c + BLOCK_RAYS), VLOAD(c + 2 * BLOCK_RAYS), mode, to);
+            continue;
+        }
+#endif
+        for (int x = 0; x < inside.x; ++x) {
+            const float3 colour = (float3)(c[x], c[x + BLOCK_RAYS], c[x + 2 * BLOCK_RAYS]);
+            vstore3(mode & ADD ? vload3(x, to) + colour : colour, x, to);
+        }
+    }
+}
+
+#endif

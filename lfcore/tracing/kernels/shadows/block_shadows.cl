@@ -1,0 +1,86 @@
+// Shadows of a block of many triangles or several elements, all rays together.
+#ifndef LFCORE_BLOCK_SHADOWS_CL
+#define LFCORE_BLOCK_SHADOWS_CL
+#include "light_space.cl"
+#include "single_rays.cl"
+
+// Hit points are taken by spans of depth, each to this multiple of where it begins.
+#define SPAN 1.1f
+
+// Mark the rays whose surface faces the light, in `wanted`: masks.
+inline void find_facing(const Block *b, global const float *light, global int *wanted)
+{
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const vi met = GE(VLOAD(b->samples.key + at), (vi)(0));
+        Vec towards = spread3(light_vector(light));
+        if (is_point(light)) towards = minus3(towards, load3(b->samples.point, at));
+        VSTORE(met & GT(dot3(load3(b->samples.normal, at), towards), (vf)(0.0f)), wanted + at);
+    }
+}
+
+// Move the wanted rays whose hit points lie within a span of depths from `wanted` to s->open, and
+// bound them.  A block that sees a near thing before a far one would otherwise span all that lies
+// between; the span starts at the nearest of what is left.  Returns false when nothing is left.
+inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *box)
+{
+    const Bundle *r = &b->rays;
+    global const float *z = b->samples.point + 2 * BLOCK_RAYS;
+    vf nearest = FAR;
+    for (int at = 0; at < BLOCK_RAYS; at += LANES)
+        nearest = pick(nearest, min(nearest, VLOAD(z + at)), VLOAD(wanted + at));
+    const float from = row_min(nearest);
+    if (from >= FAR) return 0;
+    const float step = max(fabs(fma(from, r->tx, r->sx)), fabs(fma(from, r->ty, r->sy)));
+    const float footprint = INNER * step + (OUTER - 1) * fabs(fma(from, r->b, r->a));
+    const float until = fma(from, SPAN, 2.0f * footprint);
+    Ranges ranges;
+    clear_ranges(&ranges);
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const vi want = VLOAD(wanted + at), within = want & LE(VLOAD(z + at), (vf)(until));
+        VSTORE(within, s->open + at);
+        VSTORE(want & ~within, wanted + at);
+        add_to_ranges(&ranges, load3(b->samples.point, at), within);
+    }
+    for (int k = 0; k < 3; ++k) {
+        box->lo[k] = row_min(ranges.low[k]);
+        box->hi[k] = row_max(ranges.high[k]);
+    }
+    return 1;
+}
+
+inline void add_open(const Shadows *s, global int *lit)
+{
+    for (int at = 0; at < BLOCK_RAYS; at += LANES)
+        lit[at / BLOCK] |= row_bits(VLOAD(s->open + at)) << at % BLOCK;
+}
+
+// A block that sees more triangles than this follows its shadow rays: one for two rays, as
+// measured.
+#define MANY_REGIONS (BLOCK_RAYS / 2)
+
+// Add the rays of a block that see light `number` to `lit`.
+inline void light_block(Shadows *s, const Block *b, int number, global int *lit)
+{
+    global const float *light = shadow_light(s->scene, number);
+    if (SINGLE_RAYS || b->regions.count > MANY_REGIONS) {
+        find_facing(b, light, s->open);
+        cast_single_rays(s, b, number);
+        add_open(s, lit);
+        return;
+    }
+    global int *wanted = s->open + BLOCK_RAYS;
+    Box box;
+    for (find_facing(b, light, wanted); next_span(s, b, wanted, &box);) {
+        LightSpaceRays l;
+        l.rays = make_shadow_rays(light, box.lo, box.hi);
+        l.view = make_light_space(&l.rays);
+        l.triangles = b->samples.triangle;
+        if (project_hits(&l.rays, b->samples.point, s, &l.view, &l.strips))
+            cast_light_space(s, &l, number, box.lo, box.hi);
+        else
+            cast_single_rays(s, b, number);
+        add_open(s, lit);
+    }
+}
+
+#endif

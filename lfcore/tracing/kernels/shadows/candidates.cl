@@ -1,0 +1,136 @@
+// Shadow candidates: the leaves that may stand between a light and what a packet sees.
+//
+// They are listed for each light that casts shadows when it is first asked for.
+#ifndef LFCORE_CANDIDATES_CL
+#define LFCORE_CANDIDATES_CL
+#include "occluders.cl"
+
+#define CANDIDATES 512
+#define CANDIDATE_WORDS LIST_WORDS(CANDIDATES)
+
+enum { NOT_ASKED = -1, TOO_MANY = -2 };  // or their number
+
+// A box of hit points.
+typedef struct { float lo[3], hi[3]; } Box;
+
+// A worker's memory for shadows, and what they are of.
+typedef struct {
+    const Tree *tree;
+    const Scene *scene;
+    const Packet *packet;
+    const Visibility *visibility;
+    global uint *lists;      // (shadow lights, CANDIDATE_WORDS)
+    global int *listed;      // (shadow lights,) how many each list holds
+    int bounded;             // whether `lo` and `hi` are known
+    float lo[3], hi[3];      // of all that the packet sees; lo > hi if that is nothing
+    LeafList nearby;         // scratch: leaves near a set of shadow rays
+    global int *open;        // scratch: (2, BLOCK_RAYS)
+    global float *seen;      // scratch: (3, BLOCK_RAYS)
+    struct OccluderCache *cache;
+    global PlaneEquations *element_planes;  // scratch: of one triangle
+} Shadows;
+
+// Seventeen roundings of the terms of a hit point.
+#define HIT_SLACK (17.0f * ROUNDING)
+
+// Bounds of everything that the packet sees.  The ends of a block's depths bound it, along x, then
+// y.
+inline void bound_packet(Shadows *s)
+{
+    const Rays *rays = s->packet->rays;
+    const float4 origin_step = rays->step.xxyy, slope_step = rays->step.zzww;
+    const float4 wide_origin = HALF * fabs(origin_step) + OUTER_HALF * fabs(rays->outer.x);
+    const float4 wide_slope = HALF * fabs(slope_step) + OUTER_HALF * fabs(rays->outer.y);
+    float4 least = FAR, most = -FAR;
+    float near = FAR, far = -FAR;
+    for (int block = 0; block < PACKET_BLOCKS; ++block) {
+        if (!has_block(s->packet, block)) continue;
+        const float2 seen = seen_depths(s->visibility->block + block);
+        if (!(seen.x <= seen.y)) continue;
+        const Bundle r = block_bundle(s->packet, block);
+        const float4 depth = seen.xyxy, origin = (float4)(r.ox, r.ox, r.oy, r.oy);
+        const float4 slope = (float4)(r.dx, r.dx, r.dy, r.dy), middle = fma(depth, slope, origin);
+        const float4 inner = HALF * fabs(fma(depth, slope_step, origin_step));
+        const float4 outer = OUTER_HALF * fabs(fma(depth, (float4)(r.b), (float4)(r.a)));
+        const float4 size = fma(depth, fabs(slope) + wide_slope, fabs(origin) + wide_origin);
+        const float4 half_width = inner + outer + HIT_SLACK * size;
+        least = min(least, middle - half_width);
+        most = max(most, middle + half_width);
+        near = min(near, seen.x);
+        far = max(far, seen.y);
+    }
+    s->lo[0] = min(least.x, least.y);
+    s->lo[1] = min(least.z, least.w);
+    s->lo[2] = near;
+    s->hi[0] = max(most.x, most.y);
+    s->hi[1] = max(most.z, most.w);
+    s->hi[2] = far;
+    s->bounded = 1;
+}
+
+inline global const float *shadow_light(const Scene *s, int number)
+{
+    return s->lights + (s->numbers->open_lights + number) * LIGHT;
+}
+
+// All leaves between the packet and a light, in `list`; false where they are too many to list.
+inline int list_candidates(Shadows *s, int number, LeafList *list)
+{
+    *list = make_list(s->lists + number * (ulong)CANDIDATE_WORDS, CANDIDATES);
+    if (s->listed[number] == NOT_ASKED) {
+        if (!s->bounded) bound_packet(s);
+        if (s->lo[2] <= s->hi[2]) {
+            const Shaft shaft = shadow_shaft(shadow_light(s->scene, number), s->lo, s->hi);
+            const Volume volume = {0, &shaft, 0};
+            Stack stack;
+            start_walk(&stack);
+            gather_leaves(s->tree, &volume, FAR, &stack, list);
+            s->listed[number] = stack.size ? TOO_MANY : list->count;
+        } else s->listed[number] = 0;
+    }
+    list->count = max(s->listed[number], 0);
+    return s->listed[number] >= 0;
+}
+
+// What is to be done with the leaves near a set of shadow rays, a few at a time.
+typedef struct {
+    LeafList candidates;
+    int listed;   // whether they are all there is
+    int done;
+    Shaft shaft;
+    Stack stack;
+} NearbyLeaves;
+
+inline void start_nearby(Shadows *s, int number, const float *lo, const float *hi, NearbyLeaves *n)
+{
+    n->listed = list_candidates(s, number, &n->candidates);
+    n->done = 0;
+    n->shaft = shadow_shaft(shadow_light(s->scene, number), lo, hi);
+    if (!n->listed) start_walk(&n->stack);
+}
+
+// Fill s->nearby with the next leaves; false once none is left.
+inline int next_nearby(Shadows *s, NearbyLeaves *n)
+{
+    LeafList *to = &s->nearby;
+    to->count = 0;
+    if (n->done) return 0;
+    if (!n->listed) {
+        const Volume volume = {0, &n->shaft, 0};
+        gather_leaves(s->tree, &volume, FAR, &n->stack, to);
+        n->done = !n->stack.size;
+        return 1;
+    }
+    const LeafList *from = &n->candidates;
+    for (int base = 0; base < from->count; base += LANES) {
+        const vi meets = shaft_meets(&n->shaft, from->boxes + base, from->pitch);
+        for (uint bits = row_bits(meets) & listed_bits(from, base); bits; bits &= bits - 1) {
+            const int at = base + lowest(bits);
+            append_leaf(to, from->boxes + at, from->pitch, from->leaf[at]);
+        }
+    }
+    n->done = 1;
+    return 1;
+}
+
+#endif

@@ -1,0 +1,255 @@
+// Shadows of a block of many triangles, in coordinates of a picture taken from the light.
+//
+// Which side of an edge plane a hit point is on depends only on the direction that the light sees
+// it in, so the edges of occluders are forms of two coordinates: those of a picture taken from the
+// light, or along its direction.  A surface that the light grazes has a large box in space and a
+// small one there.
+#ifndef LFCORE_LIGHT_SPACE_CL
+#define LFCORE_LIGHT_SPACE_CL
+#include "candidates.cl"
+
+// Coordinates u, v in the light's picture, and d: the reciprocal of the distance along axis kz from
+// a point light, or the distance itself towards a direction.
+typedef struct {
+    int axes[3];             // kx, ky, kz
+    float sign;              // of the distance along kz
+    float slope_x, slope_y;  // of a direction, along kz
+    float lo[3], hi[3];      // of the hit points
+} LightSpace;
+
+// A point light nearer than this share of the hit points' box has no picture of them.
+#define NEAREST_SHARE 1.0e-4f
+
+// Boxes of every strip of STRIP rays of a block: one without hit points has lows beyond its highs.
+#define STRIP (LANES > 8 ? LANES : 8)
+#define STRIPS (BLOCK_RAYS / STRIP)
+typedef struct { float lo[3][STRIPS], hi[3][STRIPS]; } StripBoxes;
+
+inline LightSpace make_light_space(const ShadowRays *r)
+{
+    const float3 along = r->is_point ? r->centre : r->towards;
+    LightSpace v;
+    for (int k = 0; k < 3; ++k) {
+        v.axes[k] = (largest_axis(along) + 1 + k) % 3;
+        v.lo[k] = FAR;
+        v.hi[k] = -FAR;
+    }
+    const float most = axis(along, v.axes[2]);
+    v.sign = most < 0.0f ? -1.0f : 1.0f;
+    v.slope_x = axis(along, v.axes[0]) / most;
+    v.slope_y = axis(along, v.axes[1]) / most;
+    return v;
+}
+
+// u, v, d of a row of hit points, and the distance of a point light.
+inline Vec project_row(const ShadowRays *r, const LightSpace *view, global const float *point,
+                       int at,
+                       vf *distance)
+{
+    vf x[3];
+    for (int k = 0; k < 3; ++k)
+        x[k] = VLOAD(point + view->axes[k] * BLOCK_RAYS + at) - axis(r->apex, view->axes[k]);
+    *distance = x[2] * view->sign;
+    if (r->is_point) {
+        const vf inverse = reciprocal(*distance);
+        const Vec seen = {x[0] * inverse, x[1] * inverse, inverse};
+        return seen;
+    }
+    const Vec seen = {fma((vf)(-view->slope_x), x[2], x[0]), fma((vf)(-view->slope_y), x[2], x[1]),
+                      x[2]};
+    return seen;
+}
+
+// A range of numbers in each lane, and of all of them.
+typedef struct { vf low[3], high[3]; } Ranges;
+inline void clear_ranges(Ranges *r)
+{
+    for (int k = 0; k < 3; ++k) {
+        r->low[k] = FAR;
+        r->high[k] = -FAR;
+    }
+}
+inline void add_to_ranges(Ranges *r, Vec a, vi mask)
+{
+    const vf x[3] = {a.x, a.y, a.z};
+    for (int k = 0; k < 3; ++k) {
+        r->low[k] = pick(r->low[k], min(r->low[k], x[k]), mask);
+        r->high[k] = pick(r->high[k], max(r->high[k], x[k]), mask);
+    }
+}
+
+// Fill `seen` (3, BLOCK_RAYS) with u, v, d of the hit points in `open`, and their boxes.  False if
+// some lie beside the light or behind it, where it has no picture of them.
+inline int project_hits(const ShadowRays *r, global const float *point, const Shadows *s,
+                        LightSpace *view,
+                        StripBoxes *strips)
+{
+    vf nearest = FAR, distance;
+    for (int strip = 0; strip < STRIPS; ++strip) {
+        Ranges ranges;
+        clear_ranges(&ranges);
+        for (int at = strip * STRIP; at < (strip + 1) * STRIP; at += LANES) {
+            const vi within = VLOAD(s->open + at);
+            const Vec seen = project_row(r, view, point, at, &distance);
+            nearest = pick(nearest, min(nearest, distance), within);
+            store3(seen, s->seen, at);
+            add_to_ranges(&ranges, seen, within);
+        }
+        for (int k = 0; k < 3; ++k) {
+            strips->lo[k][strip] = row_min(ranges.low[k]);
+            strips->hi[k][strip] = row_max(ranges.high[k]);
+            view->lo[k] = min(view->lo[k], strips->lo[k][strip]);
+            view->hi[k] = max(view->hi[k], strips->hi[k][strip]);
+        }
+    }
+    return !r->is_point || row_min(nearest) > NEAREST_SHARE * largest_component(r->extent);
+}
+
+// An occluder in the light's picture: a u + b v + c of each edge, and of its plane, with g d
+// besides.
+enum { FORM_A, FORM_B, FORM_C, FORM_G, FORM_TERMS };
+typedef struct { float of[4][FORM_TERMS][LANES]; } PictureForms;
+
+inline vf component(Vec n, int k) { return k == 0 ? n.x : k == 1 ? n.y : n.z; }
+
+// 34 roundings of the terms of such a form.
+#define PICTURE_SLACK (34.0f * ROUNDING)
+
+// Forms of LANES occluders; returns those of `may` that reach the hit points' box in the picture.
+inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, const Plane *planes, vi may,
+                           PictureForms *out)
+{
+    float middle[3], extent[3], most[3];
+    for (int k = 0; k < 3; ++k) {
+        middle[k] = 0.5f * (view->lo[k] + view->hi[k]);
+        extent[k] = 0.5f * BOUND_SLACK * (view->hi[k] - view->lo[k]);
+        most[k] = max(fabs(view->lo[k]), fabs(view->hi[k]));
+    }
+    for (int k = 0; k < 4; ++k) {
+        const vf a = component(planes[k].n, view->axes[0]);
+        const vf b = component(planes[k].n, view->axes[1]);
+        const vf n = component(planes[k].n, view->axes[2]);
+        const vf c = r->is_point ? n * view->sign : planes[k].c;
+        vf largest = fma(a, (vf)(middle[0]), fma(b, (vf)(middle[1]), c)) +
+                     fma(fabs(a), (vf)(extent[0]), fabs(b) * extent[1]);
+        vf noise = fma(fabs(a), (vf)(most[0]), fma(fabs(b), (vf)(most[1]), fabs(c)));
+        vf g = 0.0f;
+        if (k == 3) {
+            const vf along = fma(a, (vf)(view->slope_x), fma(b, (vf)(view->slope_y), n));
+            g = r->is_point ? planes[k].c : along;
+            largest += fma(g, (vf)(middle[2]), fabs(g) * extent[2]);
+            noise = fma(fabs(g), (vf)(most[2]), noise);
+        }
+        VSTORE(a, out->of[k][FORM_A]);
+        VSTORE(b, out->of[k][FORM_B]);
+        VSTORE(c, out->of[k][FORM_C]);
+        VSTORE(g, out->of[k][FORM_G]);
+        may &= GE(fma(noise, (vf)(PICTURE_SLACK), largest), (vf)(0.0f));
+    }
+    return row_bits(may);
+}
+
+// One occluder's forms.
+typedef struct { float of[4][FORM_TERMS]; } PictureForm;
+
+// Strips of the block that an occluder may reach, a bit each.
+inline uint strips_reached(const LightSpace *view, const StripBoxes *strips, const PictureForm *f)
+{
+    float most[3];
+    for (int k = 0; k < 3; ++k) most[k] = max(fabs(view->lo[k]), fabs(view->hi[k]));
+    uint reached = 0;
+    for (int first = 0; first < STRIPS; first += LANES) {
+        vi may = -1;
+        for (int k = 0; k < 4; ++k) {
+            const float a = f->of[k][FORM_A], b = f->of[k][FORM_B], g = f->of[k][FORM_G];
+            const float c = f->of[k][FORM_C];
+            const float size = fma(fabs(a), most[0],
+                                   fma(fabs(b), most[1], fma(fabs(g), most[2], fabs(c))));
+            vf largest = fma(size, PICTURE_SLACK, c);
+            largest = fma((vf)(a), VLOAD((a > 0.0f ? strips->hi[0] : strips->lo[0]) + first),
+                          largest);
+            largest = fma((vf)(b), VLOAD((b > 0.0f ? strips->hi[1] : strips->lo[1]) + first),
+                          largest);
+            if (k == 3)
+                largest = fma((vf)(g), VLOAD((g > 0.0f ? strips->hi[2] : strips->lo[2]) + first),
+                              largest);
+            may &= GE(largest, (vf)(0.0f));
+        }
+        reached |= row_bits(may) << first;
+    }
+    return reached;
+}
+
+// Take from s->open the rays behind one occluder, but for those on it; false when none is left.
+inline int cast_picture(const Shadows *s, const LightSpace *view, const StripBoxes *strips,
+                        const PictureForm *f, int occluder, global const int *triangles)
+{
+    int darker = 0;
+    for (uint strip = strips_reached(view, strips, f); strip; strip &= strip - 1) {
+        const int first = lowest(strip) * STRIP;
+        for (int at = first; at < first + STRIP; at += LANES) {
+            const vi open = VLOAD(s->open + at);
+            const Vec seen = load3(s->seen, at);
+            vf form[4];
+            for (int k = 0; k < 4; ++k)
+                form[k] = fma(seen.x, (vf)(f->of[k][FORM_A]),
+                              fma(seen.y, (vf)(f->of[k][FORM_B]), (vf)(f->of[k][FORM_C])));
+            const vf beyond = fma(seen.z, (vf)(f->of[3][FORM_G]), form[3]);
+            const vi inside = GE(min(form[0], min(form[1], form[2])), (vf)(0.0f));
+            const vi dark = open & inside & GT(beyond, (vf)(0.0f)) &
+                ~EQ(VLOAD(triangles + at), (vi)(occluder));
+            if (!row_any(dark)) continue;
+            VSTORE(open & ~dark, s->open + at);
+            darker = 1;
+        }
+    }
+    if (!darker) return 1;
+    vi left = 0;
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) left |= VLOAD(s->open + at);
+    return row_any(left);
+}
+
+// A set of shadow rays in light space.
+typedef struct {
+    ShadowRays rays;
+    LightSpace view;
+    StripBoxes strips;
+    global const int *triangles;  // that the block's rays lie on
+} LightSpaceRays;
+
+// Take from s->open the rays behind LANES triangles; false when none is left.
+inline int cast_leaf(const Shadows *s, const LightSpaceRays *l, const Shaft *shaft,
+                     global const float *corners, global const int *ids)
+{
+    Plane planes[4];
+    PictureForms forms;
+    const vi may = set_up_occluders(&l->rays, shaft, corners, planes) & ~are_own(l->rays.own, ids);
+    if (!row_any(may)) return 1;
+    uint keep = set_up_picture(&l->rays, &l->view, planes, may, &forms);
+    for (; keep; keep &= keep - 1) {
+        const uint lane = lowest(keep);
+        PictureForm f;
+        for (int k = 0; k < 4; ++k)
+            for (int term = 0; term < FORM_TERMS; ++term) f.of[k][term] = forms.of[k][term][lane];
+        if (!cast_picture(s, &l->view, &l->strips, &f, ids[lane], l->triangles)) return 0;
+    }
+    return 1;
+}
+
+// Take from s->open the rays that something hides from light `number`; their hit points lie in lo
+// to hi.
+inline void cast_light_space(Shadows *s, const LightSpaceRays *l, int number, const float *lo,
+                             const float *hi)
+{
+    NearbyLeaves nearby;
+    for (start_nearby(s, number, lo, hi, &nearby); next_nearby(s, &nearby);)
+        for (int k = 0; k < s->nearby.count; ++k)
+            for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
+                const int leaf = s->nearby.leaf[k];
+                global const float *corners = leaf_corners(s->tree, leaf, lane);
+                global const int *ids = leaf_numbers(s->tree, leaf, lane);
+                if (!cast_leaf(s, l, &nearby.shaft, corners, ids)) return;
+            }
+}
+
+#endif

@@ -1,0 +1,142 @@
+// Occluders: triangles as four forms of a hit point, set up LANES at a time.
+//
+// All shadow rays of a set share the light as apex (or a direction).  Within a triangle's three
+// edge planes, which hold the light, and beyond its own plane is shadow.  The forms are relative to
+// the apex; hit points never leave that frame.
+#ifndef LFCORE_OCCLUDERS_CL
+#define LFCORE_OCCLUDERS_CL
+#include "samples.cl"
+#include "walk.cl"
+
+// What lies nearer a triangle's plane than this share of the numbers that enter is no occluder: 16
+// roundings, where a hit point is off its plane by a few.  Against the float64 oracle, half of this
+// darkens some rays beside a neighbouring triangle, and four times it loses contact shadows.
+#define SHADOW_MARGIN 1.0e-6f
+
+// Apex and extent of a set of shadow rays.
+typedef struct {
+    int is_point;
+    float3 apex;            // the light, or the middle of the hit points
+    float3 towards;         // direction to a directional light
+    float3 centre, extent;  // box of the hit points relative to the apex
+    float3 size;            // largest magnitudes that entered, for the margin
+    int2 own;               // triangles that never shadow the light
+} ShadowRays;
+
+// Look at the hit points between lo and hi alone; what occluders are relative to stays.
+inline void aim_at(ShadowRays *r, const float *lo, const float *hi)
+{
+    r->centre = 0.5f * (vload3(0, lo) + vload3(0, hi)) - r->apex;
+    r->extent = 0.5f * (vload3(0, hi) - vload3(0, lo));
+}
+
+inline ShadowRays make_shadow_rays(global const float *light, const float *lo, const float *hi)
+{
+    const float3 low = vload3(0, lo), high = vload3(0, hi);
+    ShadowRays r;
+    r.is_point = is_point(light);
+    r.towards = light_vector(light);
+    r.apex = r.is_point ? r.towards : 0.5f * (low + high);
+    r.own = own_triangles(light);
+    aim_at(&r, lo, hi);
+    r.size = max(fabs(low), fabs(high)) + fabs(r.centre) + r.extent;
+    return r;
+}
+
+inline Shaft shadow_shaft(global const float *light, const float *lo, const float *hi)
+{
+    const float vector[3] = {light[0], light[1], light[2]};
+    return make_shaft(vector, is_point(light), lo, hi);
+}
+
+// A form n . P + c of the hit point relative to the apex.
+typedef struct { Vec n; vf c; } Plane;
+
+inline Plane flip_plane(Plane f, vi sign)
+{
+    const Plane g = {{flip_sign(f.n.x, sign), flip_sign(f.n.y, sign), flip_sign(f.n.z, sign)},
+                     flip_sign(f.c, sign)};
+    return g;
+}
+
+// |a| . b, b not negative.
+inline vf absolute_dot(Vec a, Vec b)
+{
+    return fma(fabs(a.x), b.x, fma(fabs(a.y), b.y, fabs(a.z) * b.z));
+}
+
+// The most that a form is at any of the hit points, with 17 roundings of its terms.
+inline vf most_at_hits(Plane f, const ShadowRays *r)
+{
+    const Vec centre = spread3(r->centre), extent = spread3(r->extent), size = spread3(r->size);
+    const vf middle = dot3(f.n, centre) + f.c;
+    const vf noise = absolute_dot(f.n, size) + fabs(f.c);
+    return middle + BOUND_SLACK * absolute_dot(f.n, extent) + 17.0f * ROUNDING * noise;
+}
+
+// LANES triangles: corners relative to the apex, and the sign that turns forms to the side of the
+// light.
+typedef struct { Vec v[3]; vi flip; } Occluders;
+
+inline void place_occluders(const ShadowRays *r, global const float *leaf, Occluders *o)
+{
+    for (int k = 0; k < 3; ++k) {
+        global const float *at = leaf + 3 * k * NODE_WIDTH;
+        o->v[k].x = VLOAD(at) - r->apex.x;
+        o->v[k].y = VLOAD(at + NODE_WIDTH) - r->apex.y;
+        o->v[k].z = VLOAD(at + 2 * NODE_WIDTH) - r->apex.z;
+    }
+}
+
+// Beyond the triangles' own planes this form is positive.  `may` loses those that the light sees
+// edge-on, which cast no shadow.
+inline Plane face_plane(const ShadowRays *r, Occluders *o, vi *may)
+{
+    const Vec *v = o->v;
+    const Vec n = cross3(minus3(v[1], v[0]), minus3(v[2], v[0]));
+    const vf offset = dot3(n, v[0]);
+    const vf side = r->is_point ? offset : dot3(n, spread3(r->towards));
+    o->flip = AS_VI(side) & (vi)(0x80000000);
+    *may &= ~EQ(side, (vf)(0.0f));
+    const Vec size = {fabs(v[0].x) + r->size.x, fabs(v[0].y) + r->size.y, fabs(v[0].z) + r->size.z};
+    const vf margin = SHADOW_MARGIN * absolute_dot(n, size);
+    const Plane plane = {n, -offset};
+    Plane beyond = flip_plane(plane, r->is_point ? o->flip : o->flip ^ (vi)(0x80000000));
+    beyond.c -= margin;
+    return beyond;
+}
+
+// Within edge `k` this form is not negative.
+inline Plane edge_plane(const ShadowRays *r, const Occluders *o, int k)
+{
+    const Vec q = o->v[(k + 1) % 3], w = o->v[(k + 2) % 3], c = cross3(q, w);
+    Plane edge = {c, 0.0f};
+    if (!r->is_point) {
+        const Vec to = spread3(r->towards);
+        edge.n = cross3(to, minus3(w, q));
+        edge.c = dot3(to, c);
+    }
+    return flip_plane(edge, o->flip);
+}
+
+// The four forms of LANES triangles: a hit point is dark where the three edges are not negative and
+// the last, beyond the triangle's plane, is positive.  Returns the mask of those that may darken
+// some.
+inline vi set_up_occluders(const ShadowRays *r, const Shaft *shaft, global const float *leaf,
+                           Plane *out)
+{
+    vi keep = ~shaft_misses(shaft, leaf);
+    if (!row_any(keep)) return keep;
+    Occluders o;
+    place_occluders(r, leaf, &o);
+    out[3] = face_plane(r, &o, &keep);
+    keep &= GE(most_at_hits(out[3], r), (vf)(0.0f));
+    if (!row_any(keep)) return keep;
+    for (int k = 0; k < 3; ++k) {
+        out[k] = edge_plane(r, &o, k);
+        keep &= GE(most_at_hits(out[k], r), (vf)(0.0f));
+    }
+    return keep;
+}
+
+#endif

@@ -1,0 +1,122 @@
+// Which rays of a region lie in shadow: a word a row, a bit a column.
+//
+// What an occluder takes of a row of rays is an interval: each of its four forms is zero at one
+// column of the row and not negative to one side of it.  LANES rows are found at once.
+#ifndef LFCORE_SHADOW_MASK_CL
+#define LFCORE_SHADOW_MASK_CL
+#include "candidates.cl"
+
+#define ROW_GROUPS (BLOCK / LANES)
+// Below 15 millionths of a rounding of a form's size its slope along a row is taken for that: no
+// ray can tell.
+#define LEAST_SLOPE 9.0e-13f
+#define ANYWHERE 1.0e30f
+// More columns than an inner grid has; less of a level form is rounding.
+#define MOST_COLUMNS 16384.0f
+
+typedef struct {
+    Rectangle over;        // around the rays, in columns and rows as forms count them
+    float2 first;          // column and row of the block's first ray, counted likewise
+    vi mine[ROW_GROUPS], dark[ROW_GROUPS];  // rays of the region; dark ones, in and beside it
+} ShadowMask;
+
+// Of a region whose block lies `offset` from where forms are counted.
+inline ShadowMask no_shadow(global const Region *r, float2 offset)
+{
+    ShadowMask m;
+    m.over = region_rectangle(r);
+    m.over.x += offset.x;
+    m.over.y += offset.y;
+    m.first = offset - HALF;
+    for (int k = 0; k < ROW_GROUPS; ++k) {
+        m.mine[k] = VLOAD(r->rows + k * LANES);
+        m.dark[k] = 0;
+    }
+    return m;
+}
+
+inline int all_dark(const ShadowMask *m)
+{
+    vi lit = 0;
+    for (int k = 0; k < ROW_GROUPS; ++k) lit |= m->mine[k] & ~m->dark[k];
+    return !row_any(lit);
+}
+
+inline void darken_all(ShadowMask *m)
+{
+    for (int k = 0; k < ROW_GROUPS; ++k) m->dark[k] = m->mine[k];
+}
+
+// Add the rays that are not dark to a light's.
+inline void add_lit(const ShadowMask *m, global int *lit)
+{
+    for (int k = 0; k < ROW_GROUPS; ++k)
+        VSTORE(VLOAD(lit + k * LANES) | (m->mine[k] & ~m->dark[k]), lit + k * LANES);
+}
+
+// Forms of LANES occluders over the rays of one element: 1, x and y.
+typedef struct { vf one, x, y; } RayForm;
+
+// Where the zeros of LANES forms lie along a row: column = row * slope + at, with rows counted as
+// the forms count them and columns from the block's first.  The form is not negative beyond it,
+// less `before`, and up to it, plus `after`; that is ANYWHERE on the side where it does not end. 
+// Of two forms that are each other's negative both have the same zero.
+enum { SLOPE, AT, BEFORE, AFTER, LINE_ROWS };
+inline void store_line(RayForm e, float first, private float (*out)[LANES])
+{
+    const vf least = fma(fabs(e.one) + fabs(e.y), (vf)(LEAST_SLOPE), (vf)(1.0e-37f));
+    const vi level = LT(fabs(e.x), least), up = level | GT(e.x, (vf)(0.0f));
+    const vf inverse = reciprocal(pick(e.x, least, level));
+    VSTORE(-e.y * inverse, out[SLOPE]);
+    VSTORE(-e.one * inverse - first, out[AT]);
+    // A form that is zero all along a row is not negative there.
+    const vf nothing = 0.0f, all = ANYWHERE;
+    VSTORE(pick(all, pick(nothing, (vf)(MOST_COLUMNS), level), up), out[BEFORE]);
+    VSTORE(pick(nothing, all, up), out[AFTER]);
+}
+
+// Darken what lies behind occluder `lane` of those whose four lines are given.
+inline void darken(private float (*lines)[LINE_ROWS][LANES], uint lane, ShadowMask *m)
+{
+    for (int k = 0; k < ROW_GROUPS; ++k) {
+        const vf row = IOTA + (m->first.y + k * LANES);
+        vf lo = 0.0f, hi = BLOCK - 1;
+        for (int form = 0; form < 4; ++form) {
+            private float (*line)[LANES] = lines[form];
+            const vf zero = fma(row, (vf)(line[SLOPE][lane]), (vf)(line[AT][lane]));
+            lo = max(lo, zero - line[BEFORE][lane]);
+            hi = min(hi, zero + line[AFTER][lane]);
+        }
+        const vi from = TO_VI(ceil(min(lo, (vf)(BLOCK))));
+        const vi end = TO_VI(floor(max(hi, (vf)(-1.0f)))) + 1;
+        m->dark[k] |= (((vi)(1) << end) - 1) & -((vi)(1) << from);
+    }
+}
+
+// Leave in `may` those of LANES occluders that one of their forms lets darken some ray in a
+// rectangle, and in `all` those that it lets darken every ray.
+inline void sift_occluders(RayForm e, const Rectangle *over, vi *may, vi *all)
+{
+    const vf middle = fma(e.x, (vf)(over->x), fma(e.y, (vf)(over->y), e.one));
+    const vf wide = BOUND_SLACK * fma(fabs(e.x), (vf)(over->wide), fabs(e.y) * over->high);
+    *may &= GE(middle, -wide);
+    *all &= GT(middle, wide);
+}
+
+// Darken what lies behind LANES occluders of four forms each; false once no ray is lit.
+inline int cast_forms(const RayForm *e, vi may, ShadowMask *m)
+{
+    vi all = may;
+    for (int k = 0; k < 4; ++k) sift_occluders(e[k], &m->over, &may, &all);
+    if (!row_any(may)) return 1;
+    if (row_any(all)) {
+        darken_all(m);
+        return 0;
+    }
+    private float lines[4][LINE_ROWS][LANES];
+    for (int k = 0; k < 4; ++k) store_line(e[k], m->first.x, lines[k]);
+    for (uint keep = row_bits(may); keep; keep &= keep - 1) darken(lines, lowest(keep), m);
+    return !all_dark(m);
+}
+
+#endif

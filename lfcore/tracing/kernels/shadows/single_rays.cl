@@ -1,0 +1,73 @@
+// Shadow rays of a block followed one by one, where so many triangles are seen that they share
+// little.
+#ifndef LFCORE_SINGLE_RAYS_CL
+#define LFCORE_SINGLE_RAYS_CL
+#include "candidates.cl"
+
+// Whether a leaf holds a triangle, other than `own` and the light's, between the ray's origin and
+// `far`. What lies within the margin of the ray's own surface is not in between.
+inline int leaf_blocks(const Tree *tree, const Ray *r, int leaf, float far, int own, int2 light)
+{
+    for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
+        global const float *at = leaf_corners(tree, leaf, lane);
+        global const int *ids = leaf_numbers(tree, leaf, lane);
+        Sheared s;
+        shear_leaf(r, at, &s);
+        if (!row_any(s.mask)) continue;
+        const vf t = sheared_time(r, &s);
+        s.mask &= GT(t, (vf)(0.0f)) & LT(t, (vf)(far)) &
+            ~(EQ(VLOAD(ids), (vi)(own)) | are_own(light, ids));
+        if (!row_any(s.mask)) continue;
+        vf p[3], a[3], b[3];
+        for (int k = 0; k < 3; ++k) {
+            p[k] = VLOAD(at + k * NODE_WIDTH);
+            a[k] = VLOAD(at + (3 + k) * NODE_WIDTH) - p[k];
+            b[k] = VLOAD(at + (6 + k) * NODE_WIDTH) - p[k];
+        }
+        vf off = 0.0f, margin = 0.0f;
+        for (int k = 0; k < 3; ++k) {
+            const float o = axis(r->origin, k);
+            const vf n = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
+            off = fma(n, p[k] - o, off);
+            margin = fma(fabs(n), fabs(p[k]) + fabs(o), margin);
+        }
+        if (row_any(s.mask & GT(fabs(off), SHADOW_MARGIN * margin))) return 1;
+    }
+    return 0;
+}
+
+// The leaf that blocks the ray nearer than `far`, or -1.
+inline int blocking_leaf(const Tree *tree, const Ray *r, float far, int own, int2 light)
+{
+    const Volume volume = {0, 0, r};
+    Stack stack;
+    start_walk(&stack);
+    for (;;) {
+        const int child = next_leaf(tree, &volume, far, &stack);
+        if (child == ROOT) return -1;
+        const int leaf = -1 - tree->children[child];
+        if (leaf_blocks(tree, r, leaf, far, own, light)) return leaf;
+    }
+}
+
+// Take from s->open the rays of a block that cannot see light `number`.
+inline void cast_single_rays(const Shadows *s, const Block *b, int number)
+{
+    global const float *light = shadow_light(s->scene, number), *point = b->samples.point;
+    const int2 own = own_triangles(light);
+    int last = -1;  // what darkened a neighbour is likely to darken the next
+    for (int at = 0; at < BLOCK_RAYS; ++at) {
+        if (!s->open[at]) continue;
+        const float3 p = (float3)(point[at], point[BLOCK_RAYS + at], point[2 * BLOCK_RAYS + at]);
+        const int triangle = b->samples.triangle[at];
+        int exponent;
+        const Ray ray = scaled_ray(p, light_vector(light) - (is_point(light) ? p : 0.0f),
+                                   &exponent);
+        const float far = is_point(light) ? ldexp(1.0f, exponent) : FAR;
+        if (last < 0 || !leaf_blocks(s->tree, &ray, last, far, triangle, own))
+            last = blocking_leaf(s->tree, &ray, far, triangle, own);
+        if (last >= 0) s->open[at] = 0;
+    }
+}
+
+#endif

@@ -1,0 +1,162 @@
+// Blocks of rays: 16 x 16 rays that a few numbers describe, and the forms that are affine over
+// them.
+//
+// Ray (i, j) of a bundle, counted from its centre, is at depth z
+//     x(z) = (ox + i sx) + z (dx + i tx)        y(z) = (oy + j sy) + z (dy + j ty)
+// whatever its camera: lens samples of one pixel (tx = -delta sx), pixels of one lens sample or
+// data camera (sx = 0).
+//
+// A block may span neighbouring elements, too: along each axis INNER rays of the inner grid times
+// OUTER elements.  u and v count the elements from their middle, and each adds a to the origin and
+// b to the direction.  Where lens samples and pixels are both few, such a block is far narrower in
+// space than 16 x 16 of one kind, and meets far fewer triangles.
+#ifndef LFCORE_BLOCK_CL
+#define LFCORE_BLOCK_CL
+#include "lanes.cl"
+
+#define INNER (BLOCK / OUTER)
+#define OUTER_HALF (0.5f * (OUTER - 1))
+#define FAR 3.0e38f
+
+// Half the unit in the last place of 1: the relative error of one rounding.
+#define ROUNDING 5.9604645e-8f
+// Widens a bound that was itself rounded a few times.
+#define BOUND_SLACK (1.0f + 168.0f * ROUNDING)
+
+typedef struct {
+    float ox, oy, dx, dy;  // centre ray
+    float sx, sy;          // step of the origin per column, per row
+    float tx, ty;          // step of the direction per column, per row
+    float a, b;            // step of origin and direction per element, along either axis
+} Bundle;
+
+// Places of a row of LANES rays: x, y on the inner grid, u, v among the elements.
+typedef struct {
+    vf x;
+    float y;
+    vf u;
+    float v;
+} Row;
+
+// The row that begins with ray `at`, a multiple of LANES.
+inline Row row_at(int at)
+{
+    const vi column = TO_VI(IOTA) + at % BLOCK;
+    Row r;
+    r.x = TO_VF(column & (INNER - 1)) - HALF;
+    r.u = TO_VF(column / INNER) - OUTER_HALF;
+    r.y = (at / BLOCK) % INNER - HALF;
+    r.v = at / BLOCK / INNER - OUTER_HALF;
+    return r;
+}
+
+// base + x along + u across, of which blocks of one element have no u.
+inline vf add_places(Row at, vf base, vf along, vf across)
+{
+    const vf inner = fma(at.x, along, base);
+    return OUTER > 1 ? fma(at.u, across, inner) : inner;
+}
+
+inline vf row_ox(const Bundle *r, Row at)
+{
+    return add_places(at, (vf)(r->ox), (vf)(r->sx), (vf)(r->a));
+}
+inline vf row_dx(const Bundle *r, Row at)
+{
+    return add_places(at, (vf)(r->dx), (vf)(r->tx), (vf)(r->b));
+}
+inline float row_oy(const Bundle *r, Row at)
+{
+    const float inner = fma(at.y, r->sy, r->oy);
+    return OUTER > 1 ? fma(at.v, r->a, inner) : inner;
+}
+inline float row_dy(const Bundle *r, Row at)
+{
+    const float inner = fma(at.y, r->ty, r->dy);
+    return OUTER > 1 ? fma(at.v, r->b, inner) : inner;
+}
+
+// Terms of a form over a block: 1, x, y, and for several elements u, v and y u - x v.
+// Only edge functions have the last: D . (O x W) multiplies a step of the origin by one of the
+// direction.
+enum { ONE, X, Y, U, V, TWIST };
+#define EDGE_TERMS (OUTER > 1 ? 6 : 3)
+#define PLANE_TERMS (OUTER > 1 ? 5 : 3)
+typedef struct { float of[OUTER > 1 ? 6 : 3]; } Form;
+
+// One form for each of LANES triangles.
+typedef struct { vf of[OUTER > 1 ? 6 : 3]; } Forms;
+
+// Values of a form without TWIST at a row of rays.
+inline vf plane_row(Form f, Row at)
+{
+    float base = fma(at.y, f.of[Y], f.of[ONE]);
+    if (OUTER > 1) base = fma(at.v, f.of[V], base);
+    return add_places(at, (vf)(base), (vf)(f.of[X]), (vf)(OUTER > 1 ? f.of[U] : 0.0f));
+}
+
+// Values of any form at a row of rays.
+inline vf edge_row(Form f, Row at)
+{
+    if (OUTER == 1) return plane_row(f, at);
+    const float base = fma(at.v, f.of[V], fma(at.y, f.of[Y], f.of[ONE]));
+    const float along = fma(-at.v, f.of[TWIST], f.of[X]), across = fma(at.y, f.of[TWIST], f.of[U]);
+    return add_places(at, (vf)(base), (vf)(along), (vf)(across));
+}
+
+// The quotient of two forms without TWIST: depth is one.
+inline vf quotient_row(Form numerator, Form denominator, Row at)
+{
+    return plane_row(numerator, at) * reciprocal(plane_row(denominator, at));
+}
+
+// A form made of a constant and of what x and y multiply along the rays' steps.
+inline Form stepped_form(float one, float x, float y, float step_x, float step_y, float outer)
+{
+    Form f;
+    f.of[ONE] = one;
+    f.of[X] = x * step_x;
+    f.of[Y] = y * step_y;
+    if (OUTER > 1) {
+        f.of[U] = x * outer;
+        f.of[V] = y * outer;
+        f.of[TWIST] = 0.0f;
+    }
+    return f;
+}
+
+// Rays between two columns and two rows of a block of one element, as a middle and half extents.
+typedef struct { float x, y, wide, high; } Rectangle;
+
+inline Rectangle rectangle_of(float left, float right, float top, float bottom)
+{
+    const Rectangle r = {0.5f * (left + right) - HALF, 0.5f * (top + bottom) - HALF,
+                         0.5f * (right - left), 0.5f * (bottom - top)};
+    return r;
+}
+
+// The four corners of a rectangle.
+inline float4 corners_x(Rectangle r)
+{
+    return (float4)(-r.wide, r.wide, -r.wide, r.wide) + r.x;
+}
+inline float4 corners_y(Rectangle r)
+{
+    return (float4)(-r.high, -r.high, r.high, r.high) + r.y;
+}
+inline float4 corner_values(Form f, Rectangle r)
+{
+    return fma(corners_x(r), f.of[X], fma(corners_y(r), f.of[Y], f.of[ONE]));
+}
+inline float least_of(float4 a) { return min(min(a.x, a.y), min(a.z, a.w)); }
+inline float most_of(float4 a) { return max(max(a.x, a.y), max(a.z, a.w)); }
+
+// Extremes of a quotient of forms over a rectangle all over which its denominator has one sign:
+// the quotient is linear-fractional, so they are in the corners.
+inline float2 quotient_range(Form numerator, Form denominator, Rectangle r)
+{
+    const float4 q = corner_values(numerator, r) / corner_values(denominator, r);
+    return (float2)(least_of(q), most_of(q));
+}
+
+#endif

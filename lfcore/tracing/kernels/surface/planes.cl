@@ -1,0 +1,127 @@
+// Plane equations: what a triangle interpolates over a block, as quotients of forms.
+#ifndef LFCORE_PLANES_CL
+#define LFCORE_PLANES_CL
+#include "scene.cl"
+#include "texture.cl"
+
+// What corners have, side by side.  Colours are differences from the first corner's, so that equal
+// corners give just their colour.
+#define SLOTS 8
+enum { NORMAL = 0, COORDINATES = 3, TINT = 5 };
+
+typedef struct {
+    Form weights;                         // sum of the barycentric weights
+    Form numerator, denominator;          // depth is their quotient
+    float slot[OUTER > 1 ? 6 : 3][SLOTS];  // attributes times the weights, term by term
+    // Geometric, towards the viewer, unless normals are smooth.
+    float normal[3];
+    float first[3];                       // colour of the first corner
+    int key;                              // shading key
+} PlaneEquations;
+#define PLANE_WORDS (3 * EDGE_TERMS + EDGE_TERMS * SLOTS + 7)
+
+inline Form slot_form(global const PlaneEquations *p, int slot)
+{
+    Form f;
+    for (int k = 0; k < EDGE_TERMS; ++k) f.of[k] = p->slot[k][slot];
+    return f;
+}
+
+// An edge function of the weights, of corners sheared to the centre ray.
+inline Form weight_form(float3 p, float3 q, const Bundle *r)
+{
+    const float3 c = cross_product(p, q);
+    Form e;
+    e.of[ONE] = c.z;
+    e.of[X] = c.x * r->tx + (p.y - q.y) * r->sx;
+    e.of[Y] = c.y * r->ty - (p.x - q.x) * r->sy;
+    if (OUTER > 1) {
+        e.of[U] = c.x * r->b + (p.y - q.y) * r->a;
+        e.of[V] = c.y * r->b - (p.x - q.x) * r->a;
+        e.of[TWIST] = (p.z - q.z) * (r->sx * r->b - r->a * r->tx);
+    }
+    return e;
+}
+
+// What corner `k` of a triangle has.
+inline float8 corner_slots(global const float *attributes, int k)
+{
+    float8 a = 0.0f;
+    if (SMOOTH) a.s012 = vload3(k, attributes);
+    attributes += 9 * SMOOTH;
+    if (TEXTURED) a.s34 = vload2(k, attributes);
+    attributes += 6 * TEXTURED;
+    if (VERTEX_COLOURS) a.s567 = vload3(k, attributes) - vload3(0, attributes);
+    return a;
+}
+
+// The mip level whose texels are about as large as a pixel's footprint at the block's centre.  The
+// footprint covers z^2 pixel^2 |D| / cos of the surface, and n . D, the sum of the weights, is
+// twice the triangle's area times that cosine times |D|: area and cosine need not be known apart.
+inline int choose_level(const Scene *s, int texture, global const float *uv, float weights,
+                        float footprint)
+{
+    const int4 finest = s->images[texture * MIP_LEVELS];
+    const float twice = fabs((uv[2] - uv[0]) * (uv[5] - uv[1]) - (uv[4] - uv[0]) * (uv[3] - uv[1]));
+    const float area = twice * finest.y * finest.z * footprint * footprint;
+    const float texels = area / max(fabs(weights), 1.0e-30f);
+    // Half the logarithm to base 2, rounded, from the exponent: a call of a logarithm would spill
+    // every vector register.
+    const int level = texels > 2.0f ? ((as_int(2.0f * texels) >> 23) - 127) >> 1 : 0;
+    return min(level, finest.w - 1);
+}
+
+inline int choose_key(const Scene *s, int triangle, float weights, float footprint)
+{
+    const int material = s->material_ids[triangle];
+    const int key = material * MIP_LEVELS;
+    const int texture = TEXTURED ? as_int(s->materials[material * MATERIAL + 7]) : -1;
+    if (texture < 0) return key;
+    global const float *uv = attributes_of(s, triangle) + 9 * SMOOTH;
+    return key + choose_level(s, texture, uv, weights, footprint);
+}
+
+// Set up a triangle for a block; `pixel` is the tangent between neighbouring pixels.
+inline void set_up_planes(const Scene *s, const Bundle *r, int triangle, float pixel,
+                          global PlaneEquations *out)
+{
+    const float3 p = corner(s, triangle, 0), q = corner(s, triangle, 1), w = corner(s, triangle, 2);
+    const float3 shear = (float3)(r->dx, r->dy, 0.0f), origin = (float3)(r->ox, r->oy, 0.0f);
+    const float3 v[3] = {p - origin - p.z * shear, q - origin - q.z * shear,
+                         w - origin - w.z * shear};
+    const Form e[3] = {weight_form(v[1], v[2], r), weight_form(v[2], v[0], r),
+                       weight_form(v[0], v[1], r)};
+    for (int k = 0; k < EDGE_TERMS; ++k) out->weights.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
+    float3 n = cross_product(v[1] - v[0], v[2] - v[0]);
+    if (n.z < 0.0f) n = -n;
+    const float offset = inner_product(n, v[0]);
+    out->numerator = stepped_form(offset, -n.x, -n.y, r->sx, r->sy, r->a);
+    out->denominator = stepped_form(n.z, n.x, n.y, r->tx, r->ty, r->b);
+    const float weights = out->weights.of[ONE];
+    if (!SMOOTH) {
+        // The sum of the weights is n . D: negative when the corners turn towards the viewer.
+        const float sign = weights < 0.0f ? -1.0f : 1.0f;
+        vstore3(-sign * direction_of(cross_product(q - p, w - p)), 0, out->normal);
+    }
+    if (ATTRIBUTES) {
+        global const float *at = attributes_of(s, triangle);
+        const float8 a = corner_slots(at, 0), b = corner_slots(at, 1), c = corner_slots(at, 2);
+        for (int k = 0; k < EDGE_TERMS; ++k)
+            vstore8(a * e[0].of[k] + b * e[1].of[k] + c * e[2].of[k], 0, out->slot[k]);
+        if (VERTEX_COLOURS) vstore3(vload3(0, at + 9 * SMOOTH + 6 * TEXTURED), 0, out->first);
+    }
+    const float depth = (p.z * e[0].of[ONE] + q.z * e[1].of[ONE] + w.z * e[2].of[ONE]) / weights;
+    out->key = choose_key(s, triangle, weights, depth * pixel);
+}
+
+// Whether all rays in a rectangle of a block of one element see the triangle from one side.
+inline int is_one_sided(Form denominator, Rectangle at)
+{
+    const float x = at.x * denominator.of[X], y = at.y * denominator.of[Y];
+    const float one = denominator.of[ONE];
+    const float noise = 17.0f * ROUNDING * (fabs(one) + fabs(x) + fabs(y));
+    const float spread = at.wide * fabs(denominator.of[X]) + at.high * fabs(denominator.of[Y]);
+    return one + x + y > noise + BOUND_SLACK * spread;
+}
+
+#endif

@@ -1,0 +1,152 @@
+// What each ray of a block meets: place, normal, texture coordinates, tint and shading key.
+#ifndef LFCORE_SURFACE_SAMPLES_CL
+#define LFCORE_SURFACE_SAMPLES_CL
+#include "planes.cl"
+
+// (n, BLOCK_RAYS) of each quantity; what a scene lacks is never written or read.
+typedef struct {
+    global float *point;   // (3, ...) where the ray meets the surface
+    global float *normal;  // (3, ...) of unit length, towards the viewer
+    global float *uv;      // (2, ...) texture coordinates
+    global float *tint;    // (3, ...) colour interpolated between corners
+    global int *key;       // shading key; -1 where nothing is met
+    global int *triangle;  // -1 where nothing is met
+} Samples;
+#define SAMPLE_WORDS (13 * BLOCK_RAYS)
+
+inline Samples make_samples(global uint *memory)
+{
+    global float *at = (global float *)memory;
+    const Samples s = {at, at + 3 * BLOCK_RAYS, at + 6 * BLOCK_RAYS, at + 8 * BLOCK_RAYS,
+                       (global int *)(at + 11 * BLOCK_RAYS),
+                       (global int *)(at + 12 * BLOCK_RAYS)};
+    return s;
+}
+
+inline Vec direction_row(const Bundle *r, Row row)
+{
+    const Vec d = {row_dx(r, row), (vf)(row_dy(r, row)), (vf)(1.0f)};
+    return d;
+}
+
+// A row of rays that meet one triangle.
+typedef struct {
+    Vec normal, tint;
+    vf depth, u, v;
+    vi key, triangle;
+} SampleRow;
+
+inline Vec slots_row(global const PlaneEquations *p, int first, Row at)
+{
+    const Vec v = {edge_row(slot_form(p, first), at), edge_row(slot_form(p, first + 1), at),
+                   edge_row(slot_form(p, first + 2), at)};
+    return v;
+}
+
+inline SampleRow interpolate(global const PlaneEquations *p, Row at)
+{
+    SampleRow s;
+    const vf denominator = plane_row(p->denominator, at);
+    s.depth = plane_row(p->numerator, at) * reciprocal(denominator);
+    if (SMOOTH) {
+        s.normal = slots_row(p, NORMAL, at);
+    } else {
+        // Some rays of a block may see the triangle's other side.
+        const vi back = AS_VI(denominator) & (vi)(0x80000000);
+        s.normal.x = flip_sign((vf)(p->normal[0]), back);
+        s.normal.y = flip_sign((vf)(p->normal[1]), back);
+        s.normal.z = flip_sign((vf)(p->normal[2]), back);
+    }
+    if (!TEXTURED && !VERTEX_COLOURS) return s;
+    const vf inverse = reciprocal(plane_row(p->weights, at));
+    if (TEXTURED) {
+        s.u = edge_row(slot_form(p, COORDINATES), at) * inverse;
+        s.v = edge_row(slot_form(p, COORDINATES + 1), at) * inverse;
+    }
+    if (VERTEX_COLOURS) {
+        const Vec rise = slots_row(p, TINT, at);
+        s.tint.x = fma(rise.x, inverse, (vf)(p->first[0]));
+        s.tint.y = fma(rise.y, inverse, (vf)(p->first[1]));
+        s.tint.z = fma(rise.z, inverse, (vf)(p->first[2]));
+    }
+    return s;
+}
+
+inline void merge_rows(SampleRow *a, SampleRow b, vi mask)
+{
+    a->normal = pick3(a->normal, b.normal, mask);
+    a->depth = pick(a->depth, b.depth, mask);
+    a->key = b.key;
+    a->triangle = b.triangle;
+    if (VERTEX_COLOURS) a->tint = pick3(a->tint, b.tint, mask);
+    if (!TEXTURED) return;
+    a->u = pick(a->u, b.u, mask);
+    a->v = pick(a->v, b.v, mask);
+}
+
+// Of unit length and, where it was interpolated, turned to the viewer.
+inline Vec viewed_normal(Vec n, Vec direction)
+{
+    if (!SMOOTH) return n;
+    n = scale3(n, inverse_sqrt(max(dot3(n, n), (vf)(1.0e-37f))));
+    const vi away = GT(dot3(n, direction), (vf)(0.0f)) & (vi)(0x80000000);
+    const Vec turned = {flip_sign(n.x, away), flip_sign(n.y, away), flip_sign(n.z, away)};
+    return turned;
+}
+
+// One block on its way from regions to colours.
+typedef struct {
+    int number;                      // in its packet
+    Bundle rays;
+    Regions regions;
+    global PlaneEquations *planes;   // of each region
+    Samples samples;
+    // (shadow lights, BLOCK) a bit for each ray that sees the light.
+    global int *lit;
+} Block;
+
+// Interpolate the row that begins with ray `at`, region by region.
+inline void sample_row(const Block *b, int at, Row row, SampleRow *s)
+{
+    s->key = s->triangle = -1;
+    int first = 1;
+    for (int k = 0; k < b->regions.count; ++k) {
+        global const Region *r = b->regions.of + k;
+        if (!(r->rows[at / BLOCK] >> at % BLOCK & ((1 << LANES) - 1))) continue;
+        const vi mask = region_row(r, at);
+        SampleRow one = interpolate(b->planes + k, row);
+        one.key = pick_int(s->key, (vi)(b->planes[k].key), mask);
+        one.triangle = pick_int(s->triangle, (vi)(r->triangle), mask);
+        if (first) *s = one;
+        else merge_rows(s, one, mask);
+        first = 0;
+    }
+}
+
+// Set up the planes of a block's regions and sample its rays.
+inline void sample_block(const Scene *scene, float pixel, const Block *b)
+{
+    const Samples *out = &b->samples;
+    const Bundle *r = &b->rays;
+    SampleRow s = {0};
+    for (int k = 0; k < b->regions.count; ++k)
+        set_up_planes(scene, r, b->regions.of[k].triangle, pixel, b->planes + k);
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const Row row = row_at(at);
+        sample_row(b, at, row, &s);
+        VSTORE(s.key, out->key + at);
+        VSTORE(s.triangle, out->triangle + at);
+        if (!row_any(GE(s.key, (vi)(0)))) continue;
+        const Vec direction = direction_row(r, row);
+        const Vec point = {fma(s.depth, direction.x, row_ox(r, row)),
+                           fma(s.depth, direction.y, (vf)(row_oy(r, row))), s.depth};
+        store3(point, out->point, at);
+        store3(viewed_normal(s.normal, direction), out->normal, at);
+        if (VERTEX_COLOURS) store3(s.tint, out->tint, at);
+        if (!TEXTURED) continue;
+        VSTORE(s.u, out->uv + at);
+        VSTORE(s.v, out->uv + BLOCK_RAYS + at);
+    }
+}
+
+#endif

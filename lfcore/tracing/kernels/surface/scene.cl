@@ -1,0 +1,97 @@
+// The surfaces and lights of a scene, as the host packs them.
+#ifndef LFCORE_SCENE_CL
+#define LFCORE_SCENE_CL
+#include "regions.cl"
+
+// Attributes of a triangle's corners: normals, texture coordinates, colours, as far as a scene has
+// them.
+#define ATTRIBUTES (9 * SMOOTH + 6 * TEXTURED + 9 * VERTEX_COLOURS)
+#define MATERIAL 12
+#define LIGHT 16
+#define LIGHT_NORMAL 8
+#define LIGHT_OWN 12
+#define MIP_LEVELS 12
+
+typedef struct {
+    float ambient[3], background[3];
+    int open_lights, shadow_lights;  // lights without shadows come first
+} SceneArguments;
+
+typedef struct {
+    global const float *corners;     // (T, 9)
+    global const float *attributes;  // (T, ATTRIBUTES)
+    global const int *material_ids;  // (T,)
+    global const float *materials;   // (K, MATERIAL): see read_material
+    global const float *lights;      // (lights, LIGHT): see the functions below
+    // (textures, MIP_LEVELS): offset, width, height, number of levels.
+    global const int4 *images;
+    global const uint *texels;
+    const SceneArguments *numbers;
+} Scene;
+
+#define SCENE_PARAMETERS                     \
+    global const float *restrict corners,    \
+    global const float *restrict attributes, \
+    global const int *restrict material_ids, \
+    global const float *restrict materials,  \
+    global const float *restrict lights,     \
+    global const int4 *restrict images,      \
+    global const uint *restrict texels
+#define MAKE_SCENE(numbers) \
+    {corners, attributes, material_ids, materials, lights, images, texels, numbers}
+
+inline float3 corner(const Scene *s, int triangle, int k)
+{
+    return vload3(k, s->corners + triangle * 9);
+}
+inline global const float *attributes_of(const Scene *s, int triangle)
+{
+    return s->attributes + (long)triangle * ATTRIBUTES;
+}
+
+// A light's place or, where it is directional, the direction towards it.
+inline float3 light_vector(global const float *light) { return vload3(0, light); }
+inline int is_point(global const float *light) { return light[3] != 0.0f; }
+inline float3 light_colour(global const float *light) { return vload3(0, light + 4); }
+// At this distance a light that falls off has its colour; 0 if it does not.
+inline float reference_distance(global const float *light) { return light[7]; }
+// Of a point of an emitter the normal there; else 0.
+inline float3 emitter_normal(global const float *light) { return vload3(0, light + LIGHT_NORMAL); }
+
+// Triangles that never shadow a light, those of the emitter that it is a point of: the first, and
+// that after the last.
+inline int2 own_triangles(global const float *light)
+{
+    return as_int2(vload2(0, light + LIGHT_OWN));
+}
+inline vi are_own(int2 own, global const int *ids)
+{
+    return GE(VLOAD(ids), (vi)(own.x)) & LT(VLOAD(ids), (vi)(own.y));
+}
+
+// What a surface is made of: a material and one mip level of its texture, which a shading key says,
+// material * MIP_LEVELS + level.
+typedef struct {
+    float3 diffuse, specular, emission;
+    float shininess, dull;  // no highlight where its cosine is below `dull`
+    int4 image;             // height 0 without a texture
+} Material;
+
+inline Material read_material(const Scene *s, int key)
+{
+    global const float *material = s->materials + key / MIP_LEVELS * MATERIAL;
+    Material m;
+    m.diffuse = vload3(0, material);
+    m.shininess = material[3];
+    m.specular = vload3(0, material + 4);
+    m.emission = vload3(0, material + 8);
+    m.dull = material[11];
+    m.image = 0;
+    if (TEXTURED) {
+        const int texture = as_int(material[7]);
+        if (texture >= 0) m.image = s->images[texture * MIP_LEVELS + key % MIP_LEVELS];
+    }
+    return m;
+}
+
+#endif

@@ -1,0 +1,170 @@
+// Textures: bilinear, wrapping, in linear light, from one buffer of packed texels.
+//
+// A texel holds the square roots of its three linear values in 10 bits each: one load, one multiply
+// a channel to decode, and steps no coarser than those of 8-bit sRGB.
+#ifndef LFCORE_TEXTURE_CL
+#define LFCORE_TEXTURE_CL
+#include "block.cl"
+
+typedef struct { vf r, g, b; } Colour;
+
+inline vu fetch(global const uint *texels, vi index)
+{
+#if LANES == 1
+    return texels[index];
+#else
+    private int at[LANES];
+    private uint texel[LANES];
+    VSTORE(index, at);
+    for (int k = 0; k < LANES; ++k) texel[k] = texels[at[k]];
+    return VLOAD(texel);
+#endif
+}
+
+inline void add_texel(Colour *sum, vu texel, vf weight)
+{
+    const vf r = TO_VF(texel & 1023u), g = TO_VF((texel >> 10) & 1023u), b = TO_VF(texel >> 20);
+    sum->r = fma(r * r, weight, sum->r);
+    sum->g = fma(g * g, weight, sum->g);
+    sum->b = fma(b * b, weight, sum->b);
+}
+
+// Wrap into [0, size) given x in [-1, size].
+inline vi wrap(vi x, int size)
+{
+    x = pick_int(x, x + size, LT(x, (vi)(0)));
+    return pick_int(x, x - size, GE(x, (vi)(size)));
+}
+
+// `image` is (offset, width, height) of one mip level; v runs up, row 0 is on top.
+inline Colour sample_texture(global const uint *texels, int4 image, vf u, vf v)
+{
+    const vf x = fma(u - floor(u), (vf)(image.y), (vf)(-0.5f));
+    const vf y = fma(1.0f - (v - floor(v)), (vf)(image.z), (vf)(-0.5f));
+    const vf left = floor(x), top = floor(y), fx = x - left, fy = y - top;
+    // NaN outside a mask must not become an address.
+    const vi x0 = clamp(TO_VI(left), (vi)(-1), (vi)(image.y));
+    const vi y0 = clamp(TO_VI(top), (vi)(-1), (vi)(image.z));
+    const vi xa = wrap(x0, image.y), xb = wrap(x0 + 1, image.y);
+    const vi ya = wrap(y0, image.z) * image.y + image.x;
+    const vi yb = wrap(y0 + 1, image.z) * image.y + image.x;
+    const vf scale = 1.0f / (1023.0f * 1023.0f);
+    const vf wy = fy * scale, vy = (1.0f - fy) * scale;
+    Colour sum = {0.0f, 0.0f, 0.0f};
+    add_texel(&sum, fetch(texels, ya + xa), (1.0f - fx) * vy);
+    add_texel(&sum, fetch(texels, ya + xb), fx * vy);
+    add_texel(&sum, fetch(texels, yb + xa), (1.0f - fx) * wy);
+    add_texel(&sum, fetch(texels, yb + xb), fx * wy);
+    return sum;
+}
+
+// A texel tile, the few texels that rays of a block fall into: bilinear interpolation between them
+// is
+//     sum of d[j][i] s_i(x) s_j(y),  s_0 = 1,  s_1(x) = x,  s_k(x) = min(x, k - 1)
+// from the first texel to the last: no addresses, and no gathers, by the ray.
+#define TEXEL_TILE 5
+typedef struct {
+    int columns, rows;         // texels, at least two; 0 where there are too many
+    float u, v, left, top;     // whole numbers: turns of the texture, and the first texel within it
+    float width, height;
+    vf d[TEXEL_TILE][TEXEL_TILE][3];  // the same in all lanes, which are operands from memory then
+} TexelTile;
+
+// Texels along a line, one after the other, to the coefficients of such a sum.
+typedef struct { float4 before, slope; } Summing;
+inline float4 next_term(Summing *s, float4 texel)
+{
+    const float4 rise = texel - s->before, term = s->slope - rise;
+    s->before = texel;
+    s->slope = rise;
+    return term;
+}
+
+inline float4 decode_texel(uint packed)
+{
+    const uint4 texel = (uint4)(packed) >> (uint4)(0, 10, 20, 30) & (uint4)(1023, 1023, 1023, 0);
+    const float4 root = convert_float4(as_int4(texel)) * (1.0f / 1023.0f);
+    return root * root;
+}
+
+inline void spread_term(float4 d, private vf *to) { to[0] = d.x; to[1] = d.y; to[2] = d.z; }
+
+// The tile of rays whose coordinates lie within `range`: least u and v, most u and v.
+inline void make_tile(global const uint *texels, int4 image, float4 range, TexelTile *p)
+{
+    const float u0 = range.x, v0 = range.y, u1 = range.z, v1 = range.w;
+    p->columns = 0;
+    p->u = floor(u0);
+    p->v = floor(v1);
+    p->width = image.y;
+    p->height = image.z;
+    p->left = floor(fma(u0 - p->u, p->width, -0.5f));
+    p->top = floor(fma(1.0f - (v1 - p->v), p->height, -0.5f));
+    const float across = fma(u1 - p->u, p->width, -0.5f) - p->left;
+    const float down = fma(1.0f - (v0 - p->v), p->height, -0.5f) - p->top;
+    if (!(across < TEXEL_TILE - 1 && down < TEXEL_TILE - 1)) return;
+    p->columns = (int)across + 2;
+    p->rows = (int)down + 2;
+    const int first = p->left < 0.0f ? image.y - 1 : (int)p->left;
+    int line = p->top < 0.0f ? image.z - 1 : (int)p->top;
+    private float4 d[TEXEL_TILE][TEXEL_TILE];
+    for (int j = 0; j < p->rows; ++j, line = line + 1 < image.z ? line + 1 : 0) {
+        global const uint *row = texels + image.x + line * image.y;
+        Summing along = {decode_texel(row[first]), 0.0f};
+        d[j][0] = along.before;
+        for (int i = 1, column = first; i < p->columns; ++i) {
+            column = column + 1 < image.y ? column + 1 : 0;
+            d[j][i] = next_term(&along, decode_texel(row[column]));
+        }
+        d[j][1] = along.slope;
+    }
+    for (int i = 0; i < p->columns; ++i) {
+        Summing down = {d[0][i], 0.0f};
+        spread_term(down.before, p->d[0][i]);
+        for (int j = 1; j < p->rows; ++j) spread_term(next_term(&down, d[j][i]), p->d[j][i]);
+        spread_term(down.slope, p->d[1][i]);
+    }
+}
+
+// One row of such a sum, of `columns` terms.
+inline Colour mix_row(private const vf (*d)[3], int columns, private const vf *s)
+{
+    Colour row = {d[0][0], d[0][1], d[0][2]};
+    for (int i = 1; i < columns; ++i) {
+        row.r = fma(s[i], d[i][0], row.r);
+        row.g = fma(s[i], d[i][1], row.g);
+        row.b = fma(s[i], d[i][2], row.b);
+    }
+    return row;
+}
+
+inline void add_mixed(Colour *sum, vf t, Colour row)
+{
+    sum->r = fma(t, row.r, sum->r);
+    sum->g = fma(t, row.g, sum->g);
+    sum->b = fma(t, row.b, sum->b);
+}
+
+// The colour at places in texels, counted from the centre of the first one; `columns` are the
+// tile's.
+inline Colour mix_tile(const TexelTile *p, int columns, vf x, vf y)
+{
+    vf s[TEXEL_TILE];
+    s[1] = x;
+    for (int i = 2; i < columns; ++i) s[i] = min(x, (vf)(i - 1.0f));
+    Colour sum = mix_row(p->d[0], columns, s);
+    add_mixed(&sum, y, mix_row(p->d[1], columns, s));
+    vf most = 1.0f;
+    for (int j = 2; j < p->rows; ++j, most += 1.0f)
+        add_mixed(&sum, min(y, most), mix_row(p->d[j], columns, s));
+    return sum;
+}
+
+inline Colour sample_tile(const TexelTile *p, vf u, vf v)
+{
+    const vf x = fma(u - p->u, (vf)(p->width), (vf)(-0.5f)) - p->left;
+    const vf y = fma(1.0f - (v - p->v), (vf)(p->height), (vf)(-0.5f)) - p->top;
+    return mix_tile(p, p->columns, x, y);
+}
+
+#endif

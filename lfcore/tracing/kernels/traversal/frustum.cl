@@ -1,0 +1,78 @@
+// What boxes are tested against: the interval of x and of y that a set of rays reaches at depth z,
+//     [ox_lo + z dx_lo - |hx + z gx| - |hu + z gu|, ox_hi + z dx_hi + |hx + z gx| + |hu + z gu|]
+// Its upper bound is convex in z and its lower bound concave, so looking at the two ends of a box's
+// depth range is enough, also across the point where the rays cross.
+//
+// Source of packets that traverse by their bounds: A. Reshetov, A. Soupikov, J. Hurley, "Multi-
+// Level Ray Tracing Algorithm", SIGGRAPH 2005; of packets: I. Wald et al., "Interactive Rendering
+// with Coherent Ray Tracing", Eurographics 2001.
+#ifndef LFCORE_FRUSTUM_CL
+#define LFCORE_FRUSTUM_CL
+#include "tree.cl"
+
+// Along one axis: origins and directions of the centre rays, and half extents of the inner grid.
+typedef struct { float o_lo, o_hi, d_lo, d_hi, h, g; } Interval;
+typedef struct {
+    Interval x, y;
+    float hu, gu;  // half extents of the elements of a block, the same along both axes
+} Frustum;
+
+// Culling must never lose a ray that the triangle test would hit: 17 roundings of every term are
+// more than the evaluation below and the blocks' centres make.
+#define FRUSTUM_SLACK (17.0f * ROUNDING)
+
+inline Interval widened(Interval a, float hu, float gu)
+{
+    const float o = FRUSTUM_SLACK * (max(fabs(a.o_lo), fabs(a.o_hi)) + fabs(a.h) + fabs(hu));
+    const float d = FRUSTUM_SLACK * (max(fabs(a.d_lo), fabs(a.d_hi)) + fabs(a.g) + fabs(gu));
+    a.o_lo -= o;
+    a.o_hi += o;
+    a.d_lo -= d;
+    a.d_hi += d;
+    return a;
+}
+
+inline Frustum make_frustum(Interval x, Interval y, float2 outer)
+{
+    Frustum f;
+    f.hu = OUTER_HALF * outer.x;
+    f.gu = OUTER_HALF * outer.y;
+    f.x = widened(x, f.hu, f.gu);
+    f.y = widened(y, f.hu, f.gu);
+    return f;
+}
+
+inline Frustum block_frustum(const Bundle *r)
+{
+    const Interval x = {r->ox, r->ox, r->dx, r->dx, HALF * r->sx, HALF * r->tx};
+    const Interval y = {r->oy, r->oy, r->dy, r->dy, HALF * r->sy, HALF * r->ty};
+    return make_frustum(x, y, (float2)(r->a, r->b));
+}
+
+// Half of what an interval spans at depth z.
+inline vf interval_half(const Frustum *f, const Interval *a, vf z)
+{
+    const vf inner = fabs(fma(z, (vf)(a->g), (vf)(a->h)));
+    return OUTER > 1 ? inner + fabs(fma(z, (vf)(f->gu), (vf)(f->hu))) : inner;
+}
+
+// Mask of boxes that lie beside an interval at both ends of their depths.
+inline vi beside_interval(const Frustum *f, const Interval *a, vf lo, vf hi, vf z0, vf z1)
+{
+    const vf w0 = interval_half(f, a, z0), w1 = interval_half(f, a, z1);
+    const vf d_hi = a->d_hi, d_lo = a->d_lo;
+    return GT(lo, max(fma(z0, d_hi, a->o_hi + w0), fma(z1, d_hi, a->o_hi + w1))) |
+           LT(hi, min(fma(z0, d_lo, a->o_lo - w0), fma(z1, d_lo, a->o_lo - w1)));
+}
+
+// Mask of the LANES boxes, `pitch` apart, that the rays may meet nearer than z_far.
+inline vi frustum_meets(const Frustum *f, global const float *boxes, int pitch, float z_far)
+{
+    const vf z_lo = VLOAD(boxes + 2 * pitch), z1 = VLOAD(boxes + 5 * pitch);
+    const vf z0 = max(z_lo, (vf)(0.0f));
+    return ~(beside_interval(f, &f->x, VLOAD(boxes), VLOAD(boxes + 3 * pitch), z0, z1) |
+             beside_interval(f, &f->y, VLOAD(boxes + pitch), VLOAD(boxes + 4 * pitch), z0, z1) |
+             LE(z1, (vf)(0.0f)) | GT(z_lo, (vf)(z_far)));
+}
+
+#endif

@@ -1,0 +1,150 @@
+// One ray against sixteen boxes or sixteen triangles at once.
+//
+// The triangle test is that of S. Woop, C. Benthin, I. Wald, "Watertight Ray/Triangle
+// Intersection", JCGT 2(1), 2013.  Corners are sheared onto the ray in float32; where the device
+// has doubles, the edge functions are formed in them, and a difference of two products of floats is
+// then rounded once, so that its sign is exact and nothing leaks, at edges or at vertices.
+#ifndef LFCORE_RAY_CL
+#define LFCORE_RAY_CL
+#include "tree.cl"
+
+#ifdef cl_khr_fp64
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+#define WIDE_TYPE double
+#else
+#define WIDE_TYPE float
+#endif
+#if LANES == 1
+typedef WIDE_TYPE vd;
+#define TO_VD JOIN(convert_, WIDE_TYPE)
+#define VD_TO_VF convert_float
+#define VD_MASK(m) MASK(m)
+#else
+typedef JOIN(WIDE_TYPE, LANES) vd;
+#define TO_VD JOIN(JOIN(convert_, WIDE_TYPE), LANES)
+#define VD_TO_VF JOIN(convert_float, LANES)
+#define VD_MASK(m) TO_VI(m)
+#endif
+
+typedef struct {
+    float3 origin, direction;  // direction scaled to a largest component in [1, 2)
+    float3 inverse;            // 0 along an axis that the ray does not move on
+    int kx, ky, kz;            // axes, the last along the largest component of the direction
+    float sx, sy, sz;          // shear onto that axis
+} Ray;
+
+typedef struct { float t; int id; float3 weights; } Hit;
+
+inline Ray make_ray(float3 origin, float3 direction)
+{
+    Ray r;
+    r.origin = origin;
+    r.direction = direction;
+    r.kz = largest_axis(direction);
+    r.kx = (r.kz + 1) % 3;
+    r.ky = (r.kz + 2) % 3;
+    r.sz = 1.0f / axis(direction, r.kz);
+    r.sx = axis(direction, r.kx) * r.sz;
+    r.sy = axis(direction, r.ky) * r.sz;
+    r.inverse = select(1.0f / direction, (float3)(0.0f), fabs(direction) < 1.0e-30f);
+    return r;
+}
+
+// A ray of any length; its parameter is 2^exponent times that of the direction as given.
+inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
+{
+    *exponent = ilogb(max(fabs(direction.x), max(fabs(direction.y), fabs(direction.z))));
+    return make_ray(origin, ldexp(direction, (int3)(-*exponent)));
+}
+
+// Three roundings of an interval's far end keep the test conservative: T. Ize, "Robust BVH Ray
+// Traversal", JCGT 2(2), 2013.
+#define RAY_SLACK (1.0f + 7.0f * ROUNDING)
+
+// Mask of the LANES boxes that the ray passes before t_far; `nearest` receives where it enters
+// them.
+inline vi ray_meets(const Ray *r, global const float *boxes, int pitch, float t_far,
+                    private float *nearest)
+{
+    vf near = 0.0f, far = t_far;
+    vi miss = 0;
+    for (int k = 0; k < 3; ++k) {
+        const float o = axis(r->origin, k), inverse = axis(r->inverse, k);
+        const vf lo = VLOAD(boxes + k * pitch), hi = VLOAD(boxes + (3 + k) * pitch);
+        if (inverse == 0.0f) {
+            // 0 times infinity is no number: the ray is beside the slab or within it, all along.
+            miss |= GT(lo, (vf)(o)) | LT(hi, (vf)(o));
+            continue;
+        }
+        const vf a = (lo - o) * inverse, b = (hi - o) * inverse;
+        near = max(near, min(a, b));
+        far = min(far, max(a, b) * RAY_SLACK);
+    }
+    VSTORE(near, nearest);
+    return LE(near, far) & LE(VLOAD(boxes), VLOAD(boxes + 3 * pitch)) & ~miss;
+}
+
+// LANES triangles sheared onto a ray, and the mask of those that it passes through.
+typedef struct {
+    vf x[3], y[3], z[3];
+    vd e[3], sum;
+    vi mask;
+} Sheared;
+
+inline void shear_leaf(const Ray *r, global const float *leaf, Sheared *s)
+{
+    const float ox = axis(r->origin, r->kx), oy = axis(r->origin, r->ky);
+    const float oz = axis(r->origin, r->kz);
+    for (int k = 0; k < 3; ++k) {
+        global const float *corner = leaf + 3 * k * NODE_WIDTH;
+        s->z[k] = VLOAD(corner + r->kz * NODE_WIDTH) - oz;
+        s->x[k] = fma(-s->z[k], (vf)(r->sx), VLOAD(corner + r->kx * NODE_WIDTH) - ox);
+        s->y[k] = fma(-s->z[k], (vf)(r->sy), VLOAD(corner + r->ky * NODE_WIDTH) - oy);
+    }
+    // The ray is the origin of x and y: outside a triangle's extent it is outside the triangle.
+    s->mask = LE(min(s->x[0], min(s->x[1], s->x[2])), (vf)(0.0f)) &
+              GE(max(s->x[0], max(s->x[1], s->x[2])), (vf)(0.0f)) &
+              LE(min(s->y[0], min(s->y[1], s->y[2])), (vf)(0.0f)) &
+              GE(max(s->y[0], max(s->y[1], s->y[2])), (vf)(0.0f));
+    if (!row_any(s->mask)) return;
+    for (int k = 0; k < 3; ++k) {
+        const int a = (k + 1) % 3, b = (k + 2) % 3;
+        s->e[k] = TO_VD(s->x[a]) * TO_VD(s->y[b]) - TO_VD(s->y[a]) * TO_VD(s->x[b]);
+    }
+    s->sum = s->e[0] + s->e[1] + s->e[2];
+    const vd zero = 0;
+    s->mask &= VD_MASK(((s->e[0] >= zero) & (s->e[1] >= zero) & (s->e[2] >= zero)) |
+                       ((s->e[0] <= zero) & (s->e[1] <= zero) & (s->e[2] <= zero)));
+    s->mask &= VD_MASK(s->sum != zero);
+}
+
+inline vf sheared_time(const Ray *r, const Sheared *s)
+{
+    const vd sum = s->e[0] * TO_VD(s->z[0]) + s->e[1] * TO_VD(s->z[1]) + s->e[2] * TO_VD(s->z[2]);
+    return VD_TO_VF(sum / s->sum) * r->sz;
+}
+
+// Take the nearest of LANES triangles into `hit` if it is nearer; of equal ones the lowest number.
+inline void hit_leaf(const Ray *r, global const float *leaf, global const int *ids, Hit *hit)
+{
+    Sheared s;
+    shear_leaf(r, leaf, &s);
+    if (!row_any(s.mask)) return;
+    const vf t = sheared_time(r, &s);
+    s.mask &= GT(t, (vf)(0.0f)) & LE(t, (vf)(hit->t));
+    uint bits = row_bits(s.mask);
+    if (!bits) return;
+    private float times[LANES], first[LANES], second[LANES];
+    VSTORE(t, times);
+    VSTORE(VD_TO_VF(s.e[0] / s.sum), first);
+    VSTORE(VD_TO_VF(s.e[1] / s.sum), second);
+    for (; bits; bits &= bits - 1) {
+        const uint k = lowest(bits);
+        if (!(times[k] < hit->t || (times[k] == hit->t && ids[k] < hit->id))) continue;
+        hit->t = times[k];
+        hit->id = ids[k];
+        hit->weights = (float3)(first[k], second[k], 1.0f - first[k] - second[k]);
+    }
+}
+
+#endif

@@ -1,0 +1,131 @@
+// The volume between a light and a box of hit points.
+//
+// Source: E. A. Haines, J. R. Wallace, "Shaft Culling for Efficient Ray-Cast Radiosity", 1991.
+#ifndef LFCORE_SHAFT_CL
+#define LFCORE_SHAFT_CL
+#include "tree.cl"
+
+// An axis-aligned box, and in each coordinate plane the two lines that touch the box of hit points
+// as seen from the light: na xa + nb xb <= limit within.  Pairs are (x, y), (y, z), (z, x), two
+// lines each.
+typedef struct {
+    float lo[3], hi[3];
+    float na[6], nb[6], limit[6];
+} Shaft;
+
+// 67 roundings of the largest number that enters, more than a box's corners and lines have.
+#define SHAFT_SLACK (67.0f * ROUNDING)
+
+inline void set_line(Shaft *shaft, int line, float na, float nb, float limit, float size)
+{
+    shaft->na[line] = na;
+    shaft->nb[line] = nb;
+    shaft->limit[line] = limit + SHAFT_SLACK * (fabs(na) + fabs(nb)) * size;
+}
+
+// A line that every box is within.
+inline void no_line(Shaft *shaft, int line) { set_line(shaft, line, 0.0f, 0.0f, 1.0f, 0.0f); }
+
+// The lines from a point light to the corners farthest to either side; none from within the box.
+inline void touch_from_point(Shaft *shaft, int pair, const float *light, const float *lo,
+                             const float *hi, float size)
+{
+    const int a = pair, b = (pair + 1) % 3;
+    const int within_a = light[a] >= lo[a] && light[a] <= hi[a];
+    if (within_a && light[b] >= lo[b] && light[b] <= hi[b]) return;
+    float la = lo[a] - light[a], lb = lo[b] - light[b], ra = la, rb = lb;
+    for (int k = 1; k < 4; ++k) {
+        const float va = (k & 1 ? hi[a] : lo[a]) - light[a];
+        const float vb = (k & 2 ? hi[b] : lo[b]) - light[b];
+        if (la * vb - lb * va > 0.0f) {
+            la = va;
+            lb = vb;
+        }
+        if (ra * vb - rb * va < 0.0f) {
+            ra = va;
+            rb = vb;
+        }
+    }
+    set_line(shaft, 2 * pair, -lb, la, la * light[b] - lb * light[a], size);
+    set_line(shaft, 2 * pair + 1, rb, -ra, rb * light[a] - ra * light[b], size);
+}
+
+// The lines along a directional light.
+inline void touch_along(Shaft *shaft, int pair, const float *light, const float *lo,
+                        const float *hi,
+                        float size)
+{
+    const int a = pair, b = (pair + 1) % 3;
+    if (light[a] == 0.0f && light[b] == 0.0f) return;
+    for (int side = 0; side < 2; ++side) {
+        const float na = side ? light[b] : -light[b], nb = side ? -light[a] : light[a];
+        const float most = max(na * lo[a], na * hi[a]) + max(nb * lo[b], nb * hi[b]);
+        set_line(shaft, 2 * pair + side, na, nb, most, size);
+    }
+}
+
+// `light` is a place or, of a directional light, the direction towards it; lo and hi bound the
+// points.
+inline Shaft make_shaft(const float *light, int is_point, const float *lo, const float *hi)
+{
+    Shaft shaft;
+    float size = 0.0f;
+    for (int k = 0; k < 3; ++k) {
+        size = max(size, max(fabs(lo[k]), fabs(hi[k])));
+        if (is_point) size = max(size, fabs(light[k]));
+    }
+    for (int k = 0; k < 3; ++k) {
+        const float margin = SHAFT_SLACK * size;
+        const float low = lo[k] - margin, high = hi[k] + margin;
+        shaft.lo[k] = is_point ? min(lo[k], light[k]) - margin : light[k] < 0.0f ? -FAR : low;
+        shaft.hi[k] = is_point ? max(hi[k], light[k]) + margin : light[k] > 0.0f ? FAR : high;
+    }
+    for (int pair = 0; pair < 3; ++pair) {
+        no_line(&shaft, 2 * pair);
+        no_line(&shaft, 2 * pair + 1);
+        if (is_point) touch_from_point(&shaft, pair, light, lo, hi, size);
+        else touch_along(&shaft, pair, light, lo, hi, size);
+    }
+    return shaft;
+}
+
+// Mask of the LANES boxes that reach into the shaft.
+inline vi shaft_meets(const Shaft *shaft, global const float *boxes, int pitch)
+{
+    vi miss = 0;
+    for (int k = 0; k < 3; ++k)
+        miss |= GT(VLOAD(boxes + k * pitch), (vf)(shaft->hi[k])) |
+                LT(VLOAD(boxes + (3 + k) * pitch), (vf)(shaft->lo[k]));
+    for (int line = 0; line < 6; ++line) {
+        const int a = line / 2, b = (a + 1) % 3;
+        const float na = shaft->na[line], nb = shaft->nb[line];
+        const vf xa = VLOAD(boxes + (na > 0.0f ? a : 3 + a) * pitch);
+        const vf xb = VLOAD(boxes + (nb > 0.0f ? b : 3 + b) * pitch);
+        miss |= GT(fma(xa, (vf)(na), xb * nb), (vf)(shaft->limit[line]));
+    }
+    return ~miss;
+}
+
+// Mask of LANES triangles whose corners all lie beyond one face of the shaft.
+inline vi shaft_misses(const Shaft *shaft, global const float *leaf)
+{
+    vf v[3][3];
+    for (int k = 0; k < 3; ++k)
+        for (int axis = 0; axis < 3; ++axis) v[k][axis] = VLOAD(leaf + (3 * k + axis) * NODE_WIDTH);
+    vi miss = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+        const vf least = min(v[0][axis], min(v[1][axis], v[2][axis]));
+        const vf most = max(v[0][axis], max(v[1][axis], v[2][axis]));
+        miss |= GT(least, (vf)(shaft->hi[axis])) | LT(most, (vf)(shaft->lo[axis]));
+    }
+    for (int line = 0; line < 6; ++line) {
+        const int a = line / 2, b = (a + 1) % 3;
+        vf least = FAR;
+        for (int k = 0; k < 3; ++k)
+            least = min(least, fma(v[k][a], (vf)(shaft->na[line]), v[k][b] * shaft->nb[line]));
+        miss |= GT(least, (vf)(shaft->limit[line]));
+    }
+    return miss;
+}
+
+#endif

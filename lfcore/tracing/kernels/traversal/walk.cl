@@ -1,0 +1,116 @@
+// The walk through the hierarchy, the same for packets, shafts and single rays.
+//
+// Children are stored by their nearest depth, and all camera rays look along +z, so that packets
+// walk front to back without sorting; single rays sort the children that they meet.
+#ifndef LFCORE_WALK_CL
+#define LFCORE_WALK_CL
+#include "frustum.cl"
+#include "ray.cl"
+#include "shaft.cl"
+
+// Whatever the walk is for; one of them is given.
+typedef struct {
+    const Frustum *frustum;
+    const Shaft *shaft;
+    const Ray *ray;
+} Volume;
+
+// Children still to be looked at, by their places in the tree's arrays, and where each begins.
+// STACK holds what a tree of MOST_LEVELS leaves there at most: all but one of each node's children.
+#define MOST_LEVELS 64
+#define STACK ((NODE_WIDTH - 1) * MOST_LEVELS + 1)
+#define ROOT -1
+typedef struct {
+    int child[STACK];
+    float near[STACK];
+    int size;
+} Stack;
+
+inline void start_walk(Stack *stack)
+{
+    stack->child[0] = ROOT;
+    stack->near[0] = 0.0f;
+    stack->size = 1;
+}
+
+// Bits of the children of a node that the volume meets before `far`, and where each begins.
+inline uint meet_children(const Tree *tree, const Volume *volume, int node, float far,
+                          private float *near)
+{
+    uint bits = 0;
+    for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
+        global const float *boxes = tree->boxes + node * BOX * NODE_WIDTH + lane;
+        vi meets;
+        if (volume->ray) {
+            meets = ray_meets(volume->ray, boxes, NODE_WIDTH, far, near + lane);
+        } else {
+            if (volume->frustum) meets = frustum_meets(volume->frustum, boxes, NODE_WIDTH, far);
+            else meets = shaft_meets(volume->shaft, boxes, NODE_WIDTH);
+            VSTORE(VLOAD(boxes + 2 * NODE_WIDTH), near + lane);
+        }
+        bits |= row_bits(meets) << lane;
+    }
+    return bits;
+}
+
+// Put children on the stack, the nearest on top.
+inline void push_children(const Volume *volume, int node, uint bits, private const float *near,
+                          Stack *stack)
+{
+    const int base = stack->size;
+    while (bits) {
+        const uint lane = 31 - clz(bits);
+        bits ^= 1u << lane;
+        int at = stack->size++;
+        for (; volume->ray && at > base && stack->near[at - 1] < near[lane]; --at) {
+            stack->near[at] = stack->near[at - 1];
+            stack->child[at] = stack->child[at - 1];
+        }
+        stack->near[at] = near[lane];
+        stack->child[at] = node * NODE_WIDTH + lane;
+    }
+}
+
+// The next leaf that the volume meets before `far`, as a child's place; ROOT once none is left.
+inline int next_leaf(const Tree *tree, const Volume *volume, float far, Stack *stack)
+{
+    private float near[NODE_WIDTH];
+    while (stack->size) {
+        const int child = stack->child[--stack->size];
+        if (stack->near[stack->size] > far) continue;
+        const int node = child == ROOT ? 0 : tree->children[child];
+        if (node < 0) return child;
+        const uint bits = meet_children(tree, volume, node, far, near);
+        push_children(volume, node, bits, near, stack);
+    }
+    return ROOT;
+}
+
+// List leaves until the list is full or none is left, which an empty stack tells.
+inline void gather_leaves(const Tree *tree, const Volume *volume, float far, Stack *stack,
+                          LeafList *list)
+{
+    while (list->count < list->pitch) {
+        const int child = next_leaf(tree, volume, far, stack);
+        if (child == ROOT) return;
+        global const float *boxes = tree->boxes + child / NODE_WIDTH * BOX * NODE_WIDTH;
+        append_leaf(list, boxes + child % NODE_WIDTH, NODE_WIDTH, -1 - tree->children[child]);
+    }
+}
+
+// The first triangle that a ray meets, if that is nearer than hit->t.
+inline void closest_hit(const Tree *tree, const Ray *r, Hit *hit)
+{
+    const Volume volume = {0, 0, r};
+    Stack stack;
+    start_walk(&stack);
+    for (;;) {
+        const int child = next_leaf(tree, &volume, hit->t * RAY_SLACK, &stack);
+        if (child == ROOT) return;
+        const int leaf = -1 - tree->children[child];
+        for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
+            hit_leaf(r, leaf_corners(tree, leaf, lane), leaf_numbers(tree, leaf, lane), hit);
+    }
+}
+
+#endif

@@ -1,0 +1,102 @@
+"""How rays are cut into packets, which workers take one by one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.optics.bundles import Bundles
+
+BLOCK = 16
+
+
+@dataclass(frozen=True)
+class PacketShape:
+    """A packet: ``group`` x ``group`` outer elements times ``side`` x ``side`` blocks of 256 rays.
+
+    A block is 16 x 16 rays of one element, or ``16 / outer`` along each axis of ``outer`` elements
+    (then ``group`` is ``outer``).  ``half`` is half the extent of its inner rays in use, from its
+    centre.  ``single_rays`` packets follow their rays one by one.  The size was measured: 4096 rays
+    amortise a walk through the hierarchy and their depth buffers still fit the second-level cache.
+    """
+
+    side: int
+    group: int
+    half: float = (BLOCK - 1) / 2
+    outer: int = 1
+    single_rays: bool = False
+
+    @classmethod
+    def for_inner(cls, size: int, outer: int = 1, single_rays: bool = False) -> PacketShape:
+        """The shape for an inner grid of ``size`` x ``size`` rays."""
+        if outer > 1:
+            return cls(4, outer, (BLOCK // outer - 1) / 2, outer, single_rays)
+        side = min(4, -(-size // BLOCK))
+        return cls(side, 4 // side, (min(size, BLOCK) - 1) / 2, 1, single_rays)
+
+    @property
+    def elements(self) -> int:
+        return self.group**2
+
+    @property
+    def blocks(self) -> int:
+        return self.elements // self.outer**2 * self.side**2
+
+    @property
+    def cells(self) -> int:
+        """Cells of 16 x 16 inner rays along a side of a packet."""
+        return self.side // self.outer
+
+    @property
+    def defines(self) -> dict[str, object]:
+        """What kernels are built with."""
+        return {
+            "SIDE": self.side,
+            "ELEMENTS": self.elements,
+            "OUTER": self.outer,
+            "HALF": f"{self.half}f",
+            "SINGLE_RAYS": int(self.single_rays),
+        }
+
+    def squares(self, columns: int, rows: int) -> int:
+        """Packets that one group of elements needs for its inner grid."""
+        span = self.cells * BLOCK
+        return -(-columns // span) * -(-rows // span)
+
+
+@dataclass(frozen=True)
+class Groups:
+    """Elements by the packets that trace them.
+
+    ``members`` (B, group**2) int32: which elements, -1 where there is none.  ``middles``, (E, 4)
+    or, for blocks of several elements, (B, 4) float32: the ray that blocks are counted from.
+    """
+
+    members: np.ndarray
+    middles: np.ndarray
+
+    @classmethod
+    def of(
+        cls, shape: PacketShape, bundles: Bundles, coordinates: np.ndarray | None, tall: int = 1
+    ) -> Groups:
+        """Put ``bundles`` at distinct places ``coordinates`` (E, 2) into cells ``group`` wide.
+
+        Cells lie at multiples of ``group``: which elements are there does not change where a
+        block's rays are.  ``tall`` cells one below the other follow each other, also those that
+        hold nothing; such strips are sorted by row, then column.
+        """
+        group = shape.group
+        if coordinates is None or group == tall == 1:
+            return cls(np.arange(len(bundles.elements), dtype=np.int32)[:, None], bundles.elements)
+        size = np.array([group, group * tall])
+        strips, slots = np.divmod(np.asarray(coordinates, np.int64), size)
+        key, strip = np.unique(strips[:, 1] << 32 | strips[:, 0], return_inverse=True)
+        members = np.full((len(key), group * size[1]), -1, np.int32)
+        members[strip, slots[:, 1] * group + slots[:, 0]] = np.arange(len(strips), dtype=np.int32)
+        members = members.reshape(-1, group**2)
+        if shape.outer == 1:
+            return cls(members, bundles.elements)
+        corners = np.stack([key & 0xFFFFFFFF, key >> 32], axis=1) * size
+        corners = corners[:, None] + np.stack([np.zeros(tall), np.arange(tall) * group], axis=1)
+        return cls(members, bundles.lattice.middles(corners.reshape(-1, 2) + (group - 1) / 2))

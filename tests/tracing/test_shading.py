@@ -1,0 +1,114 @@
+"""Colours of blocks of one element, against the oracle."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from tracing_scenes import CAMERA, scene, soup
+
+from lfcore.optics.bundles import macropixels
+from lfcore.optics.slab import Slab
+from lfcore.oracle.shading import radiance
+from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.8, 0.7), 2.0, True)
+NEAR = Light(POINT, (0.01, 0.01, 2.985), (0.4, 0.4, 0.4), 0.0, False)
+SUN = Light(DIRECTIONAL, (-0.15, -0.25, -0.95), (0.7, 0.7, 0.7))
+GRAZING = Light(DIRECTIONAL, (1.0, 0.0, -0.1), (0.7, 0.7, 0.7), 0.0, False)
+PIXELS = [[12, 11], [1, 22], [6, 17]]
+
+
+def tiles(z, size, count=12):
+    """A wall of 2 count x count triangles, which blocks lie on or share."""
+    y, x = np.mgrid[-count : count + 1, -count : count + 1] * size / count
+    a, b, c, d = (
+        np.stack([i, j, np.full_like(i, z)], -1)
+        for i, j in (
+            (x[:-1, :-1], y[:-1, :-1]), (x[:-1, 1:], y[:-1, 1:]),
+            (x[1:, 1:], y[1:, 1:]), (x[1:, :-1], y[1:, :-1]),
+        )
+    )  # fmt: skip
+    return np.stack([a, b, c, a, c, d], 2).reshape(-1, 3, 3)
+
+
+def curved(lights, shininess=30.0, texture=None, bend=0.3):
+    """A soup before a wall: smooth normals that turn by ``bend``, gloss, and a texture or none."""
+    rng = np.random.default_rng(8)
+    triangles = np.concatenate([soup(12, 5, 0.8), tiles(3.0, 0.9, 60), tiles(4.0, 9.0, 1)])
+    face = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals = face[:, None] / np.linalg.norm(face, axis=1)[:, None, None]
+    normals = normals + rng.normal(size=triangles.shape) * bend
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    gloss = (0.3, 0.3, 0.3)
+    changes = {"lights": lights, "normals": normals.astype(np.float32)}
+    changes["materials"] = [Material("gloss", (0.7, 0.6, 0.5), gloss, shininess)]
+    if texture is not None:
+        changes["uvs"] = (triangles[..., :2] * 30).astype(np.float32)
+        changes["textures"] = [texture]
+        changes["materials"] = [Material("tiles", (0.7, 0.6, 0.5), gloss, shininess, texture=0)]
+    return scene(triangles, **changes)
+
+
+def noise():
+    return np.random.default_rng(2).integers(0, 256, (16, 16, 3), np.uint8)
+
+
+ERRORS = {"textured": 2e-3, "narrow highlights": 1e-3}
+WORLDS = {
+    "lamp": lambda: curved([LAMP]),
+    "two lights": lambda: curved([LAMP, SUN]),
+    "near light": lambda: curved([NEAR]),
+    "terminator": lambda: curved([GRAZING]),
+    "narrow highlights": lambda: curved([LAMP], 4000.0),
+    "curled": lambda: curved([LAMP], bend=3.0),
+    "textured": lambda: curved([LAMP], texture=noise()),
+}
+
+
+def colours(world, device=None, views=70, pixels=PIXELS):
+    """Colours of the tracer and of the oracle: (R, 3) each."""
+    tracer = Tracer(world, build_bvh(world.triangles), device, mipmaps=False, outer=1)
+    bundles = macropixels(Slab(CAMERA, views, 24), pixels)
+    origins, directions = bundles.rays()
+    rays = origins.reshape(-1, 3), directions.reshape(-1, 3)
+    return tracer.bundle_radiance(bundles, pixels).reshape(-1, 3), radiance(world, *rays)
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_colours_are_the_oracles(device, name):
+    found, truth = colours(WORLDS[name](), device)
+    error = np.abs(np.clip(found, 0, 1) - truth).max(1)
+    assert truth.std() > 0.05
+    assert np.quantile(error, 0.98) < ERRORS.get(name, 2e-5)  # beside edges rounding decides
+
+
+@pytest.mark.parametrize("scale", [3, 12, 60, 120, 400])
+def test_texel_tiles_of_any_size(device, scale):
+    """From one texel in a block to more than a tile holds, in the lamp's shadows."""
+    world = curved([LAMP], texture=noise())
+    world = dataclasses.replace(world, uvs=(world.triangles[..., :2] * scale).astype(np.float32))
+    found, truth = colours(world, device)
+    error = np.abs(np.clip(found, 0, 1) - truth).max(1)
+    assert np.quantile(error, 0.98) < 1e-4 * max(10, scale)
+
+
+def test_a_plane_through_the_lens_has_two_sides(device):
+    """Some blocks of a beam see it from above and others from below: each in its own light."""
+    slab, pixel = Slab(CAMERA, 70, 24), [[12, 11]]
+    origins, directions = (a[0].astype(float) for a in macropixels(slab, pixel).rays())
+    slope = directions[:, 0, 1] / directions[:, 0, 2]
+    rows = origins[:, 0, 1]
+    focus = (rows[-1] - rows[0]) / (slope[0] - slope[-1])
+    # Half a row below the plane at the focus: what lies above it on the lens meets it before, what
+    # lies below it beyond.
+    level, step = rows[24], rows[1] - rows[0]
+    tilt = (rows[0] + slope[0] * focus - level + step / 2) / focus
+    corners = [(x, level + tilt * z, z) for x, z in ((0, 0.1), (-40, 90), (40, 90))]
+    sun = Light(DIRECTIONAL, (0.0, 0.96, -0.28), (0.8, 0.7, 0.6), 0.0, False)
+    world = scene(np.float32([corners]), lights=[sun])
+    found, truth = (a.reshape(70, 70, 3) for a in colours(world, device, pixels=pixel))
+    lit = truth[..., 0] > 0.3
+    assert lit[rows > level + step].any() and not lit[rows < level - step].any()
+    assert np.quantile(np.abs(found - truth).max(-1), 0.98) < 1e-4

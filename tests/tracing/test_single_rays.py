@@ -1,0 +1,171 @@
+"""Rays followed one by one, and what bad input costs."""
+
+import dataclasses
+import statistics
+import time
+
+import numpy as np
+import pytest
+from tracing_scenes import CAMERA, closed_room, lit_soup, scene, soup
+
+from lfcore.opencl.device import open_device
+from lfcore.optics.bundles import macropixels, probe, views
+from lfcore.optics.slab import Slab
+from lfcore.oracle import colour as truth
+from lfcore.oracle.slab import all_pixels, slab_hits, trace
+from lfcore.storage.layout import FrameLayout
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.plan import leaves_a_ray
+from lfcore.tracing.tracer import Tracer
+
+
+class Scattering(Tracer):
+    """Follows every ray one by one, whatever the scene."""
+
+    def __init__(self, *arguments, **changes):
+        super().__init__(*arguments, **changes, single_rays=True)
+
+
+def tracer_of(world, device=None, kind=Scattering):
+    return kind(world, build_bvh(world.triangles), device, mipmaps=False)
+
+
+def colours(tracer, slab, max_rays=1 << 30):
+    """(M, M, N, N) luma of all rays, from frames of a tile at a time."""
+    layout = FrameLayout("macropixels", slab.views, slab.pixels, "raster", 1, "yuv444p")
+    chunks = [
+        chunk.frames.copy()
+        for tile in layout.tiles(max_rays)
+        for chunk in tracer.trace_tile(slab, tile)
+    ]
+    luma = layout.format.views(np.concatenate(chunks), layout.frame_width, layout.frame_height)[0]
+    luma = luma[:, : slab.views, : slab.views]
+    return luma.reshape(slab.pixels, slab.pixels, slab.views, slab.views)
+
+
+@pytest.mark.parametrize("views_a_side", [1, 5, 20])
+def test_hits_are_the_oracles(device, views_a_side):
+    tracer = tracer_of(scene(soup(120, views_a_side)), device)
+    slab = Slab(CAMERA, views_a_side, 24)
+    pixels = np.random.default_rng(0).integers(0, 24, (12, 2))
+    triangle, depth = tracer.slab_hits(slab, pixels)
+    expected = slab_hits(tracer.scene, slab, pixels)
+    clear = expected.clear(16)
+    assert (triangle.ravel() == expected.triangle)[clear].all()
+    same = clear & (expected.triangle >= 0)
+    error = np.abs(depth.ravel()[same] - expected.t[same]) / expected.t[same]
+    assert (error <= 16 * 2.0**-24 * np.maximum(expected.grazing[same], 1)).all()
+
+
+NARROW = dataclasses.replace(CAMERA, sensor_width_m=0.002)
+
+
+def crowd():
+    """Confetti of 4 mm out of focus: blocks of many triangles, lit past one another."""
+    world, rng = lit_soup(), np.random.default_rng(9)
+    middle = rng.uniform([-0.04, -0.04, 0.9], [0.04, 0.04, 1.2], (3000, 1, 3))
+    small = middle + rng.normal(size=(3000, 3, 3)) * 0.002
+    face = np.cross(small[:, 1] - small[:, 0], small[:, 2] - small[:, 0])
+    face /= np.linalg.norm(face, axis=1)[:, None]
+    return scene(
+        np.concatenate([small, world.triangles[-2:]]),
+        normals=np.concatenate([np.repeat(face[:, None], 3, 1), world.normals[-2:]]).astype("f4"),
+        materials=world.materials,
+        lights=world.lights,
+        camera=NARROW,
+    )
+
+
+@pytest.mark.parametrize(("make", "kind"), [(lit_soup, Scattering), (crowd, Tracer)])
+def test_colours_and_shadows_are_the_oracles(device, make, kind):
+    world = make()
+    slab = Slab(world.camera, 16, 5)
+    tracer = tracer_of(world, device, kind)
+    luma = colours(tracer, slab)
+    if kind is Tracer:  # enough triangles a block that its shadow rays go one by one
+        seen, _ = tracer.slab_hits(slab, all_pixels(slab))
+        assert statistics.median(len(np.unique(block)) for block in seen) > 128
+    rays = trace(world, slab, all_pixels(slab))
+    expected = truth.ycbcr(truth.srgb_encode(rays))[..., 0].reshape(luma.shape)
+    error = np.abs(luma - np.rint(expected))
+    assert (error > 1).mean() < 2e-3
+    assert error.mean() < 0.1
+
+
+def test_tiles_and_threads_do_not_matter():
+    world, slab = crowd(), Slab(NARROW, 16, 8)
+    for kind in (Tracer, Scattering):
+        whole = colours(tracer_of(world, open_device(threads=2), kind), slab)
+        cut = colours(tracer_of(world, open_device(threads=1), kind), slab, 16 * 16 * 12)
+        assert (whole == cut).all()
+
+
+def test_coarse_pictures_of_dense_scenes_are_scattered():
+    rng = np.random.default_rng(1)
+    middle = rng.uniform([-2, -2, 3], [2, 2, 6], (60_000, 1, 3))
+    leaves = scene(middle + rng.normal(size=(60_000, 3, 3)) * 0.004)
+    tracer = Tracer(leaves, build_bvh(leaves.triangles))
+    assert tracer.plan.single_rays(probe(Slab(CAMERA, 8, 16), macro=False))
+    assert not tracer.plan.single_rays(probe(Slab(CAMERA, 64, 512)))
+    room = tracer_of(scene(closed_room()), kind=Tracer)
+    assert not room.plan.single_rays(probe(Slab(CAMERA, 8, 16), macro=False))
+
+
+@pytest.mark.parametrize("make", [macropixels, views])
+def test_leaves_in_the_way_are_counted(make):
+    slab = Slab(CAMERA, 20, 24)
+    bvh = build_bvh(soup(2000, 3).astype(np.float32))
+    places = np.array([[3, 5], [11, 17]])
+    bundles = make(slab, places)
+    origins, directions = bundles.rays()
+    origins, directions = origins[:, :16, :16], directions[:, :16, :16]
+    lo, hi = bvh.leaf_boxes[:, None, :3], bvh.leaf_boxes[:, None, 3:]
+    met = 0
+    for o, d in zip(origins.reshape(2, -1, 3), directions.reshape(2, -1, 3), strict=True):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            a, b = (lo - o) / d, (hi - o) / d
+        near, far = np.minimum(a, b).max(-1), np.maximum(a, b).min(-1)
+        met += (np.maximum(near, 0) <= far).any(1).sum()
+    first = leaves_a_ray(bvh.leaf_boxes, bundles)
+    assert first == leaves_a_ray(bvh.leaf_boxes, bundles)
+    assert met / 4 < first * 2 * 16 * 16 < 4 * met
+
+
+def spent(tracer, slab, pixels):
+    begun = time.process_time()
+    tracer.slab_hits(slab, pixels)
+    return time.process_time() - begun
+
+
+def test_bad_triangles_cost_little(device):
+    """A scene, and the same with as many degenerate, duplicate and needle triangles again."""
+    clean = soup(4000, 2).astype(np.float32)
+    points = np.repeat(clean[:1500, :1], 3, axis=1)
+    lines = np.stack([clean[1500:2500, 0], clean[1500:2500, 1], clean[1500:2500, 1]], axis=1)
+    needles = np.stack([clean[2500:3000, 0], clean[2500:3000, 1], clean[2500:3000, 1] + 1e-6], 1)
+    bad = np.concatenate([clean, points, lines, needles, clean[3000:]]).astype(np.float32)
+    slab = Slab(CAMERA, 32, 64)
+    pixels = np.stack(np.meshgrid(np.arange(24), np.arange(24)), -1).reshape(-1, 2)
+    good, worse = (tracer_of(scene(t), device, Tracer) for t in (clean, bad))
+    first, second = good.slab_hits(slab, pixels), worse.slab_hits(slab, pixels)
+    neighbour = first[0] != second[0]
+    assert (second[0][neighbour] >= len(clean)).all()  # only a needle may stand before it
+    ratios = [spent(worse, slab, pixels) / spent(good, slab, pixels) for _ in range(7)]
+    assert statistics.median(ratios) < 2.5
+
+
+def test_bad_rays_cost_little(device):
+    tracer = tracer_of(scene(soup(2000, 4)), device, Tracer)
+    rng = np.random.default_rng(0)
+    origins = np.zeros((200_000, 3), np.float32)
+    good = rng.normal(size=origins.shape).astype(np.float32)
+    bad = good.copy()
+    bad[::4], bad[1::4, 0], bad[2::4, 1] = 0, np.nan, np.inf
+    tracer.closest_hit(origins, good)
+
+    def seconds(directions):
+        begun = time.process_time()
+        tracer.closest_hit(origins, directions)
+        return time.process_time() - begun
+
+    assert statistics.median(seconds(bad) / seconds(good) for _ in range(5)) < 2.5
