@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from lfcore.api import load_scene, record, render, render_to_quality, trace_array
     from lfcore.errors import DeviceError, LfcoreError, OpticsError, SceneError, StorageError
+    from lfcore.exchange import export_lightfield, import_lightfield
     from lfcore.lightfield import LightField
     from lfcore.opencl.device import Device, open_device
     from lfcore.optics.array import CameraArray
@@ -38,6 +39,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "load_scene", "render", "render_to_quality", "record", "trace_array", "store_array",
+    "import_lightfield", "export_lightfield",
     "write_picture", "open_device",
     "LightField", "Scene", "Surface", "Light", "Camera", "CameraArray", "SensorPlane", "Slab",
     "CodecSpec", "Device", "Tracer",
@@ -47,6 +49,7 @@ __all__ = [
 _HOMES = {
     "api": ("load_scene", "render", "render_to_quality", "record", "trace_array"),
     "errors": ("LfcoreError", "SceneError", "OpticsError", "StorageError", "DeviceError"),
+    "exchange": ("import_lightfield", "export_lightfield"),
     "lightfield": ("LightField",),
     "opencl.device": ("Device", "open_device"),
     "optics.array": ("CameraArray",),
