@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -136,9 +137,15 @@ def plenopticam(bench: Bench) -> list[str]:
     python = bench.environment("plenopticam", needs, ["plenopticam==0.9.3", "depthy"])
     eslf = next(bench.export("eslf").iterdir())
     made = bench.read(python, "plenopticam_reader.py", eslf, bench.export("json"), SIDE)
+    folder = bench.work / "exports" / "plenoptic"
+    white = next(folder.glob("*_white.png"))
+    centres = bench.read(python, "plenopticam_white_reader.py", white)["centres"]
+    ours = np.array(json.loads(white.with_suffix(".json").read_text())["mic_list"])
+    order = np.lexsort((np.rint(centres[:, 1]), np.rint(centres[:, 0])))
     return [
         same(made["rearranged"], bench.views, "eslf: rearranged"),
         same(made["single"], bench.views[2, 2], "json: a view"),
+        near(centres[order, :2], ours[:, :2], 0.5, f"{len(ours)} centres of a white image, pixels"),
     ]
 
 
@@ -244,15 +251,19 @@ def prepare(work: Path, sources: dict[str, Path]) -> Bench:
     views = rng.integers(0, 256, (SIDE, SIDE, HEIGHT, WIDTH, 3), dtype=np.uint8)
     grid = ViewGrid.of_array(views, "noise", format="test", geometry=GEOMETRY, depth_m=DEPTH_M)
     path = work / "noise.mkv"
-    store_grid(path, grid, CodecSpec("ffv1", "gbrp", preset=None, tune=None))
+    spec = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
+    store_grid(path, grid, spec)
     bench = Bench(work, sources, views, LightField.open(path))
+
+    def export(source: Path, name: str) -> None:
+        shutil.rmtree(bench.export(name), ignore_errors=True)
+        export_lightfield(source, name, bench.export(name))
+
     for name in FORMATS:
-        folder = bench.export(name)
-        if folder.exists():
-            for file in sorted(folder.rglob("*"), reverse=True):
-                file.rmdir() if file.is_dir() else file.unlink()
-            folder.rmdir()
-        export_lightfield(path, name, folder)
+        export(path, name)
+    many = rng.integers(0, 256, (15, 15, 30, 40, 3), dtype=np.uint8)
+    store_grid(work / "many.mkv", ViewGrid.of_array(many, "many"), spec)
+    export(work / "many.mkv", "plenoptic")
     return bench
 
 

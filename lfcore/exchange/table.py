@@ -45,6 +45,9 @@ FORMATS = {
         Format(
             "folder", "folder", "any pictures of views, one a file, in any order", exports=False
         ),
+        Format(
+            "plenoptic", "plenoptic", "raw plenoptic picture, white image, centres", imports=False
+        ),
         Format("sweep", "sweep", "an MP4 film through the focus", imports=False),
     )
 }

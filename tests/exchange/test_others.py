@@ -4,11 +4,13 @@ import json
 import shutil
 
 import av
+import cv2
 import numpy as np
 import pytest
 from noise_fields import KNOWN, all_views, noise, store, taken_back
 from PIL import Image
 
+from lfcore.colour import srgb_codes
 from lfcore.exchange import export_lightfield
 from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, Geometry, Order
@@ -213,8 +215,6 @@ def test_idlab_planes(matrices, wide, tmp_path):
 
 
 def test_sixteen_bits_grey_and_alpha(tmp_path):
-    import cv2
-
     codes = noise(1, 1, 16, 16)[0, 0].astype(np.uint16) * 257
     (tmp_path / "in").mkdir()
     cv2.imwrite(str(tmp_path / "in" / "0.png"), codes[..., ::-1])
@@ -272,3 +272,27 @@ def test_a_wrong_order_is_told(tmp_path):
     assert check_order(grid) is None
     assert "--order" in check_order(grid.turned(up=True))
     assert check_order(grid.turned(left=True, up=True)) is None
+
+
+def test_plenoptic_raw_pictures_with_their_calibration(tmp_path):
+    stored = store(tmp_path, noise(5, 5, 16, 18))
+    export_lightfield(stored.path, "plenoptic", tmp_path / "out")
+    raw, white = (
+        cv2.imread(str(tmp_path / "out" / f"noise_{name}.png"), cv2.IMREAD_UNCHANGED)
+        for name in ("raw", "white")
+    )
+    assert (raw.shape, raw.dtype, white.dtype) == ((80, 90, 3), np.uint16, np.uint16)
+    # The white image divided out gives every view again.
+    for row, column, off in ((2, 2, 0), (1, 3, 0), (0, 0, 1)):
+        light = raw[row::5, column::5, ::-1] / white[row::5, column::5, None]
+        np.testing.assert_allclose(
+            srgb_codes(light).astype(int), stored.views[row, column], atol=off
+        )
+    assert white[0, 0] < white[1, 1] < white[2, 1] < white[2, 2] == 65535
+    calibration = json.loads((tmp_path / "out" / "noise_white.json").read_text())
+    y, x, row, column = calibration["mic_list"][18 * 3 + 7]
+    assert (row, column, calibration["ptc_mean"]) == (3, 7, [5, 5])
+    cell = white[15:20, 35:40].astype(float)
+    v, u = np.mgrid[15:20, 35:40]
+    centre = np.sum(v * cell) / cell.sum(), np.sum(u * cell) / cell.sum()
+    np.testing.assert_allclose(centre, (y, x), atol=1e-9)
