@@ -1,0 +1,128 @@
+"""Area lights of pbrt scenes: the light of a floor below them, traced, against closed forms.
+
+    python benchmarks/area_lights.py
+    python benchmarks/area_lights.py --points 4 12 48 --figure area_lights.png
+
+The emitter, 1 m across, hangs 1 m above a diffuse floor 8 m wide (a sphere by its middle), which is
+seen from beside it.  A row says how far the worst pixel, and the worst of 99 in 100, is off.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import numpy as np
+
+from lfcore.optics.bundles import Bundles
+from lfcore.scene.pbrt import build_pbrt_scene
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+PIXELS, WIDTH, RADIANCE = 96, 1.1, 10.0
+QUAD = 'Shape "trianglemesh" "integer indices" [0 1 2 0 2 3] "point P" [{}]'
+SCENE = """
+LookAt 2.5 3 0  2.5 0 0  0 0 1
+Camera "perspective"
+WorldBegin
+Material "matte" "rgb Kd" [1 1 1]
+{floor}
+AttributeBegin
+Material "matte" "rgb Kd" [0 0 0]
+AreaLightSource "diffuse" "rgb L" [10 10 10]
+Translate 0 1 0
+{emitter}
+AttributeEnd
+WorldEnd
+"""
+
+
+def sphere(x: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Irradiance over radiance, as of the others: that of a point in the middle."""
+    return np.pi * 0.25 / (x**2 + z**2 + 1) ** 1.5
+
+
+def disk(x: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Foote, "Illumination from circular disk sources", 1915."""
+    s, r = x**2 + z**2, 0.25
+    return np.pi / 2 * (1 - (s + 1 - r) / np.sqrt((s + 1 + r) ** 2 - 4 * s * r))
+
+
+def square(x: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Lambert's formula over the four sides."""
+    corners = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
+    rays = np.stack([np.stack([a - x, np.ones_like(x), b - z], -1) for a, b in corners])
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    after = np.roll(rays, -1, axis=0)
+    normal = np.cross(rays, after)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return np.abs((np.arccos((rays * after).sum(-1)) * normal[..., 1]).sum(0)) / 2
+
+
+EMITTERS = {
+    "sphere": ('Shape "sphere" "float radius" 0.5', sphere),
+    "disk": ('Rotate 90 1 0 0 Shape "disk" "float radius" 0.5', disk),
+    "square": (QUAD.format("-.5 0 -.5  .5 0 -.5  .5 0 .5  -.5 0 .5"), square),
+}
+
+
+def errors(emitter: str, points: int) -> np.ndarray:
+    """(PIXELS, PIXELS) relative errors of the floor's radiance."""
+    shape, closed = EMITTERS[emitter]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "scene.pbrt"
+        floor = QUAD.format("-9 0 -9  -9 0 9  9 0 9  9 0 -9")
+        path.write_text(SCENE.format(floor=floor, emitter=shape), encoding="ascii")
+        scene = build_pbrt_scene(path, light_points=points)
+    step = WIDTH / PIXELS
+    middle = np.zeros((1, 4), np.float32)
+    pinhole = Bundles(middle, np.float32([0, 0, step, step]), PIXELS, PIXELS, pixel_pitch=step)
+    seen = Tracer(scene, build_bvh(scene.triangles)).bundle_radiance(pinhole)[0, ..., 0]
+    across = pinhole.rays()[1][0]
+    truth = RADIANCE * closed(2.5 + 3 * across[..., 0], -3 * across[..., 1]) / np.pi
+    return seen / truth - 1
+
+
+def draw(maps: dict[tuple[str, int], np.ndarray], path: Path) -> None:
+    """Error maps side by side, percent."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    points = list(dict.fromkeys(number for _, number in maps))
+    figure, axes = plt.subplots(
+        len(EMITTERS), len(points), squeeze=False, figsize=(2.8 * len(points), 7), layout="tight"
+    )
+    for (name, number), found in maps.items():
+        axis = axes[list(EMITTERS).index(name)][points.index(number)]
+        most = 100 * np.abs(found).max()
+        image = axis.imshow(100 * found, cmap="RdBu_r", vmin=-most, vmax=most)
+        figure.colorbar(image, ax=axis)
+        axis.set_title(f"{name}, {number} points, error in %", fontsize=8)
+        axis.set_axis_off()
+    figure.savefig(path, dpi=80)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--points", type=int, nargs="+", default=[4, 12, 48])
+    parser.add_argument("--figure", type=Path, help="PNG of the errors")
+    arguments = parser.parse_args()
+    maps = {}
+    print("emitter points worst_percent percentile_99")
+    for name in EMITTERS:
+        for points in arguments.points:
+            maps[name, points] = found = errors(name, points)
+            off = 100 * np.abs(found)
+            print(f"{name} {points} {off.max():.2f} {np.percentile(off, 99):.2f}", flush=True)
+    if arguments.figure:
+        draw(maps, arguments.figure)
+
+
+if __name__ == "__main__":
+    main()
