@@ -126,3 +126,12 @@ def test_a_digest_is_of_content_alone(monkeypatch, tmp_path):
     finally:
         for cached in (sources.digest, sources.files, sources._content):
             cached.cache_clear()
+
+
+def test_scripts_are_short():
+    """They adapt; what is computed stands in the library."""
+    lengths = {
+        path.name: len(path.read_text(encoding="utf-8").splitlines())
+        for path in (ROOT / "workflow" / "scripts").glob("*.py")
+    }
+    assert {name: length for name, length in lengths.items() if length > 40} == {}

@@ -63,6 +63,11 @@ rule true_picture:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(*sources.READING, *sources.TABLES, "evaluation/true_picture"),
+        sources=digest(
+            *sources.READING,
+            *sources.TABLES,
+            "evaluation/true_picture",
+            "evaluation/work_precision",
+        ),
     script:
         "../scripts/true_picture.py"
