@@ -21,8 +21,8 @@ from robustness.outcome import ROOT
 WAYS = ("KILL", "KILL group", "KILL child", "TERM", "INT group")
 """How a run is ended: the process alone, all of its group as a terminal does, or one child."""
 STATUS = {"TERM": (143, -signal.SIGTERM), "INT group": (130, -signal.SIGINT)}
-PROMPT_SECONDS = 2.0
-"""Within which a command must have ended after TERM or INT, on a machine that is not busy."""
+PATIENCE = 400.0
+"""Seconds after which a run is taken to hang: a busy machine may give it a twentieth of a core."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class Killed:
         """The plain command: (status, what it said); a status of 99 when it does not end."""
         process = self.start()
         try:
-            said, _ = process.communicate(timeout=max(120.0, 20 * self.seconds))
+            said, _ = process.communicate(timeout=max(PATIENCE, 20 * self.seconds))
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             return 99, "it does not end"
@@ -151,11 +151,11 @@ class Killed:
             process.communicate()
             return False
         try:
-            said = process.communicate(timeout=60)[0].decode(errors="replace")
+            said = process.communicate(timeout=PATIENCE)[0].decode(errors="replace")
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             process.communicate()
-            tally.findings.append(f"{note}: not ended after 60 s")
+            tally.findings.append(f"{note}: not ended after {PATIENCE:.0f} s")
             return True
         if self.job.statuses and way in STATUS:
             took = time.monotonic() - began

@@ -101,7 +101,7 @@ def _change(draw: Random, tree: list, donor: object, *, recursive: bool) -> None
     elif kind == 9 and isinstance(node, dict):
         node[_key(draw)] = node.pop(key)
     elif kind == 10 and isinstance(node, list) and node is not tree:
-        node[key:key] = [node[key]] * draw.choice((1, 2, 100, 5000))
+        node[key:key] = [node[key]] * draw.choice((1, 2, 100, 500))
     elif kind == 11:
         node[key] = str(node[key])[:1000]
     elif kind == 12 and recursive:

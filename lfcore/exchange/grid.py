@@ -21,6 +21,9 @@ from lfcore.optics.slab import Extent, Slab
 NOMINAL_PITCH_M, NOMINAL_FIELD, NOMINAL_DELTA = 1.0, 1.0, 1.0
 """Of a slab whose lengths mean nothing: it keeps disparities alone, from minus M pixels on."""
 
+MOST_VIEWS = 4096
+"""A side: as a camera array of a scene has at most."""
+
 
 class ExchangeError(StorageError):
     """A light field of others that is incomplete or contradicts itself."""

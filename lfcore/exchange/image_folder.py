@@ -6,7 +6,7 @@ from pathlib import Path
 
 from lfcore.exchange import folder as plain
 from lfcore.exchange import pictures
-from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
+from lfcore.exchange.grid import MOST_VIEWS, ExchangeError, Geometry, ViewGrid
 from lfcore.exchange.nerfstudio import load_json
 from lfcore.files import write_json
 from lfcore.pictures import write_picture as write_pfm
@@ -14,8 +14,6 @@ from lfcore.pictures import write_picture as write_pfm
 CONFIG = "views.json"
 NAME = "view_{row:03d}_{column:03d}.png"
 KIND = "lfcore views"
-MOST_VIEWS = 4096
-"""A side: as a camera array of a scene has at most."""
 
 
 def recognise(path: Path) -> bool:

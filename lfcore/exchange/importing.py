@@ -19,7 +19,7 @@ from lfcore.storage.metadata import Metadata
 
 # What a reader stumbles over in a description whose values are of other types or beyond all bounds.
 _NOT_OF_THE_FORMAT = (
-    ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError,
+    ArithmeticError, AttributeError, LookupError, OSError, RecursionError, TypeError, ValueError,
 )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from lfcore.exchange import folder as plain
 from lfcore.exchange import pictures
-from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
+from lfcore.exchange.grid import MOST_VIEWS, ExchangeError, Geometry, ViewGrid
 from lfcore.files import write_text
 
 HEADER = "# LIF1.0"
@@ -80,7 +80,7 @@ def _words(file: Path) -> dict[str, list[list[str]]]:
 def _counts(words: dict, key: str, file: Path) -> tuple[int, int]:
     try:
         across, down = (int(word) for word in words[key][0][-2:])
-        if min(across, down) < 1:
+        if min(across, down) < 1 or max(across, down) > MOST_VIEWS:
             raise ValueError
     except (KeyError, IndexError, ValueError):
         raise ExchangeError("is missing or not two counts", file=file, key=key) from None

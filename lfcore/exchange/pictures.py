@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,9 @@ Image.MAX_IMAGE_PIXELS = MOST_PIXELS
 
 
 def is_picture(path: Path) -> bool:
-    return path.is_file() and path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
+    return (
+        os.path.isfile(path) and path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
+    )
 
 
 def pictures_of(folder: Path) -> list[Path]:

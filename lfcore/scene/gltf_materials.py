@@ -121,11 +121,11 @@ def surface_of_pbr(material: Any, path: Path, texture: np.ndarray | None) -> Sur
     default of 1.  Textures of metal and roughness count with their means.
     """
     base = np.array(_base(material))
-    metallic = float(material.metallicFactor or 0.0)
-    roughness = 1.0 if material.roughnessFactor is None else float(material.roughnessFactor)
+    metallic = _share(material.metallicFactor, 0.0, path)
+    roughness = _share(material.roughnessFactor, 1.0, path)
     if material.metallicRoughnessTexture is not None:
         mean = _mean(material.metallicRoughnessTexture, path) / 255.0
-        metallic = 1.0 if material.metallicFactor is None else float(material.metallicFactor)
+        metallic = _share(material.metallicFactor, 1.0, path)
         metallic, roughness = metallic * float(mean[2]), roughness * float(mean[1])
     alpha = max(roughness, 0.05) ** 2
     specular = (0.04 * (1 - metallic) + base * metallic) * (1 - min(roughness, 1.0) ** 2)
@@ -140,6 +140,16 @@ def surface_of_pbr(material: Any, path: Path, texture: np.ndarray | None) -> Sur
         _triple(emission),
         texture,
     )
+
+
+def _share(value: Any, otherwise: float, path: Path) -> float:
+    """A factor from 0 to 1; ``otherwise`` where there is none."""
+    try:
+        return otherwise if value is None else float(np.clip(float(value), 0, 1))
+    except (TypeError, ValueError, OverflowError):
+        raise SceneError(
+            f"a material's factor is {str(value)[:40]!r}", file=path, remedy="Give it from 0 to 1"
+        ) from None
 
 
 def _base(material: Any) -> tuple[float, float, float]:

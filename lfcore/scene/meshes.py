@@ -59,9 +59,8 @@ def load_mesh(
         gltf.document.note_what_is_left_out(notebook)
     scene = _load(trimesh, path, gltf.document if gltf else None, notebook)
     parts, empty = [], True
-    for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        mesh = _with_strips(scene.geometry[name], path)
+    for matrix, placed in _placed(scene, path):
+        mesh = _with_strips(placed, path)
         if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
             empty = False
             surface, uvs = _surface(mesh.visual, np.asarray(mesh.faces, np.int64), path, gltf)
@@ -75,6 +74,17 @@ def load_mesh(
             remedy="Export faces, not only points, lines or curves",
         )
     return parts
+
+
+def _placed(scene, path: Path) -> list:
+    """(matrix, geometry) of each node that has one."""
+    try:
+        nodes = [scene.graph[node] for node in scene.graph.nodes_geometry]
+        return [(matrix, scene.geometry[name]) for matrix, name in nodes]
+    except (LookupError, TypeError, ValueError) as error:  # names that are none, circles of nodes
+        raise SceneError(
+            f"its nodes cannot be placed: {error!r}", file=path, remedy="Export the mesh again"
+        ) from error
 
 
 def _with_strips(mesh, path: Path):

@@ -38,7 +38,10 @@ def motions(geometry: Geometry, static: Sequence[Part], moving: Sequence[Moving]
 
 def is_rigid(start: np.ndarray, end: np.ndarray) -> bool:
     """Whether the motion between two poses neither scales, shears nor mirrors."""
-    move = (end @ np.linalg.inv(start))[:3, :3]
+    try:
+        move = (end @ np.linalg.inv(start))[:3, :3]
+    except np.linalg.LinAlgError:  # a pose that flattens
+        return False
     return bool(np.allclose(move @ move.T, np.eye(3), atol=1e-6) and np.linalg.det(move) > 0)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -36,9 +37,9 @@ def scene_files(entries: Iterable[str], root: Path) -> dict[str, str]:
     found: dict[str, str] = {}
     for entry in entries:
         file = root / "scenes" / entry / "scene.yaml"
-        if not file.exists():
-            file = Path(entry) / "scene.yaml" if Path(entry).is_dir() else Path(entry)
-        if not file.is_file():
+        if not os.path.exists(file):  # False, too, for a name too long
+            file = Path(entry) / "scene.yaml" if os.path.isdir(entry) else Path(entry)
+        if not os.path.isfile(file):
             raise SettingsError(
                 f"there is no scene {entry!r}",
                 key="configuration: scenes",
