@@ -6,6 +6,7 @@
 #   make faults KILLS=100      kills, full disks, missing folders: the same results afterwards
 #   make smoke     the same pipeline, tiny: what continuous integration runs
 #   make lint      formatting, layers and types
+#   make count     how much there is to read in the tracer's kernels
 #   make wheel     the wheel, installed and tried in an empty environment
 #   make digests   the table of bits that every processor is held to: after a change that means to change bits
 #   make micro     every rule, script and caption, as small as they go, and Snakemake's report: build/micro
@@ -28,7 +29,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: tables test fuzz faults smoke micro sweep settings lint wheel format digests clean distclean pins
+.PHONY: tables test fuzz faults smoke micro sweep settings count lint wheel format digests clean distclean pins
 .DELETE_ON_ERROR:
 
 tables: $(VENV)/installed
@@ -52,6 +53,9 @@ fuzz: $(VENV)/installed-dev
 
 faults: $(VENV)/installed-dev
 	$(BIN)/python -m robustness.faults --kills $(KILLS)
+
+count: $(VENV)/installed-dev
+	$(BIN)/python benchmarks/count_kernels.py
 
 lint: $(VENV)/installed-dev
 	$(BIN)/ruff check .
