@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -18,13 +19,22 @@ WITHIN_S = 2.0
 LOAD_S = 1.0  # what a machine that is busy with other things may add
 
 
-def start(tmp_path, *words):
-    """The program, up to where it traces or encodes."""
-    command = [sys.executable, "-m", "lfcore.cli", *map(str, words)]
-    return subprocess.Popen(
-        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True,
-        env=os.environ | {"LFCORE_THREADS": "1"},
-    )  # fmt: skip
+@contextmanager
+def start(tmp_path, *command, **streams):
+    """A process that obeys signals, even where the tests run with some of them ignored."""
+
+    def heed():
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.SIG_DFL)
+
+    with subprocess.Popen(
+        [sys.executable, *map(str, command)], cwd=tmp_path, stderr=subprocess.PIPE, text=True,
+        env=os.environ | {"LFCORE_THREADS": "1"}, preexec_fn=heed, **streams,
+    ) as process:  # fmt: skip
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def wait_for(condition, process, seconds=60.0):
@@ -41,7 +51,7 @@ def wait_for(condition, process, seconds=60.0):
 )
 def test_trace_ends_at_once_and_leaves_nothing(tmp_path, number, status):
     words = ("trace", SCENES / "chart", "-o", "out.mkv", "--size", 1024, "--views", 64)
-    with start(tmp_path, *words) as process:
+    with start(tmp_path, "-m", "lfcore.cli", *words) as process:
         wait_for(lambda: list(tmp_path.glob(".out.mkv.*/*")), process)
         time.sleep(0.3)  # into the first tile
         begun = time.monotonic()
@@ -76,10 +86,7 @@ with interruptible(), whole_file("a.bin") as file, draft_folder("b"):
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_a_command_that_does_not_listen_is_ended(tmp_path, name):
     number = getattr(signal, name)
-    with subprocess.Popen(
-        [sys.executable, "-c", STUCK], cwd=tmp_path, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, text=True,
-    ) as process:  # fmt: skip
+    with start(tmp_path, "-c", STUCK, stdout=subprocess.PIPE) as process:
         assert process.stdout.readline() == "ready\n"
         assert len(list(tmp_path.iterdir())) == 2
         begun = time.monotonic()
