@@ -1,19 +1,90 @@
 """COLMAP's text model: one PINHOLE camera an image, so that principal points are exact.
 
 World and cameras have x right, y down, z forward; rotations are none.  ``points3D.txt`` is empty.
+A model is read back where its cameras stand parallel on a grid; its unit is taken for metres.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from lfcore.exchange import pictures
+import numpy as np
+
+from lfcore.exchange import pictures, posed
+from lfcore.exchange.grid import ExchangeError, ViewGrid
 from lfcore.files import write_text
+
+MODEL = Path("sparse") / "0"
+PARAMETERS = {"PINHOLE": (0, 2, 3), "SIMPLE_PINHOLE": (0, 1, 2), "OPENCV": (0, 2, 3)}
+"""Where focal length and principal point stand among a camera's numbers."""
+
+
+def recognise(path: Path) -> bool:
+    return (path / MODEL / "images.txt").is_file()
+
+
+def read(path: Path, options) -> ViewGrid:
+    from scipy.spatial.transform import Rotation
+
+    cameras = _cameras(path / MODEL / "cameras.txt")
+    file = path / MODEL / "images.txt"
+    poses, lenses, files = [], [], []
+    # Every other line has an image's points, and may be empty.
+    for line in _lines(file)[::2]:
+        words = line.split()
+        try:
+            turn, move = np.array(words[1:5], float), np.array(words[5:8], float)
+            lens, name = cameras[words[8]], words[9]
+            to_camera = Rotation.from_quat(turn[[1, 2, 3, 0]]).as_matrix()
+        except (IndexError, KeyError, ValueError):
+            raise ExchangeError(f"has a line that is no image: {line[:60]!r}", file=file) from None
+        pose = np.eye(4)
+        # Its cameras look along +z with y down; OpenGL's along -z with y up.
+        pose[:3, :3], pose[:3, 3] = to_camera.T * [1, -1, -1], -to_camera.T @ move
+        poses.append(pose)
+        lenses.append(lens)
+        files.append(path / "images" / name)
+        if not files[-1].is_file():
+            raise ExchangeError("no such file; images.txt asks for it", file=files[-1])
+    if not files:
+        raise ExchangeError("holds no images", file=file)
+    lens = np.array(lenses)
+    if not np.ptp(lens[:, 0]) <= 1e-3 * lens[0, 0]:
+        raise ExchangeError("focal lengths differ from camera to camera", file=file)
+    return posed.views(np.array(poses), lens[:, 1:], float(lens[0, 0]), files, file)
+
+
+def _cameras(file: Path) -> dict[str, list[float]]:
+    """Focal length and principal point by the camera's number."""
+    found = {}
+    for line in filter(None, _lines(file)):
+        words = line.split()
+        try:
+            numbers = [float(words[4 + place]) for place in PARAMETERS[words[1]]]
+            if not (numbers[0] > 0 and np.isfinite(numbers).all()):
+                raise ValueError
+        except (IndexError, KeyError, ValueError):
+            raise ExchangeError(
+                f"has a camera that cannot be read: {line[:60]!r}", file=file,
+                remedy=f"Models that can be: {', '.join(PARAMETERS)}",
+            ) from None  # fmt: skip
+        found[words[0]] = numbers
+    return found
+
+
+def _lines(file: Path) -> list[str]:
+    """Lines without comments; empty ones stay, for they count."""
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise ExchangeError(f"cannot be read: {reason}", file=file) from None
+    return [line for line in lines if not line.startswith("#")]
 
 
 def write(source, folder: Path, options) -> None:
     source.require_geometry("a COLMAP model")
-    model = folder / "sparse" / "0"
+    model = folder / MODEL
     model.mkdir(parents=True)
     (folder / "images").mkdir()
     cameras = ["# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]"]

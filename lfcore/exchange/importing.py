@@ -50,7 +50,7 @@ def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGri
     """The views of ``source``; raises :class:`ExchangeError`, naming the file, for what is none."""
     if not source.exists():
         raise ExchangeError("no such file or folder", file=source)
-    if source.is_dir() and len(inside := [one for one in source.iterdir() if one.is_file()]) == 1:
+    if source.is_dir() and len(inside := list(source.iterdir())) == 1 and inside[0].is_file():
         source = inside[0]
     if format is None and options.grid and is_picture(source):
         format = "eslf" if ".eslf." in source.name.lower() else "mosaic"

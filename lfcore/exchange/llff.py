@@ -3,18 +3,56 @@
 A row is a 3 x 5 matrix, camera to world with the axes [down, right, backwards], the position, and
 (height, width, focal length), then the nearest and farthest depth.  It has no principal point:
 views of a slab that coincide at a distance are cropped until each has its axis in the middle, to
-the whole pixel.
+the whole pixel.  It is read back where its cameras stand parallel on a grid; its unit is taken
+for metres.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from lfcore.exchange import pictures
-from lfcore.exchange.grid import ExchangeError
+from lfcore.exchange import pictures, posed
+from lfcore.exchange.grid import ExchangeError, ViewGrid
 from lfcore.pictures import write_picture
+
+POSES = "poses_bounds.npy"
+
+
+def recognise(path: Path) -> bool:
+    return (path / POSES).is_file()
+
+
+def read(path: Path, options) -> ViewGrid:
+    file = path / POSES
+    try:
+        rows = np.load(file, allow_pickle=False)
+    except (OSError, ValueError, EOFError, MemoryError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise ExchangeError(f"cannot be read: {reason}", file=file) from None
+    if rows.ndim != 2 or rows.shape[1] != 17 or rows.dtype.kind != "f" or not len(rows):
+        raise ExchangeError(f"is {rows.dtype} {rows.shape}, not rows of 17 numbers", file=file)
+    if not np.isfinite(rows).all():
+        raise ExchangeError("holds numbers that are not finite", file=file)
+    files = pictures.pictures_of(path / "images") if (path / "images").is_dir() else []
+    if len(files) != len(rows):
+        raise ExchangeError(f"has {len(rows)} poses for {len(files)} pictures", file=file)
+    matrix = rows[:, :15].reshape(-1, 3, 5)
+    focal = matrix[:, 2, 4]
+    if not (focal.min() > 0 and np.ptp(focal) <= 1e-3 * focal[0]):
+        raise ExchangeError("focal lengths differ, or are not positive", file=file)
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    down, right, back, place = (matrix[:, :, k] for k in range(4))
+    poses[:, :3] = np.stack([right, -down, back, place], -1)
+    width, height = pictures.size_of(files[0])
+    # The pictures may have been scaled since: the focal length goes with them.
+    focal_px = float(focal[0] * width / matrix[0, 1, 4]) if matrix[0, 1, 4] > 0 else float(focal[0])
+    centres = np.tile([width / 2, height / 2], (len(rows), 1))
+    near, far = float(rows[:, 15].min()), float(rows[:, 16].max())
+    found = posed.views(poses, centres, focal_px, files, file)
+    return replace(found, depth_m=(near, far)) if 0 < near <= far else found
 
 
 def write(source, folder: Path, options) -> None:

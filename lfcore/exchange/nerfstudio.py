@@ -7,12 +7,13 @@ nerfstudio reads a frame where none is given for all.  The world has z up.
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from lfcore.exchange import pictures, posed
-from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
+from lfcore.exchange.grid import ExchangeError, ViewGrid
 from lfcore.files import write_json
 
 CONFIG = "transforms.json"
@@ -32,20 +33,15 @@ def read(path: Path, options) -> ViewGrid:
     if not isinstance(frames, list) or not frames:
         raise ExchangeError("holds no frames", file=file, key="frames")
     names = [str(frame.get("file_path", "?")) for frame in frames]
-    grid = posed.on_a_plane(_poses(frames, file), file, names)
     files = [_file(file.parent, name) for name in names]
-    size = pictures.size_of(files[0])
     focal = _of_all(data, frames, "fl_x", file)
-    notes = []
+    found = posed.views(
+        _poses(frames, file), _centres(data, frames, files, file), focal, files, file
+    )
     if any(data.get(key) for key in ("k1", "k2", "k3", "p1", "p2")):
-        notes.append("the lens's distortion was left as it is in the pictures")
-    delta = _delta(data, frames, grid, size, focal, notes)
-    geometry = Geometry(grid.pitch, 1 / focal, delta)
-    return ViewGrid(
-        grid.index.shape[1], grid.index.shape[0], *size,
-        lambda i, j: pictures.read(files[grid.index[j, i]], size),
-        file.parent.resolve().name, geometry=geometry, notes=tuple(notes),
-    )  # fmt: skip
+        note = "the lens's distortion was left as it is in the pictures"
+        return replace(found, notes=(*found.notes, note))
+    return found
 
 
 def load_json(file: Path) -> dict:
@@ -89,22 +85,16 @@ def _of_all(data: dict, frames: list, key: str, file: Path) -> float:
     return found[0]
 
 
-def _delta(data, frames, grid, size, focal, notes) -> float | None:
-    middle = np.array(size) / 2
-    centres = np.array(
-        [[float(data.get(k, frame.get(k, m))) for k, m in zip(("cx", "cy"), middle, strict=True)]
-         for frame in frames]
-    )[grid.index]  # fmt: skip
-    slope, off = posed.shear(grid, centres)
-    beside = np.abs(centres.mean((0, 1)) - middle).max()
-    if off > 0.5:
-        notes.append(f"principal points lie up to {off:.2g} pixels beside those of a slab")
-    if beside > 0.5:
-        notes.append(f"the axis is {beside:.3g} pixels beside the pictures' middle, taken as there")
-    delta = slope / focal
-    if delta < -1e-9 or (off > 0.5 and off > 0.1 * abs(slope) * np.ptp(grid.x)):
-        return None
-    return max(delta, 0.0)
+def _centres(data: dict, frames: list, files: list[Path], file: Path) -> np.ndarray:
+    """(K, 2) principal points: those of all, of each, or the middle."""
+    middle = dict(zip(("cx", "cy"), np.array(pictures.size_of(files[0])) / 2, strict=True))
+    try:
+        return np.array(
+            [[float(data.get(key, frame.get(key, middle[key]))) for key in middle]
+             for frame in frames]
+        )  # fmt: skip
+    except (TypeError, ValueError):
+        raise ExchangeError("is no number", file=file, key="cx, cy") from None
 
 
 def write(source, folder: Path, options) -> None:

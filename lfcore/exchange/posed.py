@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.exchange.grid import ExchangeError
+from lfcore.exchange import pictures
+from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
 
 _TURNED, _APART, _FARTHEST = 1e-3, 1e-2, 1e12
 
@@ -83,3 +84,43 @@ def shear(grid: PosedGrid, centres: np.ndarray) -> tuple[float, float]:
     power = float(np.sum(place**2))
     slope = float(np.sum(place * moved) / power) if power else 0.0
     return slope, float(np.abs(moved - slope * place).max())
+
+
+def views(
+    poses: np.ndarray,
+    centres: np.ndarray,
+    focal: float,
+    files: Sequence[Path],
+    described: Path,
+) -> ViewGrid:
+    """The light field of pictures with poses (K, 4, 4) as :func:`on_a_plane` takes them.
+
+    ``centres`` (K, 2) are principal points from the corner of the top left pixel, ``focal`` the
+    focal length, both in pixels; ``described`` is the file that says so.
+    """
+    grid = on_a_plane(poses, described, [file.name for file in files])
+    size = pictures.size_of(files[0])
+    delta, notes = _delta(grid, centres[grid.index], size, focal)
+    folder = described.resolve().parent
+    return ViewGrid(
+        grid.index.shape[1], grid.index.shape[0], *size,
+        lambda i, j: pictures.read(files[grid.index[j, i]], size),
+        folder.name or "views", geometry=Geometry(grid.pitch, 1 / focal, delta), notes=notes,
+    )  # fmt: skip
+
+
+def _delta(
+    grid: PosedGrid, centres: np.ndarray, size: tuple[int, int], focal: float
+) -> tuple[float | None, tuple[str, ...]]:
+    """Where the views coincide, and what principal points (rows, columns, 2) say beside that."""
+    notes, middle = [], np.array(size) / 2
+    slope, off = shear(grid, centres)
+    beside = np.abs(centres.mean((0, 1)) - middle).max()
+    if off > 0.5:
+        notes.append(f"principal points lie up to {off:.2g} pixels beside those of a slab")
+    if beside > 0.5:
+        notes.append(f"the axis is {beside:.3g} pixels beside the pictures' middle, taken as there")
+    delta = slope / focal
+    if delta < -1e-9 or (off > 0.5 and off > 0.1 * abs(slope) * np.ptp(grid.x)):
+        return None, tuple(notes)
+    return max(delta, 0.0), tuple(notes)

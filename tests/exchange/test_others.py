@@ -88,6 +88,13 @@ def test_llff_has_its_axes_in_the_middle(tmp_path):
         view = picture(tmp_path / "out" / "images" / f"view_{row:03d}_{column:03d}.png")
         expected = stored.views[row, column, row : row + 14, column : column + 14]
         np.testing.assert_array_equal(view, expected, err_msg=str(k))
+    # Back in, the views are those that were cropped, of parallel cameras.
+    made, field = taken_back(tmp_path / "out", tmp_path)
+    assert (made.grid.format, field.slab.camera.delta) == ("llff", 0)
+    assert field.slab.lens_pitch_m == pytest.approx(0.04)
+    assert field.slab.pixel_pitch == pytest.approx(0.02)
+    assert field.depth_range == (1, 4)
+    np.testing.assert_array_equal(field.view(1, 2), stored.views[2, 1, 2:16, 1:15])
     with pytest.raises(ExchangeError, match="--near and --far"):
         export_lightfield(stored.path, "llff", tmp_path / "b")
 

@@ -106,8 +106,19 @@ def test_nothing_is_recognised(tmp_path):
     (tmp_path / "in" / "more.txt").write_text("views\n")
     refused(tmp_path / "in", "known format")
     refused(tmp_path / "in", "'nex'", format="nex")
-    refused(tmp_path / "in", "cannot be imported", format="llff")
-    for name in ("hci", "nerfstudio", "stanford", "jpeg-pleno", "folder", "lid", "blender", "json"):
+    refused(tmp_path / "in", "cannot be imported", format="sweep")
+    for name in (
+        "hci",
+        "nerfstudio",
+        "stanford",
+        "jpeg-pleno",
+        "folder",
+        "lid",
+        "blender",
+        "json",
+        "llff",
+        "colmap",
+    ):
         refused(tmp_path / "in", "in", format=name)
 
 
@@ -189,3 +200,25 @@ def test_the_command_line(tmp_path, capsys):
     assert "--order" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main([*command, "--focus", "x"])
+
+
+def test_poses_of_others(square, tmp_path):
+    export_lightfield(square.path, "colmap", tmp_path / "colmap")
+    model = tmp_path / "colmap" / "sparse" / "0"
+    cameras = (model / "cameras.txt").read_text()
+    (model / "cameras.txt").write_text(cameras.replace("PINHOLE", "THIN_PRISM_FISHEYE"))
+    refused(tmp_path / "colmap", "cameras.txt", "THIN_PRISM", "Models that can be")
+    (model / "cameras.txt").write_text(cameras)
+    (tmp_path / "colmap" / "images" / "view_001_001.png").unlink()
+    refused(tmp_path / "colmap", "view_001_001.png", "images.txt asks")
+    options = WriteOptions(near_m=1, far_m=2)
+    export_lightfield(square.path, "llff", tmp_path / "llff", options=options)
+    poses = tmp_path / "llff" / "poses_bounds.npy"
+    rows = np.load(poses)
+    np.save(poses, rows[:-1])
+    refused(tmp_path / "llff", "8 poses for 9 pictures")
+    rows[4, 0] = np.nan
+    np.save(poses, rows)
+    refused(tmp_path / "llff", "not finite")
+    poses.write_bytes(b"no array")
+    refused(tmp_path / "llff", "poses_bounds.npy")

@@ -13,6 +13,7 @@ FOLDERS = [
     "stanford",
     "renderer",
     "nerfstudio",
+    "colmap",
     "json",
     "lid",
     "jpeg-pleno",
@@ -20,7 +21,7 @@ FOLDERS = [
     "eslf",
     "mat",
 ]
-WHOLE = {"hci", "nerfstudio", "json", "lid"}
+WHOLE = {"hci", "nerfstudio", "colmap", "json", "lid"}
 """Formats that hold the whole geometry."""
 ONE_PICTURE = {"mosaic", "eslf"}
 
