@@ -127,8 +127,9 @@ def surface_of_pbr(material: Any, path: Path, texture: np.ndarray | None) -> Sur
         mean = _mean(material.metallicRoughnessTexture, path) / 255.0
         metallic = _share(material.metallicFactor, 1.0, path)
         metallic, roughness = metallic * float(mean[2]), roughness * float(mean[1])
+    metallic, roughness = float(np.clip(metallic, 0, 1)), float(np.clip(roughness, 0, 1))
     alpha = max(roughness, 0.05) ** 2
-    specular = (0.04 * (1 - metallic) + base * metallic) * (1 - min(roughness, 1.0) ** 2)
+    specular = (0.04 * (1 - metallic) + base * metallic) * (1 - roughness**2)
     emission = np.zeros(3)
     if material.emissiveFactor is not None and material.emissiveTexture is None:
         emission = np.clip(np.asarray(material.emissiveFactor, np.float64)[:3], 0, 1)

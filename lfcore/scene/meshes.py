@@ -253,7 +253,7 @@ def _is_invented(material, path: Path) -> bool:
     Its picture is 2 x 2 texels of (100, 100, 100); GLB files that it exported hold it, too.
     """
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
-    if image is None or image.size != (2, 2):
+    if getattr(image, "size", None) != (2, 2):
         return False
     texels = _image(image, path)
     return bool((texels == 100).all()) and not getattr(material, "kwargs", None)

@@ -267,6 +267,12 @@ BROKEN = {
     "a pose of words": lambda tree: {
         **tree, "nodes": [{**n, "rotation": "up"} for n in tree["nodes"]],
     },
+    "a texture that is a number": lambda tree: {
+        **tree, "materials": [{"pbrMetallicRoughness": {"baseColorTexture": 1}}],
+    },
+    "a roughness beyond measure": lambda tree: {
+        **tree, "materials": [{"pbrMetallicRoughness": {"roughnessFactor": 1e308}}],
+    },
     "lists of numbers": lambda tree: {
         **tree, "materials": 7, "animations": [1], "cameras": {"a": 1}, "extensionsUsed": 8,
     },
