@@ -185,15 +185,6 @@ class Source:
             apart = 1.0 / np.asarray(depth, np.float64) - self.slab.camera.delta
         return (apart * scale).astype(np.float32)
 
-    def require_truth(self, what: str) -> None:
-        """Raise :class:`ExchangeError` where no scene is at hand."""
-        if self.truth is None:
-            raise ExchangeError(
-                f"holds no depth, which {what} needs",
-                file=self.field.path,
-                remedy="Give the scene that it was traced from with --scene",
-            )
-
     def depth_range(self, what: str) -> tuple[float, float]:
         """Nearest and farthest depth; :class:`ExchangeError` where they are not known."""
         if self.field.depth_range is None:

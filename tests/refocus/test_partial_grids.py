@@ -124,7 +124,11 @@ def test_what_needs_a_geometry_is_refused(path):
 
 
 def test_as_a_camera_array(path, pictures):
-    image, array = read_stored(LightField.open(path))
+    field = LightField.open(path)
+    with pytest.raises(OpticsError, match="camera array needs"):
+        read_stored(field)
+    field.metadata.content.clear()  # as if its metres were the cameras'
+    image, array = read_stored(field)
     assert array.cameras == (COLUMNS, ROWS)
     assert array.tile == (WIDTH, HEIGHT)
     assert array.pixel_pitch == pytest.approx(SLAB.pixel_pitch)

@@ -95,6 +95,11 @@ def read_stored(
     ------
     StorageError : the file is damaged.
     """
+    if not field.metric:
+        raise OpticsError(
+            "does not hold its geometry, which a camera array needs", file=field.path,
+            remedy="Import it again with --baseline, --field-of-view and --focus",
+        )  # fmt: skip
     slab, (columns, rows) = field.metadata.slab, field.grid
     array = field.array if slab is None else CameraArray.from_slab(slab)
     assert array is not None  # a file holds one or the other
