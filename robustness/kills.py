@@ -21,8 +21,9 @@ from robustness.outcome import ROOT
 WAYS = ("KILL", "KILL group", "KILL child", "TERM", "INT group")
 """How a run is ended: the process alone, all of its group as a terminal does, or one child."""
 STATUS = {"TERM": (143, -signal.SIGTERM), "INT group": (130, -signal.SIGINT)}
-PATIENCE = 400.0
-"""Seconds after which a run is taken to hang: a busy machine may give it a twentieth of a core."""
+PATIENCE, LONGEST = 60.0, 1800.0
+"""Seconds without work of the processor, and in all, after which a run is taken to hang: a busy
+machine gives it little, but some."""
 
 
 @dataclass(frozen=True)
@@ -109,12 +110,8 @@ class Killed:
     def run(self) -> tuple[int, str]:
         """The plain command: (status, what it said); a status of 99 when it does not end."""
         process = self.start()
-        try:
-            said, _ = process.communicate(timeout=max(PATIENCE, 20 * self.seconds))
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            return 99, "it does not end"
-        return process.returncode, said.decode(errors="replace")[-2000:]
+        said = until_end(process)
+        return (99, "it does not end") if said is None else (process.returncode, said[-2000:])
 
     def disturb(self, draw: Random, way: str, tally: Tally) -> None:
         """Run, kill, run again, compare."""
@@ -150,12 +147,9 @@ class Killed:
         if not _strike(process.pid, way):
             process.communicate()
             return False
-        try:
-            said = process.communicate(timeout=PATIENCE)[0].decode(errors="replace")
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.communicate()
-            tally.findings.append(f"{note}: not ended after {PATIENCE:.0f} s")
+        said = until_end(process)
+        if said is None:
+            tally.findings.append(f"{note}: it does not end")
             return True
         if self.job.statuses and way in STATUS:
             took = time.monotonic() - began
@@ -190,6 +184,30 @@ def _strike(leader: int, way: str) -> bool:
             return True
         os.killpg(leader, signal.SIGKILL)
     return False
+
+
+def until_end(process: subprocess.Popen) -> str | None:
+    """What a process says until it ends; None, and an end, for one that hangs."""
+    worked, deadline = -1.0, time.monotonic() + LONGEST
+    while True:
+        try:
+            return process.communicate(timeout=PATIENCE)[0].decode(errors="replace")
+        except subprocess.TimeoutExpired:
+            before, worked = worked, processor_seconds(process.pid)
+        if worked <= before or time.monotonic() > deadline:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+            return None
+
+
+def processor_seconds(process: int) -> float:
+    """Of a process and all below it."""
+    ticks = 0
+    for one in (process, *descendants(process)):
+        with suppress(OSError):
+            fields = Path(f"/proc/{one}/stat").read_text().rpartition(")")[2].split()
+            ticks += int(fields[11]) + int(fields[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
 
 
 def descendants(process: int) -> list[int]:

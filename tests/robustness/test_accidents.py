@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from random import Random
@@ -74,6 +76,18 @@ def test_what_a_kill_changes_is_found(tmp_path, careless):
         assert tally.identical < 2 and "other results" in tally.findings[0]
     else:
         assert tally.identical == 2 and not tally.findings
+
+
+@pytest.mark.parametrize("program, said", [
+    ("import time; time.sleep(60)", None),
+    ("import time\nwhile time.process_time() < 1.5: pass\nprint('done')", "done\n"),
+])  # fmt: skip
+def test_a_run_that_hangs_is_told_from_one_that_works(monkeypatch, program, said):
+    monkeypatch.setattr(kills, "PATIENCE", 0.5)
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, start_new_session=True
+    )
+    assert kills.until_end(process) == said
 
 
 @pytest.mark.slow
