@@ -36,13 +36,26 @@ PAGE = 4096
 class Tile(Protocol):
     """What is asked of a tile; :class:`lfcore.storage.layout.Tile` is one."""
 
-    layout: Any
-    column: int
-    row: int
-    columns: int
-    rows: int
-    frame_count: int
-    rays: int
+    @property
+    def layout(self) -> Any: ...
+
+    @property
+    def column(self) -> int: ...
+
+    @property
+    def row(self) -> int: ...
+
+    @property
+    def columns(self) -> int: ...
+
+    @property
+    def rows(self) -> int: ...
+
+    @property
+    def frame_count(self) -> int: ...
+
+    @property
+    def rays(self) -> int: ...
 
     def elements(self) -> np.ndarray:
         """(E, 2) int32 outer coordinates (column, row), frame after frame."""
