@@ -118,6 +118,11 @@ def write(source, folder: Path, options) -> None:
         options.notes.append(
             "no depth was written: give --scene for the depth and disparity of every view"
         )
+    if reach is None:
+        options.notes.append(
+            "parameters.cfg lacks disp_min and disp_max, which the benchmark's own readers want: "
+            "the file does not hold the range of depths"
+        )
     if source.columns != source.rows:
         options.notes.append("the benchmark's own readers take square grids only")
     write_text(folder / CONFIG, _parameters(source, geometry, reach))
