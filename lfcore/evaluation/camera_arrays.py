@@ -156,13 +156,10 @@ def square_field(
     return DeviceField(tracer.device, trace_array(tracer, array, samples_per_pixel), array)
 
 
-def array_record(scene: str, field: DeviceField, samples_per_pixel: int, seconds: float) -> dict:
-    """A row of the ``camera_array`` table; the size is that of its tiled EXR in 16 bits."""
-    array = field.array
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "array.exr"
-        write_array(file, field.image, array, half=True)
-        size = file.stat().st_size
+def array_record(
+    scene: str, array: CameraArray, samples_per_pixel: int, seconds: float, size: int
+) -> dict:
+    """A row of the ``camera_array`` table; ``size`` is in bytes, of its tiled EXR in 16 bits."""
     return {
         "scene": scene,
         "cameras": len(array.columns_m) * len(array.rows_m),
@@ -171,6 +168,14 @@ def array_record(scene: str, field: DeviceField, samples_per_pixel: int, seconds
         "mrays_per_second": array.rays * samples_per_pixel / seconds / 1e6,
         "bytes": size,
     }
+
+
+def exr_bytes(field: DeviceField) -> int:
+    """Size of an array's tiled EXR in 16 bits."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "array.exr"
+        write_array(file, field.image, field.array, half=True)
+        return file.stat().st_size
 
 
 def overview(image: np.ndarray, width: int) -> np.ndarray:

@@ -266,7 +266,7 @@ def _flow(value: Any) -> str:
 
 def documents(root: Path) -> dict[Path, str]:
     """The text of every file that is made from the keys."""
-    schema = Configuration.model_json_schema()
+    schema = _untitled(Configuration.model_json_schema())
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
     dump = {"sort_keys": False, "default_flow_style": None, "width": 100, "allow_unicode": True}
     readme = root / "config" / "README.md"
@@ -288,6 +288,16 @@ def documents(root: Path) -> dict[Path, str]:
         " spatial_resolution=64 -- results/tables/\n" + yaml.safe_dump(defaults(), **dump),
         readme: text,
     }
+
+
+def _untitled(schema: Any) -> Any:
+    """A schema without the titles that pydantic makes of names."""
+    if isinstance(schema, list):
+        return [_untitled(part) for part in schema]
+    if not isinstance(schema, dict):
+        return schema
+    titled = isinstance(schema.get("title"), str)
+    return {k: _untitled(part) for k, part in schema.items() if not (titled and k == "title")}
 
 
 def main(root: Path = Path()) -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lfcore.errors import SceneError
+from lfcore.evaluation.camera_arrays import array_record
 from lfcore.evaluation.timing import clocked
 from lfcore.optics.array import CameraArray
 from lfcore.rendering.array import trace_array
@@ -31,11 +32,12 @@ def array_of(
     ------
     SceneError : the scene has no array, and no grid was given.
     """
-    if grid is not None:
+    own = scene.view is not None and scene.view.kind == LIGHTFIELD
+    if grid is not None and not own:
         size = 2 * (tile_px or 64,)
         bounds, fov_deg = grid["bounds_m"], grid["fov_deg"]
         return CameraArray.on_grid(2 * (cameras_per_dim,), bounds, fov_deg, size)
-    if scene.view is None or scene.view.kind != LIGHTFIELD:
+    if not own:
         raise SceneError(
             f"the scene {scene.name!r} has no camera array",
             key="camera.lightfield",
@@ -61,11 +63,4 @@ def trace_to_exr(
     )
     name = tracer.scene.name
     write_array(path, image, array, half=True, extra={"scene": name})
-    return {
-        "scene": name,
-        "cameras": len(array.columns_m) * len(array.rows_m),
-        "pixels": array.tile[0] * array.tile[1],
-        "seconds": seconds,
-        "mrays_per_second": array.rays * samples_per_pixel / seconds / 1e6,
-        "bytes": path.stat().st_size,
-    }
+    return array_record(name, array, samples_per_pixel, seconds, path.stat().st_size)

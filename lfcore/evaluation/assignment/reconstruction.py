@@ -11,6 +11,7 @@ from lfcore.evaluation.camera_arrays import (
     array_record,
     convergence,
     errors,
+    exr_bytes,
     fine_quadrature,
     reconstructions,
     square_field,
@@ -55,7 +56,8 @@ def reconstruction(
         field, seconds = clocked(
             lambda cameras=cameras: square_field(tracer, cameras, bounds, fov_deg, tile_px, SAMPLES)
         )
-        arrays.append(array_record(tracer.scene.name, field, SAMPLES, seconds))
+        size = exr_bytes(field)
+        arrays.append(array_record(tracer.scene.name, field.array, SAMPLES, seconds, size))
         found = reconstructions(
             field, camera, BOOK_FOCUS_M, reference, samples=sorted(monte_carlo_samples)
         )

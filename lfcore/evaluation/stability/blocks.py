@@ -6,12 +6,13 @@ of the triangle all the same, and not of the block.  Errors as in ``extents``.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 
 import numpy as np
 
 from lfcore.evaluation.stability import naive
-from lfcore.evaluation.stability.judge import condition_of_depth, depth_error, mismatches, row
+from lfcore.evaluation.stability.judge import choice_and_depth
 from lfcore.evaluation.stability.rows import Row
 from lfcore.evaluation.stability.subject import CAMERA, Subject
 from lfcore.optics.bundles import macropixels
@@ -43,17 +44,8 @@ def _rows(subject, case, parameter, value, slab, size) -> Iterator[Row]:
     mesh = np.float32(centres[:, None] + rng.normal(0, size, (600, 3, 3)))
     hits = closest_hits(mesh, *rays)
     plain = naive.moeller_trumbore(mesh, *rays)
-    found = subject.slab_hits(mesh, slab, pixels)
-    for suffix, measure, bound in ((" (triangle)", mismatches, 0.0), (" (depth)", depth_error, 16)):
-        yield row(
-            case + suffix,
-            parameter,
-            value,
-            bound,
-            lambda measure=measure: measure(plain, hits),
-            lambda measure=measure: measure(found, hits),
-            condition=condition_of_depth(hits),
-        )
+    found = functools.partial(subject.slab_hits, mesh, slab, pixels)
+    yield from choice_and_depth(case, parameter, value, hits, plain, found)
 
 
 CASES = (triangle_sizes, lens_samples)

@@ -16,6 +16,7 @@ import yaml
 
 from lfcore.evaluation.stability import naive
 from lfcore.evaluation.stability.judge import (
+    choice_and_depth,
     condition_of_depth,
     depth_error,
     mismatches,
@@ -163,25 +164,12 @@ def _two_rows(
     """Triangle and depth; ``limit`` is the one beyond which the mesh lies."""
     hits = truth(mesh, *rays)
     plain = naive.moeller_trumbore(mesh, *rays, epsilon=epsilon)
-    found = []
 
-    def ours(measure):
+    def found():
         check_kept(mesh)
-        if not found:
-            found.append(subject.closest(mesh, *rays))
-        return measure(found[0], hits)
+        return subject.closest(mesh, *rays)
 
-    for suffix, measure, bound in ((" (triangle)", mismatches, 0.0), (" (depth)", depth_error, 16)):
-        yield row(
-            case + suffix,
-            parameter,
-            value,
-            bound,
-            lambda measure=measure: measure(plain, hits),
-            lambda measure=measure: ours(measure),
-            limit=limit,
-            condition=condition_of_depth(hits),
-        )
+    yield from choice_and_depth(case, parameter, value, hits, plain, found, limit=limit)
 
 
 CASES = (

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Iterator
+
 import numpy as np
 
 from lfcore.errors import OpticsError, SceneError
@@ -58,3 +61,22 @@ def row(case, parameter, value, bound, naive, ours, *, limit="", condition=float
             return Row(error=float(ours()), **known)
         except (SceneError, OpticsError) as error:
             return Row(error=float("nan"), said=str(error), **known)
+
+
+def choice_and_depth(case, parameter, value, hits, plain, found, *, limit="") -> Iterator[Row]:
+    """Two rows of one set of hits: the share of wrong triangles, none admitted, and the depth.
+
+    ``plain`` is what the naive method found, and ``found()`` what lfcore does, once for both.
+    """
+    once = functools.cache(found)
+    for suffix, measure, bound in ((" (triangle)", mismatches, 0.0), (" (depth)", depth_error, 16)):
+        yield row(
+            case + suffix,
+            parameter,
+            value,
+            bound,
+            lambda measure=measure: measure(plain, hits),
+            lambda measure=measure: measure(once(), hits),
+            limit=limit,
+            condition=condition_of_depth(hits),
+        )

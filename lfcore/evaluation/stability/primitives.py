@@ -6,16 +6,15 @@ condition number (bound 16).
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 
 import numpy as np
 
 from lfcore.evaluation.stability import naive
 from lfcore.evaluation.stability.judge import (
-    condition_of_depth,
-    depth_error,
+    choice_and_depth,
     leaks,
-    mismatches,
     row,
     truth,
 )
@@ -55,17 +54,8 @@ def grazing(subject: Subject) -> Iterator[Row]:
 def _shares(subject, case, parameter, value, mesh, rays) -> Iterator[Row]:
     hits = truth(mesh, *rays)
     plain = naive.moeller_trumbore(mesh, *rays)
-    found = subject.closest(mesh, *rays)
-    for suffix, measure, bound in ((" (triangle)", mismatches, 0.0), (" (depth)", depth_error, 16)):
-        yield row(
-            case + suffix,
-            parameter,
-            value,
-            bound,
-            lambda measure=measure: measure(plain, hits),
-            lambda measure=measure: measure(found, hits),
-            condition=condition_of_depth(hits),
-        )
+    found = functools.partial(subject.closest, mesh, *rays)
+    yield from choice_and_depth(case, parameter, value, hits, plain, found)
 
 
 def axes(subject: Subject) -> Iterator[Row]:
