@@ -82,6 +82,7 @@ inline float4 corner_depths(Form numerator, Form denominator, int outer)
 // fractional with a denominator of one sign, so its extremes are at the corners.
 inline int settle_cover(const Coefficients *coefficients, uint lane, int id, Coverage *c)
 {
+    if (c->cover == BUFFERED) return 0;
     const Form numerator = plane_of(coefficients, NUMERATOR_ROW, lane);
     const Form denominator = plane_of(coefficients, DENOMINATOR_ROW, lane);
     float least = FAR, most = -FAR;
@@ -91,7 +92,7 @@ inline int settle_cover(const Coefficients *coefficients, uint lane, int id, Cov
         most = max(most, most_of(z));
     }
     const float near = least * (1.0f - DEPTH_SLACK), far = most * (1.0f + DEPTH_SLACK);
-    if (c->cover == BUFFERED || !(near > 0.0f)) return 0;
+    if (!(near > 0.0f)) return 0;
     if (near > c->z_far) return 1;
     if (!(far < c->z_near)) return 0;
     c->cover = id;
