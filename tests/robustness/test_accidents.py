@@ -83,7 +83,7 @@ def test_what_a_kill_changes_is_found(tmp_path, careless):
     ("import time\nwhile time.process_time() < 1.5: pass\nprint('done')", "done\n"),
 ])  # fmt: skip
 def test_a_run_that_hangs_is_told_from_one_that_works(monkeypatch, program, said):
-    monkeypatch.setattr(kills, "PATIENCE", 0.5)
+    monkeypatch.setattr(kills, "PATIENCE", 1.0)
     process = subprocess.Popen(
         [sys.executable, "-c", program], stdout=subprocess.PIPE, start_new_session=True
     )
