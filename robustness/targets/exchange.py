@@ -12,6 +12,7 @@ from random import Random
 import numpy as np
 
 from lfcore.exchange import FORMATS, export_lightfield
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import Geometry, ViewGrid
 from lfcore.exchange.importing import ReadOptions, read_grid
 from lfcore.exchange.pictures import is_picture
@@ -47,7 +48,8 @@ def seeds(folder: Path) -> list[bytes]:
         elif name == "blender":
             write_blender(folder / name, noise)
         else:
-            export_lightfield(folder / "noise.mkv", name, folder / name)
+            near_and_far = WriteOptions(near_m=1.0, far_m=4.0)
+            export_lightfield(folder / "noise.mkv", name, folder / name, options=near_and_far)
         files = sorted(path for path in (folder / name).rglob("*") if path.is_file())
         pictures = [path for path in files if is_picture(path)]
         for file in [path for path in files if path not in pictures[PICTURES_A_FORMAT:]]:
