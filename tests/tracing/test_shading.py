@@ -13,10 +13,15 @@ from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
+
+def unit(*vector):
+    return tuple(np.array(vector) / np.linalg.norm(vector))
+
+
 LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.8, 0.7), 2.0, True)
 NEAR = Light(POINT, (0.01, 0.01, 2.985), (0.4, 0.4, 0.4), 0.0, False)
-SUN = Light(DIRECTIONAL, (-0.15, -0.25, -0.95), (0.7, 0.7, 0.7))
-GRAZING = Light(DIRECTIONAL, (1.0, 0.0, -0.1), (0.7, 0.7, 0.7), 0.0, False)
+SUN = Light(DIRECTIONAL, unit(-0.15, -0.25, -0.95), (0.7, 0.7, 0.7))
+GRAZING = Light(DIRECTIONAL, unit(1.0, 0.0, -0.1), (0.7, 0.7, 0.7), 0.0, False)
 PIXELS = [[12, 11], [1, 22], [6, 17]]
 
 
@@ -36,7 +41,7 @@ def tiles(z, size, count=12):
 def curved(lights, shininess=30.0, texture=None, bend=0.3):
     """A soup before a wall: smooth normals that turn by ``bend``, gloss, and a texture or none."""
     rng = np.random.default_rng(8)
-    triangles = np.concatenate([soup(12, 5, 0.8), tiles(3.0, 0.9, 60), tiles(4.0, 9.0, 1)])
+    triangles = np.concatenate([soup(12, 5, 0.8), tiles(3.0, 0.9, 8), tiles(4.0, 9.0, 1)])
     face = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals = face[:, None] / np.linalg.norm(face, axis=1)[:, None, None]
     normals = normals + rng.normal(size=triangles.shape) * bend
@@ -55,7 +60,7 @@ def noise():
     return np.random.default_rng(2).integers(0, 256, (16, 16, 3), np.uint8)
 
 
-ERRORS = {"textured": 2e-3, "narrow highlights": 1e-3}
+ERRORS = {"textured": 1e-3}  # texels have ten bits of their root
 WORLDS = {
     "lamp": lambda: curved([LAMP]),
     "two lights": lambda: curved([LAMP, SUN]),
@@ -67,7 +72,7 @@ WORLDS = {
 }
 
 
-def colours(world, device=None, views=70, pixels=PIXELS):
+def colours(world, device=None, views=40, pixels=PIXELS[:2]):
     """Colours of the tracer and of the oracle: (R, 3) each."""
     tracer = Tracer(world, build_bvh(world.triangles), device, mipmaps=False, outer=1)
     bundles = macropixels(Slab(CAMERA, views, 24), pixels)
@@ -81,7 +86,7 @@ def test_colours_are_the_oracles(device, name):
     found, truth = colours(WORLDS[name](), device)
     error = np.abs(np.clip(found, 0, 1) - truth).max(1)
     assert truth.std() > 0.05
-    assert np.quantile(error, 0.98) < ERRORS.get(name, 2e-5)  # beside edges rounding decides
+    assert np.quantile(error, 0.98) < ERRORS.get(name, 2e-6)  # beside edges rounding decides
 
 
 @pytest.mark.parametrize("scale", [3, 12, 60, 120, 400])
@@ -91,11 +96,11 @@ def test_texel_tiles_of_any_size(device, scale):
     world = dataclasses.replace(world, uvs=(world.triangles[..., :2] * scale).astype(np.float32))
     found, truth = colours(world, device)
     error = np.abs(np.clip(found, 0, 1) - truth).max(1)
-    assert np.quantile(error, 0.98) < 1e-4 * max(10, scale)
+    assert np.quantile(error, 0.98) < 1e-3
 
 
 def test_a_plane_through_the_lens_has_two_sides(device):
-    """Some blocks of a beam see it from above and others from below: each in its own light."""
+    """Some blocks of a packet see it from above and others from below: each in its own light."""
     slab, pixel = Slab(CAMERA, 70, 24), [[12, 11]]
     origins, directions = (a[0].astype(float) for a in macropixels(slab, pixel).rays())
     slope = directions[:, 0, 1] / directions[:, 0, 2]
@@ -108,7 +113,7 @@ def test_a_plane_through_the_lens_has_two_sides(device):
     corners = [(x, level + tilt * z, z) for x, z in ((0, 0.1), (-40, 90), (40, 90))]
     sun = Light(DIRECTIONAL, (0.0, 0.96, -0.28), (0.8, 0.7, 0.6), 0.0, False)
     world = scene(np.float32([corners]), lights=[sun])
-    found, truth = (a.reshape(70, 70, 3) for a in colours(world, device, pixels=pixel))
+    found, truth = (a.reshape(70, 70, 3) for a in colours(world, device, 70, pixel))
     lit = truth[..., 0] > 0.3
     assert lit[rows > level + step].any() and not lit[rows < level - step].any()
     assert np.quantile(np.abs(found - truth).max(-1), 0.98) < 1e-4
