@@ -25,6 +25,7 @@ from lfcore.rendering.depth import all_in_focus, all_samples, depth_of_views
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.model import Scene
 from lfcore.storage.lightfield import LightFieldFile
+from lfcore.viewer.page import ViewerPage, viewer_page
 
 Progress = Callable[[int, int], None]
 
@@ -228,6 +229,26 @@ class LightField(LightFieldFile):
                     progress(start + len(samples), len(everything))
 
         return all_in_focus(slab, centre, groups())
+
+    def viewer(
+        self,
+        *,
+        views: int | None = None,
+        size: int | None = None,
+        form: str = "webp",
+        quality: int = 90,
+        device: Device | None = None,
+        progress: Progress | None = None,
+    ) -> ViewerPage:
+        """A page for the browser in which one looks around, focuses and stops down.
+
+        A notebook shows it in a frame; ``save(path)`` writes it.  Parameters and errors as of
+        :func:`lfcore.viewer.page.viewer_page`.
+        """
+        return viewer_page(
+            self, views=views, size=size, form=form, quality=quality, device=device,
+            progress=progress,
+        )  # fmt: skip
 
     def distance_of(self, disparity_px: float) -> float:
         """Metres at which points move by that many pixels from one view to the next.

@@ -21,7 +21,7 @@ from lfcore.errors import LfcoreError, one_line
 COMMANDS = {
     "refocus": ("refocus", "pictures at any focus and aperture from a light field file"),
     "stack": ("stack", "focal and aperture stacks: pictures, contact sheet, MP4"),
-    "view": ("inspect", "one view or macropixel of a light field file"),
+    "view": ("view", "a light field file in the browser; one view or macropixel of it"),
     "info": ("inspect", "what a light field file holds; check it"),
     "depth": ("depth", "depth, disparity and an all-in-focus picture of a scene"),
     "render": ("render", "pictures straight from a scene, without storing a light field"),
@@ -35,6 +35,7 @@ COMMANDS = {
 DESCRIPTION = "Synthetic light fields: trace a scene, store it, refocus it."
 EPILOG = """examples:
   lfcore trace scenes/bike -o bike.mkv --size 256 --views 32
+  lfcore view bike.mkv -o bike.html
   lfcore refocus bike.mkv --focus 3.2 --f-number 2.8 -o bike.png
   lfcore stack bike.mkv --focus 2 3 4 6 -o focal.mp4
   lfcore render table.glb -o table.png --size 512 --views 16

@@ -1,4 +1,4 @@
-"""``lfcore info``, ``lfcore view`` and ``lfcore devices``."""
+"""``lfcore info`` and ``lfcore devices``."""
 
 from __future__ import annotations
 
@@ -6,12 +6,9 @@ import argparse
 import json
 from pathlib import Path
 
-import numpy as np
-
 from lfcore.cli.command import add_command
-from lfcore.cli.progress import progress, say
+from lfcore.cli.progress import progress
 from lfcore.cli.refocus import open_field
-from lfcore.pictures import check_suffix, write_picture
 from lfcore.storage.codecs import LOSSLESS
 
 INFO = """\
@@ -22,16 +19,6 @@ examples:
   lfcore info bike.mkv --verify     read every byte and compare with the check sums
   lfcore info bike.mkv --json       the metadata, for programs
 """
-VIEW = """\
-Take one view (the picture from one point of the lens) or one macropixel (what one pixel sees
-through the whole lens) out of a light field file. Only what is needed is decoded."""
-VIEW_EPILOG = """\
-examples:
-  lfcore view bike.mkv -o centre.png                 the central view
-  lfcore view bike.mkv --view 0 15 -o corner.png     lens column 0, row 15
-  lfcore view bike.mkv --macropixel 64 32 -o lens.png  of pixel column 64, row 32
-  lfcore view bike.mkv --grid 5 -o sheet.png         5 x 5 views, evenly from the whole lens
-"""
 
 
 def add_parser(commands, name: str, summary: str) -> None:
@@ -39,21 +26,12 @@ def add_parser(commands, name: str, summary: str) -> None:
         command = add_command(commands, name, summary, _DEVICES)
         command.set_defaults(run=devices)
         return
-    text = (INFO, INFO_EPILOG) if name == "info" else (VIEW, VIEW_EPILOG)
-    command = add_command(commands, name, summary, *text)
+    command = add_command(commands, name, summary, INFO, INFO_EPILOG)
     command.add_argument("lightfield", type=Path, help="light field file, .mkv")
     command.add_argument("--salvage", action="store_true", help="open a damaged file, too")
-    if name == "info":
-        command.add_argument("--verify", action="store_true", help="check every segment")
-        command.add_argument("--json", action="store_true", help="print the metadata as JSON")
-        command.set_defaults(run=info)
-        return
-    command.add_argument("-o", "--output", type=Path, required=True, help="picture to write")
-    what = command.add_mutually_exclusive_group()
-    what.add_argument("--view", nargs=2, type=int, metavar=("I", "J"), help="lens column and row")
-    what.add_argument("--macropixel", nargs=2, type=int, metavar=("U", "V"), help="column, row")
-    what.add_argument("--grid", type=int, metavar="K", help="K x K views side by side")
-    command.set_defaults(run=view)
+    command.add_argument("--verify", action="store_true", help="check every segment")
+    command.add_argument("--json", action="store_true", help="print the metadata as JSON")
+    command.set_defaults(run=info)
 
 
 _DEVICES = "List the OpenCL devices that can be used. LFCORE_DEVICE or --device chooses by name."
@@ -136,40 +114,3 @@ def _optics(field) -> dict[str, str]:
         px = [field.disparity_of(end) for end in (far, near)]
         found["depth"] = f"{near:.4g} to {far:.4g} m, disparities {px[0]:.3g} to {px[1]:.3g} pixels"
     return found
-
-
-def view(arguments: argparse.Namespace) -> None:
-    check_suffix(arguments.output)
-    field = open_field(arguments)
-    if arguments.macropixel:
-        picture = field.macropixel(*arguments.macropixel)
-    elif arguments.grid:
-        picture = _grid(field, arguments.grid)
-    else:
-        picture = field.view(*(arguments.view or (side // 2 for side in field.grid)))
-    write_picture(arguments.output, picture)
-    say(f"wrote {arguments.output}; {field.count.frames} frames were decoded")
-
-
-def _grid(field, count: int) -> np.ndarray:
-    """``count`` x ``count`` views side by side, from corner to corner of the lens."""
-    from lfcore.refocus.views import read_views
-
-    chosen = [_spread(count, there) for there in field.grid]
-    samples = np.array([(i, j) for j in chosen[1] for i in chosen[0]])
-    with progress("reading views", "frames") as report:
-        light = read_views(field, samples, progress=report)
-    width, height = field.picture_size
-    cells = light.reshape(count, count, height, width, 3).transpose(0, 2, 1, 3, 4)
-    return cells.reshape(count * height, count * width, 3)
-
-
-def _spread(count: int, views: int) -> np.ndarray:
-    """``count`` of ``views`` columns or rows, from end to end."""
-    from lfcore.errors import OpticsError
-
-    if not 1 <= count <= views:
-        raise OpticsError(f"must be from 1 to {views}, not {count}", key="--grid")
-    if count == 1:
-        return np.array([views // 2])
-    return np.rint(np.linspace(0, views - 1, count)).astype(int)

@@ -1,0 +1,166 @@
+"""Views of a light field side by side in few compact pictures, as a browser can load them.
+
+A *page* is one picture with a rectangle of cells, each of which holds one view.  Pages are bounded
+by the texture that every WebGL2 has in practice, and their number by memory.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.colour import srgb_encode, to_uint8
+from lfcore.errors import StorageError
+from lfcore.opencl.device import Device, open_device
+from lfcore.refocus.views import read_views
+from lfcore.storage.lightfield import LightFieldFile
+
+PAGE_SIDE = 4096
+"""Pixels a side of a page at most: what graphics cards of the last ten years take."""
+MOST_PIXELS = 80 << 20
+"""Of all views together: 4 bytes each on the graphics card."""
+READ_BYTES = 256 << 20
+"""Of linear light that is held at a time."""
+VIEWS, LEAST, MOST = 17, 9, 33
+FORMATS = {"webp": "image/webp", "avif": "image/avif"}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which views are taken, and how large.
+
+    columns, rows : of the views that are there, ascending.
+    width, height : of a view as stored in the atlas; ``scale`` is that over the file's.
+    """
+
+    columns: np.ndarray
+    rows: np.ndarray
+    width: int
+    height: int
+    scale: float
+
+    @property
+    def samples(self) -> np.ndarray:
+        """(K, 2) int32 (i, j), row by row."""
+        j, i = np.meshgrid(self.rows, self.columns, indexing="ij")
+        return np.stack([i.ravel(), j.ravel()], 1).astype(np.int32)
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """Coded pages; view k is in page ``k // (across * down)``, cell by cell row by row."""
+
+    pages: list[bytes]
+    media: str
+    across: int
+    down: int
+
+
+def choose(field: LightFieldFile, views: int | None = None, size: int | None = None) -> Choice:
+    """The views that a page shows.
+
+    Parameters
+    ----------
+    views : a side, 9 to 33; fewer where the file has fewer.  Default 17, or as many as there are.
+    size : pixels of a view's longer side; default the file's own, at most 512.
+
+    Views lie in the middle of equal cells of the whole lens, so that they stand for all of it.
+    Raises :class:`StorageError` for numbers out of range, or more than a graphics card holds.
+    """
+    count = VIEWS if views is None else views
+    if not LEAST <= count <= MOST:
+        raise StorageError(f"must be from {LEAST} to {MOST}, not {count}", key="views")
+    columns, rows = (_cells(min(count, there), there) for there in field.grid)
+    width, height = field.picture_size
+    longest = max(width, height)
+    side = min(longest, 512) if size is None else size
+    if not 1 <= side <= min(longest, PAGE_SIDE):
+        raise StorageError(
+            f"must be from 1 to {min(longest, PAGE_SIDE)} pixels, not {side}", key="size"
+        )
+    scale = side / longest
+    width, height = max(1, round(width * scale)), max(1, round(height * scale))
+    if len(columns) * len(rows) * width * height > MOST_PIXELS:
+        raise StorageError(
+            f"{len(columns)} x {len(rows)} views of {width} x {height} are more than a browser "
+            "holds", file=field.path, key="size", remedy="Take fewer views, or smaller ones",
+        )  # fmt: skip
+    return Choice(columns, rows, width, height, scale)
+
+
+def _cells(count: int, there: int) -> np.ndarray:
+    return (np.arange(count) * 2 + 1) * there // (2 * count)
+
+
+def read(
+    field: LightFieldFile,
+    choice: Choice,
+    *,
+    device: Device | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """(K, height, width, 3) uint8 sRGB of the chosen views; sizes change in linear light."""
+    samples, (width, height) = choice.samples, field.picture_size
+    device = device or open_device()
+    step = max(1, READ_BYTES // (12 * width * height))
+    out = np.empty((len(samples), choice.height, choice.width, 3), np.uint8)
+    total = len(range(0, len(samples), step))
+    for number, start in enumerate(range(0, len(samples), step)):
+
+        def report(done: int, frames: int, number: int = number) -> None:
+            if progress:
+                progress(number * frames + done, total * frames)
+
+        light = read_views(field, samples[start : start + step], device=device, progress=report)
+        for place, picture in enumerate(light, start):
+            out[place] = to_uint8(srgb_encode(_resized(picture, choice)))
+    return out
+
+
+def _resized(light: np.ndarray, choice: Choice) -> np.ndarray:
+    if light.shape[:2] == (choice.height, choice.width):
+        return light
+    import cv2
+
+    return cv2.resize(light, (choice.width, choice.height), interpolation=cv2.INTER_AREA)
+
+
+def encode(pictures: np.ndarray, form: str = "webp", quality: int = 90) -> Atlas:
+    """Pages of the pictures (K, height, width, 3) uint8.
+
+    Parameters
+    ----------
+    form : ``webp``, which halves chroma, or ``avif``, which keeps it whole and takes longer.
+    quality : of the coder, 1 to 100; at 100 WebP is lossless.
+
+    Raises :class:`StorageError` for an unknown format or quality.
+    """
+    from PIL import Image
+
+    if form not in FORMATS:
+        raise StorageError(
+            f"unknown format {form!r}", key="format", remedy=f"Use one of {', '.join(FORMATS)}"
+        )
+    if not 1 <= quality <= 100:
+        raise StorageError(f"must be from 1 to 100, not {quality}", key="quality")
+    count, height, width, _ = pictures.shape
+    across = min(PAGE_SIDE // width, math.ceil(math.sqrt(count * height / width)), count)
+    across = max(1, across)
+    down = min(PAGE_SIDE // height, math.ceil(count / across))
+    # WebP that is not lossless halves chroma; AVIF need not.
+    own = {"lossless": quality == 100} if form == "webp" else {"subsampling": "4:4:4"}
+    pages = []
+    for start in range(0, count, across * down):
+        part = pictures[start : start + across * down]
+        cells = np.zeros((across * down, height, width, 3), np.uint8)
+        cells[: len(part)] = part
+        cells = cells.reshape(down, across, height, width, 3).transpose(0, 2, 1, 3, 4)
+        data = io.BytesIO()
+        image = Image.fromarray(cells.reshape(down * height, across * width, 3))
+        image.save(data, form.upper(), quality=quality, **own)
+        pages.append(data.getvalue())
+    return Atlas(pages, FORMATS[form], across, down)

@@ -1,0 +1,71 @@
+"""A coarse map of disparity from the views alone, so that a click finds what to focus on.
+
+Plane sweep (Collins, "A space-sweep approach to true multi-image matching", CVPR 1996): each view
+is shifted to a candidate plane; where that plane holds the surface, all agree with the central one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+SIDE = 128
+"""Pixels of the map's longer side at most."""
+CANDIDATES = 64
+MOST_VIEWS = 25
+SMOOTH = 1.5
+"""Pixels of the map over which disagreement is averaged, standard deviation."""
+
+
+def estimate(
+    pictures: np.ndarray, places: np.ndarray, low: float, high: float
+) -> np.ndarray | None:
+    """(h, w) float32 disparities, pixels of the pictures from one step of ``places`` to the next.
+
+    Parameters
+    ----------
+    pictures : (K, height, width, 3) uint8.
+    places : (K, 2) where each stands on the lens (right, down), in views from its middle.
+    low, high : the disparities between which to look.
+
+    None where there is no second view.  Of a textureless area the map says little.
+    """
+    import cv2
+
+    count, height, width, _ = pictures.shape
+    if count < 2 or not high > low:
+        return None
+    scale = min(1.0, SIDE / max(height, width))
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    centre = int(np.argmin(np.hypot(*places.T)))
+    chosen = _spread(places, centre)
+    small = [
+        cv2.resize(pictures[k], size, interpolation=cv2.INTER_AREA).astype(np.float32)
+        for k in (centre, *chosen)
+    ]
+    best = np.full(size[::-1], np.inf, np.float32)
+    found = np.zeros(size[::-1], np.float32)
+    for disparity in np.linspace(low, high, CANDIDATES):
+        cost = np.zeros(size[::-1], np.float32)
+        for picture, k in zip(small[1:], chosen, strict=True):
+            # Pixel X of the central view is at X - (s - s0) d of the view at s.
+            x, y = (places[centre] - places[k]) * disparity * scale
+            move = np.array([[1, 0, -x], [0, 1, -y]], np.float32)
+            moved = cv2.warpAffine(picture, move, size, borderMode=cv2.BORDER_REPLICATE)
+            # What is hidden in some views disagrees without bound: beyond this it counts no more.
+            cost += np.minimum(np.abs(moved - small[0]).sum(2), 60.0)
+        cost = cv2.GaussianBlur(cost, (0, 0), SMOOTH)
+        better = cost < best
+        best[better], found[better] = cost[better], disparity
+    return cv2.medianBlur(found, 5) if min(size) >= 5 else found
+
+
+def _spread(places: np.ndarray, centre: int) -> list[int]:
+    """Views of a coarse grid over the lens, without the central one."""
+    side = int(np.sqrt(MOST_VIEWS))
+    low, high = places.min(0), places.max(0)
+    wanted = [
+        (x, y) for y in np.linspace(low[1], high[1], side)
+        for x in np.linspace(low[0], high[0], side)
+    ]  # fmt: skip
+    nearest = {int(np.argmin(np.hypot(*(places - point).T))) for point in wanted}
+    return sorted(nearest - {centre})

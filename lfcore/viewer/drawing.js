@@ -1,0 +1,248 @@
+// Draws by WebGL2: views are shifted and added in linear light (equation 6.1 of the thesis), as
+// lfcore.refocus.shift_sum does. Textures are sRGB, so that what is read of them is linear light.
+
+const VERTEX = `#version 300 es
+void main() {
+  vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
+  gl_Position = vec4(corner, 0.0, 1.0);
+}`;
+
+const COMMON = `#version 300 es
+precision highp float;
+precision highp int;
+precision highp sampler2DArray;
+uniform sampler2DArray pages;
+uniform sampler2D lens;       // of each view that adds up: its number, its place (s, t), its weight
+uniform vec2 size, cells, pageSize;
+uniform float step_;          // pixels of a view for one of the canvas
+uniform float top;            // of the canvas, in its own pixels from below
+uniform float gain;
+uniform bool nearest;
+out vec4 colour;
+
+// Light at pixel p of a view, and in w how much of that place the view holds.
+vec4 light(float number, vec2 p) {
+  if (nearest) p = ceil(p - 0.5 - 1e-4);
+  vec2 held = clamp(min(p + 1.0, size - p), 0.0, 1.0);
+  float cover = held.x * held.y;
+  if (cover <= 0.0) return vec4(0.0);
+  float page = floor((number + 0.5) / (cells.x * cells.y));
+  float cell = number - page * cells.x * cells.y;
+  float row = floor((cell + 0.5) / cells.x);
+  vec2 corner = vec2(cell - row * cells.x, row) * size;
+  vec2 at = (corner + clamp(p, vec2(0.0), size - 1.0) + 0.5) / pageSize;
+  return vec4(textureLod(pages, vec3(at, page), 0.0).rgb * cover, cover);
+}
+
+vec3 shown(vec3 linear) {
+  vec3 c = clamp(linear * gain, 0.0, 1.0);
+  return mix(1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, 12.92 * c, vec3(lessThanEqual(c, vec3(0.0031308))));
+}
+
+vec2 pixel() {
+  return vec2(gl_FragCoord.x, top - gl_FragCoord.y) * step_ - 0.5;
+}
+`;
+
+const PICTURE = `${COMMON}
+uniform int count;
+uniform float disparity;
+uniform vec2 tilt;
+void main() {
+  vec2 x = pixel();
+  float d = disparity + dot(tilt, (x - 0.5 * (size - 1.0)) / size);
+  vec4 sum = vec4(0.0);
+  for (int k = 0; k < count; k++) {
+    vec4 entry = texelFetch(lens, ivec2(k & 63, k >> 6), 0);
+    sum += entry.w * light(entry.x, x - entry.yz * d);
+  }
+  colour = vec4(shown(sum.w > 0.0 ? sum.rgb / sum.w : vec3(0.0)), 1.0);
+}`;
+
+const SLICE = `${COMMON}
+uniform int count;
+uniform float disparity;
+uniform vec2 at;              // where the slice is taken, pixels
+uniform vec2 origin;          // of the strip, pixels of the canvas from its upper left corner
+uniform float band;           // pixels of the canvas for one view
+uniform bool upright;
+void main() {
+  vec2 x = vec2(gl_FragCoord.x, top - gl_FragCoord.y) - origin;
+  int k = clamp(int((upright ? x.x : x.y) / band), 0, count - 1);
+  vec4 entry = texelFetch(lens, ivec2(k & 63, k >> 6), 0);
+  vec2 p = x * step_ - 0.5;
+  p = upright ? vec2(at.x, p.y) : vec2(p.x, at.y);
+  vec4 found = light(entry.x, p - entry.yz * disparity);
+  colour = vec4(shown(found.w > 0.0 ? found.rgb / found.w : vec3(0.0)), 1.0);
+}`;
+
+const MAP = `${COMMON}
+uniform sampler2D map;
+void main() {
+  float near = textureLod(map, (pixel() + 0.5) / size, 0.0).r;
+  colour = vec4(vec3(near), 1.0);
+}`;
+
+const STRIP = 72;             // pixels across an epipolar slice
+
+/** Raised where the browser cannot draw; the text says why. */
+class CannotDraw extends Error {}
+
+class Drawing {
+  /**
+   * @param {HTMLCanvasElement} canvas @param {Field} field @param {HTMLImageElement[]} pages
+   * @param {Uint8Array | null} map
+   */
+  constructor(canvas, field, pages, map) {
+    const gl = canvas.getContext("webgl2", {alpha: false, antialias: false, preserveDrawingBuffer: true});
+    if (!gl) throw new CannotDraw("This browser has no WebGL2");
+    const most = gl.getParameter(gl.MAX_TEXTURE_SIZE);
+    if (Math.max(pages[0].width, pages[0].height) > most) {
+      throw new CannotDraw(`This browser's textures have at most ${most} pixels a side`);
+    }
+    /** @type {WebGL2RenderingContext} */ this.gl = gl;
+    this.canvas = canvas;
+    this.field = field;
+    /** Pixels of a page. @type {[number, number]} */
+    this.page = [pages[0].width, pages[0].height];
+    this.programs = {picture: this.program(PICTURE), slice: this.program(SLICE), map: this.program(MAP)};
+    this.upload(pages);
+    this.lens = this.texture(gl.TEXTURE1, gl.TEXTURE_2D, gl.NEAREST);
+    this.texture(gl.TEXTURE2, gl.TEXTURE_2D, gl.LINEAR);
+    if (field.map && map) {
+      gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+      gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, field.map.width, field.map.height, 0, gl.RED,
+        gl.UNSIGNED_BYTE, map);
+    }
+    gl.bindVertexArray(gl.createVertexArray());
+    if (gl.getError()) throw new CannotDraw("The graphics memory does not hold these views");
+  }
+
+  /** @param {string} source */
+  program(source) {
+    const gl = this.gl, program = gl.createProgram();
+    for (const [kind, text] of /** @type {[number, string][]} */ (
+      [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, source]])) {
+      const shader = /** @type {WebGLShader} */ (gl.createShader(kind));
+      gl.shaderSource(shader, text);
+      gl.compileShader(shader);
+      gl.attachShader(program, shader);
+    }
+    gl.linkProgram(program);
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) {
+      const logs = (gl.getAttachedShaders(program) || []).map((one) => gl.getShaderInfoLog(one));
+      throw new CannotDraw(`The shader does not compile: ${logs.join(" ").trim()}`);
+    }
+    return program;
+  }
+
+  /** @param {number} unit @param {number} target @param {number} filter */
+  texture(unit, target, filter) {
+    const gl = this.gl, texture = gl.createTexture();
+    gl.activeTexture(unit);
+    gl.bindTexture(target, texture);
+    for (const key of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(target, key, filter);
+    for (const key of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(target, key, gl.CLAMP_TO_EDGE);
+    return texture;
+  }
+
+  /** @param {HTMLImageElement[]} pages */
+  upload(pages) {
+    const gl = this.gl, target = gl.TEXTURE_2D_ARRAY;
+    this.texture(gl.TEXTURE0, target, gl.LINEAR);
+    gl.pixelStorei(gl.UNPACK_COLORSPACE_CONVERSION_WEBGL, gl.NONE);
+    gl.texStorage3D(target, 1, gl.SRGB8_ALPHA8, ...this.page, pages.length);
+    pages.forEach((page, layer) => gl.texSubImage3D(
+      target, 0, 0, 0, layer, ...this.page, 1, gl.RGBA, gl.UNSIGNED_BYTE, page));
+  }
+
+  /**
+   * Make a program current and give it what all share.
+   * @param {WebGLProgram} program @param {Entry[]} entries @param {State} state @param {number} divisor
+   */
+  use(program, entries, state, divisor) {
+    const {gl, field} = this, rows = Math.ceil(entries.length / 64);
+    const table = new Float32Array(rows * 64 * 4);
+    entries.forEach((entry, k) => table.set([entry.view, entry.s, entry.t, entry.weight], 4 * k));
+    gl.activeTexture(gl.TEXTURE1);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, 64, rows, 0, gl.RGBA, gl.FLOAT, table);
+    gl.useProgram(program);
+    /** @type {Record<string, number | number[]>} */
+    const values = {
+      size: [field.width, field.height], cells: [field.atlas.across, field.atlas.down],
+      pageSize: this.page, step_: divisor, top: this.canvas.height, gain: field.white,
+      disparity: state.d * field.scale, tilt: [state.tx * field.scale, state.ty * field.scale],
+    };
+    for (const [key, value] of Object.entries(values)) this.set(program, key, value);
+    const whole = {pages: 0, lens: 1, map: 2, count: entries.length, nearest: Number(state.filter === "nearest")};
+    for (const [key, value] of Object.entries(whole)) gl.uniform1i(gl.getUniformLocation(program, key), value);
+  }
+
+  /** @param {WebGLProgram} program @param {string} key @param {number | number[]} value */
+  set(program, key, value) {
+    const place = this.gl.getUniformLocation(program, key);
+    if (typeof value === "number") this.gl.uniform1f(place, value);
+    else this.gl.uniform2f(place, value[0], value[1]);
+  }
+
+  /** Give the canvas its size. @param {State} state @param {number} divisor */
+  resize(state, divisor) {
+    const beside = state.epi ? STRIP : 0;
+    const width = Math.ceil(this.field.width / divisor) + beside;
+    const height = Math.ceil(this.field.height / divisor) + beside;
+    if (this.canvas.width !== width || this.canvas.height !== height) {
+      Object.assign(this.canvas, {width, height});
+    }
+  }
+
+  /**
+   * Draw rows first ... last - 1 of the picture.
+   * @param {State} state @param {Entry[]} entries @param {number} divisor
+   * @param {number} first @param {number} last
+   */
+  picture(state, entries, divisor, first, last) {
+    const wide = Math.ceil(this.field.width / divisor);
+    this.use(state.depth ? this.programs.map : this.programs.picture, entries, state, divisor);
+    this.rectangle(0, first, wide, last - first);
+  }
+
+  /** Draw the two epipolar slices: below, and on the right. @param {State} state @param {number} divisor */
+  slices(state, divisor) {
+    const {field, canvas} = this;
+    const wide = canvas.width - STRIP, high = canvas.height - STRIP;
+    const i = nearestTo(field.columns, state.x), j = nearestTo(field.rows, state.y);
+    const columns = field.columns.length;
+    const below = field.columns.map((s, k) => ({view: j * columns + k, s, t: field.rows[j], weight: 1}));
+    const beside = field.rows.map((t, k) => ({view: k * columns + i, s: field.columns[i], t, weight: 1}));
+    const at = [state.u * field.width - 0.5, state.v * field.height - 0.5];
+    for (const upright of [false, true]) {
+      const entries = upright ? beside : below, program = this.programs.slice;
+      this.use(program, entries, state, divisor);
+      this.set(program, "at", at);
+      this.set(program, "origin", upright ? [wide, 0] : [0, high]);
+      this.set(program, "band", STRIP / entries.length);
+      this.gl.uniform1i(this.gl.getUniformLocation(program, "upright"), Number(upright));
+      if (upright) this.rectangle(wide, 0, STRIP, high);
+      else this.rectangle(0, high, wide, STRIP);
+    }
+  }
+
+  /** @param {number} x @param {number} y @param {number} width @param {number} height */
+  rectangle(x, y, width, height) {
+    const {gl, canvas} = this;
+    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.enable(gl.SCISSOR_TEST);
+    gl.scissor(x, canvas.height - y - height, width, height);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  /** Wait until all is drawn. */
+  finish() {
+    this.gl.readPixels(0, 0, 1, 1, this.gl.RGBA, this.gl.UNSIGNED_BYTE, new Uint8Array(4));
+  }
+}
+
+/** @param {number[]} places @param {number} at */
+function nearestTo(places, at) {
+  return places.reduce((best, place, k) => Math.abs(place - at) < Math.abs(places[best] - at) ? k : best, 0);
+}

@@ -1,0 +1,186 @@
+// What a state of the viewer means: which views add up, and how they are shifted. No browser here.
+// Lengths on the lens are in views from its middle, in the picture in pixels of the file.
+
+/**
+ * @typedef {object} Field  What page.py writes about the light field.
+ * @property {string} name
+ * @property {string} file
+ * @property {number[]} columns  Where view columns stand, in views from the middle, ascending.
+ * @property {number[]} rows
+ * @property {number} views  A side, of the whole lens in the file.
+ * @property {number} width  Of a view in the atlas, pixels.
+ * @property {number} height
+ * @property {number} scale  Pixels of the atlas over those of the file.
+ * @property {number} white  Linear light of the brightest code.
+ * @property {[number, number]} range  Disparities that the slider spans.
+ * @property {{delta: number, step: number, focal: number, pitch: number} | null} metric
+ * @property {{data: string, width: number, height: number, low: number, high: number} | null} map
+ * @property {{pages: string[], across: number, down: number}} atlas
+ */
+
+/**
+ * @typedef {object} State
+ * @property {number} x  Viewpoint, views to the right of the middle.
+ * @property {number} y  Viewpoint, views below the middle.
+ * @property {number} d  Disparity in focus, pixels from one view to the next.
+ * @property {number} a  Diameter of the opening, views.
+ * @property {string} shape
+ * @property {number} blades  Corners of a polygon.
+ * @property {number} turn  Of a polygon, degrees.
+ * @property {number} tx  Change of the disparity in focus from the left edge to the right one.
+ * @property {number} ty  The same from the upper edge to the lower one.
+ * @property {string} filter
+ * @property {boolean} single
+ * @property {boolean} depth
+ * @property {boolean} epi
+ * @property {number} u  Where epipolar slices are taken, share of the width.
+ * @property {number} v  Share of the height.
+ */
+
+/** @typedef {{view: number, s: number, t: number, weight: number}} Entry */
+
+const SHAPES = ["circle", "square", "diamond", "polygon"];
+const FILTERS = ["bilinear", "nearest"];
+
+/** As recorded: the whole lens, its middle, its focus. @param {Field} field @returns {State} */
+function initial(field) {
+  return {
+    x: 0, y: 0, d: 0, a: field.views, shape: "circle", blades: 6, turn: 0, tx: 0, ty: 0,
+    filter: "bilinear", single: false, depth: false, epi: false, u: 0.5, v: 0.5,
+  };
+}
+
+/** The least and greatest value of each number. @param {Field} field */
+function limits(field) {
+  const [low, high] = field.range, span = high - low;
+  const ends = (/** @type {number[]} */ a) => [a[0], a[a.length - 1]];
+  return /** @type {Record<string, number[]>} */ ({
+    x: ends(field.columns), y: ends(field.rows), d: [low, high], a: [0.5, field.views],
+    blades: [3, 1000], turn: [-360, 360], tx: [-span, span], ty: [-span, span],
+    u: [0, 1], v: [0, 1],
+  });
+}
+
+/** @param {number} value @param {number[]} ends */
+function clamp(value, ends) {
+  return Math.min(Math.max(value, ends[0]), ends[1]);
+}
+
+/**
+ * The state with other values, each within its limits; what makes no sense is left as it was.
+ * @param {Field} field @param {State} state @param {Record<string, unknown>} given
+ * @returns {State}
+ */
+function changed(field, state, given) {
+  const bounds = limits(field);
+  const next = /** @type {Record<string, any>} */ ({...state});
+  for (const [key, value] of Object.entries(given)) {
+    if (key in bounds) {
+      const number = Number(value);
+      if (Number.isFinite(number)) next[key] = clamp(number, bounds[key]);
+    } else if (key === "shape" ? SHAPES.includes(String(value))
+        : key === "filter" && FILTERS.includes(String(value))) {
+      next[key] = value;
+    } else if (typeof next[key] === "boolean") {
+      next[key] = value === true || value === "1";
+    }
+  }
+  next.blades = Math.round(next.blades);
+  return /** @type {State} */ (next);
+}
+
+/** What differs from the state as recorded, as the end of a link. @param {Field} field @param {State} state */
+function toHash(field, state) {
+  const parts = new URLSearchParams(), start = initial(field);
+  for (const [key, value] of Object.entries(state)) {
+    if (value === /** @type {any} */ (start)[key]) continue;
+    parts.set(key, typeof value === "number" ? String(+value.toPrecision(9))
+      : typeof value === "boolean" ? (value ? "1" : "0") : value);
+  }
+  return parts.toString();
+}
+
+/** @param {Field} field @param {string} hash @returns {State} */
+function fromHash(field, hash) {
+  const given = Object.fromEntries(new URLSearchParams(hash.replace(/^#/, "")));
+  return changed(field, initial(field), given);
+}
+
+/**
+ * Whether (s, t), from the middle of the opening, lies within it: lfcore.optics.planes.Aperture.
+ * @param {State} state @param {number} s @param {number} t
+ */
+function within(state, s, t) {
+  const radius = state.a / 2, slack = 1e-9;
+  if (state.shape === "square") return Math.max(Math.abs(s), Math.abs(t)) <= radius + slack;
+  if (state.shape === "diamond") return Math.abs(s) + Math.abs(t) <= radius + slack;
+  if (state.shape === "circle") return Math.hypot(s, t) <= radius + slack;
+  const apothem = radius * Math.cos(Math.PI / state.blades);
+  for (let blade = 0; blade < state.blades; blade++) {
+    const angle = state.turn * Math.PI / 180 + (2 * blade + 1) * Math.PI / state.blades;
+    if (s * Math.cos(angle) + t * Math.sin(angle) > apothem + slack) return false;
+  }
+  return true;
+}
+
+/**
+ * The views that add up to the picture, at least one: those in the opening about the viewpoint, or
+ * of a single view its neighbours, by how near they are.
+ * @param {Field} field @param {State} state @returns {Entry[]}
+ */
+function openViews(field, state) {
+  /** @type {Entry[]} */ const found = [];
+  const across = state.single ? shares(field.columns, state.x) : null;
+  const down = state.single ? shares(field.rows, state.y) : null;
+  let nearest = Infinity;
+  /** @type {Entry[]} */ let closest = [];
+  field.rows.forEach((t, j) => field.columns.forEach((s, i) => {
+    const entry = {view: j * field.columns.length + i, s, t, weight: 1};
+    if (across && down) {
+      entry.weight = across[i] * down[j];
+      if (entry.weight > 0) found.push(entry);
+      return;
+    }
+    if (within(state, s - state.x, t - state.y)) found.push(entry);
+    const distance = Math.hypot(s - state.x, t - state.y);
+    if (distance < nearest - 1e-9) { nearest = distance; closest = []; }
+    if (distance <= nearest + 1e-9) closest.push(entry);
+  }));
+  return found.length ? found : closest;
+}
+
+/** Linear weights of ascending places about one of them. @param {number[]} places @param {number} at */
+function shares(places, at) {
+  const weights = places.map(() => 0);
+  const right = places.findIndex((place) => place >= at);
+  if (right <= 0) weights[right < 0 ? places.length - 1 : 0] = 1;
+  else {
+    const share = (at - places[right - 1]) / (places[right] - places[right - 1]);
+    weights[right - 1] = 1 - share;
+    weights[right] = share;
+  }
+  return weights;
+}
+
+/** Metres of a disparity; null where the file knows none. @param {Field} field @param {number} d */
+function distance(field, d) {
+  if (!field.metric) return null;
+  const delta = field.metric.delta + d * field.metric.step;
+  return delta > 1e-9 * field.metric.step ? 1 / delta : Infinity;
+}
+
+/** F-number of an opening so many views across. @param {Field} field @param {number} a */
+function fNumber(field, a) {
+  return field.metric && field.metric.focal / (a * field.metric.pitch);
+}
+
+/** The command that makes the same picture, "" where none does. @param {Field} field @param {State} state */
+function command(field, state) {
+  if (state.single || state.depth || state.x || state.y || state.tx || state.ty) return "";
+  const number = (/** @type {number} */ value) => String(+value.toPrecision(7));
+  const words = ["lfcore refocus", /^[\w./-]+$/.test(field.file) ? field.file : `'${field.file}'`,
+    `--disparity=${number(state.d)}`, `--aperture-views ${number(state.a)}`,
+    `--aperture ${state.shape}`];
+  if (state.shape === "polygon") words.push(`--blades ${state.blades}`, `--rotation=${number(state.turn)}`);
+  return [...words, `--filter ${state.filter}`, "-o picture.png"].join(" ");
+}

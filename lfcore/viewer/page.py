@@ -1,0 +1,165 @@
+"""The page: one HTML file that holds the views, its program and its style, and works from disk."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lfcore.files import write_text
+from lfcore.opencl.device import Device
+from lfcore.optics.slab import Slab
+from lfcore.storage.lightfield import LightFieldFile
+from lfcore.viewer.atlas import Atlas, Choice, choose, encode, read
+from lfcore.viewer.disparity import estimate
+
+HERE = Path(__file__).parent
+SCRIPTS = ("optics.js", "drawing.js", "viewer.js")
+MOST_PARALLAX = 0.08
+"""Of the picture's width, over the whole lens, where the range of depths is not known."""
+MARGIN = 0.1
+"""Of the range of disparities that is seen, on either side of it."""
+ESTIMATED = (
+    "The file holds no map of depth: a click focuses by an estimate from the views. "
+    "The focus slider is exact."
+)
+NO_MAP = "The file holds no map of depth, and too few views to estimate one: focus with the slider."
+
+
+@dataclass(frozen=True)
+class ViewerPage:
+    """A page for the browser; a notebook shows it in a frame."""
+
+    html: str
+
+    def save(self, path: str | Path) -> None:
+        """Write the page; raises :class:`StorageError` when it cannot be written."""
+        write_text(path, self.html)
+
+    def _repr_html_(self) -> str:
+        source = html.escape(self.html, quote=True)
+        return (
+            f'<iframe srcdoc="{source}" title="Light field" style="width: 100%; height: 640px; '
+            'border: 0"></iframe>'
+        )
+
+
+def viewer_page(
+    field: LightFieldFile,
+    *,
+    views: int | None = None,
+    size: int | None = None,
+    form: str = "webp",
+    quality: int = 90,
+    device: Device | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> ViewerPage:
+    """The page of a light field.
+
+    Parameters
+    ----------
+    views, size : how many views a side (9 to 33) and pixels of each; see
+        :func:`lfcore.viewer.atlas.choose`.
+    form, quality : of the pictures in it; see :func:`lfcore.viewer.atlas.encode`.
+    progress : called with (frames done, frames in all) while views are read.
+
+    Raises :class:`OpticsError` for a camera array that is no slab, :class:`StorageError` for
+    numbers out of range and for a damaged file.
+    """
+    slab = field.require_slab()
+    choice = choose(field, views, size)
+    pictures = read(field, choice, device=device, progress=progress)
+    seen = _range(field, slab)
+    disparities = _map(slab, choice, pictures, *seen)
+    data = _describe(field, slab, choice, encode(pictures, form, quality))
+    data |= {"range": _widened(seen), "map": disparities}
+    parts = {
+        "title": html.escape(data["name"]),
+        "style": (HERE / "viewer.css").read_text(encoding="utf-8"),
+        "status": ESTIMATED if disparities else NO_MAP,
+        # "<" would end the element that it stands in.
+        "field": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
+        "script": "\n".join((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS),
+    }
+    template = (HERE / "page.html").read_text(encoding="utf-8")
+    pieces = template.split("@")  # text and names by turns: the page itself has no other "@"
+    pieces[1::2] = [parts[name] for name in pieces[1::2]]
+    return ViewerPage("".join(pieces))
+
+
+def _places(slab: Slab, choice: Choice) -> tuple[np.ndarray, np.ndarray]:
+    """Where view columns and rows stand, in views from the middle of the lens."""
+    column, row, *_ = slab.held.views
+    middle = (slab.views - 1) / 2
+    return choice.columns + column - middle, choice.rows + row - middle
+
+
+def _describe(field: LightFieldFile, slab: Slab, choice: Choice, atlas: Atlas) -> dict[str, Any]:
+    columns, rows = _places(slab, choice)
+    camera = slab.camera
+    metric = {
+        "delta": camera.delta,
+        "step": slab.pixel_pitch / slab.lens_pitch_m,
+        "focal": camera.focal_length_m,
+        "pitch": slab.lens_pitch_m,
+    }
+    pages = [f"data:{atlas.media};base64,{_base64(page)}" for page in atlas.pages]
+    return {
+        "name": str(field.metadata.scene.get("name") or Path(field.path).stem),
+        "file": Path(field.path).name,
+        "columns": columns.tolist(),
+        "rows": rows.tolist(),
+        "views": slab.views,
+        "width": choice.width,
+        "height": choice.height,
+        "scale": choice.scale,
+        "white": field.white,
+        "metric": metric if field.metric else None,
+        "atlas": {"pages": pages, "across": atlas.across, "down": atlas.down},
+    }
+
+
+def _range(field: LightFieldFile, slab: Slab) -> tuple[float, float]:
+    """Disparities that may be seen, pixels of the file from one view to the next."""
+    step, delta = slab.pixel_pitch / slab.lens_pitch_m, slab.camera.delta
+    if field.metric and field.depth_range:
+        near, far = field.depth_range
+        return (1 / far - delta) / step, (1 / near - delta) / step
+    most = MOST_PARALLAX * max(field.picture_size) / max(slab.views - 1, 1)
+    return max(-most, -delta / step) if field.metric else -most, most
+
+
+def _widened(seen: tuple[float, float]) -> list[float]:
+    # As recorded, 0, is always within reach.
+    low, high = min(seen[0], 0.0), max(seen[1], 0.0)
+    margin = MARGIN * (high - low) or 1e-3
+    return [low - margin, high + margin]
+
+
+def _map(
+    slab: Slab, choice: Choice, pictures: np.ndarray, low: float, high: float
+) -> dict[str, Any] | None:
+    """The map of disparities as the page holds it, in codes of 8 bits."""
+    columns, rows = _places(slab, choice)
+    places = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
+    found = estimate(pictures, places, low * choice.scale, high * choice.scale)
+    if found is None:
+        return None
+    codes = np.rint(255 * (found / choice.scale - low) / (high - low)).clip(0, 255)
+    return {
+        "data": _base64(codes.astype(np.uint8).tobytes()),
+        "width": found.shape[1],
+        "height": found.shape[0],
+        "low": low,
+        "high": high,
+    }
+
+
+def _base64(data: bytes) -> str:
+    return base64.b64encode(data).decode("ascii")

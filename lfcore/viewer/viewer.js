@@ -1,0 +1,282 @@
+// The page: what is dragged, clicked, typed and linked becomes a state, and the state a picture.
+
+const BUDGET_MS = 70;         // of a picture while something moves
+const SETTLE_MS = 150;        // from the last movement to the whole picture
+
+/** @param {string} id */
+const element = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
+/** @param {string} id */
+const input = (id) => /** @type {HTMLInputElement} */ (document.getElementById(id));
+
+class Viewer {
+  /** @param {Field} field */
+  constructor(field) {
+    this.field = field;
+    this.canvas = /** @type {HTMLCanvasElement} */ (element("canvas"));
+    this.state = fromHash(field, location.hash);
+    /** @type {Drawing | null} */ this.drawing = null;
+    /** @type {HTMLImageElement[]} */ this.pages = [];
+    /** @type {Uint8Array | null} */ this.map = null;
+    this.cost = 0;            // milliseconds of reading a million samples
+    this.job = 0;             // the picture that is being drawn; a later one ends it
+    this.timer = 0;
+    this.whole = false;       // whether what is seen is the whole picture
+  }
+
+  async start() {
+    const {field} = this, map = field.map;
+    this.map = map && Uint8Array.from(atob(map.data), (letter) => letter.charCodeAt(0));
+    this.pages = await Promise.all(field.atlas.pages.map(async (source) => {
+      const page = new Image();
+      page.src = source;
+      await page.decode();
+      return page;
+    }));
+    try {
+      this.drawing = new Drawing(this.canvas, field, this.pages, this.map);
+      this.measure();
+    } catch (error) {
+      if (!(error instanceof CannotDraw)) throw error;
+      this.say(`${error.message}: only single views are shown. Drag to look around; for more, use `
+        + "lfcore refocus or another browser.");
+    }
+    this.canvas.addEventListener("webglcontextlost", () => {
+      this.say("The graphics card was lost: reload this page.");
+    });
+    this.listen();
+    this.show();
+    this.settle();
+  }
+
+  /** How long a sample takes here; the second picture counts, the first may compile. */
+  measure() {
+    const drawing = /** @type {Drawing} */ (this.drawing), {field} = this;
+    const entries = openViews(field, initial(field)).slice(0, 16), divisor = 4;
+    drawing.resize(initial(field), divisor);
+    for (let turn = 0; turn < 2; turn++) {
+      const begun = performance.now();
+      drawing.picture(initial(field), entries, divisor, 0, this.canvas.height);
+      drawing.finish();
+      this.learn(performance.now() - begun, this.canvas.width * this.canvas.height * entries.length);
+    }
+  }
+
+  /** @param {number} ms @param {number} samples */
+  learn(ms, samples) {
+    const found = ms / (samples / 1e6);
+    this.cost = this.cost && ms > 5 ? 0.5 * (this.cost + found) : found;
+  }
+
+  /** @param {Record<string, unknown>} given */
+  set(given) {
+    this.state = changed(this.field, this.state, given);
+    this.show();
+    this.quick();
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.settle(), SETTLE_MS);
+  }
+
+  /** A picture within the budget: coarser where need be, and of fewer views. */
+  quick() {
+    const job = ++this.job;
+    this.whole = false;
+    requestAnimationFrame(() => {
+      if (job !== this.job) return;
+      if (!this.drawing) { this.single(); return; }
+      const {field, state} = this, all = openViews(field, state);
+      const most = 1e6 * BUDGET_MS / Math.max(this.cost, 1e-6);
+      const pixels = field.width * field.height;
+      let divisor = 1;
+      while (divisor < 4 && pixels / divisor ** 2 * Math.min(all.length, 24) > most) divisor++;
+      const keep = Math.max(1, Math.ceil(all.length * (pixels / divisor ** 2) / most));
+      const entries = state.single ? all : all.filter((_, k) => k % keep === 0);
+      const begun = performance.now();
+      this.draw(entries, divisor);
+      this.drawing.finish();
+      this.learn(performance.now() - begun, this.canvas.width * this.canvas.height * entries.length);
+    });
+  }
+
+  /** @param {Entry[]} entries @param {number} divisor */
+  draw(entries, divisor) {
+    const drawing = /** @type {Drawing} */ (this.drawing);
+    drawing.resize(this.state, divisor);
+    drawing.picture(this.state, entries, divisor, 0, Math.ceil(this.field.height / divisor));
+    if (this.state.epi) drawing.slices(this.state, divisor);
+  }
+
+  /** The whole picture, in bands that leave time to answer; resolves when it is there. */
+  async settle() {
+    const job = ++this.job, drawing = this.drawing;
+    if (!drawing) { this.single(); this.whole = true; return; }
+    const {field, state} = this, entries = openViews(field, state);
+    const perRow = field.width * entries.length * this.cost / 1e6;
+    const rows = Math.max(1, Math.floor(BUDGET_MS / Math.max(perRow, 1e-6)));
+    drawing.resize(state, 1);
+    for (let row = 0; row < field.height; row += rows) {
+      drawing.picture(state, entries, 1, row, Math.min(row + rows, field.height));
+      if (row + rows < field.height) {
+        drawing.finish();
+        await new Promise(requestAnimationFrame);
+        if (job !== this.job) return;
+      }
+    }
+    if (state.epi) drawing.slices(state, 1);
+    drawing.finish();
+    this.whole = true;
+  }
+
+  /** Without WebGL2: the view nearest to the viewpoint. */
+  single() {
+    const {field, state} = this, {across, down} = field.atlas;
+    const context = this.canvas.getContext("2d");
+    if (!context) return;
+    Object.assign(this.canvas, {width: field.width, height: field.height});
+    const view = nearestTo(field.rows, state.y) * field.columns.length + nearestTo(field.columns, state.x);
+    const cell = view % (across * down);
+    context.drawImage(this.pages[Math.floor(view / (across * down))],
+      cell % across * field.width, Math.floor(cell / across) * field.height, field.width, field.height,
+      0, 0, field.width, field.height);
+  }
+
+  /** @param {string} text */
+  say(text) { element("status").textContent = text; }
+
+  /** Controls, words and link as the state is. */
+  show() {
+    const {field, state} = this;
+    for (const key of ["d", "a", "blades", "turn", "tx", "ty"]) {
+      input(key).value = String(/** @type {any} */ (state)[key]);
+    }
+    for (const key of ["single", "depth", "epi"]) input(key).checked = /** @type {any} */ (state)[key];
+    for (const key of ["shape", "filter"]) input(key).value = /** @type {any} */ (state)[key];
+    element("polygon").hidden = state.shape !== "polygon";
+    const metres = distance(field, state.d), stop = fNumber(field, state.a);
+    element("d-text").textContent = `${state.d.toFixed(2)} px`
+      + (metres === null ? "" : `, ${metres === Infinity ? "infinity" : `${metres.toPrecision(3)} m`}`);
+    element("a-text").textContent = `${state.a.toFixed(1)} views`;
+    element("f-text").textContent = stop === null ? "not known" : `f/${stop.toPrecision(3)}`;
+    if (stop !== null) input("f").value = String(Math.log2(stop));
+    element("where").textContent = `${state.x.toFixed(1)}, ${state.y.toFixed(1)}`;
+    element("command").textContent = command(field, state) || "no command makes this picture";
+    try {
+      history.replaceState(null, "", `#${toHash(field, state)}`);
+    } catch { /* A page inside another one may have no address; nothing else depends on it. */ }
+  }
+
+  /** The disparity of what is seen at a share of the picture. @param {number} u @param {number} v */
+  disparityAt(u, v) {
+    const {map} = this.field;
+    if (!map || !this.map) return null;
+    const column = Math.min(Math.floor(u * map.width), map.width - 1);
+    const row = Math.min(Math.floor(v * map.height), map.height - 1);
+    return map.low + (map.high - map.low) * this.map[row * map.width + column] / 255;
+  }
+
+  /** Focus on what is at a share of the picture. @param {number} u @param {number} v */
+  focus(u, v) {
+    const {state} = this, found = this.disparityAt(u, v);
+    if (found === null) this.say("There is no map of depth: focus with the slider.");
+    // A tilted plane goes through what was clicked.
+    const tilted = state.tx * (u - 0.5) + state.ty * (v - 0.5);
+    this.set({u, v, ...(found === null ? {} : {d: found - tilted})});
+  }
+
+  listen() {
+    const {field} = this, bounds = limits(field);
+    for (const key of ["d", "a", "tx", "ty"]) {
+      [input(key).min, input(key).max] = bounds[key].map(String);
+    }
+    for (const key of ["d", "a", "blades", "turn", "tx", "ty", "shape", "filter"]) {
+      input(key).addEventListener("input", () => this.set({[key]: input(key).value}));
+    }
+    for (const key of ["single", "depth", "epi"]) {
+      input(key).addEventListener("change", () => this.set({[key]: input(key).checked}));
+    }
+    if (field.metric) {
+      const {focal, pitch} = field.metric;
+      [input("f").min, input("f").max] = [field.views, 0.5].map((a) => String(Math.log2(focal / (a * pitch))));
+      input("f").addEventListener("input", () => this.set({a: focal / (2 ** Number(input("f").value) * pitch)}));
+    } else input("f").disabled = true;
+    input("depth").disabled = !field.map;
+    element("reset").addEventListener("click", () => this.set(initial(field)));
+    addEventListener("hashchange", () => this.set(fromHash(field, location.hash)));
+    this.pointers();
+    this.keys();
+  }
+
+  pointers() {
+    const {canvas, field} = this;
+    /** @type {Map<number, {x: number, y: number}>} */ const held = new Map();
+    let moved = 0, apart = 0, pinched = false;
+    const spread = () => {
+      const [a, b] = [...held.values()];
+      return Math.hypot(a.x - b.x, a.y - b.y);
+    };
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      held.set(event.pointerId, {x: event.clientX, y: event.clientY});
+      if (held.size === 1) { moved = 0; pinched = false; }
+      if (held.size === 2) { apart = spread(); pinched = true; }
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      const last = held.get(event.pointerId);
+      if (!last) return;
+      const dx = event.clientX - last.x, dy = event.clientY - last.y;
+      held.set(event.pointerId, {x: event.clientX, y: event.clientY});
+      moved += Math.hypot(dx, dy);
+      if (held.size === 2) {
+        const now = spread();
+        if (apart > 0 && now > 0) this.set({a: this.state.a * now / apart});
+        apart = now;
+      } else if (held.size === 1 && moved > 4 && !pinched) {
+        // Half the picture's width goes over the whole lens; what is seen follows the hand.
+        const step = 2 * (field.views - 1) / canvas.clientWidth;
+        this.set({x: this.state.x - dx * step, y: this.state.y - dy * step});
+      }
+    });
+    const release = (/** @type {PointerEvent} */ event) => {
+      if (!held.delete(event.pointerId) || held.size || moved > 4 || pinched) return;
+      if (event.type !== "pointerup") return;
+      const {left, top, width, height} = canvas.getBoundingClientRect();
+      const beside = this.state.epi && this.drawing ? STRIP : 0;
+      // Of the picture alone: slices lie beside it.
+      const u = (event.clientX - left) / width * canvas.width / (canvas.width - beside);
+      const v = (event.clientY - top) / height * canvas.height / (canvas.height - beside);
+      if (u >= 0 && v >= 0 && u < 1 && v < 1) this.focus(u, v);
+    };
+    canvas.addEventListener("pointerup", release);
+    canvas.addEventListener("pointercancel", release);
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      const [low, high] = field.range;
+      this.set({d: this.state.d - Math.sign(event.deltaY) * (high - low) / 100});
+    }, {passive: false});
+  }
+
+  keys() {
+    const {field} = this, fine = (field.range[1] - field.range[0]) / 100;
+    /** @type {Record<string, () => Record<string, unknown>>} */
+    const keys = {
+      ArrowLeft: () => ({x: this.state.x - 0.5}), ArrowRight: () => ({x: this.state.x + 0.5}),
+      ArrowUp: () => ({y: this.state.y - 0.5}), ArrowDown: () => ({y: this.state.y + 0.5}),
+      "+": () => ({d: this.state.d + fine}), "-": () => ({d: this.state.d - fine}),
+      "]": () => ({a: this.state.a * 1.1}), "[": () => ({a: this.state.a / 1.1}),
+      s: () => ({single: !this.state.single}), e: () => ({epi: !this.state.epi}),
+      d: () => ({depth: field.map !== null && !this.state.depth}), r: () => ({...initial(field)}),
+    };
+    this.canvas.addEventListener("keydown", (event) => {
+      const key = keys[event.key];
+      if (!key || event.ctrlKey || event.metaKey || event.altKey) return;
+      event.preventDefault();
+      this.set(key());
+    });
+  }
+}
+
+{
+  const text = element("field").textContent || "";
+  const viewer = new Viewer(/** @type {Field} */ (JSON.parse(text)));
+  Object.assign(globalThis, {lightFieldViewer: viewer});
+  viewer.start().catch((error) => viewer.say(`The page cannot be shown: ${error.message}`));
+}

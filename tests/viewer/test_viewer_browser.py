@@ -1,0 +1,209 @@
+"""The page in a real browser: its pixels against refocusing, what hands do, what it cannot do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from two_planes import FAR, NEAR, PIXELS
+from viewer_browser import choose, chromium, complaints, needed, pixels, settle, state, visit
+
+from lfcore.colour import srgb_codes
+
+NO_WEBGL2 = "HTMLCanvasElement.prototype.getContext = (own => function (kind, ...more) { " \
+    "return kind === 'webgl2' ? null : own.call(this, kind, ...more); })" \
+    "(HTMLCanvasElement.prototype.getContext);"  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    needed()
+    with chromium(tmp_path_factory.mktemp("profile")) as opened:
+        yield opened
+
+
+@pytest.fixture
+def opened(browser, page):
+    """The browser at the page, as recorded; nothing may have been complained of at the end."""
+    complaints(browser)
+    visit(browser, page)
+    yield browser
+    assert complaints(browser) == []
+
+
+def psnr(a: np.ndarray, b: np.ndarray) -> float:
+    return 10 * np.log10(255**2 / max(np.mean((a.astype(float) - b.astype(float)) ** 2), 1e-9))
+
+
+@pytest.mark.parametrize("filter", ["bilinear", "nearest"])
+def test_the_canvas_shows_what_refocus_makes(opened, field, filter):
+    """Lossless views: what differs is rounding, and 8 bits of the graphics card's interpolation."""
+    # No shift lies half way between two pixels, where the last bit decides which is nearest.
+    for d, a, shape in ((0, 9, "circle"), (0.7, 5.2, "square"), (FAR + 0.01, 7, "diamond"),
+                        (NEAR + 0.01, 8, "polygon"), (-0.4, 0.5, "circle")):  # fmt: skip
+        choose(opened, d=d, a=a, shape=shape, blades=5, turn=20, filter=filter)
+        picture = field.refocus(
+            disparity_px=d, aperture_views=a, aperture=shape, blades=5, rotation_deg=20,
+            filter=filter,
+        )  # fmt: skip
+        shown = pixels(opened)
+        assert shown.shape == (PIXELS, PIXELS, 3) and shown.std() > 1
+        assert psnr(shown, srgb_codes(picture)) > 45, (d, a, shape)
+
+
+@pytest.mark.parametrize("form", ["webp", "avif"])
+def test_a_lossy_page_is_near_refocusing(browser, field, tmp_path, form):
+    field.viewer(form=form).save(tmp_path / "lossy.html")
+    visit(browser, tmp_path / "lossy.html")
+    choose(browser, d=NEAR, a=7)
+    picture = field.refocus(disparity_px=NEAR, aperture_views=7, filter="bilinear")
+    assert psnr(pixels(browser), srgb_codes(picture)) > 35
+    assert complaints(browser) == []
+
+
+def drag(browser, dx, dy):
+    from selenium.webdriver import ActionChains
+
+    canvas = browser.find_element("id", "canvas")
+    actions = ActionChains(browser, duration=20).move_to_element(canvas).click_and_hold()
+    for _ in range(4):
+        actions = actions.move_by_offset(dx // 4, dy // 4)
+    actions.release().perform()
+    settle(browser)
+
+
+def test_dragging_moves_the_viewpoint(opened):
+    before = pixels(opened)
+    drag(opened, -80, 40)
+    moved = state(opened)
+    assert moved["x"] > 0.5 and moved["y"] < -0.2 and moved["d"] == 0
+    assert np.abs(pixels(opened).astype(int) - before).mean() > 1
+    for _ in range(3):
+        drag(opened, -240, 0)
+    assert state(opened)["x"] == 4  # the last view
+
+
+def test_a_click_focuses_on_what_is_there(opened):
+    from selenium.webdriver import ActionChains
+
+    canvas = opened.find_element("id", "canvas")
+    ActionChains(opened).move_to_element(canvas).click().perform()
+    settle(opened)
+    assert abs(state(opened)["d"] - NEAR) < 0.15
+    corner = int(0.45 * canvas.size["width"])
+    ActionChains(opened).move_to_element_with_offset(canvas, -corner, -corner).click().perform()
+    settle(opened)
+    assert abs(state(opened)["d"] - FAR) < 0.15
+    assert state(opened)["x"] == 0
+
+
+def test_a_tilted_plane_is_sharp_near_on_one_side_and_far_on_the_other(opened, field):
+    """Against shift-sum of each column by its own disparity."""
+    choose(opened, d=0.2, tx=1.5, a=9)
+    shown = pixels(opened)
+    for column in (8, 31, 56):
+        d = 0.2 + 1.5 * (column - (PIXELS - 1) / 2) / PIXELS
+        own = field.refocus(disparity_px=d, aperture_views=9, filter="bilinear")
+        assert psnr(shown[:, column], srgb_codes(own)[:, column]) > 45
+
+
+def test_a_single_view_is_that_view(opened, field):
+    choose(opened, single=True, x=2, y=-3, d=0)
+    np.testing.assert_allclose(pixels(opened), field.view(6, 1), atol=1)
+
+
+def test_epipolar_slices_are_rows_of_all_views(opened, field):
+    choose(opened, epi=True, v=0.5, d=0)
+    shown = pixels(opened)
+    high = shown.shape[0] - PIXELS
+    assert shown.shape == (PIXELS + high, PIXELS + high, 3)
+    for i in range(9):
+        row = shown[PIXELS + int((i + 0.5) * high / 9), :PIXELS]
+        both = field.view(i, 4)[31:33].astype(float).mean(0)
+        assert psnr(row, both) > 25
+
+
+def test_depth_is_shown_and_near_is_bright(opened):
+    choose(opened, depth=True)
+    shown = pixels(opened)
+    assert shown[28:36, 28:36].mean() > shown[:6].mean() + 80
+
+
+def test_keys_and_touch(opened):
+    from selenium.webdriver.common.keys import Keys
+
+    canvas = opened.find_element("id", "canvas")
+    canvas.send_keys(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_DOWN, "+", "[", "e", "s")
+    settle(opened)
+    found = state(opened)
+    assert (found["x"], found["y"]) == (1, 0.5) and found["d"] > 0 and found["a"] < 9
+    assert found["epi"] and found["single"]
+    canvas.send_keys("r")
+    settle(opened)
+    fingers(opened, canvas, [(40, 20), (80, 20)])
+    assert state(opened)["a"] == 9  # cannot open farther
+    fingers(opened, canvas, [(80, 20), (40, 20)])
+    assert state(opened)["a"] < 6
+
+
+def fingers(browser, canvas, apart):
+    """Two fingers that go from the first distance from the middle to the second, by touch."""
+    box = canvas.rect
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def touch(kind, points):
+        points = [{"x": px, "y": y, "id": k} for k, px in enumerate(points)]
+        browser.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    (first, _), (last, _) = apart
+    touch("touchStart", [x - first, x + first])
+    for share in (0.5, 1.0):
+        now = first + share * (last - first)
+        touch("touchMove", [x - now, x + now])
+    touch("touchEnd", [])
+    settle(browser)
+
+
+def test_a_link_opens_the_same_picture(opened, page):
+    choose(opened, d=0.5, a=4.5, shape="diamond", x=1.5, tx=0.25)
+    shown, link = pixels(opened), opened.current_url.partition("#")[2]
+    visit(opened, page, f"#{link}")
+    np.testing.assert_array_equal(pixels(opened), shown)
+    assert state(opened)["shape"] == "diamond"
+
+
+def test_controls_say_what_the_state_is(opened, field):
+    choose(opened, d=0.5, a=4.5)
+    words = {key: opened.find_element("id", key).text for key in ("d-text", "f-text", "command")}
+    assert words["d-text"] == f"0.50 px, {field.distance_of(0.5):.3g} m"
+    assert words["f-text"] == "f/4.00"
+    assert "--disparity=0.5 --aperture-views 4.5 --aperture circle" in words["command"]
+
+
+def test_a_browser_without_webgl2_shows_single_views(browser, page, field):
+    command = "Page.addScriptToEvaluateOnNewDocument"
+    added = browser.execute_cdp_cmd(command, {"source": NO_WEBGL2})
+    try:
+        visit(browser, page)
+        said = browser.find_element("id", "status").text
+        assert "no WebGL2: only single views are shown" in said and "lfcore refocus" in said
+        choose(browser, x=-4, y=4)
+        np.testing.assert_array_equal(pixels(browser), field.view(0, 8))
+        assert complaints(browser) == []
+    finally:
+        remove = "Page.removeScriptToEvaluateOnNewDocument"
+        browser.execute_cdp_cmd(remove, {"identifier": added["identifier"]})
+
+
+def test_pictures_come_often_enough_while_something_moves(opened):
+    """Ten a second in software, on a machine that does something else: at least three here."""
+    per_second = opened.execute_async_script("""
+        const done = arguments[0], begun = performance.now();
+        let count = 0;
+        const next = () => {
+          if (++count === 12) { done(1000 * count / (performance.now() - begun)); return; }
+          lightFieldViewer.set({x: Math.sin(count)});
+          requestAnimationFrame(() => requestAnimationFrame(next));
+        };
+        next();
+    """)
+    assert per_second > 3

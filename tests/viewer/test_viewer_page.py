@@ -1,0 +1,196 @@
+"""The viewer's page without a browser: its views, its map, its arithmetic, that it asks no host."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from two_planes import FAR, NEAR, PIXELS, SLAB, VIEWS
+
+import lfcore.viewer.page as viewer_page
+from lfcore.cli import main
+from lfcore.errors import StorageError
+from lfcore.lightfield import LightField
+from lfcore.optics.planes import Aperture
+from lfcore.viewer.atlas import Choice, choose, encode, read
+from lfcore.viewer.disparity import estimate
+
+FOLDER = Path(viewer_page.__file__).parent
+
+
+def described(html: str) -> dict:
+    """What a page says of its light field."""
+    return json.loads(re.search(r'id="field">(.*?)</script>', html, re.DOTALL)[1])
+
+
+def test_views_are_those_of_the_file(field):
+    chosen = choose(field)
+    pictures = read(field, chosen)
+    assert len(pictures) == VIEWS**2
+    for k in (0, 11, 40, 80):
+        i, j = chosen.samples[k]
+        assert np.abs(pictures[k].astype(int) - field.view(i, j)).max() <= 1
+
+
+def test_an_atlas_holds_every_view_in_its_cell(monkeypatch):
+    monkeypatch.setattr("lfcore.viewer.atlas.PAGE_SIDE", 40)
+    pictures = np.random.default_rng(1).integers(0, 256, (23, 7, 9, 3), dtype=np.uint8)
+    atlas = encode(pictures, "webp", 100)
+    assert len(atlas.pages) == 2  # 4 x 5 cells in 40 pixels a side
+    for k in (0, 6, 19, 20, 22):
+        number, cell = divmod(k, atlas.across * atlas.down)
+        row, column = divmod(cell, atlas.across)
+        page = np.array(Image.open(io.BytesIO(atlas.pages[number])).convert("RGB"))
+        assert max(page.shape) <= 40
+        held = page[7 * row : 7 * (row + 1), 9 * column : 9 * (column + 1)]
+        np.testing.assert_array_equal(held, pictures[k])
+
+
+def test_a_smaller_page_has_smaller_views(field):
+    chosen = choose(field, 9, 32)
+    assert (chosen.width, chosen.height, chosen.scale) == (32, 32, 0.5)
+    assert read(field, chosen).shape == (81, 32, 32, 3)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [({"views": 8}, "from 9 to 33"), ({"views": 34}, "from 9 to 33"), ({"size": 65}, "to 64")],
+)
+def test_a_page_that_cannot_be_is_refused(field, given, said):
+    with pytest.raises(StorageError, match=said):
+        choose(field, **given)
+
+
+@pytest.mark.parametrize("given", [{"form": "gif"}, {"quality": 0}])
+def test_an_unknown_coding_is_refused(given):
+    with pytest.raises(StorageError, match=next(iter(given)).replace("form", "format")):
+        encode(np.zeros((1, 4, 4, 3), np.uint8), **given)
+
+
+def test_views_in_the_middle_of_equal_cells():
+    field = type("Field", (), {"grid": (32, 3), "picture_size": (8, 4), "path": "x"})()
+    chosen = choose(field, 9)
+    assert isinstance(chosen, Choice) and chosen.rows.tolist() == [0, 1, 2]
+    assert len(chosen.columns) == 9 and chosen.columns[0] == 1 and chosen.columns[-1] == 30
+
+
+def test_the_map_knows_near_from_far(field):
+    pictures = read(field, choose(field))
+    places = choose(field).samples - (VIEWS - 1) / 2
+    found = estimate(pictures, places, -1.5, 2.0)
+    assert found.shape == (PIXELS, PIXELS)
+    assert np.abs(np.median(found[24:40, 24:40]) - NEAR) < 0.1
+    assert np.abs(np.median(found[:8]) - FAR) < 0.1
+    assert estimate(pictures[:1], places[:1], -1, 1) is None
+
+
+def test_a_page_asks_no_other_host(page):
+    html = page.read_text()
+    outside = re.sub(r'"data:image/webp;base64,[^"]*"', "", html)
+    assert not re.search(r"https?:|//[a-z]+\.[a-z]|\bfetch\(|XMLHttpRequest|import\(", outside)
+    assert "default-src 'none'" in html
+    assert "<title>&lt;two&gt; &amp; planes</title>" in html
+    data = described(html)
+    assert data["name"] == "<two> & planes" and data["views"] == VIEWS
+    assert data["columns"] == (np.arange(VIEWS) - 4.0).tolist()
+    assert data["range"][0] < FAR and data["range"][1] > NEAR
+
+
+def test_a_notebook_shows_a_frame(field):
+    shown = field.viewer(size=16)._repr_html_()
+    assert shown.startswith("<iframe srcdoc=") and shown.count("<") == 2
+
+
+def test_the_command_writes_a_page_or_a_picture(field, tmp_path, capsys):
+    page, picture = tmp_path / "lf.html", tmp_path / "lf.png"
+    words = ["view", str(field.path)]
+    assert main([*words, "-o", str(page), "--size", "32", "--format", "avif"]) == 0
+    assert described(page.read_text())["atlas"]["pages"][0].startswith("data:image/avif;base64,")
+    assert main([*words, "-o", str(picture), "--view", "0", "8"]) == 0
+    np.testing.assert_array_equal(np.array(Image.open(picture)), field.view(0, 8))
+    capsys.readouterr()
+    for more, said in (
+        (["-o", str(picture), "--size", "9"], "--size: belongs to a page"),
+        (["-o", str(page), "--grid", "2"], "--grid: belongs to a picture"),
+        (["-o", str(page), "--views", "3"], "views: must be from 9 to 33"),
+        ([], "--output: is missing"),
+        (["--serve", "70000"], "--serve: port 70000 cannot be used"),
+    ):
+        assert main([*words, *more]) == 1
+        assert said in capsys.readouterr().err.splitlines()[-1]
+
+
+def node(program: str) -> object:
+    """What a program over the page's arithmetic prints, as JSON."""
+    path = shutil.which("node")
+    if path is None:
+        pytest.skip("no node: the page's arithmetic is not run outside the browser")
+    text = (FOLDER / "optics.js").read_text() + program
+    done = subprocess.run([path, "-e", text], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_the_page_opens_the_views_that_refocusing_opens(page, field):
+    """The same mask as lfcore.optics.planes for every shape and many sizes."""
+    data = described(page.read_text()) | {"atlas": {}, "map": None}
+    cases = [
+        {"shape": shape, "a": size, "blades": blades, "turn": turn}
+        for shape in ("circle", "square", "diamond", "polygon")
+        for size in (0.5, 1.3, 2.2, 4.7, 6.6, 9)
+        for blades, turn in ((3, 0), (5, 17.5))
+    ]
+    found = node(f"""
+        const field = {json.dumps(data)}, cases = {json.dumps(cases)};
+        console.log(JSON.stringify(cases.map((one) =>
+          openViews(field, changed(field, initial(field), one)).map((entry) => entry.view))));
+    """)
+    for case, views in zip(cases, found, strict=True):
+        plane = field.plane(
+            aperture_views=case["a"], aperture=case["shape"], blades=case["blades"],
+            rotation_deg=case["turn"],
+        )  # fmt: skip
+        assert isinstance(plane.aperture(SLAB), Aperture)
+        assert views == np.flatnonzero(plane.mask(SLAB)).tolist(), case
+
+
+def test_a_link_holds_the_state_and_nonsense_does_no_harm(page, field):
+    data = described(page.read_text()) | {"atlas": {}, "map": None}
+    start, back, odd, far = node(f"""
+        const field = {json.dumps(data)}, start = initial(field);
+        const state = changed(field, start,
+          {{x: -1.5, d: 0.25, shape: "polygon", blades: 5, epi: true, filter: "nearest"}});
+        console.log(JSON.stringify([start, [state, fromHash(field, "#" + toHash(field, state))],
+          fromHash(field, "#x=NaN&shape=star&d=&nothing=1&__proto__=2&a=-9"),
+          [distance(field, 0.5), fNumber(field, 4.5)]]));
+    """)
+    assert back[0] == back[1] and back[0]["x"] == -1.5 and back[0]["epi"] is True
+    assert odd == start | {"a": 0.5, "d": 0}
+    assert far == pytest.approx([field.distance_of(0.5), 4.0])
+
+
+def test_the_scripts_types_agree():
+    tsc = shutil.which("tsc")
+    if tsc is None:
+        pytest.skip("no tsc: the types in the page's scripts are not checked")
+    options = "--noEmit --allowJs --checkJs --strict --target es2022 --lib es2022,dom,dom.iterable"
+    files = [str(path) for path in sorted(FOLDER.glob("*.js"))]
+    done = subprocess.run([tsc, *options.split(), *files], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
+def test_an_array_that_is_no_slab_is_refused_in_one_line(field):
+    class NoSlab(LightField):
+        slab = None
+
+    broken = NoSlab.__new__(NoSlab)
+    broken.__dict__.update(field.__dict__)
+    with pytest.raises(Exception, match="holds a camera array that is no slab"):
+        broken.viewer()
