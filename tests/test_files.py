@@ -34,7 +34,7 @@ import os, resource, signal, sys
 from contextlib import ExitStack
 from pathlib import Path
 import numpy as np
-from lfcore.cli.stack import write_film
+from lfcore.film import write_film
 from lfcore.errors import LfcoreError
 from lfcore.files import *
 from lfcore.optics.array import CameraArray
