@@ -1,0 +1,57 @@
+"""Read every ray of a light field file with PyAV and numpy alone: docs/format.md as a program."""
+
+import json
+
+import av
+import numpy as np
+
+
+def cells(order, columns, rows):
+    """(column, row) of each frame's block, in the order of frames."""
+    if order == "hilbert":
+        if rows > columns:
+            return [(x, y) for y, x in cells(order, rows, columns)]
+        curve, half, side = [(0, 0)], 1, 1 << (rows - 1).bit_length()
+        while half < side:
+            curve = ([(y, x) for x, y in curve] + [(x, y + half) for x, y in curve]
+                     + [(x + half, y + half) for x, y in curve]
+                     + [(2 * half - 1 - y, half - 1 - x) for x, y in curve])  # fmt: skip
+            half *= 2
+        chain = [(x + k, y) for k in range(0, columns, side) for x, y in curve]
+        return [(x, y) for x, y in chain if x < columns and y < rows]
+    back = order == "serpentine"
+    return [(columns - 1 - x if back and y % 2 else x, y)
+            for y in range(rows) for x in range(columns)]  # fmt: skip
+
+
+def rgb(frame, form):
+    """(height, width, 3) float sRGB in [0, 1] of a decoded frame."""
+    if form == "gbrp":  # FFV1 holds it as blue, green, red, 0
+        plane = np.frombuffer(frame.planes[0], np.uint8).reshape(frame.height, -1)
+        return plane[:, : 4 * frame.width].reshape(frame.height, -1, 4)[..., 2::-1] / 255
+    kind, scale = (np.dtype("<u2"), 4) if "10le" in form else (np.dtype(np.uint8), 1)
+    codes = [np.frombuffer(p, kind).reshape(p.height, -1)[:, : p.width] for p in frame.planes]
+    y, cb, cr = (c if c.shape == codes[0].shape else c.repeat(2, 0).repeat(2, 1) for c in codes)
+    y, cb, cr = (y / scale - 16) / 219, (cb / scale - 128) / 112, (cr / scale - 128) / 112
+    red, blue = y + (1 - 0.2126) * cr, y + (1 - 0.0722) * cb
+    return np.clip(np.stack([red, (y - 0.2126 * red - 0.0722 * blue) / 0.7152, blue], -1), 0, 1)
+
+
+def read(path):
+    """(metadata, rays): float32 [j, i, v, u, channel] sRGB; NaN where nothing is recorded."""
+    with av.open(str(path)) as file:
+        about = json.loads(file.metadata["LIGHTFIELD"])
+        layout, frames = about["layout"], file.decode(video=0)
+        n, m, pack, form = (layout[key] for key in ("views", "pixels", "pack", "pixel_format"))
+        outer, inner = (n, m) if layout["kind"] == "views" else (m, n)
+        slot = inner + inner % 2 if "420" in form else inner
+        rays = np.full((outer, outer, inner, inner, 3), np.nan, np.float32)
+        for column, row, columns, rows, _first, _count, _bytes, _crc in about["segments"]:
+            for block in cells(layout["order"], -(-columns // pack), -(-rows // pack)):
+                picture = rgb(next(frames), form)
+                for y, x in np.ndindex(pack, pack):
+                    a, b = block[0] * pack + x, block[1] * pack + y
+                    if a < columns and b < rows:
+                        part = picture[y * slot :, x * slot :][:inner, :inner]
+                        rays[row + b, column + a] = part
+    return about, rays if layout["kind"] == "views" else rays.transpose(2, 3, 0, 1, 4)

@@ -1,0 +1,55 @@
+"""The reader beside docs/format.md, which knows PyAV and numpy alone, against LightField."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lfcore.lightfield import LightField
+from lfcore.storage import metadata
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.layout import FrameLayout
+
+ROOT = Path(__file__).parents[2]
+READER = ROOT / "docs/examples/read_light_field.py"
+
+
+def reader():
+    spec = importlib.util.spec_from_file_location("read_light_field", READER)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(
+    ("layout", "codec"),
+    [
+        (FrameLayout("views", 3, 20, "serpentine", 1, "yuv444p"), "libx264"),
+        (FrameLayout("views", 5, 17, "hilbert", 2, "yuv420p"), "libx264"),
+        (FrameLayout("macropixels", 5, 18, "hilbert", 4, "yuv444p10le"), "libx264"),
+        (FrameLayout("macropixels", 6, 9, "raster", 2, "gbrp"), "ffv1"),
+    ],
+)
+def test_the_small_reader_reads_what_the_library_reads(tmp_path, make_store, layout, codec):
+    stored = make_store(tmp_path, layout, CodecSpec(codec, layout.pixel_format, crf=20))
+    about, rays = reader().read(stored.path)
+    n, m = layout.views, layout.pixels
+    assert rays.shape == (n, n, m, m, 3) and about["layout"] == layout.to_json()
+    read = LightField.open(stored.path).views(0, 0, n, n)
+    assert np.abs(np.rint(255 * rays) - read).max() <= 1
+
+
+def test_the_reader_is_as_small_as_it_says():
+    assert len(READER.read_text().splitlines()) <= 60
+    found = set(re.findall(r"^import (\w+)", READER.read_text(), re.MULTILINE))
+    assert found == {"json", "av", "numpy"}
+
+
+def test_the_document_names_every_key():
+    text = (ROOT / "docs/format.md").read_text()
+    for key in (*metadata.KEYS, *metadata.OPTIONAL_KEYS, "digest", metadata.TAG):
+        assert f"`{key}`" in text, key
