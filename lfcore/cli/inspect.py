@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from pathlib import Path
 
 from lfcore.cli.command import add_command
 from lfcore.cli.progress import progress
@@ -27,7 +26,7 @@ def add_parser(commands, name: str, summary: str) -> None:
         command.set_defaults(run=devices)
         return
     command = add_command(commands, name, summary, INFO, INFO_EPILOG)
-    command.add_argument("lightfield", type=Path, help="light field file, .mkv")
+    command.add_argument("lightfield", help="light field file, .mkv, or its URL")
     command.add_argument("--salvage", action="store_true", help="open a damaged file, too")
     command.add_argument("--verify", action="store_true", help="check every segment")
     command.add_argument("--json", action="store_true", help="print the metadata as JSON")

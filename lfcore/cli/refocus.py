@@ -38,7 +38,7 @@ float32. Several planes go to one NPY.
 
 def add_parser(commands, name: str, summary: str) -> None:
     command = add_command(commands, name, summary, DESCRIPTION, EPILOG)
-    command.add_argument("lightfield", type=Path, help="light field file, .mkv")
+    command.add_argument("lightfield", help="light field file, .mkv, or its URL")
     command.add_argument("-o", "--output", type=Path, required=True, help="picture to write")
     plane_options.add_options(command)
     plane_options.add_by_views(command.add_argument_group("without metres"))

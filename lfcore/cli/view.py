@@ -37,7 +37,7 @@ OF_PICTURES, OF_PAGES = ("view", "macropixel", "grid"), ("views", "size", "forma
 
 def add_parser(commands, name: str, summary: str) -> None:
     command = add_command(commands, name, summary, DESCRIPTION, EPILOG)
-    command.add_argument("lightfield", help="light field file, .mkv")
+    command.add_argument("lightfield", help="light field file, .mkv, or its URL")
     command.add_argument("--salvage", action="store_true", help="open a damaged file, too")
     command.add_argument("-o", "--output", type=Path, help="page (.html) or picture to write")
     picture = command.add_argument_group("a picture")

@@ -81,7 +81,7 @@ def scan(
     read or is no Matroska file.
     """
     try:
-        with open(path, "rb") as file:
+        with path.open("rb") as file:
             size = path.stat().st_size
             return _scan(file, path, size, clusters, progress or (lambda done, total: None))
     except OSError as error:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
-from typing import cast
+from typing import Any, cast
 
 import av
 import numpy as np
@@ -32,6 +32,7 @@ from lfcore.storage.decoding import (
 )
 from lfcore.storage.pixels import pixel_format
 from lfcore.storage.planar import PACKED_RGB, PlanarFeed
+from lfcore.storage.remote import RemoteFile
 
 # Code points of ITU-T H.273: BT.709 primaries and matrix, the sRGB transfer of IEC 61966-2-1, no
 # matrix for RGB; and FFmpeg's own for the range.
@@ -243,7 +244,15 @@ def open_video(path: Path, **options: str) -> av.container.InputContainer:
     """
     try:
         # Bytes of a damaged tag may be no text; the digest of the metadata finds that out.
-        container = av.open(str(path), "r", options=options, metadata_errors="replace")
+        file: Any = str(path)
+        size = 32768
+        if isinstance(path, RemoteFile):
+            file, size = path.open(), 4096  # it reads ahead by itself
+            # FFmpeg reads megabytes to guess a rate that nothing here needs; one frame will do.
+            options = {"probesize": "4096", "analyzeduration": "1", **options}
+        container = av.open(
+            file, "r", options=options, metadata_errors="replace", buffer_size=size
+        )  # fmt: skip
     except FileNotFoundError:
         raise StorageError("no such file", file=path) from None
     except (FFmpegError, OSError) as error:

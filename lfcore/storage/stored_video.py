@@ -23,6 +23,7 @@ from lfcore.storage.ebml import Structure, scan
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.metadata import TAG, Metadata, Segment
 from lfcore.storage.planar import PACKED_RGB
+from lfcore.storage.remote import located
 from lfcore.storage.segment import open_video
 
 
@@ -53,14 +54,16 @@ class StoredVideo:
 
     @classmethod
     def open(cls, path: str | Path, *, salvage: bool = False, threads: int = 1) -> Self:
-        """Open ``path``; ``threads`` are those of a decoder.
+        """Open ``path``, or a URL that fsspec knows; ``threads`` are those of a decoder.
+
+        Of a URL, only the ranges are fetched that hold what is read.
 
         Raises :class:`StorageError`, saying what is damaged and what can still be read, for a
         file that is missing, foreign, cut short, damaged outside the video, lacks segments or
         contradicts itself.  With ``salvage``, segments that are whole can be read all the same:
         all are checked at once, and what cannot be read is in ``damage``.
         """
-        path = Path(path)
+        path = located(path)
         structure = scan(path, clusters=False)
         metadata = _read_metadata(path, structure)
         field = cls(path, metadata, [key // FRAME_MS for key in structure.keys], threads)

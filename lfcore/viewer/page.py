@@ -111,8 +111,8 @@ def _describe(field: LightFieldFile, slab: Slab, choice: Choice, atlas: Atlas) -
     }
     pages = [f"data:{atlas.media};base64,{_base64(page)}" for page in atlas.pages]
     return {
-        "name": str(field.metadata.scene.get("name") or Path(field.path).stem),
-        "file": Path(field.path).name,
+        "name": str(field.metadata.scene.get("name") or field.path.stem),
+        "file": field.path.name,
         "columns": columns.tolist(),
         "rows": rows.tolist(),
         "views": slab.views,

@@ -1,0 +1,139 @@
+"""Light fields by URL, from a server on this machine that counts what it hands out."""
+
+from __future__ import annotations
+
+import http.server
+import re
+import threading
+
+import numpy as np
+import pytest
+
+from lfcore.cli import main
+from lfcore.errors import StorageError
+from lfcore.lightfield import LightField
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.ebml import scan
+from lfcore.storage.layout import FrameLayout
+from lfcore.storage.remote import BLOCK
+
+pytest.importorskip("fsspec", reason="fsspec is not installed: pip install -e '.[remote]'")
+pytest.importorskip("aiohttp", reason="aiohttp is not installed: pip install -e '.[remote]'")
+
+
+class Server(http.server.ThreadingHTTPServer):
+    """Hands out one file, in ranges or whole; ``sent`` counts bytes."""
+
+    def __init__(self, path, ranges: bool = True):
+        self.data, self.ranges, self.sent = path.read_bytes(), ranges, 0
+        super().__init__(("127.0.0.1", 0), Handler)
+        self.url = f"http://127.0.0.1:{self.server_address[1]}/{path.name}"
+
+    def __enter__(self):
+        threading.Thread(target=self.serve_forever, daemon=True).start()
+        return self
+
+    def __exit__(self, *error):
+        self.shutdown()
+        self.server_close()
+
+
+class Handler(http.server.BaseHTTPRequestHandler):
+    def do_HEAD(self):
+        self.answer(head=True)
+
+    def do_GET(self):
+        self.answer()
+
+    def answer(self, head=False):
+        server, data = self.server, self.server.data
+        if "missing" in self.path:
+            self.send_error(404)
+            return
+        asked = re.fullmatch(r"bytes=(\d+)-(\d+)", self.headers.get("Range", ""))
+        if asked and server.ranges:
+            low, high = int(asked[1]), min(int(asked[2]) + 1, len(data))
+            self.send_response(206)
+            self.send_header("Content-Range", f"bytes {low}-{high - 1}/{len(data)}")
+        else:
+            low, high = 0, len(data)
+            self.send_response(200)
+        if server.ranges:
+            self.send_header("Accept-Ranges", "bytes")
+        self.send_header("Content-Length", str(high - low))
+        self.end_headers()
+        if not head:
+            server.sent += high - low
+            self.wfile.write(data[low:high])
+
+    def log_message(self, format, *arguments):
+        pass
+
+
+@pytest.fixture(scope="module", params=["views", "macropixels"])
+def large(request, make_store, tmp_path_factory):
+    """A file of some megabytes in many segments: lossless, of two layouts."""
+    layout = FrameLayout(request.param, 8, 160, pixel_format="gbrp")
+    folder = tmp_path_factory.mktemp("large")
+    return make_store(folder, layout, CodecSpec("ffv1", "gbrp"), tiles=8)
+
+
+def test_a_view_or_macropixel_costs_its_tiles(large):
+    local = LightField.open(large.path)
+    size = large.path.stat().st_size
+    with Server(large.path) as server:
+        field = LightField.open(server.url)
+        opening = server.sent
+        # The head, the index, the first frame, and where each cluster of video begins.
+        clusters = sum(one.name == "Cluster" for one in scan(large.path, clusters=False).elements)
+        assert opening <= (64 << 10) + 2 * BLOCK * clusters
+        if field.layout.kind == "views":
+            read, tile = (lambda f: f.view(3, 2)), (3, 2)
+        else:
+            read, tile = (lambda f: f.macropixel(40, 30)), (40, 30)
+        np.testing.assert_array_equal(read(field), read(local))
+        held = sum(
+            part.bytes for part in field.segments
+            if part.tile.overlaps(*tile, tile[0] + 1, tile[1] + 1)
+        )  # fmt: skip
+        assert held < 0.3 * size
+        assert server.sent - opening <= 1.2 * held
+        before = server.sent
+        read(field)
+        assert server.sent == before  # nothing is fetched twice
+
+
+def test_the_whole_file_is_fetched_about_once(large):
+    with Server(large.path) as server:
+        field = LightField.open(server.url)
+        n = large.layout.views
+        local = LightField.open(large.path)
+        np.testing.assert_array_equal(field.views(0, 0, n, n), local.views(0, 0, n, n))
+        assert server.sent <= 1.05 * large.path.stat().st_size
+
+
+def test_the_command_tells_what_is_behind_a_url(stored, capsys, tmp_path):
+    with Server(stored.path) as server:
+        assert main(["info", server.url]) == 0
+        said = capsys.readouterr().out
+        assert server.url in said and "12 x 12 pixels, 6 x 6 views" in said
+        assert main(["view", server.url, "-o", str(tmp_path / "view.png")]) == 0
+        assert main(["info", f"{server.url}.missing"]) == 1
+        assert capsys.readouterr().err.splitlines()[-1].endswith("missing: no such file.")
+
+
+def test_a_server_without_ranges_is_one_clear_line(stored, capsys):
+    with Server(stored.path, ranges=False) as server:
+        assert main(["info", server.url]) == 1
+        said = capsys.readouterr().err.strip()
+        assert said == (
+            f"{server.url}: the server hands out no ranges of the file. "
+            "Download the file, and open the copy."
+        )
+
+
+def test_a_host_that_does_not_answer_is_one_line(capsys):
+    with pytest.raises(StorageError, match=r"http://127\.0\.0\.1:9/lf\.mkv: (no such file|cannot)"):
+        LightField.open("http://127.0.0.1:9/lf.mkv")
+    assert main(["info", "nothing://host/lf.mkv"]) == 1
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
