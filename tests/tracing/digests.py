@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import tracing_scenes
-from tracing_scenes import lit_soup, scene, soup
+from tracing_scenes import lit_soup, scene, soup, unit
 
 from lfcore.opencl.device import Device, open_device
 from lfcore.optics import bundles
@@ -40,7 +40,7 @@ PLANES = [
 ]
 
 
-SUN = Light(DIRECTIONAL, (-0.15, -0.25, -0.95), (0.3, 0.35, 0.4))
+SUN = Light(DIRECTIONAL, unit(-0.15, -0.25, -0.95), (0.3, 0.35, 0.4))
 
 
 def textured_soup() -> Scene:
@@ -56,7 +56,7 @@ def textured_soup() -> Scene:
         lights=[
             Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.8, 0.7), 2.0, True),
             SUN,
-            Light(DIRECTIONAL, (1.0, 0.0, -0.1), (0.2, 0.1, 0.1), 0.0, False),
+            Light(DIRECTIONAL, unit(1.0, 0.0, -0.1), (0.2, 0.1, 0.1), 0.0, False),
         ],
     )
 

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, scene, soup
+from tracing_scenes import CAMERA, scene, soup, unit
 
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
@@ -12,11 +12,6 @@ from lfcore.oracle.shading import radiance
 from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
-
-
-def unit(*vector):
-    return tuple(np.array(vector) / np.linalg.norm(vector))
-
 
 LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.8, 0.7), 2.0, True)
 NEAR = Light(POINT, (0.01, 0.01, 2.985), (0.4, 0.4, 0.4), 0.0, False)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, scene, soup
+from tracing_scenes import CAMERA, scene, soup, unit
 
 from lfcore.opencl.device import open_device
 from lfcore.optics.bundles import macropixels
@@ -16,7 +16,7 @@ from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
 LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.9, 0.9))
-SUN = Light(DIRECTIONAL, (-0.15, -0.25, -0.95), (0.7, 0.7, 0.7))
+SUN = Light(DIRECTIONAL, unit(-0.15, -0.25, -0.95), (0.7, 0.7, 0.7))
 WALL = [[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]]
 # Its plane passes through the lens: some rays of a beam see it from above, where the lamp is, and
 # more from below.

@@ -1,6 +1,7 @@
 """Scenes for the tracer's tests."""
 
 import dataclasses
+import math
 
 import numpy as np
 import plain_scenes
@@ -15,6 +16,11 @@ def scene(triangles, **changes):
     """A plain scene through a wider lens."""
     defaults = {"camera": CAMERA, "ambient": (0.2, 0.4, 0.6), "background": (0.7, 0.1, 0.3)}
     return plain_scenes.scene(triangles, **{**defaults, **changes})
+
+
+def unit(*vector):
+    """The direction of a vector, the same numbers on every processor."""
+    return tuple(each / math.hypot(*vector) for each in vector)
 
 
 def soup(count, seed, size=0.3):
