@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -44,6 +44,7 @@ def write_page(
     introduction: str,
     facts: Mapping[str, object],
     config: Mapping[str, object],
+    viewers: Iterable[Path] = (),
 ) -> None:
     """Write ``index.html``.
 
@@ -51,6 +52,7 @@ def write_page(
     ----------
     introduction : reStructuredText above everything.
     facts : name and value of what stands at the top: machine, device, versions.
+    viewers : pages of light fields, in this page's folder or below, named for their scenes.
     config : what captions see as ``snakemake.config``.
 
     Raises
@@ -61,7 +63,12 @@ def write_page(
         when a figure is of a type that a page cannot show.
     """
     folder = Path(path).parent
-    links = "".join(f'<a href="#{s.name}">{html.escape(s.title)}</a>' for s in sections)
+    contents = "".join(f'<a href="#{s.name}">{html.escape(s.title)}</a>' for s in sections)
+    beside = "".join(
+        f'<a href="{html.escape(file.relative_to(folder).as_posix())}">'
+        f"Look around in {html.escape(file.stem)}</a>"
+        for file in viewers
+    )
     body = "\n".join(_section(section, folder, config) for section in sections)
     rows = "".join(
         f"<dt>{html.escape(str(k))}</dt><dd>{html.escape(str(v))}</dd>" for k, v in facts.items()
@@ -81,7 +88,7 @@ def write_page(
 <h1>{html.escape(title)}</h1>
 {to_html(introduction, config)}
 <dl>{rows}</dl>
-<nav>{links}</nav>
+<nav>{beside}{contents}</nav>
 </header>
 <main>
 {body}

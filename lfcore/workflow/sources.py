@@ -14,7 +14,7 @@ from pathlib import Path
 import lfcore
 
 LIBRARY = Path(lfcore.__file__).parent
-SUFFIXES = {".py", ".cl", ".h", ".yaml", ".css", ".csv"}
+SUFFIXES = {".py", ".cl", ".h", ".yaml", ".css", ".csv", ".js", ".html"}
 BASE = ("*.py", "workflow/*.py", "scene/reading.py", "*/__init__.py", "*/*/__init__.py")
 """What every job uses."""
 SCENE = ("scene/*.py", "scene/*.yaml", "optics")

@@ -43,6 +43,7 @@ rule page:
         reported=REPORTED,
         traced=expand("results/{scene}/N{n}/trace.json", scene=SCENES, n=RESOLUTIONS[-1]),
         records=[],
+        viewers=expand("results/tables/viewer/{scene}.html", scene=SCENES if STORE else []),
         captions=[caption_of(name) for name in ["page", *(one.caption for one in TABLE_SECTIONS)]],
     output:
         report("results/tables/index.html", caption="../report/page.rst", category="Page"),
@@ -65,6 +66,7 @@ use rule page as assignment_page with:
     input:
         reported=ASSIGNMENT_FILES,
         traced=[],
+        viewers=[],
         records=expand(
             f"{RECORDS}/{{name}}.json", name=reports.assignment_records(ASSIGNMENT_SECTIONS)
         ),

@@ -22,6 +22,21 @@ if STORE:
         script:
             "../scripts/join.py"
 
+    rule viewer:
+        input:
+            light_field=f"results/{{scene}}/N{RESOLUTIONS[-1]}/lightfield.mkv",
+        output:
+            "results/tables/viewer/{scene}.html",
+        log:
+            "logs/viewer/{scene}.log",
+        conda:
+            "../envs/lfcore.yaml"
+        params:
+            sources=digest(*sources.READING, "viewer"),
+            device=SETTINGS["device"],
+        script:
+            "../scripts/viewer.py"
+
     rule retrieve:
         input:
             scene="results/{scene}/scene.npz",

@@ -35,5 +35,6 @@ with job(snakemake.log[0], snakemake.threads):
             "system": f"{here['system']}, Python {here['python']}, lfcore {__version__}",
             **params.facts,
         },
+        viewers=map(Path, given.viewers),
         config={**params.config, "measured": measured},
     )
