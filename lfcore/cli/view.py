@@ -48,7 +48,9 @@ def add_parser(commands, name: str, summary: str) -> None:
     page = command.add_argument_group("a page")
     page.add_argument("--views", type=int, metavar="K", help="K x K views, 9 to 33 (17)")
     page.add_argument("--size", type=int, metavar="PX", help="pixels of a view (at most 512)")
-    page.add_argument("--format", choices=("webp", "avif"), help="of the views in it (webp)")
+    page.add_argument(
+        "--format", choices=("webp", "avif"), help="webp (default, fast) or avif (whole chroma)"
+    )
     page.add_argument("--quality", type=int, metavar="Q", help="of these, 1 to 100 (90)")
     page.add_argument("--open", action="store_true", help="open the page in the browser")
     page.add_argument(
