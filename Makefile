@@ -40,7 +40,7 @@ smoke: $(VENV)/installed
 
 micro: $(VENV)/installed
 	$(BIN)/python -m lfcore.workflow.run --cores $(CORES) $(MICRO)
-	$(BIN)/snakemake --report build/micro/report.zip $(MICRO)
+	$(BIN)/snakemake --report report.zip $(MICRO)
 
 sweep: $(VENV)/installed
 	$(BIN)/python -m lfcore.workflow.run --cores $(CORES) --config sweep=$(SWEEP) -- sweep
