@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -147,3 +148,29 @@ class Order:
         if self.snake and run % 2:
             at = (rows if self.columns_first else columns) - 1 - at
         return (run, at) if self.columns_first else (at, run)
+
+
+def grid_of_values(values: np.ndarray | None, name: str, path: Path) -> ViewGrid:
+    """The grid of an array (rows, columns, height, width, channels).
+
+    Integers are sRGB codes, floating values sRGB-encoded in [0, 1].  Raises
+    :class:`ExchangeError` for anything else.
+    """
+    if values is None:
+        raise ExchangeError(f"holds no variable {name}", file=path, remedy="Name it by --variable")
+    if values.ndim == 4:
+        values = values[..., None]
+    if values.ndim != 5 or values.shape[-1] not in (1, 3, 4) or 0 in values.shape:
+        raise ExchangeError(
+            f"its {name} is {values.shape}, not (rows, columns, height, width, 3)", file=path
+        )
+    if values.shape[-1] == 1:
+        values = np.repeat(values, 3, -1)
+    values = values[..., :3]
+    if values.dtype.kind == "f":
+        if not np.isfinite(values).all() or values.min() < 0 or values.max() > 1:
+            raise ExchangeError(f"its {name} is not within 0 and 1", file=path)
+        values = values.astype(np.float32, copy=False)
+    elif values.dtype not in (np.uint8, np.uint16):
+        raise ExchangeError(f"its {name} is of type {values.dtype}", file=path)
+    return ViewGrid.of_array(values, path.stem)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.exchange.grid import ExchangeError, ViewGrid
+from lfcore.exchange.grid import ExchangeError, ViewGrid, grid_of_values
 
 SUFFIXES = (".h5", ".hdf5")
 
@@ -40,10 +40,8 @@ def data_set(path: Path, name: str) -> np.ndarray | None:
 
 
 def read(path: Path, options) -> ViewGrid:
-    from lfcore.exchange.matlab import of_values
-
     name = options.variable or "LF"
-    return of_values(data_set(path, name), name, path)
+    return grid_of_values(data_set(path, name), name, path)
 
 
 def write(source, folder: Path, options) -> None:
