@@ -8,70 +8,27 @@ centroid bounds, breadth-first; nodes of at most 256 triangles take the exact sw
 sorted centroids, which is the limit of infinitely many bins and, for so few, cheaper than
 filling them.  A leaf of up to 16 triangles is one SIMD test, so the heuristic charges a part of
 n triangles ceil(n / leaf_size) tests.  See ``bvh_split`` (cuts), ``bvh_binary`` (the binary
-tree), ``bvh_wide`` (the collapse to 16 children) and ``bvh_check`` (invariants).
+tree), ``bvh_wide`` (the collapse to 16 children) and ``bvh_tree`` (the result, and what
+must hold for it).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.files import whole_file
-from lfcore.tracing import bvh_check
 from lfcore.tracing.bvh_binary import build_binary
-from lfcore.tracing.bvh_check import Statistics
+from lfcore.tracing.bvh_tree import Bvh, shape_problem
 from lfcore.tracing.bvh_wide import FAR, UNUSED, WIDTH, collapse
 
 LEAF_LANES = 16
 # Boxes beyond the sentinel of an unused child would be taken for one.
 LARGEST = float(FAR)
-
-
-@dataclass(frozen=True)
-class Bvh:
-    """A flat wide tree; the root is node 0.
-
-    Attributes
-    ----------
-    boxes : (K, 6, 16) float32: rows lo.x lo.y lo.z hi.x hi.y hi.z of the 16 children of wide
-        node k, exact bounds of the vertices, metres; an unused child has lo = 1e30, hi = -1e30.
-    children : (K, 16) int32: a wide node if >= 0, leaf ``-1 - child`` if negative, 0x7fffffff
-        if unused; by lo.z ascending, unused last.
-    leaves : (L, 9, 16) float32: rows p.x p.y p.z q.x q.y q.z r.x r.y r.z of up to 16
-        triangles; padding is all zero, a triangle that nothing can hit.
-    leaf_ids : (L, 16) int32: the triangles' numbers, ascending; -1 for padding.
-    leaf_boxes : (L, 6) float32: lo and hi of each leaf.
-    """
-
-    boxes: np.ndarray
-    children: np.ndarray
-    leaves: np.ndarray
-    leaf_ids: np.ndarray
-    leaf_boxes: np.ndarray
-
-    @property
-    def node_count(self) -> int:
-        return len(self.children)
-
-    @property
-    def leaf_count(self) -> int:
-        return len(self.leaf_ids)
-
-    def check(self, triangles: np.ndarray) -> None:
-        """Raise :class:`SceneError` unless this is a valid tree of ``triangles`` (T, 3, 3).
-
-        Every triangle lies in exactly one leaf with its own vertices, boxes are exact bounds,
-        children are sorted, and every node and leaf is reached once.
-        """
-        bvh_check.check(self, triangles)
-
-    def statistics(self) -> Statistics:
-        """Size, depth, SAH cost and fill of this tree."""
-        return bvh_check.statistics(self)
 
 
 def build_bvh(
@@ -179,7 +136,7 @@ def load_bvh(path: str | Path) -> Bvh:
         raise SceneError("there is no such file", file=path, remedy=remedy) from None
     except Exception as error:  # zipfile, zlib, numpy and OS errors all mean the same here
         raise SceneError(f"cannot be read as a BVH ({error})", file=path, remedy=remedy) from error
-    problem = bvh_check.shape_problem(bvh)
+    problem = shape_problem(bvh)
     if problem:
         raise SceneError(problem, file=path, remedy=remedy)
     return bvh

@@ -139,8 +139,8 @@ def test_what_else_is_traced_changes_no_shadow(name):
 
 
 @pytest.mark.parametrize("name", ["both", "many"])
-def test_shadows_do_not_depend_on_the_order_of_beams(name):
-    """Frames alone take a pixel's beams in turn and keep its screens, planes strips of pixels."""
+def test_shadows_do_not_depend_on_the_order_of_packets(name):
+    """Planes take packets by strips of pixels, frames alone one pixel after the other."""
     here, slab = world(name), Slab(CAMERA, 72, 24)
     tile = FrameLayout("macropixels", 72, 24, "raster", 1, "yuv444p").tile(0, 8, 24, 6)
     tracer = OneElement(here, build_bvh(here.triangles))

@@ -100,7 +100,7 @@ def test_tiles_and_threads_do_not_matter():
         assert (whole == cut).all()
 
 
-def test_coarse_pictures_of_dense_scenes_are_scattered():
+def test_coarse_pictures_of_dense_scenes_are_traced_ray_by_ray():
     rng = np.random.default_rng(1)
     middle = rng.uniform([-2, -2, 3], [2, 2, 6], (60_000, 1, 3))
     leaves = scene(middle + rng.normal(size=(60_000, 3, 3)) * 0.004)

@@ -183,7 +183,7 @@ def test_chunks_do_not_part_groups(monkeypatch):
     assert [len(chunk.frames) for chunk in tracing] == [64, 64, 64, 64]
 
 
-def test_chunks_leave_room_for_the_encoder_where_beams_share_nothing(monkeypatch):
+def test_chunks_leave_room_for_the_encoder_where_packets_share_nothing(monkeypatch):
     from lfcore.tracing import tile as tiles
 
     layout = FrameLayout("macropixels", 64, 8, "raster", 1, "yuv444p")

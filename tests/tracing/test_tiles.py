@@ -50,7 +50,7 @@ def test_colours_are_the_oracles_within_a_code(device):
 
 
 @pytest.mark.parametrize("kind", ["macropixels", "views"])
-def test_planes_are_the_scattered_rays(device, kind):
+def test_planes_are_the_sums_of_single_rays(device, kind):
     world, slab = lit_soup(), Slab(CAMERA, 9, 8)
     _, sums = run(world, slab, FrameLayout(kind, 9, 8, pixel_format="yuv444p"), device=device)
     rays = trace(world, slab, all_pixels(slab)).reshape(8, 8, 9, 9, 3)

@@ -137,9 +137,6 @@ typedef struct {
     vi flip;     // sign bit of those that were seen from behind
 } Edges;
 
-// Below this a form is nothing: products of floats that are denormal.
-#define NOTHING_LEFT 1.0e-30f
-
 // Edges signed so that n . D > 0 unless the triangle is seen edge-on, and then widened by their
 // noise.
 inline Edges make_edges(const Corners *v, const Bundle *r)

@@ -52,10 +52,11 @@ inline int is_glossy(const Material *m)
 inline vf highlight(const Surface *s, Vec towards, vi facing)
 {
     const Vec h = {towards.x + s->view.x, towards.y + s->view.y, towards.z + s->view.z};
-    const vf halfway = dot3(s->normal, h) * inverse_sqrt(max(dot3(h, h), (vf)(1.0e-30f)));
+    const vf halfway = dot3(s->normal, h) * inverse_sqrt(max(dot3(h, h), (vf)(NOTHING_LEFT)));
     const vi glossy = facing & GE(halfway, (vf)(s->material->dull));
     if (!row_any(glossy)) return 0.0f;
-    const vf power = exp2_fast(s->material->shininess * log2_fast(max(halfway, (vf)(1.0e-30f))));
+    const vf cosine = max(halfway, (vf)(NOTHING_LEFT));
+    const vf power = exp2_fast(s->material->shininess * log2_fast(cosine));
     return pick((vf)(0.0f), power, glossy);
 }
 

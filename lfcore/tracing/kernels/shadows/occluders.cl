@@ -8,10 +8,10 @@
 #include "samples.cl"
 #include "walk.cl"
 
-// What lies nearer a triangle's plane than this share of the numbers that enter is no occluder: 16
-// roundings, where a hit point is off its plane by a few.  Against the float64 oracle, half of this
-// darkens some rays beside a neighbouring triangle, and four times it loses contact shadows.
-#define SHADOW_MARGIN 1.0e-6f
+// What lies nearer a triangle's plane than this share of the numbers that enter, a millionth, is no
+// occluder: a hit point is off its plane by a few roundings.  Against the float64 oracle, half of
+// this darkens some rays beside a neighbouring triangle, and four times it loses contact shadows.
+#define SHADOW_MARGIN (16.777216f * ROUNDING)
 
 // Apex and extent of a set of shadow rays.
 typedef struct {

@@ -64,7 +64,7 @@ typedef struct { vf one, x, y; } RayForm;
 enum { SLOPE, AT, BEFORE, AFTER, LINE_ROWS };
 inline void store_line(RayForm e, float first, private float (*out)[LANES])
 {
-    const vf least = fma(fabs(e.one) + fabs(e.y), (vf)(LEAST_SLOPE), (vf)(1.0e-37f));
+    const vf least = fma(fabs(e.one) + fabs(e.y), (vf)(LEAST_SLOPE), (vf)(LEAST_LENGTH));
     const vi level = LT(fabs(e.x), least), up = level | GT(e.x, (vf)(0.0f));
     const vf inverse = reciprocal(pick(e.x, least, level));
     VSTORE(-e.y * inverse, out[SLOPE]);

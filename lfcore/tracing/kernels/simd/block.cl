@@ -20,6 +20,8 @@
 
 // Half the unit in the last place of 1: the relative error of one rounding.
 #define ROUNDING 5.9604645e-8f
+// Below this a form or a square is nothing: its terms may be denormal, and have lost their bits.
+#define NOTHING_LEFT 1.0e-30f
 // Widens a bound that was itself rounded a few times.
 #define BOUND_SLACK (1.0f + 168.0f * ROUNDING)
 

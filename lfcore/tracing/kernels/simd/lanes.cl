@@ -144,19 +144,22 @@ inline float3 cross_product(float3 a, float3 b)
     return (float3)(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
 }
 
+// What a length is at least where it is divided by: above the least normal float, 1.2e-38.
+#define LEAST_LENGTH 1.0e-37f
+
 // Length, and direction: of vectors whose squares a float cannot hold, too; nothing has no
 // direction.
 inline float largest_component(float3 a) { return max(fabs(a.x), max(fabs(a.y), fabs(a.z))); }
 inline float norm(float3 a)
 {
     const float most = largest_component(a);
-    a /= max(most, 1.0e-37f);
+    a /= max(most, LEAST_LENGTH);
     return most * sqrt(inner_product(a, a));
 }
 inline float3 direction_of(float3 a)
 {
-    a /= max(largest_component(a), 1.0e-37f);
-    return a / max(norm(a), 1.0e-37f);
+    a /= max(largest_component(a), LEAST_LENGTH);
+    return a / max(norm(a), LEAST_LENGTH);
 }
 
 // Logarithm and exponential to base 2 in line: a call of the library's would spill every vector

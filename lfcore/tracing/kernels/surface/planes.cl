@@ -64,7 +64,7 @@ inline int choose_level(const Scene *s, int texture, global const float *uv, flo
     const int4 finest = s->images[texture * MIP_LEVELS];
     const float twice = fabs((uv[2] - uv[0]) * (uv[5] - uv[1]) - (uv[4] - uv[0]) * (uv[3] - uv[1]));
     const float area = twice * finest.y * finest.z * footprint * footprint;
-    const float texels = area / max(fabs(weights), 1.0e-30f);
+    const float texels = area / max(fabs(weights), NOTHING_LEFT);
     // Half the logarithm to base 2, rounded, from the exponent: a call of a logarithm would spill
     // every vector register.
     const int level = texels > 2.0f ? ((as_int(2.0f * texels) >> 23) - 127) >> 1 : 0;

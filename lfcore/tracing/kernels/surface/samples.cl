@@ -88,7 +88,7 @@ inline void merge_rows(SampleRow *a, SampleRow b, vi mask)
 inline Vec viewed_normal(Vec n, Vec direction)
 {
     if (!SMOOTH) return n;
-    n = scale3(n, inverse_sqrt(max(dot3(n, n), (vf)(1.0e-37f))));
+    n = scale3(n, inverse_sqrt(max(dot3(n, n), (vf)(LEAST_LENGTH))));
     const vi away = GT(dot3(n, direction), (vf)(0.0f)) & (vi)(0x80000000);
     const Vec turned = {flip_sign(n.x, away), flip_sign(n.y, away), flip_sign(n.z, away)};
     return turned;

@@ -46,7 +46,7 @@ inline Ray make_ray(float3 origin, float3 direction)
     r.sz = 1.0f / axis(direction, r.kz);
     r.sx = axis(direction, r.kx) * r.sz;
     r.sy = axis(direction, r.ky) * r.sz;
-    r.inverse = select(1.0f / direction, (float3)(0.0f), fabs(direction) < 1.0e-30f);
+    r.inverse = select(1.0f / direction, (float3)(0.0f), fabs(direction) < NOTHING_LEFT);
     return r;
 }
 

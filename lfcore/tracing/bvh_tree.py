@@ -1,17 +1,13 @@
-"""What must hold for a BVH, tested from its arrays alone, and figures about it."""
+"""The tree as arrays, what must hold for them, and figures about it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.tracing.bvh_wide import FAR, UNUSED, WIDTH
-
-if TYPE_CHECKING:
-    from lfcore.tracing.bvh import Bvh
 
 ROWS = {"boxes": (6, 16), "children": (16,), "leaves": (9, 16), "leaf_ids": (16,)}
 ROWS["leaf_boxes"] = (6,)
@@ -41,6 +37,49 @@ class Statistics:
     @property
     def sah_cost(self) -> float:
         return self.node_cost + self.leaf_cost
+
+
+@dataclass(frozen=True)
+class Bvh:
+    """A flat wide tree; the root is node 0.
+
+    Attributes
+    ----------
+    boxes : (K, 6, 16) float32: rows lo.x lo.y lo.z hi.x hi.y hi.z of the 16 children of wide
+        node k, exact bounds of the vertices, metres; an unused child has lo = 1e30, hi = -1e30.
+    children : (K, 16) int32: a wide node if >= 0, leaf ``-1 - child`` if negative, 0x7fffffff
+        if unused; by lo.z ascending, unused last.
+    leaves : (L, 9, 16) float32: rows p.x p.y p.z q.x q.y q.z r.x r.y r.z of up to 16
+        triangles; padding is all zero, a triangle that nothing can hit.
+    leaf_ids : (L, 16) int32: the triangles' numbers, ascending; -1 for padding.
+    leaf_boxes : (L, 6) float32: lo and hi of each leaf.
+    """
+
+    boxes: np.ndarray
+    children: np.ndarray
+    leaves: np.ndarray
+    leaf_ids: np.ndarray
+    leaf_boxes: np.ndarray
+
+    @property
+    def node_count(self) -> int:
+        return len(self.children)
+
+    @property
+    def leaf_count(self) -> int:
+        return len(self.leaf_ids)
+
+    def check(self, triangles: np.ndarray) -> None:
+        """Raise :class:`SceneError` unless this is a valid tree of ``triangles`` (T, 3, 3).
+
+        Every triangle lies in exactly one leaf with its own vertices, boxes are exact bounds,
+        children are sorted, and every node and leaf is reached once.
+        """
+        _check(self, triangles)
+
+    def statistics(self) -> Statistics:
+        """Size, depth, SAH cost and fill of this tree."""
+        return _statistics(self)
 
 
 def shape_problem(bvh: Bvh) -> str | None:
@@ -76,7 +115,7 @@ def depths(bvh: Bvh) -> list[np.ndarray]:
     return levels
 
 
-def check(bvh: Bvh, triangles: np.ndarray) -> None:
+def _check(bvh: Bvh, triangles: np.ndarray) -> None:
     """See :meth:`Bvh.check`."""
     problem = shape_problem(bvh) or _leaf_problem(bvh, triangles) or _node_problem(bvh)
     if problem:
@@ -130,7 +169,7 @@ def _node_problem(bvh: Bvh) -> str | None:
     return None
 
 
-def statistics(bvh: Bvh) -> Statistics:
+def _statistics(bvh: Bvh) -> Statistics:
     """See :meth:`Bvh.statistics`."""
     used = bvh.children != UNUSED
     boxes = bvh.boxes.transpose(0, 2, 1).astype(np.float64)
