@@ -20,6 +20,8 @@ from lfcore.optics.camera import check_focus, image_distance
 from lfcore.optics.slab import Slab
 
 MOST_BLADES = 1000  # no eye tells such a polygon from a circle
+EDGE = 1e-12
+"""Of the radius: points on a polygon's edges are inside, whatever their cosines' last bits."""
 SHAPES = ("circle", "square", "diamond", "polygon")
 NORMALISATIONS = ("aperture", "lens")
 
@@ -61,7 +63,7 @@ class Aperture:
         apothem = radius * math.cos(math.pi / self.blades)
         for blade in range(self.blades):
             angle = math.radians(self.rotation_deg) + (2 * blade + 1) * math.pi / self.blades
-            inside &= s * math.cos(angle) + t * math.sin(angle) <= apothem
+            inside &= s * math.cos(angle) + t * math.sin(angle) <= apothem + EDGE * radius
         return inside
 
 
