@@ -12,7 +12,7 @@ from lfcore.workflow.settings import check_settings
 from lfcore.workflow.sources import digest
 
 # Where a rule's own environment finds the library; see workflow/envs/lfcore.post-deploy.sh.
-os.environ["LFCORE_ROOT"] = str(ROOT)
+os.environ.update(LFCORE_ROOT=str(ROOT))
 
 # What the plenoptic photograph and other renderers show, whatever scenes are in tables.
 CHART = "chart"
