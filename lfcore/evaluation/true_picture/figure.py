@@ -44,7 +44,12 @@ def true_errors(path: str | Path, rows: pd.DataFrame, *, machine: str) -> None:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
     }
     figure.legend(
-        handles.values(), handles, loc="outside upper center", ncols=2, frameon=False, fontsize=8
+        handles.values(),
+        handles,
+        loc="outside upper center",
+        ncols=min(2, len(scenes)),
+        frameon=False,
+        fontsize=8,
     )
     figure.supxlabel(
         f"seconds of one core for all planes ({machine})\n"
