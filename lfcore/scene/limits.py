@@ -51,8 +51,8 @@ def _check_light(light: Light, file: str | Path, key: str) -> None:
     if light.kind == POINT:
         most = LARGEST_COORDINATE
         _check(light.vector, -most, most, file, f"{key}: metres from the camera")
-    else:  # about 1, or none where the square of a length overflowed
-        _check([math.hypot(*light.vector)], 0.5, 2, file, f"{key}: length of its direction")
+    else:  # what the square of a length overflows has none
+        _check([math.hypot(*light.vector)], 0.999, 1.001, file, f"{key}: length of its direction")
     _check(light.colour, 0, BRIGHTEST, file, f"{key}: colour")
     _check([light.reference_distance_m], 0, LARGEST_LENGTH, file, f"{key}: reference distance")
 
