@@ -252,7 +252,7 @@ def jobs() -> list[Job]:
     lfcore = ("-m", "lfcore.cli")
     size = ("--size", "96", "--views", "32")  # some seconds of tracing
     workflow = ("-m", "lfcore.workflow.run", "--cores", "2", "--configfile", "micro.yaml", "--")
-    made = ("results/sphere/N4/planes/from_video", "results/sphere/N2/planes/on_the_fly")
+    made = ("results/sphere/M16/N4/planes/from_video", "results/sphere/M16/N2/planes/on_the_fly")
     commands = ("KILL", "TERM", "INT group")
     return [
         Job("trace", (*lfcore, "trace", scene, "-o", "out/a.mkv", *size), ("out/*",), nothing,

@@ -50,7 +50,7 @@ def test_quality_rises_with_resolution_and_survives_storage(smoke):
     stored = table(smoke, "table_7_2")
     assert (stored.raw_bytes_uint8 == 3 * 32**2 * stored.N**2).all()
     sizes = [
-        (smoke.folder / f"results/{row.scene}/N{row.N}/lightfield.mkv").stat().st_size
+        (smoke.folder / f"results/{row.scene}/M32/N{row.N}/lightfield.mkv").stat().st_size
         for row in stored.itertuples()
     ]
     assert stored.video_bytes.tolist() == sizes
@@ -66,7 +66,7 @@ def test_the_page_shows_every_picture(smoke):
 
 def test_each_plane_is_a_picture(smoke):
     for source in ("on_the_fly", "from_video"):
-        pictures = list((smoke.folder / f"results/bike/N64/planes/{source}").glob("*.png"))
+        pictures = list((smoke.folder / f"results/bike/M32/N64/planes/{source}").glob("*.png"))
         assert len(pictures) == 5
 
 

@@ -33,6 +33,8 @@ if SWEEP:
     PARSED |= cases.scene_files(SWEEP.scenes, ROOT)
 STORE = SETTINGS["store"]
 RESOLUTIONS = sorted(SETTINGS["angular_resolutions"])
+# A folder of its own for each size: runs of unlike M lie side by side.
+SLAB = f"results/{{scene}}/M{SETTINGS['spatial_resolution']}/N{{n}}"
 TABLE_SECTIONS = reports.table_sections(SETTINGS, SCENES)
 
 
@@ -54,15 +56,17 @@ def scene_sources(wildcards):
 
 def of_tiles(suffix):
     """Input function: one file with this suffix for each tile of a scene and N."""
-    return lambda wildcards: [
-        f"results/{wildcards.scene}/N{wildcards.n}/tiles/{tile}{suffix}"
-        for tile in TILES[int(wildcards.n)]
-    ]
+    return lambda wildcards: expand(
+        f"{SLAB}/tiles/{{tile}}{suffix}",
+        scene=wildcards.scene,
+        n=wildcards.n,
+        tile=TILES[int(wildcards.n)],
+    )
 
 
 def of_resolutions(file):
     """This file of a scene at every N, ascending."""
-    return [f"results/{{scene}}/N{views}/{file}" for views in RESOLUTIONS]
+    return expand(f"{SLAB}/{file}", n=RESOLUTIONS, allow_missing=True)
 
 
 def of_scenes(file):

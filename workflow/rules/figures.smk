@@ -5,7 +5,7 @@ import shutil
 
 # The focal stack is there already: the planes of the largest N.
 STACKS = {
-    "focal_stack": f"results/{{scene}}/N{RESOLUTIONS[-1]}/planes/on_the_fly.npz",
+    "focal_stack": of_resolutions("planes/on_the_fly.npz")[-1],
     "aperture_stack": "results/{scene}/figures/aperture_stack.npz",
     "sub_aperture_views": "results/{scene}/figures/sub_aperture_views.npz",
 }

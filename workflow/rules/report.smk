@@ -41,7 +41,7 @@ rule markdown:
 rule page:
     input:
         reported=REPORTED,
-        traced=expand("results/{scene}/N{n}/trace.json", scene=SCENES, n=RESOLUTIONS[-1]),
+        traced=expand(f"{SLAB}/trace.json", scene=SCENES, n=RESOLUTIONS[-1]),
         records=[],
         viewers=expand("results/tables/viewer/{scene}.html", scene=SCENES if STORE else []),
         captions=[caption_of(name) for name in ["page", *(one.caption for one in TABLE_SECTIONS)]],

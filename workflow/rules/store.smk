@@ -7,8 +7,8 @@ if STORE:
             segments=of_tiles(".mp4"),
             seconds=of_tiles(".json"),
         output:
-            light_field="results/{scene}/N{n}/lightfield.mkv",
-            seconds="results/{scene}/N{n}/store.json",
+            light_field=f"{SLAB}/lightfield.mkv",
+            seconds=f"{SLAB}/store.json",
         log:
             "logs/join/{scene}/N{n}.log",
         conda:
@@ -24,7 +24,7 @@ if STORE:
 
     rule viewer:
         input:
-            light_field=f"results/{{scene}}/N{RESOLUTIONS[-1]}/lightfield.mkv",
+            light_field=of_resolutions("lightfield.mkv")[-1],
         output:
             "results/tables/viewer/{scene}.html",
         log:
@@ -40,11 +40,11 @@ if STORE:
     rule retrieve:
         input:
             scene="results/{scene}/scene.npz",
-            light_field="results/{scene}/N{n}/lightfield.mkv",
+            light_field=f"{SLAB}/lightfield.mkv",
         output:
-            stack="results/{scene}/N{n}/planes/from_video.npz",
-            pictures=directory("results/{scene}/N{n}/planes/from_video"),
-            seconds="results/{scene}/N{n}/retrieve.json",
+            stack=f"{SLAB}/planes/from_video.npz",
+            pictures=directory(f"{SLAB}/planes/from_video"),
+            seconds=f"{SLAB}/retrieve.json",
         log:
             "logs/retrieve/{scene}/N{n}.log",
         conda:

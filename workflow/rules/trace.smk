@@ -1,10 +1,10 @@
 # Algorithms 1 and 3: rays of a tile -> partial sensor planes and, where stored, a video segment.
 TRACED = {
-    "planes": temp("results/{scene}/N{n}/tiles/{tile}.planes.npz"),
-    "seconds": "results/{scene}/N{n}/tiles/{tile}.json",
+    "planes": temp(f"{SLAB}/tiles/{{tile}}.planes.npz"),
+    "seconds": f"{SLAB}/tiles/{{tile}}.json",
 }
 if STORE:
-    TRACED["segment"] = temp("results/{scene}/N{n}/tiles/{tile}.mp4")
+    TRACED["segment"] = temp(f"{SLAB}/tiles/{{tile}}.mp4")
 
 
 rule trace:
@@ -39,9 +39,9 @@ rule sum_planes:
         planes=of_tiles(".planes.npz"),
         seconds=of_tiles(".json"),
     output:
-        stack="results/{scene}/N{n}/planes/on_the_fly.npz",
-        pictures=directory("results/{scene}/N{n}/planes/on_the_fly"),
-        seconds="results/{scene}/N{n}/trace.json",
+        stack=f"{SLAB}/planes/on_the_fly.npz",
+        pictures=directory(f"{SLAB}/planes/on_the_fly"),
+        seconds=f"{SLAB}/trace.json",
     log:
         "logs/sum_planes/{scene}/N{n}.log",
     conda:
