@@ -45,6 +45,10 @@ PLACE = re.compile(
     r".*?(<!-- end of \2 -->)",
     re.DOTALL,
 )
+TRACED = {"seconds": "trace s", "psnr_db": "PSNR dB (7.1)",
+          "psnr_true_db": "true PSNR dB (7.1)", "ssim": "SSIM"}  # fmt: skip
+RETRIEVED = {"seconds": "retrieve s", "psnr_db": "PSNR dB (7.3)",
+             "psnr_true_db": "true PSNR dB (7.3)", "ssim": "SSIM (7.3)"}  # fmt: skip
 OF_RUN = ("command", "commit", "processor", "date")
 """What is known of every result."""
 
@@ -106,9 +110,9 @@ def tables(folder: Path) -> pd.DataFrame:
     """The thesis's three tables of a run side by side, a row a scene and N."""
     parts = []
     for name, columns in (
-        ("table_7_1", {"seconds": "trace s", "psnr_db": "PSNR dB (7.1)", "ssim": "SSIM"}),
+        ("table_7_1", TRACED),
         ("table_7_2", {"seconds": "encode s", "ratio_float32": "ratio, 12 bytes a ray"}),
-        ("table_7_3", {"seconds": "retrieve s", "psnr_db": "PSNR dB (7.3)", "ssim": "SSIM (7.3)"}),
+        ("table_7_3", RETRIEVED),
     ):
         table = pd.read_csv(folder / f"{name}.csv").set_index(["scene", "N"])[list(columns)]
         parts.append(table.rename(columns=columns))

@@ -1,4 +1,4 @@
-"""Rows of the thesis's tables for one scene: pictures against pictures, seconds, sizes."""
+"""Rows of the thesis's tables for one scene: quality, seconds, sizes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 
 from lfcore.colour import display_values
 from lfcore.evaluation.metrics import psnr, ssim
-from lfcore.evaluation.tables import sizes
+from lfcore.evaluation.tables import TableError, sizes
+from lfcore.evaluation.true_picture.reference import Reference, inner_psnr, load_reference
 from lfcore.files import read_json
 from lfcore.optics.plane_pictures import load_stack
 
@@ -27,16 +28,24 @@ class Resolution:
     retrieve: str | Path | None = None
 
 
-def scene_records(scene: str, pixels: int, files: Sequence[Resolution]) -> dict[str, list[dict]]:
-    """Rows of tables 7.1, 7.2 and 7.3; the last of ``files`` is the reference of table 7.1."""
+def scene_records(
+    scene: str, pixels: int, files: Sequence[Resolution], truth: str | Path
+) -> dict[str, list[dict]]:
+    """Rows of tables 7.1, 7.2 and 7.3.
+
+    The last of ``files`` is the thesis's own reference of table 7.1; ``truth`` is a file of true
+    pictures of the same planes.  Raises :class:`TableError` where its planes are others.
+    """
     rows: dict[str, list[dict]] = {"table_7_1": [], "table_7_2": [], "table_7_3": []}
-    best = _codes(files[-1].on_the_fly)
+    best, true = _codes(files[-1].on_the_fly), load_reference(truth)
     for one in files:
         traced, pictures = read_json(one.trace), _codes(one.on_the_fly)
         context = {"scene": scene, "N": one.views, "M": pixels}
         context |= {key: traced[key] for key in ("triangles", "device", "threads")}
         rows["table_7_1"].append(
-            context | {"seconds": traced["seconds"]} | _quality(pictures, best)
+            context
+            | {"seconds": traced["seconds"], "psnr_true_db": _true_quality(one.on_the_fly, true)}
+            | _quality(pictures, best)
         )
         if one.store is None:
             continue
@@ -46,6 +55,7 @@ def scene_records(scene: str, pixels: int, files: Sequence[Resolution]) -> dict[
         context |= {key: stored[key] for key in ("device", "threads")}
         rows["table_7_2"].append(context | seconds | size)
         context |= {key: retrieved[key] for key in ("device", "threads", "seconds")}
+        context["psnr_true_db"] = _true_quality(one.from_video, true)
         rows["table_7_3"].append(context | _quality(_codes(one.from_video), pictures))
     # JSON knows no infinity: the quality of a picture against itself is null here.
     for row in rows["table_7_1"]:
@@ -65,3 +75,13 @@ def _quality(pictures: np.ndarray, references: np.ndarray) -> dict[str, float]:
         "psnr_db": float(np.mean([psnr(a, b, peak=255) for a, b in pairs])),
         "ssim": float(np.mean([ssim(a, b, peak=255) for a, b in pairs])),
     }
+
+
+def _true_quality(stack_file: str | Path, true: Reference) -> float:
+    """Average over the planes of PSNR in dB against the true pictures."""
+    pictures, planes = load_stack(stack_file)
+    if planes != true.planes:
+        raise TableError(
+            "shows other planes than the true pictures", file=stack_file, remedy="Make both again"
+        )
+    return float(np.mean([inner_psnr(*pair) for pair in zip(pictures, true.pictures, strict=True)]))

@@ -62,16 +62,16 @@ def test_a_run_is_taken_with_its_commit(results, tmp_path, monkeypatch):
     folder.mkdir()
     key = {"scene": ["bike"], "N": [16], "seconds": [0.123]}
     for name, more in (
-        ("table_7_1", {"psnr_db": [43.26], "ssim": [0.98765]}),
+        ("table_7_1", {"psnr_db": [43.26], "psnr_true_db": [32.81], "ssim": [0.98765]}),
         ("table_7_2", {"ratio_float32": [148.6]}),
-        ("table_7_3", {"psnr_db": [float("inf")], "ssim": [1.0]}),
+        ("table_7_3", {"psnr_db": [float("inf")], "psnr_true_db": [32.8], "ssim": [1.0]}),
     ):
         pd.DataFrame(key | more).to_csv(folder / f"{name}.csv", index=False)
     assert publish.main(["--check", "--take", "some", "--command", "make tables", str(folder)]) == 0
     result = publish.read_result(results / "some.csv")
     assert result.about["command"] == "make tables" and len(result.about["commit"]) >= 7
     assert result.rows.iloc[0].tolist() == [
-        "bike", "16", "0.1", "43.3", "0.9877", "0.1", "149", "0.1", "inf", "1.0000",
+        "bike", "16", "0.1", "43.3", "32.8", "0.9877", "0.1", "149", "0.1", "inf", "32.8", "1.0000",
     ]  # fmt: skip
 
 

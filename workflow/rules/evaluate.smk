@@ -3,6 +3,7 @@ MEASURED = {
     "scene": "results/{scene}/scene.npz",
     "on_the_fly": of_resolutions("planes/on_the_fly.npz"),
     "trace": of_resolutions("trace.json"),
+    "truth": "results/{scene}/analysis/truth_wide.npz",
 }
 TABLES = reports.thesis_tables(SETTINGS)
 if STORE:
@@ -21,7 +22,7 @@ rule evaluate:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(*sources.SCENE, *sources.TABLES),
+        sources=digest(*sources.READING, *sources.TABLES, "evaluation/true_picture/reference.py"),
         angular_resolutions=RESOLUTIONS,
         spatial_resolution=SETTINGS["spatial_resolution"],
     script:

@@ -1,8 +1,8 @@
 # Pictures against the true one: averaged over pixel and lens.
 TRUE_PICTURE = ANALYSIS["true_picture"]
 TRUTHS = {
-    "wide": "results/{scene}/analysis/truth.npz",
-    "stopped": "results/{scene}/analysis/truth_stopped_down.npz",
+    "wide": "results/{scene}/analysis/truth_wide.npz",
+    "stopped": "results/{scene}/analysis/truth_stopped.npz",
 }
 
 
@@ -12,16 +12,18 @@ rule truth:
         scene="results/{scene}/scene.npz",
         bvh="results/{scene}/bvh.npz",
     output:
-        **TRUTHS,
+        "results/{scene}/analysis/truth_{lens}.npz",
     log:
-        "logs/truth/{scene}.log",
+        "logs/truth/{scene}/{lens}.log",
+    wildcard_constraints:
+        lens="|".join(TRUTHS),
     conda:
         "../envs/lfcore.yaml"
     threads: 1
     params:
         sources=digest(*sources.READING, *sources.MEASURING, "evaluation/true_picture/reference.py"),
         counts=TRUE_PICTURE["truth"],
-        stops=TRUE_PICTURE["stops"],
+        stops=lambda wildcards: TRUE_PICTURE["stops"] if wildcards.lens == "stopped" else 0,
         planes=SETTINGS["planes"],
         pixels=SETTINGS["spatial_resolution"],
         device=SETTINGS["device"],

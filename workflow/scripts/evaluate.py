@@ -10,5 +10,6 @@ with job(snakemake.log[0], snakemake.threads):
     if "store" in given.keys():
         parts += [given.from_video, given.store, given.retrieve]
     files = map(Resolution, params.angular_resolutions, *parts)
-    records = scene_records(snakemake.wildcards.scene, params.spatial_resolution, list(files))
+    scene, pixels = snakemake.wildcards.scene, params.spatial_resolution
+    records = scene_records(scene, pixels, list(files), given.truth)
     write_json(snakemake.output[0], records)

@@ -1,4 +1,4 @@
-"""True pictures of a scene's planes, through the whole lens and stopped down."""
+"""True pictures of a scene's planes, through the whole lens or stopped down."""
 
 from dataclasses import replace
 
@@ -9,12 +9,13 @@ from lfcore.workflow.job import job, log_progress
 from lfcore.workflow.tracers import open_tracer
 
 with job(snakemake.log[0], snakemake.threads):
-    params, output = snakemake.params, snakemake.output
+    params = snakemake.params
     tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
     scene, closed = tracer.scene, 2 ** (params.stops / 2)
     planes = cases.sensor_planes(params.planes, scene.camera, scene.focus_distances_m)
-    stopped = [replace(plane, f_number=plane.f_number * closed) for plane in planes]
+    planes = [replace(plane, f_number=plane.f_number * closed) for plane in planes]
     counts = [RayCount(int(views), subpixels) for views, subpixels in params.counts]
-    for file, some in ((output.wide, planes), (output.stopped, stopped)):
-        told = log_progress("true pictures")
-        save_reference(file, true_pictures(tracer, some, params.pixels, counts, progress=told))
+    made = true_pictures(
+        tracer, planes, params.pixels, counts, progress=log_progress("true pictures")
+    )
+    save_reference(snakemake.output[0], made)

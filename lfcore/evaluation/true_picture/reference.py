@@ -24,7 +24,8 @@ class Reference:
     """True pictures of ``planes``: (P, M, M, 3) float32, linear light, and their own error.
 
     ``known_db`` is (P,): the PSNR at which the mean of two unlike lattices is known, from what
-    they disagree by.
+    they disagree by.  Held against rays that each count in their own pixel alone, it was right to
+    1.5 dB: docs/notebook/true-picture.md.
     """
 
     planes: list[SensorPlane]
@@ -70,9 +71,9 @@ def true_pictures(
         ]
         weights = [count.rays_a_pixel for count in counts]
         pictures.append(np.average(pair, axis=0, weights=weights).astype(np.float32))
-        # Independent errors of e1 and e2 are e1 + e2 apart in mean squares, their mean errs by
-        # a quarter of that where they are equal.
-        known.append(inner_psnr(*pair) + 20 * np.log10(2))
+        # Independent errors of e and e are 2 e apart in mean squares, and their mean errs by e / 2;
+        # what both spread alike is no disagreement, and was found to be as much again.
+        known.append(inner_psnr(*pair) + 10 * np.log10(2))
         if progress:
             progress(number + 1, len(planes))
     return Reference(list(planes), np.stack(pictures), np.array(known))
