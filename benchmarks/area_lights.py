@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 
 from lfcore.optics.bundles import Bundles
+from lfcore.oracle import area_lights as closed_forms
 from lfcore.scene.pbrt import build_pbrt_scene
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
@@ -41,32 +42,10 @@ WorldEnd
 """
 
 
-def sphere(x: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Irradiance over radiance, as of the others: that of a point in the middle."""
-    return np.pi * 0.25 / (x**2 + z**2 + 1) ** 1.5
-
-
-def disk(x: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Foote, "Illumination from circular disk sources", 1915."""
-    s, r = x**2 + z**2, 0.25
-    return np.pi / 2 * (1 - (s + 1 - r) / np.sqrt((s + 1 + r) ** 2 - 4 * s * r))
-
-
-def square(x: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Lambert's formula over the four sides."""
-    corners = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
-    rays = np.stack([np.stack([a - x, np.ones_like(x), b - z], -1) for a, b in corners])
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    after = np.roll(rays, -1, axis=0)
-    normal = np.cross(rays, after)
-    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    return np.abs((np.arccos((rays * after).sum(-1)) * normal[..., 1]).sum(0)) / 2
-
-
 EMITTERS = {
-    "sphere": ('Shape "sphere" "float radius" 0.5', sphere),
-    "disk": ('Rotate 90 1 0 0 Shape "disk" "float radius" 0.5', disk),
-    "square": (QUAD.format("-.5 0 -.5  .5 0 -.5  .5 0 .5  -.5 0 .5"), square),
+    "sphere": ('Shape "sphere" "float radius" 0.5', closed_forms.sphere),
+    "disk": ('Rotate 90 1 0 0 Shape "disk" "float radius" 0.5', closed_forms.disk),
+    "square": (QUAD.format("-.5 0 -.5  .5 0 -.5  .5 0 .5  -.5 0 .5"), closed_forms.square),
 }
 
 

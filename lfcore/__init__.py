@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from lfcore.optics.slab import Slab
     from lfcore.pictures import write_picture
     from lfcore.refocus.array.stored import store_array
-    from lfcore.scene.model import Light, Scene
+    from lfcore.scene.appearance import Light
+    from lfcore.scene.model import Scene
     from lfcore.scene.parts import Surface
     from lfcore.storage.codecs import CodecSpec
     from lfcore.tracing.tracer import Tracer
@@ -58,7 +59,8 @@ _HOMES = {
     "optics.slab": ("Slab",),
     "pictures": ("write_picture",),
     "refocus.array.stored": ("store_array",),
-    "scene.model": ("Light", "Scene"),
+    "scene.appearance": ("Light",),
+    "scene.model": ("Scene",),
     "scene.parts": ("Surface",),
     "storage.codecs": ("CodecSpec",),
     "tracing.tracer": ("Tracer",),

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from lfcore.scene.model import DIRECTIONAL, Scene
+from lfcore.scene.appearance import DIRECTIONAL
+from lfcore.scene.model import Scene
 from robustness.outcome import SilentlyWrong
 
 LARGEST = float(np.finfo(np.float32).max)

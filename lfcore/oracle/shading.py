@@ -18,7 +18,8 @@ import numpy as np
 
 from lfcore.oracle.colour import srgb_decode
 from lfcore.oracle.intersect import Hits, closest_hits, occluded
-from lfcore.scene.model import POINT, Light, Scene
+from lfcore.scene.appearance import POINT, Light
+from lfcore.scene.model import Scene
 
 # An occluder nearer than this share of the way touches the point: another triangle there.
 TOUCHING = 1e-9

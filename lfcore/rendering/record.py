@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -91,15 +92,16 @@ def record_tile(
     tracer: Tracer,
     slab: Slab,
     tile: Tile,
-    segment: Path,
+    segment: str | Path,
     spec: CodecSpec,
     planes: Sequence[SensorPlane] = (),
     *,
     progress: Callable[[int, int], None] | None = None,
-) -> TileTracing:
+) -> tuple[TileTracing, float]:
     """Trace one tile into the file ``segment``; frames are encoded as they come.
 
-    Returns the tracing, which has ended: its seconds, and what it added to ``planes``.
+    Returns the tracing, which has ended (its seconds, and what it added to ``planes``), and the
+    wall seconds that encoding took beyond it.
 
     On a device beside the CPU the next frames are traced meanwhile; on the CPU itself that would
     only take the encoder's core from it.
@@ -108,10 +110,11 @@ def record_tile(
     frames: Iterator[np.ndarray] = (chunk.frames for chunk in tracing)
     if not tracer.device.is_cpu:
         frames = _copied_ahead(tracing)
+    begun = time.perf_counter()
     with SegmentWriter(segment, spec, layout.frame_width, layout.frame_height) as writer:
         for some in frames:
             writer.write(some)
-    return tracing
+    return tracing, time.perf_counter() - begun - tracing.seconds
 
 
 class _Stopped(Exception):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lfcore.scene.model import Material
+from lfcore.scene.appearance import Material
 from lfcore.scene.parts import Part, Surface, normalise, stack
 
 # Depth is a quotient of products of three lengths, n . P with n the cross product of two edges:

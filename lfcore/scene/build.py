@@ -12,6 +12,7 @@ import numpy as np
 from lfcore.errors import OpticsError, SceneError
 from lfcore.optics.camera import check_focus
 from lfcore.scene import framing, procedural
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import assemble
 from lfcore.scene.colour import parse_colour
 from lfcore.scene.description import check, complete, read_description
@@ -19,7 +20,7 @@ from lfcore.scene.emitters import POINTS
 from lfcore.scene.gltf import SUFFIXES
 from lfcore.scene.limits import within_limits
 from lfcore.scene.meshes import load_mesh, read_texture
-from lfcore.scene.model import DIRECTIONAL, POINT, Light, Scene
+from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import Notebook
 from lfcore.scene.parts import Part, transform_all

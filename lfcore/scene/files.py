@@ -16,7 +16,8 @@ import numpy as np
 from lfcore.errors import SceneError
 from lfcore.files import whole_file
 from lfcore.optics.camera import Camera
-from lfcore.scene.model import Light, Material, Motion, Scene
+from lfcore.scene.appearance import Light, Material
+from lfcore.scene.model import Motion, Scene
 from lfcore.scene.needs import Needs
 from lfcore.scene.notes import Note
 from lfcore.scene.view import View

@@ -14,8 +14,8 @@ import numpy as np
 
 from lfcore.errors import OpticsError, SceneError
 from lfcore.optics.camera import Camera
+from lfcore.scene.appearance import DIRECTIONAL, Light
 from lfcore.scene.gltf import FoundCamera
-from lfcore.scene.model import DIRECTIONAL, Light
 from lfcore.scene.parts import Part
 from lfcore.scene.transforms import look_at, pose_from_matrix, rigid_to_camera
 

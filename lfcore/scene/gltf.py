@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.scene.model import DIRECTIONAL, POINT, Light
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.parts import normalise
 from lfcore.scene.reading import LARGEST_MESH, read_bytes

@@ -14,8 +14,9 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.optics.camera import Camera
+from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.assemble import LARGEST_COORDINATE
-from lfcore.scene.model import POINT, Light, Scene
+from lfcore.scene.model import Scene
 
 BRIGHTEST = 1e12
 """Of colours: of lights, of materials, of what is around the scene."""

@@ -15,7 +15,8 @@ import numpy as np
 from lfcore.colour import srgb_decode
 from lfcore.errors import SceneError
 from lfcore.optics.camera import Camera
-from lfcore.scene.model import POINT, Scene
+from lfcore.scene.appearance import POINT
+from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 
 

@@ -8,62 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lfcore.errors import SceneError
 from lfcore.optics.camera import Camera
+from lfcore.scene.appearance import Light, Material
+from lfcore.scene.assemble import assemble
+from lfcore.scene.colour import parse_colour
 from lfcore.scene.notes import Note, summary
+from lfcore.scene.parts import Part, Surface
 from lfcore.scene.view import View
-
-if TYPE_CHECKING:
-    from lfcore.scene.parts import Surface
-
-POINT, DIRECTIONAL = 0, 1
-
-
-@dataclass(frozen=True)
-class Material:
-    """Blinn-Phong reflectance, all colours linear RGB in [0, 1].
-
-    ``texture`` indexes :attr:`Scene.textures` (-1: none) and multiplies ``diffuse``.
-    ``emission`` is added whatever the light: a lamp shade, a screen, test charts.
-    """
-
-    name: str
-    diffuse: tuple[float, float, float] = (0.8, 0.8, 0.8)
-    specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    shininess: float = 32.0
-    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    texture: int = -1
-
-
-@dataclass(frozen=True)
-class Light:
-    """A point or directional light in camera space.
-
-    ``vector`` is the position in metres (:data:`POINT`) or the unit direction *towards* the
-    light (:data:`DIRECTIONAL`).  ``colour`` is linear RGB: for a point light the irradiance at
-    ``reference_distance_m`` (inverse-square fall-off; 0 means no fall-off), for a directional
-    light the irradiance everywhere.
-
-    A point light may be a point of a surface that glows: with a ``normal`` (unit, camera space;
-    zero: shines to all sides) it gives the cosine to it times as much, and nothing behind.  The
-    triangles ``own``, from the first to before the second number, never shadow it.
-    """
-
-    kind: int
-    vector: tuple[float, float, float]
-    colour: tuple[float, float, float]
-    reference_distance_m: float = 0.0
-    casts_shadows: bool = True
-    normal: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    own: tuple[int, int] = (0, 0)
-
-    @property
-    def is_of_emitter(self) -> bool:
-        return any(self.normal) or self.own[0] < self.own[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,12 +124,39 @@ class Scene:
         ------
         SceneError : arrays of other shapes, or no triangle that can be traced.
         """
-        from lfcore.scene.arrays import scene_from_triangles
+        # Seldom needed, and what reads scene files is slow to import.
+        from lfcore.scene import framing
+        from lfcore.scene.description import complete
 
-        return scene_from_triangles(
-            triangles, normals=normals, uvs=uvs, colours=colours, surface=surface, camera=camera,
-            lights=lights, ambient=ambient, background=background, name=name,
-        )  # fmt: skip
+        corners = _checked("triangles", triangles, None, 3)
+        if not len(corners):
+            raise SceneError("the scene is empty: no triangles were given", key="triangles")
+        part = Part(
+            corners,
+            surface or Surface(),
+            _checked("normals", normals, len(corners), 3) if normals is not None else None,
+            _checked("uvs", uvs, len(corners), 2) if uvs is not None else None,
+            _checked("colours", colours, len(corners), 3) if colours is not None else None,
+        )
+        defaults = complete({"objects": []})
+        to_camera = np.eye(4)
+        if camera is None:
+            camera, to_camera = framing.place_camera(defaults["camera"], [part], file=name)
+        geometry = assemble([part], to_camera)
+        if not len(geometry.triangles):
+            raise SceneError(
+                f"the scene is empty: every triangle was dropped ({geometry.dropped})",
+                key="triangles",
+            )
+        return cls(
+            name=name,
+            camera=camera,
+            lights=framing.default_lights() if lights is None else list(lights),
+            ambient=parse_colour(defaults["ambient"]) if ambient is None else ambient,
+            background=parse_colour(defaults["background"]) if background is None else background,
+            focus_distances_m=framing.default_focus_distances(camera, geometry.triangles),
+            **vars(geometry),
+        )
 
     @property
     def triangle_count(self) -> int:
@@ -182,3 +165,14 @@ class Scene:
     def summary(self) -> str:
         """The notes as text, one a line, what is missing first."""
         return summary(self.notes)
+
+
+def _checked(key: str, values: ArrayLike, count: int | None, width: int) -> np.ndarray:
+    try:
+        array = np.asarray(values, np.float64)
+    except (TypeError, ValueError) as error:
+        raise SceneError(f"are no array of numbers: {error}", key=key) from None
+    expected = (len(array) if count is None and array.ndim else count, 3, width)
+    if array.shape != expected:
+        raise SceneError(f"must be ({count or 'T'}, 3, {width}), not {array.shape}", key=key)
+    return array

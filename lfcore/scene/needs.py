@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, fields
 
-from lfcore.scene.model import DIRECTIONAL, POINT, Scene
+from lfcore.scene.appearance import DIRECTIONAL, POINT
+from lfcore.scene.model import Scene
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,8 @@ from lfcore.errors import SceneError
 from lfcore.files import write_text
 from lfcore.optics.camera import Camera
 from lfcore.pictures import write_picture
-from lfcore.scene.model import POINT, Scene
+from lfcore.scene.appearance import POINT
+from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 
 FILE = "scene.pov"

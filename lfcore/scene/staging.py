@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.gltf import SUFFIXES, Document, FoundCamera
-from lfcore.scene.model import POINT, Light
 from lfcore.scene.notes import NOT_USED, Notebook
 from lfcore.scene.parts import normalise
 from lfcore.scene.transforms import parse_transform

@@ -20,7 +20,8 @@ from dataclasses import replace
 import numpy as np
 
 from lfcore.optics.camera import Camera
-from lfcore.scene.model import POINT, Light, Scene
+from lfcore.scene.appearance import POINT, Light
+from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.bvh_wide import FAR, UNUSED
 

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.colour import srgb_decode
+from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.limits import within_limits
-from lfcore.scene.model import POINT, Light, Scene
+from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 
 MIP_LEVELS = 12

@@ -13,7 +13,8 @@ from lfcore.evaluation.left_out.bench import COLUMNS, LeftOutError, check_identi
 from lfcore.evaluation.left_out.features import FEATURES, full_needs
 from lfcore.evaluation.stability.subject import bare_scene
 from lfcore.opencl.device import open_device
-from lfcore.scene.model import DIRECTIONAL, Light, Material, Scene
+from lfcore.scene.appearance import DIRECTIONAL, Light, Material
+from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.surfaces import pack_surfaces

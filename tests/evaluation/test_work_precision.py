@@ -27,7 +27,7 @@ from lfcore.opencl.device import open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import trace_picture
-from lfcore.scene.model import POINT, Light, Material
+from lfcore.scene.appearance import POINT, Light, Material
 from lfcore.storage.defaults import default_spec
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer

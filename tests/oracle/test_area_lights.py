@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from lfcore.optics.bundles import Bundles
+from lfcore.oracle.area_lights import disk, sphere, square
 from lfcore.scene.pbrt import build_pbrt_scene
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
@@ -27,33 +28,10 @@ WorldEnd
 """
 SPHERE = 'Translate 0 1 0 Shape "sphere" "float radius" 0.5'
 DISK = 'Translate 0 1 0 Rotate 90 1 0 0 Shape "disk" "float radius" 0.5'
-QUAD = FLOOR.format("-.5 1 -.5  .5 1 -.5  .5 1 .5  -.5 1 .5")
+SQUARE = FLOOR.format("-.5 1 -.5  .5 1 -.5  .5 1 .5  -.5 1 .5")
 
 
-def sphere(x, z):
-    return np.pi * 0.25 / (x**2 + z**2 + 1) ** 1.5
-
-
-def disk(x, z):
-    """Foote, "Illumination from circular disk sources", 1915."""
-    s, r = x**2 + z**2, 0.25
-    return np.pi / 2 * (1 - (s + 1 - r) / np.sqrt((s + 1 + r) ** 2 - 4 * s * r))
-
-
-def quad(x, z):
-    """Lambert's formula over the four sides."""
-    rays = np.stack([
-        np.stack([a - x, np.ones_like(x), b - z], -1)
-        for a, b in ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
-    ])  # fmt: skip
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    after = np.roll(rays, -1, axis=0)
-    normal = np.cross(rays, after)
-    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    return np.abs((np.arccos((rays * after).sum(-1)) * normal[..., 1]).sum(0)) / 2
-
-
-@pytest.mark.parametrize("emitter, closed", [(SPHERE, sphere), (DISK, disk), (QUAD, quad)])
+@pytest.mark.parametrize("emitter, closed", [(SPHERE, sphere), (DISK, disk), (SQUARE, square)])
 def test_a_floor_is_lit_to_two_percent(tmp_path, emitter, closed):
     path = tmp_path / "scene.pbrt"
     path.write_text(SCENE.format(ground=GROUND, emitter=emitter))

@@ -5,7 +5,7 @@ import pytest
 from plain_scenes import scene, wall
 
 from lfcore.oracle.shading import bilinear, radiance
-from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 
 AXIS = np.float32([[0.3, 0.2, 0]]), np.float32([[0, 0, 1]])
 

@@ -10,7 +10,7 @@ from lfcore.evaluation.stability.subject import CAMERA, bare_scene, tracer_subje
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, slab_hits, trace
-from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 
 CENTRE = np.array([0.13, 0.07, 2.2])
 BALL = sphere(10, 16, 0.5, CENTRE)

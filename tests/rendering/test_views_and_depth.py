@@ -12,7 +12,8 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 from lfcore.pictures import write_picture
 from lfcore.rendering import depth as depths
-from lfcore.scene.model import Material, Scene
+from lfcore.scene.appearance import Material
+from lfcore.scene.model import Scene
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfcore.errors import SceneError
+from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.build import build_scene
 from lfcore.scene.framing import default_focus_distances
-from lfcore.scene.model import DIRECTIONAL, POINT
 from lfcore.scene.transforms import chain, look_at, rotate, scale, translate
 
 

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from lfcore.oracle.shading import arriving
+from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.emitters import POINTS, emitter_points
-from lfcore.scene.model import POINT, Light
 
 CORNERS = np.array([[-0.5, -0.5, 0], [-0.5, 0.5, 0], [0.5, 0.5, 0], [0.5, -0.5, 0]])
 SQUARE = CORNERS[[[0, 1, 2], [0, 2, 3]]]  # of side 1, facing -z

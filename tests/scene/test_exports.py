@@ -17,9 +17,10 @@ from lfcore.evaluation.metrics import psnr
 from lfcore.evaluation.renderers import mitsuba, povray, spread_picture
 from lfcore.opencl.device import open_device
 from lfcore.optics.planes import SensorPlane
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.scene.build import build_scene
 from lfcore.scene.mitsuba import Description
-from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material, Motion
+from lfcore.scene.model import Motion
 from lfcore.scene.povray import write_povray
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer

@@ -10,8 +10,9 @@ import pytest
 
 from lfcore.errors import SceneError
 from lfcore.optics.camera import Camera
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.scene.files import load_scene, read_header, save_scene
-from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material, Scene
+from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 
 

@@ -13,10 +13,10 @@ from PIL import Image
 from trimesh.visual.material import PBRMaterial
 
 from lfcore.errors import SceneError
+from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.build import build_scene
 from lfcore.scene.gltf import Document
 from lfcore.scene.meshes import load_mesh
-from lfcore.scene.model import DIRECTIONAL, POINT
 from lfcore.scene.notes import Notebook
 
 UV = [[0, 0], [1, 0], [1, 1], [0, 1]]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from lfcore.errors import SceneError
+from lfcore.scene.appearance import Light
 from lfcore.scene.build import build_scene
-from lfcore.scene.model import Light
 from lfcore.scene.needs import Needs
 from lfcore.tracing.surfaces import pack_surfaces
 

@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 from lfcore.errors import SceneError
-from lfcore.scene.model import DIRECTIONAL, POINT
+from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.motion import scene_at
 from lfcore.scene.pbrt import build_pbrt_scene
 

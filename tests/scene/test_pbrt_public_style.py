@@ -12,7 +12,7 @@ import pytest
 from lfcore.cli import main
 from lfcore.errors import SceneError
 from lfcore.exr import read_exr_picture
-from lfcore.scene.model import DIRECTIONAL, POINT
+from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.pbrt import build_pbrt_scene
 
 LISTED = {

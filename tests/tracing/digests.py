@@ -25,7 +25,8 @@ from lfcore.opencl.device import Device, open_device
 from lfcore.optics import bundles
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material, Scene
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
+from lfcore.scene.model import Scene
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer

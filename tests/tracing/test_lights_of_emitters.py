@@ -10,7 +10,7 @@ from tracing_scenes import CAMERA, scene, soup
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, trace
-from lfcore.scene.model import POINT, Light, Material
+from lfcore.scene.appearance import POINT, Light, Material
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.reach import lean
 from lfcore.tracing.tracer import Tracer

@@ -10,7 +10,7 @@ from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.oracle.shading import radiance
 from lfcore.oracle.slab import slab_hits
-from lfcore.scene.model import POINT, Light
+from lfcore.scene.appearance import POINT, Light
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 

@@ -12,7 +12,7 @@ from lfcore.opencl.device import open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, slab_hits
-from lfcore.scene.model import DIRECTIONAL, POINT, Light
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing import reach
 from lfcore.tracing.bvh import build_bvh

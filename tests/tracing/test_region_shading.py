@@ -9,7 +9,7 @@ from tracing_scenes import CAMERA, scene, soup, unit
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.oracle.shading import radiance
-from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 

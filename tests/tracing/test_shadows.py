@@ -10,7 +10,7 @@ from lfcore.optics.plane_sums import total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, trace
-from lfcore.scene.model import DIRECTIONAL, POINT, Light
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer

@@ -11,7 +11,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.oracle import colour as truth
 from lfcore.oracle.slab import all_pixels, slab_hits, trace
-from lfcore.scene.model import Material
+from lfcore.scene.appearance import Material
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer

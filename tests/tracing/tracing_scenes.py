@@ -7,7 +7,7 @@ import numpy as np
 import plain_scenes
 import trimesh
 
-from lfcore.scene.model import POINT, Light, Material
+from lfcore.scene.appearance import POINT, Light, Material
 
 CAMERA = dataclasses.replace(plain_scenes.CAMERA, f_number=1.0)
 

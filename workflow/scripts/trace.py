@@ -2,36 +2,34 @@
 
 from lfcore.evaluation.timing import Stopwatch, machine
 from lfcore.files import write_json
-from lfcore.opencl.device import open_device
 from lfcore.optics.slab import Slab
 from lfcore.rendering.depth import depth_range
-from lfcore.scene.files import load_scene
-from lfcore.tracing import reach
-from lfcore.tracing.bvh import load_bvh
-from lfcore.tracing.tracer import Tracer
+from lfcore.rendering.direct import finished
 from lfcore.workflow import cases
 from lfcore.workflow.job import job, log_progress
-from lfcore.workflow.tile import trace_and_encode
+from lfcore.workflow.tracers import open_tracer
 
 with job(snakemake.log[0], snakemake.threads):
     watch, params, output = Stopwatch(), snakemake.params, snakemake.output
     with watch.part("set_up"):
-        scene = load_scene(snakemake.input.scene)
-        device = open_device(params.device or None, threads=snakemake.threads)
-        # What these rays and their shadows cannot meet is not sent to the device.
-        tracer = Tracer(*reach.lean(scene, load_bvh(snakemake.input.bvh), scene.camera), device)
+        tracer = open_tracer(snakemake.input, params.device, snakemake.threads, lean=True)
+        scene, device = tracer.scene, tracer.device
         slab = Slab(scene.camera, int(snakemake.wildcards.n), params.spatial_resolution)
         tile = cases.tiles(params, slab.views)[int(snakemake.wildcards.tile)]
         planes = cases.sensor_planes(params.planes, scene.camera, scene.focus_distances_m)
-        tracing = tracer.trace_tile(
-            slab, tile, planes, frames=params.store, progress=log_progress("elements")
-        )
-    segment = output.segment if params.store else None
-    seconds = trace_and_encode(tracing, tile, segment, cases.codec_spec(params, slab.views))
+    progress, spec = log_progress("elements"), cases.codec_spec(params, slab.views)
+    if params.store:
+        from lfcore.rendering.record import record_tile  # loads the codecs
+
+        asked = tracer, slab, tile, output.segment, spec, planes
+        tracing, encode = record_tile(*asked, progress=progress)
+    else:
+        tracing = finished(tracer.trace_tile(slab, tile, planes, frames=False, progress=progress))
+        encode = 0.0
     tracing.plane_sums.save(output.planes)
-    seconds |= watch.seconds
     facts = {"rays": tracing.rays, "device": device.name, "threads": device.threads}
-    facts |= {"processor": machine()["processor"], "seconds": seconds}
+    facts["seconds"] = {"trace": tracing.seconds, "encode": encode, **watch.seconds}
+    facts["processor"] = machine()["processor"]
     if params.store and tile.index == 0:  # of the whole slab, once
         facts["depth_m"] = depth_range(tracer, slab)
     write_json(output.seconds, facts)

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lfcore.scene.model import DIRECTIONAL, Light, Scene
+from lfcore.scene.appearance import DIRECTIONAL, Light
+from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 
 NO_LIGHT = 1e-30

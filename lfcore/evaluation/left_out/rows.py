@@ -15,7 +15,8 @@ from lfcore.evaluation.left_out.packages import packages
 from lfcore.evaluation.left_out.stages import stages
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.scene.model import DIRECTIONAL, Light, Scene
+from lfcore.scene.appearance import DIRECTIONAL, Light
+from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing import reach
 from lfcore.tracing.bvh import Bvh

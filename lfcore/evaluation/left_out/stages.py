@@ -41,7 +41,7 @@ def _store(bench: Bench, tracer: Tracer, planes, file: Path):
     layout = FrameLayout("macropixels", slab.views, slab.pixels, pixel_format=spec.pixel_format)
     tile = layout.tile(0, 0, slab.pixels, slab.pixels)
     segment = file.with_name("0.mp4")
-    tracing = record_tile(tracer, slab, tile, segment, spec, planes)
+    tracing, _ = record_tile(tracer, slab, tile, segment, spec, planes)
     about = {"name": bench.scene.name, "digest": "0" * 64}
     join_segments(file, [segment], [tile], layout, geometry=slab, scene=about, spec=spec)
     return tracing.plane_sums.sums

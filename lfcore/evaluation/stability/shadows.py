@@ -18,7 +18,7 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, slab_hits, slab_rays, trace
-from lfcore.scene.model import DIRECTIONAL, POINT, Light, Material
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 
 PIXELS = 32
 WHITE = [Material("white", diffuse=(1.0, 1.0, 1.0))]

@@ -14,8 +14,9 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import trace_planes
+from lfcore.scene.appearance import Material
 from lfcore.scene.assemble import sound
-from lfcore.scene.model import Material, Scene
+from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 

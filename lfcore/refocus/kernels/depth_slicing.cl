@@ -96,23 +96,35 @@ inline int layer_of(float sweep, constant const float *bounds)
 }
 
 // Add the rays of one row of a view.
-inline void add_row(const Strip *s, int strip_rows, Plane p, Cell cell, float y, int size, float least, constant const float *bounds,
-                    global const float *light, global const float *depth)
+inline void add_row(const Strip *s,
+                    int strip_rows,
+                    Plane p,
+                    Cell cell,
+                    float y,
+                    int size,
+                    float least,
+                    constant const float *bounds,
+                    global const float *light,
+                    global const float *depth)
 {
     for (int u = 0; u < size; ++u) {
         const float moves = (p.delta - 1.0f / depth[u]) * p.scale;
-        const float half_x = 0.5f * max(fabs(moves) * cell.side_x, least), half_y = 0.5f * max(fabs(moves) * cell.side_y, least);
+        const float half_x = 0.5f * max(fabs(moves) * cell.side_x, least);
+        const float half_y = 0.5f * max(fabs(moves) * cell.side_y, least);
         const float x = fma((float)u, p.step, cell.x) + cell.off_x * moves, at_y = y + cell.off_y * moves;
         // Whatever lies far outside is clamped there: integers must hold it.
         const float far = 4.0f * s->width;
-        const int4 box = convert_int4_rte(clamp((float4)(x - half_x, at_y - half_y, x + half_x, at_y + half_y), -far, far + far) * (float)STEPS);
-        if (floor_pixel(box.w - 1) < s->top || floor_pixel(box.y) >= s->top + s->rows || box.z <= 0 || box.x >= s->width * STEPS) continue;
+        const float4 sides = (float4)(x - half_x, at_y - half_y, x + half_x, at_y + half_y);
+        const int4 box = convert_int4_rte(clamp(sides, -far, far + far) * (float)STEPS);
+        if (floor_pixel(box.w - 1) < s->top || floor_pixel(box.y) >= s->top + s->rows) continue;
+        if (box.z <= 0 || box.x >= s->width * STEPS) continue;
         const int wide = box.z - box.x, tall = box.w - box.y;
         if (wide <= 0 || tall <= 0) continue;
         const float weight = cell.share * ONE / ((float)wide * (float)tall);
         const float3 seen = clamp(vload3(u, light), 0.0f, 1.0f);
         const long4 colour = convert_long4_rte((float4)(seen * weight, weight));
-        const int spans = (floor_pixel(box.z - 1) - floor_pixel(box.x) + 1) * (floor_pixel(box.w - 1) - floor_pixel(box.y) + 1);
+        const int columns = floor_pixel(box.z - 1) - floor_pixel(box.x) + 1;
+        const int spans = columns * (floor_pixel(box.w - 1) - floor_pixel(box.y) + 1);
         const ulong layer = layer_of(moves * p.pitch, bounds) * layer_size(s, strip_rows);
         if (spans <= FEW_PIXELS) add_few(s, s->sums + layer, box, colour);
         else add_edges(s, s->edges + layer, box, colour);
@@ -127,19 +139,20 @@ inline int reaches(const Strip *s, Plane p, Cell cell, float y, float least, flo
     return y + reach >= s->top && y - reach <= s->top + s->rows;
 }
 
-kernel __attribute__((reqd_work_group_size(1, 1, 1))) void add_rays(global const float *restrict light,    // (views, size, size, 3)
-                     global const float *restrict depth,    // (views, size, size), metres
-                     global const float2 *restrict ranges,  // (views, size) least and most depth of a row
-                     global const Cell *restrict cells,     // (planes, views)
-                     global const Plane *restrict planes,
-                     constant float *restrict bounds,
-                     const int n_views,
-                     const int size,
-                     const float least,                     // side of a box, pixels
-                     const int strip_rows,
-                     const int pixels,
-                     global long4 *restrict sums,
-                     global long4 *restrict edges)
+kernel __attribute__((reqd_work_group_size(1, 1, 1)))
+void add_rays(global const float *restrict light,    // (views, size, size, 3)
+              global const float *restrict depth,    // (views, size, size), metres
+              global const float2 *restrict ranges,  // (views, size) least and most depth of a row
+              global const Cell *restrict cells,     // (planes, views)
+              global const Plane *restrict planes,
+              constant float *restrict bounds,
+              const int n_views,
+              const int size,
+              const float least,                     // side of a box, pixels
+              const int strip_rows,
+              const int pixels,
+              global long4 *restrict sums,
+              global long4 *restrict edges)
 {
     const int plane = get_global_id(1);
     const Strip s = make_strip(sums, edges, plane, get_global_id(0), strip_rows, pixels);

@@ -17,7 +17,10 @@
         (T)(5.182544125e+05f)), x, (T)(3.634786102e+04f)), x, (T)(-2.369988653e+03f))
 // Below 0 the line goes on, and is cut off last; TOP is where the polynomial reaches one, 7e-7 below 1.
 #define TOP 0.9999993f
-#define LINEAR(T, x) max(fma(min(x, (T)(KNEE)), (T)(FIXED_ONE / 12.92f), POWER(T, clamp(x, (T)(KNEE), (T)(TOP)))), (T)(0.0f))
+#define LINEAR(T, x)                                          \
+    max(fma(min(x, (T)(KNEE)), (T)(FIXED_ONE / 12.92f),       \
+            POWER(T, clamp(x, (T)(KNEE), (T)(TOP)))),         \
+        (T)(0.0f))
 
 // By way of signed numbers, into which every processor converts in one instruction.
 inline vu linear_row(vf x) { return AS_VU(TO_VI(LINEAR(vf, x))); }
@@ -28,10 +31,12 @@ inline uint linear_light(float x) { return convert_int(LINEAR(float, x)); }
 #define TO_RGB(T, first, second, third, r, g, b) \
     const T r = (third) * (1.0f / 255.0f), g = (first) * (1.0f / 255.0f), b = (second) * (1.0f / 255.0f)
 #else
-#define TO_RGB(T, first, second, third, r, g, b)                                                          \
-    const T luma = fma((first), (T)(1.0f / 219.0f), (T)(-16.0f / 219.0f)), cb = (second) - 128.0f, cr = (third) - 128.0f;    \
-    const T r = fma(cr, (T)(1.5748f / 224.0f), luma), b = fma(cb, (T)(1.8556f / 224.0f), luma);           \
-    const T g = fma(cr, (T)(-0.2126f * 1.5748f / 0.7152f / 224.0f), fma(cb, (T)(-0.0722f * 1.8556f / 0.7152f / 224.0f), luma))
+#define TO_RGB(T, first, second, third, r, g, b)                                                \
+    const T luma = fma((first), (T)(1.0f / 219.0f), (T)(-16.0f / 219.0f));                      \
+    const T cb = (second) - 128.0f, cr = (third) - 128.0f;                                      \
+    const T r = fma(cr, (T)(1.5748f / 224.0f), luma), b = fma(cb, (T)(1.8556f / 224.0f), luma); \
+    const T g = fma(cr, (T)(-0.2126f * 1.5748f / 0.7152f / 224.0f),                             \
+                    fma(cb, (T)(-0.0722f * 1.8556f / 0.7152f / 224.0f), luma))
 #endif
 
 #endif

@@ -1,6 +1,7 @@
 // Shift-sum refocusing: views are unpacked to fixed-point light, then every output pixel gathers one
 // sample of each view (equation 6.1).  A row of the picture reads rows of views, LANES pixels at a
-// time, for one plane after another, so rows stay in the cache; sums are integers, the same in whatever order views come.
+// time, for one plane after another, so rows stay in the cache; sums are integers, the same in
+// whatever order views come.
 //
 // MAGNIFIED: source pixels come from tables instead of one shift a view.  BILINEAR: four taps, not one.
 // Of unpack_views: BITS, CHROMA, RGB, VIEWS as in slicing.cl.
@@ -32,7 +33,8 @@ kernel void unpack_views(global const sample *restrict frames,
                          const int count,                      // K
                          global uint *restrict views)
 {
-    const ulong frame_samples = (ulong)frame_width * frame_height + 2 * (ulong)(frame_width / CHROMA) * (frame_height / CHROMA);
+    const ulong chroma = (ulong)(frame_width / CHROMA) * (frame_height / CHROMA);
+    const ulong frame_samples = (ulong)frame_width * frame_height + 2 * chroma;
     const ulong plane = (ulong)width * height;
 #if VIEWS
     const int x = get_global_id(0), y = get_global_id(1), k = get_global_id(2);
@@ -44,7 +46,8 @@ kernel void unpack_views(global const sample *restrict frames,
     const int4 place = places[y * width + x];
     const int2 at = (int2)(place.y, place.z) + samples[k];
 #endif
-    unpack(frames + place.x * frame_samples, frame_width, frame_height, at.x, at.y, views + k * 3 * plane + (ulong)y * width + x, plane);
+    global uint *out = views + k * 3 * plane + (ulong)y * width + x;
+    unpack(frames + place.x * frame_samples, frame_width, frame_height, at.x, at.y, out, plane);
 }
 #endif
 

@@ -207,8 +207,10 @@ void form_planes(global const sample *restrict frames,
                  global const int *restrict ends,
                  global ulong4 *restrict sums)
 {
-    const Strips strips = {n_planes, region.s5, region.s0, region.s1, region.s2, region.s3, region.s4, inner, plane_info, pointers, runs,
-                           masks, kinds, ends, sums + get_global_id(0) * (ulong)n_planes * region.s2 * region.s3};
+    const ulong own = get_global_id(0) * (ulong)n_planes * region.s2 * region.s3;
+    const Strips strips = {n_planes, region.s5, region.s0, region.s1, region.s2, region.s3,
+                           region.s4, inner, plane_info, pointers, runs, masks, kinds, ends,
+                           sums + own};
     global uint4 *table = (global uint4 *)(scratch + get_global_id(0) * (ulong)scratch_words);
     const int pitch = PITCH(inner);
     for (int k = 0; k < pitch; ++k) table[k] = 0;
@@ -220,7 +222,8 @@ void form_planes(global const sample *restrict frames,
             for (int element = group; element < min(group + GROUP, n_elements); ++element) {
                 const int4 place = places[element];
                 global const sample *frame = frames + place.x * (pixels + 2 * small);
-                const Macropixel macropixel = {frame, frame + pixels, frame + pixels + small, frame_width, place.y, place.z};
+                const Macropixel macropixel = {frame, frame + pixels, frame + pixels + small,
+                                               frame_width, place.y, place.z};
                 add_macropixel(&strips, &macropixel, strip, place.w & 0xffff, place.w >> 16, table);
             }
 }

@@ -11,7 +11,14 @@ inline vf load_row(global const sample *at, int step, int count)
 }
 
 // Decode a block to linear colours (3, BLOCK_RAYS); rays beyond columns and rows repeat the last.
-inline void load_block(global const sample *frame, int width, int height, int x0, int y0, int columns, int rows, global float *colours)
+inline void load_block(global const sample *frame,
+                       int width,
+                       int height,
+                       int x0,
+                       int y0,
+                       int columns,
+                       int rows,
+                       global float *colours)
 {
     const ulong pixels = (ulong)width * height, chroma = pixels / (CHROMA * CHROMA);
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
@@ -45,10 +52,13 @@ void form_planes(global const sample *restrict frames,
                  global const uchar *restrict kinds,
                  global ulong4 *restrict sums)
 {
-    const PlaneArguments numbers = {region.s0, region.s1, region.s2, region.s3, region.s4, region.s5, region.s6, n_planes, 1, 1};
-    const Planes planes = {&numbers, plane_info, runs, masks, kinds, sums + get_global_id(0) * (ulong)n_planes * region.s2 * region.s3};
+    const PlaneArguments numbers = {region.s0, region.s1, region.s2, region.s3, region.s4,
+                                    region.s5, region.s6, n_planes, 1, 1};
+    const ulong own = get_global_id(0) * (ulong)n_planes * region.s2 * region.s3;
+    const Planes planes = {&numbers, plane_info, runs, masks, kinds, sums + own};
     global float *colours = (global float *)(scratch + get_global_id(0) * (ulong)scratch_words);
-    const ulong frame_samples = (ulong)frame_width * frame_height + 2 * (ulong)(frame_width / CHROMA) * (frame_height / CHROMA);
+    const ulong chroma = (ulong)(frame_width / CHROMA) * (frame_height / CHROMA);
+    const ulong frame_samples = (ulong)frame_width * frame_height + 2 * chroma;
     for (int element = atomic_inc(next); element < n_elements; element = atomic_inc(next)) {
         const int4 place = places[element];
         global const sample *frame = frames + place.x * frame_samples;

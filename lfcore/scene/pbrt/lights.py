@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.emitters import emitter_points
-from lfcore.scene.model import DIRECTIONAL, POINT, Light
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
 from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet
 from lfcore.scene.pbrt.spectra import parameter_rgb

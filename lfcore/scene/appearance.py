@@ -1,0 +1,50 @@
+"""How triangles look and what lights them: materials and lights, as the tracer has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+POINT, DIRECTIONAL = 0, 1
+
+
+@dataclass(frozen=True)
+class Material:
+    """Blinn-Phong reflectance, all colours linear RGB in [0, 1].
+
+    ``texture`` indexes :attr:`Scene.textures` (-1: none) and multiplies ``diffuse``.
+    ``emission`` is added whatever the light: a lamp shade, a screen, test charts.
+    """
+
+    name: str
+    diffuse: tuple[float, float, float] = (0.8, 0.8, 0.8)
+    specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shininess: float = 32.0
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    texture: int = -1
+
+
+@dataclass(frozen=True)
+class Light:
+    """A point or directional light in camera space.
+
+    ``vector`` is the position in metres (:data:`POINT`) or the unit direction *towards* the
+    light (:data:`DIRECTIONAL`).  ``colour`` is linear RGB: for a point light the irradiance at
+    ``reference_distance_m`` (inverse-square fall-off; 0 means no fall-off), for a directional
+    light the irradiance everywhere.
+
+    A point light may be a point of a surface that glows: with a ``normal`` (unit, camera space;
+    zero: shines to all sides) it gives the cosine to it times as much, and nothing behind.  The
+    triangles ``own``, from the first to before the second number, never shadow it.
+    """
+
+    kind: int
+    vector: tuple[float, float, float]
+    colour: tuple[float, float, float]
+    reference_distance_m: float = 0.0
+    casts_shadows: bool = True
+    normal: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    own: tuple[int, int] = (0, 0)
+
+    @property
+    def is_of_emitter(self) -> bool:
+        return any(self.normal) or self.own[0] < self.own[1]
