@@ -113,7 +113,7 @@ def render(
             f"unknown filter {filter!r}", key="filter", remedy=f"Use one of {FILTERS}"
         )
     if planes is None:
-        wanted = [_plane(scene.camera, focus_m, f_number)]
+        wanted = [SensorPlane.of(scene.camera, focus_m, f_number)]
     elif focus_m is not None or f_number is not None:
         raise OpticsError("excludes focus_m and f_number", key="planes", remedy="Give one of them")
     else:
@@ -153,7 +153,7 @@ def render_to_quality(
 
     Source: docs/notebook/true-picture.md.
     """
-    wanted = [_plane(scene.camera, None, None)] if planes is None else list(planes)
+    wanted = [SensorPlane.of(scene.camera)] if planes is None else list(planes)
     camera = _lens_for(scene, wanted)
     if not (math.isfinite(quality_db) and quality_db > 0):
         raise OpticsError(f"must be a positive number of dB, not {quality_db}", key="quality")
@@ -242,7 +242,7 @@ def recorded_camera(camera: Camera, focus_m: float | None, f_number: float | Non
 
     Raises :class:`OpticsError` for a focus inside the focal length or a picture without extent.
     """
-    found = focused_camera(camera, _plane(camera, focus_m, f_number))
+    found = focused_camera(camera, SensorPlane.of(camera, focus_m, f_number))
     if not np.isfinite(found.field_width):
         raise OpticsError("the picture has no extent", key="focus_m")
     return found
@@ -291,10 +291,3 @@ def trace_array(
         1 if samples_per_pixel is None else samples_per_pixel,
         device=opened(device), progress=progress,
     )  # fmt: skip
-
-
-def _plane(camera: Camera, focus_m: float | None, f_number: float | None) -> SensorPlane:
-    return SensorPlane(
-        camera.focus_distance_m if focus_m is None else float(focus_m),
-        camera.f_number if f_number is None else float(f_number),
-    )

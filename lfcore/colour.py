@@ -54,6 +54,17 @@ def to_uint8(encoded: np.ndarray) -> np.ndarray:
     return np.rint(np.clip(encoded, 0, 1) * PEAK).astype(np.uint8)
 
 
+def tonemap(image: np.ndarray) -> np.ndarray:
+    """(..., 3) linear light into [0, 1]: Reinhard's global operator, white at the brightest pixel.
+
+    Reinhard et al. 2002, "Photographic Tone Reproduction", equation 4, on luminance (BT.709).
+    """
+    luminance = image @ np.array([0.2126, 0.7152, 0.0722])
+    white = max(float(luminance.max()), 1e-12)
+    scale = (1.0 + luminance / white**2) / (1.0 + luminance)
+    return image * scale[..., None]
+
+
 def floating(values: np.ndarray | float) -> np.ndarray:
     values = np.asarray(values)
     return values if values.dtype in (np.float32, np.float64) else values.astype(np.float64)

@@ -8,6 +8,7 @@ and the next run that writes into their folder removes them.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -252,3 +253,9 @@ def _remove(draft: Path) -> None:
     else:
         with suppress(OSError):
             draft.unlink(missing_ok=True)
+
+
+def file_digest(path: str | Path) -> str:
+    """SHA-256 of a file, in hexadecimal."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

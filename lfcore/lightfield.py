@@ -66,23 +66,28 @@ class LightField(LightFieldFile):
         Raises :class:`OpticsError`, naming file and key, for what was not recorded.
         """
         slab = self.require_slab()
-        camera = slab.camera
-        if focus_m is not None or f_number is not None or keep_magnification:
-            self.require_metric("focus_m" if focus_m is not None else "f_number")
-        if disparity_px is not None:
-            focus_m = self.distance_of(disparity_px)
-        if aperture_views is not None:
-            f_number = self.f_number_of(aperture_views)
-        plane = SensorPlane(
-            camera.focus_distance_m if focus_m is None else float(focus_m),
-            camera.f_number if f_number is None else float(f_number),
-            aperture,
-            blades,
-            rotation_deg,
-            "aperture" if normalise else "lens",
-            keep_magnification,
-        )
+        for key, given, other in (
+            ("disparity_px", disparity_px, focus_m), ("aperture_views", aperture_views, f_number)
+        ):  # fmt: skip
+            if given is not None and other is not None:
+                raise OpticsError(
+                    "excludes what it stands for, a focus_m or an f_number", file=self.path,
+                    key=key, remedy="Give one of them",
+                )  # fmt: skip
+        for key, asked in (
+            ("focus_m", focus_m is not None), ("f_number", f_number is not None),
+            ("keep_magnification", keep_magnification),
+        ):  # fmt: skip
+            if asked:
+                self.require_metric(key)
         try:
+            plane = SensorPlane.of(
+                slab.camera,
+                focus_m if disparity_px is None else self.distance_of(disparity_px),
+                f_number if aperture_views is None else self.f_number_of(aperture_views),
+                aperture, blades=blades, rotation_deg=rotation_deg, normalise=normalise,
+                keep_magnification=keep_magnification,
+            )  # fmt: skip
             plane.check(slab)
             plane.aperture(slab)
         except OpticsError as error:

@@ -135,6 +135,19 @@ def _pfm_bytes(path: Path, picture: np.ndarray) -> bytes:
     return head + np.ascontiguousarray(picture[::-1]).tobytes()
 
 
+def contact_sheet(pictures: np.ndarray, columns: int, gap_px: int = 0) -> np.ndarray:
+    """(H, W, 3) of pictures (P, height, width, 3) in rows of ``columns``, with white gaps."""
+    count, height, width = pictures.shape[:3]
+    rows, down, across = -(-count // columns), height + gap_px, width + gap_px
+    white = 255 if pictures.dtype == np.uint8 else 1
+    size = rows * down - gap_px, columns * across - gap_px, 3
+    sheet = np.full(size, white, pictures.dtype)
+    for k, picture in enumerate(pictures):
+        y, x = k // columns * down, k % columns * across
+        sheet[y : y + height, x : x + width] = picture
+    return sheet
+
+
 def read_codes(path: str | Path) -> np.ndarray:
     """(H, W, 3) RGB of a picture file: uint8 or uint16 codes, float32 of HDR and the like.
 

@@ -119,5 +119,5 @@ def parser(argv: Sequence[str]) -> argparse.ArgumentParser:
         if name != asked:
             commands.add_parser(name, help=summary)
             continue
-        import_module(f"lfcore.cli.{module}").add_parser(commands, name, summary)
+        import_module(f"lfcore.cli.{module}").COMMANDS[name].add_to(commands, name, summary)
     return top

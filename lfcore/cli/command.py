@@ -1,18 +1,156 @@
-"""What every command of ``lfcore`` begins with."""
+"""What the commands of ``lfcore`` share: options, the opening of files, refusals, last words."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
+
+from lfcore.cli.progress import say
+from lfcore.errors import OpticsError
+from lfcore.pictures import write_pictures
+from lfcore.scene.emitters import POINTS
+from lfcore.storage.codecs import CODECS
+from lfcore.storage.pixels import PIXEL_FORMATS
+
+if TYPE_CHECKING:
+    from argparse import _ActionsContainer as Options
+
+    from lfcore.lightfield import LightField
+    from lfcore.scene.model import Scene
 
 
-def add_command(
-    commands, name: str, summary: str, description: str, epilog: str = ""
-) -> argparse.ArgumentParser:
-    """Add a command to the subparsers ``commands``; its texts keep their lines."""
-    return commands.add_parser(
-        name,
-        help=summary,
-        description=description,
-        epilog=epilog,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+@dataclass(frozen=True)
+class Command:
+    """One command: what ``--help`` says of it, the options that it adds, and what it does."""
+
+    description: str
+    examples: str
+    options: Callable[[argparse.ArgumentParser], None]
+    run: Callable[[argparse.Namespace], None]
+
+    def add_to(
+        self, commands: argparse._SubParsersAction[argparse.ArgumentParser], name: str, help: str
+    ) -> None:
+        """Add it to the commands of a parser; its texts keep their lines."""
+        parser = commands.add_parser(
+            name, help=help, description=self.description, epilog=self.examples,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )  # fmt: skip
+        parser.set_defaults(run=self.run)
+        self.options(parser)
+
+
+def distance(text: str) -> float:
+    """Metres; ``inf`` and ``infinity`` are understood."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"not a distance in metres: {text!r}") from None
+
+
+def add_lightfield(command: Options) -> None:
+    """The light field file that a command reads, for :func:`open_field`."""
+    command.add_argument("lightfield", help="light field file, .mkv, or its URL")
+    command.add_argument(
+        "--salvage", action="store_true", help="leave out damaged segments instead of refusing"
     )
+
+
+def add_output(command: Options, what: str) -> None:
+    command.add_argument("-o", "--output", type=Path, required=True, help=what)
+
+
+def add_device(command: Options) -> None:
+    command.add_argument(
+        "--device", metavar="NAME", help="part of an OpenCL device's name; see 'lfcore devices'"
+    )
+
+
+def add_scene(
+    command: Options,
+    name: str = "scene",
+    what: str = "scene.yaml, its folder, a mesh or a .pbrt file",
+) -> None:
+    """The scene that a command traces, for :func:`open_scene`, and the device that does it."""
+    command.add_argument(name, type=Path, help=what)
+    command.add_argument(
+        "--light-points", type=int, default=POINTS, metavar="P",
+        help=f"points of each area light of a pbrt scene ({POINTS})",
+    )  # fmt: skip
+    command.add_argument("--up", choices=("y", "z"), default="y", help="axis of a mesh (y)")
+    add_device(command)
+
+
+def add_encoder(command: argparse.ArgumentParser) -> Options:
+    """Options of the video that a light field is stored in; returns their group."""
+    how = command.add_argument_group("storage")
+    how.add_argument(
+        "--codec", choices=tuple(CODECS), default="libx264", help="ffv1 is lossless (libx264)"
+    )
+    how.add_argument("--crf", type=float, help="lower is better and larger (default: by N)")
+    how.add_argument("--preset", help="of the encoder (default: by N)")
+    how.add_argument("--pixel-format", choices=tuple(PIXEL_FORMATS), help="default: by the codec")
+    return how
+
+
+def add_white(group: Options) -> None:
+    group.add_argument(
+        "--white", type=float, metavar="L",
+        help="of an array: radiance of the brightest code (default: the brightest, at least 1)",
+    )  # fmt: skip
+
+
+def encoder(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What the options of :func:`add_encoder` ask of an encoder, as its keywords."""
+    given = {key: getattr(arguments, key) for key in ("pixel_format", "crf", "preset")}
+    return {"codec": arguments.codec} | {k: v for k, v in given.items() if v is not None}
+
+
+def open_field(arguments: argparse.Namespace) -> LightField:
+    """The light field of the command line; damage that is left out is told."""
+    from lfcore.lightfield import LightField
+
+    field = LightField.open(arguments.lightfield, salvage=arguments.salvage)
+    for damage in field.damage:
+        say(f"left out: {damage.reason}")
+    return field
+
+
+def open_scene(arguments: argparse.Namespace) -> Scene:
+    """The scene of the command line; tells its size, and what was not read exactly or left out."""
+    from lfcore.api import load_scene
+
+    scene = load_scene(arguments.scene, light_points=arguments.light_points, up=arguments.up)
+    if scene.notes:
+        say(scene.summary())
+    say(f"{scene.name}: {scene.triangle_count} triangles")
+    for reason, count in scene.dropped.items():
+        say(f"{count} triangles were left out: {reason}")
+    return scene
+
+
+def option(name: str) -> str:
+    """An argument's name as it is typed."""
+    return f"--{name.replace('_', '-')}"
+
+
+def refuse(key: str, problem: str, remedy: str | None = None) -> NoReturn:
+    """Raise :class:`OpticsError` on an option, or on options that do not go together."""
+    raise OpticsError(problem, key=key, remedy=remedy)
+
+
+def exclude(key: str, other: str) -> NoReturn:
+    """Refuse two options of which one says what the other does."""
+    refuse(key, f"excludes {other}", "Leave one out")
+
+
+def write_named(named: Sequence[tuple[Path, np.ndarray]], *, bits: int = 8) -> None:
+    """Write pictures, all or none, and say where."""
+    write_pictures(named, bits=bits)
+    for path, _ in named:
+        say(f"wrote {path}")

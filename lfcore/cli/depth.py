@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lfcore.cli.command import add_command
+from lfcore.cli.command import Command, add_scene, open_scene, refuse
 from lfcore.cli.progress import progress, say
-from lfcore.cli.render import add_scene, load, say_what_is_in
-from lfcore.errors import OpticsError
 from lfcore.pictures import CODED, check_suffix, write_picture
+
+if TYPE_CHECKING:
+    from lfcore.lightfield import LightField
 
 DESCRIPTION = """\
 Depth (metres along the axis) and disparity (pixels from view to view) of every view of a scene,
@@ -28,20 +30,17 @@ examples:
 """
 
 
-def add_parser(commands, name: str, summary: str) -> None:
-    command = add_command(commands, name, summary, DESCRIPTION, EPILOG)
+def options(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
     add_scene(command)
-    command.add_argument(
-        "-o", "--output", type=Path,
-        help=".npz (every view); .pfm, .exr, or .png to look at (one view)",
-    )  # fmt: skip
-    command.add_argument("--all-in-focus", type=Path, metavar="PICTURE", help="picture to write")
-    command.add_argument("--lightfield", type=Path, metavar="FILE",
-                         help="whose lens, size and views to use")  # fmt: skip
-    command.add_argument("--views", type=int, default=1, metavar="N", help="N x N views (1)")
-    command.add_argument("--view", nargs=2, type=int, metavar=("I", "J"), help="which, of one view")
-    command.add_argument("--disparity", action="store_true", help="disparity instead of depth")
-    command.set_defaults(run=run)
+    add("-o", "--output", type=Path,
+        help=".npz (every view); .pfm, .exr, or .png to look at (one view)")  # fmt: skip
+    add("--all-in-focus", type=Path, metavar="PICTURE", help="picture to write")
+    add("--lightfield", type=Path, metavar="FILE", help="whose lens, size and views to use")
+    add("--size", type=int, default=256, metavar="M", help="M x M pixels (256)")
+    add("--views", type=int, default=1, metavar="N", help="N x N views (1)")
+    add("--view", nargs=2, type=int, metavar=("I", "J"), help="which, of one view")
+    add("--disparity", action="store_true", help="disparity instead of depth")
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -50,9 +49,8 @@ def run(arguments: argparse.Namespace) -> None:
     from lfcore.rendering.prepared import open_tracer
 
     field = _checked(arguments)
-    scene = load(arguments.scene, arguments.light_points, arguments.up)
-    slab = field.slab if field else Slab(scene.camera, arguments.views, arguments.size)
-    say_what_is_in(scene)
+    scene = open_scene(arguments)
+    slab = field.require_slab() if field else Slab(scene.camera, arguments.views, arguments.size)
     if arguments.output:
         samples = depths.all_samples(slab)
         suffix = arguments.output.suffix.lower()
@@ -64,37 +62,36 @@ def run(arguments: argparse.Namespace) -> None:
             depth = depths.depth_of_views(tracer, slab, samples, progress=report)
         if suffix == ".npz":
             depths.save_depth(arguments.output, slab, samples, depth)
+        elif suffix in CODED:
+            write_picture(arguments.output, depths.depth_picture(depth[0]))
         else:
             picture = depths.disparity(slab, depth) if arguments.disparity else depth
-            looked_at = suffix in CODED
-            write_picture(
-                arguments.output, depths.depth_picture(depth[0]) if looked_at else picture[0]
-            )
+            write_picture(arguments.output, picture[0])
         say(f"wrote {arguments.output}")
-    if arguments.all_in_focus:
+    if field and arguments.all_in_focus:
         with progress("bringing everything into focus", "views") as report:
             sharp = field.all_in_focus(scene, device=arguments.device, progress=report)
         write_picture(arguments.all_in_focus, sharp)
         say(f"wrote {arguments.all_in_focus}")
 
 
-def _checked(arguments: argparse.Namespace):
+def _checked(arguments: argparse.Namespace) -> LightField | None:
     """The light field that is named, if any; :class:`LfcoreError` for options that miss others."""
     from lfcore.lightfield import LightField
 
     if not (arguments.output or arguments.all_in_focus):
-        raise OpticsError("nothing to write", remedy="Give --output or --all-in-focus")
+        refuse("--output", "nothing to write", "Give --output or --all-in-focus")
     if arguments.output:
         check_suffix(arguments.output, (".npz", ".pfm", ".exr", *CODED))
     if arguments.all_in_focus:
         check_suffix(arguments.all_in_focus, key="--all-in-focus")
         if not arguments.lightfield:
-            raise OpticsError(
-                "needs the colours of a light field", key="--all-in-focus",
-                remedy="Give --lightfield",
-            )  # fmt: skip
+            refuse("--all-in-focus", "needs the colours of a light field", "Give --lightfield")
     if not arguments.lightfield:
         return None
     field = LightField.open(arguments.lightfield)
     field.require_slab()
     return field
+
+
+COMMANDS = {"depth": Command(DESCRIPTION, EPILOG, options, run)}

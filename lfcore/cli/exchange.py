@@ -6,15 +6,19 @@ import argparse
 import re
 from pathlib import Path
 
-from lfcore.cli import planes as plane_options
-from lfcore.cli.command import add_command
+from lfcore.cli.command import (
+    Command,
+    add_encoder,
+    add_output,
+    add_scene,
+    distance,
+    encoder,
+    open_scene,
+    refuse,
+)
 from lfcore.cli.progress import progress, say
-from lfcore.errors import LfcoreError
 from lfcore.exchange.table import FORMATS
 from lfcore.pictures import check_suffix
-from lfcore.scene.emitters import POINTS
-from lfcore.storage.codecs import CODECS
-from lfcore.storage.pixels import PIXEL_FORMATS
 
 IMPORT = """\
 Make a light field file of a light field of another program. The format is recognised by names and
@@ -47,61 +51,42 @@ formats:
 """
 
 
-def add_parser(commands, name: str, summary: str) -> None:
-    if name == "import":
-        command = add_command(commands, name, summary, IMPORT, IMPORT_EPILOG + _formats("imports"))
-        _import_options(command)
-        command.set_defaults(run=run_import)
-        return
-    command = add_command(commands, name, summary, EXPORT, EXPORT_EPILOG + _formats("exports"))
-    _export_options(command)
-    command.set_defaults(run=run_export)
-
-
 def _formats(can: str) -> str:
     rows = [row for row in FORMATS.values() if getattr(row, can)]
     return "\n".join(f"  {row.name:<12} {row.title}" for row in rows)
 
 
-def _import_options(command: argparse.ArgumentParser) -> None:
+def import_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("source", type=Path, help="folder or file")
-    command.add_argument("-o", "--output", type=Path, required=True, help="file to write, .mkv")
+    add_output(command, "file to write, .mkv")
     command.add_argument("--format", metavar="NAME", help="default: recognised")
-    what = command.add_argument_group("what the format does not say")
-    what.add_argument("--grid", type=pair, metavar="CxR", help="columns and rows of views")
-    what.add_argument("--order", metavar="ORDER",
-                      help="rows or columns, then -left, -up, -snake: rows-up")  # fmt: skip
-    what.add_argument("--variable", help="of a .mat or .h5 file (LF)")
-    what.add_argument("--baseline", type=length, metavar="L", help="between views: 6mm, 0.006m")
-    what.add_argument("--field-of-view", type=float, metavar="DEG", help="of a view's width")
-    what.add_argument("--focus", type=plane_options.distance, metavar="M",
-                      help="where the views coincide, metres; 'inf' for parallel ones")  # fmt: skip
-    how = command.add_argument_group("storage")
-    how.add_argument("--codec", choices=tuple(CODECS), default="libx264",
-                     help="ffv1 keeps 8-bit RGB exactly")  # fmt: skip
-    how.add_argument("--crf", type=float, help="lower is better and larger (default: by N)")
-    how.add_argument("--preset", help="of the encoder (default: by N)")
-    how.add_argument("--pixel-format", choices=tuple(PIXEL_FORMATS), help="default: by the codec")
+    add = command.add_argument_group("what the format does not say").add_argument
+    add("--grid", type=pair, metavar="CxR", help="columns and rows of views")
+    add("--order", metavar="ORDER", help="rows or columns, then -left, -up, -snake: rows-up")
+    add("--variable", help="of a .mat or .h5 file (LF)")
+    add("--baseline", type=length, metavar="L", help="between views: 6mm, 0.006m")
+    add("--field-of-view", type=float, metavar="DEG", help="of a view's width")
+    add("--focus", type=distance, metavar="M",
+        help="where the views coincide, metres; 'inf' for parallel ones")  # fmt: skip
+    add_encoder(command)
 
 
-def _export_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument("lightfield", type=Path, help="light field file, .mkv")
-    command.add_argument("-o", "--output", type=Path, required=True, help="folder to write")
+def export_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("lightfield", help="light field file, .mkv, or its URL")
+    add_output(command, "folder to write")
     command.add_argument("--format", required=True, metavar="NAME", help="see below")
-    part = command.add_argument_group("a part of it")
-    part.add_argument("--views", type=pair, metavar="CxR", help="columns and rows of views")
-    part.add_argument("--baseline", type=length, metavar="L", help="between them: 6mm, 0.006m")
-    part.add_argument("--crop", type=window, metavar="WxH+X+Y", help="pixels of every view")
+    add = command.add_argument_group("a part of it").add_argument
+    add("--views", type=pair, metavar="CxR", help="columns and rows of views")
+    add("--baseline", type=length, metavar="L", help="between them: 6mm, 0.006m")
+    add("--crop", type=window, metavar="WxH+X+Y", help="pixels of every view")
     more = command.add_argument_group("more")
-    more.add_argument("--scene", type=Path, help="what it was traced from: depth of every view")
-    more.add_argument("--light-points", type=int, default=POINTS, metavar="K",
-                      help="as when it was traced")  # fmt: skip
-    more.add_argument("--order", metavar="ORDER", help="of JPEG Pleno's names: columns or rows")
-    more.add_argument("--tiles", type=pair, metavar="CxR", help="of a quilt")
-    more.add_argument("--count", type=int, default=60, metavar="K", help="pictures of a film (60)")
-    more.add_argument("--near", type=float, metavar="M", help="nearest depth, metres")
-    more.add_argument("--far", type=float, metavar="M", help="farthest depth, metres")
-    more.add_argument("--device", help="part of an OpenCL device's name")
+    add_scene(more, "--scene", "what it was traced from: depth of every view")
+    add = more.add_argument
+    add("--order", metavar="ORDER", help="of JPEG Pleno's names: columns or rows")
+    add("--tiles", type=pair, metavar="CxR", help="of a quilt")
+    add("--count", type=int, default=60, metavar="K", help="pictures of a film (60)")
+    add("--near", type=float, metavar="M", help="nearest depth, metres")
+    add("--far", type=float, metavar="M", help="farthest depth, metres")
 
 
 def pair(text: str) -> tuple[int, int]:
@@ -125,8 +110,9 @@ def length(text: str) -> float:
     """Metres of ``6mm``, ``0.6cm``, ``0.006m`` or ``0.006``."""
     match = re.fullmatch(r"([0-9.eE+-]+)\s*(mm|cm|m|)", text)
     try:
-        return float(match[1]) * {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "": 1.0}[match[2]]
-    except (TypeError, ValueError):
+        number, unit = match.groups() if match else ("", "")
+        return float(number) * {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "": 1.0}[unit]
+    except ValueError:
         raise argparse.ArgumentTypeError(f"not a length like 6mm: {text!r}") from None
 
 
@@ -137,7 +123,7 @@ def run_import(arguments: argparse.Namespace) -> None:
     check_suffix(arguments.output, (".mkv",))
     focus = arguments.focus
     if focus is not None and not focus > 0:
-        raise LfcoreError(f"must be positive, not {focus:g}", key="--focus")
+        refuse("--focus", f"must be positive, not {focus:g}")
     options = ReadOptions(
         arguments.grid,
         Order.parse(arguments.order) if arguments.order else None,
@@ -148,8 +134,7 @@ def run_import(arguments: argparse.Namespace) -> None:
     with progress("encoding", "views") as report:
         made = import_lightfield(
             arguments.source, arguments.output, format=arguments.format, options=options,
-            codec=arguments.codec, pixel_format=arguments.pixel_format, crf=arguments.crf,
-            preset=arguments.preset, progress=report,
+            progress=report, **encoder(arguments),
         )  # fmt: skip
     grid = made.grid
     for note in grid.notes:
@@ -163,12 +148,11 @@ def run_import(arguments: argparse.Namespace) -> None:
 
 
 def run_export(arguments: argparse.Namespace) -> None:
-    from lfcore.cli.render import load
     from lfcore.exchange.exporting import WriteOptions, export_lightfield
     from lfcore.exchange.grid import Order
     from lfcore.exchange.source import Selection
 
-    scene = load(arguments.scene, arguments.light_points) if arguments.scene else None
+    scene = open_scene(arguments) if arguments.scene else None
     with progress(f"writing {arguments.format}", "views") as report:
         notes = export_lightfield(
             arguments.lightfield,
@@ -185,3 +169,9 @@ def run_export(arguments: argparse.Namespace) -> None:
     for note in notes:
         say(note)
     say(f"wrote {arguments.output}")
+
+
+COMMANDS = {
+    "import": Command(IMPORT, IMPORT_EPILOG + _formats("imports"), import_options, run_import),
+    "export": Command(EXPORT, EXPORT_EPILOG + _formats("exports"), export_options, run_export),
+}

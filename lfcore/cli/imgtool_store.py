@@ -1,50 +1,88 @@
-"""``lfcore imgtool store`` and ``tiles``: camera arrays between tiled EXR and the video store."""
+"""``lfcore imgtool store``, ``tiles``, ``convert``: camera arrays between tiled EXR and video."""
 
 from __future__ import annotations
 
 import argparse
-import hashlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from lfcore.cli.film import save_video
 from lfcore.cli.progress import progress
+from lfcore.colour import tonemap
+from lfcore.errors import OpticsError
+from lfcore.files import file_digest
 from lfcore.optics.array import CameraArray
-from lfcore.pictures import check_suffix
-from lfcore.storage.codecs import CODECS
-from lfcore.storage.defaults import codec_spec
+from lfcore.pictures import ALL_CODED, check_suffix, write_picture
 
 VIDEO = ".mkv"
 
 
-def add_encoder(command: argparse.ArgumentParser):
-    """Options of the video that a light field is stored in; returns their group."""
-    how = command.add_argument_group("storage")
-    how.add_argument(
-        "--codec", choices=tuple(CODECS), default="libx264", help="ffv1 loses nothing more"
-    )
-    how.add_argument("--crf", type=float, help="lower is better and larger (default: by N)")
-    how.add_argument("--preset", help="of the encoder (default: by N)")
-    how.add_argument(
-        "--white", type=float, metavar="L",
-        help="of an array: radiance of the brightest code (default: the brightest, at least 1)",
+def add_geometry(command: argparse.ArgumentParser) -> None:
+    array = command.add_argument_group("the light field (from the header where it has one)")
+    add = array.add_argument
+    add("--camsperdim", nargs=2, type=int, metavar=("X", "Y"), help="data cameras (1 1)")
+    add(
+        "--griddim", nargs=4, type=float, metavar=("XMIN", "XMAX", "YMIN", "YMAX"),
+        help="bounding box of the data cameras, metres (0 0 0 0)",
     )  # fmt: skip
-    return how
+    add("--inputfov", type=float, help="field of view of data cameras (90)")
+    add(
+        "--spacing", choices=("ends", "cells"),
+        help="outermost cameras on the bounds, or all in the middle of cells (ends)",
+    )  # fmt: skip
 
 
-def asked(arguments: argparse.Namespace) -> dict:
-    """What the options of :func:`add_encoder`, and ``--pixel-format``, ask of an encoder."""
-    given = {key: getattr(arguments, key, None) for key in ("pixel_format", "crf", "preset")}
-    return {"codec": arguments.codec} | {k: v for k, v in given.items() if v is not None}
+def geometry(
+    arguments: argparse.Namespace, recorded: CameraArray | None, shape: tuple[int, ...]
+) -> CameraArray:
+    """The array from the header, from flags, or both where they agree.
+
+    Raises :class:`OpticsError` for a contradiction, naming the flag.
+    """
+    names = ("camsperdim", "griddim", "inputfov", "spacing")
+    flags = {name: getattr(arguments, name) for name in names}
+    flags = {name: value for name, value in flags.items() if value is not None}
+    if recorded is not None:
+        _check_agreement(flags, recorded, arguments.input)
+        return recorded
+    (width, height), cameras = shape[1::-1], flags.get("camsperdim", (1, 1))
+    if min(cameras) < 1 or width % cameras[0] or height % cameras[1]:
+        raise OpticsError(
+            f"{cameras[0]} x {cameras[1]} cameras do not divide {width} x {height} pixels",
+            file=arguments.input, key="--camsperdim",
+            remedy="Give the number of cameras that the light field was made with",
+        )  # fmt: skip
+    return CameraArray.on_grid(
+        cameras, flags.get("griddim", (0.0, 0.0, 0.0, 0.0)), flags.get("inputfov", 90.0),
+        (width // cameras[0], height // cameras[1]), flags.get("spacing", "ends"),
+    )  # fmt: skip
 
 
-def add_tiles(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--half", action="store_true", help="write 16-bit floats")
-    command.add_argument("input", type=Path, help="light field file, .mkv: array or slab")
-    command.add_argument("output", type=Path, help="EXR to write, all views side by side")
+def _check_agreement(flags: dict[str, Any], recorded: CameraArray, file: Path) -> None:
+    low_x, high_x, low_y, high_y = recorded.bounds()
+    bounds = low_x, high_x, -high_y, -low_y
+    spacing = flags.get("spacing") or ("cells" if any(recorded.margin_m) else "ends")
+    same = CameraArray.on_grid(recorded.cameras, bounds, recorded.fov_deg, recorded.tile, spacing)
+    facts: dict[str, tuple[float, ...]] = {
+        "camsperdim": recorded.cameras, "griddim": bounds, "inputfov": (recorded.fov_deg,)
+    }  # fmt: skip
+    for name, given in flags.items():
+        if name == "spacing":
+            agrees = np.allclose(same.columns_m, recorded.columns_m)
+            agrees, said = agrees and np.allclose(same.rows_m, recorded.rows_m), "other positions"
+        else:
+            agrees = np.allclose(given, facts[name], rtol=1e-5, atol=1e-9)
+            said = " ".join(f"{value:g}" for value in facts[name])
+        if not agrees:
+            raise OpticsError(
+                f"contradicts the header, which says {said}", file=file, key=f"--{name}",
+                remedy="Leave the flag out",
+            )  # fmt: skip
 
 
-def read_lightfield(path: Path) -> tuple[np.ndarray, CameraArray | None, dict]:
+def read_lightfield(path: Path) -> tuple[np.ndarray, CameraArray | None, dict[str, Any]]:
     """Picture, geometry if there is any, and what else is said of it, from EXR or video."""
     if path.suffix.lower() != VIDEO:
         from lfcore.storage.tiled_exr import read_array
@@ -60,33 +98,14 @@ def read_lightfield(path: Path) -> tuple[np.ndarray, CameraArray | None, dict]:
     return image, array, {"scene": field.metadata.scene["name"]}
 
 
-def save_video(arguments, image: np.ndarray, array: CameraArray, scene: dict) -> str:
-    """Store an array as the options of :func:`add_encoder` say; returns one line about it."""
-    from lfcore.refocus.array.stored import store_array
-
-    output = arguments.output
-    check_suffix(output, (VIDEO,))
-    spec = codec_spec(array.cameras[0], **asked(arguments))
-    with progress("encoding", "cameras") as report:
-        made = store_array(
-            output, image, array, spec, scene=scene, white=arguments.white, progress=report
-        )
-    white = made.array["white"]
-    clipped = float((image > white).any(-1).mean())
-    said = f"{output}: {array.cameras[0]} x {array.cameras[1]} cameras, "
-    said += f"{output.stat().st_size:,} bytes, white at {white:g}"
-    return said + (f", {100 * clipped:.2g} % of the pixels clipped" if clipped else "")
-
-
-def store(arguments: argparse.Namespace, geometry) -> str:
-    """EXR to video.  ``geometry(arguments, recorded, shape)`` gives the array, or raises."""
+def store(arguments: argparse.Namespace) -> str:
+    """EXR to video."""
     check_suffix(arguments.input, (".exr",), "input")
     image, recorded, extra = read_lightfield(arguments.input)
     array = geometry(arguments, recorded, image.shape)
-    with arguments.input.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
     name = str(extra.get("scene", arguments.input.stem))
-    return save_video(arguments, image, array, {"name": name, "digest": digest})
+    scene = {"name": name, "digest": file_digest(arguments.input)}
+    return save_video(arguments, image, array, scene)
 
 
 def tiles(arguments: argparse.Namespace) -> str:
@@ -96,5 +115,19 @@ def tiles(arguments: argparse.Namespace) -> str:
     check_suffix(arguments.input, (VIDEO,), "input")
     check_suffix(arguments.output, (".exr",), "output")
     image, array, extra = read_lightfield(arguments.input)
+    assert array is not None  # a video's is never missing
     write_array(arguments.output, image, array, half=arguments.half, extra=extra)
     return f"{arguments.output}: {array.cameras[0]} x {array.cameras[1]} tiles of {array.tile}"
+
+
+def convert(arguments: argparse.Namespace) -> str:
+    """Write a linear EXR as an 8-bit sRGB picture; returns one line about it.
+
+    Raises :class:`LfcoreError` when either file is at fault.
+    """
+    from lfcore.exr import read_exr_picture
+
+    check_suffix(arguments.output, ALL_CODED, "output")
+    image = np.nan_to_num(read_exr_picture(arguments.input).astype(np.float64)) * arguments.scale
+    write_picture(arguments.output, tonemap(image) if arguments.tonemap else image)
+    return f"{arguments.output}: {image.shape[1]} x {image.shape[0]}"

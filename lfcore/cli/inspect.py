@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
+from typing import TYPE_CHECKING, Any
 
-from lfcore.cli.command import add_command
+from lfcore.cli.command import Command, add_lightfield, open_field
 from lfcore.cli.progress import progress
-from lfcore.cli.refocus import open_field
 from lfcore.storage.codecs import LOSSLESS
+
+if TYPE_CHECKING:
+    from lfcore.lightfield import LightField
 
 INFO = """\
 Say what a light field file holds: lens, resolutions, layout, codec, segments, size."""
@@ -20,20 +23,13 @@ examples:
 """
 
 
-def add_parser(commands, name: str, summary: str) -> None:
-    if name == "devices":
-        command = add_command(commands, name, summary, _DEVICES)
-        command.set_defaults(run=devices)
-        return
-    command = add_command(commands, name, summary, INFO, INFO_EPILOG)
-    command.add_argument("lightfield", help="light field file, .mkv, or its URL")
-    command.add_argument("--salvage", action="store_true", help="open a damaged file, too")
+DEVICES = "List the OpenCL devices that can be used. LFCORE_DEVICE or --device chooses by name."
+
+
+def info_options(command: argparse.ArgumentParser) -> None:
+    add_lightfield(command)
     command.add_argument("--verify", action="store_true", help="check every segment")
     command.add_argument("--json", action="store_true", help="print the metadata as JSON")
-    command.set_defaults(run=info)
-
-
-_DEVICES = "List the OpenCL devices that can be used. LFCORE_DEVICE or --device chooses by name."
 
 
 def devices(arguments: argparse.Namespace) -> None:
@@ -61,7 +57,7 @@ def info(arguments: argparse.Namespace) -> None:
         print(f"{name:<15} {value}")
 
 
-def facts(field) -> dict[str, str]:
+def facts(field: LightField) -> dict[str, str]:
     """What ``lfcore info`` prints, name and value."""
     metadata, layout = field.metadata, field.layout
     size = field.path.stat().st_size
@@ -81,14 +77,14 @@ def facts(field) -> dict[str, str]:
     return found
 
 
-def _settings(settings: dict) -> str:
+def _settings(settings: dict[str, Any]) -> str:
     """What was said to the encoder: files of lossless ones hold a rate factor that these ignore."""
     keys = ("preset",) if settings.get("codec") in LOSSLESS else ("crf", "preset")
     said = [f"{key} {settings[key]}" for key in keys if settings.get(key) is not None]
     return ", " + ", ".join(said) if said else ""
 
 
-def _optics(field) -> dict[str, str]:
+def _optics(field: LightField) -> dict[str, str]:
     if field.array is not None:
         array, (nx, ny) = field.array, field.array.cameras
         columns, rows = array.columns_m, array.rows_m
@@ -97,7 +93,8 @@ def _optics(field) -> dict[str, str]:
             f"to {columns[-1]:g} m, y {rows[0]:g} to {rows[-1]:g} m down",
             "white": f"radiance {field.white:g}",
         }
-    slab, camera = field.slab, field.slab.camera
+    slab = field.require_slab()
+    camera = slab.camera
     source = field.content.get("source", {}).get("format")
     found = {"from": f"imported, {source}"} if source else {}
     if not field.metric:
@@ -113,3 +110,9 @@ def _optics(field) -> dict[str, str]:
         px = [field.disparity_of(end) for end in (far, near)]
         found["depth"] = f"{near:.4g} to {far:.4g} m, disparities {px[0]:.3g} to {px[1]:.3g} pixels"
     return found
+
+
+COMMANDS = {
+    "info": Command(INFO, INFO_EPILOG, info_options, info),
+    "devices": Command(DEVICES, "", lambda command: None, devices),
+}

@@ -6,31 +6,28 @@ import argparse
 import csv
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import yaml
 
+from lfcore.cli.command import distance, exclude, option, write_named
 from lfcore.errors import LfcoreError, OpticsError
-from lfcore.optics.camera import Camera
 from lfcore.optics.planes import NORMALISATIONS, SHAPES, SensorPlane
 
+if TYPE_CHECKING:
+    from argparse import _ActionsContainer as Options
+
+    from lfcore.lightfield import LightField
+    from lfcore.optics.camera import Camera
+
 MOST_PLANES = 100
-KEYS = {
-    "focus": "focus_distance_m",
-    "focus_m": "focus_distance_m",
-    "focus_distance_m": "focus_distance_m",
-    "f": "f_number",
-    "f_number": "f_number",
-    "aperture": "shape",
-    "shape": "shape",
-    "blades": "blades",
-    "rotation": "rotation_deg",
-    "rotation_deg": "rotation_deg",
-    "normalise": "normalise",
-    "keep_magnification": "keep_magnification",
-}
-BY_VIEWS = {"disparity": "focus_distance_m", "aperture_views": "f_number"}
-"""Keys in pixels and views, which a light field turns into metres and f-numbers of its slab."""
+INSTEAD = {"disparity_px": "focus_m", "aperture_views": "f_number"}
+"""Settings in pixels and views, which a light field file alone can turn into the others."""
+OPTIONS = {"focus_m": "focus", "disparity_px": "disparity", "rotation_deg": "rotation"}
+"""Settings, as :meth:`lfcore.LightField.plane` names them, whose options have other names."""
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -55,8 +52,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def add_aperture(group) -> None:
-    """Options on the aperture and on what its pictures are scaled by, to a group of options."""
+def add_aperture(group: Options) -> None:
+    """Options on the aperture, and on what its pictures are scaled by."""
     group.add_argument("--aperture", choices=SHAPES, default="circle", help="default: circle")
     group.add_argument("--blades", type=int, default=6, help="corners of a polygon (6)")
     group.add_argument(
@@ -72,20 +69,12 @@ def add_aperture(group) -> None:
     )  # fmt: skip
 
 
-def distance(text: str) -> float:
-    """Metres; ``inf`` and ``infinity`` are understood."""
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"not a distance in metres: {text!r}") from None
-
-
-def add_bits(group) -> None:
+def add_bits(group: Options) -> None:
     group.add_argument("--bits", type=int, choices=(8, 16), default=8, help="a sample of a PNG (8)")
 
 
-def add_by_views(group) -> None:
-    """Options of a light field file that need no geometry, to a group of options."""
+def add_by_views(group: Options) -> None:
+    """Options of a light field file that need no geometry."""
     group.add_argument(
         "--disparity", type=float, metavar="PX",
         help="instead of --focus: pixels from view to view of what is in focus, 0 as recorded",
@@ -95,58 +84,74 @@ def add_by_views(group) -> None:
     )
 
 
-def settle(arguments: argparse.Namespace, field) -> None:
-    """Put ``--disparity`` and ``--aperture-views`` into ``focus`` and ``f_number``.
+def settings(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What options say of every plane; keys as :meth:`lfcore.LightField.plane` takes them.
 
-    Raises :class:`OpticsError` where both ways are used, and where metres are asked of a file that
-    holds no geometry.
+    Raises :class:`OpticsError` for a focus or aperture that is given in both ways.
     """
-    for option, other, convert in (
-        ("disparity", "focus", field.distance_of),
-        ("aperture_views", "f_number", field.f_number_of),
-    ):
-        given, metres = getattr(arguments, option, None), getattr(arguments, other, None)
-        flag = f"--{option.replace('_', '-')}"
-        if metres is not None:
-            field.require_metric(f"--{other.replace('_', '-')}")
-        if given is not None:
-            if metres is not None:
-                raise OpticsError(
-                    f"excludes --{other.replace('_', '-')}", key=flag, remedy="Leave one out"
-                )
-            setattr(arguments, other, convert(given))
-    if arguments.keep_magnification:
-        field.require_metric("--keep-magnification")
+    names = ("focus_m", "f_number", "disparity_px", "aperture_views", "aperture", "blades",
+             "rotation_deg", "normalise", "keep_magnification")  # fmt: skip
+    asked = {name: getattr(arguments, OPTIONS.get(name, name), None) for name in names}
+    given = {name: value for name, value in asked.items() if value is not None}
+    for ours, theirs in INSTEAD.items():
+        if ours in given and theirs in given:
+            exclude(_flag(ours), _flag(theirs))
+    return given
 
 
-def read_planes(arguments: argparse.Namespace, camera: Camera, field=None) -> list[SensorPlane]:
-    """The planes that the options ask for; of a light field file, by disparity, too.
+def read_planes(arguments: argparse.Namespace, source: LightField | Camera) -> list[SensorPlane]:
+    """The planes that the options ask for, of a light field or of a camera whose scene is traced.
 
     Raises :class:`LfcoreError`, naming the option or the file's row, for what makes no plane.
     """
-    default = {
-        "focus_distance_m": camera.focus_distance_m if arguments.focus is None else arguments.focus,
-        "f_number": camera.f_number if arguments.f_number is None else arguments.f_number,
-        "shape": arguments.aperture,
-        "blades": arguments.blades,
-        "rotation_deg": arguments.rotation,
-        "normalise": "aperture" if arguments.normalise else "lens",
-        "keep_magnification": arguments.keep_magnification,
-    }
+    default, known = settings(arguments), _keys(source)
+    file: Path | None = arguments.planes
+    rows = enumerate(_rows(file) if file else ())
+    asked: list[tuple[dict[str, Any], str, Path | None]]
     asked = [(_words(text), "--plane", None) for text in arguments.plane]
-    if arguments.planes:
-        rows = _rows(arguments.planes)
-        asked += [(row, f"plane {k + 1}", arguments.planes) for k, row in enumerate(rows)]
-    if not asked:
-        asked = [({}, "plane", None)]
+    asked += [(row, f"plane {k + 1}", file) for k, row in rows]
     if len(asked) > MOST_PLANES:
         raise OpticsError(
             f"{len(asked)} planes were asked for", remedy=f"Ask for {MOST_PLANES} at a time"
         )
-    return [_plane(default, *given, field) for given in asked]
+    if not asked:
+        return [make_plane(source, default)]
+    return [
+        make_plane(source, laid_over(default, _read(row, known, key, at)), key, at)
+        for row, key, at in asked
+    ]
 
 
-def _words(text: str) -> dict[str, str]:
+def laid_over(default: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """``given``, and what it leaves open of ``default``: a focus or aperture in either way."""
+    said = {INSTEAD.get(name, name) for name in given}
+    return {k: v for k, v in default.items() if INSTEAD.get(k, k) not in said} | dict(given)
+
+
+def make_plane(
+    source: LightField | Camera,
+    given: Mapping[str, Any],
+    key: str | None = None,
+    file: Path | None = None,
+) -> SensorPlane:
+    """A plane of ``given`` settings; errors name the place of these, where there is one."""
+    from lfcore.optics.camera import Camera
+
+    make = partial(SensorPlane.of, source) if isinstance(source, Camera) else source.plane
+    try:
+        return make(**given)
+    except OpticsError as error:
+        place = key or (_flag(error.key) if error.key and error.key in given else error.key)
+        raise OpticsError(
+            error.problem, file=file or error.file, key=place, remedy=error.remedy
+        ) from None
+
+
+def _flag(setting: str) -> str:
+    return option(OPTIONS.get(setting, setting))
+
+
+def _words(text: str) -> dict[str, Any]:
     found = {}
     for part in text.split(","):
         key, equals, value = part.partition("=")
@@ -154,7 +159,7 @@ def _words(text: str) -> dict[str, str]:
     return found
 
 
-def _rows(path: Path) -> list[Mapping]:
+def _rows(path: Path) -> list[dict[str, Any]]:
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
@@ -171,54 +176,33 @@ def _rows(path: Path) -> list[Mapping]:
         raise LfcoreError(f"is no YAML: {problem}", file=path, key="--planes") from None
     if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
         raise LfcoreError(
-            "holds no list of planes",
-            file=path,
-            key="--planes",
+            "holds no list of planes", file=path, key="--planes",
             remedy="Write one '- {focus: 3.2, f: 2.8}' a line",
-        )
+        )  # fmt: skip
     return rows
 
 
-def _plane(
-    default: Mapping, given: Mapping, key: str, file: Path | None, field=None
-) -> SensorPlane:
-    values = dict(default)
-    for word, value in given.items():
-        plain = str(word).replace("-", "_")
-        name = KEYS.get(plain)
-        if field is not None and plain in BY_VIEWS:
-            values[BY_VIEWS[plain]] = _by_views(plain, value, key, file, field)
-            continue
-        if field is not None and name in ("focus_distance_m", "f_number", "keep_magnification"):
-            field.require_metric(f"{key}: {word}")
+def _read(
+    row: Mapping[str, Any], known: Mapping[str, str], key: str, file: Path | None
+) -> dict[str, Any]:
+    """The settings of a row's words."""
+    found = {}
+    for word, value in row.items():
+        name = known.get(str(word).replace("-", "_"))
         if name is None:
-            known = ", ".join(dict.fromkeys(KEYS))
-            raise OpticsError(f"unknown key {word!r}", file=file, key=key, remedy=f"Known: {known}")
+            words = ", ".join(known)
+            raise OpticsError(f"unknown key {word!r}", file=file, key=key, remedy=f"Known: {words}")
         try:
-            values[name] = _READ[name](value)
+            found[name] = _READ[name](value)
         except (ValueError, TypeError):
             raise OpticsError(f"{word} cannot be {value!r}", file=file, key=key) from None
-    try:
-        return SensorPlane(**values)
-    except OpticsError as error:
-        raise OpticsError(error.problem, file=file, key=key, remedy=error.remedy) from None
+    return found
 
 
-def _by_views(word: str, value: object, key: str, file: Path | None, field) -> float:
-    try:
-        number = _number(value)
-    except (ValueError, TypeError):
-        raise OpticsError(f"{word} cannot be {value!r}", file=file, key=key) from None
-    return field.distance_of(number) if word == "disparity" else field.f_number_of(number)
-
-
-def _choice(*known: str) -> Callable[[object], str]:
-    def read(value: object) -> str:
-        if value not in known:
-            raise ValueError
-        return str(value)
-
-    return read
+def _choice(value: object) -> str:
+    if value not in SHAPES:
+        raise ValueError
+    return str(value)
 
 
 def _truth(value: object) -> bool:
@@ -229,51 +213,59 @@ def _truth(value: object) -> bool:
     return words[text]
 
 
-def _normalisation(value: object) -> str:
-    if value in NORMALISATIONS:
-        return str(value)
-    return "aperture" if _truth(value) else "lens"
+def _normalised(value: object) -> bool:
+    return value == "aperture" if value in NORMALISATIONS else _truth(value)
 
 
 def _number(value: object) -> float:
-    number = float(value)  # type: ignore[arg-type]
+    number = float(str(value))
     if math.isnan(number):
         raise ValueError
     return number
 
 
-_READ: dict[str, Callable] = {
-    "focus_distance_m": _number,
+_READ: dict[str, Callable[[object], object]] = {
+    "focus_m": _number,
     "f_number": _number,
-    "shape": _choice(*SHAPES),
-    "blades": int,
+    "aperture": _choice,
+    "blades": lambda value: int(str(value)),
     "rotation_deg": _number,
-    "normalise": _normalisation,
+    "normalise": _normalised,
     "keep_magnification": _truth,
+    "disparity_px": _number,
+    "aperture_views": _number,
 }
+"""What reads a setting's value, of text or of YAML."""
+_OTHER_WORDS = {
+    "focus": "focus_m", "focus_distance_m": "focus_m", "f": "f_number", "shape": "aperture",
+    "rotation": "rotation_deg", "disparity": "disparity_px",
+}  # fmt: skip
 
 
-def check_planes(planes: list[SensorPlane], slab, file: Path | None) -> None:
-    """Raise :class:`OpticsError`, with the file's name, for a plane that ``slab`` does not hold."""
-    for plane in planes:
-        try:
-            plane.check(slab)
-            plane.aperture(slab)
-        except OpticsError as error:
-            raise OpticsError(
-                error.problem, file=file, key=error.key, remedy=error.remedy
-            ) from None
+def _keys(source: LightField | Camera) -> dict[str, str]:
+    """Words that a plane is described by, and the settings that they mean."""
+    from lfcore.optics.camera import Camera
+
+    words = _OTHER_WORDS | {name: name for name in _READ}
+    return {w: s for w, s in words.items() if not (isinstance(source, Camera) and s in INSTEAD)}
 
 
-def output_names(path: Path, planes: list[SensorPlane], field=None) -> list[Path]:
-    """One name a plane: ``path`` itself for a single one, else numbered and labelled.
+def save(
+    path: Path, planes: list[SensorPlane], pictures: np.ndarray, bits: int,
+    field: LightField | None = None,
+) -> None:  # fmt: skip
+    """Write what was made and say where; several planes go to one NPY, or a file each."""
+    if path.suffix.lower() == ".npy":
+        write_named([(path, pictures[0] if len(planes) == 1 else pictures)])
+    else:
+        names = [path] if len(planes) == 1 else output_names(path, planes, field)
+        write_named(list(zip(names, pictures, strict=True)), bits=bits)
 
-    Planes of a light field without a geometry are named by their disparity.
-    """
+
+def output_names(path: Path, planes: list[SensorPlane], field: LightField | None) -> list[Path]:
+    """A numbered name a plane, with its settings: its disparity, of a light field without metres"""
     from lfcore.optics.plane_pictures import plane_label
 
-    if len(planes) == 1:
-        return [path]
     if field is None or field.metric:
         labels = [plane_label(k, plane) for k, plane in enumerate(planes)]
     else:

@@ -7,11 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.cli.command import add_command
-from lfcore.cli.planes import distance
+from lfcore.cli.command import (
+    Command,
+    add_output,
+    add_scene,
+    distance,
+    open_scene,
+    refuse,
+    write_named,
+)
 from lfcore.cli.progress import progress, say
-from lfcore.cli.render import load, say_what_is_in
-from lfcore.pictures import check_suffix, write_pictures
+from lfcore.pictures import check_suffix
 
 DESCRIPTION = """\
 Trace a scene through a plenoptic camera: microlenses in the image of a main lens, N x N
@@ -26,11 +32,10 @@ examples:
 """
 
 
-def add_parser(commands, name: str, summary: str) -> None:
-    command = add_command(commands, name, summary, DESCRIPTION, EPILOG)
+def options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    add("scene", type=Path, help="scene.yaml, its folder, a mesh or a .pbrt file")
-    add("-o", "--output", type=Path, required=True, help="the photograph")
+    add_scene(command)
+    add_output(command, "the photograph")
     add("--lenses", type=int, default=128, metavar="M", help="M x M microlenses (128)")
     add("--samples", type=int, default=16, metavar="N", help="N x N pixels behind each (16)")
     add("--focus", type=distance, metavar="M", help="of the main lens, metres, or 'inf'")
@@ -39,8 +44,6 @@ def add_parser(commands, name: str, summary: str) -> None:
         help="refocus digitally; again for more")  # fmt: skip
     add("--view", nargs=3, action="append", default=[], metavar=("I", "J", "PICTURE"),
         help="extract a sub-aperture view; again for more")  # fmt: skip
-    add("--device", help="part of an OpenCL device's name")
-    command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -51,13 +54,12 @@ def run(arguments: argparse.Namespace) -> None:
     from lfcore.rendering.prepared import open_tracer
 
     refocus, views = _requests(arguments)
-    scene = load(arguments.scene)
+    scene = open_scene(arguments)
     lens = recorded_camera(scene.camera, arguments.focus, arguments.f_number)
     camera = PlenopticCamera(lens, arguments.lenses, arguments.samples)
     planes = [SensorPlane(metres, lens.f_number) for metres, _ in refocus]
     for plane in planes:
         plane.check(camera.slab())
-    say_what_is_in(scene)
     tracer = open_tracer(scene, arguments.device)
     side = camera.photograph_side
     say(
@@ -74,28 +76,27 @@ def run(arguments: argparse.Namespace) -> None:
     if planes:
         made = refocus_photograph(camera, picture, planes, device=tracer.device)
         named += [(path, one) for (_, path), one in zip(refocus, made, strict=True)]
-    write_pictures(named)
-    for path, _ in named:
-        say(f"wrote {path}")
+    write_named(named)
 
 
-def _requests(arguments: argparse.Namespace):
+def _requests(
+    arguments: argparse.Namespace,
+) -> tuple[list[tuple[float, Path]], list[tuple[int, int, Path]]]:
     """(metres, path) of --refocus and (i, j, path) of --view, checked before any work."""
-    from lfcore.errors import OpticsError
-
     check_suffix(arguments.output)
     refocus, views = [], []
     for text, path in arguments.refocus:
         try:
             refocus.append((distance(text), Path(path)))
         except argparse.ArgumentTypeError as error:
-            raise OpticsError(str(error), key="--refocus") from None
+            refuse("--refocus", str(error))
     for i, j, path in arguments.view:
         if not (i.isdigit() and j.isdigit() and max(int(i), int(j)) < arguments.samples):
-            raise OpticsError(
-                f"pixels are from 0 to {arguments.samples - 1}, not ({i}, {j})", key="--view"
-            )
+            refuse("--view", f"pixels are from 0 to {arguments.samples - 1}, not ({i}, {j})")
         views.append((int(i), int(j), Path(path)))
     for path in (*(p for _, p in refocus), *(p for *_, p in views)):
         check_suffix(path, key="--refocus or --view")
     return refocus, views
+
+
+COMMANDS = {"plenoptic": Command(DESCRIPTION, EPILOG, options, run)}

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.cli import planes as plane_options
-from lfcore.cli.command import add_command
-from lfcore.cli.progress import progress, say
-from lfcore.pictures import check_bits, check_suffix, write_pictures
+from lfcore.cli.command import Command, add_device, add_lightfield, add_output, open_field
+from lfcore.cli.progress import progress
+from lfcore.optics.planes import SensorPlane
+from lfcore.pictures import check_bits, check_suffix
+
+if TYPE_CHECKING:
+    from lfcore.lightfield import LightField
 
 DESCRIPTION = """\
 Make pictures from a light field file: focused at any distance, through any aperture that is no
@@ -36,14 +40,12 @@ float32. Several planes go to one NPY.
 """
 
 
-def add_parser(commands, name: str, summary: str) -> None:
-    command = add_command(commands, name, summary, DESCRIPTION, EPILOG)
-    command.add_argument("lightfield", help="light field file, .mkv, or its URL")
-    command.add_argument("-o", "--output", type=Path, required=True, help="picture to write")
+def options(command: argparse.ArgumentParser) -> None:
+    add_lightfield(command)
+    add_output(command, "picture to write")
     plane_options.add_options(command)
     plane_options.add_by_views(command.add_argument_group("without metres"))
     add_method(command)
-    command.set_defaults(run=run)
 
 
 def add_method(command: argparse.ArgumentParser) -> None:
@@ -54,51 +56,27 @@ def add_method(command: argparse.ArgumentParser) -> None:
         "--filter", choices=("nearest", "bilinear"), default="nearest",
         help="nearest (slicing or shift-sum) or bilinear (shift-sum)",
     )  # fmt: skip
-    how.add_argument("--device", help="part of an OpenCL device's name; see 'lfcore devices'")
-    how.add_argument(
-        "--salvage", action="store_true", help="leave out damaged segments instead of refusing"
-    )
+    add_device(how)
 
 
-def open_field(arguments: argparse.Namespace):
-    """The light field of the command line; damage that is left out is told."""
-    from lfcore.lightfield import LightField
-
-    field = LightField.open(arguments.lightfield, salvage=arguments.salvage)
-    for damage in field.damage:
-        say(f"left out: {damage.reason}")
-    return field
-
-
-def make_pictures(arguments: argparse.Namespace, field, planes) -> np.ndarray:
+def make_pictures(
+    arguments: argparse.Namespace, field: LightField, planes: list[SensorPlane]
+) -> np.ndarray:
     """(P, M, M, 3) of the planes, with a line of progress."""
     with progress(f"refocusing {len(planes)} planes", "frames") as report:
         return field.refocus_many(
-            planes,
-            method=arguments.method,
-            filter=arguments.filter,
-            device=arguments.device,
+            planes, method=arguments.method, filter=arguments.filter, device=arguments.device,
             progress=report,
-        )
+        )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> None:
     check_suffix(arguments.output)
     check_bits(arguments.output, arguments.bits)
     field = open_field(arguments)
-    plane_options.settle(arguments, field)
-    planes = plane_options.read_planes(arguments, field.require_slab().camera, field)
-    plane_options.check_planes(planes, field.slab, arguments.lightfield)
+    planes = plane_options.read_planes(arguments, field)
     pictures = make_pictures(arguments, field, planes)
-    save(arguments.output, planes, pictures, field, arguments.bits)
+    plane_options.save(arguments.output, planes, pictures, arguments.bits, field)
 
 
-def save(path: Path, planes, pictures: np.ndarray, field=None, bits: int = 8) -> None:
-    """Write what was made and say where; several planes go to one NPY, or a file each."""
-    if path.suffix.lower() == ".npy":
-        named = [(path, pictures[0] if len(planes) == 1 else pictures)]
-    else:
-        named = list(zip(plane_options.output_names(path, planes, field), pictures, strict=True))
-    write_pictures(named, bits=bits)
-    for file, _ in named:
-        say(f"wrote {file}")
+COMMANDS = {"refocus": Command(DESCRIPTION, EPILOG, options, run)}

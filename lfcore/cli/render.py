@@ -7,19 +7,23 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from lfcore.cli import imgtool_store, render_view
+from lfcore.cli import film
 from lfcore.cli import planes as plane_options
-from lfcore.cli.command import add_command
+from lfcore.cli.command import (
+    Command,
+    add_encoder,
+    add_output,
+    add_scene,
+    add_white,
+    distance,
+    encoder,
+    open_scene,
+    refuse,
+)
 from lfcore.cli.progress import progress, say
 from lfcore.errors import OpticsError
 from lfcore.pictures import check_bits, check_suffix
-from lfcore.scene.emitters import POINTS
-from lfcore.storage.pixels import PIXEL_FORMATS
-
-if TYPE_CHECKING:
-    from lfcore.scene.model import Scene
 
 RENDER = """\
 Trace a scene and make pictures from its rays at once; no light field is stored. SCENE is a
@@ -54,160 +58,115 @@ examples:
 """
 
 
-def add_parser(commands, name: str, summary: str) -> None:
-    text = (RENDER, RENDER_EPILOG) if name == "render" else (TRACE, TRACE_EPILOG)
-    command = add_command(commands, name, summary, text[0], text[1])
+def render_options(command: argparse.ArgumentParser) -> None:
     add_scene(command)
-    if name == "render":
-        command.add_argument("-o", "--output", type=Path, required=True, help="picture to write")
-        command.add_argument(
-            "--views", type=int, metavar="N",
-            help="N x N lens samples (8, or 16 with --filter nearest)",
-        )  # fmt: skip
-        command.add_argument(
-            "--subpixels", type=float, metavar="Q", help="Q x Q rays of a pixel and lens sample (2)"
-        )
-        command.add_argument(
-            "--filter", choices=("depth", "nearest"), default="depth",
-            help="how a ray counts: over what its part of lens and pixel sweeps at the depth that "
-            "it met (default), or in the pixel that it falls on",
-        )  # fmt: skip
-        command.add_argument(
-            "--quality", type=float, metavar="DB",
-            help="as few rays as every picture needs for this PSNR against the average over its "
-            "pixels and the lens, instead of --views and --subpixels",
-        )  # fmt: skip
-        command.add_argument("--pinhole", action="store_true", help="one ray through a point")
-        plane_options.add_options(command)
-        render_view.add_options(command)
-        # None: not asked for, so that a scene with a film of its own is taken as it is.
-        command.set_defaults(run=render, size=None)
-        return
-    command.add_argument("-o", "--output", type=Path, required=True, help="file to write, .mkv")
+    add_output(command, "picture to write")
+    add_size(command)
+    add = command.add_argument
+    add(
+        "--views", type=int, metavar="N", help="N x N lens samples (8, or 16 with --filter nearest)"
+    )
+    add("--subpixels", type=float, metavar="Q", help="Q x Q rays of a pixel and lens sample (2)")
+    add(
+        "--filter", choices=("depth", "nearest"), default="depth",
+        help="how a ray counts: over what its part of lens and pixel sweeps at the depth that "
+        "it met (default), or in the pixel that it falls on",
+    )  # fmt: skip
+    add(
+        "--quality", type=float, metavar="DB",
+        help="as few rays as every picture needs for this PSNR against the average over its "
+        "pixels and the lens, instead of --views and --subpixels",
+    )  # fmt: skip
+    add("--pinhole", action="store_true", help="one ray through a point")
+    plane_options.add_options(command)
+    film.add_options(command)
+
+
+def trace_options(command: argparse.ArgumentParser) -> None:
+    add_scene(command)
+    add_output(command, "file to write, .mkv")
+    add_size(command)
     command.add_argument("--views", type=int, metavar="N", help="N x N views (16)")
     lens = command.add_argument_group("the lens (default: the scene's)")
-    lens.add_argument("--focus", type=plane_options.distance, metavar="M", help="metres, or 'inf'")
+    lens.add_argument("--focus", type=distance, metavar="M", help="metres, or 'inf'")
     lens.add_argument("--f-number", type=float, metavar="F", help="widest that can be refocused")
-    how = imgtool_store.add_encoder(command)
+    how = add_encoder(command)
+    add_white(how)
     how.add_argument("--layout", choices=("macropixels", "views"), help="default: by N and M")
-    how.add_argument("--pixel-format", choices=tuple(PIXEL_FORMATS), help="default: by N")
-    render_view.add_options(command)
-    command.set_defaults(run=trace, size=None)
+    film.add_options(command)
 
 
-def add_scene(command: argparse.ArgumentParser) -> None:
-    """Options of every command that traces a scene."""
-    command.add_argument("scene", type=Path, help="scene.yaml, its folder, a mesh or a .pbrt file")
-    command.add_argument("--size", type=int, default=256, metavar="M", help="M x M pixels (256)")
-    command.add_argument("--device", help="part of an OpenCL device's name")
-    command.add_argument(
-        "--light-points", type=int, default=POINTS, metavar="P",
-        help=f"points of each area light of a pbrt scene ({POINTS})",
-    )  # fmt: skip
-    command.add_argument("--up", choices=("y", "z"), default="y", help="axis of a mesh (y)")
-
-
-def load(path: Path, light_points: int = POINTS, up: str = "y") -> Scene:
-    """As :func:`lfcore.load_scene`; what could not be read exactly is told."""
-    from lfcore.api import load_scene
-
-    scene = load_scene(path, light_points=light_points, up=up)
-    if scene.notes:
-        say(scene.summary())
-    return scene
-
-
-def say_what_is_in(scene) -> None:
-    """How many triangles the scene has, and what was left out of it."""
-    say(f"{scene.name}: {scene.triangle_count} triangles")
-    for reason, count in scene.dropped.items():
-        say(f"{count} triangles were left out: {reason}")
+def add_size(command: argparse.ArgumentParser) -> None:
+    # None: not asked for, so that a scene with a film of its own is taken as it is.
+    command.add_argument("--size", type=int, metavar="M", help="M x M pixels (256)")
 
 
 def render(arguments: argparse.Namespace) -> None:
     from lfcore import api
-    from lfcore.cli.refocus import save
 
     check_suffix(arguments.output)
     check_bits(arguments.output, arguments.bits)
     _check_rays(arguments)
-    scene = load(arguments.scene, arguments.light_points, arguments.up)
-    say_what_is_in(scene)
-    if render_view.wants_film(arguments, scene):
-        render_view.render_film(arguments, scene)
+    scene = open_scene(arguments)
+    if film.wanted(arguments, scene):
+        film.render(arguments, scene)
         return
     size = 256 if arguments.size is None else arguments.size
-    if arguments.quality is not None:
-        _render_to_quality(arguments, scene, size)
-        return
-    views = 1 if arguments.pinhole else arguments.views
-    how = "nearest" if arguments.pinhole else arguments.filter
     planes = plane_options.read_planes(arguments, scene.camera)
+    how = "nearest" if arguments.pinhole else arguments.filter
+    same = {"planes": planes, "pixels": size, "device": arguments.device}
     with named_file(arguments.scene), progress("tracing", "parts") as report:
-        pictures = api.render(
-            scene, planes=planes, pixels=size, views=views, subpixels=arguments.subpixels,
-            filter=how, device=arguments.device, progress=report,
-        )  # fmt: skip
-    save(arguments.output, planes, pictures, bits=arguments.bits)
+        if arguments.quality is None:
+            pictures = api.render(
+                scene, views=1 if arguments.pinhole else arguments.views,
+                subpixels=arguments.subpixels, filter=how, progress=report, **same,
+            )  # fmt: skip
+        else:
+            made = api.render_to_quality(scene, arguments.quality, progress=report, **same)
+            pictures = made.pictures
+    if arguments.quality is not None:
+        db = ", ".join(f"{each:.1f}" for each in made.expected_db)
+        rays = f"{made.count} lens samples by rays of a pixel a side"
+        say(f"{rays}, {made.count.rays_a_pixel:g} a pixel: {db} dB expected")
+    plane_options.save(arguments.output, planes, pictures, arguments.bits)
 
 
 def _check_rays(arguments: argparse.Namespace) -> None:
     """Options on rays that do not go together."""
     rays = arguments.views, arguments.subpixels
     if arguments.pinhole and any((*rays, arguments.f_number, arguments.plane)):
-        raise OpticsError(
-            "has neither aperture nor focus", key="--pinhole",
-            remedy="Leave out --views, --subpixels, --f-number and --plane",
+        refuse(
+            "--pinhole", "has neither aperture nor focus",
+            "Leave out --views, --subpixels, --f-number and --plane",
         )  # fmt: skip
     if arguments.quality is not None and (
         any(rays) or arguments.pinhole or arguments.filter == "nearest"
     ):
-        raise OpticsError(
-            "chooses the rays itself", key="--quality",
-            remedy="Leave out --views, --subpixels, --pinhole and --filter nearest",
+        refuse(
+            "--quality", "chooses the rays itself",
+            "Leave out --views, --subpixels, --pinhole and --filter nearest",
         )  # fmt: skip
-
-
-def _render_to_quality(arguments: argparse.Namespace, scene, size: int) -> None:
-    """Pictures of ``--quality``, and a line on what is expected of each."""
-    from lfcore import api
-    from lfcore.cli.refocus import save
-
-    planes = plane_options.read_planes(arguments, scene.camera)
-    with named_file(arguments.scene), progress("tracing", "views") as report:
-        made = api.render_to_quality(
-            scene, arguments.quality, planes=planes, pixels=size, device=arguments.device,
-            progress=report,
-        )  # fmt: skip
-    db = ", ".join(f"{each:.1f}" for each in made.expected_db)
-    rays = f"{made.count} lens samples by rays of a pixel a side"
-    say(f"{rays}, {made.count.rays_a_pixel:g} a pixel: {db} dB expected")
-    save(arguments.output, planes, made.pictures, bits=arguments.bits)
 
 
 def trace(arguments: argparse.Namespace) -> None:
     from lfcore import api
 
     check_suffix(arguments.output, (".mkv",))
-    scene = load(arguments.scene, arguments.light_points, arguments.up)
-    say_what_is_in(scene)
-    if render_view.wants_film(arguments, scene) and scene.view.kind == "lightfield":
-        render_view.trace_film(arguments, scene)
+    scene = open_scene(arguments)
+    if film.wanted(arguments, scene) and film.is_array(scene):
+        film.trace(arguments, scene)
         return
     views = 16 if arguments.views is None else arguments.views
     size = 256 if arguments.size is None else arguments.size
-    with named_file(arguments.scene), progress(_what(views, size), "elements") as report:
+    what = f"tracing {views**2 * size**2:,} rays"
+    with named_file(arguments.scene), progress(what, "elements") as report:
         field = api.record(
             scene, arguments.output, views=views, pixels=size, focus_m=arguments.focus,
             f_number=arguments.f_number, layout=arguments.layout or "auto",
-            device=arguments.device, progress=report, **imgtool_store.asked(arguments),
+            device=arguments.device, progress=report, **encoder(arguments),
         )  # fmt: skip
     length = os.path.getsize(arguments.output)
     say(f"wrote {arguments.output}: {len(field.segments)} segments, {length:,} bytes")
-
-
-def _what(views: int, size: int) -> str:
-    return f"tracing {views**2 * size**2:,} rays"
 
 
 @contextmanager
@@ -219,3 +178,9 @@ def named_file(file: Path) -> Iterator[None]:
         raise OpticsError(
             error.problem, file=error.file or file, key=error.key, remedy=error.remedy
         ) from None
+
+
+COMMANDS = {
+    "render": Command(RENDER, RENDER_EPILOG, render_options, render),
+    "trace": Command(TRACE, TRACE_EPILOG, trace_options, trace),
+}

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import http.server
 import webbrowser
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lfcore.cli.command import add_command
+from lfcore.cli.command import Command, add_device, add_lightfield, open_field, option, refuse
 from lfcore.cli.progress import progress, say
-from lfcore.cli.refocus import open_field
-from lfcore.errors import OpticsError, StorageError
-from lfcore.pictures import SUFFIXES, check_suffix, write_picture
+from lfcore.pictures import SUFFIXES, check_suffix, contact_sheet, write_picture
+
+if TYPE_CHECKING:
+    from lfcore.lightfield import LightField
 
 DESCRIPTION = """\
 Look at a light field file: as a page for the browser (-o NAME.html), where you look around, focus,
@@ -35,10 +36,8 @@ PAGES = (".html", ".htm")
 OF_PICTURES, OF_PAGES = ("view", "macropixel", "grid"), ("views", "size", "format", "quality")
 
 
-def add_parser(commands, name: str, summary: str) -> None:
-    command = add_command(commands, name, summary, DESCRIPTION, EPILOG)
-    command.add_argument("lightfield", help="light field file, .mkv, or its URL")
-    command.add_argument("--salvage", action="store_true", help="open a damaged file, too")
+def options(command: argparse.ArgumentParser) -> None:
+    add_lightfield(command)
     command.add_argument("-o", "--output", type=Path, help="page (.html) or picture to write")
     picture = command.add_argument_group("a picture")
     what = picture.add_mutually_exclusive_group()
@@ -57,14 +56,13 @@ def add_parser(commands, name: str, summary: str) -> None:
         "--serve", type=int, nargs="?", const=0, metavar="PORT",
         help="hand the page out on this machine until interrupted",
     )  # fmt: skip
-    page.add_argument("--device", help="part of an OpenCL device's name; see 'lfcore devices'")
-    command.set_defaults(run=run)
+    add_device(page)
 
 
 def run(arguments: argparse.Namespace) -> None:
     output, serves = arguments.output, arguments.serve is not None
     if output is None and not serves:
-        raise OpticsError("is missing", key="--output", remedy="Name a page or a picture to write")
+        refuse("--output", "is missing", "Name a page or a picture to write")
     is_page = output is None or output.suffix.lower() in PAGES
     if not is_page:
         check_suffix(output, (*SUFFIXES, *PAGES))
@@ -73,11 +71,8 @@ def run(arguments: argparse.Namespace) -> None:
     if not is_page:
         wrong += [name for name in ("open", "serve") if given[name] not in (None, False)]
     if wrong:
-        kind = "picture" if is_page else "page"
-        name = ".png" if is_page else ".html"
-        raise OpticsError(
-            f"belongs to a {kind}", key=f"--{wrong[0]}", remedy=f"Write a {name}, or leave it out"
-        )
+        kind, name = ("picture", ".png") if is_page else ("page", ".html")
+        refuse(option(wrong[0]), f"belongs to a {kind}", f"Write a {name}, or leave it out")
     (_page if is_page else _picture)(arguments)
 
 
@@ -97,36 +92,12 @@ def _page(arguments: argparse.Namespace) -> None:
         if arguments.open and arguments.serve is None:
             webbrowser.open(arguments.output.resolve().as_uri())
     if arguments.serve is not None:
-        _serve(page.html.encode(), arguments.serve, arguments.open)
-
-
-def _serve(page: bytes, port: int, open_it: bool) -> None:
-    """Hand the page out, to this machine alone, until interrupted."""
-
-    class Handler(http.server.BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self.send_response(200)
-            self.send_header("Content-Type", "text/html; charset=utf-8")
-            self.send_header("Content-Length", str(len(page)))
-            self.end_headers()
-            self.wfile.write(page)
-
-        def log_message(self, format: str, *arguments: object) -> None:
-            pass
-
-    try:
-        server = http.server.ThreadingHTTPServer(("127.0.0.1", port), Handler)
-    except (OSError, OverflowError) as error:
-        raise StorageError(
-            f"port {port} cannot be used: {getattr(error, 'strerror', None) or error}",
-            key="--serve", remedy="Name another port, or none",
-        ) from None  # fmt: skip
-    with server:
-        address = f"http://127.0.0.1:{server.server_address[1]}/"
-        say(f"the page is at {address} until you interrupt this (Ctrl+C)")
-        if open_it:
-            webbrowser.open(address)
-        server.serve_forever()
+        with page.server(arguments.serve) as server:
+            address = f"http://127.0.0.1:{server.server_address[1]}/"
+            say(f"the page is at {address} until you interrupt this (Ctrl+C)")
+            if arguments.open:
+                webbrowser.open(address)
+            server.serve_forever()
 
 
 def _picture(arguments: argparse.Namespace) -> None:
@@ -141,23 +112,23 @@ def _picture(arguments: argparse.Namespace) -> None:
     say(f"wrote {arguments.output}; {field.count.frames} frames were decoded")
 
 
-def _grid(field, count: int) -> np.ndarray:
+def _grid(field: LightField, count: int) -> np.ndarray:
     """``count`` x ``count`` views side by side, from corner to corner of the lens."""
     from lfcore.refocus.views import read_views
 
-    chosen = [_spread(count, there) for there in field.grid]
-    samples = np.array([(i, j) for j in chosen[1] for i in chosen[0]])
+    columns, rows = (_spread(count, there) for there in field.grid)
+    samples = np.array([(i, j) for j in rows for i in columns])
     with progress("reading views", "frames") as report:
-        light = read_views(field, samples, progress=report)
-    width, height = field.picture_size
-    cells = light.reshape(count, count, height, width, 3).transpose(0, 2, 1, 3, 4)
-    return cells.reshape(count * height, count * width, 3)
+        return contact_sheet(read_views(field, samples, progress=report), count)
 
 
 def _spread(count: int, views: int) -> np.ndarray:
     """``count`` of ``views`` columns or rows, from end to end."""
     if not 1 <= count <= views:
-        raise OpticsError(f"must be from 1 to {views}, not {count}", key="--grid")
+        refuse("--grid", f"must be from 1 to {views}, not {count}")
     if count == 1:
         return np.array([views // 2])
     return np.rint(np.linspace(0, views - 1, count)).astype(int)
+
+
+COMMANDS = {"view": Command(DESCRIPTION, EPILOG, options, run)}

@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from lfcore.errors import OpticsError
-from lfcore.optics.camera import check_focus, image_distance
+from lfcore.optics.camera import Camera, check_focus, image_distance
 from lfcore.optics.slab import Slab
 
 MOST_BLADES = 1000  # no eye tells such a polygon from a circle
@@ -89,6 +89,29 @@ class SensorPlane:
             raise OpticsError(
                 f"unknown normalisation {self.normalise!r}", remedy=f"Use one of {NORMALISATIONS}"
             )
+
+    @classmethod
+    def of(
+        cls,
+        camera: Camera,
+        focus_m: float | None = None,
+        f_number: float | None = None,
+        aperture: str = "circle",
+        *,
+        blades: int = 6,
+        rotation_deg: float = 0.0,
+        normalise: bool = True,
+        keep_magnification: bool = False,
+    ) -> SensorPlane:
+        """The plane of these settings; focus and f-number are the camera's where not given.
+
+        Not checked against what the camera can form: see :meth:`check`.
+        """
+        return cls(
+            camera.focus_distance_m if focus_m is None else float(focus_m),
+            camera.f_number if f_number is None else float(f_number),
+            aperture, blades, rotation_deg, "aperture" if normalise else "lens", keep_magnification,
+        )  # fmt: skip
 
     @property
     def delta(self) -> float:

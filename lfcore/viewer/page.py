@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import http.server
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from lfcore.errors import StorageError
 from lfcore.files import write_text
 from lfcore.opencl.device import Device
 from lfcore.optics.slab import Slab
@@ -41,6 +43,32 @@ class ViewerPage:
     def save(self, path: str | Path) -> None:
         """Write the page; raises :class:`StorageError` when it cannot be written."""
         write_text(path, self.html)
+
+    def server(self, port: int = 0) -> http.server.ThreadingHTTPServer:
+        """A server that hands the page out, to this machine alone; port 0 takes a free one.
+
+        Raises :class:`StorageError` for a port that cannot be used.
+        """
+        page = self.html.encode()
+
+        class Handler(http.server.BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                self.send_response(200)
+                self.send_header("Content-Type", "text/html; charset=utf-8")
+                self.send_header("Content-Length", str(len(page)))
+                self.end_headers()
+                self.wfile.write(page)
+
+            def log_message(self, format: str, *arguments: object) -> None:
+                pass
+
+        try:
+            return http.server.ThreadingHTTPServer(("127.0.0.1", port), Handler)
+        except (OSError, OverflowError) as error:
+            raise StorageError(
+                f"port {port} cannot be used: {getattr(error, 'strerror', None) or error}",
+                key="--serve", remedy="Name another port, or none",
+            ) from None  # fmt: skip
 
     def _repr_html_(self) -> str:
         source = html.escape(self.html, quote=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 import re
@@ -127,12 +126,6 @@ def read_camera(scene: str | Path) -> tuple[Camera, tuple[float, ...], int]:
     header = read_header(scene)
     camera = {key: float(value) for key, value in header["camera"].items()}
     return Camera(**camera), tuple(header["focus_distances_m"]), header["triangles"]
-
-
-def file_digest(path: str | Path) -> str:
-    """SHA-256 of a file, in hexadecimal."""
-    with Path(path).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def aperture_stack(

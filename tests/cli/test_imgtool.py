@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lfcore.cli import imgtool, main, parser
+from lfcore.cli import imgtool, imgtool_store, main, parser
 from lfcore.exr import read_exr_picture
 from lfcore.optics.array import CameraArray
 from lfcore.pictures import write_picture
@@ -87,7 +87,7 @@ def test_defaults_are_the_assignments():
     arguments = parsed("lightfield", "in.exr", "out.exr")
     assert arguments.camerapos == (0.0, 0.0, -0.02)
     assert arguments.outputfov == 45.0 and arguments.outputdim == (256, 256)
-    single = imgtool.geometry(arguments, None, (64, 64, 3))
+    single = imgtool_store.geometry(arguments, None, (64, 64, 3))
     assert single.cameras == (1, 1) and single.fov_deg == 90.0 and single.columns_m == (0.0,)
     assert imgtool.chosen_method(arguments) == "isaksen"
 

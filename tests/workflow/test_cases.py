@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lfcore.cli import parser
-from lfcore.cli.imgtool_store import asked
+from lfcore.cli.command import encoder
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.storage import defaults
@@ -77,7 +77,7 @@ def test_other_codecs_have_their_own_presets(codec, preset, crf, pixel_format):
     assert (spec.pixel_format, spec.gop) == (pixel_format, defaults.KEY_EVERY)
     assert spec == defaults.codec_spec(64, codec)
     words = ["trace", "scene", "-o", "x.mkv", "--codec", codec]
-    assert spec == defaults.codec_spec(64, **asked(parser(words).parse_args(words)))
+    assert spec == defaults.codec_spec(64, **encoder(parser(words).parse_args(words)))
 
 
 def test_scenes_by_name_and_by_path(tmp_path):

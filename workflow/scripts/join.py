@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from lfcore.evaluation.timing import Stopwatch
-from lfcore.files import read_json, write_json
+from lfcore.files import file_digest, read_json, write_json
 from lfcore.optics.slab import Slab
 from lfcore.storage.container import join_segments
 from lfcore.workflow import cases
@@ -23,7 +23,7 @@ with job(snakemake.log[0], snakemake.threads):
             tiles,
             tiles[0].layout,
             geometry=Slab(camera, views, params.spatial_resolution),
-            scene={"name": snakemake.wildcards.scene, "digest": cases.file_digest(given.scene)},
+            scene={"name": snakemake.wildcards.scene, "digest": file_digest(given.scene)},
             spec=spec,
             content={"depth_m": depth} if depth else None,
             progress=log_progress("segments"),

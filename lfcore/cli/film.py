@@ -4,11 +4,19 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from lfcore.cli.command import encoder, option, refuse
 from lfcore.cli.progress import progress, say
-from lfcore.errors import OpticsError
 from lfcore.files import make_folder
-from lfcore.pictures import write_picture
+from lfcore.pictures import check_suffix, write_picture
+from lfcore.scene.view import LIGHTFIELD, View
+
+if TYPE_CHECKING:
+    from lfcore.optics.array import CameraArray
+    from lfcore.scene.model import Scene
 
 # Options that ask for a square picture from a light slab instead of the scene's own film.
 SLAB_OPTIONS = (
@@ -29,7 +37,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def wants_film(arguments: argparse.Namespace, scene) -> bool:
+def wanted(arguments: argparse.Namespace, scene: Scene) -> bool:
     """Whether the scene's own film is to be exposed, not a slab traced.
 
     Raises :class:`OpticsError` for options of the film where there is none, or of both.
@@ -39,54 +47,76 @@ def wants_film(arguments: argparse.Namespace, scene) -> bool:
         for names in (SLAB_OPTIONS, FILM_OPTIONS)
     )
     if film and (slab or scene.view is None):
-        what = f"excludes {_option(slab[0])}" if slab else "belongs to a scene with a film"
-        raise OpticsError(what, key=_option(film[0]), remedy="Leave it out, or use --views")
+        what = f"excludes {option(slab[0])}" if slab else "belongs to a scene with a film"
+        refuse(option(film[0]), what, "Leave it out, or use --views")
     for name in film:
         if name != "white" and getattr(arguments, name) < 1:
-            raise OpticsError("must be at least 1", key=_option(name))
+            refuse(option(name), "must be at least 1")
     return scene.view is not None and not slab
 
 
-def render_film(arguments: argparse.Namespace, scene) -> None:
+def is_array(scene: Scene) -> bool:
+    """Whether the film is a light field camera's."""
+    return scene.view is not None and scene.view.kind == LIGHTFIELD
+
+
+def render(arguments: argparse.Namespace, scene: Scene) -> None:
     """Expose the film and write it; a light field to an EXR with its geometry in the header."""
-    from lfcore.scene.view import LIGHTFIELD
     from lfcore.storage.tiled_exr import write_array
 
-    image, view, output = _expose(arguments, scene), scene.view, arguments.output
+    (image, view), output = _expose(arguments, scene), arguments.output
     if view.kind == LIGHTFIELD and output.suffix.lower() == ".exr":
         make_folder(output.parent)
         extra = {"scene": scene.name, "shutter": list(view.shutter)}
         write_array(output, image, view.array, extra=extra)
     else:
-        write_picture(output, image, bits=getattr(arguments, "bits", 8))
+        write_picture(output, image, bits=arguments.bits)
     say(f"wrote {output}")
 
 
-def trace_film(arguments: argparse.Namespace, scene) -> None:
+def trace(arguments: argparse.Namespace, scene: Scene) -> None:
     """Expose a light field camera's film and store it as a light field file."""
-    from lfcore.cli.imgtool_store import save_video
     from lfcore.scene.files import scene_digest
 
     what = {"name": scene.name, "digest": scene_digest(scene)}
-    say(f"wrote {save_video(arguments, _expose(arguments, scene), scene.view.array, what)}")
+    image, view = _expose(arguments, scene)
+    say(f"wrote {save_video(arguments, image, view.array, what)}")
 
 
-def _expose(arguments: argparse.Namespace, scene):
+def save_video(
+    arguments: argparse.Namespace, image: np.ndarray, array: CameraArray, scene: dict[str, str]
+) -> str:
+    """Store an array as the options on the encoder say; returns one line about it."""
+    from lfcore.refocus.array.stored import store_array
+    from lfcore.storage.defaults import codec_spec
+
+    output = arguments.output
+    check_suffix(output, (".mkv",))
+    spec = codec_spec(array.cameras[0], **encoder(arguments))
+    with progress("encoding", "cameras") as report:
+        white = store_array(
+            output, image, array, spec, scene=scene, white=arguments.white, progress=report
+        ).white
+    clipped = float((image > white).any(-1).mean())
+    said = f"{output}: {array.cameras[0]} x {array.cameras[1]} cameras, "
+    said += f"{output.stat().st_size:,} bytes, white at {white:g}"
+    return said + (f", {100 * clipped:.2g} % of the pixels clipped" if clipped else "")
+
+
+def _expose(arguments: argparse.Namespace, scene: Scene) -> tuple[np.ndarray, View]:
     from lfcore.api import trace_array
 
+    assert scene.view is not None  # of wanted()
     width, height = scene.view.film
     samples = arguments.samples or scene.view.samples_per_pixel
     with progress(f"tracing {width} x {height} pixels, {samples} rays each", "instants") as report:
-        return trace_array(
+        image = trace_array(
             scene, samples_per_pixel=samples, instants=arguments.instants,
             device=arguments.device, progress=report,
         )  # fmt: skip
+    return image, scene.view
 
 
-def _given(value) -> bool:
+def _given(value: object) -> bool:
     # 0 was given, if wrongly.
     return value is not None and value is not False and value != []
-
-
-def _option(name: str) -> str:
-    return f"--{name.replace('_', '-')}"
