@@ -6,12 +6,15 @@ at vertices and at grazing incidence, and slow: 10^4 rays by 10^4 triangles take
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from lfcore.oracle.crossings import ULP, crossings
 
+Solid = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""(C,) bool of triangles (C,) and weights (C, 3): whether what crosses there is stopped."""
 # Crossings nearer to each other than this, relatively, are one: t is known to 1e-10.
 SAME = 4e-10
 
@@ -60,6 +63,7 @@ def closest_hits(
     *,
     near: float = 64.0,
     exclude: np.ndarray | None = None,
+    solid: Solid | None = None,
 ) -> Hits:
     """First crossings at t > 0, from both sides of the triangles.
 
@@ -71,6 +75,7 @@ def closest_hits(
         Directions need not be of unit length.
     near : largest ``margin`` reported, in units of 2^-24.
     exclude : (R,) int, a triangle each ray ignores; -1 for none.
+    solid : where triangles have no holes; none have without.
     """
     rays = len(origins)
     best = np.full(rays, np.inf)
@@ -88,6 +93,8 @@ def closest_hits(
         if exclude is not None:
             seen = found.triangle != np.asarray(exclude)[found.ray]
         hit = np.flatnonzero(found.inside & (found.t > 0) & seen)
+        if solid is not None:
+            hit = hit[solid(found.triangle[hit], found.weights[hit])]
         np.minimum.at(best, found.ray[hit], found.t[hit])
         first = hit[found.t[hit] <= best[found.ray[hit]] * (1 + SAME)]
         _take_lowest(hits, found, first)
@@ -124,13 +131,19 @@ def occluded(
     after: np.ndarray | float = 0.0,
     until: np.ndarray | float = np.inf,
     exclude: np.ndarray | None = None,
+    solid: Solid | None = None,
 ) -> np.ndarray:
-    """(R,) bool: whether anything but triangle ``exclude`` lies at ``after`` < t < ``until``."""
+    """(R,) bool: whether anything but triangle ``exclude`` lies at ``after`` < t < ``until``.
+
+    ``solid`` as for :func:`closest_hits`.
+    """
     result = np.zeros(len(origins), bool)
     after, until = (np.broadcast_to(t, len(origins)) for t in (after, until))
     for found in crossings(triangles, origins, directions, near=0.0):
         blocks = found.inside & (found.t > after[found.ray]) & (found.t < until[found.ray])
         if exclude is not None:
             blocks &= found.triangle != np.asarray(exclude)[found.ray]
+        if solid is not None:
+            blocks[blocks] = solid(found.triangle[blocks], found.weights[blocks])
         result[found.ray[blocks]] = True
     return result

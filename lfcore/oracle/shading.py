@@ -16,8 +16,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from lfcore.oracle.colour import srgb_decode
+from lfcore.oracle.cut_outs import solid_of
 from lfcore.oracle.intersect import Hits, closest_hits, occluded
+from lfcore.oracle.textures import bilinear
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
 
@@ -27,7 +28,8 @@ TOUCHING = 1e-9
 
 def radiance(scene: Scene, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """(R, 3) float64 linear RGB in [0, 1] seen along rays (R, 3) float32."""
-    return shade(scene, directions, closest_hits(scene.triangles, origins, directions))
+    hits = closest_hits(scene.triangles, origins, directions, solid=solid_of(scene))
+    return shade(scene, directions, hits)
 
 
 def shade(scene: Scene, directions: np.ndarray, hits: Hits) -> np.ndarray:
@@ -84,29 +86,9 @@ def albedo(scene: Scene, triangle: np.ndarray, weights: np.ndarray) -> np.ndarra
         uses = texture == number
         if uses.any():
             uv = _interpolate(scene.uvs[triangle[uses]], weights[uses])
-            colour[uses] *= bilinear(picture, uv)
+            colour[uses] *= bilinear(picture[..., :3], uv)
     if len(scene.colours):
         colour *= _interpolate(scene.colours[triangle], weights)
-    return colour
-
-
-def bilinear(texture: np.ndarray, uv: np.ndarray) -> np.ndarray:
-    """(R, 3) linear RGB of ``texture`` (H, W, 3) uint8, sRGB, row 0 on top, at ``uv`` (R, 2).
-
-    v runs up from the bottom; texel (0, 0) has its centre at u = 0.5 / W, v = 1 - 0.5 / H; both
-    coordinates wrap.
-    """
-    linear = srgb_decode(texture / 255.0)
-    height, width = texture.shape[:2]
-    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
-    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    colour = np.zeros((len(uv), 3))
-    for right in (0, 1):
-        for below in (0, 1):
-            share_x = x - left if right else 1 - (x - left)
-            share_y = y - top if below else 1 - (y - top)
-            texel = linear[(top + below) % height, (left + right) % width]
-            colour += (share_x * share_y)[:, None] * texel
     return colour
 
 
@@ -136,11 +118,13 @@ def _in_shadow(scene, light, point, triangle) -> np.ndarray:
         towards, until = np.tile(vector, (len(point), 1)), np.inf
         after = TOUCHING * np.linalg.norm(point, axis=1)
     first, end = light.own
-    others = np.concatenate([scene.triangles[:first], scene.triangles[end:]])
+    others = np.concatenate([np.arange(first), np.arange(end, len(scene.triangles))])
     # The numbers of the triangles that are left.
     own = (triangle >= first) & (triangle < end)
     left = np.where(own, -1, np.where(triangle >= end, triangle - (end - first), triangle))
-    return occluded(others, point, towards, after=after, until=until, exclude=left)
+    solid = solid_of(scene, others)
+    return occluded(scene.triangles[others], point, towards, after=after, until=until,
+                    exclude=left, solid=solid)  # fmt: skip
 
 
 def _interpolate(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:

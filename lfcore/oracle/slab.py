@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from lfcore.optics.slab import Slab
+from lfcore.oracle.cut_outs import solid_of
 from lfcore.oracle.intersect import Hits, closest_hits
 from lfcore.oracle.shading import shade
 from lfcore.scene.model import Scene
@@ -32,7 +33,7 @@ def slab_rays(slab: Slab, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def slab_hits(scene: Scene, slab: Slab, pixels: np.ndarray) -> Hits:
     """What the slab's rays meet, (P N N) rays in the order of :func:`slab_rays`; t is depth."""
     origins, directions = (a.reshape(-1, 3) for a in slab_rays(slab, pixels))
-    return closest_hits(scene.triangles, origins, directions)
+    return closest_hits(scene.triangles, origins, directions, solid=solid_of(scene))
 
 
 def trace(

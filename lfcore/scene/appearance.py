@@ -13,6 +13,7 @@ class Material:
 
     ``texture`` indexes :attr:`Scene.textures` (-1: none) and multiplies ``diffuse``.
     ``emission`` is added whatever the light: a lamp shade, a screen, test charts.
+    Where the texture's alpha, of 1, is below ``alpha_cutoff`` the surface has a hole.
     """
 
     name: str
@@ -21,6 +22,7 @@ class Material:
     shininess: float = 32.0
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     texture: int = -1
+    alpha_cutoff: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -168,6 +168,7 @@ def _material(surface: Surface, texture: int) -> Material:
         float(surface.shininess),
         triple(surface.emission),
         texture,
+        float(surface.alpha_cutoff),
     )
 
 

@@ -60,8 +60,12 @@ class GltfSurfaces:
     def _make(self, material: Any, plain: Surface, entry: dict) -> Surface | None:
         name = str(entry.get("name") or self.document.path.stem)
         changes: dict[str, Any] = {"name": name}
-        if not self._is_solid(material, name):
+        cutoff = self._cutoff(material, name)
+        if cutoff is None:
             return None
+        if cutoff:
+            changes["alpha_cutoff"] = cutoff
+            changes["texture"] = np.array(material.baseColorTexture.convert("RGBA"), np.uint8)
         for key, what in _DROPPED.items():
             if key in entry:
                 self._note(LEFT_OUT, name, what)
@@ -88,24 +92,28 @@ class GltfSurfaces:
                 self._note(LEFT_OUT, name, extension)
         return Surface(**{**vars(plain), **changes, "emission": tuple(glow.tolist())})
 
-    def _is_solid(self, material: Any, name: str) -> bool:
-        """Whether anything is left of a surface; one with holes is, and noted."""
+    def _cutoff(self, material: Any, name: str) -> float | None:
+        """Where its texture's alpha is below this is a hole; 0: nowhere, None: everywhere.
+
+        Transparency (BLEND) is cut out at a half: a ray then stops or passes by its place on the
+        surface alone, so that colours, depths and shadows of all rays agree, which a pattern of
+        rays or of places finer than texels would not, and the edges of leaves and of lettering,
+        its commonest use, lie where they should.
+        """
         mode = material.alphaMode
         if mode not in ("MASK", "BLEND"):
-            return True
-        alpha = float(_factor(material)[3])
-        image = material.baseColorTexture
+            return 0.0
+        alpha, image = float(_factor(material)[3]), material.baseColorTexture
         least, most = (255, 255) if image is None else _alpha_range(image)
-        cutoff = 0.5 if material.alphaCutoff is None else float(material.alphaCutoff)
-        if mode == "MASK":
-            if alpha * most / 255 < cutoff:
-                self._note(LEFT_OUT, name, "cut out wholly")
-                return False
-            if alpha * least / 255 < cutoff:
-                self._note(LEFT_OUT, name, "holes that its texture cuts out: it is opaque")
-        elif alpha * least < _SOLID:
-            self._note(LEFT_OUT, name, "transparency: it is opaque")
-        return True
+        cutoff = 0.5
+        if mode == "MASK" and material.alphaCutoff is not None:
+            cutoff = float(material.alphaCutoff)
+        elif mode == "BLEND" and alpha * least < _SOLID:
+            self._note(APPROXIMATED, name, "transparency: cut out where it lets through most")
+        if alpha * most / 255 < cutoff:
+            self._note(LEFT_OUT, name, "cut out wholly")
+            return None
+        return cutoff / alpha if alpha * least / 255 < cutoff else 0.0
 
     def _note(self, kind: str, name: str, what: str) -> None:
         self.notebook.add_in(kind, self.document.path, f"material {name!r}: {what}")

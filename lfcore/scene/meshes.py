@@ -1,7 +1,7 @@
 """Mesh files, through trimesh: geometry, normals, textures, vertex colours, materials.
 
 Whatever trimesh loads is accepted; PBR materials are mapped to Blinn-Phong
-(:mod:`lfcore.scene.gltf_materials`).  Texture alpha is ignored: every surface is opaque.
+(:mod:`lfcore.scene.gltf_materials`).  Alpha counts in glTF alone.
 """
 
 from __future__ import annotations

@@ -35,6 +35,8 @@ class Description:
             raise SceneError("colours at corners are not exported to Mitsuba", key=scene.name)
         if scene.motions:
             raise SceneError("motion is not exported to Mitsuba", key=scene.name)
+        if Needs.of(scene).cut_outs:
+            raise SceneError("cut-outs are not exported to Mitsuba", key=scene.name)
         if Needs.of(scene).emitters:
             raise SceneError("points of area lights are not exported to Mitsuba", key=scene.name)
         if any(scene.ambient) and not self._glows and not leave_out_ambient:
@@ -131,7 +133,7 @@ class Description:
                 f"the emission of material {material.name!r} over a texture is not exported",
                 key=scene.name,
             )
-        texels = srgb_decode(scene.textures[material.texture] / 255.0) * diffuse
+        texels = srgb_decode(scene.textures[material.texture][..., :3] / 255.0) * diffuse
         bitmap = self.mitsuba.Bitmap(np.ascontiguousarray(texels, np.float32))
         return {"type": "bitmap", "bitmap": bitmap, "filter_type": "bilinear", "raw": True}
 

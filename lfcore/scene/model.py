@@ -62,7 +62,8 @@ class Scene:
     colours : (T, 3, 3) float32, linear RGB per corner multiplying the diffuse colour;
         (0, 3, 3) without vertex colours.
     material_ids : (T,) int32 into ``materials``.
-    textures : list of (H, W, 3) uint8, sRGB encoded, row 0 on top.
+    textures : list of (H, W, 3) uint8, sRGB encoded, row 0 on top; (H, W, 4) with alpha, which
+        is linear, where materials cut holes by it.
     ambient, background : linear RGB.
     dropped : counts of triangles left out on loading, by reason (``"not finite"``,
         ``"zero area"``, ...).
@@ -161,6 +162,12 @@ class Scene:
     @property
     def triangle_count(self) -> int:
         return len(self.triangles)
+
+    def is_cut_out(self, material: Material) -> bool:
+        """Whether the alpha of its texture cuts holes into what is made of it."""
+        if material.alpha_cutoff <= 0 or material.texture < 0 or not len(self.uvs):
+            return False
+        return self.textures[material.texture].shape[2] == 4
 
     def summary(self) -> str:
         """The notes as text, one a line, what is missing first."""

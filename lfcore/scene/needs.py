@@ -18,6 +18,7 @@ class Needs:
     Attributes
     ----------
     textures : some triangle's material has a texture.
+    cut_outs : the alpha of some texture cuts holes into triangles.
     smooth_normals : shading normals are stored.
     vertex_colours : vertex colours are stored.
     specular : a material in use has a highlight, and there is a light to make it.
@@ -32,6 +33,7 @@ class Needs:
     """
 
     textures: bool
+    cut_outs: bool
     smooth_normals: bool
     vertex_colours: bool
     specular: bool
@@ -52,6 +54,7 @@ class Needs:
         lights = [light for light in scene.lights if any(light.colour)]
         return cls(
             textures=any(material.texture >= 0 for material in used) and len(scene.uvs) > 0,
+            cut_outs=any(scene.is_cut_out(material) for material in used),
             smooth_normals=len(scene.normals) > 0,
             vertex_colours=len(scene.colours) > 0,
             specular=bool(lights) and any(any(material.specular) for material in used),

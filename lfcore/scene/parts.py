@@ -18,7 +18,8 @@ Colour = tuple[float, float, float]
 class Surface:
     """What a part is made of: a Blinn-Phong material that carries its own texture.
 
-    Colours are linear RGB; ``texture`` is (H, W, 3) uint8, sRGB encoded, row 0 on top.
+    Colours are linear RGB; ``texture`` is (H, W, 3) uint8, sRGB encoded, row 0 on top.  With a
+    fourth channel, alpha, it cuts holes where that is below ``alpha_cutoff`` of 1.
     """
 
     name: str = "default"
@@ -27,6 +28,7 @@ class Surface:
     shininess: float = 32.0
     emission: Colour = (0.0, 0.0, 0.0)
     texture: np.ndarray | None = None
+    alpha_cutoff: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,6 +47,8 @@ def write_povray(folder: str | Path, scene: Scene, camera: Camera, *, samples: i
         )
     if scene.motions:
         raise SceneError("motion is not exported to POV-Ray", key=scene.name)
+    if Needs.of(scene).cut_outs:
+        raise SceneError("cut-outs are not exported to POV-Ray", key=scene.name)
     if Needs.of(scene).emitters:
         raise SceneError("points of area lights are not exported to POV-Ray", key=scene.name)
     if math.isinf(camera.focus_distance_m):
@@ -102,7 +104,7 @@ def _texture(scene: Scene, index: int, folder: Path) -> str:
     diffuse = np.array(material.diffuse)
     pigment = f"rgb {_vector(diffuse)}"
     if _textured(scene, index):
-        linear = srgb_decode(scene.textures[material.texture] / 255.0) * diffuse
+        linear = srgb_decode(scene.textures[material.texture][..., :3] / 255.0) * diffuse
         codes = srgb_codes(linear)
         write_picture(folder / f"{index}.png", codes)
         pigment = f'uv_mapping image_map {{ png "{index}.png" interpolate 2 }}'

@@ -12,8 +12,9 @@ from lfcore.optics.bundles import Bundles
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import Bvh
+from lfcore.tracing.cut_outs import pack_cut_outs
 from lfcore.tracing.packets import Groups, PacketShape
-from lfcore.tracing.surfaces import pack_surfaces
+from lfcore.tracing.surfaces import CUT_OUTS, pack_surfaces
 
 FOLDER = "tracing/kernels/entry"
 MOST_LEVELS = 64
@@ -105,7 +106,8 @@ class DeviceScene:
         s = pack_surfaces(scene, needs, mipmaps=mipmaps)
         self._defines, self.shadow_lights = s.defines, s.shadow_lights
         buffer = device.buffer
-        self.tree = [buffer(a) for a in (bvh.boxes, bvh.children, bvh.leaves, bvh.leaf_ids)]
+        tree = (bvh.boxes, bvh.children, bvh.leaves, bvh.leaf_ids)
+        self.tree = [buffer(a) for a in (*tree, *vars(pack_cut_outs(scene, needs)).values())]
         arrays = (s.corners, s.attributes, s.material_ids, s.materials, s.lights, s.images)
         numbers = np.zeros((), SCENE_ARGUMENTS)
         numbers["ambient"], numbers["background"] = s.ambient, s.background
@@ -113,6 +115,11 @@ class DeviceScene:
         numbers["shadow_lights"] = s.shadow_lights
         self.surfaces = [*(buffer(a) for a in (*arrays, s.texels)), numbers]
         self._kernels: dict[tuple, EntryKernel] = {}
+
+    @property
+    def visibility(self) -> dict[str, int]:
+        """Defines of what knows no surfaces: whether triangles have holes."""
+        return {"TEXTURES": self._defines["TEXTURES"] & CUT_OUTS}
 
     def kernel(
         self,
@@ -123,7 +130,8 @@ class DeviceScene:
         defines: Mapping[str, object] | None = None,
     ) -> EntryKernel:
         """A kernel for packets of ``shape``; with ``defines`` it knows surfaces, too."""
-        values = {**shape.defines, **({} if defines is None else {**self._defines, **defines})}
+        known = self.visibility if defines is None else {**self._defines, **defines}
+        values = {**shape.defines, **known}
         key = (file, name, *sorted(values.items()))
         if key not in self._kernels:
             self._kernels[key] = EntryKernel(self.device, file, name, values, structs)

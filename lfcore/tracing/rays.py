@@ -13,9 +13,8 @@ class ClosestHits:
 
     def __init__(self, scene: DeviceScene):
         self.scene = scene
-        self.kernel = EntryKernel(
-            scene.device, "rays.cl", "closest_hits", {"OUTER": 1, "HALF": "7.5f"}
-        )
+        defines = {"OUTER": 1, "HALF": "7.5f", **scene.visibility}
+        self.kernel = EntryKernel(scene.device, "rays.cl", "closest_hits", defines)
 
     def __call__(
         self, origins: np.ndarray, directions: np.ndarray

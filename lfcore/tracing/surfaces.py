@@ -15,6 +15,8 @@ from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 
 MIP_LEVELS = 12
+CUT_OUTS = 2
+"""Bit of the define TEXTURES: some triangles have holes."""
 MATERIAL_WORDS = 12
 LIGHT_WORDS = 16
 TEXEL_ONE = 1023
@@ -66,7 +68,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
     shadows = sum(light.casts_shadows for light in lights)
     defines = {
         "SMOOTH": int(needs.smooth_normals),
-        "TEXTURED": int(needs.textures),
+        "TEXTURES": int(needs.textures) | CUT_OUTS * needs.cut_outs,
         "VERTEX_COLOURS": int(needs.vertex_colours),
         "SHADOWS": int(shadows > 0),
     }
@@ -108,7 +110,7 @@ def _pack_lights(lights: list[Light]) -> np.ndarray:
 def pack_textures(
     textures: list[np.ndarray], most: int = MIP_LEVELS
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mip chains of up to ``most`` levels of sRGB uint8 pictures (H, W, 3) in one buffer.
+    """Mip chains of up to ``most`` levels of sRGB uint8 pictures (H, W, 3 or more) in one buffer.
 
     Returns ``images`` (textures, MIP_LEVELS, 4) int32 [offset, width, height, levels] and
     ``texels`` uint32, the square roots of linear RGB in 10 bits each.  Levels are box-filtered
@@ -117,7 +119,7 @@ def pack_textures(
     images = np.zeros((len(textures), MIP_LEVELS, 4), np.int32)
     chunks, offset = [], 0
     for entry, texture in zip(images, textures, strict=True):
-        chain = list(itertools.islice(_mip_chain(texture), most))
+        chain = list(itertools.islice(_mip_chain(texture[..., :3]), most))
         for level, linear in enumerate(chain):
             height, width = linear.shape[:2]
             entry[level] = offset, width, height, len(chain)

@@ -43,7 +43,7 @@ PLACES = {
     },
     "Material": {
         "name": "", "diffuse": "", "specular": "specular", "shininess": "specular",
-        "emission": "emission", "texture": "textures",
+        "emission": "emission", "texture": "textures", "alpha_cutoff": "cut_outs",
     },
     "Light": {
         "kind": "directional_lights", "vector": "", "colour": "coloured_lights",

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from plain_scenes import scene, wall
 
-from lfcore.oracle.shading import bilinear, radiance
+from lfcore.oracle.shading import radiance
+from lfcore.oracle.textures import bilinear
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 
 AXIS = np.float32([[0.3, 0.2, 0]]), np.float32([[0, 0, 1]])

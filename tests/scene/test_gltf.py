@@ -15,8 +15,10 @@ from trimesh.visual.material import PBRMaterial
 from lfcore.errors import SceneError
 from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.build import build_scene
+from lfcore.scene.files import load_scene, save_scene
 from lfcore.scene.gltf import Document
 from lfcore.scene.meshes import load_mesh
+from lfcore.scene.needs import Needs
 from lfcore.scene.notes import Notebook
 
 UV = [[0, 0], [1, 0], [1, 1], [0, 1]]
@@ -197,7 +199,8 @@ def test_metal_of_a_texture_counts_with_its_mean(write):
         ("MASK", 0, "cut out wholly"),
         ("MASK", 255, None),
         ("BLEND", 255, None),
-        ("BLEND", 100, "transparency: it is opaque"),
+        ("BLEND", 100, "cut out wholly"),
+        ("BLEND", 200, "transparency: cut out where it lets through most"),
         ("OPAQUE", 0, None),
     ],
 )
@@ -205,14 +208,30 @@ def test_alpha(write, mode, alpha, said):
     image = picture("RGBA", (255, 0, 0, alpha))
     part, notes = part_and_notes(write(baseColorTexture=image, alphaMode=mode))
     assert (part is None) == (said == "cut out wholly")
-    assert [said in note for note in notes] == [True] * (said is not None)
+    assert part is None or part.surface.alpha_cutoff == 0
+    assert (said is None) == (not notes) and (said is None or said in notes[-1])
 
 
-def test_a_texture_with_holes_is_opaque_and_says_so(write):
+@pytest.mark.parametrize(
+    ("mode", "factor", "cutoff"), [("MASK", 1.0, 0.25), ("MASK", 0.5, 0.5), ("BLEND", 0.75, 2 / 3)]
+)
+def test_a_texture_cuts_holes_by_its_alpha(write, mode, factor, cutoff):
+    """glTF compares factor times alpha with the cutoff, and draws what is not below it."""
     image = picture("RGBA", (255, 0, 0, 255))
-    image.putpixel((1, 1), (0, 0, 0, 0))
-    part, notes = part_and_notes(write(baseColorTexture=image, alphaMode="MASK"))
-    assert part is not None and "holes" in notes[0] and notes[0].startswith("left out")
+    image.putpixel((1, 2), (0, 0, 0, 40))
+    path = write(
+        baseColorTexture=image, alphaMode=mode, alphaCutoff=0.25,
+        baseColorFactor=[1.0, 1.0, 1.0, factor],
+    )  # fmt: skip
+    part, notes = part_and_notes(path)
+    assert part.surface.alpha_cutoff == pytest.approx(cutoff, rel=4e-3)  # trimesh rounds factors
+    assert part.surface.texture.shape == (4, 4, 4) and part.surface.texture[2, 1, 3] == 40
+    assert [note.split(":")[0] for note in notes] == ["approximated"] * (mode == "BLEND")
+    scene = build_scene(path)
+    assert Needs.of(scene).cut_outs and scene.is_cut_out(scene.materials[0])
+    copy = path.with_suffix(".npz")
+    save_scene(copy, scene)
+    assert load_scene(copy).materials == scene.materials
 
 
 # -- the rest ----------------------------------------------------------------------------------

@@ -58,14 +58,28 @@ def _unused_texture(scene: Scene) -> Scene:
     return replace(scene, uvs=uvs, textures=[np.full((2, 2, 3), 255, np.uint8)])
 
 
+def _solid_texture(scene: Scene) -> Scene:
+    textures = [*scene.textures, np.full((2, 2, 3), 255, np.uint8)]
+    uvs = scene.uvs if len(scene.uvs) else np.zeros((scene.triangle_count, 3, 2), np.float32)
+    solid = [np.dstack([t[..., :3], np.full(t.shape[:2], 255, np.uint8)]) for t in textures]
+    white = len(scene.textures)
+    materials = [
+        replace(m, texture=m.texture if m.texture >= 0 else white, alpha_cutoff=0.5)
+        for m in scene.materials
+    ]
+    return replace(scene, uvs=uvs, textures=solid, materials=materials)
+
+
 def _idle_light(*, shadows: bool) -> Callable[[Scene], Scene]:
     light = Light(DIRECTIONAL, (0.0, -1.0, 0.0), (NO_LIGHT,) * 3, casts_shadows=shadows)
     return lambda scene: replace(scene, lights=[*scene.lights, light])
 
 
 FEATURES = (
-    Feature("textures", ("TEXTURED",), "texture coordinates, texels, and their lookup",
+    Feature("textures", ("TEXTURES",), "texture coordinates, texels, and their lookup",
             _unused_texture),
+    Feature("cut_outs", ("TEXTURES",), "holes, looked up where rays meet triangles",
+            _solid_texture),
     Feature("smooth_normals", ("SMOOTH",), "corner normals and their interpolation",
             _flat_normals),
     Feature("vertex_colours", ("VERTEX_COLOURS",), "corner colours and their interpolation",

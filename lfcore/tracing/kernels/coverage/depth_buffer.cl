@@ -227,12 +227,14 @@ inline int hit_few(const Triangles *t, uint lane, int covers, int edge_on, int i
 }
 
 // Merge one of LANES triangles into the depth buffer; returns whether anything changed.
-inline int hit_triangle(const Triangles *t, uint lane, int id, const Coverage *to)
+inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *rays,
+                        const CutOuts *cut_outs, const Coverage *to)
 {
     uint rows = t->rows[lane];
     const uint columns = t->columns[lane];
     const int covers = t->covers >> lane & 1, edge_on = t->edge_on >> lane & 1;
-    if (popcount(rows) * popcount(columns) <= LANES)
+    const int holes = has_holes(cut_outs, id);
+    if (!holes && popcount(rows) * popcount(columns) <= LANES)
         return hit_few(t, lane, covers, edge_on, id, to);
     RowForms f;
     const uint open = make_row_forms(&t->coefficients, lane, rows, &f);
@@ -252,6 +254,11 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Coverage *t
             const vf old_z = VLOAD(z);
             const vi old_id = VLOAD(ids);
             mask &= is_nearer(depth, id, old_z, old_id);
+            if (holes) {
+                const Row at = row_at(row * BLOCK + column);
+                const uint bits = row_bits(mask);
+                mask = mask_of_bits(stopped_rays(cut_outs, id, rays, at, depth, bits));
+            }
             if (!row_any(mask)) continue;
             VSTORE(pick(old_z, depth, mask), z);
             VSTORE(pick_int(old_id, (vi)(id), mask), ids);

@@ -95,7 +95,6 @@ inline void find_regions(const Coverage *c, int2 inside, Regions *out)
 }
 
 // Mask of a region's rays in the row of LANES that begins with ray `at`.
-inline vi mask_of_bits(int bits) { return MASK(((vi)(bits) & LANE_BITS) != 0); }
 inline vi region_row(global const Region *r, int at)
 {
     return mask_of_bits(r->rows[at / BLOCK] >> at % BLOCK);

@@ -34,9 +34,10 @@ inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverag
         for (uint keep = t.keep; keep; keep &= keep - 1) {
             const uint k = lowest(keep);
             const int id = leaf_numbers(tree, leaf, lane)[k];
-            if ((t.covers >> k & 1) && settle_cover(&t.coefficients, k, id, c)) continue;
+            const int whole = (t.covers >> k & 1) && !has_holes(&tree->cut_outs, id);
+            if (whole && settle_cover(&t.coefficients, k, id, c)) continue;
             use_buffer(c);
-            changed |= hit_triangle(&t, k, id, c);
+            changed |= hit_triangle(&t, k, id, bundle, &tree->cut_outs, c);
         }
     }
     if (changed) find_farthest(c);

@@ -180,12 +180,39 @@ inline uint strips_reached(const LightSpace *view, const StripBoxes *strips, con
     return reached;
 }
 
+// A set of shadow rays in light space.
+typedef struct {
+    ShadowRays rays;
+    LightSpace view;
+    StripBoxes strips;
+    const Samples *samples;  // where the block's rays start
+} LightSpaceRays;
+
+// Of a row of hit points, `bits` of which lie behind an occluder, those that its holes leave dark.
+inline uint behind_holes(const Shadows *s, const LightSpaceRays *l, int occluder, int at, uint bits)
+{
+    const float3 p = corner(s->scene, occluder, 0);
+    const float3 n = cross_product(corner(s->scene, occluder, 1) - p,
+                                   corner(s->scene, occluder, 2) - p);
+    global const float *point = l->samples->point + at;
+    uint dark = 0;
+    for (; bits; bits &= bits - 1) {
+        const uint k = lowest(bits);
+        const float3 from = (float3)(point[k], point[BLOCK_RAYS + k], point[2 * BLOCK_RAYS + k]);
+        const float3 to = l->rays.towards - (l->rays.is_point ? from : 0.0f);
+        const float way = inner_product(n, p - from) / inner_product(n, to);
+        dark |= (uint)is_solid(&s->tree->cut_outs, occluder, from + way * to) << k;
+    }
+    return dark;
+}
+
 // Take from s->open the rays behind one occluder, but for those on it; false when none is left.
-inline int cast_picture(const Shadows *s, const LightSpace *view, const StripBoxes *strips,
-                        const PictureForm *f, int occluder, global const int *triangles)
+inline int cast_picture(const Shadows *s, const LightSpaceRays *l, const PictureForm *f,
+                        int occluder)
 {
     int darker = 0;
-    for (uint strip = strips_reached(view, strips, f); strip; strip &= strip - 1) {
+    const int holes = has_holes(&s->tree->cut_outs, occluder);
+    for (uint strip = strips_reached(&l->view, &l->strips, f); strip; strip &= strip - 1) {
         const int first = lowest(strip) * STRIP;
         for (int at = first; at < first + STRIP; at += LANES) {
             const vi open = VLOAD(s->open + at);
@@ -196,8 +223,9 @@ inline int cast_picture(const Shadows *s, const LightSpace *view, const StripBox
                               fma(seen.y, (vf)(f->of[k][FORM_B]), (vf)(f->of[k][FORM_C])));
             const vf beyond = fma(seen.z, (vf)(f->of[3][FORM_G]), form[3]);
             const vi inside = GE(min(form[0], min(form[1], form[2])), (vf)(0.0f));
-            const vi dark = open & inside & GT(beyond, (vf)(0.0f)) &
-                ~EQ(VLOAD(triangles + at), (vi)(occluder));
+            vi dark = open & inside & GT(beyond, (vf)(0.0f)) &
+                ~EQ(VLOAD(l->samples->triangle + at), (vi)(occluder));
+            if (holes) dark = mask_of_bits(behind_holes(s, l, occluder, at, row_bits(dark)));
             if (!row_any(dark)) continue;
             VSTORE(open & ~dark, s->open + at);
             darker = 1;
@@ -208,14 +236,6 @@ inline int cast_picture(const Shadows *s, const LightSpace *view, const StripBox
     for (int at = 0; at < BLOCK_RAYS; at += LANES) left |= VLOAD(s->open + at);
     return row_any(left);
 }
-
-// A set of shadow rays in light space.
-typedef struct {
-    ShadowRays rays;
-    LightSpace view;
-    StripBoxes strips;
-    global const int *triangles;  // that the block's rays lie on
-} LightSpaceRays;
 
 // Take from s->open the rays behind LANES triangles; false when none is left.
 inline int cast_leaf(const Shadows *s, const LightSpaceRays *l, const Shaft *shaft,
@@ -231,7 +251,7 @@ inline int cast_leaf(const Shadows *s, const LightSpaceRays *l, const Shaft *sha
         PictureForm f;
         for (int k = 0; k < 4; ++k)
             for (int term = 0; term < FORM_TERMS; ++term) f.of[k][term] = forms.of[k][term][lane];
-        if (!cast_picture(s, &l->view, &l->strips, &f, ids[lane], l->triangles)) return 0;
+        if (!cast_picture(s, l, &f, ids[lane])) return 0;
     }
     return 1;
 }

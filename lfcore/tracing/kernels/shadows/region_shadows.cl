@@ -42,11 +42,11 @@ inline void cast_uncached(Shadows *s, const Block *b, int number, int k, ShadowM
             }
 }
 
-// Whether regions are few and each is seen from one side.
+// Whether regions are few and each is seen from one side.  Holes are looked into ray by ray.
 #define FEW_REGIONS 6
 inline int few_regions(const Block *b)
 {
-    if (OUTER > 1 || SINGLE_RAYS || b->regions.count > FEW_REGIONS) return 0;
+    if (OUTER > 1 || SINGLE_RAYS || CUT_OUTS || b->regions.count > FEW_REGIONS) return 0;
     for (int k = 0; k < b->regions.count; ++k)
         if (!is_one_sided(b->planes[k].denominator, region_rectangle(b->regions.of + k))) return 0;
     return 1;

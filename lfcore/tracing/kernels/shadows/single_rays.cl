@@ -31,7 +31,14 @@ inline int leaf_blocks(const Tree *tree, const Ray *r, int leaf, float far, int 
             off = fma(n, p[k] - o, off);
             margin = fma(fabs(n), fabs(p[k]) + fabs(o), margin);
         }
-        if (row_any(s.mask & GT(fabs(off), SHADOW_MARGIN * margin))) return 1;
+        s.mask &= GT(fabs(off), SHADOW_MARGIN * margin);
+        if (!CUT_OUTS && row_any(s.mask)) return 1;
+        private float times[LANES];
+        VSTORE(t, times);
+        for (uint bits = row_bits(s.mask); bits; bits &= bits - 1) {
+            const uint k = lowest(bits);
+            if (is_solid(&tree->cut_outs, ids[k], r->origin + times[k] * r->direction)) return 1;
+        }
     }
     return 0;
 }

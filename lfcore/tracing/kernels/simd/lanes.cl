@@ -112,6 +112,8 @@ inline uint row_most(vu x) FOLD(max, x)
 
 // One bit per lane whose mask is set
 inline uint row_bits(vi mask) { return (uint)row_or(mask & LANE_BITS); }
+// and the mask of such bits
+inline vi mask_of_bits(int bits) { return MASK(((vi)(bits) & LANE_BITS) != 0); }
 
 // A comparison, not the sign bits themselves, is what compilers test in one instruction.
 #if LANES == 1

@@ -125,10 +125,11 @@ inline vf sheared_time(const Ray *r, const Sheared *s)
 }
 
 // Take the nearest of LANES triangles into `hit` if it is nearer; of equal ones the lowest number.
-inline void hit_leaf(const Ray *r, global const float *leaf, global const int *ids, Hit *hit)
+inline void hit_leaf(const Tree *tree, const Ray *r, int leaf, int lane, Hit *hit)
 {
+    global const int *ids = leaf_numbers(tree, leaf, lane);
     Sheared s;
-    shear_leaf(r, leaf, &s);
+    shear_leaf(r, leaf_corners(tree, leaf, lane), &s);
     if (!row_any(s.mask)) return;
     const vf t = sheared_time(r, &s);
     s.mask &= GT(t, (vf)(0.0f)) & LE(t, (vf)(hit->t));
@@ -141,6 +142,7 @@ inline void hit_leaf(const Ray *r, global const float *leaf, global const int *i
     for (; bits; bits &= bits - 1) {
         const uint k = lowest(bits);
         if (!(times[k] < hit->t || (times[k] == hit->t && ids[k] < hit->id))) continue;
+        if (!is_solid(&tree->cut_outs, ids[k], r->origin + times[k] * r->direction)) continue;
         hit->t = times[k];
         hit->id = ids[k];
         hit->weights = (float3)(first[k], second[k], 1.0f - first[k] - second[k]);

@@ -1,7 +1,7 @@
 // The hierarchy: nodes of sixteen children, and leaves of sixteen triangles.
 #ifndef LFCORE_TREE_CL
 #define LFCORE_TREE_CL
-#include "block.cl"
+#include "cut_outs.cl"
 
 #define NODE_WIDTH 16
 #define BOX 6  // lowest x, y, z, then highest
@@ -12,14 +12,16 @@ typedef struct {
     global const int *children;  // (K, 16) a node, or -1 less a leaf
     global const float *leaves;  // (L, CORNERS, 16) corners
     global const int *leaf_ids;  // (L, 16) triangles
+    CutOuts cut_outs;            // those of the triangles that have holes
 } Tree;
 
 #define TREE_PARAMETERS                  \
     global const float *restrict boxes,  \
     global const int *restrict children, \
     global const float *restrict leaves, \
-    global const int *restrict leaf_ids
-#define MAKE_TREE {boxes, children, leaves, leaf_ids}
+    global const int *restrict leaf_ids, \
+    CUT_OUT_PARAMETERS
+#define MAKE_TREE {boxes, children, leaves, leaf_ids, MAKE_CUT_OUTS}
 
 // LANES triangles of a leaf, and their numbers.
 inline global const float *leaf_corners(const Tree *tree, int leaf, int lane)

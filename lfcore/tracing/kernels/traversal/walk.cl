@@ -109,7 +109,7 @@ inline void closest_hit(const Tree *tree, const Ray *r, Hit *hit)
         if (child == ROOT) return;
         const int leaf = -1 - tree->children[child];
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
-            hit_leaf(r, leaf_corners(tree, leaf, lane), leaf_numbers(tree, leaf, lane), hit);
+            hit_leaf(tree, r, leaf, lane, hit);
     }
 }
 

@@ -1,0 +1,31 @@
+"""Textures at single places, in float64."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfcore.oracle.colour import srgb_decode
+
+
+def bilinear(texture: np.ndarray, uv: np.ndarray, *, encoded: bool = True) -> np.ndarray:
+    """(R, 3) linear RGB of ``texture`` (H, W, 3) uint8, row 0 on top, at ``uv`` (R, 2).
+
+    Codes are sRGB or, unless ``encoded``, linear.
+
+    v runs up from the bottom; texel (0, 0) has its centre at u = 0.5 / W, v = 1 - 0.5 / H; both
+    coordinates wrap.
+    """
+    linear = texture / 255.0
+    if encoded:
+        linear = srgb_decode(linear)
+    height, width = texture.shape[:2]
+    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    colour = np.zeros((len(uv), texture.shape[2]))
+    for right in (0, 1):
+        for below in (0, 1):
+            share_x = x - left if right else 1 - (x - left)
+            share_y = y - top if below else 1 - (y - top)
+            texel = linear[(top + below) % height, (left + right) % width]
+            colour += (share_x * share_y)[:, None] * texel
+    return colour
