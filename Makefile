@@ -2,6 +2,7 @@
 #
 #   make tables    the thesis's tables and figures for three scenes: results/tables/index.html
 #   make test      the whole test suite
+#   make quick     the tests for daily work, in under a minute: no Snakemake, no browser, few kernels
 #   make fuzz SECONDS=600    hostile inputs for ten minutes: a table of what came of them
 #   make faults KILLS=100      kills, full disks, missing folders: the same results afterwards
 #   make smoke     the same pipeline, tiny: what continuous integration runs
@@ -29,7 +30,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: tables test fuzz faults smoke micro sweep settings count lint wheel format digests clean distclean pins
+.PHONY: tables test quick fuzz faults smoke micro sweep settings count lint wheel format digests clean distclean pins
 .DELETE_ON_ERROR:
 
 tables: $(VENV)/installed
@@ -47,6 +48,9 @@ sweep: $(VENV)/installed
 
 test: $(VENV)/installed-dev
 	$(BIN)/python -m pytest -n $(CORES) --dist loadfile
+
+quick: $(VENV)/installed-dev
+	$(BIN)/python -m pytest -n $(CORES) --dist loadfile -m "not kernels and not workflow and not browser and not slow"
 
 fuzz: $(VENV)/installed-dev
 	$(BIN)/python -m robustness.fuzz --seconds $(SECONDS) --keep

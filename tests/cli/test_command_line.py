@@ -160,6 +160,7 @@ def test_render_equals_refocusing_what_was_traced(recorded, tmp_path):
     np.testing.assert_allclose(np.load(single), np.load(traced)[1], atol=1e-4)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("codec", "form", "most"),
     [("ffv1", "gbrp", 4e-4), ("ffv1", "yuv444p10le", 4e-4), ("libx264", "yuv444p10le", 3e-3),
@@ -181,6 +182,7 @@ def test_every_pixel_format_is_traced_and_refocused(tmp_path, capsys, codec, for
     assert np.abs(np.load(direct) - np.load(stored)).mean() < most
 
 
+@pytest.mark.kernels
 def test_rays_that_do_not_go_together_are_refused(tmp_path, capsys):
     out = ["-o", str(tmp_path / "a.png"), "--size", "16"]
     for options, key in (

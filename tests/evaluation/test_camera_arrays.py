@@ -78,6 +78,7 @@ def test_bundles_leave_the_lens_and_meet_in_the_focus(z, focus, radius, samples)
     np.testing.assert_allclose(origins + focus * directions, expected, atol=1e-4 * focus)
 
 
+@pytest.mark.kernels
 def test_a_closed_lens_is_a_pinhole(tracer):
     camera = VirtualCamera([0.1, 0.05, 0.0], np.eye(3), 50.0, (32, 32))
     direct = direct_thin_lens(tracer, camera, 3.0, 64)

@@ -104,6 +104,7 @@ def test_the_full_program_is_fuller(feature):
     assert all(full[define] >= lean[define] for define in full)
 
 
+@pytest.mark.kernels
 def test_pictures_are_identical_without_what_is_left_out(plain, monkeypatch):
     device = open_device(threads=1)
     bvh = build_bvh(plain.triangles)

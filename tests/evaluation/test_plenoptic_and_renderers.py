@@ -29,6 +29,7 @@ def spread(picture):
     return cells.std(axis=(1, 3)).mean()
 
 
+@pytest.mark.kernels
 def test_a_microlens_in_focus_is_of_one_colour(pictures):
     in_focus, out_of_focus = pictures
     assert in_focus.pixels.shape == (512, 512, 3)
@@ -59,6 +60,7 @@ def test_sheet_and_whole_photograph(pictures, chart, tmp_path):
     assert np.array_equal(np.asarray(Image.open(tmp_path / "photo.png")), pictures[1].pixels)
 
 
+@pytest.mark.kernels
 def test_missing_renderers_are_left_out_aloud(monkeypatch, chart, tmp_path):
     monkeypatch.setattr(renderers.shutil, "which", lambda name: None)
     monkeypatch.setattr(renderers.importlib.util, "find_spec", lambda name: None)

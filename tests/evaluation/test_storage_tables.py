@@ -59,6 +59,7 @@ def test_a_window_is_as_large_as_its_rays_allow(monkeypatch, chart, views, pixel
     assert found.window == window and found.rgb.shape[:3] == (window, window, views)
 
 
+@pytest.mark.kernels
 def test_pictures_are_those_formed_while_tracing(sample, chart):
     assert sample.rgb.max() <= 1 and sample.pictures.max() > 0.1
     traced = trace_planes(chart, sample.slab, sample.planes)
@@ -80,6 +81,7 @@ def test_frames_of_both_layouts_hold_each_ray_once(sample):
         Frames(sample, FrameLayout("views", 8, 32))
 
 
+@pytest.mark.kernels
 def test_lossless_storage_costs_rounding_alone(sample, chart):
     layout = FrameLayout("macropixels", 8, 16, "serpentine", 4, "gbrp")
     spec = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
@@ -135,6 +137,7 @@ def test_curves_that_hardly_meet_have_no_delta_rate():
     assert rate_distortion.delta_rate(anchor, anchor[:2], "psnr_frames_db") == (None, 0.0)
 
 
+@pytest.mark.kernels
 def test_rate_and_distortion_of_a_scene(chart, tmp_path):
     names = (rate_distortion.ANCHOR, "x264 veryfast 4:2:0", "FFV1 RGB, lossless")
     curves = {name: rate_distortion.CURVES[name] for name in names}
@@ -155,6 +158,7 @@ def test_rate_and_distortion_of_a_scene(chart, tmp_path):
     assert np.asarray(Image.open(tmp_path / "rd.png")).std() > 10
 
 
+@pytest.mark.kernels
 def test_layouts_of_a_scene(chart, tmp_path):
     study = layouts.LayoutStudy([16], 1, [1, 2])
     table = table_of(layouts.layout_rows(chart, study, 32), layouts.COLUMNS)
@@ -181,6 +185,7 @@ def file(request, chart, tmp_path_factory):
     return folder / "f.mkv", request.param
 
 
+@pytest.mark.kernels
 def test_reading_costs(file, chart, tmp_path):
     path, kind = file
     study = retrieval.RetrievalStudy([1, 5], 1 << 14, 2)

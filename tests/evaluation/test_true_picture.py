@@ -17,6 +17,8 @@ from lfcore.evaluation.true_picture.reference import (
 from lfcore.optics.planes import SensorPlane
 from lfcore.rendering.by_depth import RayCount
 
+pytestmark = pytest.mark.kernels
+
 PIXELS = 24
 
 

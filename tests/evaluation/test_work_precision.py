@@ -49,6 +49,7 @@ def test_unknown_lens_points_are_refused():
         lens_samples.lens_points("golden", 4, 0)
 
 
+@pytest.mark.kernels
 def test_sampled_pictures_converge_to_the_slab_s():
     scene = bare_scene(TRIANGLES, ambient=(0.5, 0.4, 0.3))
     tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
@@ -91,6 +92,7 @@ def test_points_as_good_as_their_reference_are_not_shown():
         check_trusted([good, close])
 
 
+@pytest.mark.kernels
 def test_windows_are_the_richest_of_each_kind():
     materials = [Material("plain"), Material("shiny", specular=(1.0, 1.0, 1.0), shininess=200.0)]
     light = Light(POINT, (0.5, 0.0, 0.0), (1.0, 1.0, 1.0), casts_shadows=False)
@@ -120,6 +122,7 @@ def test_convergence_says_where_the_order_breaks():
     assert found["smooth"]["points"] == 3, "points near their reference do not count"
 
 
+@pytest.mark.kernels
 def test_a_recorded_field_is_sliced_alike_by_all_methods():
     """The methods' common light field: shift-sum of it is what slicing makes on the fly."""
     scene = bare_scene(TRIANGLES, ambient=(0.5, 0.4, 0.3))
@@ -136,6 +139,7 @@ def test_a_recorded_field_is_sliced_alike_by_all_methods():
     assert all(np.abs(one[inside] - sliced[inside]).mean() < 0.05 for one in others)
 
 
+@pytest.mark.kernels
 def test_a_store_costs_bits_and_has_the_codec_s_error_alone():
     scene = bare_scene(TRIANGLES, ambient=(0.5, 0.4, 0.3))
     tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))

@@ -7,6 +7,8 @@ import pytest
 
 from lfcore.opencl.device import build_program, cl, open_device
 
+pytestmark = pytest.mark.kernels
+
 FILE = str(Path(__file__).with_name("rounding.cl"))
 STEP = 1 << 22
 

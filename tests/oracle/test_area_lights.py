@@ -10,6 +10,8 @@ from lfcore.scene.pbrt import build_pbrt_scene
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
+pytestmark = pytest.mark.kernels
+
 FLOOR = 'Shape "trianglemesh" "integer indices" [0 1 2 0 2 3] "point P" [{}]'
 GROUND = FLOOR.format("-9 0 -9  -9 0 9  9 0 9  9 0 -9")
 # Straight down on the floor beside the emitter, from 0.85 m on.

@@ -12,6 +12,8 @@ from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, slab_hits, trace
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 
+pytestmark = pytest.mark.kernels
+
 CENTRE = np.array([0.13, 0.07, 2.2])
 BALL = sphere(10, 16, 0.5, CENTRE)
 WALL = grid(3, 3, [-3, -3, 4], [6, 0, 0.5], [0, 6, 0])

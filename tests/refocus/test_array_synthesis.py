@@ -113,6 +113,7 @@ def test_thin_lens_equals_its_reference(field, image, array, kind):
     close(fast, slow)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", list(sampling.SAMPLERS))
 def test_samplers_equal_their_reference(field, image, array, name):
     camera, surface = tilted_camera((7, 5)), surfaces.parallel(2.5)

@@ -35,6 +35,7 @@ def of(result, method, filter):
     return found[0].pictures
 
 
+@pytest.mark.kernels
 def test_one_filter_one_picture(result):
     """Slicing, views and photograph see the same rays: only 8-bit frames lie between."""
     slicing = of(result, "slicing", "nearest")

@@ -43,6 +43,7 @@ def scene(tmp_path_factory):
     return lfcore.load_scene(file)
 
 
+@pytest.mark.kernels
 def test_the_quality_that_was_asked_for_is_reached(scene):
     camera = scene.camera
     planes = [
@@ -57,6 +58,7 @@ def test_the_quality_that_was_asked_for_is_reached(scene):
         assert psnr(srgb_encode(picture[inner]), srgb_encode(truth[inner]), peak=1) > 37
 
 
+@pytest.mark.kernels
 def test_a_quality_beyond_all_lattices_is_refused(scene):
     with pytest.raises(lfcore.OpticsError, match="quality: 95 dB takes more than 4,096 rays"):
         lfcore.render_to_quality(scene, 95, pixels=16)

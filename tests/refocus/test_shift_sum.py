@@ -185,6 +185,7 @@ def test_bad_input_is_refused(tmp_path):
         shift_sum(tmp_path / "none.mkv", PLANES)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("lanes", [1, 4, 8, 16])
 def test_every_lane_width_gives_the_same_bits(device, lanes):
     slab = Slab(CAMERA, 3, 21)

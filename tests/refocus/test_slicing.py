@@ -17,6 +17,8 @@ from lfcore.storage.defaults import default_spec
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 
+pytestmark = pytest.mark.kernels
+
 SCENE = {"name": "waves", "digest": "0123"}
 CAMERA = Camera(0.05, 0.004, 2.0, 3.0)
 PLANES = [

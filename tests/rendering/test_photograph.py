@@ -16,6 +16,8 @@ from lfcore.storage.tiled_exr import read_array
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
+pytestmark = pytest.mark.kernels
+
 SCENE = """
 Camera %s
 Film "image" "integer xresolution" [48] "integer yresolution" [32]

@@ -19,6 +19,8 @@ from lfcore.tracing import radiance
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
+pytestmark = pytest.mark.kernels
+
 # A wall, red above and green below, and a blue sphere before it; ambient light alone.
 SCENE = """
 Camera "lightfield" "float fov" 60 "integer camerasperdim" [3 2]

@@ -109,6 +109,7 @@ def test_samples_outside_the_lens_are_refused(tracer):
         depths.depth_of_views(tracer, Slab(CAMERA, 4, 8), [(4, 0)])
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("kind", ["views", "macropixels"])
 def test_views_read_in_bulk_are_those_read_alone(tmp_path, kind):
     from lfcore.refocus.views import read_views

@@ -13,6 +13,8 @@ import pytest
 from robustness import disks, folders, kills
 from robustness.disks import Writer
 
+pytestmark = pytest.mark.slow
+
 # Takes half a second; what a kill leaves behind is in the next run's result, or is not.
 PROGRAM = """
 import pathlib, time

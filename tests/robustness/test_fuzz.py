@@ -5,8 +5,12 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 from robustness import corpus
 from robustness.outcome import ROOT
+
+pytestmark = pytest.mark.slow
 
 EACH = 15
 

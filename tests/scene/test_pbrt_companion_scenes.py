@@ -59,6 +59,7 @@ def test_the_covers_words_are_on_it():
     assert difference.sum() > 1000 and rows.min() > 1060 and rows.max() < 1180
 
 
+@pytest.mark.slow
 def test_the_hillside_holds_more_than_a_million_triangles():
     """Counted from the plants' own sizes, without building them all."""
     sparse, denser = (

@@ -79,6 +79,7 @@ def test_what_has_a_counterpart_is_there(scene):
     assert np.ptp(first[:, 0]) == pytest.approx(0.8, abs=1e-5)
 
 
+@pytest.mark.kernels
 def test_it_renders_as_the_file_says(folder, tmp_path):
     out = tmp_path / "out.exr"
     assert main(["render", str(folder / "scene.pbrt"), "-o", str(out), "--samples", "2"]) == 0

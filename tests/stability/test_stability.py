@@ -35,6 +35,8 @@ from lfcore.oracle.slab import all_pixels, slab_hits, trace
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
+pytestmark = pytest.mark.slow
+
 
 def oracle_picture(scene, slab, plane):
     size, views = slab.pixels, slab.views

@@ -12,6 +12,8 @@ from digests import CASES, TABLE, digest, table
 
 from lfcore.opencl.device import open_device
 
+pytestmark = pytest.mark.kernels
+
 KNOWN = json.loads(TABLE.read_text(encoding="utf-8"))
 FEW = ["fine: hits, N = 4", "fine: single rays", "lit: frames and planes, N = 4"]
 """Cases that together take most kinds of arithmetic, for what builds programs of its own."""

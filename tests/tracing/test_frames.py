@@ -15,6 +15,8 @@ from lfcore.storage.segment import SegmentReader, SegmentWriter
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
+pytestmark = pytest.mark.kernels
+
 MADE = {"macropixels": bundles.macropixels, "views": bundles.views}
 # (kind, views, pixels, pack): inner grids that are odd, smaller and larger than a block, in frames
 # with empty slots, and with a margin around all.

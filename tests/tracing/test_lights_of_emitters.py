@@ -15,6 +15,8 @@ from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.reach import lean
 from lfcore.tracing.tracer import Tracer
 
+pytestmark = pytest.mark.kernels
+
 WALL = [[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]]
 BEHIND = [[[-1, -1, -6], [1, -1, -6], [0, 1, -6]]]
 WHITE = (0.9, 0.9, 0.9)

@@ -117,6 +117,7 @@ def test_what_covers_a_block_hides_all_beyond(device):
     assert np.abs(depth / 0.5 - 1).max() < 1e-6
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("lanes", [1, 8])
 def test_every_lane_width_finds_the_same(device, lanes):
     if not device.is_cpu:

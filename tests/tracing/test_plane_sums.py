@@ -19,6 +19,8 @@ from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.plane_buffers import strip_rows, workers_that_fit
 from lfcore.tracing.tracer import Tracer
 
+pytestmark = pytest.mark.kernels
+
 # Every ray on its own pixel, several on one, most beside the picture, pixels moved unevenly.
 PLANES = [
     SensorPlane(2.0, 1.0),

@@ -18,6 +18,8 @@ from lfcore.tracing import reach
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
+pytestmark = pytest.mark.kernels
+
 WHITE = (1.0, 1.0, 1.0)
 
 

@@ -18,6 +18,8 @@ from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.plan import leaves_a_ray
 from lfcore.tracing.tracer import Tracer
 
+pytestmark = pytest.mark.kernels
+
 
 class Scattering(Tracer):
     """Follows every ray one by one, whatever the scene."""

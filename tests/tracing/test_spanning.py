@@ -16,6 +16,8 @@ from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
+pytestmark = pytest.mark.kernels
+
 
 def spanning(world, spans, device=None):
     """A tracer that is told what its blocks span."""

@@ -16,6 +16,8 @@ from lfcore.storage.ycbcr import rgb_to_ycbcr
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
+pytestmark = pytest.mark.kernels
+
 PLANES = [
     SensorPlane(2.0, 1.0),
     SensorPlane(1.2, 1.0, shape="square", normalise="lens"),

@@ -115,6 +115,7 @@ def test_single_rays_are_the_oracles(device, seed):
     assert (np.abs(distance[hit] - truth.t[hit]) <= bound).all()
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("lanes", [1, 4, 8])
 def test_every_lane_width_sees_the_same(device, lanes):
     if not device.is_cpu:
@@ -128,6 +129,7 @@ def test_every_lane_width_sees_the_same(device, lanes):
     assert np.abs(wide[1][met] / narrow[1][met] - 1).max() < 1e-6
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("lanes", [1, 4, 8])
 def test_blocks_of_several_elements_see_the_same_at_every_lane_width(device, lanes):
     # Rays that a triangle of few can touch are tested side by side, as many as there are lanes.

@@ -9,6 +9,8 @@ from viewer_browser import choose, chromium, complaints, needed, pixels, settle,
 
 from lfcore.colour import srgb_codes
 
+pytestmark = pytest.mark.browser
+
 NO_WEBGL2 = "HTMLCanvasElement.prototype.getContext = (own => function (kind, ...more) { " \
     "return kind === 'webgl2' ? null : own.call(this, kind, ...more); })" \
     "(HTMLCanvasElement.prototype.getContext);"  # fmt: skip
