@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lfcore.exchange import folder, pictures, posed
 from lfcore.exchange.grid import ExchangeError, Geometry, Order, ViewGrid
 from lfcore.exchange.nerfstudio import load_json
+
+if TYPE_CHECKING:
+    from lfcore.exchange.importing import ReadOptions
 
 JSON, TEXT = "lightfield.json", "param.txt"
 
@@ -22,7 +26,7 @@ def recognise(path: Path) -> bool:
     return path.name == JSON or (path / JSON).is_file() or (path / TEXT).is_file()
 
 
-def read(path: Path, options) -> ViewGrid:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
     if path.name == JSON or (path / JSON).is_file():
         return _read_json(path if path.name == JSON else path / JSON)
     if (path / TEXT).is_file():
@@ -38,7 +42,7 @@ def _read_json(file: Path) -> ViewGrid:
             f"is a light field on a {str(kind).lower()}; only planes can be read", file=file,
             key="lf_type",
         )  # fmt: skip
-    frames = data.get("frames")
+    frames: Any = data.get("frames")
     try:
         names = [str(frame["name"]) for frame in frames]
         poses = np.array([_pose(frame) for frame in frames], np.float64)

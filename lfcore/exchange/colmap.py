@@ -7,12 +7,18 @@ A model is read back where its cameras stand parallel on a grid; its unit is tak
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange import pictures, posed
 from lfcore.exchange.grid import ExchangeError, ViewGrid
 from lfcore.files import write_text
+
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.importing import ReadOptions
+    from lfcore.exchange.source import Source
 
 MODEL = Path("sparse") / "0"
 PARAMETERS = {"PINHOLE": (0, 2, 3), "SIMPLE_PINHOLE": (0, 1, 2), "OPENCV": (0, 2, 3)}
@@ -23,12 +29,14 @@ def recognise(path: Path) -> bool:
     return (path / MODEL / "images.txt").is_file()
 
 
-def read(path: Path, options) -> ViewGrid:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
     from scipy.spatial.transform import Rotation
 
     cameras = _cameras(path / MODEL / "cameras.txt")
     file = path / MODEL / "images.txt"
-    poses, lenses, files = [], [], []
+    poses: list[np.ndarray] = []
+    lenses: list[list[float]] = []
+    files: list[Path] = []
     # Every other line has an image's points, and may be empty.
     for line in _lines(file)[::2]:
         words = line.split()
@@ -48,10 +56,10 @@ def read(path: Path, options) -> ViewGrid:
             raise ExchangeError("no such file; images.txt asks for it", file=files[-1])
     if not files:
         raise ExchangeError("holds no images", file=file)
-    lens = np.array(lenses)
-    if not np.ptp(lens[:, 0]) <= 1e-3 * lens[0, 0]:
+    numbers = np.array(lenses)
+    if not np.ptp(numbers[:, 0]) <= 1e-3 * numbers[0, 0]:
         raise ExchangeError("focal lengths differ from camera to camera", file=file)
-    return posed.views(np.array(poses), lens[:, 1:], float(lens[0, 0]), files, file)
+    return posed.views(np.array(poses), numbers[:, 1:], float(numbers[0, 0]), files, file)
 
 
 def _cameras(file: Path) -> dict[str, list[float]]:
@@ -82,7 +90,7 @@ def _lines(file: Path) -> list[str]:
     return [line for line in lines if not line.startswith("#")]
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     source.require_geometry("a COLMAP model")
     model = folder / MODEL
     model.mkdir(parents=True)

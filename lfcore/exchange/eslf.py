@@ -8,11 +8,17 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import ExchangeError, ViewGrid
+
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.importing import ReadOptions
+    from lfcore.exchange.source import Source
 
 LYTRO = 14
 
@@ -21,7 +27,7 @@ def recognise(path: Path) -> bool:
     return ".eslf." in path.name.lower() and pictures.is_picture(path)
 
 
-def read(path: Path, options) -> ViewGrid:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
     columns, rows = options.grid or (LYTRO, LYTRO)
     width, height = pictures.size_of(path)
     if width % columns or height % rows:
@@ -40,7 +46,7 @@ def read(path: Path, options) -> ViewGrid:
     )  # fmt: skip
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     views = source.array(options.progress)
     rows, columns, height, width = views.shape[:4]
     picture = views.transpose(2, 0, 3, 1, 4).reshape(height * rows, width * columns, 3)

@@ -8,9 +8,13 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import ExchangeError, Order, ViewGrid
+
+if TYPE_CHECKING:
+    from lfcore.exchange.importing import ReadOptions
 
 _TWO = re.compile(r"(?<!\d)(\d+)_(\d+)$")
 
@@ -19,7 +23,7 @@ def recognise(path: Path) -> bool:
     return path.is_dir() and len(pictures.pictures_of(path)) > 0
 
 
-def read(path: Path, options) -> ViewGrid:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
     if not path.is_dir():
         raise ExchangeError("is no folder of views", file=path)
     files = pictures.pictures_of(path)
@@ -30,7 +34,7 @@ def read(path: Path, options) -> ViewGrid:
     return of_files(numbered or in_order(files, path, options.grid, order), path.name)
 
 
-def of_files(files: list[list[Path]], name: str, **more) -> ViewGrid:
+def of_files(files: list[list[Path]], name: str, **more: Any) -> ViewGrid:
     """A grid of ``files[row][column]``, all of the first one's size."""
     size = pictures.size_of(files[0][0])
     return ViewGrid(
@@ -44,11 +48,11 @@ def by_numbers(files: list[Path], folder: Path, order: Order) -> list[list[Path]
 
     Raises :class:`ExchangeError` when a view is missing or there twice.
     """
-    found = [_TWO.search(file.stem) for file in files]
-    if not all(found):
+    found = [(file, match) for file in files if (match := _TWO.search(file.stem))]
+    if len(found) < len(files):
         return None
-    places = {}
-    for file, match in zip(files, found, strict=True):
+    places: dict[tuple[int, int], Path] = {}
+    for file, match in found:
         first, second = int(match[1]), int(match[2])
         place = (second, first) if order.columns_first else (first, second)
         if place in places:

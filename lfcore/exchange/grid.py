@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +64,7 @@ class Geometry:
         extent = Extent.centred(columns, rows, width, height)
         square = columns == rows and width == height
         pitch, pixel, delta = self.pitch_m, self.pixel_pitch, self.delta
-        if self.missing:
+        if pitch is None or pixel is None or delta is None:
             pitch, pixel, delta = NOMINAL_PITCH_M, NOMINAL_FIELD / pixels, NOMINAL_DELTA
         sensor = SENSOR_WIDTH_M if self.missing or not self.sensor_m else self.sensor_m
         distance = sensor / (pixel * pixels)
@@ -73,8 +74,18 @@ class Geometry:
         )  # fmt: skip
         return Slab(camera, views, pixels, None if square else extent)
 
+
+@dataclass(frozen=True)
+class KnownGeometry(Geometry):
+    """A geometry of which nothing is missing."""
+
+    pitch_m: float
+    pixel_pitch: float
+    delta: float
+    sensor_m: float
+
     @classmethod
-    def of_slab(cls, slab: Slab) -> Geometry:
+    def of_slab(cls, slab: Slab) -> KnownGeometry:
         camera = slab.camera
         return cls(slab.lens_pitch_m, slab.pixel_pitch, camera.delta, camera.sensor_width_m)
 
@@ -110,7 +121,7 @@ class ViewGrid:
         return replace(self, read=read) if left or up else self
 
     @classmethod
-    def of_array(cls, views: np.ndarray, name: str, **more) -> ViewGrid:
+    def of_array(cls, views: np.ndarray, name: str, **more: Any) -> ViewGrid:
         """Of (rows, columns, height, width, 3) in memory."""
         rows, columns, height, width = views.shape[:4]
         return cls(columns, rows, width, height, lambda i, j: views[j, i], name, **more)

@@ -11,13 +11,19 @@ from __future__ import annotations
 import configparser
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange import pictures
-from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
+from lfcore.exchange.grid import ExchangeError, Geometry, KnownGeometry, ViewGrid
 from lfcore.files import write_text
 from lfcore.pictures import write_picture as write_pfm
+
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.importing import ReadOptions
+    from lfcore.exchange.source import Source
 
 CONFIG = "parameters.cfg"
 FSTOP = 100.0
@@ -27,13 +33,14 @@ def recognise(path: Path) -> bool:
     return (path / CONFIG).is_file()
 
 
-def read(path: Path, options) -> ViewGrid:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
     config = _config(path / CONFIG)
     columns, rows = (config.number("extrinsics", f"num_cams_{axis}") for axis in "xy")
     columns, rows = int(columns), int(rows)
-    size = tuple(
-        int(config.number("intrinsics", f"image_resolution_{axis}_px")) for axis in "xy"
-    )  # fmt: skip
+    width, height = size = (
+        int(config.number("intrinsics", "image_resolution_x_px")),
+        int(config.number("intrinsics", "image_resolution_y_px")),
+    )
     if min(columns, rows, *size) < 1:
         raise ExchangeError("has no views or no pixels", file=path / CONFIG)
     files = [_view(path, index, columns * rows) for index in range(columns * rows)]
@@ -51,7 +58,7 @@ def read(path: Path, options) -> ViewGrid:
         1 / focus if focus else 0.0, sensor,
     )  # fmt: skip
     return ViewGrid(
-        columns, rows, *size, lambda i, j: pictures.read(files[j * columns + i], size),
+        columns, rows, width, height, lambda i, j: pictures.read(files[j * columns + i], size),
         config.text("meta", "scene") or path.name, geometry=geometry, depth_m=_depths(path),
     )  # fmt: skip
 
@@ -94,7 +101,7 @@ class _config:
     def number(self, section: str, key: str) -> float:
         text = self.text(section, key)
         try:
-            value = float(text)
+            value = float(text or "")
         except (TypeError, ValueError):
             problem = "is missing" if text is None else f"is no number: {text!r}"
             raise ExchangeError(problem, file=self.path, key=f"{section}.{key}") from None
@@ -103,7 +110,7 @@ class _config:
         return value
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     geometry = source.require_geometry("parameters.cfg")
     total = source.columns * source.rows
     digits = max(3, len(str(total - 1)))
@@ -128,7 +135,7 @@ def write(source, folder: Path, options) -> None:
     write_text(folder / CONFIG, _parameters(source, geometry, reach))
 
 
-def _write_truth(source, folder: Path, names: list[str]) -> tuple[float, float] | None:
+def _write_truth(source: Source, folder: Path, names: list[str]) -> tuple[float, float] | None:
     """Depth, disparity and materials of every view; the middle one's under the short names, too."""
     middle = (source.rows // 2) * source.columns + source.columns // 2
     near, far = math.inf, 0.0
@@ -145,7 +152,7 @@ def _write_truth(source, folder: Path, names: list[str]) -> tuple[float, float] 
     return (near, far) if far else None
 
 
-def _parameters(source, geometry: Geometry, reach: tuple[float, float] | None) -> str:
+def _parameters(source: Source, geometry: KnownGeometry, reach: tuple[float, float] | None) -> str:
     focal = geometry.sensor_m / (geometry.pixel_pitch * max(source.width, source.height))
     meta = {"scene": source.name, "category": "synthetic", "date": "", "version": "v0",
             "authors": "", "contact": ""}  # fmt: skip

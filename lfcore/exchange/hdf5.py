@@ -6,10 +6,17 @@ It needs h5py: ``pip install 'lfcore[hdf5]'``.
 from __future__ import annotations
 
 from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange.grid import ExchangeError, ViewGrid, grid_of_values
+
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.importing import ReadOptions
+    from lfcore.exchange.source import Source
 
 SUFFIXES = (".h5", ".hdf5")
 
@@ -18,7 +25,7 @@ def recognise(path: Path) -> bool:
     return path.suffix.lower() in SUFFIXES and path.is_file()
 
 
-def _h5py():
+def _h5py() -> ModuleType:
     try:
         import h5py
     except ImportError:
@@ -39,12 +46,12 @@ def data_set(path: Path, name: str) -> np.ndarray | None:
         raise ExchangeError(f"cannot be read as HDF5: {reason}", file=path) from None
 
 
-def read(path: Path, options) -> ViewGrid:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
     name = options.variable or "LF"
     return grid_of_values(data_set(path, name), name, path)
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     h5py = _h5py()
     shape = (source.rows, source.columns, source.height, source.width)
     with h5py.File(folder / "scene.h5", "w") as file:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lfcore.exchange import folder as plain
 from lfcore.exchange import pictures
@@ -10,6 +11,11 @@ from lfcore.exchange.grid import MOST_VIEWS, ExchangeError, Geometry, ViewGrid
 from lfcore.exchange.nerfstudio import load_json
 from lfcore.files import write_json
 from lfcore.pictures import write_picture as write_pfm
+
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.importing import ReadOptions
+    from lfcore.exchange.source import Source
 
 CONFIG = "views.json"
 NAME = "view_{row:03d}_{column:03d}.png"
@@ -20,7 +26,7 @@ def recognise(path: Path) -> bool:
     return (path / CONFIG).is_file()
 
 
-def read(path: Path, options) -> ViewGrid:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
     file = path / CONFIG
     data = load_json(file)
     try:
@@ -47,7 +53,7 @@ def read(path: Path, options) -> ViewGrid:
     return plain.of_files(files, name, geometry=geometry, depth_m=tuple(depth) if depth else None)
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     files = []
     for column, row, picture in source.views(options.progress):
         name = NAME.format(row=row, column=column)

@@ -8,10 +8,16 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lfcore.exchange import folder as plain
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import ExchangeError, Order, ViewGrid
+
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.importing import ReadOptions
+    from lfcore.exchange.source import Source
 
 _NAME = re.compile(r"\d{3}_\d{3}\.ppm")
 BITS = 10
@@ -27,15 +33,17 @@ def recognise(path: Path) -> bool:
     return bool(_views(path))
 
 
-def read(path: Path, options) -> ViewGrid:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
     files = _views(path)
     if not files:
         raise ExchangeError("holds no views named 000_000.ppm", file=path)
     order = options.order or Order(columns_first=True)
-    return plain.of_files(plain.by_numbers(files, path, order), path.name)
+    grid = plain.by_numbers(files, path, order)
+    assert grid is not None  # of _NAME, which has both numbers
+    return plain.of_files(grid, path.name)
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     order = options.order or Order(columns_first=True)
     if max(source.columns, source.rows) > 1000:
         raise ExchangeError("more than 1000 views a side have no names", file=source.field.path)

@@ -12,6 +12,7 @@ the corners of UV, and the corners of ST are the outer corners of pixels.  Levoy
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,11 @@ from lfcore.exchange import folder as plain
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import MOST_VIEWS, ExchangeError, Geometry, ViewGrid
 from lfcore.files import write_text
+
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.importing import ReadOptions
+    from lfcore.exchange.source import Source
 
 HEADER = "# LIF1.0"
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
@@ -36,7 +42,7 @@ def recognise(path: Path) -> bool:
     return _lid(path) is not None
 
 
-def read(path: Path, options) -> ViewGrid:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
     file = _lid(path)
     if file is None:
         raise ExchangeError("holds not one .lid file", file=path)
@@ -101,7 +107,9 @@ def _plane(words: dict, key: str, file: Path) -> np.ndarray:
     return out
 
 
-def _geometry(uv, st, columns: int, rows: int, size) -> tuple[Geometry, tuple[str, ...]]:
+def _geometry(
+    uv: np.ndarray, st: np.ndarray, columns: int, rows: int, size: tuple[int, int]
+) -> tuple[Geometry, tuple[str, ...]]:
     """Of planes that face each other; what is not that of a slab stays unknown."""
     across, up = uv[0, 1, :3] - uv[0, 0, :3], uv[1, 0, :3] - uv[0, 0, :3]
     steps = [np.linalg.norm(side) / (n - 1)
@@ -126,7 +134,7 @@ def _geometry(uv, st, columns: int, rows: int, size) -> tuple[Geometry, tuple[st
     return Geometry(pitch, float(width / depth / size[0]), delta), ()
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     geometry = source.require_geometry("a .lid")
     last = source.rows - 1
     for column, row, picture in source.views(options.progress):

@@ -7,17 +7,24 @@ sensor width of parallel cameras, all in millimetres.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lfcore.exchange import positions, stanford
 from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
+
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.importing import ReadOptions
+    from lfcore.exchange.positions import Named
+    from lfcore.exchange.source import Source
 
 
 def recognise(path: Path) -> bool:
     return bool(positions.named_pictures(path))
 
 
-def read(path: Path, options) -> ViewGrid:
-    def geometry(one, width: int) -> Geometry:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
+    def geometry(one: Named, width: int) -> Geometry:
         if not one.more:
             return Geometry()
         focal, sensor = (value / 1e3 for value in one.more)
@@ -28,7 +35,7 @@ def read(path: Path, options) -> ViewGrid:
     return stanford.read_named(path, path.name, geometry)
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     more: tuple[float, ...] = ()
     if source.geometry is not None and source.geometry.delta == 0:
         geometry = source.geometry

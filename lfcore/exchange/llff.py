@@ -11,12 +11,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange import pictures, posed
 from lfcore.exchange.grid import ExchangeError, ViewGrid
 from lfcore.pictures import write_picture
+
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.importing import ReadOptions
+    from lfcore.exchange.source import Source
 
 POSES = "poses_bounds.npy"
 
@@ -25,7 +31,7 @@ def recognise(path: Path) -> bool:
     return (path / POSES).is_file()
 
 
-def read(path: Path, options) -> ViewGrid:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
     file = path / POSES
     try:
         rows = np.load(file, allow_pickle=False)
@@ -55,7 +61,7 @@ def read(path: Path, options) -> ViewGrid:
     return replace(found, depth_m=(near, far)) if 0 < near <= far else found
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     source.require_geometry("poses_bounds.npy")
     near, far = _bounds(source, options)
     half, off = _middle(source)
@@ -80,17 +86,17 @@ def write(source, folder: Path, options) -> None:
     write_picture(folder / "poses_bounds.npy", np.array(rows, np.float64))
 
 
-def _bounds(source, options) -> tuple[float, float]:
+def _bounds(source: Source, options: WriteOptions) -> tuple[float, float]:
     if options.near_m and options.far_m:
         return options.near_m, options.far_m
     return source.depth_range("poses_bounds.npy")
 
 
-def _half(source) -> tuple[int, int]:
+def _half(source: Source) -> tuple[int, int]:
     return source.width // 2, source.height // 2
 
 
-def _middle(source) -> tuple[tuple[int, int], float]:
+def _middle(source: Source) -> tuple[tuple[int, int], float]:
     """Half width and height that every view has about its axis; how far that is off a pixel."""
     corners = [source.centre(i, j) for i in (0, source.columns - 1) for j in (0, source.rows - 1)]
     size = np.array([source.width, source.height])

@@ -6,11 +6,17 @@ A fourth channel is a weight and left out.  Files of version 7.3 are HDF5 and ne
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange import hdf5
 from lfcore.exchange.grid import ExchangeError, ViewGrid, grid_of_values
+
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.importing import ReadOptions
+    from lfcore.exchange.source import Source
 
 VARIABLE = "LF"
 
@@ -19,7 +25,7 @@ def recognise(path: Path) -> bool:
     return path.suffix.lower() == ".mat" and path.is_file()
 
 
-def read(path: Path, options) -> ViewGrid:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
     from scipy.io import loadmat
 
     name = options.variable or VARIABLE
@@ -35,7 +41,7 @@ def read(path: Path, options) -> ViewGrid:
     return grid_of_values(found, name, path)
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     from scipy.io import savemat
 
     savemat(

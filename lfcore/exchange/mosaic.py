@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import ExchangeError, ViewGrid
+
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.importing import ReadOptions
+    from lfcore.exchange.source import Source
 
 
 def recognise(path: Path) -> bool:
@@ -33,7 +39,7 @@ def of_tiles(path: Path, columns: int, rows: int) -> ViewGrid:
     return ViewGrid(columns, rows, w, h, read_tile, path.stem)
 
 
-def read(path: Path, options) -> ViewGrid:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
     if not options.grid:
         raise ExchangeError(
             "nothing in a mosaic says how many views it holds", file=path,
@@ -42,7 +48,7 @@ def read(path: Path, options) -> ViewGrid:
     return of_tiles(path, *options.grid)
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     views = source.array(options.progress)
     rows, columns, height, width = views.shape[:4]
     picture = views.swapaxes(1, 2).reshape(rows * height, columns * width, 3)

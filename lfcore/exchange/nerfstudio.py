@@ -9,12 +9,18 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange import pictures, posed
 from lfcore.exchange.grid import ExchangeError, ViewGrid
 from lfcore.files import write_json
+
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.importing import ReadOptions
+    from lfcore.exchange.source import Source
 
 CONFIG = "transforms.json"
 TO_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
@@ -26,7 +32,7 @@ def recognise(path: Path) -> bool:
     return path.name == CONFIG or (path / CONFIG).is_file()
 
 
-def read(path: Path, options) -> ViewGrid:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
     file = path / CONFIG if path.is_dir() else path
     data = load_json(file)
     frames = data.get("frames")
@@ -97,7 +103,7 @@ def _centres(data: dict, frames: list, files: list[Path], file: Path) -> np.ndar
         raise ExchangeError("is no number", file=file, key="cx, cy") from None
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     geometry = source.require_geometry("transforms.json")
     (folder / "images").mkdir()
     if source.truth is not None:

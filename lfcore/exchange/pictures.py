@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import BinaryIO, cast
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
@@ -89,7 +90,8 @@ def read_ppm(path: Path) -> np.ndarray:
         data = path.read_bytes()
     except OSError as error:
         raise _unreadable(path, error) from None
-    words, position = [], 0
+    words: list[bytes] = []
+    position = 0
     while len(words) < 4 and position < len(data):
         if data[position : position + 1].isspace():
             position += 1
@@ -113,7 +115,7 @@ def read_ppm(path: Path) -> np.ndarray:
         raise ExchangeError(
             f"is cut short: {len(data)} bytes, {position + 1 + size} expected", file=path
         )
-    codes = np.frombuffer(data, item, width * height * 3, position + 1)
+    codes: np.ndarray = np.frombuffer(data, item, width * height * 3, position + 1)
     codes = codes.reshape(height, width, 3)
     if most == 255:
         return codes
@@ -126,7 +128,7 @@ def write(path: Path, picture: np.ndarray) -> None:
         write_picture(path, picture)
         return
     with whole_file(path) as file:  # SGI's, which Pillow alone writes
-        Image.fromarray(picture).save(file, "SGI")
+        Image.fromarray(picture).save(cast(BinaryIO, file), "SGI")
 
 
 def write_ppm(path: Path, picture: np.ndarray, bits: int) -> None:
@@ -145,9 +147,9 @@ def read_pfm(path: Path) -> np.ndarray:
     """
     try:
         with path.open("rb") as file:
-            kind, size, scale = file.readline().strip(), file.readline(), file.readline()
+            kind, size, factor = file.readline().strip(), file.readline(), file.readline()
             data = file.read()
-        (width, height), scale = (int(word) for word in size.split()), float(scale)
+        (width, height), scale = (int(word) for word in size.split()), float(factor)
         channels = {b"Pf": 1, b"PF": 3}[kind]
     except OSError as error:
         raise _unreadable(path, error) from None
@@ -156,7 +158,8 @@ def read_pfm(path: Path) -> np.ndarray:
     count = width * height * channels
     if len(data) < 4 * count:
         raise ExchangeError(f"is cut short: {len(data)} bytes, {4 * count} expected", file=path)
-    values = np.frombuffer(data, "<f4" if scale < 0 else ">f4", count) * np.float32(abs(scale))
+    values: np.ndarray = np.frombuffer(data, "<f4" if scale < 0 else ">f4", count)
+    values = values * np.array(abs(scale), np.float32)
     shape = (height, width) if channels == 1 else (height, width, 3)
     return values.reshape(shape)[::-1].astype(np.float32)
 

@@ -11,6 +11,7 @@ PlenoptiCam keeps them: ``mic_list`` of (y, x, row, column) in pixels, ``ptc_mea
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,10 @@ from lfcore.colour import srgb_decode
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import ExchangeError
 from lfcore.files import write_json
+
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.source import Source
 
 FINE = 16
 """Points along a pixel's side that tell how much of it the lens lights."""
@@ -37,7 +42,7 @@ def lit(samples: int) -> np.ndarray:
     return share / share.max()
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     if source.columns != source.rows:
         raise ExchangeError(
             f"{source.columns} x {source.rows} views are no square micro images",

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,10 @@ from lfcore.exchange.grid import ExchangeError, ViewGrid
 from lfcore.exchange.mosaic import of_tiles
 from lfcore.exchange.source import Selection, Source
 
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.importing import ReadOptions
+
 _NAME = re.compile(r"_qs(\d+)x(\d+)a([\d.]+?)(?:\.[A-Za-z]+)$")
 
 
@@ -23,14 +28,17 @@ def recognise(path: Path) -> bool:
     return pictures.is_picture(path) and bool(_NAME.search(path.name))
 
 
-def read(path: Path, options) -> ViewGrid:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
     match = _NAME.search(path.name)
-    if not match and not options.grid:
+    if options.grid:
+        columns, rows = options.grid
+    elif match:
+        columns, rows = int(match[1]), int(match[2])
+    else:
         raise ExchangeError(
             "its name does not say columns and rows, as in name_qs8x6a0.75.png", file=path,
             remedy="Give --grid COLUMNSxROWS",
         )  # fmt: skip
-    columns, rows = options.grid or (int(match[1]), int(match[2]))
     tiles = of_tiles(path, columns, rows)
 
     def read_tile(column: int, row: int) -> np.ndarray:
@@ -39,7 +47,7 @@ def read(path: Path, options) -> ViewGrid:
     return replace(tiles, columns=columns * rows, rows=1, read=read_tile)
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     across, down = options.tiles or _factors(source.columns)
     if across * down > source.columns:
         raise ExchangeError(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lfcore.colour import srgb_codes
-from lfcore.exchange.grid import ExchangeError, Geometry
+from lfcore.exchange.grid import ExchangeError, KnownGeometry
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import Device
 from lfcore.optics import bundles
@@ -91,9 +91,9 @@ class Source:
         left, top = slab.held.pixels[:2]
         half = slab.pixels / 2
         self.axis_px = (half - left - self.left, half - top - self.top)
-        whole = Geometry.of_slab(slab)
+        whole = KnownGeometry.of_slab(slab)
         share = max(self.width, self.height) / slab.pixels
-        self.geometry = (
+        self.geometry: KnownGeometry | None = (
             replace(whole, pitch_m=whole.pitch_m * self.stride, sensor_m=whole.sensor_m * share)
             if field.metric
             else None
@@ -117,7 +117,7 @@ class Source:
         slab = self.slab
         return slab.camera.delta * slab.lens_pitch_m * self.stride / slab.pixel_pitch
 
-    def require_geometry(self, what: str) -> Geometry:
+    def require_geometry(self, what: str) -> KnownGeometry:
         """The geometry; :class:`ExchangeError` where it is not known."""
         if self.geometry is None:
             raise ExchangeError(
@@ -174,6 +174,7 @@ class Source:
     def depth(self, column: int, row: int) -> tuple[np.ndarray, np.ndarray]:
         """(height, width) depth, metres, and (height, width) uint16 material of a view."""
         whole = Slab(self.slab.camera, self.slab.views, self.slab.pixels)
+        assert self.truth is not None  # who asks for depth gave the scene
         depth, ids = self.truth.of_view(whole, int(self._i[column]), int(self._j[row]))
         window = np.s_[self.top : self.top + self.height, self.left : self.left + self.width]
         return depth[window], ids[window]
@@ -214,7 +215,9 @@ class Source:
         return 1.0 / self.slab.pixel_pitch
 
 
-def _chosen(selection: Selection, axis: int, count: int, slab: Slab, field) -> np.ndarray:
+def _chosen(
+    selection: Selection, axis: int, count: int, slab: Slab, field: LightField
+) -> np.ndarray:
     """Indices of the views along one axis, in the middle of those there are."""
     wanted = selection.views[axis] if selection.views else None
     step = 1

@@ -6,10 +6,18 @@ asked for by --focus and --field-of-view, or stay unknown.  Positions are taken 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lfcore.exchange import pictures, positions
 from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
+
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.importing import ReadOptions
+    from lfcore.exchange.positions import Named
+    from lfcore.exchange.source import Source
 
 
 def recognise(path: Path) -> bool:
@@ -17,11 +25,11 @@ def recognise(path: Path) -> bool:
     return bool(found) and found[0].path.name.startswith("out_") and not found[0].more
 
 
-def read(path: Path, options) -> ViewGrid:
+def read(path: Path, options: ReadOptions) -> ViewGrid:
     return read_named(path, path.name, lambda one, width: Geometry())
 
 
-def read_named(path: Path, name: str, geometry_of) -> ViewGrid:
+def read_named(path: Path, name: str, geometry_of: Callable[[Named, int], Geometry]) -> ViewGrid:
     """A grid of views with positions; ``geometry_of(view, width)`` adds to the spacing."""
     named = positions.named_pictures(path)
     if not named:
@@ -40,11 +48,13 @@ def read_named(path: Path, name: str, geometry_of) -> ViewGrid:
     )  # fmt: skip
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     write_named(source, folder, options, "out", ())
 
 
-def write_named(source, folder: Path, options, prefix: str, more: tuple[float, ...]) -> None:
+def write_named(
+    source: Source, folder: Path, options: WriteOptions, prefix: str, more: tuple[float, ...]
+) -> None:
     """Views with row, column, y and x in millimetres, and ``more`` numbers in their names."""
     x, y = 1e3 * source.columns_m, 1e3 * source.rows_m
     if source.geometry is None:

@@ -40,9 +40,9 @@ def store_grid(
         segments = [folder / f"{tile.index:04d}.mp4" for tile in tiles]
         for tile, segment in zip(tiles, segments, strict=True):
             with SegmentWriter(segment, spec, layout.frame_width, layout.frame_height) as writer:
-                for column, row in tile.elements() - np.int32(slab.held.views[:2]):
+                for column, row in tile.elements() - np.array(slab.held.views[:2], np.int32):
                     picture = _checked(grid, int(column), int(row))
-                    digest.update(np.ascontiguousarray(picture))
+                    digest.update(np.ascontiguousarray(picture).data)
                     writer.write(_frame(picture, slab.held.pixels, layout))
                     done += 1
                     if progress:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,10 +11,14 @@ from lfcore.exchange.grid import ExchangeError
 from lfcore.film import write_film
 from lfcore.lightfield import MOST_PLANES
 
+if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
+    from lfcore.exchange.source import Source
+
 FPS = 24
 
 
-def write(source, folder: Path, options) -> None:
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
     field = source.field
     if not 2 <= options.count <= MOST_PLANES:
         raise ExchangeError(f"must be from 2 to {MOST_PLANES}, not {options.count}", key="--count")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 from lfcore.exchange.grid import ExchangeError
 
@@ -20,7 +21,7 @@ class Format:
     imports: bool = True
     exports: bool = True
 
-    def load(self):
+    def load(self) -> ModuleType:
         return import_module(f"lfcore.exchange.{self.module}")
 
 

@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from lfcore.errors import DeviceError
 from lfcore.opencl import drivers, program_cache
 
@@ -58,15 +60,15 @@ class Device:
     def is_cpu(self) -> bool:
         return bool(self.device.type & cl.device_type.CPU)
 
-    def buffer(self, array) -> cl.Buffer:
+    def buffer(self, array: np.ndarray) -> cl.Buffer:
         """Read-only device copy of a numpy array; an empty array gets a few zero bytes."""
         return self._copy(array, cl.mem_flags.READ_ONLY)
 
-    def changed(self, array) -> cl.Buffer:
+    def changed(self, array: np.ndarray) -> cl.Buffer:
         """As :meth:`buffer`, for kernels that write to it."""
         return self._copy(array, cl.mem_flags.READ_WRITE)
 
-    def _copy(self, array, access: int) -> cl.Buffer:
+    def _copy(self, array: np.ndarray, access: int) -> cl.Buffer:
         flags = access | cl.mem_flags.COPY_HOST_PTR
         return cl.Buffer(self.context, flags, hostbuf=array if array.nbytes else bytes(64))
 

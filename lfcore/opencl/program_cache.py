@@ -19,11 +19,17 @@ import re
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 from lfcore.errors import StorageError
 from lfcore.files import whole_file
 
+if TYPE_CHECKING:
+    import pyopencl as cl
+
 log = logging.getLogger(__name__)
+
+Program = TypeVar("Program")
 
 LIMIT_BYTES = 256 << 20
 """Of all entries: those that were not used for longest make room for new ones."""
@@ -82,7 +88,7 @@ def expanded(source: str, folders: Sequence[str]) -> str:
     return "\0".join(texts)
 
 
-def key(device, source: str, options: Sequence[str]) -> str:
+def key(device: cl.Device, source: str, options: Sequence[str]) -> str:
     """The name of an entry: ``source`` is expanded, ``device`` a pyopencl Device."""
     held = [f"{k}={value}" for k, value in sorted(os.environ.items()) if k.startswith(_HELD)]
     about = [
@@ -98,7 +104,11 @@ def key(device, source: str, options: Sequence[str]) -> str:
     return hashlib.sha256("\0".join([*about, *options, source]).encode()).hexdigest()
 
 
-def cached(name: str, load: Callable[[bytes], object], build: Callable[[], tuple]) -> object:
+def cached(
+    name: str,
+    load: Callable[[bytes], Program | None],
+    build: Callable[[], tuple[Program, bytes]],
+) -> Program:
     """The program called ``name``: loaded from the cache, else built, by one process at a time.
 
     Parameters
@@ -150,7 +160,7 @@ def _telling() -> Iterator[None]:
             tell(False)
 
 
-def _read(entry: Path, load: Callable[[bytes], object]) -> object | None:
+def _read(entry: Path, load: Callable[[bytes], Program | None]) -> Program | None:
     try:
         contents = entry.read_bytes()
     except OSError:

@@ -128,7 +128,9 @@ class _Lines:
         size, longest = _norm(corners).max(1), _norm(edges).max(1)
         return cls(np.ascontiguousarray(coordinates), size, longest, float(_norm(centre)))
 
-    def candidates(self, some, origins, directions, near) -> tuple[np.ndarray, np.ndarray]:
+    def candidates(
+        self, some: np.ndarray, origins: np.ndarray, directions: np.ndarray, near: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """(ray, triangle of ``some``) pairs that may cross; no crossing pair is left out."""
         rays = np.concatenate([directions, np.cross(origins, directions)], axis=1)
         size = self.size[some] + _norm(origins).max()
@@ -153,7 +155,9 @@ def _triple(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np
     return value, ERROR * size
 
 
-def _measure(ray, tri, corners, origin, direction) -> Crossings:
+def _measure(
+    ray: np.ndarray, tri: np.ndarray, corners: np.ndarray, origin: np.ndarray, direction: np.ndarray
+) -> Crossings:
     from_origin = corners - origin[:, None]  # (C, 3 corners, 3)
     sides = np.roll(corners, -1, axis=1) - corners
     # Opposite of corner r lies the edge p q, and so on: weight k comes from edge k + 1.
@@ -182,14 +186,16 @@ def _measure(ray, tri, corners, origin, direction) -> Crossings:
     return Crossings(ray, tri, inside, t, weights.T, margin, nearest, grazing)
 
 
-def _exact(corners, origin, direction) -> tuple[bool, float, list[float]]:
+def _exact(
+    corners: np.ndarray, origin: np.ndarray, direction: np.ndarray
+) -> tuple[bool, float, list[float]]:
     """Whether it is inside, t and weights of one pair, by integers."""
     # All numbers as multiples of one power of two, which cancels in every quotient.
     ratios = [x.as_integer_ratio() for x in (*corners.ravel(), *origin, *direction)]
     unit = max(denominator for _, denominator in ratios)
     numbers = [numerator * (unit // denominator) for numerator, denominator in ratios]
 
-    def triple(a, b, c):
+    def triple(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
         return (
             a[0] * (b[1] * c[2] - b[2] * c[1])
             + a[1] * (b[2] * c[0] - b[0] * c[2])

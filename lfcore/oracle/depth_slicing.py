@@ -8,10 +8,15 @@ where it falls.  What lies behind adds to a pixel only what nearer light has lef
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import ViewSet, lens_cells
+
+if TYPE_CHECKING:
+    from lfcore.optics.slab import Slab
 
 
 def slice_by_depth(
@@ -73,7 +78,9 @@ def slice_by_depth(
     return _composed(total, room)
 
 
-def _places(slab, plane, at: float, displacement: float, pixels: int) -> np.ndarray:
+def _places(
+    slab: Slab, plane: SensorPlane, at: float, displacement: float, pixels: int
+) -> np.ndarray:
     """(S + 1,) edges of the slab's pixels on the picture, in its pixels."""
     size, scale = slab.pixels, plane.magnification(slab)
     tangent = (np.arange(size + 1) + displacement - size / 2) * slab.pixel_pitch

@@ -106,7 +106,7 @@ def closest_hits(
     return hits
 
 
-def _take_lowest(hits: Hits, found, first: np.ndarray) -> None:
+def _take_lowest(hits: Hits, found: np.ndarray, first: np.ndarray) -> None:
     order = first[np.lexsort((found.triangle[first], found.ray[first]))]
     ray, at = np.unique(found.ray[order], return_index=True)
     chosen = order[at]
@@ -116,7 +116,7 @@ def _take_lowest(hits: Hits, found, first: np.ndarray) -> None:
     hits.grazing[ray] = found.grazing[chosen]
 
 
-def _gaps(hits: Hits, found, hit: np.ndarray) -> None:
+def _gaps(hits: Hits, found: np.ndarray, hit: np.ndarray) -> None:
     other = hit[found.triangle[hit] != hits.triangle[found.ray[hit]]]
     ray = found.ray[other]
     gap = np.abs(found.t[other] - hits.t[ray]) / hits.t[ray] / ULP

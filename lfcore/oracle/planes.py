@@ -41,7 +41,9 @@ def form_plane(
     return total / np.where(weight > 0, weight, 1)[:, :, None]
 
 
-def _targets(slab, plane, sample, bilinear) -> list[tuple[np.ndarray, np.ndarray]]:
+def _targets(
+    slab: Slab, plane: SensorPlane, sample, bilinear
+) -> list[tuple[np.ndarray, np.ndarray]]:
     """(target, share) of the rays of pixels 0 .. M - 1 through one lens column (or row)."""
     centre = (slab.pixels - 1) / 2
     position = np.arange(slab.pixels) + plane.shifts(slab)[sample]
@@ -52,7 +54,15 @@ def _targets(slab, plane, sample, bilinear) -> list[tuple[np.ndarray, np.ndarray
     return [(low, 1 - (position - low)), (low + 1, position - low)]
 
 
-def _scatter(total, weight, view, x, y, share_x, share_y) -> None:
+def _scatter(
+    total: np.ndarray,
+    weight: np.ndarray,
+    view: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    share_x: np.ndarray,
+    share_y: np.ndarray,
+) -> None:
     size = len(total)
     column, row = np.meshgrid(x, y)
     share = share_y[:, None] * share_x[None, :]

@@ -43,7 +43,9 @@ def shade(scene: Scene, directions: np.ndarray, hits: Hits) -> np.ndarray:
     return np.clip(colours, 0, 1)
 
 
-def _shade_points(scene, triangle, weights, view) -> np.ndarray:
+def _shade_points(
+    scene: Scene, triangle: np.ndarray, weights: np.ndarray, view: np.ndarray
+) -> np.ndarray:
     materials = [scene.materials[k] for k in scene.material_ids[triangle]]
     point = _interpolate(scene.triangles[triangle], weights)
     normal = normals(scene, triangle, weights, view)
@@ -109,7 +111,7 @@ def arriving(light: Light, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return away / distance, colour * fall_off
 
 
-def _in_shadow(scene, light, point, triangle) -> np.ndarray:
+def _in_shadow(scene: Scene, light: Light, point: np.ndarray, triangle: np.ndarray) -> np.ndarray:
     vector = np.array(light.vector, np.float64)
     if light.kind == POINT:
         towards, until = vector - point, 1 - TOUCHING

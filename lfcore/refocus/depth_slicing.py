@@ -95,7 +95,7 @@ class DepthSlicer:
 
     def _zeros(self, size: int) -> cl.Buffer:
         buffer = self.device.empty(size)
-        cl.enqueue_fill_buffer(self.device.queue, buffer, np.uint64(0), 0, size)
+        cl.enqueue_fill_buffer(self.device.queue, buffer, np.zeros(1, np.uint64), 0, size)
         return buffer
 
     def _scale(self, plane: SensorPlane) -> float:

@@ -134,7 +134,7 @@ def strip_kinds(masks: np.ndarray) -> np.ndarray:
     strips, chunks = -(-size // STRIP), -(-size // BLOCK)
     padded = np.zeros((count, strips * STRIP, chunks * BLOCK), bool)
     padded[:, :size, :size] = masks > 0
-    some = padded.reshape(count, strips, STRIP, chunks, BLOCK).any(axis=(2, 4))
+    some = np.asarray(padded.reshape(count, strips, STRIP, chunks, BLOCK).any(axis=(2, 4)))
     padded[:, size:, :size] = True
-    every = padded.reshape(count, strips, STRIP, chunks, BLOCK).all(axis=(2, 4))
+    every = np.asarray(padded.reshape(count, strips, STRIP, chunks, BLOCK).all(axis=(2, 4)))
     return some.astype(np.uint8) + (some & every)

@@ -326,7 +326,7 @@ def _colours(visual, faces: np.ndarray, path: Path) -> np.ndarray | None:
     return colours if path.suffix.lower() in LINEAR_COLOUR_FORMATS else srgb_decode(colours)
 
 
-def _unit(values) -> np.ndarray:
+def _unit(values: np.ndarray) -> np.ndarray:
     """Colours in [0, 1] from either floats or whole numbers of their type's range."""
     values = np.asarray(values)
     if np.issubdtype(values.dtype, np.integer):

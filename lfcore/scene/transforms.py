@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -41,7 +42,7 @@ def chain(*steps: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def parse_transform(steps: list[dict], *, file, key: str) -> np.ndarray:
+def parse_transform(steps: list[dict], *, file: str | Path | None, key: str) -> np.ndarray:
     """The matrix of a schema-checked ``transform`` list, applied from first to last.
 
     Raises :class:`SceneError` for an axis of no length or a matrix that is not affine.
@@ -64,7 +65,7 @@ def parse_transform(steps: list[dict], *, file, key: str) -> np.ndarray:
     return chain(*matrices)
 
 
-def parse_matrix(rows: list[list[float]], *, file, key: str) -> np.ndarray:
+def parse_matrix(rows: list[list[float]], *, file: str | Path | None, key: str) -> np.ndarray:
     """A 4x4 matrix whose last row must be 0 0 0 1 and which must be invertible."""
     matrix = np.array(rows, np.float64)
     if not np.array_equal(matrix[3], [0, 0, 0, 1]):
@@ -86,7 +87,7 @@ def look_at(
     target: Sequence[float],
     up: Sequence[float] = (0.0, 1.0, 0.0),
     *,
-    file=None,
+    file: str | Path | None = None,
     key: str = "camera.pose",
 ) -> np.ndarray:
     """World to camera space (x right, y down, z forward) of a camera at ``position``.
@@ -120,7 +121,7 @@ def rigid_to_camera(rows: np.ndarray, position: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def pose_from_matrix(rows: list[list[float]], *, file, key: str) -> np.ndarray:
+def pose_from_matrix(rows: list[list[float]], *, file: str | Path | None, key: str) -> np.ndarray:
     """World to camera from a camera-to-world matrix in the file's convention.
 
     The camera looks along its own -z with +y up, as in glTF and OpenGL; scale is refused.

@@ -104,7 +104,15 @@ def _morton(centroids: np.ndarray) -> np.ndarray:
     return code
 
 
-def _decide(boxes, centroids, order, start, count, leaf_size, depth):
+def _decide(
+    boxes: np.ndarray,
+    centroids: np.ndarray,
+    order: np.ndarray,
+    start: np.ndarray,
+    count: np.ndarray,
+    leaf_size: int,
+    depth,
+):
     """Which nodes to cut (indices), and how (axis, k): the rest become leaves."""
     several = np.flatnonzero(count > 1)
     start, count = start[several], count[several]
@@ -123,14 +131,23 @@ def _decide(boxes, centroids, order, start, count, leaf_size, depth):
     return several[cut], axis[cut], k[cut]
 
 
-def _widest(centroids, order, start, count) -> np.ndarray:
+def _widest(
+    centroids: np.ndarray, order: np.ndarray, start: np.ndarray, count: np.ndarray
+) -> np.ndarray:
     """The axis along which each node's centroids extend farthest; they are sorted."""
     low = [centroids[a][order[a][start]].astype(np.float64) for a in range(3)]
     high = [centroids[a][order[a][start + count - 1]].astype(np.float64) for a in range(3)]
     return np.argmax(np.subtract(high, low), axis=0)
 
 
-def _partition(order, goes_right, start, count, axis, k) -> None:
+def _partition(
+    order: np.ndarray,
+    goes_right: np.ndarray,
+    start: np.ndarray,
+    count: np.ndarray,
+    axis: np.ndarray,
+    k: np.ndarray,
+) -> None:
     """Move the first ``k`` of ``order[axis]`` of each node to its front in all three orders.
 
     Stable, so that both halves stay sorted.  ``goes_right`` is scratch, one entry a triangle.
@@ -158,7 +175,9 @@ def _partition(order, goes_right, start, count, axis, k) -> None:
             order[a][position + shift] = triangle
 
 
-def _bounds(boxes, order, left, start, levels) -> tuple[np.ndarray, np.ndarray]:
+def _bounds(
+    boxes: np.ndarray, order: np.ndarray, left: np.ndarray, start: np.ndarray, levels
+) -> tuple[np.ndarray, np.ndarray]:
     """Exact float32 bounds of all nodes, leaves first and then upwards."""
     leaves = np.flatnonzero(left < 0)
     leaves = leaves[np.argsort(start[leaves])]  # they tile the order

@@ -129,7 +129,9 @@ def _scan_areas(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return _half_area(table.swapaxes(0, 1)), _half_area(suffix.swapaxes(0, 1))
 
 
-def _cheapest(left, right, in_left, count, leaf_size) -> tuple[np.ndarray, np.ndarray]:
+def _cheapest(
+    left: np.ndarray, right: np.ndarray, in_left: np.ndarray, count: np.ndarray, leaf_size: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Row and cost of the cheapest of the cuts (W - 1, n); inf where none is valid."""
     in_right = count - in_left
     with np.errstate(invalid="ignore"):  # inf * 0 where a side is empty, masked below
@@ -141,7 +143,16 @@ def _cheapest(left, right, in_left, count, leaf_size) -> tuple[np.ndarray, np.nd
     return row, cost[row, np.arange(cost.shape[1])]
 
 
-def _sweep(cuts, rows, boxes, order, start, count, width, leaf_size) -> None:
+def _sweep(
+    cuts,
+    rows,
+    boxes: np.ndarray,
+    order: np.ndarray,
+    start: np.ndarray,
+    count: np.ndarray,
+    width,
+    leaf_size: int,
+) -> None:
     """Exact: every cut between neighbours in the three orders, nodes padded to ``width``."""
     lane = np.arange(width)[:, None]
     sizes = count[rows]
@@ -166,7 +177,16 @@ def ranges(start: np.ndarray, count: np.ndarray) -> np.ndarray:
     return np.arange(ends[-1] if len(ends) else 0) + np.repeat(start - ends + count, count)
 
 
-def _bin(cuts, rows, boxes, centroids, order, start, count, leaf_size) -> None:
+def _bin(
+    cuts,
+    rows,
+    boxes: np.ndarray,
+    centroids: np.ndarray,
+    order: np.ndarray,
+    start: np.ndarray,
+    count: np.ndarray,
+    leaf_size: int,
+) -> None:
     """256 bins over the centroid bounds of each axis."""
     nodes, sizes = len(rows), count[rows]
     position = ranges(start[rows], sizes)

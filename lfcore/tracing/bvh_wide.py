@@ -72,7 +72,7 @@ def _half_areas(tree: BinaryTree) -> np.ndarray:
     return extent[:, 0] * extent[:, 1] + (extent[:, 0] + extent[:, 1]) * extent[:, 2]
 
 
-def _choices(tree, leaf_size, leaf_cost) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _choices(tree, leaf_size: int, leaf_cost) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What the optimum does at each node.
 
     Returns ``as_leaf`` (n,): with one slot, be a leaf and not a wide node; ``given``
@@ -103,7 +103,15 @@ def _choices(tree, leaf_size, leaf_cost) -> tuple[np.ndarray, np.ndarray, np.nda
     return as_leaf, given, used_slots
 
 
-def _least_costs(left, below, area, leaf, given, used_slots, as_leaf) -> np.ndarray:
+def _least_costs(
+    left: np.ndarray,
+    below: np.ndarray,
+    area: np.ndarray,
+    leaf: np.ndarray,
+    given: np.ndarray,
+    used_slots: np.ndarray,
+    as_leaf: np.ndarray,
+) -> np.ndarray:
     """(17, m) costs C(n, j), row j, of m nodes whose children's costs are ``below``.
 
     ``left`` indexes ``below``, negative for nodes without children.  The choices are written
@@ -137,13 +145,13 @@ def _least_costs(left, below, area, leaf, given, used_slots, as_leaf) -> np.ndar
     return costs
 
 
-def _root_slots(tree, as_leaf, given, used_slots) -> np.ndarray:
+def _root_slots(tree, as_leaf: np.ndarray, given: np.ndarray, used_slots: np.ndarray) -> np.ndarray:
     if as_leaf[0]:
         return np.array([[0] + [-1] * (WIDTH - 1)])
     return _distribute(tree, given, used_slots, np.array([0]))
 
 
-def _distribute(tree, given, used_slots, roots) -> np.ndarray:
+def _distribute(tree, given: np.ndarray, used_slots: np.ndarray, roots: np.ndarray) -> np.ndarray:
     """(W, 16) binary nodes that become the children of wide nodes ``roots``; -1 unused."""
     slots = np.full((len(roots), WIDTH), -1)
     filled = np.zeros(len(roots), np.int64)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -65,7 +66,7 @@ class EntryKernel:
         if sizes.tolist() != [struct.itemsize for struct in structs]:
             raise DeviceError(f"{device.name} lays out the arguments of {name} in its own way")
 
-    def _ask(self, name: str, *arguments, count: int) -> np.ndarray:
+    def _ask(self, name: str, *arguments: Any, count: int) -> np.ndarray:
         answer, buffer = np.zeros(count, np.int32), self.device.empty(4 * count)
         cl.Kernel(self._program, name)(self.device.queue, (1,), None, *arguments, buffer)
         cl.enqueue_copy(self.device.queue, answer, buffer)
@@ -78,7 +79,7 @@ class EntryKernel:
             self._words[shadow_lights] = int(words[0])
         return self.device.empty(4 * self._words[shadow_lights] * self.device.threads)
 
-    def __call__(self, workers: int, *arguments) -> None:
+    def __call__(self, workers: int, *arguments: Any) -> None:
         """Launch so many workers."""
         self.kernel(self.device.queue, (workers,), (1,), *arguments)
 

@@ -82,7 +82,11 @@ def probed_blocks(bundles: Bundles, outer: int) -> tuple[np.ndarray, np.ndarray]
     return rays[0], rays[1]
 
 
-def best_outer(closest_hit, bundles: Bundles, work: str) -> int:
+def best_outer(
+    closest_hit: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
+    bundles: Bundles,
+    work: str,
+) -> int:
     """Elements along each axis that a block best spans, for ``work`` of SPANNING_COST.
 
     Decided by how many triangles the rays of some blocks meet, of ``closest_hit``: what can be seen

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,8 +15,13 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.tracing.packets import BLOCK, PacketShape
 
+if TYPE_CHECKING:
+    from lfcore.storage.layout import Tile
 
-def plane_tables(slab: Slab, planes: list[SensorPlane], tile, shape: PacketShape) -> PlaneTables:
+
+def plane_tables(
+    slab: Slab, planes: list[SensorPlane], tile: Tile, shape: PacketShape
+) -> PlaneTables:
     """Tables for the kernels that add rays packet by packet, of ``shape``, or view by view."""
     if tile.layout.kind == "views":
         return view_tables(slab, planes)
@@ -60,7 +66,7 @@ class PlaneBuffers:
     DeviceError : the sums of one worker are too large for the device.
     """
 
-    def __init__(self, device: Device, slab: Slab, planes: list[SensorPlane], tables):
+    def __init__(self, device: Device, slab: Slab, planes: list[SensorPlane], tables: PlaneTables):
         self.device, self.slab, self.planes = device, slab, planes
         self.tables = t = tables
         self.workers = workers_that_fit(device, len(planes) * t.height * t.width * 4 * 8)

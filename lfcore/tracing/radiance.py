@@ -76,7 +76,9 @@ class TraceRadiance:
             if progress and tell is None:
                 progress(part.stop, count)
 
-    def _chunk(self, part: slice, piece: np.ndarray, progress) -> None:
+    def _chunk(
+        self, part: slice, piece: np.ndarray, progress: Callable[[int, int], None] | None
+    ) -> None:
         """Trace elements of whole rows of tiles into their contiguous piece of the image."""
         device = self.scene.device
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR

@@ -135,7 +135,14 @@ def reaching(scene: Scene, camera: Camera) -> list[Light]:
     return [light for light in lights if _lights_any(light, p, normal, sides, unsure, length)]
 
 
-def _lights_any(light: Light, p, normal, sides, unsure, length) -> bool:
+def _lights_any(
+    light: Light,
+    p: np.ndarray,
+    normal: np.ndarray,
+    sides: np.ndarray,
+    unsure: np.ndarray,
+    length: np.ndarray,
+) -> bool:
     vector = np.asarray(light.vector, np.float64)
     if light.kind == POINT:
         side = ((vector - p) * normal).sum(1)

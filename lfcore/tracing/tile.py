@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from lfcore.tracing.plane_buffers import (
     StripBuffers,
     plane_tables,
 )
+
+if TYPE_CHECKING:
+    from lfcore.storage.layout import FrameLayout
 
 CHUNK_BYTES = 64 << 20
 """Of frames: those of a chunk and those that its encoder keeps, whatever their size."""
@@ -126,7 +129,9 @@ class TraceSlab:
         summed = len(self.elements) if self.macro else 0
         self.strips = StripBuffers(self.sums, shape, layout.inner, summed)
 
-    def run(self, tracing: TileTracing, progress) -> Iterator[Chunk]:
+    def run(
+        self, tracing: TileTracing, progress: Callable[[int, int], None] | None
+    ) -> Iterator[Chunk]:
         places = np.zeros((len(self.elements), 4), np.int32)
         places[:, :3] = self.tile.placement(self.elements)
         places[:, 3] = self.elements[:, 0] | self.elements[:, 1] << 16
@@ -210,7 +215,7 @@ def _parts_no_group(elements: np.ndarray, group: int) -> np.ndarray:
 class _FrameHost:
     """Page-aligned host memory that the device writes frames into, without a copy on a CPU."""
 
-    def __init__(self, device: Device, layout, frames: int):
+    def __init__(self, device: Device, layout: FrameLayout, frames: int):
         self.device, self.size = device, layout.frame_bytes
         size = max(frames * self.size, PAGE)
         raw = np.empty(size + 2 * PAGE, np.uint8)
@@ -221,7 +226,7 @@ class _FrameHost:
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
         self.buffer = cl.Buffer(device.context, flags, hostbuf=self.memory)
 
-    def _blank(self, layout, frames: int) -> None:
+    def _blank(self, layout: FrameLayout, frames: int) -> None:
         """Padding and empty slots of a frame are black, not what memory held."""
         view = self.memory[: frames * self.size].reshape(frames, self.size)
         planes = layout.format.views(view, layout.frame_width, layout.frame_height)

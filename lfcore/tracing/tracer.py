@@ -205,10 +205,14 @@ class Tracer:
         """Device memory that workers hold while such a tile is traced."""
         return self._slab(slab, tile, planes, frames).scratch.size
 
-    def _slab(self, slab: Slab, tile: Tile, planes, frames: bool) -> TraceSlab:
+    def _slab(
+        self, slab: Slab, tile: Tile, planes: Sequence[SensorPlane], frames: bool
+    ) -> TraceSlab:
         shape = self.plan.shape(rays.probe(slab, tile.layout.kind == "macropixels"), "colours")
         return TraceSlab(self._on_device, shape, slab, tile, planes, frames)
 
-    def _radiance(self, sets: Sequence[Bundles], coordinates, across: int) -> TraceRadiance:
+    def _radiance(
+        self, sets: Sequence[Bundles], coordinates: np.ndarray | None, across: int
+    ) -> TraceRadiance:
         shape = self.plan.shape(sets[0], "radiance", grouped=coordinates is not None)
         return TraceRadiance(self._on_device, shape, sets, coordinates, across)

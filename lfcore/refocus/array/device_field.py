@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from typing import Any
+
 import numpy as np
 import pyopencl as cl
 
@@ -98,7 +101,13 @@ class DeviceField:
             view_record(camera), record, map_buffer,
         )  # fmt: skip
 
-    def run_rows(self, kernel: cl.Kernel, camera: VirtualCamera, arguments, progress=None):
+    def run_rows(
+        self,
+        kernel: cl.Kernel,
+        camera: VirtualCamera,
+        arguments: Sequence[Any],
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Synthesis:
         """Run a per-pixel kernel in bands of rows; ``arguments`` end before first_row and out."""
         width, height = camera.size
         out = np.empty((height, width, 4), np.float32)

@@ -9,10 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.errors import OpticsError
+
+if TYPE_CHECKING:
+    from lfcore.refocus.array.virtual_camera import VirtualCamera
 
 PLANE, SPHERE, DEPTH_MAP = 0, 1, 2
 
@@ -34,7 +38,7 @@ class PlaneSurface:
         object.__setattr__(self, "point", point)
         object.__setattr__(self, "normal", normal / np.linalg.norm(normal))
 
-    def inverse_depth(self, origins, directions) -> np.ndarray:
+    def inverse_depth(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """(...,) float64 q >= 0 of rays (..., 3)."""
         towards = directions @ self.normal
         distance = (self.point - origins) @ self.normal
@@ -61,7 +65,7 @@ class SphereSurface:
             raise OpticsError("a focal sphere needs a finite centre and a radius above 0")
         object.__setattr__(self, "centre", centre)
 
-    def inverse_depth(self, origins, directions) -> np.ndarray:
+    def inverse_depth(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """(...,) float64 q >= 0 of rays (..., 3)."""
         offset = self.centre - origins
         square = (directions**2).sum(-1)
@@ -101,7 +105,7 @@ class FunctionSurface:
     depth: Callable[[np.ndarray, np.ndarray], np.ndarray]
     oversampling: int = 2
 
-    def to_map(self, camera) -> DepthMapSurface:
+    def to_map(self, camera: VirtualCamera) -> DepthMapSurface:
         """Sample it over a camera's film."""
         width, height = (count * self.oversampling for count in camera.size)
         u = (np.arange(width) + 0.5) / self.oversampling
@@ -125,7 +129,7 @@ def parallel(z: float) -> PlaneSurface:
     return PlaneSurface(np.array([0.0, 0.0, z]), np.array([0.0, 0.0, 1.0]))
 
 
-def at_distance(camera, distance: float) -> PlaneSurface:
+def at_distance(camera: VirtualCamera, distance: float) -> PlaneSurface:
     """The plane perpendicular to the virtual camera's axis, ``distance`` metres along it."""
     if not distance > 0:
         raise OpticsError(f"a focus at {distance} m lies behind the camera", key="focaldistance")
@@ -133,7 +137,13 @@ def at_distance(camera, distance: float) -> PlaneSurface:
     return PlaneSurface(camera.position_m + distance * axis, axis)
 
 
-def inverse_depth(surface: FocalSurface, camera, origins, directions, film) -> np.ndarray:
+def inverse_depth(
+    surface: FocalSurface,
+    camera: VirtualCamera,
+    origins: np.ndarray,
+    directions: np.ndarray,
+    film: np.ndarray,
+) -> np.ndarray:
     """q of rays (..., 3) at film positions (..., 2) in pixels; the float64 reference."""
     if isinstance(surface, FunctionSurface):
         x, y = camera.film_tangents(film[..., 0], film[..., 1])
@@ -145,7 +155,9 @@ def inverse_depth(surface: FocalSurface, camera, origins, directions, film) -> n
     return surface.inverse_depth(origins, directions)
 
 
-def _along_axis_of(camera, near, origins, directions) -> np.ndarray:
+def _along_axis_of(
+    camera: VirtualCamera, near: np.ndarray, origins: np.ndarray, directions: np.ndarray
+) -> np.ndarray:
     """q where a ray has depth 1 / near along the camera's axis, measured from its lens."""
     axis = camera.rotation[:, 2]
     start = (origins - camera.position_m) @ axis

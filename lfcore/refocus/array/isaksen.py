@@ -6,6 +6,8 @@ assignment's step 3.  The reference is :func:`lfcore.refocus.array.reference.isa
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from lfcore.errors import OpticsError
@@ -21,7 +23,7 @@ def isaksen(
     surface: FocalSurface,
     filter_width_m: float,
     *,
-    progress=None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Synthesis:
     """Blend the data cameras within ``filter_width_m`` of each pixel's central ray.
 

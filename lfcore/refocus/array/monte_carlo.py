@@ -8,6 +8,8 @@ The reference is :func:`lfcore.refocus.array.reference.thin_lens`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from lfcore.errors import OpticsError
@@ -26,7 +28,7 @@ def monte_carlo(
     *,
     sampler: str = "halton",
     seed: int = 0,
-    progress=None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Synthesis:
     """Average ``samples_per_pixel`` rays of every pixel.
 
@@ -51,7 +53,16 @@ def monte_carlo(
     return thin_lens(field, camera, surface, code, table, samples_per_pixel, seed, progress)
 
 
-def thin_lens(field, camera, surface, sampler, table, count, seed=0, progress=None) -> Synthesis:
+def thin_lens(
+    field: DeviceField,
+    camera: VirtualCamera,
+    surface: FocalSurface,
+    sampler: int,
+    table: np.ndarray | None,
+    count: int,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Synthesis:
     """Run the thin lens kernel with any sampler of :mod:`lfcore.refocus.array.sampling`."""
     kernel = field.kernel("thin_lens.cl", "thin_lens", SAMPLER=sampler)
     empty = np.zeros((0, 4), np.float32)

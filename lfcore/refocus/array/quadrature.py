@@ -7,6 +7,8 @@ Monte Carlo estimate converges to.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from lfcore.errors import OpticsError
 from lfcore.refocus.array import sampling
 from lfcore.refocus.array.device_field import DeviceField
@@ -23,7 +25,7 @@ def quadrature(
     lens_points: int = 16,
     film_points: int = 2,
     *,
-    progress=None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Synthesis:
     """Average over ``lens_points``^2 lens and ``film_points``^2 film midpoints.
 

@@ -8,6 +8,8 @@ says.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyopencl as cl
@@ -19,6 +21,9 @@ from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import FocalSurface
 from lfcore.refocus.array.result import Synthesis
 from lfcore.refocus.array.virtual_camera import VirtualCamera
+
+if TYPE_CHECKING:
+    from lfcore.optics.array import CameraArray
 
 _BATCH_RAYS = 1 << 20
 
@@ -66,7 +71,7 @@ def realistic(
     film_diagonal_m: float = 0.035,
     sampler: str = "halton",
     seed: int = 0,
-    progress=None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Synthesis:
     """A picture through ``lens``, already focused (:meth:`LensSystem.focused`).
 
@@ -96,11 +101,13 @@ def realistic(
         out[pixels] = _look_up(field, kernel, start, rays)
         if progress is not None:
             progress(int(pixels[-1]) + 1, len(out))
-    out = out.reshape(height, width, 4)
-    return Synthesis(np.ascontiguousarray(out[..., :3]), out[..., 3].copy())
+    picture = out.reshape(height, width, 4)
+    return Synthesis(np.ascontiguousarray(picture[..., :3]), picture[..., 3].copy())
 
 
-def _look_up(field: DeviceField, kernel: cl.Kernel, start: tuple, rays) -> np.ndarray:
+def _look_up(
+    field: DeviceField, kernel: cl.Kernel, start: tuple[Any, ...], rays: tuple[np.ndarray, ...]
+) -> np.ndarray:
     origins, directions, weights, film = rays
     pixels, count = weights.shape
     packed = np.zeros((pixels, count, 8), np.float32)
@@ -118,7 +125,7 @@ def _look_up(field: DeviceField, kernel: cl.Kernel, start: tuple, rays) -> np.nd
 
 def realistic_reference(
     image: np.ndarray,
-    array,
+    array: CameraArray,
     camera: VirtualCamera,
     lens: LensSystem,
     surface: FocalSurface,

@@ -24,7 +24,14 @@ def film_centres(camera: VirtualCamera) -> np.ndarray:
     return np.stack([u.ravel(), v.ravel()], -1)
 
 
-def tile_lookup(tiles: np.ndarray, array: CameraArray, i, j, x, y) -> tuple[np.ndarray, np.ndarray]:
+def tile_lookup(
+    tiles: np.ndarray,
+    array: CameraArray,
+    i: np.ndarray,
+    j: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
     """Bilinear radiance (R, 3) of camera (column i, row j) at tangents (x, y), and who sees it."""
     width, height = array.tile
     columns, rows = np.asarray(array.columns_m), np.asarray(array.rows_m)
@@ -45,7 +52,13 @@ def tile_lookup(tiles: np.ndarray, array: CameraArray, i, j, x, y) -> tuple[np.n
     return top * (1 - fy) + bottom * fy, inside
 
 
-def aim(origins, directions, q, position_x, position_y):
+def aim(
+    origins: np.ndarray,
+    directions: np.ndarray,
+    q: np.ndarray,
+    position_x: float | np.ndarray,
+    position_y: float | np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Tangents at which the camera (x, y, 0) sees the point at inverse parameter q, and if it can.
 
     The point is ``O + D / q``; multiplied through by q nothing is infinite.
@@ -78,11 +91,11 @@ def isaksen(
     s, t = (np.where(directions[:, 2] > 0, axis, np.inf) for axis in (s, t))
     total, weights = np.zeros((len(film), 3)), np.zeros(len(film))
     closed = filter_width_m == 0
-    nearest = _nearest(array, s, t) if closed else None
+    nearest = _nearest(array, s, t) if closed else np.zeros(0)
     for j, row in enumerate(array.rows_m):
         for i, column in enumerate(array.columns_m):
             if closed:
-                weight = (nearest == j * len(array.columns_m) + i).astype(np.float64)
+                weight = np.equal(nearest, j * len(array.columns_m) + i).astype(np.float64)
             else:
                 distance = np.hypot(s - column, t - row)
                 weight = np.maximum(1.0 - distance / filter_width_m, 0.0)
@@ -107,7 +120,7 @@ def _nearest(array: CameraArray, s: np.ndarray, t: np.ndarray) -> np.ndarray:
     return np.where(inside, j * len(columns) + i, -1)
 
 
-def _within(value, low, high, axis) -> np.ndarray:
+def _within(value: np.ndarray, low: float, high: float, axis: np.ndarray) -> np.ndarray:
     if len(axis) == 1:  # one camera has no extent that a ray could leave
         return np.ones(np.shape(value), bool)
     slack = EDGE * (high - low)
@@ -115,7 +128,11 @@ def _within(value, low, high, axis) -> np.ndarray:
 
 
 def quadrilinear(
-    image: np.ndarray, array: CameraArray, origins, directions, q
+    image: np.ndarray,
+    array: CameraArray,
+    origins: np.ndarray,
+    directions: np.ndarray,
+    q: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Radiance (R, 3) along rays, and which of them the array knows.
 

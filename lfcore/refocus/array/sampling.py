@@ -94,10 +94,11 @@ def pixel_samples(
     """(P, count, 4) float64 samples of pixels (P,), numbered along rows of the picture."""
     pixels = np.asarray(pixels, np.uint32)[:, None]
     index = np.arange(count, dtype=np.uint32)[None, :]
-    if sampler == QUADRATURE:
+    none = np.zeros(1, np.uint32)
+    if sampler == QUADRATURE and table is not None:
         return np.broadcast_to(table.astype(np.float64), (len(pixels), count, 4))
-    if sampler == HALTON:
-        shifts = [uniform(pixels, np.uint32(0), d, seed) for d in range(4)]
+    if sampler == HALTON and table is not None:
+        shifts = [uniform(pixels, none, d, seed) for d in range(4)]
         shifted = table[None].astype(np.float64) + np.concatenate(shifts, 1)[:, None, :]
         return shifted % 1.0
     values = np.stack([uniform(pixels, index, d, seed) for d in range(4)], -1)
@@ -105,7 +106,7 @@ def pixel_samples(
         return values
     columns, rows = strata(count)
     lens = np.broadcast_to(index.astype(np.int64), values.shape[:2])
-    key = (uniform(pixels, np.uint32(0), 4, seed) * 2.0**24).astype(np.uint32)
+    key = (uniform(pixels, none, 4, seed) * 2.0**24).astype(np.uint32)
     film = permute(index, count, key)
     for first, cell in ((0, film), (2, lens)):
         values[..., first] = (cell % columns + values[..., first]) / columns

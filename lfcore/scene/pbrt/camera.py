@@ -101,7 +101,7 @@ def _fov(parameters: ParameterSet) -> float:
     return degrees
 
 
-def _perspective(parameters, film, shutter, samples, notebook) -> View:
+def _perspective(parameters: ParameterSet, film, shutter, samples: int, notebook: Notebook) -> View:
     fov = _fov(parameters)
     if parameters.get("screenwindow"):
         notebook.add(LEFT_OUT, parameters.place, f"screen window of {parameters.owner}")
@@ -114,7 +114,7 @@ def _perspective(parameters, film, shutter, samples, notebook) -> View:
     return perspective_view(fov, film, radius, focus, shutter, samples)
 
 
-def _lightfield(parameters, film, shutter, samples, notebook) -> View:
+def _lightfield(parameters: ParameterSet, film, shutter, samples: int, notebook: Notebook) -> View:
     fov = _fov(parameters)
     counts = parameters.floats("camerasperdim", 2)
     counts = CAMERAS_PER_DIM if counts is None else tuple(int(count) for count in counts)

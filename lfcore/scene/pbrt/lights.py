@@ -74,7 +74,7 @@ def _over_pi(irradiance: np.ndarray) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def _point(rig, kind, parameters, to_camera, textures, notebook) -> None:
+def _point(rig, kind, parameters: ParameterSet, to_camera, textures, notebook: Notebook) -> None:
     intensity = emitted(parameters, "I", textures)
     start = parameters.vector("from", (0, 0, 0))
     position = to_camera[:3, :3] @ start + to_camera[:3, 3]
@@ -90,7 +90,7 @@ def _point(rig, kind, parameters, to_camera, textures, notebook) -> None:
     rig.lights.append(Light(POINT, tuple(position.tolist()), _over_pi(intensity), 1.0))
 
 
-def _infinite(rig, parameters, textures, notebook) -> None:
+def _infinite(rig, parameters: ParameterSet, textures, notebook: Notebook) -> None:
     radiance = emitted(parameters, "L", textures)
     parameters.get("samples")
     parameters.get("nsamples")

@@ -84,7 +84,9 @@ def with_uvs(mesh: Mesh) -> np.ndarray:
     return np.broadcast_to(_DEFAULT_UVS, (len(mesh.triangles), 3, 2))
 
 
-def _indexed(points, faces, normals, uvs) -> Mesh:
+def _indexed(
+    points: np.ndarray, faces: np.ndarray, normals: np.ndarray | None, uvs: np.ndarray | None
+) -> Mesh:
     pick = lambda values: None if values is None else values[faces]  # noqa: E731
     return Mesh(points[faces], pick(normals), pick(uvs))
 
