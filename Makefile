@@ -8,6 +8,7 @@
 #   make smoke     the same pipeline, tiny: what continuous integration runs
 #   make lint      formatting, layers and types
 #   make count     how much there is to read in the tracer's kernels
+#   make docs      the manual as a site, read from disk: build/docs/html/index.html
 #   make wheel     the wheel, installed and tried in an empty environment
 #   make digests   the table of bits that every processor is held to: after a change that means to change bits
 #   make micro     every rule, script and caption, as small as they go, and Snakemake's report: build/micro
@@ -30,7 +31,8 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: tables test quick fuzz faults smoke micro sweep settings count lint wheel format digests clean distclean pins
+.PHONY: tables test quick fuzz faults smoke micro sweep settings count lint docs wheel format digests clean distclean \
+	pins
 .DELETE_ON_ERROR:
 
 tables: $(VENV)/installed
@@ -69,6 +71,11 @@ lint: $(VENV)/installed-dev
 	$(BIN)/mypy
 	$(BIN)/snakemake --lint
 
+# Pages are run at full size the first time, and where they or the library changed.
+docs: $(VENV)/installed-docs
+	$(BIN)/python -m sphinx -W --keep-going --quiet -b html docs build/docs/html
+	@echo "build/docs/html/index.html"
+
 # The wheel, in an empty environment of its own, without what the workflow needs.
 wheel: | $(VENV)/bin/python
 	rm -rf build/wheel && mkdir -p build/wheel
@@ -94,6 +101,11 @@ $(VENV)/installed: pyproject.toml constraints.txt | $(VENV)/bin/python
 $(VENV)/installed-dev: $(VENV)/installed
 	@echo "Installing the test tools into $(VENV) ..."
 	PIP_CONSTRAINT=constraints.txt $(PIP) install --editable '.[workflow,dev]'
+	@touch $@
+
+$(VENV)/installed-docs: $(VENV)/installed
+	@echo "Installing what makes the manual into $(VENV) ..."
+	PIP_CONSTRAINT=constraints.txt $(PIP) install --editable '.[workflow,docs]'
 	@touch $@
 
 digests: $(VENV)/installed-dev

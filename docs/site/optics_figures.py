@@ -1,0 +1,143 @@
+"""Draws the figures of docs/optics.md into docs/pictures/.
+
+python -m docs.site.optics_figures
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+
+from lfcore.optics.camera import Camera
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+
+FOLDER = Path(__file__).resolve().parents[1] / "pictures"
+BLUE, RED, GREEN, GREY = "#2a63b0", "#c0392b", "#2e7d4f", "#555555"
+SLABS = {"views": 9, "pixels": 9}
+
+
+def slab() -> Slab:
+    """A wide lens of few views, so that what is drawn can be seen; focused at 2 m."""
+    return Slab(Camera(0.5, 0.4, 1.0, 2.0), **SLABS)
+
+
+def parametrisation(axes) -> None:
+    """Rays of three lens points and three pixels, through what is in focus."""
+    one = slab()
+    delta, z = one.camera.delta, np.array([0.0, 2.9])
+    lens = (np.array([0, 4, 8]) - 4) * one.lens_pitch_m
+    tangents = (np.array([1, 4, 7]) - 4) * one.pixel_pitch
+    for tangent, colour in zip(tangents, (BLUE, GREY, RED), strict=True):
+        for s in lens:
+            axes.plot(z, s * (1 - z * delta) + z * tangent, color=colour, linewidth=0.9)
+        axes.plot(2.0, 2.0 * tangent, "o", color=colour)
+    axes.plot([0, 0], [-0.27, 0.27], color="black", linewidth=3)
+    axes.plot(
+        np.zeros(9), (np.arange(9) - 4) * one.lens_pitch_m, "o", color="white", ms=3.5, mec="black"
+    )
+    axes.axvline(2.0, color=GREEN, linestyle="--")
+    axes.text(1.97, -0.64, "in focus, d = 2 m", color=GREEN, ha="right")
+    axes.text(0.05, 0.31, "lens: s")
+    axes.text(2.6, 0.34, "pixel u", color=RED)
+    axes.text(2.6, -0.33, "pixel u'", color=BLUE)
+    axes.set_xlabel("depth z, m")
+    axes.set_ylabel("x, m")
+    axes.set_ylim(-0.7, 0.75)
+
+
+def disparity(axes) -> None:
+    """Disparity of points over their depth, in pixels from view to view."""
+    one = slab()
+    z = np.linspace(1.0, 8.0, 200)
+    px = (1 / z - one.camera.delta) * one.lens_pitch_m / one.pixel_pitch
+    axes.plot(z, px, color=BLUE)
+    axes.axhline(0, color=GREEN, linestyle="--")
+    axes.plot(2.0, 0, "o", color=GREEN)
+    axes.text(2.15, 0.05, "in focus: 0", color=GREEN)
+    far = -one.camera.delta * one.lens_pitch_m / one.pixel_pitch
+    axes.axhline(far, color=GREY, linestyle=":")
+    axes.text(4.2, far + 0.04, "infinity", color=GREY)
+    axes.set_xlabel("depth z, m")
+    axes.set_ylabel("disparity, pixels")
+
+
+def epipolar(axes) -> None:
+    """Lines that points draw over views, and the shear that refocusing is."""
+    views = np.arange(9) - 4
+    for u, slope, colour, name in (
+        (2.0, 0.45, RED, "near"), (4.5, 0.0, GREEN, "in focus"), (7.0, -0.3, BLUE, "far"),
+    ):  # fmt: skip
+        axes.plot(u - slope * views, views, "o-", color=colour, ms=4)
+        axes.text(u + 0.12, 4.35, name, color=colour, ha="center")
+    axes.set_xlabel("pixel u")
+    axes.set_ylabel("view i")
+    axes.set_xlim(-0.5, 9)
+    axes.set_ylim(-4.6, 5.0)
+
+
+def apertures(figure) -> None:
+    """The masks over the lens samples of a slab of 33 x 33 views."""
+    many = Slab(Camera(0.5, 0.4, 1.0, 2.0), 33, 1)
+    shapes = (
+        ("circle, f/1", SensorPlane(2.0, 1.0)), ("circle, f/2", SensorPlane(2.0, 2.0)),
+        ("square, f/1.5", SensorPlane(2.0, 1.5, "square")),
+        ("polygon of 6, f/1.2", SensorPlane(2.0, 1.2, "polygon", 6, 10.0)),
+    )  # fmt: skip
+    for axes, (name, plane) in zip(figure.subplots(1, 4), shapes, strict=True):
+        places = many.lens_positions()
+        opened = plane.aperture(many).contains(places[None, :], places[:, None])
+        axes.imshow(opened, cmap="Greys_r", vmin=-0.3, vmax=1.1)
+        axes.set_title(name, fontsize=10)
+        axes.set_xticks([])
+        axes.set_yticks([])
+
+
+def blur(axes) -> None:
+    """Diameter of a point's blur over its depth, for three openings, and the gap between views."""
+    one = Slab(Camera(0.085, 0.036, 1.2, 3.0), 16, 512)
+    z = np.linspace(1.5, 9.0, 300)
+    for number, colour in ((1.2, RED), (2.8, BLUE), (8.0, GREEN)):
+        width = one.camera.focal_length_m / number
+        axes.plot(
+            z, np.abs(1 / z - 1 / 3) * width / one.pixel_pitch, color=colour, label=f"f/{number:g}"
+        )
+    gap = np.abs(1 / z - 1 / 3) * one.lens_pitch_m / one.pixel_pitch
+    axes.plot(z, gap, color=GREY, linestyle="--", label="between two of 16 views, f/1.2")
+    axes.axhline(1, color="black", linewidth=0.7)
+    axes.text(9.4, 1, "one pixel", fontsize=9, va="center")
+    axes.set_xlabel("depth z, m")
+    axes.set_ylabel("blur, pixels")
+    axes.set_ylim(0, 30)
+    axes.legend()
+
+
+def main() -> None:
+    # The same bytes whenever it is drawn.
+    plt.rcParams |= {"svg.hashsalt": "lfcore", "font.size": 10}
+    for name, draw, size in (
+        ("optics_rays", parametrisation, (7, 3.6)), ("optics_disparity", disparity, (6, 3.2)),
+        ("optics_epipolar", epipolar, (6, 3.2)), ("optics_blur", blur, (6.5, 3.4)),
+    ):  # fmt: skip
+        figure, axes = plt.subplots(figsize=size)
+        draw(axes)
+        axes.spines[["top", "right"]].set_visible(False)
+        _save(figure, name)
+    figure = plt.figure(figsize=(9, 2.5))
+    apertures(figure)
+    _save(figure, "optics_apertures")
+
+
+def _save(figure, name: str) -> None:
+    figure.tight_layout()
+    figure.savefig(FOLDER / f"{name}.svg", metadata={"Date": None})
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,149 @@
+"""Pages of the manual whose commands are run: by the site at full size, by tests at a small one.
+
+A page is Markdown.  Its fenced blocks of ``bash`` and ``python`` are run in order, in one folder
+from which the project's scenes and workflow are reached as from its own; Python blocks share their
+names.  Comments say the rest:
+
+    <!-- small: --size 256 = --size 24 | views=9 = views=3 -->   what tests put in place of what
+    <!-- needs: sinfo --version -->   the next block is run only where this command succeeds
+    <!-- not run: the reason -->      the next block is not
+    <!-- picture: near.png | what it shows -->   a picture that was made, shown here by the site
+    <!-- viewer: bike.html | what it shows -->   a page that was made, shown here in a frame
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = {
+    "first-picture": "tutorials/first-picture.md",
+    "blender-scene": "tutorials/blender-scene.md",
+    "hci-ground-truth": "tutorials/hci-ground-truth.md",
+    "stanford": "tutorials/stanford.md",
+    "cluster": "tutorials/cluster.md",
+    "gallery": "gallery.md",
+}
+"""Pages that are run: paths below docs/."""
+LANGUAGES = ("bash", "python")
+REACHED = ("Snakefile", "config", "profiles", "scenes", "workflow")
+FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+COMMENT = re.compile(r"^<!-- (needs|not run): (.*?) -->\n+\Z", re.MULTILINE)
+SMALL = re.compile(r"^<!-- small: (.*?) -->$", re.MULTILINE)
+BEYOND_WORDS = re.compile(r"[|<>;&$*`'\"]")
+"""What only a shell understands; other commands of ours are run in this process, much faster."""
+
+
+class PageError(Exception):
+    """A block of a page failed; says which, and what it printed."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block to run; ``end`` is where it ends in the page's text."""
+
+    language: str
+    code: str
+    end: int
+    skipped: str = ""
+
+    @property
+    def first_line(self) -> str:
+        return self.code.strip().partition("\n")[0]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page and its blocks; ``small`` is what tests put in place of what."""
+
+    name: str
+    text: str
+    blocks: list[Block]
+    small: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, name: str) -> Page:
+        """The page of this name."""
+        text = (ROOT / "docs" / PAGES[name]).read_text(encoding="utf-8")
+        blocks = []
+        for match in FENCE.finditer(text):
+            if match[1] in LANGUAGES:
+                said = COMMENT.search(text[: match.start()])
+                skipped = _reason(said) if said else ""
+                blocks.append(Block(match[1], match[2], match.end(), skipped))
+        pairs = (part.split(" = ") for said in SMALL.findall(text) for part in said.split(" | "))
+        return cls(name, text, blocks, dict(pairs))
+
+
+def _reason(said: re.Match) -> str:
+    """Why a block is not run; "" where it can be."""
+    if said[1] == "not run":
+        return said[2]
+    words = shlex.split(said[2])
+    there = shutil.which(words[0]) and not subprocess.run(words, capture_output=True).returncode
+    return "" if there else f"`{said[2]}` does not succeed on this machine"
+
+
+def run(page: Page, folder: Path, *, small: bool = False) -> list[str]:
+    """Run the page's blocks in ``folder``; what each printed, "" for one that was skipped.
+
+    Raises :class:`PageError` for a block that fails.
+    """
+    for name in REACHED:
+        (folder / name).symlink_to(ROOT / name)
+    names: dict[str, object] = {"__name__": page.name}
+    printed = []
+    with contextlib.chdir(folder):
+        for block in page.blocks:
+            code = block.code
+            for whole, tiny in page.small.items() if small else ():
+                code = code.replace(whole, tiny)
+            try:
+                printed.append("" if block.skipped else _run(block.language, code, names))
+            except Exception as error:
+                raise PageError(f"{page.name}: {block.first_line}\n{error}") from error
+    return printed
+
+
+def _run(language: str, code: str, names: dict[str, object]) -> str:
+    if language == "python":
+        return _captured(lambda: exec(compile(code, "<page>", "exec"), names))
+    commands = code.replace("\\\n", " ").strip().splitlines()
+    if all(line.startswith("lfcore ") and not BEYOND_WORDS.search(line) for line in commands):
+        return "".join(_captured(lambda line=line: _lfcore(line)) for line in commands)
+    # The environment's own commands first, as after `source .venv/bin/activate`.
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    done = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", code], env=os.environ | {"PATH": path},
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        raise PageError(f"status {done.returncode}: {done.stdout}")
+    return done.stdout
+
+
+def _lfcore(line: str) -> None:
+    from lfcore.cli import main
+
+    if status := main(shlex.split(line, comments=True)[1:]):
+        raise PageError(f"status {status}")
+
+
+def _captured(call: Callable[[], object]) -> str:
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+        try:
+            call()
+        except Exception as error:
+            raise PageError(f"{error}\n{printed.getvalue()}") from error
+    return printed.getvalue()

@@ -1,0 +1,116 @@
+"""The manual: its pages run, it says what the program says, and nothing public is missing."""
+
+from __future__ import annotations
+
+import argparse
+import re
+
+import nbformat
+import pytest
+
+import lfcore
+from docs.site import command_line, docstrings, notebooks
+from docs.site.pages import PAGES, ROOT, Block, Page, PageError, run
+from lfcore.cli import COMMANDS, main
+from lfcore.workflow.reports import TITLES
+
+DOCS = ROOT / "docs"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PAGES)
+def test_the_page_runs(name, tmp_path):
+    """Every command and every line of Python of a tutorial, at a small size."""
+    page = Page.read(name)
+    assert page.blocks
+    for whole in page.small:
+        assert any(whole in block.code for block in page.blocks), f"{whole!r} is in no block"
+    run(page, tmp_path, small=True)
+    skipped = [f"{block.first_line}: {block.skipped}" for block in page.blocks if block.skipped]
+    if skipped:
+        pytest.skip(f"all ran but {'; '.join(skipped)}")
+    for file in re.findall(r"<!-- (?:picture|viewer): (\S+) \|", page.text):
+        assert (tmp_path / file).stat().st_size > 0
+
+
+@pytest.mark.parametrize(
+    ("language", "code"),
+    [("bash", "false\n"), ("bash", "lfcore info nothing.mkv\n"), ("python", "assert False\n")],
+)
+def test_a_block_that_fails_fails_the_page(tmp_path, language, code):
+    with pytest.raises(PageError, match="broken"):
+        run(Page("broken", "", [Block(language, code, 0)]), tmp_path)
+
+
+def plain(text: str) -> str:
+    """Words alone: neither line breaks nor marks of Markdown."""
+    return " ".join(re.sub(r"\\([\\`*_\[\]<>$#])", r"\1", text).split())
+
+
+def below(one: argparse.ArgumentParser):
+    yield one
+    for parser in command_line._commands(one).values():
+        yield from below(parser)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_command_line_says_what_help_says(command, capsys):
+    """What stands on the page and what ``--help`` prints: each text of each option in both."""
+    page = plain(command_line.markdown())
+    for parser in below(command_line.command_parser(command)):
+        with pytest.raises(SystemExit):
+            main([*parser.prog.split()[1:], "--help"])
+        said = plain(capsys.readouterr().out)
+        assert f"lfcore {command}" in said
+        for action in parser._actions:
+            for word in action.option_strings:
+                assert word in said
+                assert word in page or word in ("-h", "--help")
+            if action.help and not isinstance(action, argparse._HelpAction):
+                text = plain(parser._get_formatter()._expand_help(action))
+                # Lines of --help break within words that have a hyphen.
+                assert text.replace(" ", "") in said.replace(" ", "")
+                assert text in page
+        for text in (parser.description, parser.epilog):
+            assert not text or (plain(text) in said and plain(text) in page)
+
+
+def test_every_public_name_is_on_the_page():
+    text = (DOCS / "api.md").read_text()
+    said = re.findall(r"auto(?:function|class|exception):: lfcore\.(\w+)", text)
+    assert sorted(said) == sorted(lfcore.__all__)
+
+
+def test_every_report_is_explained():
+    text = (DOCS / "reports.md").read_text()
+    for name, title in TITLES.items():
+        assert re.search(rf"^## {re.escape(title)}\n\n`{name}`: ", text, re.MULTILINE), name
+
+
+def test_every_page_is_in_the_table_of_contents():
+    index = (DOCS / "index.md").read_text()
+    for path in DOCS.rglob("*.md"):
+        name = path.relative_to(DOCS).with_suffix("").as_posix()
+        if name != "index":
+            assert f"\n{name}\n" in index or f"\n{path.parent.name}/*\n" in index, name
+
+
+@pytest.mark.parametrize("name", ["first-picture", "stanford"])
+def test_a_notebook_has_the_pages_code(name, tmp_path):
+    page = Page.read(name)
+    assert "<!-- notebook -->" in page.text
+    made = nbformat.read(notebooks.write(page, tmp_path), 4)
+    nbformat.validate(made)
+    cells = [cell.source for cell in made.cells if cell.cell_type == "code"]
+    for block in page.blocks:
+        assert block.code.strip() in [cell.removeprefix("%%bash\n") for cell in cells]
+    assert not any("<!--" in cell.source for cell in made.cells)
+
+
+def test_docstrings_become_lists():
+    lines = ["Do it.", "", "Parameters", "----------", "a, b : N * M of them,", "    or none.", ""]
+    lines += ["Returns", "-------", "(N, 3) float32"]
+    assert [line for line in docstrings.as_text(lines) if line] == [
+        "Do it.", "**Parameters**", "``a``, ``b``", "   N \\* M of them,", "   or none.",
+        "**Returns**", "(N, 3) float32",
+    ]  # fmt: skip
