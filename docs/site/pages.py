@@ -50,12 +50,16 @@ class PageError(Exception):
 
 @dataclass(frozen=True)
 class Block:
-    """A block to run; ``end`` is where it ends in the page's text."""
+    """A block to run; ``end`` is where it ends in the page's text.
+
+    ``skipped`` says why it is not run: by the page's word, or because something is ``missing``.
+    """
 
     language: str
     code: str
     end: int
     skipped: str = ""
+    missing: bool = False
 
     @property
     def first_line(self) -> str:
@@ -80,7 +84,8 @@ class Page:
             if match[1] in LANGUAGES:
                 said = COMMENT.search(text[: match.start()])
                 skipped = _reason(said) if said else ""
-                blocks.append(Block(match[1], match[2], match.end(), skipped))
+                missing = bool(skipped) and said[1] == "needs"
+                blocks.append(Block(match[1], match[2], match.end(), skipped, missing))
         pairs = (part.split(" = ") for said in SMALL.findall(text) for part in said.split(" | "))
         return cls(name, text, blocks, dict(pairs))
 
