@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from lfcore.lightfield import LightField
 
 FILTERS = ("depth", "nearest")
+STORED_COUNT = RayCount(4, 2)
+"""Rays of a pixel of a file with depth: measured, docs/notebook/true-picture.md."""
 # What a single function needs, video and exposure, it imports itself: a picture is there sooner.
 Progress = Callable[[int, int], None]
 """Called with (done, of all), from any thread but one at a time."""
@@ -190,8 +192,11 @@ def record(
     scene: Scene,
     path: str | Path,
     *,
-    views: int = 16,
+    views: int | None = None,
     pixels: int = 256,
+    depth_stream: bool = False,
+    subpixels: float | None = None,
+    lattice: str = "crossed",
     focus_m: float | None = None,
     f_number: float | None = None,
     layout: str = AUTO,
@@ -207,7 +212,12 @@ def record(
     Parameters
     ----------
     path : the file to write, ``.mkv``; it appears when it is whole.
-    views, pixels : N x N views of M x M pixels.
+    views, pixels : N x N views of M x M pixels; N is 16, or 4 with ``depth_stream``.
+    depth_stream : store the inverse depth of every ray as a stream of its own, and views of
+        ``subpixels`` times M pixels (2 by default), so that few of them give pictures of M pixels
+        by depth.
+    lattice : of these views: ``crossed``, each displaced within a pixel against all others, which
+        pictures by depth gain 2 dB from, or ``plain``, as all other ways to read a file need.
     focus_m : metres, ``math.inf`` allowed; default the scene's.
     f_number : the widest that can be refocused later; default the scene's.
     layout : ``macropixels``, ``views``, or ``auto`` as measured best at that N and M.
@@ -229,8 +239,27 @@ def record(
     """
     from lfcore.lightfield import LightField
     from lfcore.rendering.record import record_slab
+    from lfcore.rendering.record_depth import DepthStore, record_by_depth
 
-    slab = Slab(recorded_camera(scene.camera, focus_m, f_number), views, pixels)
+    camera = recorded_camera(scene.camera, focus_m, f_number)
+    if depth_stream:
+        count = RayCount(
+            STORED_COUNT.views if views is None else views,
+            STORED_COUNT.subpixels if subpixels is None else subpixels,
+        )
+        spec = codec_spec(
+            count.views, codec, pixel_format=pixel_format, crf=crf, preset=preset, by_depth=True
+        )
+        slab = Slab(camera, count.views, count.side(pixels))
+        kind = "views" if layout == AUTO else layout
+        frames = frame_layout(slab.views, slab.pixels, spec.pixel_format, kind=kind)
+        store = DepthStore(frames, spec, lattice, pixels)
+        record_by_depth(path, open_tracer(scene, device), slab, store, progress=progress)
+        return LightField.open(path)
+    if subpixels is not None:
+        raise OpticsError("belong to a depth stream", key="subpixels", remedy="Leave them out")
+    views = 16 if views is None else views
+    slab = Slab(camera, views, pixels)
     spec = codec_spec(views, codec, pixel_format=pixel_format, crf=crf, preset=preset)
     frames = frame_layout(views, pixels, spec.pixel_format, kind=layout)
     record_slab(path, open_tracers(scene, device), slab, frames, spec, progress=progress)

@@ -20,6 +20,7 @@ from lfcore.refocus.focal_stack import focal_stack
 from lfcore.refocus.resampling import check_filter
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
+from lfcore.refocus.stored_depth import slice_stored
 from lfcore.refocus.views import read_views
 from lfcore.rendering.depth import all_in_focus, all_samples, depth_of_views
 from lfcore.rendering.prepared import open_tracer
@@ -103,7 +104,8 @@ class LightField(LightFieldFile):
         aperture: str = "circle",
         *,
         method: str | None = None,
-        filter: str = "nearest",
+        filter: str | None = None,
+        pixels: int | None = None,
         device: Device | str | None = None,
         progress: Progress | None = None,
         **more: Any,
@@ -113,7 +115,7 @@ class LightField(LightFieldFile):
         Parameters
         ----------
         focus_m, f_number, aperture, more : what :meth:`plane` takes.
-        method, filter, device, progress : what :meth:`refocus_many` takes.
+        method, filter, pixels, device, progress : what :meth:`refocus_many` takes.
 
         Raises
         ------
@@ -122,15 +124,17 @@ class LightField(LightFieldFile):
         """
         plane = self.plane(focus_m, f_number, aperture, **more)
         return self.refocus_many(
-            [plane], method=method, filter=filter, device=device, progress=progress
-        )[0]
+            [plane], method=method, filter=filter, pixels=pixels, device=device,
+            progress=progress,
+        )[0]  # fmt: skip
 
     def refocus_many(
         self,
         planes: Sequence[SensorPlane],
         *,
         method: str | None = None,
-        filter: str = "nearest",
+        filter: str | None = None,
+        pixels: int | None = None,
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> np.ndarray:
@@ -140,11 +144,22 @@ class LightField(LightFieldFile):
         ----------
         method : ``slicing`` (Algorithm 4), which has the nearest filter only, or ``shift-sum``
             (equation 6.1); default slicing where the filter is the nearest.
-        filter : ``nearest`` or ``bilinear``.
+        filter : ``depth`` spreads each ray over what its part of the lens sweeps, as
+            :func:`lfcore.render` does: the default where the file holds depth; ``nearest``, the
+            default else, or ``bilinear``.
+        pixels : M of pictures by depth; default what the file was traced for.
         progress : called with (frames done, frames in all).
         """
         self.require_slab()
-        pictures = self._refocus(planes, check_method(method, filter), filter, device, progress)
+        if filter is None:
+            filter = "depth" if self.metadata.depth and method is None else "nearest"
+        if pixels is not None and filter != "depth":
+            raise OpticsError(
+                "belong to the filter 'depth'", file=self.path, key="pixels",
+                remedy="Leave them out",
+            )  # fmt: skip
+        method = check_method(method, filter)
+        pictures = self._refocus(planes, method, filter, pixels, device, progress)
         return pictures if self.white == 1.0 else pictures * np.float32(self.white)
 
     def stack(
@@ -154,6 +169,8 @@ class LightField(LightFieldFile):
         aperture: str = "circle",
         *,
         fast: bool = False,
+        filter: str | None = None,
+        pixels: int | None = None,
         device: Device | str | None = None,
         progress: Progress | None = None,
         **more: Any,
@@ -167,6 +184,7 @@ class LightField(LightFieldFile):
         aperture, more : what :meth:`plane` takes.
         fast : a focal stack of one aperture whose views are first added in blocks: many pictures
             for the price of a few, within half a pixel of blur at the rim of the lens.
+        filter, pixels : what :meth:`refocus_many` takes.
 
         Returns
         -------
@@ -182,7 +200,9 @@ class LightField(LightFieldFile):
         ]
         if fast:
             return focal_stack(self, planes, device=device, progress=progress)
-        return self.refocus_many(planes, device=device, progress=progress)
+        return self.refocus_many(
+            planes, filter=filter, pixels=pixels, device=device, progress=progress
+        )
 
     def depth(
         self,
@@ -192,7 +212,7 @@ class LightField(LightFieldFile):
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> np.ndarray:
-        """Exact depth of views, traced anew: the file holds colours alone.
+        """Exact depth of views, traced anew: a file holds colours alone, or depths of few bits.
 
         Parameters
         ----------
@@ -208,7 +228,7 @@ class LightField(LightFieldFile):
         Raises :class:`OpticsError` for samples outside the lens.
         """
         tracer = open_tracer(scene, device)
-        return depth_of_views(tracer, self.require_slab(), samples, progress=progress)
+        return depth_of_views(tracer, self.require_grid(), samples, progress=progress)
 
     def all_in_focus(
         self,
@@ -219,7 +239,7 @@ class LightField(LightFieldFile):
     ) -> np.ndarray:
         """(M, M, 3) float32, linear light: every point in focus, averaged over all views that
         see it.  Parameters as :meth:`depth`; see :func:`lfcore.rendering.depth.all_in_focus`."""
-        slab, tracer = self.require_slab(), open_tracer(scene, device)
+        slab, tracer = self.require_grid(), open_tracer(scene, device)
         centre = depth_of_views(tracer, Slab(slab.camera, 1, slab.pixels))[0]
         everything = all_samples(slab)
         # Macropixels are decoded whole for each group of views: few, large groups.
@@ -307,6 +327,7 @@ class LightField(LightFieldFile):
         planes: Sequence[SensorPlane],
         method: str,
         filter: str,
+        pixels: int | None,
         device: Device | str | None,
         progress: Progress | None,
     ) -> np.ndarray:
@@ -316,7 +337,9 @@ class LightField(LightFieldFile):
                 file=self.path,
                 remedy=f"Ask for 1 to {MOST_PLANES} at a time",
             )
-        if method == "slicing" and self.require_slab().extent and filter == "nearest":
+        if filter == "depth":
+            return slice_stored(self, planes, pixels, device=device, progress=progress)
+        if method == "slicing" and self.require_slab().extent:
             method = "shift-sum"  # the same sums, and it knows of grids in part
         if method == "shift-sum":
             return shift_sum(
@@ -327,14 +350,17 @@ class LightField(LightFieldFile):
 
 def check_method(method: str | None, filter: str) -> str:
     """The method to use; :class:`OpticsError` for one that is unknown or lacks the filter."""
-    check_filter(filter)
-    method = method or ("slicing" if filter == "nearest" else "shift-sum")
+    if filter != "depth":
+        check_filter(filter)
+    method = method or ("shift-sum" if filter == "bilinear" else "slicing")
     if method not in METHODS:
         raise OpticsError(
             f"unknown method {method!r}", key="method", remedy=f"Use one of {METHODS}"
         )
-    if method == "slicing" and filter != "nearest":
+    other = {"slicing": "bilinear", "shift-sum": "depth"}
+    if filter == other[method]:
+        remedy = "shift-sum" if method == "slicing" else "slicing"
         raise OpticsError(
-            f"slicing has no {filter} filter", key="filter", remedy="Use the method shift-sum"
+            f"{method} has no {filter} filter", key="filter", remedy=f"Use the method {remedy}"
         )
     return method

@@ -74,7 +74,24 @@ def facts(field: LightField) -> dict[str, str]:
         f"1 : {3 * rays / size:.1f} of 8-bit RGB",
         "software": metadata.software,
     }
-    return found
+    return found | _depth(field)
+
+
+def _depth(field) -> dict[str, str]:
+    """The stream of depths: what it holds, and its share of all bytes of video."""
+    if field.depth_video is None:
+        return {}
+    depth, layout = field.metadata.depth, field.layout
+    of_depth = sum(part.bytes for part in field.depth_video.metadata.segments)
+    of_light = sum(part.bytes for part in field.metadata.segments)
+    codes = depth.codes
+    return {
+        "depth stream": f"{depth.codec}, {codes.pixel_format}{_settings(depth.settings)}, "
+        f"{of_depth:,} bytes, {of_depth / (of_depth + of_light):.0%} of the video, "
+        f"{8 * of_depth / layout.rays:.4f} bits a ray",
+        "by depth": f"pictures of {depth.pixels} x {depth.pixels} pixels, views {depth.lattice}, "
+        f"{codes.far:.4g} to {codes.near:.4g} dioptres",
+    }
 
 
 def _settings(settings: dict[str, Any]) -> str:

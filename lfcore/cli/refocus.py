@@ -32,6 +32,8 @@ examples:
                         4.0,5.6,square
   lfcore refocus bike.mkv --focus 3.2 --filter bilinear -o bike.npy
       smoother, by shift-sum; linear light, float32
+  lfcore refocus few.mkv --focus 3.2 --size 512 -o large.png
+      by depth, of a file that 'lfcore trace --depth-stream' made
   lfcore refocus chess.mkv --disparity 1.5 --aperture-views 7 -o chess.png
       an imported light field whose cameras are not known
 
@@ -53,8 +55,13 @@ def add_method(command: argparse.ArgumentParser) -> None:
     how = command.add_argument_group("method")
     how.add_argument("--method", choices=("slicing", "shift-sum"), help="default: by the filter")
     how.add_argument(
-        "--filter", choices=("nearest", "bilinear"), default="nearest",
-        help="nearest (slicing or shift-sum) or bilinear (shift-sum)",
+        "--filter", choices=("depth", "nearest", "bilinear"),
+        help="depth, of files that hold it (their default), nearest (slicing or shift-sum; the "
+        "default else) or bilinear (shift-sum)",
+    )  # fmt: skip
+    how.add_argument(
+        "--size", type=int, metavar="M",
+        help="M x M pixels, of pictures by depth (default: what the file was traced for)",
     )  # fmt: skip
     add_device(how)
 
@@ -65,8 +72,8 @@ def make_pictures(
     """(P, M, M, 3) of the planes, with a line of progress."""
     with progress(f"refocusing {len(planes)} planes", "frames") as report:
         return field.refocus_many(
-            planes, method=arguments.method, filter=arguments.filter, device=arguments.device,
-            progress=report,
+            planes, method=arguments.method, filter=arguments.filter, pixels=arguments.size,
+            device=arguments.device, progress=report,
         )  # fmt: skip
 
 

@@ -23,6 +23,7 @@ from lfcore.cli.command import (
 )
 from lfcore.cli.progress import progress, say
 from lfcore.errors import OpticsError
+from lfcore.optics.ray_cells import LATTICES
 from lfcore.pictures import check_bits, check_suffix
 
 RENDER = """\
@@ -53,6 +54,8 @@ examples:
   lfcore trace scenes/bike -o bike.mkv --size 256 --views 32
   lfcore trace table.glb -o table.mkv --size 512 --views 16 --layout views --crf 18
   lfcore trace table.glb -o table.mkv --size 128 --views 16 --codec ffv1     lossless video
+  lfcore trace scenes/bike -o bike.mkv --size 256 --depth-stream
+      4 x 4 views of 512 x 512 and the depth of every ray: pictures of 256 x 256 by depth
   lfcore trace scene.pbrt -o scene.mkv
       a scene with Camera "lightfield": its own cameras, rays a pixel and shutter
 """
@@ -86,7 +89,22 @@ def trace_options(command: argparse.ArgumentParser) -> None:
     add_scene(command)
     add_output(command, "file to write, .mkv")
     add_size(command)
-    command.add_argument("--views", type=int, metavar="N", help="N x N views (16)")
+    command.add_argument(
+        "--views", type=int, metavar="N", help="N x N views (16, or 4 with --depth-stream)"
+    )
+    by_depth = command.add_argument_group("for pictures by depth")
+    by_depth.add_argument(
+        "--depth-stream", action="store_true",
+        help="store the inverse depth of every ray beside it, so that few views do",
+    )  # fmt: skip
+    by_depth.add_argument(
+        "--subpixels", type=float, metavar="Q", help="views of Q times M pixels a side (2)"
+    )
+    by_depth.add_argument(
+        "--lattice", choices=tuple(LATTICES), default="crossed",
+        help="views displaced within a pixel against one another (default), or plain, which "
+        "other filters, exports and 'lfcore view' need",
+    )  # fmt: skip
     lens = command.add_argument_group("the lens (default: the scene's)")
     lens.add_argument("--focus", type=distance, metavar="M", help="metres, or 'inf'")
     lens.add_argument("--f-number", type=float, metavar="F", help="widest that can be refocused")
@@ -156,12 +174,12 @@ def trace(arguments: argparse.Namespace) -> None:
     if film.wanted(arguments, scene) and film.is_array(scene):
         film.trace(arguments, scene)
         return
-    views = 16 if arguments.views is None else arguments.views
     size = 256 if arguments.size is None else arguments.size
-    what = f"tracing {views**2 * size**2:,} rays"
-    with named_file(arguments.scene), progress(what, "elements") as report:
+    with named_file(arguments.scene), progress("tracing", "elements") as report:
         field = api.record(
-            scene, arguments.output, views=views, pixels=size, focus_m=arguments.focus,
+            scene, arguments.output, views=arguments.views, pixels=size,
+            depth_stream=arguments.depth_stream, subpixels=arguments.subpixels,
+            lattice=arguments.lattice, focus_m=arguments.focus,
             f_number=arguments.f_number, layout=arguments.layout or "auto",
             device=arguments.device, progress=report, **encoder(arguments),
         )  # fmt: skip

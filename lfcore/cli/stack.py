@@ -112,8 +112,9 @@ def _make_fast(
 ) -> np.ndarray:
     from lfcore.refocus.focal_stack import focal_stack
 
-    if arguments.method or arguments.filter != "nearest" or arguments.salvage:
-        exclude("--fast", "--method, --filter and --salvage")
+    filtered = arguments.filter not in (None, "nearest") or arguments.size
+    if arguments.method or filtered or arguments.salvage:
+        exclude("--fast", "--method, --filter, --size and --salvage")
     with progress(f"refocusing {len(planes)} planes", "frames") as report:
         return focal_stack(field, planes, device=arguments.device, progress=report)
 

@@ -77,6 +77,7 @@ class Source:
                 "holds a camera array that is no slab", file=field.path,
                 remedy="Write its pictures with lfcore imgtool tiles",
             )  # fmt: skip
+        field.require_grid()
         self.field, self.slab, self.truth = field, slab, truth
         across, down = field.grid
         self._i = _chosen(selection, 0, across, slab, field)

@@ -39,7 +39,9 @@ class ViewSet:
         lens = self.slab.lens_positions()
         return np.stack([np.tile(lens, len(lens)), np.repeat(lens, len(lens))], 1)
 
-    def bundles(self, part: slice = slice(None), *, footprint: float | None = None) -> Bundles:
+    def bundles(
+        self, part: slice | np.ndarray = slice(None), *, footprint: float | None = None
+    ) -> Bundles:
         """Rays of some of the views, an element a view.
 
         ``footprint`` is the tangent that textures are filtered over; default a pixel of the slab.
@@ -77,6 +79,10 @@ def crossed_views(slab: Slab) -> ViewSet:
     along_u = order[j] + order[i] / count - middle
     along_v = order[i] + order[j] / count - middle
     return ViewSet(slab, np.stack([along_u, along_v], 1))
+
+
+LATTICES = {"plain": plain_views, "crossed": crossed_views}
+"""By name, as files have it: where the pixel grids of views lie."""
 
 
 def radical_order(count: int) -> np.ndarray:

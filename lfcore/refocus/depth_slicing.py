@@ -120,7 +120,7 @@ class DepthSlicer:
         shift = views.positions * (plane.delta - views.slab.camera.delta)
         return moved * self._step(plane) + shift * self._scale(plane) + self.pixels / 2
 
-    def _cell_records(self, part: slice) -> np.ndarray:
+    def _cell_records(self, part: slice | np.ndarray) -> np.ndarray:
         """(planes, views, 8) float32, as the kernel's Cell."""
         records = np.zeros((len(self.planes), len(self.views.positions[part]), 8), np.float32)
         for record, plane, cells in zip(records, self.planes, self._cells, strict=True):
@@ -130,11 +130,12 @@ class DepthSlicer:
             record[:, 6] = cells.share[part]
         return records
 
-    def add(self, part: slice, light: np.ndarray, depth: np.ndarray) -> None:
+    def add(self, part: slice | np.ndarray, light: np.ndarray, depth: np.ndarray) -> None:
         """Add the rays of some of the views, in any order, each view once.
 
         Parameters
         ----------
+        part : their numbers, i + N j.
         light : (K, S, S, 3) float32 linear radiance, [view, v, u]; more than 1 counts as 1.
         depth : (K, S, S) float32, metres; infinity for a miss.
         """

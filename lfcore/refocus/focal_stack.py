@@ -251,7 +251,7 @@ def focal_stack(
     field = LightFieldFile.opened(source)
     device = device if isinstance(device, Device) else open_device(device)
     summer = FocalStackSummer(
-        field.require_slab(), planes, tolerance_px=tolerance_px, device=device
+        field.require_grid(), planes, tolerance_px=tolerance_px, device=device
     )
     add_frames(summer, field, progress)
     return crop(field.require_slab(), summer.pictures()) * np.float32(field.white)

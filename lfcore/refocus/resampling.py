@@ -20,6 +20,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 
 FILTERS = ("nearest", "bilinear")
+"""Of views as they are; a file with depth has the filter ``depth``, too."""
 
 
 def check_filter(name: str) -> None:

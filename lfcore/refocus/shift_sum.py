@@ -260,7 +260,7 @@ def shift_sum(
     begun = time.perf_counter()
     field = LightFieldFile.opened(source)
     device = device if isinstance(device, Device) else open_device(device)
-    summer = ViewSummer(field.require_slab(), planes, filter=filter, device=device)
+    summer = ViewSummer(field.require_grid(), planes, filter=filter, device=device)
     add_frames(summer, field, progress)
     return ShiftSum(crop(field.require_slab(), summer.pictures()), time.perf_counter() - begun)
 

@@ -129,7 +129,7 @@ def form_planes(
     OpticsError : a plane asks for what the slab did not record.
     """
     field = LightFieldFile.opened(source)
-    slab = field.require_slab()
+    slab = field.require_grid()
     if slab.extent:
         raise OpticsError(
             "holds a part of the grids, which slicing does not know", file=field.path,

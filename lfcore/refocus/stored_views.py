@@ -12,6 +12,7 @@ from lfcore.opencl.device import Device, build_program, cl
 from lfcore.optics.slab import Rectangle
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.lightfield import LightFieldFile
+from lfcore.storage.stored_video import StoredVideo
 
 CHUNK_BYTES = 64 << 20
 _SOURCE = "refocus/kernels/shift_sum.cl"
@@ -131,7 +132,7 @@ def add_frames(
             progress(done, total)
 
 
-def frame_chunks(field: LightFieldFile) -> Iterator[tuple[Tile, int, np.ndarray]]:
+def frame_chunks(field: StoredVideo) -> Iterator[tuple[Tile, int, np.ndarray]]:
     """(tile, number of the first frame, frames): some views at a time, or a tile of macropixels."""
     step = max(1, CHUNK_BYTES // field.layout.frame_bytes)
     for part in field.segments:

@@ -166,19 +166,26 @@ def trace_by_depth(
 
 
 def traced_views(
-    tracer: Tracer, views: ViewSet, pixels: int, footprint_px: float | None = None
+    tracer: Tracer,
+    views: ViewSet,
+    pixels: int,
+    footprint_px: float | None = None,
+    *,
+    order: np.ndarray | None = None,
 ) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
     """Yield (part, light, depth) of a few views at a time, for pictures of so many pixels.
 
-    ``light`` is (K, S, S, 3) and ``depth`` (K, S, S) float32.
+    ``part`` is of all views, or of ``order``, numbers of some or all of them; ``light`` is
+    (K, S, S, 3) and ``depth`` (K, S, S) float32.
     """
     slab = views.slab
     pitch = slab.camera.field_width / pixels
     between = slab.camera.field_width / (slab.views * slab.pixels)
     footprint = FOOTPRINT * between if footprint_px is None else footprint_px * pitch
     footprint = min(slab.pixel_pitch, footprint)
-    count, step = slab.views**2, max(1, RAYS_AT_A_TIME // slab.pixels**2)
+    order = np.arange(slab.views**2) if order is None else order
+    count, step = len(order), max(1, RAYS_AT_A_TIME // slab.pixels**2)
     for start in range(0, count, step):
         part = slice(start, min(start + step, count))
-        bundles = views.bundles(part, footprint=footprint)
+        bundles = views.bundles(order[part], footprint=footprint)
         yield part, tracer.bundle_radiance(bundles), tracer.bundle_hits(bundles)[1]

@@ -55,11 +55,25 @@ def depth_range(tracer: Tracer, slab: Slab) -> tuple[float, float] | None:
 
     Every ray is traced by itself: what is smaller than a hundredth of the picture may be missed.
     """
+    depth = _spread_depths(tracer, slab)
+    depth = depth[np.isfinite(depth)]
+    return (float(depth.min()), float(depth.max())) if len(depth) else None
+
+
+def dioptre_range(tracer: Tracer, slab: Slab, margin: float) -> tuple[float, float]:
+    """The least and greatest inverse depth, 1/m, of such rays, misses being 0, and ``margin`` of
+    what lies between on either side."""
+    inverse = _inverse(_spread_depths(tracer, slab))
+    far, near = (float(inverse.min()), float(inverse.max())) if len(inverse) else (0.0, 0.0)
+    return max(0.0, far - margin * (near - far)), near + margin * (near - far)
+
+
+def _spread_depths(tracer: Tracer, slab: Slab) -> np.ndarray:
+    """Depths in metres, infinity for a miss, of few rays all over lens and picture."""
     coarse = Slab(slab.camera, min(slab.views, RANGE_VIEWS), RANGE_PIXELS)
     origins, directions = bundles.views(coarse, all_samples(coarse)).rays()
     depth = tracer.closest_hit(origins, directions)[1]
-    depth = depth[np.isfinite(depth) & (depth > 0)]
-    return (float(depth.min()), float(depth.max())) if len(depth) else None
+    return depth[depth > 0]
 
 
 def all_samples(slab: Slab) -> np.ndarray:

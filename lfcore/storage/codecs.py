@@ -6,7 +6,7 @@ import os
 from dataclasses import asdict, dataclass, fields, replace
 
 from lfcore.errors import StorageError
-from lfcore.storage.pixels import pixel_format
+from lfcore.storage.pixels import GREY_FORMATS, pixel_format
 
 CODECS = {
     "libx264": ("yuv420p", "yuv444p", "yuv420p10le", "yuv444p10le"),
@@ -14,7 +14,9 @@ CODECS = {
     "libsvtav1": ("yuv420p", "yuv420p10le"),
     "ffv1": ("yuv420p", "yuv444p", "yuv420p10le", "yuv444p10le", "gbrp"),
 }
-"""Encoders of FFmpeg's that can be used, with the pixel formats of each."""
+"""Encoders of FFmpeg's that can be used, with the pixel formats of colour of each."""
+GREY_CODECS = ("libx264", "ffv1")
+"""Those that are used for streams of one plane, too."""
 LOSSLESS = ("ffv1",)
 
 WHOLE_ROWS = 128
@@ -63,7 +65,8 @@ class CodecSpec:
                 remedy=f"Use one of {', '.join(CODECS)}",
             )
         pixel_format(self.pixel_format)
-        if self.pixel_format not in CODECS[self.codec]:
+        grey = tuple(GREY_FORMATS) if self.codec in GREY_CODECS else ()
+        if self.pixel_format not in (*CODECS[self.codec], *grey):
             raise StorageError(
                 f"{self.codec} does not take {self.pixel_format}",
                 key="pixel_format",

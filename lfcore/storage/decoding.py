@@ -13,7 +13,7 @@ from av.error import FFmpegError
 
 from lfcore.errors import StorageError
 from lfcore.storage.pixels import PixelFormat
-from lfcore.storage.planar import PACKED_RGB, aligned_frames, copy_out
+from lfcore.storage.planar import aligned_frames, copy_out, stored_format
 
 FRAME_RATE = 25
 """Frames a second: 40 ms each, exact in Matroska's milliseconds; it means nothing else."""
@@ -112,7 +112,7 @@ class FrameRun:
             ) from error
 
     def _index(self, frame: av.VideoFrame) -> int:
-        name = "gbrp" if frame.format.name == PACKED_RGB else frame.format.name
+        name = stored_format(frame.format.name, grey=self.form.grey)
         found = (frame.width, frame.height, name)
         if found != (self.width, self.height, self.form.name):
             raise StorageError(

@@ -53,6 +53,9 @@ _SETTINGS: tuple[tuple[int, dict[str, Any]], ...] = (
     (256, {"crf": 28.0} | QUICK | {"lookahead": 20}),
     (1 << 30, {"crf": 28.0, "preset": "medium", "lookahead": 20}),
 )
+FEW_VIEWS_CRF = 20.0
+"""Of H.264 where pictures are sliced by depth from up to 16 lens samples a side: few frames are
+averaged, so the codec's noise is to stay below what the rays themselves err by."""
 KEY_EVERY = 128
 """Frames from one key frame to the next."""
 AUTO = "auto"
@@ -107,6 +110,7 @@ def codec_spec(
     crf: float | str = AUTO,
     preset: str | None = AUTO,
     tune: str | None = "psnr",
+    by_depth: bool = False,
 ) -> CodecSpec:
     """Settings of any encoder for N = ``views``; what is ``auto`` is as measured best.
 
@@ -116,11 +120,14 @@ def codec_spec(
     Parameters
     ----------
     codec : a key of :data:`lfcore.storage.codecs.CODECS`.
+    by_depth : for pictures that are sliced by depth.
     pixel_format, crf, preset, tune : as :class:`CodecSpec` takes them, or ``auto``.
 
     Raises :class:`StorageError` for settings that the codec does not take.
     """
     best = default_spec(views)
+    if by_depth and views <= 16:
+        best = replace(best, crf=FEW_VIEWS_CRF)
     if codec == best.codec:
         spec = best if preset == AUTO else best.of_preset(preset)
     else:

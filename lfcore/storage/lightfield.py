@@ -15,6 +15,7 @@ from lfcore.colour import to_uint8
 from lfcore.errors import OpticsError, StorageError
 from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Extent, Slab
+from lfcore.storage.depth_stream import StoredDepth
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.metadata import Segment
 from lfcore.storage.pixels import pixel_format
@@ -53,6 +54,35 @@ class LightFieldFile(StoredVideo):
                 remedy="Use lfcore imgtool lightfield",
             )  # fmt: skip
         return self.slab
+
+    def require_grid(self) -> Slab:
+        """The slab, whose views see the same places of a pixel; :class:`OpticsError` for another.
+
+        Raised for views that are displaced for slicing by depth, too.
+        """
+        depth = self.metadata.depth
+        if depth and depth.lattice != "plain":
+            raise OpticsError(
+                "has views that are displaced within a pixel, for pictures by depth alone",
+                file=self.path,
+                remedy="Use the filter 'depth', or trace it with --lattice plain",
+            )
+        return self.require_slab()
+
+    def require_depth(self) -> StoredDepth:
+        """What is known of the stream of depths; :class:`OpticsError` where there is none."""
+        if self.metadata.depth is None:
+            raise OpticsError(
+                "holds no depth", file=self.path, key="filter",
+                remedy="Trace it with 'lfcore trace --depth-stream', or use the filter 'nearest'",
+            )  # fmt: skip
+        return self.metadata.depth
+
+    def require_depth_video(self) -> StoredVideo:
+        """The stream of depths; :class:`OpticsError` where there is none."""
+        self.require_depth()
+        assert self.depth_video is not None
+        return self.depth_video
 
     @property
     def array(self) -> CameraArray | None:

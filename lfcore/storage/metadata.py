@@ -10,7 +10,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ import numpy as np
 from lfcore.errors import LfcoreError, StorageError
 from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Rectangle, Slab
+from lfcore.storage.depth_stream import StoredDepth
 from lfcore.storage.layout import FrameLayout, Tile
 
 TAG = "LIGHTFIELD"
@@ -36,11 +37,11 @@ KEYS = {
     "version", "software", "geometry", "slab", "array", "layout", "colour", "codec",
     "header_crc32", "settings", "scene", "segments",
 }  # fmt: skip
-OPTIONAL_KEYS = {"content"}
+OPTIONAL_KEYS = {"content", "depth"}
 TYPES: dict[str, type] = {
     "software": str, "geometry": str, "slab": dict, "array": dict, "layout": dict, "colour": dict,
     "codec": str, "header_crc32": int, "settings": dict, "scene": dict, "segments": list,
-    "content": dict,
+    "content": dict, "depth": dict,
 }  # fmt: skip
 _NAMES = {str: "text", dict: "an object", int: "a whole number", list: "a list"}
 
@@ -76,6 +77,7 @@ class Metadata:
     content : JSON object of what is known beside the rays: ``depth_m`` [nearest, farthest] seen,
         ``metric`` false where the slab's lengths are not those of the cameras, but say how views
         are shifted against one another; ``source``, what an imported one was.
+    depth : of the stream of inverse depths, where there is one.
     """
 
     geometry: str
@@ -89,6 +91,7 @@ class Metadata:
     segments: tuple[Segment, ...]
     software: str
     content: dict = field(default_factory=dict)
+    depth: StoredDepth | None = None
 
     @property
     def frames(self) -> int:
@@ -98,6 +101,22 @@ class Metadata:
     def camera_array(self) -> CameraArray | None:
         """The array of an ``array`` geometry; :class:`OpticsError` when it is none."""
         return CameraArray.from_json(self.array) if self.array is not None else None
+
+    def of_depth(self) -> Metadata:
+        """The same of the stream of depths, whose frames are laid out as those of colours."""
+        depth = self.depth
+        if depth is None:
+            raise StorageError("holds no depth", key="depth")
+        parts = zip(self.segments, depth.segments, strict=True)
+        return replace(
+            self,
+            layout=replace(self.layout, pixel_format=depth.codes.pixel_format),
+            codec=depth.codec,
+            header_crc32=depth.header_crc32,
+            settings=depth.settings,
+            segments=tuple(replace(part, bytes=size, crc32=crc) for part, (size, crc) in parts),
+            depth=None,
+        )
 
     @property
     def white(self) -> float:
@@ -124,6 +143,8 @@ class Metadata:
         }
         if self.content:
             data["content"] = self.content
+        if self.depth:
+            data["depth"] = self.depth.to_json()
         return _canonical(data | {"digest": _digest(data)})
 
     @classmethod
@@ -169,6 +190,7 @@ class Metadata:
             data["geometry"], slab, data["array"], layout, data["codec"], data["header_crc32"],
             data["settings"], data["scene"], tuple(segments), data["software"],
             data.get("content", {}),
+            StoredDepth.from_json(data["depth"]) if "depth" in data else None,
         )  # fmt: skip
         found.check()
         return found
@@ -203,8 +225,14 @@ class Metadata:
             raise StorageError("the scene lacks name or digest", key="scene")
         if self.slab and self.slab.extent and layout.kind != "views":
             raise StorageError("a part of the grids is stored as views", key="layout")
+        if layout.format.grey:
+            raise StorageError(f"{layout.pixel_format} holds no colours", key="layout")
         self._check_content()
         self._check_segments()
+        if self.depth and (self.slab is None or self.slab.extent):
+            raise StorageError("belongs to a whole slab", key="depth")
+        if self.depth and len(self.depth.segments) != len(self.segments):
+            raise StorageError("must have a segment for each of the colours'", key="depth")
 
     def _check_content(self) -> None:
         depth = self.content.get("depth_m") if isinstance(self.content, dict) else ()

@@ -2,7 +2,8 @@
 
 A frame is one contiguous run of bytes, plane after plane, rows without padding.  Formats of more
 than 8 bits hold little-endian 16-bit samples.  YCbCr is BT.709, limited ("tv") range, made from
-sRGB-encoded RGB; ``gbrp`` is sRGB-encoded RGB itself, planes in the order green, blue, red.
+sRGB-encoded RGB; ``gbrp`` is sRGB-encoded RGB itself, planes in the order green, blue, red.  Grey
+formats have one plane of codes, which need not be light.
 """
 
 from __future__ import annotations
@@ -25,12 +26,14 @@ class Plane:
 
 @dataclass(frozen=True)
 class PixelFormat:
-    """``subsampling`` is 2 for 4:2:0 and 1 else; ``bits`` per sample; ``rgb`` for no YCbCr."""
+    """``subsampling`` is 2 for 4:2:0 and 1 else; ``bits`` per sample; ``rgb`` for no YCbCr;
+    ``grey`` for one plane alone."""
 
     name: str
     bits: int
     subsampling: int
     rgb: bool = False
+    grey: bool = False
 
     @property
     def dtype(self) -> np.dtype:
@@ -38,14 +41,18 @@ class PixelFormat:
         return np.dtype(np.uint8) if self.bits == 8 else np.dtype("<u2")
 
     @property
-    def black(self) -> tuple[int, int, int]:
+    def black(self) -> tuple[int, ...]:
         """Code of black in each plane."""
         scale = 1 << (self.bits - 8)
+        if self.grey:
+            return (0,)
         return (0, 0, 0) if self.rgb else (16 * scale, 128 * scale, 128 * scale)
 
-    def planes(self, width: int, height: int) -> tuple[Plane, Plane, Plane]:
-        """The three planes of a frame; ``width`` and ``height`` are even for 4:2:0."""
+    def planes(self, width: int, height: int) -> tuple[Plane, ...]:
+        """The planes of a frame, one or three; ``width`` and ``height`` are even for 4:2:0."""
         self.check_size(width, height)
+        if self.grey:
+            return (Plane(0, height, width),)
         size, step = self.dtype.itemsize, self.subsampling
         first = width * height * size
         small = (height // step, width // step)
@@ -54,8 +61,7 @@ class PixelFormat:
 
     def frame_bytes(self, width: int, height: int) -> int:
         """Bytes of one frame."""
-        self.check_size(width, height)
-        samples = width * height + 2 * (width // self.subsampling) * (height // self.subsampling)
+        samples = sum(plane.height * plane.width for plane in self.planes(width, height))
         return samples * self.dtype.itemsize
 
     def check_size(self, width: int, height: int) -> None:
@@ -97,12 +103,18 @@ PIXEL_FORMATS = {
         PixelFormat("gbrp", 8, 1, rgb=True),
     )
 }
+"""Of colours."""
+GREY_FORMATS = {
+    known.name: known
+    for known in (PixelFormat("gray", 8, 1, grey=True), PixelFormat("gray10le", 10, 1, grey=True))
+}
+"""Of one plane of codes, named as FFmpeg names them."""
 
 
 def pixel_format(name: str) -> PixelFormat:
-    """The format of that name; raises :class:`StorageError` for an unknown one."""
+    """The format of that name, colour or grey; raises :class:`StorageError` for an unknown one."""
     try:
-        return PIXEL_FORMATS[name]
+        return PIXEL_FORMATS.get(name) or GREY_FORMATS[name]
     except (KeyError, TypeError):
         raise StorageError(
             f"unknown pixel format {name!r}",

@@ -12,6 +12,15 @@ from lfcore.storage.pixels import PixelFormat
 
 PACKED_RGB = "bgr0"
 """FFV1 has no planar 8-bit RGB: ``gbrp`` frames pass through it as blue, green, red, 0."""
+_GREY_OF = {"yuv420p": "gray", "yuv420p10le": "gray10le"}
+"""H.264 of grey alone is decoded with two planes of chroma that say nothing."""
+
+
+def stored_format(decoded: str | None, *, grey: bool) -> str | None:
+    """The pixel format that was stored, of what a decoder gives out; ``grey``: in a grey stream."""
+    if grey:
+        return _GREY_OF.get(decoded or "", decoded)
+    return "gbrp" if decoded == PACKED_RGB else decoded
 
 
 PAGE = 4096
@@ -64,12 +73,12 @@ def plane_arrays(frame: av.VideoFrame, form: PixelFormat) -> list[np.ndarray]:
     item = form.dtype.itemsize
     return [
         _array(plane, (plane.height, plane.width), (plane.line_size, item), form.dtype)
-        for plane in frame.planes
+        for plane in frame.planes[: 1 if form.grey else 3]
     ]
 
 
 def copy_out(frame: av.VideoFrame, form: PixelFormat, planes: list[np.ndarray], at: int) -> None:
-    """Write ``frame`` into place ``at`` of ``planes``, three arrays (F, h, w)."""
+    """Write ``frame`` into place ``at`` of ``planes``, arrays (F, h, w)."""
     for target, source in zip(planes, plane_arrays(frame, form), strict=True):
         target[at] = source
 

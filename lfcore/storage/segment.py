@@ -31,7 +31,7 @@ from lfcore.storage.decoding import (
     ticks_per_frame,
 )
 from lfcore.storage.pixels import pixel_format
-from lfcore.storage.planar import PACKED_RGB, PlanarFeed
+from lfcore.storage.planar import PACKED_RGB, PlanarFeed, stored_format
 from lfcore.storage.remote import RemoteFile
 
 # Code points of ITU-T H.273: BT.709 primaries and matrix, the sRGB transfer of IEC 61966-2-1, no
@@ -81,9 +81,10 @@ class SegmentWriter:
         context.time_base = Fraction(1, FRAME_RATE)
         context.thread_count = self.spec.threads
         context.gop_size = self.spec.gop or 1 << 20
-        context.color_primaries, context.color_trc = BT709, SRGB_TRANSFER
-        context.colorspace = RGB_MATRIX if form.rgb else BT709
-        context.color_range = FULL if form.rgb else LIMITED
+        if not form.grey:  # whose codes are no colours
+            context.color_primaries, context.color_trc = BT709, SRGB_TRANSFER
+            context.colorspace = RGB_MATRIX if form.rgb else BT709
+            context.color_range = FULL if form.rgb else LIMITED
         if form.subsampling == 2:
             options["chroma_sample_location"] = "center"
         context.options = options
@@ -160,10 +161,12 @@ class SegmentInfo:
 class SegmentReader:
     """Read the frames of a segment file.
 
+    ``grey``: it is of one plane of codes.
+
     Raises :class:`StorageError`, naming the file, when it is missing, cut short or no segment.
     """
 
-    def __init__(self, path: str | Path, *, threads: int = 1):
+    def __init__(self, path: str | Path, *, threads: int = 1, grey: bool = False):
         self.path, self.threads = Path(path), threads
         self.count = DecodeCount()
         if not _is_whole(self.path):
@@ -178,8 +181,8 @@ class SegmentReader:
                     file=self.path,
                     remedy="Encode this tile again",
                 )
-            name = "gbrp" if context.pix_fmt == PACKED_RGB else context.pix_fmt
-            self.form, self.codec = pixel_format(name), context.codec.canonical_name
+            self.form = pixel_format(stored_format(context.pix_fmt, grey=grey) or "")
+            self.codec = context.codec.canonical_name
             self.width, self.height = context.width, context.height
 
     def open(self) -> av.container.InputContainer:
@@ -237,10 +240,10 @@ class SegmentReader:
             yield from run.decode(context, packets, start, stop, chunk, self.count, reuse=reuse)
 
 
-def open_video(path: Path, **options: str) -> av.container.InputContainer:
-    """``path`` opened by FFmpeg with one video stream.
+def open_video(path: Path, most: int = 1, **options: str) -> av.container.InputContainer:
+    """``path`` opened by FFmpeg with one video stream, or up to ``most``.
 
-    Raises :class:`StorageError` when it is missing, unreadable or without a video.
+    Raises :class:`StorageError` when it is missing, unreadable or has others.
     """
     try:
         # Bytes of a damaged tag may be no text; the digest of the metadata finds that out.
@@ -262,10 +265,10 @@ def open_video(path: Path, **options: str) -> av.container.InputContainer:
             remedy="The file may be cut short or no video; make it again",
         ) from error
     streams = container.streams.video
-    if len(streams) != 1:
+    if not 1 <= len(streams) <= most:
         container.close()
-        raise StorageError("does not hold exactly one video stream", file=path)
-    if streams[0].codec_context is None:
+        raise StorageError(f"holds {len(streams)} video streams, not one", file=path)
+    if any(stream.codec_context is None for stream in streams):
         container.close()
         raise StorageError("holds a video of an unknown codec", file=path)
     return container

@@ -22,9 +22,12 @@ from lfcore.storage.decoding import DecodeCount, FrameRun, frame_number, ticks_p
 from lfcore.storage.ebml import Structure, scan
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.metadata import TAG, Metadata, Segment
-from lfcore.storage.planar import PACKED_RGB
+from lfcore.storage.planar import stored_format
 from lfcore.storage.remote import located
 from lfcore.storage.segment import open_video
+
+MOST_STREAMS = 2
+"""Of video: colours, and inverse depths where they are known."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +43,18 @@ class StoredVideo:
 
     ``damage`` lists what was found unreadable (only with ``salvage``; else that is an error), and
     ``count.frames`` adds up the frames decoded so far, those included that only led to others;
-    ``decoded_segments`` are the numbers of the segments that they were in.
+    ``decoded_segments`` are the numbers of the segments that they were in.  ``depth_video`` is the
+    stream of inverse depths, where the file has one: a video of its own, the file's second.
     """
 
-    def __init__(self, path: Path, metadata: Metadata, keys: list[int], threads: int):
+    def __init__(
+        self, path: Path, metadata: Metadata, keys: list[int], threads: int, track: int = 0
+    ):
         self.path, self.metadata, self.threads = path, metadata, threads
+        self.depth_video: StoredVideo | None = None
+        if metadata.depth:
+            self.depth_video = StoredVideo(path, metadata.of_depth(), keys, threads, track + 1)
+        self._track = track
         self.count = DecodeCount()
         self.decoded_segments: set[int] = set()
         self.damage: list[Damage] = []
@@ -103,7 +113,7 @@ class StoredVideo:
         self._checked.add(index)
 
     def verify(self, progress: Callable[[int, int], None] | None = None) -> None:
-        """Check every byte of the file and every segment.
+        """Check every byte of the file and every segment, of colours and of depths.
 
         ``progress(done, total)`` counts segments.  Raises :class:`StorageError` that names all
         damaged segments and what can still be read.
@@ -111,10 +121,7 @@ class StoredVideo:
         structure = scan(self.path, clusters=True)
         bad = []
         for part in self.metadata.segments:
-            try:
-                self.check_segment(part.index)
-            except StorageError as error:
-                bad.append(Damage(part, error.problem))
+            bad += self._damage_of(part)
             if progress:
                 progress(part.index + 1, len(self.metadata.segments))
         if bad or structure.faults:
@@ -162,7 +169,7 @@ class StoredVideo:
         """First (decoder, ticks a frame), then packets from a key frame at or before ``first``."""
         container = self._take_container(first)
         try:
-            stream = container.streams.video[0]
+            stream = container.streams.video[self._track]
             ticks = ticks_per_frame(stream.time_base)
             yield stream.codec_context, ticks
             if first:
@@ -196,18 +203,20 @@ class StoredVideo:
             if first:
                 return container
             try:
-                container.seek(0, stream=container.streams.video[0])
+                container.seek(0, stream=container.streams.video[self._track])
                 return container
             except FFmpegError:  # a file without its index is read from its beginning only
                 container.close()
-        container = open_video(self.path)
-        container.streams.video[0].codec_context.thread_count = self.threads
+        container = open_video(self.path, MOST_STREAMS)
+        container.streams.video[self._track].codec_context.thread_count = self.threads
         return container
 
     def close(self) -> None:
         """Close the file; it is opened again when it is read again."""
         while container := self._next_idle():
             container.close()
+        if self.depth_video:
+            self.depth_video.close()
 
     def _next_idle(self) -> av.container.InputContainer | None:
         try:
@@ -223,19 +232,27 @@ class StoredVideo:
 
     def _bad_segment(self, part: Segment, problem: str) -> StorageError:
         a, b, c, d = part.tile.to_json()
+        of = " of the depths" if self._track else ""
+        where = f"{self.layout.kind} ({a}, {b}) to ({a + c - 1}, {b + d - 1})"
         return StorageError(
-            f"segment {part.index} ({self.layout.kind} ({a}, {b}) to ({a + c - 1}, {b + d - 1})) "
-            + problem,
+            f"segment {part.index}{of} ({where}) {problem}",
             file=self.path,
             remedy="Open the file to salvage the other segments, or make it again",
         )
 
     def _find_damage(self) -> None:
         for part in self.metadata.segments:
-            try:
-                self.check_segment(part.index)
-            except StorageError as error:
-                self.damage.append(Damage(part, error.problem))
+            self.damage += self._damage_of(part)
+
+    def _damage_of(self, part: Segment) -> list[Damage]:
+        """What is found wrong with a segment, of colours or of depths."""
+        try:
+            self.check_segment(part.index)
+            if self.depth_video:
+                self.depth_video.check_segment(part.index)
+        except StorageError as error:
+            return [Damage(part, error.problem)]
+        return []
 
     def _refuse_faults(self, structure: Structure) -> None:
         """Raise when the structure or the index of key frames shows damage."""
@@ -273,7 +290,7 @@ class StoredVideo:
 def _read_metadata(path: Path, structure: Structure) -> Metadata:
     """The metadata of a file, checked against its video stream."""
     try:
-        container = open_video(path)
+        container = open_video(path, MOST_STREAMS)
     except StorageError:
         if structure.faults:
             raise StorageError(
@@ -295,7 +312,17 @@ def _read_metadata(path: Path, structure: Structure) -> Metadata:
                 remedy="Give a lightfield.mkv, as the join of segments writes it",
             )
         metadata = Metadata.from_text(text, path)
-        _check_stream(path, metadata, container.streams.video[0], structure.faults)
+        said = [metadata, metadata.of_depth()] if metadata.depth else [metadata]
+        streams = container.streams.video
+        if len(streams) != len(said):
+            raise StorageError(
+                f"contradicts itself: the metadata say {len(said)} video streams, it has "
+                f"{len(streams)}",
+                file=path,
+                remedy="Join the segments again",
+            )
+        for one, stream in zip(said, streams, strict=True):
+            _check_stream(path, one, stream, structure.faults)
         return metadata
 
 
@@ -304,7 +331,7 @@ def _check_stream(
 ) -> None:
     """Raise :class:`StorageError` when the metadata contradict the video stream."""
     context, layout = stream.codec_context, metadata.layout
-    name = "gbrp" if context.pix_fmt == PACKED_RGB else context.pix_fmt
+    name = stored_format(context.pix_fmt, grey=layout.format.grey)
     pairs = (
         ("codec", metadata.codec, context.codec.canonical_name),
         ("frame width", layout.frame_width, context.width),
@@ -313,8 +340,9 @@ def _check_stream(
         ("global header check sum", metadata.header_crc32, zlib.crc32(context.extradata or b"")),
     )
     for what, said, found in pairs:
-        # FFmpeg learns the pixel format from the first frame, which a cut file may lack.
-        if said == found or (found is None and faults):
+        # FFmpeg learns the pixel format from the first frame, which a cut file may lack, and of
+        # which stream it looks for it is not the last; frames are compared when decoded.
+        if said == found or (found is None and (faults or layout.format.grey)):
             continue
         if faults:
             raise StorageError(f"is damaged: {'; '.join(faults)}; nothing can be read", file=path)

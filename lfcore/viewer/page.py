@@ -100,7 +100,7 @@ def viewer_page(
     Raises :class:`OpticsError` for a camera array that is no slab, :class:`StorageError` for
     numbers out of range and for a damaged file.
     """
-    slab = field.require_slab()
+    slab = field.require_grid()
     choice = choose(field, views, size)
     pictures = read(field, choice, device=device, progress=progress)
     seen = _range(field, slab)

@@ -1,10 +1,13 @@
-"""Light field files of four codecs, and metadata that contradict themselves under a true digest."""
+"""Light field files of four codecs, one with depths; metadata that contradict themselves under a
+true digest."""
 
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
@@ -17,10 +20,11 @@ from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.container import join_segments
+from lfcore.storage.container import DepthSegments, join_segments
+from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
-from lfcore.storage.metadata import TAG
+from lfcore.storage.metadata import TAG, Segment
 from lfcore.storage.segment import SegmentWriter
 from robustness.mutate import damage_bytes
 from robustness.outcome import Outcome, SilentlyWrong, outcome_of
@@ -33,7 +37,10 @@ CODECS = {
     "x265": CodecSpec("libx265", "yuv420p", crf=10, preset="fast", gop=6),
     "av1": CodecSpec("libsvtav1", "yuv420p", crf=10, preset="10", gop=6),
     "ffv1": CodecSpec("ffv1", "gbrp", crf=0, preset=None, tune=None),
+    "depth": CodecSpec("libx264", "yuv444p", crf=10, preset="veryfast", gop=6),
 }
+DEPTHS = DepthCodes(0.0, 0.5)
+DEPTH_SPEC = CodecSpec("libx264", "gray", crf=10, preset="veryfast", gop=6)
 # The smallest frames that the AV1 encoder takes are those of 64 pixels: eight elements a side.
 PACKS = {"av1": 8}
 
@@ -48,17 +55,27 @@ def whole_store(name: str, folder: Path, geometry: str = "slab") -> tuple[bytes,
     )
     tiles = layout.tiles(layout.rays, least=4, small_rays=0)
     wave = np.random.default_rng(5)
-    segments = []
-    for tile in tiles:
-        segments.append(folder / f"{name}-{tile.index}.mp4")
-        with SegmentWriter(segments[-1], spec, layout.frame_width, layout.frame_height) as writer:
-            grain = wave.integers(60, 180, (tile.frame_count, 1), np.uint8)
-            fine = wave.integers(0, 40, (tile.frame_count, layout.frame_bytes), np.uint8)
-            writer.write(grain + fine)
+
+    def segments(what: str, spec: CodecSpec, layout: FrameLayout) -> list[Path]:
+        made = []
+        for tile in tiles:
+            made.append(folder / f"{name}-{tile.index}{what}.mp4")
+            size = layout.frame_width, layout.frame_height
+            with SegmentWriter(made[-1], spec, *size) as writer:
+                grain = wave.integers(60, 180, (tile.frame_count, 1), np.uint8)
+                fine = wave.integers(0, 40, (tile.frame_count, layout.frame_bytes), np.uint8)
+                writer.write(grain + fine)
+        return made
+
+    colours, depth = segments("", spec, layout), None
+    if name == "depth":
+        grey = replace(layout, pixel_format=DEPTHS.pixel_format)
+        depths = segments("-depth", DEPTH_SPEC, grey)
+        depth = DepthSegments(depths, DEPTHS, "crossed", PIXELS, DEPTH_SPEC)
     path = folder / f"{name}.mkv"
     join_segments(
-        path, segments, tiles, layout, spec=spec, scene={"name": "waves", "digest": "0123"},
-        geometry=_geometry(geometry, layout),
+        path, colours, tiles, layout, spec=spec, scene={"name": "waves", "digest": "0123"},
+        geometry=_geometry(geometry, layout), depth=depth,
     )  # fmt: skip
     return path.read_bytes(), pixels_of(LightFieldFile.open(path))
 
@@ -71,7 +88,15 @@ def _geometry(kind: str, layout: FrameLayout) -> Slab | dict:
 
 
 def pixels_of(field: LightFieldFile) -> bytes:
-    return field.rectangle(0, 0, field.layout.pixels, field.layout.pixels).tobytes()
+    light = field.rectangle(0, 0, field.layout.pixels, field.layout.pixels).tobytes()
+    return light + b"".join(map(depths_of, [field] * len(field.segments), field.segments))
+
+
+def depths_of(field: LightFieldFile, part: Segment) -> bytes:
+    """The frames of depths of a segment, where the file holds any."""
+    if field.depth_video is None:
+        return b""
+    return b"".join(some.tobytes() for some in field.depth_video.frames(part.index))
 
 
 def judge_store(name: str, home: Path, data: bytes, folder: Path) -> Outcome:
@@ -100,11 +125,16 @@ def _salvage(file: Path, right: bytes) -> None:
     field = LightFieldFile.open(file, salvage=True)
     size, side = field.layout.pixels, field.layout.views
     whole = np.frombuffer(right, np.uint8)
-    if whole.size != size * size * side * side * 3:
+    of_light = size * size * side * side * 3
+    depths, whole = right[of_light:], whole[:of_light]
+    if whole.size != of_light or (field.depth_video is not None) != bool(depths):
         raise SilentlyWrong("a light field of another size")
     whole = whole.reshape(size, size, side, side, 3)
     known = np.zeros((size, size), bool)
+    frame = len(depths) // max(1, field.metadata.frames)
     for part in field.segments:
+        if depths_of(field, part) != depths[part.first * frame : part.stop * frame]:
+            raise SilentlyWrong("other depths than were stored, when salvaged")
         tile = part.tile
         known[tile.row : tile.row + tile.rows, tile.column : tile.column + tile.columns] = True
     found = field.rectangle(0, 0, size, size)
@@ -112,13 +142,17 @@ def _salvage(file: Path, right: bytes) -> None:
         raise SilentlyWrong("other pixels than were stored, when salvaged")
 
 
+SEEDS = {"slab": ("x264", "slab"), "array": ("x264", "array"), "depth": ("depth", "slab")}
+"""Store and geometry of the metadata to be damaged."""
+
+
 def metadata_seeds(home: Path) -> list[bytes]:
     seeds = []
-    for geometry in ("slab", "array"):
-        folder = home / geometry
+    for kind, (name, geometry) in SEEDS.items():
+        folder = home / kind
         folder.mkdir(exist_ok=True)
-        whole_store("x264", folder, geometry)
-        with av.open(str(folder / "x264.mkv")) as container:
+        whole_store(name, folder, geometry)
+        with av.open(str(folder / f"{name}.mkv")) as container:
             data = json.loads(container.metadata[TAG])
         data.pop("digest")
         seeds.append(json.dumps(data).encode())
@@ -143,7 +177,8 @@ def judge_metadata(home: Path, data: bytes, folder: Path) -> Outcome:
 
     file = folder / "input.mkv"
     kind = "array" if b'"geometry": "array"' in data else "slab"
-    _remux(home / kind / "x264.mkv", file, sealed(data))
+    kind = "depth" if b'"dioptres"' in data else kind
+    _remux(home / kind / f"{SEEDS[kind][0]}.mkv", file, sealed(data))
 
     def work() -> None:
         field = Refocusable.open(file)
@@ -152,19 +187,26 @@ def judge_metadata(home: Path, data: bytes, folder: Path) -> Outcome:
         field.view(0, 0)
         field.macropixel(0, 0)
         field.verify()
+        for part in field.segments:
+            depths_of(field, part)
 
     return outcome_of(work, names=str(file))
 
 
 def _remux(source: Path, path: Path, text: str) -> None:
     with av.open(str(source)) as old, av.open(str(path), "w", format="matroska") as new:
-        stream = new.add_stream_from_template(old.streams.video[0], opaque=True)
-        stream.time_base = Fraction(1, 1000)
+        streams = []
+        for stream in old.streams.video:
+            streams.append(new.add_stream_from_template(stream, opaque=True))
+            streams[-1].time_base = Fraction(1, 1000)
         new.metadata[TAG] = text.replace("\0", "")
-        for index, packet in enumerate(p for p in old.demux(video=0) if p.size):
-            packet.dts = (index - 4) * 40
-            packet.stream = stream
-            new.mux(packet)
+        places = [itertools.count(-4) for _ in streams]
+        for packet in old.demux(*old.streams.video):
+            if packet.size:
+                number = packet.stream.index
+                packet.dts = next(places[number]) * 40
+                packet.stream = streams[number]
+                new.mux(packet)
 
 
 def damage_store(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:

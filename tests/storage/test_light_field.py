@@ -183,8 +183,8 @@ def test_a_file_stays_open_and_its_decoders_have_the_threads_asked_for(
     made = make_store(tmp_path, FrameLayout("views", 4, 20, pixel_format="yuv444p"), spec)
     opened = []
 
-    def counted(path, **options):
-        opened.append(real(path, **options))
+    def counted(path, *more, **options):
+        opened.append(real(path, *more, **options))
         return opened[-1]
 
     real = stored_video.open_video

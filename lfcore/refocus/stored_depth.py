@@ -1,0 +1,153 @@
+"""Slicing by depth of a stored light field: colours and depths from the file, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+from lfcore.opencl.device import Device, cl, open_device
+from lfcore.optics.plane_sums import FIXED_ONE
+from lfcore.optics.planes import SensorPlane
+from lfcore.refocus.depth_slicing import DepthSlicer
+from lfcore.refocus.stored_views import add_frames, frame_chunks
+from lfcore.refocus.views import read_views
+from lfcore.storage.lightfield import LightFieldFile
+
+VIEWS_RAYS = 1 << 22
+"""Rays of views that are sliced at a time."""
+MACROPIXEL_RAYS = 1 << 27
+"""Rays of a file of macropixels at most, all of which are held at a time: 2 GiB."""
+SUMS_BYTES = 1 << 30
+"""Of the pictures that are formed from one pass over the file."""
+
+
+def slice_stored(
+    field: LightFieldFile,
+    planes: Sequence[SensorPlane],
+    pixels: int | None = None,
+    *,
+    device: Device | str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """Pictures of a file that holds depth: (P, pixels, pixels, 3) float32, linear light.
+
+    Parameters
+    ----------
+    pixels : side of the pictures; default what the file was traced for.
+    progress : called with (frames done, frames in all).
+
+    Raises
+    ------
+    OpticsError : the file holds no depth or not such a plane, or pictures too large for memory.
+    StorageError : the file is damaged.
+    """
+    stored = field.require_depth()
+    size = stored.pixels if pixels is None else int(pixels)
+    if not 1 <= size <= 1 << 16:
+        raise OpticsError(f"must be from 1 to {1 << 16}, not {size}", file=field.path, key="size")
+    device = device if isinstance(device, Device) else open_device(device)
+    each = 2 * DepthSlicer.sums_bytes(1, size)
+    if each > device.device.global_mem_size // 2:
+        raise OpticsError(
+            f"sums of a picture of {size} pixels take {each / 2**30:.1f} GiB",
+            file=field.path, key="size", remedy="Ask for fewer pixels",
+        )  # fmt: skip
+    room = max(1, SUMS_BYTES // each)
+    groups = [planes[first : first + room] for first in range(0, len(planes), room)]
+    made = []
+    for number, group in enumerate(groups):
+        views = stored.views(field.require_slab())
+        slicer = DepthSlicer(views, group, size, device)
+        tell = _of_all(progress, number, len(groups))
+        (_add_views if field.layout.kind == "views" else _add_macropixels)(field, slicer, tell)
+        made.append(slicer.pictures())
+    return np.concatenate(made)
+
+
+def _of_all(
+    progress: Callable[[int, int], None] | None, number: int, groups: int
+) -> Callable[[int, int], None] | None:
+    if progress is None:
+        return None
+    return lambda done, of: progress(number * of + done, groups * of)
+
+
+def _add_views(field: LightFieldFile, slicer: DepthSlicer, progress) -> None:
+    add_frames(_Taker(field, slicer), field, progress)
+
+
+def _add_macropixels(field: LightFieldFile, slicer: DepthSlicer, progress) -> None:
+    slab = field.require_slab()
+    if slab.rays > MACROPIXEL_RAYS:
+        raise OpticsError(
+            f"{slab.rays:,} rays in macropixels are more than are held at a time",
+            file=field.path, key="filter", remedy="Store them as views",
+        )  # fmt: skip
+    samples = _samples(slab.views)
+    light = read_views(field, samples, device=slicer.device, progress=progress)
+    slicer.add(slice(0, len(samples)), light, _depths_of_macropixels(field))
+
+
+def _samples(views: int) -> np.ndarray:
+    j, i = np.divmod(np.arange(views**2, dtype=np.int32), np.int32(views))
+    return np.stack([i, j], 1)
+
+
+class _Taker:
+    """Takes the colours of whole views as they are decoded, and their depths beside them."""
+
+    def __init__(self, field: LightFieldFile, slicer: DepthSlicer):
+        self.device, self._slicer, self._field = slicer.device, slicer, field
+        self.open_samples = _samples(field.layout.views)
+        self._depths = _depths_of_views(field)
+
+    def group_size(self, width: int, height: int) -> int:
+        return max(1, VIEWS_RAYS // (width * height))
+
+    def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
+        _, _, width, height = region
+        fixed = np.empty((len(samples), 3, height, width), np.uint32)
+        cl.enqueue_copy(self.device.queue, fixed, views)
+        light = np.moveaxis(fixed, 1, -1) / np.float32(FIXED_ONE)
+        # Both streams have the same elements in the same order.
+        found = [next(self._depths) for _ in samples]
+        if [place for place, _ in found] != [tuple(sample) for sample in samples.tolist()]:
+            raise AssertionError("the streams of colours and depths are in unlike order")
+        index = samples[:, 1] * self._field.layout.views + samples[:, 0]
+        self._slicer.add(index, light, np.stack([depth for _, depth in found]))
+
+
+def _depths_of_views(field: LightFieldFile) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
+    """((i, j), (S, S) float32 metres) of every view that can be read, in the order of frames."""
+    codes = field.require_depth().codes
+    for elements, pictures in _elements(field):
+        for place, picture in zip(elements.tolist(), pictures, strict=True):
+            yield tuple(place), codes.depth(picture)
+
+
+def _depths_of_macropixels(field: LightFieldFile) -> np.ndarray:
+    """(N N, M, M) float32 metres; infinity where a segment cannot be read."""
+    slab, codes = field.require_slab(), field.require_depth().codes
+    depth = np.full((slab.views**2, slab.pixels, slab.pixels), np.inf, np.float32)
+    for elements, lenses in _elements(field):
+        u, v = elements.T
+        depth[:, v, u] = codes.depth(lenses).reshape(len(elements), -1).T
+    return depth
+
+
+def _elements(field: LightFieldFile) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """((E, 2) outer coordinates, (E, inner, inner) codes) of some frames at a time."""
+    video = field.require_depth_video()
+    layout, readable = video.layout, {part.index for part in field.segments}
+    inner = np.arange(layout.inner)
+    for tile, first, frames in frame_chunks(video):
+        if tile.index not in readable:
+            continue
+        (plane,) = layout.format.views(frames, layout.frame_width, layout.frame_height)
+        elements = tile.elements()
+        places = tile.placement(elements)
+        here = (places[:, 0] >= first) & (places[:, 0] < first + len(frames))
+        at, x, y = places[here].T[..., None, None]
+        yield elements[here], plane[at - first, y + inner[:, None], x + inner]

@@ -1,0 +1,196 @@
+"""From a tracer to a light field file that holds depth beside the rays, for slicing by depth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.colour import srgb_encode
+from lfcore.errors import OpticsError
+from lfcore.files import draft_folder
+from lfcore.optics.ray_cells import LATTICES
+from lfcore.optics.slab import Slab
+from lfcore.rendering.by_depth import traced_views
+from lfcore.rendering.depth import depth_range, dioptre_range
+from lfcore.rendering.record import TILE_RAYS
+from lfcore.scene.files import scene_digest
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.container import DepthSegments, join_segments
+from lfcore.storage.depth_stream import DepthCodes
+from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.storage.metadata import Metadata
+from lfcore.storage.segment import SegmentWriter
+from lfcore.storage.ycbcr import frames_from_rgb
+from lfcore.tracing.tracer import Tracer
+
+MACROPIXEL_RAYS = 1 << 26
+"""Rays of macropixels at most: all of them are held at a time, 1 GiB."""
+RANGE_MARGIN = 0.05
+"""Of the range of inverse depths seen by few rays: what all of them see may go beyond it."""
+
+
+@dataclass(frozen=True)
+class DepthStore:
+    """How a slab is stored for slicing by depth.
+
+    lattice : a key of :data:`lfcore.optics.ray_cells.LATTICES`.
+    pixels : side of the pictures that the rays are meant for, which textures are filtered for.
+
+    Raises :class:`OpticsError` for an unknown lattice.
+    """
+
+    layout: FrameLayout
+    spec: CodecSpec
+    lattice: str
+    pixels: int
+
+    def __post_init__(self) -> None:
+        if self.lattice not in LATTICES:
+            raise OpticsError(
+                f"unknown lattice {self.lattice!r}", key="lattice",
+                remedy=f"Use one of {', '.join(LATTICES)}",
+            )  # fmt: skip
+
+
+def record_by_depth(
+    path: str | Path,
+    tracer: Tracer,
+    slab: Slab,
+    store: DepthStore,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Metadata:
+    """Trace ``slab`` and write the light field file ``path`` with a stream of inverse depths.
+
+    Each view is traced once for colour and once for depth, by all of the device; colours and
+    depths are encoded by a thread each meanwhile.
+
+    Parameters
+    ----------
+    progress : called with (views done, of all).
+
+    Raises
+    ------
+    OpticsError : more macropixels than are held at a time.
+    StorageError : a file cannot be written; none is left then.
+    """
+    path, layout, scene = Path(path), store.layout, tracer.scene
+    if layout.kind == "macropixels" and slab.rays > MACROPIXEL_RAYS:
+        raise OpticsError(
+            f"{slab.rays:,} rays are more than are turned into macropixels at a time",
+            key="layout", remedy="Store them as views",
+        )  # fmt: skip
+    # Few views gain more from one another than from cores: no more tiles than must be.
+    tiles = layout.tiles(TILE_RAYS, least=1)
+    seen = dioptre_range(tracer, slab, RANGE_MARGIN)
+    codes = DepthCodes.of_range(slab, *seen)
+    spec = codes.spec(slab, lossless=store.spec.lossless)
+    grey = replace(layout, pixel_format=codes.pixel_format)
+    with draft_folder(path) as folder:
+        colours, depths = (
+            [folder / f"{tile.index:04d}.{what}.mp4" for tile in tiles]
+            for what in ("colours", "depths")
+        )
+        for tile in tiles:
+            # One thread each, so that chunks stay in order.
+            with (
+                SegmentWriter(colours[tile.index], store.spec, *_size(layout)) as light_writer,
+                SegmentWriter(depths[tile.index], spec, *_size(grey)) as depth_writer,
+                ThreadPoolExecutor(1) as first,
+                ThreadPoolExecutor(1) as second,
+            ):
+                jobs: list = []
+                for elements, light, depth in _traced(tracer, slab, store, tile, progress):
+                    for job in jobs:
+                        job.result()
+                    jobs = [
+                        first.submit(_write_light, light_writer, tile, elements, light),
+                        second.submit(_write_depth, depth_writer, tile, elements, depth, codes),
+                    ]
+                for job in jobs:
+                    job.result()
+        near_far = depth_range(tracer, slab)
+        return join_segments(
+            path,
+            colours,
+            tiles,
+            layout,
+            geometry=slab,
+            scene={"name": scene.name, "digest": scene_digest(scene)},
+            spec=store.spec,
+            content={"depth_m": list(near_far)} if near_far else None,
+            depth=DepthSegments(depths, codes, store.lattice, store.pixels, spec),
+        )
+
+
+def _size(layout: FrameLayout) -> tuple[int, int]:
+    return layout.frame_width, layout.frame_height
+
+
+def _traced(
+    tracer: Tracer,
+    slab: Slab,
+    store: DepthStore,
+    tile: Tile,
+    progress: Callable[[int, int], None] | None,
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """(elements, light, depth) of some whole frames of a tile at a time, in their order.
+
+    ``elements`` is (E, 2), ``light`` (E, inner, inner, 3) linear and ``depth`` (E, inner, inner).
+    """
+    layout, views = tile.layout, LATTICES[store.lattice](slab)
+    elements, done = tile.elements(), 0
+    by_views = layout.kind == "views"
+    order = elements[:, 1] * slab.views + elements[:, 0] if by_views else None
+    parts = []
+    for part, light, depth in traced_views(tracer, views, store.pixels, order=order):
+        done += len(light)
+        if progress:
+            progress(tile.column * slab.views + done, slab.views**2)
+        if by_views:
+            yield elements[part], light, depth
+        else:
+            parts.append((light, depth))
+    if not by_views:
+        light, depth = (np.concatenate(both) for both in zip(*parts, strict=True))
+        parts.clear()
+        u, v = elements.T
+        shape = (len(elements), slab.views, slab.views)
+        yield (
+            elements,
+            np.moveaxis(light[:, v, u], 0, 1).reshape(*shape, 3),
+            depth[:, v, u].T.reshape(shape),
+        )
+
+
+def _write_light(
+    writer: SegmentWriter, tile: Tile, elements: np.ndarray, light: np.ndarray
+) -> None:
+    layout = tile.layout
+    edge = ((0, 0), (0, layout.slot - layout.inner), (0, layout.slot - layout.inner), (0, 0))
+    shown = np.pad(srgb_encode(light), edge, mode="edge")
+    writer.write(frames_from_rgb(_in_frames(layout, tile, elements, shown), layout.pixel_format))
+
+
+def _write_depth(
+    writer: SegmentWriter, tile: Tile, elements: np.ndarray, depth: np.ndarray, codes: DepthCodes
+) -> None:
+    layout = replace(tile.layout, pixel_format=codes.pixel_format)
+    frames = _in_frames(layout, replace(tile, layout=layout), elements, codes.of_depth(depth))
+    writer.write(frames.reshape(len(frames), -1).view(np.uint8))
+
+
+def _in_frames(
+    layout: FrameLayout, tile: Tile, elements: np.ndarray, pictures: np.ndarray
+) -> np.ndarray:
+    """(F, height, width, ...) of the frames whose elements these are; what none covers is 0."""
+    at, x, y = tile.placement(elements).T[..., None, None]
+    first, side = at.min(), np.arange(layout.slot)
+    shape = (at.max() + 1 - first, layout.frame_height, layout.frame_width, *pictures.shape[3:])
+    frames = np.zeros(shape, pictures.dtype)
+    frames[at - first, y + side[:, None], x + side] = pictures
+    return frames

@@ -1,0 +1,162 @@
+"""Inverse depth beside the rays: its codes, and what a light field file says of their stream.
+
+A ray of known depth can be sliced by depth (:mod:`lfcore.refocus.depth_slicing`): on a plane it is
+spread over ``|delta' - 1 / z|`` times its part of the lens.  That is linear in inverse depth, so
+codes are even steps of it, and a quarter of a pixel of that sweep is as finely as it is held.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from lfcore.errors import StorageError
+from lfcore.optics.ray_cells import LATTICES, ViewSet
+from lfcore.optics.slab import Slab
+from lfcore.storage.codecs import LOSSLESS, CodecSpec
+from lfcore.storage.defaults import KEY_EVERY
+from lfcore.storage.pixels import GREY_FORMATS, PixelFormat
+
+SWEEP_PX = 0.25
+"""As finely as depth is held: the sweep of a view's part of the lens, in pixels of a view."""
+FINEST_CRF, COARSEST_CRF = 0.0, 40.0
+
+
+@dataclass(frozen=True)
+class DepthCodes:
+    """Codes of inverse depth, in even steps from ``far`` (code 0) to ``near`` (the last), 1/m.
+
+    Raises :class:`StorageError` for what is no range, or for a format that is not grey.
+    """
+
+    far: float
+    near: float
+    pixel_format: str = "gray"
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.far < self.near < math.inf:
+            raise StorageError(f"{[self.far, self.near]} is no range", key="depth.dioptres")
+        if not isinstance(self.pixel_format, str) or self.pixel_format not in GREY_FORMATS:
+            raise StorageError(f"unknown format {self.pixel_format!r}", key="depth.pixel_format")
+
+    @classmethod
+    def of_range(cls, slab: Slab, far: float, near: float) -> DepthCodes:
+        """Codes that hold sweeps of ``slab``'s views to :data:`SWEEP_PX`; 10 bits where need be."""
+        step = sweep_step(slab)
+        near = max(near, far + step)  # everything at one depth
+        return cls(far, near, "gray" if near - far <= 255 * step else "gray10le")
+
+    @property
+    def format(self) -> PixelFormat:
+        return GREY_FORMATS[self.pixel_format]
+
+    @property
+    def last(self) -> int:
+        return (1 << self.format.bits) - 1
+
+    def of_depth(self, depth: np.ndarray) -> np.ndarray:
+        """Codes of depths in metres, infinity for a miss; what lies outside is taken as the end."""
+        share = (1.0 / np.asarray(depth, np.float64) - self.far) / (self.near - self.far)
+        return np.rint(np.clip(share, 0, 1) * self.last).astype(self.format.dtype)
+
+    def depth(self, codes: np.ndarray) -> np.ndarray:
+        """float32 metres, infinity for 0 dioptres."""
+        return self._depths[codes]
+
+    @cached_property
+    def _depths(self) -> np.ndarray:
+        inverse = self.far + np.arange(self.last + 1) * ((self.near - self.far) / self.last)
+        with np.errstate(divide="ignore", over="ignore"):
+            return (1.0 / inverse).astype(np.float32)
+
+    def spec(self, slab: Slab, *, lossless: bool = False, threads: int = 1) -> CodecSpec:
+        """What to encode them with: H.264, or FFV1 where nothing may be lost.
+
+        Constant quantisers err by up to half their step: the step is twice :data:`SWEEP_PX`.  Of
+        H.264 it is 1 at quantiser 4 for 8 bits and doubles every 6.  Measured: finer steps cost
+        bits and bring nothing, coarser ones lose pictures (docs/notebook/true-picture.md).
+        """
+        if lossless:
+            return CodecSpec(LOSSLESS[0], self.pixel_format, preset=None, tune=None, gop=KEY_EVERY)
+        step = 2 * sweep_step(slab) / (self.near - self.far) * 255
+        crf = min(max(4 + 6 * math.log2(step), FINEST_CRF), COARSEST_CRF)
+        return CodecSpec(
+            pixel_format=self.pixel_format, crf=round(crf, 1), preset="medium", bframes=8,
+            gop=KEY_EVERY, threads=threads,
+        )  # fmt: skip
+
+
+def sweep_step(slab: Slab) -> float:
+    """Dioptres between which a view's part of the lens sweeps :data:`SWEEP_PX` pixels more."""
+    return SWEEP_PX * slab.pixel_pitch / slab.lens_pitch_m
+
+
+@dataclass(frozen=True)
+class StoredDepth:
+    """What the metadata say of the depth stream.
+
+    Attributes
+    ----------
+    codes : what its samples mean.
+    lattice : a key of :data:`lfcore.optics.ray_cells.LATTICES`: where the views' pixels lie.
+    pixels : side of the pictures that the rays are meant for.
+    codec, header_crc32, settings : as of the stream of colours.
+    segments : bytes and CRC-32 of each, which has the frames of the colours' segment.
+    """
+
+    codes: DepthCodes
+    lattice: str
+    pixels: int
+    codec: str
+    header_crc32: int
+    settings: dict
+    segments: tuple[tuple[int, int], ...]
+
+    def __post_init__(self) -> None:
+        if self.lattice not in LATTICES:
+            raise StorageError(f"unknown lattice {self.lattice!r}", key="depth.lattice")
+        if not (type(self.pixels) is int and 1 <= self.pixels <= 65536):
+            raise StorageError(f"pictures of {self.pixels!r} pixels", key="depth.pixels")
+
+    def views(self, slab: Slab) -> ViewSet:
+        """Where the rays of ``slab``, the file's own, run."""
+        return LATTICES[self.lattice](slab)
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "dioptres": [self.codes.far, self.codes.near],
+            "pixel_format": self.codes.pixel_format,
+            "lattice": self.lattice,
+            "pixels": self.pixels,
+            "codec": self.codec,
+            "header_crc32": self.header_crc32,
+            "settings": self.settings,
+            "segments": [list(part) for part in self.segments],
+        }
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> StoredDepth:
+        """Raises :class:`StorageError`, or of Python's own, for what it cannot be."""
+        if set(data) != set(KEYS):
+            raise StorageError(f"must have exactly the keys {sorted(KEYS)}", key="depth")
+        for key, kind in (("codec", str), ("header_crc32", int), ("settings", dict)):
+            if type(data[key]) is not kind:
+                raise StorageError(f"cannot be {data[key]!r}", key=f"depth.{key}")
+        far, near = data["dioptres"]
+        segments = tuple((size, crc) for size, crc in data["segments"])
+        if not all(type(n) is int and 0 <= n < 1 << 63 for part in segments for n in part):
+            raise StorageError("must be two whole numbers each", key="depth.segments")
+        return cls(
+            DepthCodes(float(far), float(near), data["pixel_format"]), data["lattice"],
+            data["pixels"], data["codec"], data["header_crc32"], data["settings"], segments,
+        )  # fmt: skip
+
+
+KEYS = (
+    "dioptres", "pixel_format", "lattice", "pixels", "codec", "header_crc32", "settings",
+    "segments",
+)  # fmt: skip

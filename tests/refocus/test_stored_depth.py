@@ -1,0 +1,170 @@
+"""Slicing by depth from files: the same pictures as on the fly, up to what the codec changed."""
+
+import itertools
+
+import numpy as np
+import pytest
+from plain_scenes import scene as plain_scene
+
+from lfcore.cli import main
+from lfcore.colour import srgb_codes
+from lfcore.errors import LfcoreError, OpticsError
+from lfcore.evaluation.metrics import psnr
+from lfcore.lightfield import LightField
+from lfcore.optics.camera import Camera
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.ray_cells import LATTICES
+from lfcore.optics.slab import Slab
+from lfcore.oracle.depth_slicing import slice_by_depth
+from lfcore.refocus.depth_slicing import BOUNDS_PX, DepthSlicer
+from lfcore.refocus.views import read_views
+from lfcore.rendering.by_depth import traced_views
+from lfcore.rendering.record_depth import DepthStore, record_by_depth
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.defaults import codec_spec
+from lfcore.storage.layout import FrameLayout
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+CAMERA = Camera(0.4, 0.3, 1.0, 4.0)
+SLAB = Slab(CAMERA, 3, 20)
+PIXELS = 10
+LOSSLESS = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
+PLANES = [
+    SensorPlane(2.5, 1.0, "square"),
+    SensorPlane(4.0, 1.4),
+    SensorPlane(9.0, 2.0, "polygon", keep_magnification=True),
+    SensorPlane(3.0, 4.0, normalise="lens"),
+]
+
+
+def patches(z, x0, x1, count, rng):
+    """A wall at depth z from x0 to x1, of triangles of any colours, in columns."""
+    edges = np.linspace(x0, x1, count + 1)
+    for a, b in itertools.pairwise(edges):
+        corners = [(a, -3, z), (b, -3, z), (b, 3, z), (a, 3, z)]
+        for three in ((0, 1, 2), (0, 2, 3)):
+            yield [corners[k] for k in three], rng.random((3, 3))
+
+
+@pytest.fixture(scope="module")
+def tracer():
+    """A rod before a wall, with sky beside it."""
+    rng = np.random.default_rng(3)
+    made = [*patches(3.0, -0.2, 0.1, 2, rng), *patches(8.0, -3.0, 2.0, 9, rng)]
+    triangles, colours = (np.array(each, np.float32) for each in zip(*made, strict=True))
+    scene = plain_scene(triangles, colours=colours, camera=CAMERA, ambient=(1.0, 1.0, 1.0))
+    return Tracer(scene, build_bvh(scene.triangles))
+
+
+def stored(path, tracer, kind, lattice="crossed", spec=LOSSLESS, slab=SLAB, pack=1):
+    layout = FrameLayout(kind, slab.views, slab.pixels, "serpentine", pack, spec.pixel_format)
+    record_by_depth(path, tracer, slab, DepthStore(layout, spec, lattice, PIXELS))
+    return LightField.open(path)
+
+
+def traced(tracer, lattice, slab=SLAB):
+    parts = list(traced_views(tracer, LATTICES[lattice](slab), PIXELS))
+    return (np.concatenate([part[k] for part in parts]) for k in (1, 2))
+
+
+@pytest.mark.parametrize("lattice", ["crossed", "plain"])
+def test_without_loss_the_store_gives_what_is_made_on_the_fly(tmp_path, tracer, lattice):
+    """Views and macropixels alike, to the last bit."""
+    light, depth = traced(tracer, lattice)
+    views, pictures = LATTICES[lattice](SLAB), []
+    for kind, pack in (("views", 1), ("views", 2), ("macropixels", 4)):
+        field = stored(tmp_path / f"{kind}{pack}.mkv", tracer, kind, lattice, pack=pack)
+        there = field.views(0, 0, 3, 3).reshape(light.shape)
+        np.testing.assert_array_equal(there, srgb_codes(light))
+        pictures.append(field.refocus_many(PLANES))
+        assert pictures[-1].shape == (4, PIXELS, PIXELS, 3)
+    codes = field.metadata.depth.codes
+    held = codes.depth(codes.of_depth(depth))
+    samples = np.stack(np.meshgrid(range(3), range(3)), -1).reshape(-1, 2)
+    decoded = read_views(field, samples)
+    slicer = DepthSlicer(views, PLANES, PIXELS)
+    slicer.add(slice(0, 9), decoded, held)
+    for picture in pictures:
+        np.testing.assert_array_equal(picture, slicer.pictures())
+        for plane, made in zip(PLANES, picture, strict=True):
+            right = slice_by_depth(
+                views, plane, decoded, held, PIXELS,
+                least_px=0.25, bounds_px=BOUNDS_PX, edge_steps=256,
+            )  # fmt: skip
+            if plane.normalise == "lens":
+                right *= (CAMERA.f_number / plane.f_number) ** 2 * np.pi / 4
+            # An edge within float32's rounding of the middle between two steps may go either way.
+            assert np.abs(made - right).max() < 2 / (256 * 0.25) / 9 + 2e-3 * right.max()
+
+
+def test_what_the_codec_loses_is_all_that_is_lost(tmp_path, tracer):
+    slab = Slab(CAMERA, 4, 48)
+    light, depth = traced(tracer, "crossed", slab)
+    slicer = DepthSlicer(LATTICES["crossed"](slab), PLANES, PIXELS)
+    slicer.add(slice(0, 16), light, depth)
+    worst = []
+    for crf in (34.0, 16.0):
+        spec = codec_spec(4, crf=crf, by_depth=True)
+        field = stored(tmp_path / f"{crf}.mkv", tracer, "views", spec=spec, slab=slab)
+        made = field.refocus_many(PLANES, pixels=PIXELS)
+        worst.append(min(psnr(a, b, peak=1) for a, b in zip(made, slicer.pictures(), strict=True)))
+    assert worst[1] > max(40, worst[0] + 3)
+
+
+def test_any_size_and_a_stack_from_one_file(tmp_path, tracer):
+    field = stored(tmp_path / "a.mkv", tracer, "views")
+    assert field.refocus(2.5).shape == (PIXELS, PIXELS, 3)
+    assert field.refocus(2.5, pixels=7, filter="depth").shape == (7, 7, 3)
+    stack = field.stack([2.5, 9.0], [1.0, 2.0], "square", pixels=13)
+    assert stack.shape == (4, 13, 13, 3)
+    np.testing.assert_array_equal(stack[3], field.refocus(9.0, 2.0, "square", pixels=13))
+    with pytest.raises(OpticsError, match="size: must be from 1"):
+        field.refocus(2.5, pixels=0)
+
+
+def test_displaced_views_serve_slicing_by_depth_alone(tmp_path, tracer):
+    """Nothing takes them for views of one grid, and says how to trace such."""
+    field = stored(tmp_path / "a.mkv", tracer, "views")
+    for wrong in (
+        lambda: field.refocus(2.5, filter="nearest"),
+        lambda: field.refocus(2.5, filter="bilinear"),
+        lambda: field.refocus(2.5, method="slicing"),
+        lambda: field.stack([2.5, 3.0], fast=True),
+        lambda: field.viewer(),
+        lambda: field.depth(tracer.scene),
+    ):
+        with pytest.raises(OpticsError, match=r"a.mkv: has views that are displaced.*lattice"):
+            wrong()
+    assert main(["export", str(field.path), "-o", str(tmp_path / "out"), "--format", "hci"]) == 1
+    plain = stored(tmp_path / "plain.mkv", tracer, "views", "plain")
+    assert plain.refocus(2.5, filter="nearest").shape == (20, 20, 3)
+    assert plain.refocus(2.5).shape == (PIXELS, PIXELS, 3)
+
+
+def test_a_file_without_depth_says_how_to_trace_one(tmp_path, capsys):
+    chart = str(main.__globals__["__file__"]).replace("lfcore/cli/__init__.py", "scenes/chart")
+    run = [str(tmp_path / name) for name in ("plain.mkv", "depth.mkv", "a.png", "b.png")]
+    assert main(["trace", chart, "--size", "16", "--views", "2", "-o", run[0]]) == 0
+    assert main(["refocus", run[0], "--filter", "depth", "-o", run[2]]) == 1
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert said.startswith(run[0]) and "holds no depth" in said and "--depth-stream" in said
+    assert main(["refocus", run[0], "--size", "8", "-o", run[2]]) == 1
+    assert "belong to the filter 'depth'" in capsys.readouterr().err
+    words = ["trace", chart, "--size", "16", "--depth-stream", "-o", run[1]]
+    assert main([*words, "--subpixels", "1.5"]) == 0
+    assert main(["info", run[1]]) == 0
+    said = capsys.readouterr().out
+    assert "24 x 24 pixels, 4 x 4 views" in said and "of the video" in said
+    assert "pictures of 16 x 16 pixels, views crossed" in said
+    assert main(["refocus", run[1], "--size", "20", "-o", run[2]]) == 0
+    assert main(["stack", run[1], "--sheet", "-o", run[3]]) == 0
+    assert main(["trace", chart, "--subpixels", "2", "-o", run[0]]) == 1
+    assert "belong to a depth stream" in capsys.readouterr().err
+
+
+def test_too_many_macropixels_are_refused(tmp_path, tracer, monkeypatch):
+    monkeypatch.setattr("lfcore.rendering.record_depth.MACROPIXEL_RAYS", 100)
+    with pytest.raises(LfcoreError, match="macropixels"):
+        stored(tmp_path / "a.mkv", tracer, "macropixels")
+    assert not list(tmp_path.iterdir())
