@@ -77,11 +77,11 @@ def facts(field: LightField) -> dict[str, str]:
     return found | _depth(field)
 
 
-def _depth(field) -> dict[str, str]:
+def _depth(field: LightField) -> dict[str, str]:
     """The stream of depths: what it holds, and its share of all bytes of video."""
-    if field.depth_video is None:
-        return {}
     depth, layout = field.metadata.depth, field.layout
+    if field.depth_video is None or depth is None:
+        return {}
     of_depth = sum(part.bytes for part in field.depth_video.metadata.segments)
     of_light = sum(part.bytes for part in field.metadata.segments)
     codes = depth.codes

@@ -15,6 +15,7 @@ from lfcore.refocus.stored_views import add_frames, frame_chunks
 from lfcore.refocus.views import read_views
 from lfcore.storage.lightfield import LightFieldFile
 
+Progress = Callable[[int, int], None] | None
 VIEWS_RAYS = 1 << 22
 """Rays of views that are sliced at a time."""
 MACROPIXEL_RAYS = 1 << 27
@@ -29,7 +30,7 @@ def slice_stored(
     pixels: int | None = None,
     *,
     device: Device | str | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = None,
 ) -> np.ndarray:
     """Pictures of a file that holds depth: (P, pixels, pixels, 3) float32, linear light.
 
@@ -66,19 +67,17 @@ def slice_stored(
     return np.concatenate(made)
 
 
-def _of_all(
-    progress: Callable[[int, int], None] | None, number: int, groups: int
-) -> Callable[[int, int], None] | None:
+def _of_all(progress: Progress, number: int, groups: int) -> Progress:
     if progress is None:
         return None
     return lambda done, of: progress(number * of + done, groups * of)
 
 
-def _add_views(field: LightFieldFile, slicer: DepthSlicer, progress) -> None:
+def _add_views(field: LightFieldFile, slicer: DepthSlicer, progress: Progress) -> None:
     add_frames(_Taker(field, slicer), field, progress)
 
 
-def _add_macropixels(field: LightFieldFile, slicer: DepthSlicer, progress) -> None:
+def _add_macropixels(field: LightFieldFile, slicer: DepthSlicer, progress: Progress) -> None:
     slab = field.require_slab()
     if slab.rays > MACROPIXEL_RAYS:
         raise OpticsError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import http.server
 import re
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -137,3 +138,13 @@ def test_a_host_that_does_not_answer_is_one_line(capsys):
         LightField.open("http://127.0.0.1:9/lf.mkv")
     assert main(["info", "nothing://host/lf.mkv"]) == 1
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_depths_are_read_by_url_too(tmp_path):
+    from lfcore.api import load_scene, record
+
+    scene = load_scene(Path(__file__).parents[2] / "scenes" / "chart")
+    local = record(scene, tmp_path / "a.mkv", pixels=16, depth_stream=True)
+    with Server(local.path) as server:
+        field = LightField.open(server.url)
+        np.testing.assert_array_equal(field.refocus(), local.refocus())
