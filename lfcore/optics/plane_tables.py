@@ -57,7 +57,7 @@ class PlaneTables:
 
 def lens_tables(
     slab: Slab,
-    planes: list[SensorPlane],
+    planes: Sequence[SensorPlane],
     corners: tuple[int, int, int, int],
     group: int,
     side: int,
@@ -101,7 +101,7 @@ def reached_region(
     return left, top, max(right - left, 0), max(bottom - top, 0)
 
 
-def view_tables(slab: Slab, planes: list[SensorPlane]) -> PlaneTables:
+def view_tables(slab: Slab, planes: Sequence[SensorPlane]) -> PlaneTables:
     """Tables for views: ``runs`` holds, per plane and lens column, the target of every pixel."""
     masks, which = distinct_masks(slab, planes)
     order = np.argsort(which, kind="stable")
@@ -113,7 +113,7 @@ def view_tables(slab: Slab, planes: list[SensorPlane]) -> PlaneTables:
     return PlaneTables(order, info, flat, masks, block_kinds(masks), 0, 0, slab.pixels, slab.pixels)
 
 
-def distinct_masks(slab: Slab, planes: list[SensorPlane]) -> tuple[np.ndarray, np.ndarray]:
+def distinct_masks(slab: Slab, planes: Sequence[SensorPlane]) -> tuple[np.ndarray, np.ndarray]:
     """(masks, N, N) uint8 0 / 255, no two alike, and for each plane which of them it uses."""
     found: dict[bytes, int] = {}
     openings: dict[Aperture, int] = {}

@@ -129,7 +129,7 @@ class _Lines:
         return cls(np.ascontiguousarray(coordinates), size, longest, float(_norm(centre)))
 
     def candidates(
-        self, some: np.ndarray, origins: np.ndarray, directions: np.ndarray, near: np.ndarray
+        self, some: slice, origins: np.ndarray, directions: np.ndarray, near: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """(ray, triangle of ``some``) pairs that may cross; no crossing pair is left out."""
         rays = np.concatenate([directions, np.cross(origins, directions)], axis=1)
@@ -142,7 +142,8 @@ class _Lines:
             value = rays @ edge.T
             positive &= value >= -tolerance
             negative &= value <= tolerance
-        return np.nonzero(positive | negative)
+        ray, tri = np.nonzero(positive | negative)
+        return ray, tri
 
 
 def _triple(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -171,7 +172,7 @@ def _measure(
         t = volume / determinant
         weights = np.roll(edges, -1, axis=0) / determinant
         doubtful = (np.abs(edges) <= errors).any(0) | ~(relative < DISTANCE_ERROR)
-    inside = (edges > 0).all(0) | (edges < 0).all(0)
+    inside = np.asarray((edges > 0).all(0) | (edges < 0).all(0))
     for i in np.flatnonzero(doubtful):
         inside[i], t[i], weights[:, i] = _exact(corners[i], origin[i], direction[i])
     size = _norm(direction)
@@ -195,7 +196,7 @@ def _exact(
     unit = max(denominator for _, denominator in ratios)
     numbers = [numerator * (unit // denominator) for numerator, denominator in ratios]
 
-    def triple(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    def triple(a: list[int], b: list[int], c: list[int]) -> int:
         return (
             a[0] * (b[1] * c[2] - b[2] * c[1])
             + a[1] * (b[2] * c[0] - b[0] * c[2])

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lfcore.oracle.crossings import ULP, crossings
+from lfcore.oracle.crossings import ULP, Crossings, crossings
 
 Solid = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(C,) bool of triangles (C,) and weights (C, 3): whether what crosses there is stopped."""
@@ -106,7 +106,7 @@ def closest_hits(
     return hits
 
 
-def _take_lowest(hits: Hits, found: np.ndarray, first: np.ndarray) -> None:
+def _take_lowest(hits: Hits, found: Crossings, first: np.ndarray) -> None:
     order = first[np.lexsort((found.triangle[first], found.ray[first]))]
     ray, at = np.unique(found.ray[order], return_index=True)
     chosen = order[at]
@@ -116,7 +116,7 @@ def _take_lowest(hits: Hits, found: np.ndarray, first: np.ndarray) -> None:
     hits.grazing[ray] = found.grazing[chosen]
 
 
-def _gaps(hits: Hits, found: np.ndarray, hit: np.ndarray) -> None:
+def _gaps(hits: Hits, found: Crossings, hit: np.ndarray) -> None:
     other = hit[found.triangle[hit] != hits.triangle[found.ray[hit]]]
     ray = found.ray[other]
     gap = np.abs(found.t[other] - hits.t[ray]) / hits.t[ray] / ULP

@@ -42,7 +42,7 @@ def form_plane(
 
 
 def _targets(
-    slab: Slab, plane: SensorPlane, sample, bilinear
+    slab: Slab, plane: SensorPlane, sample: int, bilinear: bool
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """(target, share) of the rays of pixels 0 .. M - 1 through one lens column (or row)."""
     centre = (slab.pixels - 1) / 2

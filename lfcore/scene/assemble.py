@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -157,7 +158,7 @@ def _materials(parts: list[Part]) -> tuple[list[Material], list[np.ndarray], lis
 
 
 def _material(surface: Surface, texture: int) -> Material:
-    def triple(colour):
+    def triple(colour: Any) -> tuple[float, float, float]:
         red, green, blue = (float(channel) for channel in colour)
         return red, green, blue
 

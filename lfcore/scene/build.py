@@ -6,6 +6,7 @@ import dataclasses
 import math
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,6 +29,10 @@ from lfcore.scene.reading import DESCRIPTIONS
 from lfcore.scene.staging import Staging, moved, staging_of
 from lfcore.scene.transforms import parse_transform
 from lfcore.scene.view import View, lightfield_view
+
+if TYPE_CHECKING:
+    from lfcore.scene.assemble import Geometry
+    from lfcore.scene.model import Motion
 
 PBRT = (".pbrt", ".pbrt.gz")
 
@@ -166,13 +171,15 @@ def _poses(entry: dict, file: Path, key: str) -> tuple[np.ndarray, np.ndarray]:
     return start, start @ move
 
 
-def _motions(geometry, parts: list[Part], moving: list[Moving], to_camera: np.ndarray):
+def _motions(
+    geometry: Geometry, parts: list[Part], moving: list[Moving], to_camera: np.ndarray
+) -> tuple[Motion, ...]:
     """Motions in camera space of parts in world space."""
     if not moving:
         return ()
     placed = [
-        (part.transformed(to_camera), tuple(to_camera @ pose for pose in poses))
-        for part, poses in moving
+        (part.transformed(to_camera), (to_camera @ start, to_camera @ end))
+        for part, (start, end) in moving
     ]
     return motions(geometry, transform_all(parts, to_camera), placed)
 
@@ -197,12 +204,12 @@ def _view(camera: dict, file: Path) -> View | None:
             wanted["cameras_per_dim"],
             wanted["camera_grid_bounds_m"],
             wanted["spacing"],
-            tuple(map(float, wanted["shutter"])),
+            (float(wanted["shutter"][0]), float(wanted["shutter"][1])),
             wanted["samples_per_pixel"],
         )
     except OpticsError as error:
         names = {"bounds": "camera_grid_bounds_m", "cameras": "cameras_per_dim"}
-        name = names.get(error.key, error.key)
+        name = names.get(error.key or "", error.key)
         raise SceneError(
             error.problem, file=file, key=f"{key}.{name}", remedy=error.remedy
         ) from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import functools
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -94,7 +95,7 @@ def _check_finite(value: Any, file: str | Path, key: str) -> None:
         raise SceneError(
             f"a number of {value.bit_length()} bits", file=file, key=key, remedy="Give a lesser one"
         )
-    items = value.items() if isinstance(value, dict) else ()
+    items: Iterable[tuple[object, object]] = value.items() if isinstance(value, dict) else ()
     if isinstance(value, list):
         items = enumerate(value)
     for name, item in items:

@@ -84,7 +84,9 @@ def emitter_points(
     return EmitterPoints(*(np.concatenate(both) for both in pair))
 
 
-def _as_sphere(triangles: np.ndarray, double, length) -> tuple[np.ndarray, float] | None:
+def _as_sphere(
+    triangles: np.ndarray, double: np.ndarray, length: np.ndarray
+) -> tuple[np.ndarray, float] | None:
     """Middle and radius of a closed sphere that glows outward; None of anything else."""
     if np.linalg.norm(double.sum(0)) > _FLAT * length.sum():
         return None
@@ -120,7 +122,9 @@ def _design(count: int) -> np.ndarray:
     return np.zeros((1, 3))
 
 
-def _spread(triangles: np.ndarray, double, length, count: int) -> EmitterPoints:
+def _spread(
+    triangles: np.ndarray, double: np.ndarray, length: np.ndarray, count: int
+) -> EmitterPoints:
     """Points of patches alike in area, place and direction, by Lloyd's algorithm."""
     from scipy.spatial import cKDTree  # slow to import, and few scenes glow
 
@@ -145,7 +149,9 @@ def _spread(triangles: np.ndarray, double, length, count: int) -> EmitterPoints:
     return EmitterPoints(points + LIFT * size * normals, normals, weights * total)
 
 
-def _samples(triangles: np.ndarray, length, number: int) -> tuple[np.ndarray, np.ndarray]:
+def _samples(
+    triangles: np.ndarray, length: np.ndarray, number: int
+) -> tuple[np.ndarray, np.ndarray]:
     """(number, 3) points spread evenly over the area, and their triangles (number,)."""
     cumulative = np.cumsum(length) / length.sum()
     shares = (np.arange(number) + 0.5) / number
@@ -175,7 +181,7 @@ def _balanced(points: np.ndarray, weights: np.ndarray, positions: np.ndarray) ->
     axes = np.linalg.svd(positions - middle, full_matrices=False)[2][:2]
     size = np.abs(positions - middle).max()
 
-    def moments(at):
+    def moments(at: np.ndarray) -> np.ndarray:
         x, y = axes @ (at - middle).T / size
         return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
 

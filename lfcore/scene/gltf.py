@@ -135,7 +135,9 @@ class Document:
             roots = list(range(len(nodes)))
         return list(self._below(roots, np.eye(4), nodes, frozenset()))
 
-    def _below(self, indices, matrix, nodes, above) -> Iterator[tuple[dict, np.ndarray]]:
+    def _below(
+        self, indices: Any, matrix: np.ndarray, nodes: list[Any], above: frozenset[int]
+    ) -> Iterator[tuple[dict, np.ndarray]]:
         for index in indices if isinstance(indices, list) else ():
             if not isinstance(index, int) or not 0 <= index < len(nodes) or index in above:
                 continue

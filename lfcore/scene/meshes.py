@@ -9,6 +9,8 @@ from __future__ import annotations
 import io
 import os
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -76,7 +78,7 @@ def load_mesh(
     return parts
 
 
-def _placed(scene, path: Path) -> list:
+def _placed(scene: Any, path: Path) -> list:
     """(matrix, geometry) of each node that has one."""
     try:
         nodes = [scene.graph[node] for node in scene.graph.nodes_geometry]
@@ -87,14 +89,14 @@ def _placed(scene, path: Path) -> list:
         ) from error
 
 
-def _with_strips(mesh, path: Path):
+def _with_strips(mesh: Any, path: Path) -> Any:
     try:
         return with_strips(mesh)
     except ValueError as error:
         raise SceneError(str(error), file=path, remedy="Export the mesh again") from None
 
 
-def _load(trimesh, path: Path, document: Document | None, notebook: Notebook):
+def _load(trimesh: ModuleType, path: Path, document: Document | None, notebook: Notebook) -> Any:
     from trimesh.resolvers import FilePathResolver
 
     class Resolver(FilePathResolver):
@@ -104,7 +106,7 @@ def _load(trimesh, path: Path, document: Document | None, notebook: Notebook):
             super().__init__(source, allow_anywhere)
             self.trouble: list[str] = []
 
-        def get(self, name: str):
+        def get(self, name: str) -> Any:
             try:
                 data = super().get(name)
             except (OSError, ValueError):
@@ -164,7 +166,7 @@ def _check_found(trouble: list[str], path: Path) -> None:
 
 
 def _part(
-    mesh, surface: Surface, uvs: np.ndarray | None, path: Path, shading: str, crease_deg: float
+    mesh: Any, surface: Surface, uvs: np.ndarray | None, path: Path, shading: str, crease_deg: float
 ) -> Part:
     vertices = np.asarray(mesh.vertices, np.float64)
     faces = np.asarray(mesh.faces, np.int64)
@@ -200,7 +202,7 @@ def _smoothed(triangles: np.ndarray, crease_deg: float) -> np.ndarray | None:
 
 
 def _surface(
-    visual, faces: np.ndarray, path: Path, gltf: GltfSurfaces | None
+    visual: Any, faces: np.ndarray, path: Path, gltf: GltfSurfaces | None
 ) -> tuple[Surface | None, np.ndarray | None]:
     """Surface and texture coordinates (T, 3, 2) of a mesh; no surface: it is wholly cut out."""
     from trimesh.visual.material import PBRMaterial, SimpleMaterial
@@ -247,7 +249,7 @@ def _texture_coordinates(uv: np.ndarray, faces: np.ndarray, path: Path) -> np.nd
     return uv[faces][..., :2]
 
 
-def _is_invented(material, path: Path) -> bool:
+def _is_invented(material: Any, path: Path) -> bool:
     """Whether trimesh made the material up, for texture coordinates that came without one.
 
     Its picture is 2 x 2 texels of (100, 100, 100); GLB files that it exported hold it, too.
@@ -256,10 +258,12 @@ def _is_invented(material, path: Path) -> bool:
     if getattr(image, "size", None) != (2, 2):
         return False
     texels = _image(image, path)
-    return bool((texels == 100).all()) and not getattr(material, "kwargs", None)
+    return (
+        texels is not None and bool((texels == 100).all()) and not getattr(material, "kwargs", None)
+    )
 
 
-def _surface_of_simple(material, path: Path) -> Surface:
+def _surface_of_simple(material: Any, path: Path) -> Surface:
     """OBJ's MTL: Kd, Ks, Ns and map_Kd; Kd and Ks are linear, and Ks needs an Ns to count."""
     given = {key.lower(): value for key, value in (material.kwargs or {}).items()}
     texture = _image(material.image, path)
@@ -283,7 +287,7 @@ def _surface_of_simple(material, path: Path) -> Surface:
     )
 
 
-def _mtl_numbers(value, key: str, path: Path) -> np.ndarray:
+def _mtl_numbers(value: Any, key: str, path: Path) -> np.ndarray:
     """(3,) of what stands behind a key of an MTL: a single number counts for all three."""
     try:
         numbers = np.ravel(np.asarray(value, np.float64))
@@ -299,7 +303,7 @@ def _mtl_numbers(value, key: str, path: Path) -> np.ndarray:
     return np.broadcast_to(numbers, 3)
 
 
-def _image(image, path: Path) -> np.ndarray | None:
+def _image(image: Any, path: Path) -> np.ndarray | None:
     if image is None:
         return None
     try:
@@ -310,7 +314,7 @@ def _image(image, path: Path) -> np.ndarray | None:
         ) from error
 
 
-def _colours(visual, faces: np.ndarray, path: Path) -> np.ndarray | None:
+def _colours(visual: Any, faces: np.ndarray, path: Path) -> np.ndarray | None:
     """(T, 3, 3) linear vertex or face colours, None when the file has none."""
     kind = getattr(visual, "kind", None)
     if kind == "vertex":
@@ -334,7 +338,7 @@ def _unit(values: np.ndarray) -> np.ndarray:
     return np.clip(values.astype(np.float64), 0, 1)
 
 
-def _triple(colour) -> Colour:
+def _triple(colour: Any) -> Colour:
     red, green, blue = np.clip(np.asarray(colour, np.float64), 0, 1).tolist()
     return red, green, blue
 

@@ -9,6 +9,8 @@ random.  A scene without lights is ambient light alone, which is exact: surfaces
 from __future__ import annotations
 
 import math
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +21,9 @@ from lfcore.scene.appearance import POINT
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 
+if TYPE_CHECKING:
+    from lfcore.scene.appearance import Light
+
 
 class Description:
     """Turns a scene and a camera into Mitsuba's dictionary.
@@ -28,7 +33,7 @@ class Description:
     ``leave_out_ambient``.
     """
 
-    def __init__(self, mitsuba, scene: Scene, *, leave_out_ambient: bool = False):
+    def __init__(self, mitsuba: ModuleType, scene: Scene, *, leave_out_ambient: bool = False):
         self.mitsuba, self._scene = mitsuba, scene
         self._glows = not any(any(light.colour) for light in scene.lights)
         if len(scene.colours):
@@ -81,7 +86,7 @@ class Description:
             },
         }
 
-    def _light(self, light) -> dict:
+    def _light(self, light: Light) -> dict:
         # A diffuse surface of ours returns its colour times the irradiance, without 1/pi.
         colour = [math.pi * c for c in light.colour]
         if light.kind == POINT:
@@ -92,7 +97,7 @@ class Description:
         direction = [-c for c in light.vector]
         return {"type": "directional", "direction": direction, "irradiance": value}
 
-    def _mesh(self, material: int):
+    def _mesh(self, material: int) -> Any:
         scene, mitsuba = self._scene, self.mitsuba
         which = np.flatnonzero(scene.material_ids == material)
         if not len(which):

@@ -20,7 +20,9 @@ Moving = tuple[Part, tuple[np.ndarray, np.ndarray]]
 """A part in its first pose, and its object's first and last (4, 4) poses in camera space."""
 
 
-def motions(geometry: Geometry, static: Sequence[Part], moving: Sequence[Moving]):
+def motions(
+    geometry: Geometry, static: Sequence[Part], moving: Sequence[Moving]
+) -> tuple[Motion, ...]:
     """The moving parts among the triangles that were kept.
 
     ``geometry`` is what the static parts and then the moving ones were assembled into, all of

@@ -6,6 +6,7 @@ import os
 import stat
 import zlib
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -64,7 +65,7 @@ def read_bytes(path: str | Path, most: int, what: str = "file") -> bytes:
 _NO_WAIT = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 
-def _unpacked(stream, path: Path, most: int, what: str) -> bytes:
+def _unpacked(stream: Any, path: Path, most: int, what: str) -> bytes:
     made = bytearray()
     unpack = zlib.decompressobj(wbits=31)
     try:
@@ -99,7 +100,7 @@ def _too_large(path: Path, most: int, what: str) -> SceneError:
     )
 
 
-def read_yaml(path: str | Path, what: str = "scene file"):
+def read_yaml(path: str | Path, what: str = "scene file") -> Any:
     """What a YAML file says, plain lists, dictionaries and scalars.
 
     Raises
@@ -149,7 +150,7 @@ class _Loader(yaml.SafeLoader):
 
     depth = 0
 
-    def compose_node(self, parent, index):
+    def compose_node(self, parent: Any, index: Any) -> Any:
         self.depth += 1
         if self.depth > DEEPEST_YAML:
             raise _TooDeep(self.peek_event().start_mark.line + 1)

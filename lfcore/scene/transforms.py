@@ -94,8 +94,8 @@ def look_at(
 
     Raises :class:`SceneError` when position and target coincide or ``up`` is along the view.
     """
-    position = np.asarray(position, np.float64)
-    forward = np.asarray(target, np.float64) - position
+    centre = np.asarray(position, np.float64)
+    forward = np.asarray(target, np.float64) - centre
     if not np.linalg.norm(forward) > 0:
         raise SceneError(
             "position_m and look_at_m coincide", file=file, key=key, remedy="Move one of them"
@@ -110,7 +110,7 @@ def look_at(
             remedy="Give another up, for example [0, 0, 1] when looking down",
         )
     right /= np.linalg.norm(right)
-    return rigid_to_camera(np.stack([right, np.cross(forward, right), forward]), position)
+    return rigid_to_camera(np.stack([right, np.cross(forward, right), forward]), centre)
 
 
 def rigid_to_camera(rows: np.ndarray, position: np.ndarray) -> np.ndarray:

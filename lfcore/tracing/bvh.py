@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +26,9 @@ from lfcore.files import whole_file
 from lfcore.tracing.bvh_binary import build_binary
 from lfcore.tracing.bvh_tree import Bvh, shape_problem
 from lfcore.tracing.bvh_wide import FAR, UNUSED, WIDTH, collapse
+
+if TYPE_CHECKING:
+    from lfcore.tracing.bvh_binary import BinaryTree
 
 LEAF_LANES = 16
 # Boxes beyond the sentinel of an unused child would be taken for one.
@@ -102,7 +106,7 @@ def _empty() -> Bvh:
     )
 
 
-def _leaf_ids(tree, leaves: np.ndarray) -> np.ndarray:
+def _leaf_ids(tree: BinaryTree, leaves: np.ndarray) -> np.ndarray:
     """(L, 16) int32 triangle numbers, ascending in each leaf, -1 padding last."""
     lane = np.arange(LEAF_LANES)
     start, count = tree.start[leaves, None], tree.count[leaves, None]

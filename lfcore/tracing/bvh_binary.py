@@ -51,7 +51,8 @@ def build_binary(
     goes_right = np.zeros(total, np.int32)
 
     start, count = np.array([0]), np.array([total])
-    lefts, starts, counts, levels, done = [], [start], [count], [0, 1], 0
+    lefts: list[np.ndarray] = []
+    starts, counts, levels, done = [start], [count], [0, 1], 0
     while len(start):
         cut, axis, k = _decide(boxes, centroids, order, start, count, leaf_size, len(lefts))
         left = np.full(len(start), -1)
@@ -111,8 +112,8 @@ def _decide(
     start: np.ndarray,
     count: np.ndarray,
     leaf_size: int,
-    depth,
-):
+    depth: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Which nodes to cut (indices), and how (axis, k): the rest become leaves."""
     several = np.flatnonzero(count > 1)
     start, count = start[several], count[several]
@@ -176,7 +177,7 @@ def _partition(
 
 
 def _bounds(
-    boxes: np.ndarray, order: np.ndarray, left: np.ndarray, start: np.ndarray, levels
+    boxes: np.ndarray, order: np.ndarray, left: np.ndarray, start: np.ndarray, levels: list[int]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Exact float32 bounds of all nodes, leaves first and then upwards."""
     leaves = np.flatnonzero(left < 0)

@@ -144,13 +144,13 @@ def _cheapest(
 
 
 def _sweep(
-    cuts,
-    rows,
+    cuts: Cuts,
+    rows: np.ndarray,
     boxes: np.ndarray,
     order: np.ndarray,
     start: np.ndarray,
     count: np.ndarray,
-    width,
+    width: int,
     leaf_size: int,
 ) -> None:
     """Exact: every cut between neighbours in the three orders, nodes padded to ``width``."""
@@ -178,8 +178,8 @@ def ranges(start: np.ndarray, count: np.ndarray) -> np.ndarray:
 
 
 def _bin(
-    cuts,
-    rows,
+    cuts: Cuts,
+    rows: np.ndarray,
     boxes: np.ndarray,
     centroids: np.ndarray,
     order: np.ndarray,

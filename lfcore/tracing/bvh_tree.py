@@ -105,7 +105,8 @@ def shape_problem(bvh: Bvh) -> str | None:
 
 def depths(bvh: Bvh) -> list[np.ndarray]:
     """Wide nodes by level, from the root on."""
-    levels, nodes = [], np.array([0])
+    levels: list[np.ndarray] = []
+    nodes = np.array([0])
     while len(nodes):
         if sum(map(len, levels)) > len(bvh.children):
             raise SceneError("the nodes of the BVH form a circle")

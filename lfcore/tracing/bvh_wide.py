@@ -72,7 +72,9 @@ def _half_areas(tree: BinaryTree) -> np.ndarray:
     return extent[:, 0] * extent[:, 1] + (extent[:, 0] + extent[:, 1]) * extent[:, 2]
 
 
-def _choices(tree, leaf_size: int, leaf_cost) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _choices(
+    tree: BinaryTree, leaf_size: int, leaf_cost: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What the optimum does at each node.
 
     Returns ``as_leaf`` (n,): with one slot, be a leaf and not a wide node; ``given``
@@ -145,13 +147,17 @@ def _least_costs(
     return costs
 
 
-def _root_slots(tree, as_leaf: np.ndarray, given: np.ndarray, used_slots: np.ndarray) -> np.ndarray:
+def _root_slots(
+    tree: BinaryTree, as_leaf: np.ndarray, given: np.ndarray, used_slots: np.ndarray
+) -> np.ndarray:
     if as_leaf[0]:
         return np.array([[0] + [-1] * (WIDTH - 1)])
     return _distribute(tree, given, used_slots, np.array([0]))
 
 
-def _distribute(tree, given: np.ndarray, used_slots: np.ndarray, roots: np.ndarray) -> np.ndarray:
+def _distribute(
+    tree: BinaryTree, given: np.ndarray, used_slots: np.ndarray, roots: np.ndarray
+) -> np.ndarray:
     """(W, 16) binary nodes that become the children of wide nodes ``roots``; -1 unused."""
     slots = np.full((len(roots), WIDTH), -1)
     filled = np.zeros(len(roots), np.int64)

@@ -99,4 +99,5 @@ class Groups:
             return cls(members, bundles.elements)
         corners = np.stack([key & 0xFFFFFFFF, key >> 32], axis=1) * size
         corners = corners[:, None] + np.stack([np.zeros(tall), np.arange(tall) * group], axis=1)
+        assert bundles.lattice is not None  # without one no block spans elements
         return cls(members, bundles.lattice.middles(corners.reshape(-1, 2) + (group - 1) / 2))

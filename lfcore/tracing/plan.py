@@ -33,8 +33,8 @@ def leaves_a_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1) -> fl
     blocks = -(-size // inner)
     half = ((np.minimum(size, inner) - 1) / 2).astype(np.float32)
     among = 0.0
-    if outer > 1:
-        lattice = bundles.lattice
+    lattice = bundles.lattice
+    if outer > 1 and lattice is not None:
         among = (outer - 1) / 2 * np.abs(lattice.origin + depths * lattice.direction)
     chosen, count = probed_elements(bundles), 0
     for number, element in enumerate(chosen):
@@ -63,6 +63,7 @@ def probed_blocks(bundles: Bundles, outer: int) -> tuple[np.ndarray, np.ndarray]
     (B, 256, 3) float32 each; PLACES blocks about each element, spread over the inner grid: the
     same for equal bundles.
     """
+    assert bundles.lattice is not None
     inner = BLOCK // outer
     number = np.arange(len(bundles.elements) * PLACES)
     down, across = -(-bundles.rows // inner), -(-bundles.columns // inner)

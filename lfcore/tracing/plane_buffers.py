@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,11 +17,11 @@ from lfcore.optics.slab import Slab
 from lfcore.tracing.packets import BLOCK, PacketShape
 
 if TYPE_CHECKING:
-    from lfcore.storage.layout import Tile
+    from lfcore.tracing.tile import Tile
 
 
 def plane_tables(
-    slab: Slab, planes: list[SensorPlane], tile: Tile, shape: PacketShape
+    slab: Slab, planes: Sequence[SensorPlane], tile: Tile, shape: PacketShape
 ) -> PlaneTables:
     """Tables for the kernels that add rays packet by packet, of ``shape``, or view by view."""
     if tile.layout.kind == "views":

@@ -21,9 +21,10 @@ class ClosestHits:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         scene, device, count = self.scene, self.scene.device, len(origins)
         triangle, distance = np.empty(count, np.int32), np.empty(count, np.float32)
-        outputs = [triangle, distance, np.empty((count, 3), np.float32)]
+        barycentric = np.empty((count, 3), np.float32)
+        outputs = triangle, distance, barycentric
         if not count:
-            return tuple(outputs)
+            return outputs
         buffers = [device.empty(a.nbytes) for a in outputs]
         self.kernel(
             scene.workers(count),
@@ -36,4 +37,4 @@ class ClosestHits:
         )
         for array, buffer in zip(outputs, buffers, strict=True):
             cl.enqueue_copy(device.queue, array, buffer)
-        return tuple(outputs)
+        return outputs

@@ -37,7 +37,7 @@ def seen(triangles: np.ndarray, camera: Camera) -> np.ndarray:
     for axis in (0, 1):
         x = triangles[..., axis].astype(np.float64)
         out |= (x > reach).all(1) | (x < -reach).all(1)
-    return ~out
+    return np.asarray(~out)
 
 
 def _half_width(z: np.ndarray, camera: Camera) -> np.ndarray:
@@ -223,7 +223,7 @@ def _alive(children: np.ndarray, leaves: np.ndarray) -> np.ndarray:
     """(K,) bool: nodes below which a triangle is left; from the leaves up, a level a turn."""
     nodes = np.zeros(len(children), bool)
     while True:
-        found = _alive_lanes(children, leaves, nodes).any(1)
+        found = np.asarray(_alive_lanes(children, leaves, nodes).any(1))
         if (found == nodes).all():
             return nodes
         nodes = found

@@ -237,6 +237,6 @@ class _FrameHost:
         """(count, frame_bytes) uint8 of what was written; waits for the queue."""
         shape = (count, self.size)
         view, _ = cl.enqueue_map_buffer(
-            self.device.queue, self.buffer, cl.map_flags.READ, 0, shape, np.uint8
+            self.device.queue, self.buffer, cl.map_flags.READ, 0, shape, np.dtype(np.uint8)
         )
         return view
