@@ -6,24 +6,30 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import av
+import numpy as np
 
 from lfcore import __version__
 from lfcore.errors import StorageError
 from lfcore.files import WholeFile, whole_file
 from lfcore.optics.slab import Slab
+from lfcore.storage.batch import Batch, batch_tag, read_batch
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.decoding import FRAME_RATE, ticks_per_frame
 from lfcore.storage.depth_stream import DepthCodes, StoredDepth
+from lfcore.storage.index import SegmentIndex
 from lfcore.storage.layout import FrameLayout, Tile
-from lfcore.storage.metadata import TAG, Metadata, Segment
-from lfcore.storage.segment import SegmentInfo, SegmentReader, named_errors
+from lfcore.storage.metadata import TAG, Metadata
+from lfcore.storage.segment import SegmentInfo, named_errors
 
 FRAME_MS = 1000 // FRAME_RATE
 """Milliseconds, Matroska's unit of time, from one frame to the next; exact."""
+LONGEST_TAG = 1 << 24
+"""Bytes of a text in a Matroska file that FFmpeg reads."""
 
 # Timestamps stay as they are; no random identifiers, so that the same input gives the same file.
 MUXER_OPTIONS = {"avoid_negative_ts": "disabled", "fflags": "bitexact"}
@@ -42,10 +48,11 @@ def join_segments(
     depth: DepthSegments | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Metadata:
-    """Write the light field file ``path`` from one segment file a tile, in the order of tiles.
+    """Write the light field file ``path`` from one segment a tile, in the order of tiles.
 
     Parameters
     ----------
+    segments : files of segments, and batches of several (:func:`write_batch`).
     geometry : the slab, or a JSON object that describes a camera array.
     scene : JSON object with at least ``name`` and ``digest``.
     spec : what the segments were encoded with, to be recorded.
@@ -53,42 +60,61 @@ def join_segments(
     depth : of inverse depths, a second stream.
     progress : called with (segments done, of all).
 
-    Memory does not grow with the number or length of segments.  Raises :class:`StorageError`,
-    with the file's name, when a segment is missing, damaged, of another size, length or encoding
-    than the others, and when the result cannot be written; no file is left then.
+    Memory grows by a few numbers a segment, and not with their length.  Raises
+    :class:`StorageError`, with the file's name, when a segment is missing, damaged, of another
+    size, length or encoding than the others, and when the result cannot be written; no file is
+    left then.
     """
-    path, files = Path(path), [Path(segment) for segment in segments]
-    colours = _Stream.of(path, files, tiles, layout)
-    streams = [colours]
+    path = Path(path)
+    streams = [_Stream.of(path, segments, tiles, layout)]
     if depth:
         streams.append(_Stream.of(path, depth.segments, tiles, layout, depth.codes))
-    parts: list[Segment] = []
-    for tile, info in zip(tiles, colours.infos, strict=True):
-        first = parts[-1].stop if parts else 0
-        parts.append(Segment(len(parts), tile, first, info.frames, info.bytes, info.crc32))
+    colours = streams[0]
+    numbers = np.empty((len(tiles), 8), np.int64)
+    first = 0
+    for place, (info, tile) in enumerate(zip(colours.infos, tiles, strict=True)):
+        numbers[place] = [*tile.to_json(), first, info.frames, info.bytes, info.crc32]
+        first += info.frames
     metadata = Metadata(
         geometry="slab" if isinstance(geometry, Slab) else "array",
         slab=geometry if isinstance(geometry, Slab) else None,
         array=None if isinstance(geometry, Slab) else geometry,
         layout=layout,
-        codec=colours.readers[0].codec,
+        codec=colours.infos[0].codec,
         header_crc32=zlib.crc32(colours.header),
         settings=spec.to_json() if spec else {},
         scene=scene,
-        segments=tuple(parts),
+        segments=SegmentIndex(layout, numbers),
         software=f"lfcore {__version__}",
         content=content or {},
         depth=depth.described(streams[1]) if depth else None,
     )
     metadata.check()
-    with whole_file(path) as file, named_errors(path, "joining segments"):
-        _mux(file, streams, metadata, progress or (lambda done, total: None))
+    text = metadata.to_text()
+    if len(text) >= LONGEST_TAG:
+        raise StorageError(
+            f"{len(tiles)} segments need an index of {len(text)} bytes; {LONGEST_TAG} can be read",
+            file=path,
+            remedy="Cut the light field into larger tiles: raise tile_mib",
+        )
+    _write(path, streams, {TAG: text}, progress)
     return metadata
+
+
+def write_batch(path: str | Path, segments: Sequence[str | Path]) -> None:
+    """Write several segments of one encoding, one after the other, into the one file ``path``.
+
+    A batch stands for its segments wherever these are joined.  Raises as :func:`join_segments`.
+    """
+    stream = _Stream([read_batch(segment) for segment in segments])
+    for one in stream.batches:
+        _check_encoding(one, stream.batches[0])
+    _write(Path(path), [stream], batch_tag(stream.infos))
 
 
 @dataclass(frozen=True)
 class DepthSegments:
-    """Inverse depths to be joined: one segment file a tile, and what they hold.
+    """Inverse depths to be joined: one segment a tile, and what they hold.
 
     ``lattice`` and ``pixels`` are those of :class:`StoredDepth`; ``spec`` is what the segments
     were encoded with.
@@ -103,7 +129,7 @@ class DepthSegments:
     def described(self, stream: _Stream) -> StoredDepth:
         """What the metadata say of them."""
         return StoredDepth(
-            self.codes, self.lattice, self.pixels, stream.readers[0].codec,
+            self.codes, self.lattice, self.pixels, stream.infos[0].codec,
             zlib.crc32(stream.header), self.spec.to_json(),
             tuple((info.bytes, info.crc32) for info in stream.infos),
         )  # fmt: skip
@@ -111,109 +137,120 @@ class DepthSegments:
 
 @dataclass(frozen=True)
 class _Stream:
-    """The segments of one video stream, checked."""
+    """The segments of one video stream, in files of one or several."""
 
-    readers: list[SegmentReader]
-    infos: list[SegmentInfo]
-    header: bytes
+    batches: list[Batch]
 
     @classmethod
     def of(
         cls,
         path: Path,
-        files: Sequence[Path],
+        files: Sequence[str | Path],
         tiles: Sequence[Tile],
         layout: FrameLayout,
         codes: DepthCodes | None = None,
     ) -> _Stream:
         """Raises :class:`StorageError` unless the files are the videos of the tiles."""
-        if len(files) != len(tiles) or not files:
-            raise StorageError(f"{len(files)} segments for {len(tiles)} tiles", file=path)
         if codes:
             layout = replace(layout, pixel_format=codes.pixel_format)
-        readers = [SegmentReader(file, grey=codes is not None) for file in files]
-        header, infos = _header(readers[0]), []
-        for reader, tile in zip(readers, tiles, strict=True):
-            infos.append(reader.info())
-            _check(reader, infos[-1], tile, layout, header, readers[0].codec)
-        return cls(readers, infos, header)
+        found = cls([read_batch(file, grey=codes is not None) for file in files])
+        if len(found.infos) != len(tiles) or not files:
+            raise StorageError(f"{len(found.infos)} segments for {len(tiles)} tiles", file=path)
+        whose = (batch for batch in found.batches for _ in batch.infos)
+        for batch, info, tile in zip(whose, found.infos, tiles, strict=True):
+            _check(batch, info, tile, layout, found.batches[0])
+        return found
+
+    @cached_property
+    def infos(self) -> list[SegmentInfo]:
+        return [info for batch in self.batches for info in batch.infos]
 
     @property
-    def reorder(self) -> int:
-        return max(info.reorder for info in self.infos)
+    def header(self) -> bytes:
+        return self.batches[0].header
+
+    def segments(self, made: Any) -> Iterator[Iterator[av.Packet]]:
+        """The packets of each segment in turn, with their times in the whole file."""
+        reorder = max(info.reorder for info in self.infos)
+        first = 0
+        for batch in self.batches:
+            place = first
+            for info, packets in zip(batch.infos, batch.segments(), strict=True):
+                yield _timed(packets, first, place - reorder, made)
+                place += info.frames
+            first = place
 
 
-def _header(reader: SegmentReader) -> bytes:
-    """The codec's global header: parameter sets that are common to all segments."""
-    with reader.open() as container:
-        return container.streams.video[0].codec_context.extradata or b""
-
-
-def _check(
-    reader: SegmentReader,
-    info: SegmentInfo,
-    tile: Tile,
-    layout: FrameLayout,
-    header: bytes,
-    codec: str,
-) -> None:
+def _check(batch: Batch, info: SegmentInfo, tile: Tile, layout: FrameLayout, first: Batch) -> None:
     """Raise :class:`StorageError` unless the segment is the video of the tile."""
     expected = (layout.frame_width, layout.frame_height, layout.pixel_format)
     if (info.width, info.height, info.pixel_format) != expected:
         raise StorageError(
             f"has frames of {info.width} x {info.height} {info.pixel_format}; the layout needs "
             "{} x {} {}".format(*expected),
-            file=reader.path,
+            file=batch.path,
         )
     if info.frames != tile.frame_count:
         raise StorageError(
             f"has {info.frames} frames; tile {tile.index} needs {tile.frame_count}",
-            file=reader.path,
+            file=batch.path,
             remedy="Encode this tile again",
         )
-    if reader.codec != codec or _header(reader) != header:
+    _check_encoding(batch, first)
+
+
+def _check_encoding(batch: Batch, first: Batch) -> None:
+    if (batch.infos[0].codec, batch.header) != (first.infos[0].codec, first.header):
         raise StorageError(
             "was encoded with other settings than the first segment",
-            file=reader.path,
+            file=batch.path,
             remedy="Encode all tiles with the same settings",
         )
+
+
+def _write(
+    path: Path,
+    streams: list[_Stream],
+    tags: dict[str, str],
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    with whole_file(path) as file, named_errors(path, "joining segments"):
+        _mux(file, streams, tags, progress or (lambda done, total: None))
 
 
 def _mux(
     file: WholeFile,
     streams: list[_Stream],
-    metadata: Metadata,
+    tags: dict[str, str],
     progress: Callable[[int, int], None],
 ) -> None:
     output = av.open(file, "w", format="matroska", options=MUXER_OPTIONS)
     written = []
     for stream in streams:
-        with stream.readers[0].open() as template:
+        with stream.batches[0].open() as template:
             # opaque: by codec parameters; else FFmpeg looks for an encoder of the decoder's name.
             made = output.add_stream_from_template(template.streams.video[0], opaque=True)
         made.time_base = Fraction(1, 1000)
         written.append(made)
-    output.metadata[TAG] = metadata.to_text()
-    for part in metadata.segments:
-        runs = [_packets(stream, part, made) for stream, made in zip(streams, written, strict=True)]
+    output.metadata.update(tags)
+    runs = [stream.segments(made) for stream, made in zip(streams, written, strict=True)]
+    for done, segments in enumerate(zip(*runs, strict=True), 1):
         # Frame by frame in turn: the muxer holds back what comes before its time.
-        for packets in zip(*runs, strict=True):
+        for packets in zip(*segments, strict=True):
             for packet in packets:
                 output.mux_one(packet)
-        progress(part.index + 1, len(metadata.segments))
+        progress(done, len(streams[0].infos))
     output.close()
 
 
-def _packets(stream: _Stream, part: Segment, made: Any) -> Iterator[av.Packet]:
-    """The packets of one segment, with their times in the whole file."""
-    reader, crc, ticks = stream.readers[part.index], 0, 0
-    for place, packet in enumerate(reader.packets(), part.first):
-        crc = zlib.crc32(packet, crc)
-        # In the segment's own unit of time; the muxer goes over to milliseconds, exactly.
-        ticks = ticks or ticks_per_frame(packet.time_base)
-        packet.pts = (packet.pts or 0) + part.first * ticks
-        packet.dts, packet.duration = (place - stream.reorder) * ticks, ticks
+def _timed(
+    packets: Iterator[av.Packet], first: int, decoded: int, made: Any
+) -> Iterator[av.Packet]:
+    """Packets of a file whose frame 0 is ``first`` of the whole, decoded from ``decoded`` on."""
+    for place, packet in enumerate(packets, decoded):
+        # In the file's own unit of time; the muxer goes over to milliseconds, exactly.
+        ticks = ticks_per_frame(packet.time_base)
+        packet.pts = (packet.pts or 0) + first * ticks
+        packet.dts, packet.duration = place * ticks, ticks
         packet.stream = made
         yield packet
-    if crc != stream.infos[part.index].crc32:
-        raise StorageError("changed while it was read", file=reader.path)

@@ -7,6 +7,7 @@ are checked, so that a flipped bit is found wherever it is.
 
 from __future__ import annotations
 
+import io
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -35,6 +36,7 @@ HEAD_VALUES = {
     0x4285: b"\2",  # version needed to read it
 }
 CUE_POINT, CUE_TIME = 0xBB, 0xB3
+SEEK, SEEK_POSITION = 0x4DBB, 0x53AC
 BLOCK_BYTES = 1 << 20
 
 
@@ -77,8 +79,9 @@ def scan(
 ) -> Structure:
     """Walk over the elements of level 1 and check those that are not video; all with ``clusters``.
 
-    ``progress(done, total)`` counts bytes.  Raises :class:`StorageError` when the file cannot be
-    read or is no Matroska file.
+    Without ``clusters``, the walk goes from the first cluster of video to the next element that
+    the SeekHead knows, however many clusters lie between.  ``progress(done, total)`` counts bytes.
+    Raises :class:`StorageError` when the file cannot be read or is no Matroska file.
     """
     try:
         with path.open("rb") as file:
@@ -92,7 +95,8 @@ def _scan(
     file: BinaryIO, path: Path, size: int, clusters: bool, progress: Callable[[int, int], None]
 ) -> Structure:
     found = Structure(size)
-    position = _head(file, path, found)
+    position = begin = _head(file, path, found)
+    known: list[int] = []
     while position < size:
         element = _element(file, position)
         if element is None or element.name not in NAMES.values():
@@ -106,7 +110,11 @@ def _scan(
             found.faults.append(f"the {element.name} at byte {position} is damaged")
         elif element.name == "Cues":
             found.keys = sorted(_cue_times(file, element))
+        elif element.name == "SeekHead":
+            known += [begin + offset for offset in _seek_positions(file, element)]
         position = element.stop
+        if element.name == "Cluster" and not clusters:
+            position = min((one for one in known if position < one < size), default=position)
         progress(position, size)
     bare = [one for one in found.elements if not one.summed and one.name != "Void"]
     if len(bare) < sum(one.name != "Void" for one in found.elements):
@@ -205,9 +213,21 @@ def _intact(file: BinaryIO, element: Element) -> bool | None:
     return crc == expected
 
 
-def _cue_times(file: BinaryIO, cues: Element) -> Iterator[int]:
-    for identity, start, stop in _children(file, cues.start, cues.stop):
-        if identity == CUE_POINT:
+def _seek_positions(file: BinaryIO, head: Element) -> Iterator[int]:
+    """Where the elements of a SeekHead are, from the beginning of the Segment's content."""
+    for identity, start, stop in _children(file, head.start, head.stop):
+        if identity == SEEK:
             for inner, first, last in _children(file, start, stop):
-                if inner == CUE_TIME:
+                if inner == SEEK_POSITION and last - first <= 8:
                     yield int.from_bytes(file_range(file, first, last), "big")
+
+
+def _cue_times(file: BinaryIO, cues: Element) -> Iterator[int]:
+    """Times of a Cues element that is whole; there may be as many as segments, so from memory."""
+    memory = io.BytesIO(file_range(file, cues.start, cues.stop))
+    for identity, start, stop in _children(memory, 0, cues.stop - cues.start):
+        if identity == CUE_POINT:
+            for inner, first, last in _children(memory, start, stop):
+                if inner == CUE_TIME:
+                    yield int.from_bytes(file_range(memory, first, last), "big")
+                    break

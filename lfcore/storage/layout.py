@@ -223,15 +223,6 @@ class Tile:
         out[:, 1:] = slot * np.int32(self.layout.slot)
         return out
 
-    def overlaps(self, column0: int, row0: int, column1: int, row1: int) -> bool:
-        """Whether the half-open rectangle of outer coordinates meets the tile."""
-        return (
-            column0 < self.column + self.columns
-            and self.column < column1
-            and row0 < self.row + self.rows
-            and self.row < row1
-        )
-
     def to_json(self) -> list[int]:
         return [self.column, self.row, self.columns, self.rows]
 

@@ -5,7 +5,7 @@ The file alone is enough: geometry, layout and an index of segments are in its m
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,8 +16,8 @@ from lfcore.errors import OpticsError, StorageError
 from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Extent, Slab
 from lfcore.storage.depth_stream import StoredDepth
+from lfcore.storage.index import Segment
 from lfcore.storage.layout import FrameLayout
-from lfcore.storage.metadata import Segment
 from lfcore.storage.pixels import pixel_format
 from lfcore.storage.stored_video import Damage, StoredVideo
 from lfcore.storage.ycbcr import rgb_from_planes
@@ -172,9 +172,11 @@ class LightFieldFile(StoredVideo):
         shape = (outer[3] - outer[1], outer[2] - outer[0], inner[3] - inner[1], inner[2] - inner[0])
         out = np.zeros((*shape, 3), np.uint8)
         corner = np.array(outer[:2], np.int32)
-        for part in self.segments:
-            if not part.tile.overlaps(*outer):
+        damaged = {damage.segment.index for damage in self.damage}
+        for index in self.metadata.segments.meeting(*outer):
+            if index in damaged:
                 continue
+            part = self.metadata.segments[index]
             if part.index not in self._checked:  # before a list is made of what may not be there
                 self.check_segment(part.index)
             elements = part.tile.elements()
@@ -196,7 +198,8 @@ class LightFieldFile(StoredVideo):
         """
         wanted = np.unique(numbers)
         step = max(1, CHUNK_BYTES // self.layout.frame_bytes)
-        keys = [key - part.first for key in self._keys if part.first <= key < part.stop] or [0]
+        held = slice(bisect_left(self._keys, part.first), bisect_left(self._keys, part.stop))
+        keys = [key - part.first for key in self._keys[held]] or [0]
         start = 0
         while start < len(wanted):
             stop = start + 1

@@ -9,18 +9,16 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from lfcore.errors import LfcoreError, StorageError
 from lfcore.optics.array import CameraArray
-from lfcore.optics.slab import Rectangle, Slab
+from lfcore.optics.slab import Slab
 from lfcore.storage.depth_stream import StoredDepth
-from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.storage.index import BYTES, CRC32, SegmentIndex
+from lfcore.storage.layout import FrameLayout
 
 TAG = "LIGHTFIELD"
 VERSION = 1
@@ -47,25 +45,6 @@ _NAMES = {str: "text", dict: "an object", int: "a whole number", list: "a list"}
 
 
 @dataclass(frozen=True)
-class Segment:
-    """One tile's frames in the file: ``first`` and ``frames`` count frames of the whole file.
-
-    ``bytes`` and ``crc32`` are of the segment's packets, in file order.
-    """
-
-    index: int
-    tile: Tile
-    first: int
-    frames: int
-    bytes: int
-    crc32: int
-
-    @property
-    def stop(self) -> int:
-        return self.first + self.frames
-
-
-@dataclass(frozen=True)
 class Metadata:
     """Everything but the frames.
 
@@ -88,14 +67,14 @@ class Metadata:
     header_crc32: int
     settings: dict
     scene: dict
-    segments: tuple[Segment, ...]
+    segments: SegmentIndex
     software: str
     content: dict = field(default_factory=dict)
     depth: StoredDepth | None = None
 
     @property
     def frames(self) -> int:
-        return sum(segment.frames for segment in self.segments)
+        return self.segments.frames
 
     @property
     def camera_array(self) -> CameraArray | None:
@@ -107,14 +86,16 @@ class Metadata:
         depth = self.depth
         if depth is None:
             raise StorageError("holds no depth", key="depth")
-        parts = zip(self.segments, depth.segments, strict=True)
+        numbers = self.segments.numbers.copy()
+        numbers[:, [BYTES, CRC32]] = depth.segments
+        layout = replace(self.layout, pixel_format=depth.codes.pixel_format)
         return replace(
             self,
-            layout=replace(self.layout, pixel_format=depth.codes.pixel_format),
+            layout=layout,
             codec=depth.codec,
             header_crc32=depth.header_crc32,
             settings=depth.settings,
-            segments=tuple(replace(part, bytes=size, crc32=crc) for part, (size, crc) in parts),
+            segments=SegmentIndex(layout, numbers),
             depth=None,
         )
 
@@ -136,10 +117,7 @@ class Metadata:
             "header_crc32": self.header_crc32,
             "settings": self.settings,
             "scene": self.scene,
-            "segments": [
-                [*part.tile.to_json(), part.first, part.frames, part.bytes, part.crc32]
-                for part in self.segments
-            ],
+            "segments": self.segments.to_json(),
         }
         if self.content:
             data["content"] = self.content
@@ -180,15 +158,11 @@ class Metadata:
     def _from_json(cls, data: dict[str, Any]) -> Metadata:
         _check_types(data)
         layout = FrameLayout.from_json(data["layout"])
-        segments = []
-        for index, numbers in enumerate(data["segments"]):
-            column, row, columns, rows, first, frames, size, crc = numbers
-            part = layout.tile(column, row, columns, rows, index)
-            segments.append(Segment(index, part, first, frames, size, crc))
+        segments = SegmentIndex.from_json(layout, data["segments"])
         slab = Slab.from_json(data["slab"]) if data["slab"] is not None else None
         found = cls(
             data["geometry"], slab, data["array"], layout, data["codec"], data["header_crc32"],
-            data["settings"], data["scene"], tuple(segments), data["software"],
+            data["settings"], data["scene"], segments, data["software"],
             data.get("content", {}),
             StoredDepth.from_json(data["depth"]) if "depth" in data else None,
         )  # fmt: skip
@@ -228,7 +202,7 @@ class Metadata:
         if layout.format.grey:
             raise StorageError(f"{layout.pixel_format} holds no colours", key="layout")
         self._check_content()
-        self._check_segments()
+        self.segments.check(self.slab.extent.views if self.slab and self.slab.extent else None)
         if self.depth and (self.slab is None or self.slab.extent):
             raise StorageError("belongs to a whole slab", key="depth")
         if self.depth and len(self.depth.segments) != len(self.segments):
@@ -238,19 +212,6 @@ class Metadata:
         depth = self.content.get("depth_m") if isinstance(self.content, dict) else ()
         if depth is not None and not (len(depth) == 2 and 0 < depth[0] <= depth[1] < math.inf):
             raise StorageError(f"{depth} is no range of depths", key="content")
-
-    def _check_segments(self) -> None:
-        first = 0
-        for part in self.segments:
-            if (part.first, part.frames) != (first, part.tile.frame_count):
-                raise StorageError(
-                    f"segment {part.index} has frames {part.first} to {part.stop - 1}, its tile "
-                    f"needs {first} to {first + part.tile.frame_count - 1}",
-                    key="segments",
-                )
-            first = part.stop
-        extent = self.slab.extent.views if self.slab and self.slab.extent else None
-        check_cover([part.tile for part in self.segments], self.layout, extent)
 
 
 def _check_types(data: dict[str, Any]) -> None:
@@ -263,33 +224,6 @@ def _check_types(data: dict[str, Any]) -> None:
     for key in ("name", "digest"):
         if not isinstance(data["scene"].get(key), str):
             raise StorageError("the scene lacks name or digest", key=f"scene.{key}")
-    for index, part in enumerate(data["segments"]):
-        whole = isinstance(part, list) and len(part) == 8
-        if not (whole and all(type(n) is int and 0 <= n < 1 << 63 for n in part)):
-            raise StorageError("must be eight whole numbers", key=f"segments[{index}]")
-
-
-def check_cover(
-    tiles: Sequence[Tile], layout: FrameLayout, extent: Rectangle | None = None
-) -> None:
-    """Raise :class:`StorageError` unless each element of the outer grid, or of the rectangle
-    ``extent`` of it, is in just one tile."""
-    column, row, columns, rows = extent or (0, 0, layout.outer, layout.outer)
-    # Tiles without a common element whose areas add up to the whole are a partition of it.
-    whole = sum(tile.element_count for tile in tiles) == columns * rows
-    boxes = np.array([tile.to_json() for tile in tiles]).reshape(-1, 4)
-    low, high = boxes[:, :2], boxes[:, :2] + boxes[:, 2:]
-    whole &= bool((low >= [column, row]).all())
-    whole &= bool((high <= [column + columns, row + rows]).all())
-    for index in range(len(tiles) - 1):
-        later = slice(index + 1, None)
-        meets = (low[later] < high[index]).all(1) & (low[index] < high[later]).all(1)
-        whole &= not bool(meets.any())
-    if not whole:
-        raise StorageError(
-            f"the tiles do not cover the {columns} x {rows} elements exactly once",
-            key="segments",
-        )
 
 
 def _damaged(file: Path) -> StorageError:

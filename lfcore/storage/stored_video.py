@@ -6,7 +6,7 @@ Nothing is handed out from a segment before its check sum was found right.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,8 +20,9 @@ from lfcore.errors import StorageError
 from lfcore.storage.container import FRAME_MS
 from lfcore.storage.decoding import DecodeCount, FrameRun, frame_number, ticks_per_frame
 from lfcore.storage.ebml import Structure, scan
+from lfcore.storage.index import FIRST, Segment
 from lfcore.storage.layout import FrameLayout
-from lfcore.storage.metadata import TAG, Metadata, Segment
+from lfcore.storage.metadata import TAG, Metadata
 from lfcore.storage.planar import stored_format
 from lfcore.storage.remote import located
 from lfcore.storage.segment import open_video
@@ -88,8 +89,10 @@ class StoredVideo:
         return self.metadata.layout
 
     @property
-    def segments(self) -> tuple[Segment, ...]:
+    def segments(self) -> Sequence[Segment]:
         """The segments that can be read, as far as is known."""
+        if not self.damage:
+            return self.metadata.segments
         bad = {damage.segment.index for damage in self.damage}
         return tuple(part for part in self.metadata.segments if part.index not in bad)
 
@@ -259,11 +262,10 @@ class StoredVideo:
         if structure.faults:
             self._find_damage()
             raise self._report(structure.faults, self.damage)
-        missing = [
-            Damage(part, f"segment {part.index} is missing")
-            for part in self.metadata.segments
-            if self._keys and part.first not in set(self._keys)
-        ]
+        index = self.metadata.segments
+        held = np.isin(index.numbers[:, FIRST], self._keys) | (not self._keys)
+        gone = np.flatnonzero(~held).tolist()
+        missing = [Damage(index[k], f"segment {k} is missing") for k in gone]
         if missing:
             raise self._report([], missing)
 

@@ -9,11 +9,12 @@ import pytest
 from lfcore.errors import StorageError
 from lfcore.optics.array import CameraArray
 from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.container import join_segments
+from lfcore.storage.container import join_segments, write_batch
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 
+SCENE = {"name": "waves", "digest": "0123"}
 PRESETS = {"libx264": "veryfast", "libx265": "superfast", "libsvtav1": "12", "ffv1": None}
 
 
@@ -205,3 +206,44 @@ def test_a_file_stays_open_and_its_decoders_have_the_threads_asked_for(
         assert len(opened) <= 1 + 4
         made.path.unlink()  # what is open can be read still
         assert (field.view(1, 2) == first[:, :, 2, 1]).all()
+
+
+@pytest.mark.parametrize("codec", ["libx264", "libx265", "libsvtav1", "ffv1"])
+def test_batches_join_to_the_same_bytes(tmp_path, make_store, codec):
+    """Whatever segments went into a batch, and batches of batches: the file is the same."""
+    spec = CodecSpec(codec, "yuv420p", tune=None, preset=PRESETS[codec])
+    stored = make_store(tmp_path, FrameLayout("macropixels", 8, 12), spec, tiles=5)
+    assert len(stored.tiles) >= 5
+    batches = [tmp_path / f"{k}.batch" for k in range(3)]
+    write_batch(batches[0], stored.segments[:2])
+    write_batch(batches[1], stored.segments[2:3])
+    write_batch(batches[2], [batches[1], *stored.segments[3:]])
+    again = tmp_path / "again.mkv"
+    join_segments(
+        again, [batches[0], batches[2]], stored.tiles, stored.layout,
+        geometry=stored.slab, scene=SCENE, spec=spec,
+    )  # fmt: skip
+    assert again.read_bytes() == stored.path.read_bytes()
+    LightFieldFile.open(again).verify()
+
+
+def test_a_batch_that_is_damaged_is_named(tmp_path, stored):
+    batch, joined = tmp_path / "0.batch", tmp_path / "joined.mkv"
+
+    def join():
+        join_segments(
+            joined, [batch], stored.tiles, stored.layout, geometry=stored.slab, scene=SCENE
+        )
+
+    write_batch(batch, stored.segments[:-1])
+    with pytest.raises(StorageError, match="3 segments for 4 tiles"):
+        join()
+    write_batch(batch, stored.segments)
+    data = batch.read_bytes()
+    changed = bytearray(data)
+    changed[data.index(b"\x1f\x43\xb6\x75") + 400] ^= 4
+    for wrong in (data[: len(data) // 2], bytes(changed), stored.path.read_bytes(), b""):
+        batch.write_bytes(wrong)
+        with pytest.raises(StorageError, match="batch: "):
+            join()
+        assert not joined.exists()

@@ -1,0 +1,152 @@
+"""The index of a light field file: which frames are which tile's, as one array of numbers.
+
+A file may hold a hundred thousand segments; objects are made of those alone that are looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import overload
+
+import numpy as np
+
+from lfcore.errors import StorageError
+from lfcore.optics.slab import Rectangle
+from lfcore.storage.layout import FrameLayout, Tile
+
+COLUMN, ROW, COLUMNS, ROWS, FIRST, FRAMES, BYTES, CRC32 = range(8)
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One tile's frames in the file: ``first`` and ``frames`` count frames of the whole file.
+
+    ``bytes`` and ``crc32`` are of the segment's packets, in file order.
+    """
+
+    index: int
+    tile: Tile
+    first: int
+    frames: int
+    bytes: int
+    crc32: int
+
+    @property
+    def stop(self) -> int:
+        return self.first + self.frames
+
+
+class SegmentIndex(Sequence[Segment]):
+    """All segments of a file, in its order.
+
+    ``numbers`` is (S, 8) int64: column, row, columns and rows of the tile, first frame, frames,
+    bytes, and check sum.
+    """
+
+    def __init__(self, layout: FrameLayout, numbers: np.ndarray):
+        self.layout = layout
+        self.numbers = np.asarray(numbers, np.int64).reshape(-1, 8)
+
+    @classmethod
+    def from_json(cls, layout: FrameLayout, rows: list) -> SegmentIndex:
+        """The index of a list of lists of eight whole numbers from 0 to 2^63 - 1.
+
+        Raises :class:`StorageError` that names the row that is none.
+        """
+        lists = set(map(type, rows)) <= {list} and set(map(len, rows)) <= {8}
+        if lists and set(map(type, chain.from_iterable(rows))) <= {int}:
+            try:
+                numbers = np.array(rows, np.int64).reshape(-1, 8)
+                if not (numbers < 0).any():
+                    return cls(layout, numbers)
+            except OverflowError:
+                pass
+        for index, row in enumerate(rows):
+            whole = isinstance(row, list) and len(row) == 8
+            if not (whole and all(type(n) is int and 0 <= n < 1 << 63 for n in row)):
+                raise StorageError("must be eight whole numbers", key=f"segments[{index}]")
+        raise StorageError("must be lists of eight whole numbers", key="segments")
+
+    def to_json(self) -> list[list[int]]:
+        return self.numbers.tolist()
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    @overload
+    def __getitem__(self, place: int) -> Segment: ...
+    @overload
+    def __getitem__(self, place: slice) -> SegmentIndex: ...
+    def __getitem__(self, place: int | slice) -> Segment | SegmentIndex:
+        if isinstance(place, slice):
+            return SegmentIndex(self.layout, self.numbers[place])
+        column, row, columns, rows, *rest = self.numbers[place].tolist()
+        index = range(len(self))[place]
+        return Segment(index, self.layout.tile(column, row, columns, rows, index), *rest)
+
+    def __iter__(self) -> Iterator[Segment]:
+        return (self[index] for index in range(len(self)))
+
+    def __eq__(self, other: object) -> bool:
+        same = isinstance(other, SegmentIndex) and other.layout == self.layout
+        return same and np.array_equal(self.numbers, other.numbers)  # type: ignore[attr-defined]
+
+    __hash__ = None  # type: ignore[assignment]
+
+    @property
+    def frames(self) -> int:
+        """Of all segments."""
+        return int(self.numbers[:, FRAMES].sum())
+
+    def meeting(self, column0: int, row0: int, column1: int, row1: int) -> list[int]:
+        """Indices of the segments whose tiles meet a half-open rectangle of the outer grid."""
+        column, row, columns, rows = self.numbers[:, :FIRST].T
+        meets = (column < column1) & (column0 < column + columns)
+        meets &= (row < row1) & (row0 < row + rows)
+        return np.flatnonzero(meets).tolist()
+
+    def check(self, extent: Rectangle | None) -> None:
+        """Raise :class:`StorageError` unless frames follow one another, as many as each tile needs,
+        and each element of the outer grid, or of ``extent`` of it, is in just one tile."""
+        tiles, pack = self.numbers[:, :FIRST], self.layout.pack
+        low, size = tiles[:, :2], tiles[:, 2:]
+        outer = self.layout.outer
+        bad = (size < 1) | (size > outer) | (low > outer) | (low + size > outer) | (low % pack != 0)
+        for index in np.flatnonzero(bad.any(1))[:1].tolist():
+            self[index]  # says what is wrong with it
+        needed = np.prod(-(-size // pack), axis=1)
+        first = np.cumsum(needed) - needed
+        wrong = (self.numbers[:, FIRST] != first) | (self.numbers[:, FRAMES] != needed)
+        for index in np.flatnonzero(wrong)[:1].tolist():
+            begin, frames = self.numbers[index, [FIRST, FRAMES]].tolist()
+            raise StorageError(
+                f"segment {index} has frames {begin} to {begin + frames - 1}, its tile "
+                f"needs {first[index]} to {first[index] + needed[index] - 1}",
+                key="segments",
+            )
+        column, row, columns, rows = extent or (0, 0, outer, outer)
+        if not _covers(tiles, column, row, columns, rows):
+            raise StorageError(
+                f"the tiles do not cover the {columns} x {rows} elements exactly once",
+                key="segments",
+            )
+
+
+def _covers(tiles: np.ndarray, column: int, row: int, columns: int, rows: int) -> bool:
+    """Whether rectangles (S, 4) partition the one given.
+
+    From the top down, each must stand on what those before it have filled of its columns.
+    """
+    low, high = tiles[:, :2] - [column, row], tiles[:, :2] + tiles[:, 2:] - [column, row]
+    if (low < 0).any() or (high > [columns, rows]).any():
+        return False
+    filled = np.zeros(columns, np.int64)
+    order = np.argsort(low[:, 1], kind="stable")
+    for left, top, right, bottom in np.hstack([low, high])[order].tolist():
+        below = filled[left:right]
+        if (below != top).any():
+            return False
+        below[:] = bottom
+    return bool((filled == rows).all())
