@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -89,30 +90,14 @@ def record_by_depth(
     seen = dioptre_range(tracer, slab, RANGE_MARGIN)
     codes = DepthCodes.of_range(slab, *seen)
     spec = codes.spec(slab, lossless=store.spec.lossless)
-    grey = replace(layout, pixel_format=codes.pixel_format)
     with draft_folder(path) as folder:
         colours, depths = (
             [folder / f"{tile.index:04d}.{what}.mp4" for tile in tiles]
             for what in ("colours", "depths")
         )
         for tile in tiles:
-            # One thread each, so that chunks stay in order.
-            with (
-                SegmentWriter(colours[tile.index], store.spec, *_size(layout)) as light_writer,
-                SegmentWriter(depths[tile.index], spec, *_size(grey)) as depth_writer,
-                ThreadPoolExecutor(1) as first,
-                ThreadPoolExecutor(1) as second,
-            ):
-                jobs: list = []
-                for elements, light, depth in _traced(tracer, slab, store, tile, progress):
-                    for job in jobs:
-                        job.result()
-                    jobs = [
-                        first.submit(_write_light, light_writer, tile, elements, light),
-                        second.submit(_write_depth, depth_writer, tile, elements, depth, codes),
-                    ]
-                for job in jobs:
-                    job.result()
+            frames = frames_by_depth(tracer, slab, store, codes, tile, progress)
+            encode(frames, layout, [(colours[tile.index], store.spec), (depths[tile.index], spec)])
         near_far = depth_range(tracer, slab)
         return join_segments(
             path,
@@ -127,8 +112,58 @@ def record_by_depth(
         )
 
 
-def _size(layout: FrameLayout) -> tuple[int, int]:
-    return layout.frame_width, layout.frame_height
+def encode(
+    frames: Iterable[Sequence[np.ndarray]],
+    layout: FrameLayout,
+    streams: Sequence[tuple[Path, CodecSpec]],
+) -> None:
+    """Write segment files side by side, each by a thread of its own.
+
+    Parameters
+    ----------
+    frames : some frames of every stream at a time.
+    layout : of the first of them; those of the others are alike but for their format.
+    """
+    with ExitStack() as stack:
+        writers = []
+        for file, spec in streams:
+            own = replace(layout, pixel_format=spec.pixel_format)
+            size = own.frame_width, own.frame_height
+            # One thread each, so that frames stay in order.
+            pool = stack.enter_context(ThreadPoolExecutor(1))
+            writers.append((pool, stack.enter_context(SegmentWriter(file, spec, *size))))
+        jobs: list[Future[None]] = []
+        for some in frames:
+            for job in jobs:
+                job.result()
+            jobs = [
+                pool.submit(writer.write, each)
+                for (pool, writer), each in zip(writers, some, strict=True)
+            ]
+        for job in jobs:
+            job.result()
+
+
+def frames_by_depth(
+    tracer: Tracer,
+    slab: Slab,
+    store: DepthStore,
+    codes: DepthCodes,
+    tile: Tile,
+    progress: Callable[[int, int], None] | None = None,
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Some frames of a tile at a time, in order: colours and depths, (F, frame_bytes) uint8."""
+    layout = store.layout
+    grey = replace(layout, pixel_format=codes.pixel_format)
+    deep = replace(tile, layout=grey)
+    beyond = (0, layout.slot - layout.inner)
+    for elements, light, depth in _traced(tracer, slab, store, tile, progress):
+        shown = np.pad(srgb_encode(light), ((0, 0), beyond, beyond, (0, 0)), mode="edge")
+        depths = _in_frames(deep, elements, codes.of_depth(depth))
+        yield (
+            frames_from_rgb(_in_frames(tile, elements, shown), layout.pixel_format),
+            depths.reshape(len(depths), -1).view(np.uint8),
+        )
 
 
 def _traced(
@@ -150,7 +185,7 @@ def _traced(
     for part, light, depth in traced_views(tracer, views, store.pixels, order=order):
         done += len(light)
         if progress:
-            progress(tile.column * slab.views + done, slab.views**2)
+            progress(tile.row * slab.views + done, slab.views**2)
         if by_views:
             yield elements[part], light, depth
         else:
@@ -167,27 +202,9 @@ def _traced(
         )
 
 
-def _write_light(
-    writer: SegmentWriter, tile: Tile, elements: np.ndarray, light: np.ndarray
-) -> None:
-    layout = tile.layout
-    edge = ((0, 0), (0, layout.slot - layout.inner), (0, layout.slot - layout.inner), (0, 0))
-    shown = np.pad(srgb_encode(light), edge, mode="edge")
-    writer.write(frames_from_rgb(_in_frames(layout, tile, elements, shown), layout.pixel_format))
-
-
-def _write_depth(
-    writer: SegmentWriter, tile: Tile, elements: np.ndarray, depth: np.ndarray, codes: DepthCodes
-) -> None:
-    layout = replace(tile.layout, pixel_format=codes.pixel_format)
-    frames = _in_frames(layout, replace(tile, layout=layout), elements, codes.of_depth(depth))
-    writer.write(frames.reshape(len(frames), -1).view(np.uint8))
-
-
-def _in_frames(
-    layout: FrameLayout, tile: Tile, elements: np.ndarray, pictures: np.ndarray
-) -> np.ndarray:
+def _in_frames(tile: Tile, elements: np.ndarray, pictures: np.ndarray) -> np.ndarray:
     """(F, height, width, ...) of the frames whose elements these are; what none covers is 0."""
+    layout = tile.layout
     at, x, y = tile.placement(elements).T[..., None, None]
     first, side = at.min(), np.arange(layout.slot)
     shape = (at.max() + 1 - first, layout.frame_height, layout.frame_width, *pictures.shape[3:])

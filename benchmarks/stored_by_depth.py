@@ -1,0 +1,203 @@
+"""Stored light fields against the true picture: python -m benchmarks.stored_by_depth --out FILE.csv
+
+The thesis's recipe, N = 512 lens samples and pictures of as many pixels as its views, against few
+lens samples of more pixels with the depth of every ray, as views and as macropixels: bytes, the
+encoder's seconds of processor and the PSNR of the worst of five planes, whole lens, square, against
+the average over pixel and lens.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.publish import Result, of_this_run
+from lfcore.api import load_scene
+from lfcore.evaluation.true_picture.reference import Reference, inner_psnr, true_pictures
+from lfcore.files import write_text
+from lfcore.lightfield import LightField
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.rendering.by_depth import RayCount
+from lfcore.rendering.depth import dioptre_range
+from lfcore.rendering.prepared import open_tracers
+from lfcore.rendering.record import TILE_RAYS
+from lfcore.rendering.record_depth import RANGE_MARGIN, DepthStore, frames_by_depth
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.container import DepthSegments, join_segments
+from lfcore.storage.defaults import codec_spec, frame_layout
+from lfcore.storage.depth_stream import DepthCodes
+from lfcore.storage.layout import FrameLayout
+from lfcore.storage.segment import SegmentWriter
+from lfcore.tracing.tracer import Tracer
+
+SCENES = Path(__file__).resolve().parents[1] / "scenes"
+TRUTH = RayCount(12, 4), RayCount(10, 5)
+VIEWS, MACROPIXELS = "views", "macropixels"
+CASES = [
+    # lens samples, rays of a pixel a side, layout, lattice, CRFs
+    (4, 1.5, VIEWS, "crossed", (16, 18, 20)),
+    (4, 2, VIEWS, "crossed", (16, 20, 22, 24)),
+    (4, 2, VIEWS, "plain", (20,)),
+    (4, 2, MACROPIXELS, "crossed", (20,)),
+    (4, 4, VIEWS, "crossed", (20,)),
+    (6, 2, VIEWS, "crossed", (20,)),
+    (8, 2, VIEWS, "crossed", (16, 20, 24)),
+    (8, 2, MACROPIXELS, "crossed", (20,)),
+    (8, 4, VIEWS, "crossed", (20,)),
+    (16, 2, VIEWS, "crossed", (20,)),
+    (16, 2, MACROPIXELS, "crossed", (20,)),
+]
+THESIS_VIEWS = 512
+
+
+class Encoder:
+    """Segments of one stream, and the seconds of processor that they took."""
+
+    def __init__(self, folder: Path, name: str, layout: FrameLayout, spec: CodecSpec):
+        self.folder, self.name, self.layout, self.spec = folder, name, layout, spec
+        self.seconds, self.files = 0.0, []
+
+    def tile(self, frames: Iterable[np.ndarray]) -> None:
+        """Encode a tile; what ``frames`` takes to make is not counted."""
+        self.files.append(self.folder / f"{self.name}{len(self.files)}.mp4")
+        begun = time.process_time()
+        with SegmentWriter(
+            self.files[-1], self.spec, self.layout.frame_width, self.layout.frame_height
+        ) as writer:
+            self.seconds += time.process_time() - begun
+            for some in frames:
+                begun = time.process_time()
+                writer.write(some)
+                self.seconds += time.process_time() - begun
+            begun = time.process_time()
+        self.seconds += time.process_time() - begun
+
+
+def thesis(tracer: Tracer, reference: Reference) -> Iterator[dict]:
+    """N = 512 with its defaults, retrieved by the nearest pixel."""
+    pixels = reference.pictures.shape[1]
+    slab = Slab(tracer.scene.camera, THESIS_VIEWS, pixels)
+    spec = codec_spec(THESIS_VIEWS)
+    layout = frame_layout(THESIS_VIEWS, pixels, spec.pixel_format)
+    tiles = layout.tiles(TILE_RAYS, least=2)
+    with tempfile.TemporaryDirectory() as name:
+        encoder = Encoder(Path(name), "", layout, spec)
+        for tile in tiles:
+            encoder.tile(chunk.frames for chunk in tracer.trace_tile(slab, tile))
+        yield _row(
+            tracer, reference, layout, tiles, slab, [encoder], spec.crf, f"{THESIS_VIEWS} x 1"
+        )
+
+
+def few(tracer: Tracer, reference: Reference, cases: list) -> Iterator[dict]:
+    """Lattices with depth: each is traced once, and encoded at every CRF."""
+    pixels = reference.pictures.shape[1]
+    for views, subpixels, kind, lattice, crfs in cases:
+        count = RayCount(views, subpixels)
+        slab = Slab(tracer.scene.camera, views, count.side(pixels))
+        codes = DepthCodes.of_range(slab, *dioptre_range(tracer, slab, RANGE_MARGIN))
+        spec = codec_spec(views, by_depth=True)
+        layout = frame_layout(views, slab.pixels, spec.pixel_format, kind=kind)
+        tiles = layout.tiles(slab.rays, least=1)
+        made = list(
+            frames_by_depth(
+                tracer, slab, DepthStore(layout, spec, lattice, pixels), codes, tiles[0]
+            )
+        )
+        for crf in crfs:
+            own = codec_spec(views, by_depth=True, crf=float(crf))
+            grey = FrameLayout(**layout.to_json() | {"pixel_format": codes.pixel_format})
+            with tempfile.TemporaryDirectory() as name:
+                encoders = [
+                    Encoder(Path(name), "light", layout, own),
+                    Encoder(Path(name), "depth", grey, codes.spec(slab)),
+                ]
+                for number, encoder in enumerate(encoders):
+                    encoder.tile(both[number] for both in made)
+                depth = DepthSegments(encoders[1].files, codes, lattice, pixels, codes.spec(slab))
+                yield _row(tracer, reference, layout, tiles, slab, encoders, crf, str(count), depth)
+
+
+def _row(tracer, reference, layout, tiles, slab, encoders, crf, lattice, depth=None) -> dict:
+    file = encoders[0].folder / "lightfield.mkv"
+    about = {"name": tracer.scene.name, "digest": "0" * 64}
+    join_segments(
+        file, encoders[0].files, tiles, layout, geometry=slab, scene=about,
+        spec=encoders[0].spec, depth=depth,
+    )  # fmt: skip
+    field = LightField.open(file)
+    pictures = field.refocus_many(reference.planes, device=tracer.device)
+    db = [inner_psnr(*pair) for pair in zip(pictures, reference.pictures, strict=True)]
+    video = field.metadata.depth
+    return {
+        "scene": tracer.scene.name,
+        "layout": layout.kind,
+        "lattice": lattice,
+        "views": depth.lattice if depth else "plain",
+        "CRF": f"{crf:g}",
+        "bytes": file.stat().st_size,
+        "of depth": sum(size for size, _ in video.segments) if video else 0,
+        "encode s": sum(encoder.seconds for encoder in encoders),
+        "worst dB": min(db),
+        "planes dB": " / ".join(f"{each:.1f}" for each in db),
+    }
+
+
+def compared(rows: list[dict]) -> list[dict]:
+    """Rows as they are published, beside the thesis's recipe of their scene."""
+    base = {row["scene"]: row for row in rows if row["lattice"] == f"{THESIS_VIEWS} x 1"}
+    out = []
+    for row in rows:
+        made, other = dict(row), base.get(row["scene"])
+        made["of depth"] = f"{row['of depth'] / row['bytes']:.0%}" if row["of depth"] else ""
+        for key, digits in (("encode s", 3), ("worst dB", 1)):
+            made[key] = f"{row[key]:.{digits}f}"
+        for key, name in (("bytes", "bytes of 512"), ("encode s", "seconds of 512")):
+            made[name] = f"1/{other[key] / row[key]:.0f}" if other else ""
+        out.append(made)
+    return out
+
+
+def parse() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom"])
+    parser.add_argument("--size", type=int, default=128, help="pixels of the pictures (128)")
+    parser.add_argument(
+        "--without-thesis", action="store_true", help="leave N = 512 out, which takes minutes"
+    )
+    parser.add_argument("--out", type=Path, required=True, help="result file, .csv")
+    return parser.parse_args()
+
+
+def main() -> None:
+    import pandas as pd
+
+    options, rows = parse(), []
+    for name in options.scenes:
+        scene = load_scene(SCENES / name)
+        tracer = open_tracers(scene)[0]
+        planes = [
+            SensorPlane(focus, scene.camera.f_number, "square") for focus in scene.focus_distances_m
+        ]
+        reference = true_pictures(tracer, planes, options.size, TRUTH)
+        print(f"{name}: truth known to {reference.known_db.min():.1f} dB", flush=True)
+        parts = [few(tracer, reference, CASES)]
+        if not options.without_thesis:
+            parts.insert(0, thesis(tracer, reference))
+        for part in parts:
+            for row in part:
+                rows.append(row)
+                print(row, flush=True)
+    command = f"python -m benchmarks.stored_by_depth --size {options.size}"
+    result = Result(of_this_run(command), pd.DataFrame(compared(rows)))
+    write_text(options.out, result.text())
+
+
+if __name__ == "__main__":
+    main()
