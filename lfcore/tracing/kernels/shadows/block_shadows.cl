@@ -75,7 +75,7 @@ inline void light_block(Shadows *s, const Block *b, int number, global int *lit)
         l.rays = make_shadow_rays(light, box.lo, box.hi);
         l.view = make_light_space(&l.rays);
         l.samples = &b->samples;
-        if (project_hits(&l.rays, b->samples.point, s, &l.view, &l.strips))
+        if (project_hits(s, &l))
             cast_light_space(s, &l, number, box.lo, box.hi);
         else
             cast_single_rays(s, b, number);

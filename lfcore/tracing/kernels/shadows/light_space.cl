@@ -25,6 +25,15 @@ typedef struct {
 #define STRIPS (BLOCK_RAYS / STRIP)
 typedef struct { float lo[3][STRIPS], hi[3][STRIPS]; } StripBoxes;
 
+// A set of shadow rays in light space.
+typedef struct {
+    ShadowRays rays;
+    LightSpace view;
+    StripBoxes strips;
+    uint lit;                // strips that have any open rays, a bit each
+    const Samples *samples;  // where the block's rays start
+} LightSpaceRays;
+
 inline LightSpace make_light_space(const ShadowRays *r)
 {
     const float3 along = r->is_point ? r->centre : r->towards;
@@ -78,36 +87,39 @@ inline void add_to_ranges(Ranges *r, Vec a, vi mask)
     }
 }
 
-// Fill `seen` (3, BLOCK_RAYS) with u, v, d of the hit points in `open`, and their boxes.  False if
-// some lie beside the light or behind it, where it has no picture of them.
-inline int project_hits(const ShadowRays *r, global const float *point, const Shadows *s,
-                        LightSpace *view,
-                        StripBoxes *strips)
+// Fill s->seen with u, v, d of the hit points in s->open, and bound them.  False if some lie beside
+// the light or behind it, where it has no picture of them.
+inline int project_hits(const Shadows *s, LightSpaceRays *l)
 {
+    const ShadowRays *r = &l->rays;
+    LightSpace *view = &l->view;
     vf nearest = FAR, distance;
+    l->lit = 0;
     for (int strip = 0; strip < STRIPS; ++strip) {
         Ranges ranges;
         clear_ranges(&ranges);
         for (int at = strip * STRIP; at < (strip + 1) * STRIP; at += LANES) {
             const vi within = VLOAD(s->open + at);
-            const Vec seen = project_row(r, view, point, at, &distance);
+            const Vec seen = project_row(r, view, l->samples->point, at, &distance);
             nearest = pick(nearest, min(nearest, distance), within);
             store3(seen, s->seen, at);
             add_to_ranges(&ranges, seen, within);
         }
         for (int k = 0; k < 3; ++k) {
-            strips->lo[k][strip] = row_min(ranges.low[k]);
-            strips->hi[k][strip] = row_max(ranges.high[k]);
-            view->lo[k] = min(view->lo[k], strips->lo[k][strip]);
-            view->hi[k] = max(view->hi[k], strips->hi[k][strip]);
+            const float lo = row_min(ranges.low[k]), hi = row_max(ranges.high[k]);
+            l->strips.lo[k][strip] = lo;
+            l->strips.hi[k][strip] = hi;
+            view->lo[k] = min(view->lo[k], lo);
+            view->hi[k] = max(view->hi[k], hi);
         }
+        l->lit |= (uint)(l->strips.lo[0][strip] <= l->strips.hi[0][strip]) << strip;
     }
     return !r->is_point || row_min(nearest) > NEAREST_SHARE * largest_component(r->extent);
 }
 
-// An occluder in the light's picture: a u + b v + c of each edge, and of its plane, with g d
-// besides.
-enum { FORM_A, FORM_B, FORM_C, FORM_G, FORM_TERMS };
+// Occluders in the light's picture: a u + b v + c of each edge, and of its plane, with g d besides;
+// and c with a bound of the form's rounding errors added.
+enum { FORM_A, FORM_B, FORM_C, FORM_G, FORM_MOST_C, FORM_TERMS };
 typedef struct { float of[4][FORM_TERMS][LANES]; } PictureForms;
 
 inline vf component(Vec n, int k) { return k == 0 ? n.x : k == 1 ? n.y : n.z; }
@@ -130,7 +142,7 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, const Pl
         const vf b = component(planes[k].n, view->axes[1]);
         const vf n = component(planes[k].n, view->axes[2]);
         const vf c = r->is_point ? n * view->sign : planes[k].c;
-        vf largest = fma(a, (vf)(middle[0]), fma(b, (vf)(middle[1]), c)) +
+        vf largest = fma(a, (vf)(middle[0]), b * middle[1]) +
                      fma(fabs(a), (vf)(extent[0]), fabs(b) * extent[1]);
         vf noise = fma(fabs(a), (vf)(most[0]), fma(fabs(b), (vf)(most[1]), fabs(c)));
         vf g = 0.0f;
@@ -140,53 +152,44 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, const Pl
             largest += fma(g, (vf)(middle[2]), fabs(g) * extent[2]);
             noise = fma(fabs(g), (vf)(most[2]), noise);
         }
+        const vf most_c = fma(noise, (vf)(PICTURE_SLACK), c);
         VSTORE(a, out->of[k][FORM_A]);
         VSTORE(b, out->of[k][FORM_B]);
         VSTORE(c, out->of[k][FORM_C]);
         VSTORE(g, out->of[k][FORM_G]);
-        may &= GE(fma(noise, (vf)(PICTURE_SLACK), largest), (vf)(0.0f));
+        VSTORE(most_c, out->of[k][FORM_MOST_C]);
+        may &= GE(largest + most_c, (vf)(0.0f));
     }
     return row_bits(may);
 }
 
-// One occluder's forms.
-typedef struct { float of[4][FORM_TERMS]; } PictureForm;
-
-// Strips of the block that an occluder may reach, a bit each.
-inline uint strips_reached(const LightSpace *view, const StripBoxes *strips, const PictureForm *f)
+// The largest of `times` what lies between two rows of numbers.
+inline vf most_between(float times, const float *lo, const float *hi)
 {
-    float most[3];
-    for (int k = 0; k < 3; ++k) most[k] = max(fabs(view->lo[k]), fabs(view->hi[k]));
+    return times * VLOAD(times > 0.0f ? hi : lo);
+}
+
+// Strips of the block that occluder `lane` may reach, a bit each.
+inline uint strips_reached(const StripBoxes *strips, const PictureForms *f, uint lane)
+{
     uint reached = 0;
     for (int first = 0; first < STRIPS; first += LANES) {
         vi may = -1;
         for (int k = 0; k < 4; ++k) {
-            const float a = f->of[k][FORM_A], b = f->of[k][FORM_B], g = f->of[k][FORM_G];
-            const float c = f->of[k][FORM_C];
-            const float size = fma(fabs(a), most[0],
-                                   fma(fabs(b), most[1], fma(fabs(g), most[2], fabs(c))));
-            vf largest = fma(size, PICTURE_SLACK, c);
-            largest = fma((vf)(a), VLOAD((a > 0.0f ? strips->hi[0] : strips->lo[0]) + first),
-                          largest);
-            largest = fma((vf)(b), VLOAD((b > 0.0f ? strips->hi[1] : strips->lo[1]) + first),
-                          largest);
-            if (k == 3)
-                largest = fma((vf)(g), VLOAD((g > 0.0f ? strips->hi[2] : strips->lo[2]) + first),
-                              largest);
+            private const float (*form)[LANES] = f->of[k];
+            vf largest = form[FORM_MOST_C][lane];
+            const int terms = k == 3 ? 3 : 2;
+            for (int axis = 0; axis < terms; ++axis) {
+                const float x = form[axis == 2 ? FORM_G : axis][lane];
+                const float *extreme = x > 0.0f ? strips->hi[axis] : strips->lo[axis];
+                largest = fma((vf)(x), VLOAD(extreme + first), largest);
+            }
             may &= GE(largest, (vf)(0.0f));
         }
         reached |= row_bits(may) << first;
     }
     return reached;
 }
-
-// A set of shadow rays in light space.
-typedef struct {
-    ShadowRays rays;
-    LightSpace view;
-    StripBoxes strips;
-    const Samples *samples;  // where the block's rays start
-} LightSpaceRays;
 
 // Of a row of hit points, `bits` of which lie behind an occluder, those that its holes leave dark.
 inline uint behind_holes(const Shadows *s, const LightSpaceRays *l, int occluder, int at, uint bits)
@@ -206,59 +209,52 @@ inline uint behind_holes(const Shadows *s, const LightSpaceRays *l, int occluder
     return dark;
 }
 
-// Take from s->open the rays behind one occluder, but for those on it; false when none is left.
-inline int cast_picture(const Shadows *s, const LightSpaceRays *l, const PictureForm *f,
-                        int occluder)
+// Take from s->open the rays behind occluder `lane`, but for those on it, the triangle `id`.
+inline void cast_picture(const Shadows *s, const PictureForms *f, uint lane, int id,
+                         LightSpaceRays *l)
 {
-    int darker = 0;
-    const int holes = has_holes(&s->tree->cut_outs, occluder);
-    for (uint strip = strips_reached(&l->view, &l->strips, f); strip; strip &= strip - 1) {
-        const int first = lowest(strip) * STRIP;
-        for (int at = first; at < first + STRIP; at += LANES) {
+    const int holes = has_holes(&s->tree->cut_outs, id);
+    for (uint left = l->lit & strips_reached(&l->strips, f, lane); left; left &= left - 1) {
+        const int strip = lowest(left);
+        vi lit = 0;
+        for (int at = strip * STRIP; at < (strip + 1) * STRIP; at += LANES) {
             const vi open = VLOAD(s->open + at);
             const Vec seen = load3(s->seen, at);
             vf form[4];
-            for (int k = 0; k < 4; ++k)
-                form[k] = fma(seen.x, (vf)(f->of[k][FORM_A]),
-                              fma(seen.y, (vf)(f->of[k][FORM_B]), (vf)(f->of[k][FORM_C])));
-            const vf beyond = fma(seen.z, (vf)(f->of[3][FORM_G]), form[3]);
+            for (int k = 0; k < 4; ++k) {
+                private const float (*term)[LANES] = f->of[k];
+                form[k] = fma(seen.x, (vf)(term[FORM_A][lane]),
+                              fma(seen.y, (vf)(term[FORM_B][lane]), (vf)(term[FORM_C][lane])));
+            }
+            const vf beyond = fma(seen.z, (vf)(f->of[3][FORM_G][lane]), form[3]);
             const vi inside = GE(min(form[0], min(form[1], form[2])), (vf)(0.0f));
             vi dark = open & inside & GT(beyond, (vf)(0.0f)) &
-                ~EQ(VLOAD(l->samples->triangle + at), (vi)(occluder));
-            if (holes) dark = mask_of_bits(behind_holes(s, l, occluder, at, row_bits(dark)));
-            if (!row_any(dark)) continue;
+                ~EQ(VLOAD(l->samples->triangle + at), (vi)(id));
+            if (holes) dark = mask_of_bits(behind_holes(s, l, id, at, row_bits(dark)));
             VSTORE(open & ~dark, s->open + at);
-            darker = 1;
+            lit |= open & ~dark;
         }
+        if (!row_any(lit)) l->lit ^= 1u << strip;
     }
-    if (!darker) return 1;
-    vi left = 0;
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) left |= VLOAD(s->open + at);
-    return row_any(left);
 }
 
 // Take from s->open the rays behind LANES triangles; false when none is left.
-inline int cast_leaf(const Shadows *s, const LightSpaceRays *l, const Shaft *shaft,
-                     global const float *corners, global const int *ids)
+inline int cast_leaf(const Shadows *s, const Shaft *shaft, global const float *corners,
+                     global const int *ids, LightSpaceRays *l)
 {
     Plane planes[4];
     PictureForms forms;
     const vi may = set_up_occluders(&l->rays, shaft, corners, planes) & ~are_own(l->rays.own, ids);
     if (!row_any(may)) return 1;
     uint keep = set_up_picture(&l->rays, &l->view, planes, may, &forms);
-    for (; keep; keep &= keep - 1) {
-        const uint lane = lowest(keep);
-        PictureForm f;
-        for (int k = 0; k < 4; ++k)
-            for (int term = 0; term < FORM_TERMS; ++term) f.of[k][term] = forms.of[k][term][lane];
-        if (!cast_picture(s, l, &f, ids[lane])) return 0;
-    }
-    return 1;
+    for (; keep && l->lit; keep &= keep - 1)
+        cast_picture(s, &forms, lowest(keep), ids[lowest(keep)], l);
+    return l->lit != 0;
 }
 
 // Take from s->open the rays that something hides from light `number`; their hit points lie in lo
 // to hi.
-inline void cast_light_space(Shadows *s, const LightSpaceRays *l, int number, const float *lo,
+inline void cast_light_space(Shadows *s, LightSpaceRays *l, int number, const float *lo,
                              const float *hi)
 {
     NearbyLeaves nearby;
@@ -268,7 +264,7 @@ inline void cast_light_space(Shadows *s, const LightSpaceRays *l, int number, co
                 const int leaf = s->nearby.leaf[k];
                 global const float *corners = leaf_corners(s->tree, leaf, lane);
                 global const int *ids = leaf_numbers(s->tree, leaf, lane);
-                if (!cast_leaf(s, l, &nearby.shaft, corners, ids)) return;
+                if (!cast_leaf(s, &nearby.shaft, corners, ids, l)) return;
             }
 }
 
