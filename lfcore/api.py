@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 FILTERS = ("depth", "nearest")
 STORED_COUNT = RayCount(4, 2)
 """Rays of a pixel of a file with depth: measured, docs/notebook/true-picture.md."""
+VIEWS = 16
+"""Lens samples a side, where none are asked for and rays have no depth."""
 # What a single function needs, video and exposure, it imports itself: a picture is there sooner.
 Progress = Callable[[int, int], None]
 """Called with (done, of all), from any thread but one at a time."""
@@ -123,7 +125,7 @@ def render(
     camera = _lens_for(scene, wanted)
     if filter == "nearest" and subpixels is not None:
         raise OpticsError("belong to the filter 'depth'", key="subpixels", remedy="Leave them out")
-    views = views or (DEFAULT_COUNT.views if filter == "depth" else 16)
+    views = views or (DEFAULT_COUNT.views if filter == "depth" else VIEWS)
     slab = Slab(camera, views, pixels)
     if filter == "depth":
         count = RayCount(views, DEFAULT_COUNT.subpixels if subpixels is None else subpixels)
@@ -258,7 +260,7 @@ def record(
         return LightField.open(path)
     if subpixels is not None:
         raise OpticsError("belong to a depth stream", key="subpixels", remedy="Leave them out")
-    views = 16 if views is None else views
+    views = VIEWS if views is None else views
     slab = Slab(camera, views, pixels)
     spec = codec_spec(views, codec, pixel_format=pixel_format, crf=crf, preset=preset)
     frames = frame_layout(views, pixels, spec.pixel_format, kind=layout)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from lfcore.cli.progress import say
+from lfcore.cli.progress import note, recorded, say, wrote
 from lfcore.errors import OpticsError
 from lfcore.pictures import write_pictures
 from lfcore.scene.emitters import POINTS
@@ -26,12 +28,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Command:
-    """One command: what ``--help`` says of it, the options that it adds, and what it does."""
+    """One command: what ``--help`` says of it, the options that it adds, and what it does.
+
+    One that is for ``programs``, too, has ``--json``.
+    """
 
     description: str
     examples: str
     options: Callable[[argparse.ArgumentParser], None]
     run: Callable[[argparse.Namespace], None]
+    programs: bool = False
 
     def add_to(
         self, commands: argparse._SubParsersAction[argparse.ArgumentParser], name: str, help: str
@@ -41,8 +47,31 @@ class Command:
             name, help=help, description=self.description, epilog=self.examples,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )  # fmt: skip
-        parser.set_defaults(run=self.run)
+        parser.set_defaults(run=self._record if self.programs else self.run)
         self.options(parser)
+        if self.programs:
+            parser.add_argument(
+                "--json", action="store_true",
+                help="one JSON object on standard output, for programs; no other words",
+            )  # fmt: skip
+
+    def _record(self, arguments: argparse.Namespace) -> None:
+        """Run; with ``--json``, print what was done as one line of JSON when all of it is."""
+        if not arguments.json:
+            self.run(arguments)
+            return
+        with recorded(arguments.command) as record:
+            self.run(arguments)
+        print(json.dumps(_finite(record), allow_nan=False))
+
+
+def _finite(value: Any) -> Any:
+    """The same without numbers that JSON has not: "inf" is what options take, too."""
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return value if not isinstance(value, float) or math.isfinite(value) else str(value)
 
 
 def distance(text: str) -> float:
@@ -129,6 +158,7 @@ def open_scene(arguments: argparse.Namespace) -> Scene:
     if scene.notes:
         say(scene.summary())
     say(f"{scene.name}: {scene.triangle_count} triangles")
+    note(scene={"name": scene.name, "triangles": scene.triangle_count, "left_out": scene.dropped})
     for reason, count in scene.dropped.items():
         say(f"{count} triangles were left out: {reason}")
     return scene
@@ -153,4 +183,4 @@ def write_named(named: Sequence[tuple[Path, np.ndarray]], *, bits: int = 8) -> N
     """Write pictures, all or none, and say where."""
     write_pictures(named, bits=bits)
     for path, _ in named:
-        say(f"wrote {path}")
+        wrote(path)

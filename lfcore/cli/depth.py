@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lfcore.cli.command import Command, add_scene, open_scene, refuse
-from lfcore.cli.progress import progress, say
+from lfcore.cli.progress import progress, wrote
 from lfcore.pictures import CODED, check_suffix, write_picture
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def options(command: argparse.ArgumentParser) -> None:
     add("-o", "--output", type=Path,
         help=".npz (every view); .pfm, .exr, or .png to look at (one view)")  # fmt: skip
     add("--all-in-focus", type=Path, metavar="PICTURE", help="picture to write")
-    add("--lightfield", type=Path, metavar="FILE", help="whose lens, size and views to use")
+    add("--lightfield", metavar="FILE", help="or its URL: whose lens, size and views to use")
     add("--size", type=int, default=256, metavar="M", help="M x M pixels (256)")
     add("--views", type=int, default=1, metavar="N", help="N x N views (1)")
     add("--view", nargs=2, type=int, metavar=("I", "J"), help="which, of one view")
@@ -58,7 +58,8 @@ def run(arguments: argparse.Namespace) -> None:
             middle = slab.views // 2
             samples = np.array([arguments.view or (middle, middle)])
         tracer = open_tracer(scene, arguments.device)
-        with progress(f"tracing the depth of {len(samples)} views", "views") as report:
+        rays = len(samples) * slab.pixels**2
+        with progress(f"tracing the depth of {len(samples)} views", rays=rays) as report:
             depth = depths.depth_of_views(tracer, slab, samples, progress=report)
         if suffix == ".npz":
             depths.save_depth(arguments.output, slab, samples, depth)
@@ -67,12 +68,12 @@ def run(arguments: argparse.Namespace) -> None:
         else:
             picture = depths.disparity(slab, depth) if arguments.disparity else depth
             write_picture(arguments.output, picture[0])
-        say(f"wrote {arguments.output}")
+        wrote(arguments.output)
     if field and arguments.all_in_focus:
         with progress("bringing everything into focus", "views") as report:
             sharp = field.all_in_focus(scene, device=arguments.device, progress=report)
         write_picture(arguments.all_in_focus, sharp)
-        say(f"wrote {arguments.all_in_focus}")
+        wrote(arguments.all_in_focus)
 
 
 def _checked(arguments: argparse.Namespace) -> LightField | None:
@@ -94,4 +95,4 @@ def _checked(arguments: argparse.Namespace) -> LightField | None:
     return field
 
 
-COMMANDS = {"depth": Command(DESCRIPTION, EPILOG, options, run)}
+COMMANDS = {"depth": Command(DESCRIPTION, EPILOG, options, run, programs=True)}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lfcore.cli.command import encoder, option, refuse
-from lfcore.cli.progress import progress, say
+from lfcore.cli.progress import progress, wrote
 from lfcore.files import make_folder
 from lfcore.pictures import check_suffix, write_picture
 from lfcore.scene.view import LIGHTFIELD, View
@@ -71,7 +71,7 @@ def render(arguments: argparse.Namespace, scene: Scene) -> None:
         write_array(output, image, view.array, extra=extra)
     else:
         write_picture(output, image, bits=arguments.bits)
-    say(f"wrote {output}")
+    wrote(output)
 
 
 def trace(arguments: argparse.Namespace, scene: Scene) -> None:
@@ -80,7 +80,8 @@ def trace(arguments: argparse.Namespace, scene: Scene) -> None:
 
     what = {"name": scene.name, "digest": scene_digest(scene)}
     image, view = _expose(arguments, scene)
-    say(f"wrote {save_video(arguments, image, view.array, what)}")
+    said = save_video(arguments, image, view.array, what)
+    wrote(arguments.output, said.removeprefix(str(arguments.output)))
 
 
 def save_video(
@@ -109,7 +110,8 @@ def _expose(arguments: argparse.Namespace, scene: Scene) -> tuple[np.ndarray, Vi
     assert scene.view is not None  # of wanted()
     width, height = scene.view.film
     samples = arguments.samples or scene.view.samples_per_pixel
-    with progress(f"tracing {width} x {height} pixels, {samples} rays each", "instants") as report:
+    what = f"tracing {width} x {height} pixels, {samples} rays each"
+    with progress(what, rays=width * height * samples) as report:
         image = trace_array(
             scene, samples_per_pixel=samples, instants=arguments.instants,
             device=arguments.device, progress=report,

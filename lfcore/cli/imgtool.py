@@ -35,7 +35,9 @@ def options(command: argparse.ArgumentParser) -> None:
     def add_tool(
         tool: str, run: Callable[[argparse.Namespace], str], text: str, more: str = ""
     ) -> argparse.ArgumentParser:
-        added = tools.add_parser(tool, help=text, description=f"{text.capitalize()}. {more}")
+        added = tools.add_parser(
+            tool, help=text, description=f"{text[0].upper()}{text[1:]}. {more}"
+        )
         # What a tool has to say is its result: it goes to standard output.
         added.set_defaults(run=lambda arguments: print(run(arguments)))
         return added

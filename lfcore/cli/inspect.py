@@ -7,7 +7,7 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from lfcore.cli.command import Command, add_lightfield, open_field
-from lfcore.cli.progress import progress
+from lfcore.cli.progress import note, progress
 from lfcore.storage.codecs import LOSSLESS
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ INFO_EPILOG = """\
 examples:
   lfcore info bike.mkv
   lfcore info bike.mkv --verify     read every byte and compare with the check sums
-  lfcore info bike.mkv --json       the metadata, for programs
+  lfcore info bike.mkv --json       the metadata and more, for programs
 """
 
 
@@ -29,14 +29,22 @@ DEVICES = "List the OpenCL devices that can be used. LFCORE_DEVICE or --device c
 def info_options(command: argparse.ArgumentParser) -> None:
     add_lightfield(command)
     command.add_argument("--verify", action="store_true", help="check every segment")
-    command.add_argument("--json", action="store_true", help="print the metadata as JSON")
 
 
 def devices(arguments: argparse.Namespace) -> None:
     from lfcore.opencl.device import open_device, usable_devices
 
     chosen = open_device().device
-    for device in usable_devices():
+    found = usable_devices()
+    note(devices=[
+        {
+            "name": device.name.strip(), "platform": device.platform.name.strip(),
+            "compute_units": device.max_compute_units, "memory_bytes": device.global_mem_size,
+            "default": device == chosen,
+        }
+        for device in found
+    ])  # fmt: skip
+    for device in () if arguments.json else found:
         mark = "*" if device == chosen else " "
         memory = device.global_mem_size / 2**30
         print(
@@ -50,10 +58,12 @@ def info(arguments: argparse.Namespace) -> None:
     if arguments.verify:
         with progress("checking", "segments") as report:
             field.verify(report)
-    if arguments.json:
-        print(json.dumps(json.loads(field.metadata.to_text()), indent=2))
-        return
-    for name, value in facts(field).items():
+    note(
+        file=str(field.path), bytes=field.path.stat().st_size,
+        damage=[damage.reason for damage in field.damage],
+        metadata=json.loads(field.metadata.to_text()),
+    )  # fmt: skip
+    for name, value in () if arguments.json else facts(field).items():
         print(f"{name:<15} {value}")
 
 
@@ -130,6 +140,6 @@ def _optics(field: LightField) -> dict[str, str]:
 
 
 COMMANDS = {
-    "info": Command(INFO, INFO_EPILOG, info_options, info),
-    "devices": Command(DEVICES, "", lambda command: None, devices),
+    "info": Command(INFO, INFO_EPILOG, info_options, info, programs=True),
+    "devices": Command(DEVICES, "", lambda command: None, devices, programs=True),
 }

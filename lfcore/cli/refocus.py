@@ -86,4 +86,4 @@ def run(arguments: argparse.Namespace) -> None:
     plane_options.save(arguments.output, planes, pictures, arguments.bits, field)
 
 
-COMMANDS = {"refocus": Command(DESCRIPTION, EPILOG, options, run)}
+COMMANDS = {"refocus": Command(DESCRIPTION, EPILOG, options, run, programs=True)}

@@ -6,7 +6,9 @@ import argparse
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lfcore.cli import film
 from lfcore.cli import planes as plane_options
@@ -21,10 +23,13 @@ from lfcore.cli.command import (
     open_scene,
     refuse,
 )
-from lfcore.cli.progress import progress, say
+from lfcore.cli.progress import note, progress, say, wrote
 from lfcore.errors import OpticsError
 from lfcore.optics.ray_cells import LATTICES
 from lfcore.pictures import check_bits, check_suffix
+
+if TYPE_CHECKING:
+    from lfcore.rendering.by_depth import RayCount
 
 RENDER = """\
 Trace a scene and make pictures from its rays at once; no light field is stored. SCENE is a
@@ -133,7 +138,8 @@ def render(arguments: argparse.Namespace) -> None:
     planes = plane_options.read_planes(arguments, scene.camera)
     how = "nearest" if arguments.pinhole else arguments.filter
     same = {"planes": planes, "pixels": size, "device": arguments.device}
-    with named_file(arguments.scene), progress("tracing", "parts") as report:
+    rays = _rays(arguments, size)
+    with named_file(arguments.scene), progress("tracing", "parts", rays=rays) as report:
         if arguments.quality is None:
             pictures = api.render(
                 scene, views=1 if arguments.pinhole else arguments.views,
@@ -144,8 +150,9 @@ def render(arguments: argparse.Namespace) -> None:
             pictures = made.pictures
     if arguments.quality is not None:
         db = ", ".join(f"{each:.1f}" for each in made.expected_db)
-        rays = f"{made.count} lens samples by rays of a pixel a side"
-        say(f"{rays}, {made.count.rays_a_pixel:g} a pixel: {db} dB expected")
+        what = f"{made.count} lens samples by rays of a pixel a side"
+        say(f"{what}, {made.count.rays_a_pixel:g} a pixel: {db} dB expected")
+        note(expected_db=list(map(float, made.expected_db)), rays_a_pixel=made.count.rays_a_pixel)
     plane_options.save(arguments.output, planes, pictures, arguments.bits)
 
 
@@ -166,6 +173,27 @@ def _check_rays(arguments: argparse.Namespace) -> None:
         )  # fmt: skip
 
 
+def _rays(arguments: argparse.Namespace, size: int) -> int:
+    """Rays that pictures are made of; 0 where a pilot is to say how many."""
+    from lfcore.api import VIEWS
+    from lfcore.rendering.by_depth import DEFAULT_COUNT
+
+    if arguments.quality is not None:
+        return 0
+    if arguments.pinhole or arguments.filter == "nearest":
+        return ((1 if arguments.pinhole else arguments.views or VIEWS) * size) ** 2
+    return _by_depth(arguments, DEFAULT_COUNT).rays(size)
+
+
+def _by_depth(arguments: argparse.Namespace, usual: RayCount) -> RayCount:
+    """Rays of a pixel, by default the usual ones."""
+    return replace(
+        usual,
+        views=usual.views if arguments.views is None else arguments.views,
+        subpixels=usual.subpixels if arguments.subpixels is None else arguments.subpixels,
+    )
+
+
 def trace(arguments: argparse.Namespace) -> None:
     from lfcore import api
 
@@ -175,7 +203,10 @@ def trace(arguments: argparse.Namespace) -> None:
         film.trace(arguments, scene)
         return
     size = 256 if arguments.size is None else arguments.size
-    with named_file(arguments.scene), progress("tracing", "elements") as report:
+    rays = ((arguments.views or api.VIEWS) * size) ** 2
+    if arguments.depth_stream:
+        rays = _by_depth(arguments, api.STORED_COUNT).rays(size)
+    with named_file(arguments.scene), progress(f"tracing {rays:,} rays", rays=rays) as report:
         field = api.record(
             scene, arguments.output, views=arguments.views, pixels=size,
             depth_stream=arguments.depth_stream, subpixels=arguments.subpixels,
@@ -184,7 +215,7 @@ def trace(arguments: argparse.Namespace) -> None:
             device=arguments.device, progress=report, **encoder(arguments),
         )  # fmt: skip
     length = os.path.getsize(arguments.output)
-    say(f"wrote {arguments.output}: {len(field.segments)} segments, {length:,} bytes")
+    wrote(arguments.output, f": {len(field.segments)} segments, {length:,} bytes")
 
 
 @contextmanager
@@ -199,6 +230,6 @@ def named_file(file: Path) -> Iterator[None]:
 
 
 COMMANDS = {
-    "render": Command(RENDER, RENDER_EPILOG, render_options, render),
-    "trace": Command(TRACE, TRACE_EPILOG, trace_options, trace),
+    "render": Command(RENDER, RENDER_EPILOG, render_options, render, programs=True),
+    "trace": Command(TRACE, TRACE_EPILOG, trace_options, trace, programs=True),
 }

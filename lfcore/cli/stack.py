@@ -11,7 +11,7 @@ import numpy as np
 
 from lfcore.cli import planes as plane_options
 from lfcore.cli.command import Command, add_lightfield, distance, exclude, open_field, refuse
-from lfcore.cli.progress import progress, say
+from lfcore.cli.progress import progress, wrote
 from lfcore.cli.refocus import add_method, make_pictures
 from lfcore.errors import OpticsError
 from lfcore.optics.planes import SensorPlane
@@ -104,7 +104,7 @@ def run(arguments: argparse.Namespace) -> None:
     else:
         plane_options.save(path, planes, pictures, arguments.bits, field)
         return
-    say(f"wrote {path}: {len(planes)} pictures")
+    wrote(path, f": {len(planes)} pictures")
 
 
 def _make_fast(
@@ -202,4 +202,4 @@ def whole_scene(field: LightField) -> tuple[float, float]:
     return max(near, closest), max(far, closest)
 
 
-COMMANDS = {"stack": Command(DESCRIPTION, EPILOG, options, run)}
+COMMANDS = {"stack": Command(DESCRIPTION, EPILOG, options, run, programs=True)}

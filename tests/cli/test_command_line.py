@@ -115,9 +115,53 @@ def test_info_and_devices(recorded, capsys):
     assert f"{SIZE} x {SIZE} pixels, {VIEWS} x {VIEWS} views" in text
     assert "120 mm f/1" in text
     assert main(["info", str(recorded), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["scene"]["name"] == "chart"
+    found = json.loads(capsys.readouterr().out)
+    assert found["metadata"]["scene"]["name"] == "chart" and found["damage"] == []
+    assert found["bytes"] == recorded.stat().st_size
     assert main(["devices"]) == 0
     assert capsys.readouterr().out.count("*") == 1
+
+
+def test_programs_are_told_in_one_line_of_json(recorded, tmp_path, capsys):
+    """With ``--json`` there is one object on standard output and nothing on standard error."""
+    picture, depth = tmp_path / "a.png", tmp_path / "d.npz"
+    small = ["--size", "16", "--views", "2"]
+    for command, files, rays in (
+        (["render", CHART, *small, "-o", picture], [picture], (2 * 2 * 16) ** 2),
+        (["trace", CHART, *small, "-o", tmp_path / "t.mkv"], [tmp_path / "t.mkv"], (2 * 16) ** 2),
+        (["depth", CHART, *small, "-o", depth], [depth], (2 * 16) ** 2),
+        (["stack", recorded, "--focus", "1", "2", "--sheet", "-o", picture], [picture], None),
+        (["refocus", recorded, "-o", picture], [picture], None),
+        (["info", recorded, "--verify"], [], None),
+        (["devices"], [], None),
+    ):
+        assert main([str(word) for word in (*command, "--json")]) == 0
+        out, err = capsys.readouterr()
+        assert err == "" and out.count("\n") == 1
+        told = json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+        assert told["command"] == command[0]
+        assert told["files"] == [{"file": str(f), "bytes": f.stat().st_size} for f in files]
+        if command[0] != "devices":
+            assert len(told["steps"]) == 1 and told["steps"][0]["seconds"] >= 0
+        if rays:
+            assert told["steps"][0]["rays"] == rays
+            assert told["scene"]["triangles"] == 6
+    assert sum(device["default"] for device in told["devices"]) == 1
+
+
+def test_a_program_is_told_of_an_error_as_people_are(tmp_path, capsys):
+    assert main(["info", str(tmp_path / "none.mkv"), "--json"]) == 1
+    out, err = capsys.readouterr()
+    assert out == "" and "none.mkv" in err and err.count("\n") == 1
+
+
+def test_what_is_infinite_is_text(tmp_path, capsys):
+    path = tmp_path / "far.mkv"
+    words = ["trace", CHART, "--size", "16", "--views", "2", "--focus", "inf", "-o", path]
+    assert main([str(word) for word in words]) == 0
+    assert main(["info", str(path), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert told["metadata"]["slab"]["camera"]["focus_distance_m"] == "inf"
 
 
 def test_view_macropixel_and_grid(recorded, tmp_path):
@@ -172,7 +216,7 @@ def test_every_pixel_format_is_traced_and_refocused(tmp_path, capsys, codec, for
     how = ["--codec", codec, "--pixel-format", form, "--crf", "4"]
     assert main(["trace", str(CHART), "-o", str(file), *size, *how]) == 0
     assert main(["info", str(file), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["layout"]["pixel_format"] == form
+    assert json.loads(capsys.readouterr().out)["metadata"]["layout"]["pixel_format"] == form
     assert main(["info", str(file)]) == 0
     assert ("crf 4" in capsys.readouterr().out) == (codec != "ffv1")
     planes = ["--plane", "focus=1", "--plane", "focus=1.33"]

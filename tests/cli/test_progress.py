@@ -14,7 +14,7 @@ class Terminal(io.StringIO):
 
 
 class Clock:
-    now = 0.0
+    now = 1000.0
 
     def perf_counter(self):
         return self.now
@@ -61,3 +61,56 @@ def test_builds_of_several_threads_count_once(clock, capsys):
             build(clock, 2.0)
             clock.now += 1.0
     assert capsys.readouterr().err == "tracing: 3.0 s, 3.0 s of them building kernels\n"
+
+
+def test_rays_a_second_do_not_count_what_is_built(clock, monkeypatch):
+    terminal = Terminal()
+    monkeypatch.setattr(lines.sys, "stderr", terminal)
+    with lines.progress("tracing", rays=8_000_000) as report:
+        build(clock, 3.0)
+        clock.now += 2.0
+        report(1, 2)
+        clock.now += 2.0
+        report(2, 2)
+    shown = [line.strip() for line in terminal.getvalue().split("\r")[1:]]
+    assert shown[2].endswith("50%, 2 million rays a second, 2 s left")
+    assert shown[-1].endswith("3.0 s of them building kernels, 2 million rays a second")
+
+
+def test_while_kernels_are_built_nothing_else_is_said(clock, monkeypatch):
+    """Another thread may have a part ready; what holds it up is what is built."""
+    terminal = Terminal()
+    monkeypatch.setattr(lines.sys, "stderr", terminal)
+    with lines.progress("tracing", "parts") as report, program_cache._telling():
+        clock.now += 5.0
+        report(1, 4)
+        assert terminal.getvalue().split("\r")[-1].strip() == "building kernels ..."
+
+
+def test_a_line_is_no_wider_than_the_terminal(clock, monkeypatch):
+    terminal = Terminal()
+    monkeypatch.setattr(lines.sys, "stderr", terminal)
+    monkeypatch.setattr(lines.shutil, "get_terminal_size", lambda default: (40, 24))
+    with lines.progress("tracing a picture with a long name", "parts") as report:
+        clock.now += 1.0
+        report(1, 4)
+    shown = terminal.getvalue().split("\r")[1]
+    assert len(shown) == 39
+
+
+def test_a_record_has_what_would_be_said(clock, tmp_path, capsys):
+    with lines.recorded("trace") as record:
+        with lines.progress("tracing", rays=100):
+            build(clock, 1.0)
+            clock.now += 0.5
+        lines.say("three triangles")
+        (tmp_path / "a").write_bytes(b"12345")
+        lines.wrote(tmp_path / "a", ": more")
+        lines.note(scene="x")
+    assert capsys.readouterr() == ("", "")
+    step = {"what": "tracing", "seconds": 1.5, "building_kernels_seconds": 1.0, "rays": 100}
+    assert record == {
+        "command": "trace", "said": ["three triangles"], "scene": "x",
+        "files": [{"file": str(tmp_path / "a"), "bytes": 5}],
+        "steps": [step | {"rays_per_second": 200}],
+    }  # fmt: skip
