@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import lfcore.tracing
-from lfcore.evaluation.left_out import packages, rows
-from lfcore.evaluation.left_out.bench import COLUMNS, LeftOutError, check_identical, same
+from lfcore.evaluation.left_out import comparisons, packages
+from lfcore.evaluation.left_out.comparisons import COLUMNS, LeftOutError, check_identical, same
 from lfcore.evaluation.left_out.features import FEATURES, full_needs
-from lfcore.evaluation.stability.subject import bare_scene
+from lfcore.evaluation.stability.under_test import bare_scene
 from lfcore.opencl.device import open_device
 from lfcore.scene.appearance import DIRECTIONAL, Light, Material
 from lfcore.scene.model import Scene
@@ -109,7 +109,7 @@ def test_pictures_are_identical_without_what_is_left_out(plain, monkeypatch):
     device = open_device(threads=1)
     bvh = build_bvh(plain.triangles)
     monkeypatch.setattr(packages, "TURNS", 1)
-    made = rows.left_out(plain, bvh, device, views=16, pixels=16, repeats=1)
+    made = comparisons.left_out(plain, bvh, device, views=16, pixels=16, repeats=1)
     assert all(set(row) == set(COLUMNS) for row in made)
     found = {row["feature"]: row for row in made}
     assert set(found) == {f.field for f in FEATURES} - {"directional_lights"} | {

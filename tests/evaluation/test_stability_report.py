@@ -6,9 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfcore.evaluation.stability.about import ABOUT, about, cases_table
-from lfcore.evaluation.stability.rows import COLUMNS, LIMITS, Row
-from lfcore.evaluation.stability_report import error_growth, heat_map, stability_table, summary
+from lfcore.evaluation.stability.cases import DESCRIPTIONS, description
+from lfcore.evaluation.stability.measurement import COLUMNS, LIMITS, Measurement
+from lfcore.evaluation.stability.report import (
+    cases_table,
+    error_growth,
+    heat_map,
+    stability_table,
+    summary,
+)
 from lfcore.scene.assemble import LARGEST_COORDINATE, SMALLEST_VOLUME
 from lfcore.tracing.tracer import SMALLEST_SCENE
 
@@ -18,17 +24,22 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "stability.md"
 def test_every_case_has_its_bound_explained():
     """A case without an entry, or an entry without a case, fails."""
     lossy = "codec 4:2:0 lossy, checker"
-    assert about("edge rays").number == "1" and about(lossy).reason.startswith("B frames")
+    assert description("edge rays").number == "1" and description(lossy).bound_from.startswith(
+        "B frames"
+    )
     with pytest.raises(KeyError):
-        about("something new")
-    numbers = {number for entry in ABOUT for number in entry.number.split(", ")}
+        description("something new")
+    numbers = {number for entry in DESCRIPTIONS for number in entry.number.split(", ")}
     assert numbers - {"codec"} == {str(k) for k in range(1, 21)}
 
 
 def test_cases_table():
-    rows = [Row("needles (depth)", "aspect", 10.0**k, 9, k, 16, condition=2 + k) for k in range(3)]
+    rows = [
+        Measurement("needles (depth)", "aspect", 10.0**k, 9, k, 16, condition=2 + k)
+        for k in range(3)
+    ]
     rows += [
-        Row(
+        Measurement(
             "thin gap",
             "gap m",
             1.0,
@@ -58,9 +69,11 @@ def test_every_limit_is_documented():
 
 
 def test_table_and_figures(tmp_path):
-    rows = [Row("a", "x", 10.0**k, 10.0**k, 10.0 ** (k / 2), 1.0) for k in range(-2, 4)]
+    rows = [Measurement("a", "x", 10.0**k, 10.0**k, 10.0 ** (k / 2), 1.0) for k in range(-2, 4)]
     rows += [
-        Row("b", "y", 1.0, math.inf, math.nan, 0.0, "coordinates", "1 triangle is out of range")
+        Measurement(
+            "b", "y", 1.0, math.inf, math.nan, 0.0, "coordinates", "1 triangle is out of range"
+        )
     ]
     table = stability_table(rows)
     assert tuple(table.columns) == COLUMNS and "refused" in summary(table)

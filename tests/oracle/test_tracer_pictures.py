@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lfcore.evaluation.stability.shapes import grid, sphere
-from lfcore.evaluation.stability.subject import CAMERA, bare_scene, tracer_subject
+from lfcore.evaluation.stability.under_test import CAMERA, bare_scene, tracer_under_test
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, slab_hits, trace
@@ -71,7 +71,7 @@ def features():
 
 @pytest.fixture(scope="module")
 def tracer():
-    return tracer_subject()
+    return tracer_under_test()
 
 
 @pytest.mark.parametrize("name", features())

@@ -1,4 +1,4 @@
-"""The stability sweeps: their judges by hand, their naive methods, and the tracer's verdicts."""
+"""The stability sweeps: their errors by hand, their naive methods, and the tracer's verdicts."""
 
 import dataclasses
 import inspect
@@ -12,22 +12,23 @@ from lfcore.evaluation.stability import (
     codecs,
     edges,
     extents,
-    judge,
+    hit_errors,
     lenses,
     naive,
     primitives,
     shadows,
     shapes,
-    subject,
+    under_test,
 )
-from lfcore.evaluation.stability.all_cases import CASES, run_all
-from lfcore.evaluation.stability.rows import (
+from lfcore.evaluation.stability.cases import CASES, run_all
+from lfcore.evaluation.stability.measurement import (
     COLUMNS,
     LIMITS,
     NO_ANSWER,
-    Row,
+    Measurement,
     StabilityError,
-    check_rows,
+    check_passed,
+    measured,
 )
 from lfcore.oracle.intersect import closest_hits
 from lfcore.oracle.planes import form_plane
@@ -50,22 +51,24 @@ def oracle_closest(triangles, origins, directions):
 
 
 def oracle_slab_hits(triangles, slab, pixels):
-    hits = slab_hits(subject.bare_scene(triangles), slab, pixels)
+    hits = slab_hits(under_test.bare_scene(triangles), slab, pixels)
     shape = len(pixels), slab.views, slab.views
     return hits.triangle.reshape(shape), np.float32(hits.t.reshape(shape))
 
 
-ORACLE = subject.Subject(oracle_closest, oracle_closest, oracle_slab_hits, oracle_picture, rays=300)
+ORACLE = under_test.TracerUnderTest(
+    oracle_closest, oracle_closest, oracle_slab_hits, oracle_picture, rays=300
+)
 
 
 @pytest.fixture(scope="module")
 def tracer():
-    return subject.tracer_subject(rays=300)
+    return under_test.tracer_under_test(rays=300)
 
 
 def test_verdicts():
     def verdict(error, **options):
-        return Row("case", "parameter", 1.0, 2.0, error, 0.5, **options).verdict
+        return Measurement("case", "parameter", 1.0, 2.0, error, 0.5, **options).verdict
 
     assert verdict(0.5) == "pass" and verdict(0.6) == "fail"
     assert verdict(math.nan) == "fail" and verdict(math.inf) == "fail"
@@ -75,14 +78,14 @@ def test_verdicts():
     assert verdict(math.nan, said=focus) == "fail"
     assert verdict(math.nan, limit="apertures", said=focus) == "fail"
     assert verdict(0.1, limit="focus") == "fail"
-    assert tuple(Row("case", "p", 1.0, 2.0, 0.1, 0.5).as_dict()) == COLUMNS
+    assert tuple(Measurement("case", "p", 1.0, 2.0, 0.1, 0.5).as_dict()) == COLUMNS
 
 
 def test_rows_that_fail_are_an_error_that_names_them():
-    good, bad = (Row("case", "p", value, 2.0, value, 0.5) for value in (0.5, 0.75))
-    check_rows([good])
+    good, bad = (Measurement("case", "p", value, 2.0, value, 0.5) for value in (0.5, 0.75))
+    check_passed([good])
     with pytest.raises(StabilityError, match=r"1 rows .* case, p = 0\.75: error 0\.75, bound 0\.5"):
-        check_rows([good, bad])
+        check_passed([good, bad])
 
 
 def test_only_a_scene_or_a_lens_is_refused():
@@ -90,7 +93,7 @@ def test_only_a_scene_or_a_lens_is_refused():
         def work():
             raise error
 
-        return judge.row("case", "p", 1, 0, lambda: 1.0, work, limit="coordinates")
+        return measured("case", 0, lambda: 1.0, work, limit="coordinates")
 
     assert raising(SceneError("3 triangles are out of range")).verdict == "refused"
     assert raising(SceneError("no such texture")).verdict == "fail"
@@ -99,18 +102,20 @@ def test_only_a_scene_or_a_lens_is_refused():
             raising(error)
 
 
-def test_judges():
+def test_errors_of_hits():
     mesh = np.float32([[[-1, -1, 2], [1, -1, 2], [0, 1, 2]]])
     rays = shapes.rays_at(np.array([[0, 0, 2], [0.1, 0, 2], [5, 0, 2.0]]), (0.0, 0.0))
-    hits = judge.truth(mesh, *rays)
+    hits = hit_errors.oracle_hits(mesh, rays)
     right = np.array([0, 0, -1]), np.float32([2, 2, np.inf])
-    assert judge.leaks(right, hits) == judge.mismatches(right, hits) == 0
-    assert judge.depth_error(right, hits) < 1
+    assert hit_errors.leaks(right, hits) == hit_errors.mismatches(right, hits) == 0
+    assert hit_errors.depth_error(right, hits) < 1
     wrong = np.array([0, -1, -1]), np.float32([2 * (1 + 2.0**-20), np.inf, np.inf])
-    assert judge.leaks(wrong, hits) == judge.mismatches(wrong, hits) == pytest.approx(1 / 3)
-    assert judge.depth_error(wrong, hits) == pytest.approx(16)
+    assert (
+        hit_errors.leaks(wrong, hits) == hit_errors.mismatches(wrong, hits) == pytest.approx(1 / 3)
+    )
+    assert hit_errors.depth_error(wrong, hits) == pytest.approx(16)
     broken = np.array([0, 0, -1]), np.float32([2, np.nan, np.inf])
-    assert judge.depth_error(broken, hits) == math.inf
+    assert hit_errors.depth_error(broken, hits) == math.inf
 
 
 def test_naive_closest_hit_is_right_where_nothing_is_stiff():
@@ -119,7 +124,7 @@ def test_naive_closest_hit_is_right_where_nothing_is_stiff():
     hits = closest_hits(mesh, *rays, near=2000)
     found = naive.moeller_trumbore(mesh, *rays)
     assert (found[0] >= 0).mean() > 0.3 and hits.clear(1000).mean() > 0.5
-    assert judge.mismatches(found, hits, 1000) == 0
+    assert hit_errors.mismatches(found, hits, 1000) == 0
     assert naive.moeller_trumbore(mesh[:0], *rays)[0].tolist() == [-1] * 500
 
 
@@ -158,7 +163,7 @@ def test_a_tracer_that_loses_rays_fails():
         number[::50] = -1
         return number, t
 
-    worse = subject.Subject(lossy, lossy, oracle_slab_hits, oracle_picture)
+    worse = under_test.TracerUnderTest(lossy, lossy, oracle_slab_hits, oracle_picture)
     assert all(row.verdict == "fail" for row in primitives.axes(worse))
 
 
@@ -174,7 +179,7 @@ def test_naive_methods_fail_where_the_cases_say():
 
 
 def test_rays_of_any_direction_hold_for_needles_and_scales():
-    general = subject.tracer_subject(general=True, rays=300)
+    general = under_test.tracer_under_test(general=True, rays=300)
     rows = [*primitives.needles(general), *extents.tiny_triangles(general)]
     rows += extents.scaled_scene(general)
     assert [row for row in rows if row.verdict == "fail"] == []
@@ -184,7 +189,7 @@ def test_rays_of_any_direction_hold_for_needles_and_scales():
 def test_the_tracer_holds(case, tracer):
     """Every case of the report, and none besides: a row that is refused says which limit."""
     rows = list(case(tracer))
-    check_rows(rows)
+    check_passed(rows)
     assert [row for row in rows if row.verdict == "pass"], "a case of refusals tests nothing"
     assert {row.limit for row in rows} - {""} <= set(LIMITS)
 
@@ -211,7 +216,7 @@ def test_scenes_beyond_the_range_of_float32_are_refused(tracer):
     }  # fmt: skip
     with pytest.raises(SceneError, match="too small for float32"):
         Tracer(
-            subject.bare_scene(np.full((1, 3, 3), 1e-13, np.float32)),
+            under_test.bare_scene(np.full((1, 3, 3), 1e-13, np.float32)),
             build_bvh(np.zeros((0, 3, 3))),
         )
 

@@ -84,7 +84,7 @@ rule stability:
             *sources.PARSING,
             *sources.MEASURING,
             "oracle",
-            "evaluation/stability*",
+            "evaluation/stability",
             "evaluation/figures.py",
         ),
         rays=ANALYSIS["stability_rays"],

@@ -1,10 +1,9 @@
 """All stability sweeps of the tracer, as a table, a heat map and plots of error growth."""
 
-from lfcore.evaluation import stability_report
-from lfcore.evaluation.stability.about import cases_table
-from lfcore.evaluation.stability.all_cases import chosen, run_all
-from lfcore.evaluation.stability.rows import check_rows
-from lfcore.evaluation.stability.subject import tracer_subject
+from lfcore.evaluation.stability import report
+from lfcore.evaluation.stability.cases import chosen, run_all
+from lfcore.evaluation.stability.measurement import check_passed
+from lfcore.evaluation.stability.under_test import tracer_under_test
 from lfcore.evaluation.table_files import write_csv
 from lfcore.opencl.device import open_device
 from lfcore.workflow.job import job, log_progress
@@ -12,12 +11,12 @@ from lfcore.workflow.job import job, log_progress
 with job(snakemake.log[0], snakemake.threads):
     params, output = snakemake.params, snakemake.output
     device = open_device(params.device or None, threads=snakemake.threads)
-    subject = tracer_subject(device, rays=params.rays)
-    rows = run_all(subject, chosen(params.cases), progress=log_progress("cases"))
-    table = stability_report.stability_table(rows)
-    print(stability_report.summary(table))
-    check_rows(rows)
+    tracer = tracer_under_test(device, rays=params.rays)
+    measured = run_all(tracer, chosen(params.cases), progress=log_progress("cases"))
+    table = report.stability_table(measured)
+    print(report.summary(table))
+    check_passed(measured)
     write_csv(output.csv, table)
-    write_csv(output.cases, cases_table(rows))
-    stability_report.heat_map(output.heat_map, table)
-    stability_report.error_growth(output.error_growth, table)
+    write_csv(output.cases, report.cases_table(measured))
+    report.heat_map(output.heat_map, table)
+    report.error_growth(output.error_growth, table)

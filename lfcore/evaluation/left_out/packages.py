@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from lfcore.errors import LfcoreError
-from lfcore.evaluation.left_out.bench import Bench
+from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 
 TURNS = 2
@@ -19,7 +19,7 @@ import hashlib, json, os, pathlib, sys, time
 begun = time.perf_counter()
 for name in sys.argv[1:]:
     __import__(name)
-from lfcore.evaluation.left_out.plain import plane_sums
+from lfcore.evaluation.left_out.minimal_job import plane_sums
 seconds = time.perf_counter() - begun
 unwanted = [name for name in ("av", "cv2") if name in sys.modules]
 pages = pathlib.Path("/proc/self/statm")  # Linux alone; elsewhere bytes are not measured
@@ -29,10 +29,10 @@ print(json.dumps([seconds, memory, digest, unwanted]))
 """
 
 
-def packages(bench: Bench) -> Iterator[dict]:
+def packages(scene: Scene) -> Iterator[dict]:
     """PyAV, where nothing is stored; OpenCV, where nothing is textured."""
     yield _package("av", "the video library, where the light field is not stored")
-    if not Needs.of(bench.scene).textures:
+    if not Needs.of(scene).textures:
         yield _package("cv2", "the picture library, where no texture is filtered")
 
 

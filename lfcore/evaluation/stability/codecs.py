@@ -17,15 +17,13 @@ from pathlib import Path
 import av
 import numpy as np
 
-from lfcore.evaluation.stability.judge import row
-from lfcore.evaluation.stability.rows import NO_ANSWER, Row
-from lfcore.evaluation.stability.subject import Subject
+from lfcore.evaluation.stability.measurement import NO_ANSWER, Measurement, measured, sweep
+from lfcore.evaluation.stability.under_test import TracerUnderTest
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
 
-SIDES = (1, 2, 15, 16, 33, 64)
 FRAMES = 4
 CRF = 22
 LUMA = 255 / 219
@@ -140,28 +138,27 @@ def _library(rgb: np.ndarray, spec: CodecSpec) -> np.ndarray:
     return np.stack(found) / 255.0
 
 
-def hard_pictures(subject: Subject) -> Iterator[Row]:
+@sweep("side", (1, 2, 15, 16, 33, 64))
+def hard_pictures(tracer: TracerUnderTest, side: int) -> Iterator[Measurement]:
     """All patterns at sides from one pixel on, odd ones among them."""
     lossless = CodecSpec("ffv1", "yuv444p", preset=None, tune=None)
     lossy = CodecSpec("libx264", "yuv420p", crf=float(CRF))
-    for side in SIDES:
-        for name, picture in _patterns(side).items():
-            colour = picture.ndim == 4
-            rgb = picture if colour else np.repeat(picture[..., None], 3, axis=-1)
-            bound = lossless_bound(picture.size)
-            jobs = [("codec 4:4:4 lossless, ", lossless, bound)]
-            if not colour:
-                bound = flat_bound() if name in ("black", "white") else lossy_bound()
-                jobs.append(("codec 4:2:0 lossy, ", lossy, bound))
-            for label, spec, bound in jobs:
-                yield row(
-                    label + name,
-                    "side",
-                    side,
-                    bound,
-                    lambda rgb=rgb, spec=spec: _rms(_library(rgb, spec), rgb),
-                    lambda rgb=rgb, spec=spec: _rms(_round_trip(rgb, spec), rgb),
-                )
+    for name, picture in _patterns(side).items():
+        colour = picture.ndim == 4
+        rgb = picture if colour else np.repeat(picture[..., None], 3, axis=-1)
+        yield _stored(f"codec 4:4:4 lossless, {name}", lossless, lossless_bound(picture.size), rgb)
+        if not colour:
+            bound = flat_bound() if name in ("black", "white") else lossy_bound()
+            yield _stored(f"codec 4:2:0 lossy, {name}", lossy, bound, rgb)
+
+
+def _stored(case: str, spec: CodecSpec, bound: float, rgb: np.ndarray) -> Measurement:
+    return measured(
+        case,
+        bound,
+        lambda: _rms(_library(rgb, spec), rgb),
+        lambda: _rms(_round_trip(rgb, spec), rgb),
+    )
 
 
 CASES = (hard_pictures,)

@@ -1,68 +1,80 @@
-"""Cases 17, 18 and 19: focus to the focal length and to infinity, apertures, refocusing."""
+"""Cases 17 to 20: focus to the focal length and to infinity, apertures, refocusing, sums."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 
 from lfcore.evaluation.stability import naive
-from lfcore.evaluation.stability.judge import row
-from lfcore.evaluation.stability.rows import NO_ANSWER, Row
-from lfcore.evaluation.stability.subject import CAMERA, Subject
+from lfcore.evaluation.stability.measurement import NO_ANSWER, Measurement, measured, sweep
+from lfcore.evaluation.stability.under_test import CAMERA, TracerUnderTest, bare_scene
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.oracle.crossings import ULP
 
+COLOUR = (0.7, 0.1, 1.0)
 
-def near_the_focal_length(subject: Subject) -> Iterator[Row]:
+
+@sweep("u / f - 1", (*10.0 ** -np.arange(0, 13, 2), 0.0, -1e-4))
+def near_the_focal_length(tracer: TracerUnderTest, excess: float) -> Measurement:
     """Relative error of the image distance, in 2^-24; naive: 1 / (1/f - 1/u).  Bound 4."""
     focal = 0.05
-    for excess in (*10.0 ** -np.arange(0, 13, 2), 0.0, -1e-4):
-        distance = focal * (1 + excess)
-        exact = None
-        if distance != focal:
-            exact = Fraction(focal) * Fraction(distance) / (Fraction(distance) - Fraction(focal))
+    distance = focal * (1 + excess)
 
-        def error(found, exact=exact):
-            if exact is None:  # the picture of the focal point is at infinity
-                return 0.0 if math.isinf(found) else NO_ANSWER
-            if not math.isfinite(found):
-                return NO_ANSWER
-            return abs(float((Fraction(float(found)) - exact) / exact)) / ULP
+    def error(found: float) -> float:
+        if distance == focal:  # the picture of the focal point is at infinity
+            return 0.0 if math.isinf(found) else NO_ANSWER
+        if not math.isfinite(found):
+            return NO_ANSWER
+        exact = Fraction(focal) * Fraction(distance) / (Fraction(distance) - Fraction(focal))
+        return abs(float((Fraction(float(found)) - exact) / exact)) / ULP
 
-        yield row(
-            "near the focal length",
-            "u / f - 1",
-            excess,
-            4,
-            lambda distance=distance, error=error: error(naive.image_distance(focal, distance)),
-            lambda distance=distance, error=error: error(
-                Camera(focal, 0.036, 2.0, distance).image_distance_m
-            ),
-            limit="focus" if distance <= focal else "",
-            condition=math.inf if distance == focal else distance / abs(distance - focal),
-        )
+    return measured(
+        "near the focal length",
+        4,
+        lambda: error(naive.image_distance(focal, distance)),
+        lambda: error(Camera(focal, 0.036, 2.0, distance).image_distance_m),
+        limit="focus" if distance <= focal else "",
+        condition=math.inf if distance == focal else distance / abs(distance - focal),
+    )
 
 
-def _directions(slab: Slab) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Lens points (R, 2), tangents (R, 2), and directions (R, 3): ours and exact float64."""
+@sweep("focus m", (0.0501, 0.1, 1.0, 1e3, 1e8, 1e18, 1e20, 1e38, math.inf))
+def focus_to_infinity(tracer: TracerUnderTest, focus: float) -> Measurement:
+    """Angle of the rays' directions in 2^-24; naive: difference of points, normalised."""
+    return _directions("focus to infinity", replace(CAMERA, focus_distance_m=focus))
+
+
+@sweep("f-number", (1e-3, 1e-1, 1.0, 1e2, 1e4, 1e8, 1e30))
+def apertures(tracer: TracerUnderTest, number: float) -> Measurement:
+    """The same from a pinhole to a lens of 50 m: the camera's f-number."""
+    return _directions("apertures", replace(CAMERA, f_number=number))
+
+
+def _directions(case: str, camera: Camera) -> Measurement:
+    """The largest angle to the directions from lens points through tangents, in float64."""
+    slab = Slab(camera, 16, 64)
     u = np.array([0, slab.pixels // 3, slab.pixels - 1])
-    pixels = np.stack([u, u[::-1]], 1)
-    ours = macropixels(slab, pixels).rays()[1].reshape(-1, 3)
     s, x = slab.lens_positions(), slab.pixel_tangents()
     grid = np.broadcast_arrays(
         s[None, None, :], s[None, :, None], x[u, None, None], x[u[::-1], None, None]
     )
     s, t, x, y = (part.ravel() for part in grid)
-    delta = slab.camera.delta
-    exact = np.stack([x - s * delta, y - t * delta, np.ones_like(s)], 1)
-    return np.stack([s, t], 1), np.stack([x, y], 1), ours, exact
+    exact = np.stack([x - s * camera.delta, y - t * camera.delta, np.ones_like(s)], 1)
+    lens, tangents = np.stack([s, t], 1), np.stack([x, y], 1)
+    pixels, focus = np.stack([u, u[::-1]], 1), camera.focus_distance_m
+    return measured(
+        case,
+        4,
+        lambda: _angle(naive.lens_directions(lens, tangents, focus), exact),
+        lambda: _angle(macropixels(slab, pixels).rays()[1].reshape(-1, 3), exact),
+    )
 
 
 def _angle(found: np.ndarray, exact: np.ndarray) -> float:
@@ -73,69 +85,34 @@ def _angle(found: np.ndarray, exact: np.ndarray) -> float:
     return float(np.where(np.isfinite(angle), angle, NO_ANSWER).max())
 
 
-def focus_to_infinity(subject: Subject) -> Iterator[Row]:
-    """Angle of the rays' directions in 2^-24; naive: difference of points, normalised."""
-    for focus in (0.0501, 0.1, 1.0, 1e3, 1e8, 1e18, 1e20, 1e38, math.inf):
-        slab = Slab(dataclasses.replace(CAMERA, focus_distance_m=focus), 16, 64)
-        lens, tangents, ours, exact = _directions(slab)
-        yield row(
-            "focus to infinity",
-            "focus m",
-            focus,
-            4,
-            lambda lens=lens, tangents=tangents, focus=focus, exact=exact: _angle(
-                naive.lens_directions(lens, tangents, focus), exact
-            ),
-            lambda ours=ours, exact=exact: _angle(ours, exact),
-        )
-
-
-def apertures(subject: Subject) -> Iterator[Row]:
-    """The same from a pinhole to a lens of 50 m: the camera's f-number."""
-    for number in (1e-3, 1e-1, 1.0, 1e2, 1e4, 1e8, 1e30):
-        slab = Slab(dataclasses.replace(CAMERA, f_number=number), 16, 64)
-        lens, tangents, ours, exact = _directions(slab)
-        yield row(
-            "apertures",
-            "f-number",
-            number,
-            4,
-            lambda lens=lens, tangents=tangents, exact=exact: _angle(
-                naive.lens_directions(lens, tangents, 2.0), exact
-            ),
-            lambda ours=ours, exact=exact: _angle(ours, exact),
-        )
-
-
-def refocus_shifts(subject: Subject) -> Iterator[Row]:
+@sweep("d' / d - 1", (10.0, 1.0, 1e-1, 1e-3, 1e-5, 1e-7, 0.0, -1e-7, -1e-3, -0.5, -0.9, math.inf))
+def refocus_shifts(tracer: TracerUnderTest, change: float) -> Measurement:
     """Shift of the outermost of 512 lens columns on 16384 pixels, in pixels; bound 1e-3.
 
     Naive: float32, ``1 - 1/alpha`` with alpha the ratio of distances, added up column by column.
     """
     slab = Slab(CAMERA, 512, 16384)
-    for change in (10.0, 1.0, 1e-1, 1e-3, 1e-5, 1e-7, 0.0, -1e-7, -1e-3, -0.5, -0.9, math.inf):
-        focus = CAMERA.focus_distance_m * (1 + change)
-        inverse = Fraction(0) if math.isinf(focus) else 1 / Fraction(focus)
-        difference = inverse - 1 / Fraction(CAMERA.focus_distance_m)
-        exact = [
-            float(Fraction(s) * difference / Fraction(slab.pixel_pitch))
-            for s in slab.lens_positions().tolist()
-        ]
+    focus = CAMERA.focus_distance_m * (1 + change)
+    inverse = Fraction(0) if math.isinf(focus) else 1 / Fraction(focus)
+    difference = inverse - 1 / Fraction(CAMERA.focus_distance_m)
+    pitch = Fraction(slab.pixel_pitch)
+    exact = [float(Fraction(s) * difference / pitch) for s in slab.lens_positions().tolist()]
 
-        def plain(focus=focus, exact=exact):
-            alpha = np.float32(focus) / np.float32(CAMERA.focus_distance_m)
-            factor = np.float32(CAMERA.delta) * (np.float32(1) / alpha - np.float32(1))
-            step = np.float32(slab.lens_pitch_m / slab.pixel_pitch) * factor
-            x = np.cumsum(np.full(512, step, np.float32), dtype=np.float32)
-            return np.abs(x - step * np.float32(256.5) - exact).max()
+    def by_naive():
+        alpha = np.float32(focus) / np.float32(CAMERA.focus_distance_m)
+        factor = np.float32(CAMERA.delta) * (np.float32(1) / alpha - np.float32(1))
+        step = np.float32(slab.lens_pitch_m / slab.pixel_pitch) * factor
+        x = np.cumsum(np.full(512, step, np.float32), dtype=np.float32)
+        return np.abs(x - step * np.float32(256.5) - exact).max()
 
-        def ours(focus=focus, exact=exact):
-            return np.abs(SensorPlane(focus, 2.0).shifts(slab) - exact).max()
+    def ours():
+        return np.abs(SensorPlane(focus, 2.0).shifts(slab) - exact).max()
 
-        yield row("refocus shifts", "d' / d - 1", change, 1e-3, plain, ours)
+    return measured("refocus shifts", 1e-3, by_naive, ours)
 
 
-def beyond_the_slab(subject: Subject) -> Iterator[Row]:
+@sweep("aperture / lens", (0.0, 0.25, 0.5, 1.0, 1.0001, 2.0, 1e3))
+def beyond_the_slab(tracer: TracerUnderTest, share: float) -> Measurement:
     """Apertures up to and wider than the recorded lens, as shares of it; 64 x 64 lens samples.
 
     Error: samples let through too many or too few, by a count in whole numbers of all samples
@@ -144,23 +121,22 @@ def beyond_the_slab(subject: Subject) -> Iterator[Row]:
     """
     slab = Slab(CAMERA, 64, 16)
     odd = 2 * np.arange(64) - 63  # lens positions in units of R / 64
-    for share in (0.0, 0.25, 0.5, 1.0, 1.0001, 2.0, 1e3):
-        # A pinhole is the view in the middle, of which an even number of samples has four.
-        exact = _samples_within(64 * Fraction(share)) or 4
-        number = math.inf if share == 0 else CAMERA.f_number / share
+    # A pinhole is the view in the middle, of which an even number of samples has four.
+    exact = _samples_within(64 * Fraction(share)) or 4
+    number = math.inf if share == 0 else CAMERA.f_number / share
 
-        def plain(share=share, exact=exact):
-            s = (odd / np.float32(64)).astype(np.float32)
-            inside = (s[:, None] ** 2 + s[None, :] ** 2 <= np.float32(share) ** 2).sum()
-            return abs(int(inside) - exact)
+    def by_naive():
+        s = (odd / np.float32(64)).astype(np.float32)
+        inside = (s[:, None] ** 2 + s[None, :] ** 2 <= np.float32(share) ** 2).sum()
+        return abs(int(inside) - exact)
 
-        def ours(number=number, exact=exact):
-            plane = SensorPlane(CAMERA.focus_distance_m, number)
-            plane.check(slab)
-            return abs(int(plane.mask(slab).sum()) - exact)
+    def ours():
+        plane = SensorPlane(CAMERA.focus_distance_m, number)
+        plane.check(slab)
+        return abs(int(plane.mask(slab).sum()) - exact)
 
-        limit = "apertures" if share > 1 else ""
-        yield row("beyond the slab", "aperture / lens", share, 0, plain, ours, limit=limit)
+    limit = "apertures" if share > 1 else ""
+    return measured("beyond the slab", 0, by_naive, ours, limit=limit)
 
 
 def _samples_within(radius: Fraction) -> int:
@@ -170,4 +146,38 @@ def _samples_within(radius: Fraction) -> int:
     return 4 * sum((math.isqrt(square - x * x) + 1) // 2 for x in columns)
 
 
-CASES = (beyond_the_slab, near_the_focal_length, focus_to_infinity, apertures, refocus_shifts)
+@sweep("N", (1, 2, 16, 64, 256, 512))
+def accumulation(tracer: TracerUnderTest, views: int) -> Iterator[Measurement]:
+    """The mean of up to 512 x 512 lens samples of one colour must be that colour.
+
+    In focus, and refocused so that rays of many pixels are mixed.  Error: difference in steps of
+    an 8-bit code; bound: 1/1024 of a step.  Naive: a float32 accumulator.
+    """
+    slab, scene = Slab(CAMERA, views, 2), bare_scene(np.zeros((0, 3, 3)), background=COLOUR)
+
+    def by_naive():
+        repeated = np.full((views**2, 3), COLOUR, np.float32)
+        means = np.cumsum(repeated, axis=0, dtype=np.float32)[-1] / np.float32(views**2)
+        return 255 * np.abs(means.astype(float) - COLOUR).max()
+
+    for suffix, focus in (("", CAMERA.focus_distance_m), (" refocused", 0.5)):
+        plane = SensorPlane(focus, CAMERA.f_number, "square")
+
+        def ours(plane=plane):
+            picture = tracer.picture(scene, slab, plane)
+            # Pixels of the small picture that no ray reaches are black by definition.
+            reached = picture.any(-1)
+            assert reached.any()
+            return 255 * np.abs(picture[reached] - np.array(COLOUR)).max()
+
+        yield measured(f"accumulation{suffix}", 1 / 1024, by_naive, ours)
+
+
+CASES = (
+    beyond_the_slab,
+    near_the_focal_length,
+    focus_to_infinity,
+    apertures,
+    refocus_shifts,
+    accumulation,
+)

@@ -5,15 +5,12 @@ Error: share of the pixels that are dark and should be lit or the other way roun
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from lfcore.evaluation.stability import naive
-from lfcore.evaluation.stability.judge import row
-from lfcore.evaluation.stability.rows import Row
+from lfcore.evaluation.stability.measurement import Measurement, measured, sweep
 from lfcore.evaluation.stability.shapes import grid, sphere
-from lfcore.evaluation.stability.subject import Subject, bare_scene
+from lfcore.evaluation.stability.under_test import TracerUnderTest, bare_scene
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -24,48 +21,41 @@ PIXELS = 32
 WHITE = [Material("white", diffuse=(1.0, 1.0, 1.0))]
 
 
-def self_shadow(subject: Subject) -> Iterator[Row]:
+@sweep("scale", [10.0**exponent for exponent in range(-4, 5)])
+def self_shadow(tracer: TracerUnderTest, scale: float) -> Measurement:
     """A sphere, lit from beside the camera, of ever other size: convex, so no part is shaded."""
-    for exponent in range(-4, 5):
-        scale = 10.0**exponent
-        mesh = np.float32(sphere(12, 24, 0.5, (0, 0, 2.0)) * scale)
-        light = Light(POINT, (-1.0 * scale, -1.5 * scale, 0.0), (1.0, 1.0, 1.0))
-        yield _row(
-            subject, "self-shadow", "scale", scale, mesh, light, 0.6, 1e-4, max(1, 1 / scale)
-        )
+    mesh = np.float32(sphere(12, 24, 0.5, (0, 0, 2.0)) * scale)
+    light = Light(POINT, (-1.0 * scale, -1.5 * scale, 0.0), (1.0, 1.0, 1.0))
+    return _shaded("self-shadow", tracer, mesh, light, 0.6, 1e-4, stop=max(1, 1 / scale))
 
 
-def far_self_shadow(subject: Subject) -> Iterator[Row]:
+@sweep("D m", (1e1, 1e2, 1e3, 1e4))
+def far_self_shadow(tracer: TracerUnderTest, distance: float) -> Measurement:
     """A sphere of 1 m ever farther from the camera, whose hit points are rounded ever more."""
-    for exponent in range(1, 5):
-        distance = 10.0**exponent
-        mesh = np.float32(sphere(12, 24, 0.5, (0, 0, distance)))
-        light = Light(POINT, (-1.0, -1.5, distance - 2.0), (1.0, 1.0, 1.0))
-        yield _row(
-            subject, "self-shadow, far", "D m", distance, mesh, light, 1.2 / distance, 1e-4, 1e4
-        )
+    mesh = np.float32(sphere(12, 24, 0.5, (0, 0, distance)))
+    light = Light(POINT, (-1.0, -1.5, distance - 2.0), (1.0, 1.0, 1.0))
+    return _shaded("self-shadow, far", tracer, mesh, light, 1.2 / distance, 1e-4, stop=1e4)
 
 
 SLANT = 100.0
 
 
-def thin_gap(subject: Subject) -> Iterator[Row]:
+@sweep("gap m", (1e-1, 1e-2, 1e-3, 1e-4, 3e-5, 1e-5, 3e-6))
+def thin_gap(tracer: TracerUnderTest, gap: float) -> Measurement:
     """A plate before a wall at 3 m, at a distance of ``gap``: its shadow is 100 gaps long.
 
     To 16 ulp of the distance, below which hit points themselves are uncertain.
     """
-    for gap in (1e-1, 1e-2, 1e-3, 1e-4, 3e-5, 1e-5, 3e-6):
-        yield _gap(subject, "thin gap", "gap m", gap, 3.0, gap)
+    return _gap("thin gap", tracer, 3.0, gap)
 
 
-def thin_gap_far(subject: Subject) -> Iterator[Row]:
+@sweep("distance m", (1.0, 10.0, 1e2, 1e3, 1e4))
+def thin_gap_far(tracer: TracerUnderTest, distance: float) -> Measurement:
     """A gap of 32 ulp of the distance, ever farther away."""
-    for distance in (1.0, 10.0, 1e2, 1e3, 1e4):
-        gap = float(np.spacing(np.float32(distance))) * 32
-        yield _gap(subject, "thin gap, far", "distance m", distance, distance, gap)
+    return _gap("thin gap, far", tracer, distance, float(np.spacing(np.float32(distance))) * 32)
 
 
-def _gap(subject, case, parameter, value, distance: float, gap: float) -> Row:
+def _gap(case, tracer, distance: float, gap: float) -> Measurement:
     towards = np.array([-SLANT, 0, -1]) / np.hypot(SLANT, 1)
     light = Light(DIRECTIONAL, tuple(towards.tolist()), (SLANT,) * 3)
     size = 20 * distance
@@ -73,12 +63,10 @@ def _gap(subject, case, parameter, value, distance: float, gap: float) -> Row:
     plate = grid(1, 1, [-size / 2, -size / 2, distance - gap], [size / 2, 0, 0], [0, size, 0])
     mesh = np.float32(np.concatenate([wall, plate]))
     field, kappa = 8 * SLANT * gap / distance, distance / gap
-    return _row(subject, case, parameter, value, mesh, light, field, 1e-3, condition=kappa)
+    return _shaded(case, tracer, mesh, light, field, 1e-3, condition=kappa)
 
 
-def _row(
-    subject, case, parameter, value, mesh, light, field, offset, stop=1.0, condition=1.0
-) -> Row:
+def _shaded(case, tracer, mesh, light, field, offset, *, stop=1.0, condition=1.0) -> Measurement:
     """``stop`` times f/2 keeps the lens small beside a small scene."""
     camera = Camera(0.05, 0.05 * field, 2.0 * stop, float("inf"))
     slab = Slab(camera, 1, PIXELS)
@@ -98,15 +86,15 @@ def _row(
     def wrong(found):
         return ((found > 0.5 * expected) != (expected > 0))[clear].mean()
 
-    def ours():
-        plane = SensorPlane(float("inf"), camera.f_number, "square")
-        return wrong(subject.picture(scene, slab, plane)[..., 0].ravel())
-
-    def plain():
+    def by_naive():
         rays = [part.reshape(-1, 3) for part in slab_rays(slab, pixels)]
         return wrong(_naive_picture(mesh, light, rays, np.float32(offset)))
 
-    return row(case, parameter, value, 0.0, plain, ours, condition=condition)
+    def ours():
+        plane = SensorPlane(float("inf"), camera.f_number, "square")
+        return wrong(tracer.picture(scene, slab, plane)[..., 0].ravel())
+
+    return measured(case, 0.0, by_naive, ours, condition=condition)
 
 
 def _naive_picture(mesh, light, rays, offset) -> np.ndarray:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from lfcore.errors import OpticsError, SceneError
-from lfcore.evaluation.stability.rows import NO_ANSWER, Row
+from lfcore.evaluation.stability import naive
+from lfcore.evaluation.stability.measurement import NO_ANSWER, Measurement, measured
+from lfcore.evaluation.stability.under_test import ClosestHit
 from lfcore.oracle.crossings import ULP
 from lfcore.oracle.intersect import Hits, closest_hits
 
 
-def truth(triangles, origins, directions) -> Hits:
+def oracle_hits(triangles, rays) -> Hits:
     """The oracle's hits of the same float32 numbers."""
-    return closest_hits(np.float32(triangles), origins, directions)
+    return closest_hits(np.float32(triangles), *rays)
 
 
 def leaks(found, hits: Hits) -> float:
@@ -48,35 +50,40 @@ def condition_of_depth(hits: Hits) -> float:
     return float(hits.grazing[hits.triangle >= 0].max(initial=1.0))
 
 
-def row(case, parameter, value, bound, naive, ours, *, limit="", condition=float("nan")) -> Row:
-    """A row of two callables that give an error each; ``ours`` may refuse a scene or a lens.
+def compared(
+    case: str,
+    closest: ClosestHit,
+    mesh: np.ndarray,
+    rays: tuple[np.ndarray, np.ndarray],
+    error: Callable[[tuple], float],
+    *,
+    condition: float = math.nan,
+) -> Measurement:
+    """``error`` of what Moeller and Trumbore's method finds and of what ``closest`` finds.
 
-    Any other error, such as a device's or a file's, is no refusal and passes through.
+    A share of rays, none of which may be wrong.
     """
-    known = {"case": case, "parameter": parameter, "value": float(value), "bound": float(bound)}
-    known |= {"limit": limit, "condition": float(condition)}
-    with np.errstate(all="ignore"):
-        known["naive_error"] = float(naive())
-        try:
-            return Row(error=float(ours()), **known)
-        except (SceneError, OpticsError) as error:
-            return Row(error=float("nan"), said=str(error), **known)
+    return measured(
+        case,
+        0.0,
+        lambda: error(naive.moeller_trumbore(mesh, *rays)),
+        lambda: error(closest(mesh, *rays)),
+        condition=condition,
+    )
 
 
-def choice_and_depth(case, parameter, value, hits, plain, found, *, limit="") -> Iterator[Row]:
-    """Two rows of one set of hits: the share of wrong triangles, none admitted, and the depth.
-
-    ``plain`` is what the naive method found, and ``found()`` what lfcore does, once for both.
-    """
-    once = functools.cache(found)
-    for suffix, measure, bound in ((" (triangle)", mismatches, 0.0), (" (depth)", depth_error, 16)):
-        yield row(
+def choice_and_depth(
+    case: str, hits: Hits, naive_found: tuple, find: Callable[[], tuple], *, limit: str = ""
+) -> Iterator[Measurement]:
+    """Two measurements of one set of hits: the share of wrong triangles, none admitted, and the
+    depth.  ``find()`` gives lfcore's hits, once for both."""
+    once = functools.cache(find)
+    for suffix, error, bound in ((" (triangle)", mismatches, 0.0), (" (depth)", depth_error, 16)):
+        yield measured(
             case + suffix,
-            parameter,
-            value,
             bound,
-            lambda measure=measure: measure(plain, hits),
-            lambda measure=measure: measure(once(), hits),
+            functools.partial(error, naive_found, hits),
+            lambda error=error: error(once(), hits),
             limit=limit,
             condition=condition_of_depth(hits),
         )

@@ -1,4 +1,4 @@
-"""What the cases test: lfcore's tracer behind three plain functions."""
+"""The tracer under test: lfcore's, or any other, behind four functions."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ Picture = Callable[[Scene, Slab, SensorPlane], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Subject:
-    """A tracer.
+class TracerUnderTest:
+    """What the cases ask of a tracer.
 
     Attributes
     ----------
@@ -80,9 +80,9 @@ def kept(triangles: np.ndarray) -> np.ndarray:
         return sound(triangles.astype(np.float64))[0]
 
 
-def tracer_subject(
+def tracer_under_test(
     device: Device | None = None, *, general: bool = False, rays: int = 1500
-) -> Subject:
+) -> TracerUnderTest:
     """The OpenCL tracer on ``device``.
 
     Lone rays go through the slab's kernel, each a bundle of its own, or with ``general`` through
@@ -114,4 +114,4 @@ def tracer_subject(
         return trace_planes(tracer(scene), slab, [plane])[0]
 
     lone = any_closest if general else closest
-    return Subject(lone, any_closest, slab_hits, picture, rays)
+    return TracerUnderTest(lone, any_closest, slab_hits, picture, rays)

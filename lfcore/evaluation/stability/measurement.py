@@ -1,13 +1,17 @@
-"""One measured point of a stability sweep, and what its verdict follows from."""
+"""One measurement of a stability sweep, what its verdict follows from, and how cases make them."""
 
 from __future__ import annotations
 
+import functools
 import math
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 
-from lfcore.errors import LfcoreError
+import numpy as np
+
+from lfcore.errors import LfcoreError, OpticsError, SceneError
+from lfcore.evaluation.stability.under_test import TracerUnderTest
 
 COLUMNS = ("case", "parameter", "value", "naive_error", "error", "bound", "verdict", "limit")
 LIMITS = {
@@ -22,11 +26,11 @@ NO_ANSWER = math.inf
 
 
 class StabilityError(LfcoreError):
-    """A stability sweep in which a row fails."""
+    """A stability sweep in which a measurement fails."""
 
 
 @dataclass(frozen=True)
-class Row:
+class Measurement:
     """``error`` of lfcore and ``naive_error`` of a textbook float32 method beside it.
 
     The bound is set before the measurement and in the unit that the case states.  So is ``limit``:
@@ -70,9 +74,54 @@ class Row:
         )
 
 
-def check_rows(rows: Iterable[Row]) -> None:
-    """Raises :class:`StabilityError` that names the rows that fail."""
-    failed = [str(row) for row in rows if row.verdict == "fail"]
+Case = Callable[[TracerUnderTest], Iterator[Measurement]]
+
+
+def sweep(parameter: str, values: Iterable[float]) -> Callable[[Callable], Case]:
+    """A case whose function measures at one value: one measurement, or several.
+
+    ``parameter`` is the name of the values, with their unit.
+    """
+
+    def case_of(at: Callable) -> Case:
+        @functools.wraps(at)
+        def case(tracer: TracerUnderTest) -> Iterator[Measurement]:
+            for value in values:
+                found = at(tracer, value)
+                for one in [found] if isinstance(found, Measurement) else found:
+                    yield replace(one, parameter=parameter, value=float(value))
+
+        return case
+
+    return case_of
+
+
+def measured(
+    case: str,
+    bound: float,
+    naive: Callable[[], float],
+    ours: Callable[[], float],
+    *,
+    limit: str = "",
+    condition: float = math.nan,
+) -> Measurement:
+    """Of two callables that give an error each; ``ours`` may refuse a scene or a lens.
+
+    Any other error, such as a device's or a file's, is no refusal and passes through.
+    """
+    known = {"limit": limit, "condition": float(condition)}
+    with np.errstate(all="ignore"):
+        naive_error, error, said = float(naive()), math.nan, ""
+        try:
+            error = float(ours())
+        except (SceneError, OpticsError) as refusal:
+            said = str(refusal)
+    return Measurement(case, "", math.nan, naive_error, error, float(bound), said=said, **known)
+
+
+def check_passed(measurements: Iterable[Measurement]) -> None:
+    """Raises :class:`StabilityError` that names the measurements that fail."""
+    failed = [str(one) for one in measurements if one.verdict == "fail"]
     if failed:
         raise StabilityError(
             f"{len(failed)} rows of the stability sweeps fail: {'; '.join(failed[:20])}",
