@@ -85,6 +85,20 @@ class PlaneSums:
         top, left = part.top - self.top, part.left - self.left
         self.sums[:, :, top : top + height, left : left + width] += part.sums
 
+    def with_part(self, part: PlaneSums) -> PlaneSums:
+        """These sums and those of ``part``, over as much of the planes as both reach."""
+        (height, width), (rows, columns) = self.sums.shape[2:], part.sums.shape[2:]
+        left, top = min(self.left, part.left), min(self.top, part.top)
+        right = max(self.left + width, part.left + columns)
+        bottom = max(self.top + height, part.top + rows)
+        both = self
+        if (left, top, right - left, bottom - top) != (self.left, self.top, width, height):
+            shape = (*self.sums.shape[:2], bottom - top, right - left)
+            both = PlaneSums(self.slab, self.planes, np.zeros(shape, np.uint64), left, top)
+            both.add(self)
+        both.add(part)
+        return both
+
     def pictures(self) -> np.ndarray:
         """(P, M, M, 3) float32, linear light: sums over open lens samples or over all N^2.
 

@@ -16,6 +16,7 @@ from lfcore.scene.files import read_header
 from lfcore.storage import defaults
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.workflow import costs
 from lfcore.workflow.settings import SettingsError
 
 MIB = 2**20
@@ -87,9 +88,10 @@ def tiles(settings: Mapping, views: int) -> list[Tile]:
     return frame_layout(settings, views).tiles(settings["tile_mib"] * MIB // BYTES_OF_A_RAY)
 
 
-def tile_names(settings: Mapping, views: int) -> list[str]:
-    """Names of the tiles in files and logs, in order."""
-    return [f"{tile.index:04d}" for tile in tiles(settings, views)]
+def batches(settings: Mapping, views: int) -> dict[str, range]:
+    """The tiles of each job, by its name in files and logs, in order."""
+    cut = costs.batches(tiles(settings, views), settings["job_minutes"])
+    return {f"{place:04d}": some for place, some in enumerate(cut)}
 
 
 def codec_spec(settings: Mapping, views: int) -> CodecSpec:

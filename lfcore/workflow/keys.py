@@ -457,8 +457,14 @@ class Configuration(Keys):
     layout: Layout = group(Layout, "How rays are laid out in video frames")
     encoder: Encoder = group(Encoder, "Settings of the video codec")
     tile_mib: whole(1, 65536) = key(
-        "raw 8-bit RGB of one tile, MiB; a tile is a job, so this bounds what a killed run loses",
+        "raw 8-bit RGB of one tile, MiB; a tile is a segment, which is checked as a whole when it "
+        "is read",
         1024,
+    )
+    job_minutes: number(gt=0, le=1440) = key(
+        "core minutes of tracing that a job should take, so that it takes as many tiles; this "
+        "bounds what a killed run loses",
+        2,
     )
     device: str = key("part of an OpenCL device's or platform's name; empty: the processor", "")
     sweep: str = key(

@@ -49,7 +49,7 @@ def judge(data: bytes, folder: Path) -> Outcome:
         settings = check_settings(config)
         cases.scene_files(settings["scenes"], ROOT)
         for views in settings["angular_resolutions"]:
-            cases.tile_names(settings, views)
+            cases.batches(settings, views)
             cases.codec_spec(settings, views)
         cases.sensor_planes(settings["planes"], CAMERA, (3.0,))
 

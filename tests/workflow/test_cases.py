@@ -31,7 +31,9 @@ def test_tiles_cover_all_rays_and_keep_to_their_bytes(kind, views):
     tiles = cases.tiles(chosen, views)
     assert sum(tile.rays for tile in tiles) == views**2 * 128**2
     assert max(tile.rays for tile in tiles) * 3 <= 64 * 2**20
-    assert cases.tile_names(chosen, views)[0] == "0000"
+    batches = cases.batches(chosen, views)
+    assert [index for some in batches.values() for index in some] == list(range(len(tiles)))
+    assert next(iter(batches)) == "0000"
 
 
 def test_layout_and_encoder_follow_what_measured_best():

@@ -76,7 +76,7 @@ def test_no_raw_frames_and_no_tiles_are_left(smoke):
     files = (path for path in (smoke.folder / "results").rglob("[!.]*") if path.is_file())
     left = {path.suffix for path in files}
     assert left == {".npz", ".json", ".mkv", ".png", ".csv", ".md", ".html"}
-    assert not list(smoke.folder.glob("results/*/N*/tiles/*.npz"))
+    assert not list(smoke.folder.glob("results/*/M*/N*/tiles/*.npz"))
 
 
 def test_a_second_run_has_nothing_to_do(smoke):

@@ -23,7 +23,7 @@ try:
     SWEEP = sweep.plan(Path(SETTINGS["sweep"]), config, ROOT) if SETTINGS["sweep"] else None
     FIGURE_SCENES = cases.scene_files([CHART], ROOT)
     ASSIGNMENT_SCENES = cases.scene_files(SETTINGS["assignment"]["scenes"], ROOT)
-    TILES = {views: cases.tile_names(SETTINGS, views) for views in SETTINGS["angular_resolutions"]}
+    BATCHES = {views: cases.batches(SETTINGS, views) for views in SETTINGS["angular_resolutions"]}
 except LfcoreError as error:
     raise WorkflowError(str(error)) from None
 
@@ -41,7 +41,7 @@ TABLE_SECTIONS = reports.table_sections(SETTINGS, SCENES)
 wildcard_constraints:
     scene="|".join(map(re.escape, PARSED)),
     n=r"\d+",
-    tile=r"\d{4}",
+    batch=r"\d{4}",
 
 
 def scene_inputs(wildcards):
@@ -54,13 +54,13 @@ def scene_sources(wildcards):
     return digest(*sources.PARSING, *procedural)
 
 
-def of_tiles(suffix):
-    """Input function: one file with this suffix for each tile of a scene and N."""
+def of_batches(suffix):
+    """Input function: one file with this suffix for each batch of tiles of a scene and N."""
     return lambda wildcards: expand(
-        f"{SLAB}/tiles/{{tile}}{suffix}",
+        f"{SLAB}/tiles/{{batch}}{suffix}",
         scene=wildcards.scene,
         n=wildcards.n,
-        tile=TILES[int(wildcards.n)],
+        batch=BATCHES[int(wildcards.n)],
     )
 
 

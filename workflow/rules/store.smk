@@ -4,8 +4,8 @@ if STORE:
     rule join:
         input:
             scene="results/{scene}/scene.npz",
-            segments=of_tiles(".mp4"),
-            seconds=of_tiles(".json"),
+            segments=of_batches(".segments"),
+            seconds=of_batches(".json"),
         output:
             light_field=f"{SLAB}/lightfield.mkv",
             seconds=f"{SLAB}/store.json",

@@ -1,10 +1,11 @@
-# Algorithms 1 and 3: rays of a tile -> partial sensor planes and, where stored, a video segment.
+# Algorithms 1 and 3: rays of a batch of tiles -> their part of the sensor planes and, where stored,
+# a video segment a tile.
 TRACED = {
-    "planes": temp(f"{SLAB}/tiles/{{tile}}.planes.npz"),
-    "seconds": f"{SLAB}/tiles/{{tile}}.json",
+    "planes": temp(f"{SLAB}/tiles/{{batch}}.planes.npz"),
+    "seconds": f"{SLAB}/tiles/{{batch}}.json",
 }
 if STORE:
-    TRACED["segment"] = temp(f"{SLAB}/tiles/{{tile}}.mp4")
+    TRACED["segments"] = temp(f"{SLAB}/tiles/{{batch}}.segments")
 
 
 rule trace:
@@ -14,7 +15,7 @@ rule trace:
     output:
         **TRACED,
     log:
-        "logs/trace/{scene}/N{n}/{tile}.log",
+        "logs/trace/{scene}/N{n}/{batch}.log",
     # Long jobs first, so that the cores finish together.
     priority: 10
     conda:
@@ -26,6 +27,7 @@ rule trace:
         planes=SETTINGS["planes"],
         layout=SETTINGS["layout"],
         tile_mib=SETTINGS["tile_mib"],
+        batch=lambda wildcards: list(BATCHES[int(wildcards.n)][wildcards.batch]),
         encoder=SETTINGS["encoder"],
         device=SETTINGS["device"],
         store=STORE,
@@ -36,8 +38,8 @@ rule trace:
 rule sum_planes:
     input:
         scene="results/{scene}/scene.npz",
-        planes=of_tiles(".planes.npz"),
-        seconds=of_tiles(".json"),
+        planes=of_batches(".planes.npz"),
+        seconds=of_batches(".json"),
     output:
         stack=f"{SLAB}/planes/on_the_fly.npz",
         pictures=directory(f"{SLAB}/planes/on_the_fly"),

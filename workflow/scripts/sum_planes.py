@@ -23,6 +23,7 @@ with job(snakemake.log[0], snakemake.threads):
             "seconds": sum(tile["seconds"]["trace"] for tile in tiles),
             "encode_seconds": sum(tile["seconds"]["encode"] for tile in tiles),
             "rays": sum(tile["rays"] for tile in tiles),
+            "memory_mib": max(tile["memory_mib"] for tile in tiles),
             "triangles": triangles,
             "device": tiles[0]["device"],
             "threads": tiles[0]["threads"],

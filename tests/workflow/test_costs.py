@@ -1,0 +1,83 @@
+"""How work is cut into jobs, and what these ask for."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lfcore.optics.camera import Camera
+from lfcore.optics.plane_sums import PlaneSums, total
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.storage.layout import FrameLayout
+from lfcore.workflow import costs
+
+
+def tiles(views, pixels, most_rays):
+    return FrameLayout("macropixels", views, pixels).tiles(most_rays)
+
+
+@given(st.integers(2, 64), st.integers(16, 96), st.integers(1, 1 << 18), st.floats(1e-4, 60))
+def test_batches_are_all_tiles_in_order(views, pixels, most_rays, minutes):
+    cut = tiles(views, pixels, most_rays)
+    batches = costs.batches(cut, minutes)
+    assert [index for some in batches for index in some] == list(range(len(cut)))
+    assert len(batches) >= min(2, len(cut)) and len(batches) <= costs.MOST_BATCHES
+    assert max(map(len, batches)) - min(map(len, batches)) <= 1
+
+
+def test_a_hundred_thousand_tiles_are_a_plan_of_hundreds_of_jobs():
+    cut = tiles(512, 4096, (128 << 20) // 3)
+    assert len(cut) > 100_000
+    batches = costs.batches(cut, 10)
+    assert 200 < len(batches) < 1000
+    minutes = costs.trace_minutes([cut[k] for k in batches[0]], None)
+    assert 10 * costs.MARGIN <= minutes <= 10 * costs.MARGIN + 2
+
+
+def test_a_ray_costs_what_was_measured():
+    for views, cost in costs.NANOSECONDS.items():
+        assert costs.nanoseconds_a_ray(views) == pytest.approx(cost)
+    between = costs.nanoseconds_a_ray(90)
+    assert costs.NANOSECONDS[128] < between < costs.NANOSECONDS[64]
+    assert costs.nanoseconds_a_ray(8) == 2 * costs.nanoseconds_a_ray(16)
+    assert costs.nanoseconds_a_ray(1024) == costs.nanoseconds_a_ray(512)
+
+
+def test_requests_follow_what_was_measured_and_grow_with_attempts(tmp_path):
+    cut = tiles(64, 512, 1 << 28)
+    assert costs.traced_before(tmp_path, "bike", 64) is None
+    for pixels, seconds in ((64, 1.0), (128, 2000.0)):
+        file = tmp_path / "bike" / f"M{pixels}" / "N64" / "trace.json"
+        file.parent.mkdir(parents=True)
+        rays = pixels**2 * 64**2
+        record = {"rays": rays, "seconds": seconds, "encode_seconds": 0.0, "memory_mib": 9000}
+        file.write_text(json.dumps(record))
+    traced = costs.traced_before(tmp_path, "bike", 64)
+    assert traced["seconds"] == 2000.0  # of the largest
+    minutes = costs.trace_minutes(cut, traced)
+    assert minutes > costs.trace_minutes(cut, None)
+    assert costs.trace_minutes(cut, traced, 3) == 3 * minutes
+    need = costs.trace_mib(10, 512, traced)
+    assert need > 9000 and costs.trace_mib(10, 512, traced, 2) == 2 * need
+    (tmp_path / "bike" / "M256" / "N64").mkdir(parents=True)
+    (tmp_path / "bike" / "M256" / "N64" / "trace.json").write_text("{")
+    assert costs.traced_before(tmp_path, "bike", 64) == traced
+
+
+def test_parts_of_planes_add_up_in_any_grouping():
+    slab, planes = Slab(Camera(0.05, 0.036, 2.0, 3.0), 4, 16), [SensorPlane(3.0, 2.0)]
+    draw = np.random.default_rng(5)
+    parts = []
+    for _ in range(6):
+        left, top = draw.integers(0, 12, 2).tolist()
+        columns, rows = (draw.integers(1, 5, 2)).tolist()
+        sums = draw.integers(0, 1 << 40, (1, 3, rows, columns)).astype(np.uint64)
+        parts.append(PlaneSums(slab, planes, sums, left, top))
+    left = parts[0].with_part(parts[1]).with_part(parts[2])
+    right = parts[3].with_part(parts[4].with_part(parts[5]))
+    whole = total(slab, planes, parts)
+    assert np.array_equal(total(slab, planes, [left, right]).sums, whole.sums)
+    assert whole.sums.any()
