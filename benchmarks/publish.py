@@ -4,16 +4,17 @@
     python -m benchmarks.publish --check                  # say which are stale, status 1
     python -m benchmarks.publish --take tables_m128 --command "make tables" results/tables
     python -m benchmarks.publish --take recommended --command "make tables" results/tables
+    python -m benchmarks.publish --take peers --command "python benchmarks/tracer.py ..." tracer.csv
 
-A result file, ``benchmarks/results/NAME.csv``, begins with lines ``# key: value``: the command that
+A result file, ``benchmarks/published/NAME.csv``, begins with lines ``# key: value``: the command that
 made it, commit, processor, date, and what else is to be known.  A document has a place for it,
 
     <!-- published: NAME -->
     ...
     <!-- end of NAME -->
 
-between whose lines the table is written, with its columns, or those of ``NAME: a, b, c``, and only
-the rows of ``NAME where N in 64 512``.
+between whose lines the table is written, with its columns, or those of ``NAME: a; b; c``, and only
+the rows of ``NAME where N in 64 512``.  ``NAME + OTHER`` has the rows that are in both.
 """
 
 from __future__ import annotations
@@ -37,11 +38,11 @@ from lfcore.files import write_text
 from lfcore.storage.defaults import default_spec
 
 ROOT = Path(__file__).resolve().parents[1]
-RESULTS = ROOT / "benchmarks" / "results"
+RESULTS = ROOT / "benchmarks" / "published"
 DOCUMENTS = ("README.md", "docs/measured.md", "docs/encoders.md")
 RECOMMENDED = ROOT / "config" / "recommended.csv"
 PLACE = re.compile(
-    r"(<!-- published: (\w+)(?:: ([^>\n]*?))?(?: where (\w+) in ([^>\n]*?))? -->\n)"
+    r"(<!-- published: (\w+(?: \+ \w+)*)(?:: ([^>\n]*?))?(?: where (\w+) in ([^>\n]*?))? -->\n)"
     r".*?(<!-- end of \2 -->)",
     re.DOTALL,
 )
@@ -129,6 +130,17 @@ def recommended(folder: Path) -> pd.DataFrame:
     return table[table.task.isin([TASKS["storage"][0], DEFAULT_TASK])]
 
 
+def peers(file: Path) -> pd.DataFrame:
+    """Visibility of a run of ``benchmarks/tracer.py``, ours beside Embree's, by scene and N."""
+    table = pd.read_csv(file)
+    table = table[table.work == "visibility"].set_index(["scene", "N"])
+    ours = table[table.method == "lfcore"].mrays_per_core_second
+    embree = table[table.method.str.startswith("embree 16")].mrays_per_core_second
+    both = pd.DataFrame({"Mrays a core-second": ours, "Embree's": embree}).dropna()
+    both["times"] = both.iloc[:, 0] / both.iloc[:, 1]
+    return both.map(lambda value: f"{value:.3g}").reset_index()
+
+
 def default_encoder() -> str:
     """The default encoder as it is now, but for the CRF, which is what is recommended."""
     spec = default_spec(32)
@@ -141,8 +153,10 @@ def published(text: str) -> str:
 
 
 def _place(place: re.Match) -> str:
-    result = read_result(RESULTS / f"{place[2]}.csv")
-    rows = result.rows
+    results = [read_result(RESULTS / f"{name}.csv") for name in place[2].split(" + ")]
+    rows = results[0].rows
+    for other in results[1:]:
+        rows = rows.merge(other.rows)  # on the columns that both have
     if place[4]:
         rows = rows[rows[place[4]].isin(place[5].split())]
     if place[3]:
@@ -151,7 +165,8 @@ def _place(place: re.Match) -> str:
         if unknown:
             raise PublishError(f"{place[2]} has no column {sorted(unknown)[0]!r}")
         rows = rows[columns]
-    return "\n".join([*_markdown(rows), "", *_wrapped(result.source())])
+    sources = (line for result in results for line in ("", *_wrapped(result.source())))
+    return "\n".join([*_markdown(rows), *sources])
 
 
 def _markdown(rows: pd.DataFrame) -> Iterator[str]:
@@ -184,7 +199,8 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--take", metavar="NAME", help="keep the tables of a run as this result")
     parser.add_argument("--command", default="make tables", help="what made them")
     parser.add_argument("--note", default="", help="what else is to be known")
-    parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "results" / "tables")
+    parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "results" / "tables",
+                        help="of tables; of peers a file")  # fmt: skip
     options = parser.parse_args(argv)
     try:
         if options.take == "recommended":
@@ -193,7 +209,8 @@ def main(argv: list[str] | None = None) -> int:
             write_text(RECOMMENDED, Result(about, rows).text())
         elif options.take:
             note = {"note": options.note} if options.note else {}
-            result = Result(of_this_run(options.command, **note), tables(options.folder))
+            take = peers if options.take == "peers" else tables
+            result = Result(of_this_run(options.command, **note), take(options.folder))
             write_text(RESULTS / f"{options.take}.csv", result.text())
         stale = [path for path, text in documents().items() if path.read_text("utf-8") != text]
         for path in stale:

@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 import lfcore
+from lfcore.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -154,12 +155,19 @@ def test_every_public_name_is_there_and_loads_alone():
         _ = lfcore.nothing
 
 
+def examples(language: str) -> list[str]:
+    """Blocks of README in a language."""
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    return [
+        block.partition("\n")[2]
+        for block in readme.split("```")[1::2]
+        if block.partition("\n")[0] == language
+    ]
+
+
 def test_the_example_in_the_readme_runs(model, tmp_path, monkeypatch):
     """As it stands there, but for its size."""
-    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-    example = next(
-        block.split("```")[0] for block in readme.split("```python\n")[1:] if "load_scene" in block
-    )
+    (example,) = examples("python")
     for large, small in (("views=32", "views=4"), ("pixels=512", "pixels=32")):
         assert large in example
         example = example.replace(large, small)
@@ -169,3 +177,19 @@ def test_the_example_in_the_readme_runs(model, tmp_path, monkeypatch):
     exec(compile(example, "README.md", "exec"), made)
     assert made["near"].shape == (32, 32, 3) and made["picture"].shape[2] == 3
     assert (tmp_path / "near.png").is_file() and (tmp_path / "model.mkv").is_file()
+
+
+def test_the_commands_in_the_readme_run(model, tmp_path, monkeypatch):
+    """As they stand there, but for the size of the light field."""
+    lines = [line for block in examples("") for line in block.splitlines()]
+    commands = [line for line in lines if line.startswith("lfcore ")]
+    assert [line.split()[1] for line in commands] == ["render", "trace", "refocus", "view"]
+    (tmp_path / "model.glb").write_bytes(model.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    for line in commands:
+        words = line.replace("--size 256 --views 32", "--size 32 --views 9").split()[1:]
+        assert main(words + ["--size", "32"] * (words[0] == "render")) == 0, line
+        assert (tmp_path / words[words.index("-o") + 1]).is_file()
+    makefile = (Path(__file__).parents[1] / "Makefile").read_text(encoding="utf-8")
+    targets = [line.split()[1] for line in lines if line.startswith("make ")]
+    assert targets == ["tables", "test"] and all(f"\n{name}:" in makefile for name in targets)

@@ -42,3 +42,12 @@ def test_a_forbidden_import_is_found(tmp_path):
     assert done.returncode != 0 and "lfcore.scene.model -> lfcore.storage" in done.stdout, (
         done.stdout + done.stderr
     )
+
+
+def test_tests_mirror_the_library():
+    """A folder of tests is a package's, but for what lies outside the library."""
+    folders = {
+        path.parent.relative_to(ROOT / "tests").parts for path in ROOT.glob("tests/*/test_*")
+    }
+    own = {("robustness",)}
+    assert all((ROOT / "lfcore").joinpath(*parts).is_dir() for parts in folders - own)

@@ -1,7 +1,7 @@
 """Layout and encoder settings that measured best, by the number of views a side.
 
 Measured by ``benchmarks/codecs.py``; ``docs/encoders.md`` has the figures, made from
-``benchmarks/results`` by ``python -m benchmarks.publish``.
+``benchmarks/published`` by ``python -m benchmarks.publish``.
 
 What follows from it:
 

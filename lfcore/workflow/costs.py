@@ -17,7 +17,7 @@ from lfcore.storage.layout import Tile
 
 NANOSECONDS = {16: 290.0, 32: 143.0, 64: 78.0, 128: 53.0, 256: 34.0, 512: 55.0}
 """Core time a ray by N, traced and encoded: the most of three scenes at M = 128, whose fixed costs
-weigh most, in benchmarks/results/tables_m128.csv."""
+weigh most, in benchmarks/published/tables_m128.csv."""
 MOST_BATCHES = 4096
 """Of one light field: a plan of as many jobs takes a few seconds."""
 SET_UP_SECONDS = 30.0

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from lfcore.opencl.device import open_device
 from lfcore.scene.build import build_scene
@@ -17,3 +19,24 @@ def chart():
     """The chart's tracer, of one thread."""
     scene = build_scene(CHART)
     return Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """The figures that were written, in order: what they show can be asked of them."""
+    written, write = [], Figure.savefig
+    keep = lambda figure, *args, **more: (written.append(figure), write(figure, *args, **more))  # noqa: E731
+    monkeypatch.setattr(Figure, "savefig", keep)
+    return written
+
+
+@pytest.fixture
+def shows():
+    """A function: whether an axis has lines through all these points, (K, 2)."""
+
+    def shows(axis, points) -> bool:
+        drawn = np.concatenate([np.asarray(line.get_xydata(), float) for line in axis.lines])
+        near = np.isclose(np.asarray(points, float)[:, None], drawn, rtol=1e-6).all(-1)
+        return bool(len(points)) and bool(near.any(1).all())
+
+    return shows

@@ -68,7 +68,7 @@ def test_every_limit_is_documented():
         assert f"| {name} |" in text and said in text
 
 
-def test_table_and_figures(tmp_path):
+def test_table_and_figures(tmp_path, drawn, shows):
     rows = [Measurement("a", "x", 10.0**k, 10.0**k, 10.0 ** (k / 2), 1.0) for k in range(-2, 4)]
     rows += [
         Measurement(
@@ -79,5 +79,15 @@ def test_table_and_figures(tmp_path):
     assert tuple(table.columns) == COLUMNS and "refused" in summary(table)
     heat_map(tmp_path / "heat.png", table)
     error_growth(tmp_path / "growth.png", table)
-    assert all(path.stat().st_size > 5000 for path in tmp_path.iterdir())
+    heat, growth = drawn
+    naive, ours = heat.axes[:2]
+    assert [label.get_text() for label in naive.get_yticklabels()] == ["a", "b"]
+    cells = np.asarray(ours.images[0].get_array().filled(np.nan))
+    assert cells.shape == (2, 6) and (cells[0] == np.log10(table.error[:6] / table.bound[:6])).all()
+    failed = ["×"] * int((table.error[:6] > 1).sum())
+    assert [text.get_text() for text in ours.texts] == [*failed, "r"] and not naive.texts
+    (axis,) = (axis for axis in growth.axes if axis.get_visible())
+    assert axis.get_title() == "a"
+    for column in ("error", "naive_error", "bound"):
+        assert shows(axis, table[["value", column]][:6].to_numpy()), column
     assert np.isnan(table.error.iloc[-1])

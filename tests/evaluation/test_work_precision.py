@@ -203,13 +203,24 @@ def test_recommendation():
     assert table.psnr_db[50] == 46 and np.isnan(table.seconds[50])
 
 
-def test_figures_are_made_also_with_failures(tmp_path):
+def test_figures_show_every_point_and_what_failed(tmp_path, drawn, shows):
     work_precision(tmp_path / "a.png", POINTS, machine="a machine")
     stored_points = POINTS.assign(bits_per_ray=[0.3, 0.2, 0.1, None])
     storage(tmp_path / "b.png", stored_points, machine="a machine")
     curve = POINTS.assign(rays_per_pixel=[4, 16, 64, 256], rmse_edges=[0.2, 0.1, 0.05, None])
     convergence(tmp_path / "c.png", curve)
-    assert all((tmp_path / f"{name}.png").stat().st_size > 5000 for name in "abc")
+    first, second, third = (figure.axes for figure in drawn)
+    good = POINTS[POINTS.rmse.notna()]
+    assert shows(first[0], good[["rmse", "seconds"]].to_numpy())
+    assert "c 9: refused" in " ".join(text.get_text() for text in first[0].texts).replace(
+        "CRF ", ""
+    )
+    bits = stored_points[stored_points.rmse.notna()]
+    assert shows(second[0], bits[["bits_per_ray", "rmse"]].to_numpy())
+    assert shows(second[1], bits[["seconds", "rmse"]].to_numpy())
+    sides = np.sqrt(curve.rays_per_pixel)[:3]
+    assert shows(third[0], np.stack([sides, curve.rmse[:3]], 1))
+    assert all(axis.get_title().startswith("s") for axis in (*first, *second, *third))
 
 
 def test_the_default_encoder_s_setting_is_the_recommended_one():
