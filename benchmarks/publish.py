@@ -6,8 +6,8 @@
     python -m benchmarks.publish --take recommended --command "make tables" results/tables
     python -m benchmarks.publish --take peers --command "python benchmarks/tracer.py ..." tracer.csv
 
-A result file, ``benchmarks/published/NAME.csv``, begins with lines ``# key: value``: the command that
-made it, commit, processor, date, and what else is to be known.  A document has a place for it,
+A result file, ``benchmarks/published/NAME.csv``, begins with lines ``# key: value``: the command
+that made it, commit, processor, date, and what else is to be known.  A document has a place for it,
 
     <!-- published: NAME -->
     ...
