@@ -188,4 +188,4 @@ def traced_views(
     for start in range(0, count, step):
         part = slice(start, min(start + step, count))
         bundles = views.bundles(order[part], footprint=footprint)
-        yield part, tracer.bundle_radiance(bundles), tracer.bundle_hits(bundles)[1]
+        yield part, *tracer.radiance_and_depth(bundles)

@@ -41,6 +41,7 @@ class TraceRadiance:
     sets : bundles of as many elements and equal inner grids, whose radiance is added up.
     coordinates : of the elements, as for :meth:`Tracer.bundle_hits`.
     across : element e is tile (e // across, e % across).
+    depths : whether the depths of the rays are wanted, too.
     """
 
     def __init__(
@@ -50,43 +51,61 @@ class TraceRadiance:
         sets: Sequence[Bundles],
         coordinates: np.ndarray | None,
         across: int,
+        *,
+        depths: bool = False,
     ):
         self.scene, self.shape = scene, shape
         self.sets, self.coordinates, self.across = list(sets), coordinates, across
         structs = SCENE_ARGUMENTS, RAY_ARGUMENTS, IMAGE_ARGUMENTS
-        self.kernel = scene.kernel("radiance.cl", "trace_radiance", shape, structs, {})
+        self.kernel = scene.kernel(
+            "radiance.cl", "trace_radiance", shape, structs, {"DEPTHS": int(depths)}
+        )
         self.scratch = self.kernel.scratch(scene.shadow_lights)
 
-    def run(self, image: np.ndarray, progress: Callable[[int, int], None] | None = None) -> None:
-        """Write ``image``, (E / across rows, across columns, 3) float32 contiguous."""
-        if not image.flags.c_contiguous or image.dtype != np.float32:
-            raise ValueError("radiance needs contiguous memory of float32")
+    def run(
+        self,
+        image: np.ndarray,
+        progress: Callable[[int, int], None] | None = None,
+        depth: np.ndarray | None = None,
+    ) -> None:
+        """Write ``image``, (E / across rows, across columns, 3) float32 contiguous.
+
+        ``depth`` (E, rows, columns) float32 contiguous, where depths are wanted, of one set.
+        """
+        for array in (image,) if depth is None else (image, depth):
+            if not array.flags.c_contiguous or array.dtype != np.float32:
+                raise ValueError("radiance needs contiguous memory of float32")
         first, device = self.sets[0], self.scene.device
         count = len(first.elements)
         row_of_tiles = self.across * first.rows * first.columns
         # A CPU writes the host's own memory; nothing is copied, so nothing need be cut.
         rows = max(1, count if device.is_cpu else CHUNK_RAYS // max(1, row_of_tiles))
-        step, flat = rows * self.across, image.reshape(-1)
+        step, flat, far = rows * self.across, image.reshape(-1), np.empty(0, np.float32)
         for start in range(0, count, step):
             part = slice(start, min(start + step, count))
             size = 3 * first.rows * first.columns
             piece = flat[part.start * size : part.stop * size]
+            if depth is not None:
+                far = depth.reshape(-1)[part.start * size // 3 : part.stop * size // 3]
             tell = progress if step >= count else None
-            self._chunk(part, piece, tell)
+            self._chunk(part, piece, far, tell)
             if progress and tell is None:
                 progress(part.stop, count)
 
     def _chunk(
-        self, part: slice, piece: np.ndarray, progress: Callable[[int, int], None] | None
+        self,
+        part: slice,
+        piece: np.ndarray,
+        far: np.ndarray,
+        progress: Callable[[int, int], None] | None,
     ) -> None:
-        """Trace elements of whole rows of tiles into their contiguous piece of the image."""
+        """Trace elements of whole rows of tiles into their contiguous piece of the image.
+
+        ``far`` are their depths, or none.
+        """
         device = self.scene.device
-        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
-        target = (
-            cl.Buffer(device.context, flags, hostbuf=piece)
-            if device.is_cpu
-            else device.empty(piece.nbytes)
-        )
+        target = _buffer_of(device, piece)
+        depth = _buffer_of(device, far) if far.size else device.empty(4)
         first, shape = self.sets[0], self.shape
         places = None if self.coordinates is None else self.coordinates[part]
         packets = Groups.of(shape, first.part(part), places).members
@@ -97,13 +116,22 @@ class TraceRadiance:
             for number, bundles in enumerate(self.sets):
                 mode = stream | (ADD if number else 0)
                 groups = Groups(packets[start : start + step], bundles.elements[part])
-                self._launch(bundles, groups, target, mode)
+                self._launch(bundles, groups, target, depth, mode)
             if progress:
                 device.queue.finish()
                 progress(min(start + step, len(packets)), len(packets))
         _collect(device, target, piece)
+        if far.size:
+            _collect(device, depth, far)
 
-    def _launch(self, bundles: Bundles, groups: Groups, target: cl.Buffer, mode: int) -> None:
+    def _launch(
+        self,
+        bundles: Bundles,
+        groups: Groups,
+        target: cl.Buffer,
+        depth: cl.Buffer,
+        mode: int,
+    ) -> None:
         scene, image = self.scene, np.zeros((), IMAGE_ARGUMENTS)
         image["across"], image["mode"] = self.across, mode
         self.kernel(
@@ -115,7 +143,16 @@ class TraceRadiance:
             self.scratch,
             image,
             target,
+            depth,
         )
+
+
+def _buffer_of(device: Device, host: np.ndarray) -> cl.Buffer:
+    """Where the device writes what ``host`` is to hold: its own memory, if that can be."""
+    flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
+    if device.is_cpu:
+        return cl.Buffer(device.context, flags, hostbuf=host)
+    return device.empty(host.nbytes)
 
 
 def _collect(device: Device, target: cl.Buffer, host: np.ndarray) -> None:

@@ -118,6 +118,16 @@ class Tracer:
         self._radiance([bundles], coordinates, 1).run(radiance)
         return radiance
 
+    def radiance_and_depth(self, bundles: Bundles) -> tuple[np.ndarray, np.ndarray]:
+        """Both of every ray, of one pass: as :meth:`bundle_radiance` and :meth:`bundle_hits`.
+
+        (E, rows, columns, 3) and (E, rows, columns) float32; depth is infinity for a miss.
+        """
+        shape = len(bundles.elements), bundles.rows, bundles.columns
+        radiance, depth = page_aligned((*shape, 3)), page_aligned(shape)
+        self._radiance([bundles], None, 1, depths=True).run(radiance, depth=depth)
+        return radiance, depth
+
     def tiled_radiance(
         self,
         sets: Sequence[Bundles],
@@ -212,7 +222,12 @@ class Tracer:
         return TraceSlab(self._on_device, shape, slab, tile, planes, frames)
 
     def _radiance(
-        self, sets: Sequence[Bundles], coordinates: np.ndarray | None, across: int
+        self,
+        sets: Sequence[Bundles],
+        coordinates: np.ndarray | None,
+        across: int,
+        *,
+        depths: bool = False,
     ) -> TraceRadiance:
         shape = self.plan.shape(sets[0], "radiance", grouped=coordinates is not None)
-        return TraceRadiance(self._on_device, shape, sets, coordinates, across)
+        return TraceRadiance(self._on_device, shape, sets, coordinates, across, depths=depths)

@@ -144,6 +144,17 @@ def test_blocks_of_several_elements_see_the_same_at_every_lane_width(device, lan
         assert wide.tobytes() == narrow.tobytes()
 
 
+@pytest.mark.parametrize("single_rays", [False, True])
+def test_radiance_and_depth_of_one_pass_are_those_of_two(device, single_rays):
+    world = scene(soup(200, 3))
+    tracer = Tracer(world, build_bvh(world.triangles), device, single_rays=single_rays)
+    bundles = views(Slab(CAMERA, 3, 37), np.array([[0, 0], [2, 1]]))
+    radiance, depth = tracer.radiance_and_depth(bundles)
+    np.testing.assert_array_equal(radiance, tracer.bundle_radiance(bundles))
+    np.testing.assert_array_equal(depth, tracer.bundle_hits(bundles)[1])
+    assert np.isfinite(depth).any() and np.isinf(depth).any()
+
+
 def test_coplanar_copies_go_to_the_lowest_index(device):
     triangles = soup(40, 5)
     copies = np.concatenate([triangles] * 3)

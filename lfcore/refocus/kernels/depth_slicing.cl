@@ -48,9 +48,23 @@ inline ulong layer_size(const Strip *s, int strip_rows) { return (ulong)(strip_r
 inline int floor_pixel(int edge) { return edge >> 8; }
 
 // The part of [low, high] that lies in a pixel, in 1 / STEPS.
-inline long overlap(int low, int high, int pixel)
+inline int overlap(int low, int high, int pixel)
 {
     return min(high, (pixel + 1) * STEPS) - max(low, pixel * STEPS);
+}
+
+// A box of at most two pixels along each axis, inside the strip: no loop whose length is guessed.
+inline void add_four(const Strip *s, global long4 *to, int4 box, long4 colour)
+{
+    const int x = floor_pixel(box.x), y = floor_pixel(box.y);
+    const int left = min(box.z, (x + 1) * STEPS) - box.x, top = min(box.w, (y + 1) * STEPS) - box.y;
+    const int right = box.z - box.x - left, below = box.w - box.y - top;
+    global long4 *at = to + (ulong)(y - s->top) * (s->width + 1) + x;
+    at[0] += colour * (long)(top * left);
+    at[1] += colour * (long)(top * right);
+    at += s->width + 1;
+    at[0] += colour * (long)(below * left);
+    at[1] += colour * (long)(below * right);
 }
 
 inline void add_few(const Strip *s, global long4 *to, int4 box, long4 colour)
@@ -58,17 +72,17 @@ inline void add_few(const Strip *s, global long4 *to, int4 box, long4 colour)
     const int x0 = max(0, floor_pixel(box.x)), x1 = min(s->width - 1, floor_pixel(box.z - 1));
     const int y0 = max(s->top, floor_pixel(box.y)), y1 = min(s->top + s->rows - 1, floor_pixel(box.w - 1));
     for (int y = y0; y <= y1; ++y) {
-        const long4 row = colour * overlap(box.y, box.w, y);
+        const int down = overlap(box.y, box.w, y);
         global long4 *at = to + (ulong)(y - s->top) * (s->width + 1);
-        for (int x = x0; x <= x1; ++x) at[x] += row * overlap(box.x, box.z, x);
+        for (int x = x0; x <= x1; ++x) at[x] += colour * (long)(down * overlap(box.x, box.z, x));
     }
 }
 
 // Differences of overlap along one axis: at the first pixel and the one behind it, the last and the one behind it.
-inline void differences(int low, int high, int first, int count, int at[4], long value[4])
+inline void differences(int low, int high, int first, int count, int at[4], int value[4])
 {
     const int a = floor_pixel(low), b = floor_pixel(high - 1);
-    const long head = (a + 1) * STEPS - low, tail = high - b * STEPS;
+    const int head = (a + 1) * STEPS - low, tail = high - b * STEPS;
     at[0] = a; at[1] = a + 1; at[2] = b; at[3] = b + 1;
     value[0] = head; value[1] = STEPS - head; value[2] = tail - STEPS; value[3] = -tail;
     for (int k = 0; k < 4; ++k) at[k] = clamp(at[k] - first, 0, count);
@@ -77,14 +91,24 @@ inline void differences(int low, int high, int first, int count, int at[4], long
 inline void add_edges(const Strip *s, global long4 *to, int4 box, long4 colour)
 {
     int x[4], y[4];
-    long along[4], down[4];
+    int along[4], down[4];
     differences(box.x, box.z, 0, s->width, x, along);
     differences(box.y, box.w, s->top, s->rows, y, down);
     for (int j = 0; j < 4; ++j) {
-        const long4 row = colour * down[j];
         global long4 *at = to + (ulong)y[j] * (s->width + 1);
-        for (int i = 0; i < 4; ++i) at[x[i]] += row * along[i];
+        for (int i = 0; i < 4; ++i) at[x[i]] += colour * (long)(down[j] * along[i]);
     }
+}
+
+inline void add_box(const Strip *s, ulong layer, int4 box, long4 colour)
+{
+    const int columns = floor_pixel(box.z - 1) - floor_pixel(box.x) + 1;
+    const int rows = floor_pixel(box.w - 1) - floor_pixel(box.y) + 1;
+    const int inside = box.x >= 0 && box.y >= s->top * STEPS && box.x < s->width * STEPS &&
+                       box.y < (s->top + s->rows) * STEPS;
+    if (columns <= 2 && rows <= 2 && inside) add_four(s, s->sums + layer, box, colour);
+    else if (columns * rows <= FEW_PIXELS) add_few(s, s->sums + layer, box, colour);
+    else add_edges(s, s->edges + layer, box, colour);
 }
 
 // The layer of what is swept by so many pixels, the nearest first.
@@ -122,12 +146,11 @@ inline void add_row(const Strip *s,
         if (wide <= 0 || tall <= 0) continue;
         const float weight = cell.share * ONE / ((float)wide * (float)tall);
         const float3 seen = clamp(vload3(u, light), 0.0f, 1.0f);
-        const long4 colour = convert_long4_rte((float4)(seen * weight, weight));
-        const int columns = floor_pixel(box.z - 1) - floor_pixel(box.x) + 1;
-        const int spans = columns * (floor_pixel(box.w - 1) - floor_pixel(box.y) + 1);
+        const float4 colour = (float4)(seen * weight, weight);
         const ulong layer = layer_of(moves * p.pitch, bounds) * layer_size(s, strip_rows);
-        if (spans <= FEW_PIXELS) add_few(s, s->sums + layer, box, colour);
-        else add_edges(s, s->edges + layer, box, colour);
+        // But for the smallest boxes 32 bits hold it, and products of 32 bits cost least.
+        if (weight < 0x1p30f) add_box(s, layer, box, convert_long4(convert_int4_rte(colour)));
+        else add_box(s, layer, box, convert_long4_rte(colour));
     }
 }
 

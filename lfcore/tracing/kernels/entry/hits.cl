@@ -21,7 +21,6 @@ KERNEL void slab_hits(TREE_PARAMETERS,
         find_visible(&tree, &packet, &visibility);
         for (int block = 0; block < PACKET_BLOCKS; ++block) {
             if (!has_block(&packet, block)) continue;
-            use_buffer(visibility.block + block);
             write_hits(&packet, block, visibility.block + block, depth, triangle);
         }
     }

@@ -1,8 +1,9 @@
-// Linear radiance of bundles, as floats.
+// Linear radiance of bundles, as floats, and (DEPTHS) how far along the axis each ray met what it saw.
 //
 // Element e is tile (e / across, e % across) of one image; with one tile across, elements follow
 // each other.
 #include "pipeline.cl"
+#include "hit_buffers.cl"
 #include "radiance_image.cl"
 
 typedef struct {
@@ -22,7 +23,8 @@ KERNEL void trace_radiance(TREE_PARAMETERS,
                            global uint *restrict scratch,    // (workers, SCRATCH_WORDS)
                            const ImageArguments image,
                            // (E / across * rows, across * columns, 3)
-                           global float *restrict radiance)
+                           global float *restrict radiance,
+                           global float *restrict depth)     // (E, rows, columns), if DEPTHS
 {
     const Tree tree = MAKE_TREE;
     const Scene scene = MAKE_SCENE(&scene_numbers);
@@ -46,6 +48,9 @@ KERNEL void trace_radiance(TREE_PARAMETERS,
             write_radiance(colours, block_inside(&packet, block), image.mode,
                            radiance + row * pitch + 3 * column, pitch);
         }
+        for (int block = 0; DEPTHS && block < PACKET_BLOCKS; ++block)
+            if (has_block(&packet, block))
+                write_depths(&packet, block, pipeline.visibility.block + block, depth);
     }
 }
 

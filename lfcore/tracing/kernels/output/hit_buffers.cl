@@ -3,9 +3,9 @@
 #define LFCORE_HITS_CL
 #include "visibility.cl"
 
-// Write what a block saw, its rays of one element and one row of the inner grid at a time.
-inline void write_hits(const Packet *p, int block, const Coverage *c, global float *depth,
-                       global int *triangle)
+// Write a number of each of a block's rays, those of one element and one row of the inner grid at a
+// time.
+inline void write_rays(const Packet *p, int block, global const uint *from, global uint *to)
 {
     const Rays *rays = p->rays;
     const int2 where = block_position(p, block), inside = block_inside(p, block);
@@ -14,18 +14,25 @@ inline void write_hits(const Packet *p, int block, const Coverage *c, global flo
         const int element = block_element(p, block, at % BLOCK / INNER, at / BLOCK / INNER);
         if (element < 0 || row >= inside.y) continue;
         const ulong line = (ulong)element * rays->rows + where.y + row;
-        global float *z = depth + line * rays->columns + where.x;
-        global int *ids = triangle + line * rays->columns + where.x;
+        global uint *out = to + line * rays->columns + where.x;
         for (int k = 0; k < inside.x; k += 4)
-            if (k + 4 <= inside.x) {
-                vstore4(vload4(0, c->z + at + k), 0, z + k);
-                vstore4(vload4(0, c->ids + at + k), 0, ids + k);
-            } else
-                for (int rest = k; rest < inside.x; ++rest) {
-                    z[rest] = c->z[at + rest];
-                    ids[rest] = c->ids[at + rest];
-                }
+            if (k + 4 <= inside.x) vstore4(vload4(0, from + at + k), 0, out + k);
+            else
+                for (int rest = k; rest < inside.x; ++rest) out[rest] = from[at + rest];
     }
+}
+
+inline void write_depths(const Packet *p, int block, Coverage *c, global float *depth)
+{
+    use_buffer(c);
+    write_rays(p, block, (global const uint *)c->z, (global uint *)depth);
+}
+
+inline void write_hits(const Packet *p, int block, Coverage *c, global float *depth,
+                       global int *triangle)
+{
+    write_depths(p, block, c, depth);
+    write_rays(p, block, (global const uint *)c->ids, (global uint *)triangle);
 }
 
 #endif
