@@ -260,7 +260,7 @@ class LightField(LightFieldFile):
         *,
         views: int | None = None,
         size: int | None = None,
-        form: str = "webp",
+        form: str = "avif",
         quality: int = 90,
         device: Device | None = None,
         progress: Progress | None = None,

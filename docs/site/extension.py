@@ -73,7 +73,7 @@ def _after(skipped: str, said: str) -> str:
 
 
 def _figure(place: str, file: str, words: str) -> str:
-    return f"\n```{{figure}} {place}/{file}\n:alt: {words}\n:class: made\n\n{words}\n```\n"
+    return f"\n```{{figure}} {place}/{file}\n:alt: {words}\n:figclass: made\n\n{words}\n```\n"
 
 
 def _frame(name: str, depth: int, file: str, words: str) -> str:

@@ -48,7 +48,9 @@ def options(command: argparse.ArgumentParser) -> None:
     page.add_argument("--views", type=int, metavar="K", help="K x K views, 9 to 33 (17)")
     page.add_argument("--size", type=int, metavar="PX", help="pixels of a view (at most 512)")
     page.add_argument(
-        "--format", choices=("webp", "avif"), help="webp (default, fast) or avif (whole chroma)"
+        "--format",
+        choices=("avif", "webp"),
+        help="of the views: avif (default), or webp for browsers before 2024, which blurs colours",
     )
     page.add_argument("--quality", type=int, metavar="Q", help="of these, 1 to 100 (90)")
     page.add_argument("--open", action="store_true", help="open the page in the browser")
@@ -82,7 +84,7 @@ def _page(arguments: argparse.Namespace) -> None:
     field = open_field(arguments)
     with progress("reading views", "frames") as report:
         page = field.viewer(
-            views=arguments.views, size=arguments.size, form=arguments.format or "webp",
+            views=arguments.views, size=arguments.size, form=arguments.format or "avif",
             quality=90 if arguments.quality is None else arguments.quality,
             device=open_device(arguments.device), progress=report,
         )  # fmt: skip

@@ -118,6 +118,22 @@ class _Taker:
         self._slicer.add(index, light, np.stack([depth for _, depth in found]))
 
 
+def depth_of_view(field: LightFieldFile, i: int, j: int) -> np.ndarray:
+    """(S, S) float32 metres of one view, as stored; infinity for a miss.
+
+    Raises :class:`OpticsError` where the file holds no depth or not this view.
+    """
+    views = field.require_depth() and field.layout.views
+    if not (0 <= i < views and 0 <= j < views):
+        raise OpticsError(f"has no view ({i}, {j})", file=field.path)
+    if field.layout.kind == "macropixels":
+        return _depths_of_macropixels(field)[j * views + i]
+    for place, depth in _depths_of_views(field):
+        if place == (i, j):
+            return depth
+    raise OpticsError(f"the depth of view ({i}, {j}) cannot be read", file=field.path)
+
+
 def _depths_of_views(field: LightFieldFile) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
     """((i, j), (S, S) float32 metres) of every view that can be read, in the order of frames."""
     codes = field.require_depth().codes

@@ -17,6 +17,7 @@ from lfcore.errors import StorageError
 from lfcore.files import write_text
 from lfcore.opencl.device import Device
 from lfcore.optics.slab import Slab
+from lfcore.refocus.stored_depth import depth_of_view
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.viewer.atlas import Atlas, Choice, choose, encode, read
 from lfcore.viewer.disparity import estimate
@@ -25,12 +26,15 @@ HERE = Path(__file__).parent
 SCRIPTS = ("optics.js", "drawing.js", "viewer.js")
 MOST_PARALLAX = 0.08
 """Of the picture's width, over the whole lens, where the range of depths is not known."""
+MAP_SIDE = 256
+"""Of a map of stored depth, at most: a click is no finer."""
 MARGIN = 0.1
 """Of the range of disparities that is seen, on either side of it."""
 ESTIMATED = (
     "The file holds no map of depth: a click focuses by an estimate from the views. "
     "The focus slider is exact."
 )
+STORED = "A click focuses on what is there: the file holds depth."
 NO_MAP = "The file holds no map of depth, and too few views to estimate one: focus with the slider."
 
 
@@ -83,7 +87,7 @@ def viewer_page(
     *,
     views: int | None = None,
     size: int | None = None,
-    form: str = "webp",
+    form: str = "avif",
     quality: int = 90,
     device: Device | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -97,6 +101,8 @@ def viewer_page(
     form, quality : of the pictures in it; see :func:`lfcore.viewer.atlas.encode`.
     progress : called with (frames done, frames in all) while views are read.
 
+    Where the file holds depth, a click focuses by it, else by an estimate from the views.
+
     Raises :class:`OpticsError` for a camera array that is no slab, :class:`StorageError` for
     numbers out of range and for a damaged file.
     """
@@ -104,13 +110,15 @@ def viewer_page(
     choice = choose(field, views, size)
     pictures = read(field, choice, device=device, progress=progress)
     seen = _range(field, slab)
-    disparities = _map(slab, choice, pictures, *seen)
+    stored = _stored(field, slab)
+    found = _estimated(slab, choice, pictures, seen) if stored is None else stored
+    disparities = None if found is None else _map(found, seen)
     data = _describe(field, slab, choice, encode(pictures, form, quality))
     data |= {"range": _widened(seen), "map": disparities}
     parts = {
         "title": html.escape(data["name"]),
         "style": (HERE / "viewer.css").read_text(encoding="utf-8"),
-        "status": ESTIMATED if disparities else NO_MAP,
+        "status": NO_MAP if disparities is None else ESTIMATED if stored is None else STORED,
         # "<" would end the element that it stands in.
         "field": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
         "script": "\n".join((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS),
@@ -170,16 +178,31 @@ def _widened(seen: tuple[float, float]) -> list[float]:
     return [low - margin, high + margin]
 
 
-def _map(
-    slab: Slab, choice: Choice, pictures: np.ndarray, low: float, high: float
-) -> dict[str, Any] | None:
-    """The map of disparities as the page holds it, in codes of 8 bits."""
+def _stored(field: LightFieldFile, slab: Slab) -> np.ndarray | None:
+    """(h, w) disparities of the view in the middle, by the depth that the file holds."""
+    if field.metadata.depth is None:
+        return None
+    depth = depth_of_view(field, slab.views // 2, slab.views // 2)
+    # Not averaged: between two depths there is nothing.
+    step = -(-slab.pixels // MAP_SIDE)
+    inverse = 1.0 / depth[step // 2 :: step, step // 2 :: step].astype(np.float64)
+    return (inverse - slab.camera.delta) * (slab.lens_pitch_m / slab.pixel_pitch)
+
+
+def _estimated(
+    slab: Slab, choice: Choice, pictures: np.ndarray, seen: tuple[float, float]
+) -> np.ndarray | None:
+    """(h, w) disparities by what views have in common; None of too few."""
     columns, rows = _places(slab, choice)
     places = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
-    found = estimate(pictures, places, low * choice.scale, high * choice.scale)
-    if found is None:
-        return None
-    codes = np.rint(255 * (found / choice.scale - low) / (high - low)).clip(0, 255)
+    found = estimate(pictures, places, seen[0] * choice.scale, seen[1] * choice.scale)
+    return None if found is None else found / choice.scale
+
+
+def _map(found: np.ndarray, seen: tuple[float, float]) -> dict[str, Any]:
+    """The map of disparities as the page holds it, in codes of 8 bits."""
+    low, high = seen
+    codes = np.rint(255 * (found - low) / max(high - low, 1e-9)).clip(0, 255)
     return {
         "data": _base64(codes.astype(np.uint8).tobytes()),
         "width": found.shape[1],

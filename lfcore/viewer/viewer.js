@@ -29,7 +29,13 @@ class Viewer {
     this.pages = await Promise.all(field.atlas.pages.map(async (source) => {
       const page = new Image();
       page.src = source;
-      await page.decode();
+      try {
+        await page.decode();
+      } catch {
+        const kind = source.slice("data:image/".length, source.indexOf(";")).toUpperCase();
+        throw new Error(`this browser reads no ${kind} pictures. Make the page with --format webp, `
+          + "or use another browser");
+      }
       return page;
     }));
     try {

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from two_planes import FAR, NEAR, PIXELS
 from viewer_browser import choose, chromium, complaints, needed, pixels, settle, state, visit
 
+from lfcore import load_scene, record
 from lfcore.colour import srgb_codes
+
+CHART = Path(__file__).parents[2] / "scenes" / "chart"
 
 pytestmark = pytest.mark.browser
 
@@ -59,6 +64,21 @@ def test_a_lossy_page_is_near_refocusing(browser, field, tmp_path, form):
     choose(browser, d=NEAR, a=7)
     picture = field.refocus(disparity_px=NEAR, aperture_views=7, filter="bilinear")
     assert psnr(pixels(browser), srgb_codes(picture)) > 35
+    assert complaints(browser) == []
+
+
+def test_coloured_edges_keep_their_colour(browser, tmp_path):
+    """The chart is saturated red, green and blue: what chroma of half size loses 10 dB of."""
+    field = record(load_scene(CHART), tmp_path / "chart.mkv", views=9, pixels=64)
+    field.viewer().save(tmp_path / "chart.html")
+    visit(browser, tmp_path / "chart.html")
+    for distance, a in ((1.0, 9), (1.33, 5), (2.0, 2)):
+        d = field.disparity_of(distance)
+        choose(browser, d=d, a=a)
+        picture = field.refocus(disparity_px=d, aperture_views=a, filter="bilinear")
+        assert psnr(pixels(browser), srgb_codes(picture)) > 40, (distance, a)
+    choose(browser, single=True, x=1, y=-2)
+    assert psnr(pixels(browser), field.view(5, 2)) > 37
     assert complaints(browser) == []
 
 
@@ -194,6 +214,27 @@ def test_a_browser_without_webgl2_shows_single_views(browser, page, field):
     finally:
         remove = "Page.removeScriptToEvaluateOnNewDocument"
         browser.execute_cdp_cmd(remove, {"identifier": added["identifier"]})
+
+
+def test_a_browser_without_the_pictures_format_says_what_to_do(browser, page):
+    command = "Page.addScriptToEvaluateOnNewDocument"
+    refusal = "HTMLImageElement.prototype.decode = () => Promise.reject(new Error('unknown'))"
+    added = browser.execute_cdp_cmd(command, {"source": refusal})
+    try:
+        browser.get("about:blank")
+        browser.get(page.as_uri())
+        from selenium.webdriver.support.ui import WebDriverWait
+
+        said = WebDriverWait(browser, 20).until(lambda one: _status(one, "cannot be shown"))
+        assert "this browser reads no WEBP pictures. Make the page with --format webp" in said
+    finally:
+        remove = "Page.removeScriptToEvaluateOnNewDocument"
+        browser.execute_cdp_cmd(remove, {"identifier": added["identifier"]})
+
+
+def _status(browser, wanted):
+    said = browser.find_element("id", "status").text
+    return said if wanted in said else None
 
 
 def test_pictures_come_often_enough_while_something_moves(opened):

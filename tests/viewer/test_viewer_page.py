@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 import re
@@ -15,13 +16,16 @@ from PIL import Image
 from two_planes import FAR, NEAR, PIXELS, SLAB, VIEWS
 
 import lfcore.viewer.page as viewer_page
+from lfcore import load_scene, record
 from lfcore.cli import main
 from lfcore.errors import StorageError
 from lfcore.lightfield import LightField
 from lfcore.optics.planes import Aperture
+from lfcore.rendering.depth import disparity
 from lfcore.viewer.atlas import Choice, choose, encode, read
 from lfcore.viewer.disparity import estimate
 
+CHART = Path(__file__).parents[2] / "scenes" / "chart"
 FOLDER = Path(viewer_page.__file__).parent
 
 
@@ -91,9 +95,42 @@ def test_the_map_knows_near_from_far(field):
     assert estimate(pictures[:1], places[:1], -1, 1) is None
 
 
+def test_the_map_is_the_depth_that_the_file_holds(tmp_path):
+    """As traced, to the steps of the stored codes and of the map's."""
+    scene = load_scene(CHART)
+    field = record(
+        scene, tmp_path / "d.mkv", views=3, pixels=24, depth_stream=True, lattice="plain"
+    )
+    html = field.viewer().html
+    data = described(html)["map"]
+    assert "the file holds depth" in html and "estimate" not in re.sub("<script.*", "", html)
+    size = data["width"], data["height"]
+    assert size == (48, 48)  # views of a file with depth have two pixels for one of a picture
+    codes = np.frombuffer(base64.b64decode(data["data"]), np.uint8).reshape(size)
+    shown = data["low"] + (data["high"] - data["low"]) * codes / 255.0
+    depth = field.depth(scene, np.array([[1, 1]]))[0]
+    exact = disparity(field.slab, depth)
+    # A step of the map, and what depth is stored to: a sweep of a quarter pixel of a view.
+    assert np.abs(shown - exact).max() < 0.25 + (data["high"] - data["low"]) / 255
+    assert np.ptp(exact) > 0.5
+
+
+def test_a_smaller_map_takes_pixels_and_no_means(tmp_path, monkeypatch):
+    monkeypatch.setattr(viewer_page, "MAP_SIDE", 16)
+    scene = load_scene(CHART)
+    field = record(
+        scene, tmp_path / "d.mkv", views=3, pixels=24, depth_stream=True, lattice="plain"
+    )
+    data = described(field.viewer().html)["map"]
+    codes = np.frombuffer(base64.b64decode(data["data"]), np.uint8)
+    assert (data["width"], data["height"]) == (16, 16)
+    # The chart's two depths, as the codec left them, and nothing between.
+    assert np.all((codes < 8) | (codes > 247)) and np.ptp(codes) > 240
+
+
 def test_a_page_asks_no_other_host(page):
     html = page.read_text()
-    outside = re.sub(r'"data:image/webp;base64,[^"]*"', "", html)
+    outside = re.sub(r'"data:image/(?:webp|avif);base64,[^"]*"', "", html)
     assert not re.search(r"https?:|//[a-z]+\.[a-z]|\bfetch\(|XMLHttpRequest|import\(", outside)
     assert "default-src 'none'" in html
     assert "<title>&lt;two&gt; &amp; planes</title>" in html
