@@ -123,7 +123,8 @@ def depth_of_view(field: LightFieldFile, i: int, j: int) -> np.ndarray:
 
     Raises :class:`OpticsError` where the file holds no depth or not this view.
     """
-    views = field.require_depth() and field.layout.views
+    field.require_depth()
+    views = field.layout.views
     if not (0 <= i < views and 0 <= j < views):
         raise OpticsError(f"has no view ({i}, {j})", file=field.path)
     if field.layout.kind == "macropixels":
