@@ -24,6 +24,8 @@ BIN := $(VENV)/bin
 CORES ?= 2
 SECONDS ?= 60
 KILLS ?= 20
+# One process runs a whole file; tests/conftest.py puts the costly files first.
+XDIST := -n $(CORES) --dist loadfile --no-loadscope-reorder
 MICRO := --directory build/micro --configfile config/micro.yaml -- results/tables/ results/assignment/
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
@@ -49,10 +51,10 @@ sweep: $(VENV)/installed
 	$(BIN)/python -m lfcore.workflow.run --cores $(CORES) --config sweep=$(SWEEP) -- sweep
 
 test: $(VENV)/installed-dev
-	$(BIN)/python -m pytest -n $(CORES) --dist loadfile
+	$(BIN)/python -m pytest $(XDIST)
 
 quick: $(VENV)/installed-dev
-	$(BIN)/python -m pytest -n $(CORES) --dist loadfile -m "not kernels and not workflow and not browser and not slow"
+	$(BIN)/python -m pytest $(XDIST) -m "not kernels and not workflow and not browser and not slow"
 
 fuzz: $(VENV)/installed-dev
 	$(BIN)/python -m robustness.fuzz --seconds $(SECONDS) --keep

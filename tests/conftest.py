@@ -14,6 +14,18 @@ except DeviceError as error:
     DEVICES, MISSING = [], str(error)
 
 
+COSTLY = ("workflow", "slow", "browser", "kernels")
+
+
+def pytest_collection_modifyitems(items):
+    """Files of costly tests come first, so that no process is left alone with one at the end."""
+    place = {}
+    for item in items:
+        marks = [COSTLY.index(name) for name in COSTLY if item.get_closest_marker(name)]
+        place[item.path] = min(place.get(item.path, len(COSTLY)), *marks, len(COSTLY))
+    items.sort(key=lambda item: place[item.path])
+
+
 def pytest_report_header(config):
     return f"OpenCL devices: {', '.join(DEVICES) or MISSING}"
 
