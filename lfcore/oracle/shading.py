@@ -1,4 +1,4 @@
-"""Blinn-Phong in float64, written as the formula reads.
+"""Shading in float64, written as the formulas read: Blinn-Phong, and ``metal`` for the rest.
 
     colour = emission + ambient * diffuse
              + sum over lights in sight: strength * (diffuse * (N . L)
@@ -18,6 +18,7 @@ import numpy as np
 
 from lfcore.oracle.cut_outs import solid_of
 from lfcore.oracle.intersect import Hits, closest_hits, occluded
+from lfcore.oracle.metal import bent_normals, glow, metals
 from lfcore.oracle.textures import bilinear
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
@@ -52,17 +53,22 @@ def _shade_points(
     diffuse = albedo(scene, triangle, weights)
     specular = np.array([m.specular for m in materials], np.float64)
     shininess = np.array([m.shininess for m in materials], np.float64)
-    colour = np.array([m.emission for m in materials], np.float64)
-    colour += np.array(scene.ambient, np.float64) * diffuse
+    bent = bent_normals(scene, triangle, weights, view, normal)
+    metal = metals(scene, triangle, weights, diffuse)
+    is_metal = np.array([[m.metallic >= 0] for m in materials])
+    colour = glow(scene, triangle, weights)
+    surrounded = np.where(is_metal, metal.surrounded(), diffuse)
+    colour += np.array(scene.ambient, np.float64) * surrounded
     for light in scene.lights:
         towards, strength = arriving(light, point)
-        cosine = (normal * towards).sum(1)
+        cosine = (bent * towards).sum(1)
         half = _unit(towards + view)
-        gloss = np.maximum((normal * half).sum(1), 0) ** shininess
-        seen = cosine > 0
+        gloss = np.maximum((bent * half).sum(1), 0) ** shininess
+        seen = (cosine > 0) & ((normal * towards).sum(1) > 0)
         if light.casts_shadows:
             seen &= ~_in_shadow(scene, light, point, triangle)
-        reflected = diffuse * cosine[:, None] + specular * gloss[:, None]
+        plain = diffuse * cosine[:, None] + specular * gloss[:, None]
+        reflected = np.where(is_metal, metal.reflected(bent, towards, view), plain)
         colour += np.where(seen[:, None], strength * reflected, 0)
     return colour
 

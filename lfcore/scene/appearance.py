@@ -9,7 +9,13 @@ POINT, DIRECTIONAL = 0, 1
 
 @dataclass(frozen=True)
 class Material:
-    """Blinn-Phong reflectance, all colours linear RGB in [0, 1].
+    """What a surface is made of, all colours linear RGB in [0, 1].
+
+    It reflects by Blinn-Phong: ``diffuse``, ``specular`` and ``shininess``; or, where ``metallic``
+    is not negative, as glTF's metal (1) or what is none (0) of a ``roughness``, with ``diffuse``
+    as base colour.  Textures index :attr:`Scene.textures` (-1: none).  ``metal_texture``
+    multiplies roughness by its green and metal by its blue, ``normal_texture`` bends normals, its
+    x and y ``normal_scale`` times, and ``emission_texture`` multiplies ``emission``.
 
     ``texture`` indexes :attr:`Scene.textures` (-1: none) and multiplies ``diffuse``.
     ``emission`` is added whatever the light: a lamp shade, a screen, test charts.
@@ -23,6 +29,27 @@ class Material:
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     texture: int = -1
     alpha_cutoff: float = 0.0
+    metallic: float = -1.0
+    roughness: float = 1.0
+    metal_texture: int = -1
+    normal_texture: int = -1
+    normal_scale: float = 1.0
+    emission_texture: int = -1
+
+    @property
+    def is_metallic(self) -> bool:
+        return self.metallic >= 0
+
+    @property
+    def data_textures(self) -> tuple[int, int]:
+        """Those whose codes are numbers, and no sRGB."""
+        return self.metal_texture, self.normal_texture
+
+    @property
+    def textures(self) -> tuple[int, ...]:
+        """All that it has."""
+        every = (self.texture, *self.data_textures, self.emission_texture)
+        return tuple(number for number in every if number >= 0)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,13 @@ LARGEST_COORDINATE = 1e12
 SMALLEST_VOLUME = 1e-36
 # Collinear corners are no longer exactly so once they have been rotated in float64.
 FLAT = 1e-13
+TEXTURES = {
+    "texture": "sRGB",
+    "metal_texture": "data",
+    "normal_texture": "data",
+    "emission_texture": "sRGB",
+}
+"""Of a surface, and what their codes are."""
 
 
 @dataclass
@@ -141,14 +148,17 @@ def _materials(parts: list[Part]) -> tuple[list[Material], list[np.ndarray], lis
     ids = []
     for part in parts:
         surface = part.surface
-        texture = -1
-        if surface.texture is not None and part.uvs is not None:
-            digest = _digest(surface.texture)
+        numbers = dict.fromkeys(TEXTURES, -1)
+        for name in TEXTURES:
+            picture = getattr(surface, name)
+            if picture is None or part.uvs is None:
+                continue
+            digest = _digest(picture, TEXTURES[name])
             if digest not in texture_index:
                 texture_index[digest] = len(textures)
-                textures.append(np.ascontiguousarray(surface.texture, np.uint8))
-            texture = texture_index[digest]
-        material = _material(surface, texture)
+                textures.append(np.ascontiguousarray(picture, np.uint8))
+            numbers[name] = texture_index[digest]
+        material = _material(surface, numbers)
         key = tuple(vars(material).values())
         if key not in material_index:
             material_index[key] = len(materials)
@@ -157,7 +167,7 @@ def _materials(parts: list[Part]) -> tuple[list[Material], list[np.ndarray], lis
     return materials, textures, ids
 
 
-def _material(surface: Surface, texture: int) -> Material:
+def _material(surface: Surface, textures: dict[str, int]) -> Material:
     def triple(colour: Any) -> tuple[float, float, float]:
         red, green, blue = (float(channel) for channel in colour)
         return red, green, blue
@@ -168,12 +178,15 @@ def _material(surface: Surface, texture: int) -> Material:
         triple(surface.specular),
         float(surface.shininess),
         triple(surface.emission),
-        texture,
-        float(surface.alpha_cutoff),
+        alpha_cutoff=float(surface.alpha_cutoff),
+        metallic=float(surface.metallic),
+        roughness=float(surface.roughness),
+        normal_scale=float(surface.normal_scale),
+        **textures,
     )
 
 
-def _digest(texture: np.ndarray) -> bytes:
-    digest = hashlib.blake2b(str(texture.shape).encode(), digest_size=16)
+def _digest(texture: np.ndarray, kind: str) -> bytes:
+    digest = hashlib.blake2b(f"{kind} {texture.shape}".encode(), digest_size=16)
     digest.update(np.ascontiguousarray(texture, np.uint8).tobytes())
     return digest.digest()

@@ -277,8 +277,11 @@ def _material(material: dict, file: Path, key: str) -> dict:
     for name in ("diffuse", "specular", "emission"):
         if name in material:
             changes[name] = parse_colour(material[name])
-    if "shininess" in material:
-        changes["shininess"] = float(material["shininess"])
+    for name in ("shininess", "metallic", "roughness"):
+        if name in material:
+            changes[name] = float(material[name])
+    if "metallic" not in material and ("specular" in material or "shininess" in material):
+        changes["metallic"] = -1.0  # these are Blinn-Phong's
     if "texture" in material:
         texture = material["texture"]
         changes["texture"] = (

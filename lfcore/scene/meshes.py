@@ -1,7 +1,7 @@
 """Mesh files, through trimesh: geometry, normals, textures, vertex colours, materials.
 
-Whatever trimesh loads is accepted; PBR materials are mapped to Blinn-Phong
-(:mod:`lfcore.scene.gltf_materials`).  Alpha counts in glTF alone.
+Whatever trimesh loads is accepted; for materials see :mod:`lfcore.scene.pbr` and, for what glTF
+alone has, :mod:`lfcore.scene.gltf_materials`.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.pictures import read_codes
 from lfcore.scene.gltf import SUFFIXES, Document
-from lfcore.scene.gltf_materials import GltfSurfaces, surface_of_pbr
+from lfcore.scene.gltf_materials import GltfSurfaces
 from lfcore.scene.notes import LEFT_OUT, Notebook
 from lfcore.scene.parts import Colour, Part, Surface
+from lfcore.scene.pbr import picture, surface_of_pbr
 from lfcore.scene.ply import with_strips
 from lfcore.scene.smoothing import crease_normals
 
@@ -116,7 +117,7 @@ def _load(trimesh: ModuleType, path: Path, document: Document | None, notebook: 
                 else:
                     self.trouble.append(f"texture {name!r} not found")
                 raise
-            if Path(name.strip()).suffix.lower() in IMAGE_SUFFIXES and not _is_image(data):
+            if Path(name.strip()).suffix.lower() in IMAGE_SUFFIXES and not _ispicture(data):
                 self.trouble.append(f"texture {name!r} cannot be decoded")
             return data
 
@@ -146,7 +147,7 @@ def _load(trimesh: ModuleType, path: Path, document: Document | None, notebook: 
     return scene
 
 
-def _is_image(data: bytes) -> bool:
+def _ispicture(data: bytes) -> bool:
     from PIL import Image
 
     try:
@@ -211,7 +212,8 @@ def _surface(
     if _is_invented(material, path):
         material = None
     if isinstance(material, PBRMaterial):
-        surface = surface_of_pbr(material, path, _image(material.baseColorTexture, path))
+        metal = gltf.metal_left_out if gltf else 0.0
+        surface = surface_of_pbr(material, path, metal_left_out=metal)
     elif isinstance(material, SimpleMaterial):
         surface = _surface_of_simple(material, path)
     else:
@@ -224,7 +226,11 @@ def _surface(
             remedy="Mend the material",
         )
     given = gltf if isinstance(material, PBRMaterial) else None
-    made = given.surface(material, surface) if given else surface
+    made = surface
+    if given:
+        made = given.surface(
+            material, surface, getattr(visual, "vertex_attributes", {}).get("color")
+        )
     uv = getattr(visual, "uv", None)
     if uv is None or len(uv) == 0:
         return made, None
@@ -232,7 +238,7 @@ def _surface(
         uvs = _texture_coordinates(np.asarray(uv, np.float64), faces, path)
         return made, given.uvs(material, uvs) if given else uvs
     except SceneError:
-        if surface.texture is None:
+        if made is None or not made.has_textures:
             return made, None  # nothing is read there
         raise
 
@@ -257,7 +263,7 @@ def _is_invented(material: Any, path: Path) -> bool:
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
     if getattr(image, "size", None) != (2, 2):
         return False
-    texels = _image(image, path)
+    texels = picture(image, path)
     return (
         texels is not None and bool((texels == 100).all()) and not getattr(material, "kwargs", None)
     )
@@ -266,7 +272,7 @@ def _is_invented(material: Any, path: Path) -> bool:
 def _surface_of_simple(material: Any, path: Path) -> Surface:
     """OBJ's MTL: Kd, Ks, Ns and map_Kd; Kd and Ks are linear, and Ks needs an Ns to count."""
     given = {key.lower(): value for key, value in (material.kwargs or {}).items()}
-    texture = _image(material.image, path)
+    texture = picture(material.image, path)
 
     def number(key: str, otherwise: float) -> np.ndarray:
         return _mtl_numbers(given.get(key, otherwise), f"{material.name}: {key.title()}", path)
@@ -301,17 +307,6 @@ def _mtl_numbers(value: Any, key: str, path: Path) -> np.ndarray:
             remedy="Mend the material file",
         )
     return np.broadcast_to(numbers, 3)
-
-
-def _image(image: Any, path: Path) -> np.ndarray | None:
-    if image is None:
-        return None
-    try:
-        return np.array(image.convert("RGB"), np.uint8)
-    except Exception as error:  # Pillow raises many kinds on damaged images
-        raise SceneError(
-            f"texture cannot be decoded: {error}", file=path, remedy="Replace the image"
-        ) from error
 
 
 def _colours(visual: Any, faces: np.ndarray, path: Path) -> np.ndarray | None:

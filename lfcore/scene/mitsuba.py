@@ -40,8 +40,10 @@ class Description:
             raise SceneError("colours at corners are not exported to Mitsuba", key=scene.name)
         if scene.motions:
             raise SceneError("motion is not exported to Mitsuba", key=scene.name)
-        if Needs.of(scene).cut_outs:
-            raise SceneError("cut-outs are not exported to Mitsuba", key=scene.name)
+        if Needs.of(scene).cut_outs or Needs.of(scene).physical:
+            raise SceneError(
+                "holes, metal and bent normals are not exported to Mitsuba", key=scene.name
+            )
         if Needs.of(scene).emitters:
             raise SceneError("points of area lights are not exported to Mitsuba", key=scene.name)
         if any(scene.ambient) and not self._glows and not leave_out_ambient:

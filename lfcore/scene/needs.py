@@ -19,6 +19,7 @@ class Needs:
     ----------
     textures : some triangle's material has a texture.
     cut_outs : the alpha of some texture cuts holes into triangles.
+    physical : some material is of metal and roughness, or has more than a texture of its colour.
     smooth_normals : shading normals are stored.
     vertex_colours : vertex colours are stored.
     specular : a material in use has a highlight, and there is a light to make it.
@@ -34,6 +35,7 @@ class Needs:
 
     textures: bool
     cut_outs: bool
+    physical: bool
     smooth_normals: bool
     vertex_colours: bool
     specular: bool
@@ -53,11 +55,15 @@ class Needs:
         used = [scene.materials[i] for i in sorted(set(scene.material_ids.tolist()))]
         lights = [light for light in scene.lights if any(light.colour)]
         return cls(
-            textures=any(material.texture >= 0 for material in used) and len(scene.uvs) > 0,
+            textures=any(material.textures for material in used) and len(scene.uvs) > 0,
             cut_outs=any(scene.is_cut_out(material) for material in used),
+            physical=any(
+                material.is_metallic or set(material.textures) - {material.texture}
+                for material in used
+            ),
             smooth_normals=len(scene.normals) > 0,
             vertex_colours=len(scene.colours) > 0,
-            specular=bool(lights) and any(any(material.specular) for material in used),
+            specular=bool(lights) and any(any(m.specular) or m.is_metallic for m in used),
             emission=any(any(material.emission) for material in used),
             ambient=any(scene.ambient),
             background=any(scene.background),

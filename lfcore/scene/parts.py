@@ -16,7 +16,7 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What a part is made of: a Blinn-Phong material that carries its own texture.
+    """What a part is made of: as :class:`~lfcore.scene.appearance.Material`, with its textures.
 
     Colours are linear RGB; ``texture`` is (H, W, 3) uint8, sRGB encoded, row 0 on top.  With a
     fourth channel, alpha, it cuts holes where that is below ``alpha_cutoff`` of 1.
@@ -29,6 +29,17 @@ class Surface:
     emission: Colour = (0.0, 0.0, 0.0)
     texture: np.ndarray | None = None
     alpha_cutoff: float = 0.0
+    metallic: float = -1.0
+    roughness: float = 1.0
+    metal_texture: np.ndarray | None = None
+    normal_texture: np.ndarray | None = None
+    normal_scale: float = 1.0
+    emission_texture: np.ndarray | None = None
+
+    @property
+    def has_textures(self) -> bool:
+        others = self.metal_texture, self.normal_texture, self.emission_texture
+        return any(picture is not None for picture in (self.texture, *others))
 
 
 @dataclass(frozen=True, eq=False)

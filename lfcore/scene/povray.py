@@ -47,8 +47,10 @@ def write_povray(folder: str | Path, scene: Scene, camera: Camera, *, samples: i
         )
     if scene.motions:
         raise SceneError("motion is not exported to POV-Ray", key=scene.name)
-    if Needs.of(scene).cut_outs:
-        raise SceneError("cut-outs are not exported to POV-Ray", key=scene.name)
+    if Needs.of(scene).cut_outs or Needs.of(scene).physical:
+        raise SceneError(
+            "holes, metal and bent normals are not exported to POV-Ray", key=scene.name
+        )
     if Needs.of(scene).emitters:
         raise SceneError("points of area lights are not exported to POV-Ray", key=scene.name)
     if math.isinf(camera.focus_distance_m):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +15,9 @@ from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 
 MIP_LEVELS = 12
-CUT_OUTS = 2
-"""Bit of the define TEXTURES: some triangles have holes."""
-MATERIAL_WORDS = 12
+CUT_OUTS, PHYSICAL = 2, 4
+"""Bits of the define TEXTURES: triangles with holes; what :class:`Needs` calls physical."""
+MATERIAL_WORDS = 20
 LIGHT_WORDS = 16
 TEXEL_ONE = 1023
 LEAST_GLOSS = 2.0**-24
@@ -62,13 +62,14 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         parts.append(scene.colours.reshape(count, 9))
     used = [light for light in scene.lights if any(light.colour)]
     lights = sorted(used, key=lambda light: light.casts_shadows)
+    data = {number for material in scene.materials for number in material.data_textures}
     images, texels = pack_textures(
-        scene.textures if needs.textures else [], MIP_LEVELS if mipmaps else 1
+        scene.textures if needs.textures else [], MIP_LEVELS if mipmaps else 1, data
     )
     shadows = sum(light.casts_shadows for light in lights)
     defines = {
         "SMOOTH": int(needs.smooth_normals),
-        "TEXTURES": int(needs.textures) | CUT_OUTS * needs.cut_outs,
+        "TEXTURES": needs.textures | CUT_OUTS * needs.cut_outs | PHYSICAL * needs.physical,
         "VERTEX_COLOURS": int(needs.vertex_colours),
         "SHADOWS": int(shadows > 0),
     }
@@ -94,6 +95,9 @@ def _pack_materials(scene: Scene) -> np.ndarray:
         row[4:7], row[8:11] = material.specular, material.emission
         row[7:8].view(np.int32)[0] = material.texture
         row[11] = LEAST_GLOSS ** (1 / material.shininess) if material.shininess > 0 else 0
+        row[12:15] = material.metallic, material.roughness, material.normal_scale
+        maps = material.normal_texture, material.metal_texture, material.emission_texture
+        row[15:18].view(np.int32)[:] = maps
     return packed
 
 
@@ -108,18 +112,20 @@ def _pack_lights(lights: list[Light]) -> np.ndarray:
 
 
 def pack_textures(
-    textures: list[np.ndarray], most: int = MIP_LEVELS
+    textures: list[np.ndarray], most: int = MIP_LEVELS, data: Collection[int] = ()
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mip chains of up to ``most`` levels of sRGB uint8 pictures (H, W, 3 or more) in one buffer.
 
     Returns ``images`` (textures, MIP_LEVELS, 4) int32 [offset, width, height, levels] and
     ``texels`` uint32, the square roots of linear RGB in 10 bits each.  Levels are box-filtered
-    in linear light.
+    in linear light.  Codes of those numbered in ``data`` are linear.
     """
     images = np.zeros((len(textures), MIP_LEVELS, 4), np.int32)
     chunks, offset = [], 0
-    for entry, texture in zip(images, textures, strict=True):
-        chain = list(itertools.islice(_mip_chain(texture[..., :3]), most))
+    for number, (entry, texture) in enumerate(zip(images, textures, strict=True)):
+        codes = np.arange(256) / 255.0
+        linear = (codes if number in data else srgb_decode(codes)).astype(np.float32)
+        chain = list(itertools.islice(_mip_chain(linear[texture[..., :3]]), most))
         for level, linear in enumerate(chain):
             height, width = linear.shape[:2]
             entry[level] = offset, width, height, len(chain)
@@ -130,12 +136,10 @@ def pack_textures(
     return images, np.concatenate(chunks) if chunks else np.zeros(0, np.uint32)
 
 
-def _mip_chain(texture: np.ndarray) -> Iterator[np.ndarray]:
-    """Linear float32 (H, W, 3), then halves of it down to one texel."""
+def _mip_chain(linear: np.ndarray) -> Iterator[np.ndarray]:
+    """Linear float32 (H, W, 3) itself, then halves of it down to one texel."""
     import cv2  # loaded for textures alone
 
-    decode = srgb_decode(np.arange(256) / 255.0).astype(np.float32)
-    linear = decode[texture]
     yield linear
     for _ in range(MIP_LEVELS - 1):
         height, width = linear.shape[:2]

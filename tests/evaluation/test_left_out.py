@@ -44,6 +44,8 @@ PLACES = {
     "Material": {
         "name": "", "diffuse": "", "specular": "specular", "shininess": "specular",
         "emission": "emission", "texture": "textures", "alpha_cutoff": "cut_outs",
+        "metallic": "physical", "roughness": "physical", "metal_texture": "physical",
+        "normal_texture": "physical", "normal_scale": "physical", "emission_texture": "physical",
     },
     "Light": {
         "kind": "directional_lights", "vector": "", "colour": "coloured_lights",

@@ -180,17 +180,63 @@ def test_emission_with_its_strength_and_texture(write):
     assert part.surface.emission == pytest.approx((2.5, 5, 0)) and notes == []
     grey = picture(colour=(128, 128, 128))
     part, notes = part_and_notes(write(strong, emissiveFactor=[1.0, 1, 0], emissiveTexture=grey))
-    assert part.surface.emission == pytest.approx((5 * 0.2158605, 5 * 0.2158605, 0), rel=1e-4)
-    assert "glows as the mean" in notes[0]
+    assert part.surface.emission == pytest.approx((5, 5, 0)) and notes == []
+    assert (part.surface.emission_texture == 128).all()
 
 
-def test_metal_of_a_texture_counts_with_its_mean(write):
+def metal_of(part):
+    return part.surface.metallic, part.surface.roughness
+
+
+def test_metal_and_roughness(write):
     image = picture(colour=(0, 51, 255))
-    part, notes = part_and_notes(write(metallicRoughnessTexture=image, roughnessFactor=1.0))
-    plain, _ = part_and_notes(write(metallicFactor=1.0, roughnessFactor=0.2))
-    assert part.surface.diffuse == plain.surface.diffuse
-    assert part.surface.shininess == pytest.approx(plain.surface.shininess)
-    assert "means of their texture" in notes[0]
+    part, notes = part_and_notes(write(metallicRoughnessTexture=image, roughnessFactor=0.5))
+    assert metal_of(part) == (0, 0.5) and notes == []  # trimesh leaves out what is none
+    assert (part.surface.metal_texture == (0, 51, 255)).all()
+    other = write(lambda t: t["asset"].update(generator="Khronos"), roughnessFactor=0.5)
+    assert metal_of(part_and_notes(other)[0]) == (1, 0.5)  # glTF's default
+    assert metal_of(part_and_notes(write(metallicFactor=0.25))[0]) == (0.25, 1)
+    matte, _ = part_and_notes(write(baseColorFactor=[1.0, 0, 0, 1]))
+    assert matte.surface.metallic < 0 and matte.surface.specular == (0, 0, 0)
+
+
+def test_bumps_with_their_scale(write):
+    def scale(tree):
+        tree["materials"][0]["normalTexture"]["scale"] = 0.3
+
+    part, notes = part_and_notes(write(scale, normalTexture=picture(colour=(128, 128, 255))))
+    assert part.surface.normal_scale == 0.3 and notes == []
+    assert (part.surface.normal_texture == (128, 128, 255)).all()
+    scene = build_scene(write(scale, normalTexture=picture(), emissiveTexture=picture(),
+                              emissiveFactor=[1.0, 1, 1]))  # fmt: skip
+    # One picture, once as numbers and once as colours.
+    (material,) = scene.materials
+    assert {material.normal_texture, material.emission_texture} == {0, 1}
+    assert Needs.of(scene).physical and len(scene.uvs)
+
+
+def test_what_one_set_of_coordinates_cannot_say_is_noted(write):
+    def change(tree):
+        entry = tree["materials"][0]
+        entry["normalTexture"]["texCoord"] = 1
+        move = {"KHR_texture_transform": {"scale": [2, 2]}}
+        entry["emissiveTexture"]["extensions"] = move
+
+    pictures = {"normalTexture": picture(), "emissiveTexture": picture(colour=(1, 2, 3))}
+    _, notes = part_and_notes(write(change, emissiveFactor=[1.0, 1, 1], **pictures))
+    assert [note.split("'m': ")[1] for note in notes] == [
+        "texture coordinates beside the first: these", "textures moved one by one: as the first is",
+    ]  # fmt: skip
+
+
+def test_a_description_may_ask_for_metal_or_for_none(write, write_scene):
+    name = write(metallicFactor=0.5).name
+    for given, expected in (
+        ({"metallic": 1, "roughness": 0.2}, (1, 0.2)), ({"roughness": 0.3}, (0.5, 0.3)),
+        ({"shininess": 9}, (-1, 1)),
+    ):  # fmt: skip
+        scene = build_scene(write_scene({"objects": [{"file": name, "material": given}]}))
+        assert (scene.materials[0].metallic, scene.materials[0].roughness) == expected
 
 
 @pytest.mark.parametrize(
@@ -244,7 +290,7 @@ def test_what_is_left_out_is_listed_by_name(write):
         tree["meshes"][0]["name"] = "square"
         tree["meshes"][0]["primitives"][0]["targets"] = [{"POSITION": 0}]
         tree["materials"][0]["name"] = "skin"
-        tree["materials"][0]["normalTexture"] = {"index": 0}
+        tree["materials"][0]["occlusionTexture"] = {"index": 0}
         use(tree, "KHR_materials_clearcoat", {})
         tree["extensionsUsed"].append("KHR_xmp")
 
@@ -252,7 +298,8 @@ def test_what_is_left_out_is_listed_by_name(write):
     text = "\n".join(notes)
     for said in (
         "animation 'walk'", "skin 'bones'", "morph targets of mesh 'square'",
-        "material 'skin': bumps", "material 'skin': KHR_materials_clearcoat", "extension KHR_xmp",
+        "material 'skin': baked shadows", "material 'skin': KHR_materials_clearcoat",
+        "extension KHR_xmp",
     ):  # fmt: skip
         assert f"left out: {said}" in text
 

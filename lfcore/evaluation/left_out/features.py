@@ -80,6 +80,7 @@ FEATURES = (
             _unused_texture),
     Feature("cut_outs", ("TEXTURES",), "holes, looked up where rays meet triangles",
             _solid_texture),
+    Feature("physical", ("TEXTURES",), "metal, roughness, and textures that bend and vary them"),
     Feature("smooth_normals", ("SMOOTH",), "corner normals and their interpolation",
             _flat_normals),
     Feature("vertex_colours", ("VERTEX_COLOURS",), "corner colours and their interpolation",

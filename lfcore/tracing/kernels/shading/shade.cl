@@ -1,7 +1,7 @@
 // Colours of a block's rays, row by row, from what they meet and which lights that sees.
 #ifndef LFCORE_SHADE_CL
 #define LFCORE_SHADE_CL
-#include "blinn_phong.cl"
+#include "lights.cl"
 
 // Shading keys of a block whose texels fit a tile each.
 #define TILES 4
@@ -142,6 +142,7 @@ inline void shade_block(const Scene *scene, const Block *b, global float *colour
             if (key != read) material = read_material(scene, key);
             read = key;
             s.albedo = albedo_row(scene, &tiles, key, &material, &b->samples, at);
+            if (PHYSICAL) read_row_maps(scene, &b->samples, at, &s);
             colour = pick_colour(colour, light_row(scene, b, &s, at), mine);
         }
         store_colour(colour, colours, at);

@@ -9,6 +9,8 @@
 #define SLOTS 8
 enum { NORMAL = 0, COORDINATES = 3, TINT = 5 };
 
+#define TANGENT_WORDS (PHYSICAL ? 4 : 1)
+
 typedef struct {
     Form weights;                         // sum of the barycentric weights
     Form numerator, denominator;          // depth is their quotient
@@ -16,9 +18,12 @@ typedef struct {
     // Geometric, towards the viewer, unless normals are smooth.
     float normal[3];
     float first[3];                       // colour of the first corner
+    // Of PHYSICAL scenes: the direction of u, and the sign of v's beside it for a viewer; else
+    // nothing.
+    float tangent[TANGENT_WORDS];
     int key;                              // shading key
 } PlaneEquations;
-#define PLANE_WORDS (3 * EDGE_TERMS + EDGE_TERMS * SLOTS + 7)
+#define PLANE_WORDS (3 * EDGE_TERMS + EDGE_TERMS * SLOTS + 7 + TANGENT_WORDS)
 
 inline Form slot_form(global const PlaneEquations *p, int slot)
 {
@@ -75,10 +80,30 @@ inline int choose_key(const Scene *s, int triangle, float weights, float footpri
 {
     const int material = s->material_ids[triangle];
     const int key = material * MIP_LEVELS;
-    const int texture = TEXTURED ? as_int(s->materials[material * MATERIAL + 7]) : -1;
+    const int texture = leading_map(s->materials + material * MATERIAL);
     if (texture < 0) return key;
     global const float *uv = attributes_of(s, triangle) + 9 * SMOOTH;
     return key + choose_level(s, texture, uv, weights, footprint);
+}
+
+// Where u and v grow on a triangle of edges a and b from its first corner; `towards` is its normal
+// on the side of the viewer.  As in glTF and MikkTSpace, v grows along the cross product of normal
+// and tangent, or against it where a texture is mirrored.
+inline void set_up_tangent(const Scene *s, int triangle, float3 a, float3 b, float3 towards,
+                           global PlaneEquations *out)
+{
+    float3 along = 0.0f;
+    float sign = 1.0f;
+    if (TEXTURED) {
+        global const float *uv = attributes_of(s, triangle) + 9 * SMOOTH;
+        const float au = uv[2] - uv[0], av = uv[3] - uv[1], bu = uv[4] - uv[0], bv = uv[5] - uv[1];
+        const float turn = au * bv - bu * av < 0.0f ? -1.0f : 1.0f;
+        along = direction_of(turn * (bv * a - av * b));
+        const float3 up = turn * (au * b - bu * a);
+        sign = inner_product(cross_product(towards, along), up) < 0.0f ? -1.0f : 1.0f;
+    }
+    vstore3(along, 0, out->tangent);
+    out->tangent[TANGENT_WORDS - 1] = sign;
 }
 
 // Set up a triangle for a block; `pixel` is the tangent between neighbouring pixels.
@@ -93,7 +118,8 @@ inline void set_up_planes(const Scene *s, const Bundle *r, int triangle, float p
                        weight_form(v[0], v[1], r)};
     for (int k = 0; k < EDGE_TERMS; ++k) out->weights.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
     float3 n = cross_product(v[1] - v[0], v[2] - v[0]);
-    if (n.z < 0.0f) n = -n;
+    const float side = n.z < 0.0f ? -1.0f : 1.0f;
+    n *= side;
     const float offset = inner_product(n, v[0]);
     out->numerator = stepped_form(offset, -n.x, -n.y, r->sx, r->sy, r->a);
     out->denominator = stepped_form(n.z, n.x, n.y, r->tx, r->ty, r->b);
@@ -103,6 +129,8 @@ inline void set_up_planes(const Scene *s, const Bundle *r, int triangle, float p
         const float sign = weights < 0.0f ? -1.0f : 1.0f;
         vstore3(-sign * direction_of(cross_product(q - p, w - p)), 0, out->normal);
     }
+    if (PHYSICAL)
+        set_up_tangent(s, triangle, q - p, w - p, -side * cross_product(q - p, w - p), out);
     if (ATTRIBUTES) {
         global const float *at = attributes_of(s, triangle);
         const float8 a = corner_slots(at, 0), b = corner_slots(at, 1), c = corner_slots(at, 2);

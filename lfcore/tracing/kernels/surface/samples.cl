@@ -9,16 +9,17 @@ typedef struct {
     global float *normal;  // (3, ...) of unit length, towards the viewer
     global float *uv;      // (2, ...) texture coordinates
     global float *tint;    // (3, ...) colour interpolated between corners
+    global float *tangent;  // (4, ...) of PHYSICAL scenes: see PlaneEquations
     global int *key;       // shading key; -1 where nothing is met
     global int *triangle;  // -1 where nothing is met
 } Samples;
-#define SAMPLE_WORDS (13 * BLOCK_RAYS)
+#define SAMPLE_WORDS ((13 + 4 * PHYSICAL) * BLOCK_RAYS)
 
 inline Samples make_samples(global uint *memory)
 {
     global float *at = (global float *)memory;
     const Samples s = {at, at + 3 * BLOCK_RAYS, at + 6 * BLOCK_RAYS, at + 8 * BLOCK_RAYS,
-                       (global int *)(at + 11 * BLOCK_RAYS),
+                       at + 13 * BLOCK_RAYS, (global int *)(at + 11 * BLOCK_RAYS),
                        (global int *)(at + 12 * BLOCK_RAYS)};
     return s;
 }
@@ -31,8 +32,8 @@ inline Vec direction_row(const Bundle *r, Row row)
 
 // A row of rays that meet one triangle.
 typedef struct {
-    Vec normal, tint;
-    vf depth, u, v;
+    Vec normal, tint, tangent;
+    vf depth, u, v, across;  // `across`: the sign beside the tangent
     vi key, triangle;
 } SampleRow;
 
@@ -41,6 +42,21 @@ inline Vec slots_row(global const PlaneEquations *p, int first, Row at)
     const Vec v = {edge_row(slot_form(p, first), at), edge_row(slot_form(p, first + 1), at),
                    edge_row(slot_form(p, first + 2), at)};
     return v;
+}
+
+// Seen from behind, where the sum of the weights is positive, a flat triangle has its tangent
+// turned as its normal is.  Smooth normals have the sign of the weights, and are turned to the
+// viewer later, and the tangent with them.
+inline void interpolate_tangent(global const PlaneEquations *p, Row at, vf denominator,
+                                SampleRow *s)
+{
+    const vi sign = AS_VI(plane_row(p->weights, at)) & (vi)(0x80000000);
+    const vi behind = SMOOTH ? sign : sign ^ (vi)(0x80000000);
+    s->tangent.x = flip_sign((vf)(p->tangent[0]), behind);
+    s->tangent.y = flip_sign((vf)(p->tangent[1]), behind);
+    s->tangent.z = flip_sign((vf)(p->tangent[2]), behind);
+    const vf across = p->tangent[TANGENT_WORDS - 1];
+    s->across = flip_sign(across, AS_VI(denominator) & (vi)(0x80000000));
 }
 
 inline SampleRow interpolate(global const PlaneEquations *p, Row at)
@@ -57,6 +73,7 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at)
         s.normal.y = flip_sign((vf)(p->normal[1]), back);
         s.normal.z = flip_sign((vf)(p->normal[2]), back);
     }
+    if (PHYSICAL) interpolate_tangent(p, at, denominator, &s);
     if (!TEXTURED && !VERTEX_COLOURS) return s;
     const vf inverse = reciprocal(plane_row(p->weights, at));
     if (TEXTURED) {
@@ -79,9 +96,22 @@ inline void merge_rows(SampleRow *a, SampleRow b, vi mask)
     a->key = b.key;
     a->triangle = b.triangle;
     if (VERTEX_COLOURS) a->tint = pick3(a->tint, b.tint, mask);
+    if (PHYSICAL) a->tangent = pick3(a->tangent, b.tangent, mask);
+    if (PHYSICAL) a->across = pick(a->across, b.across, mask);
     if (!TEXTURED) return;
     a->u = pick(a->u, b.u, mask);
     a->v = pick(a->v, b.v, mask);
+}
+
+// The sign bit where a normal points away from the viewer, and vectors turned by it.
+inline vi turned_away_from(Vec n, Vec direction)
+{
+    return GT(dot3(n, direction), (vf)(0.0f)) & (vi)(0x80000000);
+}
+inline Vec turn_vectors(Vec n, vi away)
+{
+    const Vec turned = {flip_sign(n.x, away), flip_sign(n.y, away), flip_sign(n.z, away)};
+    return turned;
 }
 
 // Of unit length and, where it was interpolated, turned to the viewer.
@@ -89,9 +119,7 @@ inline Vec viewed_normal(Vec n, Vec direction)
 {
     if (!SMOOTH) return n;
     n = scale3(n, inverse_sqrt(max(dot3(n, n), (vf)(LEAST_LENGTH))));
-    const vi away = GT(dot3(n, direction), (vf)(0.0f)) & (vi)(0x80000000);
-    const Vec turned = {flip_sign(n.x, away), flip_sign(n.y, away), flip_sign(n.z, away)};
-    return turned;
+    return turn_vectors(n, turned_away_from(n, direction));
 }
 
 // One block on its way from regions to colours.
@@ -143,6 +171,11 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
         store3(point, out->point, at);
         store3(viewed_normal(s.normal, direction), out->normal, at);
         if (VERTEX_COLOURS) store3(s.tint, out->tint, at);
+        if (PHYSICAL) {
+            const vi away = SMOOTH ? turned_away_from(s.normal, direction) : (vi)(0);
+            store3(turn_vectors(s.tangent, away), out->tangent, at);
+            VSTORE(s.across, out->tangent + 3 * BLOCK_RAYS + at);
+        }
         if (!TEXTURED) continue;
         VSTORE(s.u, out->uv + at);
         VSTORE(s.v, out->uv + BLOCK_RAYS + at);

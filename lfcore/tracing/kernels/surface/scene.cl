@@ -6,7 +6,10 @@
 // Attributes of a triangle's corners: normals, texture coordinates, colours, as far as a scene has
 // them.
 #define ATTRIBUTES (9 * SMOOTH + 6 * TEXTURED + 9 * VERTEX_COLOURS)
-#define MATERIAL 12
+// Materials of metal and roughness or of several textures: a bit of TEXTURES.
+#define PHYSICAL (TEXTURES >> 2 & 1)
+#define MATERIAL 20
+enum { MAP_BASE, MAP_NORMAL, MAP_METAL, MAP_GLOW, MAPS };  // a material's textures
 #define LIGHT 16
 #define LIGHT_NORMAL 8
 #define LIGHT_OWN 12
@@ -75,7 +78,42 @@ typedef struct {
     float3 diffuse, specular, emission;
     float shininess, dull;  // no highlight where its cosine is below `dull`
     int4 image;             // height 0 without a texture
+    // Of PHYSICAL scenes: metal from 0 to 1, less than 0 for Blinn-Phong; how much the normal map
+    // bends; the other textures, each as `image`.
+    float metallic, roughness, bend;
+    int4 maps[MAPS];
 } Material;
+
+inline int map_of(global const float *material, int map)
+{
+    return as_int(material[map == MAP_BASE ? 7 : 14 + map]);
+}
+
+// The texture whose texels choose the mip level, and -1 without any.
+inline int leading_map(global const float *material)
+{
+    if (!TEXTURED) return -1;
+    int texture = map_of(material, MAP_BASE);
+    for (int map = 1; PHYSICAL && map < MAPS && texture < 0; ++map) texture = map_of(material, map);
+    return texture;
+}
+
+// The other textures at about the leading one's texels: halvings that it has more are left out.
+inline void read_maps(const Scene *s, global const float *material, int level, Material *m)
+{
+    m->metallic = material[12];
+    m->roughness = material[13];
+    m->bend = material[14];
+    const int leading = leading_map(material);
+    for (int map = 1; map < MAPS; ++map) {
+        m->maps[map] = 0;
+        const int texture = TEXTURED ? map_of(material, map) : -1;
+        if (texture < 0) continue;
+        const int more = s->images[leading * MIP_LEVELS].w - s->images[texture * MIP_LEVELS].w;
+        const int own = clamp(level - more, 0, s->images[texture * MIP_LEVELS].w - 1);
+        m->maps[map] = s->images[texture * MIP_LEVELS + own];
+    }
+}
 
 inline Material read_material(const Scene *s, int key)
 {
@@ -91,6 +129,7 @@ inline Material read_material(const Scene *s, int key)
         const int texture = as_int(material[7]);
         if (texture >= 0) m.image = s->images[texture * MIP_LEVELS + key % MIP_LEVELS];
     }
+    if (PHYSICAL) read_maps(s, material, key % MIP_LEVELS, &m);
     return m;
 }
 

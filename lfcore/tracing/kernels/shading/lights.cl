@@ -1,30 +1,11 @@
-// Light that a surface sends back to the lens: ambient, emission, and Blinn-Phong of each light.
+// Light that a surface sends back to the lens: ambient, emission, and what it reflects of each
+// light, by Blinn-Phong unless its material is of metal and roughness.
 //
 // Source: J. F. Blinn, "Models of Light Reflection for Computer Synthesized Pictures", SIGGRAPH
 // 1977.
-#ifndef LFCORE_BLINN_PHONG_CL
-#define LFCORE_BLINN_PHONG_CL
-#include "samples.cl"
-
-// A row of rays' surfaces, of one material.
-typedef struct {
-    const Material *material;
-    Colour albedo;
-    Vec point, normal, view;  // normal and direction to the viewer are of unit length
-} Surface;
-
-inline void add_colour(Colour *sum, vf amount, float3 colour)
-{
-    sum->r = fma(amount, (vf)(colour.x), sum->r);
-    sum->g = fma(amount, (vf)(colour.y), sum->g);
-    sum->b = fma(amount, (vf)(colour.z), sum->b);
-}
-
-inline Colour pick_colour(Colour a, Colour b, vi mask)
-{
-    const Colour c = {pick(a.r, b.r, mask), pick(a.g, b.g, mask), pick(a.b, b.b, mask)};
-    return c;
-}
+#ifndef LFCORE_LIGHTS_CL
+#define LFCORE_LIGHTS_CL
+#include "metal.cl"
 
 // The direction of unit length to a light; `strength` receives what distance and an emitter's own
 // cosine leave of it.
@@ -60,17 +41,28 @@ inline vf highlight(const Surface *s, Vec towards, vi facing)
     return pick((vf)(0.0f), power, glossy);
 }
 
+// What Blinn-Phong surfaces reflect.
+inline Colour reflect_plainly(const Surface *s, Vec towards, vf cosine, vf strength, vi facing)
+{
+    const vf diffuse = pick((vf)(0.0f), cosine * strength, facing);
+    Colour c = {s->albedo.r * diffuse, s->albedo.g * diffuse, s->albedo.b * diffuse};
+    if (is_glossy(s->material))
+        add_colour(&c, highlight(s, towards, facing) * strength, s->material->specular);
+    return c;
+}
+
 // Add what one light gives the rays that see it.
 inline void add_light(global const float *light, const Surface *s, vi seeing, Colour *sum)
 {
     vf strength;
     const Vec towards = towards_light(light, s->point, &strength);
     const vf cosine = dot3(s->normal, towards);
-    const vi facing = seeing & GT(cosine, (vf)(0.0f));
-    const vf diffuse = pick((vf)(0.0f), cosine * strength, facing);
-    Colour c = {s->albedo.r * diffuse, s->albedo.g * diffuse, s->albedo.b * diffuse};
-    if (is_glossy(s->material))
-        add_colour(&c, highlight(s, towards, facing) * strength, s->material->specular);
+    vi facing = seeing & GT(cosine, (vf)(0.0f));
+    if (PHYSICAL) facing &= GT(dot3(s->unbent, towards), (vf)(0.0f));
+    Colour c;
+    if (PHYSICAL && is_metallic(s->material))
+        c = reflect_light(s, towards, cosine, pick((vf)(0.0f), strength, facing));
+    else c = reflect_plainly(s, towards, cosine, strength, facing);
     const float3 colour = light_colour(light);
     sum->r += c.r * colour.x;
     sum->g += c.g * colour.y;
@@ -81,8 +73,18 @@ inline void add_light(global const float *light, const Surface *s, vi seeing, Co
 inline Colour own_light(const Scene *scene, const Surface *s)
 {
     const float3 ambient = vload3(0, scene->numbers->ambient), emission = s->material->emission;
-    const Colour c = {s->albedo.r * ambient.x + emission.x, s->albedo.g * ambient.y + emission.y,
-                      s->albedo.b * ambient.z + emission.z};
+    Colour c = s->albedo, glow = {emission.x, emission.y, emission.z};
+    if (PHYSICAL) {
+        glow = s->glow;
+        if (is_metallic(s->material)) {
+            c.r = surrounding(s, c.r);
+            c.g = surrounding(s, c.g);
+            c.b = surrounding(s, c.b);
+        }
+    }
+    c.r = c.r * ambient.x + glow.r;
+    c.g = c.g * ambient.y + glow.g;
+    c.b = c.b * ambient.z + glow.b;
     return c;
 }
 

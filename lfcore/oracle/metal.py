@@ -1,0 +1,118 @@
+"""glTF's metal and roughness in float64, and the textures that bend normals and vary the rest.
+
+Of a light that arrives with strength 1, and pi times the BRDF f of appendix B:
+
+    pi f cos = ((1 - F) c_diff + F pi D V) cos
+    c_diff = (1 - metal) base,  f0 = 0.04 (1 - metal) + metal base,  F = f0 + (1 - f0) (1 - V . H)^5
+    D = a^2 / (pi ((N . H)^2 (a^2 - 1) + 1)^2),  a = roughness^2
+    V = 1 / ((L + sqrt(a^2 + (1 - a^2) L^2)) (E + sqrt(a^2 + (1 - a^2) E^2)))
+
+with L = N . L and E = |N . V|.  Roughness is at least 0.05.
+
+Source: Khronos, "glTF 2.0 Specification", appendix B.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.oracle.textures import bilinear
+from lfcore.scene.model import Scene
+
+LEAST_ROUGHNESS = 0.05
+
+
+@dataclass(frozen=True)
+class Metals:
+    """``base`` (R, 3), ``metal`` and ``roughness`` (R, 1)."""
+
+    base: np.ndarray
+    metal: np.ndarray
+    roughness: np.ndarray
+
+    @property
+    def straight(self) -> np.ndarray:
+        """f0, (R, 3)."""
+        return 0.04 * (1 - self.metal) + self.metal * self.base
+
+    def surrounded(self) -> np.ndarray:
+        """(R, 3): what of light from all sides comes back, c_diff + f0."""
+        return (1 - self.metal) * self.base + self.straight
+
+    def reflected(self, normal: np.ndarray, towards: np.ndarray, view: np.ndarray) -> np.ndarray:
+        """(R, 3): pi f cos of unit vectors (R, 3)."""
+        half = towards + view
+        half /= np.linalg.norm(half, axis=1, keepdims=True)
+        light, seen = _dot(normal, towards), np.abs(_dot(normal, view))
+        square = np.maximum(self.roughness, LEAST_ROUGHNESS) ** 4
+        peaks = square / (_dot(normal, half) ** 2 * (square - 1) + 1) ** 2
+        shadowed = [c + np.sqrt(square + (1 - square) * c**2) for c in (light, seen)]
+        visible = 1 / (shadowed[0] * shadowed[1])
+        fresnel = self.straight + (1 - self.straight) * (1 - _dot(view, half)) ** 5
+        diffuse = (1 - fresnel) * (1 - self.metal) * self.base
+        return (diffuse + fresnel * peaks * visible) * light
+
+
+def metals(scene: Scene, triangle, weights, base) -> Metals:
+    """Of points on triangles (R,) at ``weights`` (R, 3), of base colours (R, 3)."""
+    factors = _sampled(scene, triangle, weights, "metal_texture", encoded=False)
+    given = [scene.materials[k] for k in scene.material_ids[triangle]]
+    metal = np.array([[m.metallic] for m in given], np.float64) * factors[:, 2:]
+    return Metals(base, metal, np.array([[m.roughness] for m in given]) * factors[:, 1:2])
+
+
+def glow(scene: Scene, triangle, weights) -> np.ndarray:
+    """(R, 3) emission."""
+    own = np.array([scene.materials[k].emission for k in scene.material_ids[triangle]], np.float64)
+    return own * _sampled(scene, triangle, weights, "emission_texture", encoded=True)
+
+
+def bent_normals(scene: Scene, triangle, weights, view, normal) -> np.ndarray:
+    """(R, 3) unit normals after their maps; ``normal`` (R, 3) are on the viewer's side.
+
+    The tangent is where u grows on the triangle, made perpendicular to the normal; the bitangent
+    is perpendicular to both on the side where v grows.
+    """
+    bent = normal.copy()
+    given = [scene.materials[k] for k in scene.material_ids[triangle]]
+    has = np.array([m.normal_texture >= 0 for m in given]) & (len(scene.uvs) > 0)
+    if not has.any():
+        return bent
+    triangle, weights, view, shown = triangle[has], weights[has], view[has], normal[has]
+    scale = np.array([[m.normal_scale] for m, mine in zip(given, has, strict=True) if mine])
+    p, q, r = scene.triangles[triangle].astype(np.float64).swapaxes(0, 1)
+    if len(scene.normals):
+        outward = (weights[:, :, None] * scene.normals[triangle]).sum(1)
+    else:
+        outward = np.cross(q - p, r - p)
+    front = np.where((outward * view).sum(1, keepdims=True) > 0, 1.0, -1.0)
+    outward = shown * front
+    uv = scene.uvs[triangle].astype(np.float64)
+    steps = np.stack([uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]], 1)  # (R, edge, u and v)
+    along_u, along_v = (np.linalg.inv(steps) @ np.stack([q - p, r - p], 1)).swapaxes(0, 1)
+    tangent = along_u - _dot(along_u, outward) * outward
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    across = np.cross(outward, tangent)
+    across *= np.sign(_dot(across, along_v))
+    x, y, z = 2 * _sampled(scene, triangle, weights, "normal_texture", encoded=False).T - 1
+    turned = scale * (x[:, None] * tangent + y[:, None] * across) + z[:, None] * outward
+    bent[has] = front * turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    return bent
+
+
+def _sampled(scene: Scene, triangle, weights, name: str, *, encoded: bool) -> np.ndarray:
+    """(R, 3) of the texture that materials call ``name``; 1 without one."""
+    values = np.ones((len(triangle), 3))
+    number = np.array([getattr(scene.materials[k], name) for k in scene.material_ids[triangle]])
+    for index in set(number.tolist()) - {-1}:
+        mine = number == index
+        if len(scene.uvs):
+            uv = (weights[mine][:, :, None] * scene.uvs[triangle[mine]].astype(np.float64)).sum(1)
+            values[mine] = bilinear(scene.textures[index][..., :3], uv, encoded=encoded)
+    return values
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return (a * b).sum(1, keepdims=True)

@@ -1,0 +1,117 @@
+// Surfaces of metal and roughness: microfacets (GGX), and the textures that bend and vary them.
+//
+// Source: Khronos, "glTF 2.0 Specification", appendix B; B. Walter et al., "Microfacet Models for
+// Refraction through Rough Surfaces", EGSR 2007; C. Schlick, "An Inexpensive BRDF Model for
+// Physically-based Rendering", 1994.
+#ifndef LFCORE_METAL_CL
+#define LFCORE_METAL_CL
+#include "surface_row.cl"
+
+inline int is_metallic(const Material *m) { return m->metallic >= 0.0f; }
+
+// What dielectrics reflect when looked at straight: an index of refraction of 1.5.
+#define DIELECTRIC 0.04f
+// A smoother surface has a highlight that rays miss.
+#define LEAST_ROUGHNESS 0.05f
+
+inline Colour map_row(const Scene *scene, const Material *m, int map, const Samples *samples,
+                      int at)
+{
+    return sample_texture(scene->texels, m->maps[map], VLOAD(samples->uv + at),
+                          VLOAD(samples->uv + BLOCK_RAYS + at));
+}
+
+// Bend the normals by their map, whose colours are (x, y, z) / 2 + 1 / 2 along tangent, v and
+// normal.
+inline Vec bend_normals(const Scene *scene, const Material *m, const Samples *samples, int at,
+                        Vec n)
+{
+    const Colour c = map_row(scene, m, MAP_NORMAL, samples, at);
+    const Vec along = load3(samples->tangent, at);
+    const vf across = VLOAD(samples->tangent + 3 * BLOCK_RAYS + at), off = dot3(along, n);
+    Vec t = {fma(-off, n.x, along.x), fma(-off, n.y, along.y), fma(-off, n.z, along.z)};
+    const vf square = dot3(t, t);
+    t = scale3(t, inverse_sqrt(max(square, (vf)(LEAST_LENGTH))));
+    const Vec b = scale3(cross3(n, t), across);
+    const vf x = fma(c.r, (vf)(2.0f), (vf)(-1.0f)) * m->bend;
+    const vf y = fma(c.g, (vf)(2.0f), (vf)(-1.0f)) * m->bend;
+    const vf z = fma(c.b, (vf)(2.0f), (vf)(-1.0f));
+    Vec bent = {fma(x, t.x, fma(y, b.x, z * n.x)), fma(x, t.y, fma(y, b.y, z * n.y)),
+                fma(x, t.z, fma(y, b.z, z * n.z))};
+    bent = scale3(bent, inverse_sqrt(max(dot3(bent, bent), (vf)(LEAST_LENGTH))));
+    // Without texture coordinates there is no tangent, and nothing bends.
+    return pick3(n, bent, GT(square, (vf)(NOTHING_LEFT)));
+}
+
+// What a row's textures say beside its colour.
+inline void read_row_maps(const Scene *scene, const Samples *samples, int at, Surface *s)
+{
+    const Material *m = s->material;
+    const Colour glow = {m->emission.x, m->emission.y, m->emission.z};
+    vf roughness = m->roughness;
+    s->glow = glow;
+    s->metallic = m->metallic;
+    s->normal = s->unbent = load3(samples->normal, at);
+    if (m->maps[MAP_NORMAL].z) s->normal = bend_normals(scene, m, samples, at, s->unbent);
+    if (m->maps[MAP_METAL].z) {
+        const Colour c = map_row(scene, m, MAP_METAL, samples, at);
+        s->metallic = c.b * m->metallic;
+        roughness = c.g * m->roughness;
+    }
+    if (m->maps[MAP_GLOW].z) {
+        const Colour c = map_row(scene, m, MAP_GLOW, samples, at);
+        s->glow.r *= c.r;
+        s->glow.g *= c.g;
+        s->glow.b *= c.b;
+    }
+    const vf alpha = max(roughness, (vf)(LEAST_ROUGHNESS)) * max(roughness, (vf)(LEAST_ROUGHNESS));
+    s->alpha2 = alpha * alpha;
+}
+
+// What the surface of a metal, or of what is none, reflects when looked at straight.
+inline vf straight(const Surface *s, vf albedo)
+{
+    return fma(s->metallic, albedo - DIELECTRIC, (vf)(DIELECTRIC));
+}
+
+// pi D V of microfacets: D = alpha2 / (pi ((N . H)^2 (alpha2 - 1) + 1)^2), written without the
+// difference of nearly equal numbers, and V = 1 / (S(N . L) S(N . V)),
+// S(c) = c + sqrt(alpha2 + (1 - alpha2) c^2).
+inline vf microfacets(const Surface *s, Vec h, vf cosine, vf viewed)
+{
+    const vf halfway = dot3(s->normal, h);
+    const Vec beside = cross3(s->normal, h);
+    const vf d = fma(halfway * halfway, s->alpha2, dot3(beside, beside));
+    const vf rest = 1.0f - s->alpha2;
+    const vf light = cosine + sqrt(fma(rest, cosine * cosine, s->alpha2));
+    const vf view = viewed + sqrt(fma(rest, viewed * viewed, s->alpha2));
+    return s->alpha2 / (d * d * light * view);
+}
+
+// Light from one side, over that which arrives: diffuse (1 - F) and specular F, F by Schlick.
+inline vf reflected(const Surface *s, vf albedo, vf grazing, vf specular)
+{
+    const vf base = straight(s, albedo), fresnel = fma(1.0f - base, grazing, base);
+    return fma(1.0f - fresnel, albedo * (1.0f - s->metallic), fresnel * specular);
+}
+inline Colour reflect_light(const Surface *s, Vec towards, vf cosine, vf strength)
+{
+    Vec h = {towards.x + s->view.x, towards.y + s->view.y, towards.z + s->view.z};
+    h = scale3(h, inverse_sqrt(max(dot3(h, h), (vf)(NOTHING_LEFT))));
+    const vf specular = microfacets(s, h, cosine, fabs(dot3(s->normal, s->view)));
+    const vf off = max(1.0f - dot3(s->view, h), (vf)(0.0f)), off2 = off * off;
+    const vf grazing = off2 * off2 * off, lit = pick((vf)(0.0f), cosine * strength,
+                                                      GT(strength, (vf)(0.0f)));
+    const Colour c = {reflected(s, s->albedo.r, grazing, specular) * lit,
+                      reflected(s, s->albedo.g, grazing, specular) * lit,
+                      reflected(s, s->albedo.b, grazing, specular) * lit};
+    return c;
+}
+
+// Of light that comes from everywhere alike: diffuse, and what is reflected looked at straight.
+inline vf surrounding(const Surface *s, vf albedo)
+{
+    return fma(albedo, 1.0f - s->metallic, straight(s, albedo));
+}
+
+#endif
