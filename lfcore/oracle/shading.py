@@ -113,6 +113,9 @@ def arriving(light: Light, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         fall_off = (light.reference_distance_m / distance) ** 2
     if any(light.normal):
         cosine = -(away / distance) @ np.array(light.normal, np.float64)
+        if any(light.cone):
+            inner, outer = light.cone
+            cosine = np.clip((cosine - outer) / max(inner - outer, 0.001), 0, 1) ** 2
         fall_off *= np.maximum(cosine, 0)[:, None]
     return away / distance, colour * fall_off
 

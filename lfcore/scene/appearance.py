@@ -64,6 +64,10 @@ class Light:
     A point light may be a point of a surface that glows: with a ``normal`` (unit, camera space;
     zero: shines to all sides) it gives the cosine to it times as much, and nothing behind.  The
     triangles ``own``, from the first to before the second number, never shadow it.
+
+    Or it is a spot along its ``normal``, with ``cone`` the cosines of the angles at which it begins
+    to fade and is dark; from the second to the first its strength grows as the square of a line,
+    as in glTF.
     """
 
     kind: int
@@ -73,7 +77,12 @@ class Light:
     casts_shadows: bool = True
     normal: tuple[float, float, float] = (0.0, 0.0, 0.0)
     own: tuple[int, int] = (0, 0)
+    cone: tuple[float, float] = (0.0, 0.0)
 
     @property
     def is_of_emitter(self) -> bool:
-        return any(self.normal) or self.own[0] < self.own[1]
+        return (any(self.normal) and not self.is_spot) or self.own[0] < self.own[1]
+
+    @property
+    def is_spot(self) -> bool:
+        return any(self.cone)

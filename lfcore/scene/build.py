@@ -67,6 +67,7 @@ def build_scene(path: str | Path, *, light_points: int = POINTS, up: str = "y") 
         if up == "z":
             entry["transform"] = [{"rotate": {"axis": "x", "angle_deg": -90}}]
         description = complete(check({"objects": [entry]}, file=path))
+        description["camera"]["f_number"] = None  # whatever leaves the mesh sharp
         name = path.stem
     return build(description, file=path, name=name)
 

@@ -26,6 +26,9 @@ FILLED = 0.9
 FOCAL_PER_DISTANCE = 0.25
 VIEW_DIRECTION = (0.45, 0.35, 1.0)
 NEAREST_FOCUS = 1.05
+WIDEST_F_NUMBER = 2.0
+BLUR = 0.01
+"""Share of the picture's width that a mesh without a description is blurred by, at most."""
 # From a camera that looks along -z with +y up to ours.
 TURNED = np.diag([1.0, -1.0, -1.0])
 
@@ -102,12 +105,37 @@ def place_camera(
     fit = focus if math.isfinite(focus) else max(middle, extent.radius, 1e-6)
     width = FIELD_WIDTH if found is None or pose is not None else found.field_width
     focal_m, sensor_m = _lens(description, fit, width)
+    f_number = description["f_number"]
+    if f_number is None:
+        points = extent.points @ to_camera[:3, :3].T + to_camera[:3, 3]
+        f_number = sharp_f_number(points, focal_m, focus, width)
     try:
-        return Camera(focal_m, sensor_m, float(description["f_number"]), focus), to_camera
+        return Camera(focal_m, sensor_m, float(f_number), focus), to_camera
     except OpticsError as error:
         raise SceneError(
             error.problem, file=file, key=f"camera.{error.key}", remedy=error.remedy
         ) from None
+
+
+def sharp_f_number(points: np.ndarray, focal_m: float, focus_m: float, width: float) -> float:
+    """The widest aperture, f/2 at most, that blurs nothing by more than :data:`BLUR`.
+
+    ``points`` (V, 3) are in camera space, ``width`` is the field's at 1 m; those beside it and the
+    nearest and farthest 2 percent do not count.  A lens of diameter A blurs what lies at depth z
+    over the tangent A |1 / z - 1 / focus|.
+    """
+    depth = _seen_depths(points, width, 1e-6 * focus_m)
+    if not len(depth):
+        return WIDEST_F_NUMBER
+    unsharp = float(np.abs(1 / np.percentile(depth, [2, 98]) - 1 / focus_m).max())
+    return max(WIDEST_F_NUMBER, focal_m * unsharp / (BLUR * width))
+
+
+def _seen_depths(points: np.ndarray, width: float, nearest: float) -> np.ndarray:
+    """Depths beyond ``nearest`` of points (V, 3) within a field of ``width`` at 1 m."""
+    depth = points[:, 2]
+    across = np.abs(points[:, :2]).max(axis=1, initial=0.0)
+    return depth[(depth > nearest) & (across <= width / 2 * depth)]
 
 
 def _depth_before(extent: Bounds, to_camera: np.ndarray, middle: float) -> float:
@@ -179,12 +207,9 @@ def default_focus_distances(camera: Camera, triangles: np.ndarray, number: int =
     field, without the nearest and farthest 2 percent; the recorded focus when there are none.
     """
     points = triangles.reshape(-1, 3).astype(np.float64)
-    depth = points[:, 2]
     nearest = max(NEAREST_FOCUS * camera.focal_length_m, 1e-9)
-    inside = (depth > nearest) & (
-        np.abs(points[:, :2]).max(axis=1, initial=0.0) <= camera.field_width / 2 * depth
-    )
-    if not inside.any():
+    depth = _seen_depths(points, camera.field_width, nearest)
+    if not len(depth):
         return (camera.focus_distance_m,)
-    near, far = np.percentile(depth[inside], [2, 98])
+    near, far = np.percentile(depth, [2, 98])
     return tuple(float(1 / d) for d in np.linspace(1 / near, 1 / far, number))

@@ -11,7 +11,7 @@ import json
 import math
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
-from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
+from lfcore.scene.notes import LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.parts import normalise
 from lfcore.scene.reading import LARGEST_MESH, read_bytes
 
@@ -162,7 +162,7 @@ class Document:
             raise self._broken(f"a node's pose makes no sense: {error}") from None
 
     def lights(self, notebook: Notebook) -> list[Light]:
-        """Its lights, their vectors in the world; cones of spots are noted.
+        """Its lights, their vectors in the world.
 
         glTF's intensities are candela (points) and lux, and a matte surface of colour c returns
         c / pi of what arrives: ours are theirs over pi.
@@ -188,10 +188,22 @@ class Document:
         if kind == "directional":
             x, y, z = normalise(matrix[:3, 2]).tolist()  # it shines along the node's -z
             return Light(DIRECTIONAL, (x, y, z), (red, green, blue))
-        if kind == "spot":
-            notebook.add_in(APPROXIMATED, self.path, f"spot light {name!r}: shines everywhere")
         x, y, z = matrix[:3, 3].tolist()
-        return Light(POINT, (x, y, z), (red, green, blue), 1.0)
+        found = Light(POINT, (x, y, z), (red, green, blue), 1.0)
+        if kind != "spot":
+            return found
+        spot = light.get("spot")
+        angles = [
+            spot.get(key, otherwise) if isinstance(spot, dict) else otherwise
+            for key, otherwise in (("innerConeAngle", 0.0), ("outerConeAngle", math.pi / 4))
+        ]
+        if not all(isinstance(angle, (int, float)) for angle in angles) or not (
+            0 <= angles[0] < angles[1] <= math.pi / 2 + 1e-6
+        ):
+            raise self._broken(f"the cone of light {name!r} makes no sense: {angles}")
+        inner, outer = (max(math.cos(angle), 0.0) for angle in angles)
+        x, y, z = (-normalise(matrix[:3, 2])).tolist()
+        return replace(found, normal=(x, y, z), cone=(inner, outer))
 
     def camera(self, notebook: Notebook) -> FoundCamera | None:
         """The first perspective camera of the scene; others are noted."""

@@ -44,8 +44,10 @@ class Description:
             raise SceneError(
                 "holes, metal and bent normals are not exported to Mitsuba", key=scene.name
             )
-        if Needs.of(scene).emitters:
-            raise SceneError("points of area lights are not exported to Mitsuba", key=scene.name)
+        if Needs.of(scene).emitters or Needs.of(scene).spots:
+            raise SceneError(
+                "spots and points of area lights are not exported to Mitsuba", key=scene.name
+            )
         if any(scene.ambient) and not self._glows and not leave_out_ambient:
             raise SceneError(
                 "Mitsuba has no ambient light",

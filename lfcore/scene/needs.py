@@ -31,6 +31,7 @@ class Needs:
     falloff : some point light falls off with distance.
     coloured_lights : some light's colour is not grey.
     emitters : some point light is a point of a surface that glows.
+    spots : some point light shines within a cone.
     """
 
     textures: bool
@@ -48,6 +49,7 @@ class Needs:
     falloff: bool
     coloured_lights: bool
     emitters: bool
+    spots: bool
 
     @classmethod
     def of(cls, scene: Scene) -> Needs:
@@ -73,6 +75,7 @@ class Needs:
             falloff=any(light.kind == POINT and light.reference_distance_m for light in lights),
             coloured_lights=any(len(set(light.colour)) > 1 for light in lights),
             emitters=any(light.is_of_emitter for light in lights),
+            spots=any(light.is_spot for light in lights),
         )
 
     def to_json(self) -> dict:

@@ -51,8 +51,10 @@ def write_povray(folder: str | Path, scene: Scene, camera: Camera, *, samples: i
         raise SceneError(
             "holes, metal and bent normals are not exported to POV-Ray", key=scene.name
         )
-    if Needs.of(scene).emitters:
-        raise SceneError("points of area lights are not exported to POV-Ray", key=scene.name)
+    if Needs.of(scene).emitters or Needs.of(scene).spots:
+        raise SceneError(
+            "spots and points of area lights are not exported to POV-Ray", key=scene.name
+        )
     if math.isinf(camera.focus_distance_m):
         raise SceneError("POV-Ray cannot focus at infinity", key="camera.focus_distance_m")
     folder = Path(folder)

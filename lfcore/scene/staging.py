@@ -50,6 +50,9 @@ def moved(light: Light, matrix: np.ndarray) -> Light:
     """A light after an affine (4, 4) ``matrix``; what it sends stays."""
     if light.kind == POINT:
         x, y, z = (matrix[:3, :3] @ light.vector + matrix[:3, 3]).tolist()
+        if light.is_spot:
+            axis = normalise(matrix[:3, :3] @ light.normal)
+            light = replace(light, normal=tuple(axis.tolist()))
     else:
         x, y, z = normalise(matrix[:3, :3] @ light.vector).tolist()
     return replace(light, vector=(x, y, z))

@@ -108,6 +108,10 @@ def _pack_lights(lights: list[Light]) -> np.ndarray:
         row[4:7], row[7] = light.colour, light.reference_distance_m
         row[8:11] = light.normal
         row[12:14].view(np.int32)[:] = light.own
+        if light.is_spot:
+            inner, outer = light.cone
+            row[11] = 1 / max(inner - outer, 0.001)
+            row[14] = -outer * row[11]
     return packed
 
 

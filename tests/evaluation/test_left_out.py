@@ -50,7 +50,7 @@ PLACES = {
     "Light": {
         "kind": "directional_lights", "vector": "", "colour": "coloured_lights",
         "reference_distance_m": "falloff", "casts_shadows": "shadows", "normal": "emitters",
-        "own": "emitters",
+        "own": "emitters", "cone": "spots",
     },
 }  # fmt: skip
 

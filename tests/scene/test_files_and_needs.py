@@ -98,7 +98,7 @@ def test_needs_of_everything(scene):
     assert Needs.of(scene) == Needs(
         textures=True, cut_outs=False, physical=False, smooth_normals=False, vertex_colours=False,
         specular=True, emission=False, ambient=True, background=False, shadows=True, point_lights=1,
-        directional_lights=1, falloff=True, coloured_lights=True, emitters=False,
+        directional_lights=1, falloff=True, coloured_lights=True, emitters=False, spots=False,
     )  # fmt: skip
 
 

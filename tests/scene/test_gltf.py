@@ -98,8 +98,9 @@ def test_punctual_lights(write):
     # It shines along +y, so it stands below.
     assert sun.kind == DIRECTIONAL
     np.testing.assert_allclose(sun.vector, (0, -1, 0), atol=1e-12)
-    assert spot.kind == POINT
-    assert "shines everywhere" in notebook.notes()[0].what
+    assert spot.kind == POINT and not notebook.notes()
+    np.testing.assert_allclose(spot.normal, (0, 1, 0), atol=1e-12)
+    np.testing.assert_allclose(spot.cone, (1, math.sqrt(0.5)))
 
 
 def test_lights_of_a_file_replace_the_default(write, write_scene):
@@ -327,6 +328,14 @@ BROKEN = {
     "a light of words": lambda tree: {
         **tree,
         "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "color": "red"}]}},
+        "nodes": [{"extensions": {"KHR_lights_punctual": {"light": 0}}}, *tree["nodes"]],
+        "scenes": [{"nodes": [0]}],
+    },
+    "a cone inside out": lambda tree: {
+        **tree,
+        "extensions": {"KHR_lights_punctual": {
+            "lights": [{"type": "spot", "spot": {"innerConeAngle": 1, "outerConeAngle": 0.5}}],
+        }},
         "nodes": [{"extensions": {"KHR_lights_punctual": {"light": 0}}}, *tree["nodes"]],
         "scenes": [{"nodes": [0]}],
     },

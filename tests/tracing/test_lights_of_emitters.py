@@ -11,6 +11,7 @@ from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, trace
 from lfcore.scene.appearance import POINT, Light, Material
+from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.reach import lean
 from lfcore.tracing.tracer import Tracer
@@ -65,6 +66,26 @@ def test_emitters_are_the_oracles(device, kind):
     found = kind(here, build_bvh(here.triangles), device).bundle_radiance(macropixels(slab, pixels))
     expected = trace(here, slab, pixels).reshape(found.shape)
     assert np.ptp(expected) > 0.15
+    assert (np.abs(found - expected).max(-1) > 0.01).mean() < 2e-3
+
+
+@pytest.mark.parametrize("kind", [Rays, Singly])
+def test_spots_are_the_oracles(device, kind):
+    """A sharp one and one that fades from its axis on: the wall has both rims in it."""
+    here, slab = world(), Slab(CAMERA, 40, 4)
+    axis = (0.1, 0.2, np.sqrt(0.95))
+    spots = [
+        Light(POINT, (-0.5, -0.5, 0.5), WHITE, 3.0, normal=axis, cone=(1.0, 0.96)),
+        Light(POINT, (0.6, 0.5, 0.5), WHITE, 3.0, normal=axis, cone=(0.98, 0.979)),
+    ]
+    here = dataclasses.replace(here, lights=spots)
+    assert Needs.of(here).spots and not Needs.of(here).emitters
+    found = kind(here, build_bvh(here.triangles), device).bundle_radiance(
+        macropixels(slab, all_pixels(slab))
+    )
+    expected = trace(here, slab, all_pixels(slab)).reshape(found.shape)
+    shades = len(np.unique(expected.round(2)))
+    assert shades > 10 and (expected == 0.05).mean() > 0.1  # dark beside the cones
     assert (np.abs(found - expected).max(-1) > 0.01).mean() < 2e-3
 
 

@@ -99,6 +99,7 @@ FEATURES = (
     Feature("falloff", (), "fall-off with the distance of the light"),
     Feature("coloured_lights", (), "two of the three factors of a grey light"),
     Feature("emitters", (), "cosines at surfaces that glow, and what is their own"),
+    Feature("spots", (), "cones of lights"),
 )  # fmt: skip
 
 

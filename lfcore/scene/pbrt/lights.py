@@ -78,16 +78,31 @@ def _point(rig, kind, parameters: ParameterSet, to_camera, textures, notebook: N
     intensity = emitted(parameters, "I", textures)
     start = parameters.vector("from", (0, 0, 0))
     position = to_camera[:3, :3] @ start + to_camera[:3, 3]
-    if kind == "spot":
-        for name in ("to", "coneangle", "conedeltaangle"):
-            parameters.get(name)
-        notebook.add(APPROXIMATED, parameters.place, f"{parameters.owner}: shines everywhere")
     if "power" in parameters.items:
         power = parameters.float("power", 0.0)
         if power > 0:
             # Version 4: total power in watts of an isotropic source.
             intensity = intensity / max(intensity.mean(), 1e-12) * power / (4 * math.pi)
-    rig.lights.append(Light(POINT, tuple(position.tolist()), _over_pi(intensity), 1.0))
+    light = Light(POINT, tuple(position.tolist()), _over_pi(intensity), 1.0)
+    if kind == "spot":
+        light = _spot(light, parameters, to_camera, start)
+        notebook.add(APPROXIMATED, parameters.place, f"{parameters.owner}: fades as glTF's spots")
+    rig.lights.append(light)
+
+
+def _spot(light: Light, parameters: ParameterSet, to_camera: np.ndarray, start) -> Light:
+    """The cone of a spot: pbrt's fades between the same angles, by another curve."""
+    axis = to_camera[:3, :3] @ (parameters.vector("to", (0, 0, 1)) - start)
+    length = np.linalg.norm(axis)
+    if not length > 0:
+        raise parameters.error("to", "coincides with from")
+    outer = parameters.float("coneangle", 30.0)
+    inner = outer - parameters.float("conedeltaangle", 5.0)
+    if not 0 < outer <= 90:
+        raise parameters.error("coneangle", f"{outer:g} is no angle from 0 to 90")
+    cosines = [max(math.cos(math.radians(max(angle, 0.0))), 0.0) for angle in (inner, outer)]
+    normal = tuple((axis / length).tolist())
+    return replace(light, normal=normal, cone=(cosines[0], min(cosines)))
 
 
 def _infinite(rig, parameters: ParameterSet, textures, notebook: Notebook) -> None:

@@ -7,8 +7,8 @@
 #define LFCORE_LIGHTS_CL
 #include "metal.cl"
 
-// The direction of unit length to a light; `strength` receives what distance and an emitter's own
-// cosine leave of it.
+// The direction of unit length to a light; `strength` receives what distance, an emitter's
+// own cosine and a cone leave of it.
 inline Vec towards_light(global const float *light, Vec point, vf *strength)
 {
     *strength = 1.0f;
@@ -20,7 +20,15 @@ inline Vec towards_light(global const float *light, Vec point, vf *strength)
     const float reference = reference_distance(light);
     if (reference > 0.0f) *strength = reference * inverse * (reference * inverse);
     const float3 n = emitter_normal(light);
-    if (any(n != 0.0f)) *strength *= max(-dot3(l, spread3(n)), (vf)(0.0f));
+    if (any(n != 0.0f)) {
+        vf cosine = max(-dot3(l, spread3(n)), (vf)(0.0f));
+        const float2 cone = light_cone(light);
+        if (cone.x > 0.0f) {
+            cosine = clamp(fma(cosine, (vf)(cone.x), (vf)(cone.y)), (vf)(0.0f), (vf)(1.0f));
+            cosine *= cosine;
+        }
+        *strength *= cosine;
+    }
     return l;
 }
 

@@ -58,8 +58,11 @@ inline int is_point(global const float *light) { return light[3] != 0.0f; }
 inline float3 light_colour(global const float *light) { return vload3(0, light + 4); }
 // At this distance a light that falls off has its colour; 0 if it does not.
 inline float reference_distance(global const float *light) { return light[7]; }
-// Of a point of an emitter the normal there; else 0.
+// Of a point of an emitter the normal there, of a spot its axis; else 0.
 inline float3 emitter_normal(global const float *light) { return vload3(0, light + LIGHT_NORMAL); }
+
+// Of a spot the line of the cosine to its axis whose square is its strength; 0 of what is none.
+inline float2 light_cone(global const float *light) { return (float2)(light[11], light[14]); }
 
 // Triangles that never shadow a light, those of the emitter that it is a point of: the first, and
 // that after the last.
