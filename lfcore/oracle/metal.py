@@ -55,7 +55,7 @@ class Metals:
         return (diffuse + fresnel * peaks * visible) * light
 
 
-def metals(scene: Scene, triangle, weights, base) -> Metals:
+def metals(scene: Scene, triangle: np.ndarray, weights: np.ndarray, base: np.ndarray) -> Metals:
     """Of points on triangles (R,) at ``weights`` (R, 3), of base colours (R, 3)."""
     factors = _sampled(scene, triangle, weights, "metal_texture", encoded=False)
     given = [scene.materials[k] for k in scene.material_ids[triangle]]
@@ -63,13 +63,19 @@ def metals(scene: Scene, triangle, weights, base) -> Metals:
     return Metals(base, metal, np.array([[m.roughness] for m in given]) * factors[:, 1:2])
 
 
-def glow(scene: Scene, triangle, weights) -> np.ndarray:
+def glow(scene: Scene, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """(R, 3) emission."""
     own = np.array([scene.materials[k].emission for k in scene.material_ids[triangle]], np.float64)
     return own * _sampled(scene, triangle, weights, "emission_texture", encoded=True)
 
 
-def bent_normals(scene: Scene, triangle, weights, view, normal) -> np.ndarray:
+def bent_normals(
+    scene: Scene,
+    triangle: np.ndarray,
+    weights: np.ndarray,
+    view: np.ndarray,
+    normal: np.ndarray,
+) -> np.ndarray:
     """(R, 3) unit normals after their maps; ``normal`` (R, 3) are on the viewer's side.
 
     The tangent is where u grows on the triangle, made perpendicular to the normal; the bitangent
@@ -102,7 +108,9 @@ def bent_normals(scene: Scene, triangle, weights, view, normal) -> np.ndarray:
     return bent
 
 
-def _sampled(scene: Scene, triangle, weights, name: str, *, encoded: bool) -> np.ndarray:
+def _sampled(
+    scene: Scene, triangle: np.ndarray, weights: np.ndarray, name: str, *, encoded: bool
+) -> np.ndarray:
     """(R, 3) of the texture that materials call ``name``; 1 without one."""
     values = np.ones((len(triangle), 3))
     number = np.array([getattr(scene.materials[k], name) for k in scene.material_ids[triangle]])

@@ -226,7 +226,7 @@ def _surface(
             remedy="Mend the material",
         )
     given = gltf if isinstance(material, PBRMaterial) else None
-    made = surface
+    made: Surface | None = surface
     if given:
         made = given.surface(
             material, surface, getattr(visual, "vertex_attributes", {}).get("color")
