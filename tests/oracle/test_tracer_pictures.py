@@ -30,7 +30,7 @@ LIGHTS = [
 ]
 
 
-# Without shadows, whose programs are dear to build: for what "lights" and "all" see with them.
+# Without shadows, whose programs are slow to build: for what "lights" and "all" see with them.
 OPEN = [dataclasses.replace(light, casts_shadows=False) for light in LIGHTS]
 
 

@@ -31,7 +31,7 @@ PLANES = [
     SensorPlane(2.0, 1000.0),
 ]
 # Beams of 4 x 4, 2 x 2 and single pixels; lens grids that fill their blocks and that do not;
-# lit, which is dear to build, in beams of one block an element and of several.
+# lit, which is slow to build, in beams of one block an element and of several.
 SIZES = [
     (3, 13, painted_soup), (16, 11, lit_soup), (16, 12, lit_soup), (20, 9, painted_soup),
     (40, 5, lit_soup), (70, 4, painted_soup),

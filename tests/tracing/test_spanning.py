@@ -105,7 +105,7 @@ def test_rays_through_vertices_do_not_leak(device, spans):
     assert (triangle >= 0).all()
 
 
-# Planes also where none is looked at: programs of the lit soup, dear to build, are then the same.
+# Planes also where none is looked at: programs of the lit soup, slow to build, are then the same.
 LIT_PLANES = [SensorPlane(2.0, 1.0), SensorPlane(0.6, 1.4)]
 
 
