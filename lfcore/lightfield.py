@@ -17,6 +17,7 @@ from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.focal_stack import focal_stack
+from lfcore.refocus.free_views import views_at
 from lfcore.refocus.resampling import check_filter
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
@@ -203,6 +204,20 @@ class LightField(LightFieldFile):
         return self.refocus_many(
             planes, filter=filter, pixels=pixels, device=device, progress=progress
         )
+
+    def views_at(
+        self,
+        points_m: np.ndarray,
+        pixels: int | None = None,
+        *,
+        device: Device | str | None = None,
+        progress: Progress | None = None,
+    ) -> np.ndarray:
+        """Views from any points of the lens, between those that are stored, of a file with depth.
+
+        Parameters, result and errors as of :func:`lfcore.refocus.free_views.views_at`.
+        """
+        return views_at(self, points_m, pixels, device=device, progress=progress)
 
     def depth(
         self,

@@ -108,7 +108,7 @@ def trace_options(command: argparse.ArgumentParser) -> None:
     by_depth.add_argument(
         "--lattice", choices=tuple(LATTICES), default="crossed",
         help="views displaced within a pixel against one another (default), or plain, which "
-        "other filters, exports and 'lfcore view' need",
+        "other filters and exports need",
     )  # fmt: skip
     lens = command.add_argument_group("the lens (default: the scene's)")
     lens.add_argument("--focus", type=distance, metavar="M", help="metres, or 'inf'")

@@ -29,11 +29,13 @@ examples:
   lfcore view bike.mkv --serve 8000                  hand it out at http://127.0.0.1:8000/
   lfcore view bike.mkv -o centre.png                 the central view
   lfcore view bike.mkv --view 0 15 -o corner.png     lens column 0, row 15
+  lfcore view few.mkv --at 12.5 -40 -o between.png   any point of the lens, of a file with depth
   lfcore view bike.mkv --macropixel 64 32 -o lens.png  of pixel column 64, row 32
   lfcore view bike.mkv --grid 5 -o sheet.png         5 x 5 views, evenly from the whole lens
 """
 PAGES = (".html", ".htm")
-OF_PICTURES, OF_PAGES = ("view", "macropixel", "grid"), ("views", "size", "format", "quality")
+OF_PICTURES = ("view", "at", "macropixel", "grid")
+OF_PAGES = ("views", "size", "format", "quality")
 
 
 def options(command: argparse.ArgumentParser) -> None:
@@ -42,10 +44,16 @@ def options(command: argparse.ArgumentParser) -> None:
     picture = command.add_argument_group("a picture")
     what = picture.add_mutually_exclusive_group()
     what.add_argument("--view", nargs=2, type=int, metavar=("I", "J"), help="lens column and row")
+    what.add_argument(
+        "--at", nargs=2, type=float, metavar=("S", "T"),
+        help="mm to the right and down of the middle of the lens, of a file with depth",
+    )  # fmt: skip
     what.add_argument("--macropixel", nargs=2, type=int, metavar=("U", "V"), help="column, row")
     what.add_argument("--grid", type=int, metavar="K", help="K x K views side by side")
     page = command.add_argument_group("a page")
-    page.add_argument("--views", type=int, metavar="K", help="K x K views, 9 to 33 (17)")
+    page.add_argument(
+        "--views", type=int, metavar="K", help="K x K views, 9 to 33 (17, or 9 made by depth)"
+    )
     page.add_argument("--size", type=int, metavar="PX", help="pixels of a view (at most 512)")
     page.add_argument(
         "--format",
@@ -108,6 +116,8 @@ def _picture(arguments: argparse.Namespace) -> None:
         picture = field.macropixel(*arguments.macropixel)
     elif arguments.grid:
         picture = _grid(field, arguments.grid)
+    elif arguments.at:
+        picture = field.views_at(np.array([arguments.at]) / 1000)[0]
     else:
         picture = field.view(*(arguments.view or (side // 2 for side in field.grid)))
     write_picture(arguments.output, picture)

@@ -76,7 +76,7 @@ class DepthSlicer:
         )
         self._add = cl.Kernel(program, "add_rays")
         self._compose = cl.Kernel(program, "compose")
-        self._cells = [lens_cells(slab, plane.aperture(slab)) for plane in self.planes]
+        self._cells = [self._cells_of(plane) for plane in self.planes]
         self._bounds = self.device.buffer(np.array([*bounds_px, np.inf], np.float32))
         strips = STRIPS_A_THREAD * self.device.threads
         self._rows = -(-pixels // min(strips, pixels))
@@ -84,6 +84,10 @@ class DepthSlicer:
         self._planes = self.device.buffer(self._plane_records())
         size = self.sums_bytes(len(planes), pixels, len(bounds_px), self._rows)
         self._sums = [self._zeros(size) for _ in range(2)]
+
+    def _cells_of(self, plane: SensorPlane) -> LensCells:
+        """What the views stand for in a plane's aperture."""
+        return lens_cells(self.views.slab, plane.aperture(self.views.slab))
 
     @staticmethod
     def sums_bytes(

@@ -18,8 +18,8 @@ from lfcore.storage.lightfield import LightFieldFile
 Progress = Callable[[int, int], None] | None
 VIEWS_RAYS = 1 << 22
 """Rays of views that are sliced at a time."""
-MACROPIXEL_RAYS = 1 << 27
-"""Rays of a file of macropixels at most, all of which are held at a time: 2 GiB."""
+HELD_RAYS = 1 << 27
+"""Rays that are held at a time at most, as those of macropixels are: 2 GiB."""
 SUMS_BYTES = 1 << 30
 """Of the pictures that are formed from one pass over the file."""
 
@@ -78,15 +78,46 @@ def _add_views(field: LightFieldFile, slicer: DepthSlicer, progress: Progress) -
 
 
 def _add_macropixels(field: LightFieldFile, slicer: DepthSlicer, progress: Progress) -> None:
+    light, depth = read_rays(field, device=slicer.device, progress=progress)
+    slicer.add(slice(0, len(light)), light, depth)
+
+
+def read_rays(
+    field: LightFieldFile, *, device: Device, progress: Progress = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """All rays of a file that holds depth, view by view with i fastest.
+
+    Returns
+    -------
+    light : (N N, S, S, 3) float32, linear light, of views as they are stored.
+    depth : (N N, S, S) float32, metres; infinity for a miss, and where nothing can be read.
+
+    Raises :class:`OpticsError` for more rays than are held at a time.
+    """
     slab = field.require_slab()
-    if slab.rays > MACROPIXEL_RAYS:
+    if slab.rays > HELD_RAYS:
         raise OpticsError(
-            f"{slab.rays:,} rays in macropixels are more than are held at a time",
-            file=field.path, key="filter", remedy="Store them as views",
+            f"{slab.rays:,} rays are more than the {HELD_RAYS:,} that are held at a time",
+            file=field.path, remedy="Trace fewer views, or store views and refocus them",
         )  # fmt: skip
-    samples = _samples(slab.views)
-    light = read_views(field, samples, device=slicer.device, progress=progress)
-    slicer.add(slice(0, len(samples)), light, _depths_of_macropixels(field))
+    light = read_views(field, _samples(slab.views), device=device, progress=progress)
+    return light, read_depths(field, np.arange(len(light)))
+
+
+def read_depths(field: LightFieldFile, views: np.ndarray) -> np.ndarray:
+    """(K, S, S) float32 metres of views by their numbers (K,), i + N j; else as above."""
+    slab, codes = field.require_slab(), field.require_depth().codes
+    depth = np.full((len(views), slab.pixels, slab.pixels), np.inf, np.float32)
+    place = np.full(slab.views**2, -1)
+    place[views] = np.arange(len(views))
+    for elements, pictures in _elements(field):
+        if field.layout.kind == "views":
+            to = place[elements[:, 1] * slab.views + elements[:, 0]]
+            depth[to[to >= 0]] = codes.depth(pictures[to >= 0])
+        else:
+            u, v = elements.T
+            depth[:, v, u] = codes.depth(pictures.reshape(len(elements), -1)[:, views]).T
+    return depth
 
 
 def _samples(views: int) -> np.ndarray:
@@ -118,39 +149,12 @@ class _Taker:
         self._slicer.add(index, light, np.stack([depth for _, depth in found]))
 
 
-def depth_of_view(field: LightFieldFile, i: int, j: int) -> np.ndarray:
-    """(S, S) float32 metres of one view, as stored; infinity for a miss.
-
-    Raises :class:`OpticsError` where the file holds no depth or not this view.
-    """
-    field.require_depth()
-    views = field.layout.views
-    if not (0 <= i < views and 0 <= j < views):
-        raise OpticsError(f"has no view ({i}, {j})", file=field.path)
-    if field.layout.kind == "macropixels":
-        return _depths_of_macropixels(field)[j * views + i]
-    for place, depth in _depths_of_views(field):
-        if place == (i, j):
-            return depth
-    raise OpticsError(f"the depth of view ({i}, {j}) cannot be read", file=field.path)
-
-
 def _depths_of_views(field: LightFieldFile) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
     """((i, j), (S, S) float32 metres) of every view that can be read, in the order of frames."""
     codes = field.require_depth().codes
     for elements, pictures in _elements(field):
         for place, picture in zip(elements.tolist(), pictures, strict=True):
             yield tuple(place), codes.depth(picture)
-
-
-def _depths_of_macropixels(field: LightFieldFile) -> np.ndarray:
-    """(N N, M, M) float32 metres; infinity where a segment cannot be read."""
-    slab, codes = field.require_slab(), field.require_depth().codes
-    depth = np.full((slab.views**2, slab.pixels, slab.pixels), np.inf, np.float32)
-    for elements, lenses in _elements(field):
-        u, v = elements.T
-        depth[:, v, u] = codes.depth(lenses).reshape(len(elements), -1).T
-    return depth
 
 
 def _elements(field: LightFieldFile) -> Iterator[tuple[np.ndarray, np.ndarray]]:

@@ -16,6 +16,7 @@ import numpy as np
 from lfcore.colour import srgb_encode, to_uint8
 from lfcore.errors import StorageError
 from lfcore.opencl.device import Device, open_device
+from lfcore.refocus.free_views import views_at
 from lfcore.refocus.views import read_views
 from lfcore.storage.lightfield import LightFieldFile
 
@@ -34,7 +35,8 @@ AVIF_SPEED = 9
 class Choice:
     """Which views are taken, and how large.
 
-    columns, rows : of the views that are there, ascending.
+    columns, rows : of the views that are there, ascending; of a file with depth, from which any
+        view can be made, also between them.
     width, height : of a view as stored in the atlas; ``scale`` is that over the file's.
     """
 
@@ -46,9 +48,9 @@ class Choice:
 
     @property
     def samples(self) -> np.ndarray:
-        """(K, 2) int32 (i, j), row by row."""
+        """(K, 2) (i, j), row by row; int32, or float64 between views."""
         j, i = np.meshgrid(self.rows, self.columns, indexing="ij")
-        return np.stack([i.ravel(), j.ravel()], 1).astype(np.int32)
+        return np.stack([i.ravel(), j.ravel()], 1)
 
 
 @dataclass(frozen=True)
@@ -66,19 +68,25 @@ def choose(field: LightFieldFile, views: int | None = None, size: int | None = N
 
     Parameters
     ----------
-    views : a side, 9 to 33; fewer where the file has fewer.  Default 17, or as many as there are.
-    size : pixels of a view's longer side; default the file's own, at most 512.
+    views : a side, 9 to 33; fewer where the file has fewer and no depth.  Default 17, or as many
+        as there are, and 9 of a file with depth.
+    size : pixels of a view's longer side; default the file's own, or of the pictures that a file
+        with depth was traced for, at most 512.
 
     Views lie in the middle of equal cells of the whole lens, so that they stand for all of it.
     Raises :class:`StorageError` for numbers out of range, or more than a graphics card holds.
     """
-    count = VIEWS if views is None else views
+    stored = field.metadata.depth
+    count = (LEAST if stored else VIEWS) if views is None else views
     if not LEAST <= count <= MOST:
         raise StorageError(f"must be from {LEAST} to {MOST}, not {count}", key="views")
-    columns, rows = (_cells(min(count, there), there) for there in field.grid)
+    columns, rows = (
+        _middles(count, there) if stored else _cells(min(count, there), there)
+        for there in field.grid
+    )
     width, height = field.picture_size
     longest = max(width, height)
-    side = min(longest, 512) if size is None else size
+    side = min(stored.pixels if stored else longest, longest, 512) if size is None else size
     if not 1 <= side <= min(longest, PAGE_SIDE):
         raise StorageError(
             f"must be from 1 to {min(longest, PAGE_SIDE)} pixels, not {side}", key="size"
@@ -94,7 +102,11 @@ def choose(field: LightFieldFile, views: int | None = None, size: int | None = N
 
 
 def _cells(count: int, there: int) -> np.ndarray:
-    return (np.arange(count) * 2 + 1) * there // (2 * count)
+    return ((np.arange(count) * 2 + 1) * there // (2 * count)).astype(np.int32)
+
+
+def _middles(count: int, there: int) -> np.ndarray:
+    return (np.arange(count) + 0.5) * there / count - 0.5
 
 
 def read(
@@ -107,6 +119,11 @@ def read(
     """(K, height, width, 3) uint8 sRGB of the chosen views; sizes change in linear light."""
     samples, (width, height) = choice.samples, field.picture_size
     device = device or open_device()
+    if field.metadata.depth:
+        slab = field.require_slab()
+        points = (samples - (slab.views - 1) / 2) * slab.lens_pitch_m
+        light = views_at(field, points, choice.width, device=device, progress=progress)
+        return to_uint8(srgb_encode(light))
     step = max(1, READ_BYTES // (12 * width * height))
     out = np.empty((len(samples), choice.height, choice.width, 3), np.uint8)
     total = len(range(0, len(samples), step))

@@ -11,6 +11,7 @@
  * @property {number} width  Of a view in the atlas, pixels.
  * @property {number} height
  * @property {number} scale  Pixels of the atlas over those of the file.
+ * @property {boolean} by_depth  Whether views were made by depth, and pictures of the file are.
  * @property {number} white  Linear light of the brightest code.
  * @property {[number, number]} range  Disparities that the slider spans.
  * @property {{delta: number, step: number, focal: number, pitch: number} | null} metric
@@ -182,5 +183,6 @@ function command(field, state) {
     `--disparity=${number(state.d)}`, `--aperture-views ${number(state.a)}`,
     `--aperture ${state.shape}`];
   if (state.shape === "polygon") words.push(`--blades ${state.blades}`, `--rotation=${number(state.turn)}`);
-  return [...words, `--filter ${state.filter}`, "-o picture.png"].join(" ");
+  if (!field.by_depth) words.push(`--filter ${state.filter}`);
+  return [...words, "-o picture.png"].join(" ");
 }

@@ -17,7 +17,7 @@ from lfcore.errors import StorageError
 from lfcore.files import write_text
 from lfcore.opencl.device import Device
 from lfcore.optics.slab import Slab
-from lfcore.refocus.stored_depth import depth_of_view
+from lfcore.refocus.free_views import inverse_depth
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.viewer.atlas import Atlas, Choice, choose, encode, read
 from lfcore.viewer.disparity import estimate
@@ -106,7 +106,7 @@ def viewer_page(
     Raises :class:`OpticsError` for a camera array that is no slab, :class:`StorageError` for
     numbers out of range and for a damaged file.
     """
-    slab = field.require_grid()
+    slab = field.require_slab()
     choice = choose(field, views, size)
     pictures = read(field, choice, device=device, progress=progress)
     seen = _range(field, slab)
@@ -156,6 +156,7 @@ def _describe(field: LightFieldFile, slab: Slab, choice: Choice, atlas: Atlas) -
         "height": choice.height,
         "scale": choice.scale,
         "white": field.white,
+        "by_depth": field.metadata.depth is not None,
         "metric": metric if field.metric else None,
         "atlas": {"pages": pages, "across": atlas.across, "down": atlas.down},
     }
@@ -179,13 +180,10 @@ def _widened(seen: tuple[float, float]) -> list[float]:
 
 
 def _stored(field: LightFieldFile, slab: Slab) -> np.ndarray | None:
-    """(h, w) disparities of the view in the middle, by the depth that the file holds."""
+    """(h, w) disparities seen from the middle of the lens, by the depth that the file holds."""
     if field.metadata.depth is None:
         return None
-    depth = depth_of_view(field, slab.views // 2, slab.views // 2)
-    # Not averaged: between two depths there is nothing.
-    step = -(-slab.pixels // MAP_SIDE)
-    inverse = 1.0 / depth[step // 2 :: step, step // 2 :: step].astype(np.float64)
+    inverse = inverse_depth(field, min(slab.pixels, MAP_SIDE))
     return (inverse - slab.camera.delta) * (slab.lens_pitch_m / slab.pixel_pitch)
 
 

@@ -11,17 +11,20 @@ from lfcore.colour import srgb_codes
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.evaluation.metrics import psnr
 from lfcore.lightfield import LightField
+from lfcore.optics.bundles import Bundles
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import LATTICES
 from lfcore.optics.slab import Slab
 from lfcore.oracle.depth_slicing import slice_by_depth
 from lfcore.refocus.depth_slicing import BOUNDS_PX, DepthSlicer
+from lfcore.refocus.free_views import inverse_depth
 from lfcore.refocus.views import read_views
 from lfcore.rendering.by_depth import traced_views
 from lfcore.rendering.record_depth import DepthStore, record_by_depth
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.defaults import codec_spec
+from lfcore.storage.depth_stream import sweep_step
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
@@ -131,7 +134,6 @@ def test_displaced_views_serve_slicing_by_depth_alone(tmp_path, tracer):
         lambda: field.refocus(2.5, filter="bilinear"),
         lambda: field.refocus(2.5, method="slicing"),
         lambda: field.stack([2.5, 3.0], fast=True),
-        lambda: field.viewer(),
         lambda: field.depth(tracer.scene),
     ):
         with pytest.raises(OpticsError, match=r"a.mkv: has views that are displaced.*lattice"):
@@ -168,3 +170,41 @@ def test_too_many_macropixels_are_refused(tmp_path, tracer, monkeypatch):
     with pytest.raises(LfcoreError, match="macropixels"):
         stored(tmp_path / "a.mkv", tracer, "macropixels")
     assert not list(tmp_path.iterdir())
+
+
+def seen_from(point, pixels, over=4):
+    """The rod and wall of ``tracer`` are flat: (pixels over)^2 rays from one point, averaged."""
+    pitch = CAMERA.field_width / (pixels * over)
+    middle = np.float32([[*point, *(-np.asarray(point) * CAMERA.delta)]])
+    return Bundles(middle, np.float32([0, 0, pitch, pitch]), pixels * over, pixels * over, pitch)
+
+
+@pytest.mark.parametrize("kind", ["views", "macropixels"])
+def test_a_view_from_between_those_stored_is_what_is_seen_from_there(tmp_path, tracer, kind):
+    slab = Slab(CAMERA, 4, 48)
+    field = stored(tmp_path / "a.mkv", tracer, kind, slab=slab, pack=1 if kind == "views" else 8)
+    points = np.array([(0, 0), (0.3, -0.2), (1.5, 1.5), (-1.9, 1.1)]) * slab.lens_pitch_m
+    made = field.views_at(points, 24)
+    assert made.shape == (4, 24, 24, 3)
+    corner = field.views_at(np.array([[1.9, -1.9]]) * slab.lens_pitch_m, 24)[0]
+    for point, picture in zip(points, made, strict=True):
+        light = tracer.bundle_radiance(seen_from(point, 24))[0]
+        truth = np.minimum(light, 1).reshape(24, 4, 24, 4, 3).mean((1, 3))
+        # The wall's colours have edges, which 16 rays a pixel round off.
+        found = psnr(picture[3:-3, 3:-3], truth[3:-3, 3:-3], peak=1)
+        assert found > 26
+        assert psnr(corner[3:-3, 3:-3], truth[3:-3, 3:-3], peak=1) < found - 3
+    seen = inverse_depth(field, 24)
+    depth = tracer.bundle_hits(seen_from((0, 0), 24, over=1))[1][0]
+    near = np.where(np.isfinite(depth), 1 / depth, 0)
+    assert np.median(np.abs(seen - near)) < 2 * sweep_step(slab)
+    with pytest.raises(OpticsError, match="outside the lens"):
+        field.views_at(np.array([[0.0, CAMERA.lens_radius_m * 1.01]]))
+
+
+def test_the_browsers_page_is_made_of_views_by_depth(tmp_path, tracer):
+    field = stored(tmp_path / "a.mkv", tracer, "views")
+    page = field.viewer()
+    assert '"columns": [-1.333' in page.html  # nine, from the middles of ninths of the lens
+    assert f'"width": {PIXELS}' in page.html
+    assert "the file holds depth" in page.html and '"by_depth": true' in page.html

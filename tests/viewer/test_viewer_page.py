@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -79,7 +80,9 @@ def test_an_unknown_coding_is_refused(given):
 
 
 def test_views_in_the_middle_of_equal_cells():
-    field = type("Field", (), {"grid": (32, 3), "picture_size": (8, 4), "path": "x"})()
+    field = SimpleNamespace(
+        grid=(32, 3), picture_size=(8, 4), path="x", metadata=SimpleNamespace(depth=None)
+    )
     chosen = choose(field, 9)
     assert isinstance(chosen, Choice) and chosen.rows.tolist() == [0, 1, 2]
     assert len(chosen.columns) == 9 and chosen.columns[0] == 1 and chosen.columns[-1] == 30
