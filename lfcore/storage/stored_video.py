@@ -6,8 +6,8 @@ Nothing is handed out from a segment before its check sum was found right.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -59,7 +59,7 @@ class StoredVideo:
         self.count = DecodeCount()
         self.decoded_segments: set[int] = set()
         self.damage: list[Damage] = []
-        self._checked: set[int] = set()
+        self._checked: dict[int, np.ndarray] = {}  # the sums of a segment's packets
         self._keys = keys
         self._idle: list[av.container.InputContainer] = []
 
@@ -103,17 +103,18 @@ class StoredVideo:
         """
         part = self.metadata.segments[index]
         frames = size = crc = 0
-        with closing(self._packets(part, part.first)) as packets:
-            next(packets)  # the context
+        crc_of: dict[int, int] = {}  # frame number: that of its packet
+        with self._reader(part, part.first) as (_, ticks, packets):
             for packet in packets:
                 crc, size, frames = zlib.crc32(packet, crc), size + packet.size, frames + 1
+                crc_of[packet.pts // ticks] = zlib.crc32(packet)
         if (frames, size, crc) != (part.frames, part.bytes, part.crc32):
             if frames != part.frames:
                 problem = f"has {frames} of its {part.frames} frames"
             else:
                 problem = "is damaged: its check sum differs"
             raise self._bad_segment(part, problem)
-        self._checked.add(index)
+        self._checked[index] = np.array([crc_of.get(n, 0) for n in range(part.first, part.stop)])
 
     def verify(self, progress: Callable[[int, int], None] | None = None) -> None:
         """Check every byte of the file and every segment, of colours and of depths.
@@ -159,22 +160,53 @@ class StoredVideo:
         if start == stop:
             return
         self.decoded_segments.add(segment)
-        with closing(self._packets(part, part.first + start)) as packets:
-            context, ticks = next(packets)
+        with self._reader(part, part.first + start) as (context, ticks, packets):
             layout = self.layout
             run = FrameRun(
                 self.path, part.first, ticks, layout.format, layout.frame_width,
                 layout.frame_height,
             )  # fmt: skip
-            yield from run.decode(context, packets, start, stop, chunk, self.count, reuse=reuse)
+            checked = self._as_checked(part, packets, ticks)
+            yield from run.decode(context, checked, start, stop, chunk, self.count, reuse=reuse)
 
-    def _packets(self, part: Segment, first: int) -> Generator[Any]:
-        """First (decoder, ticks a frame), then packets from a key frame at or before ``first``."""
+    def _as_checked(self, part: Segment, packets: Iterable[Any], ticks: int) -> Iterator[Any]:
+        """The packets, as long as each is what :meth:`check_segment` read under its number.
+
+        In a damaged file two packets may claim one number; which of them is met depends on where
+        a reader comes from.
+        """
+        crcs, first = self._checked[part.index], True
+        for packet in packets:
+            if zlib.crc32(packet) != crcs[packet.pts // ticks - part.first]:
+                raise self._bad_segment(part, "holds two packets of one number")
+            if first and not packet.is_keyframe:
+                raise self._bad_segment(part, "is entered where no key frame is")
+            first = False
+            yield packet
+
+    @contextmanager
+    def _reader(self, part: Segment, first: int) -> Iterator[tuple[Any, int, Iterator[Any]]]:
+        """(decoder, ticks a frame, packets from a key frame at or before ``first``).
+
+        They are this reader's alone until it ends: a decoder is drained after the last packet.
+        """
         container = self._take_container(first)
         try:
             stream = container.streams.video[self._track]
             ticks = ticks_per_frame(stream.time_base)
-            yield stream.codec_context, ticks
+            yield stream.codec_context, ticks, self._packets(container, part, first, ticks)
+        except GeneratorExit:  # enough was read
+            self._idle.append(container)
+            raise
+        except BaseException:
+            container.close()
+            raise
+        self._idle.append(container)
+
+    def _packets(self, container: Any, part: Segment, first: int, ticks: int) -> Iterator[Any]:
+        """The packets of a segment from a key frame at or before ``first``."""
+        stream = container.streams.video[self._track]
+        try:
             if first:
                 container.seek(first * ticks, stream=stream)
             for packet in container.demux(stream):
@@ -186,15 +218,7 @@ class StoredVideo:
                 if number >= part.first:
                     yield packet
         except FFmpegError as error:
-            container.close()
             raise self._bad_segment(part, f"cannot be read: {error.strerror}") from error
-        except GeneratorExit:  # enough was read
-            self._idle.append(container)
-            raise
-        except BaseException:
-            container.close()
-            raise
-        self._idle.append(container)
 
     def _take_container(self, first: int) -> av.container.InputContainer:
         """The open file for one reader alone; before the beginning where ``first`` is 0.
@@ -246,6 +270,23 @@ class StoredVideo:
     def _find_damage(self) -> None:
         for part in self.metadata.segments:
             self.damage += self._damage_of(part)
+        twice = self._numbers_met_twice()
+        for part in self.segments:
+            if twice & set(range(part.first, part.stop)):
+                self.damage.append(Damage(part, "holds two packets of one number"))
+
+    def _numbers_met_twice(self) -> set[int]:
+        """Frame numbers that two packets claim, as where a cluster has lost its time."""
+        met: set[int] = set()
+        twice: set[int] = set()
+        with suppress(FFmpegError), open_video(self.path, MOST_STREAMS) as container:
+            stream = container.streams.video[self._track]
+            ticks = ticks_per_frame(stream.time_base)
+            for packet in container.demux(stream):
+                number = frame_number(packet.pts, ticks) if packet.size else None
+                if number is not None:
+                    (twice if number in met else met).add(number)
+        return twice
 
     def _damage_of(self, part: Segment) -> list[Damage]:
         """What is found wrong with a segment, of colours or of depths."""

@@ -22,9 +22,10 @@ from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import DepthSegments, join_segments
 from lfcore.storage.depth_stream import DepthCodes
+from lfcore.storage.index import Segment
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
-from lfcore.storage.metadata import TAG, Segment
+from lfcore.storage.metadata import TAG
 from lfcore.storage.segment import SegmentWriter
 from robustness.mutate import damage_bytes
 from robustness.outcome import Outcome, SilentlyWrong, outcome_of

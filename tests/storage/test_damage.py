@@ -3,6 +3,7 @@
 import hashlib
 import json
 import random
+import re
 import subprocess
 import sys
 from fractions import Fraction
@@ -66,6 +67,21 @@ def test_flipped_bits(tmp_path, whole):
         light_field = salvaged(path, pixels)
         if place > video:
             assert len(light_field.segments) >= 2, place
+
+
+def test_a_cluster_that_lost_its_time(tmp_path, whole):
+    """Its packets claim the numbers of others: none of these is taken for the other."""
+    data, pixels = whole
+    clusters = [m.start() for m in re.finditer(rb"\x1f\x43\xb6\x75", data)]
+    assert len(clusters) > 2
+    for cluster in clusters:
+        time = data.index(b"\xe7", cluster + 4, cluster + 24)  # the element's id
+        changed = bytearray(data)
+        changed[time] ^= 0x10
+        path = tmp_path / "lost.mkv"
+        path.write_bytes(changed)
+        assert str(path) in refused(path, pixels)
+        assert salvaged(path, pixels).damage or cluster == clusters[0]
 
 
 def test_cut_anywhere(tmp_path, whole):
