@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.server
 import re
 import threading
@@ -120,6 +121,23 @@ def test_the_command_tells_what_is_behind_a_url(stored, capsys, tmp_path):
         assert main(["view", server.url, "-o", str(tmp_path / "view.png")]) == 0
         assert main(["info", f"{server.url}.missing"]) == 1
         assert capsys.readouterr().err.splitlines()[-1].endswith("missing: no such file.")
+
+
+def test_stacks_and_depth_of_a_url_are_those_of_the_file(stored, tmp_path):
+    """As of the file on disk, to the last bit; a stack names its picture after the URL's file."""
+    chart = str(Path(__file__).parents[2] / "scenes" / "chart")
+    made = {}
+    with Server(stored.path) as server, contextlib.chdir(tmp_path):
+        for name in (str(stored.path), f"{server.url}?version=1"):
+            focus = ["--focus", "2", "4", "--sheet"]
+            assert main(["stack", name, *focus]) == 0
+            assert main(["stack", name, *focus, "--fast", "-o", "fast.png"]) == 0
+            depth = ["--all-in-focus", "sharp.png", "-o", "depth.npz"]
+            assert main(["depth", chart, "--lightfield", name, *depth]) == 0
+            files = [f"{stored.path.stem}_stack.png", "fast.png", "depth.npz", "sharp.png"]
+            made[name] = [(tmp_path / file).read_bytes() for file in files]
+    first, second = made.values()
+    assert first == second
 
 
 def test_a_server_without_ranges_is_one_clear_line(stored, capsys):
