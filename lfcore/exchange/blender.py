@@ -1,4 +1,4 @@
-"""What Blender's add-ons write: IDLab's ``lightfield.json`` and gfxdisp's ``param.txt``.
+"""Blender's add-ons: IDLab's ``lightfield.json`` and gfxdisp's ``param.txt``.
 
 IDLab's planes hold poses, focal length and sensor.  gfxdisp's pictures are ``row_column``, counted
 from the bottom right camera; ``base_x`` is half of what the cameras span, in the scene's unit.
@@ -14,10 +14,14 @@ import numpy as np
 
 from lfcore.exchange import folder, pictures, posed
 from lfcore.exchange.grid import ExchangeError, Geometry, Order, ViewGrid
-from lfcore.exchange.nerfstudio import load_json
+from lfcore.exchange.nerfstudio import TO_WORLD, load_json
+from lfcore.exchange.parallel import parallel_views
+from lfcore.files import write_json
 
 if TYPE_CHECKING:
+    from lfcore.exchange.exporting import WriteOptions
     from lfcore.exchange.importing import ReadOptions
+    from lfcore.exchange.source import Source
 
 JSON, TEXT = "lightfield.json", "param.txt"
 
@@ -121,3 +125,32 @@ def _read_text(path: Path) -> ViewGrid:
     notes = () if even or not steps else ("steps across and down differ: spacing not taken over",)
     grid = folder.of_files(found, path.name, geometry=geometry, notes=notes)
     return grid.turned(left=True, up=True)
+
+
+def write(source: Source, folder: Path, options: WriteOptions) -> None:
+    """IDLab's plane: pictures in ``png``, poses in ``lightfield.json``, z up as in Blender."""
+    from scipy.spatial.transform import Rotation
+
+    geometry = source.require_geometry(JSON)
+    half, views = parallel_views(source, options)
+    width, height = 2 * half[0], 2 * half[1]
+    (folder / "png").mkdir()
+    frames = []
+    for column, row, picture in views:
+        name = f"view_{row * source.columns + column:04d}f"
+        pictures.write(folder / "png" / f"{name}.png", picture)
+        pose = TO_WORLD @ source.pose(column, row)
+        turn = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz")
+        frames.append({
+            "name": name, "position": pose[:3, 3].tolist(), "rotation": turn.tolist(),
+            "world_matrix": pose.tolist(),
+        })  # fmt: skip
+    pixel_mm = 1e3 * geometry.sensor_m / max(source.width, source.height)
+    camera = {
+        "type": "PERSP", "lens_unit": "MILLIMETERS", "focal_length": pixel_mm * source.focal_px,
+    }  # fmt: skip
+    data = {
+        "camera": camera, "lf_type": "PLANE", "resolution": [width, height],
+        "sensor_size": [pixel_mm * width, pixel_mm * height], "frames": frames,
+    }  # fmt: skip
+    write_json(folder / JSON, data)

@@ -30,7 +30,7 @@ FORMATS = {
     for row in (
         Format("hci", "hci", "HCI 4D light field benchmark: parameters.cfg, input_Cam000.png"),
         Format("nerfstudio", "nerfstudio", "nerfstudio: transforms.json, cameras on a plane"),
-        Format("blender", "blender", "Blender add-ons: lightfield.json, param.txt", exports=False),
+        Format("blender", "blender", "Blender add-ons: lightfield.json, param.txt"),
         Format("json", "image_folder", "our own: views and views.json, geometry included"),
         Format("llff", "llff", "LLFF: poses_bounds.npy"),
         Format("colmap", "colmap", "COLMAP text model, cameras on a plane"),

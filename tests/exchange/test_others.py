@@ -191,6 +191,26 @@ def test_gfxdisp_counts_from_the_bottom_right(square, tmp_path):
     np.testing.assert_array_equal(all_views(field), square.views)
 
 
+def test_a_plane_of_blenders_is_taken_back(tmp_path):
+    geometry = Geometry(pitch_m=0.04, pixel_pitch=0.02, delta=0.5)  # the axis moves a pixel a view
+    stored = store(tmp_path, noise(3, 3, 16, 16), geometry)
+    notes = export_lightfield(stored.path, "blender", tmp_path / "out")
+    assert any("cropped to 14 x 14" in note for note in notes)
+    data = json.loads((tmp_path / "out" / "lightfield.json").read_text())
+    assert (data["lf_type"], data["resolution"]) == ("PLANE", [14, 14])
+    # Column 2 stands to the right of column 0, row 2 below row 0, where z is up.
+    first, right, below = (np.array(data["frames"][k]["world_matrix"]) for k in (0, 2, 6))
+    np.testing.assert_allclose(right[:3, 3] - first[:3, 3], [0.08, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(below[:3, 3] - first[:3, 3], [0, 0, -0.08], atol=1e-12)
+    tangent = data["sensor_size"][0] / data["camera"]["focal_length"] / 14
+    assert tangent == pytest.approx(0.02)
+    made, field = taken_back(tmp_path / "out", tmp_path)
+    assert (made.grid.format, field.slab.camera.delta) == ("blender", 0)
+    assert field.slab.lens_pitch_m == pytest.approx(0.04)
+    assert field.slab.pixel_pitch == pytest.approx(0.02)
+    np.testing.assert_array_equal(field.view(1, 2), stored.views[2, 1, 2:16, 1:15])
+
+
 @pytest.mark.parametrize("matrices", [True, False])
 def test_idlab_planes(matrices, wide, tmp_path):
     from scipy.spatial.transform import Rotation

@@ -161,9 +161,9 @@ def test_exports_that_cannot_be(unknown, square, tmp_path):
             assert word in str(error.value)
         assert list(tmp_path.iterdir()) == []
 
-    for name in ("hci", "nerfstudio", "colmap", "lid", "llff"):
+    for name in ("hci", "nerfstudio", "colmap", "lid", "llff", "blender"):
         fails(["does not hold its geometry", "--baseline"], unknown.path, name)
-    fails(["'blender' cannot be exported"], square.path, "blender")
+    fails(["'folder' cannot be exported"], square.path, "folder")
     fails(["no multiple of the 4 mm"], square.path, "hci", selection=Selection(baseline_m=0.006))
     fails(["--views"], square.path, "hci", selection=Selection((4, 4)))
     fails(["--crop"], square.path, "hci", selection=Selection(crop=(1, 1, 16, 16)))

@@ -1,4 +1,4 @@
-"""What rays of three small scenes give, to the last bit: one digest for each piece of work.
+"""What rays of four small scenes give, to the last bit: one digest for each piece of work.
 
     make digests
 
@@ -69,7 +69,36 @@ def fine_soup() -> Scene:
     return scene(triangles, colours=colours, lights=[SUN])
 
 
-WORLDS = {"lit": lit_soup, "textured": textured_soup, "fine": fine_soup}
+def holes_and_metal() -> Scene:
+    """Flat triangles with holes, of metal, their normals bent, in lights that cast shadows."""
+    rng = np.random.default_rng(12)
+    wall = np.float32([[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]])
+    triangles = np.concatenate([soup(150, 14, 0.6), wall]).astype(np.float32)
+    shapes = (24, 20, 4), (12, 12, 3), (16, 16, 3), (8, 8, 3)
+    maps = {"metal_texture": 1, "normal_texture": 2, "emission_texture": 3}
+    glow, factors = (0.1, 0.2, 0.1), {"metallic": 0.9, "roughness": 0.8}
+    materials = [
+        Material(
+            "all", (0.9, 0.8, 0.7), emission=glow, texture=0, alpha_cutoff=0.4, **maps, **factors
+        ),
+        Material("gloss", (0.7, 0.6, 0.5), (0.3, 0.3, 0.3), 20.0, texture=0),
+    ]
+    return scene(
+        triangles,
+        uvs=(triangles[..., :2] * 3).astype(np.float32),
+        textures=[rng.integers(0, 256, shape, np.uint8) for shape in shapes],
+        materials=materials,
+        material_ids=(np.arange(len(triangles)) % 2).astype(np.int32),
+        lights=[Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.8, 0.7), 2.0, True), SUN],
+    )
+
+
+WORLDS = {
+    "lit": lit_soup,
+    "textured": textured_soup,
+    "fine": fine_soup,
+    "holes": holes_and_metal,
+}
 Case = Callable[[Tracer], Iterator[np.ndarray]]
 
 
@@ -130,6 +159,9 @@ CASES: dict[tuple[str, str], Case] = {
     ("fine", "single rays"): single,
     ("fine", "frames and planes, N = 2"): tiles("macropixels", 2, 6),
     ("fine", "frames and planes, N = 8"): tiles("macropixels", 8, 96),
+    ("holes", "hits, N = 8"): hits("macropixels", 8, 24),
+    ("holes", "frames and planes, N = 8"): tiles("macropixels", 8, 24),
+    ("holes", "single rays"): single,
     ("lit", "frames and planes, N = 4"): tiles("macropixels", 4, 512),
     ("lit", "frames and planes, N = 8"): tiles("macropixels", 8, 24),
     ("lit", "frames and planes, N = 64"): tiles("macropixels", 64, 5),
