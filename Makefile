@@ -5,6 +5,9 @@
 #   make quick     the tests for daily work, in under a minute: no Snakemake, no browser, few kernels
 #   make fuzz SECONDS=600    hostile inputs for ten minutes: a table of what came of them
 #   make faults KILLS=100      kills, full disks, missing folders: the same results afterwards
+#   make cluster   the smoke pipeline on a throw-away SLURM, once with jobs cancelled: docs/cluster.md
+#   make s3        the pipeline with its results in object storage, killed in between
+#   make bare      the smoke pipeline in a bare Debian: python3, python3-venv and make
 #   make smoke     the same pipeline, tiny: what continuous integration runs
 #   make lint      formatting, layers and types
 #   make count     how much there is to read in the tracer's kernels
@@ -33,7 +36,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: tables test quick fuzz faults smoke micro sweep settings count lint docs wheel format digests clean distclean \
+.PHONY: tables test quick fuzz faults smoke cluster s3 bare micro sweep settings count lint docs wheel format digests clean distclean \
 	pins
 .DELETE_ON_ERROR:
 
@@ -61,6 +64,15 @@ fuzz: $(VENV)/installed-dev
 
 faults: $(VENV)/installed-dev
 	$(BIN)/python -m robustness.faults --kills $(KILLS)
+
+cluster: $(VENV)/installed-dev
+	$(BIN)/python -m robustness.cluster
+
+s3: $(VENV)/installed-dev
+	$(BIN)/python -m robustness.object_storage
+
+bare:
+	sh .ci/bare.sh
 
 count: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/count_kernels.py

@@ -88,7 +88,7 @@ def tiles(settings: Mapping, views: int) -> list[Tile]:
     return frame_layout(settings, views).tiles(settings["tile_mib"] * MIB // BYTES_OF_A_RAY)
 
 
-def batches(settings: Mapping, views: int) -> dict[str, range]:
+def batches(settings: Mapping, views: int) -> dict[str, costs.Batch]:
     """The tiles of each job, by its name in files and logs, in order."""
     cut = costs.batches(tiles(settings, views), settings["job_minutes"])
     return {f"{place:04d}": some for place, some in enumerate(cut)}

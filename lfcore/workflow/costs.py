@@ -7,9 +7,11 @@ before, at any M, its own seconds and memory.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from lfcore.files import read_json
@@ -44,27 +46,43 @@ def nanoseconds_a_ray(views: int) -> float:
     return known[-1][1]
 
 
-def batches(tiles: list[Tile], minutes: float) -> list[range]:
+@dataclass(frozen=True)
+class Batch:
+    """The tiles ``start`` ... ``stop`` - 1, which are one job, and their rays."""
+
+    start: int
+    stop: int
+    rays: int
+
+
+def batches(tiles: list[Tile], minutes: float) -> list[Batch]:
     """Runs of tiles that are one job each: of about ``minutes``, and two at least of two tiles."""
-    views = tiles[0].layout.views
-    seconds = sum(tile.rays for tile in tiles) * nanoseconds_a_ray(views) * 1e-9
-    count = math.ceil(seconds / (60 * minutes))
-    count = min(max(count, 2), len(tiles), MOST_BATCHES)
+    rays = [tile.rays for tile in tiles]
+    seconds = sum(rays) * nanoseconds_a_ray(tiles[0].layout.views) * 1e-9
+    count = min(max(math.ceil(seconds / (60 * minutes)), 2), len(tiles), MOST_BATCHES)
     cuts = [place * len(tiles) // count for place in range(count + 1)]
-    return [range(a, b) for a, b in itertools.pairwise(cuts)]
+    return [Batch(a, b, sum(rays[a:b])) for a, b in itertools.pairwise(cuts)]
 
 
-def trace_minutes(tiles: list[Tile], traced: Mapping | None, attempt: int = 1) -> int:
-    """Minutes to ask for, for a job of these tiles; more with every attempt.
+def small(minutes: float, cut: Mapping[int, Mapping[str, Batch]]) -> bool:
+    """Whether all batches of all N together are no more than one job of ``minutes``."""
+    seconds = sum(
+        batch.rays * nanoseconds_a_ray(views) * 1e-9
+        for views, some in cut.items()
+        for batch in some.values()
+    )
+    return seconds <= 60 * minutes
+
+
+def trace_minutes(rays: int, views: int, traced: Mapping | None, attempt: int = 1) -> int:
+    """Minutes to ask for, for a job of so many rays; more with every attempt.
 
     ``traced`` is what :func:`traced_before` gave.
     """
-    views = tiles[0].layout.views
     each = nanoseconds_a_ray(views) * 1e-9
     if traced and traced["rays"]:
         each = (traced["seconds"] + traced["encode_seconds"]) / traced["rays"]
-    seconds = SET_UP_SECONDS + sum(tile.rays for tile in tiles) * each * MARGIN
-    return math.ceil(seconds / 60) * attempt
+    return math.ceil((SET_UP_SECONDS + rays * each * MARGIN) / 60) * attempt
 
 
 def trace_mib(scene_mib: float, pixels: int, traced: Mapping | None, attempt: int = 1) -> int:
@@ -75,11 +93,17 @@ def trace_mib(scene_mib: float, pixels: int, traced: Mapping | None, attempt: in
     return math.ceil(need + planes_mib(pixels)) * attempt
 
 
+def sums_mib(pixels: int, attempt: int = 1) -> int:
+    """Memory to ask for where whole planes of M = ``pixels`` are summed or formed."""
+    return (BASE_MIB + planes_mib(pixels)) * attempt
+
+
 def planes_mib(pixels: int, planes: int = PLANES) -> int:
     """Sums of whole sensor planes: 3 colours of 8 bytes a pixel, and half as much of pictures."""
     return math.ceil(planes * pixels**2 * 36 / 2**20)
 
 
+@functools.cache
 def traced_before(results: str | Path, scene: str, views: int) -> dict | None:
     """What a run of this scene and N measured, at the largest M there is; None without one."""
     found = sorted(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 TABLES = "results/tables"
 ASSIGNMENT = "results/assignment"
@@ -74,6 +75,12 @@ class Section:
         """The table, as CSV and Markdown, and the figures."""
         tables = [self.table, self.table.replace(".csv", ".md")] if self.table else []
         return [*tables, *self.figures.values()]
+
+
+def places(sections: Iterable[Section], files: Iterable[str]) -> dict[str, Path]:
+    """Where each file of the sections lies: from object storage it comes to another folder."""
+    names = [name for one in sections for name in one.files]
+    return {name: Path(file) for name, file in zip(names, files, strict=True)}
 
 
 def _figure(name: str) -> str:

@@ -23,9 +23,13 @@ def tiles(views, pixels, most_rays):
 def test_batches_are_all_tiles_in_order(views, pixels, most_rays, minutes):
     cut = tiles(views, pixels, most_rays)
     batches = costs.batches(cut, minutes)
-    assert [index for some in batches for index in some] == list(range(len(cut)))
+    assert [k for one in batches for k in range(one.start, one.stop)] == list(range(len(cut)))
+    assert [one.rays for one in batches] == [
+        sum(tile.rays for tile in cut[one.start : one.stop]) for one in batches
+    ]
     assert len(batches) >= min(2, len(cut)) and len(batches) <= costs.MOST_BATCHES
-    assert max(map(len, batches)) - min(map(len, batches)) <= 1
+    sizes = [one.stop - one.start for one in batches]
+    assert max(sizes) - min(sizes) <= 1
 
 
 def test_a_hundred_thousand_tiles_are_a_plan_of_hundreds_of_jobs():
@@ -33,7 +37,7 @@ def test_a_hundred_thousand_tiles_are_a_plan_of_hundreds_of_jobs():
     assert len(cut) > 100_000
     batches = costs.batches(cut, 10)
     assert 200 < len(batches) < 1000
-    minutes = costs.trace_minutes([cut[k] for k in batches[0]], None)
+    minutes = costs.trace_minutes(batches[0].rays, 512, None)
     assert 10 * costs.MARGIN <= minutes <= 10 * costs.MARGIN + 2
 
 
@@ -47,22 +51,29 @@ def test_a_ray_costs_what_was_measured():
 
 
 def test_requests_follow_what_was_measured_and_grow_with_attempts(tmp_path):
-    cut = tiles(64, 512, 1 << 28)
+    rays = 64**2 * 512**2
     assert costs.traced_before(tmp_path, "bike", 64) is None
+    costs.traced_before.cache_clear()
     for pixels, seconds in ((64, 1.0), (128, 2000.0)):
         file = tmp_path / "bike" / f"M{pixels}" / "N64" / "trace.json"
         file.parent.mkdir(parents=True)
-        rays = pixels**2 * 64**2
-        record = {"rays": rays, "seconds": seconds, "encode_seconds": 0.0, "memory_mib": 9000}
+        record = {
+            "rays": pixels**2 * 64**2,
+            "seconds": seconds,
+            "encode_seconds": 0.0,
+            "memory_mib": 9000,
+        }
         file.write_text(json.dumps(record))
     traced = costs.traced_before(tmp_path, "bike", 64)
     assert traced["seconds"] == 2000.0  # of the largest
-    minutes = costs.trace_minutes(cut, traced)
-    assert minutes > costs.trace_minutes(cut, None)
-    assert costs.trace_minutes(cut, traced, 3) == 3 * minutes
+    minutes = costs.trace_minutes(rays, 64, traced)
+    assert minutes > costs.trace_minutes(rays, 64, None)
+    assert costs.trace_minutes(rays, 64, traced, 3) == 3 * minutes
     need = costs.trace_mib(10, 512, traced)
     assert need > 9000 and costs.trace_mib(10, 512, traced, 2) == 2 * need
+    costs.traced_before.cache_clear()
     (tmp_path / "bike" / "M256" / "N64").mkdir(parents=True)
+    costs.traced_before.cache_clear()
     (tmp_path / "bike" / "M256" / "N64" / "trace.json").write_text("{")
     assert costs.traced_before(tmp_path, "bike", 64) == traced
 

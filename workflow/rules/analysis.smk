@@ -40,6 +40,8 @@ rule work_precision:
         ),
     log:
         "logs/work_precision.log",
+    group:
+        REPORT_GROUP
     conda:
         "../envs/lfcore.yaml"
     params:
@@ -56,6 +58,8 @@ rule recommendation:
         table("recommendation"),
     log:
         "logs/recommendation.log",
+    group:
+        REPORT_GROUP
     conda:
         "../envs/lfcore.yaml"
     params:
@@ -125,6 +129,8 @@ rule left_out:
         table("left_out"),
     log:
         "logs/left_out.log",
+    group:
+        REPORT_GROUP
     conda:
         "../envs/lfcore.yaml"
     params:

@@ -61,7 +61,7 @@ rule assignment_light_fields:
 rule assignment_book:
     input:
         light_field=f"{ARRAYS}/book.exr",
-        lens=str(ROOT / "scenes" / "lenses" / "double_gauss.dat"),
+        lens=local(str(ROOT / "scenes" / "lenses" / "double_gauss.dat")),
     output:
         figures=[assignment_figure(name) for name in reports.BOOK_FIGURES],
         record=f"{RECORDS}/book.json",
@@ -122,7 +122,7 @@ rule assignment_sampling:
 
 rule assignment_time:
     input:
-        [str(file) for file in files_of_scene(ROOT / "scenes" / "sphere" / "moving.pbrt")],
+        [local(str(file)) for file in files_of_scene(ROOT / "scenes" / "sphere" / "moving.pbrt")],
     output:
         figure=assignment_figure("time"),
         record=f"{RECORDS}/time.json",

@@ -7,7 +7,7 @@ from snakemake.exceptions import WorkflowError
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.captions import fill
 from lfcore.scene.sources import files_of_scene
-from lfcore.workflow import cases, reports, sources, sweep
+from lfcore.workflow import cases, costs, reports, sources, sweep
 from lfcore.workflow.settings import check_settings
 from lfcore.workflow.sources import digest
 
@@ -46,12 +46,31 @@ wildcard_constraints:
 
 def scene_inputs(wildcards):
     """The scene's file, and all that it is made from: an edit of any parses it anew."""
-    return [str(file) for file in files_of_scene(PARSED[wildcards.scene])]
+    return [local(str(file)) for file in files_of_scene(PARSED[wildcards.scene])]
 
 
 def scene_sources(wildcards):
     procedural = ["scene/procedural"] if cases.is_procedural(PARSED[wildcards.scene]) else []
     return digest(*sources.PARSING, *procedural)
+
+
+# Where all tracing of a scene is less than a job, the scene is one submission to a cluster; else its
+# stages are, and each batch of tiles.  On one machine groups mean nothing.
+SMALL = costs.small(SETTINGS["job_minutes"], BATCHES)
+TRACE_GROUP = "scene_{scene}" if SMALL else None
+REPORT_GROUP = "report"
+
+
+def grouped(stage):
+    return "scene_{scene}" if SMALL else f"{stage}_{{scene}}"
+
+
+def batch_of(wildcards):
+    return BATCHES[int(wildcards.n)][wildcards.batch]
+
+
+def traced_before(wildcards):
+    return costs.traced_before("results", wildcards.scene, int(wildcards.n))
 
 
 def of_batches(suffix):
@@ -80,7 +99,7 @@ def of_scene(name):
 
 
 def caption_of(name):
-    return str(ROOT / "workflow" / "report" / f"{name}.rst")
+    return local(str(ROOT / "workflow" / "report" / f"{name}.rst"))
 
 
 def table(name):

@@ -19,6 +19,8 @@ rule evaluate:
         "results/{scene}/evaluation.json",
     log:
         "logs/evaluate/{scene}.log",
+    group:
+        grouped("figures")
     conda:
         "../envs/lfcore.yaml"
     params:
@@ -36,6 +38,8 @@ rule tables:
         [table(name) for name in TABLES],
     log:
         "logs/tables.log",
+    group:
+        REPORT_GROUP
     conda:
         "../envs/lfcore.yaml"
     params:

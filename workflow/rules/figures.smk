@@ -19,6 +19,8 @@ rule trace_aperture_stack:
         STACKS["aperture_stack"],
     log:
         "logs/trace_aperture_stack/{scene}.log",
+    group:
+        grouped("figures")
     conda:
         "../envs/lfcore.yaml"
     params:
@@ -39,6 +41,8 @@ rule trace_views:
         STACKS["sub_aperture_views"],
     log:
         "logs/trace_views/{scene}.log",
+    group:
+        grouped("figures")
     conda:
         "../envs/lfcore.yaml"
     params:
@@ -64,6 +68,8 @@ rule contact_sheet:
         "logs/contact_sheet/{figure}_{scene}.log",
     wildcard_constraints:
         figure="|".join(reports.SHEETS),
+    group:
+        grouped("figures")
     conda:
         "../envs/lfcore.yaml"
     params:
@@ -79,6 +85,8 @@ rule curves:
         "results/tables/figures/{table}_curves.png",
     log:
         "logs/curves/{table}.log",
+    group:
+        REPORT_GROUP
     conda:
         "../envs/lfcore.yaml"
     params:

@@ -27,6 +27,8 @@ rule markdown:
     wildcard_constraints:
         page="tables|assignment",
         table="|".join(reports.TITLES),
+    group:
+        REPORT_GROUP
     conda:
         "../envs/lfcore.yaml"
     params:
@@ -49,6 +51,8 @@ rule page:
         report("results/tables/index.html", caption="../report/page.rst", category="Page"),
     log:
         "logs/page.log",
+    group:
+        REPORT_GROUP
     conda:
         "../envs/lfcore.yaml"
     params:

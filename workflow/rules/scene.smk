@@ -8,6 +8,8 @@ rule parse:
         "results/{scene}/scene.npz",
     log:
         "logs/parse/{scene}.log",
+    group:
+        grouped("prepare")
     conda:
         "../envs/lfcore.yaml"
     params:
@@ -23,6 +25,8 @@ rule build:
         "results/{scene}/bvh.npz",
     log:
         "logs/build/{scene}.log",
+    group:
+        grouped("prepare")
     conda:
         "../envs/lfcore.yaml"
     params:

@@ -105,6 +105,8 @@ for name in ("storage_layouts", "equivalence", "retrieval"):
             table(name),
         log:
             f"logs/{name}.log",
+        group:
+            REPORT_GROUP
         conda:
             "../envs/lfcore.yaml"
         params:
@@ -125,6 +127,8 @@ for name in ("storage_layouts", "retrieval"):
             f"results/tables/figures/{name}.png",
         log:
             f"logs/{name}_figure.log",
+        group:
+            REPORT_GROUP
         conda:
             "../envs/lfcore.yaml"
         params:
@@ -143,6 +147,8 @@ rule rate_distortion:
         figures=expand("results/tables/figures/rate_distortion_{scene}.png", scene=SCENES),
     log:
         "logs/rate_distortion.log",
+    group:
+        REPORT_GROUP
     conda:
         "../envs/lfcore.yaml"
     params:

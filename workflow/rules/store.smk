@@ -11,6 +11,8 @@ if STORE:
             seconds=f"{SLAB}/store.json",
         log:
             "logs/join/{scene}/N{n}.log",
+        group:
+            grouped("join_N{n}")
         conda:
             "../envs/lfcore.yaml"
         params:
@@ -29,6 +31,8 @@ if STORE:
             "results/tables/viewer/{scene}.html",
         log:
             "logs/viewer/{scene}.log",
+        group:
+            grouped("figures")
         conda:
             "../envs/lfcore.yaml"
         params:
@@ -47,9 +51,15 @@ if STORE:
             seconds=f"{SLAB}/retrieve.json",
         log:
             "logs/retrieve/{scene}/N{n}.log",
+        group:
+            grouped("join_N{n}")
         conda:
             "../envs/lfcore.yaml"
         threads: 2
+        resources:
+            mem_mb=lambda wildcards, attempt: costs.sums_mib(
+                SETTINGS["spatial_resolution"], attempt
+            ),
         params:
             sources=digest(*sources.READING),
             planes=SETTINGS["planes"],

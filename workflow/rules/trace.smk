@@ -18,16 +18,25 @@ rule trace:
         "logs/trace/{scene}/N{n}/{batch}.log",
     # Long jobs first, so that the cores finish together.
     priority: 10
+    group:
+        TRACE_GROUP
     conda:
         "../envs/lfcore.yaml"
     threads: 1
+    resources:
+        runtime=lambda wildcards, attempt: costs.trace_minutes(
+            batch_of(wildcards).rays, int(wildcards.n), traced_before(wildcards), attempt
+        ),
+        mem_mb=lambda wildcards, input, attempt: costs.trace_mib(
+            input.size_mb, SETTINGS["spatial_resolution"], traced_before(wildcards), attempt
+        ),
     params:
         sources=digest(*sources.STORING, "evaluation/timing.py"),
         spatial_resolution=SETTINGS["spatial_resolution"],
         planes=SETTINGS["planes"],
         layout=SETTINGS["layout"],
         tile_mib=SETTINGS["tile_mib"],
-        batch=lambda wildcards: list(BATCHES[int(wildcards.n)][wildcards.batch]),
+        batch=lambda wildcards: [batch_of(wildcards).start, batch_of(wildcards).stop],
         encoder=SETTINGS["encoder"],
         device=SETTINGS["device"],
         store=STORE,
@@ -46,8 +55,12 @@ rule sum_planes:
         seconds=f"{SLAB}/trace.json",
     log:
         "logs/sum_planes/{scene}/N{n}.log",
+    group:
+        grouped("join_N{n}")
     conda:
         "../envs/lfcore.yaml"
+    resources:
+        mem_mb=lambda wildcards, attempt: costs.sums_mib(SETTINGS["spatial_resolution"], attempt),
     params:
         sources=digest(*sources.SCENE, "storage"),
         spatial_resolution=SETTINGS["spatial_resolution"],

@@ -17,6 +17,8 @@ rule truth:
         "logs/truth/{scene}/{lens}.log",
     wildcard_constraints:
         lens="|".join(TRUTHS),
+    group:
+        grouped("figures")
     conda:
         "../envs/lfcore.yaml"
     threads: 1
@@ -62,6 +64,8 @@ rule true_picture:
         figure="results/tables/figures/true_picture_run_time.png",
     log:
         "logs/true_picture.log",
+    group:
+        REPORT_GROUP
     conda:
         "../envs/lfcore.yaml"
     params:

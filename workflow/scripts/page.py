@@ -7,22 +7,18 @@ from lfcore.evaluation.page import Section, write_page
 from lfcore.evaluation.timing import machine
 from lfcore.files import read_json
 from lfcore.workflow.job import job
-
-
-def text(file):
-    return Path(file).read_text(encoding="utf-8")
-
+from lfcore.workflow.reports import places
 
 with job(snakemake.log[0], snakemake.threads):
     given, params, here = snakemake.input, snakemake.params, machine()
-    introduction, *captions = map(text, given.captions)
+    introduction, *captions = (Path(f).read_text("utf-8") for f in given.captions)
+    place = places(params.sections, given.reported)
     sections = [
-        Section(one.name, one.title, caption, one.table and Path(one.table),
-                {label: Path(file) for label, file in one.figures.items()})
+        Section(one.name, one.title, caption, one.table and place[one.table],
+                {label: place[file] for label, file in one.figures.items()})
         for one, caption in zip(params.sections, captions, strict=True)
     ]  # fmt: skip
-    records = zip(params.records, given.records, strict=True)
-    measured = {name: read_json(file) for name, file in records}
+    measured = {k: read_json(v) for k, v in zip(params.records, given.records, strict=True)}
     devices = sorted({read_json(file)["device"] for file in given.traced})
     write_page(
         snakemake.output[0],

@@ -15,8 +15,7 @@ with job(snakemake.log[0], snakemake.threads):
         tracer = open_tracer(snakemake.input, params.device, snakemake.threads, lean=True)
         scene, device = tracer.scene, tracer.device
         slab = Slab(scene.camera, int(snakemake.wildcards.n), params.spatial_resolution)
-        tiles = cases.tiles(params, slab.views)
-        tiles = [tiles[index] for index in params.batch]
+        tiles = cases.tiles(params, slab.views)[slice(*params.batch)]
         planes = cases.sensor_planes(params.planes, scene.camera, scene.focus_distances_m)
     sums, facts = trace_batch(
         tracer,

@@ -1,0 +1,208 @@
+"""A SLURM of one node on the loopback interface, which ends with the ``with`` block.
+
+No systemd, cgroups or database: munged, slurmctld and slurmd run as the user who calls, below one
+folder.  Debian's packages: ``apt-get install slurm-wlm munge``.
+"""
+
+from __future__ import annotations
+
+import getpass
+import os
+import secrets
+import shutil
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+PROGRAMS = ("munged", "munge", "slurmctld", "slurmd", "sbatch", "srun", "squeue", "scancel")
+PATHS = "/usr/sbin:/usr/bin:/sbin:/bin"
+CONFIGURATION = """\
+ClusterName=throwaway
+SlurmctldHost=localhost(127.0.0.1)
+SlurmctldPort={port}
+SlurmdPort={node_port}
+SrunPortRange={step_ports}
+# Nothing listens beyond the loopback interface.
+CommunicationParameters=NoCtldInAddrAny,NoInAddrAny
+AuthType=auth/munge
+CryptoType=crypto/munge
+AuthInfo=socket={folder}/munge/socket
+SlurmUser={user}
+SlurmdUser={user}
+StateSaveLocation={folder}/state
+SlurmdSpoolDir={folder}/spool
+SlurmctldPidFile={folder}/slurmctld.pid
+SlurmdPidFile={folder}/slurmd.pid
+SlurmctldLogFile={folder}/slurmctld.log
+SlurmdLogFile={folder}/slurmd.log
+ProctrackType=proctrack/linuxproc
+TaskPlugin=task/none
+JobAcctGatherType=jobacct_gather/none
+AccountingStorageType=accounting_storage/none
+SelectType=select/cons_tres
+SelectTypeParameters=CR_Core_Memory
+SchedulerParameters=batch_sched_delay=0,sched_interval=2,sched_min_interval=0
+MpiDefault=none
+SwitchType=switch/none
+MailProg=/bin/true
+ReturnToService=2
+# A request that no node can meet is refused, and does not wait for ever.
+EnforcePartLimits=ALL
+# Without accounting, Snakemake asks the queue for jobs that have ended.
+MinJobAge=3600
+KillWait=5
+NodeName=node NodeHostname=localhost NodeAddr=127.0.0.1 Port={node_port} CPUs={cores} \
+Boards=1 SocketsPerBoard=1 CoresPerSocket={cores} ThreadsPerCore=1 RealMemory={memory_mib}
+PartitionName=main Nodes=node Default=YES MaxTime=INFINITE DefaultTime=60 State=UP
+"""
+
+
+class CannotRun(RuntimeError):
+    """What a throw-away SLURM needs is not there, or did not start."""
+
+
+def missing() -> list[str]:
+    """Programs that are not installed."""
+    return [name for name in PROGRAMS if not shutil.which(name, path=PATHS)]
+
+
+@dataclass
+class LocalSlurm:
+    """The running servers; commands of SLURM find them by ``environment``."""
+
+    folder: Path
+    environment: dict[str, str]
+    _servers: list[subprocess.Popen] = field(default_factory=list)
+
+    def command(self, *words: str, check: bool = True) -> str:
+        """What one of SLURM's commands prints."""
+        done = subprocess.run(
+            words, env=self.environment, capture_output=True, text=True, timeout=60, check=False
+        )
+        if check and done.returncode:
+            raise CannotRun(f"{' '.join(words)}: {done.stderr.strip()}")
+        return done.stdout
+
+    def running(self) -> list[str]:
+        """Numbers of the jobs that run."""
+        return self.command("squeue", "-h", "-t", "R", "-o", "%A").split()
+
+    def jobs(self) -> list[dict[str, str]]:
+        """Number, name, state, and seconds waited and run of every job since the start."""
+        keys = ("number", "name", "state", "submitted", "begun", "ended")
+        text = self.command(
+            "squeue", "-h", "-t", "all", "-O",
+            "JobID:32,Name:80,State:32,SubmitTime:32,StartTime:32,EndTime:32",
+        )  # fmt: skip
+        return [dict(zip(keys, line.split(), strict=False)) for line in text.splitlines()]
+
+    def start(self, *words: str) -> None:
+        with (self.folder / f"{Path(words[0]).name}.out").open("wb") as out:
+            self._servers.append(
+                subprocess.Popen(
+                    words,
+                    env=self.environment,
+                    stdin=subprocess.DEVNULL,
+                    stdout=out,
+                    stderr=subprocess.STDOUT,
+                    start_new_session=True,
+                )
+            )
+
+    def stop(self) -> None:
+        """Cancel what runs, then end the servers that were started, by their numbers."""
+        with suppress(CannotRun, subprocess.TimeoutExpired):
+            self.command("scancel", "-u", getpass.getuser(), check=False)
+            _until(lambda: not self.command("squeue", "-h", "-t", "R,CG"), 15)
+        for server in reversed(self._servers):
+            server.terminate()
+            try:
+                server.wait(10)
+            except subprocess.TimeoutExpired:
+                server.kill()
+                server.wait()
+
+
+@contextmanager
+def local_slurm(folder: Path, *, cores: int, memory_mib: int, port: int = 26817) -> Iterator:
+    """A :class:`LocalSlurm` below ``folder``, an absolute path that is short.
+
+    Raises :class:`CannotRun` where a program is missing or a server does not start.
+    """
+    if absent := missing():
+        raise CannotRun(f"{', '.join(absent)} not found: apt-get install slurm-wlm munge")
+    for name in ("state", "spool", "munge", "bin"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    (folder / "munge").chmod(0o711)
+    key = folder / "munge" / "key"
+    key.write_bytes(secrets.token_bytes(128))
+    key.chmod(0o600)
+    conf = folder / "slurm.conf"
+    conf.write_text(
+        CONFIGURATION.format(
+            folder=folder,
+            user=getpass.getuser(),
+            cores=cores,
+            memory_mib=memory_mib,
+            port=port,
+            node_port=port + 1,
+            step_ports=f"{port + 100}-{port + 199}",
+        )
+    )
+    # Snakemake's job step starts its srun without SLURM_CONF, which a site has in /etc.
+    shim = folder / "bin" / "srun"
+    real = shutil.which("srun", path=PATHS)
+    shim.write_text(f'#!/bin/sh\nSLURM_CONF={conf} exec {real} "$@"\n')
+    shim.chmod(0o755)
+    path = f"{shim.parent}:{os.environ['PATH']}:{PATHS}"
+    slurm = LocalSlurm(folder, os.environ | {"SLURM_CONF": str(conf), "PATH": path})
+    try:
+        _start(slurm, folder, conf)
+        yield slurm
+    finally:
+        slurm.stop()
+
+
+def _start(slurm: LocalSlurm, folder: Path, conf: Path) -> None:
+    def program(name: str) -> str:
+        return str(shutil.which(name, path=PATHS))
+
+    munge = folder / "munge"
+    slurm.start(
+        program("munged"), "--foreground", "--force", f"--key-file={munge}/key",
+        f"--socket={munge}/socket", f"--pid-file={munge}/pid", f"--log-file={munge}/log",
+        f"--seed-file={munge}/seed",
+    )  # fmt: skip
+    ready = ("munge", "-n", f"--socket={munge}/socket")
+    _until(lambda: _succeeds(slurm, *ready), 20, "munged did not start", munge / "log")
+    slurm.start(program("slurmctld"), "-D", "-i", "-f", str(conf))
+    log = folder / "slurmctld.log"
+    _until(lambda: _succeeds(slurm, "scontrol", "ping"), 30, "slurmctld did not start", log)
+    slurm.start(program("slurmd"), "-D", "-N", "node", "-f", str(conf))
+    log = folder / "slurmd.log"
+    idle = ("sinfo", "-h", "-o", "%T")
+    _until(lambda: slurm.command(*idle).strip() == "idle", 40, "slurmd did not start", log)
+
+
+def _succeeds(slurm: LocalSlurm, *words: str) -> bool:
+    with suppress(CannotRun, subprocess.TimeoutExpired):
+        slurm.command(*words)
+        return True
+    return False
+
+
+def _until(
+    condition: Callable[[], bool], seconds: float, problem: str = "", log: Path | None = None
+) -> None:
+    """Wait for ``condition``; where it does not come, :class:`CannotRun` with the log's end."""
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            if not problem:
+                return
+            said = log.read_text(errors="replace").splitlines()[-3:] if log and log.exists() else []
+            raise CannotRun(f"{problem}: {' '.join(said)}")
+        time.sleep(0.2)

@@ -1,0 +1,164 @@
+"""The workflow with its results in object storage, killed in between and finished by a second run.
+
+    python -m robustness.object_storage           (make s3)
+
+The server is moto's, on the loopback interface.  Says whether the objects are those of a run that
+was not killed, reads a light field where it lies, and asks for a bucket that is not there.
+Skipped, aloud, where a package is missing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("moto", "boto3", "s3fs", "snakemake_storage_plugin_s3")
+KEPT = (".mkv", "on_the_fly.npz", "from_video.npz", "scene.npz", "bvh.npz")
+"""Objects without seconds, which must be the same to the last bit."""
+SMALL = (
+    "scenes=[chart]", "angular_resolutions=[4,8]", "spatial_resolution=32",
+    "figures={make: []}", "storage={make: []}", "analysis={make: []}",
+    "assignment={in_tables: false}",
+)  # fmt: skip
+
+
+@contextmanager
+def server(folder: Path) -> Iterator[str]:
+    """The URL of a server that speaks S3, while the block lasts."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with (folder / "server.log").open("wb") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)],
+            stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
+        )  # fmt: skip
+        try:
+            end = time.monotonic() + 60
+            while socket.socket().connect_ex(("127.0.0.1", port)):
+                if time.monotonic() > end or process.poll() is not None:
+                    raise RuntimeError((folder / "server.log").read_text()[-500:])
+                time.sleep(0.2)
+            yield f"http://127.0.0.1:{port}"
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def start(url: str, folder: Path, prefix: str) -> subprocess.Popen:
+    """A run whose results are objects below ``prefix``."""
+    folder.mkdir(exist_ok=True)
+    keys = {"SNAKEMAKE_STORAGE_S3_ACCESS_KEY": "any", "SNAKEMAKE_STORAGE_S3_SECRET_KEY": "any"}
+    with (folder / "terminal").open("ab") as terminal:
+        return subprocess.Popen(
+            [
+                sys.executable, "-m", "lfcore.workflow.run",
+                "--workflow-profile", "profiles/s3", "--storage-s3-endpoint-url", url,
+                "--default-storage-prefix", prefix, "--directory", str(folder),
+                "--configfile", "config/micro.yaml", "--config", *SMALL,
+                "--", "results/tables/index.html",
+            ],
+            cwd=ROOT, env=os.environ | keys, stdout=terminal, stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )  # fmt: skip
+
+
+def objects(client, bucket: str) -> dict[str, str]:
+    """Name and SHA-256 of each object that holds no seconds."""
+    found = {}
+    for page in client.get_paginator("list_objects_v2").paginate(Bucket=bucket):
+        for one in page.get("Contents", ()):
+            if one["Key"].endswith(KEPT):
+                body = client.get_object(Bucket=bucket, Key=one["Key"])["Body"].read()
+                found[one["Key"].partition("results/")[2]] = hashlib.sha256(body).hexdigest()
+    return found
+
+
+def check(folder: Path, url: str, client) -> list[str]:
+    """What is wrong; empty when all is well."""
+    for bucket in ("undisturbed", "killed"):
+        client.create_bucket(Bucket=bucket)
+    begun = time.monotonic()
+    if start(url, folder / "undisturbed", "s3://undisturbed/run").wait():
+        return [(folder / "undisturbed" / "terminal").read_text()[-3000:]]
+    wanted = objects(client, "undisturbed")
+    print(f"undisturbed: {len(wanted)} objects in {time.monotonic() - begun:.0f} s", flush=True)
+    first = start(url, folder / "killed", "s3://killed/run")
+    while first.poll() is None and not any(
+        name.endswith("0000.segments") for name in _names(client, "killed")
+    ):
+        time.sleep(0.2)
+    if first.poll() is not None:
+        return ["the run ended before it was killed"]
+    os.killpg(first.pid, signal.SIGKILL)
+    first.wait()
+    before = len(objects(client, "killed"))
+    status = start(url, folder / "killed", "s3://killed/run").wait()
+    found = objects(client, "killed")
+    same = found == wanted
+    print(f"killed after {before} objects, gone on with: status {status}, {len(found)} objects, "
+          f"{'identical' if same else 'DIFFERENT'}", flush=True)  # fmt: skip
+    wrong = [] if same and not status else [(folder / "killed" / "terminal").read_text()[-3000:]]
+    return wrong + where_it_lies(url) + no_bucket(url, folder)
+
+
+def _names(client, bucket: str) -> list[str]:
+    return [one["Key"] for one in client.list_objects_v2(Bucket=bucket).get("Contents", ())]
+
+
+def where_it_lies(url: str) -> list[str]:
+    """Open a light field by its name in the storage, in a process whose environment names it."""
+    program = (
+        "from lfcore import LightField\n"
+        "field = LightField.open('s3://killed/run/results/chart/M32/N8/lightfield.mkv')\n"
+        "print('view of s3://...:', field.view(3, 4).shape)\n"
+    )
+    keys = {"AWS_ENDPOINT_URL": url, "AWS_ACCESS_KEY_ID": "any", "AWS_SECRET_ACCESS_KEY": "any"}
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, env=os.environ | keys, check=False,
+        capture_output=True, text=True,
+    )  # fmt: skip
+    print(done.stdout.strip(), flush=True)
+    return [done.stderr[-1000:]] if done.returncode else []
+
+
+def no_bucket(url: str, folder: Path) -> list[str]:
+    """What a run says of a bucket that is not there."""
+    status = start(url, folder / "absent", "s3://absent/run").wait()
+    said = (folder / "absent" / "terminal").read_text()
+    lines = [line for line in said.splitlines() if "'absent'" in line]
+    print(f"a bucket that is not there: status {status}, {lines[-1:]}")
+    clear = status and lines and "Traceback" not in said
+    return [] if clear else [f"a bucket that is not there is not named: {said[-2000:]}"]
+
+
+def main() -> int:
+    absent = [name for name in PACKAGES if importlib.util.find_spec(name) is None]
+    if absent:
+        print(f"SKIPPED: {', '.join(absent)} not found (pip install 'lfcore[s3,dev]')")
+        return 0
+    import boto3
+
+    with tempfile.TemporaryDirectory() as name, server(Path(name)) as url:
+        client = boto3.client(
+            "s3", endpoint_url=url, region_name="us-east-1", aws_access_key_id="any",
+            aws_secret_access_key="any",
+        )  # fmt: skip
+        wrong = check(Path(name), url, client)
+    print("\n".join(wrong))
+    return int(bool(wrong))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
