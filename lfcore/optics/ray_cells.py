@@ -127,12 +127,12 @@ def _lens_cells(count: int, pitch: float, aperture: Aperture) -> LensCells:
     # What a point stands for may lie in two cells: each has its part.
     edges = (np.arange(count + 1) - count / 2)[:, None] * pitch
     ends = np.maximum(edges[:-1], line - spacing / 2), np.minimum(edges[1:], line + spacing / 2)
-    member = np.clip((ends[1] - ends[0]) / spacing, 0, 1)
+    member, part = np.clip((ends[1] - ends[0]) / spacing, 0, 1), (ends[0] + ends[1]) / 2
     area = member @ inside @ member.T
     filled = np.maximum(area, 1e-300)
     middle, extent = [], []
     for axis in range(2):
-        first, second = (_moment(member, inside, line**power, axis) / filled for power in (1, 2))
+        first, second = (_moment(member, inside, part**power, axis) / filled for power in (1, 2))
         middle.append(first.ravel())
         spread = np.maximum(second - first**2, 0) + spacing**2 / 12
         extent.append(np.sqrt(12 * spread).ravel())
@@ -140,7 +140,8 @@ def _lens_cells(count: int, pitch: float, aperture: Aperture) -> LensCells:
     return LensCells(np.stack(middle, 1), np.stack(extent, 1), share)
 
 
-def _moment(member: np.ndarray, inside: np.ndarray, weight: np.ndarray, axis: int) -> np.ndarray:
-    """(rows, columns) sum of ``weight`` of the points of each cell along x (0) or y (1)."""
-    weighted = inside * (weight[None, :] if axis == 0 else weight[:, None])
-    return member @ weighted @ member.T
+def _moment(member: np.ndarray, inside: np.ndarray, place: np.ndarray, axis: int) -> np.ndarray:
+    """(rows, columns) sum of ``place`` (cells, points) of the points of each cell along x or y."""
+    across, down = (member * place, member) if axis == 0 else (member, member * place)
+    return down @ inside @ across.T
+
