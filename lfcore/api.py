@@ -29,7 +29,7 @@ from lfcore.optics.slab import Slab
 from lfcore.rendering.by_depth import DEFAULT_COUNT, RayCount, pictures_by_depth
 from lfcore.rendering.direct import focused_camera, trace_picture, trace_planes
 from lfcore.rendering.prepared import open_tracer, open_tracers, opened
-from lfcore.rendering.quality import Rendering, pictures_of_quality
+from lfcore.rendering.quality import MOST_RAYS, Rendering, pictures_of_quality
 from lfcore.scene.build import build_scene
 from lfcore.scene.emitters import POINTS
 from lfcore.scene.files import load_scene as load_prepared
@@ -142,17 +142,24 @@ def render_to_quality(
     *,
     planes: Sequence[SensorPlane] | None = None,
     pixels: int = 256,
+    most_rays: float = MOST_RAYS,
     device: Device | str | None = None,
     progress: Progress | None = None,
 ) -> Rendering:
-    """As :func:`render`, with as few rays as give every picture a PSNR of ``quality_db``.
+    """As :func:`render`, with about as few rays as give every picture a PSNR of ``quality_db``.
 
-    Against the average over pixel and lens, sRGB.  A pilot of 52 rays a pixel tells how many it
-    takes; what is expected of each picture is in the result, whose pictures are (P, M, M, 3).
+    Against the average over pixel and lens, sRGB.  Rays are traced in rounds, the first of 9 a
+    pixel; what the rounds disagree by tells how many more it takes, and what is expected of each
+    picture.  All rounds are in the pictures, (P, M, M, 3).
+
+    Parameters
+    ----------
+    most_rays : the budget, rays a pixel.
+    progress : called with (rays a pixel done, of those wanted as far as is known).
 
     Raises
     ------
-    OpticsError : a plane that the lens cannot form, or a quality beyond 4096 rays a pixel.
+    OpticsError : a plane that the lens cannot form, or a quality beyond the budget.
     DeviceError : no device, or none whose name fits.
 
     Source: docs/notebook/true-picture.md.
@@ -161,8 +168,12 @@ def render_to_quality(
     camera = _lens_for(scene, wanted)
     if not (math.isfinite(quality_db) and quality_db > 0):
         raise OpticsError(f"must be a positive number of dB, not {quality_db}", key="quality")
+    if not most_rays > 0:
+        raise OpticsError(f"must be positive, not {most_rays:g}", key="most_rays")
     tracer = open_tracer(scene, device)
-    return pictures_of_quality(tracer, camera, wanted, pixels, quality_db, progress=progress)
+    return pictures_of_quality(
+        tracer, camera, wanted, pixels, quality_db, most_rays=most_rays, progress=progress
+    )
 
 
 def _lens_for(scene: Scene, planes: list[SensorPlane]) -> Camera:

@@ -41,7 +41,7 @@ examples:
   lfcore render table.glb -o table.png --focus 2.5 --f-number 1.4
       a single picture is traced at its own focus
   lfcore render scenes/bike -o bike.png --quality 45
-      with as few rays as that takes, found by a pilot
+      with as few rays as that takes: rounds of rays until their disagreement says so
   lfcore render scene.pbrt -o scene.exr
       as the file says: film, rays a pixel, lens or Camera "lightfield", shutter
   lfcore render scene.pbrt -o square.exr --size 256 --pinhole
@@ -85,6 +85,14 @@ def render_options(command: argparse.ArgumentParser) -> None:
         help="as few rays as every picture needs for this PSNR against the average over its "
         "pixels and the lens, instead of --views and --subpixels",
     )  # fmt: skip
+    add(
+        "--most-rays", type=float, metavar="R",
+        help="rays a pixel that --quality may take at most (4096)",
+    )  # fmt: skip
+    add(
+        "--error-map", type=Path, metavar="FILE",
+        help="with --quality: the error to be expected of each pixel, sRGB in [0, 1], as pictures",
+    )  # fmt: skip
     add("--pinhole", action="store_true", help="one ray through a point")
     plane_options.add_options(command)
     film.add_options(command)
@@ -125,10 +133,15 @@ def add_size(command: argparse.ArgumentParser) -> None:
 
 
 def render(arguments: argparse.Namespace) -> None:
+    import numpy as np
+
     from lfcore import api
+    from lfcore.colour import srgb_decode
 
     check_suffix(arguments.output)
     check_bits(arguments.output, arguments.bits)
+    if arguments.error_map is not None:
+        check_suffix(arguments.error_map)
     _check_rays(arguments)
     scene = open_scene(arguments)
     if film.wanted(arguments, scene):
@@ -146,13 +159,18 @@ def render(arguments: argparse.Namespace) -> None:
                 subpixels=arguments.subpixels, filter=how, progress=report, **same,
             )  # fmt: skip
         else:
-            made = api.render_to_quality(scene, arguments.quality, progress=report, **same)
+            budget = {} if arguments.most_rays is None else {"most_rays": arguments.most_rays}
+            made = api.render_to_quality(
+                scene, arguments.quality, progress=report, **budget, **same
+            )
             pictures = made.pictures
     if arguments.quality is not None:
         db = ", ".join(f"{each:.1f}" for each in made.expected_db)
-        what = f"{made.count} lens samples by rays of a pixel a side"
-        say(f"{what}, {made.count.rays_a_pixel:g} a pixel: {db} dB expected")
-        note(expected_db=list(map(float, made.expected_db)), rays_a_pixel=made.count.rays_a_pixel)
+        say(f"{made.rays_a_pixel:.0f} rays a pixel in {len(made.counts)} rounds: {db} dB expected")
+        note(expected_db=list(map(float, made.expected_db)), rays_a_pixel=made.rays_a_pixel)
+        if arguments.error_map is not None:
+            shown = srgb_decode(np.repeat(made.error[..., None], 3, axis=-1))
+            plane_options.save(arguments.error_map, planes, shown, arguments.bits)
     plane_options.save(arguments.output, planes, pictures, arguments.bits)
 
 
@@ -171,10 +189,12 @@ def _check_rays(arguments: argparse.Namespace) -> None:
             "--quality", "chooses the rays itself",
             "Leave out --views, --subpixels, --pinhole and --filter nearest",
         )  # fmt: skip
+    if arguments.quality is None and (arguments.most_rays or arguments.error_map):
+        refuse("--quality", "is what --most-rays and --error-map belong to", "Give it, too")
 
 
 def _rays(arguments: argparse.Namespace, size: int) -> int:
-    """Rays that pictures are made of; 0 where a pilot is to say how many."""
+    """Rays that pictures are made of; 0 where their disagreement is to say how many."""
     from lfcore.api import VIEWS
     from lfcore.rendering.by_depth import DEFAULT_COUNT
 

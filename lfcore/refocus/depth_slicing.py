@@ -27,8 +27,9 @@ from lfcore.optics.ray_cells import LensCells, ViewSet, lens_cells
 BOUNDS_PX = (0.5, 2.0)
 """Sweeps, pixels of the picture, that part what is in focus from what lies before and behind it:
 measured, docs/notebook/true-picture.md."""
-LEAST_OF_RAY = 0.5
-"""Least side of a box, of the distance between neighbouring rays of a view: measured there."""
+LEAST_OF_RAY, LEAST_OF_ALL = 0.5, 2.0
+"""Least side of a box: of the distance between neighbouring rays of a view, and of all views
+together where they are in focus, whichever is less: measured there."""
 STRIPS_A_THREAD = 2
 PAGE = 4096
 MOST_RAYS_A_PIXEL = 1 << 20
@@ -70,7 +71,9 @@ class DepthSlicer:
             )
         self.views, self.planes, self.pixels = views, list(planes), pixels
         self.device = device or open_device()
-        self.least_px = LEAST_OF_RAY * pixels / slab.pixels if least_px is None else least_px
+        if least_px is None:
+            least_px = min(LEAST_OF_RAY, LEAST_OF_ALL / slab.views) * pixels / slab.pixels
+        self.least_px = least_px
         program = build_program(
             self.device, ["refocus/kernels/depth_slicing.cl"], {"N_BOUNDS": len(bounds_px)}
         )

@@ -53,7 +53,7 @@ class RayCount:
         return (self.views * self.subpixels) ** 2
 
     def __str__(self) -> str:
-        return f"{self.views} x {self.subpixels:g}"
+        return f"{self.views} x {self.subpixels:.3g}"
 
 
 DEFAULT_COUNT = RayCount(8, 2)

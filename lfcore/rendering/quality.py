@@ -1,11 +1,14 @@
-"""Pictures of a wanted quality: a pilot's two lattices say how many rays it takes.
+"""Pictures of a wanted quality: rounds of rays, until their disagreement says it is reached.
 
-Two lattices of unlike views and displacements err independently, by mean squares that fall as
-their rays rise.  So what they disagree by tells the error of either, and of more rays.
+Two lattices of unlike views and sub-pixels err independently, by mean squares that fall as their
+rays rise.  So what they disagree by tells their error, and how many more rays a quality takes.  The
+mean of all rounds, weighted by their rays, is as good as one lattice of as many: no ray of the
+pilot is lost (docs/notebook/true-picture.md).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -15,25 +18,20 @@ from lfcore.colour import srgb_encode
 from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
-from lfcore.rendering.by_depth import RayCount, pictures_by_depth
+from lfcore.rendering.by_depth import FOOTPRINT, RayCount, pictures_by_depth
 from lfcore.tracing.tracer import Tracer
 
-PILOT = (RayCount(4, 1), RayCount(4, 1.5))
-PILOT_FOOTPRINT_PX = 0.125
-LATTICES = (
-    (RayCount(4, 1), 1.5),
-    (RayCount(4, 1.5), 1.5),
-    (RayCount(4, 2), 1.0),
-    (RayCount(5, 2), 1.0),
-    (RayCount(6, 2), 1.0),
-    (RayCount(8, 2), 1.2),
-    (RayCount(8, 3), 2.0),
-    (RayCount(8, 4), 3.0),
-    (RayCount(12, 4), 4.0),
-    (RayCount(16, 4), 5.0),
-)
-"""What to choose from, fewest rays first, and by how many dB the pilot promises too much: what few
-lens samples get wrong alike is no disagreement.  Measured, docs/notebook/true-picture.md."""
+PILOT = (RayCount(2, 1), RayCount(3, 0.75))
+FOOTPRINT_PX = 0.0625
+"""That textures of a round are filtered over at most: what many rays see must be seen by few."""
+SHARED_DB = 1.5
+"""What both lattices of a pair get wrong alike, and no disagreement tells: measured there."""
+MOST_RAYS = 4096
+"""A pixel, that a quality may take if no budget is given."""
+GROWTH, LAST_GROWTH = 8.0, 0.6
+"""How many times the rays so far a pair of rounds may add, and up to which one lattice ends it."""
+PAIR_SHARE = 0.7
+"""Of the missing rays that a pair traces: it knows better than what came before how many miss."""
 BORDER = 0.08
 """Of a picture's side: what not all of the lens sees is not judged."""
 
@@ -45,13 +43,20 @@ class Rendering:
     Attributes
     ----------
     pictures : (P, M, M, 3) float32, linear light.
-    count : the rays of a pixel that they were made of.
+    counts : the lattices of rays that they are the mean of.
     expected_db : (P,) PSNR of each, sRGB, against the average over pixel and lens.
+    error : (P, M, M) float32: the error of each pixel to be expected, sRGB in [0, 1], root mean
+        square over channels.  Of one pixel it is itself as uncertain; smooth it to compare places.
     """
 
     pictures: np.ndarray
-    count: RayCount
+    counts: tuple[RayCount, ...]
     expected_db: np.ndarray
+    error: np.ndarray
+
+    @property
+    def rays_a_pixel(self) -> float:
+        return sum(count.rays_a_pixel for count in self.counts)
 
 
 def pictures_of_quality(
@@ -61,53 +66,107 @@ def pictures_of_quality(
     pixels: int,
     quality_db: float,
     *,
+    most_rays: float = MOST_RAYS,
     progress: Callable[[int, int], None] | None = None,
 ) -> Rendering:
-    """As :func:`pictures_by_depth`, with the fewest rays that give the worst plane ``quality_db``.
+    """As :func:`pictures_by_depth`, with about as few rays as give the worst plane ``quality_db``.
 
-    Raises :class:`OpticsError` for a quality that no lattice is expected to reach.
+    ``most_rays`` is the budget, a pixel.  ``progress`` is called with (rays a pixel done, of those
+    wanted as far as is known).
+
+    Raises :class:`OpticsError` for a quality that is expected to take more.
     """
-    made = pilot_pictures(tracer, camera, planes, pixels)
-    expected = expectations(*made)
-    reached = [(count, db) for count, db in expected if db.min() >= quality_db]
-    if not reached:
-        best, db = expected[-1]
-        raise OpticsError(
-            f"{quality_db:g} dB takes more than {best.rays_a_pixel:,.0f} rays a pixel",
-            key="quality",
-            remedy=f"Ask for at most {db.min():.1f} dB, or for fewer planes",
-        )
-    count, db = reached[0]
-    if count in PILOT:
-        return Rendering(made[PILOT.index(count)], count, db)
-    pictures = pictures_by_depth(tracer, camera, planes, pixels, count, progress=progress)
-    return Rendering(pictures, count, db)
+
+    def trace(count: RayCount) -> np.ndarray:
+        own = FOOTPRINT * pixels / (count.views * count.side(pixels))
+        footprint = min(FOOTPRINT_PX, own)
+        return pictures_by_depth(tracer, camera, planes, pixels, count, footprint_px=footprint)
+
+    rounds = _Rounds([(count, trace(count)) for count in PILOT])
+    while True:
+        missing = rounds.missing_rays(quality_db)
+        if missing <= 0:
+            return rounds.rendering()
+        wanted = rounds.rays + missing
+        if wanted > most_rays:
+            raise _too_much(quality_db, wanted, most_rays, rounds)
+        if progress:
+            progress(round(rounds.rays), round(wanted))
+        if missing <= LAST_GROWTH * rounds.rays:
+            count = one_lattice(missing)
+            rounds.add(count, trace(count))
+        else:
+            rays = min(PAIR_SHARE * missing, GROWTH * rounds.rays)
+            pair = unlike_lattices(rays / 2)
+            rounds.add_pair([(count, trace(count)) for count in pair])
 
 
-def pilot_pictures(
-    tracer: Tracer, camera: Camera, planes: Sequence[SensorPlane], pixels: int
-) -> list[np.ndarray]:
-    """The pictures (P, M, M, 3) that :func:`expectations` compares.
-
-    Their textures are filtered as those of many rays are: what aliases there must be seen here.
-    """
-    return [
-        pictures_by_depth(tracer, camera, planes, pixels, count, footprint_px=PILOT_FOOTPRINT_PX)
-        for count in PILOT
-    ]
+def _too_much(quality_db: float, wanted: float, most: float, rounds: _Rounds) -> OpticsError:
+    reachable = rounds.expected_db(most).min()
+    return OpticsError(
+        f"{quality_db:g} dB takes about {wanted:,.0f} rays a pixel, and the budget is {most:,.0f}",
+        key="quality",
+        remedy=f"Ask for at most {reachable:.1f} dB, for fewer planes, or give a larger budget",
+    )
 
 
-def expectations(one: np.ndarray, two: np.ndarray) -> list[tuple[RayCount, np.ndarray]]:
-    """PSNR in dB of each plane to be expected of every lattice, (P,) each.
+def one_lattice(rays: float) -> RayCount:
+    """A lattice of so many rays a pixel, about as many views as its sub-pixels want."""
+    side = math.sqrt(rays)
+    views = max(1, round(2 * math.sqrt(side)))
+    return RayCount(views, side / views)
 
-    ``one`` and ``two`` are the pilot's pictures (P, M, M, 3), linear light.
-    """
-    border = int(BORDER * one.shape[1])
-    inner = np.s_[:, border : one.shape[1] - border, border : one.shape[1] - border]
-    off = np.square(srgb_encode(one[inner].astype(float)) - srgb_encode(two[inner].astype(float)))
-    apart = np.maximum(off.mean(axis=(1, 2, 3)), 1e-12)
-    of_one_ray = apart / sum(1 / count.rays_a_pixel for count in PILOT)
-    return [
-        (count, -10 * np.log10(of_one_ray / count.rays_a_pixel) - too_much)
-        for count, too_much in LATTICES
-    ]
+
+def unlike_lattices(rays: float) -> tuple[RayCount, RayCount]:
+    """Two of so many rays a pixel each, a third or more apart in views and in sub-pixels."""
+    side = math.sqrt(rays)
+    few = max(1, round(1.7 * math.sqrt(side)))
+    many = max(few + 1, round(2.4 * math.sqrt(side)))
+    return RayCount(few, side / few), RayCount(many, side / many)
+
+
+Round = tuple[RayCount, np.ndarray]
+
+
+class _Rounds:
+    """What was traced: the last pair of lattices tells the error of all together."""
+
+    def __init__(self, pilot: Sequence[Round]):
+        self.counts: list[RayCount] = []
+        self._sum = np.zeros_like(pilot[0][1], np.float64)
+        self.add_pair(pilot)
+
+    @property
+    def rays(self) -> float:
+        """A pixel."""
+        return sum(count.rays_a_pixel for count in self.counts)
+
+    def add(self, count: RayCount, pictures: np.ndarray) -> None:
+        self.counts.append(count)
+        self._sum += count.rays_a_pixel * pictures
+
+    def add_pair(self, pair: Sequence[Round]) -> None:
+        """Add two rounds, whose disagreement replaces what was known of the error."""
+        for count, pictures in pair:
+            self.add(count, pictures)
+        encoded = [srgb_encode(pictures.astype(np.float64)) for _, pictures in pair]
+        # Errors of k / n each are apart by k (1 / n1 + 1 / n2) in mean squares.
+        apart = np.square(encoded[0] - encoded[1]).mean(axis=-1)
+        self._of_one_ray = apart / sum(1 / count.rays_a_pixel for count, _ in pair)
+
+    def expected_db(self, rays: float) -> np.ndarray:
+        """(P,) of pictures of so many rays a pixel."""
+        side = self._of_one_ray.shape[1]
+        inner = slice(int(BORDER * side), side - int(BORDER * side))
+        found = self._of_one_ray[:, inner, inner].mean(axis=(1, 2)) / rays
+        return -10 * np.log10(np.maximum(found, 1e-12)) - SHARED_DB
+
+    def missing_rays(self, quality_db: float) -> float:
+        """A pixel, beyond those there are; 0 where the quality is reached."""
+        lacking = quality_db - float(self.expected_db(self.rays).min())
+        return max(0.0, self.rays * (10 ** (lacking / 10) - 1)) if lacking > 1e-6 else 0.0
+
+    def rendering(self) -> Rendering:
+        error = np.sqrt(self._of_one_ray / self.rays).astype(np.float32)
+        pictures = (self._sum / self.rays).astype(np.float32)
+        return Rendering(pictures, tuple(self.counts), self.expected_db(self.rays), error)

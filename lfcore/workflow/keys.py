@@ -312,7 +312,11 @@ class TruePicture(Keys):
         [[12, 4], [10, 5]],
     )
     lattices: Annotated[list[LATTICE], Distinct, Field(min_length=1, max_length=12)] = key(
-        "lattices that are sliced by depth", [[4, 1], [4, 1.5], [4, 2], [6, 2], [8, 2], [8, 3]]
+        "lattices that are sliced by depth",
+        [[4, 1], [4, 1.25], [4, 1.5], [4, 2], [6, 2], [8, 2], [8, 3]],
+    )
+    qualities_db: Annotated[list[real(10, 80)], Distinct, Field(max_length=12)] = key(
+        "PSNR in dB that is asked for, as of `lfcore render --quality`", [35, 40, 45, 50]
     )
     nearest_views: several(whole(2, 1024), 1, 8) = key(
         "N of the thesis's recipe through the stopped-down lens", [16, 64]

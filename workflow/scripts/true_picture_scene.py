@@ -23,8 +23,9 @@ with job(snakemake.log[0], snakemake.threads):
             seconds=traced["seconds"],
         )  # fmt: skip
     counts = [RayCount(int(views), subpixels) for views, subpixels in params.study["lattices"]]
-    rows += method_rows(tracer, [wide], counts, [])
-    rows += method_rows(tracer, [stopped], counts, params.study["nearest_views"])
+    asked = params.study["qualities_db"]
+    rows += method_rows(tracer, [wide], counts, [], asked)
+    rows += method_rows(tracer, [stopped], counts, params.study["nearest_views"], asked)
     device = tracer.device
     write_json(
         snakemake.output[0], {"device": device.name, "threads": device.threads, "rows": rows}

@@ -10,10 +10,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from lfcore.evaluation.figures import save_figure
-from lfcore.evaluation.true_picture.points import BY_DEPTH, NEAREST
+from lfcore.evaluation.true_picture.points import BY_DEPTH, NEAREST, TO_QUALITY
 from lfcore.evaluation.work_precision.figure import pareto
 
-STYLES = {BY_DEPTH: ("C0", "o"), NEAREST: ("C1", "s")}
+STYLES = {
+    BY_DEPTH: ("C0", "o", "by depth (lens samples x rays of a pixel, a side)"),
+    TO_QUALITY: ("C2", "^", "by depth, as many rays as a quality takes"),
+    NEAREST: ("C1", "s", "nearest pixel (lens samples x rays of a pixel, a side)"),
+}
 GOALS_DB = (40, 45, 50)
 
 
@@ -47,7 +51,7 @@ def true_errors(path: str | Path, rows: pd.DataFrame, *, machine: str) -> None:
         handles.values(),
         handles,
         loc="outside upper center",
-        ncols=min(2, len(scenes)),
+        ncols=min(3, len(scenes)),
         frameon=False,
         fontsize=8,
     )
@@ -69,13 +73,13 @@ def _panel(axis, rows: pd.DataFrame, title: str) -> None:
     error = 10 ** (-rows.psnr_true_db.to_numpy(float) / 20)
     front = rows[pareto(error, rows.seconds.to_numpy(float))].sort_values("seconds")
     axis.plot(front.seconds, front.psnr_true_db, color="0.8", linewidth=7, alpha=0.6, zorder=1)
-    for method, (colour, marker) in STYLES.items():
+    for method, (colour, marker, label) in STYLES.items():
         curve = rows[rows.method == method].sort_values("rays")
         if curve.empty:
             continue
         axis.plot(
             curve.seconds, curve.psnr_true_db, color=colour, marker=marker, markersize=4,
-            label=f"{method} (lens samples x rays of a pixel a side)",
+            label=label,
         )  # fmt: skip
         # Every second label above, the others below the curve: they stand apart.
         for number, (_, row) in enumerate(curve.iterrows()):

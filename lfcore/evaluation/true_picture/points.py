@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -12,14 +13,16 @@ from lfcore.evaluation.true_picture.reference import Reference, inner_psnr
 from lfcore.optics.slab import Slab
 from lfcore.rendering.by_depth import RayCount, pictures_by_depth
 from lfcore.rendering.direct import trace_planes
-from lfcore.rendering.quality import expectations, pilot_pictures
+from lfcore.rendering.quality import pictures_of_quality
 from lfcore.tracing.tracer import Tracer
 
 COLUMNS = (
     "scene", "f_number", "plane_m", "method", "lattice", "rays_per_pixel", "rays", "seconds",
     "bytes", "psnr_true_db", "expected_db", "truth_known_db",
 )  # fmt: skip
-NEAREST, BY_DEPTH = "nearest pixel", "by depth"
+NEAREST, BY_DEPTH, TO_QUALITY = "nearest pixel", "by depth", "to a quality"
+
+Made = TypeVar("Made")
 
 
 def rounded(rows: pd.DataFrame) -> pd.DataFrame:
@@ -61,6 +64,7 @@ def method_rows(
     references: Sequence[Reference],
     counts: Sequence[RayCount],
     nearest_views: Sequence[int],
+    targets_db: Sequence[float] = (),
 ) -> Iterator[dict]:
     """Rows of every method at every lattice, timed for all planes of a reference together.
 
@@ -69,17 +73,19 @@ def method_rows(
     references : one an aperture.
     counts : lattices of slicing by depth.
     nearest_views : N of the thesis's recipe, whose rays pass the middle of a pixel.
+    targets_db : qualities that are asked for, whose rays are chosen by their disagreement.
     """
     for reference in references:
-        expected = _expected(tracer, reference)
         for count in counts:
             pictures, seconds = _by_depth(tracer, reference, count)
             rays = count.rays(reference.pictures.shape[1])
             yield from plane_rows(
-                reference, pictures, expected_db=expected.get(count), scene=tracer.scene.name,
+                reference, pictures, scene=tracer.scene.name,
                 method=BY_DEPTH, lattice=str(count), rays=rays, seconds=seconds,
                 rays_per_pixel=rays / reference.pictures.shape[1] ** 2, bytes=16 * rays,
             )  # fmt: skip
+        for target in targets_db:
+            yield from _to_quality(tracer, reference, target)
         for views in nearest_views:
             slab = Slab(tracer.scene.camera, views, reference.pictures.shape[1])
             pictures, seconds = _nearest(tracer, reference, slab)
@@ -96,19 +102,27 @@ def _by_depth(tracer: Tracer, reference: Reference, count: RayCount) -> tuple[np
     )
 
 
+def _to_quality(tracer: Tracer, reference: Reference, target: float) -> Iterator[dict]:
+    """Rows of pictures that were asked for ``target`` dB."""
+    camera, pixels = tracer.scene.camera, reference.pictures.shape[1]
+    made, seconds = _timed(
+        tracer, lambda: pictures_of_quality(tracer, camera, reference.planes, pixels, target)
+    )
+    rays = sum(count.rays(pixels) for count in made.counts)
+    expected = [float(each) for each in made.expected_db]
+    yield from plane_rows(
+        reference, made.pictures, expected_db=expected, scene=tracer.scene.name, rays=rays,
+        method=TO_QUALITY, lattice=f"{target:g} dB", rays_per_pixel=rays / pixels**2,
+        seconds=seconds, bytes=16 * max(count.rays(pixels) for count in made.counts),
+    )  # fmt: skip
+
+
 def _nearest(tracer: Tracer, reference: Reference, slab: Slab) -> tuple[np.ndarray, float]:
     return _timed(tracer, lambda: trace_planes(tracer, slab, reference.planes))
 
 
-def _timed(tracer: Tracer, work: Callable[[], np.ndarray]) -> tuple[np.ndarray, float]:
+def _timed(tracer: Tracer, work: Callable[[], Made]) -> tuple[Made, float]:
     """What ``work`` makes, and its seconds when programs are built."""
-    made: list[np.ndarray] = []
+    made: list[Made] = []
     timing = measure(lambda: made.append(work()), repeats=1, finish=tracer.device.queue.finish)
     return made[-1], timing.median
-
-
-def _expected(tracer: Tracer, reference: Reference) -> dict[RayCount, list[float]]:
-    """What the pilot says of every lattice that it knows."""
-    pixels = reference.pictures.shape[1]
-    pilot = pilot_pictures(tracer, tracer.scene.camera, reference.planes, pixels)
-    return {count: [float(each) for each in db] for count, db in expectations(*pilot)}

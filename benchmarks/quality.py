@@ -1,0 +1,111 @@
+"""Qualities that are asked for, and what comes: python -m benchmarks.quality --out FILE.csv
+
+For each scene, open and stopped down, five planes of its focal stack are asked for at several
+qualities (as by ``lfcore render --quality``).  A row says what the worst plane has against the
+average over pixel and lens, what was expected of it, the rays that it took, and the fewest that
+reach as much: between single lattices of slicing by depth, by the logarithm of their rays.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.publish import Result, of_this_run
+from lfcore.api import load_scene
+from lfcore.errors import OpticsError
+from lfcore.evaluation.true_picture.reference import Reference, inner_psnr, true_pictures
+from lfcore.files import write_text
+from lfcore.optics.planes import SensorPlane
+from lfcore.rendering.by_depth import RayCount, pictures_by_depth
+from lfcore.rendering.prepared import open_tracer
+from lfcore.rendering.quality import pictures_of_quality
+from lfcore.tracing.tracer import Tracer
+
+SCENES = Path(__file__).resolve().parents[1] / "scenes"
+TRUTH = RayCount(12, 4), RayCount(10, 5)
+LATTICES = [
+    RayCount(*each)
+    for each in (
+        (2, 1), (3, 1), (4, 1), (4, 1.25), (4, 1.5), (4, 2), (5, 2), (6, 2), (8, 2), (8, 2.5),
+        (8, 3), (8, 4), (12, 4),
+    )
+]  # fmt: skip
+TARGETS_DB = (35, 40, 45, 50, 55)
+STOPS = (0, 4)
+NEAR_DB = 0.1
+"""By how much less counts as reached: what the truth itself is uncertain by."""
+
+
+def worst(pictures: np.ndarray, truth: Reference) -> float:
+    """dB of the worst plane."""
+    return min(inner_psnr(*pair) for pair in zip(pictures, truth.pictures, strict=True))
+
+
+def fewest_rays(tracer: Tracer, truth: Reference, targets: list[float]) -> np.ndarray:
+    """Rays a pixel of single lattices that reach each target; NaN beyond them."""
+    camera, pixels = tracer.scene.camera, truth.pictures.shape[1]
+    found = [
+        worst(pictures_by_depth(tracer, camera, truth.planes, pixels, count), truth)
+        for count in LATTICES
+    ]
+    best = np.maximum.accumulate(found)
+    rays = np.log([count.rays_a_pixel for count in LATTICES])
+    return np.exp(np.interp(targets, best, rays, left=rays[0], right=np.nan))
+
+
+def rows_of(tracer: Tracer, pixels: int, targets: list[float]) -> Iterator[dict]:
+    scene = tracer.scene
+    for stops in STOPS:
+        f_number = scene.camera.f_number * 2 ** (stops / 2)
+        planes = [SensorPlane(focus, f_number) for focus in scene.focus_distances_m]
+        truth = true_pictures(tracer, planes, pixels, TRUTH)
+        for target, fewest in zip(targets, fewest_rays(tracer, truth, targets), strict=True):
+            row = {"scene": scene.name, "f_number": f"{f_number:g}", "asked_db": target}
+            try:
+                made = pictures_of_quality(tracer, scene.camera, planes, pixels, target)
+            except OpticsError as error:
+                yield row | {"refused": error.problem}
+                continue
+            found = worst(made.pictures, truth)
+            yield row | {
+                "expected_db": f"{made.expected_db.min():.1f}",
+                "worst_db": f"{found:.1f}",
+                "reached": found >= target - NEAR_DB,
+                "rays_per_pixel": f"{made.rays_a_pixel:.0f}",
+                "fewest": f"{fewest:.0f}",
+                "times_fewest": f"{made.rays_a_pixel / fewest:.2f}",
+                "truth_known_db": f"{truth.known_db.min():.1f}",
+            }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--pixels", type=int, default=128)
+    parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom", "chart"])
+    asked = parser.parse_args()
+    rows: list[dict] = []
+    for name in asked.scenes:
+        tracer = open_tracer(load_scene(SCENES / name))
+        for row in rows_of(tracer, asked.pixels, list(TARGETS_DB)):
+            print(row, flush=True)
+            rows.append(row)
+    table = pd.DataFrame(rows)
+    said = table[table.reached.notna()]
+    reached = said.reached.astype(bool).mean()
+    thrift = (said.times_fewest.astype(float) <= 2).mean()
+    about = of_this_run(
+        f"python -m benchmarks.quality --pixels {asked.pixels} --scenes {' '.join(asked.scenes)}",
+        note=f"Reached in {reached:.0%} of {len(said)} cases, with at most twice the fewest rays "
+        f"in {thrift:.0%}; the others were refused with what they take.",
+    )
+    write_text(asked.out, Result(about, table.fillna("")).text())
+
+
+if __name__ == "__main__":
+    main()
