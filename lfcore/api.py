@@ -207,7 +207,7 @@ def record(
     *,
     views: int | None = None,
     pixels: int = 256,
-    depth_stream: bool = False,
+    depth_stream: bool | None = None,
     subpixels: float | None = None,
     lattice: str = "crossed",
     focus_m: float | None = None,
@@ -225,10 +225,11 @@ def record(
     Parameters
     ----------
     path : the file to write, ``.mkv``; it appears when it is whole.
-    views, pixels : N x N views of M x M pixels; N is 16, or 4 with ``depth_stream``.
+    views, pixels : N x N views of M x M pixels; N is 4, or 16 without ``depth_stream``.
     depth_stream : store the inverse depth of every ray as a stream of its own, and views of
         ``subpixels`` times M pixels (2 by default), so that few of them give pictures of M pixels
-        by depth.
+        by depth; default where ``views`` is not given.  At the bytes of 16 x 16 plain views,
+        pictures of it are 12 dB nearer to the true ones (docs/notebook/true-picture.md).
     lattice : of these views: ``crossed``, each displaced within a pixel against all others, which
         pictures by depth gain 2 dB from, or ``plain``, as all other ways to read a file need.
     focus_m : metres, ``math.inf`` allowed; default the scene's.
@@ -255,7 +256,7 @@ def record(
     from lfcore.rendering.record_depth import DepthStore, record_by_depth
 
     camera = recorded_camera(scene.camera, focus_m, f_number)
-    if depth_stream:
+    if depth_stream or (depth_stream is None and views is None):
         count = RayCount(
             STORED_COUNT.views if views is None else views,
             STORED_COUNT.subpixels if subpixels is None else subpixels,

@@ -53,14 +53,16 @@ examples:
 """
 TRACE = """\
 Trace a scene into a light field file that 'lfcore refocus' makes pictures from: N x N views of
-M x M pixels, as H.264 video or another codec. SCENE is as for 'lfcore render'."""
+M x M pixels, as H.264 video or another codec. Unless --views says how many, they are few, and the
+depth of every ray is stored beside it. SCENE is as for 'lfcore render'."""
 TRACE_EPILOG = """\
 examples:
+  lfcore trace scenes/bike -o bike.mkv --size 256
+      4 x 4 views of 512 x 512 and the depth of every ray: pictures of 256 x 256 by depth
   lfcore trace scenes/bike -o bike.mkv --size 256 --views 32
+      32 x 32 views of 256 x 256, each as it is, for any program
   lfcore trace table.glb -o table.mkv --size 512 --views 16 --layout views --crf 18
   lfcore trace table.glb -o table.mkv --size 128 --views 16 --codec ffv1     lossless video
-  lfcore trace scenes/bike -o bike.mkv --size 256 --depth-stream
-      4 x 4 views of 512 x 512 and the depth of every ray: pictures of 256 x 256 by depth
   lfcore trace scene.pbrt -o scene.mkv
       a scene with Camera "lightfield": its own cameras, rays a pixel and shutter
 """
@@ -103,12 +105,13 @@ def trace_options(command: argparse.ArgumentParser) -> None:
     add_output(command, "file to write, .mkv")
     add_size(command)
     command.add_argument(
-        "--views", type=int, metavar="N", help="N x N views (16, or 4 with --depth-stream)"
+        "--views", type=int, metavar="N", help="N x N views (4, or 16 with --no-depth-stream)"
     )
     by_depth = command.add_argument_group("for pictures by depth")
     by_depth.add_argument(
-        "--depth-stream", action="store_true",
-        help="store the inverse depth of every ray beside it, so that few views do",
+        "--depth-stream", action=argparse.BooleanOptionalAction,
+        help="store the inverse depth of every ray beside it, so that few views do (default where "
+        "--views is not given)",
     )  # fmt: skip
     by_depth.add_argument(
         "--subpixels", type=float, metavar="Q", help="views of Q times M pixels a side (2)"
@@ -116,7 +119,7 @@ def trace_options(command: argparse.ArgumentParser) -> None:
     by_depth.add_argument(
         "--lattice", choices=tuple(LATTICES), default="crossed",
         help="views displaced within a pixel against one another (default), or plain, which "
-        "other filters and exports need",
+        "the filters nearest and bilinear need",
     )  # fmt: skip
     lens = command.add_argument_group("the lens (default: the scene's)")
     lens.add_argument("--focus", type=distance, metavar="M", help="metres, or 'inf'")

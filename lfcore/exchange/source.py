@@ -14,6 +14,7 @@ from lfcore.lightfield import LightField
 from lfcore.opencl.device import Device
 from lfcore.optics import bundles
 from lfcore.optics.slab import Slab
+from lfcore.refocus.free_views import views_at
 from lfcore.refocus.views import read_views
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.files import scene_digest
@@ -77,7 +78,6 @@ class Source:
                 "holds a camera array that is no slab", file=field.path,
                 remedy="Write its pictures with lfcore imgtool tiles",
             )  # fmt: skip
-        field.require_grid()
         self.field, self.slab, self.truth = field, slab, truth
         across, down = field.grid
         self._i = _chosen(selection, 0, across, slab, field)
@@ -134,7 +134,10 @@ class Source:
     ) -> Iterator[tuple[int, int, np.ndarray]]:
         """(column, row, (height, width, 3) uint8 sRGB), row after row; decoded in bands."""
         total = self.columns * self.rows
-        bands = self._picked() if self.field.layout.kind == "macropixels" else self._bands()
+        if self.field.displaced:
+            bands = self._made()
+        else:
+            bands = self._picked() if self.field.layout.kind == "macropixels" else self._bands()
         for done, (column, row, picture) in enumerate(bands, 1):
             window = picture[self.top : self.top + self.height, self.left : self.left + self.width]
             yield column, row, np.ascontiguousarray(window)
@@ -161,6 +164,17 @@ class Source:
         step = max(1, BAND_BYTES // (width * height * 12))
         for start in range(0, len(samples), step):
             light = read_views(self.field, samples[start : start + step])
+            for k, picture in enumerate(light, start):
+                row, column = divmod(k, self.columns)
+                yield column, row, srgb_codes(picture)
+
+    def _made(self) -> Iterator[tuple[int, int, np.ndarray]]:
+        """From a file of displaced views: those of one grid, made by depth."""
+        samples, slab = np.array([(i, j) for j in self._j for i in self._i]), self.slab
+        points = (samples - (slab.views - 1) / 2) * slab.lens_pitch_m
+        step = max(1, BAND_BYTES // (slab.pixels**2 * 12))
+        for start in range(0, len(points), step):
+            light = views_at(self.field, points[start : start + step], slab.pixels)
             for k, picture in enumerate(light, start):
                 row, column = divmod(k, self.columns)
                 yield column, row, srgb_codes(picture)

@@ -67,8 +67,8 @@ def record_by_depth(
 ) -> Metadata:
     """Trace ``slab`` and write the light field file ``path`` with a stream of inverse depths.
 
-    Each view is traced once for colour and once for depth, by all of the device; colours and
-    depths are encoded by a thread each meanwhile.
+    Colour and depth are traced together, by all of the device; they are encoded by a thread each
+    meanwhile.
 
     Parameters
     ----------

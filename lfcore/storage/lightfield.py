@@ -55,13 +55,18 @@ class LightFieldFile(StoredVideo):
             )  # fmt: skip
         return self.slab
 
+    @property
+    def displaced(self) -> bool:
+        """Whether views see unlike places of a pixel, as slicing by depth wants them."""
+        depth = self.metadata.depth
+        return depth is not None and depth.lattice != "plain"
+
     def require_grid(self) -> Slab:
         """The slab, whose views see the same places of a pixel; :class:`OpticsError` for another.
 
         Raised for views that are displaced for slicing by depth, too.
         """
-        depth = self.metadata.depth
-        if depth and depth.lattice != "plain":
+        if self.displaced:
             raise OpticsError(
                 "has views that are displaced within a pixel, for pictures by depth alone",
                 file=self.path,

@@ -17,6 +17,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import LATTICES
 from lfcore.optics.slab import Slab
 from lfcore.oracle.depth_slicing import slice_by_depth
+from lfcore.pictures import read_codes
 from lfcore.refocus.depth_slicing import BOUNDS_PX, DepthSlicer
 from lfcore.refocus.free_views import inverse_depth
 from lfcore.refocus.views import read_views
@@ -138,7 +139,6 @@ def test_displaced_views_serve_slicing_by_depth_alone(tmp_path, tracer):
     ):
         with pytest.raises(OpticsError, match=r"a.mkv: has views that are displaced.*lattice"):
             wrong()
-    assert main(["export", str(field.path), "-o", str(tmp_path / "out"), "--format", "hci"]) == 1
     plain = stored(tmp_path / "plain.mkv", tracer, "views", "plain")
     assert plain.refocus(2.5, filter="nearest").shape == (20, 20, 3)
     assert plain.refocus(2.5).shape == (PIXELS, PIXELS, 3)
@@ -153,7 +153,7 @@ def test_a_file_without_depth_says_how_to_trace_one(tmp_path, capsys):
     assert said.startswith(run[0]) and "holds no depth" in said and "--depth-stream" in said
     assert main(["refocus", run[0], "--size", "8", "-o", run[2]]) == 1
     assert "belong to the filter 'depth'" in capsys.readouterr().err
-    words = ["trace", chart, "--size", "16", "--depth-stream", "-o", run[1]]
+    words = ["trace", chart, "--size", "16", "-o", run[1]]
     assert main([*words, "--subpixels", "1.5"]) == 0
     assert main(["info", run[1]]) == 0
     said = capsys.readouterr().out
@@ -161,7 +161,8 @@ def test_a_file_without_depth_says_how_to_trace_one(tmp_path, capsys):
     assert "pictures of 16 x 16 pixels, views crossed" in said
     assert main(["refocus", run[1], "--size", "20", "-o", run[2]]) == 0
     assert main(["stack", run[1], "--sheet", "-o", run[3]]) == 0
-    assert main(["trace", chart, "--subpixels", "2", "-o", run[0]]) == 1
+    words = ["trace", chart, "--views", "3", "--subpixels", "2", "-o", run[0]]
+    assert main(words) == 1
     assert "belong to a depth stream" in capsys.readouterr().err
 
 
@@ -200,6 +201,23 @@ def test_a_view_from_between_those_stored_is_what_is_seen_from_there(tmp_path, t
     assert np.median(np.abs(seen - near)) < 2 * sweep_step(slab)
     with pytest.raises(OpticsError, match="outside the lens"):
         field.views_at(np.array([[0.0, CAMERA.lens_radius_m * 1.01]]))
+
+
+def test_exports_of_displaced_views_are_made_on_one_grid(tmp_path, tracer):
+    fields = [stored(tmp_path / f"{how}.mkv", tracer, "views", how) for how in LATTICES]
+    made = []
+    for number, field in enumerate(fields):
+        out = tmp_path / str(number)
+        assert main(["export", str(field.path), "-o", str(out), "--format", "hci"]) == 0
+        files = sorted(out.glob("input_Cam*.png"))
+        assert len(files) == 9
+        made.append([read_codes(file).astype(float) for file in files])
+    plain, crossed = made
+    # Neither is averaged over its pixels: what is between them is little beside another view's.
+    own = np.mean([np.abs(a - b)[2:-2, 2:-2].mean() for a, b in zip(plain, crossed, strict=True)])
+    pairs = zip(plain, crossed[::-1], strict=True)
+    other = np.mean([np.abs(a - b)[2:-2, 2:-2].mean() for a, b in pairs])
+    assert own < 0.6 * other
 
 
 def test_the_browsers_page_is_made_of_views_by_depth(tmp_path, tracer):
