@@ -10,6 +10,7 @@ import pytest
 
 import lfcore
 from docs.site import command_line, docstrings, notebooks
+from docs.site.extension import ELSEWHERE
 from docs.site.pages import PAGES, ROOT, Block, Page, PageError, run
 from lfcore.cli import COMMANDS, main
 from lfcore.workflow.reports import TITLES
@@ -113,3 +114,18 @@ def test_docstrings_become_lists():
         "Do it.", "**Parameters**", "``a``, ``b``", "   N \\* M of them,", "   or none.",
         "**Returns**", "(N, 3) float32",
     ]  # fmt: skip
+
+
+def test_links_that_lead_out_of_the_manual_lead_to_its_pages_or_to_files():
+    """What a page of docs/ links to in the tree is there, and if it is Markdown the site has it."""
+    told = read("docs/site/extension.py")
+    elsewhere = re.findall(
+        r'"([\w/]+)": "[\w-]+"', told[told.index("ELSEWHERE") :].partition("}")[0]
+    )
+    for path in DOCS.rglob("*.md"):
+        for link in re.findall(r"\]\((?!https?:|#)([^)#\s]+)", path.read_text(encoding="utf-8")):
+            target = (path.parent / link).resolve()
+            assert target.exists(), f"{path}: {link}"
+            inside = target.is_relative_to(DOCS)
+            outside = target.relative_to(ROOT).with_suffix("").as_posix() in ELSEWHERE
+            assert target.suffix != ".md" or inside or outside, f"{path}: {link}"

@@ -22,8 +22,11 @@ PICTURE = re.compile(r"^<!-- picture: (\S+) \| (.*?) -->$", re.MULTILINE)
 VIEWER = re.compile(r"^<!-- viewer: (\S+) \| (.*?) -->$", re.MULTILINE)
 NOTEBOOK = re.compile(r"^<!-- notebook -->$", re.MULTILINE)
 # Read where they stand in the tree; the site has a page that includes each.
-ELSEWHERE = {"scenes": "scenes", "config": "configuration", "benchmarks": "benchmarks"}
-OUTSIDE = re.compile(rf"\((?:\.\./)+({'|'.join(ELSEWHERE)})/README\.md\)")
+ELSEWHERE = {
+    "scenes/README": "scenes", "config/README": "configuration", "benchmarks/README": "benchmarks",
+    "README": "index", "CONTRIBUTING": "architecture",
+}  # fmt: skip
+OUTSIDE = re.compile(rf"\((?:\.\./)+({'|'.join(ELSEWHERE)})\.md(?:#[\w-]+)?\)")
 OF_FILES = {path: name for name, path in PAGES.items()}
 
 
