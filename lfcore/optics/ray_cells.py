@@ -144,4 +144,3 @@ def _moment(member: np.ndarray, inside: np.ndarray, place: np.ndarray, axis: int
     """(rows, columns) sum of ``place`` (cells, points) of the points of each cell along x or y."""
     across, down = (member * place, member) if axis == 0 else (member, member * place)
     return down @ inside @ across.T
-

@@ -1,5 +1,7 @@
 """Pictures of a wanted quality: what rounds of rays say of their error, and what comes of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -66,12 +68,12 @@ def test_lattices_have_the_rays_they_are_asked_for():
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    file = tmp_path_factory.mktemp("quality") / "ball.glb"
+def scene():
+    """A ball. It shadows nothing, so its lights need cast none: such kernels are built sooner."""
     ball = trimesh.creation.icosphere(subdivisions=2)
-    ball.visual = trimesh.visual.ColorVisuals(ball, vertex_colors=[200, 120, 60, 255])
-    ball.export(file)
-    return lfcore.load_scene(file)
+    whole = lfcore.Scene.from_triangles(ball.vertices[ball.faces])
+    lights = [replace(light, casts_shadows=False) for light in whole.lights]
+    return replace(whole, lights=lights)
 
 
 @pytest.mark.kernels
@@ -93,8 +95,8 @@ def test_the_quality_that_was_asked_for_is_reached(scene):
 @pytest.mark.kernels
 def test_a_quality_beyond_the_budget_is_refused_with_what_it_takes(scene):
     with pytest.raises(lfcore.OpticsError, match=r"quality: 45 dB takes about [\d,]+ rays a pixel"):
-        lfcore.render_to_quality(scene, 45, pixels=16, most_rays=10)
+        lfcore.render_to_quality(scene, 45, pixels=32, most_rays=10)
     with pytest.raises(lfcore.OpticsError, match="quality: must be a positive number"):
-        lfcore.render_to_quality(scene, float("nan"), pixels=16)
+        lfcore.render_to_quality(scene, float("nan"), pixels=32)
     with pytest.raises(lfcore.OpticsError, match="most_rays: must be positive"):
-        lfcore.render_to_quality(scene, 40, pixels=16, most_rays=0)
+        lfcore.render_to_quality(scene, 40, pixels=32, most_rays=0)

@@ -69,8 +69,8 @@ def test_what_is_not_asked_for_is_not_in_the_graph(checkout):
 
 def test_any_key_can_be_overridden(checkout):
     jobs = checkout.planned(
-        *SMOKE, "--config", "angular_resolutions=[16]", "tile_mib=1", "job_minutes=0.0001", "spatial_resolution=64",
-        "layout={pack: 1}", "scenes=[cabin]", *TARGET,
+        *SMOKE, "--config", "angular_resolutions=[16]", "tile_mib=1", "job_minutes=0.0001",
+        "spatial_resolution=64", "layout={pack: 1}", "scenes=[cabin]", *TARGET,
     )  # fmt: skip
     # 64^2 x 16^2 rays of 3 bytes are 3 MiB.
     assert jobs["trace"] == 4 or jobs["trace"] == 3
