@@ -26,7 +26,7 @@ def recorded(model):
     scene = lfcore.load_scene(model)
     seen = []
     field = lfcore.record(
-        scene, model.with_suffix(".mkv"), views=4, pixels=32, codec="ffv1",
+        scene, model.with_suffix(".mkv"), views=4, pixels=32, f_number=2, codec="ffv1",
         progress=lambda done, total: seen.append((done, total)),
     )  # fmt: skip
     assert seen[-1][0] == seen[-1][1]
