@@ -64,6 +64,7 @@ inline void sort_rays(const Coverage *c, int open, int2 inside, Regions *out)
 {
     private int table[TABLE];
     for (int k = 0; k < TABLE; k += LANES) VSTORE((vi)(-1), table + k);
+    global Region *last = 0;
     for (int row = 0; row < BLOCK; ++row) {
         if (!open_row(row, inside)) continue;
         for (int column = 0; column < BLOCK; column += LANES) {
@@ -74,7 +75,8 @@ inline void sort_rays(const Coverage *c, int open, int2 inside, Regions *out)
                 const int triangle = ids[lowest(left)];
                 const uint rays = row_bits(EQ(triangles, (vi)(triangle))) & left;
                 left &= ~rays;
-                add_rays(find_region(table, triangle, out), row, rays << column);
+                if (!last || last->triangle != triangle) last = find_region(table, triangle, out);
+                add_rays(last, row, rays << column);
             }
         }
     }
@@ -91,7 +93,10 @@ inline void find_regions(const Coverage *c, int2 inside, Regions *out)
         return;
     }
     global Region *all = add_region(out, c->cover);
-    for (int row = 0; row < BLOCK; ++row) add_rays(all, row, open_row(row, inside) ? open : 0);
+    for (int row = 0; row < BLOCK; ++row) all->rows[row] = open_row(row, inside) ? open : 0;
+    all->columns = open;
+    all->top = 0;
+    all->bottom = BLOCK - INNER + inside.y - 1;
 }
 
 // Mask of a region's rays in the row of LANES that begins with ray `at`.

@@ -17,25 +17,32 @@ typedef struct {
     const FrameArguments *numbers;
 } Frames;
 
-// Codes lie in [0, 2^BITS); in a sum with 1.5 * 2^23 they are rounded to the nearest, ties to even,
+// Codes lie in [0, 2^BITS); in a sum with ROUNDER they are rounded to the nearest, ties to even,
 // into the low bits.
 #define WHITE ((1 << BITS) - 1)
-#define ROUNDED(code) ((vf)((code) + 12582912.0f))
+#define ROUNDER 12582912.0f  // 1.5 * 2^23
+#define ROUNDED(code) ((vf)((code) + ROUNDER))
 #define ROW_PARTS (BLOCK / LANES)
 
-// Write the first `wide` codes of a block's row from such sums.
+// Write the first `wide` codes of such sums.
+inline void store_codes(uint16 sums, int wide, global sample *to)
+{
+    const SAMPLES(16) codes = JOIN(convert_, SAMPLES(16))(sums & (uint)WHITE);
+    if (wide == BLOCK) {
+        vstore16(codes, 0, to);
+    } else if (wide == BLOCK / 2) {
+        vstore8(codes.lo, 0, to);
+    } else {
+        private sample row[BLOCK];
+        vstore16(codes, 0, row);
+        for (int k = 0; k < wide; ++k) to[k] = row[k];
+    }
+}
 inline void put_codes(private const vf *sums, int wide, global sample *to)
 {
-    private uint codes[BLOCK];
-    for (int k = 0; k < ROW_PARTS; ++k) VSTORE(AS_VU(sums[k]) & (uint)WHITE, codes + k * LANES);
-    const SAMPLES(16) packed = JOIN(convert_, SAMPLES(16))(vload16(0, codes));
-    if (wide == BLOCK) {
-        vstore16(packed, 0, to);
-        return;
-    }
-    private sample row[BLOCK];
-    vstore16(packed, 0, row);
-    for (int k = 0; k < wide; ++k) to[k] = row[k];
+    private uint row[BLOCK];
+    for (int k = 0; k < ROW_PARTS; ++k) VSTORE(AS_VU(sums[k]), row + k * LANES);
+    store_codes(vload16(0, row), wide, to);
 }
 
 // A part of a row as the three planes' sums; chroma that is to be averaged takes the colours'
@@ -79,16 +86,18 @@ inline void write_rows(const CubicEncoding *e, const FrameArguments *n, int wide
 }
 
 // Average chroma over 2 x 2 rays; an odd inner grid repeats its last column and row.
-inline void average_chroma(global const float *chroma, int wide, int high, global sample *to,
-                           int pitch)
+inline void average_chroma(global float *chroma, int wide, int high, global sample *to, int pitch)
 {
-    for (int y = 0; y < high; y += 2)
-        for (int x = 0; x < wide; x += 2) {
-            global const float *c = chroma + y * BLOCK + x;
-            const int right = x + 1 < wide ? 1 : 0, below = y + 1 < high ? BLOCK : 0;
-            const float mean = 0.25f * (c[0] + c[right] + c[below] + c[below + right]);
-            to[(ulong)(y / 2) * pitch + x / 2] = JOIN(JOIN(convert_, SAMPLE), _sat_rte)(mean);
+    for (int y = 0; y < high; y += 2, to += pitch) {
+        global float *above = chroma + y * BLOCK, *below = y + 1 < high ? above + BLOCK : above;
+        if (wide & 1) {
+            above[wide] = above[wide - 1];
+            below[wide] = below[wide - 1];
         }
+        const float16 a = vload16(0, above), b = vload16(0, below);
+        const uint8 sums = as_uint8(fma(a.even + a.odd + b.even + b.odd, 0.25f, ROUNDER));
+        store_codes((uint16)(sums, sums), (wide + 1) / 2, to);
+    }
 }
 
 // Write a cell of linear colours (3, BLOCK_RAYS), replaced by encoded chroma on the way if that is

@@ -114,6 +114,13 @@ inline void shade_background(const Scene *scene, global float *colours)
     for (int at = 0; at < BLOCK_RAYS; at += LANES) store_colour(background_row(scene), colours, at);
 }
 
+// Directions of unit length to the viewer.
+inline Vec viewer_row(const Bundle *r, Row row)
+{
+    const Vec d = direction_row(r, row);
+    return scale3(d, -inverse_sqrt(dot3(d, d)));
+}
+
 // Linear colours, not clamped, of a sampled block: (3, BLOCK_RAYS).  A row is shaded material by
 // material.
 inline void shade_block(const Scene *scene, const Block *b, global float *colours)
@@ -129,9 +136,6 @@ inline void shade_block(const Scene *scene, const Block *b, global float *colour
         Colour colour = background_row(scene);
         uint left = row_bits(GE(keys, (vi)(0)));
         if (left) {
-            const Row row = row_at(at);
-            const Vec direction = direction_row(&b->rays, row);
-            s.view = scale3(direction, -inverse_sqrt(dot3(direction, direction)));
             s.point = load3(b->samples.point, at);
             s.normal = load3(b->samples.normal, at);
         }
@@ -141,6 +145,7 @@ inline void shade_block(const Scene *scene, const Block *b, global float *colour
             left &= ~row_bits(mine);
             if (key != read) material = read_material(scene, key);
             read = key;
+            if (PHYSICAL || is_glossy(&material)) s.view = viewer_row(&b->rays, row_at(at));
             s.albedo = albedo_row(scene, &tiles, key, &material, &b->samples, at);
             if (PHYSICAL) read_row_maps(scene, &b->samples, at, &s);
             colour = pick_colour(colour, light_row(scene, b, &s, at), mine);

@@ -6,7 +6,8 @@
 typedef struct {
     const Material *material;
     Colour albedo;
-    Vec point, normal, view;  // normal and direction to the viewer are of unit length
+    // Normal and direction to the viewer are of unit length; the latter of what shines alone.
+    Vec point, normal, view;
     // Of PHYSICAL scenes: the normal that no map bends, metal, the fourth power of roughness, what
     // glows.
     Vec unbent;
