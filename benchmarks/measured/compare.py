@@ -46,7 +46,7 @@ class Peers:
         for name, peer in list(self._open.items()):
             try:
                 if name == "embree":
-                    out.append(peer.method(sample, self._threads))
+                    out += peer.methods(sample, self._threads)
                 else:
                     out.append(peer.method(sample if name == "embreex" else sample.slab))
             except SkippedError as error:

@@ -12,7 +12,8 @@ import numpy as np
 from peers.method import Method, Run, SkippedError
 
 SOURCE = Path(__file__).with_suffix(".cpp")
-NAME = "embree 16-wide coherent"
+WAYS = {"lens": "4 x 4 lens samples", "pixels": "4 x 4 pixels"}
+"""What a packet holds: neighbouring lens samples of a pixel, or pixels through one lens sample."""
 
 
 class EmbreePackets:
@@ -36,18 +37,25 @@ class EmbreePackets:
         self.version = f"{number // 10000}.{number // 100 % 100}.{number % 100}"
         self.native16, self.build_seconds = bool(int(native)), float(seconds)
 
-    def method(self, sample, threads: int) -> Method:
-        """Visibility of ``sample`` with this scene."""
-        path = self._write_rays(sample)
+    def methods(self, sample, threads: int) -> list[Method]:
+        """Visibility of ``sample`` with this scene, by packets of either kind.
 
+        Packets of pixels want squares of four pixels or more, which a sample of large N has not.
+        """
+        path = self._write_rays(sample)
+        ways = WAYS if sample.side % 4 == 0 else ["lens"]
+        return [self._method(sample, path, threads, way) for way in ways]
+
+    def _method(self, sample, path: Path, threads: int, way: str) -> Method:
         def trace() -> tuple[Run, float, float]:
-            self._say(f"rays {path} {threads}\nrun")
+            self._say(f"rays {path} {threads} {way}\nrun")
             wall, cpu, hits, depth = (float(word) for word in self._answer())
             return Run(wall, cpu, sample.rays), hits / sample.rays, depth / max(hits, 1)
 
         width = "native 16-wide" if self.native16 else "16-wide calls split by Embree"
         note = f"Embree {self.version}, {width}, {threads} threads"
-        return Method(NAME, "visibility", lambda: trace()[0], note, lambda: trace()[1:])
+        name = f"embree, {WAYS[way]}"
+        return Method(name, "visibility", lambda: trace()[0], note, lambda: trace()[1:])
 
     def close(self) -> None:
         self._process.stdin.close()
@@ -60,7 +68,7 @@ class EmbreePackets:
         self._files += 1
         path = Path(self._folder.name) / f"rays-{self._files}.bin"
         tangents = slab.pixel_tangents()[sample.pixels]
-        head = np.array([slab.views, len(tangents)], np.int32).tobytes()
+        head = np.array([slab.views, len(tangents), sample.side], np.int32).tobytes()
         floats = np.concatenate([[slab.camera.delta], slab.lens_positions(), tangents.ravel()])
         path.write_bytes(head + floats.astype(np.float32).tobytes())
         return path
