@@ -87,7 +87,7 @@ def square(width, height, facing="z"):
     return corners, np.tile(normal, (4, 1)), uvs, [[0, 1, 2], [0, 2, 3]]
 
 
-def ball(radius, rings=32):
+def ball(radius, rings):
     v, u = np.meshgrid(
         np.linspace(0, 1, rings + 1), np.linspace(0, 1, 2 * rings + 1), indexing="ij"
     )
@@ -172,8 +172,8 @@ def pbr(metallic, roughness, **more):
     return {"metallicFactor": metallic, "roughnessFactor": roughness, **more}
 
 
-def add_things(glb):
-    """What is looked at."""
+def add_things(glb, rings=32):
+    """What is looked at; balls are of so many rings."""
     material = glb.tree["materials"]
 
     def made(shape, entry, **node):
@@ -187,18 +187,24 @@ def add_things(glb):
         {"name": "floor", "pbrMetallicRoughness": pbr(0, 0.9, baseColorTexture=floor)},
     )
     gold = pbr(1, 0.3, baseColorFactor=[1, 0.77, 0.34, 1])
-    made(ball(0.35), {"name": "gold", "pbrMetallicRoughness": gold}, translation=[-0.95, 0.35, 0.2])
+    made(
+        ball(0.35, rings),
+        {"name": "gold", "pbrMetallicRoughness": gold},
+        translation=[-0.95, 0.35, 0.2],
+    )
     banded = pbr(
         1, 1, baseColorFactor=[0.6, 0.75, 0.9, 1], metallicRoughnessTexture=glb.texture(metals())
     )
     made(
-        ball(0.35), {"name": "bands", "pbrMetallicRoughness": banded}, translation=[-0.1, 0.35, 0.1]
+        ball(0.35, rings),
+        {"name": "bands", "pbrMetallicRoughness": banded},
+        translation=[-0.1, 0.35, 0.1],
     )
     red = pbr(0, 0.35, baseColorFactor=[0.75, 0.15, 0.1, 1])
     bumpy = {"name": "bumps", "pbrMetallicRoughness": red,
              "normalTexture": glb.texture(bumps(), scale=0.8),
              "occlusionTexture": glb.texture(checks((1, 1, 1), (0.9, 0.9, 0.9)))}  # fmt: skip
-    made(ball(0.35), bumpy, translation=[0.75, 0.35, 0.2])
+    made(ball(0.35, rings), bumpy, translation=[0.75, 0.35, 0.2])
     cut = {"name": "leaf", "doubleSided": True, "alphaMode": "MASK", "alphaCutoff": 0.5,
            "pbrMetallicRoughness": pbr(0, 0.8, baseColorTexture=glb.texture(leaf()))}  # fmt: skip
     material.append(cut)

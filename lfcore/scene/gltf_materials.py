@@ -17,6 +17,7 @@ from lfcore.scene.parts import Surface
 from lfcore.scene.pbr import base_colour, factor, picture
 
 _HANDLED = ("KHR_materials_unlit", "KHR_materials_emissive_strength")
+_REPEAT = 10497
 _SOLID = 250
 """Of 255: encoders blur an alpha of one."""
 _TEXTURES = (
@@ -66,9 +67,23 @@ class GltfSurfaces:
                 self._note(APPROXIMATED, name, "texture coordinates beside the first: these")
             if {**change, "texCoord": 0} != {**changes[0], "texCoord": 0}:
                 self._note(APPROXIMATED, name, "textures moved one by one: as the first is")
-        if not changes or not changes[0]:
-            return uvs
-        change = changes[0]
+        moved = self._moved(uvs, changes[0]) if changes and changes[0] else uvs
+        if any(map(self._ends, infos)) and (moved.min(initial=0) < 0 or moved.max(initial=1) > 1):
+            self._note(APPROXIMATED, name, "a texture that ends or turns round: it repeats")
+        return moved
+
+    def _ends(self, info: dict) -> bool:
+        """Whether a texture's sampler does otherwise than repeat it."""
+
+        def entry(kind: str, number: Any) -> dict:
+            known = self.document.objects(kind)
+            inside = isinstance(number, int) and 0 <= number < len(known)
+            return known[number] if inside else {}
+
+        sampler = entry("samplers", entry("textures", info.get("index")).get("sampler"))
+        return any(sampler.get(key, _REPEAT) != _REPEAT for key in ("wrapS", "wrapT"))
+
+    def _moved(self, uvs: np.ndarray, change: dict) -> np.ndarray:
         try:
             turn = float(change.get("rotation", 0.0))
             across, down = map(float, change.get("scale", (1, 1)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -27,6 +28,7 @@ endloop
 endfacet
 endsolid one
 """
+FEATURES = Path(__file__).parents[2] / "docs/examples/gltf_features.py"
 MATERIALS = b"\n#### material library\n"
 """In an input of the target ``obj``, what follows is the MTL."""
 
@@ -41,7 +43,17 @@ def seeds_of(kind: str, folder: Path) -> list[bytes]:
         return [STL.encode(), box.export(file_type="stl")]
     write_sides(folder)
     textured = trimesh.load_scene(folder / "mesh.obj").export(file_type="glb")
-    return [box.export(file_type="glb"), textured]
+    return [box.export(file_type="glb"), textured, every_feature(folder / "features.glb")]
+
+
+def every_feature(file: Path) -> bytes:
+    """The scene of the manual that has all that is read of glTF, its balls made coarse."""
+    module = runpy.run_path(str(FEATURES))
+    glb = module["Glb"]()
+    module["add_things"](glb, rings=3)
+    module["add_staging"](glb)
+    glb.write(file)
+    return file.read_bytes()
 
 
 def judge(kind: str, data: bytes, folder: Path) -> Outcome:

@@ -230,6 +230,18 @@ def test_what_one_set_of_coordinates_cannot_say_is_noted(write):
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(("wrap", "scale", "said"), [(33071, 2, 1), (33071, 1, 0), (10497, 2, 0)])
+def test_a_texture_that_should_not_repeat_and_does_is_noted(write, wrap, scale, said):
+    def change(tree):
+        tree["samplers"] = [{"wrapT": wrap}]
+        tree["textures"][0]["sampler"] = 0
+        info = tree["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
+        info["extensions"] = {"KHR_texture_transform": {"scale": [1, scale]}}
+
+    _, notes = part_and_notes(write(change, baseColorTexture=picture()))
+    assert len(notes) == said and all("it repeats" in note for note in notes)
+
+
 def test_a_description_may_ask_for_metal_or_for_none(write, write_scene):
     name = write(metallicFactor=0.5).name
     for given, expected in (

@@ -25,11 +25,16 @@ SAID = {
 
 
 @pytest.fixture(scope="module")
-def features(tmp_path_factory):
-    path = tmp_path_factory.mktemp("gltf") / "features.glb"
+def module():
     spec = importlib.util.spec_from_file_location("gltf_features", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
+
+
+@pytest.fixture(scope="module")
+def features(module, tmp_path_factory):
+    path = tmp_path_factory.mktemp("gltf") / "features.glb"
     module.main([str(path)])
     return build_scene(path)
 
@@ -57,3 +62,20 @@ def test_it_looks_as_in_float64(features, device):
     expected = trace(features, slab, pixels).reshape(found.shape)
     difference = np.abs(np.clip(found, 0, 1) - expected).max(-1)
     assert np.median(difference) < 1e-3 and (difference > 0.01).mean() < 0.01
+
+
+def test_what_colours_of_vertices_lose_is_said(module, tmp_path):
+    """Their alpha, where it would count, and all of them where a surface is unlit."""
+    glb = module.Glb()
+    faded = np.float32([[1, 0, 0, 1], [0, 1, 0, 0.5], [0, 0, 1, 1], [1, 1, 1, 1]])
+    for entry in ({"name": "mist", "alphaMode": "BLEND"},
+                  {"name": "sign", "extensions": {"KHR_materials_unlit": {}}},
+                  {"name": "wall"}):  # fmt: skip
+        glb.tree["materials"].append({**entry, "pbrMetallicRoughness": module.pbr(0, 1)})
+        glb.mesh((*module.square(1, 1), faded), len(glb.tree["materials"]) - 1)
+    glb.write(tmp_path / "colours.glb")
+    notes = build_scene(tmp_path / "colours.glb").notes
+    assert {note.what for note in notes if note.kind == "left out"} == {
+        "material 'mist': alpha of vertices",
+        "material 'sign': colours of vertices, which unlit surfaces do not take",
+    }
