@@ -242,6 +242,7 @@ def test_rays_that_do_not_go_together_are_refused(tmp_path, capsys):
     assert "dB expected" in capsys.readouterr().err
 
 
+@pytest.mark.kernels
 def test_a_pinhole_has_no_focus(tmp_path):
     made = []
     for focus in ("1", "2"):
@@ -339,6 +340,7 @@ def test_a_mesh_alone_is_a_scene(tmp_path):
     assert picture[12, 12].mean() > picture[0, 0].mean() + 0.05
 
 
+@pytest.mark.kernels
 def test_a_pbrt_file_is_a_scene(tmp_path):
     scene, out = tmp_path / "ball.pbrt", tmp_path / "ball.exr"
     scene.write_text(

@@ -48,6 +48,7 @@ def parsed(*words):
 FLAGS = ["--camsperdim", 4, 3, "--griddim", *GRID, "--inputfov", 50]
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     "options",
     [

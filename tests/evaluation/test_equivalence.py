@@ -47,6 +47,7 @@ def test_one_filter_one_picture(result):
     assert np.abs(bilinear[0] - bilinear[1]).max() < 0.015
 
 
+@pytest.mark.kernels
 def test_table_is_whole_and_plausible(result):
     table = result.table
     assert list(table.columns) == COLUMNS

@@ -166,6 +166,7 @@ def test_focus_on_the_plane_recovers_its_texture(device):
         np.testing.assert_allclose(found.image, expected, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_defocus_converges_to_the_integral_over_the_lens(device):
     """Out of focus, quadrature approaches the blurred plane computed from its texture."""
     array = CameraArray.on_grid((25, 25), (-0.5, 0.5, -0.5, 0.5), 60.0, (160, 160))

@@ -30,6 +30,8 @@ from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
+pytestmark = pytest.mark.kernels
+
 CAMERA = Camera(0.4, 0.3, 1.0, 4.0)
 SLAB = Slab(CAMERA, 3, 20)
 PIXELS = 10

@@ -23,6 +23,7 @@ def scene(request):
     return request.param, build_scene(SCENES / request.param / "scene.yaml")
 
 
+@pytest.mark.slow
 def test_sizes_are_the_theses(scene):
     name, built = scene
     assert built.triangle_count == pytest.approx(SIZES[name], rel=0.03)

@@ -71,6 +71,7 @@ finite = st.floats(-(2.0**99), 2.0**99, width=32)  # below 1e30
 few = st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.5, 1e-38, 1e25])
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     hnp.arrays(

@@ -16,6 +16,8 @@ from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
+pytestmark = pytest.mark.kernels
+
 LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.8, 0.7), 2.0)
 SUN = Light(DIRECTIONAL, unit(-0.15, -0.25, -0.95), (0.7, 0.7, 0.7), 0.0, False)
 WALL = np.float32([[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]])

@@ -96,6 +96,7 @@ def test_triangles_are_the_oracles(device, name):
     assert (error <= 16 * 2.0**-24 * np.maximum(truth.grazing[same], 1)).all()
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", ["mesh", "crossing"])
 def test_few_triangles_have_the_oracles_colours(device, name):
     """A mesh of few triangles to a block, and one whose triangles pass through each other."""
