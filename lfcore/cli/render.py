@@ -226,13 +226,16 @@ def trace(arguments: argparse.Namespace) -> None:
         film.trace(arguments, scene)
         return
     size = 256 if arguments.size is None else arguments.size
+    by_depth = arguments.depth_stream
+    if by_depth is None:
+        by_depth = arguments.views is None
     rays = ((arguments.views or api.VIEWS) * size) ** 2
-    if arguments.depth_stream:
+    if by_depth:
         rays = _by_depth(arguments, api.STORED_COUNT).rays(size)
     with named_file(arguments.scene), progress(f"tracing {rays:,} rays", rays=rays) as report:
         field = api.record(
             scene, arguments.output, views=arguments.views, pixels=size,
-            depth_stream=arguments.depth_stream, subpixels=arguments.subpixels,
+            depth_stream=by_depth, subpixels=arguments.subpixels,
             lattice=arguments.lattice, focus_m=arguments.focus,
             f_number=arguments.f_number, layout=arguments.layout or "auto",
             device=arguments.device, progress=report, **encoder(arguments),
