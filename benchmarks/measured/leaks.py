@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import Delaunay
 
-from lfcore.evaluation.stability.under_test import bare_scene
+from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab

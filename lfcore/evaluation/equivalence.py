@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from lfcore.colour import display_values
-from lfcore.evaluation.metrics import psnr, ssim
+from lfcore.evaluation.metrics import PEAK, picture_quality, psnr
 from lfcore.evaluation.timing import Stopwatch, clocked
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
@@ -29,7 +29,6 @@ from lfcore.rendering.plenoptic import photograph, refocus_photograph
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
 
-PEAK = 255
 COLUMNS = [
     "scene", "N", "M", "focus_m", "f_number", "method", "filter", "rays_per_pixel", "psnr_db",
     "psnr_inside_db", "ssim", "error_at_edges", "trace_seconds", "refocus_seconds", "seconds",
@@ -115,11 +114,10 @@ def equivalence(
         made += step()
         if progress:
             progress(done + 1, len(steps))
-    rows = []
-    for one in made[1:]:
-        rows += _rows(tracer.scene.name, slab, planes, one, made[0].pictures, views**2)
-    truth = made[0]
-    rows += _rows(tracer.scene.name, slab, planes, truth, truth.pictures, reference_views**2)
+    truth, rows = made[0], []
+    for one in [*made[1:], truth]:
+        rays = (reference_views if one is truth else views) ** 2
+        rows += _rows(tracer.scene.name, slab, planes, one, truth.pictures, rays)
     return Equivalence(pd.DataFrame(rows, columns=COLUMNS), made)
 
 
@@ -190,11 +188,10 @@ def _rows(scene, slab, planes, made: Made, reference, rays) -> Iterator[dict]:
             "method": made.method,
             "filter": made.filter,
             "rays_per_pixel": rays,
-            "psnr_db": psnr(ours, theirs, peak=PEAK),
+            **picture_quality([picture], [truth]),
             "psnr_inside_db": psnr(ours[inside], theirs[inside], peak=PEAK)
             if inside.any()
             else None,
-            "ssim": ssim(ours, theirs, peak=PEAK),
             "error_at_edges": _error_at_edges(ours, theirs),
             "trace_seconds": trace,
             "refocus_seconds": refocus,

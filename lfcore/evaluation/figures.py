@@ -9,11 +9,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib import font_manager
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
@@ -28,6 +30,18 @@ INK = (30, 34, 40)
 PAPER = (255, 255, 255)
 
 matplotlib.use("Agg")
+matplotlib.rcParams.update({
+    "axes.grid": True, "grid.alpha": 0.3, "legend.frameon": False,
+    "figure.constrained_layout.use": True,
+})  # fmt: skip
+
+
+class Sheet(NamedTuple):
+    """Pictures of linear light, a label each, and how many stand in a row (None: all)."""
+
+    pictures: list[np.ndarray]
+    labels: list[str]
+    columns: int | None = None
 
 
 def contact_sheet(
@@ -148,7 +162,7 @@ def curves_over_n(table: pd.DataFrame, panels: Sequence[Panel]) -> Figure:
             drawn.append((panel, "ours"))
         else:
             drawn += [(panel, "both")] if together else [(panel, "ours"), (panel, "thesis")]
-    figure = Figure(figsize=(3.9 * len(drawn), 3.7), layout="constrained")
+    figure = Figure(figsize=(3.9 * len(drawn), 3.7))
     axes = np.atleast_1d(figure.subplots(1, len(drawn)))
     titles = {"ours": f"M = {pixels}", "thesis": f"the thesis, M = {THESIS_PIXELS}"}
     titles["both"] = f"M = {pixels}; dashed: the thesis, M = {THESIS_PIXELS}"
@@ -161,31 +175,27 @@ def curves_over_n(table: pd.DataFrame, panels: Sequence[Panel]) -> Figure:
                 thesis = panel.values(rows, panel.thesis_column, THESIS_PIXELS)
                 label = str(scene) if whose == "thesis" else None
                 _curve(axis, rows.N, thesis, "x--", f"C{index}", label)
-        axis.set_xscale("log", base=2)
         if panel.per_ray is not None:
             axis.set_yscale("log")
-        axis.set_xticks(sorted(table.N.unique()))
-        axis.xaxis.set_major_formatter("{x:.0f}")
-        axis.minorticks_off()
-        axis.set_xlabel("angular resolution N")
+        views_axis(axis, table.N)
         axis.set_ylabel(panel.label)
         axis.set_title(titles[whose], fontsize=9)
-        axis.grid(alpha=0.3)
-    axes[0].legend(frameon=False)
+    axes[0].legend()
     return figure
 
 
+def views_axis(axis: Axes, views: pd.Series) -> None:
+    """Make the x axis one of these N, each twice the one before."""
+    axis.set_xscale("log", base=2)
+    axis.set_xticks(sorted(views.unique()))
+    axis.xaxis.set_major_formatter("{x:.0f}")
+    axis.xaxis.minorticks_off()
+    axis.set_xlabel("angular resolution N")
+
+
 def _curve(axis, x, y: np.ndarray, style: str, colour: str, label: str | None) -> None:
-    shown = np.isfinite(y)
-    axis.plot(
-        np.asarray(x)[shown],
-        y[shown],
-        style,
-        color=colour,
-        label=label,
-        markersize=5,
-        linewidth=1.5,
-    )
+    shown, x = np.isfinite(y), np.asarray(x)
+    axis.plot(x[shown], y[shown], style, color=colour, label=label, markersize=5, linewidth=1.5)
 
 
 def save_figure(path: str | Path, figure: Figure, *, dpi: int = 130) -> None:

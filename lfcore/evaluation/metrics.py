@@ -9,12 +9,15 @@ of the decibels of its planes.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
 
+from lfcore.colour import display_values
 from lfcore.errors import LfcoreError
 
+PEAK = 255
 SSIM_WINDOW = 11
 SSIM_SIGMA = 1.5
 
@@ -92,6 +95,22 @@ def ssim(image: np.ndarray, reference: np.ndarray, *, peak: float) -> float:
     score = (2 * mean_x * mean_y + c1) * (2 * cov + c2)
     score /= (mean_x * mean_x + mean_y * mean_y + c1) * (var_x + var_y + c2)
     return float(score.mean())
+
+
+def picture_quality(
+    pictures: Sequence[np.ndarray], references: Sequence[np.ndarray]
+) -> dict[str, float]:
+    """``psnr_db`` and ``ssim`` of pictures in linear light, by the convention above.
+
+    Parameters
+    ----------
+    pictures, references : (P, H, W, 3), or P of (H, W, 3); means over them.
+    """
+    pairs = [tuple(map(display_values, pair)) for pair in zip(pictures, references, strict=True)]
+    return {
+        "psnr_db": float(np.mean([psnr(*pair, peak=PEAK) for pair in pairs])),
+        "ssim": float(np.mean([ssim(*pair, peak=PEAK) for pair in pairs])),
+    }
 
 
 def _window_mean(values: np.ndarray) -> np.ndarray:

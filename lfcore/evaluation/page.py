@@ -11,10 +11,12 @@ import html
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 
+import docutils.core
+import jinja2
 import pandas as pd
 
-from lfcore.evaluation.captions import to_html
 from lfcore.evaluation.table_files import readable
 from lfcore.files import write_text
 
@@ -148,3 +150,36 @@ def _links(table: Path, folder: Path) -> str:
     files = [f for f in (table, table.with_suffix(".md")) if f.exists() and f.parent == folder]
     links = ", ".join(f'<a href="{html.escape(f.name)}">{html.escape(f.name)}</a>' for f in files)
     return f'<p class="files">{links}</p>' if links else ""
+
+
+def fill(text: str, config: Mapping[str, object]) -> str:
+    """``text`` with its Jinja expressions filled in; they see ``snakemake.config``.
+
+    Raises
+    ------
+    jinja2.UndefinedError
+        for a name that is not there.
+    """
+    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
+    return environment.from_string(text).render(snakemake=SimpleNamespace(config=config))
+
+
+def to_html(text: str, config: Mapping[str, object]) -> str:
+    """HTML of a filled-in caption, without raw HTML or included files.
+
+    Raises
+    ------
+    docutils.utils.SystemMessage
+        for reStructuredText with a mistake.
+    """
+    parts = docutils.core.publish_parts(
+        fill(text, config),
+        writer="html5",
+        settings_overrides={
+            "report_level": 2,
+            "halt_level": 2,
+            "raw_enabled": False,
+            "file_insertion_enabled": False,
+        },
+    )
+    return parts["body"]

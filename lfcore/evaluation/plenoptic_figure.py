@@ -13,7 +13,6 @@ from lfcore.colour import srgb_decode
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture
-from lfcore.pictures import write_picture
 from lfcore.rendering.plenoptic import photograph, refocus_photograph
 from lfcore.tracing.tracer import Tracer
 
@@ -50,11 +49,6 @@ def take(
     width = own.sensor_width_m * moved.image_distance_m / own.image_distance_m
     camera = PlenopticCamera(replace(moved, sensor_width_m=width), lenses, samples)
     return Photograph(camera, photograph(tracer, camera, progress=progress))
-
-
-def write_photograph(path: str | Path, picture: Photograph) -> None:
-    """The whole photograph as PNG, M N x M N pixels."""
-    write_picture(path, picture.pixels)
 
 
 def panels(

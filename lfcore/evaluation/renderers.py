@@ -22,10 +22,9 @@ from types import ModuleType
 
 import numpy as np
 
-from lfcore.colour import display_values
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.evaluation.figures import contact_sheet
-from lfcore.evaluation.metrics import psnr, ssim
+from lfcore.evaluation.metrics import picture_quality
 from lfcore.evaluation.timing import clocked
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
@@ -39,7 +38,6 @@ COLUMNS = [
     "scene", "M", "focus_m", "method", "rays_per_pixel", "psnr_db", "ssim", "seconds",
     "mrays_per_second", "note",
 ]  # fmt: skip
-PEAK = 255
 REFERENCE_VIEWS, REFERENCE_PLACES = 20, 4
 """Of the reference: lens samples a side, and places a side of each pixel: 6400 rays."""
 PLACES = 3
@@ -97,10 +95,8 @@ def _row(one: Rendered, truth: np.ndarray) -> dict:
     row = {"method": one.method, "rays_per_pixel": one.rays, "note": one.note}
     if one.picture is None:
         return row | dict.fromkeys(("psnr_db", "ssim", "seconds", "mrays_per_second"))
-    ours, theirs = display_values(one.picture), display_values(truth)
     return row | {
-        "psnr_db": psnr(ours, theirs, peak=PEAK),
-        "ssim": ssim(ours, theirs, peak=PEAK),
+        **picture_quality([one.picture], [truth]),
         "seconds": one.seconds,
         "mrays_per_second": truth.shape[0] ** 2 * one.rays / one.seconds / 1e6,
     }

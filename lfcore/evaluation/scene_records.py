@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.colour import display_values
-from lfcore.evaluation.metrics import psnr, ssim
+from lfcore.evaluation.metrics import picture_quality
 from lfcore.evaluation.tables import TableError, sizes
 from lfcore.evaluation.true_picture.reference import Reference, inner_psnr, load_reference
 from lfcore.files import read_json
@@ -37,15 +36,15 @@ def scene_records(
     pictures of the same planes.  Raises :class:`TableError` where its planes are others.
     """
     rows: dict[str, list[dict]] = {"table_7_1": [], "table_7_2": [], "table_7_3": []}
-    best, true = _codes(files[-1].on_the_fly), load_reference(truth)
+    best, true = load_stack(files[-1].on_the_fly)[0], load_reference(truth)
     for one in files:
-        traced, pictures = read_json(one.trace), _codes(one.on_the_fly)
+        traced, pictures = read_json(one.trace), load_stack(one.on_the_fly)[0]
         context = {"scene": scene, "N": one.views, "M": pixels}
         context |= {key: traced[key] for key in ("triangles", "device", "threads")}
         rows["table_7_1"].append(
             context
             | {"seconds": traced["seconds"], "psnr_true_db": _true_quality(one.on_the_fly, true)}
-            | _quality(pictures, best)
+            | picture_quality(pictures, best)
         )
         if one.store is None:
             continue
@@ -56,25 +55,12 @@ def scene_records(
         rows["table_7_2"].append(context | seconds | size)
         context |= {key: retrieved[key] for key in ("device", "threads", "seconds")}
         context["psnr_true_db"] = _true_quality(one.from_video, true)
-        rows["table_7_3"].append(context | _quality(_codes(one.from_video), pictures))
+        found = picture_quality(load_stack(one.from_video)[0], pictures)
+        rows["table_7_3"].append(context | found)
     # JSON knows no infinity: the quality of a picture against itself is null here.
     for row in rows["table_7_1"]:
         row["psnr_db"] = row["psnr_db"] if np.isfinite(row["psnr_db"]) else None
     return rows
-
-
-def _codes(stack_file: str | Path) -> np.ndarray:
-    """Pictures of a stack, sRGB-encoded, on the scale of 8-bit codes, not rounded."""
-    return display_values(load_stack(stack_file)[0])
-
-
-def _quality(pictures: np.ndarray, references: np.ndarray) -> dict[str, float]:
-    """Averages over the planes of PSNR in dB and SSIM."""
-    pairs = list(zip(pictures, references, strict=True))
-    return {
-        "psnr_db": float(np.mean([psnr(a, b, peak=255) for a, b in pairs])),
-        "ssim": float(np.mean([ssim(a, b, peak=255) for a, b in pairs])),
-    }
 
 
 def _true_quality(stack_file: str | Path, true: Reference) -> float:

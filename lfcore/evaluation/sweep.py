@@ -6,12 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from lfcore.colour import display_values
-from lfcore.evaluation.metrics import psnr, ssim
+from lfcore.evaluation.metrics import picture_quality
 from lfcore.evaluation.tables import sizes
 from lfcore.evaluation.timing import Stopwatch
 from lfcore.files import draft_folder
@@ -85,10 +83,7 @@ def _stored(work, case, segments, tiles, slab, spec, planes, pictures, tracer) -
     layout = tiles[0].layout
     join_segments(file, segments, tiles, layout, geometry=slab, scene=scene, spec=spec)
     read = form_planes(file, planes, threads=1, device=tracer.device.device.name)
-    pairs = [
-        (display_values(one), display_values(other))
-        for one, other in zip(read.sums.pictures(), pictures, strict=True)
-    ]
+    quality = picture_quality(read.sums.pictures(), pictures)
     size = file.stat().st_size
     found = sizes(rays=slab.rays, video_bytes=size)
     return {
@@ -96,14 +91,14 @@ def _stored(work, case, segments, tiles, slab, spec, planes, pictures, tracer) -
         "video_bytes": size,
         "bits_per_ray": round(8 * size / slab.rays, 5),
         "ratio_float32": round(found["ratio_float32"], 2),
-        "psnr_db": round(float(np.mean([psnr(*pair, peak=255) for pair in pairs])), 3),
-        "ssim": round(float(np.mean([ssim(*pair, peak=255) for pair in pairs])), 5),
+        "psnr_db": round(quality["psnr_db"], 3),
+        "ssim": round(quality["ssim"], 5),
     }
 
 
 def sweep_figure(table: pd.DataFrame) -> Figure:
     """PSNR of pictures from the file over bits a ray, and encoding time; a curve a scene and N."""
-    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    figure = Figure(figsize=(10, 4.2))
     axes = figure.subplots(1, 2)
     columns = (("bits_per_ray", "bits a ray"), ("encode_seconds", "seconds of encoding"))
     for axis, (column, label) in zip(axes, columns, strict=True):
@@ -115,6 +110,5 @@ def sweep_figure(table: pd.DataFrame) -> Figure:
                 place = getattr(row, column), row.psnr_db
                 axis.annotate(row.case, place, textcoords="offset points", xytext=(4, 4), size=7)
         axis.set(xscale="log", xlabel=label, ylabel="PSNR through the lens, dB")
-        axis.grid(alpha=0.3)
-    axes[0].legend(frameon=False, fontsize=8)
+    axes[0].legend(fontsize=8)
     return figure

@@ -8,21 +8,31 @@ from pathlib import Path
 
 import pandas as pd
 
+from lfcore.errors import LfcoreError
 from lfcore.files import read_json, write_json, write_text
 
 DIGITS = 5
 """Significant digits that are published: more than any measurement carries."""
 
 
-def table_of(rows: Iterable[Mapping], columns: Sequence[str]) -> pd.DataFrame:
-    """The rows with these columns in this order, numbers rounded to five significant digits.
+class TableError(LfcoreError):
+    """Rows that do not make the table asked for."""
 
-    Raises ``KeyError`` when a row lacks a column or has one too many.
+
+def table_of(
+    rows: Iterable[Mapping], columns: Sequence[str], decimals: Mapping[str, int] | None = None
+) -> pd.DataFrame:
+    """The rows with these columns in this order.
+
+    Numbers are rounded to five significant digits or, where ``decimals`` are given, to those of
+    their columns.  Raises :class:`TableError` when a row lacks a column or has one too many.
     """
     rows = list(rows)
     for row in rows:
-        if set(row) != set(columns):
-            raise KeyError(f"columns {sorted(set(row) ^ set(columns))}")
+        if odd := set(row) ^ set(columns):
+            raise TableError(f"a row lacks or has too many of: {', '.join(sorted(odd))}")
+    if decimals is not None:
+        return pd.DataFrame(rows, columns=list(columns)).round(decimals)
     return pd.DataFrame([{c: _rounded(row[c]) for c in columns} for row in rows], columns=columns)
 
 

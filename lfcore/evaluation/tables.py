@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from lfcore.errors import LfcoreError
+from lfcore.evaluation.table_files import TableError, table_of
 
 THESIS_FILE = Path(__file__).with_name("thesis_tables.csv")
 MIB = 2**20
@@ -26,10 +26,6 @@ DECIMALS = {
 }  # fmt: skip
 
 
-class TableError(LfcoreError):
-    """Records that do not make the table asked for."""
-
-
 @dataclass(frozen=True)
 class TableSpec:
     """Columns of one table: measured ones in order, and the thesis's beside them.
@@ -37,8 +33,6 @@ class TableSpec:
     ``thesis`` maps a column of the table to a column of :func:`thesis_figures`.
     """
 
-    name: str
-    title: str
     measured: tuple[str, ...]
     thesis: Mapping[str, str]
 
@@ -47,50 +41,29 @@ class TableSpec:
         return (*KEY, *self.measured, *CONTEXT, *self.thesis)
 
 
+QUALITY = ("seconds", "psnr_db", "psnr_true_db", "ssim")
+SIZES = (
+    "raw_bytes_float32", "raw_bytes_uint8", "video_bytes", "ratio_float32", "ratio_uint8",
+)  # fmt: skip
 SPECS = {
-    spec.name: spec
-    for spec in (
-        TableSpec(
-            "table_7_1",
-            "Angular resolution: time and quality on the fly",
-            ("seconds", "psnr_db", "psnr_true_db", "ssim"),
-            {
-                "thesis_seconds": "quality_seconds",
-                "thesis_psnr_db": "quality_psnr_db",
-                "thesis_ssim": "quality_ssim",
-            },
-        ),
-        TableSpec(
-            "table_7_2",
-            "Encoding: time and size of the stored light field",
-            (
-                "seconds",
-                "raw_bytes_float32",
-                "raw_bytes_uint8",
-                "video_bytes",
-                "ratio_float32",
-                "ratio_uint8",
-            ),
-            {
-                "thesis_seconds": "encode_seconds",
-                "thesis_raw_bytes_float32": "raw_bytes_float32",
-                "thesis_video_bytes": "video_bytes",
-                "thesis_ratio_float32": "compression_ratio",
-                "thesis_ratio_uint8": "ratio_uint8",
-            },
-        ),
-        TableSpec(
-            "table_7_3",
-            "Retrieval: time and quality from the stored light field",
-            ("seconds", "psnr_db", "psnr_true_db", "ssim"),
-            {
-                "thesis_seconds": "decode_seconds",
-                "thesis_psnr_db": "decode_psnr_db",
-                "thesis_ssim": "decode_ssim",
-            },
-        ),
-    )
+    "table_7_1": TableSpec(
+        QUALITY, {f"thesis_{name}": f"quality_{name}" for name in ("seconds", "psnr_db", "ssim")}
+    ),
+    "table_7_2": TableSpec(
+        ("seconds", *SIZES),
+        {
+            "thesis_seconds": "encode_seconds",
+            "thesis_raw_bytes_float32": "raw_bytes_float32",
+            "thesis_video_bytes": "video_bytes",
+            "thesis_ratio_float32": "compression_ratio",
+            "thesis_ratio_uint8": "ratio_uint8",
+        },
+    ),
+    "table_7_3": TableSpec(
+        QUALITY, {f"thesis_{name}": f"decode_{name}" for name in ("seconds", "psnr_db", "ssim")}
+    ),
 }
+"""Angular resolution on the fly, encoding, and retrieval from the stored light field."""
 
 
 @functools.cache
@@ -116,19 +89,11 @@ def make_table(name: str, records: Iterable[Mapping]) -> pd.DataFrame:
         when a record lacks a column, has one too many, or two records share scene and N.
     """
     spec = SPECS[name]
-    own = (*KEY, *spec.measured, *CONTEXT)
-    rows, seen = [], set()
-    for record in records:
-        if set(record) != set(own):
-            odd = ", ".join(sorted(set(record) ^ set(own)))
-            raise TableError(f"a record of {name} lacks or has too many of: {odd}")
-        key = (record["scene"], record["N"])
-        if key in seen:
-            raise TableError(f"{name} has two records for scene {key[0]} and N = {key[1]}")
-        seen.add(key)
-        rows.append({column: record[column] for column in own} | _thesis_cells(spec, key))
-    table = pd.DataFrame(rows, columns=list(spec.columns))
-    return table.round({c: DECIMALS[c] for c in spec.measured if c in DECIMALS})
+    table = table_of(records, (*KEY, *spec.measured, *CONTEXT), DECIMALS)
+    for scene, n in table.loc[table.duplicated(list(KEY)), list(KEY)].itertuples(index=False):
+        raise TableError(f"{name} has two records for scene {scene} and N = {n}")
+    figures = thesis_figures()[list(spec.thesis.values())].set_axis(list(spec.thesis), axis=1)
+    return table.join(figures, on=list(KEY))
 
 
 def read_records(scenes: Iterable[Mapping], name: str) -> list[dict]:
@@ -142,23 +107,10 @@ def read_records(scenes: Iterable[Mapping], name: str) -> list[dict]:
     ]
 
 
-def _thesis_cells(spec: TableSpec, key: tuple[str, int]) -> dict:
-    figures = thesis_figures()
-    if key not in figures.index:
-        return dict.fromkeys(spec.thesis)
-    row = figures.loc[key]
-    return {column: row[source] for column, source in spec.thesis.items()}
-
-
 def sizes(*, rays: int, video_bytes: int) -> dict[str, float]:
     """Raw sizes and compression ratios in both conventions: 12 and 3 bytes a ray.
 
     The thesis's "expected size" counts float32 RGB; its chapter 5 speaks of 8-bit RGB.
     """
-    return {
-        "raw_bytes_float32": 12 * rays,
-        "raw_bytes_uint8": 3 * rays,
-        "video_bytes": video_bytes,
-        "ratio_float32": 12 * rays / video_bytes,
-        "ratio_uint8": 3 * rays / video_bytes,
-    }
+    found = 12 * rays, 3 * rays, video_bytes, 12 * rays / video_bytes, 3 * rays / video_bytes
+    return dict(zip(SIZES, found, strict=True))

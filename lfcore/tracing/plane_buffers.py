@@ -41,8 +41,8 @@ MEMORY_SHARE = 4
 
 def workers_that_fit(device: Device, each: int) -> int:
     """How many of a device's workers its memory holds buffers of ``each`` bytes for."""
-    about = device.device
-    room = min(about.max_mem_alloc_size, about.global_mem_size // MEMORY_SHARE)
+    limits = device.device
+    room = min(limits.max_mem_alloc_size, limits.global_mem_size // MEMORY_SHARE)
     if each > room:
         raise DeviceError(
             f"sums of planes take {each / 2**30:.1f} GiB, and {device.name} has room for "

@@ -99,6 +99,11 @@ def several(item, least: int = 1, most: int | None = None):
     return Annotated[list[item], Distinct, Field(min_length=least, max_length=most)]
 
 
+def listed(item, least: int, most: int | None = None):
+    """A list of items, which may repeat."""
+    return Annotated[list[item], Field(min_length=least, max_length=most)]
+
+
 def choices(*names: str):
     """A list of some of these names."""
     return Annotated[list[Literal[names]], Distinct]
@@ -203,7 +208,7 @@ class Figures(Keys):
     angular_resolution: whole(2, 1024) = key(
         "N of aperture stack and sub-aperture views, which are traced for themselves", 64
     )
-    aperture_stops: Annotated[list[real(0, 20)], Field(min_length=1, max_length=12)] = key(
+    aperture_stops: listed(real(0, 20), 1, 12) = key(
         "stops by which the lens is closed in the aperture stack", [0, 1, 2, 3]
     )
     plenoptic: Plenoptic = group(Plenoptic, "The plenoptic camera of the photograph")
@@ -276,14 +281,14 @@ class WorkPrecision(Keys):
     reference_views: several(whole(3, 2048), 2, 2) = key(
         "N of the two references, which no point may have", [557, 641]
     )
-    f_stops: Annotated[list[real(0, 12)], Field(min_length=1, max_length=4)] = key(
+    f_stops: listed(real(0, 12), 1, 4) = key(
         "stops by which the lens is closed, a diagram each", [0, 2, 4]
     )
     video_views: whole(2, 256) = key("N of the stored light field", 32)
-    crfs: Annotated[list[real(0, 51)], Field(min_length=1, max_length=12)] = key(
+    crfs: listed(real(0, 51), 1, 12) = key(
         "constant rate factors of its points", [14, 20, 26, 30, 34, 40]
     )
-    codecs: Annotated[list[Codec], Field(min_length=1, max_length=12)] = key(
+    codecs: listed(Codec, 1, 12) = key(
         "encoders of the storage diagram: `name`, and `codec`, `preset`, `pixel_format`, "
         "`crf_offset` where they are not the default's",
         [
@@ -296,22 +301,22 @@ class WorkPrecision(Keys):
              "crf_offset": 10},
         ],
     )  # fmt: skip
-    monte_carlo_samples: Annotated[list[whole(1, 16384)], Field(min_length=1, max_length=8)] = key(
+    monte_carlo_samples: listed(whole(1, 16384), 1, 8) = key(
         "samples a pixel of the Monte Carlo curve", [4, 16, 64, 256]
     )
     oracle_pixels: whole(1, 64) = key("pixels whose rays the oracle traces", 4)
     oracle_views: whole(1, 32) = key("N of these rays", 8)
 
 
-LATTICE = Annotated[list[real(1, 64)], Field(min_length=2, max_length=2)]
+LATTICE = listed(real(1, 64), 2, 2)
 
 
 class TruePicture(Keys):
-    truth: Annotated[list[LATTICE], Distinct, Field(min_length=2, max_length=2)] = key(
+    truth: several(LATTICE, 2, 2) = key(
         "two unlike lattices of the true picture: lens samples and rays of a pixel, a side",
         [[12, 4], [10, 5]],
     )
-    lattices: Annotated[list[LATTICE], Distinct, Field(min_length=1, max_length=12)] = key(
+    lattices: several(LATTICE, 1, 12) = key(
         "lattices that are sliced by depth",
         [[4, 1], [4, 1.25], [4, 1.5], [4, 2], [6, 2], [8, 2], [8, 3]],
     )
@@ -339,7 +344,7 @@ ANALYSES = ("true_picture", "work_precision", "recommendation", "stability", "le
 
 class Analysis(Keys):
     make: choices(*ANALYSES) = key("reports on the program itself", list(ANALYSES))
-    targets_db: Annotated[list[real(1, 100)], Field(min_length=1, max_length=12)] = key(
+    targets_db: listed(real(1, 100), 1, 12) = key(
         "PSNR in dB for which settings are recommended", [35, 40, 45, 50]
     )
     stability_rays: whole(100, 1000000) = key("rays of a step of a stability sweep", 400)
@@ -354,9 +359,7 @@ class Analysis(Keys):
 
 
 class Array(Keys):
-    bounds_m: Annotated[list[number()], Field(min_length=4, max_length=4)] = key(
-        "minX maxX minY maxY of the camera grid, metres, y up"
-    )
+    bounds_m: listed(number(), 4, 4) = key("minX maxX minY maxY of the camera grid, metres, y up")
     fov_deg: number(gt=0, lt=180) = key("field of view of a data camera, degrees")
 
 
@@ -370,13 +373,11 @@ ARRAYS = {
 
 class SeeThrough(Keys):
     scene: str = key("scene of the study, one of `assignment.scenes`", "ecosys")
-    focus_m: Annotated[list[number(gt=0)], Field(min_length=2)] = key(
+    focus_m: listed(number(gt=0), 2) = key(
         "focus distances: first what is seen through the others", [60.0, 12.0, 19.0]
     )
-    lens_m: Annotated[list[number(gt=0)], Field(min_length=2)] = key(
-        "radius of the lens at each", [1.4, 0.4, 0.6]
-    )
-    names: Annotated[list[str], Field(min_length=2)] = key(
+    lens_m: listed(number(gt=0), 2) = key("radius of the lens at each", [1.4, 0.4, 0.6])
+    names: listed(str, 2) = key(
         "what is in focus at each", ["hillside", "first tree", "second tree"]
     )
 
@@ -445,7 +446,7 @@ class Configuration(Keys):
     )
     spatial_resolution: whole(16, 8192) = key("M, pixels a side", 128)
     planes: Annotated[
-        Literal["scene"] | Annotated[list[Plane], Field(min_length=1, max_length=100)],
+        Literal["scene"] | listed(Plane, 1, 100),
         BeforeValidator(_scene_or_planes),
     ] = key(
         "the pictures to form: `scene` (the scene's own focus distances, open round lens) or a "

@@ -22,6 +22,7 @@ from lfcore.files import write_text
 from lfcore.workflow.keys import DEFAULT_SCENES, Configuration, Keys, Plane
 
 MISSING = "missing"
+UNKNOWN = ("extra_forbidden", "invalid_key")
 DEEPEST = 32
 MOST_VALUES = 100_000
 _BOUNDS = {
@@ -78,35 +79,40 @@ def _check_extent(config: Mapping) -> None:
 def _explain(error: pydantic.ValidationError) -> SettingsError:
     """The error that lies deepest; of alternatives, the one that the value nearly fits."""
     first = max(error.errors(), key=_fit)
+    kind, (*above, last) = first["type"], first["loc"]
     known = set(_names(Configuration))
-    place = tuple(part for part in first["loc"] if isinstance(part, int) or part in known)
-    unknown = first["type"] == "extra_forbidden" or first["type"] == "invalid_key"
-    if unknown:
-        name = first["loc"][-1] if first["type"] == "extra_forbidden" else first["input"]
-        place = (
-            *(part for part in first["loc"][:-1] if isinstance(part, int) or part in known),
-            name,
-        )
-    if first["type"] == MISSING:
-        place = place[:-1]
-    key = ".".join(
-        ["configuration: " + str(place[0]), *map(str, place[1:])] if place else ["configuration"]
-    )
-    if unknown:
-        there = list(_keys_at(place[:-1]))
-        close = difflib.get_close_matches(str(place[-1]), there, 1)
+    within = [part for part in above if isinstance(part, int) or part in known]
+    if kind in UNKNOWN:
+        name = last if kind == "extra_forbidden" else first["input"]
+        there = list(_at(within)[0].model_fields)
+        close = difflib.get_close_matches(str(name), there, 1)
         hint = f"Did you mean {close[0]!r}" if close else f"Known are {', '.join(there)}"
-        return SettingsError("unknown key", key=key, remedy=hint)
-    if first["type"] == MISSING:
-        return SettingsError(f"{first['loc'][-1]!r} is a required property", key=key)
-    expected = _expected(place)
-    return SettingsError(
-        _problem(first), key=key, remedy=f"Expected: {expected}" if expected else None
-    )
+        return SettingsError("unknown key", key=_dotted([*within, name]), remedy=hint)
+    if kind == MISSING:
+        return SettingsError(f"{last!r} is a required property", key=_dotted(within))
+    place = [*within, last] if isinstance(last, int) or last in known else within
+    _, field = _at(place)
+    meant = [field.description, values_of(field)] if field and field.description else []
+    remedy = f"Expected: {'; '.join(filter(None, meant))}" if meant else None
+    return SettingsError(_problem(first), key=_dotted(place), remedy=remedy)
+
+
+def _dotted(place: list) -> str:
+    return f"configuration: {'.'.join(map(str, place))}" if place else "configuration"
+
+
+def _at(place: list) -> tuple[type[Keys], pydantic.fields.FieldInfo | None]:
+    """The mapping of keys at a place, and the last key on the way there."""
+    model, field = Configuration, None
+    for name in place:
+        if name in model.model_fields:
+            field = model.model_fields[name]
+            model = next(models(field.annotation), model)
+    return model, field
 
 
 def _fit(error: Mapping) -> tuple:
-    exact = error["type"] in (*_BOUNDS, "extra_forbidden", MISSING, "invalid_key")
+    exact = error["type"] in (*_BOUNDS, *UNKNOWN, MISSING)
     return (
         len([part for part in error["loc"] if isinstance(part, int)]),
         exact,
@@ -140,28 +146,6 @@ def _names(model: type[Keys]) -> Iterator[str]:
             yield from _names(inner)
 
 
-def _keys_at(place: tuple) -> Iterator[str]:
-    """Names of the keys of the mapping at a place."""
-    model: type[Keys] = Configuration
-    for name in place:
-        if name in model.model_fields:
-            model = next(models(model.model_fields[name].annotation), model)
-    yield from model.model_fields
-
-
-def _expected(place: tuple) -> str:
-    """What the key at a place means, and its values."""
-    model, field = Configuration, None
-    for name in place:
-        if name in model.model_fields:
-            field = model.model_fields[name]
-            model = next(models(field.annotation), model)
-    if field is None or not field.description:
-        return ""
-    values = values_of(field)
-    return f"{field.description}; {values}" if values else field.description
-
-
 def values_of(field: pydantic.fields.FieldInfo) -> str:
     """What a key admits, in words: from its type and bounds."""
     return _values(field.annotation, field.metadata)
@@ -187,14 +171,9 @@ def _values(annotation: Any, metadata: tuple | list = ()) -> str:
         return ", or ".join(filter(None, (_values(part) for part in parts)))
     if origin is list:
         least, most = bounds.get("min_length", 0), bounds.get("max_length")
-        several = {(0, None): "list", (1, None): "list"}.get((least, most))
-        several = several or (
-            f"{least} or more"
-            if most is None
-            else f"{least}"
-            if most == least
-            else f"{least} to {most}"
-        )
+        several = f"{least}" if most == least else f"{least} to {most}"
+        if most is None:
+            several = "list" if least < 2 else f"{least} or more"
         inner = _values(parts[0]).replace("number", "numbers", 1)
         return f"{several} of {inner}" if inner else f"{several}"
     if origin is dict:

@@ -11,7 +11,7 @@ import pytest
 
 from lfcore.errors import SceneError
 from lfcore.evaluation.assignment.arrays import array_of
-from lfcore.evaluation.stability.under_test import bare_scene
+from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.optics.lens_system import LensSystem
 from lfcore.scene.view import lightfield_view
 from lfcore.workflow.reports import assignment_records, assignment_sections

@@ -8,15 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfcore.errors import LfcoreError, OpticsError
-from lfcore.evaluation.camera_arrays import (
-    convergence,
-    errors,
-    make_array_table,
-    overview,
-    reconstructions,
-    slope,
-    square_field,
-)
+from lfcore.evaluation.assignment.arrays import errors, make_array_table, overview, square_field
+from lfcore.evaluation.assignment.reconstruction import convergence, reconstructions, slope
 from lfcore.optics.array import CameraArray
 from lfcore.refocus.array.sampling import concentric_disk
 from lfcore.refocus.array.virtual_camera import VirtualCamera

@@ -11,7 +11,7 @@ import lfcore.tracing
 from lfcore.evaluation.left_out import comparisons, packages
 from lfcore.evaluation.left_out.comparisons import COLUMNS, LeftOutError, check_identical, same
 from lfcore.evaluation.left_out.features import FEATURES, full_needs
-from lfcore.evaluation.stability.under_test import bare_scene
+from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.opencl.device import open_device
 from lfcore.scene.appearance import DIRECTIONAL, Light, Material
 from lfcore.scene.model import Scene

@@ -12,9 +12,9 @@ from lfcore.evaluation.plenoptic_figure import (
     plenoptic_sheet,
     reduced,
     take,
-    write_photograph,
 )
 from lfcore.evaluation.table_files import table_of
+from lfcore.pictures import write_picture
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def test_sheet_and_whole_photograph(pictures, chart, tmp_path):
     assert sharp > 1.3 * blurred
     plenoptic_sheet(tmp_path / "sheet.png", [(shown, labels)])
     assert Image.open(tmp_path / "sheet.png").width > 6 * 384
-    write_photograph(tmp_path / "photo.png", pictures[1])
+    write_picture(tmp_path / "photo.png", pictures[1].pixels)
     assert np.array_equal(np.asarray(Image.open(tmp_path / "photo.png")), pictures[1].pixels)
 
 

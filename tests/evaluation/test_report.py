@@ -12,9 +12,8 @@ from PIL import Image
 
 from lfcore.colour import srgb_codes
 from lfcore.errors import LfcoreError
-from lfcore.evaluation.captions import to_html
 from lfcore.evaluation.figures import PANELS, QUALITY, TIME, contact_sheet, curves_over_n
-from lfcore.evaluation.page import Section, write_page
+from lfcore.evaluation.page import Section, to_html, write_page
 from lfcore.evaluation.tables import SPECS
 from lfcore.files import whole_file, write_json
 from lfcore.optics.plane_pictures import load_stack, save_stack

@@ -18,7 +18,7 @@ from lfcore.evaluation.stability import (
     primitives,
     shadows,
     shapes,
-    under_test,
+    tested_tracer,
 )
 from lfcore.evaluation.stability.cases import CASES, run_all
 from lfcore.evaluation.stability.measurement import (
@@ -51,19 +51,19 @@ def oracle_closest(triangles, origins, directions):
 
 
 def oracle_slab_hits(triangles, slab, pixels):
-    hits = slab_hits(under_test.bare_scene(triangles), slab, pixels)
+    hits = slab_hits(tested_tracer.bare_scene(triangles), slab, pixels)
     shape = len(pixels), slab.views, slab.views
     return hits.triangle.reshape(shape), np.float32(hits.t.reshape(shape))
 
 
-ORACLE = under_test.TracerUnderTest(
+ORACLE = tested_tracer.TracerUnderTest(
     oracle_closest, oracle_closest, oracle_slab_hits, oracle_picture, rays=300
 )
 
 
 @pytest.fixture(scope="module")
 def tracer():
-    return under_test.tracer_under_test(rays=300)
+    return tested_tracer.tracer_under_test(rays=300)
 
 
 def test_verdicts():
@@ -163,7 +163,7 @@ def test_a_tracer_that_loses_rays_fails():
         number[::50] = -1
         return number, t
 
-    worse = under_test.TracerUnderTest(lossy, lossy, oracle_slab_hits, oracle_picture)
+    worse = tested_tracer.TracerUnderTest(lossy, lossy, oracle_slab_hits, oracle_picture)
     assert all(row.verdict == "fail" for row in primitives.axes(worse))
 
 
@@ -179,7 +179,7 @@ def test_naive_methods_fail_where_the_cases_say():
 
 
 def test_rays_of_any_direction_hold_for_needles_and_scales():
-    general = under_test.tracer_under_test(general=True, rays=300)
+    general = tested_tracer.tracer_under_test(general=True, rays=300)
     rows = [*primitives.needles(general), *extents.tiny_triangles(general)]
     rows += extents.scaled_scene(general)
     assert [row for row in rows if row.verdict == "fail"] == []
@@ -216,7 +216,7 @@ def test_scenes_beyond_the_range_of_float32_are_refused(tracer):
     }  # fmt: skip
     with pytest.raises(SceneError, match="too small for float32"):
         Tracer(
-            under_test.bare_scene(np.full((1, 3, 3), 1e-13, np.float32)),
+            tested_tracer.bare_scene(np.full((1, 3, 3), 1e-13, np.float32)),
             build_bvh(np.zeros((0, 3, 3))),
         )
 

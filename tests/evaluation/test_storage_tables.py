@@ -23,7 +23,7 @@ from lfcore.evaluation.storage.sample import (
     trace_sample,
     window_camera,
 )
-from lfcore.evaluation.table_files import read_rows, table_of, write_rows
+from lfcore.evaluation.table_files import TableError, read_rows, table_of, write_rows
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import trace_planes
@@ -141,9 +141,9 @@ def test_curves_that_hardly_meet_have_no_delta_rate():
 def test_rate_and_distortion_of_a_scene(chart, tmp_path):
     names = (rate_distortion.ANCHOR, "x264 veryfast 4:2:0", "FFV1 RGB, lossless")
     curves = {name: rate_distortion.CURVES[name] for name in names}
-    study = rate_distortion.RateStudy([16], 1, [12, 24, 36], curves)
+    study = {"views": [16], "rays": 1, "crfs": [12, 24, 36], "curves": curves}
     seen = []
-    rows = rate_distortion.rate_rows(chart, study, 32, progress=lambda *done: seen.append(done))
+    rows = rate_distortion.rate_rows(chart, 32, **study, progress=lambda *done: seen.append(done))
     points = table_of(rows, rate_distortion.COLUMNS)
     assert points.curve.tolist() == ["default", *[names[0]] * 3, *[names[1]] * 3, names[2]]
     assert seen[-1] == (8, 8)
@@ -160,8 +160,8 @@ def test_rate_and_distortion_of_a_scene(chart, tmp_path):
 
 @pytest.mark.kernels
 def test_layouts_of_a_scene(chart, tmp_path):
-    study = layouts.LayoutStudy([16], 1, [1, 2])
-    table = table_of(layouts.layout_rows(chart, study, 32), layouts.COLUMNS)
+    rows = layouts.layout_rows(chart, 32, views=[16], rays=1, packs=[1, 2])
+    table = table_of(rows, layouts.COLUMNS)
     assert len(table) == 3 + 3 + 2 and table.is_default.sum() == 1
     assert (table.raw_bytes_float32 == 12 * 256 * 256).all() and (table.psnr_frames_db > 20).all()
     layouts_figure(tmp_path / "layouts.png", table)
@@ -188,8 +188,8 @@ def file(request, chart, tmp_path_factory):
 @pytest.mark.kernels
 def test_reading_costs(file, chart, tmp_path):
     path, kind = file
-    study = retrieval.RetrievalStudy([1, 5], 1 << 14, 2)
-    rows = retrieval.retrieval_rows(path, "chart", (1.0, 2.0), study, chart.device)
+    study = {"planes": [1, 5], "rays": 1 << 14, "repeats": 2}
+    rows = retrieval.retrieval_rows(path, "chart", (1.0, 2.0), chart.device, **study)
     table = table_of(rows, retrieval.COLUMNS).set_index("what")
     assert table.index[0] == retrieval.DECODING and "5 planes" in table.index
     assert table.ratio_to_decoding.iloc[0] == 1 and (table.seconds > 0).all()
@@ -218,5 +218,5 @@ def test_rows_survive_a_file(tmp_path):
     assert again == [{"a": 1, "b": math.inf, "c": None}, {"a": 2, "b": 1.234567, "c": None}]
     table = table_of(again, ["a", "b", "c"])
     assert table.b.tolist() == [math.inf, 1.2346]
-    with pytest.raises(KeyError, match="d"):
+    with pytest.raises(TableError, match="of: c, d"):
         table_of(rows, ["a", "b", "d"])

@@ -11,7 +11,7 @@ import yaml
 
 from lfcore.errors import DeviceError, OpticsError, StorageError
 from lfcore.evaluation.recommendation import DEFAULT_TASK, recommendation
-from lfcore.evaluation.stability.under_test import bare_scene
+from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.evaluation.tables import TableError
 from lfcore.evaluation.work_precision import lens_samples, methods, quadrature, stored, windows
 from lfcore.evaluation.work_precision.figure import convergence, pareto, storage, work_precision

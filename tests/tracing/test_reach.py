@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfcore.evaluation.stability.under_test import CAMERA, bare_scene
+from lfcore.evaluation.stability.tested_tracer import CAMERA, bare_scene
 from lfcore.opencl.device import open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab

@@ -59,7 +59,8 @@ def test_the_smallest_run_has_every_rule_and_script(made):
     scripts = {path.stem for path in (ROOT / "workflow" / "scripts").glob("*.py")}
     assert set(re.findall(r"scripts/(\w+)\.py", text)) == scripts
     rules = set(re.findall(r"^ *(?:use )?rule (?:\w+ as )?(\w+)(?: with)?:", text, re.M))
-    rules |= {"storage_layouts", "equivalence", "retrieval", "storage_layouts_figure"}
+    rules |= {"storage_layouts_scene", "rate_distortion_scene", "storage_layouts"}
+    rules |= {"equivalence", "retrieval", "storage_layouts_figure", "retrieval_figure"}
     assert rules - {"sweep", "sweep_group"} <= made.scripts
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from lfcore.evaluation.stability.under_test import CAMERA, bare_scene
+from lfcore.evaluation.stability.tested_tracer import CAMERA, bare_scene
 from lfcore.evaluation.sweep import sweep_figure, sweep_rows
 from lfcore.opencl.device import open_device
 from lfcore.optics.planes import SensorPlane

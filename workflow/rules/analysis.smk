@@ -4,15 +4,13 @@ ANALYSIS = SETTINGS["analysis"]
 
 rule work_precision_scene:
     input:
-        scene="results/{scene}/scene.npz",
-        bvh="results/{scene}/bvh.npz",
+        **of_scene("{scene}"),
     output:
         "results/{scene}/analysis/work_precision.json",
     log:
         "logs/work_precision/{scene}.log",
     conda:
         "../envs/lfcore.yaml"
-    threads: 1
     params:
         sources=digest(
             *sources.READING,
@@ -81,7 +79,6 @@ rule stability:
     priority: 20
     conda:
         "../envs/lfcore.yaml"
-    threads: 1
     params:
         sources=digest(
             *sources.STORING,
@@ -100,21 +97,19 @@ rule stability:
 
 rule left_out_scene:
     input:
-        scene="results/{scene}/scene.npz",
-        bvh="results/{scene}/bvh.npz",
+        **of_scene("{scene}"),
     output:
         "results/{scene}/analysis/left_out.json",
     log:
         "logs/left_out/{scene}.log",
     conda:
         "../envs/lfcore.yaml"
-    threads: 1
     params:
         sources=digest(
             *sources.STORING,
             *sources.MEASURING,
             "evaluation/left_out",
-            "evaluation/table_files.py",
+            "evaluation/stability/tested_tracer.py",
         ),
         measured=ANALYSIS["left_out"],
         device=SETTINGS["device"],

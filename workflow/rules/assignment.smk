@@ -15,12 +15,12 @@ QUICK_TABLES = [
 ]
 SEEN_THROUGH = ARRAY["see_through"]["scene"]
 ARRAY_SOURCES = digest(*sources.READING, *sources.TABLES, "evaluation/assignment")
+STUDY_SOURCES = digest(*sources.PARSING, *sources.READING, *sources.TABLES, "evaluation/assignment")
 
 
 rule assignment_trace:
     input:
-        scene="results/{scene}/scene.npz",
-        bvh="results/{scene}/bvh.npz",
+        **of_scene("{scene}"),
     output:
         light_field=f"{ARRAYS}/{{scene}}.exr",
         record=f"{ARRAYS}/{{scene}}.json",
@@ -70,35 +70,35 @@ rule assignment_book:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=ARRAY_SOURCES,
-        picture_px=ARRAY["picture_px"],
+        sources=STUDY_SOURCES,
+        study="book",
+        settings={"picture_px": ARRAY["picture_px"]},
         device=SETTINGS["device"],
     script:
-        "../scripts/assignment_book.py"
+        "../scripts/assignment_study.py"
 
 
-rule assignment_see_through:
+use rule assignment_book as assignment_see_through with:
     input:
         **of_scene(SEEN_THROUGH),
         light_field=f"{ARRAYS}/{SEEN_THROUGH}.exr",
     output:
-        figure=assignment_figure("see_through"),
+        figures=[assignment_figure("see_through")],
         record=f"{RECORDS}/see_through.json",
     log:
         "logs/assignment/see_through.log",
-    conda:
-        "../envs/lfcore.yaml"
     params:
-        sources=ARRAY_SOURCES,
-        study=ARRAY["see_through"],
-        picture_px=ARRAY["tile_px"].get(SEEN_THROUGH, 64) * 3 // 2,
-        reference_samples=ARRAY["reference_samples"].get(SEEN_THROUGH, 64),
+        sources=STUDY_SOURCES,
+        study="see_through",
+        settings={
+            "study": ARRAY["see_through"],
+            "picture_px": ARRAY["tile_px"].get(SEEN_THROUGH, 64) * 3 // 2,
+            "reference_samples": ARRAY["reference_samples"].get(SEEN_THROUGH, 64),
+        },
         device=SETTINGS["device"],
-    script:
-        "../scripts/assignment_see_through.py"
 
 
-rule assignment_sampling:
+use rule assignment_book as assignment_sampling with:
     input:
         **of_scene("book"),
     output:
@@ -106,37 +106,34 @@ rule assignment_sampling:
         record=f"{RECORDS}/sampling.json",
     log:
         "logs/assignment/sampling.log",
-    conda:
-        "../envs/lfcore.yaml"
     params:
-        sources=ARRAY_SOURCES,
-        grid=ARRAY["arrays"].get("book"),
-        picture_px=ARRAY["picture_px"],
-        tile_px=ARRAY["tile_px"].get("book", 64),
-        storage_px=ARRAY["storage_px"],
-        reference_samples=ARRAY["reference_samples"].get("book", 64),
+        sources=STUDY_SOURCES,
+        study="sampling",
+        settings={
+            "grid": ARRAY["arrays"].get("book"),
+            "picture_px": ARRAY["picture_px"],
+            "tile_px": ARRAY["tile_px"].get("book", 64),
+            "storage_px": ARRAY["storage_px"],
+            "reference_samples": ARRAY["reference_samples"].get("book", 64),
+        },
         device=SETTINGS["device"],
-    script:
-        "../scripts/assignment_sampling.py"
 
 
-rule assignment_time:
+use rule assignment_book as assignment_time with:
     input:
-        [local(str(file)) for file in files_of_scene(ROOT / "scenes" / "sphere" / "moving.pbrt")],
+        files=[
+            local(str(file)) for file in files_of_scene(ROOT / "scenes" / "sphere" / "moving.pbrt")
+        ],
     output:
-        figure=assignment_figure("time"),
+        figures=[assignment_figure("time")],
         record=f"{RECORDS}/time.json",
     log:
         "logs/assignment/time.log",
-    conda:
-        "../envs/lfcore.yaml"
     params:
-        sources=digest(*sources.PARSING, *sources.READING, *sources.TABLES, "evaluation/assignment"),
-        picture_px=ARRAY["picture_px"],
-        instants=ARRAY["instants"],
+        sources=STUDY_SOURCES,
+        study="time",
+        settings={"picture_px": ARRAY["picture_px"], "instants": ARRAY["instants"]},
         device=SETTINGS["device"],
-    script:
-        "../scripts/assignment_time.py"
 
 
 rule assignment_reconstruction:

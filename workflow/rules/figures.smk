@@ -13,8 +13,7 @@ STACKS = {
 
 rule trace_aperture_stack:
     input:
-        scene="results/{scene}/scene.npz",
-        bvh="results/{scene}/bvh.npz",
+        **of_scene("{scene}"),
     output:
         STACKS["aperture_stack"],
     log:
@@ -35,8 +34,7 @@ rule trace_aperture_stack:
 
 rule trace_views:
     input:
-        scene="results/{scene}/scene.npz",
-        bvh="results/{scene}/bvh.npz",
+        **of_scene("{scene}"),
     output:
         STACKS["sub_aperture_views"],
     log:
@@ -97,8 +95,7 @@ rule curves:
 
 rule plenoptic_photograph:
     input:
-        scene=f"results/{CHART}/scene.npz",
-        bvh=f"results/{CHART}/bvh.npz",
+        **of_scene(CHART),
     output:
         photographs=[
             f"results/{CHART}/figures/photograph_in_focus.png",
@@ -124,8 +121,7 @@ rule plenoptic_photograph:
 
 rule other_renderers:
     input:
-        scene=f"results/{CHART}/scene.npz",
-        bvh=f"results/{CHART}/bvh.npz",
+        **of_scene(CHART),
     output:
         csv=table("other_renderers"),
         figure="results/tables/figures/other_renderers.png",
@@ -134,7 +130,7 @@ rule other_renderers:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(*sources.READING, *sources.TABLES, "evaluation/table_files.py"),
+        sources=digest(*sources.READING, *sources.TABLES),
         # Installing a renderer makes the figure anew.
         installed=[bool(shutil.which("povray")), bool(importlib.util.find_spec("mitsuba"))],
         study=SETTINGS["figures"]["renderers"],

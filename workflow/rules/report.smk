@@ -4,12 +4,7 @@
 # "results/tables" is a folder of separate files, so its two spellings are rules without outputs:
 # as a directory() output, a deleted table would not be noticed.
 REPORTED = [file for section in TABLE_SECTIONS for file in section.files]
-PAGE_SOURCES = digest(
-    "evaluation/page.*",
-    "evaluation/captions.py",
-    "evaluation/table_files.py",
-    "evaluation/timing.py",
-)
+PAGE_SOURCES = digest("evaluation/page.*", "evaluation/table_files.py", "evaluation/timing.py")
 
 
 rule markdown:
@@ -32,7 +27,7 @@ rule markdown:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest("evaluation/captions.py", "evaluation/table_files.py"),
+        sources=digest("evaluation/table_files.py"),
         title=lambda wildcards: reports.TITLES[wildcards.table],
         # Filled in: another value of a key that the caption does not speak of changes nothing.
         caption=lambda wildcards, input: fill(Path(input.caption).read_text("utf-8"), SETTINGS),

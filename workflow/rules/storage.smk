@@ -2,50 +2,32 @@
 STORAGE = SETTINGS["storage"]
 
 
-rule storage_layouts_scene:
-    input:
-        scene="results/{scene}/scene.npz",
-        bvh="results/{scene}/bvh.npz",
-    output:
-        "results/{scene}/storage/storage_layouts.json",
-    log:
-        "logs/storage_layouts/{scene}.log",
-    conda:
-        "../envs/lfcore.yaml"
-    threads: 1
-    params:
-        sources=digest(*sources.READING, *sources.MEASURING, "evaluation/storage"),
-        study=STORAGE["storage_layouts"],
-        spatial_resolution=SETTINGS["spatial_resolution"],
-        device=SETTINGS["device"],
-    script:
-        "../scripts/storage_layouts_scene.py"
+for name in ("storage_layouts", "rate_distortion"):
 
-
-rule rate_distortion_scene:
-    input:
-        scene="results/{scene}/scene.npz",
-        bvh="results/{scene}/bvh.npz",
-    output:
-        "results/{scene}/storage/rate_distortion.json",
-    log:
-        "logs/rate_distortion/{scene}.log",
-    conda:
-        "../envs/lfcore.yaml"
-    threads: 1
-    params:
-        sources=digest(*sources.READING, *sources.MEASURING, "evaluation/storage"),
-        study=STORAGE["rate_distortion"],
-        spatial_resolution=SETTINGS["spatial_resolution"],
-        device=SETTINGS["device"],
-    script:
-        "../scripts/rate_distortion_scene.py"
+    rule:
+        name:
+            f"{name}_scene"
+        input:
+            **of_scene("{scene}"),
+        output:
+            f"results/{{scene}}/storage/{name}.json",
+        log:
+            f"logs/{name}/{{scene}}.log",
+        conda:
+            "../envs/lfcore.yaml"
+        params:
+            sources=digest(*sources.READING, *sources.MEASURING, "evaluation/storage"),
+            report=name,
+            study=STORAGE[name],
+            spatial_resolution=SETTINGS["spatial_resolution"],
+            device=SETTINGS["device"],
+        script:
+            "../scripts/storage_samples.py"
 
 
 rule equivalence_scene:
     input:
-        scene="results/{scene}/scene.npz",
-        bvh="results/{scene}/bvh.npz",
+        **of_scene("{scene}"),
     output:
         rows="results/{scene}/storage/equivalence.json",
         figure=report(
@@ -58,7 +40,6 @@ rule equivalence_scene:
         "logs/equivalence/{scene}.log",
     conda:
         "../envs/lfcore.yaml"
-    threads: 1
     params:
         sources=digest(
             *sources.READING,
@@ -85,7 +66,6 @@ if STORE:
             "logs/retrieval/{scene}.log",
         conda:
             "../envs/lfcore.yaml"
-        threads: 1
         params:
             sources=digest(*sources.READING, *sources.MEASURING, "evaluation/storage"),
             study=STORAGE["retrieval"],

@@ -8,8 +8,7 @@ if SWEEP:
 
     rule sweep_group:
         input:
-            scene="results/{scene}/scene.npz",
-            bvh="results/{scene}/bvh.npz",
+            **of_scene("{scene}"),
         output:
             f"{SWEPT}/{SPACE.wildcard_pattern}.json",
         log:
@@ -17,12 +16,7 @@ if SWEEP:
         conda:
             "../envs/lfcore.yaml"
         params:
-            sources=digest(
-                *sources.READING,
-                *sources.MEASURING,
-                "evaluation/sweep.py",
-                "evaluation/table_files.py",
-            ),
+            sources=digest(*sources.READING, *sources.MEASURING, "evaluation/sweep.py"),
             study=lambda wildcards: SWEEP.study(wildcards.group, wildcards.scene, int(wildcards.n)),
             device=SETTINGS["device"],
         script:
@@ -39,7 +33,7 @@ if SWEEP:
         conda:
             "../envs/lfcore.yaml"
         params:
-            sources=digest(*sources.READING, *sources.TABLES, "evaluation/table_files.py"),
+            sources=digest(*sources.READING, *sources.TABLES),
             sweep=SWEEP,
         script:
             "../scripts/sweep_table.py"

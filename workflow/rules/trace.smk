@@ -10,8 +10,7 @@ if STORE:
 
 rule trace:
     input:
-        scene="results/{scene}/scene.npz",
-        bvh="results/{scene}/bvh.npz",
+        **of_scene("{scene}"),
     output:
         **TRACED,
     log:
@@ -22,7 +21,6 @@ rule trace:
         TRACE_GROUP
     conda:
         "../envs/lfcore.yaml"
-    threads: 1
     resources:
         runtime=lambda wildcards, attempt: costs.trace_minutes(
             batch_of(wildcards).rays, int(wildcards.n), traced_before(wildcards), attempt

@@ -9,8 +9,7 @@ TRUTHS = {
 # Made once a scene and kept: whatever is judged, the truth stays.
 rule truth:
     input:
-        scene="results/{scene}/scene.npz",
-        bvh="results/{scene}/bvh.npz",
+        **of_scene("{scene}"),
     output:
         "results/{scene}/analysis/truth_{lens}.npz",
     log:
@@ -21,7 +20,6 @@ rule truth:
         grouped("figures")
     conda:
         "../envs/lfcore.yaml"
-    threads: 1
     params:
         sources=digest(*sources.READING, *sources.MEASURING, "evaluation/true_picture/reference.py"),
         counts=TRUE_PICTURE["truth"],
@@ -36,8 +34,7 @@ rule truth:
 rule true_picture_scene:
     input:
         **TRUTHS,
-        scene="results/{scene}/scene.npz",
-        bvh="results/{scene}/bvh.npz",
+        **of_scene("{scene}"),
         on_the_fly=of_resolutions("planes/on_the_fly.npz"),
         trace=of_resolutions("trace.json"),
     output:
@@ -46,7 +43,6 @@ rule true_picture_scene:
         "logs/true_picture/{scene}.log",
     conda:
         "../envs/lfcore.yaml"
-    threads: 1
     params:
         sources=digest(*sources.READING, *sources.MEASURING, "evaluation/true_picture"),
         study=TRUE_PICTURE,

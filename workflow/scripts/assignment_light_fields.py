@@ -1,6 +1,6 @@
 """The assignment's light fields as they lie in their files, side by side."""
 
-from lfcore.evaluation.camera_arrays import overview
+from lfcore.evaluation.assignment.arrays import overview
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.storage.tiled_exr import read_array
 from lfcore.workflow.job import job

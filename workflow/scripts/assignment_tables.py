@@ -1,6 +1,6 @@
 """The tables of camera arrays and of pictures from them."""
 
-from lfcore.evaluation.camera_arrays import make_array_table, merged_arrays
+from lfcore.evaluation.assignment.arrays import make_array_table, merged_arrays
 from lfcore.evaluation.table_files import write_csv
 from lfcore.files import read_json
 from lfcore.workflow.job import job

@@ -1,6 +1,7 @@
 """The plenoptic photograph in and out of focus, whole, and one sheet of what is in it."""
 
-from lfcore.evaluation.plenoptic_figure import panels, plenoptic_sheet, take, write_photograph
+from lfcore.evaluation.plenoptic_figure import panels, plenoptic_sheet, take
+from lfcore.pictures import write_picture
 from lfcore.workflow.job import job, log_progress
 from lfcore.workflow.tracers import open_tracer
 
@@ -15,6 +16,6 @@ with job(snakemake.log[0], snakemake.threads):
         output.photographs, (max(focus), scene.camera.focus_distance_m), strict=True
     ):
         picture = take(tracer, focus_m, **params.camera, progress=log_progress("microlenses"))
-        write_photograph(file, picture)
+        write_picture(file, picture.pixels)
         rows.append(panels(tracer, picture, (min(focus), max(focus))))
     plenoptic_sheet(output.sheet, rows)

@@ -1,6 +1,6 @@
 """What it costs to read the stored light fields of one scene."""
 
-from lfcore.evaluation.storage.retrieval import RetrievalStudy, retrieval_rows
+from lfcore.evaluation.storage.retrieval import retrieval_rows
 from lfcore.evaluation.table_files import write_rows
 from lfcore.opencl.device import open_device
 from lfcore.workflow import cases
@@ -16,8 +16,8 @@ with job(snakemake.log[0], snakemake.threads):
             file,
             snakemake.wildcards.scene,
             (min(focus_distances_m), max(focus_distances_m)),
-            RetrievalStudy(**params.study),
             device,
+            **params.study,
             progress=log_progress(file),
         )
     write_rows(snakemake.output[0], rows)

@@ -3,7 +3,7 @@
 from lfcore.evaluation.stability import report
 from lfcore.evaluation.stability.cases import chosen, run_all
 from lfcore.evaluation.stability.measurement import check_passed
-from lfcore.evaluation.stability.under_test import tracer_under_test
+from lfcore.evaluation.stability.tested_tracer import tracer_under_test
 from lfcore.evaluation.table_files import write_csv
 from lfcore.opencl.device import open_device
 from lfcore.workflow.job import job, log_progress

@@ -1,20 +1,41 @@
-"""A scene photographed by a grid of cameras, and the grid that it is photographed by."""
+"""Camera arrays: a scene's own or a grid, traced, written, and compared with pictures.
+
+Errors are of linear radiance (RMSE) and of sRGB codes (PSNR, the convention of
+:mod:`lfcore.evaluation.metrics`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from operator import itemgetter
 from pathlib import Path
 
-from lfcore.errors import SceneError
-from lfcore.evaluation.camera_arrays import array_record
+import numpy as np
+import pandas as pd
+
+from lfcore.colour import display_values
+from lfcore.errors import LfcoreError, SceneError
+from lfcore.evaluation.metrics import PEAK, mse, psnr
+from lfcore.evaluation.table_files import table_of
 from lfcore.evaluation.timing import clocked
 from lfcore.optics.array import CameraArray
+from lfcore.refocus.array.device_field import DeviceField
 from lfcore.rendering.array import trace_array
 from lfcore.scene.model import Scene
 from lfcore.scene.view import LIGHTFIELD
 from lfcore.storage.tiled_exr import write_array
 from lfcore.tracing.tracer import Tracer
+
+COLUMNS = {
+    "camera_array": ("scene", "cameras", "pixels", "seconds", "mrays_per_second", "bytes"),
+    "reconstruction": (
+        "scene", "cameras_per_dim", "method", "filter_or_samples", "rmse", "psnr_db", "seconds",
+    ),
+}  # fmt: skip
+DECIMALS = {"seconds": 4, "mrays_per_second": 3, "rmse": 6, "psnr_db": 3}
 
 
 def array_of(
@@ -64,3 +85,76 @@ def trace_to_exr(
     name = tracer.scene.name
     write_array(path, image, array, half=True, extra={"scene": name})
     return array_record(name, array, samples_per_pixel, seconds, path.stat().st_size)
+
+
+def square_field(
+    tracer: Tracer,
+    cameras: int,
+    bounds: Sequence[float],
+    fov_deg: float,
+    tile: int,
+    samples_per_pixel: int,
+) -> DeviceField:
+    """Trace a square array of square pictures, ready for synthesis.
+
+    A wide array of tiny pictures samples each pixel ``samples_per_pixel`` times, as any other.
+    """
+    array = CameraArray.on_grid((cameras, cameras), bounds, fov_deg, (tile, tile))
+    return DeviceField(tracer.device, trace_array(tracer, array, samples_per_pixel), array)
+
+
+def array_record(
+    scene: str, array: CameraArray, samples_per_pixel: int, seconds: float, size: int
+) -> dict:
+    """A row of the ``camera_array`` table; ``size`` is in bytes, of its tiled EXR in 16 bits."""
+    return {
+        "scene": scene,
+        "cameras": len(array.columns_m) * len(array.rows_m),
+        "pixels": array.tile[0] * array.tile[1],
+        "seconds": seconds,
+        "mrays_per_second": array.rays * samples_per_pixel / seconds / 1e6,
+        "bytes": size,
+    }
+
+
+def exr_bytes(field: DeviceField) -> int:
+    """Size of an array's tiled EXR in 16 bits."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "array.exr"
+        write_array(file, field.image, field.array, half=True)
+        return file.stat().st_size
+
+
+def errors(image: np.ndarray, reference: np.ndarray) -> dict[str, float]:
+    """``rmse`` of linear radiance and ``psnr_db`` of sRGB codes, clipped to [0, 1]."""
+    codes = (display_values(part) for part in (image, reference))
+    return {"rmse": math.sqrt(mse(image, reference)), "psnr_db": psnr(*codes, peak=PEAK)}
+
+
+def overview(image: np.ndarray, width: int) -> np.ndarray:
+    """A light field's picture averaged down to at most ``width`` columns, whole blocks only.
+
+    Raises :class:`LfcoreError` for a width below 1.
+    """
+    if width < 1:
+        raise LfcoreError(f"an overview of {width} columns shows nothing", key="picture_px")
+    factor = max(1, math.ceil(image.shape[1] / width))
+    rows, columns = (length // factor for length in image.shape[:2])
+    cut = image[: rows * factor, : columns * factor].astype(np.float32)
+    return cut.reshape(rows, factor, columns, factor, 3).mean((1, 3))
+
+
+def merged_arrays(swept: Iterable[Mapping], whole: Iterable[Mapping]) -> list[Mapping]:
+    """Rows of arrays: of a sweep, but for those that are in ``whole``, too; then these."""
+    whole = list(whole)
+    size = itemgetter("scene", "cameras", "pixels")
+    known = {size(row) for row in whole}
+    return [*(row for row in swept if size(row) not in known), *whole]
+
+
+def make_array_table(name: str, records: Iterable[Mapping]) -> pd.DataFrame:
+    """The table ``camera_array`` or ``reconstruction``, rows in the order of the records.
+
+    Raises :class:`TableError` for a record that lacks a column or has one too many.
+    """
+    return table_of(records, COLUMNS[name], DECIMALS)

@@ -1,17 +1,20 @@
 """Pictures from the book's light field: steps 3, 4 and 5 of the assignment.
 
-Each study returns pictures (size, size, 3), a label for each, and what was measured.
+Each study returns a sheet of pictures (size, size, 3) and what was measured.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from lfcore.evaluation.camera_arrays import errors
+from lfcore.evaluation.assignment.arrays import errors
+from lfcore.evaluation.figures import Sheet
 from lfcore.evaluation.timing import clocked
+from lfcore.opencl.device import Device
 from lfcore.optics.lens_system import LensSystem
 from lfcore.refocus.array import focal_surface as surfaces
 from lfcore.refocus.array.device_field import DeviceField
@@ -19,6 +22,7 @@ from lfcore.refocus.array.isaksen import isaksen
 from lfcore.refocus.array.monte_carlo import monte_carlo
 from lfcore.refocus.array.realistic import realistic
 from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore.storage.tiled_exr import read_array
 
 # The book: focus of the assignment's command line, and of the authors' line, metres.
 BOOK_FOCUS_M = 6.8
@@ -44,7 +48,39 @@ def measured_camera(size: int) -> VirtualCamera:
     return VirtualCamera(np.array([-0.06, 0.05, 0.0]), np.eye(3), 40.0, (size, size), BOOK_LENS_M)
 
 
-def synthesis(field: DeviceField, size: int):
+def book(
+    device: Device,
+    *,
+    light_field: str | Path,
+    lens: str | Path,
+    picture_px: int,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[list[Sheet], dict]:
+    """Sheets of the three steps, and what was measured in two of them.
+
+    Parameters
+    ----------
+    light_field : the book's array, a tiled EXR.
+    lens : a lens file, whose prescription is traced through.
+    progress : called with (steps done, of all).
+    """
+    found = read_array(light_field)
+    field = DeviceField(device, found.image, found.array)
+    steps = {
+        "synthesis": lambda: synthesis(field, picture_px),
+        "focal_surfaces": lambda: (focal_surfaces(field, picture_px), {}),
+        "realistic_lens": lambda: realistic_lens(field, picture_px, lens),
+    }
+    sheets, record = [], {}
+    for done, (name, step) in enumerate(steps.items(), 1):
+        sheet, record[name] = step()
+        sheets.append(sheet)
+        if progress:
+            progress(done, len(steps))
+    return sheets, {name: found for name, found in record.items() if found}
+
+
+def synthesis(field: DeviceField, size: int) -> tuple[Sheet, dict]:
     """Isaksen's filter at two focal planes and Monte Carlo at the second; steps 3 and 4."""
     pinhole, lens = assignment_camera(size), assignment_camera(size, LENS_M)
     near = surfaces.parallel(AUTHORS_FOCUS_M)
@@ -68,7 +104,7 @@ def synthesis(field: DeviceField, size: int):
         "filter_m": FILTER_M,
         "lens_m": LENS_M,
     }
-    return pictures, list(found), record
+    return Sheet(pictures, list(found)), record
 
 
 def bent(x, y):
@@ -76,7 +112,7 @@ def bent(x, y):
     return 5.6 + 14.0 * (x * x + y * y)
 
 
-def focal_surfaces(field: DeviceField, size: int):
+def focal_surfaces(field: DeviceField, size: int) -> Sheet:
     """One light field, four surfaces: the first bonus."""
     camera = VirtualCamera(np.array([0.0, 0.0, 0.0]), np.eye(3), 44.0, (size, size), 0.35)
     # Both planes go through one point of the cover; only the tilted one lies in it.
@@ -88,10 +124,10 @@ def focal_surfaces(field: DeviceField, size: int):
         "function: near in the middle": surfaces.FunctionSurface(bent),
     }
     pictures = [monte_carlo(field, camera, surface, SAMPLES).image for surface in chosen.values()]
-    return pictures, list(chosen)
+    return Sheet(pictures, list(chosen), 2)
 
 
-def realistic_lens(field: DeviceField, size: int, file: str | Path):
+def realistic_lens(field: DeviceField, size: int, file: str | Path) -> tuple[Sheet, dict]:
     """The second bonus: a double Gauss, open and stopped down, and the thin lens it should be."""
     lens = LensSystem.read(file)
     length = float(lens.focal_length_m)
@@ -121,4 +157,4 @@ def realistic_lens(field: DeviceField, size: int, file: str | Path):
     record = {"focal_length_m": length, "f_number": f_number}
     record["corner_light_open"] = corners[0] / corners[-1]
     record["corner_light_stopped"] = corners[2] / corners[-1]
-    return pictures, labels, record
+    return Sheet(pictures, labels, 2), record

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lfcore.evaluation.stability.under_test import CAMERA, bare_scene
+from lfcore.evaluation.stability.tested_tracer import CAMERA, bare_scene
 from lfcore.opencl.device import open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab

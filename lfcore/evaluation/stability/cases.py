@@ -21,7 +21,7 @@ from lfcore.evaluation.stability import (
     shadows,
 )
 from lfcore.evaluation.stability.measurement import Case, Measurement, StabilityError
-from lfcore.evaluation.stability.under_test import TracerUnderTest
+from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
 
 CASES: tuple[Case, ...] = (
     *edges.CASES,

@@ -18,7 +18,7 @@ import av
 import numpy as np
 
 from lfcore.evaluation.stability.measurement import NO_ANSWER, Measurement, measured, sweep
-from lfcore.evaluation.stability.under_test import TracerUnderTest
+from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentReader, SegmentWriter

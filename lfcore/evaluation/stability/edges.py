@@ -13,7 +13,7 @@ from lfcore.evaluation.stability.hit_errors import compared, leaks, oracle_hits
 from lfcore.evaluation.stability.measurement import Measurement, measured, sweep
 from lfcore.evaluation.stability.naive import moeller_trumbore
 from lfcore.evaluation.stability.shapes import grid, rays_at, sphere
-from lfcore.evaluation.stability.under_test import CAMERA, TracerUnderTest
+from lfcore.evaluation.stability.tested_tracer import CAMERA, TracerUnderTest
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import slab_rays
 

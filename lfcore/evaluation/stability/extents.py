@@ -25,7 +25,7 @@ from lfcore.evaluation.stability.hit_errors import (
 )
 from lfcore.evaluation.stability.measurement import NO_ANSWER, Measurement, measured, sweep
 from lfcore.evaluation.stability.shapes import grid, random_rays, rays_at, soup, sphere
-from lfcore.evaluation.stability.under_test import CAMERA, TracerUnderTest, check_kept
+from lfcore.evaluation.stability.tested_tracer import CAMERA, TracerUnderTest, check_kept
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.scene.build import build_scene

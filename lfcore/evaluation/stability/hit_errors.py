@@ -10,7 +10,7 @@ import numpy as np
 
 from lfcore.evaluation.stability import naive
 from lfcore.evaluation.stability.measurement import NO_ANSWER, Measurement, measured
-from lfcore.evaluation.stability.under_test import ClosestHit
+from lfcore.evaluation.stability.tested_tracer import ClosestHit
 from lfcore.oracle.crossings import ULP
 from lfcore.oracle.intersect import Hits, closest_hits
 

@@ -16,7 +16,7 @@ from lfcore.evaluation.stability import naive
 from lfcore.evaluation.stability.hit_errors import compared, mismatches, oracle_hits
 from lfcore.evaluation.stability.measurement import Measurement, measured, sweep
 from lfcore.evaluation.stability.shapes import random_rays, soup
-from lfcore.evaluation.stability.under_test import TracerUnderTest, kept
+from lfcore.evaluation.stability.tested_tracer import TracerUnderTest, kept
 from lfcore.evaluation.timing import measure
 
 PATTERNS = (np.nan, np.inf, -np.inf, 3e38, 1e-45)

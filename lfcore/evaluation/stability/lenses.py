@@ -11,7 +11,7 @@ import numpy as np
 
 from lfcore.evaluation.stability import naive
 from lfcore.evaluation.stability.measurement import NO_ANSWER, Measurement, measured, sweep
-from lfcore.evaluation.stability.under_test import CAMERA, TracerUnderTest, bare_scene
+from lfcore.evaluation.stability.tested_tracer import CAMERA, TracerUnderTest, bare_scene
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane

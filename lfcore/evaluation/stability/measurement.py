@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lfcore.errors import LfcoreError, OpticsError, SceneError
-from lfcore.evaluation.stability.under_test import TracerUnderTest
+from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
 
 COLUMNS = ("case", "parameter", "value", "naive_error", "error", "bound", "verdict", "limit")
 LIMITS = {

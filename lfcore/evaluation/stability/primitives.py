@@ -16,7 +16,7 @@ from lfcore.evaluation.stability.extents import lone_rays
 from lfcore.evaluation.stability.hit_errors import compared, leaks, oracle_hits
 from lfcore.evaluation.stability.measurement import Measurement, measured, sweep
 from lfcore.evaluation.stability.shapes import grid, rays_at
-from lfcore.evaluation.stability.under_test import TracerUnderTest
+from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
 
 
 @sweep("aspect", 10.0 ** np.arange(0, 9))

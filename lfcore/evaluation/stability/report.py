@@ -74,7 +74,7 @@ def heat_map(path: str | Path, table: pd.DataFrame) -> None:
     """Every row as a cell, cases down and the sweep across, naive float32 beside ours."""
     cases = list(dict.fromkeys(table.case))
     width = int(table.groupby("case").size().max())
-    figure = Figure(figsize=(11, 0.23 * len(cases) + 1.6), layout="constrained")
+    figure = Figure(figsize=(11, 0.23 * len(cases) + 1.6))
     axes = figure.subplots(1, 2, sharey=True)
     for axis, column, title in zip(
         axes, ("naive_error", "error"), ("naive float32", "lfcore"), strict=True
@@ -88,6 +88,7 @@ def heat_map(path: str | Path, table: pd.DataFrame) -> None:
         axis.set_title(title)
         axis.set_xlabel("step of the sweep")
         axis.set_xticks(range(0, width, 2), range(1, width + 1, 2))
+        axis.grid(False)
         axis.tick_params(length=0)
         axis.spines[:].set_visible(False)
     axes[0].set_yticks(range(len(cases)), cases, fontsize=8)
@@ -111,13 +112,13 @@ def error_growth(path: str | Path, table: pd.DataFrame, cases: Iterable[str] | N
     wanted = [case for case in cases or _growing(table) if (table.case == case).any()]
     columns = min(4, len(wanted))
     lines = math.ceil(len(wanted) / columns)
-    figure = Figure(figsize=(3.5 * columns, 2.9 * lines), layout="constrained")
+    figure = Figure(figsize=(3.5 * columns, 2.9 * lines))
     axes = np.atleast_1d(figure.subplots(lines, columns)).ravel()
     for axis, case in zip(axes, wanted, strict=False):
         _growth(axis, table[table.case == case], case)
     for axis in axes[len(wanted) :]:
         axis.set_visible(False)
-    axes[0].legend(frameon=False, fontsize=8)
+    axes[0].legend(fontsize=8)
     save_figure(path, figure)
 
 
@@ -148,4 +149,3 @@ def _growth(axis, rows: pd.DataFrame, case: str) -> None:
     axis.set_title(case, fontsize=9)
     axis.set_xlabel(rows.parameter.iloc[0], fontsize=8)
     axis.tick_params(labelsize=7)
-    axis.grid(alpha=0.3)

@@ -10,7 +10,7 @@ import numpy as np
 from lfcore.evaluation.stability import naive
 from lfcore.evaluation.stability.measurement import Measurement, measured, sweep
 from lfcore.evaluation.stability.shapes import grid, sphere
-from lfcore.evaluation.stability.under_test import TracerUnderTest, bare_scene
+from lfcore.evaluation.stability.tested_tracer import TracerUnderTest, bare_scene
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab

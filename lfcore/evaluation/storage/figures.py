@@ -14,7 +14,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from lfcore.colour import srgb_decode
 from lfcore.evaluation.equivalence import Equivalence
-from lfcore.evaluation.figures import contact_sheet, save_figure
+from lfcore.evaluation.figures import contact_sheet, save_figure, views_axis
 
 MARKERS = {"raster": "s", "serpentine": "o", "hilbert": "^"}
 STYLES = {"libx264": "-", "libx265": "--", "libsvtav1": ":"}
@@ -33,7 +33,7 @@ def layouts_figure(path: str | Path, table: pd.DataFrame) -> None:
     scenes, views = list(dict.fromkeys(table.scene)), sorted(table.N.unique())
     names = list(dict.fromkeys(_layout_name(row) for row in table.itertuples()))
     size = (3.6 * len(scenes) + 1.7, 2.6 * len(views) + 0.4)
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=size)
     axes = figure.subplots(len(views), len(scenes), squeeze=False)
     for line, n in zip(axes, views, strict=True):
         for axis, scene in zip(line, scenes, strict=True):
@@ -45,7 +45,6 @@ def layouts_figure(path: str | Path, table: pd.DataFrame) -> None:
                     markeredgecolor=edge, markeredgewidth=1.6, alpha=0.85,
                 )  # fmt: skip
             axis.set_title(f"{scene}, N = {n}", fontsize=10)
-            axis.grid(alpha=0.3)
         line[0].set_ylabel("PSNR of pictures (dB)")
     for axis in axes[-1]:
         axis.set_xlabel("bits per ray")
@@ -55,7 +54,7 @@ def layouts_figure(path: str | Path, table: pd.DataFrame) -> None:
     keys += axes[0, 0].plot(
         [], [], "o", color="white", markeredgecolor="black", markeredgewidth=1.6, label="default"
     )
-    figure.legend(handles=keys, loc="outside right upper", frameon=False, fontsize=9)
+    figure.legend(handles=keys, loc="outside right upper", fontsize=9)
     save_figure(path, figure)
 
 
@@ -72,7 +71,7 @@ def rate_distortion_figure(path: str | Path, points: pd.DataFrame, deltas: pd.Da
     ``points`` and ``deltas`` are the tables of :mod:`lfcore.evaluation.storage.rate_distortion`.
     """
     views = sorted(points.N.unique())
-    figure = Figure(figsize=(16, 5.2 * len(views)), layout="constrained")
+    figure = Figure(figsize=(16, 5.2 * len(views)))
     axes = figure.subplots(len(views), 3, squeeze=False)
     lossy = points[points.codec != "ffv1"]
     curves = [name for name in dict.fromkeys(lossy.curve) if name != "default"]
@@ -86,7 +85,7 @@ def rate_distortion_figure(path: str | Path, points: pd.DataFrame, deltas: pd.Da
             _beyond(axis, points[(points.codec == "ffv1") & (points.N == n)], f"psnr_{what}_db")
         _speeds(line[2], deltas[deltas.N == n], colours)
     keys, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(keys, labels, loc="outside right upper", frameon=False, fontsize=9)
+    figure.legend(keys, labels, loc="outside right upper", fontsize=9)
     save_figure(path, figure, dpi=110)
 
 
@@ -131,7 +130,6 @@ def _log_axis(axis: Axes) -> None:
     axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axis.xaxis.set_major_formatter("{x:g}")
     axis.xaxis.set_minor_formatter(NullFormatter())
-    axis.grid(alpha=0.3)
 
 
 def retrieval_figure(path: str | Path, table: pd.DataFrame) -> None:
@@ -140,24 +138,19 @@ def retrieval_figure(path: str | Path, table: pd.DataFrame) -> None:
     ``table`` is that of :mod:`lfcore.evaluation.storage.retrieval`.
     """
     scenes = list(dict.fromkeys(table.scene))
-    figure = Figure(figsize=(3.9 * len(scenes) + 1.8, 3.9), layout="constrained")
+    figure = Figure(figsize=(3.9 * len(scenes) + 1.8, 3.9))
     axes = figure.subplots(1, len(scenes), squeeze=False, sharey=True)[0]
     for axis, scene in zip(axes, scenes, strict=True):
         of_scene = table[table.scene == scene]
         for k, (what, rows) in enumerate(of_scene.groupby("what", sort=False)):
             colour = "black" if k == 0 else f"C{k - 1}"
             axis.plot(rows.N, rows.seconds, "o-", color=colour, label=what, markersize=4)
-        axis.set_xscale("log", base=2)
         axis.set_yscale("log")
-        axis.set_xticks(sorted(table.N.unique()))
-        axis.xaxis.set_major_formatter("{x:.0f}")
-        axis.xaxis.set_minor_formatter(NullFormatter())
-        axis.set_xlabel("angular resolution N")
+        views_axis(axis, table.N)
         axis.set_title(scene, fontsize=10)
-        axis.grid(alpha=0.3)
     axes[0].set_ylabel("CPU seconds")
     keys, labels = axes[0].get_legend_handles_labels()
-    figure.legend(keys, labels, loc="outside right upper", frameon=False, fontsize=9)
+    figure.legend(keys, labels, loc="outside right upper", fontsize=9)
     save_figure(path, figure)
 
 

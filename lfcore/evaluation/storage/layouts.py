@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
-from lfcore.evaluation.storage.sample import Frames, Stored, own_planes, store, trace_sample
-from lfcore.evaluation.tables import sizes
+from lfcore.evaluation.storage.sample import Frames, own_planes, store, trace_sample
 from lfcore.storage.curves import ORDERS
 from lfcore.storage.defaults import default_kind, default_pack, default_spec, macropixel_pack
 from lfcore.storage.layout import FrameLayout
@@ -19,16 +17,6 @@ COLUMNS = [
 ]  # fmt: skip
 ORDER = "serpentine"
 LARGEST_FRAME_PX = 512
-
-
-@dataclass(frozen=True)
-class LayoutStudy:
-    """``views``: each N; ``rays``: the most of a sample; ``packs``: macropixels a side of a frame,
-    beside the default."""
-
-    views: Sequence[int]
-    rays: int
-    packs: Sequence[int]
 
 
 def layouts(views: int, pixels: int, packs: Sequence[int]) -> Iterator[FrameLayout]:
@@ -50,46 +38,37 @@ def layouts(views: int, pixels: int, packs: Sequence[int]) -> Iterator[FrameLayo
 
 def layout_rows(
     tracer: Tracer,
-    study: LayoutStudy,
     pixels: int,
     *,
+    views: Sequence[int],
+    rays: int,
+    packs: Sequence[int],
     progress: Callable[[int, int], None] | None = None,
 ) -> list[dict]:
     """Rows of one scene (columns :data:`COLUMNS`), at the encoder settings of each N.
 
-    ``pixels`` is M of the picture that samples are windows of.  ``progress`` is called with
-    (layouts done, of all).
+    Parameters
+    ----------
+    pixels : M of the picture that samples are windows of.
+    views : each N.
+    rays : the most of a sample.
+    packs : macropixels a side of a frame, beside the default.
+    progress : called with (layouts done, of all).
     """
     planes, rows = own_planes(tracer.scene), []
-    for step, views in enumerate(study.views):
-        sample = trace_sample(tracer, planes, views=views, pixels=pixels, most_rays=study.rays)
-        found = list(layouts(views, sample.window, study.packs))
+    for step, n in enumerate(views):
+        sample = trace_sample(tracer, planes, views=n, pixels=pixels, most_rays=rays)
+        found = list(layouts(n, sample.window, packs))
         for at, layout in enumerate(found):
-            stored = store(Frames(sample, layout), default_spec(views), tracer.device)
-            rows.append({"scene": sample.scene, "N": views, "M": pixels} | _row(layout, stored))
-            rows[-1]["is_default"] = is_default(layout, pixels)
+            stored = store(Frames(sample, layout), default_spec(n), tracer.device)
+            known = {"scene": sample.scene, "N": n, "M": pixels} | stored.columns(layout.rays)
+            known |= {"window": layout.pixels, "frame_px": layout.frame_width}
+            known |= {"layout": layout.kind, "order": layout.order, "pack": layout.pack}
+            known["is_default"] = is_default(layout, pixels)
+            rows.append({column: known[column] for column in COLUMNS})
             if progress:
-                progress(step * len(found) + at + 1, len(study.views) * len(found))
+                progress(step * len(found) + at + 1, len(views) * len(found))
     return rows
-
-
-def _row(layout: FrameLayout, stored: Stored) -> dict:
-    size = sizes(rays=layout.rays, video_bytes=stored.bytes)
-    return {
-        "window": layout.pixels,
-        "layout": layout.kind,
-        "order": layout.order,
-        "pack": layout.pack,
-        "frame_px": layout.frame_width,
-        "raw_bytes_float32": size["raw_bytes_float32"],
-        "video_bytes": stored.bytes,
-        "ratio_float32": size["ratio_float32"],
-        "bits_per_ray": 8 * stored.bytes / layout.rays,
-        "psnr_frames_db": stored.psnr_frames_db,
-        "psnr_pictures_db": stored.psnr_pictures_db,
-        "encode_seconds": stored.encode_seconds,
-        "decode_seconds": stored.decode_seconds,
-    }
 
 
 def is_default(layout: FrameLayout, pixels: int) -> bool:

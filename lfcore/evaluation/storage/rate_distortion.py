@@ -8,14 +8,13 @@ needs than the anchor at equal PSNR, on average over the PSNR that both reach.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import bjontegaard
 import numpy as np
 import pandas as pd
 
-from lfcore.evaluation.storage.sample import Frames, Stored, own_planes, store, trace_sample
-from lfcore.evaluation.tables import sizes
+from lfcore.evaluation.storage.sample import Frames, own_planes, store, trace_sample
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.defaults import CRF_SCALE, QUICK, default_kind, default_pack, default_spec
 from lfcore.storage.layout import FrameLayout
@@ -55,79 +54,63 @@ CURVES: Mapping[str, dict] = {
 """Name of each curve, and what it changes of :class:`CodecSpec`'s defaults."""
 
 
-@dataclass(frozen=True)
-class RateStudy:
-    """``views``: each N; ``rays``: the most of a sample; ``crfs``: of a curve, H.264's scale."""
-
-    views: Sequence[int]
-    rays: int
-    crfs: Sequence[float]
-    curves: Mapping[str, dict] = field(default_factory=lambda: CURVES)
-
-
-def specs(study: RateStudy) -> list[tuple[str, CodecSpec]]:
+def specs(crfs: Sequence[float], curves: Mapping[str, dict]) -> list[tuple[str, CodecSpec]]:
     """(curve, settings) of every point; lossless codecs have one.
 
     Raises :class:`StorageError` for settings that no encoder takes.
     """
     found = []
-    for name, changes in study.curves.items():
+    for name, changes in curves.items():
         spec = CodecSpec(**changes)
         scale = CRF_SCALE.get(spec.codec, 1.0)
-        crfs = study.crfs[:1] if spec.lossless else study.crfs
-        found += [(name, replace(spec, crf=min(63.0, scale * crf))) for crf in crfs]
+        points = crfs[:1] if spec.lossless else crfs
+        found += [(name, replace(spec, crf=min(63.0, scale * crf))) for crf in points]
     return found
 
 
 def rate_rows(
     tracer: Tracer,
-    study: RateStudy,
     pixels: int,
     *,
+    views: Sequence[int],
+    rays: int,
+    crfs: Sequence[float],
+    curves: Mapping[str, dict] = CURVES,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[dict]:
     """Points of one scene (columns :data:`COLUMNS`), in the default layout of each N.
 
-    What is stored by default at each N is among them, as the curve "default".  ``pixels`` is M
-    of the picture that samples are windows of.  ``progress`` is called with (points done, of all).
+    What is stored by default at each N is among them, as the curve "default".
+
+    Parameters
+    ----------
+    pixels : M of the picture that samples are windows of.
+    views : each N.
+    rays : the most of a sample.
+    crfs : of a curve, H.264's scale.
+    progress : called with (points done, of all).
     """
-    planes, points, rows = own_planes(tracer.scene), specs(study), []
-    for views in study.views:
-        sample = trace_sample(tracer, planes, views=views, pixels=pixels, most_rays=study.rays)
-        kind = default_kind(views, pixels)
-        pack = min(default_pack(views, pixels), sample.window)
-        here = [("default", default_spec(views)), *points]
+    planes, points, rows = own_planes(tracer.scene), specs(crfs, curves), []
+    for n in views:
+        sample = trace_sample(tracer, planes, views=n, pixels=pixels, most_rays=rays)
+        kind = default_kind(n, pixels)
+        pack = min(default_pack(n, pixels), sample.window)
+        here = [("default", default_spec(n)), *points]
         fed: dict[str, Frames] = {}
         for name, spec in here:
             form = spec.pixel_format
             if form not in fed:
-                layout = FrameLayout(kind, views, sample.window, "serpentine", pack, form)
+                layout = FrameLayout(kind, n, sample.window, "serpentine", pack, form)
                 fed = {form: Frames(sample, layout)}
             stored = store(fed[form], spec, tracer.device)
-            row = {"scene": sample.scene, "N": views, "M": pixels, "window": sample.window}
-            rows.append(row | _row(name, spec, stored, fed[form].layout.rays))
+            known = {"scene": sample.scene, "N": n, "M": pixels, "window": sample.window}
+            known |= {"curve": name, "crf": None if spec.lossless else spec.crf}
+            known |= {key: getattr(spec, key) for key in ("codec", "preset", "pixel_format")}
+            known |= stored.columns(fed[form].layout.rays)
+            rows.append({column: known[column] for column in COLUMNS})
             if progress:
-                progress(len(rows), len(study.views) * len(here))
+                progress(len(rows), len(views) * len(here))
     return rows
-
-
-def _row(curve: str, spec: CodecSpec, stored: Stored, rays: int) -> dict:
-    return {
-        "curve": curve,
-        "codec": spec.codec,
-        "preset": spec.preset,
-        "pixel_format": spec.pixel_format,
-        "crf": None if spec.lossless else spec.crf,
-        "video_bytes": stored.bytes,
-        "bits_per_ray": 8 * stored.bytes / rays,
-        "ratio_float32": sizes(rays=rays, video_bytes=stored.bytes)["ratio_float32"],
-        "psnr_frames_db": stored.psnr_frames_db,
-        "ssim_frames": stored.ssim_frames,
-        "psnr_pictures_db": stored.psnr_pictures_db,
-        "ssim_pictures": stored.ssim_pictures,
-        "encode_seconds": stored.encode_seconds,
-        "decode_seconds": stored.decode_seconds,
-    }
 
 
 def bd_rows(points: pd.DataFrame) -> list[dict]:

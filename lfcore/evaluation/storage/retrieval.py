@@ -31,16 +31,6 @@ DECODING = "decoding alone"
 
 
 @dataclass(frozen=True)
-class RetrievalStudy:
-    """``planes``: how many at a time; ``rays``: the most that planes are formed from;
-    ``repeats``: rounds, of which medians are taken."""
-
-    planes: Sequence[int]
-    rays: int
-    repeats: int
-
-
-@dataclass(frozen=True)
 class Cost:
     """CPU ``seconds`` scaled to the whole file, ``share`` of the file's rays that was measured,
     ``frames`` decoded over the frames that were in reach."""
@@ -55,9 +45,11 @@ def retrieval_rows(
     path: str | Path,
     scene: str,
     focus_m: tuple[float, float],
-    study: RetrievalStudy,
     device: Device,
     *,
+    planes: Sequence[int],
+    rays: int,
+    repeats: int,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[dict]:
     """Rows of one file (columns :data:`COLUMNS`).
@@ -65,6 +57,9 @@ def retrieval_rows(
     Parameters
     ----------
     focus_m : nearest and farthest distance in focus; planes are spread evenly in dioptres.
+    planes : how many at a time.
+    rays : the most that planes are formed from.
+    repeats : rounds, of which medians are taken.
     device : forms the planes; one thread, since seconds are CPU seconds of this process.
     progress : called with (measurements done, of all).
 
@@ -72,13 +67,13 @@ def retrieval_rows(
     not recorded.
     """
     field = LightFieldFile.open(path)
-    works = [*_planes(field, focus_m, study, device), *_pieces(field)]
+    works = [*_planes(field, focus_m, planes, rays, device), *_pieces(field)]
     rounds: list[list[Cost]] = [[] for _ in works]
-    for round_ in range(study.repeats):
+    for round_ in range(repeats):
         for at, work in enumerate(works):
             rounds[at].append(work())
             if progress:
-                progress(round_ * len(works) + at + 1, study.repeats * len(works))
+                progress(round_ * len(works) + at + 1, repeats * len(works))
     alone = statistics.median(cost.seconds for cost in rounds[0])
     layout = field.layout
     facts = {
@@ -114,11 +109,11 @@ def focal_planes(
     return [SensorPlane(float(1 / delta), field.slab.camera.f_number) for delta in deltas]
 
 
-def _planes(field, focus_m, study, device) -> Iterator[Callable[[], Cost]]:
+def _planes(field, focus_m, counts, rays, device) -> Iterator[Callable[[], Cost]]:
     """Decoding alone, then decoding and forming planes, of the same frames of segment 0."""
     part, layout = field.segments[0], field.layout
     rays_a_frame = part.tile.rays / part.frames
-    frames = min(part.frames, max(1, int(study.rays / rays_a_frame)))
+    frames = min(part.frames, max(1, int(rays / rays_a_frame)))
     share = frames * rays_a_frame / layout.rays
     chunk = max(1, CHUNK_BYTES // layout.frame_bytes)
     field.check_segment(0)
@@ -141,7 +136,7 @@ def _planes(field, focus_m, study, device) -> Iterator[Callable[[], Cost]]:
         return Cost(f"{len(planes)} plane{'s' * (len(planes) > 1)}", spent / share, share, 1.0)
 
     yield alone
-    for count in study.planes:
+    for count in counts:
         planes = focal_planes(field, focus_m, count)
         formed(planes, 1)  # the program is built
         yield lambda planes=planes: formed(planes)

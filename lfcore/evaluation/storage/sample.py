@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from lfcore.colour import display_values, srgb_encode
+from lfcore.colour import srgb_encode
 from lfcore.errors import StorageError
-from lfcore.evaluation.metrics import psnr, ssim
+from lfcore.evaluation.metrics import PEAK, picture_quality, ssim
+from lfcore.evaluation.tables import sizes
 from lfcore.evaluation.timing import Stopwatch
 from lfcore.opencl.device import Device
 from lfcore.optics import bundles
@@ -37,7 +38,6 @@ from lfcore.storage.segment import SegmentWriter
 from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
 from lfcore.tracing.tracer import Tracer
 
-PEAK = 255
 CHUNK_PX = 1 << 20
 SSIM_PX = 1 << 18
 """Pixels of frames whose SSIM is taken: frames spread evenly over the segment."""
@@ -116,20 +116,20 @@ class Frames:
     @cached_property
     def rgb(self) -> np.ndarray:
         """(F, height, width, 3) float32, sRGB-encoded; empty slots and padding are black."""
-        layout, size = self.layout, self.layout.inner
+        layout, light = self.layout, self.sample.rgb
+        if layout.kind == "views":
+            light = light.transpose(2, 3, 0, 1, 4)
         shape = (self.tile.frame_count, layout.frame_height, layout.frame_width, 3)
         out = np.zeros(shape, np.float32)
-        elements = self.tile.elements()
-        for (column, row), (frame, x, y) in zip(
-            elements.tolist(), self.tile.placement(elements).tolist(), strict=True
-        ):
-            out[frame, y : y + size, x : x + size] = self._element(column, row)
+        for (column, row), place in zip(self.tile.elements(), self._places(), strict=True):
+            out[place] = light[row, column]
         return out
 
-    def _element(self, column: int, row: int) -> np.ndarray:
-        if self.layout.kind == "macropixels":
-            return self.sample.rgb[row, column]
-        return self.sample.rgb[:, :, row, column]
+    def _places(self) -> Iterator[tuple[int, slice, slice]]:
+        """Frame, rows and columns of each element."""
+        size = self.layout.inner
+        for frame, x, y in self.tile.placement(self.tile.elements()).tolist():
+            yield frame, slice(y, y + size), slice(x, x + size)
 
     @cached_property
     def codes(self) -> np.ndarray:
@@ -147,12 +147,9 @@ class Frames:
 
     def used(self) -> np.ndarray:
         """(height, width) bool: pixels of the first frame that are rays, as they are of all."""
-        elements = self.tile.elements()
-        size = self.layout.inner
         out = np.zeros((self.layout.frame_height, self.layout.frame_width), bool)
-        for frame, x, y in self.tile.placement(elements).tolist():
-            if frame == 0:
-                out[y : y + size, x : x + size] = True
+        for frame, rows, columns in self._places():
+            out[rows, columns] |= frame == 0
         return out
 
 
@@ -173,6 +170,12 @@ class Stored:
     ssim_frames: float
     psnr_pictures_db: float
     ssim_pictures: float
+
+    def columns(self, rays: int) -> dict[str, float]:
+        """All of it by the names of the tables' columns, and sizes beside ``rays`` rays."""
+        measured = {key: value for key, value in vars(self).items() if key != "bytes"}
+        bits = {"bits_per_ray": 8 * self.bytes / rays}
+        return sizes(rays=rays, video_bytes=self.bytes) | bits | measured
 
 
 def store(frames: Frames, spec: CodecSpec, device: Device) -> Stored:
@@ -230,16 +233,5 @@ class _Errors:
         frames_db = float(-10 * np.log10(mean)) if mean else float("inf")
         sample = self.frames.sample
         sums = total(sample.slab, sample.planes, [self.former.plane_sums()])
-        return frames_db, float(np.mean(self.ssims)), *quality(sums.pictures(), sample.pictures)
-
-
-def quality(pictures: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
-    """Means over planes of PSNR in dB and SSIM of (P, H, W, 3) pictures in linear light."""
-    pairs = [
-        (display_values(ours), display_values(theirs))
-        for ours, theirs in zip(pictures, truth, strict=True)
-    ]
-    return (
-        float(np.mean([psnr(*pair, peak=PEAK) for pair in pairs])),
-        float(np.mean([ssim(*pair, peak=PEAK) for pair in pairs])),
-    )
+        found = picture_quality(sums.pictures(), sample.pictures)
+        return frames_db, float(np.mean(self.ssims)), found["psnr_db"], found["ssim"]

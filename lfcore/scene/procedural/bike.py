@@ -241,7 +241,7 @@ def _door(seed: int, stone: Surface) -> list[Part]:
                 grain=1,
             )
         )
-    plate = lettering.plain((28, 56, 120), (64, 96))
+    plate = lettering.blank_page((28, 56, 120), (64, 96))
     plate = lettering.write(plate, "12", (48, 31), 52, (245, 245, 240))
     sign = Surface("number", (1, 1, 1), (0.2, 0.2, 0.2), 60.0, texture=plate)
     parts.append(

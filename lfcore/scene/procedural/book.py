@@ -11,7 +11,7 @@ import numpy as np
 from lfcore.errors import SceneError
 from lfcore.scene.parts import Part, Surface
 from lfcore.scene.procedural import textures
-from lfcore.scene.procedural.lettering import plain, write
+from lfcore.scene.procedural.lettering import blank_page, write
 from lfcore.scene.procedural.primitives import quad, rectangle
 from lfcore.scene.transforms import chain, rotate, translate
 
@@ -54,7 +54,9 @@ def _box(half: np.ndarray, seed: int, title: str, authors: str) -> list[Part]:
     cover = Surface(
         "cover", (1, 1, 1), (0.25, 0.25, 0.25), 60.0, texture=_cover(seed, title, authors)
     )
-    back = Surface("back cover", (1, 1, 1), (0.25, 0.25, 0.25), 60.0, texture=plain(NAVY, (8, 8)))
+    back = Surface(
+        "back cover", (1, 1, 1), (0.25, 0.25, 0.25), 60.0, texture=blank_page(NAVY, (8, 8))
+    )
     spine = Surface("spine", (1, 1, 1), (0.25, 0.25, 0.25), 60.0, texture=_spine(title))
     pages = Surface("pages", (1, 1, 1), texture=_pages(seed))
     face = lambda corners, surface: quad(np.array(corners), surface)  # noqa: E731
@@ -80,7 +82,7 @@ def _room(seed: int, floor_y: float) -> list[Part]:
 
 def _cover(seed: int, title: str, authors: str) -> np.ndarray:
     """(1280, 1024, 3): frame, title, a picture of ripples and the authors' line."""
-    page = plain(NAVY, (1280, 1024))
+    page = blank_page(NAVY, (1280, 1024))
     page[40:1240, 40:984] = CREAM
     page[52:1228, 52:972] = NAVY
     page[360:960, 112:912] = _ripples(seed, (600, 800))
@@ -106,7 +108,7 @@ def _ripples(seed: int, size: tuple[int, int]) -> np.ndarray:
 
 
 def _spine(title: str) -> np.ndarray:
-    page = plain(NAVY, (1280, 320))
+    page = blank_page(NAVY, (1280, 320))
     page[60:72, 30:290] = page[1208:1220, 30:290] = GOLD
     return write(page, title, (160, 640), 110, GOLD, turn=-1)
 

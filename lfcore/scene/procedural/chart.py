@@ -11,7 +11,7 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.scene.parts import Part, Surface
-from lfcore.scene.procedural.lettering import plain, write
+from lfcore.scene.procedural.lettering import blank_page, write
 from lfcore.scene.procedural.primitives import rectangle
 
 RED, GREEN, BLUE = (214, 40, 40), (36, 168, 70), (40, 70, 214)
@@ -57,7 +57,7 @@ def _page_of(origin, width: float, height: float, surface: Surface) -> Part:
 
 def _page(colour, word: str, distance_m: float) -> np.ndarray:
     """A 512 x 512 page of text in shrinking sizes, with resolution bars."""
-    page = plain(colour, (512, 512))
+    page = blank_page(colour, (512, 512))
     page = write(page, word, (256, 150), 92, WHITE)
     unit = "metre" if distance_m == 1 else "metres"
     page = write(page, f"{distance_m:g} {unit}", (256, 232), 46, WHITE)

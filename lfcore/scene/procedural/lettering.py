@@ -28,6 +28,6 @@ def write(
     return np.rot90(np.array(image), turn).copy()
 
 
-def plain(colour, size: tuple[int, int]) -> np.ndarray:
+def blank_page(colour, size: tuple[int, int]) -> np.ndarray:
     """(H, W, 3) uint8 of one colour."""
     return np.broadcast_to(np.asarray(colour, np.uint8), (*size, 3)).copy()

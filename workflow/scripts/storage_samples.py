@@ -1,0 +1,16 @@
+"""Samples of one scene's light fields, stored in every layout or at every rate."""
+
+from lfcore.evaluation.storage.layouts import layout_rows
+from lfcore.evaluation.storage.rate_distortion import rate_rows
+from lfcore.evaluation.table_files import write_rows
+from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.tracers import open_tracer
+
+ROWS = {"storage_layouts": layout_rows, "rate_distortion": rate_rows}
+
+with job(snakemake.log[0], snakemake.threads):
+    params, progress = snakemake.params, log_progress("samples")
+    tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
+    rows_of = ROWS[params.report]
+    rows = rows_of(tracer, params.spatial_resolution, **params.study, progress=progress)
+    write_rows(snakemake.output[0], rows)
