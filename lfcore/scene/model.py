@@ -63,7 +63,8 @@ class Scene:
         (0, 3, 3) without vertex colours.
     material_ids : (T,) int32 into ``materials``.
     textures : list of (H, W, 3) uint8, sRGB encoded, row 0 on top; (H, W, 4) with alpha, which
-        is linear, where materials cut holes by it.
+        is linear, where materials cut holes by it.  Codes of a material's ``data_textures`` are
+        linear, too.
     ambient, background : linear RGB.
     dropped : counts of triangles left out on loading, by reason (``"not finite"``,
         ``"zero area"``, ...).
