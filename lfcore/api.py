@@ -29,7 +29,13 @@ from lfcore.optics.slab import Slab
 from lfcore.rendering.by_depth import DEFAULT_COUNT, RayCount, pictures_by_depth
 from lfcore.rendering.direct import focused_camera, trace_picture, trace_planes
 from lfcore.rendering.prepared import open_tracer, open_tracers, opened
-from lfcore.rendering.quality import MOST_RAYS, Rendering, pictures_of_quality
+from lfcore.rendering.quality import (
+    MOST_RAYS,
+    Rendering,
+    pictures_of_quality,
+    planes_between,
+    rays_of_quality,
+)
 from lfcore.scene.build import build_scene
 from lfcore.scene.emitters import POINTS
 from lfcore.scene.files import load_scene as load_prepared
@@ -166,14 +172,18 @@ def render_to_quality(
     """
     wanted = [SensorPlane.of(scene.camera)] if planes is None else list(planes)
     camera = _lens_for(scene, wanted)
-    if not (math.isfinite(quality_db) and quality_db > 0):
-        raise OpticsError(f"must be a positive number of dB, not {quality_db}", key="quality")
-    if not most_rays > 0:
-        raise OpticsError(f"must be positive, not {most_rays:g}", key="most_rays")
+    _check_quality(quality_db, most_rays)
     tracer = open_tracer(scene, device)
     return pictures_of_quality(
         tracer, camera, wanted, pixels, quality_db, most_rays=most_rays, progress=progress
     )
+
+
+def _check_quality(quality_db: float, most_rays: float) -> None:
+    if not (math.isfinite(quality_db) and quality_db > 0):
+        raise OpticsError(f"must be a positive number of dB, not {quality_db}", key="quality")
+    if not most_rays > 0:
+        raise OpticsError(f"must be positive, not {most_rays:g}", key="most_rays")
 
 
 def _lens_for(scene: Scene, planes: list[SensorPlane]) -> Camera:
@@ -210,6 +220,9 @@ def record(
     depth_stream: bool | None = None,
     subpixels: float | None = None,
     lattice: str = "crossed",
+    quality_db: float | None = None,
+    focus_range_m: tuple[float, float] | None = None,
+    most_rays: float = MOST_RAYS,
     focus_m: float | None = None,
     f_number: float | None = None,
     layout: str = AUTO,
@@ -232,6 +245,11 @@ def record(
         pictures of it are 12 dB nearer to the true ones (docs/notebook/true-picture.md).
     lattice : of these views: ``crossed``, each displaced within a pixel against all others, which
         pictures by depth gain 2 dB from, or ``plain``, as all other ways to read a file need.
+    quality_db : instead of ``views`` and ``subpixels``, with a depth stream: what pictures of the
+        whole lens are to have against the average over pixel and lens, before the codec's loss.  A
+        pilot of a tenth of the rays says how many it takes; the file says what is expected.
+    focus_range_m : nearest and farthest focus of these pictures; default what is seen.
+    most_rays : the budget of a quality, rays a pixel.
     focus_m : metres, ``math.inf`` allowed; default the scene's.
     f_number : the widest that can be refocused later; default the scene's.
     layout : ``macropixels``, ``views``, or ``auto`` as measured best at that N and M.
@@ -245,17 +263,33 @@ def record(
 
     Raises
     ------
-    OpticsError : a lens that cannot be.
+    OpticsError : a lens that cannot be, or a quality beyond the budget.
     StorageError : settings that the codec does not take, or a file that cannot be written.
     DeviceError : no device, or none whose name fits.
 
     Source: thesis, Algorithm 3.
     """
     from lfcore.lightfield import LightField
+    from lfcore.rendering.depth import depth_range
     from lfcore.rendering.record import record_slab
     from lfcore.rendering.record_depth import DepthStore, record_by_depth
 
     camera = recorded_camera(scene.camera, focus_m, f_number)
+    content = None
+    if quality_db is not None:
+        if depth_stream is False or views is not None or subpixels is not None:
+            raise OpticsError(
+                "chooses the rays itself, and stores their depths", key="quality",
+                remedy="Leave out views, subpixels and depth_stream",
+            )  # fmt: skip
+        _check_quality(quality_db, most_rays)
+        tracer, depth_stream = open_tracer(scene, device), True
+        near_far = focus_range_m or depth_range(tracer, Slab(camera, STORED_COUNT.views, pixels))
+        planes = planes_between(camera, *(near_far or (math.inf, math.inf)))
+        planned = rays_of_quality(tracer, camera, planes, pixels, quality_db, most_rays=most_rays)
+        views, subpixels = planned.count.views, planned.count.subpixels
+        focus = [plane.focus_distance_m for plane in (planes[0], planes[-1])]
+        content = {"expected": {"db": round(planned.expected_db, 2), "focus_m": focus}}
     if depth_stream or (depth_stream is None and views is None):
         count = RayCount(
             STORED_COUNT.views if views is None else views,
@@ -268,7 +302,8 @@ def record(
         kind = "views" if layout == AUTO else layout
         frames = frame_layout(slab.views, slab.pixels, spec.pixel_format, kind=kind)
         store = DepthStore(frames, spec, lattice, pixels)
-        record_by_depth(path, open_tracer(scene, device), slab, store, progress=progress)
+        tracer = open_tracer(scene, device)
+        record_by_depth(path, tracer, slab, store, content=content, progress=progress)
         return LightField.open(path)
     if subpixels is not None:
         raise OpticsError("belong to a depth stream", key="subpixels", remedy="Leave them out")

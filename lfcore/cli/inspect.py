@@ -132,6 +132,9 @@ def _optics(field: LightField) -> dict[str, str]:
         "focus": f"{camera.focus_distance_m:g} m",
         "views": f"{1e3 * slab.lens_pitch_m:.4g} mm apart",
     }
+    if expected := field.content.get("expected"):
+        near, far = expected["focus_m"]
+        found["expected"] = f"{expected['db']:g} dB before the codec, focused {near:g} to {far:g} m"
     if field.depth_range:
         near, far = field.depth_range
         px = [field.disparity_of(end) for end in (far, near)]

@@ -59,6 +59,8 @@ TRACE_EPILOG = """\
 examples:
   lfcore trace scenes/bike -o bike.mkv --size 256
       4 x 4 views of 512 x 512 and the depth of every ray: pictures of 256 x 256 by depth
+  lfcore trace scenes/bike -o bike.mkv --size 128 --quality 45 --focus-range 2 10
+      as many views and pixels as pictures focused there need
   lfcore trace scenes/bike -o bike.mkv --size 256 --views 32
       32 x 32 views of 256 x 256, each as it is, for any program
   lfcore trace table.glb -o table.mkv --size 512 --views 16 --layout views --crf 18
@@ -121,6 +123,18 @@ def trace_options(command: argparse.ArgumentParser) -> None:
         help="views displaced within a pixel against one another (default), or plain, which "
         "the filters nearest and bilinear need",
     )  # fmt: skip
+    by_depth.add_argument(
+        "--quality", type=float, metavar="DB",
+        help="as many views and pixels as pictures need for this PSNR against the average over "
+        "their pixels and the lens, before the codec's loss; found by a pilot",
+    )  # fmt: skip
+    by_depth.add_argument(
+        "--focus-range", type=distance, nargs=2, metavar=("NEAR", "FAR"),
+        help="metres between which these pictures are focused (default: what is seen)",
+    )  # fmt: skip
+    by_depth.add_argument(
+        "--most-rays", type=float, metavar="R", help="rays a pixel that it may take (4096)"
+    )
     lens = command.add_argument_group("the lens (default: the scene's)")
     lens.add_argument("--focus", type=distance, metavar="M", help="metres, or 'inf'")
     lens.add_argument("--f-number", type=float, metavar="F", help="widest that can be refocused")
@@ -232,16 +246,36 @@ def trace(arguments: argparse.Namespace) -> None:
     rays = ((arguments.views or api.VIEWS) * size) ** 2
     if by_depth:
         rays = _by_depth(arguments, api.STORED_COUNT).rays(size)
-    with named_file(arguments.scene), progress(f"tracing {rays:,} rays", rays=rays) as report:
+    what, asked = f"tracing {rays:,} rays", _asked_quality(arguments)
+    if asked:
+        rays, what = 0, "tracing"
+    with named_file(arguments.scene), progress(what, rays=rays) as report:
         field = api.record(
             scene, arguments.output, views=arguments.views, pixels=size,
             depth_stream=by_depth, subpixels=arguments.subpixels,
             lattice=arguments.lattice, focus_m=arguments.focus,
             f_number=arguments.f_number, layout=arguments.layout or "auto",
-            device=arguments.device, progress=report, **encoder(arguments),
+            device=arguments.device, progress=report, **encoder(arguments), **asked,
         )  # fmt: skip
+    if asked:
+        slab, expected = field.require_slab(), field.content["expected"]
+        near, far = expected["focus_m"]
+        size_of = f"{slab.views} x {slab.views} views of {slab.pixels} x {slab.pixels}"
+        say(f"{size_of}: {expected['db']:g} dB expected before the codec, {near:g} to {far:g} m")
+        note(expected_db=expected["db"], focus_range_m=[near, far])
     length = os.path.getsize(arguments.output)
     wrote(arguments.output, f": {len(field.segments)} segments, {length:,} bytes")
+
+
+def _asked_quality(arguments: argparse.Namespace) -> dict:
+    """What ``record`` is told of a quality; nothing where none is asked for."""
+    more = {"focus_range_m": arguments.focus_range, "most_rays": arguments.most_rays}
+    more = {key: value for key, value in more.items() if value is not None}
+    if arguments.quality is None:
+        if more:
+            refuse("--quality", "is what --focus-range and --most-rays belong to", "Give it, too")
+        return {}
+    return {"quality_db": arguments.quality, **more}
 
 
 @contextmanager

@@ -32,6 +32,9 @@ GROWTH, LAST_GROWTH = 8.0, 0.6
 """How many times the rays so far a pair of rounds may add, and up to which one lattice ends it."""
 PAIR_SHARE = 0.7
 """Of the missing rays that a pair traces: it knows better than what came before how many miss."""
+PILOT_SHARE, PLANNED_DB, PLANNED_PLANES = 0.1, 1.5, 5
+"""Of rays that are only planned, those of the pilot; and by how many dB what they say is less sure
+than where all are traced: measured there.  And how many planes stand for a range."""
 BORDER = 0.08
 """Of a picture's side: what not all of the lens sees is not judged."""
 
@@ -77,11 +80,7 @@ def pictures_of_quality(
     Raises :class:`OpticsError` for a quality that is expected to take more.
     """
 
-    def trace(count: RayCount) -> np.ndarray:
-        own = FOOTPRINT * pixels / (count.views * count.side(pixels))
-        footprint = min(FOOTPRINT_PX, own)
-        return pictures_by_depth(tracer, camera, planes, pixels, count, footprint_px=footprint)
-
+    trace = _tracing(tracer, camera, planes, pixels)
     rounds = _Rounds([(count, trace(count)) for count in PILOT])
     while True:
         missing = rounds.missing_rays(quality_db)
@@ -101,8 +100,83 @@ def pictures_of_quality(
             rounds.add_pair([(count, trace(count)) for count in pair])
 
 
-def _too_much(quality_db: float, wanted: float, most: float, rounds: _Rounds) -> OpticsError:
-    reachable = rounds.expected_db(most).min()
+@dataclass(frozen=True)
+class PlannedRays:
+    """A lattice for pictures between two distances, and the PSNR in dB to be expected of the worst.
+
+    ``pilot_rays`` are those, a pixel, that said so.
+    """
+
+    count: RayCount
+    expected_db: float
+    pilot_rays: float
+
+
+def rays_of_quality(
+    tracer: Tracer,
+    camera: Camera,
+    planes: Sequence[SensorPlane],
+    pixels: int,
+    quality_db: float,
+    *,
+    most_rays: float = MOST_RAYS,
+) -> PlannedRays:
+    """The lattice that is to give the worst plane ``quality_db``, without tracing it.
+
+    A pilot of a tenth of its rays, but of 9 a pixel at least, says how many it takes.  Views are
+    of a multiple of 8 pixels, as encoders like them.
+
+    Raises :class:`OpticsError` for a quality that is expected to take more than ``most_rays``.
+    """
+    trace = _tracing(tracer, camera, planes, pixels)
+    rounds = _Rounds([(count, trace(count)) for count in PILOT])
+    while True:
+        wanted = rounds.wanted_rays(quality_db + PLANNED_DB)
+        if wanted > most_rays:
+            raise _too_much(quality_db, wanted, most_rays, rounds, PLANNED_DB)
+        lacking = PILOT_SHARE * wanted - rounds.rays
+        if lacking < 1:
+            break
+        pair = unlike_lattices(min(lacking, GROWTH * rounds.rays) / 2)
+        rounds.add_pair([(count, trace(count)) for count in pair])
+    count = one_lattice(wanted)
+    side = 8 * math.ceil(count.subpixels * pixels / 8)
+    count = RayCount(count.views, side / pixels)
+    expected = float(rounds.expected_db(count.rays_a_pixel).min()) - PLANNED_DB
+    return PlannedRays(count, expected, rounds.rays)
+
+
+def planes_between(camera: Camera, near_m: float, far_m: float) -> list[SensorPlane]:
+    """Planes of the whole lens from the nearest to the farthest focus, evenly in dioptres.
+
+    Raises :class:`OpticsError` for distances that are none, or in the wrong order.
+    """
+    if not 0 < near_m <= far_m:
+        raise OpticsError(
+            f"must be two distances, the nearer first, not {near_m:g} and {far_m:g}",
+            key="focus_range_m",
+        )
+    focus = np.linspace(1 / near_m, 1 / far_m, PLANNED_PLANES)
+    return [SensorPlane(1 / d if d else math.inf, camera.f_number) for d in focus.tolist()]
+
+
+def _tracing(
+    tracer: Tracer, camera: Camera, planes: Sequence[SensorPlane], pixels: int
+) -> Callable[[RayCount], np.ndarray]:
+    """What makes the pictures of a round."""
+
+    def trace(count: RayCount) -> np.ndarray:
+        own = FOOTPRINT * pixels / (count.views * count.side(pixels))
+        footprint = min(FOOTPRINT_PX, own)
+        return pictures_by_depth(tracer, camera, planes, pixels, count, footprint_px=footprint)
+
+    return trace
+
+
+def _too_much(
+    quality_db: float, wanted: float, most: float, rounds: _Rounds, margin_db: float = 0.0
+) -> OpticsError:
+    reachable = rounds.expected_db(most).min() - margin_db
     return OpticsError(
         f"{quality_db:g} dB takes about {wanted:,.0f} rays a pixel, and the budget is {most:,.0f}",
         key="quality",
@@ -161,10 +235,15 @@ class _Rounds:
         found = self._of_one_ray[:, inner, inner].mean(axis=(1, 2)) / rays
         return -10 * np.log10(np.maximum(found, 1e-12)) - SHARED_DB
 
+    def wanted_rays(self, quality_db: float) -> float:
+        """A pixel, that the quality takes in all."""
+        lacking = quality_db - float(self.expected_db(self.rays).min())
+        return self.rays * 10 ** (min(lacking, 200.0) / 10)
+
     def missing_rays(self, quality_db: float) -> float:
         """A pixel, beyond those there are; 0 where the quality is reached."""
-        lacking = quality_db - float(self.expected_db(self.rays).min())
-        return max(0.0, self.rays * (10 ** (lacking / 10) - 1)) if lacking > 1e-6 else 0.0
+        missing = self.wanted_rays(quality_db) - self.rays
+        return missing if missing > 1e-6 * self.rays else 0.0
 
     def rendering(self) -> Rendering:
         error = np.sqrt(self._of_one_ray / self.rays).astype(np.float32)

@@ -63,6 +63,7 @@ def record_by_depth(
     slab: Slab,
     store: DepthStore,
     *,
+    content: dict | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Metadata:
     """Trace ``slab`` and write the light field file ``path`` with a stream of inverse depths.
@@ -72,6 +73,7 @@ def record_by_depth(
 
     Parameters
     ----------
+    content : what else is known of it, as :class:`Metadata` has it.
     progress : called with (views done, of all).
 
     Raises
@@ -107,7 +109,7 @@ def record_by_depth(
             geometry=slab,
             scene={"name": scene.name, "digest": scene_digest(scene)},
             spec=store.spec,
-            content={"depth_m": list(near_far)} if near_far else None,
+            content=({"depth_m": list(near_far)} if near_far else {}) | (content or {}),
             depth=DepthSegments(depths, codes, store.lattice, store.pixels, spec),
         )
 

@@ -54,6 +54,8 @@ class Metadata:
     header_crc32 : of the codec's global header.
     scene : JSON object with at least ``name`` and ``digest``.
     content : JSON object of what is known beside the rays: ``depth_m`` [nearest, farthest] seen,
+        ``expected`` of a file of a wanted quality: ``db`` of pictures with ``focus_m`` [nearest,
+        farthest], before the codec's loss,
         ``metric`` false where the slab's lengths are not those of the cameras, but say how views
         are shifted against one another; ``source``, what an imported one was.
     depth : of the stream of inverse depths, where there is one.

@@ -17,6 +17,7 @@ from lfcore.rendering.quality import (
     SHARED_DB,
     one_lattice,
     pictures_of_quality,
+    planes_between,
     unlike_lattices,
 )
 
@@ -100,3 +101,32 @@ def test_a_quality_beyond_the_budget_is_refused_with_what_it_takes(scene):
         lfcore.render_to_quality(scene, float("nan"), pixels=32)
     with pytest.raises(lfcore.OpticsError, match="most_rays: must be positive"):
         lfcore.render_to_quality(scene, 40, pixels=32, most_rays=0)
+
+
+@pytest.mark.kernels
+def test_a_stored_light_field_has_the_quality_that_it_says(scene, tmp_path):
+    """Nearly lossless, so that what is missing would be the rays'."""
+    focus = scene.camera.focus_distance_m
+    field = lfcore.record(
+        scene, tmp_path / "ball.mkv", pixels=32, quality_db=38, focus_range_m=(0.8 * focus, focus),
+        crf=1,
+    )  # fmt: skip
+    expected = field.content["expected"]
+    assert expected["db"] >= 38 and expected["focus_m"] == pytest.approx([0.8 * focus, focus])
+    planes = [SensorPlane(at * focus, scene.camera.f_number) for at in (0.8, 0.9, 1)]
+    many = lfcore.render(scene, planes=planes, pixels=32, views=16, subpixels=4)
+    border = int(BORDER * 32)
+    inner = np.s_[border:-border, border:-border]
+    for plane, truth in zip(planes, many, strict=True):
+        picture = field.refocus(plane.focus_distance_m)
+        assert psnr(srgb_encode(picture[inner]), srgb_encode(truth[inner]), peak=1) > 37
+    with pytest.raises(lfcore.OpticsError, match="quality: chooses the rays itself"):
+        lfcore.record(scene, tmp_path / "no.mkv", quality_db=38, views=4)
+    with pytest.raises(lfcore.OpticsError, match="focus_range_m: must be two distances"):
+        lfcore.record(scene, tmp_path / "no.mkv", quality_db=38, focus_range_m=(2, 1))
+    assert not (tmp_path / "no.mkv").exists()
+
+
+def test_a_range_of_focus_is_even_in_dioptres(scene):
+    planes = planes_between(scene.camera, 2.0, np.inf)
+    assert [plane.delta for plane in planes] == pytest.approx([0.5, 0.375, 0.25, 0.125, 0])
