@@ -4,7 +4,7 @@ from pathlib import Path
 
 from snakemake.utils import min_version
 
-from lfcore.workflow.cluster import check_partition
+from lfcore.workflow.cluster import check_bucket, check_partition
 from lfcore.workflow.run import hold
 
 min_version("9.0")
@@ -22,12 +22,13 @@ report: "workflow/report/workflow.rst"
 # Jobs of this run end with it, however that is; see lfcore/workflow/run.py.
 onstart:
     hold()
-    asked = workflow.resource_settings._parsed_default_resources.get("slurm_partition")
-    if asked is not None and asked.raw:
-        try:
-            check_partition(str(asked.raw))
-        except LfcoreError as error:
-            raise WorkflowError(str(error)) from None
+    partition = workflow.resource_settings._parsed_default_resources.get("slurm_partition")
+    storage = workflow.storage_registry.default_storage_provider
+    try:
+        check_partition(partition and partition.raw)
+        check_bucket(storage, workflow.storage_settings.default_storage_prefix)
+    except LfcoreError as error:
+        raise WorkflowError(str(error)) from None
 
 
 include: "workflow/rules/common.smk"

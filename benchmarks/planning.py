@@ -22,8 +22,9 @@ ROOT = Path(__file__).resolve().parents[1]
 CASES = ((128, 1024), (4096, 1024), (4096, 128))
 """M, and MiB of a tile; N = 512, one scene."""
 BEFORE = (
-    "Of commit 458a1b6, when each tile was a job (its names of four digits widened by hand): 16,384 "
-    "tiles took 44 core s and 629 MiB; 102,400 had not been planned after 358 core s and 3260 MiB."
+    "Of commit 458a1b6, when each tile was a job (its names of four digits widened by hand): "
+    "16,384 tiles took 44 core s and 629 MiB; 102,400 had not been planned after 358 core s, with "
+    "3260 MiB."
 )
 
 

@@ -39,7 +39,7 @@ from lfcore.storage.defaults import default_spec
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "published"
-DOCUMENTS = ("README.md", "docs/measured.md", "docs/encoders.md")
+DOCUMENTS = ("README.md", "docs/measured.md", "docs/encoders.md", "docs/scaling.md")
 RECOMMENDED = ROOT / "config" / "recommended.csv"
 PLACE = re.compile(
     r"(<!-- published: (\w+(?: \+ \w+)*)(?:: ([^>\n]*?))?(?: where (\w+) in ([^>\n]*?))? -->\n)"

@@ -49,7 +49,8 @@ class RemoteFile:
         try:
             import fsspec
 
-            file = fsspec.open(self.url, "rb", cache_type="none").open()
+            system, path = fsspec.url_to_fs(self.url)
+            file = system.open(path, "rb", cache_type="none")
         except ImportError as error:
             raise StorageError(
                 f"cannot be opened: {error}", file=self.url,

@@ -8,6 +8,23 @@ import subprocess
 from lfcore.workflow.settings import SettingsError
 
 
+def check_bucket(provider: object, prefix: str | None) -> None:
+    """Raise :class:`SettingsError` where ``prefix`` (s3://BUCKET/NAME) names a bucket that is not
+    there, or not ours; the storage plugin would make one of a name that was mistyped."""
+    client = getattr(provider, "s3c", None)
+    if client is None or not prefix:
+        return
+    bucket = prefix.partition("://")[2].split("/")[0]
+    try:
+        client.meta.client.head_bucket(Bucket=bucket)
+    except Exception as error:  # botocore makes its classes of errors as it goes
+        raise SettingsError(
+            f"there is no bucket {bucket!r} that can be read: {error}",
+            key="default-storage-prefix",
+            remedy="Make it, or check its name, the endpoint and the keys",
+        ) from None
+
+
 def check_partition(partition: str | None) -> None:
     """Raise :class:`SettingsError` for a partition that this SLURM does not have."""
     if not partition or not shutil.which("sinfo"):

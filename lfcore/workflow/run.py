@@ -116,17 +116,33 @@ def check_files(arguments: Sequence[str]) -> None:
             read_yaml(Path(word), "configuration")
 
 
+def folder_of(arguments: Sequence[str]) -> Path:
+    """The run's folder: what ``--directory`` says, else the working folder."""
+    option = ""
+    for word in arguments:
+        if word == "--":
+            break
+        name, _, value = word.partition("=")
+        if name in ("--directory", "-d") and value:
+            return Path(value)
+        if option in ("--directory", "-d"):
+            return Path(word)
+        option = word
+    return Path()
+
+
 def main(arguments: list[str]) -> None:
-    """Become Snakemake with these arguments; the working folder is the run's."""
+    """Become Snakemake with these arguments."""
     try:
         check_files(arguments)
     except LfcoreError as error:
         sys.exit(str(error))
     if fcntl is not None:
-        wait_for_others()
-        if (descriptor := hold()) is not None:
+        folder = folder_of(arguments)
+        wait_for_others(folder)
+        if (descriptor := hold(folder)) is not None:
             os.set_inheritable(descriptor, True)
-            shutil.rmtree(".snakemake/locks", ignore_errors=True)
+            shutil.rmtree(folder / ".snakemake" / "locks", ignore_errors=True)
     sys.stdout.flush()
     os.execv(sys.executable, [sys.executable, "-m", "snakemake", *arguments])
 

@@ -206,3 +206,16 @@ def test_a_configuration_that_snakemake_dies_of_is_one_line(tmp_path, text, word
 def test_configurations_that_are_right_are_passed_on():
     run.check_files(["--configfile", str(ROOT / "config/smoke.yaml"), "--", "results/tables/"])
     run.check_files(["--cores", "2", "results/tables/"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "folder"),
+    [
+        (["--cores", "2", "--directory", "/a/b", "--", "x"], "/a/b"),
+        (["-d", "c"], "c"),
+        (["--directory=/a"], "/a"),
+        (["--cores", "2", "--", "--directory", "/a"], "."),
+    ],
+)
+def test_the_folder_of_a_run(arguments, folder):
+    assert run.folder_of(arguments) == Path(folder)

@@ -1,0 +1,52 @@
+"""What is asked of a cluster before the first job."""
+
+import pytest
+
+from lfcore.workflow import cluster
+from lfcore.workflow.settings import SettingsError
+
+
+@pytest.fixture
+def sinfo(tmp_path, monkeypatch):
+    """A function that puts a ``sinfo`` of these words and status first in the path."""
+
+    def made(words, status=0):
+        program = tmp_path / "sinfo"
+        program.write_text(f"#!/bin/sh\n{words}\nexit {status}\n")
+        program.chmod(0o755)
+        monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
+
+    return made
+
+
+def test_a_partition_that_is_not_there_is_one_line(sinfo):
+    sinfo("printf 'long\\nshort\\n'")
+    cluster.check_partition("long")
+    cluster.check_partition(None)
+    with pytest.raises(SettingsError, match=r"no partition 'lnog'\. This cluster has long, short"):
+        cluster.check_partition("lnog")
+
+
+def test_a_slurm_that_does_not_answer_says_so(sinfo):
+    sinfo("echo 'Unable to contact slurm controller' >&2", 1)
+    with pytest.raises(SettingsError, match=r"does not answer: Unable to contact.*login node"):
+        cluster.check_partition("long")
+
+
+class Storage:
+    """As much of the storage plugin as is asked."""
+
+    def __init__(self, buckets):
+        self.s3c = self.meta = self.client = self
+        self.buckets = buckets
+
+    def head_bucket(self, Bucket):
+        if Bucket not in self.buckets:
+            raise RuntimeError("404 Not Found")
+
+
+def test_a_bucket_that_is_not_there_is_one_line():
+    cluster.check_bucket(None, None)
+    cluster.check_bucket(Storage({"mine"}), "s3://mine/run")
+    with pytest.raises(SettingsError, match=r"no bucket 'mnie' .*404 Not Found\. Make it"):
+        cluster.check_bucket(Storage({"mine"}), "s3://mnie/run")
