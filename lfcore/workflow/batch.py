@@ -45,7 +45,8 @@ def trace_batch(
             facts["encode"] += encode
         facts["rays"] += tracing.rays
         facts["trace"] += tracing.seconds
-        total = total.with_part(tracing.plane_sums) if total else tracing.plane_sums
+        part = tracing.plane_sums
+        total = total.with_part(part) if total and part else part
         progress(tile.index - tiles[0].index + 1, len(tiles))
 
     if segments is None:

@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera
@@ -109,11 +110,12 @@ def sensor_planes(
 
     Raises :class:`SettingsError` that names the key for a plane the lens cannot form.
     """
-    if planes == "scene":
+    if isinstance(planes, str):  # "scene"
         return [SensorPlane(distance, camera.f_number) for distance in focus_distances_m]
     made = []
     for index, given in enumerate(planes):
-        plane = SensorPlane(**{"f_number": camera.f_number, **given})
+        settings: dict[str, Any] = {"f_number": camera.f_number, **given}
+        plane = SensorPlane(**settings)
         try:
             plane.check(Slab(camera, 2, 2))
         except OpticsError as error:

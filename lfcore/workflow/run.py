@@ -26,13 +26,14 @@ import time
 import uuid
 from collections.abc import Sequence
 from pathlib import Path
+from typing import IO
 
 from lfcore.errors import LfcoreError
 
 try:
     import fcntl
 except ImportError:  # Windows: Snakemake's own lock, and --unlock by hand
-    fcntl = None
+    fcntl = None  # type: ignore[assignment]
 
 VARIABLE = "LFCORE_RUN"
 """Environment variable that tells a job its run: host, a colon, and the path of its lock."""
@@ -74,7 +75,7 @@ def wait_for_others(folder: str | Path = ".") -> None:
             path.unlink(missing_ok=True)
 
 
-def _taken(file) -> bool:
+def _taken(file: IO[bytes]) -> bool:
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -103,7 +103,8 @@ def _dotted(place: list) -> str:
 
 def _at(place: list) -> tuple[type[Keys], pydantic.fields.FieldInfo | None]:
     """The mapping of keys at a place, and the last key on the way there."""
-    model, field = Configuration, None
+    model: type[Keys] = Configuration
+    field = None
     for name in place:
         if name in model.model_fields:
             field = model.model_fields[name]
@@ -247,24 +248,30 @@ def documents(root: Path) -> dict[Path, str]:
     """The text of every file that is made from the keys."""
     schema = _untitled(Configuration.model_json_schema())
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
-    dump = {"sort_keys": False, "default_flow_style": None, "width": 100, "allow_unicode": True}
+
+    def dump(data: dict[str, Any]) -> str:
+        return yaml.safe_dump(
+            data, sort_keys=False, default_flow_style=None, width=100, allow_unicode=True
+        )
+
+    def filled(found: re.Match[str]) -> str:
+        model = Configuration if found[3] == "keys" else Plane
+        return f"{found[1]}\n{table(model)}\n\n{found[2]}"
+
     readme = root / "config" / "README.md"
     text = readme.read_text(encoding="utf-8")
-    for name, model in (("keys", Configuration), ("planes", Plane)):
-        text = re.sub(
-            rf"(<!-- {name} -->\n).*?(<!-- end of {name} -->)",
-            lambda found, model=model: f"{found[1]}\n{table(model)}\n\n{found[2]}",
-            text,
-            flags=re.DOTALL,
-        )
+    text = re.sub(
+        r"(<!-- (?:keys|planes) -->\n).*?(<!-- end of (keys|planes) -->)", filled, text,
+        flags=re.DOTALL,
+    )  # fmt: skip
     return {
         root / "workflow" / "schemas" / "config.schema.yaml": "# Made by `make settings`.\n"
-        + yaml.safe_dump(schema, **dump),
+        + dump(schema),
         root
         / "config"
         / "config.yaml": "# The default run, made by `make settings`. Keys are explained"
         " in config/README.md; any can be\n# overridden: snakemake --cores 2 --config"
-        " spatial_resolution=64 -- results/tables/\n" + yaml.safe_dump(defaults(), **dump),
+        " spatial_resolution=64 -- results/tables/\n" + dump(defaults()),
         readme: text,
     }
 
