@@ -131,9 +131,9 @@ def encode(
         for file, spec in streams:
             own = replace(layout, pixel_format=spec.pixel_format)
             size = own.frame_width, own.frame_height
-            # One thread each, so that frames stay in order.
-            pool = stack.enter_context(ThreadPoolExecutor(1))
-            writers.append((pool, stack.enter_context(SegmentWriter(file, spec, *size))))
+            writer = stack.enter_context(SegmentWriter(file, spec, *size))
+            # One thread each, so that frames stay in order; it ends before its writer does.
+            writers.append((stack.enter_context(ThreadPoolExecutor(1)), writer))
         jobs: list[Future[None]] = []
         for some in frames:
             for job in jobs:

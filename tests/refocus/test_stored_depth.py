@@ -8,7 +8,7 @@ from plain_scenes import scene as plain_scene
 
 from lfcore.cli import main
 from lfcore.colour import srgb_codes
-from lfcore.errors import LfcoreError, OpticsError
+from lfcore.errors import LfcoreError, OpticsError, StorageError
 from lfcore.evaluation.metrics import psnr
 from lfcore.lightfield import LightField
 from lfcore.optics.bundles import Bundles
@@ -21,6 +21,7 @@ from lfcore.pictures import read_codes
 from lfcore.refocus.depth_slicing import BOUNDS_PX, DepthSlicer
 from lfcore.refocus.free_views import inverse_depth
 from lfcore.refocus.views import read_views
+from lfcore.rendering import record_depth
 from lfcore.rendering.by_depth import traced_views
 from lfcore.rendering.record_depth import DepthStore, record_by_depth
 from lfcore.storage.codecs import CodecSpec
@@ -228,3 +229,19 @@ def test_the_browsers_page_is_made_of_views_by_depth(tmp_path, tracer):
     assert '"columns": [-1.333' in page.html  # nine, from the middles of ninths of the lens
     assert f'"width": {PIXELS}' in page.html
     assert "the file holds depth" in page.html and '"by_depth": true' in page.html
+
+
+def test_a_disk_that_fails_leaves_no_file(tmp_path, tracer, monkeypatch):
+    """Whichever of the two streams it is that cannot be written."""
+    real = record_depth.SegmentWriter.write
+    for name in ("colours", "depths"):
+
+        def write(self, frames, name=name):
+            if name in self.path.name:
+                raise StorageError("no space left", file=self.path)
+            real(self, frames)
+
+        monkeypatch.setattr(record_depth.SegmentWriter, "write", write)
+        with pytest.raises(StorageError, match="no space left"):
+            stored(tmp_path / "a.mkv", tracer, "views")
+        assert not list(tmp_path.iterdir())
