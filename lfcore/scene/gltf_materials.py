@@ -14,7 +14,7 @@ from lfcore.errors import SceneError
 from lfcore.scene.gltf import Document
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
 from lfcore.scene.parts import Surface
-from lfcore.scene.pbr import base_colour, factor, picture
+from lfcore.scene.pbr import base_colour, factor, picture, surface_of_pbr
 
 _HANDLED = ("KHR_materials_unlit", "KHR_materials_emissive_strength")
 _REPEAT = 10497
@@ -35,15 +35,14 @@ class GltfSurfaces:
         self.document, self.notebook = document, notebook
         self._made: dict[str, Surface | None] = {}
 
-    @property
-    def metal_left_out(self) -> float:
+    def _metal_left_out(self) -> float:
         """A metallic factor that is not given: 1, but trimesh leaves it out of what has none."""
         asset = self.document.tree.get("asset")
         generator = asset.get("generator") if isinstance(asset, dict) else None
         return 0.0 if "trimesh" in str(generator) else 1.0
 
-    def surface(self, material: Any, plain: Surface, colours: Any = None) -> Surface | None:
-        """The surface of one of trimesh's PBRMaterials, made of :func:`surface_of_pbr`'s ``plain``.
+    def surface(self, material: Any, colours: Any = None) -> Surface | None:
+        """The surface of one of trimesh's PBRMaterials, the same one each time.
 
         ``colours`` are those of vertices, if there are any.  None for what is cut out wholly.
         """
@@ -53,7 +52,7 @@ class GltfSurfaces:
         if colours is not None:
             self._note_colours(np.asarray(colours), entry, name)
         if number not in self._made:
-            self._made[number] = self._make(material, plain, entry, name)
+            self._made[number] = self._make(material, entry, name)
         return self._made[number]
 
     def uvs(self, material: Any, uvs: np.ndarray) -> np.ndarray:
@@ -97,14 +96,16 @@ class GltfSurfaces:
         u, v = across * uvs[..., 0], down * (1 - uvs[..., 1])
         return np.stack([c * u + s * v + right, 1 - (c * v - s * u + below)], axis=-1)
 
-    def _make(self, material: Any, plain: Surface, entry: dict, name: str) -> Surface | None:
+    def _make(self, material: Any, entry: dict, name: str) -> Surface | None:
+        path = self.document.path
+        plain = surface_of_pbr(material, path, metal_left_out=self._metal_left_out())
         changes: dict[str, Any] = {"name": name}
         cutoff = self._cutoff(material, name)
         if cutoff is None:
             return None
         if cutoff:
             changes["alpha_cutoff"] = cutoff
-            changes["texture"] = picture(material.baseColorTexture, self.document.path, "RGBA")
+            changes["texture"] = picture(material.baseColorTexture, path, "RGBA")
         if "occlusionTexture" in entry:
             self._note(LEFT_OUT, name, "baked shadows")
         normal = entry.get("normalTexture")

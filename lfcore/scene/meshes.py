@@ -211,13 +211,31 @@ def _surface(
     material = getattr(visual, "material", None)
     if _is_invented(material, path):
         material = None
-    if isinstance(material, PBRMaterial):
-        metal = gltf.metal_left_out if gltf else 0.0
-        surface = surface_of_pbr(material, path, metal_left_out=metal)
+    of_gltf = gltf if isinstance(material, PBRMaterial) else None
+    made: Surface | None
+    if of_gltf:
+        made = of_gltf.surface(material, getattr(visual, "vertex_attributes", {}).get("color"))
+    elif isinstance(material, PBRMaterial):
+        made = surface_of_pbr(material, path)
     elif isinstance(material, SimpleMaterial):
-        surface = _surface_of_simple(material, path)
+        made = _surface_of_simple(material, path)
     else:
-        surface = Surface(path.stem)
+        made = Surface(path.stem)
+    if made is not None:
+        _check_finite(made, path)
+    uv = getattr(visual, "uv", None)
+    if uv is None or len(uv) == 0:
+        return made, None
+    try:
+        uvs = _texture_coordinates(np.asarray(uv, np.float64), faces, path)
+        return made, of_gltf.uvs(material, uvs) if of_gltf else uvs
+    except SceneError:
+        if made is None or not made.has_textures:
+            return made, None  # nothing is read there
+        raise
+
+
+def _check_finite(surface: Surface, path: Path) -> None:
     values = (*surface.diffuse, *surface.specular, *surface.emission, surface.shininess)
     if not np.isfinite(values).all():
         raise SceneError(
@@ -225,22 +243,6 @@ def _surface(
             file=path,
             remedy="Mend the material",
         )
-    given = gltf if isinstance(material, PBRMaterial) else None
-    made: Surface | None = surface
-    if given:
-        made = given.surface(
-            material, surface, getattr(visual, "vertex_attributes", {}).get("color")
-        )
-    uv = getattr(visual, "uv", None)
-    if uv is None or len(uv) == 0:
-        return made, None
-    try:
-        uvs = _texture_coordinates(np.asarray(uv, np.float64), faces, path)
-        return made, given.uvs(material, uvs) if given else uvs
-    except SceneError:
-        if made is None or not made.has_textures:
-            return made, None  # nothing is read there
-        raise
 
 
 def _texture_coordinates(uv: np.ndarray, faces: np.ndarray, path: Path) -> np.ndarray:
