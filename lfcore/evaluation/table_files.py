@@ -42,7 +42,8 @@ def _rounded(value: object) -> object:
 
 def write_rows(path: str | Path, rows: Iterable[Mapping]) -> None:
     """Rows as JSON, which knows no infinity (written as text) and no missing number (null)."""
-    write_json(path, {"rows": [{key: _plain(value) for key, value in row.items()} for row in rows]})
+    rows = [{key: _for_json(value) for key, value in row.items()} for row in rows]
+    write_json(path, {"rows": rows})
 
 
 def read_rows(paths: Iterable[str | Path]) -> list[dict]:
@@ -51,7 +52,7 @@ def read_rows(paths: Iterable[str | Path]) -> list[dict]:
     return [{k: math.inf if v == "inf" else v for k, v in row.items()} for row in rows]
 
 
-def _plain(value: object) -> object:
+def _for_json(value: object) -> object:
     if isinstance(value, float) and not math.isfinite(value):
         return "inf" if value > 0 else None
     return value

@@ -118,7 +118,7 @@ def tokenize(text: str, file: Path) -> Iterator[Token]:
             token, at = _string(text, at, here)
         else:
             match = _PLAIN.match(text, at)
-            token, at = _plain(match.group(), here), match.end()
+            token, at = _bare_word(match.group(), here), match.end()
         yield token
 
 
@@ -139,7 +139,7 @@ def _too_great(word: str, place: Place) -> SceneError:
     return syntax_error(f"{shown} is too great a number", place, "Give one below 1e308")
 
 
-def _plain(word: str, place: Place) -> Token:
+def _bare_word(word: str, place: Place) -> Token:
     if _is_number(word):
         value = float(word)
         if math.isinf(value):
