@@ -24,7 +24,7 @@ from lfcore.tracing.tracer import Tracer
 PILOT = (RayCount(2, 1), RayCount(3, 0.75))
 FOOTPRINT_PX = 0.0625
 """That textures of a round are filtered over at most: what many rays see must be seen by few."""
-SHARED_DB = 1.5
+SHARED_DB = 2.0
 """What both lattices of a pair get wrong alike, and no disagreement tells: measured there."""
 MOST_RAYS = 4096
 """A pixel, that a quality may take if no budget is given."""
