@@ -3,16 +3,12 @@
 #include "hit_buffers.cl"
 
 KERNEL void slab_hits(TREE_PARAMETERS,
-                      global const float4 *restrict elements,
-                      global const int *restrict groups,
-                      const RayArguments ray_numbers,
-                      global int *restrict next,      // (1,) the next packet to take
-                      global uint *restrict scratch,  // (workers, VISIBILITY_WORDS)
+                      RAY_PARAMETERS,
                       global float *restrict depth,   // (E, rows, columns)
                       global int *restrict triangle)  // (E, rows, columns)
 {
     const Tree tree = MAKE_TREE;
-    const Rays rays = make_rays(elements, groups, &ray_numbers);
+    const Rays rays = MAKE_RAYS;
     global uint *memory = scratch + get_global_id(0) * (ulong)VISIBILITY_WORDS;
     Visibility visibility;
     for (int at = atomic_inc(next); at < ray_numbers.packets; at = atomic_inc(next)) {

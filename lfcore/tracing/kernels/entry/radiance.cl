@@ -1,4 +1,5 @@
-// Linear radiance of bundles, as floats, and (DEPTHS) how far along the axis each ray met what it saw.
+// Linear radiance of bundles, as floats, and (DEPTHS) how far along the axis each ray met what it
+// saw.
 //
 // Element e is tile (e / across, e % across) of one image; with one tile across, elements follow
 // each other.
@@ -15,20 +16,15 @@ typedef struct {
 
 KERNEL void trace_radiance(TREE_PARAMETERS,
                            SCENE_PARAMETERS,
-                           const SceneArguments scene_numbers,
-                           global const float4 *restrict elements,
-                           global const int *restrict groups,
-                           const RayArguments ray_numbers,
-                           global int *restrict next,
-                           global uint *restrict scratch,    // (workers, SCRATCH_WORDS)
+                           RAY_PARAMETERS,
                            const ImageArguments image,
                            // (E / across * rows, across * columns, 3)
                            global float *restrict radiance,
                            global float *restrict depth)     // (E, rows, columns), if DEPTHS
 {
     const Tree tree = MAKE_TREE;
-    const Scene scene = MAKE_SCENE(&scene_numbers);
-    const Rays rays = make_rays(elements, groups, &ray_numbers);
+    const Scene scene = MAKE_SCENE;
+    const Rays rays = MAKE_RAYS;
     const ulong pitch = 3 * (ulong)image.across * rays.columns;
     const ulong words = SCRATCH_WORDS(scene_numbers.shadow_lights);
     global float *colours = (global float *)(scratch + get_global_id(0) * words);

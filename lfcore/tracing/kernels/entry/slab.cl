@@ -71,12 +71,7 @@ inline void write_cells(const Planes *planes, const Frames *out, const Packet *p
 
 KERNEL void trace_slab(TREE_PARAMETERS,
                        SCENE_PARAMETERS,
-                       const SceneArguments scene_numbers,
-                       global const float4 *restrict elements,
-                       global const int *restrict groups,
-                       const RayArguments ray_numbers,
-                       global int *restrict next,
-                       global uint *restrict scratch,       // (workers, SCRATCH_WORDS)
+                       RAY_PARAMETERS,
                        const FrameArguments frame_numbers,
                        global const int4 *restrict places,  // (E,) see Frames
                        global sample *restrict frames,
@@ -91,8 +86,8 @@ KERNEL void trace_slab(TREE_PARAMETERS,
                        global ulong4 *restrict sums)        // (workers, planes, height, width)
 {
     const Tree tree = MAKE_TREE;
-    const Scene scene = MAKE_SCENE(&scene_numbers);
-    const Rays rays = make_rays(elements, groups, &ray_numbers);
+    const Scene scene = MAKE_SCENE;
+    const Rays rays = MAKE_RAYS;
     const Frames out = {places, frames, &frame_numbers};
     const ulong worker = get_global_id(0), area = (ulong)plane_numbers.width * plane_numbers.height;
     const Planes planes = {&plane_numbers, plane_info, runs, masks, kinds,

@@ -17,7 +17,8 @@ typedef struct {
     float lo[3], hi[3];      // of the hit points
 } LightSpace;
 
-// A point light nearer than this share of the hit points' box has no picture of them.
+// A point light nearer than this share of half the hit points' box has no picture of them:
+// coordinates there, places over the distance, are thirty thousand at the most.
 #define NEAREST_SHARE 1.0e-4f
 
 // Boxes of every strip of STRIP rays of a block: one without hit points has lows beyond its highs.

@@ -7,8 +7,8 @@
 #include "candidates.cl"
 
 #define ROW_GROUPS (BLOCK / LANES)
-// Below 15 millionths of a rounding of a form's size its slope along a row is taken for that: no
-// ray can tell.
+// A form whose slope along a row is below this share of its size is taken for level: over the 64
+// columns of a packet it changes by less than a thousandth of one rounding, which no ray can tell.
 #define LEAST_SLOPE 9.0e-13f
 #define ANYWHERE 1.0e30f
 // More columns than an inner grid has; less of a level form is rounding.

@@ -39,9 +39,10 @@ typedef struct {
     global const float *restrict materials,  \
     global const float *restrict lights,     \
     global const int4 *restrict images,      \
-    global const uint *restrict texels
-#define MAKE_SCENE(numbers) \
-    {corners, attributes, material_ids, materials, lights, images, texels, numbers}
+    global const uint *restrict texels,      \
+    const SceneArguments scene_numbers
+#define MAKE_SCENE \
+    {corners, attributes, material_ids, materials, lights, images, texels, &scene_numbers}
 
 inline float3 corner(const Scene *s, int triangle, int k)
 {

@@ -46,6 +46,16 @@ inline Rays make_rays(global const float4 *elements, global const int *groups,
     return rays;
 }
 
+// What every kernel of a job is given: its rays, the number (1,) of the next packet to take, and
+// memory for each worker.
+#define RAY_PARAMETERS                      \
+    global const float4 *restrict elements, \
+    global const int *restrict groups,      \
+    const RayArguments ray_numbers,         \
+    global int *restrict next,              \
+    global uint *restrict scratch
+#define MAKE_RAYS make_rays(elements, groups, &ray_numbers)
+
 typedef struct {
     const Rays *rays;
     int group;                       // which of the groups of elements
