@@ -15,7 +15,7 @@ STAGES = [
     ("coverage", "triangles, 16 at a time", "regions"),
     ("surface", "plane equations", "samples"),
     ("shadows", "candidates, occluders", "shadow masks"),
-    ("shading", "Blinn-Phong", "colours"),
+    ("shading", "Blinn-Phong, GGX", "colours"),
     ("output", "encode, add up", "frames, planes"),
 ]
 
