@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import os
+
+# Before numpy is there: BLAS threads of one process for each core would wait for one another by
+# spinning, and the float64 references then take minutes on a busy machine.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pytest
 
 from lfcore.errors import DeviceError
