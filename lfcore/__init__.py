@@ -4,7 +4,7 @@
 
     scene = lfcore.load_scene("model.glb")
     picture = lfcore.render(scene, focus_m=3.2, f_number=2)
-    field = lfcore.record(scene, "model.mkv", views=32, pixels=512)
+    field = lfcore.record(scene, "model.mkv", views=32, pixels=512, f_number=2)
     near = field.refocus(focus_m=2.0)
 
 Everything public is named here.  Of the packages below, each imports only those on its left:
