@@ -52,7 +52,7 @@ def pack_cut_outs(scene: Scene, needs: Needs) -> CutOuts:
             entry[:3] = offsets[material.texture], width, height
             entry[3:].view(np.float32)[0] = 255 * material.alpha_cutoff - SLACK
     records[:, 8:].view(np.int32)[:] = images[scene.material_ids[numbers]]
-    return CutOuts(of, records, np.concatenate(pictures))
+    return CutOuts(of, records, np.concatenate([np.zeros(0, np.uint8), *pictures]))
 
 
 def _coordinate_forms(triangles: np.ndarray, uvs: np.ndarray) -> np.ndarray:

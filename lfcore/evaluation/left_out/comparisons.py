@@ -179,11 +179,13 @@ def left_out(
 def lacking(scene: Scene, program: Callable[..., Program], names) -> Iterator[dict]:
     """Code and buffers of features that the scene lacks."""
     needs = Needs.of(scene)
-    lean = program(needs=needs)
+    whole = program(needs=needs)
     for feature in FEATURES:
         if feature.missing(needs) and (names == "all" or feature.field in names):
-            filled = feature.fill(scene)
+            part = feature.part(scene)
+            filled = feature.fill(part)
             full = program(filled, needs=full_needs(filled, feature.field))
+            lean = whole if part is scene else program(part, needs=Needs.of(part))
             yield compared(feature.field, feature.what, full, lean)
 
 

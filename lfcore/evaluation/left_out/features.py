@@ -29,12 +29,14 @@ class Feature:
     defines : of the kernels that it switches; none where they look at the scene's own numbers.
     what : what is left out without it.
     fill : the same scene with data of the feature that change nothing, to run it in full.
+    part : what of the scene both programs trace.
     """
 
     field: str
     defines: tuple[str, ...]
     what: str
     fill: Callable[[Scene], Scene] = lambda scene: scene
+    part: Callable[[Scene], Scene] = lambda scene: scene
 
     def missing(self, needs: Needs) -> bool:
         """Whether a scene of these needs lacks it."""
@@ -58,16 +60,8 @@ def _unused_texture(scene: Scene) -> Scene:
     return replace(scene, uvs=uvs, textures=[np.full((2, 2, 3), 255, np.uint8)])
 
 
-def _solid_texture(scene: Scene) -> Scene:
-    textures = [*scene.textures, np.full((2, 2, 3), 255, np.uint8)]
-    uvs = scene.uvs if len(scene.uvs) else np.zeros((scene.triangle_count, 3, 2), np.float32)
-    solid = [np.dstack([t[..., :3], np.full(t.shape[:2], 255, np.uint8)]) for t in textures]
-    white = len(scene.textures)
-    materials = [
-        replace(m, texture=m.texture if m.texture >= 0 else white, alpha_cutoff=0.5)
-        for m in scene.materials
-    ]
-    return replace(scene, uvs=uvs, textures=solid, materials=materials)
+def _without_shadows(scene: Scene) -> Scene:
+    return replace(scene, lights=[replace(light, casts_shadows=False) for light in scene.lights])
 
 
 def _idle_light(*, shadows: bool) -> Callable[[Scene], Scene]:
@@ -78,8 +72,9 @@ def _idle_light(*, shadows: bool) -> Callable[[Scene], Scene]:
 FEATURES = (
     Feature("textures", ("TEXTURES",), "texture coordinates, texels, and their lookup",
             _unused_texture),
-    Feature("cut_outs", ("TEXTURES",), "holes, looked up where rays meet triangles",
-            _solid_texture),
+    # With holes, a block's rays are shadowed one by one, not by regions, which rounds otherwise.
+    Feature("cut_outs", ("TEXTURES",), "holes, looked up where rays meet triangles (no shadows)",
+            part=_without_shadows),
     Feature("physical", ("TEXTURES",), "metal, roughness, and textures that bend and vary them"),
     Feature("smooth_normals", ("SMOOTH",), "corner normals and their interpolation",
             _flat_normals),
