@@ -19,7 +19,7 @@ from lfcore.errors import SceneError
 from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import POINT
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import Needs
+from lfcore.scene.needs import check_exportable
 
 if TYPE_CHECKING:
     from lfcore.scene.appearance import Light
@@ -38,16 +38,7 @@ class Description:
         self._glows = not any(any(light.colour) for light in scene.lights)
         if len(scene.colours):
             raise SceneError("colours at corners are not exported to Mitsuba", key=scene.name)
-        if scene.motions:
-            raise SceneError("motion is not exported to Mitsuba", key=scene.name)
-        if Needs.of(scene).cut_outs or Needs.of(scene).physical:
-            raise SceneError(
-                "holes, metal and bent normals are not exported to Mitsuba", key=scene.name
-            )
-        if Needs.of(scene).emitters or Needs.of(scene).spots:
-            raise SceneError(
-                "spots and points of area lights are not exported to Mitsuba", key=scene.name
-            )
+        check_exportable(scene, "Mitsuba")
         if any(scene.ambient) and not self._glows and not leave_out_ambient:
             raise SceneError(
                 "Mitsuba has no ambient light",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, fields
 
+from lfcore.errors import SceneError
 from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.model import Scene
 
@@ -85,3 +86,15 @@ class Needs:
     def from_json(cls, data: dict) -> Needs:
         """Inverse of :meth:`to_json`; KeyError for a feature that ``data`` does not know."""
         return cls(**{field.name: data[field.name] for field in fields(cls)})
+
+
+def check_exportable(scene: Scene, program: str) -> None:
+    """Raise :class:`SceneError` for what is exported to no other ray tracer, as ``program``."""
+    needs = Needs.of(scene)
+    for found, what in (
+        (scene.motions, "motion is"),
+        (needs.cut_outs or needs.physical, "holes, metal and bent normals are"),
+        (needs.emitters or needs.spots, "spots and points of area lights are"),
+    ):
+        if found:
+            raise SceneError(f"{what} not exported to {program}", key=scene.name)

@@ -20,7 +20,7 @@ from lfcore.optics.camera import Camera
 from lfcore.pictures import write_picture
 from lfcore.scene.appearance import POINT
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import Needs
+from lfcore.scene.needs import check_exportable
 
 FILE = "scene.pov"
 MESH = "mesh.inc"
@@ -45,16 +45,7 @@ def write_povray(folder: str | Path, scene: Scene, camera: Camera, *, samples: i
             key=scene.name,
             remedy="Use a texture or materials instead",
         )
-    if scene.motions:
-        raise SceneError("motion is not exported to POV-Ray", key=scene.name)
-    if Needs.of(scene).cut_outs or Needs.of(scene).physical:
-        raise SceneError(
-            "holes, metal and bent normals are not exported to POV-Ray", key=scene.name
-        )
-    if Needs.of(scene).emitters or Needs.of(scene).spots:
-        raise SceneError(
-            "spots and points of area lights are not exported to POV-Ray", key=scene.name
-        )
+    check_exportable(scene, "POV-Ray")
     if math.isinf(camera.focus_distance_m):
         raise SceneError("POV-Ray cannot focus at infinity", key="camera.focus_distance_m")
     folder = Path(folder)

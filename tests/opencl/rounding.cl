@@ -1,6 +1,7 @@
 #include "lanes.cl"
 
-kernel void round_all(global const float *x, global const float *y, global float *inverse, global float *root, global float *quotient)
+kernel void round_all(global const float *x, global const float *y, global float *inverse,
+                      global float *root, global float *quotient)
 {
     const size_t at = get_global_id(0) * LANES;
     const vf a = VLOAD(x + at), b = VLOAD(y + at);
