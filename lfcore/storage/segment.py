@@ -46,11 +46,13 @@ class SegmentWriter:
         with SegmentWriter("tile.mp4", spec, width, height) as writer:
             writer.write(frames)  # uint8 (F, frame_bytes), as often as needed
 
-    Raises :class:`StorageError` when frames do not fit, when none was written, when the encoder
-    refuses its settings and when the file cannot be written; no file is left then.
+    Raises :class:`StorageError` when frames do not fit or are too small for the encoder, when none
+    was written, when the encoder refuses its settings and when the file cannot be written; no file
+    is left then.
     """
 
     def __init__(self, path: str | Path, spec: CodecSpec, width: int, height: int):
+        spec.check_frame(width, height)
         self.path, self.spec = Path(path), spec
         self.width, self.height = width, height
         self.frames = 0
@@ -76,7 +78,7 @@ class SegmentWriter:
         return self
 
     def _configure(self, context: av.VideoCodecContext) -> None:
-        form, options = self._form, self.spec.options(self.width, self.height)
+        form, options = self._form, self.spec.options(self.width)
         context.pix_fmt = PACKED_RGB if form.rgb else form.name
         context.time_base = Fraction(1, FRAME_RATE)
         context.thread_count = self.spec.threads

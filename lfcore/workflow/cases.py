@@ -77,11 +77,16 @@ def is_procedural(file: str | Path) -> bool:
 
 
 def frame_layout(settings: Mapping, views: int) -> FrameLayout:
-    """How the rays of N = ``views`` are laid out in frames; ``auto`` is what measured best."""
-    pixel_format = codec_spec(settings, views).pixel_format
-    return defaults.frame_layout(
-        views, settings["spatial_resolution"], pixel_format, **settings["layout"]
+    """How the rays of N = ``views`` are laid out in frames; ``auto`` is what measured best.
+
+    Raises :class:`StorageError` for frames too small for the encoder.
+    """
+    spec = codec_spec(settings, views)
+    layout = defaults.frame_layout(
+        views, settings["spatial_resolution"], spec.pixel_format, **settings["layout"]
     )
+    spec.check_frame(layout.frame_width, layout.frame_height)
+    return layout
 
 
 def tiles(settings: Mapping, views: int) -> list[Tile]:

@@ -42,8 +42,8 @@ CODECS = {
 }
 DEPTHS = DepthCodes(0.0, 0.5)
 DEPTH_SPEC = CodecSpec("libx264", "gray", crf=10, preset="veryfast", gop=6)
-# The smallest frames that the AV1 encoder takes are those of 64 pixels: eight elements a side.
-PACKS = {"av1": 8}
+PACKS = {"av1": 8, "x265": 8}
+"""Elements a side of frames of 64 pixels, for encoders that want such."""
 
 
 @cache

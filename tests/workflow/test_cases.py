@@ -9,6 +9,7 @@ import pytest
 
 from lfcore.cli import parser
 from lfcore.cli.command import encoder
+from lfcore.errors import StorageError
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.storage import defaults
@@ -80,6 +81,14 @@ def test_other_codecs_have_their_own_presets(codec, preset, crf, pixel_format):
     assert spec == defaults.codec_spec(64, codec)
     words = ["trace", "scene", "-o", "x.mkv", "--codec", codec]
     assert spec == defaults.codec_spec(64, **encoder(parser(words).parse_args(words)))
+
+
+def test_frames_too_small_for_the_encoder_are_refused_before_a_run():
+    small = {"encoder": {"codec": "libx265"}, "layout": {"kind": "macropixels", "pack": 3}}
+    with pytest.raises(StorageError, match=r"codec: libx265 .* frames of 48 x 48"):
+        cases.tiles(settings(**small), 16)
+    small["layout"]["pack"] = 4
+    assert cases.frame_layout(settings(**small), 16).frame_width == 64
 
 
 def test_scenes_by_name_and_by_path(tmp_path):
