@@ -5,9 +5,11 @@ from pathlib import Path
 from snakemake.utils import min_version
 
 from lfcore.workflow.cluster import check_bucket, check_partition
+from lfcore.workflow import progress
 from lfcore.workflow.run import hold
 
 min_version("9.0")
+progress.hush(workflow)
 
 # Of this file, also where another workflow takes it as a module.
 ROOT = Path(workflow.current_basedir.get_path_or_uri(secret_free=False))
@@ -27,8 +29,20 @@ onstart:
     try:
         check_partition(partition and partition.raw)
         check_bucket(storage, workflow.storage_settings.default_storage_prefix)
+        jobs = progress.known_jobs(
+            workflow.dag, PARSED, SETTINGS["spatial_resolution"], BATCHES
+        )
+        progress.begin(workflow, jobs, SETTINGS["spatial_resolution"])
     except LfcoreError as error:
         raise WorkflowError(str(error)) from None
+
+
+onsuccess:
+    progress.end()
+
+
+onerror:
+    progress.end(failed=True)
 
 
 include: "workflow/rules/common.smk"

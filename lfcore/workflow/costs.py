@@ -3,15 +3,19 @@
 How work is cut depends on the configuration alone, so that a second run finds what the first has
 made.  What a job asks of a cluster may follow what was measured: of a scene and N that was traced
 before, at any M, its own seconds and memory.
+
+What a whole run takes (:mod:`lfcore.workflow.forecast`) is told from :func:`job_cost`: what each
+stage of a scene and N was measured to take, in ``job_costs.csv``.
 """
 
 from __future__ import annotations
 
+import csv
 import functools
 import itertools
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from lfcore.files import read_json
@@ -32,6 +36,8 @@ SCENE_FACTOR = 8
 """Memory of a scene over its compressed file."""
 PLANES = 8
 """Sensor planes where the scene says how many."""
+JOB_COSTS = Path(__file__).with_name("job_costs.csv")
+"""Written by ``python -m benchmarks.job_costs`` from what runs took."""
 
 
 def nanoseconds_a_ray(views: int) -> float:
@@ -120,3 +126,100 @@ def traced_before(results: str | Path, scene: str, views: int) -> dict | None:
 def _pixels(file: Path) -> str:
     digits = file.parents[1].name[1:]
     return digits if digits.isdigit() else "0"
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a job takes: seconds of a core, MiB of memory at most, and bytes that it writes.
+
+    ``kept_bytes`` stay; ``temporary_bytes`` are deleted when the jobs that read them are done.
+    """
+
+    core_seconds: float
+    mib: float
+    kept_bytes: float = 0.0
+    temporary_bytes: float = 0.0
+
+    def of_share(self, share: float) -> Cost:
+        """Of one of several jobs that share the work; each needs the memory of all."""
+        return Cost(
+            self.core_seconds * share,
+            self.mib,
+            self.kept_bytes * share,
+            self.temporary_bytes * share,
+        )
+
+
+SMALL_JOB = Cost(0.5, 250.0)
+"""A job that is not in the table of costs: all that take long are."""
+Measured = Mapping[tuple[str, int, int], Cost]
+"""Costs of a stage by scene (empty where it is of none), N (0 where it has none) and M."""
+
+
+@functools.cache
+def measured_costs(file: Path = JOB_COSTS) -> Mapping[str, Measured]:
+    """The table of costs by stage."""
+    found: dict[str, dict[tuple[str, int, int], Cost]] = {}
+    with file.open(encoding="utf-8", newline="") as text:
+        for row in csv.DictReader(line for line in text if not line.startswith("#")):
+            place = row["scene"], int(row["N"]), int(row["M"])
+            cost = Cost(*(float(row[field.name]) for field in fields(Cost)))
+            found.setdefault(row["stage"], {})[place] = cost
+    return found
+
+
+def job_cost(
+    stage: str, scene: str = "", views: int = 0, pixels: int = 0, *, file: Path = JOB_COSTS
+) -> Cost:
+    """What all jobs of a stage take for one scene and N (0 without) at M = ``pixels``.
+
+    Measured costs are joined by a power of N, and linearly in the number of pixels; a scene that
+    was not measured costs what the dearest does.
+    """
+    known = measured_costs(file).get(stage)
+    if not known:
+        return SMALL_JOB
+    names = {name for name, _, _ in known}
+    of_scenes = [
+        Cost(*(_between(known, name, views, pixels, field.name) for field in fields(Cost)))
+        for name in ([scene] if scene in names else sorted(names))
+    ]
+    return max(of_scenes, key=lambda cost: cost.core_seconds)
+
+
+def _between(known: Measured, scene: str, views: int, pixels: int, what: str) -> float:
+    """One number of :class:`Cost` at N and M, from those of one scene."""
+    points = []
+    for size in sorted({m for name, _, m in known if name == scene}):
+        costs = {
+            n: getattr(cost, what)
+            for (name, n, m), cost in known.items()
+            if (name, m) == (scene, size)
+        }
+        points.append((float(size**2), _power(sorted(costs.items()), views)))
+    return _linear(points, float(pixels**2))
+
+
+def _power(points: Sequence[tuple[int, float]], views: int) -> float:
+    """Between N by a power of it; fewer cost what the fewest do, more as their rays."""
+    (least, first), (most, last) = points[0], points[-1]
+    if views <= least:
+        return first
+    if views >= most:
+        return last * (views / most) ** 2 if most else last
+    (low, below), (high, above) = next(
+        pair for pair in itertools.pairwise(points) if pair[0][0] <= views <= pair[1][0]
+    )
+    share = math.log(views / low) / math.log(high / low)
+    return below * (above / below) ** share if below and above else below + share * (above - below)
+
+
+def _linear(points: Sequence[tuple[float, float]], place: float) -> float:
+    """Between two points by the line through them, beyond the last by the last two; before the
+    first, and of one alone, that one."""
+    if place <= points[0][0] or len(points) == 1:
+        return points[0][1]
+    (x0, y0), (x1, y1) = next(
+        (pair for pair in itertools.pairwise(points) if place <= pair[1][0]), points[-2:]
+    )
+    return max(y0 + (y1 - y0) * (place - x0) / (x1 - x0), 0.0)

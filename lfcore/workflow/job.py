@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import os
+import resource
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -22,7 +23,7 @@ def job(log: str, threads: int) -> Iterator[None]:
     as a full disk, end the process with status 1 after one line, in the log and on the terminal;
     any other exception is a mistake of ours, and its traceback is in the log.
     """
-    terminal = os.dup(2)
+    terminal, begun = os.dup(2), time.monotonic()
     end_with_run()
     try:
         file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
@@ -34,11 +35,21 @@ def job(log: str, threads: int) -> Iterator[None]:
         # The drivers' thread pools, and those of numpy's libraries, keep to the job's share.
         os.environ["LFCORE_THREADS"] = str(threads)
         yield
+        print(usage(time.monotonic() - begun))
     except LfcoreError as error:
         _fail(terminal, str(error))
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         _fail(terminal, f"{place}{error.strerror or error}.")
+
+
+def usage(seconds: float) -> str:
+    """What this process and its children took: the last line of a job's log, which
+    benchmarks/job_costs.py reads."""
+    parts = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    core = sum(part.ru_utime + part.ru_stime for part in parts)
+    peak = max(part.ru_maxrss for part in parts) / 1024
+    return f"took {seconds:.1f} s, {core:.1f} core s, {peak:.0f} MiB"
 
 
 def _fail(terminal: int, message: str) -> None:

@@ -37,6 +37,8 @@ except ImportError:  # Windows: Snakemake's own lock, and --unlock by hand
 
 VARIABLE = "LFCORE_RUN"
 """Environment variable that tells a job its run: host, a colon, and the path of its lock."""
+QUIET = "LFCORE_QUIET"
+"""Environment variable that is set where Snakemake's words are left to its log file."""
 
 
 def hold(folder: str | Path = ".") -> int | None:
@@ -132,8 +134,14 @@ def folder_of(arguments: Sequence[str]) -> Path:
     return Path()
 
 
+OWN_WORDS = {
+    "-n", "--dry-run", "--dryrun", "--verbose", "-q", "--quiet", "-p", "--printshellcmds",
+}  # fmt: skip
+"""Who asks for these wants Snakemake's own words on the terminal, or none."""
+
+
 def main(arguments: list[str]) -> None:
-    """Become Snakemake with these arguments."""
+    """Become Snakemake with these arguments; its own words go to its log file alone."""
     try:
         check_files(arguments)
     except LfcoreError as error:
@@ -144,6 +152,8 @@ def main(arguments: list[str]) -> None:
         if (descriptor := hold(folder)) is not None:
             os.set_inheritable(descriptor, True)
             shutil.rmtree(folder / ".snakemake" / "locks", ignore_errors=True)
+    if not OWN_WORDS.intersection(word.partition("=")[0] for word in arguments):
+        os.environ[QUIET] = "1"
     sys.stdout.flush()
     os.execv(sys.executable, [sys.executable, "-m", "snakemake", *arguments])
 

@@ -1,0 +1,163 @@
+"""What a run will take, before it starts: time on the cores it has, disk, memory."""
+
+from __future__ import annotations
+
+import heapq
+import os
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lfcore.workflow.costs import Cost
+from lfcore.workflow.settings import SettingsError
+
+START_SECONDS = 0.7
+"""Of each job: a start of Python, which reads the library."""
+SPARE = 1.2
+"""A forecast is to be within a fifth: a disk must hold so much more."""
+UNITS = (1e9, "billion "), (1e6, "million "), (1, "")
+
+
+@dataclass(frozen=True)
+class Task:
+    """A job of a run that is still to be made.
+
+    Attributes
+    ----------
+    name : as it is shown.
+    after : places, in the list of all tasks, of those that must be done before.
+    rays : that it traces for a light field of the tables; 0 for all other jobs.
+    """
+
+    name: str
+    cost: Cost
+    threads: int = 1
+    priority: int = 0
+    after: Sequence[int] = field(default_factory=tuple)
+    rays: int = 0
+
+    def seconds(self, pace: float = 1.0) -> float:
+        """By the clock, where it has its cores; ``pace`` is seconds here for a measured one."""
+        return pace * (START_SECONDS + self.cost.core_seconds / self.threads)
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """Wall seconds, the most memory and disk at any time, rays and jobs of a run."""
+
+    seconds: float
+    mib: float
+    bytes: float
+    rays: int
+    jobs: int
+
+    def text(self, cores: int) -> str:
+        """One line."""
+        traced = f", {rays_of(None, self.rays)}" if self.rays else ""
+        return (
+            f"To be made: {self.jobs} jobs{traced}. About {duration(self.seconds)} on {cores} "
+            f"cores, {size(self.bytes)} of disk, {size(self.mib * 2**20)} of memory."
+        )
+
+
+def forecast(tasks: Sequence[Task], cores: int, pace: float = 1.0) -> Forecast:
+    """Give each core that is free the ready task of the highest priority, longest first.
+
+    Files that are temporary are there until all tasks after theirs are done.
+    """
+    threads = [min(task.threads, cores) for task in tasks]
+    waits = [len(set(task.after)) for task in tasks]
+    followers: list[list[int]] = [[] for _ in tasks]
+    for place, task in enumerate(tasks):
+        for other in set(task.after):
+            followers[other].append(place)
+    readers = [len(some) for some in followers]
+    seconds = [task.seconds(pace) for task in tasks]
+
+    def order(place: int) -> tuple[float, float, int]:
+        return -tasks[place].priority, -seconds[place], place
+
+    ready = [order(place) for place, wait in enumerate(waits) if not wait]
+    heapq.heapify(ready)
+    running: list[tuple[float, int]] = []
+    now, free = 0.0, cores
+    memory = disk = most_memory = most_disk = 0.0
+    while ready or running:
+        later = []
+        while ready and free:
+            entry = heapq.heappop(ready)
+            place = entry[2]
+            if threads[place] > free:
+                later.append(entry)
+                continue
+            free -= threads[place]
+            cost = tasks[place].cost
+            memory += cost.mib
+            disk += cost.kept_bytes + cost.temporary_bytes
+            heapq.heappush(running, (now + seconds[place], place))
+        for entry in later:
+            heapq.heappush(ready, entry)
+        most_memory, most_disk = max(most_memory, memory), max(most_disk, disk)
+        now, place = heapq.heappop(running)
+        free += threads[place]
+        memory -= tasks[place].cost.mib
+        if not followers[place]:
+            disk -= tasks[place].cost.temporary_bytes
+        for other in set(tasks[place].after):
+            readers[other] -= 1
+            if not readers[other]:
+                disk -= tasks[other].cost.temporary_bytes
+        for follower in followers[place]:
+            waits[follower] -= 1
+            if not waits[follower]:
+                heapq.heappush(ready, order(follower))
+    rays = sum(task.rays for task in tasks)
+    return Forecast(now, most_memory, most_disk, rays, len(tasks))
+
+
+def check_disk(need: Forecast, folder: str | Path) -> None:
+    """Raise :class:`SettingsError` where the disk of ``folder`` is too small for the run."""
+    folder = Path(folder).resolve()
+    there = next(place for place in (folder, *folder.parents) if place.is_dir())
+    free = shutil.disk_usage(there).free
+    wanted = need.bytes * SPARE
+    if wanted > free:
+        raise SettingsError(
+            f"the run needs {size(wanted)}, and the disk has {size(free)} left",
+            file=folder,
+            remedy="Free some, run in a folder of another disk (--directory), or leave out the "
+            "largest of angular_resolutions",
+        )
+
+
+def check_memory(need: Forecast) -> str:
+    """A warning where the machine has less memory than the run may take; empty otherwise."""
+    try:
+        here = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return ""
+    if need.mib * 2**20 <= here:
+        return ""
+    return f"The machine has {size(here)} of memory: use fewer --cores, or a smaller tile_mib."
+
+
+def duration(seconds: float) -> str:
+    """As it is said: ``40 s``, ``12 min``, ``1 h 05 min``."""
+    if seconds < 90:
+        return f"{max(seconds, 0):.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def size(number: float) -> str:
+    """Bytes, as MiB or GiB."""
+    return f"{number / 2**20:.0f} MiB" if number < 2**30 else f"{number / 2**30:.1f} GiB"
+
+
+def rays_of(done: float | None, total: float) -> str:
+    """``68.7 billion rays``; of which so many are ``done``, unless that is None."""
+    scale, name = next(unit for unit in UNITS if total >= unit[0])
+    digits = 1 if name else 0
+    first = "" if done is None else f"{done / scale:.{digits}f} of "
+    return f"{first}{total / scale:.{digits}f} {name}rays"

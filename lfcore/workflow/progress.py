@@ -1,0 +1,340 @@
+"""How far a run is: a forecast before its first job, then one line.
+
+Snakemake says through its logger which job begins and ends.  On a terminal the line is written
+over and over; elsewhere there is a line a minute.  What each job took is kept in
+``.snakemake/took.csv``: the next run's forecast is at this machine's pace, and
+``python -m benchmarks.job_costs`` makes the table of costs of it.
+"""
+
+from __future__ import annotations
+
+import csv
+import logging
+import os
+import re
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any, TextIO
+
+from lfcore.workflow import costs
+from lfcore.workflow.forecast import (
+    START_SECONDS,
+    Forecast,
+    Task,
+    check_disk,
+    check_memory,
+    duration,
+    forecast,
+    rays_of,
+)
+from lfcore.workflow.run import QUIET
+
+TOOK = Path(".snakemake") / "took.csv"
+EVERY_SECONDS = 60.0
+TRUSTED_SECONDS = 60.0
+"""Jobs must have taken about so long before their pace counts as much as the measured one."""
+SHARE = re.compile(rb": (\d+) of (\d+)$", re.MULTILINE)
+USAGE = re.compile(rb"^took ([\d.]+) s, ([\d.]+) core s, (\d+) MiB$", re.MULTILINE)
+"""The last line of a job's log; see :func:`lfcore.workflow.job.usage`."""
+
+
+@dataclass(frozen=True)
+class Took:
+    """What one job took; ``share`` is its part of all jobs of its stage, scene and N."""
+
+    stage: str
+    scene: str
+    N: int
+    M: int
+    share: float
+    threads: int
+    wall_seconds: float
+    core_seconds: float
+    mib: float
+    kept_bytes: float
+    temporary_bytes: float
+    forecast_seconds: float
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What a job is of, as its log file says: a stage, perhaps of one scene and N."""
+
+    name: str
+    scene: str = ""
+    views: int = 0
+    batch: str = ""
+
+    @classmethod
+    def of_log(cls, log: str, scenes: Iterable[str]) -> Stage:
+        """``logs/trace/bike/N16/0001.log`` is batch 0001 of stage ``trace`` of bike at N = 16."""
+        known, rest = set(scenes), []
+        found: dict[str, Any] = {}
+        for part in Path(log).with_suffix("").parts:
+            if part in known and "scene" not in found:
+                found["scene"] = part
+            elif re.fullmatch(r"N\d+", part):
+                found["views"] = int(part[1:])
+            elif re.fullmatch(r"\d{4}", part):
+                found["batch"] = part
+            elif part != "logs":
+                rest.append(part)
+        return cls("/".join(rest), **found)
+
+    def __str__(self) -> str:
+        views = f"N = {self.views}" if self.views else ""
+        return " ".join(filter(None, (self.name.replace("_", " "), self.scene, views)))
+
+
+@dataclass
+class Known:
+    """A job of the run: what it is, what it should take, and its files."""
+
+    stage: Stage
+    task: Task
+    share: float
+    log: str
+    kept: list[str]
+    temporary: list[str]
+    begun: float | None = None
+
+    def done_share(self) -> float:
+        """How much of it is done, by the last line in its log that says so."""
+        found = SHARE.findall(_tail(self.log))
+        done, of_all = map(int, found[-1]) if found else (0, 1)
+        return min(done / of_all, 1.0) if of_all else 0.0
+
+
+def _tail(log: str) -> bytes:
+    with suppress(OSError), open(log, "rb") as file:
+        file.seek(max(0, os.fstat(file.fileno()).st_size - 4096))
+        return file.read()
+    return b""
+
+
+class Progress(logging.Handler):
+    """What Snakemake's logger says, kept as how far the run is."""
+
+    def __init__(
+        self,
+        jobs: Mapping[int, Known],
+        expected: Forecast,
+        *,
+        cores: int,
+        pixels: int,
+        pace: float,
+        took: Path = TOOK,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """``jobs`` by Snakemake's number of them; ``expected`` is the forecast of them all."""
+        super().__init__()
+        self.jobs, self.expected, self.pixels, self.took = dict(jobs), expected, pixels, took
+        self.cores, self.pace, self.clock = cores, pace, clock
+        self.started, self.left = clock(), dict(jobs)
+        self.rays = 0
+        self._actual = self._forecast = 0.0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Take a job's begin or end; all other records are passed over."""
+        event = str(getattr(getattr(record, "event", None), "value", ""))
+        if event == "job_started":
+            for number in getattr(record, "jobs", None) or ():
+                if number in self.left:
+                    self.left[number].begun = self.clock()
+        elif event == "job_finished":
+            job = self.left.pop(getattr(record, "job_id", -1), None)
+            if job is not None:
+                self._end(job)
+
+    def _end(self, job: Known) -> None:
+        wall = self.clock() - (self.clock() if job.begun is None else job.begun)
+        self.rays += job.task.rays
+        self._actual += wall
+        self._forecast += job.task.seconds()
+        if found := USAGE.findall(_tail(job.log)):
+            _, core, mib = map(float, found[-1])
+            with suppress(OSError):  # a full disk is for the jobs to say
+                _append(
+                    self.took,
+                    Took(
+                        job.stage.name, job.stage.scene, job.stage.views, self.pixels, job.share,
+                        job.task.threads, round(wall, 2), core, mib, sum(map(_bytes, job.kept)),
+                        sum(map(_bytes, job.temporary)), round(job.task.seconds(), 2),
+                    ),
+                )  # fmt: skip
+
+    def pace_now(self) -> float:
+        """Seconds here for a measured one: of the jobs that are done, and of runs before."""
+        trusted = TRUSTED_SECONDS
+        return (self._actual + trusted * self.pace) / (self._forecast + trusted)
+
+    def seconds_left(self) -> float:
+        """Forecast of the jobs that are left, of running ones what is not done."""
+        pace, places = self.pace_now(), {number: k for k, number in enumerate(self.left)}
+        by_place = dict(enumerate(self.jobs))
+        tasks = []
+        for job in self.left.values():
+            after = [places[n] for k in job.task.after if (n := by_place[k]) in places]
+            cost = job.task.cost
+            if job.begun is not None:
+                whole = job.task.seconds(pace)
+                gone = max(self.clock() - job.begun, whole * job.done_share())
+                rest = max(whole - gone, whole / 20) / pace - START_SECONDS
+                cost = replace(cost, core_seconds=rest * job.task.threads)
+            tasks.append(replace(job.task, cost=cost, after=tuple(after)))
+        return forecast(tasks, self.cores, pace).seconds
+
+    def line(self) -> str:
+        """Rays done of all, jobs, time left, what runs now."""
+        running = [job for job in list(self.left.values()) if job.begun is not None]
+        rays = self.rays + sum(round(job.task.rays * job.done_share()) for job in running)
+        done = len(self.jobs) - len(self.left)
+        parts = [f"{done} of {len(self.jobs)} jobs", f"{duration(self.seconds_left())} left"]
+        if self.expected.rays:
+            parts.insert(0, rays_of(rays, self.expected.rays))
+        names = ", ".join(dict.fromkeys(str(job.stage) for job in running))
+        return "; ".join([*parts, f"now: {names}"] if names else parts)
+
+
+def _bytes(path: str) -> int:
+    """Of a file, or of all files of a folder; 0 of what is gone."""
+    place = Path(path)
+    files = [place, *place.rglob("*")] if place.is_dir() else [place]
+    return sum(file.stat().st_size for file in files if file.is_file())
+
+
+def _append(file: Path, row: Took) -> None:
+    new = not file.exists()
+    with file.open("a", encoding="utf-8", newline="") as text:
+        writer = csv.DictWriter(text, [field.name for field in fields(Took)], lineterminator="\n")
+        if new:
+            writer.writeheader()
+        writer.writerow(asdict(row))
+
+
+def pace_before(took: Path = TOOK, latest: int = 60) -> float:
+    """Seconds of this machine for a measured one, of the jobs that ended here last; else 1."""
+    try:
+        with took.open(encoding="utf-8", newline="") as text:
+            rows = list(csv.DictReader(text))[-latest:]
+        actual = sum(float(row["wall_seconds"]) for row in rows)
+        expected = sum(float(row["forecast_seconds"]) for row in rows)
+    except (OSError, ValueError, KeyError, TypeError):
+        return 1.0
+    return (actual + TRUSTED_SECONDS) / (expected + TRUSTED_SECONDS)
+
+
+class Line(threading.Thread):
+    """Says ``progress.line()`` now and then: rewritten on a terminal, else a line a minute."""
+
+    def __init__(self, progress: Progress, stream: TextIO, *, rewritten: bool) -> None:
+        super().__init__(daemon=True, name="progress")
+        self.progress, self.stream, self.rewritten = progress, stream, rewritten
+        self.over = threading.Event()
+
+    def run(self) -> None:
+        while not self.over.wait(1.0 if self.rewritten else EVERY_SECONDS):
+            with suppress(OSError, ValueError):  # a terminal that was closed
+                if self.rewritten:
+                    width = os.get_terminal_size(self.stream.fileno()).columns or 80
+                    self.stream.write(f"\r{self.progress.line()[: width - 1]}\x1b[K\r")
+                else:
+                    self.stream.write(f"{self.progress.line()}\n")
+                self.stream.flush()
+
+    def clear(self) -> None:
+        if self.rewritten:
+            with suppress(OSError, ValueError):
+                self.stream.write("\r\x1b[K")
+                self.stream.flush()
+
+
+class _Errors(logging.Filter):
+    """Of Snakemake's own words the terminal has warnings and errors; its log file has all."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        if record.levelno < logging.WARNING:
+            return record.getMessage().startswith("Nothing to be done")
+        for line in _running:
+            line.clear()
+        return True
+
+
+_running: list[Line] = []
+
+
+def hush(workflow: Any) -> None:
+    """Leave Snakemake's words to its log file, where :mod:`lfcore.workflow.run` asks for it."""
+    if QUIET in os.environ:
+        for handler in workflow.logger_manager.logger.handlers:
+            if handler.name == "DefaultStreamHandler":
+                handler.addFilter(_Errors())
+
+
+def known_jobs(
+    dag: Any, scenes: Iterable[str], pixels: int, batches: Mapping[int, Mapping[str, costs.Batch]]
+) -> dict[int, Known]:
+    """The jobs that are left to make, by Snakemake's number of them.
+
+    Parameters
+    ----------
+    dag : Snakemake's graph of jobs; those without a log only name files.
+    batches : of each N, by their name in log files.
+    """
+    jobs = [job for job in dag.needrun_jobs() if job.log]
+    places = {job: place for place, job in enumerate(jobs)}
+    names = list(scenes)
+    found = {}
+    for job in jobs:
+        stage, share, rays = Stage.of_log(str(job.log[0]), names), 1.0, 0
+        if stage.batch:
+            cut = batches[stage.views]
+            rays = cut[stage.batch].rays
+            share = rays / sum(one.rays for one in cut.values())
+        cost = costs.job_cost(stage.name, stage.scene, stage.views, pixels).of_share(share)
+        after = tuple(places[other] for other in dag.job_dependencies(job) if other in places)
+        task = Task(str(stage), cost, job.threads, job.priority, after, rays)
+        temporary = [str(file) for file in job.output if file in job.temp_output]
+        kept = [str(file) for file in job.output if file not in job.temp_output]
+        found[job.jobid] = Known(stage, task, share, str(job.log[0]), kept, temporary)
+    return found
+
+
+def begin(workflow: Any, jobs: dict[int, Known], pixels: int) -> None:
+    """Say what the run will take, refuse a disk that is too small, and show how far it is.
+
+    ``workflow`` is Snakemake's, whose ``jobs`` are planned.  Raises :class:`SettingsError` for a
+    disk that is too small.
+    """
+    cores = workflow.resource_settings.cores or workflow.resource_settings.nodes or 1
+    pace = pace_before()
+    tasks = [job.task for job in jobs.values()]
+    expected = forecast(tasks, cores, pace)
+    print(expected.text(cores), file=sys.stderr, flush=True)
+    if workflow.storage_registry.default_storage_provider is None:
+        check_disk(expected, "results")
+    if warning := check_memory(expected):
+        print(warning, file=sys.stderr, flush=True)
+    progress = Progress(jobs, expected, cores=cores, pixels=pixels, pace=pace)
+    line = Line(progress, sys.stderr, rewritten=QUIET in os.environ and sys.stderr.isatty())
+    workflow.logger_manager.logger.addHandler(progress)
+    line.start()
+    _running.append(line)
+
+
+def end(*, failed: bool = False) -> None:
+    """Say that the run is over."""
+    for line in _running:
+        line.over.set()
+        line.clear()
+        progress = line.progress
+        done = len(progress.jobs) - len(progress.left)
+        took = duration(progress.clock() - progress.started)
+        words = "Stopped" if failed else "Done"
+        print(f"{words} after {took}: {done} of {len(progress.jobs)} jobs.", file=sys.stderr)
+    _running.clear()
