@@ -17,16 +17,17 @@ if TYPE_CHECKING:
     from lfcore.lightfield import LightField
 
 DESCRIPTION = """\
-Look at a light field file: as a page for the browser (-o NAME.html), where you look around, focus,
-stop down and tilt the focal plane; or, as a picture, one view (what is seen from one point of the
-lens) or one macropixel (what one pixel sees through the whole lens). The page is one file, needs
-no server and asks no other host. Of a picture, only what is needed is decoded."""
+Look at a light field file in the browser, or write a page for it (-o NAME.html): look around,
+focus, stop down and tilt the focal plane. Or write one view (what is seen from one point of the
+lens) or one macropixel (what one pixel sees through the whole lens) as a picture. The page is one
+file, needs no server and asks no other host. Of a picture, only what is needed is decoded."""
 EPILOG = """\
 examples:
-  lfcore view bike.mkv -o bike.html                  a page: drag, click, slide
-  lfcore view bike.mkv -o bike.html --open           and open it in the browser
+  lfcore view bike.mkv                               in the browser: drag, click, slide
+  lfcore view https://example.org/bike.mkv           of a URL, of which it reads what it needs
+  lfcore view bike.mkv -o bike.html                  the page as a file of its own
   lfcore view bike.mkv -o bike.html --views 9 --size 256   a small one
-  lfcore view bike.mkv --serve 8000                  hand it out at http://127.0.0.1:8000/
+  lfcore view bike.mkv --serve 8000                  hand the page out at http://127.0.0.1:8000/
   lfcore view bike.mkv -o centre.png                 the central view
   lfcore view bike.mkv --view 0 15 -o corner.png     lens column 0, row 15
   lfcore view few.mkv --at 12.5 -40 -o between.png   any point of the lens, of a file with depth
@@ -70,13 +71,15 @@ def options(command: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    output, serves = arguments.output, arguments.serve is not None
-    if output is None and not serves:
-        refuse("--output", "is missing", "Name a page or a picture to write")
+    output = arguments.output
+    given = vars(arguments)
+    if output is None and any(given[name] is not None for name in OF_PICTURES):
+        refuse("--output", "is missing", "Name a picture to write")
+    if output is None and arguments.serve is None:
+        arguments.serve, arguments.open = 0, True
     is_page = output is None or output.suffix.lower() in PAGES
     if not is_page:
         check_suffix(output, (*SUFFIXES, *PAGES))
-    given = vars(arguments)
     wrong = [name for name in (OF_PICTURES if is_page else OF_PAGES) if given[name] is not None]
     if not is_page:
         wrong += [name for name in ("open", "serve") if given[name] not in (None, False)]

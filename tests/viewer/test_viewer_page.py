@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import _thread
 import base64
 import io
 import json
 import re
 import shutil
 import subprocess
+import threading
+import urllib.request
+import webbrowser
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -160,11 +164,28 @@ def test_the_command_writes_a_page_or_a_picture(field, tmp_path, capsys):
         (["-o", str(picture), "--size", "9"], "--size: belongs to a page"),
         (["-o", str(page), "--grid", "2"], "--grid: belongs to a picture"),
         (["-o", str(page), "--views", "3"], "views: must be from 9 to 33"),
-        ([], "--output: is missing"),
+        (["--grid", "2"], "--output: is missing"),
         (["--serve", "70000"], "--serve: port 70000 cannot be used"),
     ):
         assert main([*words, *more]) == 1
         assert said in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_the_command_alone_hands_the_page_to_the_browser(field, monkeypatch, capsys):
+    got = []
+
+    def visit(address: str) -> None:
+        def read() -> None:
+            with urllib.request.urlopen(address, timeout=30) as page:
+                got.append(page.read().decode())
+            _thread.interrupt_main()  # as Ctrl+C, which ends the service
+
+        threading.Thread(target=read).start()
+
+    monkeypatch.setattr(webbrowser, "open", visit)
+    assert main(["view", str(field.path), "--size", "32"]) == 130
+    assert described(got[0])["views"] == VIEWS
+    assert "http://127.0.0.1:" in capsys.readouterr().err
 
 
 def node(program: str) -> object:
