@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device
-from lfcore.optics.planes import SensorPlane
+from lfcore.optics.planes import PlaneOptions, SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.focal_stack import focal_stack
 from lfcore.refocus.free_views import views_at
@@ -44,12 +44,9 @@ class LightField(LightFieldFile):
         f_number: float | None = None,
         aperture: str = "circle",
         *,
-        blades: int = 6,
-        rotation_deg: float = 0.0,
-        normalise: bool = True,
-        keep_magnification: bool = False,
         disparity_px: float | None = None,
         aperture_views: float | None = None,
+        **options: Unpack[PlaneOptions],
     ) -> SensorPlane:
         """The sensor plane of these settings.
 
@@ -57,13 +54,14 @@ class LightField(LightFieldFile):
         ----------
         focus_m : focus distance, metres; default the recorded one; ``math.inf`` allowed.
         f_number : no wider than the lens; default the whole lens.
-        aperture : ``circle``, ``square``, ``diamond`` or ``polygon`` (of ``blades`` corners).
-        rotation_deg : of a polygon, degrees.
-        normalise : divide by the open aperture; else the picture dims as the lens stops down.
-        keep_magnification : of the physical sensor, which moves when it is focused.
+        aperture : ``circle``, ``square``, ``diamond`` or ``polygon`` (of ``blades`` corners, 6).
         disparity_px : instead of a distance, pixels by which what is in focus moves from one view
             to the next; 0 as recorded, more is nearer.
         aperture_views : instead of an f-number, the aperture's diameter in views.
+        rotation_deg : of a polygon, degrees.
+        normalise : divide by the open aperture (default); else the picture dims as the lens stops
+            down.
+        keep_magnification : of the physical sensor, which moves when it is focused; default not.
 
         Raises :class:`OpticsError`, naming file and key, for what was not recorded.
         """
@@ -78,7 +76,7 @@ class LightField(LightFieldFile):
                 )  # fmt: skip
         for key, asked in (
             ("focus_m", focus_m is not None), ("f_number", f_number is not None),
-            ("keep_magnification", keep_magnification),
+            ("keep_magnification", options.get("keep_magnification")),
         ):  # fmt: skip
             if asked:
                 self.require_metric(key)
@@ -87,9 +85,9 @@ class LightField(LightFieldFile):
                 slab.camera,
                 focus_m if disparity_px is None else self.distance_of(disparity_px),
                 f_number if aperture_views is None else self.f_number_of(aperture_views),
-                aperture, blades=blades, rotation_deg=rotation_deg, normalise=normalise,
-                keep_magnification=keep_magnification,
-            )  # fmt: skip
+                aperture,
+                **options,
+            )
             plane.check(slab)
             plane.aperture(slab)
         except OpticsError as error:

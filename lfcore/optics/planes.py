@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
@@ -67,6 +68,15 @@ class Aperture:
         return inside
 
 
+class PlaneOptions(TypedDict, total=False):
+    """What may be said of a plane beside its focus, f-number and shape."""
+
+    blades: int
+    rotation_deg: float
+    normalise: bool
+    keep_magnification: bool
+
+
 @dataclass(frozen=True)
 class SensorPlane:
     """One picture: where it is focused, through which aperture, how it is normalised.
@@ -97,21 +107,21 @@ class SensorPlane:
         focus_m: float | None = None,
         f_number: float | None = None,
         aperture: str = "circle",
-        *,
-        blades: int = 6,
-        rotation_deg: float = 0.0,
-        normalise: bool = True,
-        keep_magnification: bool = False,
+        **options: Unpack[PlaneOptions],
     ) -> SensorPlane:
         """The plane of these settings; focus and f-number are the camera's where not given.
 
+        ``normalise=False`` is the normalisation ``lens``, else it is ``aperture``.
         Not checked against what the camera can form: see :meth:`check`.
         """
+        more: dict[str, Any] = {**options}
+        more["normalise"] = "aperture" if more.get("normalise", True) else "lens"
         return cls(
             camera.focus_distance_m if focus_m is None else float(focus_m),
             camera.f_number if f_number is None else float(f_number),
-            aperture, blades, rotation_deg, "aperture" if normalise else "lens", keep_magnification,
-        )  # fmt: skip
+            aperture,
+            **more,
+        )
 
     @property
     def delta(self) -> float:
