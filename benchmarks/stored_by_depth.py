@@ -5,8 +5,8 @@ lens samples of more pixels with the depth of every ray, as views and as macropi
 encoder's seconds of processor and the PSNR of the worst of five planes, whole lens, square, against
 the average over pixel and lens.
 
-N = 512 is taken from the run that docs/measured.md publishes (benchmarks/results/tables_m128.csv),
-or measured beside the others, which takes minutes a scene: --thesis.
+N = 512 is taken from the published run of the tables (benchmarks/published/tables_m128.csv), or
+measured beside the others, which takes minutes a scene: --thesis.
 """
 
 from __future__ import annotations
