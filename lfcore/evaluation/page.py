@@ -17,7 +17,7 @@ import docutils.core
 import jinja2
 import pandas as pd
 
-from lfcore.evaluation.table_files import readable
+from lfcore.evaluation.table_files import readable, write_markdown
 from lfcore.files import write_text
 
 STYLE = Path(__file__).with_name("page.css")
@@ -99,6 +99,20 @@ def write_page(
 </html>
 """,
     )
+
+
+def write_markdown_tables(
+    paths: Iterable[str | Path], sections: Iterable[Section], config: Mapping[str, object]
+) -> None:
+    """Write the table of each section that has one to the next of ``paths``, with its caption.
+
+    Raises :class:`ValueError` unless there is a path for every table; otherwise as
+    :func:`write_page`.
+    """
+    tables = [(one, one.table) for one in sections if one.table is not None]
+    for path, (section, table) in zip(paths, tables, strict=True):
+        caption = fill(section.caption, config)
+        write_markdown(path, pd.read_csv(table), title=section.title, caption=caption)
 
 
 def _section(section: Section, folder: Path, config: Mapping[str, object]) -> str:

@@ -103,15 +103,17 @@ def measure_in_turn(
     works: Sequence[Callable[[], object]],
     *,
     repeats: int,
+    warm_up: int = 1,
     clock: Callable[[], float] = time.perf_counter,
 ) -> list[Timing]:
-    """Pieces of work that take turns under the clock, after one unseen run of each.
+    """Pieces of work that take turns under the clock, after ``warm_up`` unseen runs of each.
 
     What slows the machine for a while slows all of them.
     """
     seconds: list[list[float]] = [[] for _ in works]
     for work in works:
-        work()
+        for _ in range(warm_up):
+            work()
     for _ in range(repeats):
         for work, taken in zip(works, seconds, strict=True):
             taken.append(clocked(work, clock=clock)[1])

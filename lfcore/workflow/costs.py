@@ -24,6 +24,9 @@ from lfcore.storage.layout import Tile
 NANOSECONDS = {16: 290.0, 32: 143.0, 64: 78.0, 128: 53.0, 256: 34.0, 512: 55.0}
 """Core time a ray by N, traced and encoded: the most of three scenes at M = 128, whose fixed costs
 weigh most, in benchmarks/published/tables_m128.csv."""
+SHARED_SECONDS = 15.0
+"""From this on a light field is two jobs at least, so that two cores share it: less is soon done
+on one of them, and each job costs the start of a process."""
 MOST_BATCHES = 4096
 """Of one light field: a plan of as many jobs takes a few seconds."""
 SET_UP_SECONDS = 30.0
@@ -62,10 +65,11 @@ class Batch:
 
 
 def batches(tiles: list[Tile], minutes: float) -> list[Batch]:
-    """Runs of tiles that are one job each: of about ``minutes``, and two at least of two tiles."""
+    """Runs of tiles that are one job each, of about ``minutes``; two at least of long ones."""
     rays = [tile.rays for tile in tiles]
     seconds = sum(rays) * nanoseconds_a_ray(tiles[0].layout.views) * 1e-9
-    count = min(max(math.ceil(seconds / (60 * minutes)), 2), len(tiles), MOST_BATCHES)
+    least = 2 if seconds >= SHARED_SECONDS else 1
+    count = min(max(math.ceil(seconds / (60 * minutes)), least), len(tiles), MOST_BATCHES)
     cuts = [place * len(tiles) // count for place in range(count + 1)]
     return [Batch(a, b, sum(rays[a:b])) for a, b in itertools.pairwise(cuts)]
 

@@ -72,9 +72,13 @@ class Section:
 
     @property
     def files(self) -> list[str]:
-        """The table, as CSV and Markdown, and the figures."""
-        tables = [self.table, self.table.replace(".csv", ".md")] if self.table else []
-        return [*tables, *self.figures.values()]
+        """The table, as CSV, and the figures."""
+        return [*([self.table] if self.table else []), *self.figures.values()]
+
+
+def markdown(sections: Iterable[Section]) -> list[str]:
+    """The tables of sections as Markdown, which their page writes."""
+    return [one.table.replace(".csv", ".md") for one in sections if one.table]
 
 
 def places(sections: Iterable[Section], files: Iterable[str]) -> dict[str, Path]:

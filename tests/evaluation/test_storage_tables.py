@@ -74,7 +74,7 @@ def test_planes_that_are_not_recorded_are_refused(chart):
 def test_frames_of_both_layouts_hold_each_ray_once(sample):
     for kind, pack, order in (("views", 1, "hilbert"), ("macropixels", 4, "raster")):
         frames = Frames(sample, FrameLayout(kind, 8, 16, order, pack, "yuv444p"))
-        held = frames.rgb[:, frames.used()]
+        held = frames.rgb[:, frames.used]
         assert held.size == sample.rgb.size
         assert np.array_equal(np.sort(held, axis=None), np.sort(sample.rgb, axis=None))
     with pytest.raises(StorageError):

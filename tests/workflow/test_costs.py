@@ -27,7 +27,9 @@ def test_batches_are_all_tiles_in_order(views, pixels, most_rays, minutes):
     assert [one.rays for one in batches] == [
         sum(tile.rays for tile in cut[one.start : one.stop]) for one in batches
     ]
-    assert len(batches) >= min(2, len(cut)) and len(batches) <= costs.MOST_BATCHES
+    seconds = sum(tile.rays for tile in cut) * costs.nanoseconds_a_ray(views) * 1e-9
+    least = 2 if seconds >= costs.SHARED_SECONDS else 1
+    assert len(batches) >= min(least, len(cut)) and len(batches) <= costs.MOST_BATCHES
     sizes = [one.stop - one.start for one in batches]
     assert max(sizes) - min(sizes) <= 1
 

@@ -23,20 +23,19 @@ def default_jobs(checkout):
 def test_smoke(checkout):
     jobs = checkout.planned(*SMOKE, *TARGET)
     assert jobs["parse"] == jobs["build"] == jobs["evaluate"] == 3
-    assert jobs["sum_planes"] == jobs["join"] == jobs["retrieve"] == 3 * 3
-    # N = 64 is large enough for two tiles, so that two cores share it.
-    assert jobs["trace"] == 3 * (1 + 1 + 2)
-    assert jobs["contact_sheet"] == 9 and jobs["page"] == jobs["tables"] == 1
+    # Small ones are a job each, two tiles or not.
+    assert jobs["trace"] == jobs["join"] == jobs["retrieve"] == 3 * 3
+    assert jobs["contact_sheets"] == 3 and jobs["page"] == jobs["tables"] == jobs["curves"] == 1
     assert STORE_REPORTS.isdisjoint(jobs)
 
 
 def test_the_default_run_has_a_row_for_each_scene_and_resolution(default_jobs):
     jobs = default_jobs
-    assert jobs["sum_planes"] == 18
-    # Two batches at least of each light field, so that two cores share it, and few more: the
+    assert jobs["join"] == 18
+    # Two batches at least of each large light field, so that two cores share it, and few more: the
     # twelve tiles of N = 512 are some minutes of work.
-    assert 3 * 6 * 2 <= jobs["trace"] <= 60
-    assert sum(jobs.values()) < 250
+    assert 3 * (4 + 2 * 2) <= jobs["trace"] <= 30
+    assert sum(jobs.values()) < 135
     assert set(jobs) >= STORE_REPORTS and jobs["retrieval_scene"] == jobs["equivalence_scene"] == 3
 
 
@@ -56,15 +55,13 @@ def test_what_is_not_asked_for_is_not_in_the_graph(checkout):
     )  # fmt: skip
     # What is not stored cannot be read.
     assert "retrieval" not in jobs and jobs["equivalence"] == jobs["equivalence_scene"] == 1
-    assert {"join", "retrieve", "contact_sheet", "trace_views", "trace_aperture_stack"}.isdisjoint(
-        jobs
-    )
+    assert {"retrieve", "viewer", "contact_sheets", "trace_stacks"}.isdisjoint(jobs)
     assert jobs["curves"] == 1 and jobs["parse"] == 1
     only_views = checkout.planned(
         *SMOKE, "--config", "figures={make: [sub_aperture_views]}", *TARGET
     )
-    assert only_views["trace_views"] == 3
-    assert {"curves", "trace_aperture_stack"}.isdisjoint(only_views)
+    assert only_views["trace_stacks"] == only_views["contact_sheets"] == 3
+    assert "curves" not in only_views
 
 
 def test_any_key_can_be_overridden(checkout):
@@ -74,7 +71,7 @@ def test_any_key_can_be_overridden(checkout):
     )  # fmt: skip
     # 64^2 x 16^2 rays of 3 bytes are 3 MiB.
     assert jobs["trace"] == 4 or jobs["trace"] == 3
-    assert jobs["sum_planes"] == 1
+    assert jobs["join"] == 1
 
 
 @pytest.mark.parametrize(

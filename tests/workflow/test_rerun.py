@@ -60,16 +60,16 @@ def test_the_smallest_run_has_every_rule_and_script(made):
     assert set(re.findall(r"scripts/(\w+)\.py", text)) == scripts
     rules = set(re.findall(r"^ *(?:use )?rule (?:\w+ as )?(\w+)(?: with)?:", text, re.M))
     rules |= {"storage_layouts_scene", "rate_distortion_scene", "storage_layouts"}
-    rules |= {"equivalence", "retrieval", "storage_layouts_figure", "retrieval_figure"}
+    rules |= {"equivalence", "retrieval"}
     assert rules - {"sweep", "sweep_group"} <= made.scripts
 
 
 @pytest.mark.parametrize(
     ("override", "rules"),
     [
-        ("analysis={targets_db: [25]}", {"recommendation": 1, "markdown": 1, "page": 1}),
-        ("analysis={stability_rays: 500}", {"stability": 1, "markdown": 1, "page": 1}),
-        ("figures={renderers: {views: 3}}", {"other_renderers": 1, "markdown": 1, "page": 1}),
+        ("analysis={targets_db: [25]}", {"recommendation": 1, "page": 1}),
+        ("analysis={stability_rays: 500}", {"stability": 1, "page": 1}),
+        ("figures={renderers: {views: 3}}", {"other_renderers": 1, "page": 1}),
         ("assignment={instants: 3}", {"page": 1}),
     ],
 )
@@ -83,7 +83,7 @@ def test_what_only_words_a_caption_measures_nothing(made):
     try:
         time.sleep(1.1)
         caption.write_text(text + "More.\n")
-        assert again(made, "--", TABLES) == {"markdown": 1, "page": 1}
+        assert again(made, "--", TABLES) == {"page": 1}
     finally:
         caption.write_text(text)
         made.snakemake("--cores", "2", *MICRO, "--", TABLES)

@@ -86,7 +86,7 @@ def test_a_rule_s_digest_covers_what_its_script_imports(script):
 @pytest.mark.parametrize(
     ("part", "scripts"),
     [
-        ("tracing/kernels", {"trace.py", "trace_views.py", "retrieve.py"}),
+        ("tracing/kernels", {"trace.py", "trace_stacks.py", "retrieve.py"}),
         ("evaluation/page.css", {"page.py"}),
         ("evaluation/metrics.py", {"evaluate.py"}),
         ("evaluation/thesis_tables.csv", {"tables.py"}),

@@ -121,7 +121,7 @@ rule left_out:
     input:
         of_scenes("analysis/left_out.json"),
     output:
-        table("left_out"),
+        csv=table("left_out"),
     log:
         "logs/left_out.log",
     group:

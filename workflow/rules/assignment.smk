@@ -8,10 +8,7 @@ ASSIGNMENT_FILES = [file for section in ASSIGNMENT_SECTIONS for file in section.
 # What results/tables/ shows of it: the quick ones of its scenes.
 QUICK_SCENES = [scene for scene in ASSIGNMENT_SCENES if scene in ("book", "sphere")]
 QUICK_TABLES = [
-    f"results/tables/{name}.{kind}"
-    for name in reports.ARRAY_TABLES
-    for kind in ("csv", "md")
-    if "book" in ASSIGNMENT_SCENES
+    f"results/tables/{name}.csv" for name in reports.ARRAY_TABLES if "book" in ASSIGNMENT_SCENES
 ]
 SEEN_THROUGH = ARRAY["see_through"]["scene"]
 ARRAY_SOURCES = digest(*sources.READING, *sources.TABLES, "evaluation/assignment")

@@ -5,7 +5,6 @@ import re
 from snakemake.exceptions import WorkflowError
 
 from lfcore.errors import LfcoreError
-from lfcore.evaluation.page import fill
 from lfcore.scene.sources import files_of_scene
 from lfcore.workflow import cases, costs, reports, sources, sweep
 from lfcore.workflow.settings import check_settings

@@ -11,84 +11,77 @@ STACKS = {
 }
 
 
-rule trace_aperture_stack:
-    input:
-        **of_scene("{scene}"),
-    output:
-        STACKS["aperture_stack"],
-    log:
-        "logs/trace_aperture_stack/{scene}.log",
-    group:
-        grouped("figures")
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        sources=digest(*sources.STORING),
-        spatial_resolution=SETTINGS["spatial_resolution"],
-        angular_resolution=SETTINGS["figures"]["angular_resolution"],
-        stops=SETTINGS["figures"]["aperture_stops"],
-        device=SETTINGS["device"],
-    script:
-        "../scripts/trace_aperture_stack.py"
+TRACED_STACKS = {
+    name: file
+    for name, file in STACKS.items()
+    if name in SETTINGS["figures"]["make"] and name != "focal_stack"
+}
+WANTED_SHEETS = [name for name in STACKS if name in SETTINGS["figures"]["make"]]
+
+if TRACED_STACKS:
+
+    rule trace_stacks:
+        input:
+            **of_scene("{scene}"),
+        output:
+            **TRACED_STACKS,
+        log:
+            "logs/trace_stacks/{scene}.log",
+        group:
+            grouped("figures")
+        conda:
+            "../envs/lfcore.yaml"
+        params:
+            sources=digest(*sources.STORING),
+            spatial_resolution=SETTINGS["spatial_resolution"],
+            angular_resolution=SETTINGS["figures"]["angular_resolution"],
+            stops=SETTINGS["figures"]["aperture_stops"],
+            device=SETTINGS["device"],
+        script:
+            "../scripts/trace_stacks.py"
 
 
-rule trace_views:
-    input:
-        **of_scene("{scene}"),
-    output:
-        STACKS["sub_aperture_views"],
-    log:
-        "logs/trace_views/{scene}.log",
-    group:
-        grouped("figures")
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        sources=digest(*sources.STORING),
-        spatial_resolution=SETTINGS["spatial_resolution"],
-        angular_resolution=SETTINGS["figures"]["angular_resolution"],
-        device=SETTINGS["device"],
-    script:
-        "../scripts/trace_views.py"
+if WANTED_SHEETS:
 
-
-rule contact_sheet:
-    input:
-        lambda wildcards: STACKS[wildcards.figure].format(scene=wildcards.scene),
-    output:
-        report(
-            "results/tables/figures/{figure}_{scene}.png",
-            caption="../report/contact_sheet.rst",
-            category="Figures",
-            labels={"figure": "{figure}", "scene": "{scene}"},
-        ),
-    log:
-        "logs/contact_sheet/{figure}_{scene}.log",
-    wildcard_constraints:
-        figure="|".join(reports.SHEETS),
-    group:
-        grouped("figures")
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        sources=digest("optics", "evaluation/figures.py"),
-    script:
-        "../scripts/contact_sheet.py"
+    rule contact_sheets:
+        input:
+            **{name: STACKS[name] for name in WANTED_SHEETS},
+        output:
+            **{
+                name: report(
+                    f"results/tables/figures/{name}_{{scene}}.png",
+                    caption="../report/contact_sheet.rst",
+                    category="Figures",
+                    labels={"figure": name, "scene": "{scene}"},
+                )
+                for name in WANTED_SHEETS
+            },
+        log:
+            "logs/contact_sheets/{scene}.log",
+        group:
+            grouped("figures")
+        conda:
+            "../envs/lfcore.yaml"
+        params:
+            sources=digest("optics", "evaluation/figures.py"),
+        script:
+            "../scripts/contact_sheets.py"
 
 
 rule curves:
     input:
-        "results/tables/{table}.csv",
+        [f"results/tables/{name}.csv" for name in TABLES],
     output:
-        "results/tables/figures/{table}_curves.png",
+        [f"results/tables/figures/{name}_curves.png" for name in TABLES],
     log:
-        "logs/curves/{table}.log",
+        "logs/curves.log",
     group:
         REPORT_GROUP
     conda:
         "../envs/lfcore.yaml"
     params:
         sources=digest("evaluation/figures.py"),
+        tables=TABLES,
     script:
         "../scripts/curves.py"
 

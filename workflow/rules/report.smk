@@ -1,38 +1,10 @@
-# Captions, and the pages over all that the stages above have made. What only words a caption, or
-# shows what was measured, is here: it measures nothing again.
+# The pages over all that the stages above have made, and tables as Markdown. What only words a
+# caption, or shows what was measured, is here: it measures nothing again.
 #
 # "results/tables" is a folder of separate files, so its two spellings are rules without outputs:
 # as a directory() output, a deleted table would not be noticed.
 REPORTED = [file for section in TABLE_SECTIONS for file in section.files]
 PAGE_SOURCES = digest("evaluation/page.*", "evaluation/table_files.py", "evaluation/timing.py")
-
-
-rule markdown:
-    input:
-        table="results/{page}/{table}.csv",
-        caption=lambda wildcards: caption_of(
-            wildcards.table
-            if wildcards.page == "tables"
-            else f"assignment_table_{wildcards.table}"
-        ),
-    output:
-        "results/{page}/{table}.md",
-    log:
-        "logs/markdown/{page}_{table}.log",
-    wildcard_constraints:
-        page="tables|assignment",
-        table="|".join(reports.TITLES),
-    group:
-        REPORT_GROUP
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        sources=digest("evaluation/table_files.py"),
-        title=lambda wildcards: reports.TITLES[wildcards.table],
-        # Filled in: another value of a key that the caption does not speak of changes nothing.
-        caption=lambda wildcards, input: fill(Path(input.caption).read_text("utf-8"), SETTINGS),
-    script:
-        "../scripts/markdown.py"
 
 
 rule page:
@@ -43,7 +15,8 @@ rule page:
         viewers=expand("results/tables/viewer/{scene}.html", scene=SCENES if STORE else []),
         captions=[caption_of(name) for name in ["page", *(one.caption for one in TABLE_SECTIONS)]],
     output:
-        report("results/tables/index.html", caption="../report/page.rst", category="Page"),
+        page=report("results/tables/index.html", caption="../report/page.rst", category="Page"),
+        markdown=reports.markdown(TABLE_SECTIONS),
     log:
         "logs/page.log",
     group:
@@ -74,12 +47,13 @@ use rule page as assignment_page with:
             for name in ["assignment_page", *(one.caption for one in ASSIGNMENT_SECTIONS)]
         ],
     output:
-        report(
+        page=report(
             "results/assignment/index.html",
             caption="../report/assignment_figure.rst",
             category="Assignment",
             labels={"figure": "page"},
         ),
+        markdown=reports.markdown(ASSIGNMENT_SECTIONS),
     log:
         "logs/assignment/page.log",
     params:
@@ -98,7 +72,7 @@ for folder in ("results/tables", "results/tables/"):
             folder
         input:
             REPORTED,
-            "results/tables/index.html",
+            rules.page.output,
         localrule: True
 
 
@@ -110,5 +84,5 @@ for folder in ("results/assignment", "results/assignment/"):
         input:
             ASSIGNMENT_FILES,
             QUICK_TABLES,
-            "results/assignment/index.html",
+            rules.assignment_page.output,
         localrule: True

@@ -75,6 +75,8 @@ if STORE:
 
 
 for name in ("storage_layouts", "equivalence", "retrieval"):
+    # Equivalence has a figure of each scene, made there.
+    figures = {"figure": f"results/tables/figures/{name}.png"} if name != "equivalence" else {}
 
     rule:
         name:
@@ -82,31 +84,10 @@ for name in ("storage_layouts", "equivalence", "retrieval"):
         input:
             of_scenes(f"storage/{name}.json"),
         output:
-            table(name),
+            **figures,
+            csv=table(name),
         log:
             f"logs/{name}.log",
-        group:
-            REPORT_GROUP
-        conda:
-            "../envs/lfcore.yaml"
-        params:
-            sources=digest(*sources.READING, *sources.MEASURING, "evaluation/storage"),
-            table=name,
-        script:
-            "../scripts/storage_table.py"
-
-
-for name in ("storage_layouts", "retrieval"):
-
-    rule:
-        name:
-            f"{name}_figure"
-        input:
-            f"results/tables/{name}.csv",
-        output:
-            f"results/tables/figures/{name}.png",
-        log:
-            f"logs/{name}_figure.log",
         group:
             REPORT_GROUP
         conda:
@@ -115,7 +96,7 @@ for name in ("storage_layouts", "retrieval"):
             sources=digest(*sources.READING, *sources.TABLES, "evaluation/storage"),
             table=name,
         script:
-            "../scripts/storage_figure.py"
+            "../scripts/storage_table.py"
 
 
 rule rate_distortion:

@@ -1,28 +1,5 @@
-# The light field as one file, and pictures from it: only where the configuration stores it.
+# What is made from the stored light field: only where the configuration stores it.
 if STORE:
-
-    rule join:
-        input:
-            scene="results/{scene}/scene.npz",
-            segments=of_batches(".segments"),
-            seconds=of_batches(".json"),
-        output:
-            light_field=f"{SLAB}/lightfield.mkv",
-            seconds=f"{SLAB}/store.json",
-        log:
-            "logs/join/{scene}/N{n}.log",
-        group:
-            grouped("join_N{n}")
-        conda:
-            "../envs/lfcore.yaml"
-        params:
-            sources=digest(*sources.SCENE, "storage", "evaluation/timing.py"),
-            spatial_resolution=SETTINGS["spatial_resolution"],
-            layout=SETTINGS["layout"],
-            tile_mib=SETTINGS["tile_mib"],
-            encoder=SETTINGS["encoder"],
-        script:
-            "../scripts/join.py"
 
     rule viewer:
         input:

@@ -42,17 +42,26 @@ rule trace:
         "../scripts/trace.py"
 
 
-rule sum_planes:
+# What all batches of a light field come to: pictures and, where it is stored, one file.
+JOINED = {
+    "stack": f"{SLAB}/planes/on_the_fly.npz",
+    "pictures": directory(f"{SLAB}/planes/on_the_fly"),
+    "trace": f"{SLAB}/trace.json",
+}
+BATCHED = {"planes": of_batches(".planes.npz"), "seconds": of_batches(".json")}
+if STORE:
+    JOINED |= {"light_field": f"{SLAB}/lightfield.mkv", "store": f"{SLAB}/store.json"}
+    BATCHED["segments"] = of_batches(".segments")
+
+
+rule join:
     input:
+        **BATCHED,
         scene="results/{scene}/scene.npz",
-        planes=of_batches(".planes.npz"),
-        seconds=of_batches(".json"),
     output:
-        stack=f"{SLAB}/planes/on_the_fly.npz",
-        pictures=directory(f"{SLAB}/planes/on_the_fly"),
-        seconds=f"{SLAB}/trace.json",
+        **JOINED,
     log:
-        "logs/sum_planes/{scene}/N{n}.log",
+        "logs/join/{scene}/N{n}.log",
     group:
         grouped("join_N{n}")
     conda:
@@ -60,9 +69,12 @@ rule sum_planes:
     resources:
         mem_mb=lambda wildcards, attempt: costs.sums_mib(SETTINGS["spatial_resolution"], attempt),
     params:
-        sources=digest(*sources.SCENE, "storage"),
+        sources=digest(*sources.SCENE, "storage", "evaluation/timing.py"),
         spatial_resolution=SETTINGS["spatial_resolution"],
         planes=SETTINGS["planes"],
         picture_format=SETTINGS["picture_format"],
+        layout=SETTINGS["layout"],
+        tile_mib=SETTINGS["tile_mib"],
+        encoder=SETTINGS["encoder"],
     script:
-        "../scripts/sum_planes.py"
+        "../scripts/join.py"

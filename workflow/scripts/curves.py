@@ -1,4 +1,4 @@
-"""Columns of one of the thesis's tables over N, ours and the thesis's."""
+"""Columns of the thesis's tables over N, ours and the thesis's."""
 
 import pandas as pd
 
@@ -6,5 +6,6 @@ from lfcore.evaluation.figures import PANELS, curves_over_n, save_figure
 from lfcore.workflow.job import job
 
 with job(snakemake.log[0], snakemake.threads):
-    table = pd.read_csv(snakemake.input[0])
-    save_figure(snakemake.output[0], curves_over_n(table, PANELS[snakemake.wildcards.table]))
+    given, output, tables = snakemake.input, snakemake.output, snakemake.params.tables
+    for name, table, figure in zip(tables, given, output, strict=True):
+        save_figure(figure, curves_over_n(pd.read_csv(table), PANELS[name]))

@@ -1,39 +1,33 @@
-"""Join the segments of all tiles into one light field file, without encoding them again."""
+"""Add up the planes of all batches and, where the light field is stored, join their segments."""
 
-from pathlib import Path
-
-from lfcore.evaluation.timing import Stopwatch
 from lfcore.files import file_digest, read_json, write_json
+from lfcore.optics.plane_pictures import save_stack, write_plane_pictures
+from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.slab import Slab
-from lfcore.storage.container import join_segments
 from lfcore.workflow import cases
 from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.joining import joined, traced
 
 with job(snakemake.log[0], snakemake.threads):
-    watch, given, params = Stopwatch(), snakemake.input, snakemake.params
-    views, file = int(snakemake.wildcards.n), snakemake.output.light_field
-    camera, _, _ = cases.read_camera(given.scene)
-    tiles, spec = cases.tiles(params, views), cases.codec_spec(params, views)
-    traced = [read_json(path) for path in given.seconds]
-    depth = traced[0].get("depth_m")
-    with watch.part("join"):
-        metadata = join_segments(
-            file,
+    given, params, output = snakemake.input, snakemake.params, snakemake.output
+    camera, focus_distances_m, triangles = cases.read_camera(given.scene)
+    slab = Slab(camera, int(snakemake.wildcards.n), params.spatial_resolution)
+    planes = cases.sensor_planes(params.planes, camera, focus_distances_m)
+    parts = (PlaneSums.load(path, slab, planes) for path in given.planes)
+    pictures = total(slab, planes, parts).pictures()
+    write_plane_pictures(output.pictures, pictures, planes, suffix=params.picture_format)
+    save_stack(output.stack, pictures, planes)
+    facts = [read_json(path) for path in given.seconds]
+    write_json(output.trace, traced(facts) | {"triangles": triangles})
+    if "light_field" in output.keys():
+        record = joined(
+            output.light_field,
             given.segments,
-            tiles,
-            tiles[0].layout,
-            geometry=Slab(camera, views, params.spatial_resolution),
+            facts,
+            slab,
+            cases.tiles(params, slab.views),
+            cases.codec_spec(params, slab.views),
             scene={"name": snakemake.wildcards.scene, "digest": file_digest(given.scene)},
-            spec=spec,
-            content={"depth_m": depth} if depth else None,
             progress=log_progress("segments"),
         )
-    record = {
-        "device": traced[0]["processor"],
-        "threads": spec.threads,
-        "encode_seconds": sum(tile["seconds"]["encode"] for tile in traced),
-        "join_seconds": watch.seconds["join"],
-        "video_bytes": Path(file).stat().st_size,
-        "segments": len(metadata.segments),
-    }
-    write_json(snakemake.output.seconds, record)
+        write_json(output.store, record)

@@ -1,9 +1,9 @@
-"""One page over tables and figures; captions may speak of what was measured."""
+"""Tables as Markdown, and one page over tables and figures; captions may say what was measured."""
 
 from pathlib import Path
 
 from lfcore import __version__
-from lfcore.evaluation.page import Section, write_page
+from lfcore.evaluation.page import Section, write_markdown_tables, write_page
 from lfcore.evaluation.timing import machine
 from lfcore.files import read_json
 from lfcore.workflow.job import job
@@ -19,9 +19,11 @@ with job(snakemake.log[0], snakemake.threads):
         for one, caption in zip(params.sections, captions, strict=True)
     ]  # fmt: skip
     measured = {k: read_json(v) for k, v in zip(params.records, given.records, strict=True)}
+    config = {**params.config, "measured": measured}
     devices = sorted({read_json(file)["device"] for file in given.traced})
+    write_markdown_tables(snakemake.output.markdown, sections, config)
     write_page(
-        snakemake.output[0],
+        snakemake.output.page,
         sections,
         title=params.title,
         introduction=introduction,
@@ -32,5 +34,5 @@ with job(snakemake.log[0], snakemake.threads):
             **params.facts,
         },
         viewers=map(Path, given.viewers),
-        config={**params.config, "measured": measured},
+        config=config,
     )

@@ -64,8 +64,11 @@ class Rays:
         return layout.tile(0, 0, self.slab.pixels, self.slab.pixels)
 
     def row(self, feature: str, what: str, full, lean, saved: int, identical: bool) -> dict:
-        """A row of the report; ``full()`` and ``lean()`` take turns under the clock."""
-        full_time, lean_time = measure_in_turn((full, lean), repeats=self.repeats)
+        """A row of the report; ``full()`` and ``lean()`` take turns under the clock.
+
+        Both have run before, to be compared.
+        """
+        full_time, lean_time = measure_in_turn((full, lean), repeats=self.repeats, warm_up=0)
         return {
             "feature": feature,
             "what": what,
@@ -119,8 +122,8 @@ def compared(
     identical: bool | None = None,
 ) -> dict:
     """A row of two programs: equal in the frames, and in the planes, that both of them make."""
+    (frames, sums), (lean_frames, lean_sums) = full.made, lean.made
     if identical is None:
-        (frames, sums), (lean_frames, lean_sums) = full.made, lean.made
         identical = not (full.frames and lean.frames) or same(frames, lean_frames)
         identical &= not (full.planes and lean.planes) or np.array_equal(sums, lean_sums)
     saved = full.bytes - lean.bytes if saved is None else saved

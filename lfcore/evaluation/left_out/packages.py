@@ -31,14 +31,14 @@ print(json.dumps([seconds, memory, digest, unwanted]))
 
 def packages(scene: Scene) -> Iterator[dict]:
     """PyAV, where nothing is stored; OpenCV, where nothing is textured."""
-    yield _package("av", "the video library, where the light field is not stored")
-    if not Needs.of(scene).textures:
-        yield _package("cv2", "the picture library, where no texture is filtered")
-
-
-def _package(name: str, what: str) -> dict:
-    full = [_run(name) for _ in range(TURNS)]
     lean = [_run() for _ in range(TURNS)]
+    yield _package("av", lean, "the video library, where the light field is not stored")
+    if not Needs.of(scene).textures:
+        yield _package("cv2", lean, "the picture library, where no texture is filtered")
+
+
+def _package(name: str, lean: list[list], what: str) -> dict:
+    full = [_run(name) for _ in range(TURNS)]
     if any(name in run[3] for run in lean):
         raise LfcoreError(f"{name} is loaded by a job that does not need it", key=name)
     seconds, memory = (

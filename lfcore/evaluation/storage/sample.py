@@ -145,6 +145,7 @@ class Frames:
         """Frames that are converted at a time."""
         return max(1, CHUNK_PX // (self.layout.frame_width * self.layout.frame_height))
 
+    @cached_property
     def used(self) -> np.ndarray:
         """(height, width) bool: pixels of the first frame that are rays, as they are of all."""
         out = np.zeros((self.layout.frame_height, self.layout.frame_width), bool)
@@ -207,7 +208,7 @@ class _Errors:
     """Compares decoded frames, and the pictures formed from them, with the sample's own."""
 
     def __init__(self, frames: Frames, device: Device):
-        self.frames, self.used = frames, frames.used()
+        self.frames, self.used = frames, frames.used
         self.whole = self.used.all()
         sample = frames.sample
         self.former = PlaneFormer(sample.slab, frames.tile, sample.planes, device)

@@ -53,7 +53,7 @@ def _curve(renderer, tracer, plane, pixels, reference, context) -> Iterator[dict
             "knob": f"{views**2} samples",
             "rays_per_pixel": views**2,
             "rmse": error,
-            "psnr_db": quality,
+            "psnr_db": quality if error else None,
             "seconds": one.seconds,
             "quartile_1_seconds": one.seconds,
             "quartile_3_seconds": one.seconds,

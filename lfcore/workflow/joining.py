@@ -1,0 +1,64 @@
+"""All batches of a light slab together: what was measured, and the light field file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from lfcore.evaluation.timing import clocked
+from lfcore.optics.slab import Slab
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.layout import Tile
+
+
+def traced(batches: Sequence[dict]) -> dict:
+    """What is kept of the facts of all batches of a light field."""
+    return {
+        "seconds": sum(one["seconds"]["trace"] for one in batches),
+        "encode_seconds": sum(one["seconds"]["encode"] for one in batches),
+        "rays": sum(one["rays"] for one in batches),
+        "memory_mib": max(one["memory_mib"] for one in batches),
+        "device": batches[0]["device"],
+        "threads": batches[0]["threads"],
+    }
+
+
+def joined(
+    path: str | Path,
+    segments: Sequence[str | Path],
+    batches: Sequence[dict],
+    slab: Slab,
+    tiles: Sequence[Tile],
+    spec: CodecSpec,
+    *,
+    scene: dict,
+    progress: Callable[[int, int], None],
+) -> dict:
+    """Join the batches' segments into the light field file ``path``; what storing cost.
+
+    ``batches`` are their facts, of which the first may know the depths that are seen.
+    """
+    from lfcore.storage.container import join_segments  # loads the codecs
+
+    depth = batches[0].get("depth_m")
+    metadata, seconds = clocked(
+        lambda: join_segments(
+            path,
+            segments,
+            tiles,
+            tiles[0].layout,
+            geometry=slab,
+            scene=scene,
+            spec=spec,
+            content={"depth_m": depth} if depth else None,
+            progress=progress,
+        )
+    )
+    return {
+        "device": batches[0]["processor"],
+        "threads": spec.threads,
+        "encode_seconds": sum(one["seconds"]["encode"] for one in batches),
+        "join_seconds": seconds,
+        "video_bytes": Path(path).stat().st_size,
+        "segments": len(metadata.segments),
+    }
