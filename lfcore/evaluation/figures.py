@@ -16,7 +16,9 @@ import numpy as np
 import pandas as pd
 from matplotlib import font_manager
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 from PIL import Image, ImageDraw, ImageFont
 
 from lfcore.colour import srgb_codes
@@ -191,6 +193,15 @@ def views_axis(axis: Axes, views: pd.Series) -> None:
     axis.xaxis.set_major_formatter("{x:.0f}")
     axis.xaxis.minorticks_off()
     axis.set_xlabel("angular resolution N")
+
+
+def log_ticks(axis: Axis, unit: float = 1.0) -> None:
+    """Make ``axis`` logarithmic, with plain numbers of ``unit`` at 1, 2 and 5 of each decade."""
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(lambda value, _: f"{value / unit:g}")
+    axis.set_minor_formatter(NullFormatter())
+    axis.set_tick_params(labelsize=8)
 
 
 def _curve(axis, x, y: np.ndarray, style: str, colour: str, label: str | None) -> None:

@@ -272,30 +272,40 @@ class Codec(GivenKeys):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, validate_default=False)
 
 
+LATTICE = listed(real(1, 64), 2, 2)
+
+
 class WorkPrecision(Keys):
     pixels: whole(16, 512) = key("M of the diagrams of error against run time", 24)
     views: several(whole(2, 256), 2) = key("N of their points, ascending", [4, 8, 16, 32, 64, 128])
     window_picture: whole(64, 1024) = key(
         "M of the picture whose windows the lens integral is studied in", 128
     )
-    reference_views: several(whole(3, 2048), 2, 2) = key(
-        "N of the two references, which no point may have", [557, 641]
+    window_truth: several(listed(whole(1, 256), 2, 2), 2, 2) = key(
+        "two unlike lattices of the true windows: lens samples and rays of a pixel, a side",
+        [[48, 4], [40, 5]],
+    )
+    truth: several(LATTICE, 2, 2) = key(
+        "the same of the true refocused picture", [[16, 5], [13, 6]]
     )
     f_stops: listed(real(0, 12), 1, 4) = key(
         "stops by which the lens is closed, a diagram each", [0, 2, 4]
     )
-    video_views: whole(2, 256) = key("N of the stored light field", 32)
+    stored_pixels: whole(16, 512) = key("M of the pictures of stored light fields", 64)
+    stored_lattice: LATTICE = key(
+        "rays that are stored with their depths: lens samples and rays of a pixel, a side", [4, 2]
+    )
+    video_views: whole(2, 256) = key("N of the grid that is stored without depths", 32)
     crfs: listed(real(0, 51), 1, 12) = key(
         "constant rate factors of its points", [14, 20, 26, 30, 34, 40]
     )
-    codecs: listed(Codec, 1, 12) = key(
+    codecs: listed(Codec, 1, 5) = key(
         "encoders of the storage diagram: `name`, and `codec`, `preset`, `pixel_format`, "
         "`crf_offset` where they are not the default's",
         [
             {"name": "default"},
             {"name": "x264 ultrafast", "preset": "ultrafast"},
             {"name": "x264 veryfast 4:2:0", "preset": "veryfast", "pixel_format": "yuv420p"},
-            {"name": "x264 slow", "preset": "slow"},
             {"name": "x265 fast", "codec": "libx265", "preset": "fast", "pixel_format": "yuv444p"},
             {"name": "SVT-AV1 10", "codec": "libsvtav1", "preset": "10", "pixel_format": "yuv420p",
              "crf_offset": 10},
@@ -306,9 +316,6 @@ class WorkPrecision(Keys):
     )
     oracle_pixels: whole(1, 64) = key("pixels whose rays the oracle traces", 4)
     oracle_views: whole(1, 32) = key("N of these rays", 8)
-
-
-LATTICE = listed(real(1, 64), 2, 2)
 
 
 class TruePicture(Keys):

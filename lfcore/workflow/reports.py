@@ -33,7 +33,14 @@ ANALYSES = {
 }
 PANELS = {
     "true_picture": ("run_time",),
-    "work_precision": ("quadrature", "convergence", "methods", "arithmetic", "storage"),
+    "work_precision": (
+        "quadrature",
+        "convergence",
+        "tracing",
+        "recorded",
+        "storage",
+        "arithmetic",
+    ),
     "stability": ("heat_map", "error_growth"),
 }
 ARRAY_TABLES = {"camera_array": "Camera arrays", "reconstruction": "Pictures from camera arrays"}

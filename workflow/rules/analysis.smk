@@ -16,6 +16,8 @@ rule work_precision_scene:
             *sources.READING,
             *sources.MEASURING,
             "evaluation/work_precision",
+            "evaluation/true_picture/__init__.py",
+            "evaluation/true_picture/reference.py",
             "oracle",
             "evaluation/renderers.py",
             "evaluation/figures.py",
@@ -43,7 +45,7 @@ rule work_precision:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(*sources.READING, *sources.TABLES, "evaluation/work_precision", "oracle"),
+        sources=digest(*sources.READING, *sources.TABLES, "evaluation/work_precision"),
         panels=reports.PANELS["work_precision"],
     script:
         "../scripts/work_precision.py"

@@ -4,8 +4,8 @@ import pandas as pd
 
 from lfcore.evaluation.table_files import write_csv
 from lfcore.evaluation.work_precision import figure
-from lfcore.evaluation.work_precision.point import COLUMNS, check_trusted, rounded
-from lfcore.evaluation.work_precision.quadrature import convergence
+from lfcore.evaluation.work_precision.convergence import convergence
+from lfcore.evaluation.work_precision.measured_point import COLUMNS, rounded
 from lfcore.files import read_json
 from lfcore.workflow.job import job
 
@@ -13,7 +13,6 @@ with job(snakemake.log[0], snakemake.threads):
     output = snakemake.output
     scenes = [read_json(path) for path in snakemake.input]
     rows = [row for one in scenes for row in one["rows"]]
-    check_trusted(rows)
     points = pd.DataFrame(rows)
     machine = f"{scenes[0]['device']}, {scenes[0]['threads']} thread"
     for panel, file in zip(snakemake.params.panels, output.figures, strict=True):

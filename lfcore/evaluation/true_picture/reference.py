@@ -25,12 +25,14 @@ class Reference:
 
     ``known_db`` is (P,): the PSNR at which the mean of two unlike lattices is known, from what
     they disagree by.  Held against rays that each count in their own pixel alone, it was right to
-    1.5 dB: docs/notebook/true-picture.md.
+    1.5 dB: docs/notebook/true-picture.md.  ``square_error`` is (P, M, M) float32: the same of each
+    pixel, the mean over channels in linear light, which pixels are to be pooled of.
     """
 
     planes: list[SensorPlane]
     pictures: np.ndarray
     known_db: np.ndarray
+    square_error: np.ndarray
 
 
 def inner_psnr(picture: np.ndarray, truth: np.ndarray) -> float:
@@ -56,14 +58,8 @@ def true_pictures(
 
     Raises :class:`OpticsError` for lattices too alike.
     """
-    one, two = counts
-    if one.views == two.views or one.subpixels == two.subpixels:
-        raise OpticsError(
-            f"{one} and {two} are too alike to tell each other's error",
-            key="truth",
-            remedy="Give lattices of unlike lens samples and unlike rays of a pixel",
-        )
-    pictures, known = [], []
+    check_unlike(counts)
+    pictures, known, square_error = [], [], []
     for number, plane in enumerate(planes):
         pair = [
             pictures_by_depth(tracer, tracer.scene.camera, [plane], pixels, count)[0]
@@ -74,19 +70,32 @@ def true_pictures(
         # Independent errors of e and e are 2 e apart in mean squares, and their mean errs by e / 2;
         # what both spread alike is no disagreement, and was found to be as much again.
         known.append(inner_psnr(*pair) + 10 * np.log10(2))
+        square_error.append(np.square(pair[0] - pair[1]).mean(axis=-1) / 2)
         if progress:
             progress(number + 1, len(planes))
-    return Reference(list(planes), np.stack(pictures), np.array(known))
+    return Reference(list(planes), np.stack(pictures), np.array(known), np.stack(square_error))
+
+
+def check_unlike(counts: Sequence[RayCount]) -> None:
+    """Raise :class:`OpticsError` for two lattices that would err alike."""
+    one, two = counts
+    if one.views == two.views or one.subpixels == two.subpixels:
+        raise OpticsError(
+            f"{one} and {two} are too alike to tell each other's error",
+            key="truth",
+            remedy="Give lattices of unlike lens samples and unlike rays of a pixel",
+        )
 
 
 def save_reference(path: str | Path, reference: Reference) -> None:
-    """Write it as npz: ``pictures``, ``known_db``, and the planes as JSON."""
+    """Write it as npz: its arrays, and the planes as JSON."""
     header = json.dumps([plane.to_json() for plane in reference.planes])
     with whole_file(Path(path)) as file:
         np.savez(
             file,
             pictures=reference.pictures,
             known_db=reference.known_db,
+            square_error=reference.square_error,
             planes=np.frombuffer(header.encode(), np.uint8),
         )
 
@@ -96,6 +105,7 @@ def load_reference(path: str | Path) -> Reference:
     try:
         with np.load(path, allow_pickle=False) as archive:
             planes = [SensorPlane(**plane) for plane in json.loads(archive["planes"].tobytes())]
-            return Reference(planes, archive["pictures"], archive["known_db"])
+            arrays = (archive[name] for name in ("pictures", "known_db", "square_error"))
+            return Reference(planes, *arrays)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise LfcoreError(f"holds no true pictures: {error}", file=path) from None

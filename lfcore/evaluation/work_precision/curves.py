@@ -1,23 +1,28 @@
 """The curves of a scene's work-precision diagrams.
 
-``quadrature``: windows of a picture at its own focus, by kind and number of lens samples.
-``methods``: one refocused picture, sliced while it is traced, and from recorded light fields.
+``quadrature``: windows of a picture at its own focus, by kind and number of rays.
+``tracing``: one refocused picture, formed while its rays are traced.
+``recorded``: the same from light fields in memory.
 ``storage``: the same from video, by codec, preset and CRF.
+
+All of these are held against the true picture, averaged over lens and pixel.
 ``arithmetic``: colours of single rays by the float32 kernels against the float64 oracle.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from lfcore.evaluation.timing import clocked
-from lfcore.evaluation.work_precision.methods import methods
+from lfcore.evaluation.work_precision.measured_point import COLUMNS, measured_point
 from lfcore.evaluation.work_precision.peers import peers
-from lfcore.evaluation.work_precision.point import COLUMNS, point
 from lfcore.evaluation.work_precision.quadrature import quadrature
+from lfcore.evaluation.work_precision.recorded import recorded_methods
+from lfcore.evaluation.work_precision.refocused import refocused_picture, tracing
 from lfcore.evaluation.work_precision.stored import storage
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
@@ -35,10 +40,13 @@ class Study:
     ----------
     pixels, views : M of whole pictures; and the values of N, ascending.
     window_picture : M of the picture whose windows the quadrature is of.
-    reference_views : two values of N of the references' grids, which no curve has.
+    window_truth, truth : two unlike lattices each, of the true windows and the true refocused
+        picture: lens samples and rays of a pixel, a side.
     f_stops : by how many stops the lens is closed, one diagram each.
-    video_views, crfs, codecs : N of the light field that is stored, and its encoders' settings:
-        ``name`` and fields of :class:`lfcore.storage.codecs.CodecSpec`; ``crf_offset`` is added.
+    stored_pixels, stored_lattice, video_views : M of the pictures of stored light fields, the rays
+        that are stored with their depths, and N of the grid that is stored without.
+    crfs, codecs : their encoders' settings: ``name`` and fields of
+        :class:`lfcore.storage.codecs.CodecSpec`; ``crf_offset`` is added.
     monte_carlo_samples : samples a pixel.
     oracle_pixels, oracle_views : pixels, and N, whose rays the oracle traces.
     """
@@ -46,8 +54,11 @@ class Study:
     pixels: int
     views: Sequence[int]
     window_picture: int
-    reference_views: Sequence[int]
+    window_truth: Sequence[Sequence[int]]
+    truth: Sequence[Sequence[float]]
     f_stops: Sequence[float]
+    stored_pixels: int
+    stored_lattice: Sequence[float]
     video_views: int
     crfs: Sequence[float]
     codecs: Sequence[Mapping]
@@ -67,9 +78,11 @@ def scene_rows(
     # Textures at full size: which mip level a block takes depends on the block, and would show
     # as an error of the lens integral.
     plain = Tracer(tracer.scene, bvh, tracer.device, mipmaps=False)
+    wanted = functools.cache(lambda: refocused_picture(tracer, study.pixels, study.truth))
     parts = [
         *(lambda stops=stops: quadrature(plain, study, stops) for stops in study.f_stops),
-        lambda: methods(tracer, study),
+        lambda: tracing(tracer, study, wanted()),
+        lambda: recorded_methods(tracer, study, wanted()),
         lambda: peers(tracer, bvh, study),
         lambda: storage(tracer, study),
         lambda: arithmetic(plain, study),
@@ -105,7 +118,7 @@ def arithmetic(tracer: Tracer, study: Study) -> Iterator[dict]:
     shape = len(places), slab.views**2, 3
     context = {"panel": "arithmetic", "f_number": scene.camera.f_number}
     context |= {"knob": f"{len(places)} pixels, N = {slab.views}", "rays_per_pixel": slab.views**2}
-    yield point(
+    yield measured_point(
         lambda _: np.clip(tracer.bundle_radiance(bundles, places), 0, 1).reshape(shape),
         truth.reshape(shape),
         oracle_error(scene),

@@ -9,13 +9,20 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from lfcore.evaluation.figures import save_figure
-from lfcore.evaluation.work_precision.point import fitted_order
+from lfcore.evaluation.figures import log_ticks, save_figure
+from lfcore.evaluation.point_labels import PointLabel, label_points
+from lfcore.evaluation.work_precision.convergence import fitted_order
+from lfcore.evaluation.work_precision.measured_point import TIMES_BELOW
 from lfcore.evaluation.work_precision.windows import KINDS
 
 MARKERS = "osD^vP*X"
 PINNED = 3.0
-"""How far beyond the plotted errors a failed point is pinned, as a factor."""
+"""How far beyond the plotted errors what has none is pinned, as a factor."""
+COSTS = {
+    "bytes": "kilobytes of the file",
+    "seconds": "seconds of encoding",
+    "read_seconds": "seconds of reading: decoding and forming the picture",
+}
 
 
 def draw(panel: str, path: str | Path, points: pd.DataFrame, *, machine: str) -> None:
@@ -55,104 +62,152 @@ def work_precision(path: str | Path, points: pd.DataFrame, *, machine: str) -> N
     )
     figure = Figure(figsize=(5.2 * len(scenes), 4.3 * len(stops) + 0.4), layout="constrained")
     grid = figure.subplots(len(stops), len(scenes), squeeze=False)
+    labels = []
     for line, stop in zip(grid, stops, strict=True):
         for axis, scene in zip(line, scenes, strict=True):
             rows = points[points.scene == scene]
             if stop is not None:
                 rows = rows[np.isclose(rows.f_number, stop)]
-            _panel(axis, rows, scene if stop is None else f"{scene}, f/{stop:g}")
+            labels += _panel(axis, rows, scene if stop is None else f"{scene}, f/{stop:g}")
     figure.supxlabel(
-        f"{machine}\nLower left is better; the grey line joins the Pareto front.", fontsize=9
+        f"{machine}\nLower left is better; the grey line joins the Pareto front.\n"
+        "Hollow: what the reference cannot judge; its error is at most this.",
+        fontsize=8,
     )
+    label_points(figure, labels)
     save_figure(path, figure)
 
 
-def _panel(axis, rows: pd.DataFrame, title: str) -> None:
-    axis.set(xscale="log", yscale="log")
+def _panel(axis, rows: pd.DataFrame, title: str) -> list[PointLabel]:
+    """Draw one diagram; returns the labels that its points are to have."""
+    for each in (axis.xaxis, axis.yaxis):
+        log_ticks(each)
     axis.set_title(title, fontsize=10)
     axis.set_xlabel("root mean square error, linear light")
     axis.set_ylabel("seconds")
     axis.grid(alpha=0.3)
-    measured = rows[(rows.rmse > 0) & rows.seconds.notna()]
+    timed = rows[rows.seconds.notna()]
+    measured = timed[timed.rmse > 0]
     if measured.empty:
         axis.text(0.5, 0.5, "not measured for this scene", transform=axis.transAxes, ha="center")
-        return
+        return []
     front = measured[pareto(measured.rmse.to_numpy(float), measured.seconds.to_numpy(float))]
     front = front.sort_values("rmse")
     axis.plot(front.rmse, front.seconds, color="0.75", linewidth=7, alpha=0.6, zorder=1)
-    low, high = measured.rmse.min() / PINNED, measured.rmse.max() * PINNED
+    labels: list[PointLabel] = []
     for number, (method, curve) in enumerate(rows.groupby("method", sort=False)):
-        _curve(axis, curve, method, f"C{number}", MARKERS[number % len(MARKERS)], low, high)
-    doubt = measured.reference_rmse.median()  # peers have references of their own
-    if np.isfinite(doubt) and doubt > 0:
-        axis.axvline(doubt, color="0.4", linestyle=":", linewidth=1)
+        labels += _curve(axis, curve, str(method), f"C{number}", MARKERS[number % len(MARKERS)])
+    exact = rows[rows.rmse == 0]
+    for _, row in exact.iterrows():
+        axis.plot(
+            measured.rmse.min() / PINNED, row.seconds, "<", color="0.3", markersize=7,
+            label=f"{row.method}: exact",
+        )  # fmt: skip
+    axis.margins(x=0.08, y=0.08)
+    _limit(axis, measured)
+    _refused(axis, rows)
+    axis.legend(fontsize=7, loc="upper left", bbox_to_anchor=(0, -0.13), ncols=2)
+    return labels
+
+
+def _limit(axis, measured: pd.DataFrame) -> None:
+    """How small an error the reference can tell, where points come near that; peers have
+    references of their own."""
+    least = TIMES_BELOW * measured.reference_rmse.median()
+    if least > axis.get_xlim()[0]:
+        axis.axvline(least, color="0.4", linestyle=":", linewidth=1)
         axis.annotate(
-            "reference's own error", (doubt, 0.02), xycoords=("data", "axes fraction"),
+            "what can be judged", (least, 0.02), xycoords=("data", "axes fraction"),
             rotation=90, fontsize=7, color="0.4", ha="right", va="bottom",
         )  # fmt: skip
-    axis.legend(frameon=False, fontsize=7)
 
 
-def _curve(axis, curve: pd.DataFrame, method: str, colour: str, marker: str, low, high) -> None:
-    good = curve[(curve.rmse > 0) & curve.seconds.notna()]
-    label = method if len(good) or curve.rmse.notna().any() else f"{method}: left out"
-    if good.order.notna().any():
-        label += f" (order {fitted_order(np.sqrt(good.rays_per_pixel), good.rmse):.2f})"
-    axis.plot(good.rmse, good.seconds, "-", color=colour, marker=marker, markersize=5, label=label)
-    axis.vlines(good.rmse, good.quartile_1_seconds, good.quartile_3_seconds, color=colour)
-    for _, row in good.iterrows():
-        label = row.knob.split(", ")[-1].replace("N = ", "")
-        axis.annotate(label, (row.rmse, row.seconds),
-                      textcoords="offset points", xytext=(4, 4), size=6, color=colour)  # fmt: skip
-    failed = curve[curve.rmse.isna() & ~curve.knob.str.startswith("left out")]
-    for place, (_, row) in enumerate(failed.iterrows()):
-        at = 1 - 0.04 * (place + 1)
-        axis.plot(0.985, at, "x", color=colour, transform=axis.transAxes, clip_on=False)
-        label = row.knob.split(", ")[-1].replace("N = ", "")
-        axis.annotate(f"{method} {label}: refused", (0.97, at), xycoords="axes fraction", size=6,
-                      ha="right", va="center", color=colour)  # fmt: skip
-    exact = curve[curve.rmse == 0]
-    axis.plot([low] * len(exact), exact.seconds, "<", color=colour, markersize=7)
+def _curve(axis, curve: pd.DataFrame, method: str, colour: str, marker: str) -> list[PointLabel]:
+    timed = curve[curve.seconds.notna() & (curve.rmse.isna() | (curve.rmse > 0))]
+    # What cannot be judged stands where errors begin that can: it is no farther right.
+    error = timed.rmse.fillna(timed.reference_rmse * TIMES_BELOW)
+    good = timed.rmse.notna()
+    if timed.empty:
+        return []
+    label = method
+    if timed.order.notna().any():
+        order = fitted_order(np.sqrt(timed.rays_per_pixel[good]), timed.rmse[good])
+        label += f" (order {order:.2f})"
+    style = {"color": colour, "marker": marker, "markersize": 5}
+    axis.plot(error[good], timed.seconds[good], "-", label=label, **style)
+    axis.plot(error[~good], timed.seconds[~good], linestyle="", markerfacecolor="none", **style)
+    axis.vlines(error, timed.quartile_1_seconds, timed.quartile_3_seconds, color=colour)
+    return [
+        PointLabel(axis, x, row.seconds, _short(row.knob), colour)
+        for x, (_, row) in zip(error, timed.iterrows(), strict=True)
+    ]
+
+
+def _short(knob: str) -> str:
+    for words in ("N = ", "CRF ", " samples"):
+        knob = knob.replace(words, "")
+    return knob
+
+
+def _refused(axis, rows: pd.DataFrame) -> None:
+    """What has no seconds, in words: settings that were refused, renderers that are not there."""
+    lines = []
+    for method, curve in rows[rows.seconds.isna()].groupby("method", sort=False):
+        settings = ", ".join(filter(None, (_short(knob) for knob in curve.knob)))
+        why = "; ".join(dict.fromkeys(note.split(":")[0] for note in curve.note.fillna("refused")))
+        lines.append(f"{method} {settings}: {why}".replace(" :", ":"))
+    axis.text(
+        0.985, 0.985, "\n".join(lines), transform=axis.transAxes, size=6, ha="right", va="top",
+        color="0.3",
+    )  # fmt: skip
 
 
 def storage(path: str | Path, points: pd.DataFrame, *, machine: str) -> None:
-    """Error of the picture through the lens, over bits a ray and over seconds of encoding.
+    """Error of the picture through the lens, over bytes and seconds of encoding and of reading.
 
     ``points`` are rows of the panel ``storage``; the front is grey, CRF stands at the points.
     """
     points = points[points.rmse > 0]
     scenes = list(dict.fromkeys(points.scene))
-    figure = Figure(figsize=(5.2 * len(scenes), 8.8), layout="constrained")
-    grid = figure.subplots(2, len(scenes), squeeze=False)
-    costs = (("bits_per_ray", "bits a ray"), ("seconds", "seconds of encoding"))
-    for line, (column, label) in zip(grid, costs, strict=True):
+    figure = Figure(figsize=(5.2 * len(scenes), 12.6), layout="constrained")
+    grid = figure.subplots(len(COSTS), len(scenes), squeeze=False)
+    labels = []
+    for line, (column, label) in zip(grid, COSTS.items(), strict=True):
         for axis, scene in zip(line, scenes, strict=True):
             rows = points[points.scene == scene]
             front = rows[pareto(rows.rmse.to_numpy(float), rows[column].to_numpy(float))]
             front = front.sort_values("rmse")
             axis.plot(front[column], front.rmse, color="0.75", linewidth=7, alpha=0.6, zorder=1)
             for number, (method, curve) in enumerate(rows.groupby("method", sort=False)):
-                _cost(axis, curve, column, method, f"C{number}", MARKERS[number])
-            axis.set(xscale="log", yscale="log", xlabel=label)
+                labels += _cost(axis, curve, column, str(method), f"C{number}", MARKERS[number])
+            log_ticks(axis.xaxis, 1e3 if column == "bytes" else 1.0)
+            log_ticks(axis.yaxis)
+            axis.set_xlabel(label)
             axis.set_title(scene, fontsize=10)
             axis.grid(alpha=0.3)
+            axis.margins(x=0.08, y=0.08)
         line[0].set_ylabel("root mean square error, linear light")
-        line[0].legend(frameon=False, fontsize=7)
+    handles, names = grid[0][0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper center", ncols=3, fontsize=8)
     figure.supxlabel(
-        f"{machine}\nLower left is better; the grey line joins the Pareto front.", fontsize=9
+        f"{machine}\nLower left is better; the grey line joins the Pareto front.", fontsize=8
     )
+    label_points(figure, labels)
     save_figure(path, figure)
 
 
-def _cost(axis, curve: pd.DataFrame, column: str, method: str, colour: str, marker: str) -> None:
+def _cost(
+    axis, curve: pd.DataFrame, column: str, method: str, colour: str, marker: str
+) -> list[PointLabel]:
     axis.plot(
         curve[column], curve.rmse, "-", color=colour, marker=marker, markersize=4, label=method
     )
-    for _, row in curve.iterrows():
-        axis.annotate(row.knob.replace("CRF ", ""), (row[column], row.rmse),
-                      textcoords="offset points", xytext=(4, 4), size=6, color=colour)  # fmt: skip
     if column == "seconds":
         axis.hlines(curve.rmse, curve.quartile_1_seconds, curve.quartile_3_seconds, color=colour)
+    return [
+        PointLabel(axis, row[column], row.rmse, _short(row.knob), colour)
+        for _, row in curve.iterrows()
+    ]
 
 
 def convergence(path: str | Path, rows: pd.DataFrame) -> None:

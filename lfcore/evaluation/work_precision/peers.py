@@ -15,7 +15,7 @@ import numpy as np
 from lfcore.colour import display_values
 from lfcore.evaluation import renderers
 from lfcore.evaluation.metrics import psnr
-from lfcore.evaluation.work_precision.point import COLUMNS, rmse, trusted
+from lfcore.evaluation.work_precision.measured_point import COLUMNS, judged, rmse
 from lfcore.optics.planes import SensorPlane
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.tracer import Tracer
@@ -31,14 +31,14 @@ def peers(tracer: Tracer, bvh: Bvh, study) -> Iterator[dict]:
     plane = SensorPlane(scene.camera.focus_distance_m, scene.camera.f_number)
     for name, renderer in (("Mitsuba 3", renderers.mitsuba), ("POV-Ray", renderers.povray)):
         context = dict.fromkeys(COLUMNS) | {
-            "panel": "methods", "f_number": plane.f_number, "method": name,
+            "panel": "tracing", "f_number": plane.f_number, "method": name,
         }  # fmt: skip
         reference = renderer(dark, plane, study.pixels, REFERENCE_VIEWS)
         if reference.picture is None:
             LOG.warning("%s: %s", name, reference.note)
-            yield context | {"knob": reference.note}
+            yield context | {"knob": "", "note": reference.note}
             continue
-        yield from trusted(_curve(renderer, dark, plane, study.pixels, reference, context))
+        yield from _curve(renderer, dark, plane, study.pixels, reference, context)
 
 
 def _curve(renderer, tracer, plane, pixels, reference, context) -> Iterator[dict]:
@@ -49,14 +49,17 @@ def _curve(renderer, tracer, plane, pixels, reference, context) -> Iterator[dict
     doubt = errors[-1] * VIEWS[-1] / REFERENCE_VIEWS
     for views, one, error in zip(VIEWS, made, errors, strict=True):
         quality = psnr(display_values(np.asarray(one.picture)), display_values(truth), peak=255)
-        yield context | {
-            "knob": f"{views**2} samples",
-            "rays_per_pixel": views**2,
-            "rmse": error,
-            "psnr_db": quality if error else None,
-            "seconds": one.seconds,
-            "quartile_1_seconds": one.seconds,
-            "quartile_3_seconds": one.seconds,
-            "repeats": 1,
-            "reference_rmse": doubt,
-        }
+        yield judged(
+            context
+            | {
+                "knob": f"{views**2} samples",
+                "rays_per_pixel": views**2,
+                "rmse": error,
+                "psnr_db": quality if error else None,
+                "seconds": one.seconds,
+                "quartile_1_seconds": one.seconds,
+                "quartile_3_seconds": one.seconds,
+                "repeats": 1,
+                "reference_rmse": doubt,
+            }
+        )

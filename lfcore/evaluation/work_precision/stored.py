@@ -1,84 +1,92 @@
-"""Error of a stored light field over the bits of a ray and over the seconds of encoding."""
+"""Error of a picture from a stored light field over bytes, and seconds of encoding and reading."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from lfcore.evaluation.work_precision.point import point
-from lfcore.optics.planes import SensorPlane
+from lfcore.colour import display_values
+from lfcore.evaluation.metrics import psnr
+from lfcore.evaluation.timing import clocked
+from lfcore.evaluation.work_precision.refocused import RefocusedPicture, refocused_picture
+from lfcore.optics.ray_cells import crossed_views
 from lfcore.optics.slab import Slab
 from lfcore.refocus.slicing import form_planes
+from lfcore.refocus.stored_depth import slice_stored
+from lfcore.rendering.by_depth import RayCount, trace_by_depth
+from lfcore.rendering.depth import dioptre_range
 from lfcore.rendering.direct import trace_planes
+from lfcore.rendering.record_depth import RANGE_MARGIN, DepthStore, frames_by_depth
 from lfcore.storage import defaults
 from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.container import join_segments
-from lfcore.storage.layout import FrameLayout
+from lfcore.storage.container import DepthSegments, join_segments
+from lfcore.storage.depth_stream import DepthCodes
+from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.segment import SegmentWriter
 from lfcore.tracing.tracer import Tracer
 
 MOST_RAYS = 1 << 26
+LATTICE = "crossed"
+DEFAULT = "default"
 
 
-def default_spec(views: int, crf: float | None = None) -> CodecSpec:
-    """The encoder's default for N = ``views``, on one thread, at another CRF if one is given."""
-    spec = replace(defaults.default_spec(views), threads=1)
-    return spec if crf is None else replace(spec, crf=float(crf))
+@dataclass(frozen=True)
+class Stream:
+    """Frames as an encoder takes them: of each tile (F, bytes)."""
+
+    layout: FrameLayout
+    frames: list[np.ndarray]
+
+    def encode(self, spec: CodecSpec, folder: Path, name: str) -> list[Path]:
+        """Segments, in the order of tiles."""
+        segments = []
+        for number, part in enumerate(self.frames):
+            segments.append(folder / f"{number}.{name}.mp4")
+            size = self.layout.frame_width, self.layout.frame_height
+            with SegmentWriter(segments[-1], spec, *size) as writer:
+                writer.write(part)
+        return segments
 
 
-def layout_of(slab: Slab, spec: CodecSpec) -> FrameLayout:
-    """The default layout."""
-    return defaults.frame_layout(slab.views, slab.pixels, spec.pixel_format)
+@dataclass(frozen=True)
+class KeptRays:
+    """Rays in memory that are to be stored: colours and, where ``codes`` says how, depths.
 
+    ``count`` are those of a pixel; ``picture`` (M, M, 3) is what they give before they are encoded.
+    """
 
-def frames_of(tracer: Tracer, slab: Slab, layout: FrameLayout) -> list[np.ndarray]:
-    """All frames of a slab, a tile each (F, bytes)."""
-    return [
-        np.concatenate([chunk.frames.copy() for chunk in tracer.trace_tile(slab, tile)])
-        for tile in layout.tiles(MOST_RAYS)
-    ]
-
-
-def encode(frames: list[np.ndarray], layout: FrameLayout, spec: CodecSpec, file: Path) -> list:
-    """Segments of ``frames`` beside ``file``, in the order of tiles."""
-    segments = []
-    for number, part in enumerate(frames):
-        segments.append(file.with_name(f"{number}.mp4"))
-        size = layout.frame_width, layout.frame_height
-        with SegmentWriter(segments[-1], spec, *size) as writer:
-            writer.write(part)
-    return segments
-
-
-def join(tracer, slab: Slab, layout: FrameLayout, spec: CodecSpec, segments, file: Path) -> None:
-    """The light field file of these segments."""
-    about = {"name": tracer.scene.name, "digest": "0" * 64}
-    tiles = layout.tiles(MOST_RAYS)
-    join_segments(file, segments, tiles, layout, geometry=slab, scene=about, spec=spec)
+    slab: Slab
+    count: RayCount
+    colours: Stream
+    picture: np.ndarray
+    depths: Stream | None = None
+    codes: DepthCodes | None = None
 
 
 def storage(tracer: Tracer, study) -> Iterator[dict]:
-    """By codec, preset and CRF; seconds are of encoding.
+    """By codec, preset and CRF from few rays with depth, and by CRF from the thesis's grid.
 
-    The reference is the same rays before they are encoded, so its own error is none: what is
-    shown is the codec's alone, after the mean over the lens.
+    Errors are against the true picture; ``psnr_codec_db`` is against the same rays before they are
+    encoded, the codec's loss alone.
     """
-    scene = tracer.scene
-    slab = Slab(scene.camera, study.video_views, study.pixels)
-    plane = SensorPlane(min(scene.focus_distances_m), scene.camera.f_number)
-    reference = trace_planes(tracer, slab, [plane])[0].astype(float)
-    made: dict[FrameLayout, list[np.ndarray]] = {}
+    wanted = refocused_picture(tracer, study.stored_pixels, study.truth)
+    views, subpixels = study.stored_lattice
+    count, kept = RayCount(int(views), subpixels), {}
     for codec in study.codecs:
         for crf in study.crfs:
-            spec = _spec(codec, slab.views, crf)
-            layout = layout_of(slab, spec)
-            if layout not in made:
-                made[layout] = frames_of(tracer, slab, layout)
-            yield _stored(tracer, slab, plane, reference, made[layout], spec, codec["name"])
+            spec = _spec(codec, count.views, crf)
+            if spec.pixel_format not in kept:
+                kept[spec.pixel_format] = _rays_by_depth(tracer, wanted, count, spec)
+            yield _stored(tracer, wanted, kept[spec.pixel_format], spec, codec["name"])
+    rays = _rays_of_grid(tracer, wanted, study.video_views)
+    for crf in study.crfs:
+        spec = replace(defaults.default_spec(rays.slab.views), threads=1, crf=float(crf))
+        yield _stored(tracer, wanted, rays, spec, f"{DEFAULT}, N = {rays.slab.views}")
 
 
 def _spec(codec: dict, views: int, crf: float) -> CodecSpec:
@@ -86,23 +94,86 @@ def _spec(codec: dict, views: int, crf: float) -> CodecSpec:
     given = {key: value for key, value in codec.items() if key not in ("name", "crf_offset")}
     known = {key: given.pop(key) for key in ("codec", "pixel_format", "preset") if key in given}
     crf = float(crf + codec.get("crf_offset", 0))
-    return replace(defaults.codec_spec(views, crf=crf, **known), **given)
+    return replace(defaults.codec_spec(views, crf=crf, by_depth=True, **known), **given)
 
 
-def _stored(tracer, slab, plane, reference, frames, spec, name) -> dict:
-    layout, device = layout_of(slab, spec), tracer.device.device.name
-    context = {"panel": "storage", "f_number": plane.f_number, "method": name}
-    context |= {"knob": f"CRF {spec.crf:g}", "rays_per_pixel": int(plane.mask(slab).sum())}
-    with tempfile.TemporaryDirectory() as folder:
-        file, bits = Path(folder) / "lightfield.mkv", []
+def _tiles(layout: FrameLayout) -> list[Tile]:
+    return layout.tiles(MOST_RAYS, least=1)
 
-        def work(_: int) -> Path:
-            return encode(frames, layout, spec, file)
 
-        def picture(segments) -> np.ndarray:
-            join(tracer, slab, layout, spec, segments, file)
-            bits.append(8 * file.stat().st_size / slab.rays)
-            return form_planes(file, [plane], threads=1, device=device).sums.pictures()[0]
+def _rays_by_depth(
+    tracer: Tracer, wanted: RefocusedPicture, count: RayCount, spec: CodecSpec
+) -> KeptRays:
+    pixels = len(wanted.true)
+    slab = Slab(tracer.scene.camera, count.views, count.side(pixels))
+    codes = DepthCodes.of_range(slab, *dioptre_range(tracer, slab, RANGE_MARGIN))
+    layout = defaults.frame_layout(slab.views, slab.pixels, spec.pixel_format, kind="views")
+    store, colours, depths = DepthStore(layout, spec, LATTICE, pixels), [], []
+    for tile in _tiles(layout):
+        made = zip(*frames_by_depth(tracer, slab, store, codes, tile), strict=True)
+        for kept, frames in zip((colours, depths), made, strict=True):
+            kept.append(np.concatenate(frames))
+    grey = replace(layout, pixel_format=codes.pixel_format)
+    picture = trace_by_depth(tracer, crossed_views(slab), [wanted.plane], pixels)[0]
+    return KeptRays(slab, count, Stream(layout, colours), picture, Stream(grey, depths), codes)
 
-        row = point(work, reference, 0.0, picture_of=picture, **context)
-        return row | {"bits_per_ray": bits[0] if bits else None}
+
+def _rays_of_grid(tracer: Tracer, wanted: RefocusedPicture, views: int) -> KeptRays:
+    slab = Slab(tracer.scene.camera, views, len(wanted.true))
+    layout = defaults.frame_layout(views, slab.pixels, defaults.default_spec(views).pixel_format)
+    frames = [
+        np.concatenate([chunk.frames.copy() for chunk in tracer.trace_tile(slab, tile)])
+        for tile in _tiles(layout)
+    ]
+    picture = trace_planes(tracer, slab, [wanted.plane])[0]
+    return KeptRays(slab, RayCount(views, 1), Stream(layout, frames), picture)
+
+
+def _stored(
+    tracer: Tracer, wanted: RefocusedPicture, rays: KeptRays, spec: CodecSpec, name: str
+) -> dict:
+    pixels, found = len(wanted.true), {}
+    with tempfile.TemporaryDirectory() as name_of_folder:
+        folder = Path(name_of_folder)
+
+        def encode(_: int) -> tuple[list[Path], DepthSegments | None]:
+            colours = rays.colours.encode(spec, folder, "colours")
+            if rays.depths is None or rays.codes is None:
+                return colours, None
+            own = rays.codes.spec(rays.slab)
+            depths = rays.depths.encode(own, folder, "depths")
+            return colours, DepthSegments(depths, rays.codes, LATTICE, pixels, own)
+
+        def picture(made: tuple[list[Path], DepthSegments | None]) -> np.ndarray:
+            file, layout = folder / "lightfield.mkv", rays.colours.layout
+            join_segments(
+                file, made[0], _tiles(layout), layout,
+                geometry=rays.slab, scene={"name": tracer.scene.name, "digest": "0" * 64},
+                spec=spec, depth=made[1],
+            )  # fmt: skip
+            read, seconds = clocked(lambda: _read(tracer, wanted, file, made[1]), warm_up=1)
+            codes = [display_values(each) for each in (read, rays.picture)]
+            found.update(
+                bytes=file.stat().st_size,
+                read_seconds=seconds,
+                psnr_codec_db=psnr(*codes, peak=255),
+            )
+            return read
+
+        slab = Slab(rays.slab.camera, rays.count.views, pixels)
+        row = wanted.row(
+            "storage", name, f"CRF {spec.crf:g}", slab, encode,
+            subpixels=rays.count.subpixels, picture_of=picture,
+        )  # fmt: skip
+    return row | found
+
+
+def _read(
+    tracer: Tracer, wanted: RefocusedPicture, file: Path, depth: DepthSegments | None
+) -> np.ndarray:
+    """The wanted picture from a file, on one thread."""
+    if depth is not None:
+        with LightFieldFile.open(file) as field:
+            return slice_stored(field, [wanted.plane], device=tracer.device)[0]
+    name = tracer.device.device.name
+    return form_planes(file, [wanted.plane], threads=1, device=name).sums.pictures()[0]

@@ -1,17 +1,14 @@
-"""One refocused picture by every method: sliced while it is traced, or from a recorded field."""
+"""One refocused picture of a recorded light field, by every method."""
 
 from __future__ import annotations
 
 import math
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from lfcore.evaluation.work_precision import stored
-from lfcore.evaluation.work_precision.point import point, rmse, trusted
+from lfcore.evaluation.work_precision.refocused import RefocusedPicture
 from lfcore.optics.array import CameraArray
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.planes import SensorPlane
@@ -23,12 +20,9 @@ from lfcore.refocus.array.isaksen import isaksen
 from lfcore.refocus.array.monte_carlo import monte_carlo
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.refocus.focal_stack import focal_stack_views
-from lfcore.refocus.resampling import FILTERS, coverage
+from lfcore.refocus.resampling import FILTERS
 from lfcore.refocus.shift_sum import shift_sum_views
-from lfcore.refocus.slicing import form_planes
-from lfcore.rendering.direct import trace_planes
 from lfcore.rendering.plenoptic import refocus_photograph
-from lfcore.rendering.record import record_slab
 from lfcore.tracing.tracer import Tracer
 
 STACK = 16  # pictures of a focal stack, whose seconds one of them has its share of
@@ -44,67 +38,27 @@ class Recorded:
     views: np.ndarray
 
 
-def methods(tracer: Tracer, study) -> Iterator[dict]:
-    """The scene's nearest distance, where all rays are recorded.
-
-    The reference is the mean of two pictures sliced from slabs of many more views, so that what
-    recorded pixels lose is left out; half their distance is its error.
-    """
-    scene, pixels = tracer.scene, study.pixels
-    plane = SensorPlane(min(scene.focus_distances_m), scene.camera.f_number)
-    one, two = (
-        _sliced(tracer, Slab(scene.camera, views, pixels), plane).astype(float)
-        for views in study.reference_views
-    )
-    reference, inside = (one + two) / 2, _inside(Slab(scene.camera, 64, pixels), plane)
-    doubt = rmse([one[inside]], two[inside]) / 2
-    context = {"panel": "methods", "f_number": plane.f_number}
-
-    def row(method: str, knob: str, slab: Slab, work, **more) -> dict:
-        rays = int(plane.mask(slab).sum())
-        more |= {"method": method, "knob": knob, "rays_per_pixel": rays}
-        inner = inside & _inside(slab, plane)
-        return point(work, reference, doubt, inside=inner, **context, **more)
-
-    yield from trusted(_on_the_fly(tracer, study, plane, row))
-    yield from trusted(_from_memory(tracer, study, plane, row))
-    yield from trusted(_from_video(tracer, study, plane, row))
-
-
-def _inside(slab: Slab, plane: SensorPlane) -> np.ndarray:
-    return coverage(slab, plane, "bilinear") > plane.mask(slab).sum() * (1 - 1e-6)
-
-
-def _sliced(tracer: Tracer, slab: Slab, plane: SensorPlane) -> np.ndarray:
-    return trace_planes(tracer, slab, [plane])[0]
-
-
-def _on_the_fly(tracer: Tracer, study, plane: SensorPlane, row) -> Iterator[dict]:
-    for views in study.views:
-        slab = Slab(tracer.scene.camera, views, study.pixels)
-        work = lambda _, slab=slab: _sliced(tracer, slab, plane)  # noqa: E731
-        yield row("slicing on the fly", f"N = {views}", slab, work)
-
-
-def _from_memory(tracer: Tracer, study, plane: SensorPlane, row) -> Iterator[dict]:
-    """Methods on views in memory; recording them is not counted."""
+def recorded_methods(tracer: Tracer, study, wanted: RefocusedPicture) -> Iterator[dict]:
+    """The picture of ``wanted`` from views in memory; recording them is not counted."""
     curves: dict[str, list[dict]] = {}
-    recorded = None
+    plane, recorded = wanted.plane, None
     for views in (views for views in study.views if views <= MOST_VIEWS):
         slab = Slab(tracer.scene.camera, views, study.pixels)
         recorded = record(tracer, slab)
         for name, work in _jobs(tracer, recorded, plane):
-            curves.setdefault(name, []).append(row(name, f"N = {views}", slab, work))
+            made = wanted.row("recorded", name, f"N = {views}", slab, work)
+            curves.setdefault(name, []).append(made)
     if recorded is not None:
+        slab = recorded.slab
         for samples in study.monte_carlo_samples:
             work = _monte_carlo(tracer, recorded, plane, samples)
-            name = f"Monte Carlo, N = {recorded.slab.views}"
-            knob = f"{samples} samples"
-            curves.setdefault(name, []).append(row(name, knob, recorded.slab, work))
+            name, knob = f"Monte Carlo, N = {slab.views}", f"{samples} samples"
+            made = wanted.row("recorded", name, knob, slab, work)
+            curves.setdefault(name, []).append(made)
         for tolerance in TOLERANCES_PX:
             work = _stack(tracer, recorded, plane, tolerance)
-            name, knob = f"fast stack, N = {recorded.slab.views}", f"{tolerance:g} px"
-            made = row(name, knob, recorded.slab, work, pictures=STACK)
+            name, knob = f"fast stack, N = {slab.views}", f"{tolerance:g} px"
+            made = wanted.row("recorded", name, knob, slab, work, pictures=STACK)
             curves.setdefault(name, []).append(made)
     for curve in curves.values():
         yield from curve
@@ -178,19 +132,3 @@ def _isaksen(tracer: Tracer, recorded: Recorded, plane) -> Callable[[int], np.nd
 def _monte_carlo(tracer: Tracer, recorded, plane, samples) -> Callable[[int], np.ndarray]:
     field, camera, surface = _field(tracer, recorded, plane)
     return lambda seed: monte_carlo(field, camera, surface, samples, seed=seed).image.astype(float)
-
-
-def _from_video(tracer: Tracer, study, plane: SensorPlane, row) -> Iterator[dict]:
-    """Retrieval from the default encoder's video; recording is not counted."""
-    slab = Slab(tracer.scene.camera, study.video_views, study.pixels)
-    name = tracer.device.device.name
-    for crf in study.crfs:
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "lightfield.mkv"
-            spec = stored.default_spec(slab.views, crf)
-            record_slab(file, [tracer], slab, stored.layout_of(slab, spec), spec)
-            bits = 8 * file.stat().st_size / slab.rays
-            work = lambda _, file=file: (  # noqa: E731
-                form_planes(file, [plane], threads=1, device=name).sums.pictures()[0]
-            )
-            yield row("from video", f"N = {slab.views}, CRF {crf:g}", slab, work, bits_per_ray=bits)

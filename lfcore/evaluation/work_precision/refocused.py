@@ -1,0 +1,84 @@
+"""One refocused picture, traced: thousands of rays that miss parts of a pixel, or few by depth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from lfcore.evaluation.true_picture.reference import true_pictures
+from lfcore.evaluation.work_precision.measured_point import measured_point
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.ray_cells import crossed_views
+from lfcore.optics.slab import Slab
+from lfcore.refocus.resampling import coverage
+from lfcore.rendering.by_depth import RayCount, trace_by_depth
+from lfcore.rendering.direct import trace_planes
+from lfcore.tracing.tracer import Tracer
+
+BY_DEPTH = RayCount(4, 1), RayCount(4, 1.5), RayCount(4, 2), RayCount(8, 2)
+
+
+@dataclass(frozen=True)
+class RefocusedPicture:
+    """The scene's nearest distance, where all rays are recorded, and the true picture of it.
+
+    ``true`` is (M, M, 3) float64, linear light; ``square_error`` (M, M) is how well it is known.
+    """
+
+    plane: SensorPlane
+    true: np.ndarray
+    square_error: np.ndarray
+
+    def row(
+        self,
+        panel: str,
+        method: str,
+        knob: str,
+        slab: Slab,
+        work: Callable[[int], object],
+        *,
+        subpixels: float = 1,
+        **more,
+    ) -> dict:
+        """A point of ``work``'s picture, of the pixels that all of the lens sees.
+
+        ``slab`` has the lens samples, each with ``subpixels`` rays of a pixel's side.
+        """
+        inside = _inside(Slab(slab.camera, 64, slab.pixels), self.plane)
+        inside &= _inside(slab, self.plane)
+        rays = round(self.plane.mask(slab).sum() * subpixels**2)
+        doubt = float(np.sqrt(self.square_error[inside].mean()))
+        context = {"panel": panel, "f_number": self.plane.f_number, "method": method, "knob": knob}
+        more |= {"rays_per_pixel": rays, "inside": inside}
+        return measured_point(work, self.true, doubt, **context, **more)
+
+
+def refocused_picture(tracer: Tracer, pixels: int, counts) -> RefocusedPicture:
+    """``counts`` are two unlike lattices, lens samples and rays of a pixel a side."""
+    scene = tracer.scene
+    plane = SensorPlane(min(scene.focus_distances_m), scene.camera.f_number)
+    lattices = [RayCount(int(views), subpixels) for views, subpixels in counts]
+    truth = true_pictures(tracer, [plane], pixels, lattices)
+    return RefocusedPicture(plane, truth.pictures[0].astype(float), truth.square_error[0])
+
+
+def _inside(slab: Slab, plane: SensorPlane) -> np.ndarray:
+    return coverage(slab, plane, "bilinear") > plane.mask(slab).sum() * (1 - 1e-6)
+
+
+def tracing(tracer: Tracer, study, wanted: RefocusedPicture) -> Iterator[dict]:
+    """The thesis's recipe by N, and rays that are spread by their depth; tracing counts."""
+    camera, pixels, plane = tracer.scene.camera, study.pixels, wanted.plane
+    for views in study.views:
+        slab = Slab(camera, views, pixels)
+        work = lambda _, slab=slab: trace_planes(tracer, slab, [plane])[0]  # noqa: E731
+        yield wanted.row("tracing", "nearest pixel", f"N = {views}", slab, work)
+    for count in BY_DEPTH:
+        crossed = crossed_views(Slab(camera, count.views, count.side(pixels)))
+        work = lambda _, crossed=crossed: (  # noqa: E731
+            trace_by_depth(tracer, crossed, [plane], pixels)[0]
+        )
+        slab = Slab(camera, count.views, pixels)
+        yield wanted.row("tracing", "by depth", str(count), slab, work, subpixels=count.subpixels)
