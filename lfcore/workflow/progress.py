@@ -36,7 +36,7 @@ from lfcore.workflow.run import QUIET
 
 TOOK = Path(".snakemake") / "took.csv"
 EVERY_SECONDS = 60.0
-TRUSTED_SECONDS = 60.0
+TRUSTED_SECONDS = 300.0
 """Jobs must have taken about so long before their pace counts as much as the measured one."""
 SHARE = re.compile(rb": (\d+) of (\d+)$", re.MULTILINE)
 USAGE = re.compile(rb"^took ([\d.]+) s, ([\d.]+) core s, (\d+) MiB$", re.MULTILINE)
@@ -80,7 +80,7 @@ class Stage:
                 found["scene"] = part
             elif re.fullmatch(r"N\d+", part):
                 found["views"] = int(part[1:])
-            elif re.fullmatch(r"\d{4}", part):
+            elif re.fullmatch(r"\d{4}", part) and "views" in found:
                 found["batch"] = part
             elif part != "logs":
                 rest.append(part)

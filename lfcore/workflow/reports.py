@@ -62,6 +62,7 @@ OTHER = {
     "bd_rate": "Bits at equal quality (BD-rate)",
     "other_renderers": "Other ray tracers",
     "plenoptic_photograph": "Photographs of a plenoptic camera",
+    "our_choice": "What we would do",
 }
 TITLES = {**THESIS, **SHEETS, **STORAGE, **ANALYSES, **ARRAY_TABLES, **OTHER}
 """Of every table and figure of results/tables/."""
@@ -129,6 +130,8 @@ def _wanted(settings: Mapping, scenes: list[str]) -> Iterator[tuple[str, bool, d
         if name in settings["analysis"]["make"]:
             panels = PANELS.get(name, ())
             yield name, True, {p.replace("_", " "): _figure(f"{name}_{p}") for p in panels}
+            if name == "true_picture" and store:
+                yield "our_choice", True, {}
     if settings["assignment"]["in_tables"]:
         yield "camera_array", True, {}
         yield "reconstruction", True, {"": f"{ASSIGNMENT}/figures/reconstruction.png"}

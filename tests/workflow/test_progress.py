@@ -103,10 +103,10 @@ def test_a_slow_machine_is_noticed_and_remembered(run):
     for number in (7, 8):
         (folder / f"{number}.log").write_text("took 118.0 s, 57.5 core s, 123 MiB\n")
         made.emit(said("job_finished", job_id=number))
-    # 240 s of 120 that were told, and 60 s that count as told.
-    assert made.pace_now() == pytest.approx(300 / 180)
-    assert made.seconds_left() == pytest.approx(60 * 300 / 180)
-    assert progress.pace_before(folder / "took.csv") == pytest.approx(300 / 180)
+    # 240 s of 120 that were told, and 300 s that count as told.
+    assert made.pace_now() == pytest.approx(540 / 420)
+    assert made.seconds_left() == pytest.approx(60 * 540 / 420)
+    assert progress.pace_before(folder / "took.csv") == pytest.approx(540 / 420)
     assert progress.pace_before(folder / "none.csv") == 1
     (folder / "took.csv").write_text("broken\n1\n")
     assert progress.pace_before(folder / "took.csv") == 1

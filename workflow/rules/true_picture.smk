@@ -73,3 +73,48 @@ rule true_picture:
         ),
     script:
         "../scripts/true_picture.py"
+
+
+# What true pictures recommend, recorded beside the thesis's largest N.
+if STORE:
+
+    rule our_choice_scene:
+        input:
+            **of_scene("{scene}"),
+            wide=TRUTHS["wide"],
+            true_picture="results/{scene}/analysis/true_picture.json",
+            trace=of_resolutions("trace.json")[-1],
+            store=of_resolutions("store.json")[-1],
+            retrieve=of_resolutions("retrieve.json")[-1],
+            from_video=of_resolutions("planes/from_video.npz")[-1],
+        output:
+            rows="results/{scene}/analysis/our_choice.json",
+            light_field="results/{scene}/analysis/our_choice.mkv",
+        log:
+            "logs/our_choice/{scene}.log",
+        group:
+            grouped("figures")
+        conda:
+            "../envs/lfcore.yaml"
+        params:
+            sources=digest(*sources.READING, *sources.MEASURING, "evaluation/true_picture"),
+            views=RESOLUTIONS[-1],
+            device=SETTINGS["device"],
+        script:
+            "../scripts/our_choice_scene.py"
+
+    rule our_choice:
+        input:
+            of_scenes("analysis/our_choice.json"),
+        output:
+            csv=table("our_choice"),
+        log:
+            "logs/our_choice.log",
+        group:
+            REPORT_GROUP
+        conda:
+            "../envs/lfcore.yaml"
+        params:
+            sources=digest(*sources.READING, *sources.MEASURING, "evaluation/true_picture"),
+        script:
+            "../scripts/our_choice.py"

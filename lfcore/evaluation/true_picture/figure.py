@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from lfcore.evaluation.figures import save_figure
-from lfcore.evaluation.true_picture.points import BY_DEPTH, NEAREST, TO_QUALITY
+from lfcore.evaluation.true_picture.points import BY_DEPTH, NEAREST, TO_QUALITY, worst_planes
 from lfcore.evaluation.work_precision.figure import pareto
 
 STYLES = {
@@ -19,12 +19,6 @@ STYLES = {
     NEAREST: ("C1", "s", "nearest pixel (lens samples x rays of a pixel, a side)"),
 }
 GOALS_DB = (40, 45, 50)
-
-
-def worst_planes(rows: pd.DataFrame) -> pd.DataFrame:
-    """One row a scene, aperture, method and lattice: that of the plane with the lowest PSNR."""
-    keys = ["scene", "f_number", "method", "lattice"]
-    return rows.loc[rows.groupby(keys, sort=False).psnr_true_db.idxmin()]
 
 
 def true_errors(path: str | Path, rows: pd.DataFrame, *, machine: str) -> None:

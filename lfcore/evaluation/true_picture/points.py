@@ -31,6 +31,12 @@ def rounded(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.round({**decibels, "seconds": 3, "rays_per_pixel": 1, "f_number": 2, "plane_m": 3})
 
 
+def worst_planes(rows: pd.DataFrame) -> pd.DataFrame:
+    """One row a scene, aperture, method and lattice: that of the plane with the lowest PSNR."""
+    keys = ["scene", "f_number", "method", "lattice"]
+    return rows.loc[rows.groupby(keys, sort=False).psnr_true_db.idxmin()]
+
+
 def plane_rows(
     reference: Reference,
     pictures: np.ndarray,
