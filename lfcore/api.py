@@ -13,7 +13,7 @@ Distances are metres, pictures float32 arrays of linear light, rows from the top
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,6 +26,7 @@ from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.progress import Progress
 from lfcore.rendering.by_depth import DEFAULT_COUNT, RayCount, pictures_by_depth
 from lfcore.rendering.direct import focused_camera, trace_picture, trace_planes
 from lfcore.rendering.prepared import open_tracer, open_tracers, opened
@@ -52,8 +53,6 @@ STORED_COUNT = RayCount(4, 2)
 VIEWS = 16
 """Lens samples a side, where none are asked for and rays have no depth."""
 # What a single function needs, video and exposure, it imports itself: a picture is there sooner.
-Progress = Callable[[int, int], None]
-"""Called with (done, of all), from any thread but one at a time."""
 
 
 def load_scene(path: str | Path, *, light_points: int = POINTS, up: str = "y") -> Scene:

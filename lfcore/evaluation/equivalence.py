@@ -7,8 +7,9 @@ with 4096 rays a pixel, at its own focus.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera
 from lfcore.optics.slab import Slab
+from lfcore.progress import Progress, silent
 from lfcore.refocus.resampling import FILTERS, coverage
 from lfcore.refocus.shift_sum import ViewSummer
 from lfcore.refocus.stored_views import FrameSummer
@@ -33,6 +35,7 @@ COLUMNS = [
     "scene", "N", "M", "focus_m", "f_number", "method", "filter", "rays_per_pixel", "psnr_db",
     "psnr_inside_db", "ssim", "error_at_edges", "trace_seconds", "refocus_seconds", "seconds",
 ]  # fmt: skip
+Planes = Sequence[SensorPlane]
 EDGE_SHARE = 0.1
 TILE_RAYS = 1 << 26
 WARM_UP_PIXELS = 16
@@ -69,12 +72,12 @@ class Equivalence:
 def equivalence(
     tracer: Tracer,
     camera: Camera,
-    planes: Sequence[SensorPlane],
+    planes: Planes,
     *,
     views: int,
     pixels: int,
     reference_views: int = 64,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = silent,
 ) -> Equivalence:
     """Make every picture every way, and compare.
 
@@ -112,16 +115,16 @@ def equivalence(
     made: list[Made] = []
     for done, step in enumerate(steps):
         made += step()
-        if progress:
-            progress(done + 1, len(steps))
-    truth, rows = made[0], []
+        progress(done + 1, len(steps))
+    truth = made[0]
+    rows: list[dict] = []
     for one in [*made[1:], truth]:
         rays = (reference_views if one is truth else views) ** 2
         rows += _rows(tracer.scene.name, slab, planes, one, truth.pictures, rays)
     return Equivalence(pd.DataFrame(rows, columns=COLUMNS), made)
 
 
-def _warm_up(tracer, slab, planes, reference_views) -> None:
+def _warm_up(tracer: Tracer, slab: Slab, planes: Planes, reference_views: int) -> None:
     """Every kernel once, so that no method is charged for building programs."""
     trace_picture(tracer, slab.camera, WARM_UP_PIXELS, planes[0], views=reference_views)
     _slicing(tracer, slab, planes)
@@ -130,19 +133,19 @@ def _warm_up(tracer, slab, planes, reference_views) -> None:
     _plenoptic(tracer, PlenopticCamera(slab.camera, slab.pixels, slab.views), planes)
 
 
-def _reference(tracer, camera, pixels, planes, views) -> Made:
+def _reference(tracer: Tracer, camera: Camera, pixels: int, planes: Planes, views: int) -> Made:
     pictures, seconds = clocked(
         lambda: [trace_picture(tracer, camera, pixels, plane, views=views) for plane in planes]
     )
     return Made("traced directly", "none", np.stack(pictures), seconds, 0.0)
 
 
-def _slicing(tracer, slab, planes) -> Made:
+def _slicing(tracer: Tracer, slab: Slab, planes: Planes) -> Made:
     pictures, seconds = clocked(lambda: trace_planes(tracer, slab, planes))
     return Made("slicing the slab", "nearest", pictures, seconds, 0.0)
 
 
-def _views(tracer, slab, planes) -> list[Made]:
+def _views(tracer: Tracer, slab: Slab, planes: Planes) -> list[Made]:
     """Both filters; views pass as 8-bit frames, as they would be stored, without a codec."""
     layout = FrameLayout("views", slab.views, slab.pixels, pixel_format="yuv444p")
     summers = [ViewSummer(slab, planes, filter=name, device=tracer.device) for name in FILTERS]
@@ -161,20 +164,19 @@ def _views(tracer, slab, planes) -> list[Made]:
     ]
 
 
-def _plenoptic(tracer, camera, planes) -> list[Made]:
+def _plenoptic(tracer: Tracer, camera: PlenopticCamera, planes: Planes) -> list[Made]:
     picture, trace = clocked(lambda: photograph(tracer, camera))
     made = []
     for name in FILTERS:
-        refocused, seconds = clocked(
-            lambda name=name: refocus_photograph(
-                camera, picture, planes, filter=name, device=tracer.device
-            )
-        )
+        refocus = partial(refocus_photograph, camera, picture, planes, device=tracer.device)
+        refocused, seconds = clocked(partial(refocus, filter=name))
         made.append(Made("shift-sum on the plenoptic photograph", name, refocused, trace, seconds))
     return made
 
 
-def _rows(scene, slab, planes, made: Made, reference, rays) -> Iterator[dict]:
+def _rows(
+    scene: str, slab: Slab, planes: Planes, made: Made, reference: np.ndarray, rays: int
+) -> Iterator[dict]:
     for plane, picture, truth in zip(planes, made.pictures, reference, strict=True):
         ours, theirs = display_values(picture), display_values(truth)
         inside = _inside(slab, plane)

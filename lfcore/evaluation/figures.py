@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import IO, NamedTuple, cast
 
 import matplotlib
 import numpy as np
@@ -125,7 +125,7 @@ class Panel:
     def thesis_column(self) -> str:
         return f"thesis_{self.column}"
 
-    def values(self, rows: pd.DataFrame, column: str, pixels) -> np.ndarray:
+    def values(self, rows: pd.DataFrame, column: str, pixels: pd.Series | int) -> np.ndarray:
         """(R,) float64 of a column, per ray of M = ``pixels`` where that is asked for."""
         values = pd.to_numeric(rows[column], errors="coerce").to_numpy(np.float64)
         if self.per_ray is None:
@@ -204,13 +204,17 @@ def log_ticks(axis: Axis, unit: float = 1.0) -> None:
     axis.set_tick_params(labelsize=8)
 
 
-def _curve(axis, x, y: np.ndarray, style: str, colour: str, label: str | None) -> None:
-    shown, x = np.isfinite(y), np.asarray(x)
-    axis.plot(x[shown], y[shown], style, color=colour, label=label, markersize=5, linewidth=1.5)
+def _curve(
+    axis: Axes, x: pd.Series, y: np.ndarray, style: str, colour: str, label: str | None
+) -> None:
+    shown = np.isfinite(y)
+    axis.plot(
+        x.to_numpy()[shown], y[shown], style, color=colour, label=label, markersize=5, linewidth=1.5
+    )
 
 
 def save_figure(path: str | Path, figure: Figure, *, dpi: int = 130) -> None:
     """Write a matplotlib figure as PNG, without the date: equal figures are equal files."""
     make_folder(Path(path).parent)
     with whole_file(path) as file:
-        figure.savefig(file, format="png", dpi=dpi, metadata={"Software": None})
+        figure.savefig(cast(IO[bytes], file), format="png", dpi=dpi, metadata={"Software": None})

@@ -9,7 +9,7 @@ of the decibels of its planes.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import cv2
 import numpy as np
@@ -98,7 +98,7 @@ def ssim(image: np.ndarray, reference: np.ndarray, *, peak: float) -> float:
 
 
 def picture_quality(
-    pictures: Sequence[np.ndarray], references: Sequence[np.ndarray]
+    pictures: Iterable[np.ndarray], references: Iterable[np.ndarray]
 ) -> dict[str, float]:
     """``psnr_db`` and ``ssim`` of pictures in linear light, by the convention above.
 

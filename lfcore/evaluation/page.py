@@ -26,7 +26,7 @@ MEDIA_TYPES = {".png": "image/png", ".jpg": "image/jpeg", ".svg": "image/svg+xml
 
 @dataclass(frozen=True)
 class Section:
-    """A table, figures, or both, under one title and caption.
+    """A table (CSV), figures, or both, under one title and caption.
 
     ``figures`` maps a label (a scene's name, or empty) to a picture file.
     """
@@ -36,6 +36,12 @@ class Section:
     caption: str = ""
     table: Path | None = None
     figures: Mapping[str, Path] = field(default_factory=dict)
+
+    @property
+    def files(self) -> list[str]:
+        """The table and the figures."""
+        tables = [self.table] if self.table else []
+        return [str(file) for file in (*tables, *self.figures.values())]
 
 
 def write_page(

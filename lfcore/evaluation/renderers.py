@@ -29,6 +29,7 @@ from lfcore.evaluation.timing import clocked
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.pictures import read_codes
+from lfcore.progress import Progress, silent
 from lfcore.rendering.direct import focused_camera, trace_picture
 from lfcore.scene.mitsuba import Description
 from lfcore.scene.povray import FILE, write_povray
@@ -68,7 +69,7 @@ def compare(
     *,
     pixels: int,
     views: int,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = silent,
 ) -> tuple[list[dict], list[list[Rendered]]]:
     """Rows (columns :data:`COLUMNS`), and all pictures of each focus distance.
 
@@ -83,8 +84,7 @@ def compare(
         rendered = []
         for k, method in enumerate(methods):
             rendered.append(method(tracer, plane, pixels, views))
-            if progress:
-                progress(at * len(methods) + k + 1, len(focus_m) * len(methods))
+            progress(at * len(methods) + k + 1, len(focus_m) * len(methods))
         facts = {"scene": tracer.scene.name, "M": pixels, "focus_m": focus}
         rows += [facts | _row(one, truth) for one in rendered]
         all_rendered.append(rendered)
@@ -205,12 +205,13 @@ def renderers_sheet(
     path: str | Path, rendered: Sequence[Sequence[Rendered]], focus_m: Sequence[float]
 ) -> None:
     """What there is, a row each focus distance, above enlarged details."""
-    pictures, labels = [], []
+    pictures: list[np.ndarray] = []
+    labels: list[str] = []
     for focus, row in zip(focus_m, rendered, strict=True):
-        made = [one for one in row if one.picture is not None]
-        pictures += [one.picture for one in made]
-        labels += [f"{one.method}, {focus:.3g} m" for one in made]
-        pictures += [detail(one.picture) for one in made]
+        made = [(one.method, one.picture) for one in row if one.picture is not None]
+        pictures += [picture for _, picture in made]
+        labels += [f"{method}, {focus:.3g} m" for method, _ in made]
+        pictures += [detail(picture) for _, picture in made]
         labels += ["detail"] * len(made)
     contact_sheet(path, pictures, labels, columns=len(pictures) // (2 * len(focus_m)))
 

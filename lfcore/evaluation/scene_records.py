@@ -46,7 +46,7 @@ def scene_records(
             | {"seconds": traced["seconds"], "psnr_true_db": _true_quality(one.on_the_fly, true)}
             | picture_quality(pictures, best)
         )
-        if one.store is None:
+        if one.from_video is None or one.store is None or one.retrieve is None:
             continue
         stored, retrieved = read_json(one.store), read_json(one.retrieve)
         seconds = {"seconds": stored["encode_seconds"] + stored["join_seconds"]}

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -16,6 +17,7 @@ from lfcore.files import draft_folder
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.progress import Progress, silent
 from lfcore.refocus.slicing import form_planes
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import join_segments
@@ -32,7 +34,7 @@ def sweep_rows(
     specs: Mapping[str, CodecSpec],
     folder: Path,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = silent,
 ) -> list[dict]:
     """A row for each encoder of ``specs``: seconds, size, and quality of pictures from its file.
 
@@ -44,24 +46,32 @@ def sweep_rows(
         segments = {case: [work / f"{case}-{t.index}.mp4" for t in tiles] for case in specs}
         for done, tile in enumerate(tiles, 1):
             sums.append(_trace(tracer, slab, tile, planes, specs, segments, watch))
-            if progress:
-                progress(done, len(tiles))
-        pictures = total(slab, planes, sums).pictures()
-        return [
-            {
-                "case": case,
-                "scene": tracer.scene.name,
-                "N": slab.views,
-                "M": slab.pixels,
+            progress(done, len(tiles))
+        pictures = total(slab, list(planes), sums).pictures()
+        rows = []
+        for case, spec in specs.items():
+            file, scene = work / f"{case}.mkv", {"name": tracer.scene.name, "digest": ""}
+            join_segments(
+                file, segments[case], tiles, tiles[0].layout, geometry=slab, scene=scene, spec=spec
+            )
+            rows.append({
+                "case": case, "scene": tracer.scene.name, "N": slab.views, "M": slab.pixels,
                 "trace_seconds": round(watch.seconds["trace"], 3),
                 "encode_seconds": round(watch.seconds[case], 3),
-                **_stored(work, case, segments[case], tiles, slab, spec, planes, pictures, tracer),
-            }
-            for case, spec in specs.items()
-        ]
+                **_retrieved(tracer, file, planes, pictures, slab.rays),
+            })  # fmt: skip
+        return rows
 
 
-def _trace(tracer, slab, tile, planes, specs, segments, watch) -> PlaneSums:
+def _trace(
+    tracer: Tracer,
+    slab: Slab,
+    tile: Tile,
+    planes: Sequence[SensorPlane],
+    specs: Mapping[str, CodecSpec],
+    segments: Mapping[str, list[Path]],
+    watch: Stopwatch,
+) -> PlaneSums:
     """One tile into a segment of each encoder."""
     tracing = tracer.trace_tile(slab, tile, planes)
     size = tile.layout.frame_width, tile.layout.frame_height
@@ -74,22 +84,22 @@ def _trace(tracer, slab, tile, planes, specs, segments, watch) -> PlaneSums:
             for case, writer in writers.items():
                 with watch.part(case):
                     writer.write(chunk.frames)
+    assert tracing.plane_sums is not None  # of a tracing that has ended
     return tracing.plane_sums
 
 
-def _stored(work, case, segments, tiles, slab, spec, planes, pictures, tracer) -> dict:
-    file = work / f"{case}.mkv"
-    scene = {"name": tracer.scene.name, "digest": ""}
-    layout = tiles[0].layout
-    join_segments(file, segments, tiles, layout, geometry=slab, scene=scene, spec=spec)
+def _retrieved(
+    tracer: Tracer, file: Path, planes: Sequence[SensorPlane], pictures: np.ndarray, rays: int
+) -> dict[str, float]:
+    """Columns of a light field file of so many rays, whose planes should be ``pictures``."""
     read = form_planes(file, planes, threads=1, device=tracer.device.device.name)
     quality = picture_quality(read.sums.pictures(), pictures)
     size = file.stat().st_size
-    found = sizes(rays=slab.rays, video_bytes=size)
+    found = sizes(rays=rays, video_bytes=size)
     return {
         "retrieve_seconds": round(read.seconds, 3),
         "video_bytes": size,
-        "bits_per_ray": round(8 * size / slab.rays, 5),
+        "bits_per_ray": round(8 * size / rays, 5),
         "ratio_float32": round(found["ratio_float32"], 2),
         "psnr_db": round(quality["psnr_db"], 3),
         "ssim": round(quality["ssim"], 5),

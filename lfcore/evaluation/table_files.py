@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -81,7 +82,7 @@ def readable(table: pd.DataFrame) -> pd.DataFrame:
     return text
 
 
-def _cell(value: object, *, in_bytes: bool) -> str:
+def _cell(value: Any, *, in_bytes: bool) -> str:
     if value is None or value != value:
         return "–"
     if in_bytes:

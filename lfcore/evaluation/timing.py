@@ -8,10 +8,11 @@ leaves a device's queue unfinished gives ``finish``.
 
 from __future__ import annotations
 
+import functools
 import os
 import platform
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -137,12 +138,14 @@ def measure_within(
     result, first = clocked(lambda: work(0), clock=clock)
     if warm and seeds == 1 and first > budget_seconds:
         return [result], Timing((first,))
-    least, results, seconds = max(1, seeds), [], []
+    least = max(1, seeds)
+    results: list[Result] = []
+    seconds: list[float] = []
     for repeat in range(repeats):
         typical = min(seconds, default=first)
         if repeat >= least and sum(seconds) + typical > budget_seconds:
             break
-        result, taken = clocked(lambda repeat=repeat: work(repeat % least), clock=clock)
+        result, taken = clocked(functools.partial(work, repeat % least), clock=clock)
         seconds.append(taken)
         if repeat < least:
             results.append(result)
@@ -172,13 +175,13 @@ class Stopwatch:
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + self.clock() - start
 
-    def each(self, name: str, items: Iterator) -> Iterator:
+    def each(self, name: str, items: Iterable[Result]) -> Iterator[Result]:
         """Yield from ``items``, counting the time it takes to make each item to ``name``."""
-        items = iter(items)
+        rest = iter(items)
         while True:
             with self.part(name):
                 try:
-                    item = next(items)
+                    item = next(rest)
                 except StopIteration:
                     return
             yield item
@@ -190,7 +193,7 @@ def machine() -> dict[str, str | int]:
         "processor": _processor(),
         "cores": len(os.sched_getaffinity(0))
         if hasattr(os, "sched_getaffinity")
-        else os.cpu_count(),
+        else os.cpu_count() or 1,
         "memory_gib": round(_memory_bytes() / 2**30),
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),

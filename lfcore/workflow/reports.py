@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-TABLES = "results/tables"
-ASSIGNMENT = "results/assignment"
+from lfcore.evaluation.page import Section
+
+TABLES = Path("results/tables")
+ASSIGNMENT = Path("results/assignment")
 THESIS = {
     "table_7_1": "Table 7.1: angular resolution",
     "table_7_2": "Table 7.2: encoding",
@@ -68,46 +70,40 @@ TITLES = {**THESIS, **SHEETS, **STORAGE, **ANALYSES, **ARRAY_TABLES, **OTHER}
 """Of every table and figure of results/tables/."""
 
 
-@dataclass(frozen=True)
-class Section:
-    """A part of a page; ``figures`` are files by label, and ``caption`` names its text."""
-
-    name: str
-    title: str
-    table: str | None = None
-    figures: Mapping[str, str] = field(default_factory=dict)
-    caption: str = ""
-
-    @property
-    def files(self) -> list[str]:
-        """The table, as CSV, and the figures."""
-        return [*([self.table] if self.table else []), *self.figures.values()]
-
-
 def markdown(sections: Iterable[Section]) -> list[str]:
     """The tables of sections as Markdown, which their page writes."""
-    return [one.table.replace(".csv", ".md") for one in sections if one.table]
+    return [str(one.table.with_suffix(".md")) for one in sections if one.table]
 
 
-def places(sections: Iterable[Section], files: Iterable[str]) -> dict[str, Path]:
-    """Where each file of the sections lies: from object storage it comes to another folder."""
+def captioned(
+    sections: Sequence[Section], captions: Iterable[str], files: Iterable[str]
+) -> list[Section]:
+    """The sections with their texts, and their files where they lie: from object storage they come
+    to another folder."""
     names = [name for one in sections for name in one.files]
-    return {name: Path(file) for name, file in zip(names, files, strict=True)}
+    place = {Path(name): Path(file) for name, file in zip(names, files, strict=True)}
+    return [
+        replace(
+            one, caption=caption, table=one.table and place[one.table],
+            figures={label: place[file] for label, file in one.figures.items()},
+        )
+        for one, caption in zip(sections, captions, strict=True)
+    ]  # fmt: skip
 
 
-def _figure(name: str) -> str:
-    return f"{TABLES}/figures/{name}.png"
+def _figure(name: str) -> Path:
+    return TABLES / "figures" / f"{name}.png"
 
 
 def table_sections(settings: Mapping, scenes: Iterable[str]) -> list[Section]:
     """The sections of results/tables/ that a configuration asks for."""
     return [
-        Section(name, TITLES[name], f"{TABLES}/{name}.csv" if table else None, figures, name)
+        Section(name, TITLES[name], "", TABLES / f"{name}.csv" if table else None, figures)
         for name, table, figures in _wanted(settings, list(scenes))
     ]
 
 
-def _wanted(settings: Mapping, scenes: list[str]) -> Iterator[tuple[str, bool, dict[str, str]]]:
+def _wanted(settings: Mapping, scenes: list[str]) -> Iterator[tuple[str, bool, dict[str, Path]]]:
     """Name, whether it has a table, and figures by label."""
     figures, store = settings["figures"]["make"], settings["store"]
     for name in thesis_tables(settings):
@@ -134,7 +130,7 @@ def _wanted(settings: Mapping, scenes: list[str]) -> Iterator[tuple[str, bool, d
                 yield "our_choice", True, {}
     if settings["assignment"]["in_tables"]:
         yield "camera_array", True, {}
-        yield "reconstruction", True, {"": f"{ASSIGNMENT}/figures/reconstruction.png"}
+        yield "reconstruction", True, {"": ASSIGNMENT / "figures/reconstruction.png"}
 
 
 def thesis_tables(settings: Mapping) -> list[str]:
@@ -150,20 +146,15 @@ def assignment_sections(settings: Mapping) -> list[Section]:
     if assignment["see_through"]["scene"] not in scenes:
         left_out.add("see_through")
     made = [
-        Section(
-            name, title, None, {"": f"{ASSIGNMENT}/figures/{name}.png"}, f"assignment_{name}"
-        )
+        Section(name, title, figures={"": ASSIGNMENT / "figures" / f"{name}.png"})
         for name, title in ASSIGNMENT_FIGURES.items()
         if name not in left_out
-    ]  # fmt: skip
+    ]
     if "book" in scenes:
         made += [
-            Section(
-                f"table_{name}", f"Table: {title.lower()}", f"{ASSIGNMENT}/{name}.csv",
-                caption=f"assignment_table_{name}",
-            )
+            Section(f"table_{name}", f"Table: {title.lower()}", "", ASSIGNMENT / f"{name}.csv")
             for name, title in ARRAY_TABLES.items()
-        ]  # fmt: skip
+        ]
     return made
 
 

@@ -117,23 +117,3 @@ rule left_out_scene:
         device=SETTINGS["device"],
     script:
         "../scripts/left_out_scene.py"
-
-
-rule left_out:
-    input:
-        of_scenes("analysis/left_out.json"),
-    output:
-        csv=table("left_out"),
-    log:
-        "logs/left_out.log",
-    group:
-        REPORT_GROUP
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        sources=digest(
-            *sources.READING, *sources.TABLES, "evaluation/storage", "evaluation/left_out"
-        ),
-        table="left_out",
-    script:
-        "../scripts/storage_table.py"

@@ -13,7 +13,7 @@ rule page:
         traced=expand(f"{SLAB}/trace.json", scene=SCENES, n=RESOLUTIONS[-1]),
         records=[],
         viewers=expand("results/tables/viewer/{scene}.html", scene=SCENES if STORE else []),
-        captions=[caption_of(name) for name in ["page", *(one.caption for one in TABLE_SECTIONS)]],
+        captions=[caption_of(name) for name in ["page", *(one.name for one in TABLE_SECTIONS)]],
     output:
         page=report("results/tables/index.html", caption="../report/page.rst", category="Page"),
         markdown=reports.markdown(TABLE_SECTIONS),
@@ -44,7 +44,7 @@ use rule page as assignment_page with:
         ),
         captions=[
             caption_of(name)
-            for name in ["assignment_page", *(one.caption for one in ASSIGNMENT_SECTIONS)]
+            for name in ["assignment_page", *(f"assignment_{s.name}" for s in ASSIGNMENT_SECTIONS)]
         ],
     output:
         page=report(

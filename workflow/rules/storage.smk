@@ -74,18 +74,22 @@ if STORE:
             "../scripts/retrieval_scene.py"
 
 
-for name in ("storage_layouts", "equivalence", "retrieval"):
-    # Equivalence has a figure of each scene, made there.
-    figures = {"figure": f"results/tables/figures/{name}.png"} if name != "equivalence" else {}
+# Tables of rows that were made scene by scene, two of them with a figure of all scenes.
+for folder, name, figures in (
+    ("storage", "storage_layouts", ["results/tables/figures/storage_layouts.png"]),
+    ("storage", "retrieval", ["results/tables/figures/retrieval.png"]),
+    ("storage", "equivalence", []),
+    ("analysis", "left_out", []),
+):
 
     rule:
         name:
             name
         input:
-            of_scenes(f"storage/{name}.json"),
+            of_scenes(f"{folder}/{name}.json"),
         output:
-            **figures,
             csv=table(name),
+            figures=figures,
         log:
             f"logs/{name}.log",
         group:
@@ -96,7 +100,7 @@ for name in ("storage_layouts", "equivalence", "retrieval"):
             sources=digest(*sources.READING, *sources.TABLES, "evaluation/storage"),
             table=name,
         script:
-            "../scripts/storage_table.py"
+            "../scripts/table_of_rows.py"
 
 
 rule rate_distortion:

@@ -3,21 +3,16 @@
 from pathlib import Path
 
 from lfcore import __version__
-from lfcore.evaluation.page import Section, write_markdown_tables, write_page
+from lfcore.evaluation.page import write_markdown_tables, write_page
 from lfcore.evaluation.timing import machine
 from lfcore.files import read_json
 from lfcore.workflow.job import job
-from lfcore.workflow.reports import places
+from lfcore.workflow.reports import captioned
 
 with job(snakemake.log[0], snakemake.threads):
     given, params, here = snakemake.input, snakemake.params, machine()
     introduction, *captions = (Path(f).read_text("utf-8") for f in given.captions)
-    place = places(params.sections, given.reported)
-    sections = [
-        Section(one.name, one.title, caption, one.table and place[one.table],
-                {label: place[file] for label, file in one.figures.items()})
-        for one, caption in zip(params.sections, captions, strict=True)
-    ]  # fmt: skip
+    sections = captioned(params.sections, captions, given.reported)
     measured = {k: read_json(v) for k, v in zip(params.records, given.records, strict=True)}
     config = {**params.config, "measured": measured}
     devices = sorted({read_json(file)["device"] for file in given.traced})

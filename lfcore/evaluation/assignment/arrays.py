@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from operator import itemgetter
 from pathlib import Path
@@ -17,16 +17,18 @@ import numpy as np
 import pandas as pd
 
 from lfcore.colour import display_values
-from lfcore.errors import LfcoreError, SceneError
+from lfcore.errors import LfcoreError, SceneError, StorageError
 from lfcore.evaluation.metrics import PEAK, mse, psnr
 from lfcore.evaluation.table_files import table_of
 from lfcore.evaluation.timing import clocked
+from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
+from lfcore.progress import Progress, silent
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.rendering.array import trace_array
 from lfcore.scene.model import Scene
 from lfcore.scene.view import LIGHTFIELD
-from lfcore.storage.tiled_exr import write_array
+from lfcore.storage.tiled_exr import read_array, write_array
 from lfcore.tracing.tracer import Tracer
 
 COLUMNS = {
@@ -53,19 +55,18 @@ def array_of(
     ------
     SceneError : the scene has no array, and no grid was given.
     """
-    own = scene.view is not None and scene.view.kind == LIGHTFIELD
-    if grid is not None and not own:
+    if scene.view is not None and scene.view.kind == LIGHTFIELD:
+        array = scene.view.array
+        return array if tile_px is None else replace(array, tile=2 * (tile_px,))
+    if grid is not None:
         size = 2 * (tile_px or 64,)
         bounds, fov_deg = grid["bounds_m"], grid["fov_deg"]
         return CameraArray.on_grid(2 * (cameras_per_dim,), bounds, fov_deg, size)
-    if not own:
-        raise SceneError(
-            f"the scene {scene.name!r} has no camera array",
-            key="camera.lightfield",
-            remedy="Add it to the scene, or the grid to assignment.arrays of the configuration",
-        )
-    array = scene.view.array
-    return array if tile_px is None else replace(array, tile=2 * (tile_px,))
+    raise SceneError(
+        f"the scene {scene.name!r} has no camera array",
+        key="camera.lightfield",
+        remedy="Add it to the scene, or the grid to assignment.arrays of the configuration",
+    )
 
 
 def trace_to_exr(
@@ -74,7 +75,7 @@ def trace_to_exr(
     samples_per_pixel: int,
     path: Path,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = silent,
 ) -> dict:
     """Trace an array into one tiled EXR; returns its row of the ``camera_array`` table."""
     # Kernels are built for the size of a tile: one camera of it, unseen by the clock.
@@ -85,6 +86,17 @@ def trace_to_exr(
     name = tracer.scene.name
     write_array(path, image, array, half=True, extra={"scene": name})
     return array_record(name, array, samples_per_pixel, seconds, path.stat().st_size)
+
+
+def read_field(device: Device, path: str | Path) -> DeviceField:
+    """The array of a tiled EXR, ready for synthesis.
+
+    Raises :class:`StorageError` for a file that is none, or holds no geometry.
+    """
+    found = read_array(path)
+    if found.array is None:
+        raise StorageError("holds no geometry of its cameras", file=path)
+    return DeviceField(device, found.image, found.array)
 
 
 def square_field(

@@ -6,23 +6,23 @@ Each study returns a sheet of pictures (size, size, 3) and what was measured.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from lfcore.evaluation.assignment.arrays import errors
+from lfcore.evaluation.assignment.arrays import errors, read_field
 from lfcore.evaluation.figures import Sheet
 from lfcore.evaluation.timing import clocked
 from lfcore.opencl.device import Device
 from lfcore.optics.lens_system import LensSystem
+from lfcore.progress import Progress, silent
 from lfcore.refocus.array import focal_surface as surfaces
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.isaksen import isaksen
 from lfcore.refocus.array.monte_carlo import monte_carlo
 from lfcore.refocus.array.realistic import realistic
 from lfcore.refocus.array.virtual_camera import VirtualCamera
-from lfcore.storage.tiled_exr import read_array
 
 # The book: focus of the assignment's command line, and of the authors' line, metres.
 BOOK_FOCUS_M = 6.8
@@ -54,7 +54,7 @@ def book(
     light_field: str | Path,
     lens: str | Path,
     picture_px: int,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = silent,
 ) -> tuple[list[Sheet], dict]:
     """Sheets of the three steps, and what was measured in two of them.
 
@@ -64,37 +64,27 @@ def book(
     lens : a lens file, whose prescription is traced through.
     progress : called with (steps done, of all).
     """
-    found = read_array(light_field)
-    field = DeviceField(device, found.image, found.array)
-    steps = {
-        "synthesis": lambda: synthesis(field, picture_px),
-        "focal_surfaces": lambda: (focal_surfaces(field, picture_px), {}),
-        "realistic_lens": lambda: realistic_lens(field, picture_px, lens),
-    }
-    sheets, record = [], {}
-    for done, (name, step) in enumerate(steps.items(), 1):
-        sheet, record[name] = step()
-        sheets.append(sheet)
-        if progress:
-            progress(done, len(steps))
-    return sheets, {name: found for name, found in record.items() if found}
+    field = read_field(device, light_field)
+    synthesised, of_synthesis = synthesis(field, picture_px)
+    progress(1, 3)
+    surfaces_shown = focal_surfaces(field, picture_px)
+    progress(2, 3)
+    seen, of_lens = realistic_lens(field, picture_px, lens)
+    progress(3, 3)
+    record = {"synthesis": of_synthesis, "realistic_lens": of_lens}
+    return [synthesised, surfaces_shown, seen], record
 
 
 def synthesis(field: DeviceField, size: int) -> tuple[Sheet, dict]:
     """Isaksen's filter at two focal planes and Monte Carlo at the second; steps 3 and 4."""
     pinhole, lens = assignment_camera(size), assignment_camera(size, LENS_M)
-    near = surfaces.parallel(AUTHORS_FOCUS_M)
-    found = {
-        f"Isaksen, z = {BOOK_FOCUS_M} m": clocked(
-            lambda: isaksen(field, pinhole, surfaces.parallel(BOOK_FOCUS_M), FILTER_M), warm_up=1
-        ),
-        f"Isaksen, z = {AUTHORS_FOCUS_M} m": clocked(
-            lambda: isaksen(field, pinhole, near, FILTER_M), warm_up=1
-        ),
-        f"Monte Carlo, z = {AUTHORS_FOCUS_M} m": clocked(
-            lambda: monte_carlo(field, lens, near, SAMPLES), warm_up=1
-        ),
+    at_book, near = surfaces.parallel(BOOK_FOCUS_M), surfaces.parallel(AUTHORS_FOCUS_M)
+    ways = {
+        f"Isaksen, z = {BOOK_FOCUS_M} m": partial(isaksen, field, pinhole, at_book, FILTER_M),
+        f"Isaksen, z = {AUTHORS_FOCUS_M} m": partial(isaksen, field, pinhole, near, FILTER_M),
+        f"Monte Carlo, z = {AUTHORS_FOCUS_M} m": partial(monte_carlo, field, lens, near, SAMPLES),
     }
+    found = {name: clocked(way, warm_up=1) for name, way in ways.items()}
     pictures = [made.image for made, _ in found.values()]
     record = {
         "seconds": [seconds for _, seconds in found.values()],
@@ -107,7 +97,7 @@ def synthesis(field: DeviceField, size: int) -> tuple[Sheet, dict]:
     return Sheet(pictures, list(found)), record
 
 
-def bent(x, y):
+def bent(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """A depth that swings with the angle from the axis: near in the middle, far at the rim."""
     return 5.6 + 14.0 * (x * x + y * y)
 
@@ -117,7 +107,7 @@ def focal_surfaces(field: DeviceField, size: int) -> Sheet:
     camera = VirtualCamera(np.array([0.0, 0.0, 0.0]), np.eye(3), 44.0, (size, size), 0.35)
     # Both planes go through one point of the cover; only the tilted one lies in it.
     point, normal = np.array(BOOK_COVER["point"]), np.array(BOOK_COVER["normal"])
-    chosen = {
+    chosen: dict[str, surfaces.FocalSurface] = {
         "plane, parallel": surfaces.parallel(float(point[2])),
         "plane in the book's cover": surfaces.PlaneSurface(point, normal),
         "sphere, far side at 7.2 m": surfaces.SphereSurface(np.array([0.0, 0.0, 4.2]), 3.0),

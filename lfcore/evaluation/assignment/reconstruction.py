@@ -5,9 +5,9 @@ Source: CS348b assignment 3, steps 4 and 6.
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -60,9 +60,8 @@ def reconstruction(
     # Kernels are built for the size of a tile: unseen by the clock.
     square_field(tracer, 2, bounds, fov_deg, tile_px, 1)
     for cameras in sorted(camera_counts):
-        field, seconds = clocked(
-            lambda cameras=cameras: square_field(tracer, cameras, bounds, fov_deg, tile_px, SAMPLES)
-        )
+        tracing = partial(square_field, tracer, cameras, bounds, fov_deg, tile_px, SAMPLES)
+        field, seconds = clocked(tracing)
         size = exr_bytes(field)
         arrays.append(array_record(tracer.scene.name, field.array, SAMPLES, seconds, size))
         found = reconstructions(
@@ -72,13 +71,7 @@ def reconstruction(
         del field
     field = square_field(tracer, CONVERGENCE_CAMERAS, bounds, fov_deg, tile_px, SAMPLES)
     small = measured_camera(CONVERGENCE_PX)
-    limit = fine_quadrature(field, small, BOOK_FOCUS_M)
-    slopes = {
-        sampler: convergence(
-            field, small, BOOK_FOCUS_M, convergence_samples, sampler=sampler, limit=limit
-        )
-        for sampler in SAMPLERS
-    }
+    slopes = convergence(field, small, BOOK_FOCUS_M, convergence_samples)
     record = {"rows": rows, "arrays": arrays, "convergence": slopes, "tile_px": tile_px}
     return record | {"reference_rmse": errors(half, reference)["rmse"]}
 
@@ -102,13 +95,15 @@ def reconstructions(
     samples : Monte Carlo's rays a pixel (Halton).
     lens_points : a side of the quadrature's lens rule; 2 x 2 points on the film.
     """
-    surface, radius = parallel(focus_z), camera.lens_radius_m
-    ways = [("isaksen", f"{f * radius:g} m", isaksen, f * radius) for f in filters]
-    ways += [("monte_carlo", str(count), monte_carlo, count) for count in samples]
-    ways += [("quadrature", str(4 * side**2), quadrature, side) for side in lens_points]
+    given = field, camera, parallel(focus_z)
+    radii = [factor * camera.lens_radius_m for factor in filters]
+    ways = [
+        *(("isaksen", f"{radius:g} m", partial(isaksen, *given, radius)) for radius in radii),
+        *(("monte_carlo", str(n), partial(monte_carlo, *given, n)) for n in samples),
+        *(("quadrature", str(4 * n**2), partial(quadrature, *given, n)) for n in lens_points),
+    ]
     rows = []
-    for method, label, function, value in ways:
-        way = functools.partial(function, field, camera, surface, value)
+    for method, label, way in ways:
         made, seconds = clocked(way, warm_up=1)
         row = {"cameras_per_dim": field.array.cameras[0], "method": method}
         row |= {"filter_or_samples": label, **errors(made.image, reference), "seconds": seconds}
@@ -116,36 +111,27 @@ def reconstructions(
     return rows
 
 
-def fine_quadrature(field: DeviceField, camera: VirtualCamera, focus_z: float) -> np.ndarray:
-    """The picture of FINE_LENS^2 lens and FINE_FILM^2 film points.
-
-    On the book's array of 16 x 16 cameras it differs from 40^2 lens points by an RMSE of 3e-5; with
-    4^2 film points it would differ by 9e-4, as much as Monte Carlo at 256 rays.
-    """
-    return quadrature(field, camera, parallel(focus_z), FINE_LENS, FINE_FILM).image
-
-
 def convergence(
     field: DeviceField,
     camera: VirtualCamera,
     focus_z: float,
     counts: Sequence[int],
-    *,
-    sampler: str,
-    limit: np.ndarray | None = None,
-) -> dict:
-    """Monte Carlo against its limit: ``counts``, ``rmse`` and their log-log ``slope``.
+    samplers: Sequence[str] = SAMPLERS,
+) -> dict[str, dict]:
+    """Monte Carlo against its limit, by sampler: ``counts``, ``rmse``, their log-log ``slope``.
 
-    ``limit`` is the picture that it converges to; default :func:`fine_quadrature`.
+    The limit is the picture of FINE_LENS^2 lens and FINE_FILM^2 film points.  On the book's array
+    of 16 x 16 cameras it differs from 40^2 lens points by an RMSE of 3e-5; with 4^2 film points it
+    would differ by 9e-4, as much as Monte Carlo at 256 rays.
     """
-    surface = parallel(focus_z)
-    if limit is None:
-        limit = fine_quadrature(field, camera, focus_z)
-    found = [
-        math.sqrt(mse(monte_carlo(field, camera, surface, n, sampler=sampler).image, limit))
-        for n in counts
-    ]
-    return {"counts": list(counts), "rmse": found, "slope": slope(counts, found)}
+    given = field, camera, parallel(focus_z)
+    limit = quadrature(*given, FINE_LENS, FINE_FILM).image
+    made = {}
+    for sampler in samplers:
+        pictures = (monte_carlo(*given, count, sampler=sampler).image for count in counts)
+        rmse = [math.sqrt(mse(picture, limit)) for picture in pictures]
+        made[sampler] = {"counts": list(counts), "rmse": rmse, "slope": slope(counts, rmse)}
+    return made
 
 
 def slope(counts: Sequence[float], values: Sequence[float]) -> float:

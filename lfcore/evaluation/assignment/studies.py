@@ -5,24 +5,26 @@ Each returns sheets of pictures and what was measured.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from lfcore.evaluation.assignment.arrays import errors, square_field
+from lfcore.evaluation.assignment.arrays import array_of, errors, read_field, square_field
 from lfcore.evaluation.assignment.book import AUTHORS_FOCUS_M, measured_camera
 from lfcore.evaluation.figures import Sheet
 from lfcore.evaluation.timing import clocked
 from lfcore.opencl.device import Device
+from lfcore.progress import Progress, silent
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import parallel
 from lfcore.refocus.array.quadrature import quadrature
+from lfcore.refocus.array.result import Synthesis
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.photograph import direct_thin_lens
 from lfcore.rendering.shutter import trace_shutter
 from lfcore.scene.pbrt import build_pbrt_scene
-from lfcore.storage.tiled_exr import read_array
 from lfcore.tracing.tracer import Tracer
 
 FOV_DEG = 50.0
@@ -34,8 +36,6 @@ SMALLEST_TILE = 4
 SHUTTER_FOCUS_M = 5.4  # the near side of the sphere, from the cameras
 SHUTTER_LENS_M = 0.2
 
-Progress = Callable[[int, int], None] | None
-
 
 def see_through(
     tracer: Tracer,
@@ -44,7 +44,7 @@ def see_through(
     study: Mapping,
     picture_px: int,
     reference_samples: int,
-    progress: Progress = None,
+    progress: Progress = silent,
 ) -> tuple[list[Sheet], dict]:
     """Step 4: what stands in front vanishes through a wide lens focused behind it.
 
@@ -58,8 +58,7 @@ def see_through(
     reference_samples : rays a pixel of the picture that is traced directly.
     progress : called with (samples done, of all).
     """
-    found = read_array(light_field)
-    field = DeviceField(tracer.device, found.image, found.array)
+    field = read_field(tracer.device, light_field)
     named = list(zip(study["names"], study["focus_m"], study["lens_m"], strict=True))
     (_, focus, lens), near = named[0], named[1:]
 
@@ -67,11 +66,9 @@ def see_through(
         """At the middle of the grid, in the array's own direction."""
         return VirtualCamera(np.zeros(3), np.eye(3), FOV_DEG, 2 * (picture_px,), radius)
 
-    def from_field(focus_m: float, radius: float):
-        surface = parallel(focus_m)
-        return clocked(
-            lambda: quadrature(field, camera(radius), surface, LENS_POINTS, 2), warm_up=1
-        )
+    def from_field(focus_m: float, radius: float) -> tuple[Synthesis, float]:
+        given = field, camera(radius), parallel(focus_m), LENS_POINTS, 2
+        return clocked(lambda: quadrature(*given), warm_up=1)
 
     direct, direct_seconds = clocked(
         lambda: direct_thin_lens(tracer, camera(lens), focus, reference_samples, progress=progress)
@@ -111,7 +108,7 @@ def sampling(
     tile_px: int,
     storage_px: int,
     reference_samples: int,
-    progress: Progress = None,
+    progress: Progress = silent,
 ) -> tuple[list[Sheet], dict]:
     """Step 6: few cameras of ``tile_px``; many that share a picture of ``storage_px`` a side.
 
@@ -127,19 +124,25 @@ def sampling(
     reference = direct_thin_lens(tracer, camera, AUTHORS_FOCUS_M, reference_samples)
     few = [(cameras, tile_px) for cameras in FEW]
     many = [(cameras, storage_px // cameras) for cameras in MANY]
-    many = [(cameras, tile) for cameras, tile in many if tile >= SMALLEST_TILE]
-    sheets, record = [], {"storage_px": storage_px}
-    for done, (name, sizes) in enumerate((("few", few), ("many", many)), 1):
-        sheet, record[name] = _compared(tracer, grid, camera, reference, sizes)
-        sheets.append(sheet)
-        if progress:
-            progress(done, 2)
-    return sheets, record
+    of_few, few_rows = _compared(tracer, grid, camera, reference, few)
+    progress(1, 2)
+    of_many, many_rows = _compared(tracer, grid, camera, reference, many)
+    progress(2, 2)
+    return [of_few, of_many], {"storage_px": storage_px, "few": few_rows, "many": many_rows}
 
 
-def _compared(tracer, grid, camera, reference, sizes) -> tuple[Sheet, list[dict]]:
+def _compared(
+    tracer: Tracer,
+    grid: Mapping,
+    camera: VirtualCamera,
+    reference: np.ndarray,
+    sizes: Sequence[tuple[int, int]],
+) -> tuple[Sheet, list[dict]]:
+    """Arrays of so many cameras a side with so many pixels each, but for tiny pictures."""
     pictures, labels, records = [], [], []
     for cameras, tile in sizes:
+        if tile < SMALLEST_TILE:
+            continue
         field = square_field(tracer, cameras, grid["bounds_m"], grid["fov_deg"], tile, SAMPLES)
         made = quadrature(field, camera, parallel(AUTHORS_FOCUS_M), 24, 2).image
         found = errors(made, reference)
@@ -156,7 +159,7 @@ def time(
     files: Sequence[str | Path],
     picture_px: int,
     instants: int,
-    progress: Progress = None,
+    progress: Progress = silent,
 ) -> tuple[list[Sheet], dict]:
     """Step 6: an open shutter before what moves, sampled at more and more instants.
 
@@ -164,18 +167,16 @@ def time(
     its own first; ``progress`` is called with (instants done, of all).
     """
     scene = build_pbrt_scene(files[0])
+    array = array_of(scene, None, 0, None)
     size = (picture_px, picture_px)
     camera = VirtualCamera(np.zeros(3), np.eye(3), 40.0, size, SHUTTER_LENS_M)
     counts = [1, *(n for n in (2, 4, 8, 16, 32, 64) if n < instants), instants]
     pictures, seconds = [], []
     for count in counts:
-        image, taken = clocked(
-            lambda count=count: trace_shutter(
-                scene, scene.view.array, count, device=device, progress=progress
-            )
-        )
+        tracing = partial(trace_shutter, scene, array, count, device=device, progress=progress)
+        image, taken = clocked(tracing)
         seconds.append(taken)
-        field = DeviceField(device, image, scene.view.array)
+        field = DeviceField(device, image, array)
         pictures.append(quadrature(field, camera, parallel(SHUTTER_FOCUS_M), 16, 2).image)
     found = [errors(picture, pictures[-1]) for picture in pictures[:-1]]
     labels = [

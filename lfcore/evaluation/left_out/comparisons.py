@@ -35,6 +35,7 @@ from lfcore.tracing.surfaces import pack_surfaces
 from lfcore.tracing.tile import TileTracing
 from lfcore.tracing.tracer import Tracer
 
+Run = Callable[[], object]
 COLUMNS = (
     "scene", "feature", "what", "seconds_full", "seconds_left_out", "bytes_saved", "identical",
 )  # fmt: skip
@@ -63,7 +64,9 @@ class Rays:
         layout = FrameLayout("macropixels", self.slab.views, self.slab.pixels)
         return layout.tile(0, 0, self.slab.pixels, self.slab.pixels)
 
-    def row(self, feature: str, what: str, full, lean, saved: int, identical: bool) -> dict:
+    def row(
+        self, feature: str, what: str, full: Run, lean: Run, saved: int, identical: bool
+    ) -> dict:
         """A row of the report; ``full()`` and ``lean()`` take turns under the clock.
 
         Both have run before, to be compared.
@@ -93,11 +96,15 @@ class Program:
         rays = self.rays
         return self.tracer.trace_tile(rays.slab, rays.tile, self.planes, frames=self.frames)
 
+    def run(self) -> None:
+        finished(self.tracing())
+
     @cached_property
     def made(self) -> tuple[list[np.ndarray], np.ndarray]:
         """Frames, copied, and plane sums."""
         tracing = self.tracing()
         frames = [chunk.frames.copy() for chunk in tracing]
+        assert tracing.plane_sums is not None  # of a tracing that has ended
         return frames, tracing.plane_sums.sums
 
     @property
@@ -128,10 +135,7 @@ def compared(
         identical &= not (full.planes and lean.planes) or np.array_equal(sums, lean_sums)
     saved = full.bytes - lean.bytes if saved is None else saved
 
-    def work(program: Program) -> Callable[[], object]:
-        return lambda: finished(program.tracing())
-
-    return full.rays.row(feature, what, work(full), work(lean), saved, identical)
+    return full.rays.row(feature, what, full.run, lean.run, saved, identical)
 
 
 def same(one: Iterable[np.ndarray], other: Iterable[np.ndarray]) -> bool:
@@ -166,7 +170,13 @@ def left_out(
     """
     rays = Rays(Slab(scene.camera, views, pixels), repeats)
 
-    def program(scene=scene, bvh=bvh, needs=None, planes=(rays.plane,), frames=True) -> Program:
+    def program(
+        scene: Scene = scene,
+        bvh: Bvh = bvh,
+        needs: Needs | None = None,
+        planes: Sequence[SensorPlane] = (rays.plane,),
+        frames: bool = True,
+    ) -> Program:
         return Program(Tracer(scene, bvh, device, needs), bvh, rays, planes, frames)
 
     rows = [
@@ -179,7 +189,9 @@ def left_out(
     return [{"scene": scene.name, **row} for row in rows]
 
 
-def lacking(scene: Scene, program: Callable[..., Program], names) -> Iterator[dict]:
+def lacking(
+    scene: Scene, program: Callable[..., Program], names: str | Sequence[str]
+) -> Iterator[dict]:
     """Code and buffers of features that the scene lacks."""
     needs = Needs.of(scene)
     whole = program(needs=needs)
@@ -241,7 +253,7 @@ def stored(alone: Program) -> dict:
             "jobs that encode, join and retrieve, where only pictures are wanted (store: false); "
             "bytes are of the file",
             lambda: _store(alone, file),
-            lambda: finished(alone.tracing()),
+            alone.run,
             file.stat().st_size,
             np.array_equal(sums, alone.made[1]),
         )
@@ -257,4 +269,5 @@ def _store(program: Program, file: Path) -> np.ndarray:
     tracing, _ = record_tile(tracer, slab, tile, segment, spec, program.planes)
     scene = {"name": tracer.scene.name, "digest": "0" * 64}
     join_segments(file, [segment], [tile], layout, geometry=slab, scene=scene, spec=spec)
+    assert tracing.plane_sums is not None  # of a tracing that has ended
     return tracing.plane_sums.sums

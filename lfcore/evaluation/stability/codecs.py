@@ -125,17 +125,18 @@ def _library(rgb: np.ndarray, spec: CodecSpec) -> np.ndarray:
     try:
         with av.open(file, "w", format="matroska") as output:
             stream = output.add_stream(spec.codec, 25, width=rgb.shape[2], height=rgb.shape[1])
+            assert isinstance(stream, av.VideoStream)
             stream.pix_fmt = spec.pixel_format
             stream.options = {} if spec.lossless else {"crf": f"{spec.crf:g}"}
             for picture in codes:
                 output.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
             output.mux(stream.encode(None))
         file.seek(0)
-        with av.open(file) as source:
+        with av.open(file, "r") as source:
             found = [frame.to_ndarray(format="rgb24") for frame in source.decode(video=0)]
     except (av.error.FFmpegError, ValueError):
         return np.full(rgb.shape, NO_ANSWER)
-    return np.stack(found) / 255.0
+    return np.stack(found).astype(float) / 255.0
 
 
 @sweep("side", (1, 2, 15, 16, 33, 64))

@@ -12,8 +12,8 @@ import numpy as np
 from lfcore.evaluation.stability.hit_errors import compared, leaks, oracle_hits
 from lfcore.evaluation.stability.measurement import Measurement, measured, sweep
 from lfcore.evaluation.stability.naive import moeller_trumbore
-from lfcore.evaluation.stability.shapes import grid, rays_at, sphere
-from lfcore.evaluation.stability.tested_tracer import CAMERA, TracerUnderTest
+from lfcore.evaluation.stability.shapes import Rays, grid, one_by_one, rays_at, single, sphere
+from lfcore.evaluation.stability.tested_tracer import CAMERA, ClosestHit, TracerUnderTest
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import slab_rays
 
@@ -21,7 +21,7 @@ from lfcore.oracle.slab import slab_rays
 @sweep("columns", (12, 50, 100))
 def edge_rays(tracer: TracerUnderTest, columns: int) -> Measurement:
     """Points of edges of a sphere seen from within, ever finer."""
-    mesh = np.float32(sphere(max(6, columns // 4), columns, 2.0))
+    mesh = single(sphere(max(6, columns // 4), columns, 2.0))
     rng = np.random.default_rng(columns)
     ahead = mesh[(mesh[:, :, 2] > 0.3).all(1)].astype(float)
     chosen = rng.integers(0, len(ahead), tracer.rays)
@@ -34,7 +34,7 @@ def edge_rays(tracer: TracerUnderTest, columns: int) -> Measurement:
 @sweep("valence", (4, 8, 64, 200))
 def vertex_rays(tracer: TracerUnderTest, valence: int) -> Measurement:
     """The pole of a sphere seen from within, of ever more triangles."""
-    mesh = np.float32(sphere(8, valence, 2.0))
+    mesh = single(sphere(8, valence, 2.0))
     count = max(50, 2 * tracer.rays // valence)  # the oracle settles each of these by integers
     lens = np.random.default_rng(valence).uniform(-0.1, 0.1, (count, 2))
     rays = rays_at(np.tile([0.0, 0.0, 2.0], (count, 1)), lens)
@@ -45,15 +45,15 @@ def vertex_rays(tracer: TracerUnderTest, valence: int) -> Measurement:
 def any_vertex_rays(tracer: TracerUnderTest, distance: float) -> Measurement:
     """All vertices of a closed mesh in all directions, ever farther from the origin."""
     centre = np.array([0.6, 0.64, 0.48]) * distance
-    mesh = np.float32(sphere(16, 32, 2.0, centre))
+    mesh = single(sphere(16, 32, 2.0, centre))
     corners = np.unique(mesh.reshape(-1, 3), axis=0).astype(float)
-    lens = np.float32(centre + np.random.default_rng(3).uniform(-0.2, 0.2, (4, 3)))
-    directions = np.float32(np.concatenate([corners - origin for origin in lens]))
+    lens = single(centre + np.random.default_rng(3).uniform(-0.2, 0.2, (4, 3)))
+    directions = single(np.concatenate([corners - origin for origin in lens]))
     rays = np.repeat(lens, len(corners), axis=0), directions
     return _leaks("vertex rays, any", tracer.any_closest, mesh, rays)
 
 
-def _leaks(case, closest, mesh, rays) -> Measurement:
+def _leaks(case: str, closest: ClosestHit, mesh: np.ndarray, rays: Rays) -> Measurement:
     hits = oracle_hits(mesh, rays)
     # The mesh is closed and holds the rays' origins: the oracle itself may not leak.
     if (hits.triangle < 0).any():
@@ -70,10 +70,10 @@ def lens_on_a_vertex(tracer: TracerUnderTest, views: int) -> Measurement:
     cell = size / 15
     corner = [edge[0] - cell, edge[0] - cell, CAMERA.focus_distance_m]
     side = size + 2 * cell
-    wall = np.float32(grid(17, 17, corner, [side, 0, 0], [0, side, 0]))
+    wall = single(grid(17, 17, corner, [side, 0, 0], [0, side, 0]))
     pixels = np.stack(np.meshgrid(np.arange(16), np.arange(16)), -1).reshape(-1, 2)
     pixels = pixels[:: max(1, views // 8)]
-    rays = [part.reshape(-1, 3) for part in slab_rays(slab, pixels)]
+    rays = one_by_one(slab_rays(slab, pixels))
     return measured(
         "lens on a vertex",
         0.0,

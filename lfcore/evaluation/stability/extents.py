@@ -24,10 +24,21 @@ from lfcore.evaluation.stability.hit_errors import (
     oracle_hits,
 )
 from lfcore.evaluation.stability.measurement import NO_ANSWER, Measurement, measured, sweep
-from lfcore.evaluation.stability.shapes import grid, random_rays, rays_at, soup, sphere
-from lfcore.evaluation.stability.tested_tracer import CAMERA, TracerUnderTest, check_kept
+from lfcore.evaluation.stability.shapes import (
+    Rays,
+    at_depth,
+    grid,
+    one_by_one,
+    random_rays,
+    rays_at,
+    single,
+    soup,
+    sphere,
+)
+from lfcore.evaluation.stability.tested_tracer import CAMERA, Found, TracerUnderTest, check_kept
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
+from lfcore.oracle.intersect import Hits
 from lfcore.scene.build import build_scene
 
 ALL_DIGITS = 2.0**24
@@ -48,11 +59,11 @@ def far_from_the_origin(tracer: TracerUnderTest, distance: float) -> Measurement
     centre = np.array([0.6, 0.64, 0.48]) * distance
     world = local * [1, -1, -1] + centre  # y is up, and the camera looks along -z
 
-    def by_naive():
-        rays = np.float32(origins + centre), np.float32(directions * [1, -1, -1])
-        return _or_lost(naive.moeller_trumbore(np.float32(world), *rays), hits)
+    def by_naive() -> float:
+        rays = single(origins + centre), single(directions * [1, -1, -1])
+        return _or_lost(naive.moeller_trumbore(single(world), *rays), hits)
 
-    def ours():
+    def ours() -> float:
         mesh = _from_file(world, centre)
         return _or_lost(tracer.closest(mesh, origins, directions), hits)
 
@@ -76,7 +87,7 @@ def _from_file(world: np.ndarray, centre: np.ndarray) -> np.ndarray:
         return build_scene(file).triangles
 
 
-def _or_lost(found, hits) -> float:
+def _or_lost(found: Found, hits: Hits) -> float:
     """The depth error; all digits are lost when more than 1% of the hits differ."""
     return ALL_DIGITS if mismatches(found, hits) > 0.01 else depth_error(found, hits)
 
@@ -84,7 +95,7 @@ def _or_lost(found, hits) -> float:
 @sweep("L / size", 10.0 ** np.arange(0, 8))
 def long_rays(tracer: TracerUnderTest, length: float) -> Iterator[Measurement]:
     """An object of 1 m at depth L.  The parameter is depth, so the bound is relative to L."""
-    mesh = np.float32(soup(300, 0.1, depth=0.0) * 0.2 + [0, 0, length])
+    mesh = single(soup(300, 0.1, depth=0.0) * 0.2 + [0, 0, length])
     rays = rays_at(mesh.mean(1, dtype=float), (0.01, -0.01))
     return lone_rays("long rays", tracer, mesh, rays)
 
@@ -96,7 +107,7 @@ def tiny_triangles(tracer: TracerUnderTest, size: float) -> Iterator[Measurement
     Naive: with the customary cut-off at a determinant of 1e-6.
     """
     half, side = -6 * size, 12 * size
-    mesh = np.float32(grid(12, 12, [half, half, 1.0], [side, 0, side], [0, side, 0]))
+    mesh = single(grid(12, 12, [half, half, 1.0], [side, 0, side], [0, side, 0]))
     rays = rays_at(mesh.mean(1, dtype=float), (0.01, -0.01))
     return lone_rays("tiny triangles", tracer, mesh, rays, epsilon=1e-6)
 
@@ -111,7 +122,7 @@ def large_triangles(tracer: TracerUnderTest, reach: float) -> Iterator[Measureme
     mesh = rng.uniform(-0.5, 0.5, (50, 3, 3)) + [0, 0, 1.5]
     away = rng.normal(0, 1, (50, 3))
     mesh[:, 2] += reach * away / np.linalg.norm(away, axis=1, keepdims=True)
-    return lone_rays("large triangles", tracer, np.float32(mesh), random_rays(tracer.rays, 0.4))
+    return lone_rays("large triangles", tracer, single(mesh), random_rays(tracer.rays, 0.4))
 
 
 SCALES = (20, 15, 13, 12, 9, 6, 3, -3, -6, -9, -10, -12, -15, -20, -30, -40)
@@ -129,21 +140,20 @@ def scaled_scene(tracer: TracerUnderTest, scale: float) -> Iterator[Measurement]
     size = np.abs(base).max()
     base, origins = base / size, origins / size
     limit = "coordinates" if scale > 1e12 else "small triangles" if scale < 1e-10 else ""
-    rays = np.float32(origins * scale), directions
-    return lone_rays("scaled scene", tracer, np.float32(base * scale), rays, limit=limit)
+    rays = single(origins * scale), directions
+    return lone_rays("scaled scene", tracer, single(base * scale), rays, limit=limit)
 
 
 @sweep("D / r", (1e1, 1e2, 1e3, 1e4, 1e5))
 def far_sphere(tracer: TracerUnderTest, distance: float) -> Measurement:
     """A sphere of 1 m at distance D; naive: the quadratic formula, error over 2^-24 D."""
     centre = (0.0, 0.0, distance)
-    mesh = np.float32(sphere(12, 24, 1.0, centre))
+    mesh = single(sphere(12, 24, 1.0, centre))
     targets = np.random.default_rng(1).uniform(-0.6, 0.6, (tracer.rays // 5, 2))
-    points = np.concatenate([targets, np.full((tracer.rays // 5, 1), distance)], 1)
-    rays = rays_at(points, (0.0, 0.0))
+    rays = rays_at(at_depth(targets, distance), (0.0, 0.0))
     hits = oracle_hits(mesh, rays)
 
-    def by_naive():
+    def by_naive() -> float:
         d = rays[1].astype(float)
         a, b, c = (d**2).sum(1), -2 * d[:, 2] * distance, distance**2 - 1.0
         # -b is positive: the stable root, c over the half sum, is the near one.
@@ -161,11 +171,17 @@ def far_sphere(tracer: TracerUnderTest, distance: float) -> Measurement:
 
 
 def lone_rays(
-    case: str, tracer: TracerUnderTest, mesh, rays, *, epsilon: float = 0.0, limit: str = ""
+    case: str,
+    tracer: TracerUnderTest,
+    mesh: np.ndarray,
+    rays: Rays,
+    *,
+    epsilon: float = 0.0,
+    limit: str = "",
 ) -> Iterator[Measurement]:
     """Triangle and depth; ``limit`` is the one beyond which the mesh lies."""
 
-    def find():
+    def find() -> Found:
         check_kept(mesh)
         return tracer.closest(mesh, *rays)
 
@@ -185,7 +201,7 @@ def lens_samples(tracer: TracerUnderTest, views: int) -> Iterator[Measurement]:
     return _blocks("blocks: lens samples", tracer, Slab(CAMERA, views, 64), 1e-2)
 
 
-def _blocks(case, tracer, slab, size) -> Iterator[Measurement]:
+def _blocks(case: str, tracer: TracerUnderTest, slab: Slab, size: float) -> Iterator[Measurement]:
     """Blocks of a slab's rays at once: an arithmetic that the lone rays of others do not use.
 
     A triangle is set up once for 16 x 16 rays, relative to their middle ray; the errors must be
@@ -193,10 +209,10 @@ def _blocks(case, tracer, slab, size) -> Iterator[Measurement]:
     """
     rng = np.random.default_rng(21)
     pixels = np.unique(rng.integers(0, slab.pixels, (BLOCK_PIXELS, 2)), axis=0)
-    rays = [part.reshape(-1, 3) for part in macropixels(slab, pixels).rays()]
+    rays = one_by_one(macropixels(slab, pixels).rays())
     aimed = rng.integers(0, len(rays[0]), 600)
     centres = rays[0][aimed] + rng.uniform(1, 3, (600, 1)) * rays[1][aimed]
-    mesh = np.float32(centres[:, None] + rng.normal(0, size, (600, 3, 3)))
+    mesh = single(centres[:, None] + rng.normal(0, size, (600, 3, 3)))
     find = functools.partial(tracer.slab_hits, mesh, slab, pixels)
     naive_found = naive.moeller_trumbore(mesh, *rays)
     return choice_and_depth(case, oracle_hits(mesh, rays), naive_found, find)

@@ -10,30 +10,31 @@ import numpy as np
 
 from lfcore.evaluation.stability import naive
 from lfcore.evaluation.stability.measurement import NO_ANSWER, Measurement, measured
-from lfcore.evaluation.stability.tested_tracer import ClosestHit
+from lfcore.evaluation.stability.shapes import Rays, single
+from lfcore.evaluation.stability.tested_tracer import ClosestHit, Found
 from lfcore.oracle.crossings import ULP
 from lfcore.oracle.intersect import Hits, closest_hits
 
 
-def oracle_hits(triangles, rays) -> Hits:
+def oracle_hits(triangles: np.ndarray, rays: Rays) -> Hits:
     """The oracle's hits of the same float32 numbers."""
-    return closest_hits(np.float32(triangles), *rays)
+    return closest_hits(single(triangles), *rays)
 
 
-def leaks(found, hits: Hits) -> float:
+def leaks(found: Found, hits: Hits) -> float:
     """Share of the rays that miss although the oracle hits."""
     ids = np.asarray(found[0]).ravel()
     return float(((ids < 0) & (hits.triangle >= 0)).mean())
 
 
-def mismatches(found, hits: Hits, ulp: float = 16.0) -> float:
+def mismatches(found: Found, hits: Hits, ulp: float = 16.0) -> float:
     """Share of the rays that name another triangle, of those ``ulp`` from any edge or tie."""
     ids = np.asarray(found[0]).ravel()
     clear = hits.clear(ulp)
     return float((ids != hits.triangle)[clear].mean()) if clear.any() else 0.0
 
 
-def depth_error(found, hits: Hits) -> float:
+def depth_error(found: Found, hits: Hits) -> float:
     """Largest error of t where the triangle is right: units of 2^-24 t, over the condition
     number 1 / sin of the incidence.  Infinite if any such t is not finite."""
     ids, t = (np.asarray(part).ravel() for part in found)
@@ -54,8 +55,8 @@ def compared(
     case: str,
     closest: ClosestHit,
     mesh: np.ndarray,
-    rays: tuple[np.ndarray, np.ndarray],
-    error: Callable[[tuple], float],
+    rays: Rays,
+    error: Callable[[Found], float],
     *,
     condition: float = math.nan,
 ) -> Measurement:
@@ -73,17 +74,21 @@ def compared(
 
 
 def choice_and_depth(
-    case: str, hits: Hits, naive_found: tuple, find: Callable[[], tuple], *, limit: str = ""
+    case: str, hits: Hits, naive_found: Found, find: Callable[[], Found], *, limit: str = ""
 ) -> Iterator[Measurement]:
     """Two measurements of one set of hits: the share of wrong triangles, none admitted, and the
     depth.  ``find()`` gives lfcore's hits, once for both."""
     once = functools.cache(find)
-    for suffix, error, bound in ((" (triangle)", mismatches, 0.0), (" (depth)", depth_error, 16)):
-        yield measured(
-            case + suffix,
+
+    def of(what: str, bound: float, error: Callable[[Found, Hits], float]) -> Measurement:
+        return measured(
+            f"{case} ({what})",
             bound,
-            functools.partial(error, naive_found, hits),
-            lambda error=error: error(once(), hits),
+            lambda: error(naive_found, hits),
+            lambda: error(once(), hits),
             limit=limit,
             condition=condition_of_depth(hits),
         )
+
+    yield of("triangle", 0, mismatches)
+    yield of("depth", 16, depth_error)

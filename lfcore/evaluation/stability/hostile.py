@@ -15,8 +15,8 @@ import numpy as np
 from lfcore.evaluation.stability import naive
 from lfcore.evaluation.stability.hit_errors import compared, mismatches, oracle_hits
 from lfcore.evaluation.stability.measurement import Measurement, measured, sweep
-from lfcore.evaluation.stability.shapes import random_rays, soup
-from lfcore.evaluation.stability.tested_tracer import TracerUnderTest, kept
+from lfcore.evaluation.stability.shapes import random_rays, single, soup
+from lfcore.evaluation.stability.tested_tracer import ClosestHit, TracerUnderTest, kept
 from lfcore.evaluation.timing import measure
 
 PATTERNS = (np.nan, np.inf, -np.inf, 3e38, 1e-45)
@@ -25,14 +25,14 @@ PATTERNS = (np.nan, np.inf, -np.inf, 3e38, 1e-45)
 @sweep("pattern", range(len(PATTERNS)))
 def invalid_rays(tracer: TracerUnderTest, number: int) -> Measurement:
     """Every second ray is spoilt in one coordinate; the others must not notice."""
-    mesh = np.float32(soup(500, 0.1))
+    mesh = single(soup(500, 0.1))
     rays = random_rays(1000, 0.4)
     origins, directions = rays[0].copy(), rays[1].copy()
     origins[0::4, number % 2] = PATTERNS[number]
     directions[2::4, number % 2] = PATTERNS[number]
     must_miss = ~(np.isfinite(origins).all(1) & np.isfinite(directions).all(1))
 
-    def changed(closest) -> float:
+    def changed(closest: ClosestHit) -> float:
         clean, found = closest(mesh, *rays), closest(mesh, origins, directions)
         same = (found[0] == clean[0]) & ((found[1] == clean[1]) | (clean[0] < 0))
         wrong = ~same[1::2].all() + (found[0][must_miss] >= 0).mean() if must_miss.any() else 0.0
@@ -52,12 +52,12 @@ def invalid_rays_time(tracer: TracerUnderTest, number: int) -> Measurement:
 
     Seconds of the processor, and the least of several: other processes take none of these.
     """
-    mesh = np.float32(soup(500, 0.1))
+    mesh = single(soup(500, 0.1))
     rays = random_rays(4000, 0.4)
     spoilt = rays[0].copy(), rays[1].copy()
     spoilt[1][:, 0] = PATTERNS[number]
 
-    def ratio(closest) -> float:
+    def ratio(closest: ClosestHit) -> float:
         sound, bad = (
             measure(functools.partial(closest, mesh, *some), clock=time.process_time)
             for some in (rays, spoilt)
@@ -79,7 +79,7 @@ def invalid_triangles(tracer: TracerUnderTest, number: int) -> Measurement:
     Error: share of the rays that name another triangle than the oracle does among those that a
     scene's loader keeps; a denormal coordinate makes a sound triangle.
     """
-    mesh = np.float32(soup(300, 0.1))
+    mesh = single(soup(300, 0.1))
     rays = random_rays(1000, 0.4)
     rng = np.random.default_rng((14, number))
     if number < len(PATTERNS):

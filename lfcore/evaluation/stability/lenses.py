@@ -98,14 +98,14 @@ def refocus_shifts(tracer: TracerUnderTest, change: float) -> Measurement:
     pitch = Fraction(slab.pixel_pitch)
     exact = [float(Fraction(s) * difference / pitch) for s in slab.lens_positions().tolist()]
 
-    def by_naive():
+    def by_naive() -> float:
         alpha = np.float32(focus) / np.float32(CAMERA.focus_distance_m)
         factor = np.float32(CAMERA.delta) * (np.float32(1) / alpha - np.float32(1))
         step = np.float32(slab.lens_pitch_m / slab.pixel_pitch) * factor
         x = np.cumsum(np.full(512, step, np.float32), dtype=np.float32)
         return np.abs(x - step * np.float32(256.5) - exact).max()
 
-    def ours():
+    def ours() -> float:
         return np.abs(SensorPlane(focus, 2.0).shifts(slab) - exact).max()
 
     return measured("refocus shifts", 1e-3, by_naive, ours)
@@ -125,12 +125,12 @@ def beyond_the_slab(tracer: TracerUnderTest, share: float) -> Measurement:
     exact = _samples_within(64 * Fraction(share)) or 4
     number = math.inf if share == 0 else CAMERA.f_number / share
 
-    def by_naive():
+    def by_naive() -> float:
         s = (odd / np.float32(64)).astype(np.float32)
         inside = (s[:, None] ** 2 + s[None, :] ** 2 <= np.float32(share) ** 2).sum()
         return abs(int(inside) - exact)
 
-    def ours():
+    def ours() -> float:
         plane = SensorPlane(CAMERA.focus_distance_m, number)
         plane.check(slab)
         return abs(int(plane.mask(slab).sum()) - exact)
@@ -155,22 +155,21 @@ def accumulation(tracer: TracerUnderTest, views: int) -> Iterator[Measurement]:
     """
     slab, scene = Slab(CAMERA, views, 2), bare_scene(np.zeros((0, 3, 3)), background=COLOUR)
 
-    def by_naive():
+    def by_naive() -> float:
         repeated = np.full((views**2, 3), COLOUR, np.float32)
         means = np.cumsum(repeated, axis=0, dtype=np.float32)[-1] / np.float32(views**2)
         return 255 * np.abs(means.astype(float) - COLOUR).max()
 
-    for suffix, focus in (("", CAMERA.focus_distance_m), (" refocused", 0.5)):
-        plane = SensorPlane(focus, CAMERA.f_number, "square")
+    def ours(focus: float) -> float:
+        picture = tracer.picture(scene, slab, SensorPlane(focus, CAMERA.f_number, "square"))
+        # Pixels of the small picture that no ray reaches are black by definition.
+        reached = picture.any(-1)
+        assert reached.any()
+        return 255 * np.abs(picture[reached] - np.array(COLOUR)).max()
 
-        def ours(plane=plane):
-            picture = tracer.picture(scene, slab, plane)
-            # Pixels of the small picture that no ray reaches are black by definition.
-            reached = picture.any(-1)
-            assert reached.any()
-            return 255 * np.abs(picture[reached] - np.array(COLOUR)).max()
-
-        yield measured(f"accumulation{suffix}", 1 / 1024, by_naive, ours)
+    in_focus, bound = CAMERA.focus_distance_m, 1 / 1024
+    yield measured("accumulation", bound, by_naive, lambda: ours(in_focus))
+    yield measured("accumulation refocused", bound, by_naive, lambda: ours(0.5))
 
 
 CASES = (

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import SupportsFloat
 
 import numpy as np
 
@@ -99,8 +100,8 @@ def sweep(parameter: str, values: Iterable[float]) -> Callable[[Callable], Case]
 def measured(
     case: str,
     bound: float,
-    naive: Callable[[], float],
-    ours: Callable[[], float],
+    naive: Callable[[], SupportsFloat],
+    ours: Callable[[], SupportsFloat],
     *,
     limit: str = "",
     condition: float = math.nan,
@@ -109,14 +110,15 @@ def measured(
 
     Any other error, such as a device's or a file's, is no refusal and passes through.
     """
-    known = {"limit": limit, "condition": float(condition)}
     with np.errstate(all="ignore"):
         naive_error, error, said = float(naive()), math.nan, ""
         try:
             error = float(ours())
         except (SceneError, OpticsError) as refusal:
             said = str(refusal)
-    return Measurement(case, "", math.nan, naive_error, error, float(bound), said=said, **known)
+    return Measurement(
+        case, "", math.nan, naive_error, error, float(bound), limit, said, float(condition)
+    )
 
 
 def check_passed(measurements: Iterable[Measurement]) -> None:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 F = np.float32
+Vectors = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""By coordinate."""
 
 
 def moeller_trumbore(
@@ -42,7 +45,7 @@ def moeller_trumbore(
     return number, best
 
 
-def _cross(a, b):
+def _cross(a: Vectors | np.ndarray, b: Vectors | np.ndarray) -> Vectors:
     return (
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
@@ -50,11 +53,13 @@ def _cross(a, b):
     )
 
 
-def _dot(a, b):
+def _dot(a: Vectors | np.ndarray, b: Vectors | np.ndarray) -> np.ndarray:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def slab_test(lo: np.ndarray, hi: np.ndarray, origins: np.ndarray, directions: np.ndarray):
+def slab_test(
+    lo: np.ndarray, hi: np.ndarray, origins: np.ndarray, directions: np.ndarray
+) -> np.ndarray:
     """(R,) bool: whether rays meet the boxes (R, 3), by reciprocals and without any margin.
 
     T. L. Kay, J. T. Kajiya, "Ray tracing complex scenes", 1986.
@@ -67,7 +72,9 @@ def slab_test(lo: np.ndarray, hi: np.ndarray, origins: np.ndarray, directions: n
         return (enter <= leave) & (leave >= 0)
 
 
-def sphere(centre, radius: float, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+def sphere(
+    centre: ArrayLike, radius: float, origins: np.ndarray, directions: np.ndarray
+) -> np.ndarray:
     """(R,) float32 distance to a sphere by the quadratic formula; NaN for a miss."""
     with np.errstate(all="ignore"):
         offset = np.asarray(origins, F) - np.asarray(centre, F)
@@ -78,10 +85,10 @@ def sphere(centre, radius: float, origins: np.ndarray, directions: np.ndarray) -
         return (-b - np.sqrt(b * b - F(4) * a * c)) / (F(2) * a)
 
 
-def image_distance(focal_length_m: np.ndarray, distance_m: np.ndarray) -> np.ndarray:
-    """float32 ``1 / (1/f - 1/u)``."""
+def image_distance(focal_length_m: float, distance_m: float) -> float:
+    """``1 / (1/f - 1/u)`` in float32."""
     with np.errstate(all="ignore"):
-        return F(1) / (F(1) / F(focal_length_m) - F(1) / F(distance_m))
+        return float(F(1) / (F(1) / F(focal_length_m) - F(1) / F(distance_m)))
 
 
 def lens_directions(lens: np.ndarray, tangents: np.ndarray, focus_m: float) -> np.ndarray:

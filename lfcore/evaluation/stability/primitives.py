@@ -15,8 +15,9 @@ from lfcore.evaluation.stability import naive
 from lfcore.evaluation.stability.extents import lone_rays
 from lfcore.evaluation.stability.hit_errors import compared, leaks, oracle_hits
 from lfcore.evaluation.stability.measurement import Measurement, measured, sweep
-from lfcore.evaluation.stability.shapes import grid, rays_at
-from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
+from lfcore.evaluation.stability.shapes import Rays, at_depth, grid, rays_at, single
+from lfcore.evaluation.stability.tested_tracer import Found, TracerUnderTest
+from lfcore.oracle.intersect import Hits
 
 
 @sweep("aspect", 10.0 ** np.arange(0, 9))
@@ -28,7 +29,7 @@ def needles(tracer: TracerUnderTest, aspect: float) -> Iterator[Measurement]:
     aside = np.cross(along, rng.normal(0, 1, (300, 3)))
     aside /= np.linalg.norm(aside, axis=1, keepdims=True) * aspect
     p = rng.uniform(-1, 1, (300, 3)) + [0, 0, 4]
-    mesh = np.float32(np.stack([p, p + along, p + aside], 1))
+    mesh = single(np.stack([p, p + along, p + aside], 1))
     return lone_rays("needles", tracer, mesh, rays_at(mesh.mean(1, dtype=float), (0.01, -0.02)))
 
 
@@ -36,21 +37,21 @@ def needles(tracer: TracerUnderTest, aspect: float) -> Iterator[Measurement]:
 def grazing(tracer: TracerUnderTest, theta: float) -> Iterator[Measurement]:
     """A plane through the axis at 3 m, tilted against the rays by theta."""
     slope = np.array([0.0, np.tan(theta), 1.0])
-    mesh = np.float32(grid(4, 4, [-1, -theta, 2], [2, 0, 0], 2 * slope))
+    mesh = single(grid(4, 4, [-1, -theta, 2], [2, 0, 0], 2 * slope))
     u, v = np.random.default_rng(9).uniform(0.1, 0.9, (2, 1000, 1))
     points = np.array([-1, -theta, 2.0]) + 2 * u * [1, 0, 0] + 2 * v * slope
     rays = rays_at(points, (0.0, 0.0))
     rays[1][:, 1] = 0  # along the axis in y: the plane is met at theta
-    rays[0][:, 1] = np.float32(points[:, 1])
+    rays[0][:, 1] = single(points[:, 1])
     return lone_rays("grazing", tracer, mesh, rays)
 
 
 @sweep("origin on face", (0, 1))
 def axes(tracer: TracerUnderTest, on_face: int) -> Measurement:
     """Rays with directions of 0, -0 and +-1 whose origins lie on the faces of a cube's box."""
-    mesh = np.float32(_cube() + [0, 0, 3])
-    slopes = np.float32([-1, -0.0, 0.0, 1]) * np.float32(0.25)
-    starts = np.float32([-1, 0, 1] if on_face else [-0.7, 0.1, 0.6])
+    mesh = single(_cube() + [0, 0, 3])
+    slopes = single([-1, -0.0, 0.0, 1]) * np.float32(0.25)
+    starts = single([-1, 0, 1] if on_face else [-0.7, 0.1, 0.6])
     x, y, dx, dy = (a.ravel() for a in np.meshgrid(starts, starts, slopes, slopes))
     zeros = np.zeros_like(x)
     rays = np.stack([x, y, zeros], 1), np.stack([dx, dy, zeros + 1], 1)
@@ -63,7 +64,7 @@ def axes(tracer: TracerUnderTest, on_face: int) -> Measurement:
     )
 
 
-def _lost_by_the_box(mesh, rays, hits) -> float:
+def _lost_by_the_box(mesh: np.ndarray, rays: Rays, hits: Hits) -> float:
     lo, hi = mesh.min((0, 1)), mesh.max((0, 1))
     return ((hits.triangle >= 0) & ~naive.slab_test(lo, hi, *rays)).mean()
 
@@ -71,12 +72,12 @@ def _lost_by_the_box(mesh, rays, hits) -> float:
 @sweep("|c| m", (0.0, 1e2, 1e4, 1e6))
 def any_axes(tracer: TracerUnderTest, distance: float) -> Measurement:
     """All 26 directions of 0, -0 and +-1 from within a cube far off, on its inner planes."""
-    steps = np.float32([-1, -0.0, 0.0, 1])
+    steps = single([-1, -0.0, 0.0, 1])
     directions = np.stack(np.meshgrid(steps, steps, steps), -1).reshape(-1, 3)
     directions = directions[directions.any(1)]
-    centre = np.float32([distance, -distance, 0.5 * distance])
-    mesh = np.float32(_cube() + centre.astype(float))
-    starts = np.float32([[0, 0, 0], [0.5, 0, -0.5], [0.25, 0.25, 0.5]]) + centre
+    centre = single([distance, -distance, 0.5 * distance])
+    mesh = single(_cube() + centre.astype(float))
+    starts = single([[0.0, 0, 0], [0.5, 0, -0.5], [0.25, 0.25, 0.5]]) + centre
     rays = np.repeat(starts, len(directions), 0), np.tile(directions, (len(starts), 1))
     error = functools.partial(leaks, hits=oracle_hits(mesh, rays))
     return compared("axis directions, any", tracer.any_closest, mesh, rays, error)
@@ -102,11 +103,11 @@ def flat_boxes(tracer: TracerUnderTest, flat: int) -> Measurement:
     rng = np.random.default_rng(11)
     lost, lost_by_naive = [], []
     for _ in range(12):
-        triangle = np.float32(rng.uniform(-1, 1, (1, 3, 3)) + [0, 0, 3])
+        triangle = single(rng.uniform(-1, 1, (1, 3, 3)) + [0, 0, 3])
         if flat >= 1:
             triangle[..., 2] = triangle[0, 0, 2]
         if flat == 2:  # as flat as an area allows
-            triangle[..., 1] = triangle[0, 0, 1] + np.float32([0, 1e-6, 2e-6])
+            triangle[..., 1] = triangle[0, 0, 1] + single([0, 1e-6, 2e-6])
         corners = np.repeat(triangle[0].astype(float), 100, axis=0)
         rays = rays_at(corners, rng.uniform(-0.3, 0.3, (300, 2)))
         hits = oracle_hits(triangle, rays)
@@ -117,15 +118,25 @@ def flat_boxes(tracer: TracerUnderTest, flat: int) -> Measurement:
     return measured("flat boxes", 0.0, lambda: np.mean(lost_by_naive), lambda: np.max(lost))
 
 
+def _corner(depth: float) -> np.ndarray:
+    """(3, 3) float32: a right angle on the axis, at right angles to it."""
+    return single([[0, 0, depth], [1, 0, depth], [0, 1, depth]])
+
+
+def _through_a_corner(seed: int) -> Rays:
+    """500 rays into such a triangle at 2 m."""
+    points = np.random.default_rng(seed).uniform(0.05, 0.3, (500, 2))
+    return rays_at(at_depth(points, 2.0), (0.01, 0.0))
+
+
 @sweep("copies", (2, 16, 17, 256, 1024))
 def coplanar(tracer: TracerUnderTest, copies: int) -> Measurement:
     """Copies of one triangle, in an order of its own each: the lowest number must win.
 
     Naive: the first in the order that a tree happens to visit, here the last.
     """
-    points = np.random.default_rng(15).uniform(0.05, 0.3, (500, 2))
-    rays = rays_at(np.concatenate([points, np.full((500, 1), 2.0)], 1), (0.01, 0.0))
-    mesh = np.tile(np.float32([[[0, 0, 2], [1, 0, 2], [0, 1, 2]]]), (copies, 1, 1))
+    rays = _through_a_corner(15)
+    mesh = np.tile(_corner(2.0), (copies, 1, 1))
     return measured(
         "coplanar copies",
         0.0,
@@ -141,14 +152,12 @@ def nearly_coplanar(tracer: TracerUnderTest, ulp: int) -> Measurement:
     Error: share of the rays that name the other one, of those that the bound on depth, 16 ulp over
     the condition number, leaves no choice; below that, of rays whose answer is neither.
     """
-    points = np.random.default_rng(16).uniform(0.05, 0.3, (500, 2))
-    rays = rays_at(np.concatenate([points, np.full((500, 1), 2.0)], 1), (0.01, 0.0))
-    depth = np.float32(2 + ulp * 2.0**-22)  # an ulp is 2^-23 of numbers from 1 to 2
-    back = np.float32([[0, 0, depth], [1, 0, depth], [0, 1, depth]])
-    mesh = np.stack([back, np.float32([[0, 0, 2], [1, 0, 2], [0, 1, 2]])])
+    rays = _through_a_corner(16)
+    # An ulp is 2^-23 of numbers from 1 to 2.
+    mesh = np.stack([_corner(2 + ulp * 2.0**-22), _corner(2.0)])
     hits = oracle_hits(mesh, rays)
 
-    def wrong(found):
+    def wrong(found: Found) -> float:
         ids = np.asarray(found[0])
         return ((ids != hits.triangle) & (hits.clear() | (ids < 0))).mean()
 
@@ -163,7 +172,7 @@ def no_area(tracer: TracerUnderTest, share: float) -> Measurement:
     Error: share of the rays that name one of them or whose answer they change.
     """
     rng = np.random.default_rng(17)
-    base = np.float32(rng.uniform(-1, 1, (200, 1, 3)) + [0, 0, 3] + rng.normal(0, 0.1, (200, 3, 3)))
+    base = single(rng.uniform(-1, 1, (200, 1, 3)) + [0, 0, 3] + rng.normal(0, 0.1, (200, 3, 3)))
     count = round(200 * share / (1 - share))
     # Multiples of 2^-12, so that collinear corners are exactly so.
     flat = np.round(base[rng.integers(0, 200, count)] * 4096) / 4096
@@ -173,7 +182,7 @@ def no_area(tracer: TracerUnderTest, share: float) -> Measurement:
     rays = rays_at(flat.mean(1, dtype=float), (0.01, -0.01))
     hits = oracle_hits(base, rays)
 
-    def wrong(found):
+    def wrong(found: Found) -> float:
         ids, t = map(np.asarray, found)
         return ((ids >= 200) | ((ids != hits.triangle) & hits.clear()) | np.isnan(t)).mean()
 

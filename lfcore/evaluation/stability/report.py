@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
@@ -100,7 +101,7 @@ def heat_map(path: str | Path, table: pd.DataFrame) -> None:
     save_figure(path, figure)
 
 
-def _marks(axis, number: int, rows: pd.DataFrame, column: str) -> None:
+def _marks(axis: Axes, number: int, rows: pd.DataFrame, column: str) -> None:
     signs = {"refused": "r", "fail": "×"}
     for step, name in enumerate(rows.verdict):
         if column == "error" and name in signs:
@@ -124,15 +125,15 @@ def error_growth(path: str | Path, table: pd.DataFrame, cases: Iterable[str] | N
 
 def _growing(table: pd.DataFrame) -> list[str]:
     """Cases with a sweep of at least four values whose naive error grows most."""
-    found = {}
+    found: dict[str, float] = {}
     for case, rows in table.groupby("case", sort=False):
         naive = rows.naive_error[np.isfinite(rows.naive_error) & (rows.naive_error > 0)]
         if len(naive) >= 3 and rows.value.nunique() >= 4 and (rows.value > 0).sum() >= 4:
-            found[case] = math.log10(naive.max() / naive.min())
-    return sorted(found, key=found.get, reverse=True)[:8]
+            found[str(case)] = math.log10(naive.max() / naive.min())
+    return sorted(found, key=found.__getitem__, reverse=True)[:8]
 
 
-def _growth(axis, rows: pd.DataFrame, case: str) -> None:
+def _growth(axis: Axes, rows: pd.DataFrame, case: str) -> None:
     rows = rows[(rows.value > 0) & np.isfinite(rows.value)].sort_values("value")
     shown = np.concatenate([rows.naive_error, rows.error, rows.bound])
     shown = shown[np.isfinite(shown) & (shown > 0)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from lfcore.evaluation.stability import naive
 from lfcore.evaluation.stability.measurement import Measurement, measured, sweep
-from lfcore.evaluation.stability.shapes import grid, sphere
+from lfcore.evaluation.stability.shapes import Rays, grid, one_by_one, single, sphere
 from lfcore.evaluation.stability.tested_tracer import TracerUnderTest, bare_scene
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
@@ -24,7 +24,7 @@ WHITE = [Material("white", diffuse=(1.0, 1.0, 1.0))]
 @sweep("scale", [10.0**exponent for exponent in range(-4, 5)])
 def self_shadow(tracer: TracerUnderTest, scale: float) -> Measurement:
     """A sphere, lit from beside the camera, of ever other size: convex, so no part is shaded."""
-    mesh = np.float32(sphere(12, 24, 0.5, (0, 0, 2.0)) * scale)
+    mesh = single(sphere(12, 24, 0.5, (0, 0, 2.0)) * scale)
     light = Light(POINT, (-1.0 * scale, -1.5 * scale, 0.0), (1.0, 1.0, 1.0))
     return _shaded("self-shadow", tracer, mesh, light, 0.6, 1e-4, stop=max(1, 1 / scale))
 
@@ -32,7 +32,7 @@ def self_shadow(tracer: TracerUnderTest, scale: float) -> Measurement:
 @sweep("D m", (1e1, 1e2, 1e3, 1e4))
 def far_self_shadow(tracer: TracerUnderTest, distance: float) -> Measurement:
     """A sphere of 1 m ever farther from the camera, whose hit points are rounded ever more."""
-    mesh = np.float32(sphere(12, 24, 0.5, (0, 0, distance)))
+    mesh = single(sphere(12, 24, 0.5, (0, 0, distance)))
     light = Light(POINT, (-1.0, -1.5, distance - 2.0), (1.0, 1.0, 1.0))
     return _shaded("self-shadow, far", tracer, mesh, light, 1.2 / distance, 1e-4, stop=1e4)
 
@@ -55,18 +55,28 @@ def thin_gap_far(tracer: TracerUnderTest, distance: float) -> Measurement:
     return _gap("thin gap, far", tracer, distance, float(np.spacing(np.float32(distance))) * 32)
 
 
-def _gap(case, tracer, distance: float, gap: float) -> Measurement:
+def _gap(case: str, tracer: TracerUnderTest, distance: float, gap: float) -> Measurement:
     towards = np.array([-SLANT, 0, -1]) / np.hypot(SLANT, 1)
     light = Light(DIRECTIONAL, tuple(towards.tolist()), (SLANT,) * 3)
     size = 20 * distance
     wall = grid(1, 1, [-size, -size, distance], [2 * size, 0, 0], [0, 2 * size, 0])
     plate = grid(1, 1, [-size / 2, -size / 2, distance - gap], [size / 2, 0, 0], [0, size, 0])
-    mesh = np.float32(np.concatenate([wall, plate]))
+    mesh = single(np.concatenate([wall, plate]))
     field, kappa = 8 * SLANT * gap / distance, distance / gap
     return _shaded(case, tracer, mesh, light, field, 1e-3, condition=kappa)
 
 
-def _shaded(case, tracer, mesh, light, field, offset, *, stop=1.0, condition=1.0) -> Measurement:
+def _shaded(
+    case: str,
+    tracer: TracerUnderTest,
+    mesh: np.ndarray,
+    light: Light,
+    field: float,
+    offset: float,
+    *,
+    stop: float = 1.0,
+    condition: float = 1.0,
+) -> Measurement:
     """``stop`` times f/2 keeps the lens small beside a small scene."""
     camera = Camera(0.05, 0.05 * field, 2.0 * stop, float("inf"))
     slab = Slab(camera, 1, PIXELS)
@@ -83,21 +93,21 @@ def _shaded(case, tracer, mesh, light, field, offset, *, stop=1.0, condition=1.0
     expected = trace(scene, slab, pixels)[:, 0, 0, 0]
     clear &= (expected > 0.05) | (expected == 0)
 
-    def wrong(found):
+    def wrong(found: np.ndarray) -> float:
         return ((found > 0.5 * expected) != (expected > 0))[clear].mean()
 
-    def by_naive():
-        rays = [part.reshape(-1, 3) for part in slab_rays(slab, pixels)]
+    def by_naive() -> float:
+        rays = one_by_one(slab_rays(slab, pixels))
         return wrong(_naive_picture(mesh, light, rays, np.float32(offset)))
 
-    def ours():
+    def ours() -> float:
         plane = SensorPlane(float("inf"), camera.f_number, "square")
         return wrong(tracer.picture(scene, slab, plane)[..., 0].ravel())
 
     return measured(case, 0.0, by_naive, ours, condition=condition)
 
 
-def _naive_picture(mesh, light, rays, offset) -> np.ndarray:
+def _naive_picture(mesh: np.ndarray, light: Light, rays: Rays, offset: np.float32) -> np.ndarray:
     """(R,) float32: cosine law with a shadow ray from the hit point moved ``offset`` along N."""
     number, t = naive.moeller_trumbore(mesh, *rays)
     hit = np.flatnonzero(number >= 0)
@@ -107,7 +117,7 @@ def _naive_picture(mesh, light, rays, offset) -> np.ndarray:
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     normal *= -np.sign((normal * rays[1][hit]).sum(1, keepdims=True))
     point = rays[0][hit] + t[hit, None] * rays[1][hit]
-    towards = np.tile(np.float32(light.vector), (len(hit), 1))
+    towards = np.tile(single(light.vector), (len(hit), 1))
     if light.kind == POINT:
         towards -= point
     cosine = (normal * towards).sum(1) / np.linalg.norm(towards, axis=1)

@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+Rays = tuple[np.ndarray, np.ndarray]
+"""Origins and directions, (R, 3) each."""
 
 
-def grid(columns: int, rows: int, corner, across, down) -> np.ndarray:
+def single(values: ArrayLike) -> np.ndarray:
+    """A copy in float32."""
+    return np.array(values, np.float32)
+
+
+def grid(
+    columns: int, rows: int, corner: ArrayLike, across: ArrayLike, down: ArrayLike
+) -> np.ndarray:
     """(2 columns rows, 3, 3) float64: the parallelogram at ``corner`` in triangles."""
     u = np.linspace(0, 1, columns + 1)[None, :, None]
     v = np.linspace(0, 1, rows + 1)[:, None, None]
@@ -15,7 +26,9 @@ def grid(columns: int, rows: int, corner, across, down) -> np.ndarray:
     return np.concatenate([half.reshape(-1, 3, 3) for half in halves])
 
 
-def sphere(rows: int, columns: int, radius: float = 1.0, centre=(0.0, 0.0, 0.0)) -> np.ndarray:
+def sphere(
+    rows: int, columns: int, radius: float = 1.0, centre: ArrayLike = (0.0, 0.0, 0.0)
+) -> np.ndarray:
     """(T, 3, 3) float64: closed, the poles of valence ``columns`` on the z axis.
 
     Corners that are shared are equal to the last bit, also once rounded.
@@ -32,21 +45,28 @@ def sphere(rows: int, columns: int, radius: float = 1.0, centre=(0.0, 0.0, 0.0))
     return np.concatenate([lower.reshape(-1, 3, 3), upper.reshape(-1, 3, 3)])
 
 
-def rays_at(points: np.ndarray, origins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def rays_at(points: np.ndarray, origins: ArrayLike) -> Rays:
     """Rays from (s, t, 0), ``origins`` (2,) or (R, 2), towards ``points`` (R, 3), z > 0."""
     origins = np.broadcast_to(np.asarray(origins, np.float32), (len(points), 2))
     slope = (points[:, :2] - origins.astype(float)) / points[:, 2:]
-    zeros, ones = np.zeros((len(points), 1)), np.ones((len(points), 1))
-    return (
-        np.concatenate([origins, zeros], 1).astype(np.float32),
-        np.concatenate([slope, ones], 1).astype(np.float32),
-    )
+    return at_depth(origins, 0.0).astype(np.float32), at_depth(slope, 1.0).astype(np.float32)
 
 
-def random_rays(count: int, spread: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def at_depth(points: np.ndarray, z: float) -> np.ndarray:
+    """(R, 3) float64: points (R, 2) at depth ``z``."""
+    return np.concatenate([points, np.full((len(points), 1), z)], 1)
+
+
+def one_by_one(rays: Rays) -> Rays:
+    """Rays of any arrangement (..., 3) as rows."""
+    origins, directions = (part.reshape(-1, 3) for part in rays)
+    return origins, directions
+
+
+def random_rays(count: int, spread: float, seed: int = 0) -> Rays:
     """Rays from a lens of 25 mm over tangents within ``spread``."""
     rng = np.random.default_rng(seed)
-    targets = np.concatenate([rng.uniform(-spread, spread, (count, 2)), np.ones((count, 1))], 1)
+    targets = at_depth(rng.uniform(-spread, spread, (count, 2)), 1.0)
     return rays_at(targets, rng.uniform(-0.0125, 0.0125, (count, 2)))
 
 

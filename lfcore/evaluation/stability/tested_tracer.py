@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lfcore.errors import SceneError
 from lfcore.opencl.device import Device, open_device
@@ -22,8 +24,10 @@ from lfcore.tracing.tracer import Tracer
 
 CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=2.0, focus_distance_m=2.0)
 
-ClosestHit = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-SlabHits = Callable[[np.ndarray, Slab, np.ndarray], tuple[np.ndarray, np.ndarray]]
+Found = tuple[np.ndarray, np.ndarray]
+"""Triangle (-1 for a miss) and t or depth of each ray."""
+ClosestHit = Callable[[np.ndarray, np.ndarray, np.ndarray], Found]
+SlabHits = Callable[[np.ndarray, Slab, np.ndarray], Found]
 Picture = Callable[[Scene, Slab, SensorPlane], np.ndarray]
 
 
@@ -48,10 +52,10 @@ class TracerUnderTest:
     rays: int = 1500
 
 
-def bare_scene(triangles: np.ndarray, **changes) -> Scene:
+def bare_scene(triangles: ArrayLike, **changes: Any) -> Scene:
     """Grey triangles without lights; ``changes`` are fields of :class:`Scene`."""
     triangles = np.asarray(triangles, np.float32)
-    values = {
+    values: dict[str, Any] = {
         "name": "stability",
         "camera": CAMERA,
         "triangles": triangles,
@@ -93,24 +97,22 @@ def tracer_under_test(
     def tracer(scene: Scene) -> Tracer:
         return Tracer(scene, build_bvh(scene.triangles), device)
 
-    def any_closest(triangles, origins, directions):
-        triangles = np.float32(triangles)
+    def any_closest(triangles: np.ndarray, origins: np.ndarray, directions: np.ndarray) -> Found:
         keep = np.flatnonzero(kept(triangles))
         found = tracer(bare_scene(triangles[keep])).closest_hit(origins, directions)
         return np.append(keep, -1)[found[0]], found[1]
 
-    def closest(triangles, origins, directions):
-        triangles = np.float32(triangles)
+    def closest(triangles: np.ndarray, origins: np.ndarray, directions: np.ndarray) -> Found:
         keep = np.flatnonzero(kept(triangles))
         elements = np.concatenate([origins[:, :2], directions[:, :2]], axis=1)
         bundles = Bundles(elements.astype(np.float32), np.zeros(4, np.float32), 1, 1, 0.0)
         triangle, depth = tracer(bare_scene(triangles[keep])).bundle_hits(bundles)
         return np.append(keep, -1)[triangle[:, 0, 0]], depth[:, 0, 0]
 
-    def slab_hits(triangles, slab, pixels):
+    def slab_hits(triangles: np.ndarray, slab: Slab, pixels: np.ndarray) -> Found:
         return tracer(bare_scene(triangles)).slab_hits(slab, pixels)
 
-    def picture(scene, slab, plane):
+    def picture(scene: Scene, slab: Slab, plane: SensorPlane) -> np.ndarray:
         return trace_planes(tracer(scene), slab, [plane])[0]
 
     lone = any_closest if general else closest

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -13,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from lfcore.colour import srgb_decode
-from lfcore.evaluation.equivalence import Equivalence
+from lfcore.evaluation.equivalence import Equivalence, Made
 from lfcore.evaluation.figures import contact_sheet, save_figure, views_axis
 
 MARKERS = {"raster": "s", "serpentine": "o", "hilbert": "^"}
@@ -21,6 +22,7 @@ STYLES = {"libx264": "-", "libx265": "--", "libsvtav1": ":"}
 CODEC_MARKERS = {"libx264": "o", "libx265": "s", "libsvtav1": "^"}
 CODECS = {"x264": "libx264", "x265": "libx265", "AV1": "libsvtav1"}
 COLOURS = matplotlib.colormaps["tab20"]
+Colour = str | tuple[float, float, float, float]
 ERROR_GAIN = 8
 """Error maps are shown this much brighter: 255 / 8 codes are white."""
 
@@ -58,7 +60,7 @@ def layouts_figure(path: str | Path, table: pd.DataFrame) -> None:
     save_figure(path, figure)
 
 
-def _layout_name(row) -> str:
+def _layout_name(row: Any) -> str:
     if row.layout == "views":
         return "views"
     return f"macropixels, {row.pack} x {row.pack}"
@@ -89,7 +91,7 @@ def rate_distortion_figure(path: str | Path, points: pd.DataFrame, deltas: pd.Da
     save_figure(path, figure, dpi=110)
 
 
-def _curve(axis: Axes, curve: pd.DataFrame, quality: str, colour: object, name: str) -> None:
+def _curve(axis: Axes, curve: pd.DataFrame, quality: str, colour: Colour, name: str) -> None:
     curve = curve.sort_values("bits_per_ray")
     codec, single = curve.codec.iloc[0], len(curve) == 1
     axis.plot(
@@ -112,7 +114,7 @@ def _beyond(axis: Axes, lossless: pd.DataFrame, quality: str) -> None:
     )
 
 
-def _speeds(axis: Axes, deltas: pd.DataFrame, colours: dict[str, object]) -> None:
+def _speeds(axis: Axes, deltas: pd.DataFrame, colours: Mapping[str, Colour]) -> None:
     for row in deltas.itertuples():
         codec = next(codec for word, codec in CODECS.items() if row.curve.startswith(word))
         axis.plot(
@@ -174,7 +176,7 @@ def equivalence_sheet(path: str | Path, found: Equivalence, focus_m: Sequence[fl
     contact_sheet(path, pictures, labels, columns=1 + len(errors))
 
 
-def _method_name(made) -> str:
+def _method_name(made: Made) -> str:
     short = made.method.replace("the plenoptic photograph", "photograph")
     return f"{short}, {made.filter}"
 

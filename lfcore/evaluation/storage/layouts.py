@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from lfcore.evaluation.storage.sample import Frames, own_planes, store, trace_sample
+from lfcore.progress import Progress, silent
 from lfcore.storage.curves import ORDERS
 from lfcore.storage.defaults import default_kind, default_pack, default_spec, macropixel_pack
 from lfcore.storage.layout import FrameLayout
@@ -43,7 +44,7 @@ def layout_rows(
     views: Sequence[int],
     rays: int,
     packs: Sequence[int],
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = silent,
 ) -> list[dict]:
     """Rows of one scene (columns :data:`COLUMNS`), at the encoder settings of each N.
 
@@ -66,8 +67,7 @@ def layout_rows(
             known |= {"layout": layout.kind, "order": layout.order, "pack": layout.pack}
             known["is_default"] = is_default(layout, pixels)
             rows.append({column: known[column] for column in COLUMNS})
-            if progress:
-                progress(step * len(found) + at + 1, len(views) * len(found))
+            progress(step * len(found) + at + 1, len(views) * len(found))
     return rows
 
 

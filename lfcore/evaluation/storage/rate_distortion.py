@@ -7,7 +7,7 @@ needs than the anchor at equal PSNR, on average over the PSNR that both reach.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import bjontegaard
@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from lfcore.evaluation.storage.sample import Frames, own_planes, store, trace_sample
+from lfcore.progress import Progress, silent
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.defaults import CRF_SCALE, QUICK, default_kind, default_pack, default_spec
 from lfcore.storage.layout import FrameLayout
@@ -76,7 +77,7 @@ def rate_rows(
     rays: int,
     crfs: Sequence[float],
     curves: Mapping[str, dict] = CURVES,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = silent,
 ) -> list[dict]:
     """Points of one scene (columns :data:`COLUMNS`), in the default layout of each N.
 
@@ -108,8 +109,7 @@ def rate_rows(
             known |= {key: getattr(spec, key) for key in ("codec", "preset", "pixel_format")}
             known |= stored.columns(fed[form].layout.rays)
             rows.append({column: known[column] for column in COLUMNS})
-            if progress:
-                progress(len(rows), len(views) * len(here))
+            progress(len(rows), len(views) * len(here))
     return rows
 
 

@@ -7,6 +7,7 @@ frames of it, and the seconds are scaled to the whole; the share that was measur
 from __future__ import annotations
 
 import copy
+import functools
 import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -18,6 +19,7 @@ import numpy as np
 from lfcore.evaluation.timing import Stopwatch, clocked
 from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
+from lfcore.progress import Progress, silent
 from lfcore.refocus.slicing import CHUNK_BYTES, PlaneFormer
 from lfcore.storage.lightfield import LightFieldFile
 
@@ -50,7 +52,7 @@ def retrieval_rows(
     planes: Sequence[int],
     rays: int,
     repeats: int,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = silent,
 ) -> list[dict]:
     """Rows of one file (columns :data:`COLUMNS`).
 
@@ -67,13 +69,12 @@ def retrieval_rows(
     not recorded.
     """
     field = LightFieldFile.open(path)
-    works = [*_planes(field, focus_m, planes, rays, device), *_pieces(field)]
-    rounds: list[list[Cost]] = [[] for _ in works]
+    measurements = [*_planes(field, focus_m, planes, rays, device), *_pieces(field)]
+    rounds: list[list[Cost]] = [[] for _ in measurements]
     for round_ in range(repeats):
-        for at, work in enumerate(works):
-            rounds[at].append(work())
-            if progress:
-                progress(round_ * len(works) + at + 1, repeats * len(works))
+        for at, measurement in enumerate(measurements):
+            rounds[at].append(measurement())
+            progress(round_ * len(rounds) + at + 1, repeats * len(rounds))
     alone = statistics.median(cost.seconds for cost in rounds[0])
     layout = field.layout
     facts = {
@@ -106,10 +107,17 @@ def focal_planes(
     middle."""
     near, far = (1 / distance for distance in focus_m)
     deltas = np.linspace(near, far, count) if count > 1 else [(near + far) / 2]
-    return [SensorPlane(float(1 / delta), field.slab.camera.f_number) for delta in deltas]
+    widest = field.require_slab().camera.f_number
+    return [SensorPlane(float(1 / delta), widest) for delta in deltas]
 
 
-def _planes(field, focus_m, counts, rays, device) -> Iterator[Callable[[], Cost]]:
+def _planes(
+    field: LightFieldFile,
+    focus_m: tuple[float, float],
+    counts: Sequence[int],
+    rays: int,
+    device: Device,
+) -> Iterator[Callable[[], Cost]]:
     """Decoding alone, then decoding and forming planes, of the same frames of segment 0."""
     part, layout = field.segments[0], field.layout
     rays_a_frame = part.tile.rays / part.frames
@@ -125,21 +133,21 @@ def _planes(field, focus_m, counts, rays, device) -> Iterator[Callable[[], Cost]
         return Cost(DECODING, watch.seconds["decode"] / share, share, 1.0)
 
     def formed(planes: list[SensorPlane], frames: int = frames) -> Cost:
-        def work() -> None:
-            first, former = 0, PlaneFormer(field.slab, part.tile, planes, device)
+        def form() -> None:
+            first, former = 0, PlaneFormer(field.require_slab(), part.tile, planes, device)
             for some in field.frames(0, 0, frames, chunk=chunk):
                 former.add(some, first)
                 first += len(some)
             former.plane_sums()
 
-        _, spent = clocked(work, clock=time.process_time)
+        _, spent = clocked(form, clock=time.process_time)
         return Cost(f"{len(planes)} plane{'s' * (len(planes) > 1)}", spent / share, share, 1.0)
 
     yield alone
     for count in counts:
         planes = focal_planes(field, focus_m, count)
         formed(planes, 1)  # the program is built
-        yield lambda planes=planes: formed(planes)
+        yield functools.partial(formed, planes)
 
 
 def _pieces(field: LightFieldFile) -> Iterator[Callable[[], Cost]]:
@@ -151,36 +159,30 @@ def _pieces(field: LightFieldFile) -> Iterator[Callable[[], Cost]]:
     layout, tile = field.layout, field.segments[0].tile
     column, row = tile.column + tile.columns // 2, tile.row + tile.rows // 2
     size = min(RECTANGLE, layout.pixels, tile.columns, tile.rows)
-    if layout.kind == "macropixels":
+    in_all = layout.kind == "macropixels"  # every segment has some of a view
+    if in_all:
         corner = (tile.column + (tile.columns - size) // 2, tile.row + (tile.rows - size) // 2)
         middle = layout.views // 2
         view, pixel = (middle, middle), (column, row)
     else:
         corner = ((layout.pixels - size) // 2,) * 2
         view, pixel = (column, row), (layout.pixels // 2,) * 2
-    macropixels = layout.kind == "macropixels"
     area = (*corner, corner[0] + size, corner[1] + size)
-    yield lambda: _piece(field.path, "a view", lambda f: f.view(*view), macropixels)
-    yield lambda: _piece(
-        field.path, "a macropixel", lambda f: f.macropixel(*pixel), not macropixels
-    )
-    yield lambda: _piece(
-        field.path,
-        f"a rectangle of {size} x {size} (u, v)",
-        lambda f: f.rectangle(*area),
-        not macropixels,
-    )
+    rectangle = f"a rectangle of {size} x {size} (u, v)"
+    yield lambda: _piece(field.path, "a view", lambda f: f.view(*view), in_all)
+    yield lambda: _piece(field.path, "a macropixel", lambda f: f.macropixel(*pixel), not in_all)
+    yield lambda: _piece(field.path, rectangle, lambda f: f.rectangle(*area), not in_all)
 
 
-def _piece(path: Path, what: str, read: Callable, everywhere: bool) -> Cost:
-    def work() -> tuple[LightFieldFile, float]:
+def _piece(path: Path, what: str, read: Callable[[LightFieldFile], object], in_all: bool) -> Cost:
+    def read_anew() -> tuple[LightFieldFile, float]:
         field, share = LightFieldFile.open(path), 1.0
-        if everywhere:
+        if in_all:
             field, share = first_segment(field)
         read(field)
         return field, share
 
-    (field, share), spent = clocked(work, clock=time.process_time)
+    (field, share), spent = clocked(read_anew, clock=time.process_time)
     spent /= share
     frames = field.count.frames / sum(part.frames for part in field.segments)
     return Cost(what, spent, share, frames)

@@ -212,7 +212,8 @@ class _Errors:
         self.whole = self.used.all()
         sample = frames.sample
         self.former = PlaneFormer(sample.slab, frames.tile, sample.planes, device)
-        self.square, self.count, self.ssims = 0.0, 0, []
+        self.square, self.count = 0.0, 0
+        self.ssims: list[float] = []
         pixels = frames.layout.frame_width * frames.layout.frame_height
         self.every = max(1, frames.tile.frame_count * pixels // SSIM_PX)
 

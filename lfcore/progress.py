@@ -1,0 +1,12 @@
+"""How long work tells how far it has come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+Progress = Callable[[int, int], None]
+"""Called with (done, of all), from any thread but one at a time."""
+
+
+def silent(done: int, total: int) -> None:
+    """Tell nobody."""
