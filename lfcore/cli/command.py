@@ -136,8 +136,7 @@ def add_white(group: Options) -> None:
 
 def encoder(arguments: argparse.Namespace) -> dict[str, Any]:
     """What the options of :func:`add_encoder` ask of an encoder, as its keywords."""
-    given = {key: getattr(arguments, key) for key in ("pixel_format", "crf", "preset")}
-    return {"codec": arguments.codec} | {k: v for k, v in given.items() if v is not None}
+    return given(arguments, "codec", "pixel_format", "crf", "preset")
 
 
 def open_field(arguments: argparse.Namespace) -> LightField:
@@ -162,6 +161,12 @@ def open_scene(arguments: argparse.Namespace) -> Scene:
     for reason, count in scene.dropped.items():
         say(f"{count} triangles were left out: {reason}")
     return scene
+
+
+def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Those of these arguments that were given, or have a default."""
+    found = {name: getattr(arguments, name, None) for name in names}
+    return {name: value for name, value in found.items() if value is not None}
 
 
 def option(name: str) -> str:

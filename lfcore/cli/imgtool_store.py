@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from lfcore.cli.command import given
 from lfcore.cli.film import save_video
 from lfcore.cli.progress import progress
 from lfcore.colour import tonemap
@@ -41,9 +42,7 @@ def geometry(
 
     Raises :class:`OpticsError` for a contradiction, naming the flag.
     """
-    names = ("camsperdim", "griddim", "inputfov", "spacing")
-    flags = {name: getattr(arguments, name) for name in names}
-    flags = {name: value for name, value in flags.items() if value is not None}
+    flags = given(arguments, "camsperdim", "griddim", "inputfov", "spacing")
     if recorded is not None:
         _check_agreement(flags, recorded, arguments.input)
         return recorded
@@ -68,13 +67,13 @@ def _check_agreement(flags: dict[str, Any], recorded: CameraArray, file: Path) -
     facts: dict[str, tuple[float, ...]] = {
         "camsperdim": recorded.cameras, "griddim": bounds, "inputfov": (recorded.fov_deg,)
     }  # fmt: skip
-    for name, given in flags.items():
+    for name, value in flags.items():
         if name == "spacing":
             agrees = np.allclose(same.columns_m, recorded.columns_m)
             agrees, said = agrees and np.allclose(same.rows_m, recorded.rows_m), "other positions"
         else:
-            agrees = np.allclose(given, facts[name], rtol=1e-5, atol=1e-9)
-            said = " ".join(f"{value:g}" for value in facts[name])
+            agrees = np.allclose(value, facts[name], rtol=1e-5, atol=1e-9)
+            said = " ".join(f"{number:g}" for number in facts[name])
         if not agrees:
             raise OpticsError(
                 f"contradicts the header, which says {said}", file=file, key=f"--{name}",

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
-from lfcore.cli.command import distance, exclude, option, write_named
+from lfcore.cli.command import distance, exclude, given, option, write_named
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.optics.planes import NORMALISATIONS, SHAPES, SensorPlane
 
@@ -89,14 +89,19 @@ def settings(arguments: argparse.Namespace) -> dict[str, Any]:
 
     Raises :class:`OpticsError` for a focus or aperture that is given in both ways.
     """
-    names = ("focus_m", "f_number", "disparity_px", "aperture_views", "aperture", "blades",
-             "rotation_deg", "normalise", "keep_magnification")  # fmt: skip
-    asked = {name: getattr(arguments, OPTIONS.get(name, name), None) for name in names}
-    given = {name: value for name, value in asked.items() if value is not None}
+    focus = given(arguments, "focus", "disparity")
+    found = {_OTHER_WORDS[name]: value for name, value in focus.items()}
+    found |= given(arguments, "f_number", "aperture_views") | aperture(arguments)
     for ours, theirs in INSTEAD.items():
-        if ours in given and theirs in given:
+        if ours in found and theirs in found:
             exclude(_flag(ours), _flag(theirs))
-    return given
+    return found
+
+
+def aperture(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What the options of :func:`add_aperture` say."""
+    names = ("aperture", "blades", "normalise", "keep_magnification")
+    return {"rotation_deg": arguments.rotation, **given(arguments, *names)}
 
 
 def read_planes(arguments: argparse.Namespace, source: LightField | Camera) -> list[SensorPlane]:
@@ -122,26 +127,26 @@ def read_planes(arguments: argparse.Namespace, source: LightField | Camera) -> l
     ]
 
 
-def laid_over(default: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """``given``, and what it leaves open of ``default``: a focus or aperture in either way."""
-    said = {INSTEAD.get(name, name) for name in given}
-    return {k: v for k, v in default.items() if INSTEAD.get(k, k) not in said} | dict(given)
+def laid_over(default: Mapping[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
+    """``asked``, and what it leaves open of ``default``: a focus or aperture in either way."""
+    said = {INSTEAD.get(name, name) for name in asked}
+    return {k: v for k, v in default.items() if INSTEAD.get(k, k) not in said} | dict(asked)
 
 
 def make_plane(
     source: LightField | Camera,
-    given: Mapping[str, Any],
+    asked: Mapping[str, Any],
     key: str | None = None,
     file: Path | None = None,
 ) -> SensorPlane:
-    """A plane of ``given`` settings; errors name the place of these, where there is one."""
+    """A plane of the settings ``asked`` for; errors name their place, where there is one."""
     from lfcore.optics.camera import Camera
 
     make = partial(SensorPlane.of, source) if isinstance(source, Camera) else source.plane
     try:
-        return make(**given)
+        return make(**asked)
     except OpticsError as error:
-        place = key or (_flag(error.key) if error.key and error.key in given else error.key)
+        place = key or (_flag(error.key) if error.key and error.key in asked else error.key)
         raise OpticsError(
             error.problem, file=file or error.file, key=place, remedy=error.remedy
         ) from None

@@ -20,6 +20,7 @@ from lfcore.cli.command import (
     add_white,
     distance,
     encoder,
+    given,
     open_scene,
     refuse,
 )
@@ -176,7 +177,7 @@ def render(arguments: argparse.Namespace) -> None:
                 subpixels=arguments.subpixels, filter=how, progress=report, **same,
             )  # fmt: skip
         else:
-            budget = {} if arguments.most_rays is None else {"most_rays": arguments.most_rays}
+            budget = given(arguments, "most_rays")
             made = api.render_to_quality(
                 scene, arguments.quality, progress=report, **budget, **same
             )
@@ -269,13 +270,11 @@ def trace(arguments: argparse.Namespace) -> None:
 
 def _asked_quality(arguments: argparse.Namespace) -> dict:
     """What ``record`` is told of a quality; nothing where none is asked for."""
-    more = {"focus_range_m": arguments.focus_range, "most_rays": arguments.most_rays}
-    more = {key: value for key, value in more.items() if value is not None}
-    if arguments.quality is None:
-        if more:
-            refuse("--quality", "is what --focus-range and --most-rays belong to", "Give it, too")
-        return {}
-    return {"quality_db": arguments.quality, **more}
+    names = {"quality": "quality_db", "focus_range": "focus_range_m", "most_rays": "most_rays"}
+    asked = {names[name]: value for name, value in given(arguments, *names).items()}
+    if asked and arguments.quality is None:
+        refuse("--quality", "is what --focus-range and --most-rays belong to", "Give it, too")
+    return asked
 
 
 @contextmanager

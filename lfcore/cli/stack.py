@@ -131,9 +131,7 @@ def stack_planes(arguments: argparse.Namespace, field: LightField) -> list[Senso
             f"{len(lens) * len(focus)} pictures were asked for",
             remedy=f"Ask for {plane_options.MOST_PLANES} at a time",
         )
-    same = {"aperture": arguments.aperture, "blades": arguments.blades,
-            "rotation_deg": arguments.rotation, "normalise": arguments.normalise,
-            "keep_magnification": arguments.keep_magnification}  # fmt: skip
+    same = plane_options.aperture(arguments)
     return [plane_options.make_plane(field, same | one | other) for one in focus for other in lens]
 
 

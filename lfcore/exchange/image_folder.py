@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lfcore.exchange import folder as plain
+from lfcore.exchange import folder as by_file
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import MOST_VIEWS, ExchangeError, Geometry, ViewGrid
 from lfcore.exchange.nerfstudio import load_json
@@ -50,7 +50,7 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
                 raise ExchangeError(f"no such file; {CONFIG} asks for {columns} x {rows} views",
                                     file=view)  # fmt: skip
     name = str(data.get("scene", path.name))
-    return plain.of_files(files, name, geometry=geometry, depth_m=tuple(depth) if depth else None)
+    return by_file.of_files(files, name, geometry=geometry, depth_m=tuple(depth) if depth else None)
 
 
 def write(source: Source, folder: Path, options: WriteOptions) -> None:

@@ -10,7 +10,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lfcore.exchange import folder as plain
+from lfcore.exchange import folder as by_file
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import ExchangeError, Order, ViewGrid
 
@@ -38,9 +38,9 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
     if not files:
         raise ExchangeError("holds no views named 000_000.ppm", file=path)
     order = options.order or Order(columns_first=True)
-    grid = plain.by_numbers(files, path, order)
+    grid = by_file.by_numbers(files, path, order)
     assert grid is not None  # of _NAME, which has both numbers
-    return plain.of_files(grid, path.name)
+    return by_file.of_files(grid, path.name)
 
 
 def write(source: Source, folder: Path, options: WriteOptions) -> None:

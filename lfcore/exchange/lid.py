@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lfcore.exchange import folder as plain
+from lfcore.exchange import folder as by_file
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import MOST_VIEWS, ExchangeError, Geometry, ViewGrid
 from lfcore.files import write_text
@@ -64,7 +64,7 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
     size = pictures.size_of(files[0][0])
     uv, st = (_plane(words, key, file) for key in ("SLAB_UV", "SLAB_ST"))
     geometry, notes = _geometry(uv, st, columns, rows, size)
-    return plain.of_files(files, base, geometry=geometry, notes=notes)
+    return by_file.of_files(files, base, geometry=geometry, notes=notes)
 
 
 def _words(file: Path) -> dict[str, list[list[str]]]:

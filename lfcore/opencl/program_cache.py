@@ -91,7 +91,7 @@ def expanded(source: str, folders: Sequence[str]) -> str:
 def key(device: cl.Device, source: str, options: Sequence[str]) -> str:
     """The name of an entry: ``source`` is expanded, ``device`` a pyopencl Device."""
     held = [f"{k}={value}" for k, value in sorted(os.environ.items()) if k.startswith(_HELD)]
-    about = [
+    identity = [
         device.platform.name,
         device.platform.version,
         device.driver_version,
@@ -101,7 +101,7 @@ def key(device: cl.Device, source: str, options: Sequence[str]) -> str:
         instruction_set(),
         *held,
     ]
-    return hashlib.sha256("\0".join([*about, *options, source]).encode()).hexdigest()
+    return hashlib.sha256("\0".join([*identity, *options, source]).encode()).hexdigest()
 
 
 def cached(
@@ -197,8 +197,8 @@ def _make_room(path: Path, limit: int) -> None:
         for file in files:
             if file.name.endswith(".bin"):
                 with contextlib.suppress(OSError):
-                    about = file.stat()
-                    entries.append((about.st_mtime, about.st_size, file.path))
+                    found = file.stat()
+                    entries.append((found.st_mtime, found.st_size, file.path))
     total = sum(size for _, size, _ in entries)
     if total <= limit:
         return

@@ -98,7 +98,7 @@ class GltfSurfaces:
 
     def _make(self, material: Any, entry: dict, name: str) -> Surface | None:
         path = self.document.path
-        plain = surface_of_pbr(material, path, metal_left_out=self._metal_left_out())
+        surface = surface_of_pbr(material, path, metal_left_out=self._metal_left_out())
         changes: dict[str, Any] = {"name": name}
         cutoff = self._cutoff(material, name)
         if cutoff is None:
@@ -114,16 +114,16 @@ class GltfSurfaces:
         strength = _extension(entry, "KHR_materials_emissive_strength")
         if strength is not None:
             strong = self._number(strength.get("emissiveStrength", 1.0))
-            changes["emission"] = tuple(strong * channel for channel in plain.emission)
+            changes["emission"] = tuple(strong * channel for channel in surface.emission)
         if _extension(entry, "KHR_materials_unlit") is not None:
             changes |= {
                 "diffuse": (0.0, 0.0, 0.0), "emission": base_colour(material), "metallic": -1.0,
-                "metal_texture": None, "normal_texture": None, "emission_texture": plain.texture,
+                "metal_texture": None, "normal_texture": None, "emission_texture": surface.texture,
             }  # fmt: skip
         for extension in entry.get("extensions") or ():
             if extension.startswith("KHR_materials_") and extension not in _HANDLED:
                 self._note(LEFT_OUT, name, extension)
-        return Surface(**{**vars(plain), **changes})
+        return Surface(**{**vars(surface), **changes})
 
     def _number(self, value: Any) -> float:
         if isinstance(value, (int, float)) and math.isfinite(value):

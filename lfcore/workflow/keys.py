@@ -78,33 +78,33 @@ Name = Annotated[str, BeforeValidator(_name)]
 NameOrNone = Annotated[str | None, BeforeValidator(_name)]
 
 
-def whole(low: int, high: int):
+def whole(low: int, high: int) -> Any:
     """A whole number from ``low`` to ``high``."""
     return Annotated[int, Field(ge=low, le=high), BeforeValidator(_number)]
 
 
-def number(**bounds: float):
+def number(**bounds: Any) -> Any:
     """A number within pydantic's bounds; whole ones stay whole."""
     field = Field(**bounds)
     return Annotated[Annotated[int, field] | Annotated[float, field], BeforeValidator(_number)]
 
 
-def real(low: float, high: float):
+def real(low: float, high: float) -> Any:
     """A number from ``low`` to ``high``."""
     return number(ge=low, le=high)
 
 
-def several(item, least: int = 1, most: int | None = None):
+def several(item: Any, least: int = 1, most: int | None = None) -> Any:
     """A list of distinct items."""
     return Annotated[list[item], Distinct, Field(min_length=least, max_length=most)]
 
 
-def listed(item, least: int, most: int | None = None):
+def listed(item: Any, least: int, most: int | None = None) -> Any:
     """A list of items, which may repeat."""
     return Annotated[list[item], Field(min_length=least, max_length=most)]
 
 
-def choices(*names: str):
+def choices(*names: str) -> Any:
     """A list of some of these names."""
     return Annotated[list[Literal[names]], Distinct]
 
@@ -387,9 +387,6 @@ class SeeThrough(Keys):
     names: listed(str, 2) = key(
         "what is in focus at each", ["hillside", "first tree", "second tree"]
     )
-
-
-Sizes = dict[str, whole(1, 65536)]
 
 
 class Assignment(Keys):
