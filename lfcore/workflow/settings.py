@@ -174,15 +174,21 @@ def _values(annotation: Any, metadata: tuple | list = ()) -> str:
         least, most = bounds.get("min_length", 0), bounds.get("max_length")
         several = f"{least}" if most == least else f"{least} to {most}"
         if most is None:
-            several = "list" if least < 2 else f"{least} or more"
-        inner = _values(parts[0]).replace("number", "numbers", 1)
-        return f"{several} of {inner}" if inner else f"{several}"
+            several = "list of" if least < 2 else f"{least} or more"
+        return f"{several} {_plural(_values(parts[0]))}"
     if origin is dict:
         inner = _values(parts[1])
         return f"by name: {inner}" if inner else "by name"
     if annotation in (int, float):
         return _range("whole number" if annotation is int else "number", bounds)
     return {bool: "`true`, `false`", str: "text"}.get(annotation, "")
+
+
+def _plural(values: str) -> str:
+    """Of one item's values those of several."""
+    if values[:1].isdigit():  # lists of lists
+        return f"lists of {values}"
+    return re.sub(r"^(whole number|number|text)\b", r"\1s", values) or "mappings"
 
 
 def _is_number(parts: tuple) -> bool:
