@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from matplotlib import font_manager
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
+from matplotlib.axis import Axis, XAxis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from PIL import Image, ImageDraw, ImageFont
@@ -197,7 +197,8 @@ def views_axis(axis: Axes, views: pd.Series) -> None:
 
 def log_ticks(axis: Axis, unit: float = 1.0) -> None:
     """Make ``axis`` logarithmic, with plain numbers of ``unit`` at 1, 2 and 5 of each decade."""
-    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    scale = axis.axes.set_xscale if isinstance(axis, XAxis) else axis.axes.set_yscale
+    scale("log")
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axis.set_major_formatter(lambda value, _: f"{value / unit:g}")
     axis.set_minor_formatter(NullFormatter())

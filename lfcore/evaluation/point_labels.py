@@ -65,8 +65,8 @@ def _taken(axis: Axes) -> list[Bbox]:
             if np.isfinite([x, y]).all():
                 boxes.append(Bbox([[x - half, y - half], [x + half, y + half]]))
     boxes += [text.get_window_extent() for text in axis.texts if text.get_text()]
-    if axis.get_legend() is not None:
-        boxes.append(axis.get_legend().get_window_extent())
+    if (legend := axis.get_legend()) is not None:
+        boxes.append(legend.get_window_extent())
     return boxes
 
 

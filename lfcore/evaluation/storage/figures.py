@@ -11,11 +11,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 
 from lfcore.colour import srgb_decode
 from lfcore.evaluation.equivalence import Equivalence, Made
-from lfcore.evaluation.figures import contact_sheet, save_figure, views_axis
+from lfcore.evaluation.figures import contact_sheet, log_ticks, save_figure, views_axis
 
 MARKERS = {"raster": "s", "serpentine": "o", "hilbert": "^"}
 STYLES = {"libx264": "-", "libx265": "--", "libsvtav1": ":"}
@@ -100,7 +99,7 @@ def _curve(axis: Axes, curve: pd.DataFrame, quality: str, colour: Colour, name: 
         markersize=13 if single else 5, linewidth=1.4, zorder=3 if single else 2,
     )  # fmt: skip
     axis.set_xlabel("bits per ray")
-    _log_axis(axis)
+    log_ticks(axis.xaxis)
 
 
 def _beyond(axis: Axes, lossless: pd.DataFrame, quality: str) -> None:
@@ -124,14 +123,7 @@ def _speeds(axis: Axes, deltas: pd.DataFrame, colours: Mapping[str, Colour]) -> 
     axis.axhline(0, color="0.6", linewidth=0.8)
     axis.set_xlabel("million rays a CPU second, encoding")
     axis.set_ylabel("BD-rate of pictures (%), less is better")
-    _log_axis(axis)
-
-
-def _log_axis(axis: Axes) -> None:
-    axis.set_xscale("log")
-    axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.xaxis.set_major_formatter("{x:g}")
-    axis.xaxis.set_minor_formatter(NullFormatter())
+    log_ticks(axis.xaxis)
 
 
 def retrieval_figure(path: str | Path, table: pd.DataFrame) -> None:
