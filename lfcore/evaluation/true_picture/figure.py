@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
@@ -57,7 +58,7 @@ def true_errors(path: str | Path, rows: pd.DataFrame, *, machine: str) -> None:
     save_figure(path, figure)
 
 
-def _panel(axis, rows: pd.DataFrame, title: str) -> None:
+def _panel(axis: Axes, rows: pd.DataFrame, title: str) -> None:
     axis.set(xscale="log")
     axis.set_title(title, fontsize=10)
     axis.set_ylabel("PSNR of the worst plane, dB", fontsize=9)

@@ -42,7 +42,7 @@ def plane_rows(
     pictures: np.ndarray,
     *,
     expected_db: Sequence[float] | None = None,
-    **context,
+    **context: object,
 ) -> Iterator[dict]:
     """A row with :data:`COLUMNS` of each of ``pictures`` (P, M, M, 3), linear light.
 
