@@ -514,3 +514,8 @@ def test_motion_that_is_not_rigid_is_noted(read):
     world = f"ActiveTransform EndTime Scale 2 1 1\n{TRIANGLE}"
     scene = read(world)
     assert not scene.motions and "not rigid" in scene.summary()
+
+
+def test_a_scene_file_whose_name_is_none_is_refused():
+    with pytest.raises(SceneError, match=r"is no file: embedded null byte\. Check the path"):
+        build_pbrt_scene("a\0.pbrt")

@@ -12,7 +12,7 @@ from lfcore.scene.emitters import POINTS
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
-from lfcore.scene.parts import Part, merge
+from lfcore.scene.parts import Part, Surface, merge
 from lfcore.scene.pbrt.interpreter import Interpreter, Item
 from lfcore.scene.pbrt.lexer import syntax_error
 from lfcore.scene.pbrt.parser import read_directives
@@ -67,10 +67,11 @@ def build_pbrt_scene(
             notebook.add(APPROXIMATED, item.place, "light of what moves: from shutter open's pose")
             _check_emitter(item, part)
             interpreter.light(item, part.triangles, (motion.first, motion.first + motion.count))
-    rig = interpreter.rig
+    rig, view = interpreter.rig, interpreter.view
+    assert view is not None  # of the world block
     return Scene(
         name=path.name.removesuffix(".gz").removesuffix(".pbrt"),
-        camera=interpreter.view.camera,
+        camera=view.camera,
         triangles=geometry.triangles,
         normals=geometry.normals,
         uvs=geometry.uvs,
@@ -82,13 +83,15 @@ def build_pbrt_scene(
         ambient=tuple(rig.ambient.tolist()),
         background=tuple(rig.background.tolist()),
         dropped=geometry.dropped,
-        view=interpreter.view,
+        view=view,
         notes=notebook.notes(),
         motions=moves,
     )
 
 
-def _parts(interpreter: Interpreter, notebook: Notebook):
+def _parts(
+    interpreter: Interpreter, notebook: Notebook
+) -> tuple[list[Part], list[Moving], list[Item | None]]:
     """Parts in camera space: those at rest, those that move with their two poses, and of these the
     items of which glow.  Lights of what rests are added.
 
@@ -101,19 +104,19 @@ def _parts(interpreter: Interpreter, notebook: Notebook):
     first = 0
     for item in interpreter.items:
         poses = tuple(interpreter.world_to_camera @ matrix for matrix in item.matrices)
-        part = _place(interpreter, item, poses[0])
+        part, is_surface = _place(interpreter, item, poses[0])
         glows = any(item.emission)
         rests = np.array_equal(poses[0], poses[1])
-        if part.surface is not None and not rests and is_rigid(*poses):
+        if is_surface and not rests and is_rigid(*poses):
             moving.append((part, poses))
             emitters.append(item if glows else None)
             continue
-        if part.surface is None:
+        if not is_surface:
             notebook.add(LEFT_OUT, item.place, "a shape whose material is no surface")
         elif not rests:
             notebook.add(LEFT_OUT, item.place, "motion that is not rigid: shutter open's pose")
         count = 0
-        if part.surface is not None:
+        if is_surface:
             (lamps if glows else others).append(part)
             count = int(sound(part.triangles)[0].sum()) if glows else 0
         if glows:
@@ -132,17 +135,18 @@ def _check_emitter(item: Item, part: Part) -> None:
         )
 
 
-def _place(interpreter: Interpreter, item: Item, to_camera: np.ndarray) -> Part:
-    """The item's triangles in camera space, front sides counter-clockwise."""
-    uvs, surface = interpreter.uvs(item)
-    mesh = item.mesh
+def _place(interpreter: Interpreter, item: Item, to_camera: np.ndarray) -> tuple[Part, bool]:
+    """The item's triangles in camera space, front sides counter-clockwise; whether they are seen,
+    for some materials are no surface."""
+    uvs, found = interpreter.uvs(item)
+    mesh, surface, is_surface = item.mesh, found or Surface(), found is not None
     part = Part(mesh.triangles, surface, mesh.normals, uvs).transformed(to_camera)
     mirrored = np.linalg.det(to_camera[:3, :3]) < 0
     normals = part.normals
     if item.reversed and normals is not None:
         normals = -normals
     if mirrored == item.reversed:
-        return Part(part.triangles, surface, normals, uvs)
+        return Part(part.triangles, surface, normals, uvs), is_surface
     order = [0, 2, 1]
     pick = lambda values: None if values is None else values[:, order]  # noqa: E731
-    return Part(part.triangles[:, order], surface, pick(normals), pick(uvs))
+    return Part(part.triangles[:, order], surface, pick(normals), pick(uvs)), is_surface

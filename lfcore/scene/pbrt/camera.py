@@ -40,9 +40,9 @@ def read_film(parameters: ParameterSet | None, notebook: Notebook) -> tuple[int,
     """(width, height) in pixels; the crop window is left out and noted."""
     if parameters is None:
         return DEFAULT_FILM
-    size = tuple(
-        parameters.integer(name, default)
-        for name, default in zip(("xresolution", "yresolution"), DEFAULT_FILM, strict=True)
+    size = (
+        parameters.integer("xresolution", DEFAULT_FILM[0]),
+        parameters.integer("yresolution", DEFAULT_FILM[1]),
     )
     if min(size) < 1 or max(size) > LARGEST_FILM:
         raise parameters.error(
@@ -82,12 +82,12 @@ def read_camera(
     """
     if kind not in ("perspective", "lightfield"):
         notebook.add(APPROXIMATED, parameters.place, f'{parameters.owner}: as "perspective"')
-    names = ("shutteropen", "shutterclose")
-    shutter = tuple(map(parameters.float, names, SHUTTER))
-    if shutter[1] < shutter[0]:
-        raise parameters.error("shutterclose", f"of {shutter[1]:g} is before {shutter[0]:g}")
+    opened = parameters.float("shutteropen", SHUTTER[0])
+    closed = parameters.float("shutterclose", SHUTTER[1])
+    if closed < opened:
+        raise parameters.error("shutterclose", f"of {closed:g} is before {opened:g}")
     maker = _lightfield if kind == "lightfield" else _perspective
-    view = maker(parameters, film, shutter, samples, notebook)
+    view = maker(parameters, film, (opened, closed), samples, notebook)
     parameters.note_unused(notebook)
     return view
 
@@ -101,7 +101,13 @@ def _fov(parameters: ParameterSet) -> float:
     return degrees
 
 
-def _perspective(parameters: ParameterSet, film, shutter, samples: int, notebook: Notebook) -> View:
+def _perspective(
+    parameters: ParameterSet,
+    film: tuple[int, int],
+    shutter: tuple[float, float],
+    samples: int,
+    notebook: Notebook,
+) -> View:
     fov = _fov(parameters)
     if parameters.get("screenwindow"):
         notebook.add(LEFT_OUT, parameters.place, f"screen window of {parameters.owner}")
@@ -114,12 +120,18 @@ def _perspective(parameters: ParameterSet, film, shutter, samples: int, notebook
     return perspective_view(fov, film, radius, focus, shutter, samples)
 
 
-def _lightfield(parameters: ParameterSet, film, shutter, samples: int, notebook: Notebook) -> View:
+def _lightfield(
+    parameters: ParameterSet,
+    film: tuple[int, int],
+    shutter: tuple[float, float],
+    samples: int,
+    notebook: Notebook,
+) -> View:
     fov = _fov(parameters)
-    counts = parameters.floats("camerasperdim", 2)
-    counts = CAMERAS_PER_DIM if counts is None else tuple(int(count) for count in counts)
-    bounds = parameters.floats("cameragridbounds", 4)
-    bounds = CAMERA_GRID_BOUNDS_M if bounds is None else tuple(bounds.tolist())
+    given = parameters.floats("camerasperdim", 2)
+    counts = CAMERAS_PER_DIM if given is None else tuple(int(count) for count in given)
+    given = parameters.floats("cameragridbounds", 4)
+    bounds = CAMERA_GRID_BOUNDS_M if given is None else tuple(given.tolist())
     # Not in the assignment, whose "equally spaced within the bounds" can be read both ways.
     spacing = parameters.string("spacing", "ends")
     for name in ("lensradius", "focaldistance"):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
+from lfcore.scene.parts import Surface
 from lfcore.scene.pbrt import state as graphics
 from lfcore.scene.pbrt.camera import TO_OURS, read_camera, read_film, read_samples
 from lfcore.scene.pbrt.lexer import Place, syntax_error
@@ -62,9 +64,9 @@ class Interpreter:
         self._objects: dict[str, list[Item]] = {}
         self._open_object: tuple[str, Place] | None = None
         self._in_world = self._after_world = False
-        self._default = Definition("matte", ParameterSet("default material", None))
+        self._default = Definition("matte", ParameterSet("default material", Place(folder, 1, 1)))
 
-    def run(self, directives) -> None:
+    def run(self, directives: Iterable[Directive]) -> None:
         """Raises :class:`SceneError` naming file, line and token."""
         for directive in directives:
             if self._after_world:
@@ -206,7 +208,8 @@ class Interpreter:
         self.state.set(material=self.materials.find(directive.strings[0], directive.place))
 
     def _texture(self, directive: Directive) -> None:
-        self.textures.define(*directive.strings, directive.parameters)
+        name, value_type, kind = directive.strings
+        self.textures.define(name, value_type, kind, directive.parameters)
 
     def _light_source(self, directive: Directive) -> None:
         start, end = self.state.now.matrices
@@ -275,7 +278,7 @@ class Interpreter:
         emission = np.array(item.emission)
         add_area_light(self.rig, triangles, emission, item.two_sided, self.light_points, own)
 
-    def uvs(self, item: Item) -> tuple[np.ndarray | None, object]:
+    def uvs(self, item: Item) -> tuple[np.ndarray | None, Surface | None]:
         """Texture coordinates of an item (None without texture) and its surface."""
         resolved = self.materials.resolve(item.definition, item.emission)
         if resolved.surface is None or resolved.surface.texture is None:

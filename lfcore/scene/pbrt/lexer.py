@@ -100,7 +100,7 @@ def tokenize(text: str, file: Path) -> Iterator[Token]:
 
     at = 0
     while True:
-        at = _SKIP.match(text, at).end()
+        at = _found(_SKIP, text, at).end()
         if at == len(text):
             yield Token(END, "", "end of file", place(at))
             return
@@ -117,9 +117,16 @@ def tokenize(text: str, file: Path) -> Iterator[Token]:
         elif letter == '"':
             token, at = _string(text, at, here)
         else:
-            match = _PLAIN.match(text, at)
+            match = _found(_PLAIN, text, at)
             token, at = _bare_word(match.group(), here), match.end()
         yield token
+
+
+def _found(pattern: re.Pattern[str], text: str, at: int) -> re.Match[str]:
+    """The match of a pattern that is known to match there."""
+    match = pattern.match(text, at)
+    assert match is not None
+    return match
 
 
 def _number_list(match: re.Match, place: Place) -> Token:
@@ -166,7 +173,7 @@ def _string(text: str, at: int, place: Place) -> tuple[Token, int]:
     if head:
         value = head.group().strip()
         return Token(STRING, value, f'"{value}', place, unclosed=True), head.end()
-    letters = []
+    letters: list[str] = []
     index = at + 1
     while index < len(text):
         letter = text[index]

@@ -74,7 +74,14 @@ def _over_pi(irradiance: np.ndarray) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def _point(rig, kind, parameters: ParameterSet, to_camera, textures, notebook: Notebook) -> None:
+def _point(
+    rig: LightRig,
+    kind: str,
+    parameters: ParameterSet,
+    to_camera: np.ndarray,
+    textures: TextureTable,
+    notebook: Notebook,
+) -> None:
     intensity = emitted(parameters, "I", textures)
     start = parameters.vector("from", (0, 0, 0))
     position = to_camera[:3, :3] @ start + to_camera[:3, 3]
@@ -90,7 +97,9 @@ def _point(rig, kind, parameters: ParameterSet, to_camera, textures, notebook: N
     rig.lights.append(light)
 
 
-def _spot(light: Light, parameters: ParameterSet, to_camera: np.ndarray, start) -> Light:
+def _spot(
+    light: Light, parameters: ParameterSet, to_camera: np.ndarray, start: np.ndarray
+) -> Light:
     """The cone of a spot: pbrt's fades between the same angles, by another curve."""
     axis = to_camera[:3, :3] @ (parameters.vector("to", (0, 0, 1)) - start)
     length = np.linalg.norm(axis)
@@ -105,14 +114,17 @@ def _spot(light: Light, parameters: ParameterSet, to_camera: np.ndarray, start) 
     return replace(light, normal=normal, cone=(cosines[0], min(cosines)))
 
 
-def _infinite(rig, parameters: ParameterSet, textures, notebook: Notebook) -> None:
+def _infinite(
+    rig: LightRig, parameters: ParameterSet, textures: TextureTable, notebook: Notebook
+) -> None:
     radiance = emitted(parameters, "L", textures)
     parameters.get("samples")
     parameters.get("nsamples")
     for name, octahedral in (("mapname", False), ("filename", True)):
-        if name not in parameters.items:
+        file = parameters.string(name)
+        if file is None:
             continue
-        path = textures.folder / parameters.string(name)
+        path = textures.folder / file
         picture, encoded = read_picture(path, parameters.items[name].place)
         if encoded:
             from lfcore.colour import srgb_decode

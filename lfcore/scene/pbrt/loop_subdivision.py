@@ -31,7 +31,7 @@ def loop_subdivide(
     return limit, faces, _normals(limit, faces)
 
 
-def _edges(faces: np.ndarray, count: int):
+def _edges(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Unique edges (E, 2), the edge of each face side (F, 3), and which edges are boundary."""
     sides = np.sort(np.stack([faces, np.roll(faces, -1, 1)], -1).reshape(-1, 2), 1)
     edges, inverse, uses = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
@@ -46,7 +46,9 @@ def _neighbours(edges: np.ndarray, count: int) -> sparse.csr_matrix:
     return (half + half.T).tocsr()
 
 
-def _boundary(edges: np.ndarray, open_edge: np.ndarray, count: int):
+def _boundary(
+    edges: np.ndarray, open_edge: np.ndarray, count: int
+) -> tuple[sparse.csr_matrix, np.ndarray]:
     """Neighbours along the boundary (matrix) and which vertices lie on it."""
     along = _neighbours(edges[open_edge], count)
     return along, np.diff(along.indptr) > 0

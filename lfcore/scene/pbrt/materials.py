@@ -26,6 +26,8 @@ DIELECTRIC = 0.04
 # reflectance is diffuse: without it a metal out of the highlight would be black.
 METAL_DIFFUSE = 0.4
 MIRROR_SHININESS = 2000.0
+Look = tuple[Texture, np.ndarray, float]
+"""Diffuse texture, specular colour, shininess."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,14 +109,14 @@ class MaterialTable:
         )
         return Resolved(surface, texture.uv_scale, texture.uv_offset)
 
-    def _matte(self, parameters: ParameterSet):
+    def _matte(self, parameters: ParameterSet) -> Look:
         if self.textures.number(parameters, "sigma", 0.0) > 0:
             self.notebook.add(
                 APPROXIMATED, parameters.place, f"{parameters.owner}: sigma, Lambert instead"
             )
         return self.textures.colour(parameters, "Kd", 0.5), np.zeros(3), 32.0
 
-    def _diffuse(self, parameters: ParameterSet):
+    def _diffuse(self, parameters: ParameterSet) -> Look:
         return self.textures.colour(parameters, "reflectance", 0.5), np.zeros(3), 32.0
 
     def _alpha(self, parameters: ParameterSet, default: float, version4: bool = False) -> float:
@@ -130,16 +132,16 @@ class MaterialTable:
             return rough
         return float(np.sqrt(rough)) if version4 else roughness_to_alpha(rough)
 
-    def _plastic(self, parameters: ParameterSet):
+    def _plastic(self, parameters: ParameterSet) -> Look:
         diffuse = self.textures.colour(parameters, "Kd", 0.25)
         gloss = self.textures.rgb(parameters, "Ks", 0.25)
         return diffuse, *lobe(gloss * DIELECTRIC, self._alpha(parameters, 0.1))
 
-    def _coated(self, parameters: ParameterSet):
+    def _coated(self, parameters: ParameterSet) -> Look:
         diffuse = self.textures.colour(parameters, "reflectance", 0.5)
         return diffuse, *lobe(np.full(3, DIELECTRIC), self._alpha(parameters, 0.0, True))
 
-    def _uber(self, parameters: ParameterSet):
+    def _uber(self, parameters: ParameterSet) -> Look:
         diffuse = self.textures.colour(parameters, "Kd", 0.25)
         gloss = self.textures.rgb(parameters, "Ks", 0.25)
         for name, default, what in (("Kr", 0.0, "mirror image"), ("Kt", 0.0, "transmission")):
@@ -153,12 +155,12 @@ class MaterialTable:
             parameters.get(name)
         return diffuse, *lobe(gloss * DIELECTRIC, self._alpha(parameters, 0.1))
 
-    def _substrate(self, parameters: ParameterSet):
+    def _substrate(self, parameters: ParameterSet) -> Look:
         diffuse = self.textures.colour(parameters, "Kd", 0.5)
         gloss = self.textures.rgb(parameters, "Ks", 0.5)
         return diffuse, *lobe(gloss, self._alpha(parameters, 0.1))
 
-    def _metal(self, parameters: ParameterSet):
+    def _metal(self, parameters: ParameterSet) -> Look:
         version4 = "conductor" in parameters.owner
         alpha = self._alpha(parameters, 0.0 if version4 else 0.01, version4)
         reflectance = self._metal_colour(parameters)
@@ -182,7 +184,7 @@ class MaterialTable:
         folder = self.textures.folder
         return metal_reflectance(parameter_rgb(eta, folder), parameter_rgb(k, folder))
 
-    def _mirror(self, parameters: ParameterSet):
+    def _mirror(self, parameters: ParameterSet) -> Look:
         reflectance = self.textures.rgb(parameters, "Kr", 0.9)
         self.notebook.add(
             APPROXIMATED,
@@ -191,27 +193,31 @@ class MaterialTable:
         )
         return constant(METAL_DIFFUSE * reflectance), np.clip(reflectance, 0, 1), MIRROR_SHININESS
 
-    def _mix(self, parameters: ParameterSet):
+    def _mix(self, parameters: ParameterSet) -> Look:
         pair = parameters.get("materials", "string")
         if pair is not None:  # version 4: amount is the weight of the second
-            names = list(pair.values)
+            names: list[str | None] = list(pair.values)
             weight = 1.0 - self.textures.number(parameters, "amount", 0.5)
         else:
             names = [parameters.string(f"namedmaterial{n}") for n in (1, 2)]
             weight = float(self.textures.rgb(parameters, "amount", 0.5).mean())
-        if len(names) != 2 or None in names:
+        found = [name for name in names if name is not None]
+        if len(found) != 2:
             raise syntax_error(f"{parameters.owner} wants two named materials", parameters.place)
-        first, second = (self.resolve(self.find(name, parameters.place)) for name in names)
+        first, second = (self.resolve(self.find(name, parameters.place)) for name in found)
         if first.surface is None or second.surface is None:
             raise syntax_error(
                 f"{parameters.owner} mixes a material that is none", parameters.place
             )
         return self._blend(first, second, weight, parameters)
 
-    def _blend(self, first: Resolved, second: Resolved, weight: float, parameters: ParameterSet):
+    def _blend(
+        self, first: Resolved, second: Resolved, weight: float, parameters: ParameterSet
+    ) -> Look:
+        a, b = first.surface, second.surface
+        assert a is not None and b is not None  # of _mix
         halves = []
-        for half, share in ((first, weight), (second, 1.0 - weight)):
-            surface = half.surface
+        for half, surface, share in ((first, a, weight), (second, b, 1.0 - weight)):
             factor = np.array(surface.diffuse) * share
             halves.append(Texture(factor, surface.texture, half.uv_scale, half.uv_offset))
         images = [half for half in halves if half.image is not None]
@@ -228,12 +234,11 @@ class MaterialTable:
             )
         else:
             texture = Texture(halves[0].factor + halves[1].factor)
-        a, b = first.surface, second.surface
         specular = weight * np.array(a.specular) + (1 - weight) * np.array(b.specular)
         glossier = max((a, b), key=lambda surface: sum(surface.specular))
         return texture, specular, glossier.shininess
 
-    def _unknown(self, parameters: ParameterSet):
+    def _unknown(self, parameters: ParameterSet) -> Look:
         self.notebook.add(
             APPROXIMATED, parameters.place, f"{parameters.owner}: as matte grey of 0.5"
         )

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import dataclass, field
+from typing import Any, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lfcore.errors import SceneError
 from lfcore.scene.notes import NOT_USED, Notebook
@@ -24,7 +26,7 @@ class Parameter:
 
     type: str
     name: str
-    values: np.ndarray | list
+    values: Any
     place: Place
     used: bool = False
 
@@ -77,6 +79,12 @@ class ParameterSet:
         parameter = self.get(name, "bool")
         return default if parameter is None else bool(parameter.values[0])
 
+    @overload
+    def string(self, name: str, default: str) -> str: ...
+
+    @overload
+    def string(self, name: str, default: None = None) -> str | None: ...
+
     def string(self, name: str, default: str | None = None) -> str | None:
         parameter = self.get(name, "string")
         if parameter is None:
@@ -94,7 +102,7 @@ class ParameterSet:
             raise self.wrong_count(parameter, "a multiple of 3")
         return parameter.values.reshape(-1, 3)
 
-    def vector(self, name: str, default: tuple[float, float, float]) -> np.ndarray:
+    def vector(self, name: str, default: ArrayLike) -> np.ndarray:
         values = self.vectors(name)
         if values is None:
             return np.array(default, np.float64)

@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -64,19 +65,20 @@ class _Parser:
         self.files = 0
 
     def file(self, path: Path, stack: list[Path], asked: Place | None) -> Iterator[Directive]:
+        place = asked or Place(path, 1, 1)
         try:
             identity = path.resolve()
         except (OSError, ValueError) as error:  # a circle of links, or a NUL in the name
             raise syntax_error(
-                f"{str(path)!r} is no file: {error}", asked, "Check the path given to Include"
+                f"{str(path)!r} is no file: {error}", place, "Check the path"
             ) from None
         if identity in stack:
-            raise syntax_error(f"{str(path)!r} includes itself", asked, "Break the circle")
+            raise syntax_error(f"{str(path)!r} includes itself", place, "Break the circle")
         self.files += 1
         if len(stack) > DEEPEST_INCLUDE or self.files > MOST_FILES:
             raise syntax_error(
                 f"includes files more than {DEEPEST_INCLUDE} deep, or more than {MOST_FILES}",
-                asked,
+                place,
                 "Include each file once",
             )
         tokens = _Cursor(lexer.tokenize(lexer.read_text(path, asked), path))
@@ -95,11 +97,11 @@ class _Parser:
 
     def directive(self, tokens: _Cursor) -> Directive:
         token = tokens.take()
-        if token.kind != lexer.WORD or token.value not in GRAMMAR:
+        if token.kind != lexer.WORD or token.text not in GRAMMAR:
             near = difflib.get_close_matches(token.text, GRAMMAR, n=1)
             hint = f"Did you mean {near[0]}" if near else "Give a directive such as Shape"
             raise syntax_error(f"{token.text} is not a directive", token.place, hint)
-        name, grammar = token.value, GRAMMAR[token.value]
+        name, grammar = token.text, GRAMMAR[token.text]
         strings: list[str] = []
         numbers = np.zeros(0)
         if grammar.startswith("n"):
@@ -158,9 +160,9 @@ class _Cursor:
 def _numbers(tokens: _Cursor, count: int, directive: str) -> np.ndarray:
     first = tokens.peek
     if first.kind == lexer.NUMBERS:
-        values = tokens.take().value
+        values = np.asarray(tokens.take().value)
     else:
-        collected = []
+        collected: list[Any] = []
         while len(collected) < count and tokens.peek.kind == lexer.NUMBER:
             collected.append(tokens.take().value)
         values = np.array(collected, np.float64)
@@ -179,7 +181,7 @@ def _values(tokens: _Cursor, kind: str, head: Token) -> np.ndarray | list:
     """The value or bracketed values that follow a parameter's name."""
     token = tokens.take()
     if token.kind == lexer.NUMBERS:
-        items: list | np.ndarray = token.value
+        items: Any = token.value
     elif token.kind == lexer.OPEN:
         items = []
         while tokens.peek.kind != lexer.CLOSE:
@@ -199,7 +201,7 @@ def _values(tokens: _Cursor, kind: str, head: Token) -> np.ndarray | list:
     return _typed(items, kind, head, token)
 
 
-def _scalar(token: Token):
+def _scalar(token: Token) -> object:
     if token.kind != lexer.WORD:
         return token.value
     if token.value not in ("true", "false"):
@@ -207,7 +209,7 @@ def _scalar(token: Token):
     return token.value == "true"
 
 
-def _typed(items, kind: str, head: Token, token: Token):
+def _typed(items: Any, kind: str, head: Token, token: Token) -> np.ndarray | list:
     if len(items) == 0:
         raise syntax_error(f'"{head.value}" has no value', head.place)
     if kind == "bool":

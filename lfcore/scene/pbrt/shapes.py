@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,15 +50,9 @@ def tessellate(
 
     Raises :class:`SceneError` naming the place for parameters that make no shape.
     """
-    makers = {
-        "trianglemesh": _trianglemesh,
-        "plymesh": _plymesh,
-        "sphere": _sphere,
-        "disk": _disk,
-        "cylinder": _cylinder,
-        "loopsubdiv": _loopsubdiv,
-    }
-    if kind not in makers:
+    meshes = {"trianglemesh": _trianglemesh, "plymesh": _plymesh, "loopsubdiv": _loopsubdiv}
+    curved = {"sphere": _sphere, "disk": _disk, "cylinder": _cylinder}
+    if kind not in meshes and kind not in curved:
         notebook.add(LEFT_OUT, parameters.place, f'Shape "{kind}"')
         return None
     for name in ("alpha", "shadowalpha"):
@@ -66,10 +61,10 @@ def tessellate(
             notebook.add(
                 APPROXIMATED, parameters.items[name].place, f'{parameters.owner}: "{name}", opaque'
             )
-    if kind in ("trianglemesh", "plymesh", "loopsubdiv"):
-        mesh = makers[kind](parameters, folder)
+    if kind in meshes:
+        mesh = meshes[kind](parameters, folder)
     else:
-        mesh = makers[kind](parameters, tolerance)
+        mesh = curved[kind](parameters, tolerance)
     if "S" in parameters.items:
         parameters.get("S")
         notebook.add(NOT_USED, parameters.place, f'"S" (tangents) of {parameters.owner}')
@@ -146,7 +141,7 @@ def _plymesh(parameters: ParameterSet, folder: Path) -> Mesh:
     )
 
 
-def _first(candidates):
+def _first(candidates: Iterable[np.ndarray | None]) -> np.ndarray | None:
     return next((candidate for candidate in candidates if candidate is not None), None)
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +54,7 @@ class GraphicsState:
             kind, _, place = self._stack[0]
             raise syntax_error(f"{kind}Begin is never closed", place, f"Add {kind}End")
 
-    def set(self, **changes) -> None:
+    def set(self, **changes: Any) -> None:
         self.now = replace(self.now, **changes)
 
     def concatenate(self, matrix: np.ndarray) -> None:
@@ -62,7 +64,7 @@ class GraphicsState:
     def assign(self, matrix: np.ndarray) -> None:
         self._update(lambda current: matrix)
 
-    def _update(self, change) -> None:
+    def _update(self, change: Callable[[np.ndarray], np.ndarray]) -> None:
         matrices = tuple(
             change(matrix) if time in self.now.active else matrix
             for time, matrix in enumerate(self.now.matrices)
@@ -91,7 +93,7 @@ def transform_matrix(name: str, numbers: np.ndarray, place: Place) -> np.ndarray
     if name == "Rotate":
         if not numbers[1:].any():
             raise syntax_error("Rotate about an axis of no length", place)
-        return rotate(numbers[1:], numbers[0])
+        return rotate(numbers[1:].tolist(), numbers[0])
     if name == "LookAt":
         return look_at(numbers, place)
     matrix = numbers.reshape(4, 4).T  # files list columns

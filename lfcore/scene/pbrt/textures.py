@@ -112,7 +112,7 @@ class TextureTable:
             )
         return texture
 
-    def colour(self, parameters: ParameterSet, name: str, default) -> Texture:
+    def colour(self, parameters: ParameterSet, name: str, default: float | np.ndarray) -> Texture:
         """A colour parameter that may be a texture."""
         parameter = parameters.get(name, "texture", "float", *COLOUR_TYPES)
         if parameter is None:
@@ -140,7 +140,7 @@ class TextureTable:
             )
         return float(texture.mean()[0])
 
-    def rgb(self, parameters: ParameterSet, name: str, default) -> np.ndarray:
+    def rgb(self, parameters: ParameterSet, name: str, default: float | np.ndarray) -> np.ndarray:
         """A colour parameter as one colour; a texture counts with its mean, noted."""
         texture = self.colour(parameters, name, default)
         if texture.image is not None:
@@ -218,17 +218,18 @@ class TextureTable:
                 parameters.items["mapping"].place,
                 f'{parameters.owner}: mapping "{mapping}" as "uv"',
             )
-        scale = tuple(parameters.float(name, 1.0) / period for name in ("uscale", "vscale"))
-        offset = tuple(parameters.float(name, 0.0) / period for name in ("udelta", "vdelta"))
-        return replace(texture, uv_scale=scale, uv_offset=offset)
+        u_scale, v_scale = (parameters.float(name, 1.0) / period for name in ("uscale", "vscale"))
+        u, v = (parameters.float(name, 0.0) / period for name in ("udelta", "vdelta"))
+        return replace(texture, uv_scale=(u_scale, v_scale), uv_offset=(u, v))
 
 
 def _product(a: Texture, b: Texture) -> Texture:
-    height = max(a.image.shape[0], b.image.shape[0])
-    width = max(a.image.shape[1], b.image.shape[1])
+    """Of two images, at the size of the larger."""
+    images = [texture.image for texture in (a, b) if texture.image is not None]
+    height, width = (max(image.shape[axis] for image in images) for axis in (0, 1))
     linear = [
-        cv2.resize(srgb_decode(t.image / 255.0), (width, height), interpolation=cv2.INTER_LINEAR)
-        for t in (a, b)
+        cv2.resize(srgb_decode(image / 255.0), (width, height), interpolation=cv2.INTER_LINEAR)
+        for image in images
     ]
     image, top = encode(linear[0] * linear[1])
     return replace(a, factor=a.factor * b.factor * top, image=image)
