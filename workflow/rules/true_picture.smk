@@ -92,8 +92,6 @@ if STORE:
             light_field="results/{scene}/analysis/our_choice.mkv",
         log:
             "logs/our_choice/{scene}.log",
-        group:
-            grouped("figures")
         conda:
             "../envs/lfcore.yaml"
         params:
