@@ -49,10 +49,10 @@ if TYPE_CHECKING:
 
 FILTERS = ("depth", "nearest")
 STORED_COUNT = RayCount(4, 2)
-"""Rays of a pixel of a file with depth: measured, docs/notebook/true-picture.md."""
+"""Rays of a pixel in a file with depth (measured, docs/notebook/true-picture.md)."""
 VIEWS = 16
-"""Lens samples a side, where none are asked for and rays have no depth."""
-# What a single function needs, video and exposure, it imports itself: a picture is there sooner.
+"""Lens samples a side where rays count in the pixel that they fall on and no number is given."""
+# Video and exposure are imported by the functions that need them: a picture is there sooner.
 
 
 def load_scene(path: str | Path, *, light_points: int = POINTS, up: str = "y") -> Scene:
@@ -240,10 +240,10 @@ def record(
     views, pixels : N x N views of M x M pixels; N is 4, or 16 without ``depth_stream``.
     depth_stream : store the inverse depth of every ray as a stream of its own, and views of
         ``subpixels`` times M pixels (2 by default), so that few of them give pictures of M pixels
-        by depth; default where ``views`` is not given.  At the bytes of 16 x 16 plain views,
-        pictures of it are 12 dB nearer to the true ones (docs/notebook/true-picture.md).
+        by depth; default where ``views`` is not given.  At the bytes of 16 x 16 plain views, its
+        pictures are 12 dB nearer to the true ones (docs/notebook/true-picture.md).
     lattice : of these views: ``crossed``, each displaced within a pixel against all others, which
-        pictures by depth gain 2 dB from, or ``plain``, as all other ways to read a file need.
+        which gains pictures by depth 2 dB, or ``plain``, which all other ways to read a file need.
     quality_db : instead of ``views`` and ``subpixels``, with a depth stream: what pictures of the
         whole lens are to have against the average over pixel and lens, before the codec's loss.  A
         pilot of a tenth of the rays says how many it takes; the file says what is expected.

@@ -23,7 +23,7 @@ from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.plane_buffers import PlaneBuffers
 
 CHUNK_BYTES = 64 << 20
-"""Of decoded frames at a time: enough for the device to be busy, and still in the cache."""
+"""Decoded frames that are added at a time: enough to keep the device busy, and still in cache."""
 
 
 class PlaneFormer:

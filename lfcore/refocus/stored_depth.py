@@ -19,9 +19,9 @@ Progress = Callable[[int, int], None] | None
 VIEWS_RAYS = 1 << 22
 """Rays of views that are sliced at a time."""
 HELD_RAYS = 1 << 27
-"""Rays that are held at a time at most, as those of macropixels are: 2 GiB."""
+"""Most rays that are held at a time, as a file of macropixels needs: 2 GiB."""
 SUMS_BYTES = 1 << 30
-"""Of the pictures that are formed from one pass over the file."""
+"""Sums of the pictures that are formed from one pass over the file."""
 
 
 def slice_stored(

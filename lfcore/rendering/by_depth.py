@@ -19,10 +19,10 @@ from lfcore.tracing.tracer import Tracer
 
 RAYS_AT_A_TIME = 1 << 23
 SUMS_BYTES = 1 << 30
-"""Of the planes that are formed at a time; for more, rays are traced again."""
+"""Sums of the planes that are formed at a time; for more planes, rays are traced again."""
 FOOTPRINT = 2.0
-"""Tangent that textures are filtered over, of the distance between the rays of all views together
-where they are in focus: measured, docs/notebook/true-picture.md."""
+"""The width that textures are filtered over, over the distance between the rays of all views
+together in focus: measured, docs/notebook/true-picture.md."""
 MOST_SUBPIXELS = 64
 
 
@@ -30,7 +30,7 @@ MOST_SUBPIXELS = 64
 class RayCount:
     """Rays of a picture's pixel: ``views`` lens samples by ``subpixels`` a side.
 
-    Raises :class:`OpticsError` for sub-pixels that are no such number.
+    Raises :class:`OpticsError` for sub-pixels that are not above 0, or too many.
     """
 
     views: int
@@ -98,7 +98,7 @@ def pictures_by_depth(
         )
     pictures = np.concatenate(made)
     for picture, plane in zip(pictures, planes, strict=True):
-        if plane.normalise == "lens":  # the whole one, not the part that is traced
+        if plane.normalise == "lens":  # the whole lens, not the part that is traced
             picture *= (camera.f_number / lens.f_number) ** 2
     return pictures
 
@@ -106,7 +106,7 @@ def pictures_by_depth(
 def _within(
     progress: Callable[[int, int], None] | None, number: int, groups: int
 ) -> Callable[[int, int], None] | None:
-    """``progress`` of one of several passes, told as of all."""
+    """The progress of pass ``number`` of several, as a part of all."""
     if progress is None:
         return None
     return lambda done, of: progress(number * of + done, groups * of)

@@ -23,20 +23,23 @@ from lfcore.tracing.tracer import Tracer
 
 PILOT = (RayCount(2, 1), RayCount(3, 0.75))
 FOOTPRINT_PX = 0.0625
-"""That textures of a round are filtered over at most: what many rays see must be seen by few."""
+"""The widest tangent, in pixels, that a round's textures are filtered over.  A round of few rays
+must see the detail that many rays see, or it would say that they agree."""
 SHARED_DB = 2.0
-"""What both lattices of a pair get wrong alike, and no disagreement tells: measured there."""
+"""Both lattices of a pair get something wrong alike, which their disagreement does not tell: this
+is taken off (measured, docs/notebook/true-picture.md)."""
 MOST_RAYS = 4096
-"""A pixel, that a quality may take if no budget is given."""
+"""Rays of a pixel that a quality may take where no budget is given."""
 GROWTH, LAST_GROWTH = 8.0, 0.6
-"""How many times the rays so far a pair of rounds may add, and up to which one lattice ends it."""
+"""A pair of rounds adds up to GROWTH times the rays so far.  Where no more than LAST_GROWTH times
+the rays so far are missing, one lattice ends it."""
 PAIR_SHARE = 0.7
-"""Of the missing rays that a pair traces: it knows better than what came before how many miss."""
+"""Share of the missing rays that a pair traces; its disagreement then says better how many miss."""
 PILOT_SHARE, PLANNED_DB, PLANNED_PLANES = 0.1, 1.5, 5
-"""Of rays that are only planned, those of the pilot; and by how many dB what they say is less sure
-than where all are traced: measured there.  And how many planes stand for a range."""
+"""Where rays are planned and not traced: the pilot's share of them, what is taken off for its
+uncertainty (measured, docs/notebook/true-picture.md), and how many planes stand for a range."""
 BORDER = 0.08
-"""Of a picture's side: what not all of the lens sees is not judged."""
+"""Share of a picture's side that is left out at each rim, which not all of the lens sees."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,7 @@ def pictures_of_quality(
 class PlannedRays:
     """A lattice for pictures between two distances, and the PSNR in dB to be expected of the worst.
 
-    ``pilot_rays`` are those, a pixel, that said so.
+    ``pilot_rays`` are the rays of a pixel that said so.
     """
 
     count: RayCount
@@ -192,7 +195,8 @@ def one_lattice(rays: float) -> RayCount:
 
 
 def unlike_lattices(rays: float) -> tuple[RayCount, RayCount]:
-    """Two of so many rays a pixel each, a third or more apart in views and in sub-pixels."""
+    """Two lattices of so many rays a pixel each; their numbers of views, and of sub-pixels, are a
+    third or more apart."""
     side = math.sqrt(rays)
     few = max(1, round(1.7 * math.sqrt(side)))
     many = max(few + 1, round(2.4 * math.sqrt(side)))
@@ -212,7 +216,7 @@ class _Rounds:
 
     @property
     def rays(self) -> float:
-        """A pixel."""
+        """Rays of a pixel that were traced."""
         return sum(count.rays_a_pixel for count in self.counts)
 
     def add(self, count: RayCount, pictures: np.ndarray) -> None:
@@ -229,19 +233,19 @@ class _Rounds:
         self._of_one_ray = apart / sum(1 / count.rays_a_pixel for count, _ in pair)
 
     def expected_db(self, rays: float) -> np.ndarray:
-        """(P,) of pictures of so many rays a pixel."""
+        """(P,) PSNR in dB to be expected of pictures of so many rays a pixel."""
         side = self._of_one_ray.shape[1]
         inner = slice(int(BORDER * side), side - int(BORDER * side))
         found = self._of_one_ray[:, inner, inner].mean(axis=(1, 2)) / rays
         return -10 * np.log10(np.maximum(found, 1e-12)) - SHARED_DB
 
     def wanted_rays(self, quality_db: float) -> float:
-        """A pixel, that the quality takes in all."""
+        """Rays of a pixel that the quality takes in all."""
         lacking = quality_db - float(self.expected_db(self.rays).min())
         return self.rays * 10 ** (min(lacking, 200.0) / 10)
 
     def missing_rays(self, quality_db: float) -> float:
-        """A pixel, beyond those there are; 0 where the quality is reached."""
+        """Rays of a pixel that the quality still takes; 0 where it is reached."""
         missing = self.wanted_rays(quality_db) - self.rays
         return missing if missing > 1e-6 * self.rays else 0.0
 

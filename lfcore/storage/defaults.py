@@ -10,7 +10,8 @@ What follows from it:
   ray whose pictures are right to 44 dB.  They are the default where a view has at least 16 pixels
   for each one of a macropixel, along a side (and up to N = 8).  With fewer, a block of 16 x 16
   pixels of one view sees thousands of triangles in a dense scene, and tracing bedroom at N = 32,
-  M = 128 as views took tens of times as long as as macropixels; at N = 16, M = 512 it is as fast.
+  M = 128 took tens of times as long as views as it did as macropixels; at N = 16, M = 512 both are
+  as fast.
 - 4:4:4 everywhere: at N = 64 it needs 27% fewer bits than 4:2:0 at equal error of the picture, and
   at N = 512 frames are 2 dB better at equal bits.
 - Preset ``medium`` at N = 16, where the codec's noise is averaged least, and beyond N = 256:
@@ -20,8 +21,8 @@ What follows from it:
 - ``veryfast`` in between, with what gives most of ``medium``'s quality back for 15% of its rate:
   the coefficients' trellis (1.3 dB of the lens picture), frames looked ahead (0.2 dB), and at small
   N three reference frames (6% of the bits).  It does twice the rays of ``medium``.
-- 20 frames are looked ahead beyond N = 128 and not 40, which at N = 512 saves 32 MiB of the
-  encoder's 74, for 0.6 to 2.3% fewer bits and 0.05 to 0.3 dB less at one CRF, with 0.6 to 1% fewer
+- The encoder looks 20 frames ahead beyond N = 128, and not 40.  At N = 512 that saves 32 of its 74
+  MiB, and at one CRF gives 0.6 to 2.3% fewer bits, 0.05 to 0.3 dB less, and takes 0.6 to 1% fewer
   instructions.
 - A key frame every 128 frames costs 3% of the bits at N = 32 and bounds what a macropixel costs to
   read: 64 frames decoded on average.
@@ -54,8 +55,8 @@ _SETTINGS: tuple[tuple[int, dict[str, Any]], ...] = (
     (1 << 30, {"crf": 28.0, "preset": "medium", "lookahead": 20}),
 )
 FEW_VIEWS_CRF = 20.0
-"""Of H.264 where pictures are sliced by depth from up to 16 lens samples a side: few frames are
-averaged, so the codec's noise is to stay below what the rays themselves err by."""
+"""CRF of H.264 where pictures are sliced by depth from up to 16 lens samples a side.  Few frames
+are averaged, so the codec's noise must stay below the error of the rays themselves."""
 KEY_EVERY = 128
 """Frames from one key frame to the next."""
 AUTO = "auto"

@@ -23,7 +23,7 @@ from lfcore.storage.stored_video import Damage, StoredVideo
 from lfcore.storage.ycbcr import rgb_from_planes
 
 CHUNK_BYTES = 4 << 20
-"""Of frames that are decoded before rays are taken out of them: floats of all are some 50 MB."""
+"""Frames that are decoded before rays are taken out of them; as floats these are some 50 MB."""
 FULL = {8: "yuv444p", 10: "yuv444p10le"}
 """Formats of as many bits whose chroma is not subsampled."""
 
@@ -57,7 +57,7 @@ class LightFieldFile(StoredVideo):
 
     @property
     def displaced(self) -> bool:
-        """Whether views see unlike places of a pixel, as slicing by depth wants them."""
+        """Whether views are displaced within a pixel against one another, for slicing by depth."""
         depth = self.metadata.depth
         return depth is not None and depth.lattice != "plain"
 
