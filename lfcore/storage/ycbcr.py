@@ -37,14 +37,22 @@ def rgb_to_ycbcr(rgb: np.ndarray, bits: int = 8) -> np.ndarray:
 
 def ycbcr_to_rgb(codes: np.ndarray, bits: int = 8, dtype: type = np.float32) -> np.ndarray:
     """sRGB-encoded RGB (..., 3), clipped to [0, 1], of codes (..., 3); float32 or float64."""
+    return _rgb_of(codes[..., 0], codes[..., 1], codes[..., 2], bits, dtype)
+
+
+def _rgb_of(
+    luma: np.ndarray, blue: np.ndarray, red: np.ndarray, bits: int, dtype: type = np.float32
+) -> np.ndarray:
+    """The same of three arrays of codes."""
     scale = float(1 << (bits - 8))
-    luma = (codes[..., 0].astype(dtype) - dtype(16 * scale)) * dtype(1 / (219 * scale))
-    cb = (codes[..., 1].astype(dtype) - dtype(128 * scale)) * dtype(1 / (112 * scale))
-    cr = (codes[..., 2].astype(dtype) - dtype(128 * scale)) * dtype(1 / (112 * scale))
+    luma = (luma.astype(dtype) - dtype(16 * scale)) * dtype(1 / (219 * scale))
+    cb = (blue.astype(dtype) - dtype(128 * scale)) * dtype(1 / (112 * scale))
+    cr = (red.astype(dtype) - dtype(128 * scale)) * dtype(1 / (112 * scale))
     rgb = np.empty(luma.shape + (3,), dtype)
-    rgb[..., 0] = luma + dtype(1 - RED) * cr
-    rgb[..., 2] = luma + dtype(1 - BLUE) * cb
-    rgb[..., 1] = luma - dtype(BLUE * (1 - BLUE) / GREEN) * cb - dtype(RED * (1 - RED) / GREEN) * cr
+    np.add(luma, dtype(1 - RED) * cr, out=rgb[..., 0])
+    np.add(luma, dtype(1 - BLUE) * cb, out=rgb[..., 2])
+    green = luma - dtype(BLUE * (1 - BLUE) / GREEN) * cb
+    np.subtract(green, dtype(RED * (1 - RED) / GREEN) * cr, out=rgb[..., 1])
     return np.clip(rgb, 0, 1, out=rgb)
 
 
@@ -100,11 +108,9 @@ def rgb_from_planes(
     if form.rgb:
         green, blue, red = planes
         return np.stack([red, green, blue], -1).astype(np.float32) * np.float32(1 / 255)
-    codes = np.empty(planes[0].shape + (3,), np.float32)
-    codes[..., 0] = planes[0]
-    for index in (1, 2):
-        codes[..., index] = _upsampled(planes[index], form, linear_chroma)
-    return ycbcr_to_rgb(codes, form.bits)
+    luma, *chroma = planes
+    blue, red = (_upsampled(plane, form, linear_chroma) for plane in chroma)
+    return _rgb_of(luma, blue, red, form.bits)
 
 
 def _upsampled(chroma: np.ndarray, form: PixelFormat, linear: bool) -> np.ndarray:

@@ -135,7 +135,7 @@ def test_a_point():
         lambda seed: reference + 0.01, reference, 1e-4, seeds=2, method="m", knob="k"
     )
     assert set(row) == set(COLUMNS) and row["rmse"] == pytest.approx(0.01)
-    assert row["repeats"] == 20 and row["quartile_1_seconds"] <= row["seconds"]
+    assert row["repeats"] == 9 and row["quartile_1_seconds"] <= row["seconds"]
     parts = {"left": np.arange(16).reshape(4, 4) % 4 < 2, "none": np.zeros((4, 4), bool)}
     row = measured_point(lambda seed: reference + 0.01, reference, 1e-4, parts=parts, pictures=4)
     assert row["rmse_left"] == pytest.approx(0.01) and "rmse_none" not in row

@@ -9,6 +9,8 @@ rule work_precision_scene:
         "results/{scene}/analysis/work_precision.json",
     log:
         "logs/work_precision/{scene}.log",
+    # As tracing: long jobs first, so that the cores finish together.
+    priority: 10
     conda:
         "../envs/lfcore.yaml"
     params:
@@ -104,6 +106,7 @@ rule left_out_scene:
         "results/{scene}/analysis/left_out.json",
     log:
         "logs/left_out/{scene}.log",
+    priority: 5
     conda:
         "../envs/lfcore.yaml"
     params:

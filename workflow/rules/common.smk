@@ -12,6 +12,8 @@ from lfcore.workflow.sources import digest
 
 # Where a rule's own environment finds the library; see workflow/envs/lfcore.post-deploy.sh.
 os.environ.update(LFCORE_ROOT=str(ROOT))
+# Jobs keep to their threads: those of BLAS would wait for one another by spinning.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # What the plenoptic photograph and other renderers show, whatever scenes are in tables.
 CHART = "chart"

@@ -13,6 +13,7 @@ for name in ("storage_layouts", "rate_distortion"):
             f"results/{{scene}}/storage/{name}.json",
         log:
             f"logs/{name}/{{scene}}.log",
+        priority: 5
         conda:
             "../envs/lfcore.yaml"
         params:

@@ -16,6 +16,7 @@ rule truth:
         "logs/truth/{scene}/{lens}.log",
     wildcard_constraints:
         lens="|".join(TRUTHS),
+    priority: 10
     group:
         grouped("figures")
     conda:
