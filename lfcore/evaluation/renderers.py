@@ -8,6 +8,7 @@ lens.  A renderer that is not installed is left out, and its row says why.
 
 from __future__ import annotations
 
+import functools
 import importlib
 import importlib.util
 import math
@@ -32,6 +33,7 @@ from lfcore.pictures import read_codes
 from lfcore.progress import Progress, silent
 from lfcore.rendering.direct import focused_camera, trace_picture
 from lfcore.scene.mitsuba import Description
+from lfcore.scene.model import Scene
 from lfcore.scene.povray import FILE, write_povray
 from lfcore.tracing.tracer import Tracer
 
@@ -77,13 +79,16 @@ def compare(
     others have.  PSNR and SSIM are of sRGB codes that are not rounded, peak 255.
     """
     rows, all_rendered = [], []
-    methods = (_ours, _ours_spread, povray, mitsuba)
+    methods = (
+        *(functools.partial(ours, tracer) for ours in (_ours, _ours_spread)),
+        *(functools.partial(other, tracer.scene) for other in (povray, mitsuba)),
+    )
     for at, focus in enumerate(focus_m):
         plane = SensorPlane(focus, tracer.scene.camera.f_number)
         truth = spread_picture(tracer, plane, pixels, REFERENCE_VIEWS, REFERENCE_PLACES)
         rendered = []
         for k, method in enumerate(methods):
-            rendered.append(method(tracer, plane, pixels, views))
+            rendered.append(method(plane, pixels, views))
             progress(at * len(methods) + k + 1, len(focus_m) * len(methods))
         facts = {"scene": tracer.scene.name, "M": pixels, "focus_m": focus}
         rows += [facts | _row(one, truth) for one in rendered]
@@ -135,22 +140,21 @@ def _ours_spread(tracer: Tracer, plane: SensorPlane, pixels: int, views: int) ->
     )
 
 
-def povray(tracer: Tracer, plane: SensorPlane, pixels: int, views: int) -> Rendered:
+def povray(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendered:
     """POV-Ray's picture, or why there is none.  Seconds are its own of tracing, without parsing."""
     name = "POV-Ray"
     try:
-        camera = focused_camera(tracer.scene.camera, plane)
-        return _run_povray(name, tracer, camera, pixels, views**2)
+        return _run_povray(name, scene, focused_camera(scene.camera, plane), pixels, views**2)
     except (LeftOutError, SceneError) as error:
         return Rendered(name, None, note=f"left out: {error}")
 
 
-def _run_povray(name: str, tracer: Tracer, camera: Camera, pixels: int, rays: int) -> Rendered:
+def _run_povray(name: str, scene: Scene, camera: Camera, pixels: int, rays: int) -> Rendered:
     program = shutil.which("povray")
     if program is None:
         raise LeftOutError("povray is not installed")
     with tempfile.TemporaryDirectory(prefix="povray-") as folder:
-        write_povray(folder, tracer.scene, camera, samples=rays)
+        write_povray(folder, scene, camera, samples=rays)
         # 16-bit PNG without a gamma curve: linear light.
         command = [
             program, f"+I{FILE}", f"+W{pixels}", f"+H{pixels}", "+WT1", "+FN16", "File_Gamma=1.0",
@@ -173,19 +177,19 @@ def _run_povray(name: str, tracer: Tracer, camera: Camera, pixels: int, rays: in
     return Rendered(name, picture, rays, float(found[1]), note)
 
 
-def mitsuba(tracer: Tracer, plane: SensorPlane, pixels: int, views: int) -> Rendered:
+def mitsuba(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendered:
     """Mitsuba 3's picture by its scalar variant, which runs on every processor, or why there is
     none."""
     name = "Mitsuba 3"
     try:
         module = _import_mitsuba()
-        camera = focused_camera(tracer.scene.camera, plane)
-        scene = module.load_dict(Description(module, tracer.scene).all(camera, pixels))
+        camera = focused_camera(scene.camera, plane)
+        loaded = module.load_dict(Description(module, scene).all(camera, pixels))
     except (LeftOutError, SceneError) as error:
         return Rendered(name, None, note=f"left out: {error}")
     note = f"Mitsuba {module.__version__} scalar_rgb, random lens points"
     rays = views**2
-    return _timed(lambda: np.asarray(module.render(scene, spp=rays)), name, rays, note)
+    return _timed(lambda: np.asarray(module.render(loaded, spp=rays)), name, rays, note)
 
 
 def _import_mitsuba() -> ModuleType:

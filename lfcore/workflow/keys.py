@@ -330,6 +330,11 @@ class TruePicture(Keys):
     qualities_db: Annotated[list[real(10, 80)], Distinct, Field(max_length=12)] = key(
         "PSNR in dB that is asked for, as of `lfcore render --quality`", [35, 40, 45, 50]
     )
+    peers_db: Annotated[list[real(10, 80)], Distinct, Field(max_length=4)] = key(
+        "PSNR in dB to which Mitsuba 3 and POV-Ray are timed where they are installed; those of "
+        "`qualities_db` among them are asked for one picture, too",
+        [40, 45],
+    )
     nearest_views: several(whole(2, 1024), 1, 8) = key(
         "N of the thesis's recipe through the stopped-down lens", [16, 64]
     )

@@ -18,7 +18,7 @@ def points(*some):
     rows = [
         dict.fromkeys(COLUMNS)
         | {"scene": "bike", "method": method, "lattice": lattice, "rays": rays}
-        | {"f_number": stop, "psnr_true_db": db, "plane_m": place}
+        | {"f_number": stop, "psnr_true_db": db, "plane_m": place, "pictures": 5, "seconds": 1.0}
         for place, (method, lattice, rays, stop, db) in enumerate(some)
     ]
     return pd.DataFrame(rows)

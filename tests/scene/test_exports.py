@@ -116,7 +116,7 @@ def test_what_is_not_exported_is_refused(chart, tmp_path):
 def test_other_programs_see_the_same_picture(chart, render, installed):
     tracer = Tracer(chart, build_bvh(chart.triangles), open_device(threads=1))
     plane = SensorPlane(1.0, chart.camera.f_number)
-    made = render(tracer, plane, 48, 12)
+    made = render(chart, plane, 48, 12)
     if not installed:
         assert made.picture is None and "not installed" in made.note
         pytest.skip(made.note)

@@ -47,7 +47,14 @@ rule work_precision:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(*sources.READING, *sources.TABLES, "evaluation/work_precision"),
+        sources=digest(
+            *sources.READING,
+            *sources.TABLES,
+            "evaluation/work_precision",
+            "evaluation/true_picture/__init__.py",
+            "evaluation/true_picture/reference.py",
+            "oracle",
+        ),
         panels=reports.PANELS["work_precision"],
     script:
         "../scripts/work_precision.py"

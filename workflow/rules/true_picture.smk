@@ -45,7 +45,13 @@ rule true_picture_scene:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(*sources.READING, *sources.MEASURING, "evaluation/true_picture"),
+        sources=digest(
+            *sources.READING,
+            *sources.MEASURING,
+            "evaluation/true_picture",
+            "evaluation/renderers.py",
+            "evaluation/figures.py",
+        ),
         study=TRUE_PICTURE,
         angular_resolutions=RESOLUTIONS,
         device=SETTINGS["device"],

@@ -1,5 +1,6 @@
 """True errors of one scene's pictures, by method and lattice."""
 
+from lfcore.evaluation.true_picture.peers import peer_rows
 from lfcore.evaluation.true_picture.points import NEAREST, method_rows, plane_rows
 from lfcore.evaluation.true_picture.reference import load_reference
 from lfcore.files import read_json, write_json
@@ -24,7 +25,9 @@ with job(snakemake.log[0], snakemake.threads):
         )  # fmt: skip
     counts = [RayCount(int(views), subpixels) for views, subpixels in params.study["lattices"]]
     asked = params.study["qualities_db"]
-    rows += method_rows(tracer, [wide], counts, [], asked)
+    rows += method_rows(tracer, [wide], counts, [], asked, params.study["peers_db"])
+    pixels = wide.pictures.shape[1]
+    rows += peer_rows(tracer.scene, wide.planes, pixels, params.study["peers_db"])
     rows += method_rows(tracer, [stopped], counts, params.study["nearest_views"], asked)
     device = tracer.device
     write_json(

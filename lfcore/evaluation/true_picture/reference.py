@@ -18,6 +18,10 @@ from lfcore.rendering.by_depth import RayCount, pictures_by_depth
 from lfcore.rendering.quality import BORDER
 from lfcore.tracing.tracer import Tracer
 
+BELOW_DB = 10.0
+"""How far below an error that it judges a reference's own must be.  Where the two are independent,
+mean squares add up, and the error that is measured is right to 0.5 dB."""
+
 
 @dataclass(frozen=True)
 class Reference:
@@ -33,6 +37,13 @@ class Reference:
     pictures: np.ndarray
     known_db: np.ndarray
     square_error: np.ndarray
+
+    def of_plane(self, number: int) -> Reference:
+        """The true picture of one of the planes."""
+        one = slice(number, number + 1)
+        return Reference(
+            self.planes[one], self.pictures[one], self.known_db[one], self.square_error[one]
+        )
 
 
 def inner_psnr(picture: np.ndarray, truth: np.ndarray) -> float:

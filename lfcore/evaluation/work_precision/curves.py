@@ -83,7 +83,7 @@ def scene_rows(
         *(lambda stops=stops: quadrature(plain, study, stops) for stops in study.f_stops),
         lambda: tracing(tracer, study, wanted()),
         lambda: recorded_methods(tracer, study, wanted()),
-        lambda: peers(tracer, bvh, study),
+        lambda: peers(tracer.scene, study),
         lambda: storage(tracer, study),
         lambda: arithmetic(plain, study),
     ]

@@ -16,6 +16,7 @@ from lfcore.colour import display_values
 from lfcore.errors import OpticsError, SceneError
 from lfcore.evaluation.metrics import psnr
 from lfcore.evaluation.timing import measure_within
+from lfcore.evaluation.true_picture.reference import BELOW_DB
 
 COLUMNS = (
     "scene", "panel", "f_number", "method", "knob", "rays_per_pixel", "rmse", "order", "psnr_db",
@@ -25,10 +26,8 @@ COLUMNS = (
 REPEATS = 9
 """Of short work: quartiles are the third run and the seventh, so that one outlier moves neither."""
 BUDGET_SECONDS = 0.5
-BELOW_DB = 10.0
-"""How far below an error that it judges a reference's own must be.  Where the two are independent,
-mean squares add up, and the error that is measured is the method's to within 0.5 dB."""
 TIMES_BELOW = 10 ** (BELOW_DB / 20)
+"""How many times smaller than an error that it judges a reference's own must be."""
 NOT_JUDGED = "not judged"
 
 

@@ -17,17 +17,15 @@ from lfcore.evaluation import renderers
 from lfcore.evaluation.metrics import psnr
 from lfcore.evaluation.work_precision.measured_point import COLUMNS, judged, rmse
 from lfcore.optics.planes import SensorPlane
-from lfcore.tracing.bvh import Bvh
-from lfcore.tracing.tracer import Tracer
+from lfcore.scene.model import Scene
 
 LOG = logging.getLogger(__name__)
 VIEWS, REFERENCE_VIEWS = (2, 4, 6), 64
 
 
-def peers(tracer: Tracer, bvh: Bvh, study) -> Iterator[dict]:
+def peers(scene: Scene, study) -> Iterator[dict]:
     """The picture at the camera's own focus, without ambient light, by samples a pixel."""
-    scene = replace(tracer.scene, ambient=(0.0, 0.0, 0.0))
-    dark = Tracer(scene, bvh, tracer.device)
+    dark = replace(scene, ambient=(0.0, 0.0, 0.0))
     plane = SensorPlane(scene.camera.focus_distance_m, scene.camera.f_number)
     for name, renderer in (("Mitsuba 3", renderers.mitsuba), ("POV-Ray", renderers.povray)):
         context = dict.fromkeys(COLUMNS) | {
@@ -41,9 +39,9 @@ def peers(tracer: Tracer, bvh: Bvh, study) -> Iterator[dict]:
         yield from _curve(renderer, dark, plane, study.pixels, reference, context)
 
 
-def _curve(renderer, tracer, plane, pixels, reference, context) -> Iterator[dict]:
+def _curve(renderer, scene, plane, pixels, reference, context) -> Iterator[dict]:
     truth = np.asarray(reference.picture, float)
-    made = [renderer(tracer, plane, pixels, views) for views in VIEWS]
+    made = [renderer(scene, plane, pixels, views) for views in VIEWS]
     errors = [rmse([np.asarray(one.picture, float)], truth) for one in made]
     # Independent samples: the error falls with the square root of their number.
     doubt = errors[-1] * VIEWS[-1] / REFERENCE_VIEWS
