@@ -11,6 +11,7 @@ import importlib
 import inspect
 import re
 from pathlib import Path
+from typing import Any
 
 from lfcore.errors import SceneError
 from lfcore.scene.parts import Part
@@ -54,7 +55,7 @@ def build(
         raise SceneError(error.problem, file=file, key=place, remedy=error.remedy) from None
 
 
-def _check_type(value, default, file, key: str) -> None:
+def _check_type(value: Any, default: object, file: str | Path | None, key: str) -> None:
     """A value must be of its default's type; whole numbers pass for floats, not booleans."""
     numeric = isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool)
     if type(value) is not type(default) and not numeric:

@@ -57,7 +57,7 @@ def build(seed: int, *, triangles: int = 207000) -> list[Part]:
     return merge(parts)
 
 
-def _room(seed: int, look) -> list[Part]:
+def _room(seed: int, look: dict[str, Surface]) -> list[Part]:
     boards = textures.planks(seed + 20, (138, 98, 60), (190, 146, 98), rows=8)
     floor = Surface("floor", (0.95, 0.95, 0.95), (0.06, 0.06, 0.06), 40.0, texture=boards)
     paint = Surface(
@@ -91,7 +91,7 @@ def _room(seed: int, look) -> list[Part]:
     return parts
 
 
-def _window(look, seed: int) -> list[Part]:
+def _window(look: dict[str, Surface], seed: int) -> list[Part]:
     z0, z1, sill, head = WINDOW
     x, middle, wide, tall = LEFT - 0.09, (z0 + z1) / 2, z1 - z0, head - sill
     parts = []
@@ -139,7 +139,7 @@ def _window(look, seed: int) -> list[Part]:
     return parts
 
 
-def _beside_bed(look) -> list[Part]:
+def _beside_bed(look: dict[str, Surface]) -> list[Part]:
     parts = transform_all(furniture.night_table(look), translate(0.78, 0, BACK + 0.24))
     parts += transform_all(furniture.table_lamp(look), translate(0.85, 0.52, BACK + 0.20))
     for number in range(2):
@@ -169,7 +169,7 @@ def _beside_bed(look) -> list[Part]:
     return parts
 
 
-def _toys(seed: int, look) -> list[Part]:
+def _toys(seed: int, look: dict[str, Surface]) -> list[Part]:
     parts = transform_all(
         toys.toy_corner(seed), chain(rotate("y", 6), translate(0.14, 0.022, 0.84))
     )
@@ -178,7 +178,7 @@ def _toys(seed: int, look) -> list[Part]:
     return parts
 
 
-def _on_walls(seed: int, look) -> list[Part]:
+def _on_walls(seed: int, look: dict[str, Surface]) -> list[Part]:
     """Three framed prints over the bed, a mirror on the right, a string of lights."""
     parts = []
     for number, (x, y, width, tall) in enumerate(
@@ -196,14 +196,16 @@ def _on_walls(seed: int, look) -> list[Part]:
             parts.append(box((width + 0.03, 0.03, 0.036), look["oak"], centre=level))
     bulb = Surface("bulb", hex_colour("#e8cf90"), emission=(0.75, 0.55, 0.28))
     wire = Surface("wire", hex_colour("#3a3a34"))
-    path = []
+    pieces = []
     for k in range(4):
         t = np.linspace(0, 1, 16, endpoint=k == 3)
-        x = -2.0 + (k + t) * 1.0
-        path.append(
-            np.stack([x, 2.46 - 0.26 * (1 - (2 * t - 1) ** 2), np.full(len(t), BACK + 0.05)], -1)
+        along = -2.0 + (k + t) * 1.0
+        pieces.append(
+            np.stack(
+                [along, 2.46 - 0.26 * (1 - (2 * t - 1) ** 2), np.full(len(t), BACK + 0.05)], -1
+            )
         )
-    path = np.concatenate(path)
+    path = np.concatenate(pieces)
     parts.append(tube(path, 0.004, wire, segments=5))
     drop = sphere((0.018, 0.024, 0.018), bulb, segments=14, rings=10)
     spots = path[2::4] - (0, 0.028, 0)
@@ -213,7 +215,7 @@ def _on_walls(seed: int, look) -> list[Part]:
     return parts
 
 
-def _lantern(look) -> list[Part]:
+def _lantern(look: dict[str, Surface]) -> list[Part]:
     """A ribbed paper globe under the ceiling."""
     v = np.linspace(-np.pi / 2, np.pi / 2, 81)
     radius = 0.20 * np.cos(v) * (1 + 0.02 * np.abs(np.sin(v * 20)))
@@ -225,7 +227,7 @@ def _lantern(look) -> list[Part]:
     return transform_all([shell, cord], place)
 
 
-def _sheepskin(rng, number: int, unit: Part) -> Part:
+def _sheepskin(rng: np.random.Generator, number: int, unit: Part) -> Part:
     """Tufts over an oval with a nicked outline, beside the bed."""
     turn, out = rng.uniform(0, 2 * np.pi, number), np.sqrt(rng.random(number))
     shape = 1 + 0.13 * np.cos(2 * turn + 0.4) + 0.07 * np.cos(5 * turn)

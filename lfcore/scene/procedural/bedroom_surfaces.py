@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lfcore.scene.colour import hex_colour
 from lfcore.scene.parts import Surface
@@ -16,10 +19,10 @@ def surfaces(seed: int) -> dict[str, Surface]:
 
 
 def _cloths(seed: int) -> dict[str, Surface]:
-    def cloth(name, colour, number, **more):
+    def cloth(name: str, colour: ArrayLike, number: int, **more: Any) -> Surface:
         return Surface(name, (1, 1, 1), texture=textures.weave(seed + number, colour, **more))
 
-    velvet = {"specular": (0.05, 0.05, 0.05), "shininess": 8.0}
+    dull = (0.05, 0.05, 0.05)
     return {
         "linen": cloth("linen", (238, 232, 220), 1),
         "blush": cloth("blush cotton", (214, 152, 138), 2),
@@ -42,8 +45,8 @@ def _cloths(seed: int) -> dict[str, Surface]:
         ),
         "quilt": Surface("quilt", (1, 1, 1), texture=patchwork(seed + 5)),
         "knit": Surface("knitted throw", (1, 1, 1), texture=knitting(seed + 6, (196, 108, 78))),
-        "velvet": Surface("velvet", hex_colour("#3f6570"), **velvet),
-        "velvet 2": Surface("ochre velvet", hex_colour("#b8863b"), **velvet),
+        "velvet": Surface("velvet", hex_colour("#3f6570"), dull, 8.0),
+        "velvet 2": Surface("ochre velvet", hex_colour("#b8863b"), dull, 8.0),
         "curtain": Surface(
             "curtain",
             (1, 1, 1),
@@ -127,7 +130,7 @@ def patchwork(seed: int) -> np.ndarray:
     return picture
 
 
-def knitting(seed: int, colour) -> np.ndarray:
+def knitting(seed: int, colour: ArrayLike) -> np.ndarray:
     """(256, 256, 3) uint8: stocking stitch with a cable."""
     v, u = np.mgrid[:256, :256] / 256.0
     x = u * 20 % 1

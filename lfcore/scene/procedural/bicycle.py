@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lfcore.scene.colour import hex_colour
 from lfcore.scene.parts import Part, Surface, transform_all
@@ -28,14 +29,14 @@ HEAD_LOW, HEAD_HIGH = np.array([0.385, 0.71, 0.0]), np.array([0.335, 0.90, 0.0])
 
 def paints(seed: int, paint: str) -> dict[str, Surface]:
     """The surfaces of the bicycle by name."""
-    chrome = {"specular": (0.55, 0.55, 0.55), "shininess": 60.0}
+    shine = (0.55, 0.55, 0.55)
     return {
         "paint": Surface("paint", hex_colour(paint), (0.35, 0.35, 0.35), 90.0),
         "cream": Surface("cream", hex_colour("#e9dfc4"), (0.25, 0.25, 0.25), 60.0),
         "rubber": Surface("rubber", hex_colour("#2b2a2c"), (0.06, 0.06, 0.06), 12.0),
         "wall": Surface("tyre wall", hex_colour("#b99b6b"), (0.05, 0.05, 0.05), 12.0),
-        "chrome": Surface("chrome", hex_colour("#a8adb4"), **chrome),
-        "steel": Surface("steel", hex_colour("#7d8188"), **chrome),
+        "chrome": Surface("chrome", hex_colour("#a8adb4"), shine, 60.0),
+        "steel": Surface("steel", hex_colour("#7d8188"), shine, 60.0),
         "leather": Surface(
             "leather",
             (1, 1, 1),
@@ -70,7 +71,7 @@ def bicycle(seed: int, paint: str = "#1f6f78") -> list[Part]:
     return parts
 
 
-def _wheel(hub: np.ndarray, look) -> list[Part]:
+def _wheel(hub: np.ndarray, look: dict[str, Surface]) -> list[Part]:
     rim = tube(ring(WHEEL - 0.045, 36), 0.014, look["chrome"], segments=4, closed=True)
     tread = tube(ring(WHEEL - 0.012, 40), 0.024, look["rubber"], segments=6, closed=True)
     spokes = []
@@ -92,10 +93,10 @@ def _wheel(hub: np.ndarray, look) -> list[Part]:
     return transform_all([rim, tread, *spokes, axle], translate(*hub))
 
 
-def _frame(look) -> list[Part]:
+def _frame(look: dict[str, Surface]) -> list[Part]:
     paint = look["paint"]
 
-    def bar(points, radius, segments=8):
+    def bar(points: ArrayLike, radius: ArrayLike, segments: int = 8) -> Part:
         return tube(points, radius, paint, segments=segments)
 
     swan = curve([HEAD_HIGH - (0, 0.05, 0), (0.12, 0.58, 0), (-0.10, 0.50, 0), (-0.17, 0.56, 0)], 8)
@@ -121,7 +122,7 @@ def _frame(look) -> list[Part]:
     return parts
 
 
-def _mudguards(look) -> list[Part]:
+def _mudguards(look: dict[str, Surface]) -> list[Part]:
     parts = []
     for hub, start, stop in ((REAR, 5, 190), (FRONT, 15, 165)):
         angle = np.radians(np.linspace(start, stop, 19))
@@ -142,7 +143,7 @@ def _mudguards(look) -> list[Part]:
     return parts
 
 
-def _drive(look) -> list[Part]:
+def _drive(look: dict[str, Surface]) -> list[Part]:
     z = 0.055
     parts = []
     wheel = tube(ring(0.085, 28), 0.006, look["steel"], segments=4, closed=True)
@@ -181,14 +182,14 @@ def _drive(look) -> list[Part]:
     return parts
 
 
-def _saddle(look) -> list[Part]:
+def _saddle(look: dict[str, Surface]) -> list[Part]:
     post = cylinder(
         SEAT - (0, 0.02, 0), SEAT + (-0.045, 0.13, 0), 0.012, look["chrome"], segments=8
     )
     body = cushion((0.27, 0.07, 0.2), look["leather"], pieces=5, power=3.0, repeat=4.0)
 
     # Narrow the nose: width falls towards +x.
-    def pinch(vectors):
+    def pinch(vectors: np.ndarray) -> np.ndarray:
         x = np.clip(vectors[..., 0:1] / 0.135, -1, 1)
         width = np.interp(x, [-1, -0.2, 0.35, 1], [0.95, 1.0, 0.42, 0.30])
         return vectors * np.concatenate([np.ones_like(x), np.ones_like(x), width], -1)
@@ -210,7 +211,7 @@ def _saddle(look) -> list[Part]:
     return [post, shaped, *springs]
 
 
-def _handlebar(look) -> list[Part]:
+def _handlebar(look: dict[str, Surface]) -> list[Part]:
     stem = [HEAD_HIGH, HEAD_HIGH + (-0.02, 0.11, 0), HEAD_HIGH + (0.03, 0.16, 0)]
     parts = [tube(curve(stem, 5), 0.013, look["chrome"], segments=8)]
     x, y = HEAD_HIGH[0] + 0.03, HEAD_HIGH[1] + 0.16
@@ -234,14 +235,14 @@ def _handlebar(look) -> list[Part]:
     return parts
 
 
-def _rack(look) -> list[Part]:
+def _rack(look: dict[str, Surface]) -> list[Part]:
     parts, y = [], 0.775
     for z in (-0.06, 0.0, 0.06):
         parts.append(tube([(-0.82, y, z), (-0.34, y, z)], 0.005, look["chrome"], segments=5))
     for x in (-0.82, -0.58, -0.34):
         parts.append(tube([(x, y, -0.062), (x, y, 0.062)], 0.005, look["chrome"], segments=5))
     for side in (-1, 1):
-        strut = [(-0.66, y, 0.06 * side), REAR + (0, 0, 0.065 * side)]
+        strut = np.array([(-0.66, y, 0.06 * side), REAR + (0, 0, 0.065 * side)])
         parts.append(tube(strut, 0.005, look["chrome"], segments=5))
     parts.append(
         sphere(
@@ -255,7 +256,7 @@ def _rack(look) -> list[Part]:
     return parts
 
 
-def _basket(look) -> list[Part]:
+def _basket(look: dict[str, Surface]) -> list[Part]:
     """A tapered wicker basket before the handlebar, open on top, with a rolled rim."""
     angle = np.arange(20) * 2 * np.pi / 20
     square = np.stack([np.cos(angle), np.sin(angle)], -1)
@@ -283,7 +284,7 @@ def _basket(look) -> list[Part]:
     return transform_all([shell, rim], translate(0.52, 0.80, 0))
 
 
-def _lamp(look) -> list[Part]:
+def _lamp(look: dict[str, Surface]) -> list[Part]:
     shell = lathe(
         [(0, -0.07), (0.025, -0.06), (0.042, -0.02), (0.046, 0.0), (0.040, 0.004)],
         look["chrome"],

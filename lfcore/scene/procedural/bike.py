@@ -184,7 +184,9 @@ def _window(seed: int, stone: Surface) -> list[Part]:
     return parts
 
 
-def _reveal(left, right, low, high, back, stone: Surface) -> list[Part]:
+def _reveal(
+    left: float, right: float, low: float, high: float, back: float, stone: Surface
+) -> list[Part]:
     """The sides, top and bottom of an opening, from the wall's face back to what closes it."""
     corners = [(left, low), (right, low), (right, high), (left, high)]
     return [
@@ -261,7 +263,9 @@ def _lamp_post() -> list[Part]:
     return [shaft.transformed(translate(-1.62, PAVEMENT_Y, -1.65))]
 
 
-def _pot(radius: float, height: float, surface: Surface, earth: Surface, segments=20) -> list[Part]:
+def _pot(
+    radius: float, height: float, surface: Surface, earth: Surface, segments: int = 20
+) -> list[Part]:
     r, h = radius, height
     shell = lathe(
         [
@@ -279,7 +283,7 @@ def _pot(radius: float, height: float, surface: Surface, earth: Surface, segment
     return [shell, lathe([(0.90 * r, 0.88 * h), (0, 0.9 * h)], earth, segments=segments)]
 
 
-def _foreground(rng, seed: int) -> list[Part]:
+def _foreground(rng: np.random.Generator, seed: int) -> list[Part]:
     """Left a big leafy pot, right geraniums in terracotta and a crate, all nearer than the bike."""
     clay = textures.speckle(
         seed + 8, ((150, 78, 50), (190, 108, 74), (206, 132, 100)), size=(256, 256)
@@ -312,7 +316,7 @@ def _foreground(rng, seed: int) -> list[Part]:
     return parts
 
 
-def _window_box(rng, seed: int) -> list[Part]:
+def _window_box(rng: np.random.Generator, seed: int) -> list[Part]:
     wood = Surface("window box", hex_colour("#7b5433"))
     leaf = Surface("box leaf", hex_colour("#3f7a35"))
     parts = [box((0.96, 0.15, 0.2), wood, centre=(-0.75, 1.08, WALL_Z + 0.14))]
@@ -333,7 +337,7 @@ def _ivy_leaf(seed: int) -> Part:
     return foliage.diamond(0.14, 0.13, green, fold=0.12)
 
 
-def _ivy(rng, number: int, leaf: Part) -> Part:
+def _ivy(rng: np.random.Generator, number: int, leaf: Part) -> Part:
     """Climbs the wall at the right of the window, thinning out upwards and sideways."""
     height = rng.beta(1.3, 1.8, number) * 2.7
     x = 0.42 + rng.normal(scale=0.13 + 0.10 * np.sin(height * 2.1) ** 2, size=number)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from lfcore.errors import SceneError
 from lfcore.scene.parts import Part
 
@@ -32,7 +34,7 @@ def fill_to(budget: int, unit: Part, make: Callable[[int], Part]) -> list[Part]:
         return []
     whole = make(-(-budget // unit.count))
 
-    def head(array):
+    def head(array: np.ndarray | None) -> np.ndarray | None:
         return None if array is None else array[:budget]
 
     return [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 
@@ -52,15 +53,16 @@ def build(seed: int, *, triangles: int = 15000, trees: int = 17) -> list[Part]:
     return merge(parts)
 
 
-def height(x, z):
-    """Height of the ground in metres; level under the cabin, rising behind it."""
+def height(x: Any, z: Any) -> Any:
+    """Height of the ground in metres, of numbers or of arrays; level under the cabin, rising behind
+    it."""
     swell = 0.10 * np.sin(0.9 * x + 0.4) * np.cos(0.7 * z) + 0.05 * np.sin(2.1 * x - 1.3 * z)
     behind = np.clip((-z - 7.0) / 16.0, 0, 1) ** 1.5 * 3.0
     near_house = np.exp(-(((x - 0.3) / 3.2) ** 4) - ((z + 4.6) / 3.0) ** 4)
     return swell * (1 - near_house) + behind
 
 
-def path_middle(z):
+def path_middle(z: np.ndarray | float) -> np.ndarray:
     """x of the path that winds from the lower right to the steps of the porch."""
     run = (5.0 - z) / 6.7
     return 1.25 + 0.3 * np.sin(3.4 * run) - 2.0 * run**2
@@ -97,7 +99,7 @@ def _surfaces(seed: int) -> dict[str, Surface]:
     }
 
 
-def _land(seed: int, look) -> list[Part]:
+def _land(seed: int, look: dict[str, Surface]) -> list[Part]:
     x, z = np.linspace(-1, 1, 17), np.linspace(0, 1, 19)
     depth = 5.5 - 30.0 * z**1.6
     points = np.zeros((19, 17, 3))
@@ -140,7 +142,7 @@ def _sky(seed: int) -> list[Part]:
     return [rectangle((-30, -2, -46), (60, 0, 0), (0, 34, 0), surface)]
 
 
-def _trees(rng, number: int, look) -> list[Part]:
+def _trees(rng: np.random.Generator, number: int, look: dict[str, Surface]) -> list[Part]:
     spots = [(-4.3, -4.6), (4.6, -6.2), (-2.9, -8.5), (2.9, -9.5), (6.3, -9.0), (-6.4, -8.0)]
     spots += [(0.4, -11.5), (-8.5, -13.0), (8.6, -13.5), (-4.5, -14.0), (4.4, -15.0), (-1.6, -16.0)]
     spots += [(2.0, -19.0), (-6.8, -18.5), (7.2, -19.0), (11.5, -18.0), (-11.5, -17.0)]
@@ -155,7 +157,7 @@ def _trees(rng, number: int, look) -> list[Part]:
     return parts
 
 
-def _fence(rng, look) -> list[Part]:
+def _fence(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
     """Posts and two rails on either side of the path, at about 5 m."""
     parts = []
     for run in (np.arange(-5.35, 0.2, 1.1), np.arange(1.4, 5.2, 1.1)):
@@ -177,7 +179,7 @@ def _fence(rng, look) -> list[Part]:
     return parts
 
 
-def _log_pile(rng, look) -> list[Part]:
+def _log_pile(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
     """Three courses of sawn logs, ends to the camera."""
     parts = []
     for course, number in enumerate((5, 4, 3)):
@@ -193,7 +195,7 @@ def _log_pile(rng, look) -> list[Part]:
     return parts
 
 
-def _chopping_block(look) -> list[Part]:
+def _chopping_block(look: dict[str, Surface]) -> list[Part]:
     """A stump with an axe in it and split wood around."""
     profile = [(0.26, -0.05), (0.215, 0.05), (0.20, 0.40)]
     stump = lathe(profile, look["bark"], segments=18, repeat=1.6)
@@ -221,7 +223,7 @@ def _chopping_block(look) -> list[Part]:
     return parts
 
 
-def _split(look) -> list[Part]:
+def _split(look: dict[str, Surface]) -> list[Part]:
     """A quarter of a log, 12 triangles or so."""
     angle = np.linspace(0, np.pi / 2, 5) + np.pi / 4
     rim = np.stack([np.zeros(5), np.sin(angle) - 0.45, np.cos(angle)], -1) * 0.11
@@ -237,7 +239,7 @@ def _split(look) -> list[Part]:
     return [side, *ends]
 
 
-def _mushrooms(rng, look) -> list[Part]:
+def _mushrooms(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
     parts = []
     for x, z, size in ((-0.12, 2.78, 1.0), (0.0, 2.86, 0.7), (-0.2, 2.9, 0.55)):
         place = chain(scale(size), translate(x, height(x, z), z))
@@ -270,7 +272,7 @@ def _mushrooms(rng, look) -> list[Part]:
     return parts
 
 
-def _stones(rng, look) -> list[Part]:
+def _stones(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
     parts = []
     for x, z, size in (
         (-1.75, 2.6, 0.17),
@@ -280,6 +282,7 @@ def _stones(rng, look) -> list[Part]:
         (0.15, 0.6, 0.13),
     ):
         stone = sphere((size, size * 0.62, size * 0.85), look["stone"], segments=9, rings=6)
+        assert stone.uvs is not None
         shape = 1 + 0.16 * np.sin(stone.triangles * 23 / (size * 8) + 9 * x)
         stone = Part(stone.triangles * shape, stone.surface, stone.normals, stone.uvs * 2)
         parts.append(
@@ -288,7 +291,7 @@ def _stones(rng, look) -> list[Part]:
     return parts
 
 
-def _meadow(rng, number: int, tuft: Part) -> Part:
+def _meadow(rng: np.random.Generator, number: int, tuft: Part) -> Part:
     """Tufts over the grass, denser near the camera, none on the path or in the house."""
     spots = np.zeros((0, 2))
     while len(spots) < number:

@@ -8,6 +8,7 @@ and green with red to yellow, and the text shows where each plane is sharp.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lfcore.errors import SceneError
 from lfcore.scene.parts import Part, Surface
@@ -49,13 +50,13 @@ def build(
     ]
 
 
-def _page_of(origin, width: float, height: float, surface: Surface) -> Part:
+def _page_of(origin: ArrayLike, width: float, height: float, surface: Surface) -> Part:
     """A rectangle tiled with square pages as large as the camera sees of it, from the axis on."""
     part = rectangle(origin, (width, 0, 0), (0, height, 0), surface)
     return Part(part.triangles, surface, None, part.triangles[..., :2] / (VISIBLE * width))
 
 
-def _page(colour, word: str, distance_m: float) -> np.ndarray:
+def _page(colour: ArrayLike, word: str, distance_m: float) -> np.ndarray:
     """A 512 x 512 page of text in shrinking sizes, with resolution bars."""
     page = blank_page(colour, (512, 512))
     page = write(page, word, (256, 150), 92, WHITE)

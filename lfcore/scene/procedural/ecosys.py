@@ -7,6 +7,7 @@ dissolve and the picture sees through them.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lfcore.errors import SceneError
 from lfcore.scene.parts import Part, Surface
@@ -57,7 +58,7 @@ def build(
     return parts
 
 
-def ground_height(x, z) -> np.ndarray:
+def ground_height(x: np.ndarray | float, z: np.ndarray | float) -> np.ndarray:
     """Metres above the plain: rolling meadow, rising to a hill from 25 m away."""
     rise = np.clip((-np.asarray(z) - 25.0) / 85.0, 0.0, 1.0)
     hill = 26.0 * rise * rise * (3.0 - 2.0 * rise)
@@ -67,7 +68,7 @@ def ground_height(x, z) -> np.ndarray:
 
 
 def _surfaces(seed: int) -> dict[str, Surface]:
-    def leafy(name, number, dark, light):
+    def leafy(name: str, number: int, dark: ArrayLike, light: ArrayLike) -> Surface:
         return Surface(name, (1, 1, 1), texture=textures.leaf(seed + number, dark, light))
 
     meadow = textures.speckle(seed, ((74, 70, 38), (110, 112, 54), (150, 140, 84)))
@@ -84,7 +85,7 @@ def _surfaces(seed: int) -> dict[str, Surface]:
     }
 
 
-def _species(rng, surfaces: dict[str, Surface]) -> dict[str, list[Part]]:
+def _species(rng: np.random.Generator, surfaces: dict[str, Surface]) -> dict[str, list[Part]]:
     """One plant of each kind, foot at the origin, as the parts it is made of."""
     frond = blade(0.7, 0.16, surfaces["fern"], pieces=3)
     small = diamond(0.16, 0.09, surfaces["bush"])
@@ -100,7 +101,9 @@ def _species(rng, surfaces: dict[str, Surface]) -> dict[str, list[Part]]:
     }
 
 
-def _places(rng, number: int, near: float, far: float, small: float, large: float) -> np.ndarray:
+def _places(
+    rng: np.random.Generator, number: int, near: float, far: float, small: float, large: float
+) -> np.ndarray:
     """(number, 4, 4): upright plants within the view's wedge, evenly over the ground."""
     # Even over the area of a wedge: the square of the distance is uniform.
     distance = np.sqrt(rng.uniform(near * near, far * far, number))
@@ -117,7 +120,12 @@ def _ground(cells: int, surface: Surface) -> Part:
 
 
 def tree(
-    rng, bark: Surface, leaf: Surface, foot: np.ndarray, height: float, leaves: int
+    rng: np.random.Generator,
+    bark: Surface,
+    leaf: Surface,
+    foot: np.ndarray,
+    height: float,
+    leaves: int,
 ) -> list[Part]:
     """A broad-leaved tree: a trunk, three orders of branches, leaves around the twigs."""
     lean = rng.normal(scale=0.04, size=2) * height
@@ -125,11 +133,11 @@ def tree(
     trunk = curve([foot, (foot + top) / 2 + rng.normal(scale=0.04, size=3) * height, top], 8)
     radius = 0.035 * height
     limbs = [tube(trunk, np.linspace(radius, 0.5 * radius, 8), bark, segments=9, caps=False)]
-    tips = []
+    ends: list[np.ndarray] = []
     for start in np.linspace(0.45, 1.0, 9):
         base = trunk[min(int(start * 7), 7)]
-        _branch(rng, bark, base, _outward(rng, 0.75), 0.36 * height, 0.4 * radius, 3, limbs, tips)
-    tips = np.array(tips)
+        _branch(rng, bark, base, _outward(rng, 0.75), 0.36 * height, 0.4 * radius, 3, limbs, ends)
+    tips = np.array(ends)
     chosen = tips[rng.integers(0, len(tips), leaves)]
     positions = chosen + rng.normal(scale=0.035 * height, size=(leaves, 3))
     aim = rng.normal(size=(leaves, 3)) + (0, -0.4, 0)
@@ -138,13 +146,23 @@ def tree(
     return [join(limbs), crown]
 
 
-def _outward(rng, lift: float) -> np.ndarray:
+def _outward(rng: np.random.Generator, lift: float) -> np.ndarray:
     turn = rng.uniform(0, 2 * np.pi)
     direction = np.array([np.cos(turn), lift * rng.uniform(0.4, 1.4), np.sin(turn)])
     return direction / np.linalg.norm(direction)
 
 
-def _branch(rng, bark, base, direction, length, radius, order, limbs, tips) -> None:
+def _branch(
+    rng: np.random.Generator,
+    bark: Surface,
+    base: np.ndarray,
+    direction: np.ndarray,
+    length: float,
+    radius: float,
+    order: int,
+    limbs: list[Part],
+    tips: list[np.ndarray],
+) -> None:
     """Add a branch and those that grow from it; the last order's ends carry leaves."""
     end = base + direction * length
     bow = (base + end) / 2 + (0, 0.08 * length, 0) + rng.normal(scale=0.05, size=3) * length

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lfcore.scene.parts import Part, Surface, normalise
 from lfcore.scene.procedural.primitives import curve, join, mesh_grid, scattered, tube
@@ -50,7 +51,15 @@ def diamond(length: float, width: float, surface: Surface, *, fold: float = 0.25
     return Part(triangles, surface, None, uv)
 
 
-def orient(rng, positions, directions, sizes, *, roll: float = np.pi, face=None) -> np.ndarray:
+def orient(
+    rng: np.random.Generator,
+    positions: ArrayLike,
+    directions: ArrayLike,
+    sizes: ArrayLike,
+    *,
+    roll: float = np.pi,
+    face: ArrayLike | None = None,
+) -> np.ndarray:
     """(K, 4, 4) matrices that set a blade's foot on ``positions``, its +y along ``directions``.
 
     ``sizes`` (K,) scales; ``roll`` turns it about its own axis by up to that angle; with
@@ -74,7 +83,14 @@ def orient(rng, positions, directions, sizes, *, roll: float = np.pi, face=None)
 
 
 def rosette(
-    rng, number: int, leaf: Part, *, foot=(0, 0, 0), spread=0.9, lift=(0.2, 1.0), size=(0.7, 1.0)
+    rng: np.random.Generator,
+    number: int,
+    leaf: Part,
+    *,
+    foot: ArrayLike = (0, 0, 0),
+    spread: float = 0.9,
+    lift: tuple[float, float] = (0.2, 1.0),
+    size: tuple[float, float] = (0.7, 1.0),
 ) -> Part:
     """Leaves that rise from one foot in a spiral, the inner ones steeper."""
     turn = np.arange(number) * 2.39996 + rng.uniform(-0.3, 0.3, number)
@@ -90,7 +106,14 @@ def rosette(
 
 
 def shrub(
-    rng, number: int, leaf: Part, radii, *, centre=(0, 0, 0), size=(0.7, 1.2), shell=0.55
+    rng: np.random.Generator,
+    number: int,
+    leaf: Part,
+    radii: ArrayLike,
+    *,
+    centre: ArrayLike = (0, 0, 0),
+    size: tuple[float, float] = (0.7, 1.2),
+    shell: float = 0.55,
 ) -> Part:
     """Leaves scattered through the outer part of an ellipsoid, pointing outwards and drooping."""
     directions = normalise(rng.normal(size=(number, 3)))
@@ -100,7 +123,15 @@ def shrub(
     return scattered(leaf, orient(rng, positions, aim, rng.uniform(*size, number)))
 
 
-def tuft(rng, number: int, surface: Surface, *, height=0.25, radius=0.05, centre=(0, 0, 0)) -> Part:
+def tuft(
+    rng: np.random.Generator,
+    number: int,
+    surface: Surface,
+    *,
+    height: float = 0.25,
+    radius: float = 0.05,
+    centre: ArrayLike = (0, 0, 0),
+) -> Part:
     """Grass: ``number`` bent blades of 2 triangles."""
     leaf = Part(
         np.array(
@@ -121,7 +152,16 @@ def tuft(rng, number: int, surface: Surface, *, height=0.25, radius=0.05, centre
     return scattered(leaf, orient(rng, positions, directions, sizes))
 
 
-def stems(rng, number: int, surface: Surface, *, foot, spread, height, radius=0.004) -> tuple:
+def stems(
+    rng: np.random.Generator,
+    number: int,
+    surface: Surface,
+    *,
+    foot: ArrayLike,
+    spread: float,
+    height: float,
+    radius: float = 0.004,
+) -> tuple:
     """Curved stalks of 12 triangles each, and the (number, 3) positions of their tips."""
     parts, tips = [], []
     for index in range(number):
@@ -137,7 +177,14 @@ def stems(rng, number: int, surface: Surface, *, foot, spread, height, radius=0.
 
 
 def conifer(
-    rng, needles: Surface, trunk: Surface, *, height=4.0, radius=1.1, tiers=7, points=11
+    rng: np.random.Generator,
+    needles: Surface,
+    trunk: Surface,
+    *,
+    height: float = 4.0,
+    radius: float = 1.1,
+    tiers: int = 7,
+    points: int = 11,
 ) -> list[Part]:
     """A spruce of drooping star-shaped skirts: 6 * points * tiers + 12 triangles."""
     skirts = []
@@ -161,7 +208,15 @@ def conifer(
     return [join(skirts), stem]
 
 
-def flowers(rng, positions, surface: Surface, *, size=0.02, petals=5, face=(0, 0.5, 1)) -> Part:
+def flowers(
+    rng: np.random.Generator,
+    positions: np.ndarray,
+    surface: Surface,
+    *,
+    size: float = 0.02,
+    petals: int = 5,
+    face: ArrayLike = (0, 0.5, 1),
+) -> Part:
     """Blossoms of ``petals`` bent petals of 2 triangles, turned roughly to ``face``."""
     angle = np.arange(petals) * 2 * np.pi / petals
     corners = []

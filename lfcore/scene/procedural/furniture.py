@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from lfcore.scene.colour import hex_colour
@@ -47,7 +49,9 @@ def spine_atlas(seed: int) -> np.ndarray:
     return atlas
 
 
-def book(size, index: int, atlas: Surface, paper: Surface, *, lying=False) -> list[Part]:
+def book(
+    size: Sequence[float], index: int, atlas: Surface, paper: Surface, *, lying: bool = False
+) -> list[Part]:
     """Spine to +z, standing on y = 0 with its left cover at x = 0; about 70 triangles."""
     thick, tall, deep = size
     angle = np.linspace(-np.pi / 2, np.pi / 2, 6)
@@ -66,7 +70,9 @@ def book(size, index: int, atlas: Surface, paper: Surface, *, lying=False) -> li
     return transform_all(parts, chain(rotate("z", 90), translate(tall, 0, 0))) if lying else parts
 
 
-def book_row(rng, length: float, atlas: Surface, paper: Surface, *, depth=0.2) -> list[Part]:
+def book_row(
+    rng: np.random.Generator, length: float, atlas: Surface, paper: Surface, *, depth: float = 0.2
+) -> list[Part]:
     """Books side by side from x = 0, spines to +z, the last one leaning."""
     parts, x = [], 0.0
     while True:
@@ -202,7 +208,9 @@ def table_lamp(look: dict[str, Surface]) -> list[Part]:
     return [foot, shade, *rims]
 
 
-def bookshelf(rng, look: dict[str, Surface], *, width=1.1, tall=1.9) -> list[Part]:
+def bookshelf(
+    rng: np.random.Generator, look: dict[str, Surface], *, width: float = 1.1, tall: float = 1.9
+) -> list[Part]:
     """Open shelves against a wall at z = 0, front to +z, filled with books and things."""
     deep, parts = 0.26, []
     wood = look["oak"]
@@ -291,7 +299,7 @@ def armchair(seed: int, look: dict[str, Surface]) -> list[Part]:
 
 
 def potted_plant(
-    rng, look: dict[str, Surface], *, leaves: int = 26, tall: float = 0.75
+    rng: np.random.Generator, look: dict[str, Surface], *, leaves: int = 26, tall: float = 0.75
 ) -> list[Part]:
     """A rubber plant in a basket; leaves on arching stalks."""
     pot = lathe(
@@ -309,6 +317,7 @@ def potted_plant(
         segments=44,
         crease_deg=50,
     )
+    assert pot.uvs is not None
     pot = Part(pot.triangles, pot.surface, pot.normals, pot.uvs * (6.0, 3.0))
     stalks, tips = foliage.stems(
         rng, leaves, look["stalk"], foot=(0, 0.26, 0), spread=0.30, height=tall, radius=0.006
@@ -323,7 +332,7 @@ def potted_plant(
     return [pot, stalks, scattered(leaf, matrices)]
 
 
-def tulip_table(rng, look: dict[str, Surface]) -> list[Part]:
+def tulip_table(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
     """A round side table, 0.62 tall, with a book, and tulips in a vase."""
     top = lathe(
         [(0, 0.59), (0.21, 0.59), (0.225, 0.60), (0.225, 0.61), (0.215, 0.62), (0, 0.62)],

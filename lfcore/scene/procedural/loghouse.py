@@ -56,7 +56,7 @@ def loghouse(seed: int) -> list[Part]:
     return parts
 
 
-def _walls(look) -> list[Part]:
+def _walls(look: dict[str, Surface]) -> list[Part]:
     parts = [box((WIDTH + 0.3, 0.34, DEPTH + 0.3), look["stone"], centre=(0, 0.08, 0), repeat=1.2)]
     step = 2 * RADIUS * 0.96
     for course in range(COURSES):
@@ -70,7 +70,7 @@ def _walls(look) -> list[Part]:
     return parts
 
 
-def _gables(look) -> list[Part]:
+def _gables(look: dict[str, Surface]) -> list[Part]:
     """Boarded triangles over the side walls; the ridge runs along x."""
     parts = []
     for x in (-WIDTH / 2, WIDTH / 2):
@@ -90,7 +90,7 @@ def _gables(look) -> list[Part]:
     return parts
 
 
-def _roof(rng, look) -> list[Part]:
+def _roof(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
     """Two slopes of boards, the front one shingled, and the ridge log."""
     half, parts = WIDTH / 2 + 0.45, []
     for side in (-1.0, 1.0):
@@ -109,7 +109,14 @@ def _roof(rng, look) -> list[Part]:
     return [*parts, tube(ridge, 0.06, look["timber"], segments=8)]
 
 
-def _shingles(rng, corner, across, slope, number, surface: Surface) -> Part:
+def _shingles(
+    rng: np.random.Generator,
+    corner: np.ndarray,
+    across: np.ndarray,
+    slope: np.ndarray,
+    number: tuple[int, int],
+    surface: Surface,
+) -> Part:
     """Overlapping rows of single shingles, 4 triangles each, every one a little askew.
 
     ``corner`` is the lower left of the roof, ``across`` its eaves and ``slope`` its rise;
@@ -135,7 +142,7 @@ def _shingles(rng, corner, across, slope, number, surface: Surface) -> Part:
     return join(parts)
 
 
-def _chimney(look) -> list[Part]:
+def _chimney(look: dict[str, Surface]) -> list[Part]:
     x, z = 1.05, -0.55
     return [
         box((0.62, 2.6, 0.55), look["stone"], centre=(x, EAVES + 0.75, z), repeat=1.4),
@@ -144,12 +151,14 @@ def _chimney(look) -> list[Part]:
     ]
 
 
-def _window(look, centre: np.ndarray, across: np.ndarray) -> list[Part]:
+def _window(look: dict[str, Surface], centre: np.ndarray, across: np.ndarray) -> list[Part]:
     """A lit window of four panes in a board frame, ``across`` pointing right from outside."""
     up, width, tall = np.array([0, 1.0, 0]), 0.74, 0.84
     out = np.cross(across, up)
 
-    def bar(middle, half_x, half_y, depth, surface):
+    def bar(
+        middle: tuple[float, float], half_x: float, half_y: float, depth: float, surface: Surface
+    ) -> Part:
         size = np.abs(across) * 2 * half_x + up * 2 * half_y + np.abs(out) * depth
         return box(
             size, surface, centre=centre + middle[0] * across + middle[1] * up + out * depth / 2
@@ -167,7 +176,7 @@ def _window(look, centre: np.ndarray, across: np.ndarray) -> list[Part]:
     return parts
 
 
-def _door(look) -> list[Part]:
+def _door(look: dict[str, Surface]) -> list[Part]:
     z = DEPTH / 2 + RADIUS
     parts = [box((0.9, 1.85, 0.06), look["door"], centre=(0, 0.33 + 0.925, z), repeat=1.0)]
     for x in (-0.51, 0.51):
@@ -180,7 +189,7 @@ def _door(look) -> list[Part]:
     return parts
 
 
-def _porch(rng, look) -> list[Part]:
+def _porch(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
     parts, front = [], DEPTH / 2 + 1.25
     for index in range(9):
         z = DEPTH / 2 + 0.18 + index * 0.125

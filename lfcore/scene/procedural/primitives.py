@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lfcore.scene.parts import Part, Surface, normalise
 from lfcore.scene.smoothing import crease_normals
@@ -16,7 +17,7 @@ from lfcore.scene.smoothing import crease_normals
 UNIT_SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
 
 
-def quad(corners, surface: Surface, uv=UNIT_SQUARE) -> Part:
+def quad(corners: ArrayLike, surface: Surface, uv: ArrayLike = UNIT_SQUARE) -> Part:
     """Two triangles over four corners in turn, counter-clockwise from outside."""
     corners, uv = np.asarray(corners, np.float64), np.asarray(uv, np.float64)
     order = [[0, 1, 2], [0, 2, 3]]
@@ -24,7 +25,13 @@ def quad(corners, surface: Surface, uv=UNIT_SQUARE) -> Part:
 
 
 def rectangle(
-    origin, across, up, surface: Surface, *, repeat: float | None = None, pieces=(1, 1)
+    origin: ArrayLike,
+    across: ArrayLike,
+    up: ArrayLike,
+    surface: Surface,
+    *,
+    repeat: float | None = None,
+    pieces: tuple[int, int] = (1, 1),
 ) -> Part:
     """A flat rectangle from ``origin`` along ``across`` and ``up``, cut into ``pieces``.
 
@@ -74,7 +81,14 @@ def _cells(grid: np.ndarray) -> np.ndarray:
     return both.reshape(-1, 3, grid.shape[-1])
 
 
-def box(size, surface: Surface, *, centre=(0, 0, 0), repeat: float = 1.0, grain: int = 0) -> Part:
+def box(
+    size: ArrayLike,
+    surface: Surface,
+    *,
+    centre: ArrayLike = (0, 0, 0),
+    repeat: float = 1.0,
+    grain: int = 0,
+) -> Part:
     """12 triangles, flat shaded. The texture's u runs along axis ``grain`` where it can."""
     half, centre = np.asarray(size, np.float64) / 2, np.asarray(centre, np.float64)
     parts = []
@@ -106,7 +120,9 @@ def join(parts: list[Part]) -> Part:
     return Part(np.concatenate([p.triangles for p in parts]), parts[0].surface, **columns)
 
 
-def cushion(size, surface: Surface, *, pieces: int = 12, power: float = 4.0, repeat=1.0) -> Part:
+def cushion(
+    size: ArrayLike, surface: Surface, *, pieces: int = 12, power: float = 4.0, repeat: float = 1.0
+) -> Part:
     """A box with rounded edges (superellipsoid of ``power``): pillow at 2.5, crate at 10.
 
     12 * pieces^2 triangles; the texture is laid on from the nearest of six sides.
@@ -134,7 +150,12 @@ def cushion(size, surface: Surface, *, pieces: int = 12, power: float = 4.0, rep
 
 
 def lathe(
-    profile, surface: Surface, *, segments: int = 24, repeat: float | None = None, crease_deg=40.0
+    profile: ArrayLike,
+    surface: Surface,
+    *,
+    segments: int = 24,
+    repeat: float | None = None,
+    crease_deg: float = 40.0,
 ) -> Part:
     """A profile of (radius, height) pairs, bottom to top outside, turned about the y axis.
 
@@ -153,7 +174,14 @@ def lathe(
     return mesh_grid(points, surface, uv, close_columns=True, crease_deg=crease_deg)
 
 
-def sphere(radius, surface: Surface, *, centre=(0, 0, 0), segments=16, rings=10) -> Part:
+def sphere(
+    radius: ArrayLike,
+    surface: Surface,
+    *,
+    centre: ArrayLike = (0, 0, 0),
+    segments: int = 16,
+    rings: int = 10,
+) -> Part:
     """An ellipsoid when ``radius`` is a triple; 2 * segments * (rings - 1) triangles."""
     latitude = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
     across = np.cos(latitude)
@@ -169,8 +197,8 @@ def sphere(radius, surface: Surface, *, centre=(0, 0, 0), segments=16, rings=10)
 
 
 def tube(
-    path,
-    radius,
+    path: ArrayLike,
+    radius: ArrayLike,
     surface: Surface,
     *,
     segments: int = 8,
@@ -183,12 +211,12 @@ def tube(
     Caps are cones of no height, so that one sheet covers all.
     """
     path = np.asarray(path, np.float64)
-    radius = np.broadcast_to(np.asarray(radius, np.float64), len(path)).copy()
+    radii = np.broadcast_to(np.asarray(radius, np.float64), len(path)).copy()
     length = np.r_[0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))]
     tangents = _tangents(path, closed)
     if caps and not closed:
         path = np.concatenate([path[:1], path, path[-1:]])
-        radius = np.r_[0, radius, 0]
+        radii = np.r_[0, radii, 0]
         tangents = np.concatenate([tangents[:1], tangents, tangents[-1:]])
         length = np.r_[0, length, length[-1]]
     right, up = _frames(tangents, closed)
@@ -196,8 +224,8 @@ def tube(
     ring = (
         np.cos(angle)[None, :, None] * right[:, None] + np.sin(angle)[None, :, None] * up[:, None]
     )
-    points = path[:, None] + radius[:, None, None] * ring
-    u = np.linspace(0, 1, segments + 1) * max(1.0, round(2 * np.pi * radius.max() * repeat))
+    points = path[:, None] + radii[:, None, None] * ring
+    u = np.linspace(0, 1, segments + 1) * max(1.0, round(2 * np.pi * radii.max() * repeat))
     if closed:
         length = np.r_[length, length[-1] + np.linalg.norm(path[0] - path[-1])]
     uv = np.stack(np.meshgrid(u, length * repeat), -1)
@@ -213,13 +241,11 @@ def _tangents(path: np.ndarray, closed: bool) -> np.ndarray:
 def _frames(tangents: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]:
     """Right and up vectors carried along the path without twist (double reflection's limit)."""
     start = np.eye(3)[np.argmin(np.abs(tangents[0]))]
-    rights = []
+    rights = np.empty((len(tangents), 3))
     right = start
-    for tangent in tangents:
+    for number, tangent in enumerate(tangents):
         right = right - tangent * (right @ tangent)
-        right = right / np.linalg.norm(right)
-        rights.append(right)
-    rights = np.array(rights)
+        rights[number] = right = right / np.linalg.norm(right)
     if closed:
         # Spread the angle that remains between the last and the first frame over the loop.
         first, last = rights[0], rights[-1] - tangents[0] * (rights[-1] @ tangents[0])
@@ -229,12 +255,30 @@ def _frames(tangents: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]
     return rights, np.cross(tangents, rights)
 
 
-def cylinder(start, end, radius, surface: Surface, *, segments=8, caps=True, repeat=1.0) -> Part:
+def cylinder(
+    start: ArrayLike,
+    end: ArrayLike,
+    radius: ArrayLike,
+    surface: Surface,
+    *,
+    segments: int = 8,
+    caps: bool = True,
+    repeat: float = 1.0,
+) -> Part:
     """A straight tube; ``radius`` a number or a pair (a cone's)."""
-    return tube([start, end], radius, surface, segments=segments, caps=caps, repeat=repeat)
+    return tube(
+        np.array([start, end], np.float64),
+        radius,
+        surface,
+        segments=segments,
+        caps=caps,
+        repeat=repeat,
+    )
 
 
-def ring(radius: float, number: int, *, centre=(0, 0, 0), axis: str = "z") -> np.ndarray:
+def ring(
+    radius: float, number: int, *, centre: ArrayLike = (0, 0, 0), axis: str = "z"
+) -> np.ndarray:
     """(number, 3) points on a circle about an axis, for closed tubes."""
     angle = np.arange(number) * (2 * np.pi / number)
     flat = np.stack([np.cos(angle), np.sin(angle), np.zeros(number)], -1) * radius
@@ -242,12 +286,12 @@ def ring(radius: float, number: int, *, centre=(0, 0, 0), axis: str = "z") -> np
     return flat[:, order] + np.asarray(centre, np.float64)
 
 
-def curve(points: Sequence, number: int) -> np.ndarray:
+def curve(points: Sequence[ArrayLike], number: int) -> np.ndarray:
     """(number, 3) points on a Catmull-Rom spline through ``points``, ends included."""
-    points = np.asarray(points, np.float64)
-    padded = np.concatenate([2 * points[:1] - points[1:2], points, 2 * points[-1:] - points[-2:-1]])
-    position = np.linspace(0, len(points) - 1, number)
-    index = np.minimum(position.astype(int), len(points) - 2)
+    p = np.asarray(points, np.float64)
+    padded = np.concatenate([2 * p[:1] - p[1:2], p, 2 * p[-1:] - p[-2:-1]])
+    position = np.linspace(0, len(p) - 1, number)
+    index = np.minimum(position.astype(int), len(p) - 2)
     t = (position - index)[:, None]
     p0, p1, p2, p3 = (padded[index + k] for k in range(4))
     return 0.5 * (
@@ -263,7 +307,7 @@ def scattered(part: Part, matrices: np.ndarray) -> Part:
     matrices = np.asarray(matrices, np.float64)
     linear, offset = matrices[:, None, None, :3, :3], matrices[:, None, None, :3, 3]
 
-    def moved(vectors):
+    def moved(vectors: np.ndarray) -> np.ndarray:
         return (linear @ vectors[None, ..., None])[..., 0]
 
     triangles = (moved(part.triangles) + offset).reshape(-1, 3, 3)
@@ -274,7 +318,9 @@ def scattered(part: Part, matrices: np.ndarray) -> Part:
     return Part(triangles, part.surface, normals, uvs, colours)
 
 
-def disc(centre, normal, radius: float, surface: Surface, *, segments: int = 10) -> Part:
+def disc(
+    centre: ArrayLike, normal: ArrayLike, radius: float, surface: Surface, *, segments: int = 10
+) -> Part:
     """A flat fan; one texture over its bounding square."""
     y = normalise(np.asarray(normal, np.float64))
     x = normalise(np.cross(y, np.eye(3)[np.argmin(np.abs(y))]))
@@ -287,7 +333,15 @@ def disc(centre, normal, radius: float, surface: Surface, *, segments: int = 10)
     return Part(np.stack([hub, rim[:-1], rim[1:]], 1), surface, None, uv)
 
 
-def log(start, end, radius: float, bark: Surface, grain: Surface, *, segments=10) -> list[Part]:
+def log(
+    start: ArrayLike,
+    end: ArrayLike,
+    radius: float,
+    bark: Surface,
+    grain: Surface,
+    *,
+    segments: int = 10,
+) -> list[Part]:
     """A trunk with sawn ends: 4 * segments triangles."""
     start, end = np.asarray(start, np.float64), np.asarray(end, np.float64)
     return [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lfcore.scene.parts import Part, Surface, transform_all
 from lfcore.scene.procedural import textures
@@ -10,7 +11,14 @@ from lfcore.scene.procedural.primitives import curve, mesh_grid, scattered, sphe
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
 
-def pillow(size, surface: Surface, *, seed: int, pieces: int = 36, repeat=2.0) -> Part:
+def pillow(
+    size: tuple[float, float, float],
+    surface: Surface,
+    *,
+    seed: int,
+    pieces: int = 36,
+    repeat: float = 2.0,
+) -> Part:
     """Two sheets sewn along a seam, lying in the plane y = 0; 4 * pieces^2 triangles."""
     width, thick, deep = size
     edge = np.sin(np.linspace(-np.pi / 2, np.pi / 2, pieces + 1))
@@ -49,7 +57,7 @@ def draped(
     surface: Surface,
     *,
     seed: int,
-    pieces=(120, 110),
+    pieces: tuple[int, int] = (120, 110),
     repeat: float = 1.0,
     wrinkle: float = 0.022,
     edge_radius: float = 0.07,
@@ -85,7 +93,7 @@ def curtain(
     *,
     seed: int,
     folds: int = 9,
-    pieces=(130, 30),
+    pieces: tuple[int, int] = (130, 30),
     tied: float = 0.45,
     pull: float = 1.0,
     repeat: float = 1.0,
@@ -109,7 +117,14 @@ def curtain(
     return mesh_grid(points, surface, uv, crease_deg=180)
 
 
-def tufted(width: float, height: float, surface: Surface, *, pieces=(110, 60), repeat=2.0) -> Part:
+def tufted(
+    width: float,
+    height: float,
+    surface: Surface,
+    *,
+    pieces: tuple[int, int] = (110, 60),
+    repeat: float = 2.0,
+) -> Part:
     """An upholstered panel in the plane z = 0, buttoned in diamonds, with rounded edges."""
     u, v = np.meshgrid(np.linspace(0, 1, pieces[0] + 1), np.linspace(0, 1, pieces[1] + 1))
     nx, ny = 7, max(2, round(7 * height / width))
@@ -156,6 +171,7 @@ def rug(width: float, depth: float, field: Surface, fringe: Surface, *, seed: in
 def fluffy(base: Part, *, seed: int, depth: float, cells: int = 40) -> Part:
     """Plush: the part's vertices moved along their normals by noise that is the same everywhere."""
     pile = textures.noise(seed, cells=(cells, cells), octaves=2, size=(256, 256)) - 0.5
+    assert base.uvs is not None and base.normals is not None
     u, v = base.uvs[..., 0] % 1, np.clip(base.uvs[..., 1], 0, 1)
     offset = pile[(v * 255).astype(int), (u * 256).astype(int) % 256]
     offset = offset * np.sin(np.pi * v)  # the poles of a sphere are many texels wide
@@ -172,7 +188,13 @@ def teddy(
     """A sitting bear, 0.45 m tall, facing +z."""
     rings = segments * 2 // 3
 
-    def lump(radius, centre, surface=fur, detail=1.0, plush=0.012):
+    def lump(
+        radius: ArrayLike,
+        centre: tuple[float, float, float],
+        surface: Surface = fur,
+        detail: float = 1.0,
+        plush: float = 0.012,
+    ) -> Part:
         ball = sphere(radius, surface, segments=int(segments * detail), rings=int(rings * detail))
         if plush:
             ball = fluffy(ball, seed=seed, depth=plush, cells=36)

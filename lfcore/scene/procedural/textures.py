@@ -5,13 +5,23 @@ Colours are given as sRGB triples in [0, 255]; mixing happens on encoded values,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 
 SIZE = 512
 
 
-def noise(seed: int, *, cells=(8, 8), octaves: int = 4, size=(SIZE, SIZE), gain=0.55) -> np.ndarray:
+def noise(
+    seed: int,
+    *,
+    cells: tuple[int, int] = (8, 8),
+    octaves: int = 4,
+    size: tuple[int, int] = (SIZE, SIZE),
+    gain: float = 0.55,
+) -> np.ndarray:
     """(H, W) float64 tileable value noise in [0, 1]; ``cells`` (rows, columns) of octave one."""
     rng = np.random.default_rng(seed)
     total, weight = np.zeros(size), 0.0
@@ -32,7 +42,7 @@ def noise(seed: int, *, cells=(8, 8), octaves: int = 4, size=(SIZE, SIZE), gain=
     return np.clip((total - low) / (high - low), 0, 1)
 
 
-def ramp(values: np.ndarray, *colours) -> np.ndarray:
+def ramp(values: np.ndarray, *colours: ArrayLike) -> np.ndarray:
     """(..., 3) float64: ``values`` in [0, 1] to a gradient through evenly spaced colours."""
     stops = np.linspace(0, 1, len(colours))
     table = np.asarray(colours, np.float64)
@@ -44,18 +54,34 @@ def finish(picture: np.ndarray) -> np.ndarray:
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
 
 
-def speckle(seed: int, colours, *, cells=(12, 12), octaves=5, size=(SIZE, SIZE)) -> np.ndarray:
+def speckle(
+    seed: int,
+    colours: Sequence[ArrayLike],
+    *,
+    cells: tuple[int, int] = (12, 12),
+    octaves: int = 5,
+    size: tuple[int, int] = (SIZE, SIZE),
+) -> np.ndarray:
     """Plain fractal noise through a gradient: plaster, earth, bark, rust."""
     return finish(ramp(noise(seed, cells=cells, octaves=octaves, size=size), *colours))
 
 
-def plaster(seed: int, colour, *, contrast: float = 10.0, size=(256, 256)) -> np.ndarray:
+def plaster(
+    seed: int, colour: ArrayLike, *, contrast: float = 10.0, size: tuple[int, int] = (256, 256)
+) -> np.ndarray:
     fine = noise(seed, cells=(24, 24), octaves=3, size=size) - 0.5
     broad = noise(seed + 1, cells=(3, 3), octaves=3, size=size) - 0.5
     return finish(np.asarray(colour) + contrast * (fine + broad)[..., None])
 
 
-def wood(seed: int, dark, light, *, size=(256, 512), rings: float = 7.0) -> np.ndarray:
+def wood(
+    seed: int,
+    dark: ArrayLike,
+    light: ArrayLike,
+    *,
+    size: tuple[int, int] = (256, 512),
+    rings: float = 7.0,
+) -> np.ndarray:
     """Grain along u (columns): stretched noise warps parallel lines."""
     warp = noise(seed, cells=(4, 1), octaves=3, size=size)
     fibre = noise(seed + 1, cells=(64, 4), octaves=2, size=size)
@@ -65,7 +91,14 @@ def wood(seed: int, dark, light, *, size=(256, 512), rings: float = 7.0) -> np.n
 
 
 def planks(
-    seed: int, dark, light, *, rows: int = 6, size=(512, 512), joint: float = 0.55, stagger=True
+    seed: int,
+    dark: ArrayLike,
+    light: ArrayLike,
+    *,
+    rows: int = 6,
+    size: tuple[int, int] = (512, 512),
+    joint: float = 0.55,
+    stagger: bool = True,
 ) -> np.ndarray:
     """Boards along u, each with a tone and grain of its own, dark joints between."""
     rng = np.random.default_rng(seed)
@@ -86,7 +119,14 @@ def planks(
 
 
 def bricks(
-    seed: int, colours, mortar, *, rows: int = 8, columns: int = 4, size=(SIZE, SIZE), gap=0.09
+    seed: int,
+    colours: Sequence[ArrayLike],
+    mortar: ArrayLike,
+    *,
+    rows: int = 8,
+    columns: int = 4,
+    size: tuple[int, int] = (SIZE, SIZE),
+    gap: float = 0.09,
 ) -> np.ndarray:
     """Running bond; ``colours`` is a gradient from which each brick draws its tone."""
     rng = np.random.default_rng(seed)
@@ -108,7 +148,14 @@ def bricks(
     return finish(mix * brick + (1 - mix) * joint)
 
 
-def cobbles(seed: int, colours, gap_colour, *, cells: int = 9, size=(SIZE, SIZE)) -> np.ndarray:
+def cobbles(
+    seed: int,
+    colours: Sequence[ArrayLike],
+    gap_colour: ArrayLike,
+    *,
+    cells: int = 9,
+    size: tuple[int, int] = (SIZE, SIZE),
+) -> np.ndarray:
     """Rounded setts in jittered rows: distance to the two nearest of wrapped seeds."""
     rng = np.random.default_rng(seed)
     rows, columns = np.mgrid[:cells, :cells].reshape(2, -1)
@@ -141,7 +188,14 @@ def cobbles(seed: int, colours, gap_colour, *, cells: int = 9, size=(SIZE, SIZE)
     return finish(mix * stone + (1 - mix) * np.asarray(gap_colour) * (0.8 + 0.4 * grain[..., None]))
 
 
-def weave(seed: int, colour, *, threads: int = 64, depth: float = 0.16, size=(256, 256)):
+def weave(
+    seed: int,
+    colour: ArrayLike,
+    *,
+    threads: int = 64,
+    depth: float = 0.16,
+    size: tuple[int, int] = (256, 256),
+) -> np.ndarray:
     """Plain cloth: crossing threads, and the slow shading of wear."""
     v, u = np.mgrid[: size[0], : size[1]] / np.array(size)[:, None, None] * 2 * np.pi
     over = 0.5 + 0.25 * (np.sin(threads / 2 * u) * np.sin(threads / 2 * v) + np.sin(threads * v))
@@ -150,7 +204,14 @@ def weave(seed: int, colour, *, threads: int = 64, depth: float = 0.16, size=(25
     return finish(np.asarray(colour) * shade[..., None])
 
 
-def stripes(seed: int, colours, widths, *, size=(256, 256), depth=0.10) -> np.ndarray:
+def stripes(
+    seed: int,
+    colours: Sequence[ArrayLike],
+    widths: ArrayLike,
+    *,
+    size: tuple[int, int] = (256, 256),
+    depth: float = 0.10,
+) -> np.ndarray:
     """Bands across v, over cloth; ``widths`` are relative."""
     edges = np.cumsum(np.asarray(widths, np.float64)) / np.sum(widths)
     band = np.searchsorted(edges, np.linspace(0, 1, size[0], endpoint=False), side="right")
@@ -158,7 +219,14 @@ def stripes(seed: int, colours, widths, *, size=(256, 256), depth=0.10) -> np.nd
     return finish(np.asarray(colours, np.float64)[band][:, None] * cloth)
 
 
-def checks(seed: int, base, line, *, number: int = 6, size=(256, 256)) -> np.ndarray:
+def checks(
+    seed: int,
+    base: ArrayLike,
+    line: ArrayLike,
+    *,
+    number: int = 6,
+    size: tuple[int, int] = (256, 256),
+) -> np.ndarray:
     """Gingham and tartan: translucent bands crossing."""
     wave = (np.arange(size[0]) * number / size[0]) % 1
     band = np.where(wave < 0.42, 1.0, 0.0) + np.where(np.abs(wave - 0.7) < 0.05, 0.7, 0.0)
@@ -167,7 +235,9 @@ def checks(seed: int, base, line, *, number: int = 6, size=(256, 256)) -> np.nda
     return finish(ramp(cover, base, line) * cloth)
 
 
-def leaf(seed: int, dark, light, *, size=(128, 128)) -> np.ndarray:
+def leaf(
+    seed: int, dark: ArrayLike, light: ArrayLike, *, size: tuple[int, int] = (128, 128)
+) -> np.ndarray:
     """A leaf's blade: midrib along v in the middle, side veins, mottling."""
     v, u = np.mgrid[: size[0], : size[1]] / np.array(size)[:, None, None]
     rib = np.exp(-(((u - 0.5) / 0.03) ** 2))
@@ -176,13 +246,17 @@ def leaf(seed: int, dark, light, *, size=(128, 128)) -> np.ndarray:
     return finish(ramp(np.clip(0.75 * mottle + 0.35 * rib + 0.18 * vein, 0, 1), dark, light))
 
 
-def bark(seed: int, dark, light, *, size=(256, 256)) -> np.ndarray:
+def bark(
+    seed: int, dark: ArrayLike, light: ArrayLike, *, size: tuple[int, int] = (256, 256)
+) -> np.ndarray:
     """Furrows along v."""
     furrow = noise(seed, cells=(3, 20), octaves=4, size=size)
     return finish(ramp(np.clip(1.5 * furrow - 0.2, 0, 1), dark, light))
 
 
-def end_grain(seed: int, dark, light, *, size=(256, 256)) -> np.ndarray:
+def end_grain(
+    seed: int, dark: ArrayLike, light: ArrayLike, *, size: tuple[int, int] = (256, 256)
+) -> np.ndarray:
     """Growth rings of a sawn log, one texture over its face, with a crack or two."""
     v, u = np.mgrid[: size[0], : size[1]] / np.array(size)[:, None, None] - 0.5
     warp = noise(seed, cells=(3, 3), octaves=3, size=size) - 0.5
