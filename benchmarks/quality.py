@@ -23,7 +23,7 @@ from lfcore.files import write_text
 from lfcore.optics.planes import SensorPlane
 from lfcore.rendering.by_depth import RayCount, pictures_by_depth
 from lfcore.rendering.prepared import open_tracer
-from lfcore.rendering.quality import pictures_of_quality
+from lfcore.rendering.quality import WantedQuality
 from lfcore.tracing.tracer import Tracer
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
@@ -67,7 +67,7 @@ def rows_of(tracer: Tracer, pixels: int, targets: list[float]) -> Iterator[dict]
         for target, fewest in zip(targets, fewest_rays(tracer, truth, targets), strict=True):
             row = {"scene": scene.name, "f_number": f"{f_number:g}", "asked_db": target}
             try:
-                made = pictures_of_quality(tracer, scene.camera, planes, pixels, target)
+                made = WantedQuality(tracer, scene.camera, planes, pixels, target).pictures()
             except OpticsError as error:
                 yield row | {"refused": error.problem}
                 continue

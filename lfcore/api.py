@@ -33,9 +33,8 @@ from lfcore.rendering.prepared import open_tracer, open_tracers, opened
 from lfcore.rendering.quality import (
     MOST_RAYS,
     Rendering,
-    pictures_of_quality,
+    WantedQuality,
     planes_between,
-    rays_of_quality,
 )
 from lfcore.scene.build import build_scene
 from lfcore.scene.emitters import POINTS
@@ -173,9 +172,8 @@ def render_to_quality(
     camera = _lens_for(scene, wanted)
     _check_quality(quality_db, most_rays)
     tracer = open_tracer(scene, device)
-    return pictures_of_quality(
-        tracer, camera, wanted, pixels, quality_db, most_rays=most_rays, progress=progress
-    )
+    quality = WantedQuality(tracer, camera, wanted, pixels, quality_db, most_rays)
+    return quality.pictures(progress)
 
 
 def _check_quality(quality_db: float, most_rays: float) -> None:
@@ -285,7 +283,7 @@ def record(
         tracer, depth_stream = open_tracer(scene, device), True
         near_far = focus_range_m or depth_range(tracer, Slab(camera, STORED_COUNT.views, pixels))
         planes = planes_between(camera, *(near_far or (math.inf, math.inf)))
-        planned = rays_of_quality(tracer, camera, planes, pixels, quality_db, most_rays=most_rays)
+        planned = WantedQuality(tracer, camera, planes, pixels, quality_db, most_rays).plan()
         views, subpixels = planned.count.views, planned.count.subpixels
         focus = [plane.focus_distance_m for plane in (planes[0], planes[-1])]
         content = {"expected": {"db": round(planned.expected_db, 2), "focus_m": focus}}

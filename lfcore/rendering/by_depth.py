@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -59,6 +60,16 @@ class RayCount:
 DEFAULT_COUNT = RayCount(8, 2)
 
 
+class Widths(TypedDict, total=False):
+    """What a ray is in focus, in pixels of the picture, if not as measured best for one lattice.
+
+    ``footprint_px`` is what textures are filtered over, ``least_px`` the least side of its box.
+    """
+
+    footprint_px: float
+    least_px: float
+
+
 def pictures_by_depth(
     tracer: Tracer,
     camera: Camera,
@@ -66,8 +77,8 @@ def pictures_by_depth(
     pixels: int,
     count: RayCount,
     *,
-    footprint_px: float | None = None,
     progress: Callable[[int, int], None] | None = None,
+    **widths: Unpack[Widths],
 ) -> np.ndarray:
     """Pictures of a scene from the same rays: (P, pixels, pixels, 3) float32, linear light.
 
@@ -75,7 +86,7 @@ def pictures_by_depth(
     ----------
     camera : the lens and sensor that ``planes`` belong to.  Rays are traced through the widest of
         their apertures, those of a single plane at its own focus.
-    footprint_px : that textures are filtered over, of a picture's pixel; default as measured best.
+    widths : of :class:`Widths`.
     progress : called with (views done, of all).
 
     Raises
@@ -85,7 +96,7 @@ def pictures_by_depth(
     """
     planes = list(planes)
     if len(planes) == 1:
-        return _focused(tracer, camera, planes[0], pixels, count, footprint_px, progress)[None]
+        return _focused(tracer, camera, planes[0], pixels, count, progress, **widths)[None]
     lens = replace(camera, f_number=min(plane.f_number for plane in planes))
     views = crossed_views(Slab(lens, count.views, count.side(pixels)))
     room = max(1, SUMS_BYTES // DepthSlicer.sums_bytes(1, pixels))
@@ -93,9 +104,7 @@ def pictures_by_depth(
     made = []
     for number, group in enumerate(groups):
         tell = _within(progress, number, len(groups))
-        made.append(
-            trace_by_depth(tracer, views, group, pixels, footprint_px=footprint_px, progress=tell)
-        )
+        made.append(trace_by_depth(tracer, views, group, pixels, progress=tell, **widths))
     pictures = np.concatenate(made)
     for picture, plane in zip(pictures, planes, strict=True):
         if plane.normalise == "lens":  # the whole lens, not the part that is traced
@@ -118,14 +127,12 @@ def _focused(
     plane: SensorPlane,
     pixels: int,
     count: RayCount,
-    footprint_px: float | None,
     progress: Callable[[int, int], None] | None,
+    **widths: Unpack[Widths],
 ) -> np.ndarray:
     views = crossed_views(Slab(focused_camera(camera, plane), count.views, count.side(pixels)))
     own = replace(plane, normalise="aperture", keep_magnification=False)
-    picture = trace_by_depth(
-        tracer, views, [own], pixels, footprint_px=footprint_px, progress=progress
-    )[0]
+    picture = trace_by_depth(tracer, views, [own], pixels, progress=progress, **widths)[0]
     if plane.normalise == "lens":
         whole = Slab(camera, 1, 1)
         share = lens_cells(views.slab, own.aperture(views.slab)).share.mean()
@@ -140,8 +147,8 @@ def trace_by_depth(
     planes: Sequence[SensorPlane],
     pixels: int,
     *,
-    footprint_px: float | None = None,
     progress: Callable[[int, int], None] | None = None,
+    **widths: Unpack[Widths],
 ) -> np.ndarray:
     """Trace views and slice them by depth: (P, pixels, pixels, 3) float32, linear light.
 
@@ -157,8 +164,8 @@ def trace_by_depth(
             key="size",
             remedy="Ask for fewer pixels or pictures, or use the filter 'nearest'",
         )
-    slicer = DepthSlicer(views, planes, pixels, device)
-    for part, light, depth in traced_views(tracer, views, pixels, footprint_px):
+    slicer = DepthSlicer(views, planes, pixels, device, least_px=widths.get("least_px"))
+    for part, light, depth in traced_views(tracer, views, pixels, widths.get("footprint_px")):
         slicer.add(part, light, depth)
         if progress:
             progress(part.stop, len(views.positions))

@@ -2,8 +2,8 @@
 
 Two lattices of unlike views and sub-pixels err independently, by mean squares that fall as their
 rays rise.  So what they disagree by tells their error, and how many more rays a quality takes.  The
-mean of all rounds, weighted by their rays, is as good as one lattice of as many: no ray of the
-pilot is lost (docs/notebook/true-picture.md).
+mean of all rounds, in which those of many rays weigh more than by their rays, is about as good as
+one lattice of as many: few rays of the pilot are lost (docs/notebook/true-picture.md).
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from lfcore.colour import srgb_encode
 from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
+from lfcore.refocus.depth_slicing import LEAST_OF_RAY
 from lfcore.rendering.by_depth import FOOTPRINT, RayCount, pictures_by_depth
 from lfcore.tracing.tracer import Tracer
 
@@ -25,9 +26,12 @@ PILOT = (RayCount(2, 1), RayCount(3, 0.75))
 FOOTPRINT_PX = 0.0625
 """The widest tangent, in pixels, that a round's textures are filtered over.  A round of few rays
 must see the detail that many rays see, or it would say that they agree."""
-SHARED_DB = 2.0
+SHARED_DB = 1.5
 """Both lattices of a pair get something wrong alike, which their disagreement does not tell: this
 is taken off (measured, docs/notebook/true-picture.md)."""
+WEIGHT = 1.5
+"""The power of its rays by which a round weighs in the mean.  Errors fall faster than rays rise, so
+that a pilot that weighed by its rays would spoil the mean (measured there)."""
 MOST_RAYS = 4096
 """Rays of a pixel that a quality may take where no budget is given."""
 GROWTH, LAST_GROWTH = 8.0, 0.6
@@ -35,7 +39,7 @@ GROWTH, LAST_GROWTH = 8.0, 0.6
 the rays so far are missing, one lattice ends it."""
 PAIR_SHARE = 0.7
 """Share of the missing rays that a pair traces; its disagreement then says better how many miss."""
-PILOT_SHARE, PLANNED_DB, PLANNED_PLANES = 0.1, 1.5, 5
+PILOT_SHARE, PLANNED_DB, PLANNED_PLANES = 0.1, 2.0, 5
 """Where rays are planned and not traced: the pilot's share of them, what is taken off for its
 uncertainty (measured, docs/notebook/true-picture.md), and how many planes stand for a range."""
 BORDER = 0.08
@@ -65,44 +69,6 @@ class Rendering:
         return sum(count.rays_a_pixel for count in self.counts)
 
 
-def pictures_of_quality(
-    tracer: Tracer,
-    camera: Camera,
-    planes: Sequence[SensorPlane],
-    pixels: int,
-    quality_db: float,
-    *,
-    most_rays: float = MOST_RAYS,
-    progress: Callable[[int, int], None] | None = None,
-) -> Rendering:
-    """As :func:`pictures_by_depth`, with about as few rays as give the worst plane ``quality_db``.
-
-    ``most_rays`` is the budget, a pixel.  ``progress`` is called with (rays a pixel done, of those
-    wanted as far as is known).
-
-    Raises :class:`OpticsError` for a quality that is expected to take more.
-    """
-
-    trace = _tracing(tracer, camera, planes, pixels)
-    rounds = _Rounds([(count, trace(count)) for count in PILOT])
-    while True:
-        missing = rounds.missing_rays(quality_db)
-        if missing <= 0:
-            return rounds.rendering()
-        wanted = rounds.rays + missing
-        if wanted > most_rays:
-            raise _too_much(quality_db, wanted, most_rays, rounds)
-        if progress:
-            progress(round(rounds.rays), round(wanted))
-        if missing <= LAST_GROWTH * rounds.rays:
-            count = one_lattice(missing)
-            rounds.add(count, trace(count))
-        else:
-            rays = min(PAIR_SHARE * missing, GROWTH * rounds.rays)
-            pair = unlike_lattices(rays / 2)
-            rounds.add_pair([(count, trace(count)) for count in pair])
-
-
 @dataclass(frozen=True)
 class PlannedRays:
     """A lattice for pictures between two distances, and the PSNR in dB to be expected of the worst.
@@ -115,38 +81,93 @@ class PlannedRays:
     pilot_rays: float
 
 
-def rays_of_quality(
-    tracer: Tracer,
-    camera: Camera,
-    planes: Sequence[SensorPlane],
-    pixels: int,
-    quality_db: float,
-    *,
-    most_rays: float = MOST_RAYS,
-) -> PlannedRays:
-    """The lattice that is to give the worst plane ``quality_db``, without tracing it.
+@dataclass(frozen=True)
+class WantedQuality:
+    """Pictures as of :func:`pictures_by_depth`, and the PSNR that the worst of them is to have.
 
-    A pilot of a tenth of its rays, but of 9 a pixel at least, says how many it takes.  Views are
-    of a multiple of 8 pixels, as encoders like them.
-
-    Raises :class:`OpticsError` for a quality that is expected to take more than ``most_rays``.
+    Attributes
+    ----------
+    quality_db : against the average over pixel and lens, sRGB.
+    most_rays : the budget, a pixel.
     """
-    trace = _tracing(tracer, camera, planes, pixels)
-    rounds = _Rounds([(count, trace(count)) for count in PILOT])
-    while True:
-        wanted = rounds.wanted_rays(quality_db + PLANNED_DB)
-        if wanted > most_rays:
-            raise _too_much(quality_db, wanted, most_rays, rounds, PLANNED_DB)
-        lacking = PILOT_SHARE * wanted - rounds.rays
-        if lacking < 1:
-            break
-        pair = unlike_lattices(min(lacking, GROWTH * rounds.rays) / 2)
-        rounds.add_pair([(count, trace(count)) for count in pair])
-    count = one_lattice(wanted)
-    side = 8 * math.ceil(count.subpixels * pixels / 8)
-    count = RayCount(count.views, side / pixels)
-    expected = float(rounds.expected_db(count.rays_a_pixel).min()) - PLANNED_DB
-    return PlannedRays(count, expected, rounds.rays)
+
+    tracer: Tracer
+    camera: Camera
+    planes: Sequence[SensorPlane]
+    pixels: int
+    quality_db: float
+    most_rays: float = MOST_RAYS
+
+    def pictures(self, progress: Callable[[int, int], None] | None = None) -> Rendering:
+        """Trace them with about as few rays as that takes.
+
+        ``progress`` is called with (rays a pixel done, of those wanted as far as is known).
+
+        Raises :class:`OpticsError` for a quality that is expected to take more than the budget.
+        """
+        rounds = self._pilot()
+        while True:
+            missing = rounds.missing_rays(self.quality_db)
+            if missing <= 0:
+                return rounds.rendering()
+            wanted = rounds.rays + missing
+            if wanted > self.most_rays:
+                raise self._too_much(wanted, rounds.reachable_db(self.most_rays))
+            if progress:
+                progress(round(rounds.rays), round(wanted))
+            if missing <= LAST_GROWTH * rounds.rays:
+                count = one_lattice(missing)
+                rounds.add(count, self._trace(count))
+            else:
+                self._add_pair(rounds, min(PAIR_SHARE * missing, GROWTH * rounds.rays))
+
+    def plan(self) -> PlannedRays:
+        """The lattice that is to reach it alone, without tracing it.
+
+        A pilot of a tenth of its rays, but of 9 a pixel at least, says how many it takes.  Views
+        are of a multiple of 8 pixels, as encoders like them.
+
+        Raises :class:`OpticsError` for a quality that is expected to take more than the budget.
+        """
+        rounds = self._pilot()
+        while True:
+            wanted = rounds.rays_of_one(self.quality_db + PLANNED_DB)
+            if wanted > self.most_rays:
+                raise self._too_much(wanted, rounds.db_of_one(self.most_rays) - PLANNED_DB)
+            lacking = PILOT_SHARE * wanted - rounds.rays
+            if lacking < 1:
+                break
+            self._add_pair(rounds, min(lacking, GROWTH * rounds.rays))
+        count = one_lattice(wanted)
+        side = 8 * math.ceil(count.subpixels * self.pixels / 8)
+        count = RayCount(count.views, side / self.pixels)
+        expected = rounds.db_of_one(count.rays_a_pixel) - PLANNED_DB
+        return PlannedRays(count, expected, rounds.rays)
+
+    def _pilot(self) -> _Rounds:
+        return _Rounds([(count, self._trace(count)) for count in PILOT])
+
+    def _add_pair(self, rounds: _Rounds, rays: float) -> None:
+        """Two unlike lattices of ``rays`` together."""
+        rounds.add_pair([(count, self._trace(count)) for count in unlike_lattices(rays / 2)])
+
+    def _trace(self, count: RayCount) -> np.ndarray:
+        """The pictures of one round."""
+        between = self.pixels / (count.views * count.side(self.pixels))
+        return pictures_by_depth(
+            self.tracer, self.camera, self.planes, self.pixels, count,
+            footprint_px=min(FOOTPRINT_PX, FOOTPRINT * between),
+            least_px=min(1.0, count.views * LEAST_OF_RAY) * between,
+        )  # fmt: skip
+
+    def _too_much(self, wanted: float, reachable_db: float) -> OpticsError:
+        takes = f"takes about {wanted:,.0f} rays a pixel, and the budget is {self.most_rays:,.0f}"
+        return OpticsError(
+            f"{self.quality_db:g} dB {takes}",
+            key="quality",
+            remedy=f"Ask for at most {reachable_db:.1f} dB, for fewer planes, or give a larger "
+            "budget",
+        )
 
 
 def planes_between(camera: Camera, near_m: float, far_m: float) -> list[SensorPlane]:
@@ -161,30 +182,6 @@ def planes_between(camera: Camera, near_m: float, far_m: float) -> list[SensorPl
         )
     focus = np.linspace(1 / near_m, 1 / far_m, PLANNED_PLANES)
     return [SensorPlane(1 / d if d else math.inf, camera.f_number) for d in focus.tolist()]
-
-
-def _tracing(
-    tracer: Tracer, camera: Camera, planes: Sequence[SensorPlane], pixels: int
-) -> Callable[[RayCount], np.ndarray]:
-    """What makes the pictures of a round."""
-
-    def trace(count: RayCount) -> np.ndarray:
-        own = FOOTPRINT * pixels / (count.views * count.side(pixels))
-        footprint = min(FOOTPRINT_PX, own)
-        return pictures_by_depth(tracer, camera, planes, pixels, count, footprint_px=footprint)
-
-    return trace
-
-
-def _too_much(
-    quality_db: float, wanted: float, most: float, rounds: _Rounds, margin_db: float = 0.0
-) -> OpticsError:
-    reachable = rounds.expected_db(most).min() - margin_db
-    return OpticsError(
-        f"{quality_db:g} dB takes about {wanted:,.0f} rays a pixel, and the budget is {most:,.0f}",
-        key="quality",
-        remedy=f"Ask for at most {reachable:.1f} dB, for fewer planes, or give a larger budget",
-    )
 
 
 def one_lattice(rays: float) -> RayCount:
@@ -212,6 +209,7 @@ class _Rounds:
     def __init__(self, pilot: Sequence[Round]):
         self.counts: list[RayCount] = []
         self._sum = np.zeros_like(pilot[0][1], np.float64)
+        self._weight = self._spread = 0.0
         self.add_pair(pilot)
 
     @property
@@ -220,8 +218,11 @@ class _Rounds:
         return sum(count.rays_a_pixel for count in self.counts)
 
     def add(self, count: RayCount, pictures: np.ndarray) -> None:
+        weight, spread = _weight_and_spread(count.rays_a_pixel)
         self.counts.append(count)
-        self._sum += count.rays_a_pixel * pictures
+        self._sum += weight * pictures
+        self._weight += weight
+        self._spread += spread
 
     def add_pair(self, pair: Sequence[Round]) -> None:
         """Add two rounds, whose disagreement replaces what was known of the error."""
@@ -232,24 +233,48 @@ class _Rounds:
         apart = np.square(encoded[0] - encoded[1]).mean(axis=-1)
         self._of_one_ray = apart / sum(1 / count.rays_a_pixel for count, _ in pair)
 
-    def expected_db(self, rays: float) -> np.ndarray:
-        """(P,) PSNR in dB to be expected of pictures of so many rays a pixel."""
+    def _worth(self, more: float = 0.0) -> float:
+        """Rays a pixel of one lattice that err as little as the mean of the rounds, with one of
+        ``more`` rays added."""
+        weight, spread = _weight_and_spread(more)
+        return (self._weight + weight) ** 2 / (self._spread + spread)
+
+    def expected_db(self, rays: float | None = None) -> np.ndarray:
+        """(P,) PSNR in dB to be expected of the mean of rounds, or of one lattice of ``rays``."""
         side = self._of_one_ray.shape[1]
         inner = slice(int(BORDER * side), side - int(BORDER * side))
-        found = self._of_one_ray[:, inner, inner].mean(axis=(1, 2)) / rays
+        found = self._of_one_ray[:, inner, inner].mean(axis=(1, 2)) / (rays or self._worth())
         return -10 * np.log10(np.maximum(found, 1e-12)) - SHARED_DB
 
-    def wanted_rays(self, quality_db: float) -> float:
-        """Rays of a pixel that the quality takes in all."""
-        lacking = quality_db - float(self.expected_db(self.rays).min())
-        return self.rays * 10 ** (min(lacking, 200.0) / 10)
+    def db_of_one(self, rays: float) -> float:
+        """PSNR of the worst plane by one lattice of so many rays a pixel."""
+        return float(self.expected_db(rays).min())
+
+    def rays_of_one(self, quality_db: float) -> float:
+        """Rays of a pixel that the quality takes of one lattice."""
+        return 10 ** (min(quality_db - self.db_of_one(1.0), 200.0) / 10)
+
+    def reachable_db(self, rays: float) -> float:
+        """PSNR of the worst plane with so many rays of a pixel in all."""
+        return self.db_of_one(self._worth(max(rays - self.rays, 0.0)))
 
     def missing_rays(self, quality_db: float) -> float:
-        """Rays of a pixel that the quality still takes; 0 where it is reached."""
-        missing = self.wanted_rays(quality_db) - self.rays
-        return missing if missing > 1e-6 * self.rays else 0.0
+        """Rays of a pixel by which one more lattice reaches the quality; 0 where it is reached."""
+        wanted = self.rays_of_one(quality_db)
+        if wanted <= self._worth() * (1 + 1e-6):
+            return 0.0
+        low, high = 0.0, wanted  # alone they would do
+        for _ in range(60):
+            middle = (low + high) / 2
+            low, high = (middle, high) if self._worth(middle) < wanted else (low, middle)
+        return high
 
     def rendering(self) -> Rendering:
-        error = np.sqrt(self._of_one_ray / self.rays).astype(np.float32)
-        pictures = (self._sum / self.rays).astype(np.float32)
-        return Rendering(pictures, tuple(self.counts), self.expected_db(self.rays), error)
+        error = np.sqrt(self._of_one_ray / self._worth()).astype(np.float32)
+        pictures = (self._sum / self._weight).astype(np.float32)
+        return Rendering(pictures, tuple(self.counts), self.expected_db(), error)
+
+
+def _weight_and_spread(rays: float) -> tuple[float, float]:
+    """What a round weighs in the mean, and its part of the mean's error, weight^2 / rays."""
+    return rays**WEIGHT, rays ** (2 * WEIGHT - 1)

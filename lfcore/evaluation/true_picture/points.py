@@ -13,7 +13,7 @@ from lfcore.evaluation.true_picture.reference import BELOW_DB, Reference, inner_
 from lfcore.optics.slab import Slab
 from lfcore.rendering.by_depth import RayCount, pictures_by_depth
 from lfcore.rendering.direct import trace_planes
-from lfcore.rendering.quality import pictures_of_quality
+from lfcore.rendering.quality import WantedQuality
 from lfcore.tracing.tracer import Tracer
 
 COLUMNS = (
@@ -126,9 +126,8 @@ def _by_depth(tracer: Tracer, reference: Reference, count: RayCount) -> tuple[np
 def _to_quality(tracer: Tracer, reference: Reference, target: float) -> Iterator[dict]:
     """Rows of pictures that were asked for ``target`` dB."""
     camera, pixels = tracer.scene.camera, reference.pictures.shape[1]
-    made, seconds = _timed(
-        tracer, lambda: pictures_of_quality(tracer, camera, reference.planes, pixels, target)
-    )
+    wanted = WantedQuality(tracer, camera, reference.planes, pixels, target)
+    made, seconds = _timed(tracer, wanted.pictures)
     rays = sum(count.rays(pixels) for count in made.counts)
     expected = [float(each) for each in made.expected_db]
     yield from plane_rows(
