@@ -269,7 +269,7 @@ def record(
     from lfcore.lightfield import LightField
     from lfcore.rendering.depth import depth_range
     from lfcore.rendering.record import record_slab
-    from lfcore.rendering.record_depth import DepthStore, record_by_depth
+    from lfcore.rendering.record_depth import depth_store, record_by_depth
 
     camera = recorded_camera(scene.camera, focus_m, f_number)
     content = None
@@ -295,10 +295,8 @@ def record(
         spec = codec_spec(
             count.views, codec, pixel_format=pixel_format, crf=crf, preset=preset, by_depth=True
         )
-        slab = Slab(camera, count.views, count.side(pixels))
         kind = "views" if layout == AUTO else layout
-        frames = frame_layout(slab.views, slab.pixels, spec.pixel_format, kind=kind)
-        store = DepthStore(frames, spec, lattice, pixels)
+        slab, store = depth_store(camera, count, pixels, spec, lattice=lattice, kind=kind)
         tracer = open_tracer(scene, device)
         record_by_depth(path, tracer, slab, store, content=content, progress=progress)
         return LightField.open(path)

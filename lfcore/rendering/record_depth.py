@@ -7,20 +7,23 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lfcore.colour import srgb_encode
 from lfcore.errors import OpticsError
 from lfcore.files import draft_folder
+from lfcore.optics.camera import Camera
 from lfcore.optics.ray_cells import LATTICES
 from lfcore.optics.slab import Slab
-from lfcore.rendering.by_depth import traced_views
+from lfcore.rendering.by_depth import RayCount, traced_views
 from lfcore.rendering.depth import depth_range, dioptre_range
 from lfcore.rendering.record import TILE_RAYS
 from lfcore.scene.files import scene_digest
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import DepthSegments, join_segments
+from lfcore.storage.defaults import frame_layout
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
@@ -55,6 +58,25 @@ class DepthStore:
                 f"unknown lattice {self.lattice!r}", key="lattice",
                 remedy=f"Use one of {', '.join(LATTICES)}",
             )  # fmt: skip
+
+
+def depth_store(
+    camera: Camera,
+    count: RayCount,
+    pixels: int,
+    spec: CodecSpec,
+    *,
+    lattice: str = "crossed",
+    kind: str = "views",
+    **layout: Any,
+) -> tuple[Slab, DepthStore]:
+    """The slab of ``count``, for pictures of so many pixels, and how it is stored.
+
+    ``kind`` and ``layout`` are as :func:`lfcore.storage.defaults.frame_layout` takes them.
+    """
+    slab = Slab(camera, count.views, count.side(pixels))
+    frames = frame_layout(slab.views, slab.pixels, spec.pixel_format, kind=kind, **layout)
+    return slab, DepthStore(frames, spec, lattice, pixels)
 
 
 def record_by_depth(

@@ -453,6 +453,17 @@ class Configuration(Keys):
     angular_resolutions: several(whole(2, 1024)) = key(
         "N, lens samples a side", [16, 32, 64, 128, 256, 512]
     )
+    angular_resolution: Literal["none", "auto"] = key(
+        "`auto`: one more light field of each scene, with depths, whose lens samples and rays of a "
+        "pixel a pilot of about a tenth of them picks, so that the worst of `planes` reaches "
+        "`quality_db`",
+        "none",
+    )
+    quality_db: real(10, 80) = key(
+        "PSNR in dB against the true picture, averaged over pixel and lens, that it is to reach "
+        "before its codec",
+        45,
+    )
     spatial_resolution: whole(16, 8192) = key("M, pixels a side", 128)
     planes: Annotated[
         Literal["scene"] | listed(Plane, 1, 100),

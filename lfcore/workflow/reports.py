@@ -65,6 +65,7 @@ OTHER = {
     "other_renderers": "Other ray tracers",
     "plenoptic_photograph": "Photographs of a plenoptic camera",
     "our_choice": "What we would do",
+    "chosen_rays": "Rays chosen for a quality",
 }
 TITLES = {**THESIS, **SHEETS, **STORAGE, **ANALYSES, **ARRAY_TABLES, **OTHER}
 """Of every table and figure of results/tables/."""
@@ -108,6 +109,8 @@ def _wanted(settings: Mapping, scenes: list[str]) -> Iterator[tuple[str, bool, d
     figures, store = settings["figures"]["make"], settings["store"]
     for name in thesis_tables(settings):
         yield name, True, {"": _figure(f"{name}_curves")} if "quality" in figures else {}
+    if settings["angular_resolution"] == "auto":
+        yield "chosen_rays", True, {}
     for name in SHEETS:
         if name in figures:
             yield name, False, {scene: _figure(f"{name}_{scene}") for scene in scenes}

@@ -31,7 +31,7 @@ def test_smoke(checkout):
 
 def test_the_default_run_has_a_row_for_each_scene_and_resolution(default_jobs):
     jobs = default_jobs
-    assert jobs["join"] == 18
+    assert jobs["join"] == 18 and "chosen_rays" not in jobs
     # Two batches at least of each large light field, so that two cores share it, and few more: the
     # twelve tiles of N = 512 are some minutes of work.
     assert 3 * (4 + 2 * 2) <= jobs["trace"] <= 30
@@ -67,11 +67,13 @@ def test_what_is_not_asked_for_is_not_in_the_graph(checkout):
 def test_any_key_can_be_overridden(checkout):
     jobs = checkout.planned(
         *SMOKE, "--config", "angular_resolutions=[16]", "tile_mib=1", "job_minutes=0.0001",
-        "spatial_resolution=64", "layout={pack: 1}", "scenes=[cabin]", *TARGET,
+        "spatial_resolution=64", "layout={pack: 1}", "scenes=[cabin]",
+        "angular_resolution=auto", *TARGET,
     )  # fmt: skip
     # 64^2 x 16^2 rays of 3 bytes are 3 MiB.
     assert jobs["trace"] == 4 or jobs["trace"] == 3
     assert jobs["join"] == 1
+    assert jobs["chosen_rays_scene"] == jobs["chosen_rays"] == 1
 
 
 @pytest.mark.parametrize(

@@ -13,11 +13,10 @@ from lfcore.errors import LfcoreError
 from lfcore.evaluation.timing import clocked
 from lfcore.evaluation.true_picture.points import BY_DEPTH, NEAREST, worst_planes
 from lfcore.evaluation.true_picture.reference import Reference, inner_psnr
-from lfcore.optics.slab import Slab
 from lfcore.refocus.stored_depth import slice_stored
 from lfcore.rendering.by_depth import RayCount
-from lfcore.rendering.record_depth import DepthStore, record_by_depth
-from lfcore.storage.defaults import codec_spec, frame_layout
+from lfcore.rendering.record_depth import depth_store, record_by_depth
+from lfcore.storage.defaults import codec_spec
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.tracer import Tracer
 
@@ -84,10 +83,8 @@ def thesis_recipe(
 def our_choice(path: str | Path, tracer: Tracer, reference: Reference, count: RayCount) -> Made:
     """Record ``count`` with depth to the file ``path``, and form the planes of ``reference``."""
     pixels = reference.pictures.shape[1]
-    slab = Slab(tracer.scene.camera, count.views, count.side(pixels))
     spec = codec_spec(count.views, by_depth=True)
-    layout = frame_layout(count.views, slab.pixels, spec.pixel_format, kind="views")
-    store = DepthStore(layout, spec, "crossed", pixels)
+    slab, store = depth_store(tracer.scene.camera, count, pixels, spec)
     _, seconds = clocked(lambda: record_by_depth(path, tracer, slab, store), warm_up=1)
     with LightFieldFile.open(path) as field:
         pictures, read = clocked(

@@ -20,7 +20,7 @@ from lfcore.refocus.stored_depth import slice_stored
 from lfcore.rendering.by_depth import RayCount, trace_by_depth
 from lfcore.rendering.depth import dioptre_range
 from lfcore.rendering.direct import trace_planes
-from lfcore.rendering.record_depth import RANGE_MARGIN, DepthStore, frames_by_depth
+from lfcore.rendering.record_depth import RANGE_MARGIN, depth_store, frames_by_depth
 from lfcore.storage import defaults
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import DepthSegments, join_segments
@@ -31,7 +31,7 @@ from lfcore.storage.segment import SegmentWriter
 from lfcore.tracing.tracer import Tracer
 
 MOST_RAYS = 1 << 26
-LATTICE = "crossed"
+CROSSED = "crossed"
 DEFAULT = "default"
 
 
@@ -105,10 +105,9 @@ def _rays_by_depth(
     tracer: Tracer, wanted: RefocusedPicture, count: RayCount, spec: CodecSpec
 ) -> KeptRays:
     pixels = len(wanted.true)
-    slab = Slab(tracer.scene.camera, count.views, count.side(pixels))
+    slab, store = depth_store(tracer.scene.camera, count, pixels, spec)
     codes = DepthCodes.of_range(slab, *dioptre_range(tracer, slab, RANGE_MARGIN))
-    layout = defaults.frame_layout(slab.views, slab.pixels, spec.pixel_format, kind="views")
-    store, colours, depths = DepthStore(layout, spec, LATTICE, pixels), [], []
+    layout, colours, depths = store.layout, [], []
     for tile in _tiles(layout):
         made = zip(*frames_by_depth(tracer, slab, store, codes, tile), strict=True)
         for kept, frames in zip((colours, depths), made, strict=True):
@@ -142,7 +141,7 @@ def _stored(
                 return colours, None
             own = rays.codes.spec(rays.slab)
             depths = rays.depths.encode(own, folder, "depths")
-            return colours, DepthSegments(depths, rays.codes, LATTICE, pixels, own)
+            return colours, DepthSegments(depths, rays.codes, CROSSED, pixels, own)
 
         def picture(made: tuple[list[Path], DepthSegments | None]) -> np.ndarray:
             file, layout = folder / "lightfield.mkv", rays.colours.layout

@@ -1,0 +1,59 @@
+# angular_resolution: auto -- light fields whose rays a pilot chooses for a quality.
+CHOSEN = "results/{scene}/M" + str(SETTINGS["spatial_resolution"]) + "/auto"
+CHOSEN_FILES = {
+    "rows": f"{CHOSEN}/chosen_rays.json",
+    "stack": f"{CHOSEN}/planes.npz",
+    "pictures": directory(f"{CHOSEN}/planes"),
+}
+if STORE:
+    CHOSEN_FILES["light_field"] = f"{CHOSEN}/lightfield.mkv"
+
+
+rule chosen_rays_scene:
+    input:
+        **of_scene("{scene}"),
+        truth=TRUTHS["wide"],
+    output:
+        **CHOSEN_FILES,
+    log:
+        "logs/chosen_rays/{scene}.log",
+    conda:
+        "../envs/lfcore.yaml"
+    params:
+        sources=digest(
+            *sources.READING,
+            *sources.MEASURING,
+            "evaluation/true_picture/__init__.py",
+            "evaluation/true_picture/reference.py",
+        ),
+        quality_db=SETTINGS["quality_db"],
+        spatial_resolution=SETTINGS["spatial_resolution"],
+        planes=SETTINGS["planes"],
+        picture_format=SETTINGS["picture_format"],
+        encoder=SETTINGS["encoder"],
+        layout=SETTINGS["layout"],
+        device=SETTINGS["device"],
+    script:
+        "../scripts/chosen_rays_scene.py"
+
+
+rule chosen_rays:
+    input:
+        [CHOSEN_FILES["rows"].format(scene=scene) for scene in SCENES],
+    output:
+        table("chosen_rays"),
+    log:
+        "logs/chosen_rays.log",
+    group:
+        REPORT_GROUP
+    conda:
+        "../envs/lfcore.yaml"
+    params:
+        sources=digest(
+            *sources.READING,
+            *sources.MEASURING,
+            "evaluation/true_picture/__init__.py",
+            "evaluation/true_picture/reference.py",
+        ),
+    script:
+        "../scripts/chosen_rays.py"
