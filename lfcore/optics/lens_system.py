@@ -125,7 +125,12 @@ class LensSystem:
 
         ``distance_m`` is before the front vertex.  Negative: a virtual image.
         """
-        height, angle = (1.0, 0.0) if math.isinf(distance_m) else (distance_m, 1.0)
+        start = (1.0, 0.0) if math.isinf(distance_m) else (distance_m, 1.0)
+        height, angle = self._paraxial(*start)
+        return -height / angle if angle else math.inf
+
+    def _paraxial(self, height: float, angle: float) -> tuple[float, float]:
+        """Height at the last surface and angle behind it, of a paraxial ray before the first."""
         before = 1.0
         for k, radius in enumerate(self.radius_m):
             power = (self.index[k] - before) / radius if radius else 0.0
@@ -133,18 +138,12 @@ class LensSystem:
             before = self.index[k]
             if k < len(self.radius_m) - 1:
                 height += angle * self.thickness_m[k]
-        return -height / angle if angle else math.inf
+        return height, angle
 
     @property
     def focal_length_m(self) -> float:
         """Effective focal length, paraxial."""
-        height, angle, before = 1.0, 0.0, 1.0
-        for k, radius in enumerate(self.radius_m):
-            power = (self.index[k] - before) / radius if radius else 0.0
-            angle = (before * angle - height * power) / self.index[k]
-            before = self.index[k]
-            if k < len(self.radius_m) - 1:
-                height += angle * self.thickness_m[k]
+        _, angle = self._paraxial(1.0, 0.0)
         return -1.0 / angle if angle else math.inf
 
     @property

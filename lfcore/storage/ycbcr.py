@@ -48,7 +48,7 @@ def _rgb_of(
     luma = (luma.astype(dtype) - dtype(16 * scale)) * dtype(1 / (219 * scale))
     cb = (blue.astype(dtype) - dtype(128 * scale)) * dtype(1 / (112 * scale))
     cr = (red.astype(dtype) - dtype(128 * scale)) * dtype(1 / (112 * scale))
-    rgb = np.empty(luma.shape + (3,), dtype)
+    rgb: np.ndarray = np.empty((*luma.shape, 3), dtype)
     np.add(luma, dtype(1 - RED) * cr, out=rgb[..., 0])
     np.add(luma, dtype(1 - BLUE) * cb, out=rgb[..., 2])
     green = luma - dtype(BLUE * (1 - BLUE) / GREEN) * cb

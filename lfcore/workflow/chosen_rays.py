@@ -18,7 +18,7 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.refocus.stored_depth import slice_stored
 from lfcore.rendering.by_depth import pictures_by_depth
-from lfcore.rendering.quality import PlannedRays, rays_of_quality
+from lfcore.rendering.quality import PlannedRays, WantedQuality
 from lfcore.rendering.record_depth import depth_store, record_by_depth
 from lfcore.storage import defaults
 from lfcore.storage.lightfield import LightFieldFile
@@ -107,7 +107,8 @@ def choose_rays(
     camera, planes = tracer.scene.camera, list(planes)
     lens = replace(camera, f_number=min(plane.f_number for plane in planes))
     try:
-        planned = rays_of_quality(tracer, camera, _of_one_recording(planes), pixels, quality_db)
+        together = _of_one_recording(planes)
+        planned = WantedQuality(tracer, camera, together, pixels, quality_db).plan()
     except OpticsError as error:
         if error.key != "quality":
             raise
