@@ -26,7 +26,8 @@ import numpy as np
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.evaluation.metrics import picture_quality
-from lfcore.evaluation.timing import clocked
+from lfcore.evaluation.timing import clocked_warm
+from lfcore.opencl.device import programs_made
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.pictures import read_codes
@@ -117,7 +118,7 @@ def spread_picture(
 
 
 def _timed(work: Callable[[], np.ndarray], method: str, rays: int, note: str) -> Rendered:
-    picture, seconds = clocked(work, warm_up=1)  # programs are built
+    picture, seconds = clocked_warm(work, programs_made)
     return Rendered(method, picture, rays, seconds, note)
 
 

@@ -22,6 +22,9 @@ import numpy as np
 
 Result = TypeVar("Result")
 
+SHORT_SECONDS = 0.2
+"""Of shorter work, what a process does for the first time would be a part that is seen."""
+
 
 @dataclass(frozen=True)
 class Timing:
@@ -84,20 +87,33 @@ def measure(
 
 
 def clocked(
-    work: Callable[[], Result],
-    *,
-    warm_up: int = 0,
-    clock: Callable[[], float] = time.perf_counter,
+    work: Callable[[], Result], *, clock: Callable[[], float] = time.perf_counter
 ) -> tuple[Result, float]:
-    """What one run of ``work`` returns, and its seconds, after ``warm_up`` unseen runs.
+    """What one run of ``work`` returns, and its seconds.
 
     For work that lasts long enough to be run once.
     """
-    for _ in range(warm_up):
-        work()
     start = clock()
     result = work()
     return result, clock() - start
+
+
+def clocked_warm(
+    work: Callable[[], Result],
+    programs: Callable[[], int],
+    *,
+    clock: Callable[[], float] = time.perf_counter,
+) -> tuple[Result, float]:
+    """As :func:`clocked`, of the second run where the first is short or made programs.
+
+    ``programs`` counts those that this process has built or read so far.  A first run that is
+    long, and has found all its programs made, is as good as a second.
+    """
+    before = programs()
+    result, seconds = clocked(work, clock=clock)
+    if seconds < SHORT_SECONDS or programs() != before:
+        result, seconds = clocked(work, clock=clock)
+    return result, seconds
 
 
 def measure_in_turn(
@@ -124,24 +140,24 @@ def measure_in_turn(
 def measure_within(
     work: Callable[[int], Result],
     budget_seconds: float,
+    programs: Callable[[], int],
     *,
     repeats: int,
     seeds: int = 1,
-    warm: bool = False,
     clock: Callable[[], float] = time.perf_counter,
 ) -> tuple[list[Result], Timing]:
     """Results of ``work(seed)`` for the first ``seeds`` seeds, and seconds of its repeats.
 
-    The first run is not timed, unless the program is ``warm`` and it takes the whole budget.
-    Short runs repeat ``repeats`` times; longer ones as often as the budget allows, but once a seed.
+    The first run counts where it is longer than its share of the budget and made no programs, of
+    which ``programs`` counts those that were built or read so far.  Short runs repeat ``repeats``
+    times; longer ones as often as the budget allows, but once a seed.
     """
-    result, first = clocked(lambda: work(0), clock=clock)
-    if warm and seeds == 1 and first > budget_seconds:
-        return [result], Timing((first,))
-    least = max(1, seeds)
-    results: list[Result] = []
-    seconds: list[float] = []
-    for repeat in range(repeats):
+    before, least = programs(), max(1, seeds)
+    result, first = clocked(functools.partial(work, 0), clock=clock)
+    counts = first > budget_seconds / repeats and programs() == before
+    results: list[Result] = [result] if counts else []
+    seconds: list[float] = [first] if counts else []
+    for repeat in range(len(seconds), repeats):
         typical = min(seconds, default=first)
         if repeat >= least and sum(seconds) + typical > budget_seconds:
             break

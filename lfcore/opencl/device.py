@@ -232,6 +232,11 @@ def _compile(
     return program_cache.cached(name, load, build)
 
 
+def programs_made() -> int:
+    """How many programs this process has built, or read from where they are kept, so far."""
+    return _compile.cache_info().misses
+
+
 def _literal(value: object) -> str:
     if isinstance(value, bool):
         return str(int(value))

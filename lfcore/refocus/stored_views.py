@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol
@@ -13,6 +14,7 @@ from lfcore.optics.slab import Rectangle
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.stored_video import StoredVideo
+from lfcore.tracing.radiance import page_aligned
 
 CHUNK_BYTES = 64 << 20
 _SOURCE = "refocus/kernels/shift_sum.cl"
@@ -58,7 +60,8 @@ class FrameSummer:
     def add(self, frames: np.ndarray, tile: Tile, first: int) -> None:
         """Add consecutive frames (F, frame_bytes) uint8 of a tile, the first being ``first``.
 
-        Of macropixels all frames of a tile have to come together.
+        Of macropixels all frames of a tile have to come together.  Returns when the device has
+        done with them.
         """
         elements = tile.elements()
         places = np.zeros((len(elements), 4), np.int32)
@@ -74,6 +77,7 @@ class FrameSummer:
         else:
             raster = np.lexsort((elements[:, 0], elements[:, 1]))
             self._add_macropixels(buffer, places[raster], tile)
+        self.summer.device.queue.finish()
 
     def _add_views(self, frames: cl.Buffer, elements: np.ndarray, places: np.ndarray) -> None:
         wanted = self._is_open[elements[:, 1], elements[:, 0]]
@@ -133,8 +137,15 @@ def add_frames(
 
 
 def frame_chunks(field: StoredVideo) -> Iterator[tuple[Tile, int, np.ndarray]]:
-    """(tile, number of the first frame, frames): some views at a time, or a tile of macropixels."""
+    """(tile, number of the first frame, frames): some views at a time, or a tile of macropixels.
+
+    Frames are valid until the next but one are asked for: tiles of macropixels take turns in two
+    pieces of memory, which a driver uses as they are, and whose pages come from the system once.
+    """
     step = max(1, CHUNK_BYTES // field.layout.frame_bytes)
+    most = max(part.frames for part in field.segments)
+    turns = itertools.cycle(range(2))
+    memory: dict[int, np.ndarray] = {}
     for part in field.segments:
         if field.layout.kind == "views":
             first = 0
@@ -142,12 +153,13 @@ def frame_chunks(field: StoredVideo) -> Iterator[tuple[Tile, int, np.ndarray]]:
                 yield part.tile, first, frames
                 first += len(frames)
         else:
-            frames = np.empty((part.frames, field.layout.frame_bytes), np.uint8)
-            first = 0
-            for some in field.frames(part.index, chunk=step):
-                frames[first : first + len(some)] = some
+            turn, first = next(turns), 0
+            if turn not in memory:
+                memory[turn] = page_aligned((most, field.layout.frame_bytes), np.uint8)
+            for some in field.frames(part.index, chunk=step, reuse=True):
+                memory[turn][first : first + len(some)] = some
                 first += len(some)
-            yield part.tile, 0, frames
+            yield part.tile, 0, memory[turn][: part.frames]
 
 
 def ahead(items: Iterator) -> Iterator:

@@ -23,12 +23,12 @@ ADD, STREAM = 1, 2  # of the kernel's mode
 IMAGE_ARGUMENTS = np.dtype([("across", np.int32), ("mode", np.int32)])
 
 
-def page_aligned(shape: Sequence[int]) -> np.ndarray:
-    """An uninitialised float32 array that begins a page: drivers use such memory as it is."""
-    count = int(np.prod(shape, dtype=np.int64))
-    raw = np.empty(4 * count + PAGE, np.uint8)
+def page_aligned(shape: Sequence[int], dtype: type = np.float32) -> np.ndarray:
+    """An uninitialised array that begins a page: drivers use such memory as it is."""
+    size = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize
+    raw = np.empty(size + PAGE, np.uint8)
     offset = -raw.ctypes.data % PAGE
-    return raw[offset : offset + 4 * count].view(np.float32).reshape(shape)
+    return raw[offset : offset + size].view(dtype).reshape(shape)
 
 
 class TraceRadiance:

@@ -1,5 +1,6 @@
 """The protocol of published seconds, on a clock that the test turns by hand."""
 
+import functools
 import json
 import re
 from pathlib import Path
@@ -11,6 +12,7 @@ from lfcore.evaluation.timing import (
     Stopwatch,
     Timing,
     clocked,
+    clocked_warm,
     machine,
     measure,
     measure_in_turn,
@@ -85,11 +87,38 @@ def test_what_is_reported_is_json():
     assert described["cores"] >= 1 and described["processor"]
 
 
-def test_one_run_after_unseen_ones():
-    clock, costs = Clock(), iter([100.0, 3.0])
-    assert clocked(lambda: clock.work(next(costs)) or "made", warm_up=1, clock=clock) == (
-        "made", 3.0,
-    )  # fmt: skip
+class Programs:
+    """Counts what the first run builds."""
+
+    def __init__(self, first=1):
+        self.count, self.left = 0, [first]
+
+    def __call__(self):
+        return self.count
+
+    def needed(self):
+        self.count += self.left.pop() if self.left else 0
+
+
+@pytest.mark.parametrize(
+    ("built", "costs", "counted"),
+    [
+        (1, [100.0, 3.0], 3.0),  # the first run built a program
+        (0, [3.0], 3.0),
+        (0, [0.1, 0.05], 0.05),  # short: what is new to a process weighs
+    ],
+)
+def test_a_run_counts_when_its_programs_are_made(built, costs, counted):
+    clock, programs, left = Clock(), Programs(built), iter(costs)
+
+    def work():
+        programs.needed()
+        clock.work(next(left))
+        return "made"
+
+    made, seconds = clocked_warm(work, programs, clock=clock)
+    assert made == "made" and seconds == pytest.approx(counted) and not list(left)
+    assert clocked(lambda: clock.work(2.0), clock=clock) == (None, 2.0)
 
 
 def test_work_takes_turns():
@@ -111,13 +140,20 @@ def test_repeats_keep_to_a_budget_and_every_seed_is_run():
         clock.work(cost)
         return seed
 
-    results, timing = measure_within(work, 0.5, repeats=20, seeds=3, clock=clock)
+    results, timing = measure_within(
+        work, 0.5, iter([0, 1]).__next__, repeats=9, seeds=3, clock=clock
+    )
     assert results == [0, 1, 2] and seen == [0, 0, 1, 2] and len(timing.seconds) == 3
-    _, timing = measure_within(lambda seed: work(seed, 0.01), 0.5, repeats=20, clock=clock)
-    assert len(timing.seconds) == 20
     seen.clear()
-    results, timing = measure_within(work, 0.1, repeats=20, warm=True, clock=clock)
-    assert seen == [0] and timing.seconds == pytest.approx((0.2,))
+    results, timing = measure_within(work, 0.5, Programs(0), repeats=9, seeds=3, clock=clock)
+    assert results == seen == [0, 1, 2] and len(timing.seconds) == 3
+    seen.clear()
+    short = functools.partial(work, cost=0.01)
+    _, timing = measure_within(short, 0.5, Programs(0), repeats=9, clock=clock)
+    assert len(timing.seconds) == 9 and len(seen) == 10
+    seen.clear()
+    results, timing = measure_within(work, 0.1, Programs(0), repeats=9, clock=clock)
+    assert results == seen == [0] and timing.seconds == pytest.approx((0.2,))
 
 
 def test_no_other_module_of_reports_reads_a_clock():

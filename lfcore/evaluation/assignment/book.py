@@ -13,8 +13,8 @@ import numpy as np
 
 from lfcore.evaluation.assignment.arrays import errors, read_field
 from lfcore.evaluation.figures import Sheet
-from lfcore.evaluation.timing import clocked
-from lfcore.opencl.device import Device
+from lfcore.evaluation.timing import clocked_warm
+from lfcore.opencl.device import Device, programs_made
 from lfcore.optics.lens_system import LensSystem
 from lfcore.progress import Progress, silent
 from lfcore.refocus.array import focal_surface as surfaces
@@ -84,7 +84,7 @@ def synthesis(field: DeviceField, size: int) -> tuple[Sheet, dict]:
         f"Isaksen, z = {AUTHORS_FOCUS_M} m": partial(isaksen, field, pinhole, near, FILTER_M),
         f"Monte Carlo, z = {AUTHORS_FOCUS_M} m": partial(monte_carlo, field, lens, near, SAMPLES),
     }
-    found = {name: clocked(way, warm_up=1) for name, way in ways.items()}
+    found = {name: clocked_warm(way, programs_made) for name, way in ways.items()}
     pictures = [made.image for made, _ in found.values()]
     record = {
         "seconds": [seconds for _, seconds in found.values()],

@@ -16,7 +16,8 @@ from lfcore.errors import LfcoreError
 from lfcore.evaluation.assignment.arrays import array_record, errors, exr_bytes, square_field
 from lfcore.evaluation.assignment.book import BOOK_FOCUS_M, measured_camera
 from lfcore.evaluation.metrics import mse
-from lfcore.evaluation.timing import clocked
+from lfcore.evaluation.timing import clocked, clocked_warm
+from lfcore.opencl.device import programs_made
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import parallel
 from lfcore.refocus.array.isaksen import isaksen
@@ -104,7 +105,7 @@ def reconstructions(
     ]
     rows = []
     for method, label, way in ways:
-        made, seconds = clocked(way, warm_up=1)
+        made, seconds = clocked_warm(way, programs_made)
         row = {"cameras_per_dim": field.array.cameras[0], "method": method}
         row |= {"filter_or_samples": label, **errors(made.image, reference), "seconds": seconds}
         rows.append(row)

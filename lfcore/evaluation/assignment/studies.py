@@ -14,8 +14,8 @@ import numpy as np
 from lfcore.evaluation.assignment.arrays import array_of, errors, read_field, square_field
 from lfcore.evaluation.assignment.book import AUTHORS_FOCUS_M, measured_camera
 from lfcore.evaluation.figures import Sheet
-from lfcore.evaluation.timing import clocked
-from lfcore.opencl.device import Device
+from lfcore.evaluation.timing import clocked, clocked_warm
+from lfcore.opencl.device import Device, programs_made
 from lfcore.progress import Progress, silent
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import parallel
@@ -68,7 +68,7 @@ def see_through(
 
     def from_field(focus_m: float, radius: float) -> tuple[Synthesis, float]:
         given = field, camera(radius), parallel(focus_m), LENS_POINTS, 2
-        return clocked(lambda: quadrature(*given), warm_up=1)
+        return clocked_warm(lambda: quadrature(*given), programs_made)
 
     direct, direct_seconds = clocked(
         lambda: direct_thin_lens(tracer, camera(lens), focus, reference_samples, progress=progress)

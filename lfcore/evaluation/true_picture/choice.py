@@ -10,9 +10,10 @@ import numpy as np
 import pandas as pd
 
 from lfcore.errors import LfcoreError
-from lfcore.evaluation.timing import clocked
+from lfcore.evaluation.timing import clocked_warm
 from lfcore.evaluation.true_picture.points import BY_DEPTH, NEAREST, worst_planes
 from lfcore.evaluation.true_picture.reference import Reference, inner_psnr
+from lfcore.opencl.device import programs_made
 from lfcore.refocus.stored_depth import slice_stored
 from lfcore.rendering.by_depth import RayCount
 from lfcore.rendering.record_depth import depth_store, record_by_depth
@@ -85,10 +86,10 @@ def our_choice(path: str | Path, tracer: Tracer, reference: Reference, count: Ra
     pixels = reference.pictures.shape[1]
     spec = codec_spec(count.views, by_depth=True)
     slab, store = depth_store(tracer.scene.camera, count, pixels, spec)
-    _, seconds = clocked(lambda: record_by_depth(path, tracer, slab, store), warm_up=1)
+    _, seconds = clocked_warm(lambda: record_by_depth(path, tracer, slab, store), programs_made)
     with LightFieldFile.open(path) as field:
-        pictures, read = clocked(
-            lambda: slice_stored(field, reference.planes, device=tracer.device), warm_up=1
+        pictures, read = clocked_warm(
+            lambda: slice_stored(field, reference.planes, device=tracer.device), programs_made
         )
     return Made(
         BY_DEPTH, str(count), slab.rays, seconds, Path(path).stat().st_size, read, pictures

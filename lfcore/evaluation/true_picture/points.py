@@ -8,8 +8,9 @@ from typing import TypeVar
 import numpy as np
 import pandas as pd
 
-from lfcore.evaluation.timing import measure
+from lfcore.evaluation.timing import clocked_warm
 from lfcore.evaluation.true_picture.reference import BELOW_DB, Reference, inner_psnr
+from lfcore.opencl.device import programs_made
 from lfcore.optics.slab import Slab
 from lfcore.rendering.by_depth import RayCount, pictures_by_depth
 from lfcore.rendering.direct import trace_planes
@@ -143,6 +144,10 @@ def _nearest(tracer: Tracer, reference: Reference, slab: Slab) -> tuple[np.ndarr
 
 def _timed(tracer: Tracer, work: Callable[[], Made]) -> tuple[Made, float]:
     """What ``work`` makes, and its seconds when programs are built."""
-    made: list[Made] = []
-    timing = measure(lambda: made.append(work()), repeats=1, finish=tracer.device.queue.finish)
-    return made[-1], timing.median
+
+    def finished() -> Made:
+        made = work()
+        tracer.device.queue.finish()
+        return made
+
+    return clocked_warm(finished, programs_made)

@@ -17,6 +17,7 @@ from lfcore.errors import OpticsError, SceneError
 from lfcore.evaluation.metrics import psnr
 from lfcore.evaluation.timing import measure_within
 from lfcore.evaluation.true_picture.reference import BELOW_DB
+from lfcore.opencl.device import programs_made
 
 COLUMNS = (
     "scene", "panel", "f_number", "method", "knob", "rays_per_pixel", "rmse", "order", "psnr_db",
@@ -45,7 +46,6 @@ def measured_point(
     inside: np.ndarray | None = None,
     parts: Mapping[str, np.ndarray] | None = None,
     pictures: int = 1,
-    warm: bool = False,
     picture_of: Callable[[object], np.ndarray] = lambda result: result,
     **context,
 ) -> dict:
@@ -56,7 +56,6 @@ def measured_point(
     reference_rmse : its own error, of the pixels that count.
     inside : (M, M) bool: pixels that count; default all.
     parts : masks of pixels whose errors stand by themselves, in columns ``rmse_<name>``.
-    warm : the program was built by an earlier point.
     pictures : how many a run of ``work`` makes; seconds are of one.
     picture_of : makes the picture of what ``work`` returns, unseen by the clock.
     context : the other columns.
@@ -67,7 +66,7 @@ def measured_point(
     row = dict.fromkeys(COLUMNS) | {"reference_rmse": reference_rmse} | context
     try:
         results, timing = measure_within(
-            work, BUDGET_SECONDS, repeats=REPEATS, seeds=seeds, warm=warm
+            work, BUDGET_SECONDS, programs_made, repeats=REPEATS, seeds=seeds
         )
         made = [picture_of(result) for result in results]
     except (OpticsError, SceneError) as error:

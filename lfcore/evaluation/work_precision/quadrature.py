@@ -44,7 +44,6 @@ def quadrature(tracer: Tracer, study, stops: float) -> Iterator[dict]:
 
     def row(method: str, views: int, work, rays: int, seeds: int = 1) -> dict:
         more = {"method": method, "knob": f"N = {views}", "rays_per_pixel": int(rays)}
-        more["warm"] = method in samples.RANDOM  # as the crossed grid; that of others is new
         return measured_point(work, truth, whole, seeds=seeds, parts=where.parts, **context, **more)
 
     yield from with_orders(

@@ -11,8 +11,9 @@ import numpy as np
 
 from lfcore.colour import display_values
 from lfcore.evaluation.metrics import psnr
-from lfcore.evaluation.timing import clocked
+from lfcore.evaluation.timing import clocked_warm
 from lfcore.evaluation.work_precision.refocused import RefocusedPicture, refocused_picture
+from lfcore.opencl.device import programs_made
 from lfcore.optics.ray_cells import crossed_views
 from lfcore.optics.slab import Slab
 from lfcore.refocus.slicing import form_planes
@@ -150,7 +151,9 @@ def _stored(
                 geometry=rays.slab, scene={"name": tracer.scene.name, "digest": "0" * 64},
                 spec=spec, depth=made[1],
             )  # fmt: skip
-            read, seconds = clocked(lambda: _read(tracer, wanted, file, made[1]), warm_up=1)
+            read, seconds = clocked_warm(
+                lambda: _read(tracer, wanted, file, made[1]), programs_made
+            )
             codes = [display_values(each) for each in (read, rays.picture)]
             found.update(
                 bytes=file.stat().st_size,
