@@ -16,6 +16,7 @@
 #   make digests   the table of bits that every processor is held to: after a change that means to change bits
 #   make micro     every rule, script and caption, as small as they go, and Snakemake's report: build/micro
 #   make sweep SWEEP=config/sweeps/crf.tsv    a light field for each row: one table, one figure
+#   make check-published CELL=bike,64    a cell of the published tables at full size, made again and compared
 #   make settings  what is made from the configuration's keys: schema, defaults, table
 #   make clean     forget results; make distclean forgets the environment, too
 
@@ -36,7 +37,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: tables test quick fuzz faults smoke cluster s3 bare micro sweep settings count lint docs wheel format digests clean distclean \
+.PHONY: tables test quick fuzz faults smoke cluster s3 bare micro sweep check-published settings count lint docs wheel format digests clean distclean \
 	pins
 .DELETE_ON_ERROR:
 
@@ -52,6 +53,10 @@ micro: $(VENV)/installed
 
 sweep: $(VENV)/installed
 	$(BIN)/python -m lfcore.workflow.run --cores $(CORES) --config sweep=$(SWEEP) -- sweep
+
+check-published: $(VENV)/installed
+	@test -n "$(CELL)" || { echo "Say which cell: make check-published CELL=bike,64"; exit 1; }
+	$(BIN)/python -m benchmarks.check_published --cores $(CORES) $(CELL)
 
 test: $(VENV)/installed-dev
 	$(BIN)/python -m pytest $(XDIST)

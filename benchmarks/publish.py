@@ -4,6 +4,7 @@
     python -m benchmarks.publish --check                  # say which are stale, status 1
     python -m benchmarks.publish --take tables_m128 --command "make tables" results/tables
     python -m benchmarks.publish --take recommended --command "make tables" results/tables
+    python -m benchmarks.publish --take full --command "snakemake ..." results    # docs/results/
     python -m benchmarks.publish --take peers --command "python benchmarks/tracer.py ..." tracer.csv
 
 A result file, ``benchmarks/published/NAME.csv``, begins with lines ``# key: value``: the command
@@ -35,7 +36,10 @@ from lfcore.errors import LfcoreError
 from lfcore.evaluation.recommendation import DEFAULT_TASK, TASKS
 from lfcore.evaluation.timing import machine
 from lfcore.files import write_text
+from lfcore.scene.reading import read_yaml
 from lfcore.storage.defaults import default_spec
+from lfcore.workflow.keys import DEFAULT_SCENES
+from lfcore.workflow.settings import check_settings
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "published"
@@ -46,6 +50,8 @@ PLACE = re.compile(
     r".*?(<!-- end of \2 -->)",
     re.DOTALL,
 )
+FULL_SIZE = re.compile(r"(<!-- full size -->\n).*?(<!-- end of full size -->)", re.DOTALL)
+"""README's place for what the run at the thesis's size took; empty until one is published."""
 TRACED = {"seconds": "trace s", "psnr_db": "PSNR dB (7.1)",
           "psnr_true_db": "true PSNR dB (7.1)", "ssim": "SSIM"}  # fmt: skip
 RETRIEVED = {"seconds": "retrieve s", "psnr_db": "PSNR dB (7.3)",
@@ -195,12 +201,30 @@ def documents() -> dict[Path, str]:
     return {path: published(path.read_text(encoding="utf-8")) for path in paths}
 
 
+def take_full(results: Path, configuration: Path, about: dict[str, str]) -> None:
+    """Publish the run at full size in ``results``: docs/results/, and its lines in README."""
+    from benchmarks import full_size
+
+    settings = check_settings({"scenes": list(DEFAULT_SCENES)} | read_yaml(configuration))
+    run = full_size.publish(results, about, settings, ROOT / "docs" / "results")
+    readme = ROOT / "README.md"
+    lines = full_size.readme(run, about, int(machine()["cores"]))
+    text, places = FULL_SIZE.subn(
+        lambda place: f"{place[1]}{lines}{place[2]}", readme.read_text(encoding="utf-8")
+    )
+    if places != 1:
+        raise PublishError(f"has {places} places of its own for the run at full size", file=readme)
+    write_text(readme, text)
+
+
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser("benchmarks.publish", description=__doc__.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="write nothing; 1 if one is stale")
     parser.add_argument("--take", metavar="NAME", help="keep the tables of a run as this result")
     parser.add_argument("--command", default="make tables", help="what made them")
     parser.add_argument("--note", default="", help="what else is to be known")
+    parser.add_argument("--configfile", type=Path, default=ROOT / "config" / "thesis.yaml",
+                        help="of a run at full size (config/thesis.yaml)")  # fmt: skip
     parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "results" / "tables",
                         help="of tables; of peers a file")  # fmt: skip
     options = parser.parse_args(argv)
@@ -209,6 +233,8 @@ def main(argv: list[str] | None = None) -> int:
             rows = recommended(options.folder)
             about = of_this_run(options.command, encoder=default_encoder())
             write_text(RECOMMENDED, Result(about, rows).text())
+        elif options.take == "full":
+            take_full(options.folder, options.configfile, of_this_run(options.command))
         elif options.take:
             note = {"note": options.note} if options.note else {}
             take = peers if options.take == "peers" else tables

@@ -6,11 +6,16 @@ Two of its three scenes, the smallest and the largest: `make smoke` runs all.
 from __future__ import annotations
 
 import math
+import re
 
 import pandas as pd
 import pytest
+from PIL import Image
 
+from benchmarks import check_published, full_size
 from lfcore.evaluation.tables import SPECS
+from lfcore.scene.reading import read_yaml
+from lfcore.workflow.settings import check_settings
 
 pytestmark = [pytest.mark.workflow, pytest.mark.slow]
 
@@ -56,6 +61,66 @@ def test_quality_rises_with_resolution_and_survives_storage(smoke):
         for row in stored.itertuples()
     ]
     assert stored.video_bytes.tolist() == sizes
+
+
+@pytest.fixture(scope="module")
+def published(smoke, tmp_path_factory):
+    """What publishing the run writes, and the run."""
+    folder = tmp_path_factory.mktemp("docs") / "results"
+    given = read_yaml(smoke.folder / "config" / "smoke.yaml") | {"scenes": SCENES}
+    about = dict.fromkeys(("command", "commit", "date"), "x") | {"processor": "a machine, 2 cores"}
+    run = full_size.publish(smoke.folder / "results", about, check_settings(given), folder)
+    return folder, run, about
+
+
+def test_a_run_is_published_with_what_the_thesis_has_beside_it(published, smoke, tmp_path):
+    folder, run, about = published
+    for name in SPECS:
+        pd.testing.assert_frame_equal(
+            pd.read_csv(folder / f"{name}.csv", comment="#"), table(smoke, name)
+        )
+        assert (folder / f"{name}.csv").read_text().startswith("# command: x\n# commit: x\n")
+    page = (folder / "index.md").read_text()
+    first = table(smoke, "table_7_1").iloc[0]
+    assert f"| bike | 16 | {first.seconds:.1f} (175.0) | {first.psnr_db:.1f} (38.4) |" in page
+    better, of_all = run.counted()
+    # Five numbers of table 7.1 have an N = 512 of their own, which is not here.
+    assert of_all == 6 * 9 and better == of_all - len(run.worse())
+    assert f"{better} of its {of_all} numbers" in page and "do not compare" in page
+    pictures = {file for file in re.findall(r"\]\(([\w.]+)\)", page) if not file.endswith(".csv")}
+    assert len(pictures) == 1 + 2 * 2
+    for file in pictures:
+        with Image.open(folder / file) as picture:
+            assert picture.height >= 32
+    with Image.open(folder / "focal_stack_bike.jpg") as picture:
+        assert picture.size == (5 * 32, 32)
+    line = full_size.readme(run, about, 2)
+    assert "`x`" in line and "2 cores (a machine)" in line
+    # Nothing that the run did not give.
+    with pytest.raises(full_size.FullSizeError, match="other scenes, N or M"):
+        full_size.publish(
+            smoke.folder / "results", about, check_settings({"scenes": ["bike"]}), tmp_path
+        )
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(full_size.FullSizeError, match="Let the run end"):
+        full_size.read_run(tmp_path)
+
+
+def test_a_published_cell_is_made_again_and_compared(
+    published, smoke, monkeypatch, tmp_path, capsys
+):
+    monkeypatch.setattr(check_published, "BUILD", tmp_path / "build")
+    monkeypatch.setattr(check_published, "FOLDER", published[0])
+    assert check_published.main(["bike,16"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.count("as published") == 7 and shown.count("not judged") == 3
+    place = tmp_path / "build" / "results" / "bike" / "M32" / "N16"
+    # Pictures that are not those of the run are noticed.
+    rows, about = check_published.published_cell("bike,32", published[0])
+    wrong = check_published.compared(rows | {"cells": rows["cells"] | {"N": "16"}}, about, place)
+    assert sum(not line.good for line in wrong) >= 6
+    assert check_published.main(["bike,999"]) == 1
+    assert "has no cell 'bike,999'" in capsys.readouterr().err
 
 
 def test_the_page_shows_every_picture(smoke):

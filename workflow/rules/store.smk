@@ -1,9 +1,11 @@
 # What is made from the stored light field: only where the configuration stores it.
 if STORE:
+    # The page shows a few hundred views: more are decoded for nothing, for minutes at N = 512.
+    VIEWED = max((n for n in RESOLUTIONS if n <= 128), default=RESOLUTIONS[0])
 
     rule viewer:
         input:
-            light_field=of_resolutions("lightfield.mkv")[-1],
+            light_field=expand(f"{SLAB}/lightfield.mkv", n=VIEWED, allow_missing=True)[0],
         output:
             "results/tables/viewer/{scene}.html",
         log:

@@ -1,0 +1,307 @@
+"""The thesis's tables at their full size, as they are published: docs/results/.
+
+    python -m benchmarks.publish --take full --command "snakemake ..." results
+
+All of it is read from the results of one run; what the run did not make is not published.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import yaml
+from matplotlib.figure import Figure
+from PIL import Image
+
+from lfcore.colour import srgb_codes
+from lfcore.errors import LfcoreError
+from lfcore.evaluation.figures import THESIS_PIXELS, log_ticks, save_figure, views_axis
+from lfcore.evaluation.table_files import human_bytes
+from lfcore.files import make_folder, whole_file, write_text
+from lfcore.optics.plane_pictures import load_stack
+from lfcore.workflow.progress import TOOK
+from lfcore.workflow.reports import THESIS
+
+FOLDER = Path(__file__).resolve().parents[1] / "docs" / "results"
+SETTINGS = "settings.yaml"
+FIGURE = "against_thesis.png"
+QUALITY = 92
+"""Of JPEG, chroma whole: the pictures are to be looked at, not measured."""
+COMPARED = {
+    # columns of a table, and whether more is better
+    "table_7_1": {"seconds": False, "psnr_db": True, "ssim": True},
+    "table_7_2": {"seconds": False, "video_bytes": False, "ratio_float32": True},
+    "table_7_3": {"seconds": False, "psnr_db": True, "ssim": True},
+}
+LABELS = {
+    "seconds": "s", "psnr_db": "PSNR dB", "psnr_true_db": "true PSNR dB", "ssim": "SSIM",
+    "video_bytes": "size", "ratio_float32": "ratio",
+}  # fmt: skip
+DIGITS = {"seconds": 1, "psnr_db": 1, "psnr_true_db": 1, "ssim": 4, "ratio_float32": 0}
+
+
+class FullSizeError(LfcoreError):
+    """Results that are not a whole run at full size."""
+
+
+@dataclass(frozen=True)
+class FullRun:
+    """The three tables of a run by name, and of each cell what it is checked by."""
+
+    tables: dict[str, pd.DataFrame]
+    cells: pd.DataFrame
+    choice: pd.DataFrame | None
+
+    @property
+    def first(self) -> pd.DataFrame:
+        return self.tables["table_7_1"]
+
+    def seconds(self, cores: int, *, thesis: bool = False) -> float:
+        """Of all cells: what they took of one thread, shared by ``cores``, and retrieval; the
+        thesis's as it gives them."""
+        column = "thesis_seconds" if thesis else "seconds"
+        total = {name: float(table[column].sum()) for name, table in self.tables.items()}
+        shared = total["table_7_1"] + total["table_7_2"]
+        return (shared if thesis else shared / cores) + total["table_7_3"]
+
+    def worse(self) -> list[str]:
+        """Cells that are not better than the thesis's, as ``bike, N = 16: 4.3 s (4 s)``."""
+        return [words for words, better in self._compared() if not better]
+
+    def counted(self) -> tuple[int, int]:
+        """Numbers that are better than the thesis's, and all that it has, too."""
+        found = [better for _, better in self._compared()]
+        return sum(found), len(found)
+
+    def _compared(self) -> Iterator[tuple[str, bool]]:
+        for name, columns in COMPARED.items():
+            for row in self.tables[name].to_dict("records"):
+                for column, more in columns.items():
+                    ours, theirs = row[column], row[f"thesis_{column}"]
+                    if pd.isna(theirs) or math.isinf(theirs):
+                        continue
+                    better = ours > theirs if more else ours < theirs
+                    words = f"{shown(column, ours)} ({shown(column, theirs)})"
+                    label = LABELS[column]
+                    yield (
+                        f"{THESIS[name]}, {row['scene']}, N = {row['N']}, {label}: {words}",
+                        better,
+                    )
+
+
+def shown(column: str, value: float) -> str:
+    """A number as it stands in the manual."""
+    if pd.isna(value):
+        return ""
+    if column == "video_bytes":
+        return human_bytes(value)
+    return "inf" if math.isinf(value) else f"{value:.{DIGITS[column]}f}"
+
+
+def read_run(results: Path) -> FullRun:
+    """What a run left in its folder ``results``.
+
+    Raises :class:`FullSizeError` for a table, a cell or a picture that is not there.
+    """
+    made = {}
+    for name in THESIS:
+        file = results / "tables" / f"{name}.csv"
+        if not file.is_file():
+            raise FullSizeError(
+                "is not there", file=file, remedy="Let the run end: make results/tables/ first"
+            )
+        made[name] = pd.read_csv(file)
+    keys = [list(zip(table.scene, table.N, table.M, strict=True)) for table in made.values()]
+    if not keys[0] or any(each != keys[0] for each in keys):
+        raise FullSizeError("have not the same cells", file=results / "tables")
+    cells = pd.DataFrame([_cell(results, *key) for key in keys[0]])
+    choice = results / "tables" / "our_choice.csv"
+    return FullRun(made, cells, pd.read_csv(choice) if choice.is_file() else None)
+
+
+def _cell(results: Path, scene: str, views: int, pixels: int) -> dict:
+    """Digest of the planes of a cell, and how much of their time its jobs had a core."""
+    folder = results / scene / f"M{pixels}" / f"N{views}"
+    row: dict = {"scene": scene, "N": views, "M": pixels}
+    row["pictures"] = pictures_digest(folder / "planes" / "on_the_fly.npz")
+    return row | {"core_share": core_share(results.parent / TOOK, scene, views, pixels)}
+
+
+def core_share(took: Path, scene: str, views: int, pixels: int) -> float:
+    """Core seconds over wall seconds of the jobs that traced a cell: 1 on a machine of its own.
+
+    Raises :class:`FullSizeError` where the run does not say it.
+    """
+    try:
+        rows = pd.read_csv(took)
+    except (OSError, ValueError):
+        rows = pd.DataFrame(columns=["stage", "scene", "N", "M", "wall_seconds", "core_seconds"])
+    mine = rows[(rows.stage == "trace") & (rows.scene == scene) & (rows.N == views)]
+    mine = mine[mine.M == pixels]
+    if mine.empty:
+        raise FullSizeError(f"does not say what {scene}, N = {views} took", file=took)
+    return round(min(1.0, mine.core_seconds.sum() / max(mine.wall_seconds.sum(), 1e-9)), 3)
+
+
+def pictures_digest(stack: Path) -> str:
+    """Of the numbers of a stack of planes: equal pictures have equal PSNR and SSIM."""
+    pictures = np.ascontiguousarray(load_stack(stack)[0], "<f4")
+    return hashlib.sha256(pictures.tobytes()).hexdigest()[:16]
+
+
+def publish(results: Path, about: dict[str, str], settings: dict, to: Path = FOLDER) -> FullRun:
+    """Write tables, figure, pictures and settings of the run in ``results`` to the folder ``to``.
+
+    Parameters
+    ----------
+    about : what is known of the run: command, commit, processor, date.
+    settings : the checked configuration that it was made with.
+    """
+    run = read_run(results)
+    asked = {(scene, n) for scene in settings["scenes"] for n in settings["angular_resolutions"]}
+    there = set(zip(run.first.scene, run.first.N, strict=True))
+    if asked != there or set(run.first.M) != {settings["spatial_resolution"]}:
+        raise FullSizeError(
+            "holds other scenes, N or M than the configuration asks for",
+            file=results / "tables" / "table_7_1.csv", remedy="Name the run's own --configfile",
+        )  # fmt: skip
+    head = "".join(f"# {key}: {value}\n" for key, value in about.items())
+    written = {**run.tables, "cells": run.cells}
+    if run.choice is not None:
+        written["our_choice"] = run.choice
+    make_folder(to)
+    for name, table in written.items():
+        write_text(to / f"{name}.csv", head + table.to_csv(index=False, lineterminator="\n"))
+    write_text(to / SETTINGS, head + yaml.safe_dump(settings, sort_keys=False))
+    save_figure(to / FIGURE, against_thesis(run))
+    stacks = list(_stacks(results, run, to))
+    write_text(to / "index.md", page(run, about, stacks))
+    return run
+
+
+def _stacks(results: Path, run: FullRun, to: Path) -> Iterator[tuple[str, str]]:
+    """Write the focal and aperture stack of each scene, pixel for pixel; titles and files."""
+    for scene, rows in run.first.groupby("scene", sort=False):
+        largest = rows.loc[rows.N.idxmax()]
+        for name, stack in (
+            (
+                "focal",
+                results / scene / f"M{largest.M}" / f"N{largest.N}" / "planes/on_the_fly.npz",
+            ),
+            ("aperture", results / scene / "figures" / "aperture_stack.npz"),
+        ):
+            if not stack.is_file():
+                raise FullSizeError(f"is not there, of which the {name} stack is made", file=stack)
+            pictures, planes = load_stack(stack)
+            labels = [f"{plane.focus_distance_m:.3g} m, f/{plane.f_number:.2g}" for plane in planes]
+            if name == "aperture":  # the dimmed half repeats the other
+                pictures, labels = pictures[len(planes) // 2 :], labels[len(planes) // 2 :]
+            codes = np.concatenate([srgb_codes(picture) for picture in pictures], axis=1)
+            file = f"{name}_stack_{scene}.jpg"
+            with whole_file(to / file) as out:
+                Image.fromarray(codes).save(out, "JPEG", quality=QUALITY, subsampling=0)
+            yield f"{scene}, {name} stack: {'; '.join(labels)}", file
+
+
+def against_thesis(run: FullRun) -> Figure:
+    """Error, size and time over N, one colour a scene: ours, and dashed the thesis's."""
+    decoded, stored = run.tables["table_7_3"], run.tables["table_7_2"]
+    times = sum(table.seconds for table in run.tables.values())
+    theirs = sum(table.thesis_seconds for table in run.tables.values())
+    panels = (
+        ("PSNR of stored pictures, dB", decoded.psnr_db, decoded.thesis_psnr_db, False),
+        ("stored, MiB", stored.video_bytes / 2**20, stored.thesis_video_bytes / 2**20, True),
+        ("trace, store and read, s", times, theirs, True),
+    )
+    figure = Figure(figsize=(12, 3.9), layout="constrained")
+    for axis, (label, ours, thesis, logarithmic) in zip(figure.subplots(1, 3), panels, strict=True):
+        for index, (scene, rows) in enumerate(run.first.groupby("scene", sort=False)):
+            place = rows.index
+            axis.plot(rows.N, ours[place], "o-", color=f"C{index}", label=str(scene), markersize=5)
+            axis.plot(rows.N, thesis[place], "x--", color=f"C{index}", markersize=5)
+        if logarithmic:
+            log_ticks(axis.yaxis)
+        views_axis(axis, run.first.N)
+        axis.set_ylabel(label)
+    axis.plot([], [], "x--", color="0.4", label="the thesis")
+    handles, labels = axis.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
+    return figure
+
+
+def page(run: FullRun, about: dict[str, str], stacks: list[tuple[str, str]]) -> str:
+    """docs/results/index.md."""
+    (pixels,) = run.first.M.unique()
+    better, of_all = run.counted()
+    unlike = " They are of M = 512: seconds and sizes do not compare."
+    lines = [
+        "# The thesis's tables at full size",
+        "",
+        f"M = {pixels}. What the thesis has stands in brackets. "
+        f"{better} of its {of_all} numbers are bettered."
+        + ("" if pixels == THESIS_PIXELS else unlike),
+        "",
+        f"Made by `{about['command']}`: commit {about['commit']}, {about['date']}, "
+        f"{about['processor']}.",
+        "",
+        f"![Error, size and time over N, ours and the thesis's]({FIGURE})",
+        "",
+    ]
+    for name, title in THESIS.items():
+        lines += [f"## {title}", "", *_markdown(run.tables[name], COMPARED[name]), ""]
+        lines += [f"As numbers: [{name}.csv]({name}.csv).", ""]
+    if run.choice is not None:
+        lines += ["## What we would do", "", *_plain(run.choice), ""]
+    if of_all:
+        lines += ["## Not better than the thesis's", ""]
+        lines += [*(f"- {words}" for words in run.worse() or ["none"]), ""]
+    lines += ["## Pictures", ""]
+    for title, file in stacks:
+        lines += [f"{title}", "", f"![{title}]({file})", ""]
+    lines += [
+        "`make check-published CELL=bike,64` remakes a cell and compares it; cells.csv has what it",
+        "is compared by, and settings.yaml what it is made with.",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _markdown(table: pd.DataFrame, columns: dict[str, bool]) -> Iterator[str]:
+    names = list(columns)
+    if "psnr_true_db" in table:
+        names.insert(2, "psnr_true_db")
+    yield f"| scene | N | {' | '.join(LABELS[name] for name in names)} |"
+    yield "|" + "---|" * (len(names) + 2)
+    for row in table.to_dict("records"):
+        cells = []
+        for name in names:
+            theirs = shown(name, row.get(f"thesis_{name}", math.nan))
+            cells.append(shown(name, row[name]) + (f" ({theirs})" if theirs else ""))
+        yield f"| {row['scene']} | {row['N']} | {' | '.join(cells)} |"
+
+
+def _plain(table: pd.DataFrame) -> Iterator[str]:
+    yield f"| {' | '.join(name.replace('_', ' ') for name in table.columns)} |"
+    yield "|" + "---|" * len(table.columns)
+    for row in table.itertuples(index=False):
+        yield f"| {' | '.join(map(str, row))} |"
+
+
+def readme(run: FullRun, about: dict[str, str], cores: int) -> str:
+    """The lines of README's first screen: what the run took beside the thesis, and its command."""
+    ours, theirs = run.seconds(cores) / 3600, run.seconds(cores, thesis=True) / 3600
+    better, of_all = run.counted()
+    (pixels,), processor = run.first.M.unique(), about["processor"].split(",")[0]
+    return (
+        f"The thesis's tables at its size (M = {pixels}, N to {run.first.N.max()}) take {ours:.1f} "
+        f"hours on {cores} cores ({processor}), and took {theirs:.1f} in the thesis; {better}\n"
+        f"of its {of_all} numbers are bettered ([tables](docs/results/index.md)):\n"
+        f"`{about['command']}`\n\n"
+        f"![Error, size and time against the thesis](docs/results/{FIGURE})\n"
+    )
