@@ -47,7 +47,6 @@ class Tally:
     """Of the kills of one job in one way; ``findings`` say what went wrong, with the time."""
 
     kills: int = 0
-    too_late: int = 0
     went_on: int = 0
     identical: int = 0
     slowest: float = 0.0
@@ -119,7 +118,6 @@ class Killed:
         after = draw.uniform(0, 1.05 * self.seconds)
         note = f"{self.job.name}, {way} after {after:.2f} of {self.seconds:.2f} s"
         if not self._end(after, way, tally, note):
-            tally.too_late += 1
             return
         tally.kills += 1
         status, said = self.run()

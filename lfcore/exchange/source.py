@@ -112,12 +112,6 @@ class Source:
             )
         self.left, self.top, self.width, self.height = left, top, across, down
 
-    @property
-    def shift_px(self) -> float:
-        """Pixels by which the axis moves from one camera to the next: 0 for parallel cameras."""
-        slab = self.slab
-        return slab.camera.delta * slab.lens_pitch_m * self.stride / slab.pixel_pitch
-
     def require_geometry(self, what: str) -> KnownGeometry:
         """The geometry; :class:`ExchangeError` where it is not known."""
         if self.geometry is None:

@@ -169,11 +169,6 @@ class CameraArray:
         """Tangent between neighbouring pixels; pixels are square."""
         return self.field_width / min(self.tile)
 
-    @property
-    def half_field(self) -> tuple[float, float]:
-        """Tangents from the axis to the side and to the bottom of a tile."""
-        return self.tile[0] * self.pixel_pitch / 2, self.tile[1] * self.pixel_pitch / 2
-
     def pixel_tangents(self) -> tuple[np.ndarray, np.ndarray]:
         """(w,) x of columns and (h,) y of rows, float64, at pixel centres."""
         x, y = ((np.arange(n) - (n - 1) / 2.0) * self.pixel_pitch for n in self.tile)

@@ -40,7 +40,7 @@ def test_field_of_view_spans_the_shorter_side():
         x, y = array.pixel_tangents()
         extent = [axis[-1] - axis[0] + array.pixel_pitch for axis in (x, y)]
         assert min(extent) == pytest.approx(2 * math.tan(math.radians(30)))
-        assert array.half_field == pytest.approx([side / 2 for side in extent])
+        assert extent == pytest.approx([side * array.pixel_pitch for side in tile])
         assert (np.diff(x) > 0).all() and (np.diff(y) > 0).all()
 
 
