@@ -5,9 +5,12 @@
 #   make quick     the tests for daily work, in under a minute: no Snakemake, no browser, few kernels
 #   make fuzz SECONDS=600    hostile inputs for ten minutes: a table of what came of them
 #   make faults KILLS=100      kills, full disks, missing folders: the same results afterwards
-#   make cluster   the smoke pipeline on a throw-away SLURM, once with jobs cancelled: docs/cluster.md
+#   make cluster   the smoke pipeline on a throw-away SLURM, once with jobs cancelled
+#   make cluster FAULTS=all    nodes that die, are full, have no home, are of two kinds: docs/robustness.md
 #   make s3        the pipeline with its results in object storage, killed in between
+#   make pods      a small pipeline through profiles/kubernetes, its pods as processes
 #   make bare      the smoke pipeline in a bare Debian: python3, python3-venv and make
+#   make bare SUITE=trixie STEPS="wheel try"    other targets, in another Debian; STEPS=container: as in a container
 #   make smoke     the same pipeline, tiny: what continuous integration runs
 #   make lint      formatting, layers and types
 #   make count     how much there is to read in the tracer's kernels
@@ -29,6 +32,7 @@ CORES ?= 2
 SECONDS ?= 60
 KILLS ?= 20
 # One process runs a whole file; tests/conftest.py puts the costly files first.
+TRIED := tests/optics tests/storage tests/opencl tests/cli
 XDIST := -n $(CORES) --dist loadfile --no-loadscope-reorder
 MICRO := --directory build/micro --configfile config/micro.yaml -- results/tables/ results/assignment/
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
@@ -37,7 +41,8 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: tables test quick fuzz faults smoke cluster s3 bare micro sweep check-published settings count lint docs wheel format digests clean distclean \
+.PHONY: tables test quick fuzz faults smoke cluster s3 pods bare try micro sweep check-published settings count lint docs \
+	wheel format digests clean distclean \
 	pins
 .DELETE_ON_ERROR:
 
@@ -71,13 +76,20 @@ faults: $(VENV)/installed-dev
 	$(BIN)/python -m robustness.faults --kills $(KILLS)
 
 cluster: $(VENV)/installed-dev
-	$(BIN)/python -m robustness.cluster
+	$(BIN)/python -m robustness.cluster $(if $(FAULTS),--faults $(FAULTS)) $(if $(PUBLISH),--publish)
 
 s3: $(VENV)/installed-dev
 	$(BIN)/python -m robustness.object_storage
 
+pods: $(VENV)/installed-dev
+	$(BIN)/python -m robustness.kubernetes_pods
+
 bare:
-	sh .ci/bare.sh
+	SUITE="$(SUITE)" STEPS="$(STEPS)" sh .ci/bare.sh
+
+# A part of the tests: for a Python that the project is not developed with.
+try: $(VENV)/installed-dev
+	$(BIN)/python -m pytest $(XDIST) $(TRIED)
 
 count: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/count_kernels.py

@@ -1,23 +1,34 @@
 #!/bin/sh
-# The smoke workflow in a bare Debian: its minimal base with python3, python3-venv and make.
-# Nothing of the machine is used but its settings of pip, which say where packages come from, and
-# the folders that these name, given in BARE_FOLDERS.
+# The project in a bare Debian: its minimal base with python3, python3-venv and make.
+#
+#   make bare                                       make smoke, in Debian 12 (Python 3.11)
+#   make bare SUITE=trixie STEPS="smoke wheel try"  another Debian, more targets of make
+#   make bare STEPS=container                       the steps of workflow/envs/Containerfile
+#
+# Nothing of the machine is used but its mirror of Debian, its settings of pip, which say where
+# packages come from, and the folders that these name, given in BARE_FOLDERS.
 set -eu
 for program in mmdebstrap chroot unshare; do
     command -v "$program" >/dev/null || { echo "SKIPPED: $program not found (apt-get install mmdebstrap)"; exit 0; }
 done
 [ "$(id -u)" = 0 ] || { echo "SKIPPED: only root may enter another root folder"; exit 0; }
+suite=${SUITE:-bookworm}
+STEPS=${STEPS:-smoke}
 folder=$(mktemp -d)
 trap 'rm -rf --one-file-system "$folder"' EXIT
 root=$folder/root
-mmdebstrap --quiet --variant=minbase --include=python3,python3-venv,make,ca-certificates bookworm "$root"
+mirror=
+if grep -qx 'ID=debian' /etc/os-release; then
+    mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' | head -n 1)
+fi
+mmdebstrap --quiet --variant=minbase --include=python3,python3-venv,make,ca-certificates "$suite" "$root" $mirror
 mkdir "$root/project"
 git archive HEAD | tar -x -C "$root/project"
 [ -f /etc/pip.conf ] && cp /etc/pip.conf "$root/etc/"
 if [ -f /etc/ssl/certs/ca-certificates.crt ]; then
     cp -L /etc/ssl/certs/ca-certificates.crt "$root/etc/ssl/certs/"
 fi
-export root
+export root suite STEPS
 # What is mounted is seen within this block alone, and gone with it.
 unshare --mount --propagation private sh -eu -c '
     mount -t proc proc "$root/proc"
@@ -25,10 +36,19 @@ unshare --mount --propagation private sh -eu -c '
         mkdir -p "$root$place"
         mount --bind -o ro "$place" "$root$place"
     done
-    start=$(date +%s)
     # In the same network, with settings of pip and proxies, and nothing else of the environment.
-    chroot "$root" env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin $(env | grep -E "^(PIP_|https?_proxy=)" || true) \
-        make -C /project smoke
-    test -s "$root/project/results/tables/index.html"
-    echo "bare: make smoke passed in $(($(date +%s) - start)) s"
+    inside() {
+        chroot "$root" env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin \
+            $(env | grep -E "^(PIP_|https?_proxy=)" || true) "$@"
+    }
+    python=$(inside python3 -c "import platform; print(platform.python_version())")
+    for step in $STEPS; do
+        start=$(date +%s)
+        if [ "$step" = container ]; then
+            inside python3 /project/.ci/container.py /project
+        else
+            inside make -C /project "$step"
+        fi
+        echo "bare: $step passed in $(($(date +%s) - start)) s: Debian $suite, Python $python"
+    done
 '

@@ -43,7 +43,13 @@ from lfcore.workflow.settings import check_settings
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "published"
-DOCUMENTS = ("README.md", "docs/measured.md", "docs/encoders.md", "docs/scaling.md")
+DOCUMENTS = (
+    "README.md",
+    "docs/measured.md",
+    "docs/encoders.md",
+    "docs/scaling.md",
+    "docs/robustness.md",
+)
 RECOMMENDED = ROOT / "config" / "recommended.csv"
 PLACE = re.compile(
     r"(<!-- published: (\w+(?: \+ \w+)*)(?:: ([^>\n]*?))?(?: where (\w+) in ([^>\n]*?))? -->\n)"

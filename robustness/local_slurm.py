@@ -10,12 +10,16 @@ import getpass
 import os
 import secrets
 import shutil
+import signal
+import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+
+from robustness.kills import descendants
 
 PROGRAMS = ("munged", "munge", "slurmctld", "slurmd", "sbatch", "srun", "squeue", "scancel")
 PATHS = "/usr/sbin:/usr/bin:/sbin:/bin"
@@ -30,6 +34,7 @@ CommunicationParameters=NoCtldInAddrAny,NoInAddrAny
 AuthType=auth/munge
 CryptoType=crypto/munge
 AuthInfo=socket={folder}/munge/socket
+TaskProlog={folder}/bin/prolog
 SlurmUser={user}
 SlurmdUser={user}
 StateSaveLocation={folder}/state
@@ -76,6 +81,7 @@ class LocalSlurm:
     folder: Path
     environment: dict[str, str]
     _servers: list[subprocess.Popen] = field(default_factory=list)
+    _node: subprocess.Popen | None = None
 
     def command(self, *words: str, check: bool = True) -> str:
         """What one of SLURM's commands prints."""
@@ -91,15 +97,75 @@ class LocalSlurm:
         return self.command("squeue", "-h", "-t", "R", "-o", "%A").split()
 
     def jobs(self) -> list[dict[str, str]]:
-        """Number, name, state, and seconds waited and run of every job since the start."""
-        keys = ("number", "name", "state", "submitted", "begun", "ended")
+        """Number, name, state, times, and what was asked for, of every job since the start."""
+        keys = (
+            "number",
+            "name",
+            "state",
+            "submitted",
+            "begun",
+            "ended",
+            "limit",
+            "memory",
+            "comment",
+        )
         text = self.command(
             "squeue", "-h", "-t", "all", "-O",
-            "JobID:32,Name:80,State:32,SubmitTime:32,StartTime:32,EndTime:32",
+            "JobID:32,Name:80,State:32,SubmitTime:32,StartTime:32,EndTime:32,TimeLimit:32,"
+            "MinMemory:32,Comment:200",
         )  # fmt: skip
         return [dict(zip(keys, line.split(), strict=False)) for line in text.splitlines()]
 
-    def start(self, *words: str) -> None:
+    def servers(self) -> list[int]:
+        """Processes of the servers."""
+        return [server.pid for server in self._servers]
+
+    def prolog(self, shell: str) -> None:
+        """What the node runs before each job: lines that it prints, ``export NAME=VALUE`` or
+        ``unset NAME``, are the job's."""
+        file = self.folder / "bin" / "prolog"
+        file.write_text(f"#!/bin/sh\n{shell}\n")
+        file.chmod(0o755)
+
+    def start_node(self) -> None:
+        """Start the server of the node, and wait until it takes jobs."""
+        node = str(shutil.which("slurmd", path=PATHS))
+        self._node = self.start(node, "-D", "-N", "node", "-f", self.environment["SLURM_CONF"])
+        _until(
+            lambda: self.command("sinfo", "-h", "-o", "%T").strip() == "idle", 40,
+            "slurmd did not start", self.folder / "slurmd.log",
+        )  # fmt: skip
+
+    def kill_node(self) -> None:
+        """The node dies, with all that runs on it; SLURM is told, as by who watches over it."""
+        assert self._node
+        for process in (self._node.pid, *self.of_node()):
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
+        self._node.wait()
+        self._servers.remove(self._node)
+        self.command("scontrol", "update", "nodename=node", "state=down", "reason=died")
+
+    def revive_node(self) -> None:
+        self.command("scontrol", "update", "nodename=node", "state=resume")
+        self.start_node()
+
+    def of_node(self) -> set[int]:
+        """Processes of its jobs, and those that watch over them: nobody's children."""
+        mine = f"SLURM_CONF={self.environment['SLURM_CONF']}".encode()
+        ours = {os.getpid(), *descendants(os.getpid())}
+        found = set()
+        for folder in Path("/proc").glob("[0-9]*"):
+            with suppress(OSError, ValueError):
+                if int(folder.name) in ours or mine not in (folder / "environ").read_bytes():
+                    continue
+                parent = (folder / "stat").read_text().rpartition(")")[2].split()[1]
+                found |= {int(folder.name), *descendants(int(folder.name))}
+                if (Path("/proc") / parent / "comm").read_text().startswith("slurmstepd"):
+                    found.add(int(parent))
+        return found - ours
+
+    def start(self, *words: str) -> subprocess.Popen:
         with (self.folder / f"{Path(words[0]).name}.out").open("wb") as out:
             self._servers.append(
                 subprocess.Popen(
@@ -111,6 +177,7 @@ class LocalSlurm:
                     start_new_session=True,
                 )
             )
+        return self._servers[-1]
 
     def stop(self) -> None:
         """Cancel what runs, then end the servers that were started, by their numbers."""
@@ -127,7 +194,7 @@ class LocalSlurm:
 
 
 @contextmanager
-def local_slurm(folder: Path, *, cores: int, memory_mib: int, port: int = 26817) -> Iterator:
+def local_slurm(folder: Path, *, cores: int, memory_mib: int) -> Iterator[LocalSlurm]:
     """A :class:`LocalSlurm` below ``folder``, an absolute path that is short.
 
     Raises :class:`CannotRun` where a program is missing or a server does not start.
@@ -140,7 +207,7 @@ def local_slurm(folder: Path, *, cores: int, memory_mib: int, port: int = 26817)
     key = folder / "munge" / "key"
     key.write_bytes(secrets.token_bytes(128))
     key.chmod(0o600)
-    conf = folder / "slurm.conf"
+    conf, port = folder / "slurm.conf", _free_port()
     conf.write_text(
         CONFIGURATION.format(
             folder=folder,
@@ -149,7 +216,7 @@ def local_slurm(folder: Path, *, cores: int, memory_mib: int, port: int = 26817)
             memory_mib=memory_mib,
             port=port,
             node_port=port + 1,
-            step_ports=f"{port + 100}-{port + 199}",
+            step_ports="33000-33199",
         )
     )
     # Snakemake's job step starts its srun without SLURM_CONF, which a site has in /etc.
@@ -164,6 +231,16 @@ def local_slurm(folder: Path, *, cores: int, memory_mib: int, port: int = 26817)
         yield slurm
     finally:
         slurm.stop()
+
+
+def _free_port() -> int:
+    """The first of two ports in a row that nobody listens at."""
+    for port in range(26817, 32000, 10):
+        with suppress(OSError), socket.socket() as first, socket.socket() as second:
+            first.bind(("127.0.0.1", port))
+            second.bind(("127.0.0.1", port + 1))
+            return port
+    raise CannotRun("no port is free between 26817 and 32000")
 
 
 def _start(slurm: LocalSlurm, folder: Path, conf: Path) -> None:
@@ -181,10 +258,8 @@ def _start(slurm: LocalSlurm, folder: Path, conf: Path) -> None:
     slurm.start(program("slurmctld"), "-D", "-i", "-f", str(conf))
     log = folder / "slurmctld.log"
     _until(lambda: _succeeds(slurm, "scontrol", "ping"), 30, "slurmctld did not start", log)
-    slurm.start(program("slurmd"), "-D", "-N", "node", "-f", str(conf))
-    log = folder / "slurmd.log"
-    idle = ("sinfo", "-h", "-o", "%T")
-    _until(lambda: slurm.command(*idle).strip() == "idle", 40, "slurmd did not start", log)
+    slurm.prolog("")
+    slurm.start_node()
 
 
 def _succeeds(slurm: LocalSlurm, *words: str) -> bool:

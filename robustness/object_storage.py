@@ -56,6 +56,16 @@ def server(folder: Path) -> Iterator[str]:
             process.wait()
 
 
+def client_of(url: str):
+    """Who makes buckets there, and reads them."""
+    import boto3
+
+    return boto3.client(
+        "s3", endpoint_url=url, region_name="us-east-1", aws_access_key_id="any",
+        aws_secret_access_key="any",
+    )  # fmt: skip
+
+
 def start(url: str, folder: Path, prefix: str) -> subprocess.Popen:
     """A run whose results are objects below ``prefix``."""
     folder.mkdir(exist_ok=True)
@@ -148,14 +158,8 @@ def main() -> int:
     if absent:
         print(f"SKIPPED: {', '.join(absent)} not found (pip install 'lfcore[s3,dev]')")
         return 0
-    import boto3
-
     with tempfile.TemporaryDirectory() as name, server(Path(name)) as url:
-        client = boto3.client(
-            "s3", endpoint_url=url, region_name="us-east-1", aws_access_key_id="any",
-            aws_secret_access_key="any",
-        )  # fmt: skip
-        wrong = check(Path(name), url, client)
+        wrong = check(Path(name), url, client_of(url))
     print("\n".join(wrong))
     return int(bool(wrong))
 

@@ -68,10 +68,15 @@ def batches(tiles: list[Tile], minutes: float) -> list[Batch]:
     """Runs of tiles that are one job each, of about ``minutes``; two at least of long ones."""
     rays = [tile.rays for tile in tiles]
     seconds = sum(rays) * nanoseconds_a_ray(tiles[0].layout.views) * 1e-9
-    least = 2 if seconds >= SHARED_SECONDS else 1
-    count = min(max(math.ceil(seconds / (60 * minutes)), least), len(tiles), MOST_BATCHES)
+    count = min(batch_count(seconds, minutes), len(tiles))
     cuts = [place * len(tiles) // count for place in range(count + 1)]
     return [Batch(a, b, sum(rays[a:b])) for a, b in itertools.pairwise(cuts)]
+
+
+def batch_count(seconds: float, minutes: float) -> int:
+    """In how many jobs so many core seconds are cut, as far as there are tiles."""
+    least = 2 if seconds >= SHARED_SECONDS else 1
+    return min(max(math.ceil(seconds / (60 * minutes)), least), MOST_BATCHES)
 
 
 def small(minutes: float, cut: Mapping[int, Mapping[str, Batch]]) -> bool:

@@ -64,7 +64,7 @@ def test_the_container_holds_what_the_workflow_reads_in_exact_versions():
     assert all((ROOT / name).exists() for name in copied)
     assert {*RUN, "pyproject.toml", "constraints.txt"} <= copied
     (install,) = (line for line in lines if "pip install" in line)
-    assert "--constraint constraints.txt" in install and "'.[workflow]'" in install
+    assert "--constraint constraints.txt" in install and "'.[workflow,s3]'" in install
     (base,) = (line for line in lines if line.startswith("FROM"))
     assert re.match(r"FROM python:3\.11-", base)  # of which the exact versions are
 

@@ -3,6 +3,7 @@ import os
 import re
 
 from snakemake.exceptions import WorkflowError
+from snakemake.settings.types import SharedFSUsage
 
 from lfcore.errors import LfcoreError
 from lfcore.scene.sources import files_of_scene
@@ -60,10 +61,17 @@ def scene_sources(wildcards):
 SMALL = costs.small(SETTINGS["job_minutes"], BATCHES)
 TRACE_GROUP = "scene_{scene}" if SMALL else None
 REPORT_GROUP = "report"
+SHARED = workflow.storage_settings.shared_fs_usage
 
 
 def grouped(stage):
     return "scene_{scene}" if SMALL else f"{stage}_{{scene}}"
+
+
+def at_home(group):
+    """The group of a rule that reads files of the project.  Nodes that share no folder lack them:
+    then it runs where the workflow was started, and so would all of its group."""
+    return group if SharedFSUsage.INPUT_OUTPUT in SHARED else None
 
 
 def batch_of(wildcards):

@@ -20,7 +20,7 @@ rule page:
     log:
         "logs/page.log",
     group:
-        REPORT_GROUP
+        at_home(REPORT_GROUP)
     conda:
         "../envs/lfcore.yaml"
     params:

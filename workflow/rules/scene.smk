@@ -9,7 +9,7 @@ rule parse:
     log:
         "logs/parse/{scene}.log",
     group:
-        grouped("prepare")
+        at_home(grouped("prepare"))
     conda:
         "../envs/lfcore.yaml"
     params:

@@ -1,0 +1,118 @@
+"""The throw-away SLURM, what a run says of a mistake there, and how runs are judged."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from robustness import cluster_faults
+from robustness.cluster_runs import Run, digests, snakemake, working_seconds
+from robustness.local_slurm import local_slurm, missing
+
+pytestmark = pytest.mark.slow
+
+JOB = {
+    "number": "3", "name": "run", "state": "NODE_FAIL", "submitted": "2026-01-01T00:00:00",
+    "begun": "2026-01-01T00:00:02", "ended": "2026-01-01T00:00:12", "limit": "10:00",
+    "memory": "3000M", "comment": "rule_trace",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def slurm(tmp_path_factory):
+    absent = missing()
+    if importlib.util.find_spec("snakemake_executor_plugin_slurm") is None:
+        absent.append("snakemake-executor-plugin-slurm")
+    if absent:
+        pytest.skip(f"{', '.join(absent)} not found")
+    folder = Path(f"/tmp/lft{os.getpid()}")  # SLURM's sockets want a short name
+    folder.mkdir(mode=0o755)
+    try:
+        with local_slurm(folder / "s", cores=1, memory_mib=2000) as slurm:
+            yield slurm
+    finally:
+        import shutil
+
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def test_a_partition_that_is_not_there_is_one_line_and_no_submission(slurm, tmp_path):
+    status, said = snakemake(
+        slurm, tmp_path / "run", "--configfile", "config/smoke.yaml",
+        "--default-resources", "slurm_partition=lnog", "--", "results/bike/scene.npz",
+    )  # fmt: skip
+    lines = [line for line in said.splitlines() if "'lnog'" in line]
+    assert status and len(lines) == 1 and "Traceback" not in said
+    assert "there is no partition 'lnog'. This cluster has main" in lines[0]
+    assert slurm.jobs() == []
+
+
+def test_a_node_dies_and_comes_back(slurm):
+    state = ("sinfo", "-h", "-o", "%T")
+    slurm.kill_node()
+    assert slurm.command(*state).strip() == "down"
+    slurm.revive_node()
+    assert slurm.command(*state).strip() == "idle"
+
+
+def a_run(**more):
+    given = Run("a", 0, "", 20.0, 5, [JOB], {"a": "1", "b": "2"}, 4.0)
+    return replace(given, wrong=[], **more)
+
+
+def test_a_run_is_held_to_the_undisturbed_one():
+    undisturbed = a_run()
+    same, other, failed = a_run(), a_run(digests={"a": "1", "b": "3"}), a_run(status=1, said="x")
+    for one in (same, other, failed):
+        one.compare(undisturbed)
+    assert not same.wrong and same.row()["results"] == "2 identical"
+    assert other.wrong == ["other results: ['b']"] and "DIFFERENT" in other.summary()
+    assert failed.wrong[0].startswith("status 1")
+    # Ten seconds on the node, of which rules ran four; two seconds waited.
+    assert same.row()["of it starts"] == "60%" and same.row()["waited, s"] == "2"
+
+
+def test_what_is_tried_again_must_ask_for_more():
+    more = JOB | {"number": "5", "limit": "20:00", "memory": "6000M", "state": "COMPLETED"}
+    assert not list(cluster_faults.more_was_asked(a_run(submissions=[JOB, more]), [JOB]))
+    for less in ({"memory": "3000M"}, {"limit": "10:00"}, {"number": "2"}, {"comment": "rule_x"}):
+        done = a_run(submissions=[JOB, more | less])
+        assert list(cluster_faults.more_was_asked(done, [JOB]))
+    assert cluster_faults.minutes("1-02:00:30") == 1440 + 120 + 0.5
+    assert cluster_faults.memory_mib("1.5G") == 1536
+
+
+LOG = """
+SNAKEMAKE
+[Sun Nov 22 20:09:00 2026]
+rule trace:
+
+SNAKEMAKE
+[Sun Nov 22 20:09:29 2026]
+rule trace:
+[Sun Nov 22 20:09:41 2026]
+Finished jobid: 0
+"""
+
+
+def test_work_is_what_the_second_snakemake_does(tmp_path):
+    for place in ("rule_a/1.log", "group_b/x/2.log"):
+        file = tmp_path / ".snakemake" / "slurm_logs" / place
+        file.parent.mkdir(parents=True)
+        file.write_text(LOG)
+    assert working_seconds(tmp_path) == 24
+
+
+def test_tables_are_compared_without_their_seconds(tmp_path):
+    tables = tmp_path / "results" / "tables"
+    tables.mkdir(parents=True)
+
+    def written(seconds, psnr):
+        (tables / "table_7_1.csv").write_text(f"scene,N,seconds,psnr_db\nbike,8,{seconds},{psnr}\n")
+        return digests(tmp_path)
+
+    assert written(1.0, 40.5) == written(2.0, 40.5) != written(1.0, 40.6)

@@ -1,0 +1,90 @@
+"""Profiles: every key is one that Snakemake and its plugins know, and each can be planned with."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+
+import pytest
+import yaml
+from conftest import ROOT
+
+PLUGINS = {
+    "slurm": ["snakemake_executor_plugin_slurm"],
+    "s3": ["snakemake_storage_plugin_s3"],
+    "kubernetes": ["snakemake_executor_plugin_kubernetes", "snakemake_storage_plugin_s3"],
+}
+KEYS = {"SNAKEMAKE_STORAGE_S3_ACCESS_KEY": "any", "SNAKEMAKE_STORAGE_S3_SECRET_KEY": "any"}
+PARSE = """
+import sys
+from snakemake.cli import parse_args
+for profile in sys.argv[1:]:
+    parse_args(["--workflow-profile", profile, "--dry-run"])
+"""
+
+
+def needed(profile):
+    absent = [one for one in PLUGINS.get(profile, []) if importlib.util.find_spec(one) is None]
+    if absent:
+        pytest.skip(f"{', '.join(absent)} not installed")
+
+
+def parsed(*profiles):
+    return subprocess.run(
+        [sys.executable, "-c", PARSE, *map(str, profiles)], capture_output=True, text=True
+    )
+
+
+@pytest.mark.workflow
+def test_every_key_of_every_profile_is_an_option():
+    profiles = sorted((ROOT / "profiles").iterdir())
+    assert {profile.name for profile in profiles} == {"default", *PLUGINS}
+    for profile in profiles:
+        needed(profile.name)
+    done = parsed(*profiles)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.workflow
+def test_a_key_that_is_no_option_is_found(tmp_path):
+    (tmp_path / "config.yaml").write_text("no-such-option: 1\n")
+    done = parsed(tmp_path)
+    assert done.returncode and "no-such-option" in done.stderr
+
+
+@pytest.mark.parametrize("profile", ["slurm", "kubernetes"])
+def test_what_fails_is_tried_again_with_more(profile):
+    settings = yaml.safe_load((ROOT / "profiles" / profile / "config.yaml").read_text())
+    assert settings["retries"] >= 1
+    for name in ("mem_mb", "runtime"):
+        assert settings["default-resources"][name].endswith("* attempt")
+
+
+@pytest.mark.workflow
+def test_kubernetes_is_planned_with_an_image_and_no_shared_folder(tmp_path):
+    needed("kubernetes")
+    moto = pytest.importorskip("moto.server")
+    server = moto.ThreadedMotoServer("127.0.0.1", 0, verbose=False)
+    server.start()
+    try:
+        url = f"http://127.0.0.1:{server.get_host_and_port()[1]}"
+        import boto3
+
+        keys = {"aws_access_key_id": "any", "aws_secret_access_key": "any"}
+        boto3.client("s3", endpoint_url=url, region_name="us-east-1", **keys).create_bucket(
+            Bucket="mine"
+        )
+        done = subprocess.run(
+            [sys.executable, "-m", "snakemake", "--workflow-profile", "profiles/kubernetes",
+             "--storage-s3-endpoint-url", url, "--default-storage-prefix", "s3://mine/run",
+             "--directory", str(tmp_path), "--configfile", "config/smoke.yaml", "--dry-run",
+             "--", "results/tables/index.html"],
+            cwd=ROOT, env=os.environ | KEYS, capture_output=True, text=True,
+        )  # fmt: skip
+    finally:
+        server.stop()
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "s3://mine/run/results/tables/index.html (send to storage)" in done.stdout
+    assert not list(tmp_path.glob("results"))
