@@ -12,8 +12,9 @@ All of these are held against the true picture, averaged over lens and pixel.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from lfcore.evaluation.work_precision.stored import storage
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.oracle import slab as oracle
+from lfcore.progress import Progress, silent
 from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.tracer import Tracer
@@ -72,7 +74,7 @@ def scene_rows(
     bvh: Bvh,
     study: Study,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = silent,
 ) -> list[dict]:
     """All rows of a scene; ``progress`` counts them in steps of one diagram."""
     # Textures at full size: which mip level a block takes depends on the block, and would show
@@ -90,8 +92,7 @@ def scene_rows(
     rows = []
     for done, part in enumerate(parts, 1):
         rows += [{**row, "scene": tracer.scene.name} for row in part()]
-        if progress:
-            progress(done, len(parts))
+        progress(done, len(parts))
     return rows
 
 
@@ -116,7 +117,7 @@ def arithmetic(tracer: Tracer, study: Study) -> Iterator[dict]:
     truth, seconds = clocked(lambda: oracle.trace(scene, slab, places))
     bundles = macropixels(slab, places)
     shape = len(places), slab.views**2, 3
-    context = {"panel": "arithmetic", "f_number": scene.camera.f_number}
+    context: dict[str, Any] = {"panel": "arithmetic", "f_number": scene.camera.f_number}
     context |= {"knob": f"{len(places)} pixels, N = {slab.views}", "rays_per_pixel": slab.views**2}
     yield measured_point(
         lambda _: np.clip(tracer.bundle_radiance(bundles, places), 0, 1).reshape(shape),

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
@@ -78,7 +80,7 @@ def work_precision(path: str | Path, points: pd.DataFrame, *, machine: str) -> N
     save_figure(path, figure)
 
 
-def _panel(axis, rows: pd.DataFrame, title: str) -> list[PointLabel]:
+def _panel(axis: Axes, rows: pd.DataFrame, title: str) -> list[PointLabel]:
     """Draw one diagram; returns the labels that its points are to have."""
     for each in (axis.xaxis, axis.yaxis):
         log_ticks(each)
@@ -110,7 +112,7 @@ def _panel(axis, rows: pd.DataFrame, title: str) -> list[PointLabel]:
     return labels
 
 
-def _limit(axis, measured: pd.DataFrame) -> None:
+def _limit(axis: Axes, measured: pd.DataFrame) -> None:
     """How small an error the reference can tell, where points come near that; peers have
     references of their own."""
     least = TIMES_BELOW * measured.reference_rmse.median()
@@ -122,7 +124,9 @@ def _limit(axis, measured: pd.DataFrame) -> None:
         )  # fmt: skip
 
 
-def _curve(axis, curve: pd.DataFrame, method: str, colour: str, marker: str) -> list[PointLabel]:
+def _curve(
+    axis: Axes, curve: pd.DataFrame, method: str, colour: str, marker: str
+) -> list[PointLabel]:
     timed = curve[curve.seconds.notna() & (curve.rmse.isna() | (curve.rmse > 0))]
     # What cannot be judged stands where errors begin that can: it is no farther right.
     error = timed.rmse.fillna(timed.reference_rmse * TIMES_BELOW)
@@ -133,7 +137,7 @@ def _curve(axis, curve: pd.DataFrame, method: str, colour: str, marker: str) -> 
     if timed.order.notna().any():
         order = fitted_order(np.sqrt(timed.rays_per_pixel[good]), timed.rmse[good])
         label += f" (order {order:.2f})"
-    style = {"color": colour, "marker": marker, "markersize": 5}
+    style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 5}
     axis.plot(error[good], timed.seconds[good], "-", label=label, **style)
     axis.plot(error[~good], timed.seconds[~good], linestyle="", markerfacecolor="none", **style)
     axis.vlines(error, timed.quartile_1_seconds, timed.quartile_3_seconds, color=colour)
@@ -149,7 +153,7 @@ def _short(knob: str) -> str:
     return knob
 
 
-def _refused(axis, rows: pd.DataFrame) -> None:
+def _refused(axis: Axes, rows: pd.DataFrame) -> None:
     """What has no seconds, in words: settings that were refused, renderers that are not there."""
     lines = []
     for method, curve in rows[rows.seconds.isna()].groupby("method", sort=False):
@@ -197,7 +201,7 @@ def storage(path: str | Path, points: pd.DataFrame, *, machine: str) -> None:
 
 
 def _cost(
-    axis, curve: pd.DataFrame, column: str, method: str, colour: str, marker: str
+    axis: Axes, curve: pd.DataFrame, column: str, method: str, colour: str, marker: str
 ) -> list[PointLabel]:
     axis.plot(
         curve[column], curve.rmse, "-", color=colour, marker=marker, markersize=4, label=method
@@ -231,7 +235,7 @@ def convergence(path: str | Path, rows: pd.DataFrame) -> None:
     save_figure(path, figure)
 
 
-def _converging(axis, rows: pd.DataFrame, kind: str) -> None:
+def _converging(axis: Axes, rows: pd.DataFrame, kind: str) -> None:
     column = "rmse" if kind == "all" else f"rmse_{kind}"
     axis.set(xscale="log", yscale="log")
     axis.grid(alpha=0.3)

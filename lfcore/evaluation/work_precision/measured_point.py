@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,7 @@ from lfcore.evaluation.timing import measure_within
 from lfcore.evaluation.true_picture.reference import BELOW_DB
 from lfcore.opencl.device import programs_made
 
+Result = TypeVar("Result")
 COLUMNS = (
     "scene", "panel", "f_number", "method", "knob", "rays_per_pixel", "rmse", "order", "psnr_db",
     "psnr_codec_db", "seconds", "quartile_1_seconds", "quartile_3_seconds", "repeats",
@@ -38,7 +40,7 @@ def rmse(pictures: Iterable[np.ndarray], reference: np.ndarray) -> float:
 
 
 def measured_point(
-    work: Callable[[int], np.ndarray],
+    work: Callable[[int], Result],
     reference: np.ndarray,
     reference_rmse: float | None,
     *,
@@ -46,8 +48,8 @@ def measured_point(
     inside: np.ndarray | None = None,
     parts: Mapping[str, np.ndarray] | None = None,
     pictures: int = 1,
-    picture_of: Callable[[object], np.ndarray] = lambda result: result,
-    **context,
+    picture_of: Callable[[Result], np.ndarray] = np.asarray,
+    **context: object,
 ) -> dict:
     """A row with :data:`COLUMNS` of ``work(seed)``, which makes the picture of ``reference``.
 
@@ -72,8 +74,8 @@ def measured_point(
     except (OpticsError, SceneError) as error:
         return row | {"note": f"refused: {error.problem}"}
     where = np.ones(reference.shape[:2], bool) if inside is None else inside
-    error = rmse([one[where] for one in made], reference[where])
-    if not math.isfinite(error):
+    found = rmse([one[where] for one in made], reference[where])
+    if not math.isfinite(found):
         return row | {"note": "refused: the picture has no finite colours"}
     low, middle, high = (
         t / pictures for t in (timing.quartiles[0], timing.median, timing.quartiles[1])
@@ -83,8 +85,8 @@ def measured_point(
     return judged(
         row
         | {
-            "rmse": error,
-            "psnr_db": float(np.mean(quality)) if error else None,
+            "rmse": found,
+            "psnr_db": float(np.mean(quality)) if found else None,
             "seconds": middle,
             "quartile_1_seconds": low,
             "quartile_3_seconds": high,

@@ -7,8 +7,9 @@ show that and not the error of their sampling.  Where one is missing its row say
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,11 +20,14 @@ from lfcore.evaluation.work_precision.measured_point import COLUMNS, judged, rms
 from lfcore.optics.planes import SensorPlane
 from lfcore.scene.model import Scene
 
+if TYPE_CHECKING:
+    from lfcore.evaluation.work_precision.curves import Study
+
 LOG = logging.getLogger(__name__)
 VIEWS, REFERENCE_VIEWS = (2, 4, 6), 64
 
 
-def peers(scene: Scene, study) -> Iterator[dict]:
+def peers(scene: Scene, study: Study) -> Iterator[dict]:
     """The picture at the camera's own focus, without ambient light, by samples a pixel."""
     dark = replace(scene, ambient=(0.0, 0.0, 0.0))
     plane = SensorPlane(scene.camera.focus_distance_m, scene.camera.f_number)
@@ -39,7 +43,14 @@ def peers(scene: Scene, study) -> Iterator[dict]:
         yield from _curve(renderer, dark, plane, study.pixels, reference, context)
 
 
-def _curve(renderer, scene, plane, pixels, reference, context) -> Iterator[dict]:
+def _curve(
+    renderer: Callable[[Scene, SensorPlane, int, int], renderers.Rendered],
+    scene: Scene,
+    plane: SensorPlane,
+    pixels: int,
+    reference: renderers.Rendered,
+    context: dict,
+) -> Iterator[dict]:
     truth = np.asarray(reference.picture, float)
     made = [renderer(scene, plane, pixels, views) for views in VIEWS]
     errors = [rmse([np.asarray(one.picture, float)], truth) for one in made]

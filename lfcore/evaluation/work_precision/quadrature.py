@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from lfcore.evaluation.true_picture.reference import check_unlike
 from lfcore.evaluation.work_precision import samples, windows
 from lfcore.evaluation.work_precision.convergence import with_orders
 from lfcore.evaluation.work_precision.measured_point import measured_point, rmse
+from lfcore.evaluation.work_precision.windows import Windows
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -18,6 +20,9 @@ from lfcore.rendering.direct import focused_camera, tile_sums
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
 
+if TYPE_CHECKING:
+    from lfcore.evaluation.work_precision.curves import Study
+
 SEEDS, SEEDED_SECONDS = 3, 0.1
 LONGEST_SECONDS = 1.0
 """A curve of samples ends before pictures that take longer, four times those before them."""
@@ -25,7 +30,7 @@ MIDDLE = "middle of the pixel"
 """The thesis's recipe: a grid of the lens, and all of its rays through one place of a pixel."""
 
 
-def quadrature(tracer: Tracer, study, stops: float) -> Iterator[dict]:
+def quadrature(tracer: Tracer, study: Study, stops: float) -> Iterator[dict]:
     """Windows of the picture in focus, whose rays no refocusing moves, against the true picture.
 
     That is the mean of two unlike lattices of lens and pixel, each ray in its own pixel; what they
@@ -39,12 +44,16 @@ def quadrature(tracer: Tracer, study, stops: float) -> Iterator[dict]:
     doubts = {
         f"reference_{name}": doubt_of(mask) for name, mask in where.parts.items() if mask.any()
     }
-    context = {"panel": "quadrature", "f_number": plane.f_number, **doubts}
+    context: dict[str, Any] = {"panel": "quadrature", "f_number": plane.f_number, **doubts}
     whole = doubt_of(np.ones(truth.shape[:2], bool))
 
-    def row(method: str, views: int, work, rays: int, seeds: int = 1) -> dict:
-        more = {"method": method, "knob": f"N = {views}", "rays_per_pixel": int(rays)}
-        return measured_point(work, truth, whole, seeds=seeds, parts=where.parts, **context, **more)
+    def row(
+        method: str, views: int, work: Callable[[int], np.ndarray], rays: int, seeds: int = 1
+    ) -> dict:
+        return measured_point(
+            work, truth, whole, seeds=seeds, parts=where.parts, method=method, knob=f"N = {views}",
+            rays_per_pixel=int(rays), **context,
+        )  # fmt: skip
 
     yield from with_orders(
         row(MIDDLE, views, _grid_work(tracer, camera, where, views), _mask(camera, views).sum())
@@ -64,7 +73,7 @@ def quadrature(tracer: Tracer, study, stops: float) -> Iterator[dict]:
 
 
 def true_windows(
-    tracer: Tracer, camera: Camera, where: windows.Windows, counts
+    tracer: Tracer, camera: Camera, where: Windows, counts: Sequence[Sequence[int]]
 ) -> tuple[np.ndarray, Callable[[np.ndarray], float]]:
     """(W 16, 16, 3) float64 linear light, and the error of the pixels of a mask.
 
@@ -87,11 +96,15 @@ def _mask(camera: Camera, views: int) -> np.ndarray:
     return SensorPlane(camera.focus_distance_m, camera.f_number).mask(Slab(camera, views, 1))
 
 
-def _grid_work(tracer, camera, where, views) -> Callable[[int], np.ndarray]:
+def _grid_work(
+    tracer: Tracer, camera: Camera, where: Windows, views: int
+) -> Callable[[int], np.ndarray]:
     return lambda _: grid(tracer, camera, where, views)
 
 
-def _sampled_work(tracer, camera, where, pattern, views) -> Callable[[int], np.ndarray]:
+def _sampled_work(
+    tracer: Tracer, camera: Camera, where: Windows, pattern: str, views: int
+) -> Callable[[int], np.ndarray]:
     def work(seed: int) -> np.ndarray:
         points = samples.samples(pattern, views, seed)
         return samples.pictures(tracer, camera, where.pixels, points, where.corners, windows.SIDE)
@@ -99,7 +112,7 @@ def _sampled_work(tracer, camera, where, pattern, views) -> Callable[[int], np.n
     return work
 
 
-def grid(tracer: Tracer, camera: Camera, where: windows.Windows, views: int) -> np.ndarray:
+def grid(tracer: Tracer, camera: Camera, where: Windows, views: int) -> np.ndarray:
     """(W 16, 16, 3) float64 linear light: the mean over a grid of ``views`` a side."""
     slab = Slab(camera, views, where.pixels)
     plane = SensorPlane(camera.focus_distance_m, camera.f_number)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.evaluation.work_precision.refocused import RefocusedPicture
+from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.planes import SensorPlane
@@ -25,6 +27,9 @@ from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.rendering.plenoptic import refocus_photograph
 from lfcore.tracing.tracer import Tracer
 
+if TYPE_CHECKING:
+    from lfcore.evaluation.work_precision.curves import Study
+
 STACK = 16  # pictures of a focal stack, whose seconds one of them has its share of
 TOLERANCES_PX = (0.5, 0.2, 0.1, 0.05)
 MOST_VIEWS = 32  # of light fields that are kept in memory
@@ -38,7 +43,7 @@ class Recorded:
     views: np.ndarray
 
 
-def recorded_methods(tracer: Tracer, study, wanted: RefocusedPicture) -> Iterator[dict]:
+def recorded_methods(tracer: Tracer, study: Study, wanted: RefocusedPicture) -> Iterator[dict]:
     """The picture of ``wanted`` from views in memory; recording them is not counted."""
     curves: dict[str, list[dict]] = {}
     plane, recorded = wanted.plane, None
@@ -87,7 +92,9 @@ def _jobs(
     yield "Isaksen", _isaksen(tracer, recorded, plane)
 
 
-def _stack(tracer: Tracer, recorded: Recorded, plane: SensorPlane, tolerance_px: float):
+def _stack(
+    tracer: Tracer, recorded: Recorded, plane: SensorPlane, tolerance_px: float
+) -> Callable[[int], np.ndarray]:
     """A stack from the plane to the camera's own focus, of which the plane is the first."""
     deltas = np.linspace(plane.delta, recorded.slab.camera.delta, STACK)
     stack = [SensorPlane(1 / delta, plane.f_number) for delta in deltas]
@@ -96,7 +103,9 @@ def _stack(tracer: Tracer, recorded: Recorded, plane: SensorPlane, tolerance_px:
     )[0]
 
 
-def _plenoptic(recorded: Recorded, plane: SensorPlane, device) -> Callable[[int], np.ndarray]:
+def _plenoptic(
+    recorded: Recorded, plane: SensorPlane, device: Device
+) -> Callable[[int], np.ndarray]:
     slab = recorded.slab
     side = slab.views * slab.pixels
     photograph = recorded.views.transpose(2, 0, 3, 1, 4).reshape(side, side, 3)
@@ -109,7 +118,9 @@ def _plenoptic(recorded: Recorded, plane: SensorPlane, device) -> Callable[[int]
     return work
 
 
-def _field(tracer: Tracer, recorded: Recorded, plane: SensorPlane):
+def _field(
+    tracer: Tracer, recorded: Recorded, plane: SensorPlane
+) -> tuple[DeviceField, VirtualCamera, PlaneSurface]:
     """The views as a camera array's picture, a camera at the middle of its lens, a focal plane."""
     slab, views = recorded.slab, recorded.views
     side = slab.views * slab.pixels
@@ -124,11 +135,13 @@ def _field(tracer: Tracer, recorded: Recorded, plane: SensorPlane):
     return DeviceField(tracer.device, image, array), camera, surface
 
 
-def _isaksen(tracer: Tracer, recorded: Recorded, plane) -> Callable[[int], np.ndarray]:
+def _isaksen(tracer: Tracer, recorded: Recorded, plane: SensorPlane) -> Callable[[int], np.ndarray]:
     field, camera, surface = _field(tracer, recorded, plane)
     return lambda _: isaksen(field, camera, surface, camera.lens_radius_m).image.astype(float)
 
 
-def _monte_carlo(tracer: Tracer, recorded, plane, samples) -> Callable[[int], np.ndarray]:
+def _monte_carlo(
+    tracer: Tracer, recorded: Recorded, plane: SensorPlane, samples: int
+) -> Callable[[int], np.ndarray]:
     field, camera, surface = _field(tracer, recorded, plane)
     return lambda seed: monte_carlo(field, camera, surface, samples, seed=seed).image.astype(float)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from lfcore.refocus.resampling import coverage
 from lfcore.rendering.by_depth import RayCount, trace_by_depth
 from lfcore.rendering.direct import trace_planes
 from lfcore.tracing.tracer import Tracer
+
+if TYPE_CHECKING:
+    from lfcore.evaluation.work_precision.curves import Study
 
 BY_DEPTH = RayCount(4, 1), RayCount(4, 1.5), RayCount(4, 2), RayCount(8, 2)
 
@@ -37,10 +41,10 @@ class RefocusedPicture:
         method: str,
         knob: str,
         slab: Slab,
-        work: Callable[[int], object],
+        work: Callable[[int], Any],
         *,
         subpixels: float = 1,
-        **more,
+        **more: Any,
     ) -> dict:
         """A point of ``work``'s picture, of the pixels that all of the lens sees.
 
@@ -50,12 +54,15 @@ class RefocusedPicture:
         inside &= _inside(slab, self.plane)
         rays = round(self.plane.mask(slab).sum() * subpixels**2)
         doubt = float(np.sqrt(self.square_error[inside].mean()))
-        context = {"panel": panel, "f_number": self.plane.f_number, "method": method, "knob": knob}
-        more |= {"rays_per_pixel": rays, "inside": inside}
-        return measured_point(work, self.true, doubt, **context, **more)
+        return measured_point(
+            work, self.true, doubt, panel=panel, f_number=self.plane.f_number, method=method,
+            knob=knob, rays_per_pixel=rays, inside=inside, **more,
+        )  # fmt: skip
 
 
-def refocused_picture(tracer: Tracer, pixels: int, counts) -> RefocusedPicture:
+def refocused_picture(
+    tracer: Tracer, pixels: int, counts: Sequence[Sequence[float]]
+) -> RefocusedPicture:
     """``counts`` are two unlike lattices, lens samples and rays of a pixel a side."""
     scene = tracer.scene
     plane = SensorPlane(min(scene.focus_distances_m), scene.camera.f_number)
@@ -68,7 +75,7 @@ def _inside(slab: Slab, plane: SensorPlane) -> np.ndarray:
     return coverage(slab, plane, "bilinear") > plane.mask(slab).sum() * (1 - 1e-6)
 
 
-def tracing(tracer: Tracer, study, wanted: RefocusedPicture) -> Iterator[dict]:
+def tracing(tracer: Tracer, study: Study, wanted: RefocusedPicture) -> Iterator[dict]:
     """The thesis's recipe by N, and rays that are spread by their depth; tracing counts."""
     camera, pixels, plane = tracer.scene.camera, study.pixels, wanted.plane
     for views in study.views:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,6 +31,9 @@ from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.segment import SegmentWriter
 from lfcore.tracing.tracer import Tracer
+
+if TYPE_CHECKING:
+    from lfcore.evaluation.work_precision.curves import Study
 
 MOST_RAYS = 1 << 26
 CROSSED = "crossed"
@@ -69,7 +73,7 @@ class KeptRays:
     codes: DepthCodes | None = None
 
 
-def storage(tracer: Tracer, study) -> Iterator[dict]:
+def storage(tracer: Tracer, study: Study) -> Iterator[dict]:
     """By codec, preset and CRF from few rays with depth, and by CRF from the thesis's grid.
 
     Errors are against the true picture; ``psnr_codec_db`` is against the same rays before they are
@@ -77,7 +81,8 @@ def storage(tracer: Tracer, study) -> Iterator[dict]:
     """
     wanted = refocused_picture(tracer, study.stored_pixels, study.truth)
     views, subpixels = study.stored_lattice
-    count, kept = RayCount(int(views), subpixels), {}
+    count = RayCount(int(views), subpixels)
+    kept: dict[str, KeptRays] = {}
     for codec in study.codecs:
         for crf in study.crfs:
             spec = _spec(codec, count.views, crf)
@@ -90,7 +95,7 @@ def storage(tracer: Tracer, study) -> Iterator[dict]:
         yield _stored(tracer, wanted, rays, spec, f"{DEFAULT}, N = {rays.slab.views}")
 
 
-def _spec(codec: dict, views: int, crf: float) -> CodecSpec:
+def _spec(codec: Mapping, views: int, crf: float) -> CodecSpec:
     """A codec of the configuration: what it does not say is the default's."""
     given = {key: value for key, value in codec.items() if key not in ("name", "crf_offset")}
     known = {key: given.pop(key) for key in ("codec", "pixel_format", "preset") if key in given}
@@ -108,7 +113,9 @@ def _rays_by_depth(
     pixels = len(wanted.true)
     slab, store = depth_store(tracer.scene.camera, count, pixels, spec)
     codes = DepthCodes.of_range(slab, *dioptre_range(tracer, slab, RANGE_MARGIN))
-    layout, colours, depths = store.layout, [], []
+    layout = store.layout
+    colours: list[np.ndarray] = []
+    depths: list[np.ndarray] = []
     for tile in _tiles(layout):
         made = zip(*frames_by_depth(tracer, slab, store, codes, tile), strict=True)
         for kept, frames in zip((colours, depths), made, strict=True):
@@ -132,7 +139,8 @@ def _rays_of_grid(tracer: Tracer, wanted: RefocusedPicture, views: int) -> KeptR
 def _stored(
     tracer: Tracer, wanted: RefocusedPicture, rays: KeptRays, spec: CodecSpec, name: str
 ) -> dict:
-    pixels, found = len(wanted.true), {}
+    pixels = len(wanted.true)
+    found: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as name_of_folder:
         folder = Path(name_of_folder)
 

@@ -44,8 +44,8 @@ def choose(tracer: Tracer, camera: Camera, pixels: int) -> Windows:
     places = np.stack(np.meshgrid(np.arange(pixels), np.arange(pixels)), -1).reshape(-1, 2)
     kinds = _kinds(tracer, slab, places).reshape(pixels, pixels)
     across = pixels // SIDE
-    tiles = kinds[: across * SIDE, : across * SIDE].reshape(across, SIDE, across, SIDE)
-    tiles = tiles.transpose(0, 2, 1, 3).reshape(-1, SIDE, SIDE)
+    whole = kinds[: across * SIDE, : across * SIDE].reshape(across, SIDE, across, SIDE)
+    tiles = whole.transpose(0, 2, 1, 3).reshape(-1, SIDE, SIDE)
     chosen: list[int] = []
     for number in range(len(KINDS)):
         count = (tiles == number).sum((1, 2))
