@@ -32,7 +32,7 @@ CORES ?= 2
 SECONDS ?= 60
 KILLS ?= 20
 # One process runs a whole file; tests/conftest.py puts the costly files first.
-TRIED := tests/optics tests/storage tests/opencl tests/cli
+TRIED := tests/optics tests/opencl tests/storage tests/test_api.py -m "not slow and not workflow and not browser"
 XDIST := -n $(CORES) --dist loadfile --no-loadscope-reorder
 MICRO := --directory build/micro --configfile config/micro.yaml -- results/tables/ results/assignment/
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
