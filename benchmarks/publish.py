@@ -119,6 +119,16 @@ def of_this_run(command: str, **more: str) -> dict[str, str]:
     return dict(zip(OF_RUN, (command, commit, processor, today), strict=True)) | more
 
 
+def with_kept(found: pd.DataFrame, name: str, key: str) -> pd.DataFrame:
+    """Rows of a run that made some of a result, and those kept of others; each says its commit."""
+    found = found.assign(commit=of_this_run("")["commit"])
+    file = RESULTS / f"{name}.csv"
+    if not file.exists():
+        return found
+    old = read_result(file).rows
+    return pd.concat([found, old[~old[key].isin(found[key])]])[found.columns]
+
+
 def tables(folder: Path) -> pd.DataFrame:
     """The thesis's three tables of a run side by side, a row a scene and N."""
     parts = []

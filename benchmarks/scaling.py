@@ -21,7 +21,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 
 from benchmarks import scaling_points as measured
-from benchmarks.publish import RESULTS, Result, of_this_run, read_result
+from benchmarks.publish import RESULTS, Result, of_this_run, read_result, with_kept
 from lfcore.evaluation import figures  # noqa: F401  (one style of figures)
 from lfcore.files import whole_file, write_text
 from lfcore.workflow import scaling
@@ -104,7 +104,7 @@ def _values(kept: pd.DataFrame, column: str) -> dict[str, float]:
 
 def measure_points(account: measured.Account, folder: Path, runs: list[str]) -> pd.DataFrame:
     """A row a run and scene: what it took; with the rows kept of other runs, each of its commit."""
-    rows, commit = [], of_this_run("")["commit"]
+    rows = []
     for name in runs:
         cores, submitted = RUNS[name]
         for scene in measured.SCENES:
@@ -120,13 +120,9 @@ def measure_points(account: measured.Account, folder: Path, runs: list[str]) -> 
             rows.append({
                 "scene": scene, "run": name, "core s": f"{taken.core_s:.1f}",
                 "wall s": f"{taken.wall_s:.1f}", "others": f"{taken.others:.2f}",
-                "commit": commit,
             })  # fmt: skip
             print(rows[-1], flush=True)
-    found = pd.DataFrame(rows)
-    if POINTS.exists():
-        old = read_result(POINTS).rows[found.columns]
-        found = pd.concat([found, old[~old.run.isin(found.run)]])
+    found = with_kept(pd.DataFrame(rows), POINTS.stem, "run")
     return found.sort_values("run", key=lambda names: names.map(list(RUNS).index), kind="stable")
 
 

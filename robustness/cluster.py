@@ -16,7 +16,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -27,7 +27,6 @@ from robustness.cluster_runs import ROOT, Run, run
 from robustness.local_slurm import CannotRun, LocalSlurm, local_slurm, missing
 
 SMOKE = ("--configfile", str(ROOT / "config" / "smoke.yaml"))
-PUBLISHED = ROOT / "benchmarks" / "published" / "cluster.csv"
 
 
 def cancelling(slurm: LocalSlurm, kills: int) -> tuple[Callable[[], None], list[str]]:
@@ -96,17 +95,20 @@ def main(arguments: list[str] | None = None) -> int:
             print(error)
             return 1
     if options.publish:
-        publish(runs, "make cluster" + (" FAULTS=all" if options.faults else ""))
+        publish(runs, options.faults)
     return int(any(one.wrong for one in runs))
 
 
-def publish(runs: list[Run], command: str) -> None:
-    """Keep a row a run, with commit and processor."""
-    from benchmarks.publish import Result, of_this_run
+def publish(runs: list[Run], faults: Sequence[str]) -> None:
+    """Keep a row a run, with commit and processor; rows of other faults stay."""
+    from benchmarks.publish import RESULTS, Result, of_this_run, with_kept
 
-    name = "cluster_faults.csv" if "FAULTS" in command else "cluster.csv"
+    name, command = "cluster", "make cluster PUBLISH=1"
     rows = pd.DataFrame([one.row() for one in runs])
-    write_text(PUBLISHED.with_name(name), Result(of_this_run(command), rows).text())
+    if faults:
+        name, command = "cluster_faults", f'make cluster FAULTS="{" ".join(faults)}" PUBLISH=1'
+        rows = with_kept(rows, name, "run")
+    write_text(RESULTS / f"{name}.csv", Result(of_this_run(command), rows).text())
 
 
 if __name__ == "__main__":

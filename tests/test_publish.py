@@ -56,6 +56,12 @@ def test_what_cannot_be_published(results):
         publish.published(TEXT)
 
 
+def test_a_part_of_a_result_is_made_anew(results):
+    found = publish.with_kept(pd.DataFrame({"N": ["3"], "s": ["9"]}), "some", "N")
+    assert found[["N", "s"]].values.tolist() == [["3", "9"], ["2", "1.50"], ["4", "inf"]]
+    assert list(found.columns) == ["N", "s", "commit"]
+
+
 def test_a_run_is_taken_with_its_commit(results, tmp_path, monkeypatch):
     monkeypatch.setattr(publish, "documents", dict)
     folder = tmp_path / "tables"
