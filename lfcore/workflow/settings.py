@@ -19,7 +19,8 @@ import yaml
 
 from lfcore.errors import LfcoreError
 from lfcore.files import write_text
-from lfcore.workflow.keys import DEFAULT_SCENES, Configuration, Keys, Plane
+from lfcore.workflow.key_types import Keys
+from lfcore.workflow.keys import DEFAULT_SCENES, Configuration, Plane
 
 MISSING = "missing"
 UNKNOWN = ("extra_forbidden", "invalid_key")
