@@ -34,7 +34,7 @@ class Plane(GivenKeys):
     f_number: number(gt=0) = key(
         "focal length over opening, no wider than the lens; default is the lens's own", None
     )
-    shape: Literal["circle", "square", "diamond", "polygon"] = key("of the opening", "circle")
+    shape: Literal["circle", "square", "diamond", "polygon"] = key("shape of the opening", "circle")
     blades: whole(3, 32) = key("corners of a polygon", 6)
     rotation_deg: number() = key("degrees by which a polygon is turned", 0)
     normalise: Literal["aperture", "lens"] = key(
@@ -92,7 +92,8 @@ FIGURES = (
 class Plenoptic(Keys):
     lenses: whole(32, 2048) = key("microlenses a side of the photograph of the scene `chart`", 512)
     samples: whole(8, 64) = key(
-        "pixels a side behind each; the photograph has `lenses` times `samples` a side", 16
+        "pixels a side behind each microlens; the photograph has `lenses` times `samples` a side",
+        16,
     )
 
 
@@ -102,7 +103,9 @@ class Renderers(Keys):
         "installed",
         192,
     )
-    views: whole(2, 64) = key("lens samples a side; their square are the rays a pixel", 12)
+    views: whole(2, 64) = key(
+        "lens samples a side of these pictures; the square is the rays of a pixel", 12
+    )
 
 
 class Figures(Keys):
@@ -142,8 +145,10 @@ class RateDistortion(Keys):
 
 class Equivalence(Keys):
     pixels: whole(32, 1024) = key("M of the picture that is made in four ways", 96)
-    views: whole(2, 128) = key("N of it", 16)
-    reference_views: whole(8, 256) = key("N of the reference: the square are its rays a pixel", 64)
+    views: whole(2, 128) = key("N of the light field that it is made of", 16)
+    reference_views: whole(8, 256) = key(
+        "N of the reference picture; the square is the rays of a pixel", 64
+    )
 
 
 class Retrieval(Keys):
@@ -151,7 +156,7 @@ class Retrieval(Keys):
     rays: whole(4096, 4294967296) = key(
         "most rays of the stored light field that they are formed from", 33554432
     )
-    repeats: whole(1, 20) = key("timed rounds", 2)
+    repeats: whole(1, 20) = key("timed rounds of each measurement", 2)
 
 
 class Storage(Keys):
@@ -165,7 +170,7 @@ class Storage(Keys):
 
 
 class Codec(GivenKeys):
-    name: str = key("of the curve")
+    name: str = key("name of the curve")
     codec: Literal["libx264", "libx265", "libsvtav1"] = key("encoder", "libx264")
     preset: Name = key("the encoder's own", None)
     pixel_format: Literal["yuv420p", "yuv444p", "yuv420p10le", "yuv444p10le"] = key("", None)
@@ -179,7 +184,9 @@ LATTICE = listed(real(1, 64), 2, 2)
 
 class WorkPrecision(Keys):
     pixels: whole(16, 512) = key("M of the diagrams of error against run time", 24)
-    views: several(whole(2, 256), 2) = key("N of their points, ascending", [4, 8, 16, 32, 64, 128])
+    views: several(whole(2, 256), 2) = key(
+        "N of the points of these diagrams, ascending", [4, 8, 16, 32, 64, 128]
+    )
     window_picture: whole(64, 1024) = key(
         "M of the picture whose windows the lens integral is studied in", 128
     )
@@ -188,7 +195,7 @@ class WorkPrecision(Keys):
         [[48, 4], [40, 5]],
     )
     truth: several(LATTICE, 2, 2) = key(
-        "the same of the true refocused picture", [[16, 5], [13, 6]]
+        "two unlike lattices of the true refocused picture", [[16, 5], [13, 6]]
     )
     f_stops: listed(real(0, 12), 1, 4) = key(
         "stops by which the lens is closed, a diagram each", [0, 2, 4]
@@ -199,7 +206,7 @@ class WorkPrecision(Keys):
     )
     video_views: whole(2, 256) = key("N of the grid that is stored without depths", 32)
     crfs: listed(real(0, 51), 1, 12) = key(
-        "constant rate factors of its points", [14, 20, 26, 30, 34, 40]
+        "constant rate factors of the points of the storage diagram", [14, 20, 26, 30, 34, 40]
     )
     codecs: listed(Codec, 1, 5) = key(
         "encoders of the storage diagram: `name`, and `codec`, `preset`, `pixel_format`, "
@@ -217,7 +224,7 @@ class WorkPrecision(Keys):
         "samples a pixel of the Monte Carlo curve", [4, 16, 64, 256]
     )
     oracle_pixels: whole(1, 64) = key("pixels whose rays the oracle traces", 4)
-    oracle_views: whole(1, 32) = key("N of these rays", 8)
+    oracle_views: whole(1, 32) = key("N of the rays that the oracle traces", 8)
 
 
 class TruePicture(Keys):
@@ -240,12 +247,12 @@ class TruePicture(Keys):
     nearest_views: several(whole(2, 1024), 1, 8) = key(
         "N of the thesis's recipe through the stopped-down lens", [16, 64]
     )
-    stops: number(gt=0, le=12) = key("stops by which that lens is closed", 4)
+    stops: number(gt=0, le=12) = key("stops by which the stopped-down lens is closed", 4)
 
 
 class LeftOut(Keys):
     views: whole(2, 256) = key("N of the runs that compare with the program in full", 64)
-    pixels: whole(16, 512) = key("their M", 32)
+    pixels: whole(16, 512) = key("M of these runs", 32)
     repeats: whole(1, 20) = key("timed runs of each program", 5)
     features: Literal["all"] | several(str, 0) = key(
         "which of the features that a scene lacks are compiled in to compare: `all`, or names",
@@ -290,9 +297,11 @@ class SeeThrough(Keys):
     focus_m: listed(number(gt=0), 2) = key(
         "focus distances: first what is seen through the others", [60.0, 12.0, 19.0]
     )
-    lens_m: listed(number(gt=0), 2) = key("radius of the lens at each", [1.4, 0.4, 0.6])
+    lens_m: listed(number(gt=0), 2) = key(
+        "radius of the lens at each of these distances, metres", [1.4, 0.4, 0.6]
+    )
     names: listed(str, 2) = key(
-        "what is in focus at each", ["hillside", "first tree", "second tree"]
+        "what is in focus at each of these distances", ["hillside", "first tree", "second tree"]
     )
 
 
@@ -375,7 +384,7 @@ class Configuration(Keys):
         "list of 1 to 100 planes",
         "scene",
     )
-    picture_format: Literal["png", "ppm"] = key("of the planes' pictures, png or ppm", "png")
+    picture_format: Literal["png", "ppm"] = key("format of the planes' pictures, png or ppm", "png")
     store: Truth = key(
         "keep the light field as video; false leaves out encoding, joining, retrieval, tables 7.2 "
         "and 7.3",
