@@ -6,7 +6,8 @@ import functools
 import logging
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +30,7 @@ log = logging.getLogger(__name__)
 warnings.filterwarnings("ignore", category=cl.CompilerWarning)
 warnings.filterwarnings("ignore", message="Pre-build attribute access")
 
+PAGE = 4096
 KERNELS = Path(__file__).parent.parent
 SHARED_KERNELS = KERNELS / "tracing/kernels"
 """In folders by stage; files of all packages include them by name."""
@@ -74,6 +76,30 @@ class Device:
 
     def empty(self, nbytes: int) -> cl.Buffer:
         return cl.Buffer(self.context, cl.mem_flags.READ_WRITE, max(int(nbytes), 64))
+
+    def zeros(self, nbytes: int) -> cl.Buffer:
+        """A buffer of zero bytes for kernels that write to it."""
+        if self.is_cpu:
+            # The system's zeros, in pages as large as it has: a driver's are touched twice.
+            raw = np.zeros(max(int(nbytes), 64) + PAGE, np.uint8)
+            host = raw[-raw.ctypes.data % PAGE :][: len(raw) - PAGE]
+            flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
+            return cl.Buffer(self.context, flags, hostbuf=host)
+        buffer = self.empty(nbytes)
+        cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.uint64), 0, buffer.size // 8 * 8)
+        return buffer
+
+    @contextmanager
+    def mapped(
+        self, buffer: cl.Buffer, shape: tuple[int, ...], dtype: type
+    ) -> Iterator[np.ndarray]:
+        """What a buffer holds when the queue is done, within a ``with`` block; no copy on a CPU."""
+        where = cl.map_flags.READ, 0, shape, np.dtype(dtype)
+        view, _ = cl.enqueue_map_buffer(self.queue, buffer, *where)
+        try:
+            yield view
+        finally:
+            view.base.release(self.queue)
 
 
 @functools.cache

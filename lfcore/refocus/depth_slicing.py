@@ -31,7 +31,6 @@ LEAST_OF_RAY, LEAST_OF_ALL = 0.5, 2.0
 """Least side of a box: of the distance between neighbouring rays of a view, and of all views
 together where they are in focus, whichever is less: measured there."""
 STRIPS_A_THREAD = 2
-PAGE = 4096
 MOST_RAYS_A_PIXEL = 1 << 20
 """Sums are 63 bits, a ray 2^40."""
 
@@ -86,7 +85,7 @@ class DepthSlicer:
         self._strips = -(-pixels // self._rows)
         self._planes = self.device.buffer(self._plane_records())
         size = self.sums_bytes(len(planes), pixels, len(bounds_px), self._rows)
-        self._sums = [self._zeros(size) for _ in range(2)]
+        self._sums = [self.device.zeros(size) for _ in range(2)]
 
     def _cells_of(self, plane: SensorPlane) -> LensCells:
         """What the views stand for in a plane's aperture."""
@@ -100,17 +99,6 @@ class DepthSlicer:
         rows = rows or pixels
         lines = -(-pixels // rows) * (rows + 1)
         return planes * (2 * bounds + 1) * lines * (pixels + 1) * 32
-
-    def _zeros(self, size: int) -> cl.Buffer:
-        if self.device.is_cpu:
-            # The system's zeros, in pages as large as it has: a driver's are touched twice.
-            raw = np.zeros(size + PAGE, np.uint8)
-            host = raw[-raw.ctypes.data % PAGE :][:size]
-            flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
-            return cl.Buffer(self.device.context, flags, hostbuf=host)
-        buffer = self.device.empty(size)
-        cl.enqueue_fill_buffer(self.device.queue, buffer, np.zeros(1, np.uint64), 0, size)
-        return buffer
 
     def _scale(self, plane: SensorPlane) -> float:
         """Pixels of a picture, a metre of the lens and a dioptre."""

@@ -57,7 +57,7 @@ def trace_planes(
     """
     layout = FrameLayout("macropixels", slab.views, slab.pixels, pixel_format="yuv444p")
     done, parts = 0, []
-    for tile in layout.tiles(TILE_RAYS):
+    for tile in layout.tiles(TILE_RAYS, least=1):
         count = (
             (lambda n, _, before=done: progress(before + n, slab.pixels**2)) if progress else None
         )

@@ -91,7 +91,7 @@ class Groups:
             return cls(np.arange(len(bundles.elements), dtype=np.int32)[:, None], bundles.elements)
         size = np.array([group, group * tall])
         strips, slots = np.divmod(np.asarray(coordinates, np.int64), size)
-        key, strip = np.unique(strips[:, 1] << 32 | strips[:, 0], return_inverse=True)
+        key, strip = ranks(strips[:, 1] << 32 | strips[:, 0])
         members = np.full((len(key), group * size[1]), -1, np.int32)
         members[strip, slots[:, 1] * group + slots[:, 0]] = np.arange(len(strips), dtype=np.int32)
         members = members.reshape(-1, group**2)
@@ -101,3 +101,14 @@ class Groups:
         corners = corners[:, None] + np.stack([np.zeros(tall), np.arange(tall) * group], axis=1)
         assert bundles.lattice is not None  # without one no block spans elements
         return cls(members, bundles.lattice.middles(corners.reshape(-1, 2) + (group - 1) / 2))
+
+
+def ranks(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As numpy's unique: the distinct keys, sorted, and which of them each of ``keys`` (E,) is.
+
+    Consecutive ones, as pixels of a row are, are often equal: only the first of each such run is
+    sorted.
+    """
+    begins = np.append(True, keys[1:] != keys[:-1])
+    distinct, rank = np.unique(keys[begins], return_inverse=True)
+    return distinct, rank[np.cumsum(begins) - 1]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lfcore.errors import DeviceError
-from lfcore.opencl.device import Device, cl
+from lfcore.opencl.device import Device
 from lfcore.optics.plane_sums import PlaneSums, offsets
 from lfcore.optics.plane_tables import PlaneTables, beam_targets, lens_tables, view_tables
 from lfcore.optics.planes import SensorPlane
@@ -71,9 +71,8 @@ class PlaneBuffers:
         self.device, self.slab, self.planes = device, slab, planes
         self.tables = t = tables
         self.workers = workers_that_fit(device, len(planes) * t.height * t.width * 4 * 8)
-        shape = (self.workers, len(planes), t.height, t.width, 4)
-        self._host = np.zeros(shape if planes else (0,), np.uint64)
-        self._sums = device.changed(self._host)
+        self._shape = (self.workers, len(planes), t.height, t.width, 4)
+        self._sums = device.zeros(8 * math.prod(self._shape))
         self._tables = [device.buffer(a) for a in t.arrays]
 
     def arguments(self) -> list:
@@ -97,10 +96,11 @@ class PlaneBuffers:
         """Read back what was added so far."""
         t = self.tables
         sums = np.empty((len(self.planes), 3, t.height, t.width), np.uint64)
-        if self.planes:
-            cl.enqueue_copy(self.device.queue, self._host, self._sums)
-            total = self._host.sum(axis=0, dtype=np.uint64)
-            sums[t.order] = np.moveaxis(total[..., :3], -1, 1)
+        if sums.size:
+            with self.device.mapped(self._sums, self._shape, np.uint64) as workers:
+                for number, plane in enumerate(t.order):
+                    of_plane = np.moveaxis(workers[:, number, ..., :3], -1, 1)
+                    np.add.reduce(of_plane, axis=0, out=sums[plane])
         return PlaneSums(self.slab, self.planes, sums, t.left, t.top)
 
 

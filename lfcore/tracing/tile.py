@@ -16,7 +16,7 @@ from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.tracing.device_scene import RAY_ARGUMENTS, SCENE_ARGUMENTS, DeviceScene
-from lfcore.tracing.packets import Groups, PacketShape
+from lfcore.tracing.packets import Groups, PacketShape, ranks
 from lfcore.tracing.plane_buffers import (
     PLANE_ARGUMENTS,
     PlaneBuffers,
@@ -133,7 +133,8 @@ class TraceSlab:
         self, tracing: TileTracing, progress: Callable[[int, int], None] | None
     ) -> Iterator[Chunk]:
         places = np.zeros((len(self.elements), 4), np.int32)
-        places[:, :3] = self.tile.placement(self.elements)
+        if self.frames:
+            places[:, :3] = self.tile.placement(self.elements)
         places[:, 3] = self.elements[:, 0] | self.elements[:, 1] << 16
         cuts = self._cuts(places[:, 0])
         hosts = _FrameHost(self.scene.device, self.layout, self._frames_per_chunk())
@@ -171,6 +172,8 @@ class TraceSlab:
         if self.frames:
             starts = np.append(np.flatnonzero(np.diff(frame_of, prepend=-1)), total)
             step = self._frames_per_chunk()
+        if step >= len(starts) - 1:
+            return np.array([0, total])
         whole = starts[_parts_no_group(self.elements, self.shape.group)[starts]]
         cuts, at = [0], 0
         while cuts[-1] < total:
@@ -205,7 +208,7 @@ class TraceSlab:
 def _parts_no_group(elements: np.ndarray, group: int) -> np.ndarray:
     """(E + 1,) bool: whether a cut before element e leaves every group x group cell whole."""
     cells = elements // group
-    _, cell = np.unique(cells[:, 1].astype(np.int64) << 32 | cells[:, 0], return_inverse=True)
+    cell = ranks(cells[:, 1].astype(np.int64) << 32 | cells[:, 0])[1]
     last = np.zeros(cell.max() + 1, np.int64)
     np.maximum.at(last, cell, np.arange(len(cell)))
     open_until = np.maximum.accumulate(last[cell])

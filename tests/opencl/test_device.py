@@ -1,9 +1,10 @@
 """Devices by name and what they refuse; programs that are built once a process."""
 
+import numpy as np
 import pytest
 
 from lfcore.errors import DeviceError
-from lfcore.opencl.device import build_program, open_device
+from lfcore.opencl.device import build_program, cl, open_device
 
 FILE = "tracing/kernels/simd/lanes.cl"
 
@@ -45,3 +46,14 @@ def test_a_program_is_built_once_for_each_set_of_options(device):
 def test_what_cannot_be_built_says_why(device):
     with pytest.raises(DeviceError, match=r"lanes\.cl failed:(?s:.*)float5"):
         build_program(device, [FILE], {"LANES": 5})
+
+
+@pytest.mark.parametrize("nbytes", [0, 8, 5000])
+def test_a_buffer_of_zeros_is_read_as_it_is_filled(device, nbytes):
+    buffer, count = device.zeros(nbytes), max(nbytes, 64) // 8
+    with device.mapped(buffer, (count,), np.uint64) as held:
+        assert (held == 0).all()
+    changed = np.arange(count, dtype=np.uint64)
+    cl.enqueue_copy(device.queue, buffer, changed)
+    with device.mapped(buffer, (count,), np.uint64) as held:
+        assert (held == changed).all()

@@ -4,14 +4,23 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from tracing_scenes import CAMERA
 
 from lfcore.optics.bundles import Lattice, macropixels, views
 from lfcore.optics.slab import Slab
-from lfcore.tracing.packets import Groups, PacketShape
+from lfcore.tracing.packets import Groups, PacketShape, ranks
 from lfcore.tracing.plan import best_outer, leaves_a_ray, probed_blocks
 
 SLAB = Slab(CAMERA, 16, 64)
+
+
+@given(st.lists(st.integers(-3, 3), min_size=1, max_size=40))
+def test_ranks_are_those_of_all_distinct_keys(keys):
+    found = ranks(np.array(keys))
+    for ours, theirs in zip(found, np.unique(keys, return_inverse=True), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
 
 
 @pytest.mark.parametrize("group, tall", [(4, 1), (4, 3), (2, 4), (1, 8), (1, 1)])
