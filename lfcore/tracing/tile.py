@@ -32,6 +32,9 @@ CHUNK_BYTES = 64 << 20
 ENCODER_FRAMES, LEAST_FRAMES = 56, 16
 """What x264 keeps at the default settings, in frames handed over; the fewest for a chunk beside
 it, since each costs a call of the device."""
+GROUPED_SHARE = 2
+"""Times CHUNK_BYTES that a chunk may take so as to part no group: of 32 x 32 views of 512 pixels a
+row of groups takes 100 MiB, and to trace parted groups twice took twice as long."""
 CHUNK_RAYS = 1 << 26
 PAGE = 4096
 
@@ -137,7 +140,8 @@ class TraceSlab:
             places[:, :3] = self.tile.placement(self.elements)
         places[:, 3] = self.elements[:, 0] | self.elements[:, 1] << 16
         cuts = self._cuts(places[:, 0])
-        hosts = _FrameHost(self.scene.device, self.layout, self._frames_per_chunk())
+        ends = places[cuts[1:] - 1, 0] + 1 if self.frames else np.zeros(1, int)
+        hosts = _FrameHost(self.scene.device, self.layout, int(np.diff(ends, prepend=0).max()))
         for start, stop in itertools.pairwise(cuts):
             begun = time.perf_counter()
             first = int(places[start, 0])
@@ -154,8 +158,6 @@ class TraceSlab:
         tracing.plane_sums = self.sums.collect()
 
     def _frames_per_chunk(self) -> int:
-        if not self.frames:
-            return 0
         room = CHUNK_BYTES // self.layout.frame_bytes
         if self.shape.group == 1:  # else it would part groups, whose rays are then traced twice
             room = max(room - ENCODER_FRAMES, min(room, LEAST_FRAMES))
@@ -175,6 +177,10 @@ class TraceSlab:
         if step >= len(starts) - 1:
             return np.array([0, total])
         whole = starts[_parts_no_group(self.elements, self.shape.group)[starts]]
+        if self.frames:
+            grouped = int(np.diff(np.searchsorted(starts, whole)).max())
+            if grouped * self.layout.frame_bytes <= GROUPED_SHARE * CHUNK_BYTES:
+                step = max(step, grouped)
         cuts, at = [0], 0
         while cuts[-1] < total:
             furthest = starts[min(at + step, len(starts) - 1)]

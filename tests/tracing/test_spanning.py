@@ -174,15 +174,17 @@ def test_every_lane_width_makes_the_same(device, spans, lanes):
     assert np.abs(wide[1].astype(float) / narrow[1] - 1).max() < 1e-3
 
 
-def test_chunks_do_not_part_groups(monkeypatch):
-    """A chunk ends where a row of groups does, so that no group is traced twice."""
+@pytest.mark.parametrize(("room", "sizes"), [(100, [64] * 4), (40, [64] * 4), (30, [30] * 2 + [4])])
+def test_chunks_do_not_part_groups(monkeypatch, room, sizes):
+    """A chunk ends where a row of groups does, so that no group is traced twice; unless such a row
+    takes more than twice the room of a chunk."""
     from lfcore.tracing import tile as tiles
 
     layout = FrameLayout("macropixels", 16, 16, "raster", 1, "yuv444p")
-    monkeypatch.setattr(tiles, "CHUNK_BYTES", layout.frame_bytes * 100)
+    monkeypatch.setattr(tiles, "CHUNK_BYTES", layout.frame_bytes * room)
     tracer, slab = spanning(lit_soup(), 4), Slab(CAMERA, 16, 16)
     tracing = tracer.trace_tile(slab, layout.tiles(1 << 30)[0], LIT_PLANES)
-    assert [len(chunk.frames) for chunk in tracing] == [64, 64, 64, 64]
+    assert [len(chunk.frames) for chunk in tracing][: len(sizes)] == sizes
 
 
 def test_chunks_leave_room_for_the_encoder_where_packets_share_nothing(monkeypatch):
