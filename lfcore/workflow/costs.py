@@ -182,18 +182,32 @@ def job_cost(
 ) -> Cost:
     """What all jobs of a stage take for one scene and N (0 without) at M = ``pixels``.
 
-    Measured costs are joined by a power of N, and linearly in the number of pixels; a scene that
-    was not measured costs what the dearest does.
+    Measured costs are joined by a power of N, and linearly in the number of pixels.  A scene that
+    was not measured costs what the dearest does; one that was measured at a single M grows with M
+    as the one that was measured at most.
     """
     known = measured_costs(file).get(stage)
     if not known:
         return SMALL_JOB
-    names = {name for name, _, _ in known}
-    of_scenes = [
-        Cost(*(_between(known, name, views, pixels, field.name) for field in fields(Cost)))
-        for name in ([scene] if scene in names else sorted(names))
-    ]
-    return max(of_scenes, key=lambda cost: cost.core_seconds)
+    names = sorted({name for name, _, _ in known})
+    sizes = {name: {m for other, _, m in known if other == name} for name in names}
+    widest = max(names, key=lambda name: len(sizes[name]))
+
+    def cost(name: str, size: int) -> Cost:
+        each = (_between(known, name, views, size, field.name) for field in fields(Cost))
+        return Cost(*each)
+
+    if scene not in names:
+        return max((cost(name, pixels) for name in names), key=lambda one: one.core_seconds)
+    if len(sizes[scene]) > 1 or len(sizes[widest]) == 1:
+        return cost(scene, pixels)
+    (size,) = sizes[scene]
+    there, here, own = cost(widest, pixels), cost(widest, size), cost(scene, size)
+    grown = (
+        getattr(own, field.name) * getattr(there, field.name) / (getattr(here, field.name) or 1.0)
+        for field in fields(Cost)
+    )
+    return Cost(*grown)
 
 
 def _between(known: Measured, scene: str, views: int, pixels: int, what: str) -> float:
@@ -224,9 +238,8 @@ def _power(points: Sequence[tuple[int, float]], views: int) -> float:
 
 
 def _linear(points: Sequence[tuple[float, float]], place: float) -> float:
-    """Between two points by the line through them, beyond the last by the last two; before the
-    first, and of one alone, that one."""
-    if place <= points[0][0] or len(points) == 1:
+    """By the line through the points on both sides, or the nearest two; one alone is constant."""
+    if len(points) == 1:
         return points[0][1]
     (x0, y0), (x1, y1) = next(
         (pair for pair in itertools.pairwise(points) if place <= pair[1][0]), points[-2:]

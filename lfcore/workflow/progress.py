@@ -38,6 +38,8 @@ TOOK = Path(".snakemake") / "took.csv"
 EVERY_SECONDS = 60.0
 TRUSTED_SECONDS = 300.0
 """Jobs must have taken about so long before their pace counts as much as the measured one."""
+TOLD_SHARE = 0.1
+"""A job of which so much is done says by its own pace how long the rest takes."""
 SHARE = re.compile(rb": (\d+) of (\d+)$", re.MULTILINE)
 USAGE = re.compile(rb"^took ([\d.]+) s, ([\d.]+) core s, (\d+) MiB$", re.MULTILINE)
 """The last line of a job's log; see :func:`lfcore.workflow.job.usage`."""
@@ -182,12 +184,19 @@ class Progress(logging.Handler):
             after = [places[n] for k in job.task.after if (n := by_place[k]) in places]
             cost = job.task.cost
             if job.begun is not None:
-                whole = job.task.seconds(pace)
-                gone = max(self.clock() - job.begun, whole * job.done_share())
-                rest = max(whole - gone, whole / 20) / pace - START_SECONDS
+                rest = self._rest(job, self.clock() - job.begun, pace) / pace - START_SECONDS
                 cost = replace(cost, core_seconds=rest * job.task.threads)
             tasks.append(replace(job.task, cost=cost, after=tuple(after)))
         return forecast(tasks, self.cores, pace).seconds
+
+    @staticmethod
+    def _rest(job: Known, gone: float, pace: float) -> float:
+        """Seconds that a running job has left: by its own log if that says enough, else as told."""
+        share = job.done_share()
+        if share >= TOLD_SHARE:
+            return gone * (1 - share) / share
+        whole = job.task.seconds(pace)
+        return max(whole - gone, whole / 20)
 
     def line(self) -> str:
         """Rays done of all, jobs, time left, what runs now."""

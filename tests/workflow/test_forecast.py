@@ -39,7 +39,9 @@ def test_what_was_measured_is_told_and_what_lies_between_lies_between(table):
     assert seconds(table, "trace", "a", 16, middle**0.5) == pytest.approx(22)  # linear in M²
     assert seconds(table, "trace", "a", 16, 400) == pytest.approx(34 + 8 / 10**4 * (160000 - 40000))
     assert seconds(table, "trace", "a", 128, 100) == pytest.approx(160)  # as its rays
+    assert seconds(table, "trace", "a", 16, 50) == pytest.approx(10 - 8 / 10**4 * 7500)
     assert seconds(table, "trace", "other", 16, 100) == 20  # as the dearest
+    assert seconds(table, "trace", "b", 16, 200) == pytest.approx(20 * 34 / 10)  # grows as a does
     assert seconds(table, "study", "", 0, 512) == 50
     assert job_cost("unknown", file=table) == costs.SMALL_JOB
 

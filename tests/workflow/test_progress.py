@@ -81,6 +81,9 @@ def test_the_line_follows_the_jobs(run):
     assert line.startswith("2.0 of 4.0 million rays; 0 of 3 jobs; ")
     assert line.endswith("now: trace bike N = 16")
     assert made.seconds_left() == pytest.approx(30 + 60)  # 7 has half of its time left, 9 all
+    clock.now = 120.0  # 7 should be done, and 8 says that a third is left
+    assert made.seconds_left() == pytest.approx(60 + 60)
+    clock.now = 30.0
     clock.now = 60.0
     (folder / "7.out").write_bytes(b"12345")
     (folder / "7.log").write_text("tiles: 1 of 1\ntook 58.0 s, 57.5 core s, 123 MiB\n")
