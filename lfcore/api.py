@@ -98,6 +98,7 @@ def render(
     pixels : M, side of the pictures.
     views : N x N lens samples; default 8, or 16 with the filter ``nearest``.
     subpixels : side of the grid of rays of a lens sample and pixel; default 2, with ``nearest`` 1.
+        No less than 1 with ``nearest``.
     filter : ``depth`` spreads a ray over what its part of lens and pixel sweeps at the depth that
         it met; with ``nearest`` it counts in the pixel that it falls on (Algorithm 1).
     device : open, or part of its name.
@@ -127,16 +128,15 @@ def render(
     else:
         wanted = list(planes)
     camera = _lens_for(scene, wanted)
-    if filter == "nearest" and subpixels is not None:
-        raise OpticsError("belong to the filter 'depth'", key="subpixels", remedy="Leave them out")
-    views = views or (DEFAULT_COUNT.views if filter == "depth" else VIEWS)
-    slab = Slab(camera, views, pixels)
+    usual = DEFAULT_COUNT if filter == "depth" else RayCount(VIEWS, 1)
+    count = RayCount(views or usual.views, usual.subpixels if subpixels is None else subpixels)
     if filter == "depth":
-        count = RayCount(views, DEFAULT_COUNT.subpixels if subpixels is None else subpixels)
         tracer = open_tracer(scene, device)
         made = pictures_by_depth(tracer, camera, wanted, pixels, count, progress=progress)
     else:
-        made = _nearest(open_tracer(scene, device), slab, wanted, progress)
+        slab = Slab(camera, count.views, count.side(pixels))
+        coarse = [replace(plane, pixels=pixels) for plane in wanted]
+        made = _nearest(open_tracer(scene, device), slab, coarse, progress)
     return made[0] if planes is None else made
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any, Unpack
 
 import numpy as np
@@ -146,17 +147,13 @@ class LightField(LightFieldFile):
         filter : ``depth`` spreads each ray over what its part of the lens sweeps, as
             :func:`lfcore.render` does: the default where the file holds depth; ``nearest``, the
             default else, or ``bilinear``.
-        pixels : M of pictures by depth; default what the file was traced for.
+        pixels : M; default what the file was traced for by depth, and of its views else.  Slicing
+            adds rays to pictures coarser than the views by their exact place.
         progress : called with (frames done, frames in all).
         """
         self.require_slab()
         if filter is None:
             filter = "depth" if self.metadata.depth and method is None else "nearest"
-        if pixels is not None and filter != "depth":
-            raise OpticsError(
-                "belong to the filter 'depth'", file=self.path, key="pixels",
-                remedy="Leave them out",
-            )  # fmt: skip
         method = check_method(method, filter)
         pictures = self._refocus(planes, method, filter, pixels, device, progress)
         return pictures if self.white == 1.0 else pictures * np.float32(self.white)
@@ -352,6 +349,8 @@ class LightField(LightFieldFile):
             )
         if filter == "depth":
             return slice_stored(self, planes, pixels, device=device, progress=progress)
+        if pixels is not None:
+            planes = [replace(plane, pixels=pixels) for plane in planes]
         if method == "slicing" and self.require_slab().extent:
             method = "shift-sum"  # the same sums, and it knows of grids in part
         if method == "shift-sum":

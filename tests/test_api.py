@@ -83,7 +83,7 @@ def test_rays_count_by_their_depth_unless_asked_otherwise(recorded):
     assert np.sqrt(np.mean((few[1:] - alone)[inner] ** 2)) < 0.01
     for wrong, what in (
         ({"filter": "cubic"}, "unknown filter 'cubic'"),
-        ({"filter": "nearest", "subpixels": 2}, "belong to the filter 'depth'"),
+        ({"filter": "nearest", "subpixels": 0.5}, "pixels: a picture of 8 pixels is finer"),
         ({"subpixels": float("nan")}, "subpixels: must be above 0"),
     ):
         with pytest.raises(lfcore.OpticsError, match=what):

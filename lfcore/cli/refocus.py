@@ -61,7 +61,8 @@ def add_method(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     how.add_argument(
         "--size", type=int, metavar="M",
-        help="M x M pixels, of pictures by depth (default: what the file was traced for)",
+        help="M x M pixels (default: what the file was traced for); by slicing no more than of its "
+        "views",
     )  # fmt: skip
     add_device(how)
 

@@ -79,7 +79,10 @@ def render_options(command: argparse.ArgumentParser) -> None:
     add(
         "--views", type=int, metavar="N", help="N x N lens samples (8, or 16 with --filter nearest)"
     )
-    add("--subpixels", type=float, metavar="Q", help="Q x Q rays of a pixel and lens sample (2)")
+    add(
+        "--subpixels", type=float, metavar="Q",
+        help="Q x Q rays of a pixel and lens sample (2; 1 with --filter nearest)",
+    )  # fmt: skip
     add(
         "--filter", choices=("depth", "nearest"), default="depth",
         help="how a ray counts: over what its part of lens and pixel sweeps at the depth that "
@@ -214,12 +217,14 @@ def _check_rays(arguments: argparse.Namespace) -> None:
 def _rays(arguments: argparse.Namespace, size: int) -> int:
     """Rays that pictures are made of; 0 where their disagreement is to say how many."""
     from lfcore.api import VIEWS
-    from lfcore.rendering.by_depth import DEFAULT_COUNT
+    from lfcore.rendering.by_depth import DEFAULT_COUNT, RayCount
 
     if arguments.quality is not None:
         return 0
-    if arguments.pinhole or arguments.filter == "nearest":
-        return ((1 if arguments.pinhole else arguments.views or VIEWS) * size) ** 2
+    if arguments.pinhole:
+        return size**2
+    if arguments.filter == "nearest":
+        return RayCount(arguments.views or VIEWS, arguments.subpixels or 1).rays(size)
     return _by_depth(arguments, DEFAULT_COUNT).rays(size)
 
 

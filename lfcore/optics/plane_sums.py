@@ -6,7 +6,7 @@ whatever order and on however many threads or tiles they were added.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,8 +23,8 @@ FIXED_ONE = 1 << 20
 def targets(slab: Slab, plane: SensorPlane) -> np.ndarray:
     """Pixel that a ray of pixel u and lens column i falls on: (M, N) int32 (rows v, j alike).
 
-    ``floor(u + shift_i + 1/2)``, after magnification about the centre where it is kept; a pixel
-    outside [0, M) is outside the picture.
+    ``floor(u + shift_i + 1/2)``, after magnification about the centre where it is kept or where the
+    plane has pixels of its own; a pixel outside [0, M), or its own, is outside the picture.
     """
     return np.arange(slab.pixels, dtype=np.int32)[:, None] + offsets(slab, plane)
 
@@ -32,22 +32,22 @@ def targets(slab: Slab, plane: SensorPlane) -> np.ndarray:
 def offsets(slab: Slab, plane: SensorPlane) -> np.ndarray:
     """:func:`targets` relative to the pixel: (M, N) int32, or (1, N) where all pixels agree,
     which they do unless magnification is kept."""
-    shifts = np.clip(plane.shifts(slab), -1e6, 1e6)
-    magnification = plane.magnification(slab)
-    if magnification == 1.0:
+    shifts, side = np.clip(plane.shifts(slab), -1e6, 1e6), plane.side(slab)
+    scale = plane.magnification(slab) * (side / slab.pixels)
+    if scale == 1.0 and side == slab.pixels:
         return np.floor(shifts + 0.5).astype(np.int32)[None, :]
     pixels, centre = np.arange(slab.pixels)[:, None], (slab.pixels - 1) / 2
-    moved = (pixels + shifts[None, :] - centre) * magnification + centre
+    moved = (pixels + shifts[None, :] - centre) * scale + (side - 1) / 2
     return np.floor(np.clip(moved, -1e6, 1e6) + 0.5).astype(np.int32) - pixels.astype(np.int32)
 
 
 def ray_counts(slab: Slab, plane: SensorPlane) -> np.ndarray:
-    """(M, M) int64: how many recorded rays within the aperture fall on each pixel.
+    """(P, P) int64: how many recorded rays within the aperture fall on each pixel of the picture.
 
     Separable but for the mask: count = A mask A^T with A[x, i] the number of pixel columns u
     whose ray through lens column i falls on x.
     """
-    size, columns = slab.pixels, targets(slab, plane)
+    size, columns = plane.side(slab), targets(slab, plane)
     inside = (columns >= 0) & (columns < size)
     lens = np.broadcast_to(np.arange(slab.views), columns.shape)
     keys = columns[inside].astype(np.int64) * slab.views + lens[inside]
@@ -58,6 +58,21 @@ def ray_counts(slab: Slab, plane: SensorPlane) -> np.ndarray:
     counts = np.rint(distinct @ plane.mask(slab).astype(np.float64) @ distinct.T).astype(np.int64)
     alike = np.diff(np.append(begins, size))
     return counts.repeat(alike, axis=0).repeat(alike, axis=1)
+
+
+def common_side(slab: Slab, planes: Sequence[SensorPlane]) -> int:
+    """Pixels of the side of all of these planes, the slab's where there is none.
+
+    Raises :class:`OpticsError` for planes of several sizes, which are no one array.
+    """
+    sides = {plane.side(slab) for plane in planes} or {slab.pixels}
+    if len(sides) > 1:
+        raise OpticsError(
+            f"planes of {' and '.join(map(str, sorted(sides)))} pixels cannot be formed together",
+            key="pixels",
+            remedy="Form pictures of one size at a time",
+        )
+    return sides.pop()
 
 
 @dataclass
@@ -104,20 +119,23 @@ class PlaneSums:
         return both
 
     def pictures(self) -> np.ndarray:
-        """(P, M, M, 3) float32, linear light: sums over open lens samples or over all N^2.
+        """(P, M, M, 3) float32, linear light: sums over open lens samples or over all N^2 of each
+        pixel of the slab.
 
-        A pixel that no recorded ray reaches is black.
+        M is the planes' own.  A pixel that no recorded ray reaches is black.
         """
         if self.sums.shape[2:] != (self.slab.pixels, self.slab.pixels):
             raise OpticsError("the planes are not whole yet", remedy="Add all tiles first")
-        out = np.empty((len(self.planes), self.slab.pixels, self.slab.pixels, 3), np.float32)
+        side = common_side(self.slab, self.planes)
+        out = np.empty((len(self.planes), side, side, 3), np.float32)
         for picture, plane, sums in zip(out, self.planes, self.sums, strict=True):
             if plane.normalise == "lens":
-                rays = np.full(sums.shape[1:], self.slab.views**2)
+                rays = np.full((side, side), (self.slab.views * self.slab.pixels / side) ** 2)
             else:
                 rays = np.maximum(ray_counts(self.slab, plane), 1)
-            whole = rays * float(FIXED_ONE)
-            np.divide(sums, whole, out=picture.transpose(2, 0, 1), casting="same_kind")
+            # What falls beside a picture of fewer pixels than the slab lies beside it here, too.
+            own, whole = sums[:, :side, :side], rays * float(FIXED_ONE)
+            np.divide(own, whole, out=picture.transpose(2, 0, 1), casting="same_kind")
         return out
 
     def save(self, path: str | Path) -> None:

@@ -83,7 +83,8 @@ class SensorPlane:
 
     ``normalise`` divides by the open lens samples (``aperture``, thesis figure 4.4) or by all
     N^2 of them, so that the picture dims as the lens stops down (``lens``, figure 4.3).
-    ``keep_magnification`` keeps the physical sensor's v'/v.
+    ``keep_magnification`` keeps the physical sensor's v'/v.  ``pixels`` is the side of a picture
+    coarser than the slab, on which rays fall by their exact place; default is the slab's own.
     """
 
     focus_distance_m: float
@@ -93,12 +94,15 @@ class SensorPlane:
     rotation_deg: float = 0.0
     normalise: str = "aperture"
     keep_magnification: bool = False
+    pixels: int | None = None
 
     def __post_init__(self) -> None:
         if self.normalise not in NORMALISATIONS:
             raise OpticsError(
                 f"unknown normalisation {self.normalise!r}", remedy=f"Use one of {NORMALISATIONS}"
             )
+        if self.pixels is not None and self.pixels < 1:
+            raise OpticsError(f"must be positive, not {self.pixels}", key="pixels")
 
     @classmethod
     def of(
@@ -141,6 +145,26 @@ class SensorPlane:
                 f"aperture f/{self.f_number:g} is wider than the lens, f/{camera.f_number:g}",
                 key="f_number",
                 remedy=f"Use f/{camera.f_number:g} or a larger number, or trace a wider lens",
+            )
+        if self.side(slab) > slab.pixels:
+            raise OpticsError(
+                f"a picture of {self.pixels} pixels is finer than the slab's {slab.pixels}",
+                key="pixels",
+                remedy=f"Ask for {slab.pixels} at most, or slice by depth",
+            )
+
+    def side(self, slab: Slab) -> int:
+        """Pixels of the picture's side."""
+        return slab.pixels if self.pixels is None else self.pixels
+
+    def check_pixels(self, pixels: int) -> None:
+        """Raise :class:`OpticsError` where a method forms pictures of ``pixels`` alone, and this
+        one is of others."""
+        if self.pixels not in (None, pixels):
+            raise OpticsError(
+                f"a picture of {self.pixels} pixels from rays of {pixels} is formed by slicing",
+                key="pixels",
+                remedy="Use the method slicing, or leave pixels out",
             )
 
     def mask(self, slab: Slab) -> np.ndarray:

@@ -15,7 +15,7 @@ from lfcore.optics.slab import Slab
 def form_plane(
     slab: Slab, plane: SensorPlane, light: np.ndarray, *, bilinear: bool = False
 ) -> np.ndarray:
-    """One picture (M, M, 3) float64, linear light, row v and column u.
+    """One picture (M, M, 3) float64, linear light, row v and column u; M is the plane's own.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def form_plane(
     A pixel is the sum of its rays through the open lens samples, divided by their number (or
     share) with ``normalise='aperture'``, by N^2 with ``'lens'``; black where none fell.
     """
-    size, views = slab.pixels, slab.views
+    size, views = plane.pixels or slab.pixels, slab.views
     total, weight = np.zeros((size, size, 3)), np.zeros((size, size))
     mask = plane.mask(slab)
     for j in range(views):
@@ -37,7 +37,7 @@ def form_plane(
                 for y, share_y in _targets(slab, plane, j, bilinear):
                     _scatter(total, weight, light[:, :, j, i], x, y, share_x, share_y)
     if plane.normalise == "lens":
-        return total / views**2
+        return total / (views * slab.pixels / size) ** 2
     return total / np.where(weight > 0, weight, 1)[:, :, None]
 
 
@@ -45,9 +45,10 @@ def _targets(
     slab: Slab, plane: SensorPlane, sample: int, bilinear: bool
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """(target, share) of the rays of pixels 0 .. M - 1 through one lens column (or row)."""
-    centre = (slab.pixels - 1) / 2
-    position = np.arange(slab.pixels) + plane.shifts(slab)[sample]
-    position = (position - centre) * plane.magnification(slab) + centre
+    size = plane.pixels or slab.pixels
+    coarser = plane.magnification(slab) * (size / slab.pixels)
+    position = np.arange(slab.pixels) + plane.shifts(slab)[sample] - (slab.pixels - 1) / 2
+    position = position * coarser + (size - 1) / 2
     if not bilinear:
         return [(np.floor(position + 0.5).astype(np.int64), np.ones(slab.pixels))]
     low = np.floor(position).astype(np.int64)

@@ -62,6 +62,7 @@ class DepthSlicer:
     ):
         for plane in planes:
             plane.check(views.slab)
+            plane.check_pixels(pixels)
         slab = views.slab
         if slab.rays > MOST_RAYS_A_PIXEL * pixels**2:
             raise OpticsError(

@@ -216,6 +216,7 @@ def _check(slab: Slab, planes: Sequence[SensorPlane], tolerance_px: float) -> No
         raise OpticsError(f"must be positive, not {tolerance_px}", key="tolerance_px")
     for plane in planes:
         plane.check(slab)
+        plane.check_pixels(slab.pixels)
     if any(plane.keep_magnification for plane in planes):
         raise OpticsError(
             "a fast focal stack does not keep the magnification",

@@ -54,6 +54,7 @@ class ViewSummer:
         check_filter(filter)
         for plane in planes:
             plane.check(slab)
+            plane.check_pixels(slab.pixels)
         self.slab, self.planes, self.filter = slab, list(planes), filter
         self.device = device or open_device()
         self._masks = [plane.mask(slab) for plane in planes]

@@ -1,5 +1,6 @@
 """The ``lfcore`` command: what it writes, what it says, what it leaves behind when it fails."""
 
+import argparse
 import json
 import os
 import subprocess
@@ -13,6 +14,7 @@ from PIL import Image
 
 import lfcore
 from lfcore.cli import COMMANDS, main
+from lfcore.cli.render import _rays
 from lfcore.colour import srgb_encode
 from lfcore.exchange.pictures import read_pfm
 from lfcore.exr import read_exr_picture
@@ -233,11 +235,17 @@ def test_rays_that_do_not_go_together_are_refused(tmp_path, capsys):
         (["--quality", "40", "--views", "4"], "--quality: chooses the rays itself"),
         (["--quality", "40", "--filter", "nearest"], "--quality: chooses the rays itself"),
         (["--pinhole", "--subpixels", "2"], "--pinhole: has neither"),
-        (["--filter", "nearest", "--subpixels", "2"], "belong to the filter 'depth'"),
+        (["--filter", "nearest", "--subpixels", "0.5"], "a picture of 16 pixels is finer"),
         (["--subpixels", "-1"], "subpixels: must be above 0"),
     ):
         assert main(["render", str(CHART), *options, *out]) == 1
         assert key in capsys.readouterr().err
+    assert main(["render", str(CHART), "--filter", "nearest", "--subpixels", "2", *out]) == 0
+    assert "wrote" in capsys.readouterr().err
+    said = argparse.Namespace(
+        quality=None, pinhole=False, filter="nearest", views=None, subpixels=2.0
+    )
+    assert _rays(said, 16) == (16 * 32) ** 2  # 16 x 16 lens samples by 32 x 32 pixels
     assert main(["render", str(CHART), "--quality", "30", *out]) == 0
     assert "dB expected" in capsys.readouterr().err
 

@@ -75,6 +75,7 @@ planes = st.lists(
         f_number=st.sampled_from([2.0, 4.0, 8.0]),
         shape=st.sampled_from(["circle", "square"]),
         keep_magnification=st.booleans(),
+        pixels=st.sampled_from([None, 1, 2]),
     ),
     min_size=1,
     max_size=5,

@@ -29,6 +29,11 @@ PLANES = [
     SensorPlane(0.9, 2.3, "polygon", keep_magnification=True),
     SensorPlane(2.0, 1e5),
 ]
+COARSE = [
+    SensorPlane(1.1, 2.0, "square", pixels=5),
+    SensorPlane(9.7, 2.0, pixels=4),
+    SensorPlane(0.9, 2.3, "polygon", keep_magnification=True, pixels=3),
+]
 
 
 class Light:
@@ -91,12 +96,13 @@ def test_sums_are_those_of_every_ray(form, views, pack, lanes):
     layout = FrameLayout("macropixels", views, 12, pack=pack, pixel_format=form)
     tile = layout.tile(6, 0, 6, 4)
     frames = smooth_frames(tile, views)
-    former, half = PlaneFormer(slab, tile, PLANES, device), len(frames) // 2
+    planes = [*PLANES, *COARSE]
+    former, half = PlaneFormer(slab, tile, planes, device), len(frames) // 2
     former.add(frames[:half], 0)
     former.add(frames[half:], half)
     got, rays = former.plane_sums(), light_of(frames, tile, open_device())
     height, width = got.sums.shape[2:]
-    for plane, found in zip(PLANES, got.sums, strict=True):
+    for plane, found in zip(planes, got.sums, strict=True):
         whole = np.zeros((3, 12, 12), np.uint64)
         whole[:, got.top : got.top + height, got.left : got.left + width] = found
         np.testing.assert_array_equal(whole, sums_one_by_one(slab, plane, rays, tile))

@@ -154,8 +154,9 @@ def test_a_file_without_depth_says_how_to_trace_one(tmp_path, capsys):
     assert main(["refocus", run[0], "--filter", "depth", "-o", run[2]]) == 1
     said = capsys.readouterr().err.strip().splitlines()[-1]
     assert said.startswith(run[0]) and "holds no depth" in said and "--depth-stream" in said
-    assert main(["refocus", run[0], "--size", "8", "-o", run[2]]) == 1
-    assert "belong to the filter 'depth'" in capsys.readouterr().err
+    assert main(["refocus", run[0], "--size", "17", "-o", run[2]]) == 1
+    assert "finer than the slab's 16. Ask for 16 at most" in capsys.readouterr().err
+    assert main(["refocus", run[0], "--size", "8", "-o", run[2]]) == 0
     words = ["trace", chart, "--size", "16", "-o", run[1]]
     assert main([*words, "--subpixels", "1.5"]) == 0
     assert main(["info", run[1]]) == 0

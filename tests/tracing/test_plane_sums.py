@@ -21,7 +21,8 @@ from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 
-# Every ray on its own pixel, several on one, most beside the picture, pixels moved unevenly.
+# Every ray on its own pixel, several on one, most beside the picture, pixels moved unevenly, fewer
+# pixels than the slab's.
 PLANES = [
     SensorPlane(2.0, 1.0),
     SensorPlane(0.4, 1.0, shape="square"),
@@ -29,6 +30,9 @@ PLANES = [
     SensorPlane(2.05, 1.0, shape="square"),
     SensorPlane(1.0, 1.0, keep_magnification=True),
     SensorPlane(2.0, 1000.0),
+    SensorPlane(0.7, 1.0, pixels=4),
+    SensorPlane(5.0, 1.7, shape="square", pixels=3, keep_magnification=True),
+    SensorPlane(1.0, 1.0, pixels=1),
 ]
 # Beams of 4 x 4, 2 x 2 and single pixels; lens grids that fill their blocks and that do not;
 # lit, which is slow to build, in beams of one block an element and of several.
