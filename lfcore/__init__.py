@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from lfcore.refocus.array.stored import store_array
     from lfcore.scene.appearance import Light
     from lfcore.scene.model import Scene
-    from lfcore.scene.parts import Surface
+    from lfcore.scene.surface_mesh import Surface
     from lfcore.storage.codecs import CodecSpec
     from lfcore.tracing.tracer import Tracer
 
@@ -61,7 +61,7 @@ _HOMES = {
     "refocus.array.stored": ("store_array",),
     "scene.appearance": ("Light",),
     "scene.model": ("Scene",),
-    "scene.parts": ("Surface",),
+    "scene.surface_mesh": ("Surface",),
     "storage.codecs": ("CodecSpec",),
     "tracing.tracer": ("Tracer",),
 }

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.scene.appearance import Material
-from lfcore.scene.parts import Part, Surface, normalise, stack
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise, stack
 
 # Depth is a quotient of products of three lengths, n . P with n the cross product of two edges:
 # beyond these it comes near the ends of the float32 range, 3e38 and 1e-38.
@@ -40,7 +40,7 @@ class Geometry:
     dropped: dict[str, int] = field(default_factory=dict)
 
 
-def assemble(parts: list[Part], to_camera: np.ndarray) -> Geometry:
+def assemble(parts: list[SurfaceMesh], to_camera: np.ndarray) -> Geometry:
     """Move parts into camera space in float64, drop what cannot be traced, round once.
 
     Parameters
@@ -139,7 +139,7 @@ def _sound_normals(normals: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return unit
 
 
-def _materials(parts: list[Part]) -> tuple[list[Material], list[np.ndarray], list[int]]:
+def _materials(parts: list[SurfaceMesh]) -> tuple[list[Material], list[np.ndarray], list[int]]:
     """Distinct materials and textures, and the material index of each part."""
     materials: list[Material] = []
     textures: list[np.ndarray] = []

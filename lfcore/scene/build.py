@@ -24,9 +24,9 @@ from lfcore.scene.meshes import load_mesh, read_texture
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import Notebook
-from lfcore.scene.parts import Part, transform_all
 from lfcore.scene.reading import DESCRIPTIONS
 from lfcore.scene.staging import Staging, moved, staging_of
+from lfcore.scene.surface_mesh import SurfaceMesh, transform_all
 from lfcore.scene.transforms import parse_transform
 from lfcore.scene.view import View, lightfield_view
 
@@ -105,7 +105,7 @@ def build(description: dict, *, file: str | Path, name: str) -> Scene:
     """The scene of a checked and completed description; paths are relative to ``file``."""
     file = Path(file)
     notebook = Notebook()
-    parts: list[Part] = []
+    parts: list[SurfaceMesh] = []
     moving: list[Moving] = []
     for index, entry in enumerate(description["objects"]):
         key = f"objects[{index}]"
@@ -173,7 +173,7 @@ def _poses(entry: dict, file: Path, key: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _motions(
-    geometry: Geometry, parts: list[Part], moving: list[Moving], to_camera: np.ndarray
+    geometry: Geometry, parts: list[SurfaceMesh], moving: list[Moving], to_camera: np.ndarray
 ) -> tuple[Motion, ...]:
     """Motions in camera space of parts in world space."""
     if not moving:
@@ -216,14 +216,14 @@ def _view(camera: dict, file: Path) -> View | None:
         ) from None
 
 
-def _object(entry: dict, notebook: Notebook, *, file: Path, key: str) -> list[Part]:
+def _object(entry: dict, notebook: Notebook, *, file: Path, key: str) -> list[SurfaceMesh]:
     """World-space parts of one entry of ``objects``."""
     if "builder" in entry:
         parts = procedural.build(
             entry["builder"], entry["parameters"], entry["seed"], file=file, key=key
         )
         if entry["shading"] == "flat":
-            parts = [Part(p.triangles, p.surface, None, p.uvs, p.colours) for p in parts]
+            parts = [SurfaceMesh(p.triangles, p.surface, None, p.uvs, p.colours) for p in parts]
     else:
         mesh = file.parent / entry["file"]
         if not os.path.isfile(mesh):  # False, too, for a name too long
@@ -245,7 +245,9 @@ def _object(entry: dict, notebook: Notebook, *, file: Path, key: str) -> list[Pa
     return parts
 
 
-def _with_material(parts: list[Part], material: dict, file: Path, key: str) -> list[Part]:
+def _with_material(
+    parts: list[SurfaceMesh], material: dict, file: Path, key: str
+) -> list[SurfaceMesh]:
     changes = _material(material, file, key)
     if changes.get("texture") is not None and all(part.uvs is None for part in parts):
         raise SceneError(
@@ -257,7 +259,9 @@ def _with_material(parts: list[Part], material: dict, file: Path, key: str) -> l
     return [part.with_surface(**changes) for part in parts]
 
 
-def _override_by_name(parts: list[Part], overrides: dict, file: Path, key: str) -> list[Part]:
+def _override_by_name(
+    parts: list[SurfaceMesh], overrides: dict, file: Path, key: str
+) -> list[SurfaceMesh]:
     known = sorted({part.surface.name for part in parts})
     for name, material in overrides.items():
         if name not in known:

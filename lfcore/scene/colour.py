@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lfcore.colour import srgb_decode
-from lfcore.scene.parts import Colour
+from lfcore.scene.surface_mesh import Colour
 
 
 def parse_colour(value: str | list[float]) -> Colour:

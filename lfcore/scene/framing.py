@@ -16,7 +16,7 @@ from lfcore.errors import OpticsError, SceneError
 from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import DIRECTIONAL, Light
 from lfcore.scene.gltf import FoundCamera
-from lfcore.scene.parts import Part
+from lfcore.scene.surface_mesh import SurfaceMesh
 from lfcore.scene.transforms import look_at, pose_from_matrix, rigid_to_camera
 
 # Tangent extent of the field of a fitted lens (39 degrees), the share of it that the scene may
@@ -50,7 +50,7 @@ class Bounds:
         return float(np.linalg.norm(self.high - self.low) / 2)
 
 
-def bounds(parts: list[Part], *, file: str | Path) -> Bounds:
+def bounds(parts: list[SurfaceMesh], *, file: str | Path) -> Bounds:
     """Raises :class:`SceneError` when no triangle has finite corners."""
     corners = [_finite(part.triangles) for part in parts]
     points = np.concatenate([np.zeros((0, 3)), *corners])
@@ -71,7 +71,11 @@ def _finite(triangles: np.ndarray) -> np.ndarray:
 
 
 def place_camera(
-    description: dict, parts: list[Part], *, file: str | Path, found: FoundCamera | None = None
+    description: dict,
+    parts: list[SurfaceMesh],
+    *,
+    file: str | Path,
+    found: FoundCamera | None = None,
 ) -> tuple[Camera, np.ndarray]:
     """The lens and the (4, 4) world-to-camera matrix of a checked ``camera`` mapping.
 

@@ -21,8 +21,8 @@ import numpy as np
 from lfcore.errors import SceneError
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.notes import LEFT_OUT, NOT_USED, Notebook
-from lfcore.scene.parts import normalise
 from lfcore.scene.reading import LARGEST_MESH, read_bytes
+from lfcore.scene.surface_mesh import normalise
 
 SUFFIXES = (".glb", ".gltf")
 # Those that trimesh or this package knows; others may be used, but not required.

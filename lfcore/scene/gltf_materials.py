@@ -13,8 +13,8 @@ import numpy as np
 from lfcore.errors import SceneError
 from lfcore.scene.gltf import Document
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
-from lfcore.scene.parts import Surface
 from lfcore.scene.pbr import base_colour, factor, picture, surface_of_pbr
+from lfcore.scene.surface_mesh import Surface
 
 _HANDLED = ("KHR_materials_unlit", "KHR_materials_emissive_strength")
 _REPEAT = 10497

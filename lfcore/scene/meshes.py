@@ -20,10 +20,10 @@ from lfcore.pictures import read_codes
 from lfcore.scene.gltf import SUFFIXES, Document
 from lfcore.scene.gltf_materials import GltfSurfaces
 from lfcore.scene.notes import LEFT_OUT, Notebook
-from lfcore.scene.parts import Colour, Part, Surface
 from lfcore.scene.pbr import picture, surface_of_pbr
 from lfcore.scene.ply import with_strips
 from lfcore.scene.smoothing import crease_normals
+from lfcore.scene.surface_mesh import Colour, Surface, SurfaceMesh
 
 # Formats whose vertex colours are linear; everywhere else they are display values.
 LINEAR_COLOUR_FORMATS = (".glb", ".gltf")
@@ -36,7 +36,7 @@ def load_mesh(
     shading: str = "auto",
     crease_deg: float = 40.0,
     notebook: Notebook | None = None,
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     """The parts of a mesh file, in its own coordinates (taken as metres, y up).
 
     Parameters
@@ -168,7 +168,7 @@ def _check_found(trouble: list[str], path: Path) -> None:
 
 def _part(
     mesh: Any, surface: Surface, uvs: np.ndarray | None, path: Path, shading: str, crease_deg: float
-) -> Part:
+) -> SurfaceMesh:
     vertices = np.asarray(mesh.vertices, np.float64)
     faces = np.asarray(mesh.faces, np.int64)
     if vertices.ndim != 2 or vertices.shape[1] != 3:
@@ -192,7 +192,7 @@ def _part(
     elif shading != "flat":
         normals = _smoothed(triangles, crease_deg)
     colours = _colours(mesh.visual, faces, path)
-    return Part(triangles, surface, normals, uvs, colours)
+    return SurfaceMesh(triangles, surface, normals, uvs, colours)
 
 
 def _smoothed(triangles: np.ndarray, crease_deg: float) -> np.ndarray | None:

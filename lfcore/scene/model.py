@@ -18,7 +18,7 @@ from lfcore.scene.appearance import Light, Material
 from lfcore.scene.assemble import assemble
 from lfcore.scene.colour import parse_colour
 from lfcore.scene.notes import Note, summary
-from lfcore.scene.parts import Part, Surface
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 from lfcore.scene.view import View
 
 
@@ -133,7 +133,7 @@ class Scene:
         corners = _checked("triangles", triangles, None, 3)
         if not len(corners):
             raise SceneError("the scene is empty: no triangles were given", key="triangles")
-        part = Part(
+        part = SurfaceMesh(
             corners,
             surface or Surface(),
             _checked("normals", normals, len(corners), 3) if normals is not None else None,

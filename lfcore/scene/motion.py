@@ -14,14 +14,14 @@ import numpy as np
 from lfcore.errors import SceneError
 from lfcore.scene.assemble import Geometry, sound
 from lfcore.scene.model import Motion, Scene
-from lfcore.scene.parts import Part
+from lfcore.scene.surface_mesh import SurfaceMesh
 
-Moving = tuple[Part, tuple[np.ndarray, np.ndarray]]
+Moving = tuple[SurfaceMesh, tuple[np.ndarray, np.ndarray]]
 """A part in its first pose, and its object's first and last (4, 4) poses in camera space."""
 
 
 def motions(
-    geometry: Geometry, static: Sequence[Part], moving: Sequence[Moving]
+    geometry: Geometry, static: Sequence[SurfaceMesh], moving: Sequence[Moving]
 ) -> tuple[Motion, ...]:
     """The moving parts among the triangles that were kept.
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.scene.parts import Colour, Surface
+from lfcore.scene.surface_mesh import Colour, Surface
 
 
 def surface_of_pbr(material: Any, path: Path, *, metal_left_out: float = 0.0) -> Surface:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lfcore.scene.parts import normalise
+from lfcore.scene.surface_mesh import normalise
 
 MAX_VALENCE = 512
 

@@ -10,7 +10,7 @@ import numpy as np
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.gltf import SUFFIXES, Document, FoundCamera
 from lfcore.scene.notes import NOT_USED, Notebook
-from lfcore.scene.parts import normalise
+from lfcore.scene.surface_mesh import normalise
 from lfcore.scene.transforms import parse_transform
 
 

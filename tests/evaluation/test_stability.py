@@ -225,13 +225,13 @@ def test_a_loader_that_rounds_before_it_subtracts_fails(monkeypatch):
     """The case far from the origin goes through the loader, not past it."""
     from lfcore.scene import assemble
 
-    moved = assemble.Part.transformed
+    moved = assemble.SurfaceMesh.transformed
 
     def rounded(part, matrix):
         near = moved(part, np.eye(4))
         return moved(dataclasses.replace(near, triangles=np.float32(near.triangles)), matrix)
 
-    monkeypatch.setattr(assemble.Part, "transformed", rounded)
+    monkeypatch.setattr(assemble.SurfaceMesh, "transformed", rounded)
     rows = list(extents.far_from_the_origin(dataclasses.replace(ORACLE, rays=200)))
     assert [row.verdict for row in rows][:1] == ["pass"]
     assert {row.verdict for row in rows if row.value >= 1e3} == {"fail"}

@@ -12,8 +12,8 @@ from lfcore.colour import srgb_decode, srgb_encode
 from lfcore.errors import SceneError
 from lfcore.scene.build import build_scene
 from lfcore.scene.meshes import load_mesh
-from lfcore.scene.parts import face_normals
 from lfcore.scene.smoothing import crease_normals
+from lfcore.scene.surface_mesh import face_normals
 
 SQUARE = (
     "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"

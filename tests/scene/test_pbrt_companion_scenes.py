@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lfcore.errors import SceneError
-from lfcore.scene.parts import count
 from lfcore.scene.procedural import book, ecosys, sphere
+from lfcore.scene.surface_mesh import count
 
 
 def same(first, second):

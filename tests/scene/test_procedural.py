@@ -10,8 +10,8 @@ import pytest
 from lfcore.errors import SceneError
 from lfcore.scene.build import build_scene
 from lfcore.scene.needs import Needs
-from lfcore.scene.parts import Surface, face_normals
 from lfcore.scene.procedural import build, foliage, primitives, textures
+from lfcore.scene.surface_mesh import Surface, face_normals
 
 SCENES = Path(__file__).parents[2] / "scenes"
 # Triangles of the thesis, section 7.2.

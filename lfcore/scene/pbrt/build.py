@@ -12,11 +12,11 @@ from lfcore.scene.emitters import POINTS
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
-from lfcore.scene.parts import Part, Surface, merge
 from lfcore.scene.pbrt.interpreter import Interpreter, Item
 from lfcore.scene.pbrt.lexer import syntax_error
 from lfcore.scene.pbrt.parser import read_directives
 from lfcore.scene.pbrt.shapes import TOLERANCE
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge
 
 MOST_LIGHT_POINTS = 1024
 
@@ -91,14 +91,14 @@ def build_pbrt_scene(
 
 def _parts(
     interpreter: Interpreter, notebook: Notebook
-) -> tuple[list[Part], list[Moving], list[Item | None]]:
+) -> tuple[list[SurfaceMesh], list[Moving], list[Item | None]]:
     """Parts in camera space: those at rest, those that move with their two poses, and of these the
     items of which glow.  Lights of what rests are added.
 
     Emitters at rest come first, each a part of its own, so that lights can name their triangles.
     """
-    lamps: list[Part] = []
-    others: list[Part] = []
+    lamps: list[SurfaceMesh] = []
+    others: list[SurfaceMesh] = []
     moving: list[Moving] = []
     emitters: list[Item | None] = []
     first = 0
@@ -126,7 +126,7 @@ def _parts(
     return lamps + merge(others), moving, emitters
 
 
-def _check_emitter(item: Item, part: Part) -> None:
+def _check_emitter(item: Item, part: SurfaceMesh) -> None:
     if not (np.abs(part.triangles) <= LARGEST_COORDINATE).all():
         raise syntax_error(
             f"an emitter reaches farther than {LARGEST_COORDINATE:g} m from the camera",
@@ -135,18 +135,18 @@ def _check_emitter(item: Item, part: Part) -> None:
         )
 
 
-def _place(interpreter: Interpreter, item: Item, to_camera: np.ndarray) -> tuple[Part, bool]:
+def _place(interpreter: Interpreter, item: Item, to_camera: np.ndarray) -> tuple[SurfaceMesh, bool]:
     """The item's triangles in camera space, front sides counter-clockwise; whether they are seen,
     for some materials are no surface."""
     uvs, found = interpreter.uvs(item)
     mesh, surface, is_surface = item.mesh, found or Surface(), found is not None
-    part = Part(mesh.triangles, surface, mesh.normals, uvs).transformed(to_camera)
+    part = SurfaceMesh(mesh.triangles, surface, mesh.normals, uvs).transformed(to_camera)
     mirrored = np.linalg.det(to_camera[:3, :3]) < 0
     normals = part.normals
     if item.reversed and normals is not None:
         normals = -normals
     if mirrored == item.reversed:
-        return Part(part.triangles, surface, normals, uvs), is_surface
+        return SurfaceMesh(part.triangles, surface, normals, uvs), is_surface
     order = [0, 2, 1]
     pick = lambda values: None if values is None else values[:, order]  # noqa: E731
-    return Part(part.triangles[:, order], surface, pick(normals), pick(uvs)), is_surface
+    return SurfaceMesh(part.triangles[:, order], surface, pick(normals), pick(uvs)), is_surface

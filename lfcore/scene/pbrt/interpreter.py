@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
-from lfcore.scene.parts import Surface
 from lfcore.scene.pbrt import state as graphics
 from lfcore.scene.pbrt.camera import TO_OURS, read_camera, read_film, read_samples
 from lfcore.scene.pbrt.lexer import Place, syntax_error
@@ -19,6 +18,7 @@ from lfcore.scene.pbrt.parameters import ParameterSet
 from lfcore.scene.pbrt.parser import Directive
 from lfcore.scene.pbrt.shapes import Mesh, tessellate, with_uvs
 from lfcore.scene.pbrt.textures import TextureTable
+from lfcore.scene.surface_mesh import Surface
 from lfcore.scene.view import View
 
 _TRANSFORMS = ("Translate", "Scale", "Rotate", "LookAt", "Transform", "ConcatTransform", "Identity")

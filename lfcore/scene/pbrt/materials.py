@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
-from lfcore.scene.parts import Surface
 from lfcore.scene.pbrt.lexer import Place, syntax_error
 from lfcore.scene.pbrt.parameters import ParameterSet
 from lfcore.scene.pbrt.spectra import METALS, metal_reflectance, parameter_rgb
 from lfcore.scene.pbrt.textures import Texture, TextureTable, constant
+from lfcore.scene.surface_mesh import Surface
 
 # Normal reflectance of a dielectric of index 1.5, pbrt's plastic.
 DIELECTRIC = 0.04

@@ -1,6 +1,6 @@
 """Procedural models: a scene, or a thing to put into one, from parameters and a seed.
 
-Each builder is a module with ``build(seed, **parameters) -> list[Part]`` whose parameters all
+Each builder is a module with ``build(seed, **parameters) -> list[SurfaceMesh]``, whose parameters
 have defaults; equal seeds and parameters give equal triangles and textures.
 """
 
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from lfcore.errors import SceneError
-from lfcore.scene.parts import Part
+from lfcore.scene.surface_mesh import SurfaceMesh
 
 _COLOUR = re.compile("#[0-9a-fA-F]{6}")
 BUILDERS = ("bedroom", "bike", "book", "cabin", "chart", "ecosys", "sphere")
@@ -22,7 +22,7 @@ BUILDERS = ("bedroom", "bike", "book", "cabin", "chart", "ecosys", "sphere")
 
 def build(
     name: str, parameters: dict, seed: int, *, file: str | Path | None = None, key: str = "objects"
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     """The parts of builder ``name``, in world space.
 
     Raises :class:`SceneError` for an unknown builder or parameter, or one of the wrong type.

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from lfcore.scene.colour import hex_colour
-from lfcore.scene.parts import Part, Surface, count, merge, transform_all
 from lfcore.scene.procedural import foliage, furniture, softgoods, textures, toys
 from lfcore.scene.procedural.bedroom_surfaces import surfaces
 from lfcore.scene.procedural.budget import fill_to
@@ -23,6 +22,7 @@ from lfcore.scene.procedural.primitives import (
     sphere,
     tube,
 )
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, count, merge, transform_all
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
 LEFT, RIGHT, BACK, FRONT, CEILING = -2.1, 2.1, -2.7, 3.6, 2.65
@@ -31,7 +31,7 @@ WINDOW = (-1.35, 0.75, 0.62, 2.30)
 SHEEPSKIN = chain(rotate("y", 12), translate(0.92, 0, -0.95))
 
 
-def build(seed: int, *, triangles: int = 207000) -> list[Part]:
+def build(seed: int, *, triangles: int = 207000) -> list[SurfaceMesh]:
     """Exactly ``triangles`` of them; a sheepskin's fleece takes up what the rest leaves."""
     rng = np.random.default_rng(seed)
     look = surfaces(seed)
@@ -57,7 +57,7 @@ def build(seed: int, *, triangles: int = 207000) -> list[Part]:
     return merge(parts)
 
 
-def _room(seed: int, look: dict[str, Surface]) -> list[Part]:
+def _room(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
     boards = textures.planks(seed + 20, (138, 98, 60), (190, 146, 98), rows=8)
     floor = Surface("floor", (0.95, 0.95, 0.95), (0.06, 0.06, 0.06), 40.0, texture=boards)
     paint = Surface(
@@ -91,7 +91,7 @@ def _room(seed: int, look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def _window(look: dict[str, Surface], seed: int) -> list[Part]:
+def _window(look: dict[str, Surface], seed: int) -> list[SurfaceMesh]:
     z0, z1, sill, head = WINDOW
     x, middle, wide, tall = LEFT - 0.09, (z0 + z1) / 2, z1 - z0, head - sill
     parts = []
@@ -139,7 +139,7 @@ def _window(look: dict[str, Surface], seed: int) -> list[Part]:
     return parts
 
 
-def _beside_bed(look: dict[str, Surface]) -> list[Part]:
+def _beside_bed(look: dict[str, Surface]) -> list[SurfaceMesh]:
     parts = transform_all(furniture.night_table(look), translate(0.78, 0, BACK + 0.24))
     parts += transform_all(furniture.table_lamp(look), translate(0.85, 0.52, BACK + 0.20))
     for number in range(2):
@@ -169,7 +169,7 @@ def _beside_bed(look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def _toys(seed: int, look: dict[str, Surface]) -> list[Part]:
+def _toys(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
     parts = transform_all(
         toys.toy_corner(seed), chain(rotate("y", 6), translate(0.14, 0.022, 0.84))
     )
@@ -178,7 +178,7 @@ def _toys(seed: int, look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def _on_walls(seed: int, look: dict[str, Surface]) -> list[Part]:
+def _on_walls(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
     """Three framed prints over the bed, a mirror on the right, a string of lights."""
     parts = []
     for number, (x, y, width, tall) in enumerate(
@@ -215,19 +215,19 @@ def _on_walls(seed: int, look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def _lantern(look: dict[str, Surface]) -> list[Part]:
+def _lantern(look: dict[str, Surface]) -> list[SurfaceMesh]:
     """A ribbed paper globe under the ceiling."""
     v = np.linspace(-np.pi / 2, np.pi / 2, 81)
     radius = 0.20 * np.cos(v) * (1 + 0.02 * np.abs(np.sin(v * 20)))
     profile = np.stack([np.maximum(radius, 0.05), 0.185 * np.sin(v)], -1)
     shell = lathe(profile, look["paper lantern"], segments=48, crease_deg=80)
-    shell = Part(shell.triangles, shell.surface, shell.normals)
+    shell = SurfaceMesh(shell.triangles, shell.surface, shell.normals)
     place = translate(0.92, 2.18, 0.25)
     cord = cylinder((0, 0.18, 0), (0, CEILING - 2.18, 0), 0.006, look["white"], segments=8)
     return transform_all([shell, cord], place)
 
 
-def _sheepskin(rng: np.random.Generator, number: int, unit: Part) -> Part:
+def _sheepskin(rng: np.random.Generator, number: int, unit: SurfaceMesh) -> SurfaceMesh:
     """Tufts over an oval with a nicked outline, beside the bed."""
     turn, out = rng.uniform(0, 2 * np.pi, number), np.sqrt(rng.random(number))
     shape = 1 + 0.13 * np.cos(2 * turn + 0.4) + 0.07 * np.cos(5 * turn)

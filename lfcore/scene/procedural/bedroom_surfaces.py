@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.scene.colour import hex_colour
-from lfcore.scene.parts import Surface
 from lfcore.scene.procedural import furniture, textures
 from lfcore.scene.procedural.bicycle import wicker
 from lfcore.scene.procedural.pictures import earth_map, rug_pattern
+from lfcore.scene.surface_mesh import Surface
 
 
 def surfaces(seed: int) -> dict[str, Surface]:

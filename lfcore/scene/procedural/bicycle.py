@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.scene.colour import hex_colour
-from lfcore.scene.parts import Part, Surface, transform_all
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.primitives import (
     box,
@@ -19,6 +18,7 @@ from lfcore.scene.procedural.primitives import (
     sphere,
     tube,
 )
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, transform_all
 from lfcore.scene.transforms import chain, rotate, translate
 
 WHEEL = 0.335
@@ -62,7 +62,7 @@ def wicker(seed: int) -> np.ndarray:
     return textures.finish(textures.ramp(tone, (58, 34, 14), (158, 108, 54), (214, 168, 100)))
 
 
-def bicycle(seed: int, paint: str = "#1f6f78") -> list[Part]:
+def bicycle(seed: int, paint: str = "#1f6f78") -> list[SurfaceMesh]:
     """About 5,000 triangles."""
     look = paints(seed, paint)
     parts = [*_wheel(REAR, look), *_wheel(FRONT, look)]
@@ -71,7 +71,7 @@ def bicycle(seed: int, paint: str = "#1f6f78") -> list[Part]:
     return parts
 
 
-def _wheel(hub: np.ndarray, look: dict[str, Surface]) -> list[Part]:
+def _wheel(hub: np.ndarray, look: dict[str, Surface]) -> list[SurfaceMesh]:
     rim = tube(ring(WHEEL - 0.045, 36), 0.014, look["chrome"], segments=4, closed=True)
     tread = tube(ring(WHEEL - 0.012, 40), 0.024, look["rubber"], segments=6, closed=True)
     spokes = []
@@ -93,10 +93,10 @@ def _wheel(hub: np.ndarray, look: dict[str, Surface]) -> list[Part]:
     return transform_all([rim, tread, *spokes, axle], translate(*hub))
 
 
-def _frame(look: dict[str, Surface]) -> list[Part]:
+def _frame(look: dict[str, Surface]) -> list[SurfaceMesh]:
     paint = look["paint"]
 
-    def bar(points: ArrayLike, radius: ArrayLike, segments: int = 8) -> Part:
+    def bar(points: ArrayLike, radius: ArrayLike, segments: int = 8) -> SurfaceMesh:
         return tube(points, radius, paint, segments=segments)
 
     swan = curve([HEAD_HIGH - (0, 0.05, 0), (0.12, 0.58, 0), (-0.10, 0.50, 0), (-0.17, 0.56, 0)], 8)
@@ -122,7 +122,7 @@ def _frame(look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def _mudguards(look: dict[str, Surface]) -> list[Part]:
+def _mudguards(look: dict[str, Surface]) -> list[SurfaceMesh]:
     parts = []
     for hub, start, stop in ((REAR, 5, 190), (FRONT, 15, 165)):
         angle = np.radians(np.linspace(start, stop, 19))
@@ -143,7 +143,7 @@ def _mudguards(look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def _drive(look: dict[str, Surface]) -> list[Part]:
+def _drive(look: dict[str, Surface]) -> list[SurfaceMesh]:
     z = 0.055
     parts = []
     wheel = tube(ring(0.085, 28), 0.006, look["steel"], segments=4, closed=True)
@@ -182,7 +182,7 @@ def _drive(look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def _saddle(look: dict[str, Surface]) -> list[Part]:
+def _saddle(look: dict[str, Surface]) -> list[SurfaceMesh]:
     post = cylinder(
         SEAT - (0, 0.02, 0), SEAT + (-0.045, 0.13, 0), 0.012, look["chrome"], segments=8
     )
@@ -195,7 +195,9 @@ def _saddle(look: dict[str, Surface]) -> list[Part]:
         return vectors * np.concatenate([np.ones_like(x), np.ones_like(x), width], -1)
 
     lean = chain(rotate("z", 4), translate(-0.275, 0.975, 0))
-    shaped = Part(pinch(body.triangles), body.surface, body.normals, body.uvs).transformed(lean)
+    shaped = SurfaceMesh(pinch(body.triangles), body.surface, body.normals, body.uvs).transformed(
+        lean
+    )
     springs = []
     for side in (-0.05, 0.05):
         angle = np.linspace(0, 6 * np.pi, 19)
@@ -211,7 +213,7 @@ def _saddle(look: dict[str, Surface]) -> list[Part]:
     return [post, shaped, *springs]
 
 
-def _handlebar(look: dict[str, Surface]) -> list[Part]:
+def _handlebar(look: dict[str, Surface]) -> list[SurfaceMesh]:
     stem = [HEAD_HIGH, HEAD_HIGH + (-0.02, 0.11, 0), HEAD_HIGH + (0.03, 0.16, 0)]
     parts = [tube(curve(stem, 5), 0.013, look["chrome"], segments=8)]
     x, y = HEAD_HIGH[0] + 0.03, HEAD_HIGH[1] + 0.16
@@ -235,7 +237,7 @@ def _handlebar(look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def _rack(look: dict[str, Surface]) -> list[Part]:
+def _rack(look: dict[str, Surface]) -> list[SurfaceMesh]:
     parts, y = [], 0.775
     for z in (-0.06, 0.0, 0.06):
         parts.append(tube([(-0.82, y, z), (-0.34, y, z)], 0.005, look["chrome"], segments=5))
@@ -256,7 +258,7 @@ def _rack(look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def _basket(look: dict[str, Surface]) -> list[Part]:
+def _basket(look: dict[str, Surface]) -> list[SurfaceMesh]:
     """A tapered wicker basket before the handlebar, open on top, with a rolled rim."""
     angle = np.arange(20) * 2 * np.pi / 20
     square = np.stack([np.cos(angle), np.sin(angle)], -1)
@@ -284,7 +286,7 @@ def _basket(look: dict[str, Surface]) -> list[Part]:
     return transform_all([shell, rim], translate(0.52, 0.80, 0))
 
 
-def _lamp(look: dict[str, Surface]) -> list[Part]:
+def _lamp(look: dict[str, Surface]) -> list[SurfaceMesh]:
     shell = lathe(
         [(0, -0.07), (0.025, -0.06), (0.042, -0.02), (0.046, 0.0), (0.040, 0.004)],
         look["chrome"],

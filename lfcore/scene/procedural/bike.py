@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from lfcore.scene.colour import hex_colour
-from lfcore.scene.parts import Part, Surface, count, merge, transform_all
 from lfcore.scene.procedural import foliage, lettering, textures
 from lfcore.scene.procedural.bicycle import bicycle
 from lfcore.scene.procedural.budget import fill_to
@@ -18,13 +17,14 @@ from lfcore.scene.procedural.primitives import (
     scattered,
     sphere,
 )
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, count, merge, transform_all
 from lfcore.scene.transforms import chain, rotate, translate
 
 WALL_Z = -2.35
 PAVEMENT_Y = 0.09
 
 
-def build(seed: int, *, triangles: int = 10000, paint: str = "#1d7a80") -> list[Part]:
+def build(seed: int, *, triangles: int = 10000, paint: str = "#1d7a80") -> list[SurfaceMesh]:
     """Exactly ``triangles`` of them; the ivy on the wall takes up what the rest leaves.
 
     Parameters
@@ -43,7 +43,7 @@ def build(seed: int, *, triangles: int = 10000, paint: str = "#1d7a80") -> list[
     return merge(parts)
 
 
-def _basket_load(seed: int) -> list[Part]:
+def _basket_load(seed: int) -> list[SurfaceMesh]:
     """Two baguettes, a bottle and apples."""
     crust = textures.speckle(
         seed + 40, ((150, 88, 34), (222, 164, 88), (240, 200, 130)), size=(128, 128)
@@ -78,7 +78,7 @@ def _basket_load(seed: int) -> list[Part]:
     return parts
 
 
-def _ground(seed: int) -> list[Part]:
+def _ground(seed: int) -> list[SurfaceMesh]:
     stones = ((104, 98, 92), (138, 128, 116), (162, 148, 128), (120, 116, 118))
     sett = textures.cobbles(seed + 1, stones, (58, 54, 48), cells=9)
     street = Surface("cobbles", (0.92, 0.92, 0.92), (0.05, 0.05, 0.05), 20.0, texture=sett)
@@ -111,7 +111,7 @@ def _ground(seed: int) -> list[Part]:
     return parts
 
 
-def _house(seed: int) -> list[Part]:
+def _house(seed: int) -> list[SurfaceMesh]:
     """A brick wall with a plinth, a door and a shuttered window, cut out of four rectangles."""
     tones = ((98, 50, 42), (140, 70, 52), (168, 92, 66), (152, 84, 64), (122, 66, 58))
     brick = Surface(
@@ -146,12 +146,12 @@ def _house(seed: int) -> list[Part]:
     return parts
 
 
-def _continuous(part: Part, repeat: float) -> Part:
+def _continuous(part: SurfaceMesh, repeat: float) -> SurfaceMesh:
     """Texture coordinates from the position, so that courses run on across pieces."""
-    return Part(part.triangles, part.surface, None, part.triangles[..., :2] * repeat)
+    return SurfaceMesh(part.triangles, part.surface, None, part.triangles[..., :2] * repeat)
 
 
-def _window(seed: int, stone: Surface) -> list[Part]:
+def _window(seed: int, stone: Surface) -> list[SurfaceMesh]:
     left, right, low, high = -1.25, -0.25, 1.0, 2.15
     width, middle, back = right - left, (left + right) / 2, WALL_Z - 0.14
     white = Surface("window frame", hex_colour("#ece6d8"), (0.1, 0.1, 0.1), 40.0)
@@ -186,7 +186,7 @@ def _window(seed: int, stone: Surface) -> list[Part]:
 
 def _reveal(
     left: float, right: float, low: float, high: float, back: float, stone: Surface
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     """The sides, top and bottom of an opening, from the wall's face back to what closes it."""
     corners = [(left, low), (right, low), (right, high), (left, high)]
     return [
@@ -207,7 +207,7 @@ def _pane(seed: int) -> np.ndarray:
     )
 
 
-def _door(seed: int, stone: Surface) -> list[Part]:
+def _door(seed: int, stone: Surface) -> list[SurfaceMesh]:
     left, right, high = 0.95, 1.85, 2.15
     middle, back = (left + right) / 2, WALL_Z - 0.12
     wood = textures.planks(
@@ -252,7 +252,7 @@ def _door(seed: int, stone: Surface) -> list[Part]:
     return parts
 
 
-def _lamp_post() -> list[Part]:
+def _lamp_post() -> list[SurfaceMesh]:
     iron = Surface("cast iron", hex_colour("#2f3a38"), (0.2, 0.2, 0.2), 40.0)
     shaft = lathe(
         [(0, 0), (0.12, 0), (0.12, 0.06), (0.09, 0.10), (0.085, 0.34), (0.10, 0.36), (0.06, 0.42)]
@@ -265,7 +265,7 @@ def _lamp_post() -> list[Part]:
 
 def _pot(
     radius: float, height: float, surface: Surface, earth: Surface, segments: int = 20
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     r, h = radius, height
     shell = lathe(
         [
@@ -283,7 +283,7 @@ def _pot(
     return [shell, lathe([(0.90 * r, 0.88 * h), (0, 0.9 * h)], earth, segments=segments)]
 
 
-def _foreground(rng: np.random.Generator, seed: int) -> list[Part]:
+def _foreground(rng: np.random.Generator, seed: int) -> list[SurfaceMesh]:
     """Left a big leafy pot, right geraniums in terracotta and a crate, all nearer than the bike."""
     clay = textures.speckle(
         seed + 8, ((150, 78, 50), (190, 108, 74), (206, 132, 100)), size=(256, 256)
@@ -316,7 +316,7 @@ def _foreground(rng: np.random.Generator, seed: int) -> list[Part]:
     return parts
 
 
-def _window_box(rng: np.random.Generator, seed: int) -> list[Part]:
+def _window_box(rng: np.random.Generator, seed: int) -> list[SurfaceMesh]:
     wood = Surface("window box", hex_colour("#7b5433"))
     leaf = Surface("box leaf", hex_colour("#3f7a35"))
     parts = [box((0.96, 0.15, 0.2), wood, centre=(-0.75, 1.08, WALL_Z + 0.14))]
@@ -331,13 +331,13 @@ def _window_box(rng: np.random.Generator, seed: int) -> list[Part]:
     return parts
 
 
-def _ivy_leaf(seed: int) -> Part:
+def _ivy_leaf(seed: int) -> SurfaceMesh:
     texture = textures.leaf(seed + 10, (34, 70, 28), (104, 140, 56), size=(64, 64))
     green = Surface("ivy", (1, 1, 1), (0.05, 0.06, 0.04), 20.0, texture=texture)
     return foliage.diamond(0.14, 0.13, green, fold=0.12)
 
 
-def _ivy(rng: np.random.Generator, number: int, leaf: Part) -> Part:
+def _ivy(rng: np.random.Generator, number: int, leaf: SurfaceMesh) -> SurfaceMesh:
     """Climbs the wall at the right of the window, thinning out upwards and sideways."""
     height = rng.beta(1.3, 1.8, number) * 2.7
     x = 0.42 + rng.normal(scale=0.13 + 0.10 * np.sin(height * 2.1) ** 2, size=number)

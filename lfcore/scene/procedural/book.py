@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.scene.parts import Part, Surface
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.lettering import blank_page, write
 from lfcore.scene.procedural.primitives import quad, rectangle
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 from lfcore.scene.transforms import chain, rotate, translate
 
 # Rotation of the book in pbrt-book/book.pbrt: angle in degrees and axis.
@@ -29,7 +29,7 @@ def build(
     width_m: float = 4.0,
     height_m: float = 5.0,
     thickness_m: float = 1.2,
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     """16 triangles: cover, back, spine, three page edges, floor and wall.
 
     The book's middle is 2.2 m above the floor at the origin, its cover towards +z; the
@@ -48,7 +48,7 @@ def build(
     return [*parts, *_room(seed, lowest - 0.02)]
 
 
-def _box(half: np.ndarray, seed: int, title: str, authors: str) -> list[Part]:
+def _box(half: np.ndarray, seed: int, title: str, authors: str) -> list[SurfaceMesh]:
     """The book facing +z, upright, its spine on the left."""
     x, y, z = half
     cover = Surface(
@@ -70,7 +70,7 @@ def _box(half: np.ndarray, seed: int, title: str, authors: str) -> list[Part]:
     ]
 
 
-def _room(seed: int, floor_y: float) -> list[Part]:
+def _room(seed: int, floor_y: float) -> list[SurfaceMesh]:
     boards = textures.planks(seed + 1, (96, 66, 42), (150, 108, 70))
     floor = Surface("floor", (1, 1, 1), texture=boards)
     wall = Surface("wall", (1, 1, 1), texture=textures.plaster(seed + 2, (196, 204, 210)))

@@ -7,12 +7,14 @@ from collections.abc import Callable
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.scene.parts import Part
+from lfcore.scene.surface_mesh import SurfaceMesh
 
 MOST_TRIANGLES = 50_000_000
 
 
-def fill_to(budget: int, unit: Part, make: Callable[[int], Part]) -> list[Part]:
+def fill_to(
+    budget: int, unit: SurfaceMesh, make: Callable[[int], SurfaceMesh]
+) -> list[SurfaceMesh]:
     """``make(number)`` copies of ``unit``, cut off at ``budget`` triangles.
 
     Raises :class:`SceneError` when the rest of the scene has used the budget up, or it is more than
@@ -38,7 +40,7 @@ def fill_to(budget: int, unit: Part, make: Callable[[int], Part]) -> list[Part]:
         return None if array is None else array[:budget]
 
     return [
-        Part(
+        SurfaceMesh(
             whole.triangles[:budget],
             whole.surface,
             head(whole.normals),

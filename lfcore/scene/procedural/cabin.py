@@ -9,7 +9,6 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.scene.colour import hex_colour
-from lfcore.scene.parts import Part, Surface, count, merge, transform_all
 from lfcore.scene.procedural import foliage, textures
 from lfcore.scene.procedural.budget import fill_to
 from lfcore.scene.procedural.loghouse import loghouse
@@ -25,12 +24,13 @@ from lfcore.scene.procedural.primitives import (
     sphere,
     tube,
 )
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, count, merge, transform_all
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
 MOST_TREES = 10_000
 
 
-def build(seed: int, *, triangles: int = 15000, trees: int = 17) -> list[Part]:
+def build(seed: int, *, triangles: int = 15000, trees: int = 17) -> list[SurfaceMesh]:
     """Exactly ``triangles`` of them; grass takes up what the rest leaves.
 
     Parameters
@@ -99,7 +99,7 @@ def _surfaces(seed: int) -> dict[str, Surface]:
     }
 
 
-def _land(seed: int, look: dict[str, Surface]) -> list[Part]:
+def _land(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
     x, z = np.linspace(-1, 1, 17), np.linspace(0, 1, 19)
     depth = 5.5 - 30.0 * z**1.6
     points = np.zeros((19, 17, 3))
@@ -120,7 +120,7 @@ def _land(seed: int, look: dict[str, Surface]) -> list[Part]:
     return [ground, path]
 
 
-def _sky(seed: int) -> list[Part]:
+def _sky(seed: int) -> list[SurfaceMesh]:
     """A backdrop 55 m away: evening sky, clouds, two ranges of hills with woods."""
     v = np.mgrid[:512, :512][0] / 512.0
     sky = textures.ramp(np.clip(v / 0.72, 0, 1), (92, 144, 196), (158, 194, 220), (246, 224, 190))
@@ -142,7 +142,7 @@ def _sky(seed: int) -> list[Part]:
     return [rectangle((-30, -2, -46), (60, 0, 0), (0, 34, 0), surface)]
 
 
-def _trees(rng: np.random.Generator, number: int, look: dict[str, Surface]) -> list[Part]:
+def _trees(rng: np.random.Generator, number: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
     spots = [(-4.3, -4.6), (4.6, -6.2), (-2.9, -8.5), (2.9, -9.5), (6.3, -9.0), (-6.4, -8.0)]
     spots += [(0.4, -11.5), (-8.5, -13.0), (8.6, -13.5), (-4.5, -14.0), (4.4, -15.0), (-1.6, -16.0)]
     spots += [(2.0, -19.0), (-6.8, -18.5), (7.2, -19.0), (11.5, -18.0), (-11.5, -17.0)]
@@ -157,7 +157,7 @@ def _trees(rng: np.random.Generator, number: int, look: dict[str, Surface]) -> l
     return parts
 
 
-def _fence(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
+def _fence(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMesh]:
     """Posts and two rails on either side of the path, at about 5 m."""
     parts = []
     for run in (np.arange(-5.35, 0.2, 1.1), np.arange(1.4, 5.2, 1.1)):
@@ -179,7 +179,7 @@ def _fence(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def _log_pile(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
+def _log_pile(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMesh]:
     """Three courses of sawn logs, ends to the camera."""
     parts = []
     for course, number in enumerate((5, 4, 3)):
@@ -195,7 +195,7 @@ def _log_pile(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def _chopping_block(look: dict[str, Surface]) -> list[Part]:
+def _chopping_block(look: dict[str, Surface]) -> list[SurfaceMesh]:
     """A stump with an axe in it and split wood around."""
     profile = [(0.26, -0.05), (0.215, 0.05), (0.20, 0.40)]
     stump = lathe(profile, look["bark"], segments=18, repeat=1.6)
@@ -209,7 +209,7 @@ def _chopping_block(look: dict[str, Surface]) -> list[Part]:
     head = box((0.17, 0.075, 0.04), look["iron"], centre=(0.03, 0.0, 0))
     # Taper the blade towards -x, where it bites.
     edge = head.triangles[..., 0:1] < 0
-    head = Part(
+    head = SurfaceMesh(
         np.where(edge, head.triangles * (1.0, 1.35, 0.08), head.triangles),
         head.surface,
         None,
@@ -223,7 +223,7 @@ def _chopping_block(look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def _split(look: dict[str, Surface]) -> list[Part]:
+def _split(look: dict[str, Surface]) -> list[SurfaceMesh]:
     """A quarter of a log, 12 triangles or so."""
     angle = np.linspace(0, np.pi / 2, 5) + np.pi / 4
     rim = np.stack([np.zeros(5), np.sin(angle) - 0.45, np.cos(angle)], -1) * 0.11
@@ -235,11 +235,11 @@ def _split(look: dict[str, Surface]) -> list[Part]:
     ends = []
     for row in points:
         fan = np.stack([np.broadcast_to(row[-1], (4, 3)), row[:4], row[1:5]], 1)
-        ends.append(Part(fan, look["rings"], None, fan[..., [2, 1]] * 4 + 0.5))
+        ends.append(SurfaceMesh(fan, look["rings"], None, fan[..., [2, 1]] * 4 + 0.5))
     return [side, *ends]
 
 
-def _mushrooms(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
+def _mushrooms(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMesh]:
     parts = []
     for x, z, size in ((-0.12, 2.78, 1.0), (0.0, 2.86, 0.7), (-0.2, 2.9, 0.55)):
         place = chain(scale(size), translate(x, height(x, z), z))
@@ -272,7 +272,7 @@ def _mushrooms(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]
     return parts
 
 
-def _stones(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
+def _stones(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMesh]:
     parts = []
     for x, z, size in (
         (-1.75, 2.6, 0.17),
@@ -284,14 +284,14 @@ def _stones(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
         stone = sphere((size, size * 0.62, size * 0.85), look["stone"], segments=9, rings=6)
         assert stone.uvs is not None
         shape = 1 + 0.16 * np.sin(stone.triangles * 23 / (size * 8) + 9 * x)
-        stone = Part(stone.triangles * shape, stone.surface, stone.normals, stone.uvs * 2)
+        stone = SurfaceMesh(stone.triangles * shape, stone.surface, stone.normals, stone.uvs * 2)
         parts.append(
             stone.transformed(chain(rotate("y", 70 * x), translate(x, height(x, z) + 0.02, z)))
         )
     return parts
 
 
-def _meadow(rng: np.random.Generator, number: int, tuft: Part) -> Part:
+def _meadow(rng: np.random.Generator, number: int, tuft: SurfaceMesh) -> SurfaceMesh:
     """Tufts over the grass, denser near the camera, none on the path or in the house."""
     spots = np.zeros((0, 2))
     while len(spots) < number:

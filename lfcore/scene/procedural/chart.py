@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.errors import SceneError
-from lfcore.scene.parts import Part, Surface
 from lfcore.scene.procedural.lettering import blank_page, write
 from lfcore.scene.procedural.primitives import rectangle
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
 RED, GREEN, BLUE = (214, 40, 40), (36, 168, 70), (40, 70, 214)
 WHITE = (250, 250, 250)
@@ -23,7 +23,7 @@ VISIBLE = 0.75
 
 def build(
     seed: int, *, foreground_m: float = 1.0, background_m: float = 2.0, half_width_m: float = 1.1
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     """6 triangles facing +z; the camera stands at the origin and looks along -z.
 
     Parameters
@@ -50,10 +50,10 @@ def build(
     ]
 
 
-def _page_of(origin: ArrayLike, width: float, height: float, surface: Surface) -> Part:
+def _page_of(origin: ArrayLike, width: float, height: float, surface: Surface) -> SurfaceMesh:
     """A rectangle tiled with square pages as large as the camera sees of it, from the axis on."""
     part = rectangle(origin, (width, 0, 0), (0, height, 0), surface)
-    return Part(part.triangles, surface, None, part.triangles[..., :2] / (VISIBLE * width))
+    return SurfaceMesh(part.triangles, surface, None, part.triangles[..., :2] / (VISIBLE * width))
 
 
 def _page(colour: ArrayLike, word: str, distance_m: float) -> np.ndarray:

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.errors import SceneError
-from lfcore.scene.parts import Part, Surface
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.foliage import blade, diamond, orient, rosette, shrub, tuft
 from lfcore.scene.procedural.primitives import curve, join, mesh_grid, scattered, tube
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
 # Species: plants at density 1, nearest and farthest distance, smallest and largest size.
 SPECIES = {
@@ -29,7 +29,7 @@ TREES = ((-3.4, 12.0, 7.0), (4.6, 19.0, 9.0))
 
 def build(
     seed: int, *, plants: float = 1.0, tree_leaves: int = 9000, terrain: int = 200
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     """The scene seen from (0, 1.8, 0) along -z.
 
     Parameters
@@ -85,7 +85,9 @@ def _surfaces(seed: int) -> dict[str, Surface]:
     }
 
 
-def _species(rng: np.random.Generator, surfaces: dict[str, Surface]) -> dict[str, list[Part]]:
+def _species(
+    rng: np.random.Generator, surfaces: dict[str, Surface]
+) -> dict[str, list[SurfaceMesh]]:
     """One plant of each kind, foot at the origin, as the parts it is made of."""
     frond = blade(0.7, 0.16, surfaces["fern"], pieces=3)
     small = diamond(0.16, 0.09, surfaces["bush"])
@@ -113,7 +115,7 @@ def _places(
     return orient(rng, positions, upright, rng.uniform(small, large, number))
 
 
-def _ground(cells: int, surface: Surface) -> Part:
+def _ground(cells: int, surface: Surface) -> SurfaceMesh:
     x, z = np.meshgrid(np.linspace(-110, 110, cells + 1), np.linspace(3, -125, cells + 1))
     points = np.stack([x, ground_height(x, z), z], -1)
     return mesh_grid(points, surface, np.stack([x, -z], -1) * 0.15)
@@ -126,7 +128,7 @@ def tree(
     foot: np.ndarray,
     height: float,
     leaves: int,
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     """A broad-leaved tree: a trunk, three orders of branches, leaves around the twigs."""
     lean = rng.normal(scale=0.04, size=2) * height
     top = foot + (lean[0], 0.55 * height, lean[1])
@@ -160,7 +162,7 @@ def _branch(
     length: float,
     radius: float,
     order: int,
-    limbs: list[Part],
+    limbs: list[SurfaceMesh],
     tips: list[np.ndarray],
 ) -> None:
     """Add a branch and those that grow from it; the last order's ends carry leaves."""

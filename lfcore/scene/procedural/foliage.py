@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.scene.parts import Part, Surface, normalise
 from lfcore.scene.procedural.primitives import curve, join, mesh_grid, scattered, tube
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise
 
 
 def blade(
@@ -18,7 +18,7 @@ def blade(
     fold: float = 0.2,
     pieces: int = 3,
     widest: float = 0.4,
-) -> Part:
+) -> SurfaceMesh:
     """A leaf from the origin along +y, facing +z, drooping towards +z; 4 * pieces - 2 triangles.
 
     ``bend`` is the droop and ``fold`` the depth of the midrib, relative to length and width;
@@ -39,7 +39,7 @@ def blade(
     return mesh_grid(points, surface, uv, crease_deg=85.0)
 
 
-def diamond(length: float, width: float, surface: Surface, *, fold: float = 0.25) -> Part:
+def diamond(length: float, width: float, surface: Surface, *, fold: float = 0.25) -> SurfaceMesh:
     """The smallest leaf: 2 triangles folded along the midrib, from the origin along +y."""
     foot, tip = (0.0, 0.0, 0.0), (0.0, length, -0.1 * length)
     left, right = (
@@ -48,7 +48,7 @@ def diamond(length: float, width: float, surface: Surface, *, fold: float = 0.25
     )
     triangles = np.array([[foot, right, tip], [foot, tip, left]])
     uv = np.array([[[0.5, 0], [1, 0.45], [0.5, 1]], [[0.5, 0], [0.5, 1], [0, 0.45]]])
-    return Part(triangles, surface, None, uv)
+    return SurfaceMesh(triangles, surface, None, uv)
 
 
 def orient(
@@ -85,13 +85,13 @@ def orient(
 def rosette(
     rng: np.random.Generator,
     number: int,
-    leaf: Part,
+    leaf: SurfaceMesh,
     *,
     foot: ArrayLike = (0, 0, 0),
     spread: float = 0.9,
     lift: tuple[float, float] = (0.2, 1.0),
     size: tuple[float, float] = (0.7, 1.0),
-) -> Part:
+) -> SurfaceMesh:
     """Leaves that rise from one foot in a spiral, the inner ones steeper."""
     turn = np.arange(number) * 2.39996 + rng.uniform(-0.3, 0.3, number)
     rise = np.linspace(lift[1], lift[0], number) * np.pi / 2
@@ -108,13 +108,13 @@ def rosette(
 def shrub(
     rng: np.random.Generator,
     number: int,
-    leaf: Part,
+    leaf: SurfaceMesh,
     radii: ArrayLike,
     *,
     centre: ArrayLike = (0, 0, 0),
     size: tuple[float, float] = (0.7, 1.2),
     shell: float = 0.55,
-) -> Part:
+) -> SurfaceMesh:
     """Leaves scattered through the outer part of an ellipsoid, pointing outwards and drooping."""
     directions = normalise(rng.normal(size=(number, 3)))
     depth = rng.uniform(shell**3, 1, number) ** (1 / 3)
@@ -131,9 +131,9 @@ def tuft(
     height: float = 0.25,
     radius: float = 0.05,
     centre: ArrayLike = (0, 0, 0),
-) -> Part:
+) -> SurfaceMesh:
     """Grass: ``number`` bent blades of 2 triangles."""
-    leaf = Part(
+    leaf = SurfaceMesh(
         np.array(
             [
                 [[-0.03, 0, 0], [0.03, 0, 0], [0.018, 0.6, 0.04]],
@@ -185,7 +185,7 @@ def conifer(
     radius: float = 1.1,
     tiers: int = 7,
     points: int = 11,
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     """A spruce of drooping star-shaped skirts: 6 * points * tiers + 12 triangles."""
     skirts = []
     for tier in range(tiers):
@@ -216,7 +216,7 @@ def flowers(
     size: float = 0.02,
     petals: int = 5,
     face: ArrayLike = (0, 0.5, 1),
-) -> Part:
+) -> SurfaceMesh:
     """Blossoms of ``petals`` bent petals of 2 triangles, turned roughly to ``face``."""
     angle = np.arange(petals) * 2 * np.pi / petals
     corners = []
@@ -228,7 +228,7 @@ def flowers(
         corners += [[np.zeros(3), right, left], [left, right, tip]]
     triangles = np.array(corners)
     uv = triangles[..., :2] * 0.5 + 0.5
-    blossom = Part(triangles, surface, None, uv)
+    blossom = SurfaceMesh(triangles, surface, None, uv)
     number = len(positions)
     aim = normalise(np.asarray(face) + rng.normal(scale=0.45, size=(number, 3)))
     sideways = np.cross(aim, (0.3, 1.0, 0.1))

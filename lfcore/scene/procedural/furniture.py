@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from lfcore.scene.colour import hex_colour
-from lfcore.scene.parts import Part, Surface, transform_all
 from lfcore.scene.procedural import foliage, lettering, textures
 from lfcore.scene.procedural.primitives import (
     box,
@@ -22,6 +21,7 @@ from lfcore.scene.procedural.primitives import (
     tube,
 )
 from lfcore.scene.procedural.softgoods import draped, pillow, tufted
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, transform_all
 from lfcore.scene.transforms import chain, rotate, translate
 
 TITLES = (
@@ -51,7 +51,7 @@ def spine_atlas(seed: int) -> np.ndarray:
 
 def book(
     size: Sequence[float], index: int, atlas: Surface, paper: Surface, *, lying: bool = False
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     """Spine to +z, standing on y = 0 with its left cover at x = 0; about 70 triangles."""
     thick, tall, deep = size
     angle = np.linspace(-np.pi / 2, np.pi / 2, 6)
@@ -72,7 +72,7 @@ def book(
 
 def book_row(
     rng: np.random.Generator, length: float, atlas: Surface, paper: Surface, *, depth: float = 0.2
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     """Books side by side from x = 0, spines to +z, the last one leaning."""
     parts, x = [], 0.0
     while True:
@@ -88,7 +88,7 @@ def book_row(
     return parts + transform_all(volume, lean)
 
 
-def bed(seed: int, look: dict[str, Surface]) -> list[Part]:
+def bed(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
     """Headboard at z = 0, foot at z = 2.1; 1.6 m wide; four pillows, quilt and throw."""
     width, top = 1.6, 0.56
     parts = [
@@ -137,7 +137,7 @@ def bed(seed: int, look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def night_table(look: dict[str, Surface]) -> list[Part]:
+def night_table(look: dict[str, Surface]) -> list[SurfaceMesh]:
     """0.46 wide, 0.52 tall, front to +z."""
     parts = [
         box((0.46, 0.03, 0.38), look["walnut"], centre=(0, 0.505, 0)),
@@ -166,7 +166,7 @@ def night_table(look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def table_lamp(look: dict[str, Surface]) -> list[Part]:
+def table_lamp(look: dict[str, Surface]) -> list[SurfaceMesh]:
     """A ceramic foot and a pleated, glowing shade; 0.5 m tall."""
     foot = lathe(
         [
@@ -210,7 +210,7 @@ def table_lamp(look: dict[str, Surface]) -> list[Part]:
 
 def bookshelf(
     rng: np.random.Generator, look: dict[str, Surface], *, width: float = 1.1, tall: float = 1.9
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     """Open shelves against a wall at z = 0, front to +z, filled with books and things."""
     deep, parts = 0.26, []
     wood = look["oak"]
@@ -256,7 +256,7 @@ def bookshelf(
     return parts
 
 
-def globe(look: dict[str, Surface]) -> list[Part]:
+def globe(look: dict[str, Surface]) -> list[SurfaceMesh]:
     """A little globe of the Earth, 0.26 m tall."""
     foot = lathe(
         [(0, 0), (0.06, 0), (0.05, 0.02), (0.012, 0.03), (0.01, 0.06), (0, 0.06)],
@@ -269,7 +269,7 @@ def globe(look: dict[str, Surface]) -> list[Part]:
     return [foot, *transform_all([ball, meridian], tilt)]
 
 
-def armchair(seed: int, look: dict[str, Surface]) -> list[Part]:
+def armchair(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
     """0.78 wide, facing +z, seat at 0.42."""
     soft = look["velvet 2"]
     parts = []
@@ -300,7 +300,7 @@ def armchair(seed: int, look: dict[str, Surface]) -> list[Part]:
 
 def potted_plant(
     rng: np.random.Generator, look: dict[str, Surface], *, leaves: int = 26, tall: float = 0.75
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     """A rubber plant in a basket; leaves on arching stalks."""
     pot = lathe(
         [
@@ -318,7 +318,7 @@ def potted_plant(
         crease_deg=50,
     )
     assert pot.uvs is not None
-    pot = Part(pot.triangles, pot.surface, pot.normals, pot.uvs * (6.0, 3.0))
+    pot = SurfaceMesh(pot.triangles, pot.surface, pot.normals, pot.uvs * (6.0, 3.0))
     stalks, tips = foliage.stems(
         rng, leaves, look["stalk"], foot=(0, 0.26, 0), spread=0.30, height=tall, radius=0.006
     )
@@ -332,7 +332,7 @@ def potted_plant(
     return [pot, stalks, scattered(leaf, matrices)]
 
 
-def tulip_table(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
+def tulip_table(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMesh]:
     """A round side table, 0.62 tall, with a book, and tulips in a vase."""
     top = lathe(
         [(0, 0.59), (0.21, 0.59), (0.225, 0.60), (0.225, 0.61), (0.215, 0.62), (0, 0.62)],

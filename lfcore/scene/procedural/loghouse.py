@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from lfcore.scene.colour import hex_colour
-from lfcore.scene.parts import Part, Surface
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.primitives import box, cylinder, join, log, quad, rectangle, tube
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
 WIDTH, DEPTH, RADIUS, COURSES = 4.0, 3.0, 0.105, 11
 EAVES = 0.30 + (COURSES - 0.5) * 2 * RADIUS * 0.96
@@ -42,7 +42,7 @@ def surfaces(seed: int) -> dict[str, Surface]:
     }
 
 
-def loghouse(seed: int) -> list[Part]:
+def loghouse(seed: int) -> list[SurfaceMesh]:
     """About 4,700 triangles, standing on y = 0 with its middle at the origin."""
     rng = np.random.default_rng(seed + 30)
     look = surfaces(seed)
@@ -56,7 +56,7 @@ def loghouse(seed: int) -> list[Part]:
     return parts
 
 
-def _walls(look: dict[str, Surface]) -> list[Part]:
+def _walls(look: dict[str, Surface]) -> list[SurfaceMesh]:
     parts = [box((WIDTH + 0.3, 0.34, DEPTH + 0.3), look["stone"], centre=(0, 0.08, 0), repeat=1.2)]
     step = 2 * RADIUS * 0.96
     for course in range(COURSES):
@@ -70,7 +70,7 @@ def _walls(look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def _gables(look: dict[str, Surface]) -> list[Part]:
+def _gables(look: dict[str, Surface]) -> list[SurfaceMesh]:
     """Boarded triangles over the side walls; the ridge runs along x."""
     parts = []
     for x in (-WIDTH / 2, WIDTH / 2):
@@ -81,7 +81,9 @@ def _gables(look: dict[str, Surface]) -> list[Part]:
                 [x, RIDGE - 0.06, 0],
             ]
         )
-        parts.append(Part(corners[None], look["boards"], None, corners[None][..., [1, 2]] * 0.5))
+        parts.append(
+            SurfaceMesh(corners[None], look["boards"], None, corners[None][..., [1, 2]] * 0.5)
+        )
         barge = 0.42 * np.sign(x)
         for side in (-1, 1):
             foot = np.array([x + barge, EAVES - 0.30, side * (DEPTH / 2 + 0.52)])
@@ -90,7 +92,7 @@ def _gables(look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def _roof(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
+def _roof(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMesh]:
     """Two slopes of boards, the front one shingled, and the ridge log."""
     half, parts = WIDTH / 2 + 0.45, []
     for side in (-1.0, 1.0):
@@ -116,7 +118,7 @@ def _shingles(
     slope: np.ndarray,
     number: tuple[int, int],
     surface: Surface,
-) -> Part:
+) -> SurfaceMesh:
     """Overlapping rows of single shingles, 4 triangles each, every one a little askew.
 
     ``corner`` is the lower left of the roof, ``across`` its eaves and ``slope`` its rise;
@@ -142,7 +144,7 @@ def _shingles(
     return join(parts)
 
 
-def _chimney(look: dict[str, Surface]) -> list[Part]:
+def _chimney(look: dict[str, Surface]) -> list[SurfaceMesh]:
     x, z = 1.05, -0.55
     return [
         box((0.62, 2.6, 0.55), look["stone"], centre=(x, EAVES + 0.75, z), repeat=1.4),
@@ -151,14 +153,14 @@ def _chimney(look: dict[str, Surface]) -> list[Part]:
     ]
 
 
-def _window(look: dict[str, Surface], centre: np.ndarray, across: np.ndarray) -> list[Part]:
+def _window(look: dict[str, Surface], centre: np.ndarray, across: np.ndarray) -> list[SurfaceMesh]:
     """A lit window of four panes in a board frame, ``across`` pointing right from outside."""
     up, width, tall = np.array([0, 1.0, 0]), 0.74, 0.84
     out = np.cross(across, up)
 
     def bar(
         middle: tuple[float, float], half_x: float, half_y: float, depth: float, surface: Surface
-    ) -> Part:
+    ) -> SurfaceMesh:
         size = np.abs(across) * 2 * half_x + up * 2 * half_y + np.abs(out) * depth
         return box(
             size, surface, centre=centre + middle[0] * across + middle[1] * up + out * depth / 2
@@ -176,7 +178,7 @@ def _window(look: dict[str, Surface], centre: np.ndarray, across: np.ndarray) ->
     return parts
 
 
-def _door(look: dict[str, Surface]) -> list[Part]:
+def _door(look: dict[str, Surface]) -> list[SurfaceMesh]:
     z = DEPTH / 2 + RADIUS
     parts = [box((0.9, 1.85, 0.06), look["door"], centre=(0, 0.33 + 0.925, z), repeat=1.0)]
     for x in (-0.51, 0.51):
@@ -189,7 +191,7 @@ def _door(look: dict[str, Surface]) -> list[Part]:
     return parts
 
 
-def _porch(rng: np.random.Generator, look: dict[str, Surface]) -> list[Part]:
+def _porch(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMesh]:
     parts, front = [], DEPTH / 2 + 1.25
     for index in range(9):
         z = DEPTH / 2 + 0.18 + index * 0.125

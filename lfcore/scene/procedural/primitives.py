@@ -1,4 +1,4 @@
-"""Shapes that the procedural models are made of; every one returns a Part.
+"""Shapes that the procedural models are made of; every one returns a SurfaceMesh.
 
 World space, metres, y up.  Texture coordinates run in metres times ``repeat`` (textures per
 metre) unless said otherwise, so that a brick has one size on every wall.
@@ -11,17 +11,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.scene.parts import Part, Surface, normalise
 from lfcore.scene.smoothing import crease_normals
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise
 
 UNIT_SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
 
 
-def quad(corners: ArrayLike, surface: Surface, uv: ArrayLike = UNIT_SQUARE) -> Part:
+def quad(corners: ArrayLike, surface: Surface, uv: ArrayLike = UNIT_SQUARE) -> SurfaceMesh:
     """Two triangles over four corners in turn, counter-clockwise from outside."""
     corners, uv = np.asarray(corners, np.float64), np.asarray(uv, np.float64)
     order = [[0, 1, 2], [0, 2, 3]]
-    return Part(corners[order], surface, None, uv[order])
+    return SurfaceMesh(corners[order], surface, None, uv[order])
 
 
 def rectangle(
@@ -32,7 +32,7 @@ def rectangle(
     *,
     repeat: float | None = None,
     pieces: tuple[int, int] = (1, 1),
-) -> Part:
+) -> SurfaceMesh:
     """A flat rectangle from ``origin`` along ``across`` and ``up``, cut into ``pieces``.
 
     ``repeat`` None stretches one texture over it.
@@ -55,7 +55,7 @@ def mesh_grid(
     close_rows: bool = False,
     smooth: bool = True,
     crease_deg: float = 60.0,
-) -> Part:
+) -> SurfaceMesh:
     """A sheet through (R, C, 3) ``points`` with ``uv`` (R, C, 2); zero-area triangles left out.
 
     Closed directions join the last row or column to the first; ``uv`` then has one row or
@@ -72,7 +72,7 @@ def mesh_grid(
     keep = np.abs(edges).max(1) > 1e-12 * size * size
     normals = crease_normals(triangles[keep], crease_deg) if smooth else None
     uvs = None if uv is None else _cells(np.asarray(uv, np.float64))[keep]
-    return Part(triangles[keep], surface, normals, uvs)
+    return SurfaceMesh(triangles[keep], surface, normals, uvs)
 
 
 def _cells(grid: np.ndarray) -> np.ndarray:
@@ -88,7 +88,7 @@ def box(
     centre: ArrayLike = (0, 0, 0),
     repeat: float = 1.0,
     grain: int = 0,
-) -> Part:
+) -> SurfaceMesh:
     """12 triangles, flat shaded. The texture's u runs along axis ``grain`` where it can."""
     half, centre = np.asarray(size, np.float64) / 2, np.asarray(centre, np.float64)
     parts = []
@@ -108,7 +108,7 @@ def box(
     return join(parts)
 
 
-def join(parts: list[Part]) -> Part:
+def join(parts: list[SurfaceMesh]) -> SurfaceMesh:
     """Parts of one surface that carry the same attributes, as one part."""
     columns = {}
     for name in ("normals", "uvs", "colours"):
@@ -117,12 +117,12 @@ def join(parts: list[Part]) -> Part:
         if any(present) != all(present):
             raise ValueError(f"parts to join differ in {name}")
         columns[name] = np.concatenate(arrays) if all(present) else None
-    return Part(np.concatenate([p.triangles for p in parts]), parts[0].surface, **columns)
+    return SurfaceMesh(np.concatenate([p.triangles for p in parts]), parts[0].surface, **columns)
 
 
 def cushion(
     size: ArrayLike, surface: Surface, *, pieces: int = 12, power: float = 4.0, repeat: float = 1.0
-) -> Part:
+) -> SurfaceMesh:
     """A box with rounded edges (superellipsoid of ``power``): pillow at 2.5, crate at 10.
 
     12 * pieces^2 triangles; the texture is laid on from the nearest of six sides.
@@ -146,7 +146,7 @@ def cushion(
     whole = join(parts)
     # The six sides meet at equal positions up to rounding; make them equal to smooth across.
     triangles = np.round(whole.triangles, 9)
-    return Part(triangles, surface, crease_normals(triangles, 60.0), whole.uvs)
+    return SurfaceMesh(triangles, surface, crease_normals(triangles, 60.0), whole.uvs)
 
 
 def lathe(
@@ -156,7 +156,7 @@ def lathe(
     segments: int = 24,
     repeat: float | None = None,
     crease_deg: float = 40.0,
-) -> Part:
+) -> SurfaceMesh:
     """A profile of (radius, height) pairs, bottom to top outside, turned about the y axis.
 
     ``repeat`` None wraps one texture once around and once from the first to the last pair.
@@ -181,14 +181,14 @@ def sphere(
     centre: ArrayLike = (0, 0, 0),
     segments: int = 16,
     rings: int = 10,
-) -> Part:
+) -> SurfaceMesh:
     """An ellipsoid when ``radius`` is a triple; 2 * segments * (rings - 1) triangles."""
     latitude = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
     across = np.cos(latitude)
     across[[0, -1]] = 0.0
     part = lathe(np.stack([across, np.sin(latitude)], -1), surface, segments=segments)
     radius = np.broadcast_to(np.asarray(radius, np.float64), 3)
-    return Part(
+    return SurfaceMesh(
         part.triangles * radius + np.asarray(centre, np.float64),
         surface,
         normalise(part.triangles / radius),
@@ -205,7 +205,7 @@ def tube(
     closed: bool = False,
     caps: bool = True,
     repeat: float = 1.0,
-) -> Part:
+) -> SurfaceMesh:
     """A round tube along (K, 3) ``path``; ``radius`` a number or one for each point.
 
     Caps are cones of no height, so that one sheet covers all.
@@ -264,7 +264,7 @@ def cylinder(
     segments: int = 8,
     caps: bool = True,
     repeat: float = 1.0,
-) -> Part:
+) -> SurfaceMesh:
     """A straight tube; ``radius`` a number or a pair (a cone's)."""
     return tube(
         np.array([start, end], np.float64),
@@ -302,7 +302,7 @@ def curve(points: Sequence[ArrayLike], number: int) -> np.ndarray:
     )
 
 
-def scattered(part: Part, matrices: np.ndarray) -> Part:
+def scattered(part: SurfaceMesh, matrices: np.ndarray) -> SurfaceMesh:
     """``part`` repeated under (K, 4, 4) rigid or uniformly scaled matrices, as one part."""
     matrices = np.asarray(matrices, np.float64)
     linear, offset = matrices[:, None, None, :3, :3], matrices[:, None, None, :3, 3]
@@ -315,12 +315,12 @@ def scattered(part: Part, matrices: np.ndarray) -> Part:
     copies = len(matrices)
     uvs = None if part.uvs is None else np.tile(part.uvs, (copies, 1, 1))
     colours = None if part.colours is None else np.tile(part.colours, (copies, 1, 1))
-    return Part(triangles, part.surface, normals, uvs, colours)
+    return SurfaceMesh(triangles, part.surface, normals, uvs, colours)
 
 
 def disc(
     centre: ArrayLike, normal: ArrayLike, radius: float, surface: Surface, *, segments: int = 10
-) -> Part:
+) -> SurfaceMesh:
     """A flat fan; one texture over its bounding square."""
     y = normalise(np.asarray(normal, np.float64))
     x = normalise(np.cross(y, np.eye(3)[np.argmin(np.abs(y))]))
@@ -330,7 +330,7 @@ def disc(
     rim = np.asarray(centre) + radius * (flat[:, :1] * x + flat[:, 1:] * np.cross(y, x))
     hub = np.broadcast_to(np.asarray(centre, np.float64), rim[:-1].shape)
     uv = np.stack([np.full((segments, 2), 0.5), flat[:-1] / 2 + 0.5, flat[1:] / 2 + 0.5], 1)
-    return Part(np.stack([hub, rim[:-1], rim[1:]], 1), surface, None, uv)
+    return SurfaceMesh(np.stack([hub, rim[:-1], rim[1:]], 1), surface, None, uv)
 
 
 def log(
@@ -341,7 +341,7 @@ def log(
     grain: Surface,
     *,
     segments: int = 10,
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     """A trunk with sawn ends: 4 * segments triangles."""
     start, end = np.asarray(start, np.float64), np.asarray(end, np.float64)
     return [

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.scene.parts import Part, Surface, transform_all
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.primitives import curve, mesh_grid, scattered, sphere, tube
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, transform_all
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
 
@@ -18,7 +18,7 @@ def pillow(
     seed: int,
     pieces: int = 36,
     repeat: float = 2.0,
-) -> Part:
+) -> SurfaceMesh:
     """Two sheets sewn along a seam, lying in the plane y = 0; 4 * pieces^2 triangles."""
     width, thick, deep = size
     edge = np.sin(np.linspace(-np.pi / 2, np.pi / 2, pieces + 1))
@@ -35,7 +35,7 @@ def pillow(
         sheet = mesh_grid(points, surface, np.stack([x, z], -1) * repeat, crease_deg=180)
         sheets.append(sheet)
     top, bottom = sheets
-    return Part(
+    return SurfaceMesh(
         np.concatenate([top.triangles, bottom.triangles]),
         surface,
         np.concatenate([top.normals, bottom.normals]),
@@ -61,7 +61,7 @@ def draped(
     repeat: float = 1.0,
     wrinkle: float = 0.022,
     edge_radius: float = 0.07,
-) -> Part:
+) -> SurfaceMesh:
     """A blanket over a block ``width`` (x) by ``length`` (z, from 0), top at y = 0.
 
     It hangs down by ``drop[0]`` on both sides and ``drop[1]`` beyond ``length``, in folds.
@@ -97,7 +97,7 @@ def curtain(
     tied: float = 0.45,
     pull: float = 1.0,
     repeat: float = 1.0,
-) -> Part:
+) -> SurfaceMesh:
     """Hangs from y = ``height`` along +x, pleats along z; drawn in at the height of its tie.
 
     ``pull`` +1 draws it to its left end, -1 to its right; ``tied`` is what is left of its width.
@@ -124,7 +124,7 @@ def tufted(
     *,
     pieces: tuple[int, int] = (110, 60),
     repeat: float = 2.0,
-) -> Part:
+) -> SurfaceMesh:
     """An upholstered panel in the plane z = 0, buttoned in diamonds, with rounded edges."""
     u, v = np.meshgrid(np.linspace(0, 1, pieces[0] + 1), np.linspace(0, 1, pieces[1] + 1))
     nx, ny = 7, max(2, round(7 * height / width))
@@ -140,7 +140,9 @@ def tufted(
     )
 
 
-def rug(width: float, depth: float, field: Surface, fringe: Surface, *, seed: int) -> list[Part]:
+def rug(
+    width: float, depth: float, field: Surface, fringe: Surface, *, seed: int
+) -> list[SurfaceMesh]:
     """A woven rug on the floor, gently wavy, with a fringe at both ends along x."""
     rng = np.random.default_rng(seed)
     u, v = np.meshgrid(np.linspace(0, 1, 61), np.linspace(0, 1, 41))
@@ -168,7 +170,7 @@ def rug(width: float, depth: float, field: Surface, fringe: Surface, *, seed: in
     return parts
 
 
-def fluffy(base: Part, *, seed: int, depth: float, cells: int = 40) -> Part:
+def fluffy(base: SurfaceMesh, *, seed: int, depth: float, cells: int = 40) -> SurfaceMesh:
     """Plush: the part's vertices moved along their normals by noise that is the same everywhere."""
     pile = textures.noise(seed, cells=(cells, cells), octaves=2, size=(256, 256)) - 0.5
     assert base.uvs is not None and base.normals is not None
@@ -179,12 +181,12 @@ def fluffy(base: Part, *, seed: int, depth: float, cells: int = 40) -> Part:
     from lfcore.scene.smoothing import crease_normals
 
     triangles = np.round(triangles, 7)
-    return Part(triangles, base.surface, crease_normals(triangles, 180.0), base.uvs)
+    return SurfaceMesh(triangles, base.surface, crease_normals(triangles, 180.0), base.uvs)
 
 
 def teddy(
     fur: Surface, light: Surface, dark: Surface, *, seed: int, segments: int = 40
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     """A sitting bear, 0.45 m tall, facing +z."""
     rings = segments * 2 // 3
 
@@ -194,7 +196,7 @@ def teddy(
         surface: Surface = fur,
         detail: float = 1.0,
         plush: float = 0.012,
-    ) -> Part:
+    ) -> SurfaceMesh:
         ball = sphere(radius, surface, segments=int(segments * detail), rings=int(rings * detail))
         if plush:
             ball = fluffy(ball, seed=seed, depth=plush, cells=36)

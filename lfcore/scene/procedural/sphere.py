@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.scene.parts import Part, Surface
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.primitives import rectangle
 from lfcore.scene.procedural.primitives import sphere as ball
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
 MOST_SEGMENTS = 4096
 """16 million triangles: beyond, a machine's memory decides."""
@@ -16,7 +16,7 @@ MOST_SEGMENTS = 4096
 
 def build(
     seed: int, *, radius_m: float = 1.0, segments: int = 96, checks: float = 1.0
-) -> list[Part]:
+) -> list[SurfaceMesh]:
     """A speckled sphere standing on the origin of a checked floor.
 
     ``checks`` counts fields a metre; ``seed`` draws the sphere's speckles.

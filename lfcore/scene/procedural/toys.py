@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from lfcore.scene.colour import hex_colour
-from lfcore.scene.parts import Part, Surface, transform_all
 from lfcore.scene.procedural import lettering, textures
 from lfcore.scene.procedural.primitives import box, cushion, cylinder, lathe, ring, sphere, tube
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, transform_all
 from lfcore.scene.transforms import chain, rotate, translate
 
 PAINTS = ("#d8483c", "#e9b33a", "#3f8fb5", "#5aa05a", "#8a5fa8", "#e58a4c")
@@ -18,7 +18,7 @@ def painted(index: int) -> Surface:
     return Surface(f"toy {colour}", hex_colour(colour), (0.18, 0.18, 0.18), 40.0)
 
 
-def letter_block(letter: str, index: int, seed: int, *, side: float = 0.085) -> Part:
+def letter_block(letter: str, index: int, seed: int, *, side: float = 0.085) -> SurfaceMesh:
     """A wooden cube with rounded edges and a letter framed on each side; 768 triangles."""
     wood = textures.wood(seed + index, (206, 168, 116), (232, 204, 158), size=(128, 128), rings=4)
     ink = [int(PAINTS[index % len(PAINTS)][i : i + 2], 16) for i in (1, 3, 5)]
@@ -30,7 +30,7 @@ def letter_block(letter: str, index: int, seed: int, *, side: float = 0.085) -> 
     return cushion((side,) * 3, surface, pieces=8, power=14.0, repeat=1 / side)
 
 
-def ball(seed: int, *, radius: float = 0.13) -> Part:
+def ball(seed: int, *, radius: float = 0.13) -> SurfaceMesh:
     """Six coloured gores and two white caps."""
     texture = np.zeros((128, 256, 3), np.uint8)
     for gore in range(6):
@@ -45,7 +45,7 @@ def ball(seed: int, *, radius: float = 0.13) -> Part:
     )
 
 
-def ring_tower() -> list[Part]:
+def ring_tower() -> list[SurfaceMesh]:
     """Rings of falling size on a peg; 0.3 m tall."""
     foot = Surface("toy wood", hex_colour("#d8b27c"), (0.08, 0.08, 0.08), 30.0)
     parts = [
@@ -63,7 +63,7 @@ def ring_tower() -> list[Part]:
     return parts
 
 
-def train() -> list[Part]:
+def train() -> list[SurfaceMesh]:
     """An engine and a wagon, along +x; 0.5 m long."""
     wood = Surface("toy wood", hex_colour("#d8b27c"), (0.08, 0.08, 0.08), 30.0)
     parts = [
@@ -116,7 +116,7 @@ def train() -> list[Part]:
     return parts
 
 
-def toy_corner(seed: int) -> list[Part]:
+def toy_corner(seed: int) -> list[SurfaceMesh]:
     """Blocks, ball, rings and train laid out around the origin, some 0.9 m across."""
     parts = []
     blocks = (

@@ -1,7 +1,8 @@
-"""Parts: the triangles of one surface in world space, before the scene is assembled.
+"""Surface meshes: the triangles of one surface, in world space, before a scene is assembled.
 
-Mesh files and procedural builders both return a list of :class:`Part`; ``lfcore.scene.assemble``
-turns the list into the flat arrays of a :class:`~lfcore.scene.model.Scene`.
+Mesh files and procedural builders both return a list of :class:`SurfaceMesh`, the parts of what
+they describe; ``lfcore.scene.assemble`` turns it into the flat arrays of a
+:class:`~lfcore.scene.model.Scene`.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ class Surface:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class SurfaceMesh:
     """Triangles that share a surface; float64, metres.
 
     Attributes
@@ -64,7 +65,7 @@ class Part:
     def count(self) -> int:
         return len(self.triangles)
 
-    def transformed(self, matrix: np.ndarray) -> Part:
+    def transformed(self, matrix: np.ndarray) -> SurfaceMesh:
         """The part moved by a (4, 4) affine matrix; normals by its inverse transpose."""
         matrix = np.asarray(matrix, np.float64)
         with np.errstate(invalid="ignore", over="ignore"):  # bad vertices are dropped later
@@ -77,35 +78,35 @@ class Part:
             normals = normals @ (cofactor * np.sign(np.linalg.det(matrix[:3, :3]) or 1.0)).T
         return replace(self, triangles=triangles, normals=normals)
 
-    def with_surface(self, **changes: Any) -> Part:
+    def with_surface(self, **changes: Any) -> SurfaceMesh:
         return replace(self, surface=replace(self.surface, **changes))
 
 
-def count(parts: list[Part]) -> int:
+def count(parts: list[SurfaceMesh]) -> int:
     """Triangles in all parts."""
     return sum(part.count for part in parts)
 
 
-def transform_all(parts: list[Part], matrix: np.ndarray) -> list[Part]:
+def transform_all(parts: list[SurfaceMesh], matrix: np.ndarray) -> list[SurfaceMesh]:
     return [part.transformed(matrix) for part in parts]
 
 
-def merge(parts: list[Part]) -> list[Part]:
+def merge(parts: list[SurfaceMesh]) -> list[SurfaceMesh]:
     """One part for each surface, in order of first appearance; missing arrays are filled in."""
-    groups: dict[int, list[Part]] = {}
+    groups: dict[int, list[SurfaceMesh]] = {}
     for part in parts:
         groups.setdefault(id(part.surface), []).append(part)
     return [_concatenate(group) for group in groups.values()]
 
 
-def _concatenate(group: list[Part]) -> Part:
+def _concatenate(group: list[SurfaceMesh]) -> SurfaceMesh:
     if len(group) == 1:
         return group[0]
     columns = {
         name: stack([getattr(part, name) for part in group], [p.triangles for p in group], name)
         for name in ("normals", "uvs", "colours")
     }
-    return Part(np.concatenate([p.triangles for p in group]), group[0].surface, **columns)
+    return SurfaceMesh(np.concatenate([p.triangles for p in group]), group[0].surface, **columns)
 
 
 def stack(arrays: list, triangles: list[np.ndarray], name: str) -> np.ndarray | None:
