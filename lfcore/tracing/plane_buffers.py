@@ -3,33 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.errors import DeviceError
 from lfcore.opencl.device import Device
 from lfcore.optics.plane_sums import PlaneSums, offsets
-from lfcore.optics.plane_tables import PlaneTables, beam_targets, lens_tables, view_tables
+from lfcore.optics.plane_tables import PlaneTables, beam_targets
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.tracing.packets import BLOCK, PacketShape
-
-if TYPE_CHECKING:
-    from lfcore.tracing.tile import Tile
-
-
-def plane_tables(
-    slab: Slab, planes: Sequence[SensorPlane], tile: Tile, shape: PacketShape
-) -> PlaneTables:
-    """Tables for the kernels that add rays packet by packet, of ``shape``, or view by view."""
-    if tile.layout.kind == "views":
-        return view_tables(slab, planes)
-    right, bottom = tile.column + tile.columns, tile.row + tile.rows
-    corners = tile.column, tile.row, right, bottom
-    return lens_tables(slab, planes, corners, shape.group, shape.cells)
-
 
 PLANE_ARGUMENTS = np.dtype(
     [(name, np.int32) for name in ("left", "top", "width", "height", "size", "blocks", "views")]

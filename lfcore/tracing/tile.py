@@ -13,16 +13,12 @@ import numpy as np
 from lfcore.opencl.device import Device, cl
 from lfcore.optics import bundles as rays
 from lfcore.optics.plane_sums import PlaneSums
+from lfcore.optics.plane_tables import PlaneTables, lens_tables, view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.tracing.device_scene import RAY_ARGUMENTS, SCENE_ARGUMENTS, DeviceScene
 from lfcore.tracing.packets import Groups, PacketShape, ranks
-from lfcore.tracing.plane_buffers import (
-    PLANE_ARGUMENTS,
-    PlaneBuffers,
-    StripBuffers,
-    plane_tables,
-)
+from lfcore.tracing.plane_buffers import PLANE_ARGUMENTS, PlaneBuffers, StripBuffers
 
 if TYPE_CHECKING:
     from lfcore.storage.layout import FrameLayout
@@ -127,7 +123,7 @@ class TraceSlab:
         structs = SCENE_ARGUMENTS, RAY_ARGUMENTS, FRAME_ARGUMENTS, PLANE_ARGUMENTS
         self.kernel = scene.kernel("slab.cl", "trace_slab", shape, structs, defines)
         self.scratch = self.kernel.scratch(scene.shadow_lights)
-        tables = plane_tables(slab, planes, tile, shape)
+        tables = _plane_tables(slab, planes, tile, shape)
         self.sums = PlaneBuffers(device, slab, list(planes), tables)
         summed = len(self.elements) if self.macro else 0
         self.strips = StripBuffers(self.sums, shape, layout.inner, summed)
@@ -219,6 +215,17 @@ def _parts_no_group(elements: np.ndarray, group: int) -> np.ndarray:
     np.maximum.at(last, cell, np.arange(len(cell)))
     open_until = np.maximum.accumulate(last[cell])
     return np.append(True, open_until == np.arange(len(cell)))
+
+
+def _plane_tables(
+    slab: Slab, planes: Sequence[SensorPlane], tile: Tile, shape: PacketShape
+) -> PlaneTables:
+    """Tables for the kernels that add rays packet by packet, of ``shape``, or view by view."""
+    if tile.layout.kind == "views":
+        return view_tables(slab, planes)
+    right, bottom = tile.column + tile.columns, tile.row + tile.rows
+    corners = tile.column, tile.row, right, bottom
+    return lens_tables(slab, planes, corners, shape.group, shape.cells)
 
 
 class _FrameHost:
