@@ -35,7 +35,7 @@ from lfcore.progress import Progress, silent
 from lfcore.rendering.direct import focused_camera, trace_picture
 from lfcore.scene.mitsuba import Description
 from lfcore.scene.model import Scene
-from lfcore.scene.povray import FILE, write_povray
+from lfcore.scene.povray import FILE, write_mesh, write_view
 from lfcore.tracing.tracer import Tracer
 
 COLUMNS = [
@@ -150,29 +150,44 @@ def povray(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendere
         return Rendered(name, None, note=f"left out: {error}")
 
 
+_exported: list[tuple[Scene, tempfile.TemporaryDirectory]] = []
+"""The scene whose mesh was written last, which is deleted with the process."""
+
+
+def _mesh_folder(scene: Scene) -> str:
+    """Where POV-Ray finds the scene's mesh: pictures of one scene follow each other."""
+    if not _exported or _exported[0][0] is not scene:
+        folder = tempfile.TemporaryDirectory(prefix="povray-")
+        write_mesh(folder.name, scene)
+        _exported[:] = [(scene, folder)]
+    return _exported[0][1].name
+
+
 def _run_povray(name: str, scene: Scene, camera: Camera, pixels: int, rays: int) -> Rendered:
     program = shutil.which("povray")
     if program is None:
         raise LeftOutError("povray is not installed")
-    with tempfile.TemporaryDirectory(prefix="povray-") as folder:
-        write_povray(folder, scene, camera, samples=rays)
-        # 16-bit PNG without a gamma curve: linear light.
-        command = [
-            program, f"+I{FILE}", f"+W{pixels}", f"+H{pixels}", "+WT1", "+FN16", "File_Gamma=1.0",
-            "+Oout.png", "-D", "-A",
-        ]  # fmt: skip
-        try:
-            done = subprocess.run(
-                command, cwd=folder, capture_output=True, text=True, errors="replace",
-                check=False, timeout=TIMEOUT_S,
-            )  # fmt: skip
-        except (OSError, subprocess.TimeoutExpired) as error:
-            raise LeftOutError(f"povray does not run here: {error}") from None
-        found = re.search(r"Trace Time:.*?\(([\d.]+) seconds\)", done.stderr)
-        if done.returncode or not found:
-            raise LeftOutError(f"povray failed: {' '.join(done.stderr.split())[-200:]}")
-        codes = read_codes(Path(folder) / "out.png")
-        version = re.search(r"POV-Ray ([\d.]+)", done.stderr)
+    folder = Path(_mesh_folder(scene))
+    write_view(folder, scene, camera, samples=rays)
+    made = folder / "out.png"
+    made.unlink(missing_ok=True)
+    # 16-bit PNG without a gamma curve: linear light.
+    command = [
+        program, f"+I{FILE}", f"+W{pixels}", f"+H{pixels}", "+WT1", "+FN16", "File_Gamma=1.0",
+        f"+O{made.name}", "-D", "-A",
+    ]  # fmt: skip
+    try:
+        done = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, errors="replace",
+            check=False, timeout=TIMEOUT_S,
+        )  # fmt: skip
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise LeftOutError(f"povray does not run here: {error}") from None
+    found = re.search(r"Trace Time:.*?\(([\d.]+) seconds\)", done.stderr)
+    if done.returncode or not found:
+        raise LeftOutError(f"povray failed: {' '.join(done.stderr.split())[-200:]}")
+    codes = read_codes(made)
+    version = re.search(r"POV-Ray ([\d.]+)", done.stderr)
     picture = codes.astype(np.float32) / np.iinfo(codes.dtype).max
     note = f"{name} {version[1].rstrip('.') if version else ''}, its own lens points"
     return Rendered(name, picture, rays, float(found[1]), note)

@@ -33,11 +33,18 @@ FADE = 1000.0
 def write_povray(folder: str | Path, scene: Scene, camera: Camera, *, samples: int) -> Path:
     """Write ``scene.pov``, its mesh and textures into ``folder``, which is made; its path.
 
-    ``camera`` is a thin lens at the scene's origin, focused where its sensor is; every pixel
-    takes ``samples`` rays through the lens.  To be run there, since names are relative.
+    To be run there, since names are relative.  Raises as :func:`write_mesh` and
+    :func:`write_view` do.
+    """
+    write_mesh(folder, scene)
+    return write_view(folder, scene, camera, samples=samples)
+
+
+def write_mesh(folder: str | Path, scene: Scene) -> None:
+    """Write what all views of a scene share into ``folder``, which is made.
 
     Raises :class:`SceneError` for what is not exported: colours at corners, motion, points
-    of area lights, emission over a texture, a focus at infinity.
+    of area lights, emission over a texture.
     """
     if len(scene.colours):
         raise SceneError(
@@ -46,10 +53,18 @@ def write_povray(folder: str | Path, scene: Scene, camera: Camera, *, samples: i
             remedy="Use a texture or materials instead",
         )
     check_exportable(scene, "POV-Ray")
+    write_text(Path(folder) / MESH, "\n".join(_mesh(scene, Path(folder))) + "\n")
+
+
+def write_view(folder: str | Path, scene: Scene, camera: Camera, *, samples: int) -> Path:
+    """Write ``scene.pov`` beside the mesh of the same scene; its path.
+
+    ``camera`` is a thin lens at the scene's origin, focused where its sensor is; every pixel
+    takes ``samples`` rays through the lens.  Raises :class:`SceneError` for a focus at infinity.
+    """
     if math.isinf(camera.focus_distance_m):
         raise SceneError("POV-Ray cannot focus at infinity", key="camera.focus_distance_m")
     folder = Path(folder)
-    write_text(folder / MESH, "\n".join(_mesh(scene, folder)) + "\n")
     head = [
         "#version 3.7;",
         "global_settings { assumed_gamma 1 max_trace_level 2 }",
@@ -149,4 +164,7 @@ def _mesh(scene: Scene, folder: Path) -> Iterator[str]:
 
 
 def _block(name: str, rows: np.ndarray) -> str:
-    return f"{name} {{ {len(rows)},\n" + ",\n".join(map(_vector, rows)) + "\n}"
+    """Rows of vectors, each as :func:`_vector` writes it."""
+    form = "<" + ",".join(["%.7g"] * rows.shape[1]) + ">"
+    vectors = ",\n".join([form % tuple(row) for row in rows.tolist()])
+    return f"{name} {{ {len(rows)},\n{vectors}\n}}"
