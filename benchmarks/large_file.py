@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.publish import RESULTS, Result, of_this_run
-from lfcore.evaluation.timing import clocked, measure
+from lfcore.evaluation.timing import clocked, measure_in_turn
 from lfcore.files import WholeFile, write_text
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
@@ -102,16 +102,16 @@ def measured(pixels: int, kilobytes: int) -> dict:
             clock=time.process_time,
         )  # fmt: skip
         grown = peak_memory_mib() - before
-        opened = measure(
-            lambda: LightFieldFile.open(path).close(), repeats=5, clock=time.process_time
+        (opened,) = measure_in_turn(
+            [lambda: LightFieldFile.open(path).close()], repeats=5, clock=time.process_time
         )
         with LightFieldFile.open(path) as field:
             _, first = clocked(
                 lambda: field.macropixel(pixels // 2, pixels // 2), clock=time.process_time
             )
             places = iter(range(0, pixels, FRAMES))
-            later = measure(
-                lambda: field.macropixel(next(places), pixels // 3),
+            (later,) = measure_in_turn(
+                [lambda: field.macropixel(next(places), pixels // 3)],
                 repeats=15,
                 clock=time.process_time,
             )

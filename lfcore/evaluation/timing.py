@@ -1,9 +1,9 @@
 """How published seconds are measured.
 
 Every published second comes from here.  :class:`Stopwatch` and :func:`clocked` are for long work,
-which runs once.  :func:`measure` and its like repeat a short piece of work: warm-up runs, then the
-median of several, with the spread.  All need the work to be over when the clock is read: what
-leaves a device's queue unfinished gives ``finish``.
+which runs once.  :func:`measure_in_turn` and :func:`measure_within` repeat short work: warm-up
+runs, then the median of several, with the spread.  All need the work to be over when the clock is read:
+no device's queue may be left unfinished.
 """
 
 from __future__ import annotations
@@ -52,40 +52,6 @@ class Timing:
         }
 
 
-def measure(
-    work: Callable[[], object],
-    *,
-    repeats: int = 5,
-    warm_up: int = 1,
-    finish: Callable[[], object] = lambda: None,
-    clock: Callable[[], float] = time.perf_counter,
-) -> Timing:
-    """Run ``work`` ``warm_up`` times unseen, then ``repeats`` times under the clock.
-
-    Parameters
-    ----------
-    finish : waits for what ``work`` has left running (``queue.finish``); inside the time.
-    clock : seconds, monotonic.
-
-    Raises
-    ------
-    ValueError
-        when ``repeats`` is less than 1.
-    """
-    if repeats < 1:
-        raise ValueError(f"repeats must be at least 1, not {repeats}")
-    for _ in range(warm_up):
-        work()
-    seconds = []
-    for _ in range(repeats):
-        finish()
-        start = clock()
-        work()
-        finish()
-        seconds.append(clock() - start)
-    return Timing(tuple(seconds))
-
-
 def clocked(
     work: Callable[[], Result], *, clock: Callable[[], float] = time.perf_counter
 ) -> tuple[Result, float]:
@@ -125,8 +91,11 @@ def measure_in_turn(
 ) -> list[Timing]:
     """Pieces of work that take turns under the clock, after ``warm_up`` unseen runs of each.
 
-    What slows the machine for a while slows all of them.
+    What slows the machine for a while slows all of them.  Raises :class:`ValueError` for
+    ``repeats`` below 1.
     """
+    if repeats < 1:
+        raise ValueError(f"repeats must be at least 1, not {repeats}")
     seconds: list[list[float]] = [[] for _ in works]
     for work in works:
         for _ in range(warm_up):

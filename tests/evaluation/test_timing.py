@@ -14,7 +14,6 @@ from lfcore.evaluation.timing import (
     clocked,
     clocked_warm,
     machine,
-    measure,
     measure_in_turn,
     measure_within,
 )
@@ -35,26 +34,15 @@ class Clock:
 
 def test_warm_up_is_not_counted():
     clock, costs = Clock(), iter([100.0, 1.0, 3.0, 2.0])
-    timing = measure(lambda: clock.work(next(costs)), repeats=3, warm_up=1, clock=clock)
+    (timing,) = measure_in_turn([lambda: clock.work(next(costs))], repeats=3, clock=clock)
     assert timing.seconds == (1.0, 3.0, 2.0)
     assert timing.median == 2.0
     assert timing.quartiles == (1.5, 2.5)
 
 
-def test_the_device_queue_is_finished_inside_the_time():
-    clock, pending = Clock(), []
-
-    def finish():
-        while pending:
-            clock.work(pending.pop())
-
-    timing = measure(lambda: pending.append(2.0), repeats=2, finish=finish, clock=clock)
-    assert timing.seconds == (2.0, 2.0)
-
-
 def test_no_repeats_is_no_measurement():
     with pytest.raises(ValueError, match="at least 1"):
-        measure(lambda: None, repeats=0)
+        measure_in_turn([lambda: None], repeats=0)
 
 
 def test_stopwatch_adds_up_parts_and_items():

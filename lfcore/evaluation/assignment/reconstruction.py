@@ -27,6 +27,11 @@ from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.photograph import direct_thin_lens
 from lfcore.tracing.tracer import Tracer
 
+FILTERS = (1.0, 2.0)
+"""Isaksen's filter over the lens radius.  The cone of twice the radius spreads about as the disk of
+the lens does; that of one radius has its support."""
+LENS_POINTS = 8
+"""A side of the quadrature's lens rule; 2 x 2 points on the film."""
 FINE_LENS, FINE_FILM = 24, 8
 SAMPLES = 4
 SAMPLERS = ("independent", "stratified", "halton")
@@ -65,9 +70,8 @@ def reconstruction(
         field, seconds = clocked(tracing)
         size = exr_bytes(field)
         arrays.append(array_record(tracer.scene.name, field.array, SAMPLES, seconds, size))
-        found = reconstructions(
-            field, camera, BOOK_FOCUS_M, reference, samples=sorted(monte_carlo_samples)
-        )
+        samples = sorted(monte_carlo_samples)
+        found = reconstructions(field, camera, BOOK_FOCUS_M, reference, samples)
         rows += [{"scene": tracer.scene.name, **row} for row in found]
         del field
     field = square_field(tracer, CONVERGENCE_CAMERAS, bounds, fov_deg, tile_px, SAMPLES)
@@ -82,26 +86,18 @@ def reconstructions(
     camera: VirtualCamera,
     focus_z: float,
     reference: np.ndarray,
-    *,
-    filters: Sequence[float] = (1.0, 2.0),
-    samples: Sequence[int] = (4, 16, 64),
-    lens_points: Sequence[int] = (8,),
+    samples: Sequence[int],
 ) -> list[dict]:
     """Every method on one array against a reference: rows of the ``reconstruction`` table.
 
-    Parameters
-    ----------
-    filters : Isaksen's filter, as multiples of the lens radius.  The cone of twice the radius
-        spreads about as the disk of the lens does; that of one radius has its support.
-    samples : Monte Carlo's rays a pixel (Halton).
-    lens_points : a side of the quadrature's lens rule; 2 x 2 points on the film.
+    ``samples`` are Monte Carlo's rays a pixel (Halton).
     """
     given = field, camera, parallel(focus_z)
-    radii = [factor * camera.lens_radius_m for factor in filters]
+    radii = [factor * camera.lens_radius_m for factor in FILTERS]
     ways = [
         *(("isaksen", f"{radius:g} m", partial(isaksen, *given, radius)) for radius in radii),
         *(("monte_carlo", str(n), partial(monte_carlo, *given, n)) for n in samples),
-        *(("quadrature", str(4 * n**2), partial(quadrature, *given, n)) for n in lens_points),
+        ("quadrature", str(4 * LENS_POINTS**2), partial(quadrature, *given, LENS_POINTS)),
     ]
     rows = []
     for method, label, way in ways:

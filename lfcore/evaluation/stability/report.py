@@ -108,9 +108,9 @@ def _marks(axis: Axes, number: int, rows: pd.DataFrame, column: str) -> None:
             axis.text(step, number, signs[name], ha="center", va="center", fontsize=8)
 
 
-def error_growth(path: str | Path, table: pd.DataFrame, cases: Iterable[str] | None = None) -> None:
+def error_growth(path: str | Path, table: pd.DataFrame) -> None:
     """Error over the stiffness parameter of some cases, ours and naive, with the bound."""
-    wanted = [case for case in cases or _growing(table) if (table.case == case).any()]
+    wanted = _growing(table)
     columns = min(4, len(wanted))
     lines = math.ceil(len(wanted) / columns)
     figure = Figure(figsize=(3.5 * columns, 2.9 * lines))

@@ -63,9 +63,9 @@ def one_by_one(rays: Rays) -> Rays:
     return origins, directions
 
 
-def random_rays(count: int, spread: float, seed: int = 0) -> Rays:
+def random_rays(count: int, spread: float) -> Rays:
     """Rays from a lens of 25 mm over tangents within ``spread``."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     targets = at_depth(rng.uniform(-spread, spread, (count, 2)), 1.0)
     return rays_at(targets, rng.uniform(-0.0125, 0.0125, (count, 2)))
 
