@@ -2,8 +2,8 @@
 
 Every published second comes from here.  :class:`Stopwatch` and :func:`clocked` are for long work,
 which runs once.  :func:`measure_in_turn` and :func:`measure_within` repeat short work: warm-up
-runs, then the median of several, with the spread.  All need the work to be over when the clock is read:
-no device's queue may be left unfinished.
+runs, then the median of several, with the spread.  All need the work to be over when the clock is
+read: no device's queue may be left unfinished.
 """
 
 from __future__ import annotations
