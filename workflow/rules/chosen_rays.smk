@@ -1,5 +1,5 @@
 # angular_resolution: auto -- light fields whose rays a pilot chooses for a quality.
-CHOSEN = "results/{scene}/M" + str(SETTINGS["spatial_resolution"]) + "/auto"
+CHOSEN = f"results/{{scene}}/M{SETTINGS['spatial_resolution']}/auto"
 CHOSEN_FILES = {
     "rows": f"{CHOSEN}/chosen_rays.json",
     "stack": f"{CHOSEN}/planes.npz",

@@ -69,8 +69,8 @@ def grouped(stage):
 
 
 def at_home(group):
-    """The group of a rule that reads files of the project.  Nodes that share no folder lack them:
-    then it runs where the workflow was started, and so would all of its group."""
+    """The group of jobs that read files of the project.  Nodes that share no folder lack them:
+    then these run where the workflow was started, and so would all of their group."""
     return group if SharedFSUsage.INPUT_OUTPUT in SHARED else None
 
 
