@@ -51,9 +51,11 @@ def merged(old: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("took", nargs="+", type=Path, help=".snakemake/took.csv of runs")
+    parser.add_argument("--note", default="", help="what else is to be known of the table")
     options = parser.parse_args()
     table = merged(read(JOB_COSTS), costs(options.took))
     about = of_this_run("python -m benchmarks.job_costs")
+    about |= {"note": options.note} if options.note else {}
     head = "".join(f"# {key}: {value}\n" for key, value in about.items())
     text = table.to_csv(index=False, lineterminator="\n", quoting=csv.QUOTE_MINIMAL)
     write_text(JOB_COSTS, head + text)
