@@ -67,6 +67,7 @@ def measure_rates(account: measured.Account, folder: Path) -> pd.DataFrame:
             retrieve = {"retrieve_ns": measured.retrieve_ns(scene)}
             keep(f"{scene} {LARGE_VIEWS}", asdict(sampled) | retrieve)
     keep(ALL, measured.published_rates())
+    keep(ALL, {"picture_ns": measured.picture_ns()})
     disk = {"sum_bytes_s": measured.sum_bytes_s(), "storage_bytes_s": measured.disk_bytes_s()}
     keep(ALL, disk)
     table = pd.DataFrame(columns).map(lambda value: "" if pd.isna(value) else f"{value:.4g}")

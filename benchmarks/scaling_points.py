@@ -29,6 +29,7 @@ import numpy as np
 from benchmarks.publish import RESULTS, read_result
 from lfcore import load_scene, record
 from lfcore.evaluation.timing import clocked
+from lfcore.optics.plane_pictures import save_stack, write_plane_pictures
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -248,6 +249,26 @@ def sum_bytes_s(pixels: int = 512, planes: int = 5, parts: int = 8) -> float:
             clock=time.process_time,
         )
     return parts * part.sums.nbytes / seconds
+
+
+def picture_ns(pixels: int = 512, planes: int = 5) -> float:
+    """Core time of a pixel of a plane from its sums to its picture on the disk, of noise: PNG takes
+    longest over it."""
+    from lfcore.optics.camera import Camera
+
+    slab = Slab(Camera(0.05, 0.036, 2.0, 3.0), VIEWS, pixels)
+    wanted = [SensorPlane(2.0 + place, 2.0) for place in range(planes)]
+    sums = np.random.default_rng(7).integers(0, VIEWS**2 << 20, (planes, 3, pixels, pixels))
+    whole = PlaneSums(slab, wanted, sums.astype(np.uint64))
+    with tempfile.TemporaryDirectory() as name:
+
+        def write() -> None:
+            pictures = whole.pictures()
+            write_plane_pictures(Path(name) / "planes", pictures, wanted, suffix="png")
+            save_stack(Path(name) / "stack.npz", pictures, wanted)
+
+        _, seconds = clocked(write, clock=time.process_time)
+    return seconds * 1e9 / (planes * pixels**2)
 
 
 def disk_bytes_s(mib: int = 256) -> float:

@@ -57,6 +57,7 @@ class Overheads:
     queue_s : a submission waits so long where a place is free.
     poll_s : seconds before the queue is asked first.
     join_bytes_s, sum_bytes_s : bytes a core second.
+    picture_ns : of a pixel of a plane that is made a picture of, and written.
     storage_bytes_s : bytes a second of the storage that all nodes share, for all of them together.
     """
 
@@ -71,6 +72,7 @@ class Overheads:
     poll_s: float
     join_bytes_s: float
     sum_bytes_s: float
+    picture_ns: float
     storage_bytes_s: float
 
 
@@ -151,15 +153,16 @@ def estimate(
 
 
 def join_and_sum(field: LightField, rates: Rates, overheads: Overheads) -> tuple[float, float]:
-    """Core seconds of the join of all segments, and of the sum of all parts of the planes.
+    """Core seconds of the join of all segments, and of what all parts of the planes come to.
 
     A batch is a band of rows: its part is as wide as the picture, and as high as the band and
     its blur.
     """
     join = field.rays * rates.bytes_a_ray / overheads.join_bytes_s
     height = min(1.0, 1 / field.batches + rates.blur)
-    part = field.pixels**2 * height * rates.planes * SUM_BYTES
-    return join, field.batches * part / overheads.sum_bytes_s
+    pixels = field.pixels**2 * rates.planes
+    add = field.batches * pixels * height * SUM_BYTES / overheads.sum_bytes_s
+    return join, add + pixels * overheads.picture_ns * 1e-9
 
 
 def finished(count: int, seconds: float, cores: int, gap: float) -> list[float]:

@@ -13,12 +13,13 @@ from lfcore.workflow.scaling import LightField, Overheads, Rates, estimate, fini
 
 NONE = Overheads(
     plan_s=0, plan_job_s=0, start_s=0, scene_s=0, close_s=0, submission_s=0, submit_s=0, queue_s=0,
-    poll_s=1e-9, join_bytes_s=math.inf, sum_bytes_s=math.inf, storage_bytes_s=math.inf,
+    poll_s=1e-9, join_bytes_s=math.inf, picture_ns=0, sum_bytes_s=math.inf,
+    storage_bytes_s=math.inf,
 )  # fmt: skip
 RATES = Rates(trace_ns=6, encode_ns=30, bytes_a_ray=0.003, blur=0.1, planes=5, retrieve_ns=4)
 REAL = Overheads(
     plan_s=2, plan_job_s=0.004, start_s=1.2, scene_s=4, close_s=2, submission_s=6, submit_s=0.3,
-    queue_s=1, poll_s=5, join_bytes_s=1.2e9, sum_bytes_s=1e9, storage_bytes_s=1e9,
+    queue_s=1, poll_s=5, join_bytes_s=1.2e9, picture_ns=300, sum_bytes_s=1e9, storage_bytes_s=1e9,
 )  # fmt: skip
 
 
