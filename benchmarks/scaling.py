@@ -214,7 +214,6 @@ def main() -> int:
     options = parser.parse_args()
     command = f"python -m benchmarks.scaling --measure {' '.join(options.measure)}"
     account = measured.Account()
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # and so end SLURM's servers, too
     # SLURM's sockets want a short name.
     with tempfile.TemporaryDirectory(prefix="lf", dir="/tmp") as name:
         folder = Path(name)
@@ -241,4 +240,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # and so end SLURM's servers, too
     sys.exit(main())

@@ -79,7 +79,6 @@ def main(arguments: list[str] | None = None) -> int:
     if absent:
         print(f"SKIPPED: {', '.join(absent)} not found (apt-get install slurm-wlm munge; make)")
         return 0
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # and so end the servers, too
     # SLURM's sockets want a short name.
     with tempfile.TemporaryDirectory(prefix="lf", dir="/tmp") as name:
         folder = Path(name)
@@ -112,4 +111,5 @@ def publish(runs: list[Run], faults: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # and so end the servers, too
     sys.exit(main())

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import importlib.util
 import os
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from robustness import cluster_faults
+from robustness import cluster, cluster_faults
 from robustness.cluster_runs import Run, digests, snakemake, working_seconds
 from robustness.local_slurm import local_slurm, missing
 
@@ -74,6 +75,47 @@ def test_a_run_is_held_to_the_undisturbed_one():
     assert failed.wrong[0].startswith("status 1")
     # Ten seconds on the node, of which rules ran four; two seconds waited.
     assert same.row()["of it starts"] == "60%" and same.row()["waited, s"] == "2"
+
+
+class Queue:
+    """As much of a SLURM as is asked: two submissions that run."""
+
+    def __init__(self):
+        self.cancelled = []
+
+    def running(self):
+        return [number for number in ("7", "8") if number not in self.cancelled]
+
+    def command(self, *words):
+        assert words[0] == "scancel"
+        self.cancelled.append(words[1])
+
+
+def test_submissions_are_cancelled_in_the_middle_of_their_work(monkeypatch):
+    now, queue = [0.0], Queue()
+    monkeypatch.setattr(cluster.time, "monotonic", lambda: now[0])
+    cancel, done = cluster.cancelling(queue, 2)
+    for now[0], known in ((0.0, []), (14.0, []), (16.0, ["7"]), (24.0, ["7"]), (26.0, ["7", "8"])):
+        cancel()
+        assert queue.cancelled == done == known
+    cancel()
+    assert done == ["7", "8"]
+
+
+@pytest.mark.parametrize("kills, status", [(0, 0), (1, 1)])
+def test_too_few_kills_and_other_results_are_failures(monkeypatch, tmp_path, kills, status):
+    monkeypatch.setattr(cluster, "local_slurm", lambda *_, **__: nullcontext(Queue()))
+    monkeypatch.setattr(cluster, "missing", list)
+    names = []
+
+    def ran(slurm, folder, name, words, beside=None):
+        names.append(name)
+        return a_run(name=name)
+
+    monkeypatch.setattr(cluster, "run", ran)
+    pytest.importorskip("snakemake_executor_plugin_slurm")
+    assert cluster.main(["--kills", str(kills), "--", "--", "target"]) == status
+    assert names == ["undisturbed", f"{kills} cancelled"]
 
 
 def test_what_is_tried_again_must_ask_for_more():
