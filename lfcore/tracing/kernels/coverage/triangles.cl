@@ -266,34 +266,56 @@ typedef struct {
     uint keep;                    // lanes that may be hit
     uint covers;                  // of those, lanes that every ray of the block is inside of
     uint edge_on;                 // lanes that some ray sees edge-on
+    float near[LANES];            // where each begins
     int rows[LANES];              // rows that each can touch, a bit each
     int columns[LANES];           // and columns
     Coefficients coefficients;    // signed so that n . D > 0 unless edge-on
 } Triangles;
 
+// LANES triangles of a leaf among the rays of a block.
+typedef struct {
+    Corners v;
+    Axis x, y;
+    vf noise_x, noise_y;
+    Edges edges;
+} Placed;
+
+// Mask of those that rays anywhere in the block may meet, between its samples, too.
+inline vi place_triangles(const Bundle *r, global const float *leaf, float z_far, Placed *p)
+{
+    p->v = shear_corners(r, leaf);
+    const Axis x = {r->sx, r->tx, r->dx, r, p->v.x, p->v.z};
+    const Axis y = {r->sy, r->ty, r->dy, r, p->v.y, p->v.z};
+    p->x = x;
+    p->y = y;
+    p->noise_x = corner_noise(&x);
+    p->noise_y = corner_noise(&y);
+    const vi keep = ~(beside_rays(&x, p->noise_x) | beside_rays(&y, p->noise_y) |
+                      GT(least3(p->v.z), (vf)(z_far)));
+    if (!row_any(keep)) return keep;
+    p->edges = make_edges(&p->v, r);
+    return keep & p->edges.meets;
+}
+
 // Set up the LANES triangles of a leaf.
 inline void set_up_triangles(const Bundle *r, global const float *leaf, float z_far, Triangles *out)
 {
+    Placed p;
     out->keep = 0;
-    const Corners v = shear_corners(r, leaf);
-    const Axis x = {r->sx, r->tx, r->dx, r, v.x, v.z}, y = {r->sy, r->ty, r->dy, r, v.y, v.z};
-    const vf noise_x = corner_noise(&x), noise_y = corner_noise(&y);
-    vi keep = ~(beside_rays(&x, noise_x) | beside_rays(&y, noise_y) | GT(least3(v.z), (vf)(z_far)));
+    vi keep = place_triangles(r, leaf, z_far, &p);
     if (!row_any(keep)) return;
-    const Edges e = make_edges(&v, r);
-    keep &= e.meets;
-    if (!row_any(keep)) return;
-    const vi columns = samples_reached(&x, noise_x), rows = samples_reached(&y, noise_y);
+    const vi columns = samples_reached(&p.x, p.noise_x), rows = samples_reached(&p.y, p.noise_y);
     keep &= ~(EQ(columns, (vi)(0)) | EQ(rows, (vi)(0)));
     out->keep = row_bits(keep);
     if (!out->keep) return;
+    VSTORE(least3(p.v.z), out->near);
     VSTORE(rows, out->rows);
     VSTORE(columns, out->columns);
-    out->covers = row_bits(keep & e.covers);
-    out->edge_on = row_bits(keep & e.edge_on);
+    out->covers = row_bits(keep & p.edges.covers);
+    out->edge_on = row_bits(keep & p.edges.edge_on);
     for (int k = 0; k < 3; ++k)
-        store_forms(e.edge + k, EDGE_TERMS, k * EDGE_TERMS, &out->coefficients);
-    plane_forms(&v, r, e.flip, &out->coefficients);
+        store_forms(p.edges.edge + k, EDGE_TERMS, k * EDGE_TERMS, &out->coefficients);
+    plane_forms(&p.v, r, p.edges.flip, &out->coefficients);
 }
 
 #endif

@@ -9,35 +9,103 @@
 #include "walk.cl"
 
 #define LIST 64
-#define VISIBILITY_WORDS (PACKET_BLOCKS * COVERAGE_WORDS + LIST_WORDS(LIST))
+// Whether a packet has several blocks of one element: they meet much the same triangles.
+#define PACKED (SIDE > 1 && ELEMENTS == 1)
+#define LEAF_WORDS ((CORNERS + 1) * NODE_WIDTH)
+#define VISIBILITY_WORDS \
+    (PACKET_BLOCKS * COVERAGE_WORDS + 2 * LIST_WORDS(LIST) + LIST * LEAF_WORDS)
 
 // The packet's blocks, and the worker's memory for them.
 typedef struct {
     Coverage block[PACKET_BLOCKS];
-    LeafList leaves;
+    LeafList gathered;
+    LeafList packed;        // leaves of the triangles that the packet may meet,
+    global float *corners;  // (LIST, CORNERS, NODE_WIDTH)
+    global int *ids;        // (LIST, NODE_WIDTH)
 } Visibility;
 
 inline void start_visibility(global uint *memory, Visibility *v)
 {
     for (int block = 0; block < PACKET_BLOCKS; ++block)
         clear_coverage(memory + block * COVERAGE_WORDS, v->block + block);
-    v->leaves = make_list(memory + PACKET_BLOCKS * COVERAGE_WORDS, LIST);
+    memory += PACKET_BLOCKS * COVERAGE_WORDS;
+    v->gathered = make_list(memory, LIST);
+    v->packed = make_list(memory + LIST_WORDS(LIST), LIST);
+    v->corners = (global float *)memory + 2 * LIST_WORDS(LIST);
+    v->ids = (global int *)v->corners + LIST * CORNERS * NODE_WIDTH;
 }
 
-// Test one block against a leaf.
+// Begin a packed leaf of triangles that nothing meets, in an empty box.
+inline void add_packed_leaf(Visibility *v)
+{
+    LeafList *list = &v->packed;
+    global float *corners = v->corners + list->count * CORNERS * NODE_WIDTH;
+    for (int k = 0; k < CORNERS; ++k) vstore16((float16)(0.0f), k, corners);
+    for (int k = 0; k < BOX; ++k) list->boxes[k * LIST + list->count] = k < 3 ? FAR : -FAR;
+    list->leaf[list->count] = list->count;
+    ++list->count;
+}
+
+// Put triangle `number` of the packed ones in its place.
+inline void pack_triangle(global const float *from, int id, int number, Visibility *v)
+{
+    if (number % NODE_WIDTH == 0) add_packed_leaf(v);
+    const int leaf = number / NODE_WIDTH;
+    global float *to = v->corners + leaf * CORNERS * NODE_WIDTH + number % NODE_WIDTH;
+    global float *box = v->packed.boxes + leaf;
+    v->ids[number] = id;
+    for (int k = 0; k < CORNERS; ++k, to += NODE_WIDTH, from += NODE_WIDTH) {
+        global float *lo = box + k % 3 * LIST, *hi = lo + 3 * LIST;
+        *to = *from;
+        *lo = min(*lo, *from);
+        *hi = max(*hi, *from);
+    }
+}
+
+// Pack the gathered triangles that a packet of one element may meet, as one wide block does: its
+// blocks then set up few that they do not meet.  No ray meets what is left out, rounding allowed
+// for: where an edge of it is widened onto a ray, the ray meets the triangle beyond that edge.
+inline void pack_triangles(const Tree *tree, const Packet *p, float z_far, Visibility *v)
+{
+    Bundle all = element_bundle(p, 0);
+    const float wider = ELEMENT_HALF / HALF;
+    all.sx *= wider;
+    all.sy *= wider;
+    all.tx *= wider;
+    all.ty *= wider;
+    int number = 0;
+    v->packed.count = 0;
+    for (int k = 0; k < v->gathered.count; ++k)
+        for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
+            const int leaf = v->gathered.leaf[k];
+            global const float *corners = leaf_corners(tree, leaf, lane);
+            global const int *ids = leaf_numbers(tree, leaf, lane);
+            Placed placed;
+            uint bits = row_bits(place_triangles(&all, corners, z_far, &placed));
+            for (; bits; bits &= bits - 1, ++number)
+                pack_triangle(corners + lowest(bits), ids[lowest(bits)], number, v);
+        }
+}
+
+// Test one block against a leaf.  What covers the block comes first: often nothing lies before it,
+// and no depth buffer is needed.
 inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverage *c)
 {
     Triangles t;
     int changed = 0;
     for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
+        global const int *ids = leaf_numbers(tree, leaf, lane);
         set_up_triangles(bundle, leaf_corners(tree, leaf, lane), c->z_far, &t);
+        for (uint whole = t.keep & t.covers; whole; whole &= whole - 1) {
+            const uint k = lowest(whole);
+            if (has_holes(&tree->cut_outs, ids[k])) continue;
+            if (settle_cover(&t.coefficients, k, ids[k], c)) t.keep ^= 1u << k;
+        }
         for (uint keep = t.keep; keep; keep &= keep - 1) {
             const uint k = lowest(keep);
-            const int id = leaf_numbers(tree, leaf, lane)[k];
-            const int whole = (t.covers >> k & 1) && !has_holes(&tree->cut_outs, id);
-            if (whole && settle_cover(&t.coefficients, k, id, c)) continue;
+            if (t.near[k] > c->z_far) continue;
             use_buffer(c);
-            changed |= hit_triangle(&t, k, id, bundle, &tree->cut_outs, c);
+            changed |= hit_triangle(&t, k, ids[k], bundle, &tree->cut_outs, c);
         }
     }
     if (changed) find_farthest(c);
@@ -100,13 +168,19 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     const Volume volume = {&frustum, 0, 0};
     Stack stack;
     start_walk(&stack);
+    Tree packed = *tree;
+    packed.leaves = v->corners;
+    packed.leaf_ids = v->ids;
     while (stack.size) {
-        v->leaves.count = 0;
-        gather_leaves(tree, &volume, farthest_open(p, v), &stack, &v->leaves);
+        const float far = farthest_open(p, v);
+        v->gathered.count = 0;
+        gather_leaves(tree, &volume, far, &stack, &v->gathered);
+        if (PACKED) pack_triangles(tree, p, far, v);
         for (int block = 0; block < PACKET_BLOCKS; ++block) {
             if (!has_block(p, block)) continue;
             const Bundle bundle = block_bundle(p, block);
-            visit_block(tree, &bundle, &v->leaves, v->block + block);
+            if (PACKED) visit_block(&packed, &bundle, &v->packed, v->block + block);
+            else visit_block(tree, &bundle, &v->gathered, v->block + block);
         }
     }
 }

@@ -3,13 +3,6 @@
 #define LFCORE_SHADE_CL
 #include "lights.cl"
 
-// Shading keys of a block whose texels fit a tile each.
-#define TILES 4
-typedef struct {
-    int key[TILES], count;
-    TexelTile tile[TILES];
-} TexelTiles;
-
 // Blocks of more regions read their textures ray by ray: tiles would not pay.
 #define TILED_REGIONS 8
 
@@ -21,52 +14,41 @@ inline float4 coordinate_range(global const PlaneEquations *p, Rectangle at)
     return (float4)(u.x, v.x, u.y, v.y);
 }
 
-// Read the texels of a block of few regions, once for each shading key.
-inline void make_tiles(const Scene *scene, const Block *b, TexelTiles *tiles)
+// Read the texels under what a block of few regions sees of a material.
+inline void read_tile(const Scene *scene, const Block *b, int key, const Material *m,
+                      TexelTile *tile)
 {
-    tiles->count = 0;
-    if (!TEXTURED || OUTER > 1 || b->regions.count > TILED_REGIONS) return;
-    float4 range[TILES];
+    tile->columns = 0;
+    if (!TEXTURED || !m->image.z || OUTER > 1 || b->regions.count > TILED_REGIONS) return;
+    float4 range = (float4)(FAR, FAR, -FAR, -FAR);
     for (int k = 0; k < b->regions.count; ++k) {
         global const PlaneEquations *p = b->planes + k;
         const Rectangle at = region_rectangle(b->regions.of + k);
-        int slot = 0;
-        while (slot < tiles->count && tiles->key[slot] != p->key) ++slot;
-        if (slot == TILES) continue;
-        float4 r = coordinate_range(p, at);
-        if (!is_one_sided(p->denominator, at)) r = (float4)(-FAR, -FAR, FAR, FAR);
-        if (slot == tiles->count) {
-            tiles->key[tiles->count++] = p->key;
-            range[slot] = r;
-        }
-        range[slot].lo = min(range[slot].lo, r.lo);
-        range[slot].hi = max(range[slot].hi, r.hi);
+        if (p->key != key) continue;
+        if (!is_one_sided(p->denominator, at)) return;
+        const float4 own = coordinate_range(p, at);
+        range.lo = min(range.lo, own.lo);
+        range.hi = max(range.hi, own.hi);
     }
-    for (int k = 0; k < tiles->count; ++k) {
-        const Material m = read_material(scene, tiles->key[k]);
-        tiles->tile[k].columns = 0;
-        if (m.image.z) make_tile(scene->texels, m.image, range[k], tiles->tile + k);
-    }
+    make_tile(scene->texels, m->image, range, tile);
 }
 
 // Colours of the texture of a row of rays.
-inline Colour texture_row(const Scene *scene, const TexelTiles *tiles, int key, const Material *m,
+inline Colour texture_row(const Scene *scene, const TexelTile *tile, const Material *m,
                           const Samples *samples, int at)
 {
     const vf u = VLOAD(samples->uv + at), v = VLOAD(samples->uv + BLOCK_RAYS + at);
-    for (int k = 0; k < tiles->count; ++k)
-        if (tiles->key[k] == key && tiles->tile[k].columns)
-            return sample_tile(tiles->tile + k, u, v);
+    if (tile->columns) return sample_tile(tile, u, v);
     return sample_texture(scene->texels, m->image, u, v);
 }
 
 // The material's own colour, times that of texture and corners.
-inline Colour albedo_row(const Scene *scene, const TexelTiles *tiles, int key, const Material *m,
+inline Colour albedo_row(const Scene *scene, const TexelTile *tile, const Material *m,
                          const Samples *samples, int at)
 {
     Colour c = {m->diffuse.x, m->diffuse.y, m->diffuse.z};
     if (TEXTURED && m->image.z) {
-        const Colour t = texture_row(scene, tiles, key, m, samples, at);
+        const Colour t = texture_row(scene, tile, m, samples, at);
         c.r *= t.r;
         c.g *= t.g;
         c.b *= t.b;
@@ -108,7 +90,7 @@ inline void store_colour(Colour c, global float *to, int at)
     store3(v, to, at);
 }
 
-// A block of which no ray meets anything.
+// Of rays that meet nothing.
 inline void shade_background(const Scene *scene, global float *colours)
 {
     for (int at = 0; at < BLOCK_RAYS; at += LANES) store_colour(background_row(scene), colours, at);
@@ -121,37 +103,47 @@ inline Vec viewer_row(const Bundle *r, Row row)
     return scale3(d, -inverse_sqrt(dot3(d, d)));
 }
 
-// Linear colours, not clamped, of a sampled block: (3, BLOCK_RAYS).  A row is shaded material by
-// material.
-inline void shade_block(const Scene *scene, const Block *b, global float *colours)
+// The shading keys of a block, each once; returns how many.
+inline int list_keys(const Block *b, private int *keys)
 {
-    TexelTiles tiles;
-    make_tiles(scene, b, &tiles);
-    int read = -1;
-    Material material;
+    int count = 0;
+    for (int k = 0; k < b->regions.count; ++k) {
+        const int key = b->planes[k].key;
+        int at = 0;
+        while (at < count && keys[at] != key) ++at;
+        if (at == count) keys[count++] = key;
+    }
+    return count;
+}
+
+// Shade the rays of a block that have one key.
+inline void shade_key(const Scene *scene, const Block *b, int key, global float *colours)
+{
+    const Material material = read_material(scene, key);
+    TexelTile tile;
+    read_tile(scene, b, key, &material, &tile);
     Surface s;
     s.material = &material;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const vi keys = VLOAD(b->samples.key + at);
-        Colour colour = background_row(scene);
-        uint left = row_bits(GE(keys, (vi)(0)));
-        if (left) {
-            s.point = load3(b->samples.point, at);
-            s.normal = load3(b->samples.normal, at);
-        }
-        while (left) {
-            const int key = b->samples.key[at + lowest(left)];
-            const vi mine = EQ(keys, (vi)(key));
-            left &= ~row_bits(mine);
-            if (key != read) material = read_material(scene, key);
-            read = key;
-            if (PHYSICAL || is_glossy(&material)) s.view = viewer_row(&b->rays, row_at(at));
-            s.albedo = albedo_row(scene, &tiles, key, &material, &b->samples, at);
-            if (PHYSICAL) read_row_maps(scene, &b->samples, at, &s);
-            colour = pick_colour(colour, light_row(scene, b, &s, at), mine);
-        }
-        store_colour(colour, colours, at);
+        const vi mine = EQ(VLOAD(b->samples.key + at), (vi)(key));
+        if (!row_any(mine)) continue;
+        s.point = load3(b->samples.point, at);
+        s.normal = load3(b->samples.normal, at);
+        if (PHYSICAL || is_glossy(&material)) s.view = viewer_row(&b->rays, row_at(at));
+        s.albedo = albedo_row(scene, &tile, &material, &b->samples, at);
+        if (PHYSICAL) read_row_maps(scene, &b->samples, at, &s);
+        const Vec before = load3(colours, at);
+        const Colour there = {before.x, before.y, before.z};
+        store_colour(pick_colour(there, light_row(scene, b, &s, at), mine), colours, at);
     }
+}
+
+// Linear colours, not clamped, of a sampled block: (3, BLOCK_RAYS).
+inline void shade_block(const Scene *scene, const Block *b, global float *colours)
+{
+    private int keys[BLOCK_RAYS];
+    shade_background(scene, colours);
+    for (int left = list_keys(b, keys); left; --left) shade_key(scene, b, keys[left - 1], colours);
 }
 
 #endif

@@ -67,7 +67,7 @@ typedef struct {
     int columns, rows;         // texels, at least two; 0 where there are too many
     float u, v, left, top;     // whole numbers: turns of the texture, and the first texel within it
     float width, height;
-    vf d[TEXEL_TILE][TEXEL_TILE][3];  // the same in all lanes, which are operands from memory then
+    float4 d[TEXEL_TILE][TEXEL_TILE];
 } TexelTile;
 
 // Texels along a line, one after the other, to the coefficients of such a sum.
@@ -87,8 +87,6 @@ inline float4 decode_texel(uint packed)
     return root * root;
 }
 
-inline void spread_term(float4 d, private vf *to) { to[0] = d.x; to[1] = d.y; to[2] = d.z; }
-
 // The tile of rays whose coordinates lie within `range`: least u and v, most u and v.
 inline void make_tile(global const uint *texels, int4 image, float4 range, TexelTile *p)
 {
@@ -107,33 +105,31 @@ inline void make_tile(global const uint *texels, int4 image, float4 range, Texel
     p->rows = (int)down + 2;
     const int first = p->left < 0.0f ? image.y - 1 : (int)p->left;
     int line = p->top < 0.0f ? image.z - 1 : (int)p->top;
-    private float4 d[TEXEL_TILE][TEXEL_TILE];
     for (int j = 0; j < p->rows; ++j, line = line + 1 < image.z ? line + 1 : 0) {
         global const uint *row = texels + image.x + line * image.y;
         Summing along = {decode_texel(row[first]), 0.0f};
-        d[j][0] = along.before;
+        p->d[j][0] = along.before;
         for (int i = 1, column = first; i < p->columns; ++i) {
             column = column + 1 < image.y ? column + 1 : 0;
-            d[j][i] = next_term(&along, decode_texel(row[column]));
+            p->d[j][i] = next_term(&along, decode_texel(row[column]));
         }
-        d[j][1] = along.slope;
+        p->d[j][1] = along.slope;
     }
     for (int i = 0; i < p->columns; ++i) {
-        Summing down = {d[0][i], 0.0f};
-        spread_term(down.before, p->d[0][i]);
-        for (int j = 1; j < p->rows; ++j) spread_term(next_term(&down, d[j][i]), p->d[j][i]);
-        spread_term(down.slope, p->d[1][i]);
+        Summing down = {p->d[0][i], 0.0f};
+        for (int j = 1; j < p->rows; ++j) p->d[j][i] = next_term(&down, p->d[j][i]);
+        p->d[1][i] = down.slope;
     }
 }
 
 // One row of such a sum, of `columns` terms.
-inline Colour mix_row(private const vf (*d)[3], int columns, private const vf *s)
+inline Colour mix_row(private const float4 *d, int columns, private const vf *s)
 {
-    Colour row = {d[0][0], d[0][1], d[0][2]};
+    Colour row = {d[0].x, d[0].y, d[0].z};
     for (int i = 1; i < columns; ++i) {
-        row.r = fma(s[i], d[i][0], row.r);
-        row.g = fma(s[i], d[i][1], row.g);
-        row.b = fma(s[i], d[i][2], row.b);
+        row.r = fma(s[i], (vf)(d[i].x), row.r);
+        row.g = fma(s[i], (vf)(d[i].y), row.g);
+        row.b = fma(s[i], (vf)(d[i].z), row.b);
     }
     return row;
 }
