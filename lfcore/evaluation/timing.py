@@ -42,15 +42,6 @@ class Timing:
         low, high = np.percentile(self.seconds, (25, 75))
         return float(low), float(high)
 
-    def to_json(self) -> dict:
-        low, high = self.quartiles
-        return {
-            "median_seconds": self.median,
-            "quartile_1_seconds": low,
-            "quartile_3_seconds": high,
-            "repeats": len(self.seconds),
-        }
-
 
 def clocked(
     work: Callable[[], Result], *, clock: Callable[[], float] = time.perf_counter

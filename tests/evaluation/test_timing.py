@@ -10,7 +10,6 @@ import pytest
 from lfcore.evaluation import timing as timing_module
 from lfcore.evaluation.timing import (
     Stopwatch,
-    Timing,
     clocked,
     clocked_warm,
     machine,
@@ -70,7 +69,6 @@ def test_stopwatch_counts_a_part_that_fails():
 
 
 def test_what_is_reported_is_json():
-    assert json.loads(json.dumps(Timing((1.0, 2.0)).to_json()))["median_seconds"] == 1.5
     described = json.loads(json.dumps(machine()))
     assert described["cores"] >= 1 and described["processor"]
 
