@@ -170,9 +170,9 @@ def extrapolated(kept: pd.DataFrame) -> pd.DataFrame:
 
 
 def draw(table: pd.DataFrame, points: pd.DataFrame) -> None:
-    """Hours over cores, a line for each number of rays; and points against the model."""
-    left: plt.Axes
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 5), width_ratios=(3, 2))
+    """Hours over cores, a line for each number of rays; and points, if any, over the model."""
+    figure = plt.figure(figsize=(11 if len(points) else 7, 5))
+    left, *beside = figure.subplots(1, 2, width_ratios=(3, 2)) if len(points) else [figure.gca()]
     colours = plt.get_cmap("viridis")
     drawn = table[table.rays != f"{THESIS:.2g}"]
     for place, (rays, rows) in enumerate(drawn.groupby("rays", sort=False)):
@@ -190,21 +190,25 @@ def draw(table: pd.DataFrame, points: pd.DataFrame) -> None:
     left.plot([], [], "ko-", ms=4, label="recorded, with its planes")
     left.plot([], [], "k:", label="and planes formed from the video")
     left.legend(loc="upper right", fontsize=9)
+    if len(points):
+        draw_points(beside[0], points)
+    with whole_file(FIGURE) as file:
+        figure.savefig(file, format="png", dpi=110, metadata={"Software": None})
+    plt.close(figure)
+
+
+def draw_points(right: plt.Axes, points: pd.DataFrame) -> None:
+    """Core and wall seconds of each run over the model's, and what lies within a fifth."""
     for column, mark in (("core s / model's", "o"), ("wall s / model's", "x")):
-        if len(points):
-            right.plot(points[column].astype(float), range(len(points)), mark,
-                       label=column.replace(" / model's", ""))  # fmt: skip
+        right.plot(points[column].astype(float), range(len(points)), mark,
+                   label=column.replace(" / model's", ""))  # fmt: skip
     names = [f"{point['scene']}, {point['run']}" for point in points.to_dict("records")]
     right.set_yticks(range(len(points)), names, fontsize=9)
     right.axvspan(0.8, 1.2, alpha=0.12, color="green")
     right.axvline(1, color="gray", lw=1)
     right.invert_yaxis()
     right.set(xlabel="measured / model's", title=r"Runs of $2.7 \times 10^8$ rays, N = 64")
-    if len(points):
-        right.legend(fontsize=9)
-    with whole_file(FIGURE) as file:
-        figure.savefig(file, format="png", dpi=110, metadata={"Software": None})
-    plt.close(figure)
+    right.legend(fontsize=9)
 
 
 def main() -> int:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 
-from benchmarks import publish
+from benchmarks import publish, scaling
 
 ABOUT = {"command": "make x", "commit": "abc", "processor": "a machine", "date": "2026-01-02"}
 TEXT = "Before.\n<!-- published: some: N; s where N in 2 4 -->\nold\n<!-- end of some -->\nAfter.\n"
@@ -85,3 +87,20 @@ def test_recommended_settings_are_of_the_encoder_as_it_is():
     """Stale else: `python -m benchmarks.publish --take recommended` after `make tables`."""
     result = publish.read_result(publish.RECOMMENDED)
     assert result.about["encoder"] == publish.default_encoder()
+
+
+def test_hours_on_a_cluster_are_of_the_rates_that_are_published(monkeypatch, tmp_path):
+    """Else: `python -m benchmarks.scaling`."""
+    kept = publish.read_result(publish.RESULTS / "scaling_rates.csv").rows
+    table = scaling.extrapolated(kept)
+    known = publish.read_result(publish.RESULTS / "scaling.csv").rows
+    assert table.astype(str).values.tolist() == known.values.tolist()
+    # Measured runs are compared and drawn.
+    taken = {"core s": "20", "wall s": "30", "others": "0", "commit": ""}
+    runs = [{"scene": one, "run": run} | taken for run in scaling.RUNS for one in ("bike", "cabin")]
+    points = scaling.beside_model(pd.DataFrame(runs), kept)
+    cores = points["core s / model's"].astype(float) * points["model's core s"].astype(float)
+    assert np.allclose(cores, 20, rtol=0.02)
+    monkeypatch.setattr(scaling, "FIGURE", tmp_path / "scaling.png")
+    scaling.draw(table, points)
+    assert Image.open(tmp_path / "scaling.png").width > 900
