@@ -112,7 +112,9 @@ def of_this_run(command: str, **more: str) -> dict[str, str]:
             ["git", *words], cwd=ROOT, capture_output=True, text=True, check=True
         ).stdout.strip()
 
-    commit = git("rev-parse", "--short", "HEAD") + ("+" if git("status", "--porcelain") else "")
+    # Results and the documents that they stand in are no part of what is measured.
+    edited = git("status", "--porcelain", "--", ".", ":!benchmarks/published", ":!docs")
+    commit = git("rev-parse", "--short", "HEAD") + ("+" if edited else "")
     here = machine()
     processor = f"{here['processor']}, {here['cores']} cores, {here['memory_gib']} GiB"
     today = datetime.date.today().isoformat()

@@ -103,26 +103,30 @@ def _values(kept: pd.DataFrame, column: str) -> dict[str, float]:
     return dict(zip(rows.rate, rows[column].astype(float), strict=True))
 
 
-def measure_points(account: measured.Account, folder: Path, runs: list[str]) -> pd.DataFrame:
-    """A row a run and scene: what it took; with the rows kept of other runs, each of its commit."""
+def written(part: str, found: pd.DataFrame, command: str) -> None:
+    """What was measured, as soon as it was."""
+    write_text(RESULTS / f"scaling_{part}.csv", Result(of_this_run(command), found).text())
+
+
+def measure_points(account: measured.Account, folder: Path, run: str) -> pd.DataFrame:
+    """A row a scene: what the run took; with the rows kept of other runs, each of its commit."""
     rows = []
-    for name in runs:
-        cores, submitted = RUNS[name]
-        for scene in measured.SCENES:
-            size = measured.Size(scene, measured.PIXELS, measured.BATCHES, measured.TILE_MIB)
-            place = folder / f"{scene}-{cores}-{submitted}"
-            if submitted:
-                with local_slurm(
-                    folder / f"s{scene}{cores}", cores=cores, memory_mib=measured.MEMORY_MIB
-                ) as slurm:
-                    taken = measured.through_slurm(account, slurm, place, size)
-            else:
-                taken = measured.local(account, place, size, cores)
-            rows.append({
-                "scene": scene, "run": name, "core s": f"{taken.core_s:.1f}",
-                "wall s": f"{taken.wall_s:.1f}", "others": f"{taken.others:.2f}",
-            })  # fmt: skip
-            print(rows[-1], flush=True)
+    cores, submitted = RUNS[run]
+    for scene in measured.SCENES:
+        size = measured.Size(scene, measured.PIXELS, measured.BATCHES, measured.TILE_MIB)
+        place = folder / f"{scene}-{cores}-{submitted}"
+        if submitted:
+            with local_slurm(
+                folder / f"s{scene}{cores}", cores=cores, memory_mib=measured.MEMORY_MIB
+            ) as slurm:
+                taken = measured.through_slurm(account, slurm, place, size)
+        else:
+            taken = measured.local(account, place, size, cores)
+        rows.append({
+            "scene": scene, "run": run, "core s": f"{taken.core_s:.1f}",
+            "wall s": f"{taken.wall_s:.1f}", "others": f"{taken.others:.2f}",
+        })  # fmt: skip
+        print(rows[-1], flush=True)
     found = with_kept(pd.DataFrame(rows), POINTS.stem, "run")
     return found.sort_values("run", key=lambda names: names.map(list(RUNS).index), kind="stable")
 
@@ -222,12 +226,10 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="lf", dir="/tmp") as name:
         folder = Path(name)
         folder.chmod(0o755)
-        for part in options.measure:
-            if part == "rates":
-                found = measure_rates(account, folder / "rates")
-            else:
-                found = measure_points(account, folder / "points", options.runs)
-            write_text(RESULTS / f"scaling_{part}.csv", Result(of_this_run(command), found).text())
+        if "rates" in options.measure:
+            written("rates", measure_rates(account, folder / "rates"), command)
+        for run in options.runs if "points" in options.measure else ():
+            written("points", measure_points(account, folder / "points", run), command)
     kept = read_result(RESULTS / "scaling_rates.csv")
     table = extrapolated(kept.rows)
     about = kept.about | {"command": "python -m benchmarks.scaling"}
