@@ -1,10 +1,12 @@
 """Tables of the store: samples hold what the slab holds, and numbers mean what they say."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
@@ -22,6 +24,7 @@ from lfcore.evaluation.storage.sample import (
     store,
     trace_sample,
     window_camera,
+    window_side,
 )
 from lfcore.evaluation.table_files import TableError, read_rows, table_of, write_rows
 from lfcore.optics.planes import SensorPlane
@@ -29,8 +32,12 @@ from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import trace_planes
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import join_segments
+from lfcore.storage.defaults import default_kind, default_pack
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentWriter
+from lfcore.workflow.settings import check_settings
+
+CONFIGURATIONS = Path(__file__).parents[2] / "config"
 
 
 @pytest.fixture(scope="module")
@@ -220,3 +227,16 @@ def test_rows_survive_a_file(tmp_path):
     assert table.b.tolist() == [math.inf, 1.2346]
     with pytest.raises(TableError, match="of: c, d"):
         table_of(rows, ["a", "b", "d"])
+
+
+@pytest.mark.parametrize("name", ["config", "smoke", "micro", "thesis"])
+def test_every_curve_of_a_configuration_has_frames_that_its_encoder_takes(name):
+    said = yaml.safe_load((CONFIGURATIONS / f"{name}.yaml").read_text(encoding="utf-8"))
+    settings = check_settings({"scenes": ["chart"], **said})
+    pixels, study = settings["spatial_resolution"], settings["storage"]["rate_distortion"]
+    for views in study["views"]:
+        window = window_side(views, pixels, study["rays"])
+        kind, pack = default_kind(views, pixels), min(default_pack(views, pixels), window)
+        for _, spec in rate_distortion.specs(study["crfs"], rate_distortion.CURVES):
+            layout = FrameLayout(kind, views, window, pack=pack, pixel_format=spec.pixel_format)
+            spec.check_frame(layout.frame_width, layout.frame_height)

@@ -77,6 +77,13 @@ def own_planes(scene: Scene) -> list[SensorPlane]:
     return [SensorPlane(focus, scene.camera.f_number) for focus in scene.focus_distances_m]
 
 
+def window_side(views: int, pixels: int, most_rays: int) -> int:
+    """Pixels a side of the largest window of at most ``most_rays`` rays: a multiple of 8, 16 at
+    least."""
+    fit = int(np.sqrt(most_rays)) // views // WINDOW_STEP * WINDOW_STEP
+    return max(LEAST_WINDOW, min(fit, pixels // WINDOW_STEP * WINDOW_STEP))
+
+
 def trace_sample(
     tracer: Tracer,
     planes: Sequence[SensorPlane],
@@ -85,13 +92,11 @@ def trace_sample(
     pixels: int,
     most_rays: int,
 ) -> Sample:
-    """Trace the largest window of the M = ``pixels`` picture that has at most ``most_rays`` rays.
+    """Trace the window of the scene's picture of M = ``pixels`` that :func:`window_side` says.
 
-    The camera is the scene's.  A window is a multiple of 8 pixels wide, and 16 at least.
     Raises :class:`OpticsError` for a plane that the camera does not record.
     """
-    fit = int(np.sqrt(most_rays)) // views // WINDOW_STEP * WINDOW_STEP
-    window = max(LEAST_WINDOW, min(fit, pixels // WINDOW_STEP * WINDOW_STEP))
+    window = window_side(views, pixels, most_rays)
     slab = Slab(window_camera(tracer.scene.camera, pixels, window), views, window)
     elements = np.stack(np.divmod(np.arange(window**2, dtype=np.int64), window)[::-1], 1)
     light = tracer.bundle_radiance(bundles.macropixels(slab, elements), elements)
