@@ -18,7 +18,7 @@ LAUNCH_RAYS = 1 << 22
 STREAM_BYTES = 32 << 20
 """Results larger than this go past the caches, which would not hold them until they are read."""
 PAGE = 4096
-ADD, STREAM = 1, 2  # of the kernel's mode
+ADD, STREAM, DEPTHS = 1, 2, 4  # of the kernel's mode
 
 IMAGE_ARGUMENTS = np.dtype([("across", np.int32), ("mode", np.int32)])
 
@@ -41,7 +41,6 @@ class TraceRadiance:
     sets : bundles of as many elements and equal inner grids, whose radiance is added up.
     coordinates : of the elements, as for :meth:`Tracer.bundle_hits`.
     across : element e is tile (e // across, e % across).
-    depths : whether the depths of the rays are wanted, too.
     """
 
     def __init__(
@@ -51,15 +50,11 @@ class TraceRadiance:
         sets: Sequence[Bundles],
         coordinates: np.ndarray | None,
         across: int,
-        *,
-        depths: bool = False,
     ):
         self.scene, self.shape = scene, shape
         self.sets, self.coordinates, self.across = list(sets), coordinates, across
         structs = SCENE_ARGUMENTS, RAY_ARGUMENTS, IMAGE_ARGUMENTS
-        self.kernel = scene.kernel(
-            "radiance.cl", "trace_radiance", shape, structs, {"DEPTHS": int(depths)}
-        )
+        self.kernel = scene.kernel("radiance.cl", "trace_radiance", shape, structs, {})
         self.scratch = self.kernel.scratch(scene.shadow_lights)
 
     def run(
@@ -70,7 +65,7 @@ class TraceRadiance:
     ) -> None:
         """Write ``image``, (E / across rows, across columns, 3) float32 contiguous.
 
-        ``depth`` (E, rows, columns) float32 contiguous, where depths are wanted, of one set.
+        ``depth`` (E, rows, columns) float32 contiguous receives those of the rays, of one set.
         """
         for array in (image,) if depth is None else (image, depth):
             if not array.flags.c_contiguous or array.dtype != np.float32:
@@ -111,10 +106,10 @@ class TraceRadiance:
         packets = Groups.of(shape, first.part(part), places).members
         each = shape.blocks * 256 * shape.squares(first.columns, first.rows)
         step = max(1, LAUNCH_RAYS // each)
-        stream = STREAM if piece.nbytes > STREAM_BYTES else 0
+        every = (STREAM if piece.nbytes > STREAM_BYTES else 0) | (DEPTHS if far.size else 0)
         for start in range(0, len(packets), step):
             for number, bundles in enumerate(self.sets):
-                mode = stream | (ADD if number else 0)
+                mode = every | (ADD if number else 0)
                 groups = Groups(packets[start : start + step], bundles.elements[part])
                 self._launch(bundles, groups, target, depth, mode)
             if progress:

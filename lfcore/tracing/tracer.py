@@ -125,7 +125,7 @@ class Tracer:
         """
         shape = len(bundles.elements), bundles.rows, bundles.columns
         radiance, depth = page_aligned((*shape, 3)), page_aligned(shape)
-        self._radiance([bundles], None, 1, depths=True).run(radiance, depth=depth)
+        self._radiance([bundles], None, 1).run(radiance, depth=depth)
         return radiance, depth
 
     def tiled_radiance(
@@ -226,8 +226,6 @@ class Tracer:
         sets: Sequence[Bundles],
         coordinates: np.ndarray | None,
         across: int,
-        *,
-        depths: bool = False,
     ) -> TraceRadiance:
         shape = self.plan.shape(sets[0], "radiance", grouped=coordinates is not None)
-        return TraceRadiance(self._on_device, shape, sets, coordinates, across, depths=depths)
+        return TraceRadiance(self._on_device, shape, sets, coordinates, across)

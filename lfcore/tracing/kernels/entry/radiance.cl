@@ -1,5 +1,5 @@
-// Linear radiance of bundles, as floats, and (DEPTHS) how far along the axis each ray met what it
-// saw.
+// Linear radiance of bundles, as floats, and, if asked for, how far along the axis each ray met
+// what it saw.
 //
 // Element e is tile (e / across, e % across) of one image; with one tile across, elements follow
 // each other.
@@ -9,7 +9,7 @@
 
 typedef struct {
     int across;
-    int mode;  // ADD, STREAM
+    int mode;  // ADD, STREAM, DEPTHS
 } ImageArguments;
 
 #define SCRATCH_WORDS(lights) (3 * BLOCK_RAYS + PIPELINE_WORDS(lights))
@@ -44,7 +44,7 @@ KERNEL void trace_radiance(TREE_PARAMETERS,
             write_radiance(colours, block_inside(&packet, block), image.mode,
                            radiance + row * pitch + 3 * column, pitch);
         }
-        for (int block = 0; DEPTHS && block < PACKET_BLOCKS; ++block)
+        for (int block = 0; (image.mode & DEPTHS) && block < PACKET_BLOCKS; ++block)
             if (has_block(&packet, block))
                 write_depths(&packet, block, pipeline.visibility.block + block, depth);
     }

@@ -6,6 +6,7 @@
 // How radiance is written.
 #define ADD 1     // to what is there already
 #define STREAM 2  // past the caches
+#define DEPTHS 4  // and depths beside it
 
 #if LANES == BLOCK
 #define LINE 64   // bytes of a row of lanes, and what stores past the caches must be aligned to
