@@ -1,0 +1,49 @@
+"""Frames of stored macropixels come tile by tile, in memory that is used again."""
+
+import numpy as np
+import pytest
+
+from lfcore.optics.camera import Camera
+from lfcore.optics.slab import Slab
+from lfcore.refocus.stored_views import ahead, frame_chunks
+from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.container import join_segments
+from lfcore.storage.layout import FrameLayout
+from lfcore.storage.lightfield import LightFieldFile
+from lfcore.storage.segment import SegmentWriter
+from lfcore.tracing.radiance import PAGE
+
+VIEWS, PIXELS = 16, 10
+LAYOUT = FrameLayout("macropixels", VIEWS, PIXELS, pixel_format="gbrp")
+SPEC = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    """The frames of each of several tiles, and the file."""
+    folder, draw = tmp_path_factory.mktemp("stored"), np.random.default_rng(8)
+    tiles = LAYOUT.tiles(3 * PIXELS * VIEWS**2)
+    frames, segments = [], []
+    for tile in tiles:
+        shape = tile.frame_count, LAYOUT.frame_bytes
+        frames.append(draw.integers(0, 256, shape, dtype=np.uint8))
+        segments.append(folder / f"{tile.index}.mp4")
+        with SegmentWriter(segments[-1], SPEC, LAYOUT.frame_width, LAYOUT.frame_height) as writer:
+            writer.write(frames[-1])
+    slab = Slab(Camera(0.05, 0.036, 2.0, 3.0), VIEWS, PIXELS)
+    file, scene = folder / "lf.mkv", {"name": "noise", "digest": "0"}
+    join_segments(file, segments, tiles, LAYOUT, geometry=slab, scene=scene, spec=SPEC)
+    return frames, file
+
+
+def test_tiles_take_turns_in_two_pieces_of_memory(stored):
+    frames, file = stored
+    assert len(frames) >= 3
+    places = []
+    with LightFieldFile.open(file) as field:
+        for (tile, first, found), expected in zip(ahead(frame_chunks(field)), frames, strict=True):
+            assert first == 0 and tile.frame_count == len(found)
+            # The tile after it is being read meanwhile.
+            assert np.array_equal(found, expected)
+            places.append(found.ctypes.data)
+    assert len(set(places)) == 2 and not any(place % PAGE for place in places)
