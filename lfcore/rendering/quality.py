@@ -39,9 +39,9 @@ GROWTH, LAST_GROWTH = 8.0, 0.6
 the rays so far are missing, one lattice ends it."""
 PAIR_SHARE = 0.7
 """Share of the missing rays that a pair traces; its disagreement then says better how many miss."""
-PILOT_SHARE, PLANNED_DB, PLANNED_PLANES = 0.1, 2.0, 5
-"""Where rays are planned and not traced: the pilot's share of them, what is taken off for its
-uncertainty (measured, docs/notebook/true-picture.md), and how many planes stand for a range."""
+PILOT_SHARE, PLANNED_PLANES = 0.1, 5
+"""Where rays are planned and not traced: the pilot's share of them, and how many planes stand for a
+range."""
 BORDER = 0.08
 """Share of a picture's side that is left out at each rim, which not all of the lens sees."""
 
@@ -131,9 +131,9 @@ class WantedQuality:
         """
         rounds = self._pilot()
         while True:
-            wanted = rounds.rays_of_one(self.quality_db + PLANNED_DB)
+            wanted = rounds.rays_of_one(self.quality_db)
             if wanted > self.most_rays:
-                raise self._too_much(wanted, rounds.db_of_one(self.most_rays) - PLANNED_DB)
+                raise self._too_much(wanted, rounds.db_of_one(self.most_rays))
             lacking = PILOT_SHARE * wanted - rounds.rays
             if lacking < 1:
                 break
@@ -141,8 +141,7 @@ class WantedQuality:
         count = one_lattice(wanted)
         side = 8 * math.ceil(count.subpixels * self.pixels / 8)
         count = RayCount(count.views, side / self.pixels)
-        expected = rounds.db_of_one(count.rays_a_pixel) - PLANNED_DB
-        return PlannedRays(count, expected, rounds.rays)
+        return PlannedRays(count, rounds.db_of_one(count.rays_a_pixel), rounds.rays)
 
     def _pilot(self) -> _Rounds:
         return _Rounds([(count, self._trace(count)) for count in PILOT])

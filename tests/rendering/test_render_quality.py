@@ -89,6 +89,16 @@ def test_a_pilot_that_errs_more_than_by_its_rays_does_not_spoil_the_mean(simulat
     assert found_db(by_rays / found.rays_a_pixel) < found_db(found.pictures) - 1
 
 
+def test_rays_are_planned_by_a_pilot_of_a_tenth(simulated):
+    wanted, traced = simulated(50)
+    planned, needed = wanted.plan(), 0.05**2 * 4 * 1e5
+    assert 0.95 < planned.count.rays_a_pixel / needed < 1.1
+    assert planned.count.side(96) % 8 == 0 and planned.expected_db >= wanted.quality_db
+    assert planned.pilot_rays == sum(count.rays_a_pixel for count, _ in traced) < 0.12 * needed
+    with pytest.raises(lfcore.OpticsError, match=r"takes about .* and the budget is 300"):
+        replace(wanted, most_rays=300).plan()
+
+
 @pytest.mark.parametrize("target", [38, 50])
 def test_a_budget_is_enough_for_what_its_refusal_says(simulated, target):
     """Asking for what can be reached is not refused, and for the budget that it takes neither."""
