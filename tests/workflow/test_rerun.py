@@ -20,7 +20,7 @@ TABLES, ASSIGNMENT = "results/tables/", "results/assignment/"
 PRETEND = """
 from pathlib import Path
 for file in map(Path, snakemake.output):
-    folder = file.name in ("on_the_fly", "from_video")
+    folder = file.name in ("on_the_fly", "from_video", "planes")
     file.mkdir(parents=True, exist_ok=True) if folder else file.write_text("made")
 """
 OBJ = "mtllib cube.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n"
