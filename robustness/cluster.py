@@ -48,12 +48,14 @@ def cancelling(slurm: LocalSlurm, kills: int) -> tuple[Callable[[], None], list[
 def smoke(folder: Path, cores: int, memory_mib: int, kills: int, words: tuple) -> list[Run]:
     """Both runs, of which the second is not made where the first failed."""
     with local_slurm(folder / "slurm", cores=cores, memory_mib=memory_mib) as slurm:
-        undisturbed = run(slurm, folder / "undisturbed", "undisturbed", words)
+        undisturbed = run(slurm, folder / "undisturbed", "smoke", words)
         print(undisturbed.summary(), flush=True)
         if undisturbed.status:
             return [undisturbed]
         cancel, done = cancelling(slurm, kills)
-        disturbed = run(slurm, folder / "disturbed", f"{kills} cancelled", words, beside=cancel)
+        disturbed = run(
+            slurm, folder / "disturbed", f"smoke, {kills} cancelled", words, beside=cancel
+        )
         if len(done) < kills:
             disturbed.wrong.append(f"only {len(done)} submissions ran long enough to be cancelled")
         disturbed.compare(undisturbed)
@@ -99,15 +101,13 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def publish(runs: list[Run], faults: Sequence[str]) -> None:
-    """Keep a row a run, with commit and processor; rows of other faults stay."""
+    """Keep a row a run, with commit and processor; rows of runs that were not made stay."""
     from benchmarks.publish import RESULTS, Result, of_this_run, with_kept
 
-    name, command = "cluster", "make cluster PUBLISH=1"
-    rows = pd.DataFrame([one.row() for one in runs])
-    if faults:
-        name, command = "cluster_faults", f'make cluster FAULTS="{" ".join(faults)}" PUBLISH=1'
-        rows = with_kept(rows, name, "run")
-    write_text(RESULTS / f"{name}.csv", Result(of_this_run(command), rows).text())
+    of_faults = f'FAULTS="{" ".join(faults)}" ' if faults else ""
+    rows = with_kept(pd.DataFrame([one.row() for one in runs]), "cluster", "run")
+    about = of_this_run(f"make cluster {of_faults}PUBLISH=1")
+    write_text(RESULTS / "cluster.csv", Result(about, rows).text())
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ NO_HOME = "/nowhere/at/all"
 class Fault:
     """Undisturbed; what happens to a node is a subclass."""
 
-    name = "undisturbed"
+    name = "a small run"
 
     def __init__(self, slurm: LocalSlurm, folder: Path):
         self.slurm, self.folder, self.happened = slurm, folder, False

@@ -115,7 +115,7 @@ def test_too_few_kills_and_other_results_are_failures(monkeypatch, tmp_path, kil
     monkeypatch.setattr(cluster, "run", ran)
     pytest.importorskip("snakemake_executor_plugin_slurm")
     assert cluster.main(["--kills", str(kills), "--", "--", "target"]) == status
-    assert names == ["undisturbed", f"{kills} cancelled"]
+    assert names == ["smoke", f"smoke, {kills} cancelled"]
 
 
 def test_what_is_tried_again_must_ask_for_more():
