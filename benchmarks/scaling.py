@@ -41,6 +41,8 @@ THESIS = 512.0**4
 """Rays of its largest light fields."""
 RAYS = (1e10, THESIS, 1e11, 1e12, 1e13, 1e14, 1e15)
 CORES = (1, 3, 10, 30, 100, 300, 1000, 3000, 10_000)
+QUIET = 0.2
+"""Cores that others may use while the clock of the wall says something."""
 ALL = "any"
 """The column of what is of no scene."""
 RUNS = {"1 core": (1, False), "2 cores": (2, False),
@@ -202,15 +204,20 @@ def draw(table: pd.DataFrame, points: pd.DataFrame) -> None:
 
 
 def draw_points(right: plt.Axes, points: pd.DataFrame) -> None:
-    """Core and wall seconds of each run over the model's, and what lies within a fifth."""
-    for column, mark in (("core s / model's", "o"), ("wall s / model's", "x")):
-        right.plot(points[column].astype(float), range(len(points)), mark,
-                   label=column.replace(" / model's", ""))  # fmt: skip
+    """Core seconds of each run over the model's, wall seconds where nobody else was at work, and
+    what lies within a fifth."""
+    quiet = points.others.astype(float) < QUIET
+    for what, mark, shown in (("core s", "o", quiet | True), ("wall s", "x", quiet)):
+        if shown.any():
+            ratios = points[f"{what} / model's"].astype(float).where(shown)
+            right.plot(ratios, range(len(points)), mark, label=what)
     names = [f"{point['scene']}, {point['run']}" for point in points.to_dict("records")]
     right.set_yticks(range(len(points)), names, fontsize=9)
     right.axvspan(0.8, 1.2, alpha=0.12, color="green")
     right.axvline(1, color="gray", lw=1)
     right.invert_yaxis()
+    least, most = right.get_xlim()
+    right.set_xlim(min(least, 0.6), max(most, 1.5))
     right.set(xlabel="measured / model's", title=r"Runs of $2.7 \times 10^8$ rays, N = 64")
     right.legend(fontsize=9)
 
