@@ -42,7 +42,7 @@ onsuccess:
 
 
 onerror:
-    progress.end(failed=True)
+    progress.end(log)
 
 
 include: "workflow/rules/common.smk"

@@ -336,14 +336,16 @@ def begin(workflow: Any, jobs: dict[int, Known], pixels: int) -> None:
     _running.append(line)
 
 
-def end(*, failed: bool = False) -> None:
-    """Say that the run is over."""
+def end(log: Iterable[str] = ()) -> None:
+    """Say that the run is over; one that failed names Snakemake's ``log``."""
     for line in _running:
         line.over.set()
         line.clear()
         progress = line.progress
         done = len(progress.jobs) - len(progress.left)
-        took = duration(progress.clock() - progress.started)
-        words = "Stopped" if failed else "Done"
-        print(f"{words} after {took}: {done} of {len(progress.jobs)} jobs.", file=sys.stderr)
+        words = (
+            f"{duration(progress.clock() - progress.started)}: {done} of {len(progress.jobs)} jobs."
+        )
+        told = [f"Stopped after {words}", *(f"Snakemake's log: {file}" for file in log)]
+        print(*(told if log else [f"Done after {words}"]), file=sys.stderr)
     _running.clear()

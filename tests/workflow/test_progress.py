@@ -137,12 +137,12 @@ onstart:
 onsuccess:
     progress.end()
 onerror:
-    progress.end(failed=True)
+    progress.end(log)
 rule last:
     input: "a"
     output: "b"
     log: "logs/last.log"
-    shell: "sleep 1.2; echo 'took 1.2 s, 0.1 core s, 5 MiB' > {{log}}; touch {{output}}"
+    shell: "test ! -e fail; sleep 1; touch {{output}}; echo 'took 1 s, 0.1 core s, 5 MiB' > {{log}}"
 rule first:
     output: "a"
     log: "logs/first.log"
@@ -192,6 +192,16 @@ def test_a_run_that_the_disk_cannot_hold_makes_nothing(tmp_path):
     assert done.returncode == 1 and not (tmp_path / "a").exists()
     line = next(line for line in done.stdout.splitlines() if "the run needs" in line)
     assert str(tmp_path / "results") in line and "Traceback" not in done.stdout
+
+
+@pytest.mark.workflow
+def test_a_run_that_fails_says_where_its_log_is(tmp_path):
+    (tmp_path / "fail").touch()
+    done = little_run(tmp_path, 1e6)
+    assert done.returncode == 1
+    log = next((tmp_path / ".snakemake" / "log").glob("*.log"))
+    assert f": 1 of 2 jobs. Snakemake's log: {log}" in done.stdout
+    assert "Error in rule last" in done.stdout
 
 
 @pytest.mark.workflow
