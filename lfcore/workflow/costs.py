@@ -183,8 +183,8 @@ def job_cost(
     """What all jobs of a stage take for one scene and N (0 without) at M = ``pixels``.
 
     Measured costs are joined by a power of N, and linearly in the number of pixels.  A scene that
-    was not measured costs what the dearest does; one that was measured at a single M grows with M
-    as the one that was measured at most.
+    was measured at a single M grows with M as the one that was measured at most.  One that was not
+    measured costs what the dearest of those does that were measured at as many.
     """
     known = measured_costs(file).get(stage)
     if not known:
@@ -198,10 +198,13 @@ def job_cost(
         return Cost(*each)
 
     if scene not in names:
-        return max((cost(name, pixels) for name in names), key=lambda one: one.core_seconds)
-    if len(sizes[scene]) > 1 or len(sizes[widest]) == 1:
+        told = [name for name in names if len(sizes[name]) == len(sizes[widest])]
+        return max((cost(name, pixels) for name in told), key=lambda one: one.core_seconds)
+    if len(sizes[scene]) > 1 or len(sizes[widest]) == 1 or pixels in sizes[scene]:
         return cost(scene, pixels)
     (size,) = sizes[scene]
+    if size not in sizes[widest]:  # too far off to be compared
+        return cost(widest, pixels)
     there, here, own = cost(widest, pixels), cost(widest, size), cost(scene, size)
     grown = (
         getattr(own, field.name) * getattr(there, field.name) / (getattr(here, field.name) or 1.0)

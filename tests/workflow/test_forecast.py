@@ -18,6 +18,7 @@ trace,a,64,100,40,300,0,4000
 trace,a,16,200,34,300,0,4000
 trace,a,64,200,136,300,0,16000
 trace,b,16,100,20,200,0,2000
+trace,tiny,2,4,9,200,0,2000
 study,,0,100,50,400,7,0
 """
 
@@ -40,7 +41,11 @@ def test_what_was_measured_is_told_and_what_lies_between_lies_between(table):
     assert seconds(table, "trace", "a", 16, 400) == pytest.approx(34 + 8 / 10**4 * (160000 - 40000))
     assert seconds(table, "trace", "a", 128, 100) == pytest.approx(160)  # as its rays
     assert seconds(table, "trace", "a", 16, 50) == pytest.approx(10 - 8 / 10**4 * 7500)
-    assert seconds(table, "trace", "other", 16, 100) == 20  # as the dearest
+    assert seconds(table, "trace", "other", 16, 100) == 10  # as those that were measured most
+    assert (
+        seconds(table, "trace", "tiny", 2, 4) == 9
+        and seconds(table, "trace", "tiny", 16, 100) == 10
+    )
     assert seconds(table, "trace", "b", 16, 200) == pytest.approx(20 * 34 / 10)  # grows as a does
     assert seconds(table, "study", "", 0, 512) == 50
     assert job_cost("unknown", file=table) == costs.SMALL_JOB
