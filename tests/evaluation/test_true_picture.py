@@ -16,6 +16,7 @@ from lfcore.evaluation.true_picture.points import (
     TOO_GOOD,
     method_rows,
     plane_rows,
+    rounded,
 )
 from lfcore.evaluation.true_picture.reference import (
     Reference,
@@ -94,6 +95,8 @@ def test_few_rays_by_depth_beat_many_that_miss_the_pixel(chart, reference, tmp_p
         peer_rows(chart.scene, reference.planes, PIXELS, [40], peers={"POV-Ray": _noisy})
     )
     table = pd.concat([table, said, peers])
+    whole = rounded(table)[["pictures", "rays"]].astype(str)
+    assert set(whole.pictures) == {"2", "1"} and not whole.rays.str.contains(".", regex=False).any()
     true_errors(tmp_path / "errors.png", table, machine="none")
     (axis,) = drawn[0].axes
     shown = worst_planes(table)

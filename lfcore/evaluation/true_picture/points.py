@@ -31,6 +31,7 @@ Made = TypeVar("Made")
 def rounded(rows: pd.DataFrame) -> pd.DataFrame:
     """``rows`` as they are published."""
     decibels = dict.fromkeys(("psnr_true_db", "expected_db", "truth_known_db"), 1)
+    rows = rows.astype({"pictures": "Int64", "rays": "Int64"})  # none where nothing was traced
     return rows.round({**decibels, "seconds": 3, "rays_per_pixel": 1, "f_number": 2, "plane_m": 3})
 
 
