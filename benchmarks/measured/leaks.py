@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 
@@ -19,12 +20,15 @@ from measured.rows import say
 
 CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=1.0, focus_distance_m=2.0)
 CHUNK_RAYS = 1 << 21
-WALL_SIDE = 32
+WALL_RAYS = 1 << 20
+WALLS = (32, None), (64, 1)
+"""Lens samples along a side, and elements that a block spans (None: as is best): packets of several
+elements, and of one, which pack their triangles."""
 
 
-def tracer_of(triangles: np.ndarray) -> Tracer:
+def tracer_of(triangles: np.ndarray, outer: int | None = None) -> Tracer:
     scene = bare_scene(triangles, ambient=(1.0, 1.0, 1.0))
-    return Tracer(scene, build_bvh(scene.triangles))
+    return Tracer(scene, build_bvh(scene.triangles), outer=outer)
 
 
 def closed_meshes() -> Iterator[tuple[str, np.ndarray]]:
@@ -67,11 +71,12 @@ def rough_wall(slab: Slab, seed: int) -> np.ndarray:
 
 def through_wall(count: int) -> tuple[int, int]:
     """(rays, misses) of whole slabs before walls whose corners they hit, ``count`` rays or more."""
-    slab = Slab(CAMERA, 64, WALL_SIDE)
-    pixels = np.stack(np.meshgrid(*2 * [np.arange(WALL_SIDE)]), axis=-1).reshape(-1, 2)
     traced = missed = seed = 0
     while traced < count:
-        triangle, _ = tracer_of(rough_wall(slab, seed)).slab_hits(slab, pixels)
+        lens, outer = WALLS[seed % len(WALLS)]
+        slab, side = Slab(CAMERA, 64, lens), math.isqrt(WALL_RAYS) // lens
+        pixels = np.stack(np.meshgrid(*2 * [np.arange(side)]), axis=-1).reshape(-1, 2)
+        triangle, _ = tracer_of(rough_wall(slab, seed), outer).slab_hits(slab, pixels)
         missed += int((triangle < 0).sum())
         traced, seed = traced + triangle.size, seed + 1
     return traced, missed
