@@ -55,9 +55,10 @@ class Forecast:
     def text(self, cores: int) -> str:
         """One line."""
         traced = f", {rays_of(None, self.rays)}" if self.rays else ""
+        needs = f"{size(self.bytes)} of disk, {size(self.mib * 2**20)} of memory"
         return (
-            f"To be made: {self.jobs} jobs{traced}. About {duration(self.seconds)} on {cores} "
-            f"cores, {size(self.bytes)} of disk, {size(self.mib * 2**20)} of memory."
+            f"To be made: {counted(self.jobs, 'job')}{traced}. About {duration(self.seconds)} on "
+            f"{counted(cores, 'core')}, {needs}."
         )
 
 
@@ -68,10 +69,7 @@ def forecast(tasks: Sequence[Task], cores: int, pace: float = 1.0) -> Forecast:
     """
     threads = [min(task.threads, cores) for task in tasks]
     waits = [len(set(task.after)) for task in tasks]
-    followers: list[list[int]] = [[] for _ in tasks]
-    for place, task in enumerate(tasks):
-        for other in set(task.after):
-            followers[other].append(place)
+    followers = _followers(tasks)
     readers = [len(some) for some in followers]
     seconds = [task.seconds(pace) for task in tasks]
 
@@ -116,6 +114,15 @@ def forecast(tasks: Sequence[Task], cores: int, pace: float = 1.0) -> Forecast:
     return Forecast(now, most_memory, most_disk, rays, len(tasks))
 
 
+def _followers(tasks: Sequence[Task]) -> list[list[int]]:
+    """Of each task the places of those that wait for it."""
+    followers: list[list[int]] = [[] for _ in tasks]
+    for place, task in enumerate(tasks):
+        for other in set(task.after):
+            followers[other].append(place)
+    return followers
+
+
 def check_disk(need: Forecast, folder: str | Path) -> None:
     """Raise :class:`SettingsError` where the disk of ``folder`` is too small for the run."""
     folder = Path(folder).resolve()
@@ -148,6 +155,11 @@ def duration(seconds: float) -> str:
         return f"{max(seconds, 0):.0f} s"
     minutes = round(seconds / 60)
     return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def counted(number: int, what: str) -> str:
+    """``1 job``, ``2 jobs``."""
+    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def size(number: float) -> str:

@@ -118,7 +118,7 @@ def test_a_disk_that_is_too_small_is_refused_in_one_line(tmp_path, monkeypatch):
 def test_what_is_said():
     need = forecast.forecast([Task("", Cost(7200, 1000, 3 * 2**30), rays=68_719_476_736)], 2)
     assert need.text(2) == (
-        "To be made: 1 jobs, 68.7 billion rays. About 2 h 00 min on 2 cores, 3.0 GiB of disk, "
+        "To be made: 1 job, 68.7 billion rays. About 2 h 00 min on 2 cores, 3.0 GiB of disk, "
         "1000 MiB of memory."
     )
     assert forecast.duration(89) == "89 s" and forecast.duration(600) == "10 min"

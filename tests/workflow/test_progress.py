@@ -173,7 +173,7 @@ def test_a_run_says_what_it_takes_and_that_it_is_done(tmp_path):
     done = little_run(tmp_path, 1e6)
     assert done.returncode == 0, done.stdout
     lines = [line for line in done.stdout.splitlines() if line]
-    assert lines[-2].startswith("To be made: 2 jobs. About 2 s on 1 cores, 2 MiB of disk")
+    assert lines[-2].startswith("To be made: 2 jobs. About 2 s on 1 core, 2 MiB of disk")
     assert lines[-1].endswith(": 2 of 2 jobs.") and "rule first" not in done.stdout
     log = next((tmp_path / ".snakemake" / "log").glob("*.log")).read_text()
     assert "rule first" in log and "2 of 2 steps" in log
@@ -182,7 +182,7 @@ def test_a_run_says_what_it_takes_and_that_it_is_done(tmp_path):
     # What is made already counts no more; who asks for Snakemake's own words has them.
     (tmp_path / "b").unlink()
     again = little_run(tmp_path, 1e6, "--verbose").stdout
-    assert "To be made: 1 jobs." in again and "rule last" in again
+    assert "To be made: 1 job." in again and "rule last" in again
     assert "Nothing to be done" in little_run(tmp_path, 1e6).stdout
 
 
