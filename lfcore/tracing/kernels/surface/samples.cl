@@ -34,6 +34,7 @@ inline Vec direction_row(const Bundle *r, Row row)
 typedef struct {
     Vec normal, tint, tangent;
     vf depth, u, v, across;  // `across`: the sign beside the tangent
+    vi key, triangle;
 } SampleRow;
 
 inline Vec slots_row(global const PlaneEquations *p, int first, Row at)
@@ -88,11 +89,18 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at)
     return s;
 }
 
-// Replace those of a row of numbers, or of three, that a mask has.
-inline void keep_row(vf x, vi mask, global float *to) { VSTORE(pick(VLOAD(to), x, mask), to); }
-inline void keep3(Vec x, vi mask, global float *to, int at)
+inline void merge_rows(SampleRow *a, SampleRow b, vi mask)
 {
-    store3(pick3(load3(to, at), x, mask), to, at);
+    a->normal = pick3(a->normal, b.normal, mask);
+    a->depth = pick(a->depth, b.depth, mask);
+    a->key = b.key;
+    a->triangle = b.triangle;
+    if (VERTEX_COLOURS) a->tint = pick3(a->tint, b.tint, mask);
+    if (PHYSICAL) a->tangent = pick3(a->tangent, b.tangent, mask);
+    if (PHYSICAL) a->across = pick(a->across, b.across, mask);
+    if (!TEXTURED) return;
+    a->u = pick(a->u, b.u, mask);
+    a->v = pick(a->v, b.v, mask);
 }
 
 // The sign bit where a normal points away from the viewer, and vectors turned by it.
@@ -125,28 +133,21 @@ typedef struct {
     global int *lit;
 } Block;
 
-// Interpolate what one region has of a block.  Of points the depth is stored alone, and normals are
-// as they come.
-inline void sample_region(const Block *b, int number)
+// Interpolate the row that begins with ray `at`, region by region.
+inline void sample_row(const Block *b, int at, Row row, SampleRow *s)
 {
-    const Samples *out = &b->samples;
-    global const Region *r = b->regions.of + number;
-    global const PlaneEquations *p = b->planes + number;
-    for (int at = r->top * BLOCK; at < (r->bottom + 1) * BLOCK; at += LANES) {
+    s->key = s->triangle = -1;
+    int first = 1;
+    for (int k = 0; k < b->regions.count; ++k) {
+        global const Region *r = b->regions.of + k;
+        if (!(r->rows[at / BLOCK] >> at % BLOCK & ((1 << LANES) - 1))) continue;
         const vi mask = region_row(r, at);
-        if (!row_any(mask)) continue;
-        const SampleRow s = interpolate(p, row_at(at));
-        global int *key = out->key + at, *triangle = out->triangle + at;
-        VSTORE(pick_int(VLOAD(key), (vi)(p->key), mask), key);
-        VSTORE(pick_int(VLOAD(triangle), (vi)(r->triangle), mask), triangle);
-        keep_row(s.depth, mask, out->point + 2 * BLOCK_RAYS + at);
-        keep3(s.normal, mask, out->normal, at);
-        if (VERTEX_COLOURS) keep3(s.tint, mask, out->tint, at);
-        if (PHYSICAL) keep3(s.tangent, mask, out->tangent, at);
-        if (PHYSICAL) keep_row(s.across, mask, out->tangent + 3 * BLOCK_RAYS + at);
-        if (!TEXTURED) continue;
-        keep_row(s.u, mask, out->uv + at);
-        keep_row(s.v, mask, out->uv + BLOCK_RAYS + at);
+        SampleRow one = interpolate(b->planes + k, row);
+        one.key = pick_int(s->key, (vi)(b->planes[k].key), mask);
+        one.triangle = pick_int(s->triangle, (vi)(r->triangle), mask);
+        if (first) *s = one;
+        else merge_rows(s, one, mask);
+        first = 0;
     }
 }
 
@@ -155,26 +156,29 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
 {
     const Samples *out = &b->samples;
     const Bundle *r = &b->rays;
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        VSTORE((vi)(-1), out->key + at);
-        VSTORE((vi)(-1), out->triangle + at);
-    }
-    for (int k = 0; k < b->regions.count; ++k) {
+    SampleRow s = {0};
+    for (int k = 0; k < b->regions.count; ++k)
         set_up_planes(scene, r, b->regions.of[k].triangle, pixel, b->planes + k);
-        sample_region(b, k);
-    }
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        if (!row_any(GE(VLOAD(out->key + at), (vi)(0)))) continue;
         const Row row = row_at(at);
-        const Vec direction = direction_row(r, row), normal = load3(out->normal, at);
-        const vf depth = VLOAD(out->point + 2 * BLOCK_RAYS + at);
-        const Vec point = {fma(depth, direction.x, row_ox(r, row)),
-                           fma(depth, direction.y, (vf)(row_oy(r, row))), depth};
+        sample_row(b, at, row, &s);
+        VSTORE(s.key, out->key + at);
+        VSTORE(s.triangle, out->triangle + at);
+        if (!row_any(GE(s.key, (vi)(0)))) continue;
+        const Vec direction = direction_row(r, row);
+        const Vec point = {fma(s.depth, direction.x, row_ox(r, row)),
+                           fma(s.depth, direction.y, (vf)(row_oy(r, row))), s.depth};
         store3(point, out->point, at);
-        store3(viewed_normal(normal, direction), out->normal, at);
-        if (!PHYSICAL || !SMOOTH) continue;
-        const Vec tangent = load3(out->tangent, at);
-        store3(turn_vectors(tangent, turned_away_from(normal, direction)), out->tangent, at);
+        store3(viewed_normal(s.normal, direction), out->normal, at);
+        if (VERTEX_COLOURS) store3(s.tint, out->tint, at);
+        if (PHYSICAL) {
+            const vi away = SMOOTH ? turned_away_from(s.normal, direction) : (vi)(0);
+            store3(turn_vectors(s.tangent, away), out->tangent, at);
+            VSTORE(s.across, out->tangent + 3 * BLOCK_RAYS + at);
+        }
+        if (!TEXTURED) continue;
+        VSTORE(s.u, out->uv + at);
+        VSTORE(s.v, out->uv + BLOCK_RAYS + at);
     }
 }
 
