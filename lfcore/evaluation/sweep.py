@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -77,7 +77,11 @@ def _trace(
     size = tile.layout.frame_width, tile.layout.frame_height
     with ExitStack() as stack:
         writers = {
-            case: stack.enter_context(SegmentWriter(segments[case][tile.index], spec, *size))
+            case: stack.enter_context(
+                _timed_to_its_end(
+                    SegmentWriter(segments[case][tile.index], spec, *size), watch, case
+                )
+            )
             for case, spec in specs.items()
         }
         for chunk in watch.each("trace", iter(tracing)):
@@ -86,6 +90,17 @@ def _trace(
                     writer.write(chunk.frames)
     assert tracing.plane_sums is not None  # of a tracing that has ended
     return tracing.plane_sums
+
+
+@contextmanager
+def _timed_to_its_end(
+    writer: SegmentWriter, watch: Stopwatch, case: str
+) -> Iterator[SegmentWriter]:
+    """The writer, whose end is timed: only then are the last frames encoded."""
+    with ExitStack() as end:
+        yield end.enter_context(writer)
+        with watch.part(case):
+            end.close()
 
 
 def _retrieved(

@@ -42,10 +42,10 @@ class Metals:
         return (1 - self.metal) * self.base + self.straight
 
     def reflected(self, normal: np.ndarray, towards: np.ndarray, view: np.ndarray) -> np.ndarray:
-        """(R, 3): pi f cos of unit vectors (R, 3)."""
+        """(R, 3): pi f cos of unit vectors (R, 3); 0 of light from behind."""
         half = towards + view
         half /= np.linalg.norm(half, axis=1, keepdims=True)
-        light, seen = _dot(normal, towards), np.abs(_dot(normal, view))
+        light, seen = np.maximum(_dot(normal, towards), 0), np.abs(_dot(normal, view))
         square = np.maximum(self.roughness, LEAST_ROUGHNESS) ** 4
         peaks = square / (_dot(normal, half) ** 2 * (square - 1) + 1) ** 2
         shadowed = [c + np.sqrt(square + (1 - square) * c**2) for c in (light, seen)]
