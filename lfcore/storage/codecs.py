@@ -25,9 +25,11 @@ WHOLE_ROWS = 128
 With others, x264 gave another stream each run at 48, 64, 130, 144 and 200 pixels, never at 128,
 256, 384, 512 or 640; x265 damaged the heap (seen with glibc's MALLOC_CHECK_=3) at 16, 32 and 48.
 """
-SMALLEST_FRAME = {"libx265": 64}
-"""Side of the smallest frame that gives the same file each time: of 40 files of less x265 made 9 to
-14 unlike ones, now and then a poor one, and none from 64 pixels on."""
+SMALLEST_FRAME = {"libx265": 66}
+"""Side of the smallest frame that gives the same file each time.  x265 reads beyond frames that are
+one coding tree block wide (64 pixels; 32 with its fastest presets): the same 64 x 64 pixels gave 10
+unlike files of 10, now and then a poor one or an error; from 66 pixels on all files were the same.
+"""
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,9 @@ from lfcore.storage.remote import RemoteFile
 # matrix for RGB; and FFmpeg's own for the range.
 BT709, SRGB_TRANSFER, RGB_MATRIX = 1, 13, 0
 LIMITED, FULL = 1, 2
+FEW_FRAMES = 2
+"""Of so few none is decoded before its turn, and x265 leaves their decoding times unset: the muxer
+refused half of such files, and others differed."""
 
 
 class SegmentWriter:
@@ -113,6 +116,8 @@ class SegmentWriter:
         with self._named_errors():
             for packet in self._stream.codec_context.encode(None):
                 packet.stream = self._stream
+                if self.spec.codec == "libx265" and self.frames <= FEW_FRAMES:
+                    packet.dts = packet.pts
                 self._output.mux_one(packet)
             self._output.close()
 

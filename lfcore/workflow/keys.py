@@ -68,7 +68,7 @@ PIXEL_FORMATS = ("yuv420p", "yuv444p", "yuv420p10le", "yuv444p10le", "gbrp")
 
 class Encoder(Keys):
     codec: Literal[CODECS] = key(
-        "H.264, H.265 (in frames of 64 pixels a side or more), AV1 or lossless FFV1", "libx264"
+        "H.264, H.265 (in frames of more than 64 pixels a side), AV1 or lossless FFV1", "libx264"
     )
     pixel_format: Literal["auto", *PIXEL_FORMATS] = key(
         "with or without subsampled colour, in 8 or 10 bits, or RGB itself; AV1 takes `yuv420p` "

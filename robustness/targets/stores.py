@@ -42,8 +42,8 @@ CODECS = {
 }
 DEPTHS = DepthCodes(0.0, 0.5)
 DEPTH_SPEC = CodecSpec("libx264", "gray", crf=10, preset="veryfast", gop=6)
-PACKS = {"av1": 8, "x265": 8}
-"""Elements a side of frames of 64 pixels, for encoders that want such."""
+PACKS = {"av1": 8, "x265": 12}
+"""Elements a side of frames of 64 and 96 pixels, for encoders that want such."""
 
 
 @cache

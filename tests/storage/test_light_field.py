@@ -31,7 +31,7 @@ def everything(light_field: LightFieldFile) -> np.ndarray:
 def macropixels(codec: str, views: int, pixels: int, name: str = "yuv420p") -> FrameLayout:
     """A macropixel a frame; for an encoder that wants larger frames, 4 x 4 larger ones."""
     if codec in SMALLEST_FRAME:
-        return FrameLayout("macropixels", 16, pixels, pack=4, pixel_format=name)
+        return FrameLayout("macropixels", 20, pixels, pack=4, pixel_format=name)
     return FrameLayout("macropixels", views, pixels, pixel_format=name)
 
 

@@ -84,11 +84,11 @@ def test_other_codecs_have_their_own_presets(codec, preset, crf, pixel_format):
 
 
 def test_frames_too_small_for_the_encoder_are_refused_before_a_run():
-    small = {"encoder": {"codec": "libx265"}, "layout": {"kind": "macropixels", "pack": 3}}
-    with pytest.raises(StorageError, match=r"codec: libx265 .* frames of 48 x 48"):
+    small = {"encoder": {"codec": "libx265"}, "layout": {"kind": "macropixels", "pack": 4}}
+    with pytest.raises(StorageError, match=r"codec: libx265 .* frames of 64 x 64"):
         cases.tiles(settings(**small), 16)
-    small["layout"]["pack"] = 4
-    assert cases.frame_layout(settings(**small), 16).frame_width == 64
+    small["layout"]["pack"] = 5
+    assert cases.frame_layout(settings(**small), 16).frame_width == 80
 
 
 def test_scenes_by_name_and_by_path(tmp_path):
