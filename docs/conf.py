@@ -17,8 +17,6 @@ source_suffix = {".md": "markdown"}
 exclude_patterns = ["site", "examples", "pictures"]
 myst_enable_extensions = ["deflist", "attrs_inline"]
 myst_heading_anchors = 3
-# Tables at full size are there once a run is published.
-suppress_warnings = ["toc.empty_glob"]
 # Two hyphens before an option are two hyphens.
 smartquotes = False
 nitpicky = False
