@@ -6,7 +6,7 @@ from snakemake.utils import min_version
 
 from lfcore.workflow.cluster import check_bucket, check_partition
 from lfcore.workflow import progress
-from lfcore.workflow.run import hold
+from lfcore.workflow.run import hold, schedule_when_jobs_end
 
 min_version("9.0")
 progress.hush(workflow)
@@ -24,6 +24,7 @@ report: "workflow/report/workflow.rst"
 # Jobs of this run end with it, however that is; see lfcore/workflow/run.py.
 onstart:
     hold()
+    schedule_when_jobs_end(workflow)
     partition = workflow.resource_settings._parsed_default_resources.get("slurm_partition")
     storage = workflow.storage_registry.default_storage_provider
     try:

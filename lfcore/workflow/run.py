@@ -26,7 +26,7 @@ import time
 import uuid
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from lfcore.errors import LfcoreError
 
@@ -37,6 +37,8 @@ except ImportError:  # Windows: Snakemake's own lock, and --unlock by hand
 
 VARIABLE = "LFCORE_RUN"
 """Environment variable that tells a job its run: host, a colon, and the path of its lock."""
+DEFAULT_LIMIT = 100, 1
+"""Jobs, and in how many seconds: Snakemake's, of ``--max-jobs-per-timespan``."""
 QUIET = "LFCORE_QUIET"
 """Environment variable that is set where Snakemake's words are left to its log file."""
 
@@ -83,6 +85,19 @@ def _taken(file: IO[bytes]) -> bool:
     except BlockingIOError:
         return False
     return True
+
+
+def schedule_when_jobs_end(workflow: Any) -> None:
+    """Have Snakemake look for jobs to start when one ends, and not ever more often besides.
+
+    By default it starts at most 100 jobs a second, and with any such limit each job that has ended
+    adds one more look at the files of all jobs that are ready, every second until the run is over
+    (Snakemake 9.27, ``JobScheduler.schedule``): a quarter of a core after 80 jobs.  A limit that
+    was asked for stays.
+    """
+    limit = workflow.scheduling_settings.max_jobs_per_timespan
+    if limit is not None and (limit.max_jobs, limit.timespan) == DEFAULT_LIMIT:
+        workflow.scheduler.job_rate_limiter = None
 
 
 def end_with_run() -> None:

@@ -219,3 +219,19 @@ def test_configurations_that_are_right_are_passed_on():
 )
 def test_the_folder_of_a_run(arguments, folder):
     assert run.folder_of(arguments) == Path(folder)
+
+
+@pytest.mark.parametrize(("option", "limited"), [((), False), (("3/2s",), True)])
+def test_ready_jobs_are_looked_at_when_a_job_ends(tmp_path, option, limited):
+    """And not each second for each job that has ended, unless a limit was asked for."""
+    rules = SNAKEFILE.replace("import hold", "import hold, schedule_when_jobs_end")
+    rules = rules.replace("    hold()\n", "    hold()\n    schedule_when_jobs_end(workflow)\n")
+    rules += """
+onsuccess:
+    print("limited:", workflow.scheduler.job_rate_limiter is not None)
+"""
+    (tmp_path / "Snakefile").write_text(rules.replace('script: "slow.py"', 'shell: "touch made"'))
+    option = ("--max-jobs-per-timespan", *option) if option else ()
+    command = [sys.executable, "-m", "snakemake", "--cores", "1", *option]
+    told = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert f"limited: {limited}" in told.stdout
