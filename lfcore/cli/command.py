@@ -8,10 +8,11 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
+import lfcore
 from lfcore.cli.progress import note, recorded, say, wrote
 from lfcore.errors import OpticsError
 from lfcore.pictures import write_pictures
@@ -19,11 +20,8 @@ from lfcore.scene.emitters import POINTS
 from lfcore.storage.codecs import CODECS
 from lfcore.storage.pixels import PIXEL_FORMATS
 
-if TYPE_CHECKING:
-    from argparse import _ActionsContainer as Options
-
-    from lfcore.lightfield import LightField
-    from lfcore.scene.model import Scene
+Options = argparse._ActionsContainer
+"""A parser, or a group of its options."""
 
 
 @dataclass(frozen=True)
@@ -139,21 +137,17 @@ def encoder(arguments: argparse.Namespace) -> dict[str, Any]:
     return given(arguments, "codec", "pixel_format", "crf", "preset")
 
 
-def open_field(arguments: argparse.Namespace) -> LightField:
+def open_field(arguments: argparse.Namespace) -> lfcore.LightField:
     """The light field of the command line; damage that is left out is told."""
-    from lfcore.lightfield import LightField
-
-    field = LightField.open(arguments.lightfield, salvage=arguments.salvage)
+    field = lfcore.LightField.open(arguments.lightfield, salvage=arguments.salvage)
     for damage in field.damage:
         say(f"left out: {damage.reason}")
     return field
 
 
-def open_scene(arguments: argparse.Namespace) -> Scene:
+def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
     """The scene of the command line; tells its size, and what was not read exactly or left out."""
-    from lfcore.api import load_scene
-
-    scene = load_scene(arguments.scene, light_points=arguments.light_points, up=arguments.up)
+    scene = lfcore.load_scene(arguments.scene, light_points=arguments.light_points, up=arguments.up)
     if scene.notes:
         say(scene.summary())
     say(f"{scene.name}: {scene.triangle_count} triangles")

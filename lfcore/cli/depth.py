@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+import lfcore
 from lfcore.cli.command import Command, add_scene, open_scene, refuse
 from lfcore.cli.progress import progress, wrote
 from lfcore.pictures import CODED, check_suffix, write_picture
-
-if TYPE_CHECKING:
-    from lfcore.lightfield import LightField
 
 DESCRIPTION = """\
 Depth (metres along the axis) and disparity (pixels from view to view) of every view of a scene,
@@ -76,10 +73,8 @@ def run(arguments: argparse.Namespace) -> None:
         wrote(arguments.all_in_focus)
 
 
-def _checked(arguments: argparse.Namespace) -> LightField | None:
+def _checked(arguments: argparse.Namespace) -> lfcore.LightField | None:
     """The light field that is named, if any; :class:`LfcoreError` for options that miss others."""
-    from lfcore.lightfield import LightField
-
     if not (arguments.output or arguments.all_in_focus):
         refuse("--output", "nothing to write", "Give --output or --all-in-focus")
     if arguments.output:
@@ -90,7 +85,7 @@ def _checked(arguments: argparse.Namespace) -> LightField | None:
             refuse("--all-in-focus", "needs the colours of a light field", "Give --lightfield")
     if not arguments.lightfield:
         return None
-    field = LightField.open(arguments.lightfield)
+    field = lfcore.LightField.open(arguments.lightfield)
     field.require_slab()
     return field
 

@@ -6,6 +6,7 @@ import argparse
 import re
 from pathlib import Path
 
+import lfcore
 from lfcore.cli.command import (
     Command,
     add_encoder,
@@ -118,7 +119,7 @@ def length(text: str) -> float:
 
 def run_import(arguments: argparse.Namespace) -> None:
     from lfcore.exchange.grid import Geometry, Order
-    from lfcore.exchange.importing import ReadOptions, import_lightfield
+    from lfcore.exchange.importing import ReadOptions
 
     check_suffix(arguments.output, (".mkv",))
     focus = arguments.focus
@@ -132,7 +133,7 @@ def run_import(arguments: argparse.Namespace) -> None:
         arguments.variable,
     )
     with progress("encoding", "views") as report:
-        made = import_lightfield(
+        made = lfcore.import_lightfield(
             arguments.source, arguments.output, format=arguments.format, options=options,
             progress=report, **encoder(arguments),
         )  # fmt: skip
@@ -148,13 +149,13 @@ def run_import(arguments: argparse.Namespace) -> None:
 
 
 def run_export(arguments: argparse.Namespace) -> None:
-    from lfcore.exchange.exporting import WriteOptions, export_lightfield
+    from lfcore.exchange.exporting import WriteOptions
     from lfcore.exchange.grid import Order
     from lfcore.exchange.source import Selection
 
     scene = open_scene(arguments) if arguments.scene else None
     with progress(f"writing {arguments.format}", "views") as report:
-        notes = export_lightfield(
+        notes = lfcore.export_lightfield(
             arguments.lightfield,
             arguments.format,
             arguments.output,

@@ -4,19 +4,15 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+import lfcore
 from lfcore.cli.command import encoder, option, refuse
 from lfcore.cli.progress import progress, wrote
 from lfcore.files import make_folder
 from lfcore.pictures import check_suffix, write_picture
 from lfcore.scene.view import LIGHTFIELD, View
-
-if TYPE_CHECKING:
-    from lfcore.optics.array import CameraArray
-    from lfcore.scene.model import Scene
 
 # Options that ask for a square picture from a light slab instead of the scene's own film.
 SLAB_OPTIONS = (
@@ -37,7 +33,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def wanted(arguments: argparse.Namespace, scene: Scene) -> bool:
+def wanted(arguments: argparse.Namespace, scene: lfcore.Scene) -> bool:
     """Whether the scene's own film is to be exposed, not a slab traced.
 
     Raises :class:`OpticsError` for options of the film where there is none, or of both.
@@ -55,12 +51,12 @@ def wanted(arguments: argparse.Namespace, scene: Scene) -> bool:
     return scene.view is not None and not slab
 
 
-def is_array(scene: Scene) -> bool:
+def is_array(scene: lfcore.Scene) -> bool:
     """Whether the film is a light field camera's."""
     return scene.view is not None and scene.view.kind == LIGHTFIELD
 
 
-def render(arguments: argparse.Namespace, scene: Scene) -> None:
+def render(arguments: argparse.Namespace, scene: lfcore.Scene) -> None:
     """Expose the film and write it; a light field to an EXR with its geometry in the header."""
     from lfcore.storage.tiled_exr import write_array
 
@@ -74,7 +70,7 @@ def render(arguments: argparse.Namespace, scene: Scene) -> None:
     wrote(output)
 
 
-def trace(arguments: argparse.Namespace, scene: Scene) -> None:
+def trace(arguments: argparse.Namespace, scene: lfcore.Scene) -> None:
     """Expose a light field camera's film and store it as a light field file."""
     from lfcore.scene.files import scene_digest
 
@@ -85,17 +81,19 @@ def trace(arguments: argparse.Namespace, scene: Scene) -> None:
 
 
 def save_video(
-    arguments: argparse.Namespace, image: np.ndarray, array: CameraArray, scene: dict[str, str]
+    arguments: argparse.Namespace,
+    image: np.ndarray,
+    array: lfcore.CameraArray,
+    scene: dict[str, str],
 ) -> str:
     """Store an array as the options on the encoder say; returns one line about it."""
-    from lfcore.refocus.array.stored import store_array
     from lfcore.storage.defaults import codec_spec
 
     output = arguments.output
     check_suffix(output, (".mkv",))
     spec = codec_spec(array.cameras[0], **encoder(arguments))
     with progress("encoding", "cameras") as report:
-        white = store_array(
+        white = lfcore.store_array(
             output, image, array, spec, scene=scene, white=arguments.white, progress=report
         ).white
     clipped = float((image > white).any(-1).mean())
@@ -104,15 +102,13 @@ def save_video(
     return said + (f", {100 * clipped:.2g} % of the pixels clipped" if clipped else "")
 
 
-def _expose(arguments: argparse.Namespace, scene: Scene) -> tuple[np.ndarray, View]:
-    from lfcore.api import trace_array
-
+def _expose(arguments: argparse.Namespace, scene: lfcore.Scene) -> tuple[np.ndarray, View]:
     assert scene.view is not None  # of wanted()
     width, height = scene.view.film
     samples = arguments.samples or scene.view.samples_per_pixel
     what = f"tracing {width} x {height} pixels, {samples} rays each"
     with progress(what, rays=width * height * samples) as report:
-        image = trace_array(
+        image = lfcore.trace_array(
             scene, samples_per_pixel=samples, instants=arguments.instants,
             device=arguments.device, progress=report,
         )  # fmt: skip

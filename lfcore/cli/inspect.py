@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import lfcore
 from lfcore.cli.command import Command, add_lightfield, open_field
 from lfcore.cli.progress import note, progress
 from lfcore.storage.codecs import LOSSLESS
-
-if TYPE_CHECKING:
-    from lfcore.lightfield import LightField
 
 INFO = """\
 Say what a light field file holds: lens, resolutions, layout, codec, segments, size."""
@@ -67,7 +65,7 @@ def info(arguments: argparse.Namespace) -> None:
         print(f"{name:<15} {value}")
 
 
-def facts(field: LightField) -> dict[str, str]:
+def facts(field: lfcore.LightField) -> dict[str, str]:
     """What ``lfcore info`` prints, name and value."""
     metadata, layout = field.metadata, field.layout
     size = field.path.stat().st_size
@@ -87,7 +85,7 @@ def facts(field: LightField) -> dict[str, str]:
     return found | _depth(field)
 
 
-def _depth(field: LightField) -> dict[str, str]:
+def _depth(field: lfcore.LightField) -> dict[str, str]:
     """The stream of depths: what it holds, and its share of all bytes of video."""
     depth, layout = field.metadata.depth, field.layout
     if field.depth_video is None or depth is None:
@@ -111,7 +109,7 @@ def _settings(settings: dict[str, Any]) -> str:
     return ", " + ", ".join(said) if said else ""
 
 
-def _optics(field: LightField) -> dict[str, str]:
+def _optics(field: lfcore.LightField) -> dict[str, str]:
     if field.array is not None:
         array, (nx, ny) = field.array, field.array.cameras
         columns, rows = array.columns_m, array.rows_m

@@ -8,20 +8,16 @@ import math
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import yaml
 
-from lfcore.cli.command import distance, exclude, given, option, write_named
+import lfcore
+from lfcore.cli.command import Options, distance, exclude, given, option, write_named
 from lfcore.errors import LfcoreError, OpticsError
+from lfcore.optics.camera import Camera
 from lfcore.optics.planes import NORMALISATIONS, SHAPES, SensorPlane
-
-if TYPE_CHECKING:
-    from argparse import _ActionsContainer as Options
-
-    from lfcore.lightfield import LightField
-    from lfcore.optics.camera import Camera
 
 MOST_PLANES = 100
 INSTEAD = {"disparity_px": "focus_m", "aperture_views": "f_number"}
@@ -104,7 +100,9 @@ def aperture(arguments: argparse.Namespace) -> dict[str, Any]:
     return {"rotation_deg": arguments.rotation, **given(arguments, *names)}
 
 
-def read_planes(arguments: argparse.Namespace, source: LightField | Camera) -> list[SensorPlane]:
+def read_planes(
+    arguments: argparse.Namespace, source: lfcore.LightField | Camera
+) -> list[SensorPlane]:
     """The planes that the options ask for, of a light field or of a camera whose scene is traced.
 
     Raises :class:`LfcoreError`, naming the option or the file's row, for what makes no plane.
@@ -134,14 +132,12 @@ def laid_over(default: Mapping[str, Any], asked: Mapping[str, Any]) -> dict[str,
 
 
 def make_plane(
-    source: LightField | Camera,
+    source: lfcore.LightField | Camera,
     asked: Mapping[str, Any],
     key: str | None = None,
     file: Path | None = None,
 ) -> SensorPlane:
     """A plane of the settings ``asked`` for; errors name their place, where there is one."""
-    from lfcore.optics.camera import Camera
-
     make = partial(SensorPlane.of, source) if isinstance(source, Camera) else source.plane
     try:
         return make(**asked)
@@ -247,17 +243,15 @@ _OTHER_WORDS = {
 }  # fmt: skip
 
 
-def _keys(source: LightField | Camera) -> dict[str, str]:
+def _keys(source: lfcore.LightField | Camera) -> dict[str, str]:
     """Words that a plane is described by, and the settings that they mean."""
-    from lfcore.optics.camera import Camera
-
     words = _OTHER_WORDS | {name: name for name in _READ}
     return {w: s for w, s in words.items() if not (isinstance(source, Camera) and s in INSTEAD)}
 
 
 def save(
     path: Path, planes: list[SensorPlane], pictures: np.ndarray, bits: int,
-    field: LightField | None = None,
+    field: lfcore.LightField | None = None,
 ) -> None:  # fmt: skip
     """Write what was made and say where; several planes go to one NPY, or a file each."""
     if path.suffix.lower() == ".npy":
@@ -267,7 +261,9 @@ def save(
         write_named(list(zip(names, pictures, strict=True)), bits=bits)
 
 
-def output_names(path: Path, planes: list[SensorPlane], field: LightField | None) -> list[Path]:
+def output_names(
+    path: Path, planes: list[SensorPlane], field: lfcore.LightField | None
+) -> list[Path]:
     """A numbered name a plane, with its settings: its disparity, of a light field without metres"""
     from lfcore.optics.plane_pictures import plane_label
 

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+import lfcore
 from lfcore.cli import planes as plane_options
 from lfcore.cli.command import Command, add_device, add_lightfield, add_output, open_field
 from lfcore.cli.progress import progress
 from lfcore.optics.planes import SensorPlane
 from lfcore.pictures import check_bits, check_suffix
-
-if TYPE_CHECKING:
-    from lfcore.lightfield import LightField
 
 DESCRIPTION = """\
 Make pictures from a light field file: focused at any distance, through any aperture that is no
@@ -68,7 +65,7 @@ def add_method(command: argparse.ArgumentParser) -> None:
 
 
 def make_pictures(
-    arguments: argparse.Namespace, field: LightField, planes: list[SensorPlane]
+    arguments: argparse.Namespace, field: lfcore.LightField, planes: list[SensorPlane]
 ) -> np.ndarray:
     """(P, M, M, 3) of the planes, with a line of progress."""
     with progress(f"refocusing {len(planes)} planes", "frames") as report:

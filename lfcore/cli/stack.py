@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+import lfcore
 from lfcore.cli import planes as plane_options
 from lfcore.cli.command import Command, add_lightfield, distance, exclude, open_field, refuse
 from lfcore.cli.progress import progress, wrote
@@ -23,9 +23,6 @@ from lfcore.pictures import (
     contact_sheet,
     write_picture,
 )
-
-if TYPE_CHECKING:
-    from lfcore.lightfield import LightField
 
 DESCRIPTION = """\
 Make a focal stack (one aperture, several focus distances) or an aperture stack (one focus,
@@ -108,7 +105,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _make_fast(
-    arguments: argparse.Namespace, field: LightField, planes: list[SensorPlane]
+    arguments: argparse.Namespace, field: lfcore.LightField, planes: list[SensorPlane]
 ) -> np.ndarray:
     from lfcore.refocus.focal_stack import focal_stack
 
@@ -119,7 +116,7 @@ def _make_fast(
         return focal_stack(field, planes, device=arguments.device, progress=report)
 
 
-def stack_planes(arguments: argparse.Namespace, field: LightField) -> list[SensorPlane]:
+def stack_planes(arguments: argparse.Namespace, field: lfcore.LightField) -> list[SensorPlane]:
     """Every focus distance at every f-number.
 
     Raises :class:`OpticsError` for options that contradict each other or too many planes, and
@@ -144,7 +141,9 @@ def apertures(arguments: argparse.Namespace) -> list[dict[str, float]]:
     return [{"aperture_views": across} for across in arguments.aperture_views or ()] or [{}]
 
 
-def focus_settings(arguments: argparse.Namespace, field: LightField) -> list[dict[str, float]]:
+def focus_settings(
+    arguments: argparse.Namespace, field: lfcore.LightField
+) -> list[dict[str, float]]:
     """Those given, or evenly in dioptres from one end to the other, or through the whole scene.
 
     As recorded for a stack of apertures alone.
@@ -184,7 +183,7 @@ def _ends(what: str, first: float | None, last: float | None) -> tuple[float, fl
     return first, last
 
 
-def whole_scene(field: LightField) -> tuple[float, float]:
+def whole_scene(field: lfcore.LightField) -> tuple[float, float]:
     """The nearest and farthest distance at which there is something to see and the lens focuses.
 
     Raises :class:`OpticsError` where the file does not say.

@@ -5,16 +5,13 @@ from __future__ import annotations
 import argparse
 import webbrowser
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+import lfcore
 from lfcore.cli.command import Command, add_device, add_lightfield, open_field, option, refuse
 from lfcore.cli.progress import progress, say
 from lfcore.pictures import SUFFIXES, check_suffix, contact_sheet, write_picture
-
-if TYPE_CHECKING:
-    from lfcore.lightfield import LightField
 
 DESCRIPTION = """\
 Look at a light field file in the browser, or write a page for it (-o NAME.html): look around,
@@ -90,14 +87,12 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _page(arguments: argparse.Namespace) -> None:
-    from lfcore.opencl.device import open_device
-
     field = open_field(arguments)
     with progress("reading views", "frames") as report:
         page = field.viewer(
             views=arguments.views, size=arguments.size, form=arguments.format or "avif",
             quality=90 if arguments.quality is None else arguments.quality,
-            device=open_device(arguments.device), progress=report,
+            device=lfcore.open_device(arguments.device), progress=report,
         )  # fmt: skip
     if arguments.output is not None:
         page.save(arguments.output)
@@ -127,7 +122,7 @@ def _picture(arguments: argparse.Namespace) -> None:
     say(f"wrote {arguments.output}; {field.count.frames} frames were decoded")
 
 
-def _grid(field: LightField, count: int) -> np.ndarray:
+def _grid(field: lfcore.LightField, count: int) -> np.ndarray:
     """``count`` x ``count`` views side by side, from corner to corner of the lens."""
     from lfcore.refocus.views import read_views
 
