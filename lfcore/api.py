@@ -128,8 +128,7 @@ def render(
     else:
         wanted = list(planes)
     camera = _lens_for(scene, wanted)
-    usual = DEFAULT_COUNT if filter == "depth" else RayCount(VIEWS, 1)
-    count = RayCount(views or usual.views, usual.subpixels if subpixels is None else subpixels)
+    count = rays_to_trace(filter, views, subpixels)
     if filter == "depth":
         tracer = open_tracer(scene, device)
         made = pictures_by_depth(tracer, camera, wanted, pixels, count, progress=progress)
@@ -138,6 +137,12 @@ def render(
         coarse = [replace(plane, pixels=pixels) for plane in wanted]
         made = _nearest(open_tracer(scene, device), slab, coarse, progress)
     return made[0] if planes is None else made
+
+
+def rays_to_trace(filter: str, views: int | None, subpixels: float | None) -> RayCount:
+    """Rays of a pixel that :func:`render` traces, by default those of the filter."""
+    usual = DEFAULT_COUNT if filter == "depth" else RayCount(VIEWS, 1)
+    return RayCount(views or usual.views, usual.subpixels if subpixels is None else subpixels)
 
 
 def render_to_quality(
@@ -287,11 +292,8 @@ def record(
         views, subpixels = planned.count.views, planned.count.subpixels
         focus = [plane.focus_distance_m for plane in (planes[0], planes[-1])]
         content = {"expected": {"db": round(planned.expected_db, 2), "focus_m": focus}}
-    if depth_stream or (depth_stream is None and views is None):
-        count = RayCount(
-            STORED_COUNT.views if views is None else views,
-            STORED_COUNT.subpixels if subpixels is None else subpixels,
-        )
+    by_depth, count = rays_to_store(depth_stream, views, subpixels)
+    if by_depth:
         spec = codec_spec(
             count.views, codec, pixel_format=pixel_format, crf=crf, preset=preset, by_depth=True
         )
@@ -302,12 +304,22 @@ def record(
         return LightField.open(path)
     if subpixels is not None:
         raise OpticsError("belong to a depth stream", key="subpixels", remedy="Leave them out")
-    views = VIEWS if views is None else views
-    slab = Slab(camera, views, pixels)
-    spec = codec_spec(views, codec, pixel_format=pixel_format, crf=crf, preset=preset)
-    frames = frame_layout(views, pixels, spec.pixel_format, kind=layout)
+    slab = Slab(camera, count.views, pixels)
+    spec = codec_spec(count.views, codec, pixel_format=pixel_format, crf=crf, preset=preset)
+    frames = frame_layout(count.views, pixels, spec.pixel_format, kind=layout)
     record_slab(path, open_tracers(scene, device), slab, frames, spec, progress=progress)
     return LightField.open(path)
+
+
+def rays_to_store(
+    depth_stream: bool | None, views: int | None, subpixels: float | None
+) -> tuple[bool, RayCount]:
+    """Whether :func:`record` stores depth beside the views, and the rays of a pixel it traces."""
+    if depth_stream or (depth_stream is None and views is None):
+        usual = STORED_COUNT
+        count = usual.views if views is None else views
+        return True, RayCount(count, usual.subpixels if subpixels is None else subpixels)
+    return False, RayCount(VIEWS if views is None else views, 1)
 
 
 def recorded_camera(camera: Camera, focus_m: float | None, f_number: float | None) -> Camera:

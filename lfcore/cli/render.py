@@ -6,10 +6,9 @@ import argparse
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import lfcore
 from lfcore.cli import film
 from lfcore.cli import planes as plane_options
 from lfcore.cli.command import (
@@ -28,9 +27,6 @@ from lfcore.cli.progress import note, progress, say, wrote
 from lfcore.errors import OpticsError
 from lfcore.optics.ray_cells import LATTICES
 from lfcore.pictures import check_bits, check_suffix
-
-if TYPE_CHECKING:
-    from lfcore.rendering.by_depth import RayCount
 
 RENDER = """\
 Trace a scene and make pictures from its rays at once; no light field is stored. SCENE is a
@@ -156,7 +152,6 @@ def add_size(command: argparse.ArgumentParser) -> None:
 def render(arguments: argparse.Namespace) -> None:
     import numpy as np
 
-    from lfcore import api
     from lfcore.colour import srgb_decode
 
     check_suffix(arguments.output)
@@ -168,22 +163,19 @@ def render(arguments: argparse.Namespace) -> None:
     if film.wanted(arguments, scene):
         film.render(arguments, scene)
         return
+    if arguments.pinhole:
+        arguments.filter, arguments.views = "nearest", 1
     size = 256 if arguments.size is None else arguments.size
     planes = plane_options.read_planes(arguments, scene.camera)
-    how = "nearest" if arguments.pinhole else arguments.filter
     same = {"planes": planes, "pixels": size, "device": arguments.device}
     rays = _rays(arguments, size)
     with named_file(arguments.scene), progress("tracing", "parts", rays=rays) as report:
         if arguments.quality is None:
-            pictures = api.render(
-                scene, views=1 if arguments.pinhole else arguments.views,
-                subpixels=arguments.subpixels, filter=how, progress=report, **same,
-            )  # fmt: skip
+            asked = given(arguments, "views", "subpixels", "filter")
+            pictures = lfcore.render(scene, progress=report, **asked, **same)
         else:
-            budget = given(arguments, "most_rays")
-            made = api.render_to_quality(
-                scene, arguments.quality, progress=report, **budget, **same
-            )
+            same |= given(arguments, "most_rays")
+            made = lfcore.render_to_quality(scene, arguments.quality, progress=report, **same)
             pictures = made.pictures
     if arguments.quality is not None:
         db = ", ".join(f"{each:.1f}" for each in made.expected_db)
@@ -216,29 +208,15 @@ def _check_rays(arguments: argparse.Namespace) -> None:
 
 def _rays(arguments: argparse.Namespace, size: int) -> int:
     """Rays that pictures are made of; 0 where their disagreement is to say how many."""
-    from lfcore.api import VIEWS
-    from lfcore.rendering.by_depth import DEFAULT_COUNT, RayCount
+    from lfcore.api import rays_to_trace
 
     if arguments.quality is not None:
         return 0
-    if arguments.pinhole:
-        return size**2
-    if arguments.filter == "nearest":
-        return RayCount(arguments.views or VIEWS, arguments.subpixels or 1).rays(size)
-    return _by_depth(arguments, DEFAULT_COUNT).rays(size)
-
-
-def _by_depth(arguments: argparse.Namespace, usual: RayCount) -> RayCount:
-    """Rays of a pixel, by default the usual ones."""
-    return replace(
-        usual,
-        views=usual.views if arguments.views is None else arguments.views,
-        subpixels=usual.subpixels if arguments.subpixels is None else arguments.subpixels,
-    )
+    return rays_to_trace(arguments.filter, arguments.views, arguments.subpixels).rays(size)
 
 
 def trace(arguments: argparse.Namespace) -> None:
-    from lfcore import api
+    from lfcore.api import rays_to_store
 
     check_suffix(arguments.output, (".mkv",))
     scene = open_scene(arguments)
@@ -246,19 +224,15 @@ def trace(arguments: argparse.Namespace) -> None:
         film.trace(arguments, scene)
         return
     size = 256 if arguments.size is None else arguments.size
-    by_depth = arguments.depth_stream
-    if by_depth is None:
-        by_depth = arguments.views is None
-    rays = ((arguments.views or api.VIEWS) * size) ** 2
-    if by_depth:
-        rays = _by_depth(arguments, api.STORED_COUNT).rays(size)
+    stored = arguments.depth_stream, arguments.views, arguments.subpixels
+    rays = rays_to_store(*stored)[1].rays(size)
     what, asked = f"tracing {rays:,} rays", _asked_quality(arguments)
     if asked:
         rays, what = 0, "tracing"
     with named_file(arguments.scene), progress(what, rays=rays) as report:
-        field = api.record(
+        field = lfcore.record(
             scene, arguments.output, views=arguments.views, pixels=size,
-            depth_stream=by_depth, subpixels=arguments.subpixels,
+            depth_stream=arguments.depth_stream, subpixels=arguments.subpixels,
             lattice=arguments.lattice, focus_m=arguments.focus,
             f_number=arguments.f_number, layout=arguments.layout or "auto",
             device=arguments.device, progress=report, **encoder(arguments), **asked,
