@@ -163,6 +163,12 @@ def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
     return {name: value for name, value in found.items() if value is not None}
 
 
+def asked(arguments: argparse.Namespace, names: Sequence[str]) -> list[str]:
+    """The options of these names that were asked for; with 0, too, if wrongly."""
+    found = {option(name): getattr(arguments, name, None) for name in names}
+    return [key for key, value in found.items() if value not in (None, []) and value is not False]
+
+
 def option(name: str) -> str:
     """An argument's name as it is typed."""
     return f"--{name.replace('_', '-')}"

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 import lfcore
-from lfcore.cli.command import Command, add_scene, open_scene, refuse
+from lfcore.cli.command import Command, add_scene, open_scene, refuse, write_named
 from lfcore.cli.progress import progress, wrote
-from lfcore.pictures import CODED, check_suffix, write_picture
+from lfcore.pictures import CODED, check_suffix
 
 DESCRIPTION = """\
 Depth (metres along the axis) and disparity (pixels from view to view) of every view of a scene,
@@ -60,17 +60,16 @@ def run(arguments: argparse.Namespace) -> None:
             depth = depths.depth_of_views(tracer, slab, samples, progress=report)
         if suffix == ".npz":
             depths.save_depth(arguments.output, slab, samples, depth)
+            wrote(arguments.output)
         elif suffix in CODED:
-            write_picture(arguments.output, depths.depth_picture(depth[0]))
+            write_named([(arguments.output, depths.depth_picture(depth[0]))])
         else:
             picture = depths.disparity(slab, depth) if arguments.disparity else depth
-            write_picture(arguments.output, picture[0])
-        wrote(arguments.output)
+            write_named([(arguments.output, picture[0])])
     if field and arguments.all_in_focus:
         with progress("bringing everything into focus", "views") as report:
             sharp = field.all_in_focus(scene, device=arguments.device, progress=report)
-        write_picture(arguments.all_in_focus, sharp)
-        wrote(arguments.all_in_focus)
+        write_named([(arguments.all_in_focus, sharp)])
 
 
 def _checked(arguments: argparse.Namespace) -> lfcore.LightField | None:

@@ -17,7 +17,7 @@ from lfcore.cli.command import (
     open_scene,
     refuse,
 )
-from lfcore.cli.progress import progress, say
+from lfcore.cli.progress import progress, say, wrote
 from lfcore.exchange.table import FORMATS
 from lfcore.pictures import check_suffix
 
@@ -144,8 +144,8 @@ def run_import(arguments: argparse.Namespace) -> None:
         say(f"the geometry is not known: {', '.join(grid.geometry.missing)} would say it; "
             "refocus by --disparity")  # fmt: skip
     size = arguments.output.stat().st_size
-    say(f"wrote {arguments.output}: {FORMATS[grid.format].title.split(':')[0]}, {grid.columns} x "
-        f"{grid.rows} views of {grid.width} x {grid.height}, {size:,} bytes")  # fmt: skip
+    wrote(arguments.output, f": {FORMATS[grid.format].title.split(':')[0]}, {grid.columns} x "
+          f"{grid.rows} views of {grid.width} x {grid.height}, {size:,} bytes")  # fmt: skip
 
 
 def run_export(arguments: argparse.Namespace) -> None:
@@ -169,7 +169,7 @@ def run_export(arguments: argparse.Namespace) -> None:
         )  # fmt: skip
     for note in notes:
         say(note)
-    say(f"wrote {arguments.output}")
+    wrote(arguments.output)
 
 
 COMMANDS = {

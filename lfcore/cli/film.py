@@ -8,10 +8,10 @@ import argparse
 import numpy as np
 
 import lfcore
-from lfcore.cli.command import encoder, option, refuse
+from lfcore.cli.command import asked, encoder, refuse, write_named
 from lfcore.cli.progress import progress, wrote
 from lfcore.files import make_folder
-from lfcore.pictures import check_suffix, write_picture
+from lfcore.pictures import check_suffix
 from lfcore.scene.view import LIGHTFIELD, View
 
 # Options that ask for a square picture from a light slab instead of the scene's own film.
@@ -38,16 +38,13 @@ def wanted(arguments: argparse.Namespace, scene: lfcore.Scene) -> bool:
 
     Raises :class:`OpticsError` for options of the film where there is none, or of both.
     """
-    slab, film = (
-        [name for name in names if _given(getattr(arguments, name, None))]
-        for names in (SLAB_OPTIONS, FILM_OPTIONS)
-    )
+    slab, film = asked(arguments, SLAB_OPTIONS), asked(arguments, FILM_OPTIONS)
     if film and (slab or scene.view is None):
-        what = f"excludes {option(slab[0])}" if slab else "belongs to a scene with a film"
-        refuse(option(film[0]), what, "Leave it out, or use --views")
-    for name in film:
-        if name != "white" and getattr(arguments, name) < 1:
-            refuse(option(name), "must be at least 1")
+        what = f"excludes {slab[0]}" if slab else "belongs to a scene with a film"
+        refuse(film[0], what, "Leave it out, or use --views")
+    for key, count in ("--samples", arguments.samples), ("--instants", arguments.instants):
+        if count is not None and count < 1:
+            refuse(key, "must be at least 1")
     return scene.view is not None and not slab
 
 
@@ -61,12 +58,12 @@ def render(arguments: argparse.Namespace, scene: lfcore.Scene) -> None:
     from lfcore.storage.tiled_exr import write_array
 
     (image, view), output = _expose(arguments, scene), arguments.output
-    if view.kind == LIGHTFIELD and output.suffix.lower() == ".exr":
-        make_folder(output.parent)
-        extra = {"scene": scene.name, "shutter": list(view.shutter)}
-        write_array(output, image, view.array, extra=extra)
-    else:
-        write_picture(output, image, bits=arguments.bits)
+    if not (is_array(scene) and output.suffix.lower() == ".exr"):
+        write_named([(output, image)], bits=arguments.bits)
+        return
+    make_folder(output.parent)
+    extra = {"scene": scene.name, "shutter": list(view.shutter)}
+    write_array(output, image, view.array, extra=extra)
     wrote(output)
 
 
@@ -76,8 +73,7 @@ def trace(arguments: argparse.Namespace, scene: lfcore.Scene) -> None:
 
     what = {"name": scene.name, "digest": scene_digest(scene)}
     image, view = _expose(arguments, scene)
-    said = save_video(arguments, image, view.array, what)
-    wrote(arguments.output, said.removeprefix(str(arguments.output)))
+    wrote(arguments.output, save_video(arguments, image, view.array, what))
 
 
 def save_video(
@@ -86,7 +82,7 @@ def save_video(
     array: lfcore.CameraArray,
     scene: dict[str, str],
 ) -> str:
-    """Store an array as the options on the encoder say; returns one line about it."""
+    """Store an array as the options on the encoder say; returns what there is to say of it."""
     from lfcore.storage.defaults import codec_spec
 
     output = arguments.output
@@ -97,7 +93,7 @@ def save_video(
             output, image, array, spec, scene=scene, white=arguments.white, progress=report
         ).white
     clipped = float((image > white).any(-1).mean())
-    said = f"{output}: {array.cameras[0]} x {array.cameras[1]} cameras, "
+    said = f": {array.cameras[0]} x {array.cameras[1]} cameras, "
     said += f"{output.stat().st_size:,} bytes, white at {white:g}"
     return said + (f", {100 * clipped:.2g} % of the pixels clipped" if clipped else "")
 
@@ -113,8 +109,3 @@ def _expose(arguments: argparse.Namespace, scene: lfcore.Scene) -> tuple[np.ndar
             device=arguments.device, progress=report,
         )  # fmt: skip
     return image, scene.view
-
-
-def _given(value: object) -> bool:
-    # 0 was given, if wrongly.
-    return value is not None and value is not False and value != []

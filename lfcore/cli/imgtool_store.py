@@ -104,7 +104,7 @@ def store(arguments: argparse.Namespace) -> str:
     array = geometry(arguments, recorded, image.shape)
     name = str(extra.get("scene", arguments.input.stem))
     scene = {"name": name, "digest": file_digest(arguments.input)}
-    return save_video(arguments, image, array, scene)
+    return f"{arguments.output}{save_video(arguments, image, array, scene)}"
 
 
 def tiles(arguments: argparse.Namespace) -> str:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import lfcore
-from lfcore.cli.command import Command, add_device, add_lightfield, open_field, option, refuse
-from lfcore.cli.progress import progress, say
+from lfcore.cli.command import Command, add_device, add_lightfield, asked, open_field, refuse
+from lfcore.cli.progress import progress, say, wrote
 from lfcore.pictures import SUFFIXES, check_suffix, contact_sheet, write_picture
 
 DESCRIPTION = """\
@@ -33,7 +33,7 @@ examples:
 """
 PAGES = (".html", ".htm")
 OF_PICTURES = ("view", "at", "macropixel", "grid")
-OF_PAGES = ("views", "size", "format", "quality")
+OF_PAGES = ("views", "size", "format", "quality", "open", "serve")
 
 
 def options(command: argparse.ArgumentParser) -> None:
@@ -69,20 +69,16 @@ def options(command: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     output = arguments.output
-    given = vars(arguments)
-    if output is None and any(given[name] is not None for name in OF_PICTURES):
+    if output is None and asked(arguments, OF_PICTURES):
         refuse("--output", "is missing", "Name a picture to write")
     if output is None and arguments.serve is None:
         arguments.serve, arguments.open = 0, True
     is_page = output is None or output.suffix.lower() in PAGES
     if not is_page:
         check_suffix(output, (*SUFFIXES, *PAGES))
-    wrong = [name for name in (OF_PICTURES if is_page else OF_PAGES) if given[name] is not None]
-    if not is_page:
-        wrong += [name for name in ("open", "serve") if given[name] not in (None, False)]
-    if wrong:
+    if wrong := asked(arguments, OF_PICTURES if is_page else OF_PAGES):
         kind, name = ("picture", ".png") if is_page else ("page", ".html")
-        refuse(option(wrong[0]), f"belongs to a {kind}", f"Write a {name}, or leave it out")
+        refuse(wrong[0], f"belongs to a {kind}", f"Write a {name}, or leave it out")
     (_page if is_page else _picture)(arguments)
 
 
@@ -96,7 +92,7 @@ def _page(arguments: argparse.Namespace) -> None:
         )  # fmt: skip
     if arguments.output is not None:
         page.save(arguments.output)
-        say(f"wrote {arguments.output}, {len(page.html):,} bytes")
+        wrote(arguments.output, f", {len(page.html):,} bytes")
         if arguments.open and arguments.serve is None:
             webbrowser.open(arguments.output.resolve().as_uri())
     if arguments.serve is not None:
@@ -119,7 +115,7 @@ def _picture(arguments: argparse.Namespace) -> None:
     else:
         picture = field.view(*(arguments.view or (side // 2 for side in field.grid)))
     write_picture(arguments.output, picture)
-    say(f"wrote {arguments.output}; {field.count.frames} frames were decoded")
+    wrote(arguments.output, f"; {field.count.frames} frames were decoded")
 
 
 def _grid(field: lfcore.LightField, count: int) -> np.ndarray:
