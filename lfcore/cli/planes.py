@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import csv
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 import lfcore
-from lfcore.cli.command import Options, distance, exclude, given, option, write_named
+from lfcore.cli.command import Options, distance, exclude, option, write_named
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import NORMALISATIONS, SHAPES, SensorPlane
@@ -24,6 +24,8 @@ INSTEAD = {"disparity_px": "focus_m", "aperture_views": "f_number"}
 """Settings in pixels and views, which a light field file alone can turn into the others."""
 OPTIONS = {"focus_m": "focus", "disparity_px": "disparity", "rotation_deg": "rotation"}
 """Settings, as :meth:`lfcore.LightField.plane` names them, whose options have other names."""
+APERTURE = ("aperture", "blades", "rotation_deg", "normalise", "keep_magnification")
+"""Settings of :func:`add_aperture`."""
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -80,24 +82,17 @@ def add_by_views(group: Options) -> None:
     )
 
 
-def settings(arguments: argparse.Namespace) -> dict[str, Any]:
+def settings(arguments: argparse.Namespace, names: Iterable[str]) -> dict[str, Any]:
     """What options say of every plane; keys as :meth:`lfcore.LightField.plane` takes them.
 
     Raises :class:`OpticsError` for a focus or aperture that is given in both ways.
     """
-    focus = given(arguments, "focus", "disparity")
-    found = {_OTHER_WORDS[name]: value for name, value in focus.items()}
-    found |= given(arguments, "f_number", "aperture_views") | aperture(arguments)
+    found = {name: getattr(arguments, OPTIONS.get(name, name), None) for name in names}
+    found = {name: value for name, value in found.items() if value is not None}
     for ours, theirs in INSTEAD.items():
         if ours in found and theirs in found:
             exclude(_flag(ours), _flag(theirs))
     return found
-
-
-def aperture(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What the options of :func:`add_aperture` say."""
-    names = ("aperture", "blades", "normalise", "keep_magnification")
-    return {"rotation_deg": arguments.rotation, **given(arguments, *names)}
 
 
 def read_planes(
@@ -107,21 +102,17 @@ def read_planes(
 
     Raises :class:`LfcoreError`, naming the option or the file's row, for what makes no plane.
     """
-    default, known = settings(arguments), _keys(source)
-    file: Path | None = arguments.planes
-    rows = enumerate(_rows(file) if file else ())
-    asked: list[tuple[dict[str, Any], str, Path | None]]
+    default, file = settings(arguments, _READ), arguments.planes
+    asked: list[tuple[dict[str, Any], str | None, Path | None]]
     asked = [(_words(text), "--plane", None) for text in arguments.plane]
-    asked += [(row, f"plane {k + 1}", file) for k, row in rows]
+    asked += [(row, f"plane {k}", file) for k, row in enumerate(_rows(file) if file else (), 1)]
     if len(asked) > MOST_PLANES:
         raise OpticsError(
             f"{len(asked)} planes were asked for", remedy=f"Ask for {MOST_PLANES} at a time"
         )
-    if not asked:
-        return [make_plane(source, default)]
     return [
-        make_plane(source, laid_over(default, _read(row, known, key, at)), key, at)
-        for row, key, at in asked
+        make_plane(source, laid_over(default, _read(row, source, key, at)), key, at)
+        for row, key, at in asked or [({}, None, None)]
     ]
 
 
@@ -153,11 +144,8 @@ def _flag(setting: str) -> str:
 
 
 def _words(text: str) -> dict[str, Any]:
-    found = {}
-    for part in text.split(","):
-        key, equals, value = part.partition("=")
-        found[key.strip()] = value.strip() if equals else "true"
-    return found
+    parts = (part.partition("=") for part in text.split(","))
+    return {key.strip(): value.strip() if equals else "true" for key, equals, value in parts}
 
 
 def _rows(path: Path) -> list[dict[str, Any]]:
@@ -184,9 +172,12 @@ def _rows(path: Path) -> list[dict[str, Any]]:
 
 
 def _read(
-    row: Mapping[str, Any], known: Mapping[str, str], key: str, file: Path | None
+    row: Mapping[str, Any], source: lfcore.LightField | Camera, key: str | None, file: Path | None
 ) -> dict[str, Any]:
     """The settings of a row's words."""
+    known = _OTHER_WORDS | {name: name for name in _READ}
+    if isinstance(source, Camera):
+        known = {word: name for word, name in known.items() if name not in INSTEAD}
     found = {}
     for word, value in row.items():
         name = known.get(str(word).replace("-", "_"))
@@ -195,27 +186,14 @@ def _read(
             raise OpticsError(f"unknown key {word!r}", file=file, key=key, remedy=f"Known: {words}")
         try:
             found[name] = _READ[name](value)
-        except (ValueError, TypeError):
+        except (ValueError, TypeError, KeyError):
             raise OpticsError(f"{word} cannot be {value!r}", file=file, key=key) from None
     return found
 
 
-def _choice(value: object) -> str:
-    if value not in SHAPES:
-        raise ValueError
-    return str(value)
-
-
 def _truth(value: object) -> bool:
     words = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
-    text = str(value).lower()
-    if text not in words:
-        raise ValueError
-    return words[text]
-
-
-def _normalised(value: object) -> bool:
-    return value == "aperture" if value in NORMALISATIONS else _truth(value)
+    return words[str(value).lower()]
 
 
 def _number(value: object) -> float:
@@ -228,25 +206,20 @@ def _number(value: object) -> float:
 _READ: dict[str, Callable[[object], object]] = {
     "focus_m": _number,
     "f_number": _number,
-    "aperture": _choice,
+    "aperture": lambda value: SHAPES[SHAPES.index(value)],
     "blades": lambda value: int(str(value)),
     "rotation_deg": _number,
-    "normalise": _normalised,
+    "normalise": lambda value: value == "aperture" if value in NORMALISATIONS else _truth(value),
     "keep_magnification": _truth,
     "disparity_px": _number,
     "aperture_views": _number,
 }
-"""What reads a setting's value, of text or of YAML."""
+"""What reads a setting's value, of text or of YAML; errors are ValueError, TypeError, KeyError."""
 _OTHER_WORDS = {
     "focus": "focus_m", "focus_distance_m": "focus_m", "f": "f_number", "shape": "aperture",
     "rotation": "rotation_deg", "disparity": "disparity_px",
 }  # fmt: skip
-
-
-def _keys(source: lfcore.LightField | Camera) -> dict[str, str]:
-    """Words that a plane is described by, and the settings that they mean."""
-    words = _OTHER_WORDS | {name: name for name in _READ}
-    return {w: s for w, s in words.items() if not (isinstance(source, Camera) and s in INSTEAD)}
+"""Words for settings beside their own names."""
 
 
 def save(

@@ -128,7 +128,7 @@ def stack_planes(arguments: argparse.Namespace, field: lfcore.LightField) -> lis
             f"{len(lens) * len(focus)} pictures were asked for",
             remedy=f"Ask for {plane_options.MOST_PLANES} at a time",
         )
-    same = plane_options.aperture(arguments)
+    same = plane_options.settings(arguments, plane_options.APERTURE)
     return [plane_options.make_plane(field, same | one | other) for one in focus for other in lens]
 
 
