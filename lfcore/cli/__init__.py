@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from importlib import import_module
 
 from lfcore import __version__
-from lfcore.cli.interrupt import interruptible, leave_at_once, status_of, word_of
+from lfcore.cli.interrupt import ending, interruptible, leave_at_once
 from lfcore.errors import LfcoreError, one_line
 
 COMMANDS = {
@@ -75,7 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except MemoryError:
         return _failed("There is not enough memory. Ask for a smaller size, or fewer views.")
     except KeyboardInterrupt as error:
-        status = _failed(word_of(error), status_of(error))
+        status = _failed(*ending(error))
         if argv is None:
             leave_at_once(status)
         return status

@@ -26,21 +26,13 @@ if hasattr(signal, "SIGHUP"):
 
 
 class Terminated(KeyboardInterrupt):
-    """A signal other than Ctrl-C asked this process to end."""
-
-    def __init__(self, number: int):
-        super().__init__(number)
-        self.number = number
+    """A signal other than Ctrl-C, whose number is the argument, asked this process to end."""
 
 
-def status_of(interrupt: KeyboardInterrupt) -> int:
-    """The exit status of a process that ended so: 128 and the signal's number, as shells say."""
-    return 128 + getattr(interrupt, "number", signal.SIGINT)
-
-
-def word_of(interrupt: KeyboardInterrupt) -> str:
-    """What to tell the user."""
-    return WORDS[signal.Signals(status_of(interrupt) - 128)]
+def ending(interrupt: KeyboardInterrupt) -> tuple[str, int]:
+    """What to tell the user, and the exit status: 128 and the signal's number, as shells say."""
+    number = interrupt.args[0] if isinstance(interrupt, Terminated) else signal.SIGINT
+    return WORDS[signal.Signals(number)], 128 + number
 
 
 @contextmanager

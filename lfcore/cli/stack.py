@@ -152,18 +152,15 @@ def focus_settings(
     moved = _ends("disparity", arguments.disparity_from, arguments.disparity_to)
     if sum(bool(way) for way in (arguments.focus, metres, moved)) > 1:
         refuse("--focus", "there is one way to say where to focus", "Give distances, or ends")
-    if arguments.focus and arguments.count is not None:
-        refuse("--count", "belongs to --focus-from and --focus-to")
     if arguments.focus:
+        if arguments.count is not None:
+            refuse("--count", "belongs to --focus-from and --focus-to")
         return [{"focus_m": metres} for metres in arguments.focus]
-    count = arguments.count
-    if (
-        (arguments.f_numbers or arguments.aperture_views)
-        and count is None
-        and not (metres or moved)
-    ):
-        return [{}]
-    steps = (8 if arguments.sheet else 10) if count is None else count
+    steps = arguments.count
+    if steps is None:
+        if (arguments.f_numbers or arguments.aperture_views) and not (metres or moved):
+            return [{}]
+        steps = 8 if arguments.sheet else 10
     if steps < 2:
         refuse("--count", f"must be at least 2, not {steps}")
     if moved:  # evenly in pixels is evenly in dioptres
@@ -176,11 +173,11 @@ def focus_settings(
 
 
 def _ends(what: str, first: float | None, last: float | None) -> tuple[float, float] | None:
-    if first is None and last is None:
-        return None
-    if first is None or last is None:
+    if first is not None and last is not None:
+        return first, last
+    if (first, last) != (None, None):
         refuse(f"--{what}-from", f"goes with --{what}-to", "Give both")
-    return first, last
+    return None
 
 
 def whole_scene(field: lfcore.LightField) -> tuple[float, float]:
