@@ -7,11 +7,11 @@ reStructuredText with Jinja expressions, the form that Snakemake's own reports t
 from __future__ import annotations
 
 import base64
-import html
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import docutils.core
 import jinja2
@@ -20,7 +20,7 @@ import pandas as pd
 from lfcore.evaluation.table_files import readable, write_markdown
 from lfcore.files import write_text
 
-STYLE = Path(__file__).with_name("page.css")
+HERE = Path(__file__).parent
 MEDIA_TYPES = {".png": "image/png", ".jpg": "image/jpeg", ".svg": "image/svg+xml"}
 
 
@@ -71,40 +71,20 @@ def write_page(
         when a figure is of a type that a page cannot show.
     """
     folder = Path(path).parent
-    contents = "".join(f'<a href="#{s.name}">{html.escape(s.title)}</a>' for s in sections)
-    beside = "".join(
-        f'<a href="{html.escape(file.relative_to(folder).as_posix())}">'
-        f"Look around in {html.escape(file.stem)}</a>"
-        for file in viewers
+    template = jinja2.Template(
+        (HERE / "page.html").read_text(encoding="utf-8"), autoescape=True,
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )  # fmt: skip
+    text = template.render(
+        title=title,
+        style=(HERE / "page.css").read_text(encoding="utf-8"),
+        introduction=to_html(introduction, config),
+        facts=facts,
+        viewers={file.relative_to(folder).as_posix(): file.stem for file in viewers},
+        sections=[_shown(section, folder, config) for section in sections],
     )
-    body = "\n".join(_section(section, folder, config) for section in sections)
-    rows = "".join(
-        f"<dt>{html.escape(str(k))}</dt><dd>{html.escape(str(v))}</dd>" for k, v in facts.items()
-    )
-    write_text(
-        path,
-        f"""<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{html.escape(title)}</title>
-<style>{STYLE.read_text(encoding="utf-8")}</style>
-</head>
-<body>
-<header>
-<h1>{html.escape(title)}</h1>
-{to_html(introduction, config)}
-<dl>{rows}</dl>
-<nav>{beside}{contents}</nav>
-</header>
-<main>
-{body}
-</main>
-</body>
-</html>
-""",
-    )
+    write_text(path, text)
 
 
 def write_markdown_tables(
@@ -121,55 +101,35 @@ def write_markdown_tables(
         write_markdown(path, pd.read_csv(table), title=section.title, caption=caption)
 
 
-def _section(section: Section, folder: Path, config: Mapping[str, object]) -> str:
-    parts = [f'<section id="{html.escape(section.name)}"><h2>{html.escape(section.title)}</h2>']
-    parts += [_figure(label, picture) for label, picture in section.figures.items()]
-    if section.table is not None:
-        parts.append(_table(pd.read_csv(section.table)))
-    parts.append(f'<div class="caption">{to_html(section.caption, config)}</div>')
-    if section.table is not None:
-        parts.append(_links(section.table, folder))
-    return "\n".join([*parts, "</section>"])
+def _shown(section: Section, folder: Path, config: Mapping[str, object]) -> dict[str, Any]:
+    """What the template takes of a section; columns are (name, classes of its cells)."""
+    shown: dict[str, Any] = {
+        "name": section.name,
+        "title": section.title,
+        "figures": {label: _data_url(picture) for label, picture in section.figures.items()},
+        "caption": to_html(section.caption, config),
+    }
+    if section.table is None:
+        return shown | {"columns": [], "rows": [], "files": []}
+    table = pd.read_csv(section.table)
+    text, numbers = readable(table), map(pd.api.types.is_numeric_dtype, table.dtypes)
+    kinds = [
+        " ".join(["number"] * number + ["thesis"] * column.startswith("thesis"))
+        for column, number in zip(text.columns, numbers, strict=True)
+    ]
+    files = [f for f in (section.table, section.table.with_suffix(".md")) if f.parent == folder]
+    return shown | {
+        "columns": list(zip(text.columns, kinds, strict=True)),
+        "rows": text.to_numpy().tolist(),
+        "files": [file.name for file in files if file.exists()],
+    }
 
 
-def _figure(label: str, picture: Path) -> str:
+def _data_url(picture: Path) -> str:
     media = MEDIA_TYPES.get(picture.suffix.lower())
     if media is None:
         raise ValueError(f"{picture}: a page shows {', '.join(MEDIA_TYPES)}, not this")
-    data = base64.b64encode(picture.read_bytes()).decode("ascii")
-    name = html.escape(label)
-    caption = f"<figcaption>{name}</figcaption>" if label else ""
-    return f'<figure>{caption}<img alt="{name}" src="data:{media};base64,{data}"></figure>'
-
-
-def _table(table: pd.DataFrame) -> str:
-    shown = readable(table)
-    kinds = []
-    for column, source in zip(shown.columns, table.columns, strict=True):
-        number = pd.api.types.is_numeric_dtype(table[source])
-        thesis = "thesis" if column.startswith("thesis") else ""
-        kinds.append(" ".join(filter(None, ("number" if number else "", thesis))))
-    head = "".join(
-        f'<th class="{kind}">{html.escape(column)}</th>'
-        for kind, column in zip(kinds, shown.columns, strict=True)
-    )
-    body, previous = [], None
-    for row in shown.itertuples(index=False):
-        mark = ' class="first"' if previous is not None and row[0] != previous else ""
-        previous = row[0]
-        cells = "".join(
-            f'<td class="{kind}">{html.escape(str(cell))}</td>'
-            for kind, cell in zip(kinds, row, strict=True)
-        )
-        body.append(f"<tr{mark}>{cells}</tr>")
-    rows = "\n".join(body)
-    return f'<div class="table"><table><thead><tr>{head}</tr></thead>\n{rows}</table></div>'
-
-
-def _links(table: Path, folder: Path) -> str:
-    files = [f for f in (table, table.with_suffix(".md")) if f.exists() and f.parent == folder]
-    links = ", ".join(f'<a href="{html.escape(f.name)}">{html.escape(f.name)}</a>' for f in files)
-    return f'<p class="files">{links}</p>' if links else ""
+    return f"data:{media};base64,{base64.b64encode(picture.read_bytes()).decode('ascii')}"
 
 
 def fill(text: str, config: Mapping[str, object]) -> str:
@@ -180,8 +140,8 @@ def fill(text: str, config: Mapping[str, object]) -> str:
     jinja2.UndefinedError
         for a name that is not there.
     """
-    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
-    return environment.from_string(text).render(snakemake=SimpleNamespace(config=config))
+    template = jinja2.Template(text, undefined=jinja2.StrictUndefined)
+    return template.render(snakemake=SimpleNamespace(config=config))
 
 
 def to_html(text: str, config: Mapping[str, object]) -> str:
