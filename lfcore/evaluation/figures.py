@@ -72,20 +72,15 @@ def contact_sheet(
         raise ValueError(f"{len(pictures)} pictures and {len(labels)} labels make no sheet")
     panels = [_panel(srgb_codes(picture), panel_px) for picture in pictures]
     width, height = panels[0].size
+    across, down = width + GAP_PX, height + LABEL_PX + GAP_PX
     columns = min(columns or len(panels), len(panels))
     rows = math.ceil(len(panels) / columns)
-    sheet = Image.new(
-        "RGB",
-        (
-            columns * (width + GAP_PX) + GAP_PX,
-            rows * (height + LABEL_PX + GAP_PX) + GAP_PX,
-        ),
-        PAPER,
-    )
-    draw, font = ImageDraw.Draw(sheet), _font()
+    sheet = Image.new("RGB", (columns * across + GAP_PX, rows * down + GAP_PX), PAPER)
+    # matplotlib brings the same font to every machine.
+    font = ImageFont.truetype(font_manager.findfont("DejaVu Sans"), 15)
+    draw = ImageDraw.Draw(sheet)
     for index, (panel, label) in enumerate(zip(panels, labels, strict=True)):
-        x = GAP_PX + (index % columns) * (width + GAP_PX)
-        y = GAP_PX + (index // columns) * (height + LABEL_PX + GAP_PX)
+        x, y = GAP_PX + index % columns * across, GAP_PX + index // columns * down
         sheet.paste(panel, (x, y))
         draw.text((x + width / 2, y + height + 4), label, INK, font, anchor="ma")
     write_picture(path, np.asarray(sheet))
@@ -97,11 +92,6 @@ def _panel(codes: np.ndarray, panel_px: int) -> Image.Image:
         return picture
     height = round(picture.height * panel_px / picture.width)
     return picture.resize((panel_px, height), Image.Resampling.BICUBIC)
-
-
-def _font() -> ImageFont.FreeTypeFont:
-    # matplotlib brings the same font to every machine.
-    return ImageFont.truetype(font_manager.findfont("DejaVu Sans"), 15)
 
 
 THESIS_PIXELS = 512

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -13,6 +13,8 @@ from lfcore.colour import srgb_decode
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture
+from lfcore.progress import Progress
+from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.plenoptic import photograph, refocus_photograph
 from lfcore.tracing.tracer import Tracer
 
@@ -37,7 +39,7 @@ def take(
     lenses: int,
     samples: int,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Photograph:
     """The scene's camera with a microlens array, focused at ``focus_m`` with the same field.
 
@@ -45,9 +47,7 @@ def take(
     that make no camera, or a focus inside the focal length.
     """
     own = tracer.scene.camera
-    moved = replace(own, focus_distance_m=focus_m)
-    width = own.sensor_width_m * moved.image_distance_m / own.image_distance_m
-    camera = PlenopticCamera(replace(moved, sensor_width_m=width), lenses, samples)
+    camera = PlenopticCamera(focused_camera(own, SensorPlane.of(own, focus_m)), lenses, samples)
     return Photograph(camera, photograph(tracer, camera, progress=progress))
 
 

@@ -144,7 +144,7 @@ def _compared(
         if tile < SMALLEST_TILE:
             continue
         field = square_field(tracer, cameras, grid["bounds_m"], grid["fov_deg"], tile, SAMPLES)
-        made = quadrature(field, camera, parallel(AUTHORS_FOCUS_M), 24, 2).image
+        made = quadrature(field, camera, parallel(AUTHORS_FOCUS_M), LENS_POINTS, 2).image
         found = errors(made, reference)
         pictures.append(made)
         labels.append(f"{cameras} x {cameras} of {tile} x {tile}: {found['psnr_db']:.1f} dB")
