@@ -8,20 +8,18 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from lfcore.exchange import folder, pictures, posed
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, Geometry, Order, ViewGrid
+from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.nerfstudio import TO_WORLD, load_json
 from lfcore.exchange.parallel import parallel_views
+from lfcore.exchange.source import Source
 from lfcore.files import write_json
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.importing import ReadOptions
-    from lfcore.exchange.source import Source
 
 JSON, TEXT = "lightfield.json", "param.txt"
 

@@ -7,18 +7,15 @@ A model is read back where its cameras stand parallel on a grid; its unit is tak
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange import pictures, posed
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, ViewGrid
+from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.source import Source
 from lfcore.files import write_text
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.importing import ReadOptions
-    from lfcore.exchange.source import Source
 
 MODEL = Path("sparse") / "0"
 PARAMETERS = {"PINHOLE": (0, 2, 3), "SIMPLE_PINHOLE": (0, 1, 2), "OPENCV": (0, 2, 3)}

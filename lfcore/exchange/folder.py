@@ -8,13 +8,11 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import ExchangeError, Order, ViewGrid
-
-if TYPE_CHECKING:
-    from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.importing import ReadOptions
 
 _TWO = re.compile(r"(?<!\d)(\d+)_(\d+)$")
 

@@ -11,19 +11,16 @@ from __future__ import annotations
 import configparser
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange import pictures
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, Geometry, KnownGeometry, ViewGrid
+from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.source import Source
 from lfcore.files import write_text
 from lfcore.pictures import write_picture as write_pfm
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.importing import ReadOptions
-    from lfcore.exchange.source import Source
 
 CONFIG = "parameters.cfg"
 FSTOP = 100.0

@@ -7,16 +7,13 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, ViewGrid, grid_of_values
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.importing import ReadOptions
-    from lfcore.exchange.source import Source
+from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.source import Source
 
 SUFFIXES = (".h5", ".hdf5")
 

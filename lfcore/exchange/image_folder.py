@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lfcore.exchange import folder as by_file
 from lfcore.exchange import pictures
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import MOST_VIEWS, ExchangeError, Geometry, ViewGrid
+from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.nerfstudio import load_json
+from lfcore.exchange.source import Source
 from lfcore.files import write_json
 from lfcore.pictures import write_picture as write_pfm
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.importing import ReadOptions
-    from lfcore.exchange.source import Source
 
 CONFIG = "views.json"
 NAME = "view_{row:03d}_{column:03d}.png"

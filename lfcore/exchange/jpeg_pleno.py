@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lfcore.exchange import folder as by_file
 from lfcore.exchange import pictures
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, Order, ViewGrid
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.importing import ReadOptions
-    from lfcore.exchange.source import Source
+from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.source import Source
 
 _NAME = re.compile(r"\d{3}_\d{3}\.ppm")
 BITS = 10

@@ -12,19 +12,16 @@ the corners of UV, and the corners of ST are the outer corners of pixels.  Levoy
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange import folder as by_file
 from lfcore.exchange import pictures
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import MOST_VIEWS, ExchangeError, Geometry, ViewGrid
+from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.source import Source
 from lfcore.files import write_text
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.importing import ReadOptions
-    from lfcore.exchange.source import Source
 
 HEADER = "# LIF1.0"
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))

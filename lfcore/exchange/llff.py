@@ -11,19 +11,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange import pictures, posed
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, ViewGrid
+from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.parallel import parallel_views
+from lfcore.exchange.source import Source
 from lfcore.pictures import write_picture
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.importing import ReadOptions
-    from lfcore.exchange.source import Source
 
 POSES = "poses_bounds.npy"
 

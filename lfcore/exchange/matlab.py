@@ -6,17 +6,14 @@ A fourth channel is a weight and left out.  Files of version 7.3 are HDF5 and ne
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange import hdf5
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, ViewGrid, grid_of_values
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.importing import ReadOptions
-    from lfcore.exchange.source import Source
+from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.source import Source
 
 VARIABLE = "LF"
 

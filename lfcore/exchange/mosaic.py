@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange import pictures
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, ViewGrid
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.importing import ReadOptions
-    from lfcore.exchange.source import Source
+from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.source import Source
 
 
 def recognise(path: Path) -> bool:

@@ -9,18 +9,15 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange import pictures, posed
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, ViewGrid
+from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.source import Source
 from lfcore.files import write_json
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.importing import ReadOptions
-    from lfcore.exchange.source import Source
 
 CONFIG = "transforms.json"
 TO_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])

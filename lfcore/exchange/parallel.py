@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.source import Source
+from lfcore.exchange.source import Source
 
 Views = Iterator[tuple[int, int, np.ndarray]]
 

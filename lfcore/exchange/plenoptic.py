@@ -11,18 +11,15 @@ PlenoptiCam keeps them: ``mic_list`` of (y, x, row, column) in pixels, ``ptc_mea
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.colour import srgb_decode
 from lfcore.exchange import pictures
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError
+from lfcore.exchange.source import Source
 from lfcore.files import write_json
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.source import Source
 
 FINE = 16
 """Points along a pixel's side that tell how much of it the lens lights."""

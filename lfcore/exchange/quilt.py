@@ -8,18 +8,15 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.exchange import pictures
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, ViewGrid
+from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.mosaic import of_tiles
 from lfcore.exchange.source import Selection, Source
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.importing import ReadOptions
 
 _NAME = re.compile(r"_qs(\d+)x(\d+)a([\d.]+?)(?:\.[A-Za-z]+)$")
 

@@ -8,16 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lfcore.exchange import pictures, positions
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.importing import ReadOptions
-    from lfcore.exchange.positions import Named
-    from lfcore.exchange.source import Source
+from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.positions import Named
+from lfcore.exchange.source import Source
 
 
 def recognise(path: Path) -> bool:

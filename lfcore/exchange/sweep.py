@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError
+from lfcore.exchange.source import Source
 from lfcore.film import write_film
 from lfcore.lightfield import MOST_PLANES
-
-if TYPE_CHECKING:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.source import Source
 
 FPS = 24
 
