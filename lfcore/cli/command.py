@@ -113,8 +113,8 @@ def add_scene(
     add_device(command)
 
 
-def add_encoder(command: argparse.ArgumentParser) -> Options:
-    """Options of the video that a light field is stored in; returns their group."""
+def add_encoder(command: argparse.ArgumentParser, *, of_array: bool = False) -> Options:
+    """Options of the video that a light field, or an array, is stored in; returns their group."""
     how = command.add_argument_group("storage")
     how.add_argument(
         "--codec", choices=tuple(CODECS), default="libx264", help="ffv1 is lossless (libx264)"
@@ -122,14 +122,12 @@ def add_encoder(command: argparse.ArgumentParser) -> Options:
     how.add_argument("--crf", type=float, help="lower is better and larger (default: by N)")
     how.add_argument("--preset", help="of the encoder (default: by N)")
     how.add_argument("--pixel-format", choices=tuple(PIXEL_FORMATS), help="default: by the codec")
+    if of_array:
+        how.add_argument(
+            "--white", type=float, metavar="L",
+            help="of an array: radiance of the brightest code (default: the brightest, at least 1)",
+        )  # fmt: skip
     return how
-
-
-def add_white(group: Options) -> None:
-    group.add_argument(
-        "--white", type=float, metavar="L",
-        help="of an array: radiance of the brightest code (default: the brightest, at least 1)",
-    )  # fmt: skip
 
 
 def encoder(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import lfcore
 from lfcore.cli import imgtool_store as arrays
-from lfcore.cli.command import Command, add_device, add_encoder, add_white, refuse
+from lfcore.cli.command import Command, add_device, add_encoder, refuse
 from lfcore.errors import OpticsError
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def options(command: argparse.ArgumentParser) -> None:
     text = "store a camera array's EXR as video, to be opened like any light field file"
     tool = add_tool("store", arrays.store, text)
     arrays.add_geometry(tool)
-    add_white(add_encoder(tool))
+    add_encoder(tool, of_array=True)
     add_files(tool, "EXR that holds all data cameras", "light field file to write, .mkv")
 
     text = "write the views of a light field file, array or slab, as one tiled EXR"
@@ -132,8 +133,6 @@ def lightfield(arguments: argparse.Namespace) -> str:
 
     Raises :class:`LfcoreError` for flags that contradict the header, each other or the picture.
     """
-    from lfcore.opencl.device import open_device
-    from lfcore.pictures import write_picture
     from lfcore.refocus.array.device_field import DeviceField
     from lfcore.refocus.array.virtual_camera import VirtualCamera
 
@@ -144,14 +143,14 @@ def lightfield(arguments: argparse.Namespace) -> str:
         arguments.camerapos, arguments.camerarot or (0.0, 0.0, 0.0), arguments.outputfov,
         arguments.outputdim, arguments.lensradius or 0.0,
     )  # fmt: skip
-    field = DeviceField(open_device(arguments.device), image, array)
+    field = DeviceField(lfcore.open_device(arguments.device), image, array)
     result = _synthesise(method, arguments, field, camera)
     if not result.coverage.any():
         raise OpticsError(
             "no pixel sees any data camera", file=arguments.input,
             remedy="Widen --filterwidth, or move --camerapos towards the grid",
         )  # fmt: skip
-    write_picture(arguments.output, result.image, half=arguments.half)
+    lfcore.write_picture(arguments.output, result.image, half=arguments.half)
     return (
         f"{arguments.output}: {method}, {camera.size[0]} x {camera.size[1]}, "
         f"{100 * result.skipped_share:.2f} % of samples outside the array"
@@ -227,16 +226,15 @@ def _synthesise(
     lens = LensSystem.read(arguments.lens)
     if arguments.aperturediameter is not None:
         lens = lens.stopped_down(arguments.aperturediameter * 1e-3)
-    lens = lens.focused(_lens_focus(arguments, camera))
+    lens = lens.focused(_lens_focus(surface, camera))
     diagonal = arguments.filmdiagonal * 1e-3
     return realistic(field, camera, lens, surface, samples, film_diagonal_m=diagonal, **draw)
 
 
-def _lens_focus(arguments: argparse.Namespace, camera: VirtualCamera) -> float:
+def _lens_focus(surface: FocalSurface, camera: VirtualCamera) -> float:
     """Focus of a realistic lens: where the focal surface crosses its axis."""
     from lfcore.refocus.array.focal_surface import inverse_depth
 
-    surface = focal_surface(arguments, camera)
     middle = np.array([camera.size]) / 2.0
     axis = camera.rotation[:, 2][None]
     q = inverse_depth(surface, camera, camera.position_m[None], axis, middle)

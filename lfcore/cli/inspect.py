@@ -33,21 +33,19 @@ def devices(arguments: argparse.Namespace) -> None:
     from lfcore.opencl.device import open_device, usable_devices
 
     chosen = open_device().device
-    found = usable_devices()
-    note(devices=[
+    found = [
         {
             "name": device.name.strip(), "platform": device.platform.name.strip(),
             "compute_units": device.max_compute_units, "memory_bytes": device.global_mem_size,
             "default": device == chosen,
         }
-        for device in found
-    ])  # fmt: skip
-    for device in () if arguments.json else found:
-        mark = "*" if device == chosen else " "
-        memory = device.global_mem_size / 2**30
+        for device in usable_devices()
+    ]  # fmt: skip
+    note(devices=found)
+    for one in () if arguments.json else found:
         print(
-            f"{mark} {device.name.strip()} ({device.platform.name.strip()}), "
-            f"{device.max_compute_units} compute units, {memory:.1f} GiB"
+            f"{'*' if one['default'] else ' '} {one['name']} ({one['platform']}), "
+            f"{one['compute_units']} compute units, {one['memory_bytes'] / 2**30:.1f} GiB"
         )
 
 

@@ -16,7 +16,7 @@ from lfcore.cli.command import (
     add_encoder,
     add_output,
     add_scene,
-    add_white,
+    asked,
     distance,
     encoder,
     given,
@@ -65,6 +65,10 @@ examples:
   lfcore trace scene.pbrt -o scene.mkv
       a scene with Camera "lightfield": its own cameras, rays a pixel and shutter
 """
+
+
+SAME_NAMES = ("views", "depth_stream", "subpixels", "lattice", "f_number", "layout", "device")
+"""Options of ``trace`` that :func:`lfcore.record` calls by the same names."""
 
 
 def render_options(command: argparse.ArgumentParser) -> None:
@@ -138,8 +142,7 @@ def trace_options(command: argparse.ArgumentParser) -> None:
     lens = command.add_argument_group("the lens (default: the scene's)")
     lens.add_argument("--focus", type=distance, metavar="M", help="metres, or 'inf'")
     lens.add_argument("--f-number", type=float, metavar="F", help="widest that can be refocused")
-    how = add_encoder(command)
-    add_white(how)
+    how = add_encoder(command, of_array=True)
     how.add_argument("--layout", choices=("macropixels", "views"), help="default: by N and M")
     film.add_options(command)
 
@@ -171,8 +174,8 @@ def render(arguments: argparse.Namespace) -> None:
     rays = _rays(arguments, size)
     with named_file(arguments.scene), progress("tracing", "parts", rays=rays) as report:
         if arguments.quality is None:
-            asked = given(arguments, "views", "subpixels", "filter")
-            pictures = lfcore.render(scene, progress=report, **asked, **same)
+            same |= given(arguments, "views", "subpixels", "filter")
+            pictures = lfcore.render(scene, progress=report, **same)
         else:
             same |= given(arguments, "most_rays")
             made = lfcore.render_to_quality(scene, arguments.quality, progress=report, **same)
@@ -189,20 +192,14 @@ def render(arguments: argparse.Namespace) -> None:
 
 def _check_rays(arguments: argparse.Namespace) -> None:
     """Options on rays that do not go together."""
-    rays = arguments.views, arguments.subpixels
-    if arguments.pinhole and any((*rays, arguments.f_number, arguments.plane)):
-        refuse(
-            "--pinhole", "has neither aperture nor focus",
-            "Leave out --views, --subpixels, --f-number and --plane",
-        )  # fmt: skip
-    if arguments.quality is not None and (
-        any(rays) or arguments.pinhole or arguments.filter == "nearest"
-    ):
-        refuse(
-            "--quality", "chooses the rays itself",
-            "Leave out --views, --subpixels, --pinhole and --filter nearest",
-        )  # fmt: skip
-    if arguments.quality is None and (arguments.most_rays or arguments.error_map):
+    if arguments.pinhole and asked(arguments, ("views", "subpixels", "f_number", "plane")):
+        remedy = "Leave out --views, --subpixels, --f-number and --plane"
+        refuse("--pinhole", "has neither aperture nor focus", remedy)
+    chosen = asked(arguments, ("views", "subpixels", "pinhole"))
+    if arguments.quality is not None and (chosen or arguments.filter == "nearest"):
+        remedy = "Leave out --views, --subpixels, --pinhole and --filter nearest"
+        refuse("--quality", "chooses the rays itself", remedy)
+    if arguments.quality is None and asked(arguments, ("most_rays", "error_map")):
         refuse("--quality", "is what --most-rays and --error-map belong to", "Give it, too")
 
 
@@ -224,20 +221,17 @@ def trace(arguments: argparse.Namespace) -> None:
         film.trace(arguments, scene)
         return
     size = 256 if arguments.size is None else arguments.size
-    stored = arguments.depth_stream, arguments.views, arguments.subpixels
-    rays = rays_to_store(*stored)[1].rays(size)
-    what, asked = f"tracing {rays:,} rays", _asked_quality(arguments)
-    if asked:
+    count = rays_to_store(arguments.depth_stream, arguments.views, arguments.subpixels)[1]
+    rays = count.rays(size)
+    what, quality = f"tracing {rays:,} rays", _wanted_quality(arguments)
+    if quality:
         rays, what = 0, "tracing"
     with named_file(arguments.scene), progress(what, rays=rays) as report:
         field = lfcore.record(
-            scene, arguments.output, views=arguments.views, pixels=size,
-            depth_stream=arguments.depth_stream, subpixels=arguments.subpixels,
-            lattice=arguments.lattice, focus_m=arguments.focus,
-            f_number=arguments.f_number, layout=arguments.layout or "auto",
-            device=arguments.device, progress=report, **encoder(arguments), **asked,
+            scene, arguments.output, pixels=size, focus_m=arguments.focus, progress=report,
+            **given(arguments, *SAME_NAMES), **encoder(arguments), **quality,
         )  # fmt: skip
-    if asked:
+    if quality:
         slab, expected = field.require_slab(), field.content["expected"]
         near, far = expected["focus_m"]
         size_of = f"{slab.views} x {slab.views} views of {slab.pixels} x {slab.pixels}"
@@ -247,13 +241,13 @@ def trace(arguments: argparse.Namespace) -> None:
     wrote(arguments.output, f": {len(field.segments)} segments, {length:,} bytes")
 
 
-def _asked_quality(arguments: argparse.Namespace) -> dict:
+def _wanted_quality(arguments: argparse.Namespace) -> dict:
     """What ``record`` is told of a quality; nothing where none is asked for."""
     names = {"quality": "quality_db", "focus_range": "focus_range_m", "most_rays": "most_rays"}
-    asked = {names[name]: value for name, value in given(arguments, *names).items()}
-    if asked and arguments.quality is None:
+    wanted = {names[name]: value for name, value in given(arguments, *names).items()}
+    if wanted and arguments.quality is None:
         refuse("--quality", "is what --focus-range and --most-rays belong to", "Give it, too")
-    return asked
+    return wanted
 
 
 @contextmanager
