@@ -1,4 +1,4 @@
-"""What the commands of ``lfcore`` share: options, the opening of files, refusals, last words."""
+"""What the commands of ``lfcore`` share: what was asked for, the opening of files, refusals."""
 
 from __future__ import annotations
 
@@ -16,12 +16,6 @@ import lfcore
 from lfcore.cli.progress import note, recorded, say, wrote
 from lfcore.errors import OpticsError
 from lfcore.pictures import write_pictures
-from lfcore.scene.emitters import POINTS
-from lfcore.storage.codecs import CODECS
-from lfcore.storage.pixels import PIXEL_FORMATS
-
-Options = argparse._ActionsContainer
-"""A parser, or a group of its options."""
 
 
 @dataclass(frozen=True)
@@ -72,66 +66,8 @@ def _finite(value: Any) -> Any:
     return value if not isinstance(value, float) or math.isfinite(value) else str(value)
 
 
-def distance(text: str) -> float:
-    """Metres; ``inf`` and ``infinity`` are understood."""
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"not a distance in metres: {text!r}") from None
-
-
-def add_lightfield(command: Options) -> None:
-    """The light field file that a command reads, for :func:`open_field`."""
-    command.add_argument("lightfield", help="light field file, .mkv, or its URL")
-    command.add_argument(
-        "--salvage", action="store_true", help="leave out damaged segments instead of refusing"
-    )
-
-
-def add_output(command: Options, what: str) -> None:
-    command.add_argument("-o", "--output", type=Path, required=True, help=what)
-
-
-def add_device(command: Options) -> None:
-    command.add_argument(
-        "--device", metavar="NAME", help="part of an OpenCL device's name; see 'lfcore devices'"
-    )
-
-
-def add_scene(
-    command: Options,
-    name: str = "scene",
-    what: str = "scene.yaml, its folder, a mesh or a .pbrt file",
-) -> None:
-    """The scene that a command traces, for :func:`open_scene`, and the device that does it."""
-    command.add_argument(name, type=Path, help=what)
-    command.add_argument(
-        "--light-points", type=int, default=POINTS, metavar="P",
-        help=f"points of each area light of a pbrt scene ({POINTS})",
-    )  # fmt: skip
-    command.add_argument("--up", choices=("y", "z"), default="y", help="axis of a mesh (y)")
-    add_device(command)
-
-
-def add_encoder(command: argparse.ArgumentParser, *, of_array: bool = False) -> Options:
-    """Options of the video that a light field, or an array, is stored in; returns their group."""
-    how = command.add_argument_group("storage")
-    how.add_argument(
-        "--codec", choices=tuple(CODECS), default="libx264", help="ffv1 is lossless (libx264)"
-    )
-    how.add_argument("--crf", type=float, help="lower is better and larger (default: by N)")
-    how.add_argument("--preset", help="of the encoder (default: by N)")
-    how.add_argument("--pixel-format", choices=tuple(PIXEL_FORMATS), help="default: by the codec")
-    if of_array:
-        how.add_argument(
-            "--white", type=float, metavar="L",
-            help="of an array: radiance of the brightest code (default: the brightest, at least 1)",
-        )  # fmt: skip
-    return how
-
-
 def encoder(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What the options of :func:`add_encoder` ask of an encoder, as its keywords."""
+    """What options ask of an encoder, as its keywords."""
     return given(arguments, "codec", "pixel_format", "crf", "preset")
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 import lfcore
-from lfcore.cli.command import Command, add_scene, open_scene, refuse, write_named
+from lfcore.cli.command import Command, open_scene, refuse, write_named
+from lfcore.cli.options import add_scene
 from lfcore.cli.progress import progress, wrote
 from lfcore.pictures import CODED, check_suffix
 

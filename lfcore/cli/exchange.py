@@ -7,16 +7,8 @@ import re
 from pathlib import Path
 
 import lfcore
-from lfcore.cli.command import (
-    Command,
-    add_encoder,
-    add_output,
-    add_scene,
-    distance,
-    encoder,
-    open_scene,
-    refuse,
-)
+from lfcore.cli.command import Command, encoder, open_scene, refuse
+from lfcore.cli.options import add_encoder, add_output, add_scene, distance
 from lfcore.cli.progress import progress, say, wrote
 from lfcore.exchange.table import FORMATS
 from lfcore.pictures import check_suffix

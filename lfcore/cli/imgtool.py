@@ -18,7 +18,8 @@ import numpy as np
 
 import lfcore
 from lfcore.cli import imgtool_store as arrays
-from lfcore.cli.command import Command, add_device, add_encoder, refuse
+from lfcore.cli.command import Command, refuse
+from lfcore.cli.options import add_device, add_encoder
 from lfcore.errors import OpticsError
 
 if TYPE_CHECKING:

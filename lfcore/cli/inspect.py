@@ -7,7 +7,8 @@ import json
 from typing import Any
 
 import lfcore
-from lfcore.cli.command import Command, add_lightfield, open_field
+from lfcore.cli.command import Command, open_field
+from lfcore.cli.options import add_lightfield
 from lfcore.cli.progress import note, progress
 from lfcore.storage.codecs import LOSSLESS
 

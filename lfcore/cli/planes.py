@@ -14,7 +14,8 @@ import numpy as np
 import yaml
 
 import lfcore
-from lfcore.cli.command import Options, distance, exclude, option, write_named
+from lfcore.cli.command import exclude, option, write_named
+from lfcore.cli.options import Options, add_lens
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import NORMALISATIONS, SHAPES, SensorPlane
@@ -31,11 +32,8 @@ APERTURE = ("aperture", "blades", "rotation_deg", "normalise", "keep_magnificati
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options that say which pictures are wanted."""
     one = command.add_argument_group("the picture")
-    one.add_argument(
-        "--focus", type=distance, metavar="M",
-        help="focus distance in metres, or 'inf' (default: as recorded)",
-    )  # fmt: skip
-    one.add_argument("--f-number", type=float, metavar="F", help="default: the whole lens")
+    focus = "focus distance in metres, or 'inf' (default: as recorded)"
+    add_lens(one, focus, "default: the whole lens")
     add_aperture(one)
     add_bits(one)
     many = command.add_argument_group("many pictures (up to 100), from one pass")

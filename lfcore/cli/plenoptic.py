@@ -7,15 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.cli.command import (
-    Command,
-    add_output,
-    add_scene,
-    distance,
-    open_scene,
-    refuse,
-    write_named,
-)
+from lfcore.cli.command import Command, open_scene, refuse, write_named
+from lfcore.cli.options import add_lens, add_output, add_scene, distance
 from lfcore.cli.progress import progress, say
 from lfcore.pictures import check_suffix
 
@@ -38,8 +31,7 @@ def options(command: argparse.ArgumentParser) -> None:
     add_output(command, "the photograph")
     add("--lenses", type=int, default=128, metavar="M", help="M x M microlenses (128)")
     add("--samples", type=int, default=16, metavar="N", help="N x N pixels behind each (16)")
-    add("--focus", type=distance, metavar="M", help="of the main lens, metres, or 'inf'")
-    add("--f-number", type=float, metavar="F", help="of the main lens")
+    add_lens(command, "of the main lens, metres, or 'inf'", "of the main lens")
     add("--refocus", nargs=2, action="append", default=[], metavar=("M", "PICTURE"),
         help="refocus digitally; again for more")  # fmt: skip
     add("--view", nargs=3, action="append", default=[], metavar=("I", "J", "PICTURE"),

@@ -8,7 +8,8 @@ import numpy as np
 
 import lfcore
 from lfcore.cli import planes as plane_options
-from lfcore.cli.command import Command, add_device, add_lightfield, add_output, open_field
+from lfcore.cli.command import Command, open_field
+from lfcore.cli.options import add_device, add_lightfield, add_output
 from lfcore.cli.progress import progress
 from lfcore.optics.planes import SensorPlane
 from lfcore.pictures import check_bits, check_suffix

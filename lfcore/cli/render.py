@@ -11,18 +11,8 @@ from pathlib import Path
 import lfcore
 from lfcore.cli import film
 from lfcore.cli import planes as plane_options
-from lfcore.cli.command import (
-    Command,
-    add_encoder,
-    add_output,
-    add_scene,
-    asked,
-    distance,
-    encoder,
-    given,
-    open_scene,
-    refuse,
-)
+from lfcore.cli.command import Command, asked, encoder, given, open_scene, refuse
+from lfcore.cli.options import add_encoder, add_lens, add_output, add_scene, distance
 from lfcore.cli.progress import note, progress, say, wrote
 from lfcore.errors import OpticsError
 from lfcore.optics.ray_cells import LATTICES
@@ -140,8 +130,7 @@ def trace_options(command: argparse.ArgumentParser) -> None:
         "--most-rays", type=float, metavar="R", help="rays a pixel that it may take (4096)"
     )
     lens = command.add_argument_group("the lens (default: the scene's)")
-    lens.add_argument("--focus", type=distance, metavar="M", help="metres, or 'inf'")
-    lens.add_argument("--f-number", type=float, metavar="F", help="widest that can be refocused")
+    add_lens(lens, "metres, or 'inf'", "widest that can be refocused")
     how = add_encoder(command, of_array=True)
     how.add_argument("--layout", choices=("macropixels", "views"), help="default: by N and M")
     film.add_options(command)

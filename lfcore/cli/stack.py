@@ -10,19 +10,13 @@ import numpy as np
 
 import lfcore
 from lfcore.cli import planes as plane_options
-from lfcore.cli.command import Command, add_lightfield, distance, exclude, open_field, refuse
+from lfcore.cli.command import Command, exclude, open_field, refuse
+from lfcore.cli.options import add_lightfield, distance
 from lfcore.cli.progress import progress, wrote
 from lfcore.cli.refocus import add_method, make_pictures
 from lfcore.errors import OpticsError
 from lfcore.optics.planes import SensorPlane
-from lfcore.pictures import (
-    CODED,
-    SUFFIXES,
-    check_bits,
-    check_suffix,
-    contact_sheet,
-    write_picture,
-)
+from lfcore.pictures import CODED, SUFFIXES, check_bits, check_suffix, contact_sheet
 
 DESCRIPTION = """\
 Make a focal stack (one aperture, several focus distances) or an aperture stack (one focus,
@@ -97,7 +91,7 @@ def run(arguments: argparse.Namespace) -> None:
         write_film(path, pictures, arguments.fps)
     elif arguments.sheet:
         sheet = contact_sheet(pictures, min(SHEET_WIDTH, len(pictures)), GAP_PX)
-        write_picture(path, sheet, bits=arguments.bits)
+        lfcore.write_picture(path, sheet, bits=arguments.bits)
     else:
         plane_options.save(path, planes, pictures, arguments.bits, field)
         return

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import lfcore
-from lfcore.cli.command import Command, add_device, add_lightfield, asked, open_field, refuse
+from lfcore.cli.command import Command, asked, open_field, refuse
+from lfcore.cli.options import add_device, add_lightfield
 from lfcore.cli.progress import progress, say, wrote
 from lfcore.pictures import SUFFIXES, check_suffix, contact_sheet, write_picture
 
