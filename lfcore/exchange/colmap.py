@@ -12,7 +12,7 @@ import numpy as np
 
 from lfcore.exchange import pictures, posed
 from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, ViewGrid
+from lfcore.exchange.grid import ExchangeError, ViewGrid, unreadable
 from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.source import Source
 from lfcore.files import write_text
@@ -82,8 +82,7 @@ def _lines(file: Path) -> list[str]:
     try:
         lines = file.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        reason = " ".join(str(error).split())[:120]
-        raise ExchangeError(f"cannot be read: {reason}", file=file) from None
+        raise unreadable(file, error) from None
     return [line for line in lines if not line.startswith("#")]
 
 

@@ -31,6 +31,11 @@ class ExchangeError(StorageError):
     """A light field of others that is incomplete or contradicts itself."""
 
 
+def unreadable(file: Path, error: Exception, problem: str = "cannot be read") -> ExchangeError:
+    """The error of a file that other code could not read, with the beginning of its reason."""
+    return ExchangeError(f"{problem}: {' '.join(str(error).split())[:120]}", file=file)
+
+
 @dataclass(frozen=True)
 class Geometry:
     """Where the cameras stand and what a pixel sees; None for what is not known.

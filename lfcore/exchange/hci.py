@@ -16,7 +16,7 @@ import numpy as np
 
 from lfcore.exchange import pictures
 from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, Geometry, KnownGeometry, ViewGrid
+from lfcore.exchange.grid import ExchangeError, Geometry, KnownGeometry, ViewGrid, unreadable
 from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.source import Source
 from lfcore.files import write_text
@@ -89,8 +89,7 @@ class _config:
         try:
             self._data.read_string(path.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, configparser.Error) as error:
-            reason = " ".join(str(error).split())[:120]
-            raise ExchangeError(f"cannot be read: {reason}", file=path) from None
+            raise unreadable(path, error) from None
 
     def text(self, section: str, key: str) -> str | None:
         return self._data.get(section, key, fallback=None)

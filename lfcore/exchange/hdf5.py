@@ -11,7 +11,7 @@ from types import ModuleType
 import numpy as np
 
 from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, ViewGrid, grid_of_values
+from lfcore.exchange.grid import ExchangeError, ViewGrid, grid_of_values, unreadable
 from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.source import Source
 
@@ -39,8 +39,7 @@ def data_set(path: Path, name: str) -> np.ndarray | None:
         with h5py.File(path, "r") as file:
             return file[name][()] if name in file else None
     except (OSError, RuntimeError, TypeError) as error:
-        reason = " ".join(str(error).split())[:120]
-        raise ExchangeError(f"cannot be read as HDF5: {reason}", file=path) from None
+        raise unreadable(path, error, "cannot be read as HDF5") from None
 
 
 def read(path: Path, options: ReadOptions) -> ViewGrid:

@@ -16,7 +16,7 @@ import numpy as np
 
 from lfcore.exchange import pictures, posed
 from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, ViewGrid
+from lfcore.exchange.grid import ExchangeError, ViewGrid, unreadable
 from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.parallel import parallel_views
 from lfcore.exchange.source import Source
@@ -34,8 +34,7 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
     try:
         rows = np.load(file, allow_pickle=False)
     except Exception as error:  # a damaged header makes numpy raise anything
-        reason = " ".join(str(error).split())[:120]
-        raise ExchangeError(f"cannot be read: {reason}", file=file) from None
+        raise unreadable(file, error) from None
     if rows.ndim != 2 or rows.shape[1] != 17 or rows.dtype.kind != "f" or not len(rows):
         raise ExchangeError(f"is {rows.dtype} {rows.shape}, not rows of 17 numbers", file=file)
     if not np.isfinite(rows).all():

@@ -11,7 +11,7 @@ import numpy as np
 
 from lfcore.exchange import hdf5
 from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, ViewGrid, grid_of_values
+from lfcore.exchange.grid import ViewGrid, grid_of_values, unreadable
 from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.source import Source
 
@@ -33,8 +33,7 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
         values = hdf5.data_set(path, name)
         found = np.transpose(values) if values is not None else None
     except Exception as error:  # scipy raises what the bytes happen to break
-        reason = " ".join(str(error).split())[:120]
-        raise ExchangeError(f"cannot be read as a MAT file: {reason}", file=path) from None
+        raise unreadable(path, error, "cannot be read as a MAT file") from None
     return grid_of_values(found, name, path)
 
 

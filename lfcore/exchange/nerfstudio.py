@@ -14,7 +14,7 @@ import numpy as np
 
 from lfcore.exchange import pictures, posed
 from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, ViewGrid
+from lfcore.exchange.grid import ExchangeError, ViewGrid, unreadable
 from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.source import Source
 from lfcore.files import write_json
@@ -52,8 +52,7 @@ def load_json(file: Path) -> dict:
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())[:120]
-        raise ExchangeError(f"cannot be read: {reason}", file=file) from None
+        raise unreadable(file, error) from None
     if not isinstance(data, dict):
         raise ExchangeError("is no JSON object", file=file)
     return data

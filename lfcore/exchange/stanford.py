@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from lfcore.exchange import folder as by_file
 from lfcore.exchange import pictures, positions
 from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
@@ -38,11 +39,7 @@ def read_named(path: Path, name: str, geometry_of: Callable[[Named, int], Geomet
     size = pictures.size_of(found.files[0][0])
     pitch = Geometry(pitch_m=found.step / 1e3 if found.step else None)
     geometry = pitch.or_else(geometry_of(named[0], max(size)))
-    return ViewGrid(
-        len(found.files[0]), len(found.files), *size,
-        lambda i, j: pictures.read(found.files[j][i], size),
-        name, geometry=geometry, notes=positions.notes(found),
-    )  # fmt: skip
+    return by_file.of_files(found.files, name, geometry=geometry, notes=positions.notes(found))
 
 
 def write(source: Source, folder: Path, options: WriteOptions) -> None:
