@@ -90,6 +90,18 @@ def test_rays_count_by_their_depth_unless_asked_otherwise(recorded):
             lfcore.render(scene, pixels=8, **wrong)
 
 
+def test_rays_of_a_pixel_by_default():
+    from lfcore.api import rays_to_store, rays_to_trace
+    from lfcore.rendering.by_depth import RayCount
+
+    assert rays_to_store(None, None, None) == (True, RayCount(4, 2))
+    assert rays_to_store(None, 32, None) == (False, RayCount(32, 1))
+    assert rays_to_store(True, 3, 1.5) == (True, RayCount(3, 1.5))
+    assert rays_to_store(False, None, None) == (False, RayCount(16, 1))
+    assert rays_to_trace("depth", None, 1.5) == RayCount(8, 1.5)
+    assert rays_to_trace("nearest", None, None) == RayCount(16, 1)
+
+
 def test_a_scene_of_arrays_is_that_of_the_same_file(model):
     mesh = trimesh.load(model, force="mesh")
     triangles = mesh.vertices[mesh.faces]

@@ -162,6 +162,7 @@ def test_the_command_writes_a_page_or_a_picture(field, tmp_path, capsys):
     capsys.readouterr()
     for more, said in (
         (["-o", str(picture), "--size", "9"], "--size: belongs to a page"),
+        (["-o", str(picture), "--serve"], "--serve: belongs to a page"),
         (["-o", str(page), "--grid", "2"], "--grid: belongs to a picture"),
         (["-o", str(page), "--views", "3"], "views: must be from 9 to 33"),
         (["--grid", "2"], "--output: is missing"),
