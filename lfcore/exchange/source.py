@@ -128,10 +128,8 @@ class Source:
     ) -> Iterator[tuple[int, int, np.ndarray]]:
         """(column, row, (height, width, 3) uint8 sRGB), row after row; decoded in bands."""
         total = self.columns * self.rows
-        if self.field.displaced:
-            bands = self._made()
-        else:
-            bands = self._picked() if self.field.layout.kind == "macropixels" else self._bands()
+        in_rows = self.field.layout.kind == "views" and not self.field.displaced
+        bands = self._bands() if in_rows else self._groups()
         for done, (column, row, picture) in enumerate(bands, 1):
             window = picture[self.top : self.top + self.height, self.left : self.left + self.width]
             yield column, row, np.ascontiguousarray(window)
@@ -151,24 +149,19 @@ class Source:
                 for column, picture in enumerate(line[self._i - first]):
                     yield column, start + k, picture
 
-    def _picked(self) -> Iterator[tuple[int, int, np.ndarray]]:
-        """From a file of macropixels, all of which are decoded for each group of views."""
-        samples = np.array([(i, j) for j in self._j for i in self._i])
+    def _groups(self) -> Iterator[tuple[int, int, np.ndarray]]:
+        """From a file of macropixels, all of which are decoded for each group of views; or from one
+        of displaced views, by depth: those of one grid."""
+        samples, slab = np.array([(i, j) for j in self._j for i in self._i]), self.slab
         width, height = self.field.picture_size
         step = max(1, BAND_BYTES // (width * height * 12))
         for start in range(0, len(samples), step):
-            light = read_views(self.field, samples[start : start + step])
-            for k, picture in enumerate(light, start):
-                row, column = divmod(k, self.columns)
-                yield column, row, srgb_codes(picture)
-
-    def _made(self) -> Iterator[tuple[int, int, np.ndarray]]:
-        """From a file of displaced views: those of one grid, made by depth."""
-        samples, slab = np.array([(i, j) for j in self._j for i in self._i]), self.slab
-        points = (samples - (slab.views - 1) / 2) * slab.lens_pitch_m
-        step = max(1, BAND_BYTES // (slab.pixels**2 * 12))
-        for start in range(0, len(points), step):
-            light = views_at(self.field, points[start : start + step], slab.pixels)
+            part = samples[start : start + step]
+            if self.field.displaced:
+                points = (part - (slab.views - 1) / 2) * slab.lens_pitch_m
+                light = views_at(self.field, points, slab.pixels)
+            else:
+                light = read_views(self.field, part)
             for k, picture in enumerate(light, start):
                 row, column = divmod(k, self.columns)
                 yield column, row, srgb_codes(picture)
