@@ -34,7 +34,7 @@ def devices(arguments: argparse.Namespace) -> None:
     from lfcore.opencl.device import open_device, usable_devices
 
     chosen = open_device().device
-    found = [
+    found: list[dict[str, Any]] = [
         {
             "name": device.name.strip(), "platform": device.platform.name.strip(),
             "compute_units": device.max_compute_units, "memory_bytes": device.global_mem_size,
