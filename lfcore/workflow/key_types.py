@@ -78,10 +78,18 @@ def whole(low: int, high: int) -> Any:
     return Annotated[int, Field(ge=low, le=high), BeforeValidator(_number)]
 
 
+class _OneNumber:
+    """Of a number's schema: whole ones are numbers."""
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        return handler(schema)["anyOf"][-1]
+
+
 def number(**bounds: Any) -> Any:
     """A number within pydantic's bounds; whole ones stay whole."""
     field = Field(**bounds)
-    return Annotated[Annotated[int, field] | Annotated[float, field], BeforeValidator(_number)]
+    kinds = Annotated[int, field] | Annotated[float, field]
+    return Annotated[kinds, BeforeValidator(_number), _OneNumber()]
 
 
 def real(low: float, high: float) -> Any:

@@ -7,9 +7,9 @@ configuration and the table of config/README.md.
 from __future__ import annotations
 
 import difflib
+import functools
+import operator
 import re
-import types
-import typing
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,7 @@ import yaml
 
 from lfcore.errors import LfcoreError
 from lfcore.files import write_text
-from lfcore.workflow.key_types import Keys
-from lfcore.workflow.keys import DEFAULT_SCENES, Configuration, Plane
+from lfcore.workflow.keys import DEFAULT_SCENES, Configuration
 
 MISSING = "missing"
 UNKNOWN = ("extra_forbidden", "invalid_key")
@@ -32,6 +31,11 @@ _BOUNDS = {
     "greater_than": ("gt", "is not greater than"),
     "less_than": ("lt", "is not less than"),
 }
+OF_SCHEMA = "# Made by `make settings`.\n"
+OF_DEFAULTS = """\
+# The default run, made by `make settings`. Keys are explained in config/README.md; any can be
+# overridden: snakemake --cores 2 --config spatial_resolution=64 -- results/tables/
+"""
 
 
 class SettingsError(LfcoreError):
@@ -81,19 +85,19 @@ def _explain(error: pydantic.ValidationError) -> SettingsError:
     """The error that lies deepest; of alternatives, the one that the value nearly fits."""
     first = max(error.errors(), key=_fit)
     kind, (*above, last) = first["type"], first["loc"]
-    known = set(_names(Configuration))
+    known = {name for one in (schema(), *schema()["$defs"].values()) for name in one["properties"]}
     within = [part for part in above if isinstance(part, int) or part in known]
     if kind in UNKNOWN:
         name = last if kind == "extra_forbidden" else first["input"]
-        there = list(_at(within)[0].model_fields)
+        there = list(_at(within)[0]["properties"])
         close = difflib.get_close_matches(str(name), there, 1)
         hint = f"Did you mean {close[0]!r}" if close else f"Known are {', '.join(there)}"
         return SettingsError("unknown key", key=_dotted([*within, name]), remedy=hint)
     if kind == MISSING:
         return SettingsError(f"{last!r} is a required property", key=_dotted(within))
     place = [*within, last] if isinstance(last, int) or last in known else within
-    _, field = _at(place)
-    meant = [field.description, values_of(field)] if field and field.description else []
+    _, key = _at(place)
+    meant = [key["description"], values_of(key)] if key.get("description") else []
     remedy = f"Expected: {'; '.join(filter(None, meant))}" if meant else None
     return SettingsError(_problem(first), key=_dotted(place), remedy=remedy)
 
@@ -102,15 +106,22 @@ def _dotted(place: list) -> str:
     return f"configuration: {'.'.join(map(str, place))}" if place else "configuration"
 
 
-def _at(place: list) -> tuple[type[Keys], pydantic.fields.FieldInfo | None]:
-    """The mapping of keys at a place, and the last key on the way there."""
-    model: type[Keys] = Configuration
-    field = None
+def _at(place: list) -> tuple[dict, dict]:
+    """The mapping of keys at a place, and the last key on the way there, as in the schema."""
+    mapping, key = schema(), {}
     for name in place:
-        if name in model.model_fields:
-            field = model.model_fields[name]
-            model = next(models(field.annotation), model)
-    return model, field
+        if name in mapping["properties"]:
+            key = mapping["properties"][name]
+            mapping = _mapping(key) or mapping
+    return mapping, key
+
+
+def _mapping(key: dict) -> dict:
+    """The mapping of keys that a key holds: itself, in a list, by name, or as an alternative."""
+    if "$ref" in key:
+        return schema()["$defs"][key["$ref"].rpartition("/")[2]]
+    parts = (key.get("items"), key.get("additionalProperties"), *key.get("anyOf", ()))
+    return next(filter(None, map(_mapping, filter(None, parts))), {})
 
 
 def _fit(error: Mapping) -> tuple:
@@ -133,56 +144,41 @@ def _problem(error: Mapping) -> str:
     return f"{shown} {words}" if words.startswith(("is ", "has ")) else f"{shown}: {words}"
 
 
-def models(annotation: Any) -> Iterator[type[Keys]]:
-    """The models of keys within a type."""
-    if isinstance(annotation, type) and issubclass(annotation, Keys):
-        yield annotation
-    for part in typing.get_args(annotation):
-        yield from models(part)
+@functools.cache
+def schema() -> dict[str, Any]:
+    """The JSON schema of the configuration."""
+    made = _untitled(Configuration.model_json_schema())
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **made}
 
 
-def _names(model: type[Keys]) -> Iterator[str]:
-    for name, field in model.model_fields.items():
-        yield name
-        for inner in models(field.annotation):
-            yield from _names(inner)
+def _untitled(part: Any) -> Any:
+    """Of a schema without the titles that pydantic makes of names."""
+    if isinstance(part, list):
+        return [_untitled(one) for one in part]
+    if not isinstance(part, dict):
+        return part
+    titled = isinstance(part.get("title"), str)
+    return {k: _untitled(one) for k, one in part.items() if not (titled and k == "title")}
 
 
-def values_of(field: pydantic.fields.FieldInfo) -> str:
-    """What a key admits, in words: from its type and bounds."""
-    return _values(field.annotation, field.metadata)
-
-
-def _values(annotation: Any, metadata: tuple | list = ()) -> str:
-    if typing.get_origin(annotation) is typing.Annotated:
-        inner, *more = typing.get_args(annotation)
-        more = [part for field in more for part in getattr(field, "metadata", [field])]
-        return _values(inner, [*more, *metadata])
-    bounds = {
-        name: getattr(part, name)
-        for part in metadata
-        for name in ("ge", "le", "gt", "lt", "min_length", "max_length")
-        if hasattr(part, name)
-    }
-    origin, parts = typing.get_origin(annotation), typing.get_args(annotation)
-    if origin is typing.Literal:
-        return ", ".join(f"`{part}`" for part in parts)
-    if origin in (typing.Union, types.UnionType) and _is_number(parts):
-        return _values(parts[1])
-    if origin in (typing.Union, types.UnionType):
-        return ", or ".join(filter(None, (_values(part) for part in parts)))
-    if origin is list:
-        least, most = bounds.get("min_length", 0), bounds.get("max_length")
+def values_of(key: Mapping) -> str:
+    """What a key admits, in words, by its schema."""
+    if "anyOf" in key:
+        return ", or ".join(filter(None, map(values_of, key["anyOf"])))
+    if "const" in key or "enum" in key:
+        return ", ".join(f"`{one}`" for one in key.get("enum", [key.get("const")]))
+    kind = key.get("type", "")
+    if kind == "array":
+        least, most = key.get("minItems", 0), key.get("maxItems")
         several = f"{least}" if most == least else f"{least} to {most}"
         if most is None:
             several = "list of" if least < 2 else f"{least} or more"
-        return f"{several} {_plural(_values(parts[0]))}"
-    if origin is dict:
-        inner = _values(parts[1])
-        return f"by name: {inner}" if inner else "by name"
-    if annotation in (int, float):
-        return _range("whole number" if annotation is int else "number", bounds)
-    return {bool: "`true`, `false`", str: "text"}.get(annotation, "")
+        return f"{several} {_plural(values_of(key['items']))}"
+    if kind == "object":
+        return ": ".join(filter(None, ("by name", values_of(key["additionalProperties"]))))
+    if kind in ("integer", "number"):
+        return _range("whole number" if kind == "integer" else "number", key)
+    return {"boolean": "`true`, `false`", "string": "text"}.get(kind, "")
 
 
 def _plural(values: str) -> str:
@@ -192,24 +188,20 @@ def _plural(values: str) -> str:
     return re.sub(r"^(whole number|number|text)\b", r"\1s", values) or "mappings"
 
 
-def _is_number(parts: tuple) -> bool:
-    return [getattr(part, "__origin__", part) for part in parts] == [int, float]
+def _range(kind: str, key: Mapping) -> str:
+    if {"minimum", "maximum"} <= set(key):
+        return f"{kind}, {key['minimum']} to {key['maximum']}"
+    low = f"{kind} above {key['exclusiveMinimum']}" if "exclusiveMinimum" in key else kind
+    return f"{low} and below {key['exclusiveMaximum']}" if "exclusiveMaximum" in key else low
 
 
-def _range(kind: str, bounds: dict) -> str:
-    if {"ge", "le"} <= set(bounds):
-        return f"{kind}, {bounds['ge']} to {bounds['le']}"
-    low = f"{kind} above {bounds['gt']}" if "gt" in bounds else kind
-    return f"{low} and below {bounds['lt']}" if "lt" in bounds else low
-
-
-def leaves(model: type[Keys] = Configuration, above: str = "") -> Iterator[tuple[str, Any]]:
-    """Every key that is no mapping of keys, in order: its name with dots, and its field."""
-    for name, field in model.model_fields.items():
-        if isinstance(field.annotation, type) and issubclass(field.annotation, Keys):
-            yield from leaves(field.annotation, f"{above}{name}.")
+def leaves(mapping: Mapping, above: str = "") -> Iterator[tuple[str, dict]]:
+    """Every key that is no mapping of keys, in order: its name with dots, and its schema."""
+    for name, key in mapping["properties"].items():
+        if "$ref" in key:
+            yield from leaves(_mapping(key), f"{above}{name}.")
         else:
-            yield f"{above}{name}", field
+            yield f"{above}{name}", key
 
 
 def defaults() -> dict:
@@ -217,30 +209,25 @@ def defaults() -> dict:
     return check_settings({"scenes": list(DEFAULT_SCENES)})
 
 
-def table(model: type[Keys] = Configuration) -> str:
-    """The keys as a Markdown table: meaning, values, default."""
+def table(mapping: Mapping, default: Mapping) -> str:
+    """The keys of a schema as a Markdown table: meaning, values, default."""
     lines = ["| key | meaning | values | default |", "|---|---|---|---|"]
-    for name, field in leaves(model):
-        default = field.get_default(call_default_factory=True)
-        if name == "scenes":
-            default = list(DEFAULT_SCENES)
-        lines.append(
-            f"| `{name}` | {field.description} | {values_of(field)} | {_default(field, default)} |"
-        )
+    for name, key in leaves(mapping):
+        value = functools.reduce(operator.getitem, name.split("."), default)
+        meaning = key["description"]
+        lines.append(f"| `{name}` | {meaning} | {values_of(key)} | {_default(key, value)} |")
     return "\n".join(lines)
 
 
-def _default(field: pydantic.fields.FieldInfo, value: Any) -> str:
-    if field.is_required() and not isinstance(value, list):
+def _default(key: Mapping, value: Any) -> str:
+    if value is ...:
         return "required"
     if value is None:
-        return "the lens's" if "lens's own" in (field.description or "") else "`null`"
+        return "the lens's" if "lens's own" in key["description"] else "`null`"
     if value == "":
         return "empty"
-    if isinstance(value, list) and len(value) > 2 and all(isinstance(part, str) for part in value):
-        offered = values_of(field)
-        if all(f"`{part}`" in offered for part in value):
-            return "all"
+    if isinstance(value, list) and value == key["items"].get("enum"):
+        return "all"
     if isinstance(value, list) and value and isinstance(value[0], dict):
         return ", ".join(str(part["name"]) for part in value)
     return f"`{_flow(value)}`"
@@ -253,44 +240,28 @@ def _flow(value: Any) -> str:
 
 def documents(root: Path) -> dict[Path, str]:
     """The text of every file that is made from the keys."""
-    schema = _untitled(Configuration.model_json_schema())
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    plane = schema()["$defs"]["Plane"]
+    of_plane = {name: key.get("default", ...) for name, key in plane["properties"].items()}
+    tables = {"keys": table(schema(), defaults()), "planes": table(plane, of_plane)}
 
     def dump(data: dict[str, Any]) -> str:
         return yaml.safe_dump(
             data, sort_keys=False, default_flow_style=None, width=100, allow_unicode=True
         )
 
-    def filled(found: re.Match[str]) -> str:
-        model = Configuration if found[3] == "keys" else Plane
-        return f"{found[1]}\n{table(model)}\n\n{found[2]}"
-
     readme = root / "config" / "README.md"
     text = readme.read_text(encoding="utf-8")
     text = re.sub(
-        r"(<!-- (?:keys|planes) -->\n).*?(<!-- end of (keys|planes) -->)", filled, text,
+        r"(<!-- (keys|planes) -->\n).*?(<!-- end of \2 -->)",
+        lambda found: f"{found[1]}\n{tables[found[2]]}\n\n{found[3]}",
+        text,
         flags=re.DOTALL,
-    )  # fmt: skip
+    )
     return {
-        root / "workflow" / "schemas" / "config.schema.yaml": "# Made by `make settings`.\n"
-        + dump(schema),
-        root
-        / "config"
-        / "config.yaml": "# The default run, made by `make settings`. Keys are explained"
-        " in config/README.md; any can be\n# overridden: snakemake --cores 2 --config"
-        " spatial_resolution=64 -- results/tables/\n" + dump(defaults()),
+        root / "workflow" / "schemas" / "config.schema.yaml": f"{OF_SCHEMA}{dump(schema())}",
+        root / "config" / "config.yaml": f"{OF_DEFAULTS}{dump(defaults())}",
         readme: text,
     }
-
-
-def _untitled(schema: Any) -> Any:
-    """A schema without the titles that pydantic makes of names."""
-    if isinstance(schema, list):
-        return [_untitled(part) for part in schema]
-    if not isinstance(schema, dict):
-        return schema
-    titled = isinstance(schema.get("title"), str)
-    return {k: _untitled(part) for k, part in schema.items() if not (titled and k == "title")}
 
 
 def main(root: Path = Path()) -> None:
