@@ -60,7 +60,8 @@ def test_the_smallest_run_has_every_rule_and_script(made):
     assert set(re.findall(r"scripts/(\w+)\.py", text)) == scripts
     rules = set(re.findall(r"^ *(?:use )?rule (?:\w+ as )?(\w+)(?: with)?:", text, re.M))
     rules |= {"storage_layouts_scene", "rate_distortion_scene", "storage_layouts"}
-    rules |= {"equivalence", "retrieval"}
+    rules |= {"equivalence", "retrieval", "left_out", "chosen_rays"}
+    rules |= {f"assignment_{name}" for name in ("book", "see_through", "sampling", "time")}
     assert rules - {"sweep", "sweep_group"} <= made.scripts
 
 

@@ -11,6 +11,7 @@ QUICK_TABLES = [
     f"results/tables/{name}.csv" for name in reports.ARRAY_TABLES if "book" in ASSIGNMENT_SCENES
 ]
 SEEN_THROUGH = ARRAY["see_through"]["scene"]
+MOVING_SPHERE = ROOT / "scenes" / "sphere" / "moving.pbrt"
 ARRAY_SOURCES = digest(*sources.READING, *sources.TABLES, "evaluation/assignment")
 STUDY_SOURCES = digest(*sources.PARSING, *sources.READING, *sources.TABLES, "evaluation/assignment")
 
@@ -55,82 +56,64 @@ rule assignment_light_fields:
         "../scripts/assignment_light_fields.py"
 
 
-rule assignment_book:
-    input:
-        light_field=f"{ARRAYS}/book.exr",
-        lens=local(str(ROOT / "scenes" / "lenses" / "double_gauss.dat")),
-    output:
-        figures=[assignment_figure(name) for name in reports.BOOK_FIGURES],
-        record=f"{RECORDS}/book.json",
-    log:
-        "logs/assignment/book.log",
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        sources=STUDY_SOURCES,
-        study="book",
-        settings={"picture_px": ARRAY["picture_px"]},
-        device=SETTINGS["device"],
-    script:
-        "../scripts/assignment_study.py"
-
-
-use rule assignment_book as assignment_see_through with:
-    input:
-        **of_scene(SEEN_THROUGH),
-        light_field=f"{ARRAYS}/{SEEN_THROUGH}.exr",
-    output:
-        figures=[assignment_figure("see_through")],
-        record=f"{RECORDS}/see_through.json",
-    log:
-        "logs/assignment/see_through.log",
-    params:
-        sources=STUDY_SOURCES,
-        study="see_through",
-        settings={
+# Of each study its files beside the device, its figures and its settings.
+STUDIES = {
+    "book": (
+        {
+            "light_field": f"{ARRAYS}/book.exr",
+            "lens": local(str(ROOT / "scenes" / "lenses" / "double_gauss.dat")),
+        },
+        reports.BOOK_FIGURES,
+        {"picture_px": ARRAY["picture_px"]},
+    ),
+    "see_through": (
+        {**of_scene(SEEN_THROUGH), "light_field": f"{ARRAYS}/{SEEN_THROUGH}.exr"},
+        ["see_through"],
+        {
             "study": ARRAY["see_through"],
             "picture_px": ARRAY["tile_px"].get(SEEN_THROUGH, 64) * 3 // 2,
             "reference_samples": ARRAY["reference_samples"].get(SEEN_THROUGH, 64),
         },
-        device=SETTINGS["device"],
-
-
-use rule assignment_book as assignment_sampling with:
-    input:
-        **of_scene("book"),
-    output:
-        figures=[assignment_figure(name) for name in reports.SAMPLING_FIGURES],
-        record=f"{RECORDS}/sampling.json",
-    log:
-        "logs/assignment/sampling.log",
-    params:
-        sources=STUDY_SOURCES,
-        study="sampling",
-        settings={
+    ),
+    "sampling": (
+        of_scene("book"),
+        reports.SAMPLING_FIGURES,
+        {
             "grid": ARRAY["arrays"].get("book"),
             "picture_px": ARRAY["picture_px"],
             "tile_px": ARRAY["tile_px"].get("book", 64),
             "storage_px": ARRAY["storage_px"],
             "reference_samples": ARRAY["reference_samples"].get("book", 64),
         },
-        device=SETTINGS["device"],
+    ),
+    "time": (
+        {"files": [local(str(file)) for file in files_of_scene(MOVING_SPHERE)]},
+        ["time"],
+        {"picture_px": ARRAY["picture_px"], "instants": ARRAY["instants"]},
+    ),
+}
 
+for name, (files, figures, settings) in STUDIES.items():
 
-use rule assignment_book as assignment_time with:
-    input:
-        files=[
-            local(str(file)) for file in files_of_scene(ROOT / "scenes" / "sphere" / "moving.pbrt")
-        ],
-    output:
-        figures=[assignment_figure("time")],
-        record=f"{RECORDS}/time.json",
-    log:
-        "logs/assignment/time.log",
-    params:
-        sources=STUDY_SOURCES,
-        study="time",
-        settings={"picture_px": ARRAY["picture_px"], "instants": ARRAY["instants"]},
-        device=SETTINGS["device"],
+    rule:
+        name:
+            f"assignment_{name}"
+        input:
+            **files,
+        output:
+            figures=[assignment_figure(figure) for figure in figures],
+            record=f"{RECORDS}/{name}.json",
+        log:
+            f"logs/assignment/{name}.log",
+        conda:
+            "../envs/lfcore.yaml"
+        params:
+            sources=STUDY_SOURCES,
+            study=name,
+            settings=settings,
+            device=SETTINGS["device"],
+        script:
+            "../scripts/assignment_study.py"
 
 
 rule assignment_reconstruction:

@@ -20,12 +20,7 @@ rule chosen_rays_scene:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(
-            *sources.READING,
-            *sources.MEASURING,
-            "evaluation/true_picture/__init__.py",
-            "evaluation/true_picture/reference.py",
-        ),
+        sources=digest(*sources.READING, *sources.MEASURING, "evaluation/true_picture/reference.py"),
         quality_db=SETTINGS["quality_db"],
         spatial_resolution=SETTINGS["spatial_resolution"],
         planes=SETTINGS["planes"],
@@ -35,25 +30,3 @@ rule chosen_rays_scene:
         device=SETTINGS["device"],
     script:
         "../scripts/chosen_rays_scene.py"
-
-
-rule chosen_rays:
-    input:
-        [CHOSEN_FILES["rows"].format(scene=scene) for scene in SCENES],
-    output:
-        table("chosen_rays"),
-    log:
-        "logs/chosen_rays.log",
-    group:
-        REPORT_GROUP
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        sources=digest(
-            *sources.READING,
-            *sources.MEASURING,
-            "evaluation/true_picture/__init__.py",
-            "evaluation/true_picture/reference.py",
-        ),
-    script:
-        "../scripts/chosen_rays.py"

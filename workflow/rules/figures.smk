@@ -9,14 +9,8 @@ STACKS = {
     "aperture_stack": "results/{scene}/figures/aperture_stack.npz",
     "sub_aperture_views": "results/{scene}/figures/sub_aperture_views.npz",
 }
-
-
-TRACED_STACKS = {
-    name: file
-    for name, file in STACKS.items()
-    if name in SETTINGS["figures"]["make"] and name != "focal_stack"
-}
-WANTED_SHEETS = [name for name in STACKS if name in SETTINGS["figures"]["make"]]
+WANTED_STACKS = {name: STACKS[name] for name in STACKS if name in SETTINGS["figures"]["make"]}
+TRACED_STACKS = {name: file for name, file in WANTED_STACKS.items() if name != "focal_stack"}
 
 if TRACED_STACKS:
 
@@ -41,11 +35,11 @@ if TRACED_STACKS:
             "../scripts/trace_stacks.py"
 
 
-if WANTED_SHEETS:
+if WANTED_STACKS:
 
     rule contact_sheets:
         input:
-            **{name: STACKS[name] for name in WANTED_SHEETS},
+            **WANTED_STACKS,
         output:
             **{
                 name: report(
@@ -54,7 +48,7 @@ if WANTED_SHEETS:
                     category="Figures",
                     labels={"figure": name, "scene": "{scene}"},
                 )
-                for name in WANTED_SHEETS
+                for name in WANTED_STACKS
             },
         log:
             "logs/contact_sheets/{scene}.log",

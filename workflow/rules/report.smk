@@ -65,24 +65,15 @@ use rule page as assignment_page with:
         config={"assignment": ARRAY},
 
 
-for folder in ("results/tables", "results/tables/"):
+for folder, files in (
+    ("results/tables", [*REPORTED, *rules.page.output]),
+    ("results/assignment", [*ASSIGNMENT_FILES, *QUICK_TABLES, *rules.assignment_page.output]),
+):
+    for spelling in (folder, f"{folder}/"):
 
-    rule:
-        name:
-            folder
-        input:
-            REPORTED,
-            rules.page.output,
-        localrule: True
-
-
-for folder in ("results/assignment", "results/assignment/"):
-
-    rule:
-        name:
-            folder
-        input:
-            ASSIGNMENT_FILES,
-            QUICK_TABLES,
-            rules.assignment_page.output,
-        localrule: True
+        rule:
+            name:
+                spelling
+            input:
+                files,
+            localrule: True

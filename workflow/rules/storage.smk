@@ -81,6 +81,7 @@ for folder, name, figures in (
     ("storage", "retrieval", ["results/tables/figures/retrieval.png"]),
     ("storage", "equivalence", []),
     ("analysis", "left_out", []),
+    (f"M{SETTINGS['spatial_resolution']}/auto", "chosen_rays", []),
 ):
 
     rule:
