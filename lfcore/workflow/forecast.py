@@ -5,8 +5,8 @@ from __future__ import annotations
 import heapq
 import os
 import shutil
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from lfcore.workflow.costs import Cost
@@ -25,16 +25,14 @@ class Task:
 
     Attributes
     ----------
-    name : as it is shown.
-    after : places, in the list of all tasks, of those that must be done before.
+    after : numbers of those that must be done before.
     rays : that it traces for a light field of the tables; 0 for all other jobs.
     """
 
-    name: str
     cost: Cost
     threads: int = 1
     priority: int = 0
-    after: Sequence[int] = field(default_factory=tuple)
+    after: Collection[int] = ()
     rays: int = 0
 
     def seconds(self, pace: float = 1.0) -> float:
@@ -62,21 +60,25 @@ class Forecast:
         )
 
 
-def forecast(tasks: Sequence[Task], cores: int, pace: float = 1.0) -> Forecast:
+def forecast(tasks: Mapping[int, Task], cores: int, pace: float = 1.0) -> Forecast:
     """Give each core that is free the ready task of the highest priority, longest first.
 
-    Files that are temporary are there until all tasks after theirs are done.
+    ``tasks`` are those that are left, by number; what they wait for beside them is done.  Files
+    that are temporary are there until all tasks after theirs are done.
     """
-    threads = [min(task.threads, cores) for task in tasks]
-    waits = [len(set(task.after)) for task in tasks]
-    followers = _followers(tasks)
-    readers = [len(some) for some in followers]
-    seconds = [task.seconds(pace) for task in tasks]
+    before = {number: tasks.keys() & set(task.after) for number, task in tasks.items()}
+    followers: dict[int, list[int]] = {number: [] for number in tasks}
+    for number, others in before.items():
+        for other in others:
+            followers[other].append(number)
+    waits = {number: len(others) for number, others in before.items()}
+    readers = {number: len(others) for number, others in followers.items()}
+    seconds = {number: task.seconds(pace) for number, task in tasks.items()}
 
-    def order(place: int) -> tuple[float, float, int]:
-        return -tasks[place].priority, -seconds[place], place
+    def order(number: int) -> tuple[float, float, int]:
+        return -tasks[number].priority, -seconds[number], number
 
-    ready = [order(place) for place, wait in enumerate(waits) if not wait]
+    ready = [order(number) for number, wait in waits.items() if not wait]
     heapq.heapify(ready)
     running: list[tuple[float, int]] = []
     now, free = 0.0, cores
@@ -85,42 +87,32 @@ def forecast(tasks: Sequence[Task], cores: int, pace: float = 1.0) -> Forecast:
         later = []
         while ready and free:
             entry = heapq.heappop(ready)
-            place = entry[2]
-            if threads[place] > free:
+            task, number = tasks[entry[2]], entry[2]
+            if min(task.threads, cores) > free:
                 later.append(entry)
                 continue
-            free -= threads[place]
-            cost = tasks[place].cost
-            memory += cost.mib
-            disk += cost.kept_bytes + cost.temporary_bytes
-            heapq.heappush(running, (now + seconds[place], place))
+            free -= min(task.threads, cores)
+            memory += task.cost.mib
+            disk += task.cost.kept_bytes + task.cost.temporary_bytes
+            heapq.heappush(running, (now + seconds[number], number))
         for entry in later:
             heapq.heappush(ready, entry)
         most_memory, most_disk = max(most_memory, memory), max(most_disk, disk)
-        now, place = heapq.heappop(running)
-        free += threads[place]
-        memory -= tasks[place].cost.mib
-        if not followers[place]:
-            disk -= tasks[place].cost.temporary_bytes
-        for other in set(tasks[place].after):
+        now, number = heapq.heappop(running)
+        free += min(tasks[number].threads, cores)
+        memory -= tasks[number].cost.mib
+        if not followers[number]:
+            disk -= tasks[number].cost.temporary_bytes
+        for other in before[number]:
             readers[other] -= 1
             if not readers[other]:
                 disk -= tasks[other].cost.temporary_bytes
-        for follower in followers[place]:
+        for follower in followers[number]:
             waits[follower] -= 1
             if not waits[follower]:
                 heapq.heappush(ready, order(follower))
-    rays = sum(task.rays for task in tasks)
+    rays = sum(task.rays for task in tasks.values())
     return Forecast(now, most_memory, most_disk, rays, len(tasks))
-
-
-def _followers(tasks: Sequence[Task]) -> list[list[int]]:
-    """Of each task the places of those that wait for it."""
-    followers: list[list[int]] = [[] for _ in tasks]
-    for place, task in enumerate(tasks):
-        for other in set(task.after):
-            followers[other].append(place)
-    return followers
 
 
 def check_disk(need: Forecast, folder: str | Path) -> None:

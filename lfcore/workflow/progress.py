@@ -17,14 +17,13 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TextIO
 
 from lfcore.workflow import costs
 from lfcore.workflow.forecast import (
     START_SECONDS,
-    Forecast,
     Task,
     check_disk,
     check_memory,
@@ -43,24 +42,6 @@ TOLD_SHARE = 0.1
 SHARE = re.compile(rb": (\d+) of (\d+)$", re.MULTILINE)
 USAGE = re.compile(rb"^took ([\d.]+) s, ([\d.]+) core s, (\d+) MiB$", re.MULTILINE)
 """The last line of a job's log; see :func:`lfcore.workflow.job.usage`."""
-
-
-@dataclass(frozen=True)
-class Took:
-    """What one job took; ``share`` is its part of all jobs of its stage, scene and N."""
-
-    stage: str
-    scene: str
-    N: int
-    M: int
-    share: float
-    threads: int
-    wall_seconds: float
-    core_seconds: float
-    mib: float
-    kept_bytes: float
-    temporary_bytes: float
-    forecast_seconds: float
 
 
 @dataclass(frozen=True)
@@ -95,7 +76,10 @@ class Stage:
 
 @dataclass
 class Known:
-    """A job of the run: what it is, what it should take, and its files."""
+    """A job of the run: what it is, what it should take, and its files.
+
+    ``share`` is its part of all jobs of its stage, scene and N.
+    """
 
     stage: Stage
     task: Task
@@ -125,7 +109,6 @@ class Progress(logging.Handler):
     def __init__(
         self,
         jobs: Mapping[int, Known],
-        expected: Forecast,
         *,
         cores: int,
         pixels: int,
@@ -133,11 +116,11 @@ class Progress(logging.Handler):
         took: Path = TOOK,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """``jobs`` by Snakemake's number of them; ``expected`` is the forecast of them all."""
+        """``jobs`` by Snakemake's number of them."""
         super().__init__()
-        self.jobs, self.expected, self.pixels, self.took = dict(jobs), expected, pixels, took
-        self.cores, self.pace, self.clock = cores, pace, clock
-        self.started, self.left = clock(), dict(jobs)
+        self.jobs, self.left = dict(jobs), dict(jobs)
+        self.cores, self.pixels, self.pace, self.took = cores, pixels, pace, took
+        self.clock, self.started = clock, clock()
         self.rays = 0
         self._actual = self._forecast = 0.0
 
@@ -154,21 +137,21 @@ class Progress(logging.Handler):
                 self._end(job)
 
     def _end(self, job: Known) -> None:
-        wall = self.clock() - (self.clock() if job.begun is None else job.begun)
+        stage, wall = job.stage, 0.0 if job.begun is None else self.clock() - job.begun
         self.rays += job.task.rays
         self._actual += wall
         self._forecast += job.task.seconds()
         if found := USAGE.findall(_tail(job.log)):
             _, core, mib = map(float, found[-1])
+            row = {
+                "stage": stage.name, "scene": stage.scene, "N": stage.views, "M": self.pixels,
+                "share": job.share, "threads": job.task.threads, "wall_seconds": round(wall, 2),
+                "core_seconds": core, "mib": mib, "kept_bytes": sum(map(_bytes, job.kept)),
+                "temporary_bytes": sum(map(_bytes, job.temporary)),
+                "forecast_seconds": round(job.task.seconds(), 2),
+            }  # fmt: skip
             with suppress(OSError):  # a full disk is for the jobs to say
-                _append(
-                    self.took,
-                    Took(
-                        job.stage.name, job.stage.scene, job.stage.views, self.pixels, job.share,
-                        job.task.threads, round(wall, 2), core, mib, sum(map(_bytes, job.kept)),
-                        sum(map(_bytes, job.temporary)), round(job.task.seconds(), 2),
-                    ),
-                )  # fmt: skip
+                _append(self.took, row)
 
     def pace_now(self) -> float:
         """Seconds here for a measured one: of the jobs that are done, and of runs before."""
@@ -177,16 +160,13 @@ class Progress(logging.Handler):
 
     def seconds_left(self) -> float:
         """Forecast of the jobs that are left, of running ones what is not done."""
-        pace, places = self.pace_now(), {number: k for k, number in enumerate(self.left)}
-        by_place = dict(enumerate(self.jobs))
-        tasks = []
-        for job in self.left.values():
-            after = [places[n] for k in job.task.after if (n := by_place[k]) in places]
+        pace, tasks = self.pace_now(), {}
+        for number, job in list(self.left.items()):
             cost = job.task.cost
             if job.begun is not None:
                 rest = self._rest(job, self.clock() - job.begun, pace) / pace - START_SECONDS
                 cost = replace(cost, core_seconds=rest * job.task.threads)
-            tasks.append(replace(job.task, cost=cost, after=tuple(after)))
+            tasks[number] = replace(job.task, cost=cost)
         return forecast(tasks, self.cores, pace).seconds
 
     @staticmethod
@@ -204,8 +184,8 @@ class Progress(logging.Handler):
         rays = self.rays + sum(round(job.task.rays * job.done_share()) for job in running)
         done = len(self.jobs) - len(self.left)
         parts = [f"{done} of {len(self.jobs)} jobs", f"{duration(self.seconds_left())} left"]
-        if self.expected.rays:
-            parts.insert(0, rays_of(rays, self.expected.rays))
+        if of_all := sum(job.task.rays for job in self.jobs.values()):
+            parts.insert(0, rays_of(rays, of_all))
         names = ", ".join(dict.fromkeys(str(job.stage) for job in running))
         return "; ".join([*parts, f"now: {names}"] if names else parts)
 
@@ -217,13 +197,12 @@ def _bytes(path: str) -> int:
     return sum(file.stat().st_size for file in files if file.is_file())
 
 
-def _append(file: Path, row: Took) -> None:
-    new = not file.exists()
+def _append(file: Path, row: dict) -> None:
     with file.open("a", encoding="utf-8", newline="") as text:
-        writer = csv.DictWriter(text, [field.name for field in fields(Took)], lineterminator="\n")
-        if new:
+        writer = csv.DictWriter(text, row, lineterminator="\n")
+        if not text.tell():
             writer.writeheader()
-        writer.writerow(asdict(row))
+        writer.writerow(row)
 
 
 def pace_before(took: Path = TOOK, latest: int = 60) -> float:
@@ -295,19 +274,18 @@ def known_jobs(
     dag : Snakemake's graph of jobs; those without a log only name files.
     batches : of each N, by their name in log files.
     """
-    jobs = [job for job in dag.needrun_jobs() if job.log]
-    places = {job: place for place, job in enumerate(jobs)}
-    names = list(scenes)
-    found = {}
-    for job in jobs:
+    names, found = list(scenes), {}
+    for job in dag.needrun_jobs():
+        if not job.log:
+            continue
         stage, share, rays = Stage.of_log(str(job.log[0]), names), 1.0, 0
         if stage.batch:
             cut = batches[stage.views]
             rays = cut[stage.batch].rays
             share = rays / sum(one.rays for one in cut.values())
         cost = costs.job_cost(stage.name, stage.scene, stage.views, pixels).of_share(share)
-        after = tuple(places[other] for other in dag.job_dependencies(job) if other in places)
-        task = Task(str(stage), cost, job.threads, job.priority, after, rays)
+        after = [other.jobid for other in dag.job_dependencies(job)]
+        task = Task(cost, job.threads, job.priority, after, rays)
         temporary = [str(file) for file in job.output if file in job.temp_output]
         kept = [str(file) for file in job.output if file not in job.temp_output]
         found[job.jobid] = Known(stage, task, share, str(job.log[0]), kept, temporary)
@@ -322,14 +300,13 @@ def begin(workflow: Any, jobs: dict[int, Known], pixels: int) -> None:
     """
     cores = workflow.resource_settings.cores or workflow.resource_settings.nodes or 1
     pace = pace_before()
-    tasks = [job.task for job in jobs.values()]
-    expected = forecast(tasks, cores, pace)
+    expected = forecast({number: job.task for number, job in jobs.items()}, cores, pace)
     print(expected.text(cores), file=sys.stderr, flush=True)
     if workflow.storage_registry.default_storage_provider is None:
         check_disk(expected, "results")
     if warning := check_memory(expected):
         print(warning, file=sys.stderr, flush=True)
-    progress = Progress(jobs, expected, cores=cores, pixels=pixels, pace=pace)
+    progress = Progress(jobs, cores=cores, pixels=pixels, pace=pace)
     line = Line(progress, sys.stderr, rewritten=QUIET in os.environ and sys.stderr.isatty())
     workflow.logger_manager.logger.addHandler(progress)
     line.start()

@@ -61,28 +61,32 @@ def test_the_table_of_the_project_has_the_tables_own_cells():
 
 
 def tasks(*lengths, **more):
-    return [Task("", Cost(length - START_SECONDS, 100, 10, 5), **more) for length in lengths]
+    return [Task(Cost(length - START_SECONDS, 100, 10, 5), **more) for length in lengths]
+
+
+def planned(some, *cores, **pace):
+    return forecast.forecast(dict(enumerate(some)), *cores, **pace)
 
 
 def test_cores_share_the_tasks():
-    assert forecast.forecast(tasks(10, 10, 10, 10), 2).seconds == pytest.approx(20)
-    assert forecast.forecast(tasks(4, 3, 3), 2).seconds == pytest.approx(6)
-    assert forecast.forecast(tasks(10, 10), 8).seconds == pytest.approx(10)
-    assert forecast.forecast(tasks(10), 2, pace=1.5).seconds == pytest.approx(15)
-    both = [Task("", Cost(20, 1), threads=2), *tasks(5)]
-    assert forecast.forecast(both, 2).seconds == pytest.approx(10 + START_SECONDS + 5)
-    assert forecast.forecast([], 2).seconds == 0
+    assert planned(tasks(10, 10, 10, 10), 2).seconds == pytest.approx(20)
+    assert planned(tasks(4, 3, 3), 2).seconds == pytest.approx(6)
+    assert planned(tasks(10, 10), 8).seconds == pytest.approx(10)
+    assert planned(tasks(10), 2, pace=1.5).seconds == pytest.approx(15)
+    both = [Task(Cost(20, 1), threads=2), *tasks(5)]
+    assert planned(both, 2).seconds == pytest.approx(10 + START_SECONDS + 5)
+    assert planned([], 2).seconds == 0
 
 
 def test_one_waits_for_another_and_temporary_files_for_their_readers():
     first, second, last = tasks(10, 4, 6)
-    chain = [first, second, Task("", last.cost, after=(0, 1))]
-    found = forecast.forecast(chain, 2)
+    chain = [first, second, Task(last.cost, after=(0, 1))]
+    found = planned(chain, 2)
     assert found.seconds == pytest.approx(16)
     assert found.mib == 200  # of two at once
     # 5 and 5 of the first two are there until the last is done; all keep 10.
     assert found.bytes == 3 * 15
-    alone = forecast.forecast(tasks(10, 4, 6), 1)
+    alone = planned(tasks(10, 4, 6), 1)
     assert alone.bytes == 10 + 10 + 15  # nobody reads their temporary files
 
 
@@ -95,16 +99,16 @@ def test_a_plan_lies_within_grahams_bounds(some, cores):
     made, chain = [], []
     for place, (length, others) in enumerate(some):
         after = tuple(k for k in others if k < place)
-        made.append(Task("", Cost(length - START_SECONDS, 1), after=after))
+        made.append(Task(Cost(length - START_SECONDS, 1), after=after))
         chain.append(length + max((chain[k] for k in after), default=0))
-    found = forecast.forecast(made, cores).seconds
+    found = planned(made, cores).seconds
     work = sum(length for length, _ in some) / cores
     assert found >= max(work, max(chain)) * (1 - 1e-9)
     assert found <= (work + max(chain) * (1 - 1 / cores)) * (1 + 1e-9)
 
 
 def test_a_disk_that_is_too_small_is_refused_in_one_line(tmp_path, monkeypatch):
-    need = forecast.forecast([Task("", Cost(1, 1, 2e9, 1e9))], 1)
+    need = planned([Task(Cost(1, 1, 2e9, 1e9))], 1)
     monkeypatch.setattr(forecast.shutil, "disk_usage", lambda _: SimpleNamespace(free=3.61e9))
     check_disk(need, tmp_path / "results")
     monkeypatch.setattr(forecast.shutil, "disk_usage", lambda _: SimpleNamespace(free=3.59e9))
@@ -116,7 +120,7 @@ def test_a_disk_that_is_too_small_is_refused_in_one_line(tmp_path, monkeypatch):
 
 
 def test_what_is_said():
-    need = forecast.forecast([Task("", Cost(7200, 1000, 3 * 2**30), rays=68_719_476_736)], 2)
+    need = planned([Task(Cost(7200, 1000, 3 * 2**30), rays=68_719_476_736)], 2)
     assert need.text(2) == (
         "To be made: 1 job, 68.7 billion rays. About 2 h 00 min on 2 cores, 3.0 GiB of disk, "
         "1000 MiB of memory."
