@@ -25,6 +25,8 @@ class Keys(BaseModel):
 class GivenKeys(Keys):
     """Keys of which only those that were given are passed on."""
 
+    model_config = ConfigDict(validate_default=False)
+
     @model_serializer
     def _given(self) -> dict[str, Any]:
         return {
@@ -59,7 +61,6 @@ def _distinct(values: list) -> list:
 
 
 Truth = Annotated[bool, BeforeValidator(_meant)]
-Distinct = AfterValidator(_distinct)
 
 
 def _name(value: object) -> object:
@@ -99,17 +100,18 @@ def real(low: float, high: float) -> Any:
 
 def several(item: Any, least: int = 1, most: int | None = None) -> Any:
     """A list of distinct items."""
-    return Annotated[list[item], Distinct, Field(min_length=least, max_length=most)]
+    field = Field(min_length=least or None, max_length=most)
+    return Annotated[list[item], AfterValidator(_distinct), field]
 
 
 def listed(item: Any, least: int, most: int | None = None) -> Any:
     """A list of items, which may repeat."""
-    return Annotated[list[item], Field(min_length=least, max_length=most)]
+    return Annotated[list[item], Field(min_length=least or None, max_length=most)]
 
 
 def choices(*names: str) -> Any:
     """A list of some of these names."""
-    return Annotated[list[Literal[names]], Distinct]
+    return several(Literal[names], 0)
 
 
 def key(meaning: str, default: Any = ..., **more: Any) -> Any:
@@ -121,7 +123,7 @@ def key(meaning: str, default: Any = ..., **more: Any) -> Any:
 
 def group(model: type[Keys], meaning: str) -> Any:
     """A mapping of keys, all of which have defaults."""
-    return Field(description=meaning, default_factory=model)
+    return Annotated[model, Field(description=meaning, default_factory=model)]
 
 
 def _copy(value: Any) -> Any:

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 from lfcore.workflow.key_types import (
-    Distinct,
     GivenKeys,
     Keys,
     Name,
@@ -43,8 +42,6 @@ class Plane(GivenKeys):
     )
     keep_magnification: Truth = key("keep the physical sensor's change of magnification", False)
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, validate_default=False)
-
 
 class Layout(Keys):
     kind: Literal["auto", "macropixels", "views"] = key(
@@ -62,15 +59,11 @@ class Layout(Keys):
     )
 
 
-CODECS = ("libx264", "libx265", "libsvtav1", "ffv1")
-PIXEL_FORMATS = ("yuv420p", "yuv444p", "yuv420p10le", "yuv444p10le", "gbrp")
-
-
 class Encoder(Keys):
-    codec: Literal[CODECS] = key(
+    codec: Literal["libx264", "libx265", "libsvtav1", "ffv1"] = key(
         "H.264, H.265 (in frames of more than 64 pixels a side), AV1 or lossless FFV1", "libx264"
     )
-    pixel_format: Literal["auto", *PIXEL_FORMATS] = key(
+    pixel_format: Literal["auto", "yuv420p", "yuv444p", "yuv420p10le", "yuv444p10le", "gbrp"] = key(
         "with or without subsampled colour, in 8 or 10 bits, or RGB itself; AV1 takes `yuv420p` "
         "and `yuv420p10le` only, `gbrp` is FFV1's alone; auto is 4:4:4 where the codec has it",
         "auto",
@@ -118,8 +111,8 @@ class Figures(Keys):
     aperture_stops: listed(real(0, 20), 1, 12) = key(
         "stops by which the lens is closed in the aperture stack", [0, 1, 2, 3]
     )
-    plenoptic: Plenoptic = group(Plenoptic, "The plenoptic camera of the photograph")
-    renderers: Renderers = group(Renderers, "The pictures that other ray tracers make, too")
+    plenoptic: group(Plenoptic, "The plenoptic camera of the photograph")
+    renderers: group(Renderers, "The pictures that other ray tracers make, too")
 
 
 REPORTS_ON_THE_STORE = ("storage_layouts", "rate_distortion", "equivalence", "retrieval")
@@ -165,10 +158,10 @@ class Storage(Keys):
     make: choices(*REPORTS_ON_THE_STORE) = key(
         "reports on the store; `retrieval` needs `store`", list(REPORTS_ON_THE_STORE)
     )
-    storage_layouts: StorageLayouts = group(StorageLayouts, "Samples stored in every layout")
-    rate_distortion: RateDistortion = group(RateDistortion, "Curves of bits against error")
-    equivalence: Equivalence = group(Equivalence, "Pictures that are made in four ways")
-    retrieval: Retrieval = group(Retrieval, "What is read from stored light fields")
+    storage_layouts: group(StorageLayouts, "Samples stored in every layout")
+    rate_distortion: group(RateDistortion, "Curves of bits against error")
+    equivalence: group(Equivalence, "Pictures that are made in four ways")
+    retrieval: group(Retrieval, "What is read from stored light fields")
 
 
 class Codec(GivenKeys):
@@ -177,8 +170,6 @@ class Codec(GivenKeys):
     preset: Name = key("the encoder's own", None)
     pixel_format: Literal["yuv420p", "yuv444p", "yuv420p10le", "yuv444p10le"] = key("", None)
     crf_offset: real(-20, 20) = key("added to the CRF; AV1's scale is another", 0)
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, validate_default=False)
 
 
 LATTICE = listed(real(1, 64), 2, 2)
@@ -238,10 +229,10 @@ class TruePicture(Keys):
         "lattices that are sliced by depth",
         [[4, 1], [4, 1.25], [4, 1.5], [4, 2], [6, 2], [8, 2], [8, 3]],
     )
-    qualities_db: Annotated[list[real(10, 80)], Distinct, Field(max_length=12)] = key(
+    qualities_db: several(real(10, 80), 0, 12) = key(
         "PSNR in dB that is asked for, as of `lfcore render --quality`", [35, 40, 45, 50]
     )
-    peers_db: Annotated[list[real(10, 80)], Distinct, Field(max_length=4)] = key(
+    peers_db: several(real(10, 80), 0, 4) = key(
         "PSNR in dB to which Mitsuba 3 and POV-Ray are timed where they are installed; those of "
         "`qualities_db` among them are asked for one picture, too",
         [40, 45],
@@ -274,11 +265,9 @@ class Analysis(Keys):
     stability_cases: Literal["all"] | several(
         str
     ) = key("which stability sweeps are run: `all`, or names", "all")
-    true_picture: TruePicture = group(
-        TruePicture, "Pictures against their average over pixel and lens"
-    )
-    work_precision: WorkPrecision = group(WorkPrecision, "Diagrams of error against run time")
-    left_out: LeftOut = group(LeftOut, "Runs that compare with the program in full")
+    true_picture: group(TruePicture, "Pictures against their average over pixel and lens")
+    work_precision: group(WorkPrecision, "Diagrams of error against run time")
+    left_out: group(LeftOut, "Runs that compare with the program in full")
 
 
 class Array(Keys):
@@ -348,7 +337,7 @@ class Assignment(Keys):
         "pixels a side of the arrays that are compared at equal storage", 1024
     )
     instants: whole(2, 1024) = key("instants at which the open shutter is sampled", 16)
-    see_through: SeeThrough = group(SeeThrough, "Seeing through what stands in front")
+    see_through: group(SeeThrough, "Seeing through what stands in front")
 
 
 def _scene_or_planes(value: object) -> object:
@@ -392,8 +381,8 @@ class Configuration(Keys):
         "and 7.3",
         True,
     )
-    layout: Layout = group(Layout, "How rays are laid out in video frames")
-    encoder: Encoder = group(Encoder, "Settings of the video codec")
+    layout: group(Layout, "How rays are laid out in video frames")
+    encoder: group(Encoder, "Settings of the video codec")
     tile_mib: whole(1, 65536) = key(
         "raw 8-bit RGB of one tile, MiB; a tile is a segment, which is checked as a whole when it "
         "is read",
@@ -408,12 +397,10 @@ class Configuration(Keys):
     sweep: str = key(
         "a table of cases, whose light fields are made by `make sweep`; empty: none", ""
     )
-    figures: Figures = group(Figures, "Which figures are made, and of what")
-    storage: Storage = group(Storage, "Reports on the stored light field")
-    analysis: Analysis = group(Analysis, "Reports on the program itself")
-    assignment: Assignment = group(
-        Assignment, "The light field camera's arrays, pictures and measurements"
-    )
+    figures: group(Figures, "Which figures are made, and of what")
+    storage: group(Storage, "Reports on the stored light field")
+    analysis: group(Analysis, "Reports on the program itself")
+    assignment: group(Assignment, "The light field camera's arrays, pictures and measurements")
 
 
 DEFAULT_SCENES = ("bike", "cabin", "bedroom")
