@@ -15,8 +15,8 @@ from pathlib import Path
 import pandas as pd
 
 from robustness.local_slurm import LocalSlurm
+from robustness.outcome import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 PROFILE = (
     "--workflow-profile", str(ROOT / "profiles" / "slurm"), "--jobs", "8",
     "--slurm-keep-successful-logs",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
@@ -10,12 +9,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 
+from lfcore.files import file_digest
 from robustness.outcome import ROOT
 
 WAYS = ("KILL", "KILL group", "KILL child", "TERM", "INT group")
@@ -80,12 +80,9 @@ class Killed:
 
     def digests(self) -> dict[str, str]:
         """Name and SHA-256 of each result."""
-        files = {file for pattern in self.job.results for file in self.folder.glob(pattern)}
-        return {
-            str(file.relative_to(self.folder)): hashlib.sha256(file.read_bytes()).hexdigest()
-            for file in sorted(files)
-            if file.is_file() and not file.name.startswith(".snakemake")
-        }
+        found = {file for pattern in self.job.results for file in self.folder.glob(pattern)}
+        files = (file for file in found if not file.name.startswith(".snakemake"))
+        return digests(filter(Path.is_file, files), self.folder)
 
     def drafts(self) -> list[str]:
         """Hidden files and folders that were not there undisturbed."""
@@ -164,6 +161,11 @@ class Killed:
             yield f"a traceback: {said[-300:]}"
         if self.drafts():
             yield f"left behind at once: {self.drafts()}"
+
+
+def digests(files: Iterable[Path], folder: Path) -> dict[str, str]:
+    """Name below ``folder`` and SHA-256 of each file."""
+    return {str(file.relative_to(folder)): file_digest(file) for file in sorted(files)}
 
 
 def _strike(leader: int, way: str) -> bool:

@@ -13,8 +13,6 @@ run on this machine alone.  Skipped, aloud, where a package is missing.
 from __future__ import annotations
 
 import base64
-import hashlib
-import importlib.util
 import json
 import os
 import re
@@ -30,10 +28,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 from robustness import object_storage
-from robustness.kills import copy_project
-from robustness.object_storage import KEPT, client_of, objects, server
+from robustness.kills import copy_project, digests
+from robustness.object_storage import KEPT, KEYS, client_of, objects, server, skipped
+from robustness.outcome import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("snakemake_executor_plugin_kubernetes", *object_storage.PACKAGES)
 PLACE = re.compile(r"/(?:api/v1|apis/batch/v1)/namespaces/default/(\w+)(?:/([\w-]+))?(?:/(\w+))?")
 TARGET = "results/tables/index.html"
@@ -159,12 +157,11 @@ def checkout(folder: Path) -> Path:
 
 def through_pods(folder: Path, url: str, config: Path) -> tuple[int, str]:
     """Status and words of a run with the profile."""
-    keys = {"SNAKEMAKE_STORAGE_S3_ACCESS_KEY": "any", "SNAKEMAKE_STORAGE_S3_SECRET_KEY": "any"}
     done = subprocess.run(
         [sys.executable, "-m", "snakemake", "--workflow-profile", "profiles/kubernetes",
          "--storage-s3-endpoint-url", url, "--default-storage-prefix", "s3://pods/run",
          "--seconds-between-status-checks", "1", *WORDS],
-        cwd=checkout(folder), env=os.environ | keys | {"KUBECONFIG": str(config)}, text=True,
+        cwd=checkout(folder), env=os.environ | KEYS | {"KUBECONFIG": str(config)}, text=True,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False,
     )  # fmt: skip
     return done.returncode, done.stdout
@@ -177,17 +174,11 @@ def here(folder: Path) -> dict[str, str]:
         cwd=checkout(folder), check=True, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT,
     )  # fmt: skip
     results = folder / "results"
-    files = [file for file in results.rglob("*") if file.name.endswith(KEPT)]
-    return {
-        str(file.relative_to(results)): hashlib.sha256(file.read_bytes()).hexdigest()
-        for file in files
-    }
+    return digests((file for file in results.rglob("*") if file.name.endswith(KEPT)), results)
 
 
 def main() -> int:
-    absent = [name for name in PACKAGES if importlib.util.find_spec(name) is None]
-    if absent:
-        print(f"SKIPPED: {', '.join(absent)} not found (pip install 'lfcore[kubernetes,s3,dev]')")
+    if skipped(PACKAGES, "kubernetes,s3,dev"):
         return 0
     with tempfile.TemporaryDirectory() as name, server(Path(name)) as url:
         folder = Path(name)

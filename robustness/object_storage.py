@@ -18,14 +18,16 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+from robustness.outcome import ROOT
+
 PACKAGES = ("moto", "boto3", "s3fs", "snakemake_storage_plugin_s3")
 KEPT = (".mkv", "on_the_fly.npz", "from_video.npz", "scene.npz", "bvh.npz")
 """Objects without seconds, which must be the same to the last bit."""
+KEYS = {"SNAKEMAKE_STORAGE_S3_ACCESS_KEY": "any", "SNAKEMAKE_STORAGE_S3_SECRET_KEY": "any"}
 SMALL = (
     "scenes=[chart]", "angular_resolutions=[4,8]", "spatial_resolution=32",
     "figures={make: []}", "storage={make: []}", "analysis={make: []}",
@@ -69,7 +71,6 @@ def client_of(url: str):
 def start(url: str, folder: Path, prefix: str) -> subprocess.Popen:
     """A run whose results are objects below ``prefix``."""
     folder.mkdir(exist_ok=True)
-    keys = {"SNAKEMAKE_STORAGE_S3_ACCESS_KEY": "any", "SNAKEMAKE_STORAGE_S3_SECRET_KEY": "any"}
     with (folder / "terminal").open("ab") as terminal:
         return subprocess.Popen(
             [
@@ -79,7 +80,7 @@ def start(url: str, folder: Path, prefix: str) -> subprocess.Popen:
                 "--configfile", "config/micro.yaml", "--config", *SMALL,
                 "--", "results/tables/index.html",
             ],
-            cwd=ROOT, env=os.environ | keys, stdout=terminal, stderr=subprocess.STDOUT,
+            cwd=ROOT, env=os.environ | KEYS, stdout=terminal, stderr=subprocess.STDOUT,
             start_new_session=True,
         )  # fmt: skip
 
@@ -153,10 +154,16 @@ def no_bucket(url: str, folder: Path) -> list[str]:
     return [] if clear else [f"a bucket that is not there is not named: {said[-2000:]}"]
 
 
-def main() -> int:
-    absent = [name for name in PACKAGES if importlib.util.find_spec(name) is None]
+def skipped(packages: Sequence[str], extras: str) -> bool:
+    """Whether a package is missing, which is said aloud; the project's ``extras`` have them."""
+    absent = [name for name in packages if importlib.util.find_spec(name) is None]
     if absent:
-        print(f"SKIPPED: {', '.join(absent)} not found (pip install 'lfcore[s3,dev]')")
+        print(f"SKIPPED: {', '.join(absent)} not found (pip install 'lfcore[{extras}]')")
+    return bool(absent)
+
+
+def main() -> int:
+    if skipped(PACKAGES, "s3,dev"):
         return 0
     with tempfile.TemporaryDirectory() as name, server(Path(name)) as url:
         wrong = check(Path(name), url, client_of(url))

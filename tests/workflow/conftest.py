@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 import sys
 from dataclasses import dataclass, field
@@ -11,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-COPIED = ("Snakefile", "config", "lfcore", "profiles", "scenes", "workflow")
+from robustness.kills import copy_project
 
 
 @dataclass
@@ -48,23 +46,18 @@ class Checkout:
         return {rule: int(count) for rule, count in jobs.items() if rule != "total"}
 
 
-def copy_project(folder: Path) -> Checkout:
-    ignored = shutil.ignore_patterns("__pycache__", "*.pyc", ".*")
-    for name in COPIED:
-        if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, folder / name, ignore=ignored)
-        else:
-            shutil.copy(ROOT / name, folder / name)
+def checkout_in(folder: Path) -> Checkout:
+    copy_project(folder)
     return Checkout(folder)
 
 
 @pytest.fixture(scope="session")
 def checkout(tmp_path_factory) -> Checkout:
     """A copy for dry runs: nothing is ever made in it."""
-    return copy_project(tmp_path_factory.mktemp("checkout"))
+    return checkout_in(tmp_path_factory.mktemp("checkout"))
 
 
 @pytest.fixture(scope="module")
 def project_copy(tmp_path_factory):
     """A function that makes a copy of one's own, to run and edit."""
-    return lambda name: copy_project(tmp_path_factory.mktemp(name))
+    return lambda name: checkout_in(tmp_path_factory.mktemp(name))

@@ -7,6 +7,7 @@ import tomllib
 
 import yaml
 
+from robustness.kills import PARTS
 from workflow.pins import (
     CONDA_NAMES,
     ROOT,
@@ -15,9 +16,6 @@ from workflow.pins import (
     name_of,
     needed_by_rules,
 )
-
-RUN = ("Snakefile", "config", "lfcore", "profiles", "scenes", "workflow")
-"""What a run reads of the project."""
 
 
 def pins(lines):
@@ -62,7 +60,7 @@ def test_the_container_holds_what_the_workflow_reads_in_exact_versions():
     lines = (ROOT / "workflow/envs/Containerfile").read_text().splitlines()
     copied = {name for line in lines if line.startswith("COPY") for name in line.split()[1:-1]}
     assert all((ROOT / name).exists() for name in copied)
-    assert {*RUN, "pyproject.toml", "constraints.txt"} <= copied
+    assert {*PARTS, "pyproject.toml", "constraints.txt"} <= copied
     (install,) = (line for line in lines if "pip install" in line)
     assert "--constraint constraints.txt" in install and "'.[workflow,s3]'" in install
     (base,) = (line for line in lines if line.startswith("FROM"))

@@ -9,14 +9,15 @@ import sys
 
 import pytest
 import yaml
-from conftest import ROOT
+
+from robustness.object_storage import KEYS
+from robustness.outcome import ROOT
 
 PLUGINS = {
     "slurm": ["snakemake_executor_plugin_slurm"],
     "s3": ["snakemake_storage_plugin_s3"],
     "kubernetes": ["snakemake_executor_plugin_kubernetes", "snakemake_storage_plugin_s3"],
 }
-KEYS = {"SNAKEMAKE_STORAGE_S3_ACCESS_KEY": "any", "SNAKEMAKE_STORAGE_S3_SECRET_KEY": "any"}
 PARSE = """
 import sys
 from snakemake.cli import parse_args
