@@ -30,10 +30,8 @@ onstart:
     try:
         check_partition(partition and partition.raw)
         check_bucket(storage, workflow.storage_settings.default_storage_prefix)
-        jobs = progress.known_jobs(
-            workflow.dag, PARSED, SETTINGS["spatial_resolution"], BATCHES
-        )
-        progress.begin(workflow, jobs, SETTINGS["spatial_resolution"])
+        jobs = progress.known_jobs(workflow.dag, PARSED, PIXELS, BATCHES)
+        progress.begin(workflow, jobs, PIXELS)
     except LfcoreError as error:
         raise WorkflowError(str(error)) from None
 

@@ -1,5 +1,5 @@
 # angular_resolution: auto -- light fields whose rays a pilot chooses for a quality.
-CHOSEN = f"results/{{scene}}/M{SETTINGS['spatial_resolution']}/auto"
+CHOSEN = f"results/{{scene}}/M{PIXELS}/auto"
 CHOSEN_FILES = {
     "rows": f"{CHOSEN}/chosen_rays.json",
     "stack": f"{CHOSEN}/planes.npz",
@@ -22,7 +22,7 @@ rule chosen_rays_scene:
     params:
         sources=digest(*sources.READING, *sources.MEASURING, "evaluation/true_picture/reference.py"),
         quality_db=SETTINGS["quality_db"],
-        spatial_resolution=SETTINGS["spatial_resolution"],
+        spatial_resolution=PIXELS,
         planes=SETTINGS["planes"],
         picture_format=SETTINGS["picture_format"],
         encoder=SETTINGS["encoder"],

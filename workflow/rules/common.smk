@@ -34,9 +34,10 @@ PARSED = {**FIGURE_SCENES, **ASSIGNMENT_SCENES, **SCENES}
 if SWEEP:
     PARSED |= cases.scene_files(SWEEP.scenes, ROOT)
 STORE = SETTINGS["store"]
+PIXELS = SETTINGS["spatial_resolution"]
 RESOLUTIONS = sorted(SETTINGS["angular_resolutions"])
 # A folder of its own for each size: runs of unlike M lie side by side.
-SLAB = f"results/{{scene}}/M{SETTINGS['spatial_resolution']}/N{{n}}"
+SLAB = f"results/{{scene}}/M{PIXELS}/N{{n}}"
 TABLE_SECTIONS = reports.table_sections(SETTINGS, SCENES)
 
 
@@ -111,16 +112,21 @@ def caption_of(name):
     return local(str(ROOT / "workflow" / "report" / f"{name}.rst"))
 
 
+def shown(file, caption, category, **labels):
+    """A file, as Snakemake's own report shows it."""
+    caption = f"../report/{caption}.rst"
+    return report(file, caption=caption, category=category, labels=labels or None)
+
+
 def table(name):
-    """A table's file, as Snakemake's own report shows it."""
-    return report(f"results/tables/{name}.csv", caption=f"../report/{name}.rst", category="Tables")
+    return shown(f"results/tables/{name}.csv", name, "Tables")
+
+
+def figure(name, file, scene, caption=None):
+    file = f"results/tables/figures/{file}.png"
+    return shown(file, caption or name, "Figures", figure=name, scene=scene)
 
 
 def assignment_figure(name):
-    """A figure's file, as Snakemake's own report shows it."""
-    return report(
-        f"results/assignment/figures/{name}.png",
-        caption="../report/assignment_figure.rst",
-        category="Assignment",
-        labels={"figure": name.replace("_", " ")},
-    )
+    file, label = f"results/assignment/figures/{name}.png", name.replace("_", " ")
+    return shown(file, "assignment_figure", "Assignment", figure=label)

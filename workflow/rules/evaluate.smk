@@ -26,7 +26,7 @@ rule evaluate:
     params:
         sources=digest(*sources.READING, *sources.TABLES, "evaluation/true_picture/reference.py"),
         angular_resolutions=RESOLUTIONS,
-        spatial_resolution=SETTINGS["spatial_resolution"],
+        spatial_resolution=PIXELS,
     script:
         "../scripts/evaluate.py"
 

@@ -27,7 +27,7 @@ if TRACED_STACKS:
             "../envs/lfcore.yaml"
         params:
             sources=digest(*sources.STORING),
-            spatial_resolution=SETTINGS["spatial_resolution"],
+            spatial_resolution=PIXELS,
             angular_resolution=SETTINGS["figures"]["angular_resolution"],
             stops=SETTINGS["figures"]["aperture_stops"],
             device=SETTINGS["device"],
@@ -42,12 +42,7 @@ if WANTED_STACKS:
             **WANTED_STACKS,
         output:
             **{
-                name: report(
-                    f"results/tables/figures/{name}_{{scene}}.png",
-                    caption="../report/contact_sheet.rst",
-                    category="Figures",
-                    labels={"figure": name, "scene": "{scene}"},
-                )
+                name: figure(name, f"{name}_{{scene}}", "{scene}", "contact_sheet")
                 for name in WANTED_STACKS
             },
         log:
@@ -88,12 +83,7 @@ rule plenoptic_photograph:
             f"results/{CHART}/figures/photograph_in_focus.png",
             f"results/{CHART}/figures/photograph_out_of_focus.png",
         ],
-        sheet=report(
-            "results/tables/figures/plenoptic_photograph.png",
-            caption="../report/plenoptic_photograph.rst",
-            category="Figures",
-            labels={"figure": "plenoptic_photograph", "scene": CHART},
-        ),
+        sheet=figure("plenoptic_photograph", "plenoptic_photograph", CHART),
     log:
         "logs/plenoptic_photograph.log",
     conda:

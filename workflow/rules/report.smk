@@ -15,7 +15,7 @@ rule page:
         viewers=expand("results/tables/viewer/{scene}.html", scene=SCENES if STORE else []),
         captions=[caption_of(name) for name in ["page", *(one.name for one in TABLE_SECTIONS)]],
     output:
-        page=report("results/tables/index.html", caption="../report/page.rst", category="Page"),
+        page=shown("results/tables/index.html", "page", "Page"),
         markdown=reports.markdown(TABLE_SECTIONS),
     log:
         "logs/page.log",
@@ -28,7 +28,7 @@ rule page:
         title="Synthetic light fields: tables and figures",
         sections=TABLE_SECTIONS,
         records=[],
-        facts={"M": SETTINGS["spatial_resolution"], "N": ", ".join(map(str, RESOLUTIONS))},
+        facts={"M": PIXELS, "N": ", ".join(map(str, RESOLUTIONS))},
         config=SETTINGS,
     script:
         "../scripts/page.py"
@@ -47,11 +47,8 @@ use rule page as assignment_page with:
             for name in ["assignment_page", *(f"assignment_{s.name}" for s in ASSIGNMENT_SECTIONS)]
         ],
     output:
-        page=report(
-            "results/assignment/index.html",
-            caption="../report/assignment_figure.rst",
-            category="Assignment",
-            labels={"figure": "page"},
+        page=shown(
+            "results/assignment/index.html", "assignment_figure", "Assignment", figure="page"
         ),
         markdown=reports.markdown(ASSIGNMENT_SECTIONS),
     log:

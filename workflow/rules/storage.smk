@@ -20,7 +20,7 @@ for name in ("storage_layouts", "rate_distortion"):
             sources=digest(*sources.READING, *sources.MEASURING, "evaluation/storage"),
             report=name,
             study=STORAGE[name],
-            spatial_resolution=SETTINGS["spatial_resolution"],
+            spatial_resolution=PIXELS,
             device=SETTINGS["device"],
         script:
             "../scripts/storage_samples.py"
@@ -31,12 +31,7 @@ rule equivalence_scene:
         **of_scene("{scene}"),
     output:
         rows="results/{scene}/storage/equivalence.json",
-        figure=report(
-            "results/tables/figures/equivalence_{scene}.png",
-            caption="../report/equivalence.rst",
-            category="Figures",
-            labels={"figure": "equivalence", "scene": "{scene}"},
-        ),
+        figure=figure("equivalence", "equivalence_{scene}", "{scene}"),
     log:
         "logs/equivalence/{scene}.log",
     conda:
@@ -81,7 +76,7 @@ for folder, name, figures in (
     ("storage", "retrieval", ["results/tables/figures/retrieval.png"]),
     ("storage", "equivalence", []),
     ("analysis", "left_out", []),
-    (f"M{SETTINGS['spatial_resolution']}/auto", "chosen_rays", []),
+    (f"M{PIXELS}/auto", "chosen_rays", []),
 ):
 
     rule:

@@ -36,9 +36,7 @@ if STORE:
             "../envs/lfcore.yaml"
         threads: 2
         resources:
-            mem_mb=lambda wildcards, attempt: costs.sums_mib(
-                SETTINGS["spatial_resolution"], attempt
-            ),
+            mem_mb=lambda wildcards, attempt: costs.sums_mib(PIXELS, attempt),
         params:
             sources=digest(*sources.READING),
             planes=SETTINGS["planes"],

@@ -26,11 +26,11 @@ rule trace:
             batch_of(wildcards).rays, int(wildcards.n), traced_before(wildcards), attempt
         ),
         mem_mb=lambda wildcards, input, attempt: costs.trace_mib(
-            input.size_mb, SETTINGS["spatial_resolution"], traced_before(wildcards), attempt
+            input.size_mb, PIXELS, traced_before(wildcards), attempt
         ),
     params:
         sources=digest(*sources.STORING, "evaluation/timing.py"),
-        spatial_resolution=SETTINGS["spatial_resolution"],
+        spatial_resolution=PIXELS,
         planes=SETTINGS["planes"],
         layout=SETTINGS["layout"],
         tile_mib=SETTINGS["tile_mib"],
@@ -67,10 +67,10 @@ rule join:
     conda:
         "../envs/lfcore.yaml"
     resources:
-        mem_mb=lambda wildcards, attempt: costs.sums_mib(SETTINGS["spatial_resolution"], attempt),
+        mem_mb=lambda wildcards, attempt: costs.sums_mib(PIXELS, attempt),
     params:
         sources=digest(*sources.SCENE, "storage", "evaluation/timing.py"),
-        spatial_resolution=SETTINGS["spatial_resolution"],
+        spatial_resolution=PIXELS,
         planes=SETTINGS["planes"],
         picture_format=SETTINGS["picture_format"],
         layout=SETTINGS["layout"],

@@ -26,7 +26,7 @@ rule truth:
         counts=TRUE_PICTURE["truth"],
         stops=lambda wildcards: TRUE_PICTURE["stops"] if wildcards.lens == "stopped" else 0,
         planes=SETTINGS["planes"],
-        pixels=SETTINGS["spatial_resolution"],
+        pixels=PIXELS,
         device=SETTINGS["device"],
     script:
         "../scripts/truth.py"
