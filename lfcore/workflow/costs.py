@@ -46,13 +46,10 @@ JOB_COSTS = Path(__file__).with_name("job_costs.csv")
 def nanoseconds_a_ray(views: int) -> float:
     """Core time of one ray of N = ``views``: between measured N by their logarithm."""
     known = sorted(NANOSECONDS.items())
-    if views <= known[0][0]:  # as many starts for fewer rays
-        return known[0][1] * known[0][0] / views
-    for (low, below), (high, above) in itertools.pairwise(known):
-        if views <= high:
-            share = math.log(views / low) / math.log(high / low)
-            return below * (above / below) ** share
-    return known[-1][1]
+    (least, first), (most, last) = known[0], known[-1]
+    if views <= least:  # as many starts for fewer rays
+        return first * least / views
+    return _between(known, views) if views < most else last
 
 
 @dataclass(frozen=True)
@@ -194,8 +191,7 @@ def job_cost(
     widest = max(names, key=lambda name: len(sizes[name]))
 
     def cost(name: str, size: int) -> Cost:
-        each = (_between(known, name, views, size, field.name) for field in fields(Cost))
-        return Cost(*each)
+        return Cost(*(_told(known, name, views, size, field.name) for field in fields(Cost)))
 
     if scene not in names:
         told = [name for name in names if len(sizes[name]) == len(sizes[widest])]
@@ -213,7 +209,7 @@ def job_cost(
     return Cost(*grown)
 
 
-def _between(known: Measured, scene: str, views: int, pixels: int, what: str) -> float:
+def _told(known: Measured, scene: str, views: int, pixels: int, what: str) -> float:
     """One number of :class:`Cost` at N and M, from those of one scene."""
     points = []
     for size in sorted({m for name, _, m in known if name == scene}):
@@ -233,6 +229,11 @@ def _power(points: Sequence[tuple[int, float]], views: int) -> float:
         return first
     if views >= most:
         return last * (views / most) ** 2 if most else last
+    return _between(points, views)
+
+
+def _between(points: Sequence[tuple[int, float]], views: int) -> float:
+    """By the power of N through the points on both sides; by the line where one is 0."""
     (low, below), (high, above) = next(
         pair for pair in itertools.pairwise(points) if pair[0][0] <= views <= pair[1][0]
     )

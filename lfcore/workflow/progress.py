@@ -153,6 +153,11 @@ class Progress(logging.Handler):
             with suppress(OSError):  # a full disk is for the jobs to say
                 _append(self.took, row)
 
+    @property
+    def done(self) -> int:
+        """How many jobs have ended."""
+        return len(self.jobs) - len(self.left)
+
     def pace_now(self) -> float:
         """Seconds here for a measured one: of the jobs that are done, and of runs before."""
         trusted = TRUSTED_SECONDS
@@ -182,8 +187,7 @@ class Progress(logging.Handler):
         """Rays done of all, jobs, time left, what runs now."""
         running = [job for job in list(self.left.values()) if job.begun is not None]
         rays = self.rays + sum(round(job.task.rays * job.done_share()) for job in running)
-        done = len(self.jobs) - len(self.left)
-        parts = [f"{done} of {len(self.jobs)} jobs", f"{duration(self.seconds_left())} left"]
+        parts = [f"{self.done} of {len(self.jobs)} jobs", f"{duration(self.seconds_left())} left"]
         if of_all := sum(job.task.rays for job in self.jobs.values()):
             parts.insert(0, rays_of(rays, of_all))
         names = ", ".join(dict.fromkeys(str(job.stage) for job in running))
@@ -227,19 +231,19 @@ class Line(threading.Thread):
 
     def run(self) -> None:
         while not self.over.wait(1.0 if self.rewritten else EVERY_SECONDS):
-            with suppress(OSError, ValueError):  # a terminal that was closed
-                if self.rewritten:
-                    width = os.get_terminal_size(self.stream.fileno()).columns or 80
-                    self.stream.write(f"\r{self.progress.line()[: width - 1]}\x1b[K\r")
-                else:
-                    self.stream.write(f"{self.progress.line()}\n")
-                self.stream.flush()
+            self._say(self.progress.line())
 
     def clear(self) -> None:
         if self.rewritten:
-            with suppress(OSError, ValueError):
-                self.stream.write("\r\x1b[K")
-                self.stream.flush()
+            self._say("")
+
+    def _say(self, line: str) -> None:
+        with suppress(OSError, ValueError):  # a terminal that was closed
+            if self.rewritten:
+                width = os.get_terminal_size(self.stream.fileno()).columns or 80
+                line = f"\r{line[: width - 1]}\x1b[K\r"
+            self.stream.write(line if self.rewritten else f"{line}\n")
+            self.stream.flush()
 
 
 class _Errors(logging.Filter):
@@ -318,11 +322,8 @@ def end(log: Iterable[str] = ()) -> None:
     for line in _running:
         line.over.set()
         line.clear()
-        progress = line.progress
-        done = len(progress.jobs) - len(progress.left)
-        words = (
-            f"{duration(progress.clock() - progress.started)}: {done} of {len(progress.jobs)} jobs."
-        )
-        told = [f"Stopped after {words}", *(f"Snakemake's log: {file}" for file in log)]
-        print(*(told if log else [f"Done after {words}"]), file=sys.stderr)
+        seen = line.progress
+        words = f"{duration(seen.clock() - seen.started)}: {seen.done} of {len(seen.jobs)} jobs."
+        logs = [f"Snakemake's log: {file}" for file in log]
+        print(f"{'Stopped' if logs else 'Done'} after {words}", *logs, file=sys.stderr)
     _running.clear()

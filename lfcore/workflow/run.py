@@ -17,6 +17,7 @@ a killed run left: Snakemake refuses before that, and says ``--unlock``.
 
 from __future__ import annotations
 
+import itertools
 import os
 import shutil
 import socket
@@ -24,7 +25,7 @@ import sys
 import threading
 import time
 import uuid
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -126,27 +127,25 @@ def check_files(arguments: Sequence[str]) -> None:
     """
     from lfcore.scene.reading import read_yaml
 
-    option = ""
-    for word in arguments:
-        if word.startswith("-"):
-            option, _, word = word.partition("=")
-        if word and option in ("--configfile", "--configfiles"):
+    for option, word in _of_options(arguments):
+        if option in ("--configfile", "--configfiles"):
             read_yaml(Path(word), "configuration")
 
 
 def folder_of(arguments: Sequence[str]) -> Path:
     """The run's folder: what ``--directory`` says, else the working folder."""
+    given = (word for name, word in _of_options(arguments) if name in ("--directory", "-d"))
+    return Path(next(given, ""))
+
+
+def _of_options(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """The values on a command line, each with its option; what follows ``--`` is of none."""
     option = ""
-    for word in arguments:
-        if word == "--":
-            break
-        name, _, value = word.partition("=")
-        if name in ("--directory", "-d") and value:
-            return Path(value)
-        if option in ("--directory", "-d"):
-            return Path(word)
-        option = word
-    return Path()
+    for word in itertools.takewhile(lambda word: word != "--", arguments):
+        if word.startswith("-"):
+            option, _, word = word.partition("=")
+        if word:
+            yield option, word
 
 
 OWN_WORDS = {
