@@ -126,11 +126,10 @@ def estimate(
     from the stored video, by one job of two cores.
     """
     o, count = overheads, field.batches
-    work = field.rays * rates.ray_s / count
-    job = o.start_s + work
+    job = o.start_s + field.rays * rates.ray_s / count
     join, add = join_and_sum(field, rates, o)
     closing = o.close_s + join + add
-    video = field.rays * rates.bytes_a_ray
+    stored = field.rays * rates.bytes_a_ray / o.storage_bytes_s
     plan = o.plan_s + o.plan_job_s * (count + 3)
     retrieve = o.start_s + field.rays * rates.retrieve_ns * 1e-9 if retrieved else 0.0
     core = plan + o.scene_s + count * job + closing + retrieve
@@ -138,18 +137,22 @@ def estimate(
         core += (count + 2) * (o.submission_s + o.submit_s)
         beside = o.submission_s + o.queue_s
         scene = seen([o.submit_s + beside + o.scene_s], o.poll_s)
-        ends = finished(count, job + beside, cores, o.submit_s)
-        traced = seen(ends, o.poll_s)
+        traced = seen(finished(count, job + beside, cores, o.submit_s), o.poll_s)
         closed = seen([o.submit_s + beside + closing], o.poll_s)
     else:
-        ends = finished(count, job, cores, 0.0)
-        scene, traced, closed = o.scene_s, ends[-1], closing
-    traced = max(traced, video / o.storage_bytes_s)
-    closed = max(closed, 2 * video / o.storage_bytes_s)
-    stages = {"plan": plan, "scene": scene, "trace": traced, "join and sum": closed}
+        scene, traced, closed = o.scene_s, finished(count, job, cores, 0.0)[-1], closing
+    stages = {"plan": plan, "scene": scene, "trace": max(traced, stored)}
+    stages["join and sum"] = max(closed, 2 * stored)
     if retrieved:
         stages["retrieve"] = retrieve / min(cores, 2)
-    return Estimate(stages, core, _bound(stages, field, job, cores, o, video, join, add))
+    longest = max(stages, key=lambda name: stages[name])
+    if longest == "trace":
+        bound = "storage" if traced <= stored else _tracing_bound(field, job, cores, o, traced)
+    else:
+        closed_by = max((join, "one join"), (add, "one sum"), (2 * stored, "storage"))[1]
+        bounds = {"join and sum": closed_by, "retrieve": "one decoder"}
+        bound = bounds.get(longest, "Snakemake")
+    return Estimate(stages, core, bound)
 
 
 def join_and_sum(field: LightField, rates: Rates, overheads: Overheads) -> tuple[float, float]:
@@ -195,26 +198,11 @@ def seen(ends: Sequence[float], first: float) -> float:
         now += interval
 
 
-def _bound(
-    stages: dict[str, float],
-    field: LightField,
-    job: float,
-    cores: int,
-    overheads: Overheads,
-    video: float,
-    join: float,
-    add: float,
+def _tracing_bound(
+    field: LightField, job: float, cores: int, overheads: Overheads, traced: float
 ) -> str:
-    """What the longest stage waits for."""
-    longest = max(stages, key=lambda name: stages[name])
-    if longest == "join and sum":
-        by_storage = 2 * video / overheads.storage_bytes_s
-        return max((join, "one join"), (add, "one sum"), (by_storage, "storage"))[1]
-    if longest != "trace":
-        return "one decoder" if longest == "retrieve" else "Snakemake"
-    if stages["trace"] <= video / overheads.storage_bytes_s:
-        return "storage"
+    """What tracing waits for where it is not storage."""
     at_once = finished(field.batches, job, cores, 0.0)[-1]
-    if stages["trace"] > 1.25 * at_once and field.batches * overheads.submit_s > job:
+    if traced > 1.25 * at_once and field.batches * overheads.submit_s > job:
         return "submitting"
     return "cores" if field.batches > cores else "length of a job"
