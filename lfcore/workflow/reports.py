@@ -35,14 +35,7 @@ ANALYSES = {
 }
 PANELS = {
     "true_picture": ("run_time",),
-    "work_precision": (
-        "quadrature",
-        "convergence",
-        "tracing",
-        "recorded",
-        "storage",
-        "arithmetic",
-    ),
+    "work_precision": ("quadrature", "convergence", "tracing", "recorded", "storage", "arithmetic"),
     "stability": ("heat_map", "error_growth"),
 }
 ARRAY_TABLES = {"camera_array": "Camera arrays", "reconstruction": "Pictures from camera arrays"}

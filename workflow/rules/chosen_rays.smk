@@ -20,13 +20,8 @@ rule chosen_rays_scene:
     conda:
         "../envs/lfcore.yaml"
     params:
+        **of_settings("quality_db", "spatial_resolution", "planes", "picture_format"),
+        **of_settings("encoder", "layout", "device"),
         sources=digest(*sources.READING, *sources.MEASURING, "evaluation/true_picture/reference.py"),
-        quality_db=SETTINGS["quality_db"],
-        spatial_resolution=PIXELS,
-        planes=SETTINGS["planes"],
-        picture_format=SETTINGS["picture_format"],
-        encoder=SETTINGS["encoder"],
-        layout=SETTINGS["layout"],
-        device=SETTINGS["device"],
     script:
         "../scripts/chosen_rays_scene.py"

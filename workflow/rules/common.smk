@@ -47,6 +47,11 @@ wildcard_constraints:
     batch=r"\d{4}",
 
 
+def of_settings(*keys):
+    """Keys of the configuration as params: a rule has those alone that it reads."""
+    return {key: SETTINGS[key] for key in keys}
+
+
 def scene_inputs(wildcards):
     """The scene's file, and all that it is made from: an edit of any parses it anew."""
     return [local(str(file)) for file in files_of_scene(PARSED[wildcards.scene])]

@@ -17,11 +17,10 @@ for name in ("storage_layouts", "rate_distortion"):
         conda:
             "../envs/lfcore.yaml"
         params:
+            **of_settings("spatial_resolution", "device"),
             sources=digest(*sources.READING, *sources.MEASURING, "evaluation/storage"),
             report=name,
             study=STORAGE[name],
-            spatial_resolution=PIXELS,
-            device=SETTINGS["device"],
         script:
             "../scripts/storage_samples.py"
 

@@ -38,9 +38,7 @@ if STORE:
         resources:
             mem_mb=lambda wildcards, attempt: costs.sums_mib(PIXELS, attempt),
         params:
+            **of_settings("planes", "picture_format", "device"),
             sources=digest(*sources.READING),
-            planes=SETTINGS["planes"],
-            picture_format=SETTINGS["picture_format"],
-            device=SETTINGS["device"],
         script:
             "../scripts/retrieve.py"

@@ -1,5 +1,6 @@
 # Algorithms 1 and 3: rays of a batch of tiles -> their part of the sensor planes and, where stored,
 # a video segment a tile.
+STORED_AS = ("layout", "tile_mib", "encoder")
 TRACED = {
     "planes": temp(f"{SLAB}/tiles/{{batch}}.planes.npz"),
     "seconds": f"{SLAB}/tiles/{{batch}}.json",
@@ -29,15 +30,9 @@ rule trace:
             input.size_mb, PIXELS, traced_before(wildcards), attempt
         ),
     params:
+        **of_settings("spatial_resolution", "planes", *STORED_AS, "device", "store"),
         sources=digest(*sources.STORING, "evaluation/timing.py"),
-        spatial_resolution=PIXELS,
-        planes=SETTINGS["planes"],
-        layout=SETTINGS["layout"],
-        tile_mib=SETTINGS["tile_mib"],
         batch=lambda wildcards: [batch_of(wildcards).start, batch_of(wildcards).stop],
-        encoder=SETTINGS["encoder"],
-        device=SETTINGS["device"],
-        store=STORE,
     script:
         "../scripts/trace.py"
 
@@ -69,12 +64,7 @@ rule join:
     resources:
         mem_mb=lambda wildcards, attempt: costs.sums_mib(PIXELS, attempt),
     params:
+        **of_settings("spatial_resolution", "planes", "picture_format", *STORED_AS),
         sources=digest(*sources.SCENE, "storage", "evaluation/timing.py"),
-        spatial_resolution=PIXELS,
-        planes=SETTINGS["planes"],
-        picture_format=SETTINGS["picture_format"],
-        layout=SETTINGS["layout"],
-        tile_mib=SETTINGS["tile_mib"],
-        encoder=SETTINGS["encoder"],
     script:
         "../scripts/join.py"
