@@ -31,11 +31,6 @@ _BOUNDS = {
     "greater_than": ("gt", "is not greater than"),
     "less_than": ("lt", "is not less than"),
 }
-OF_SCHEMA = "# Made by `make settings`.\n"
-OF_DEFAULTS = """\
-# The default run, made by `make settings`. Keys are explained in config/README.md; any can be
-# overridden: snakemake --cores 2 --config spatial_resolution=64 -- results/tables/
-"""
 
 
 class SettingsError(LfcoreError):
@@ -236,6 +231,13 @@ def _default(key: Mapping, value: Any) -> str:
 def _flow(value: Any) -> str:
     text = yaml.safe_dump(value, default_flow_style=True, width=10**6, sort_keys=False)
     return text.removesuffix("\n").removesuffix("\n...")
+
+
+OF_SCHEMA = "# Made by `make settings`.\n"
+OF_DEFAULTS = """\
+# The default run, made by `make settings`. Keys are explained in config/README.md; any can be
+# overridden: snakemake --cores 2 --config spatial_resolution=64 -- results/tables/
+"""
 
 
 def documents(root: Path) -> dict[Path, str]:
