@@ -19,6 +19,7 @@ import yaml
 from matplotlib.figure import Figure
 from PIL import Image
 
+from benchmarks.publish import Result, head, markdown
 from lfcore.colour import srgb_codes
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.figures import THESIS_PIXELS, log_ticks, save_figure, views_axis
@@ -171,14 +172,13 @@ def publish(results: Path, about: dict[str, str], settings: dict, to: Path = FOL
             "holds other scenes, N or M than the configuration asks for",
             file=results / "tables" / "table_7_1.csv", remedy="Name the run's own --configfile",
         )  # fmt: skip
-    head = "".join(f"# {key}: {value}\n" for key, value in about.items())
     written = {**run.tables, "cells": run.cells}
     if run.choice is not None:
         written["our_choice"] = run.choice
     make_folder(to)
     for name, table in written.items():
-        write_text(to / f"{name}.csv", head + table.to_csv(index=False, lineterminator="\n"))
-    write_text(to / SETTINGS, head + yaml.safe_dump(settings, sort_keys=False))
+        Result(about, table).write(to / f"{name}.csv")
+    write_text(to / SETTINGS, head(about) + yaml.safe_dump(settings, sort_keys=False))
     save_figure(to / FIGURE, against_thesis(run))
     stacks = list(_stacks(results, run, to))
     write_text(to / "index.md", page(run, about, stacks))
@@ -257,7 +257,8 @@ def page(run: FullRun, about: dict[str, str], stacks: list[tuple[str, str]]) -> 
         lines += [f"## {title}", "", *_markdown(run.tables[name], COMPARED[name]), ""]
         lines += [f"As numbers: [{name}.csv]({name}.csv).", ""]
     if run.choice is not None:
-        lines += ["## What we would do", "", *_plain(run.choice), ""]
+        choice = run.choice.rename(columns=lambda name: name.replace("_", " "))
+        lines += ["## What we would do", "", *markdown(choice), ""]
     if of_all:
         lines += ["## Not better than the thesis's", ""]
         lines += [*(f"- {words}" for words in run.worse() or ["none"]), ""]
@@ -284,13 +285,6 @@ def _markdown(table: pd.DataFrame, columns: dict[str, bool]) -> Iterator[str]:
             theirs = shown(name, row.get(f"thesis_{name}", math.nan))
             cells.append(shown(name, row[name]) + (f" ({theirs})" if theirs else ""))
         yield f"| {row['scene']} | {row['N']} | {' | '.join(cells)} |"
-
-
-def _plain(table: pd.DataFrame) -> Iterator[str]:
-    yield f"| {' | '.join(name.replace('_', ' ') for name in table.columns)} |"
-    yield "|" + "---|" * len(table.columns)
-    for row in table.itertuples(index=False):
-        yield f"| {' | '.join(map(str, row))} |"
 
 
 def readme(run: FullRun, about: dict[str, str], cores: int) -> str:

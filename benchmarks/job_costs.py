@@ -9,14 +9,12 @@ were traced is told from them.
 from __future__ import annotations
 
 import argparse
-import csv
 from collections.abc import Iterable
 from pathlib import Path
 
 import pandas as pd
 
-from benchmarks.publish import of_this_run
-from lfcore.files import write_text
+from benchmarks.publish import Result, of_this_run
 from lfcore.workflow.costs import JOB_COSTS
 
 KEYS = ["stage", "scene", "N", "M"]
@@ -56,9 +54,7 @@ def main() -> None:
     table = merged(read(JOB_COSTS), costs(options.took))
     about = of_this_run("python -m benchmarks.job_costs")
     about |= {"note": options.note} if options.note else {}
-    head = "".join(f"# {key}: {value}\n" for key, value in about.items())
-    text = table.to_csv(index=False, lineterminator="\n", quoting=csv.QUOTE_MINIMAL)
-    write_text(JOB_COSTS, head + text)
+    Result(about, table).write(JOB_COSTS)
     print(f"{JOB_COSTS}: {len(table)} rows")
 
 

@@ -24,7 +24,7 @@ import pandas as pd
 
 from benchmarks.publish import RESULTS, Result, of_this_run
 from lfcore.evaluation.timing import clocked, measure_in_turn
-from lfcore.files import WholeFile, write_text
+from lfcore.files import WholeFile
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import CodecSpec
@@ -141,7 +141,7 @@ def main() -> None:
         print(rows[-1], flush=True)
     if options.publish:
         about = of_this_run("python -m benchmarks.large_file --publish")
-        write_text(RESULTS / "large_file.csv", Result(about, pd.DataFrame(rows)).text())
+        Result(about, pd.DataFrame(rows)).write(RESULTS / "large_file.csv")
 
 
 if __name__ == "__main__":

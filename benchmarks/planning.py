@@ -16,7 +16,6 @@ from pathlib import Path
 import pandas as pd
 
 from benchmarks.publish import RESULTS, Result, of_this_run
-from lfcore.files import write_text
 
 ROOT = Path(__file__).resolve().parents[1]
 CASES = ((128, 1024), (4096, 1024), (4096, 128))
@@ -65,7 +64,7 @@ def main() -> None:
     print(table.to_string(index=False))
     if options.publish:
         about = of_this_run("python -m benchmarks.planning --publish", note=BEFORE)
-        write_text(RESULTS / "planning.csv", Result(about, table).text())
+        Result(about, table).write(RESULTS / "planning.csv")
 
 
 if __name__ == "__main__":

@@ -78,9 +78,9 @@ class Result:
     about: dict[str, str]
     rows: pd.DataFrame = field(repr=False)
 
-    def text(self) -> str:
-        head = "".join(f"# {key}: {value}\n" for key, value in self.about.items())
-        return head + self.rows.to_csv(index=False, lineterminator="\n")
+    def write(self, path: Path) -> None:
+        """The rows as CSV, below lines that say what they are of."""
+        write_text(path, head(self.about) + self.rows.to_csv(index=False, lineterminator="\n"))
 
     def source(self) -> str:
         """A line that says what made it, where and when."""
@@ -88,6 +88,11 @@ class Result:
         more = "".join(f" {value}" for key, value in known.items() if key not in OF_RUN)
         where = f"commit {known['commit']}, {known['date']}, {known['processor']}"
         return f"Made by `{known['command']}`: {where}.{more}"
+
+
+def head(about: dict[str, str]) -> str:
+    """The lines above what a run made."""
+    return "".join(f"# {key}: {value}\n" for key, value in about.items())
 
 
 def read_result(path: Path) -> Result:
@@ -214,10 +219,11 @@ def _place(place: re.Match) -> str:
             raise PublishError(f"{place[2]} has no column {sorted(unknown)[0]!r}")
         rows = rows[columns]
     sources = (line for result in results for line in ("", *_wrapped(result.source())))
-    return "\n".join([*_markdown(rows), *sources])
+    return "\n".join([*markdown(rows), *sources])
 
 
-def _markdown(rows: pd.DataFrame) -> Iterator[str]:
+def markdown(rows: pd.DataFrame) -> Iterator[str]:
+    """The lines of a Markdown table."""
     yield f"| {' | '.join(rows.columns)} |"
     yield "|" + "---|" * len(rows.columns)
     for row in rows.itertuples(index=False):
@@ -272,14 +278,14 @@ def main(argv: list[str] | None = None) -> int:
         if options.take == "recommended":
             rows = recommended(options.folder)
             about = of_this_run(options.command, encoder=default_encoder())
-            write_text(RECOMMENDED, Result(about, rows).text())
+            Result(about, rows).write(RECOMMENDED)
         elif options.take == "full":
             take_full(options.folder, options.configfile, of_this_run(options.command))
         elif options.take:
             note = {"note": options.note} if options.note else {}
             take = {"peers": peers, "true_picture": true_picture}.get(options.take, tables)
             result = Result(of_this_run(options.command, **note), take(options.folder))
-            write_text(RESULTS / f"{options.take}.csv", result.text())
+            result.write(RESULTS / f"{options.take}.csv")
         stale = [path for path, text in documents().items() if path.read_text("utf-8") != text]
         for path in stale:
             print(f"{path.relative_to(ROOT)} {'is stale' if options.check else 'written'}")

@@ -19,7 +19,6 @@ from benchmarks.publish import Result, of_this_run
 from lfcore.api import load_scene
 from lfcore.errors import OpticsError
 from lfcore.evaluation.true_picture.reference import Reference, inner_psnr, true_pictures
-from lfcore.files import write_text
 from lfcore.optics.planes import SensorPlane
 from lfcore.rendering.by_depth import RayCount, pictures_by_depth
 from lfcore.rendering.prepared import open_tracer
@@ -104,7 +103,7 @@ def main() -> None:
         note=f"Reached in {reached:.0%} of {len(said)} cases, with at most twice the fewest rays "
         f"in {thrift:.0%}; the others were refused with what they take.",
     )
-    write_text(asked.out, Result(about, table.fillna("")).text())
+    Result(about, table.fillna("")).write(asked.out)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ import pandas as pd
 from benchmarks import scaling_points as measured
 from benchmarks.publish import RESULTS, Result, of_this_run, read_result, with_kept
 from lfcore.evaluation import figures  # noqa: F401  (one style of figures)
-from lfcore.files import whole_file, write_text
+from lfcore.files import whole_file
 from lfcore.workflow import scaling
 from lfcore.workflow.scaling import Overheads, Rates
 from robustness.local_slurm import local_slurm
@@ -107,7 +107,7 @@ def _values(kept: pd.DataFrame, column: str) -> dict[str, float]:
 
 def written(part: str, found: pd.DataFrame, command: str) -> None:
     """What was measured, as soon as it was."""
-    write_text(RESULTS / f"scaling_{part}.csv", Result(of_this_run(command), found).text())
+    Result(of_this_run(command), found).write(RESULTS / f"scaling_{part}.csv")
 
 
 def measure_points(account: measured.Account, folder: Path, run: str) -> pd.DataFrame:
@@ -240,12 +240,12 @@ def main() -> int:
     kept = read_result(RESULTS / "scaling_rates.csv")
     table = extrapolated(kept.rows)
     about = kept.about | {"command": "python -m benchmarks.scaling"}
-    write_text(RESULTS / "scaling.csv", Result(about, table).text())
+    Result(about, table).write(RESULTS / "scaling.csv")
     points = pd.DataFrame()
     if POINTS.exists():
         held = read_result(POINTS)
         points = beside_model(held.rows, kept.rows)
-        write_text(POINTS, Result(held.about, points).text())
+        Result(held.about, points).write(POINTS)
         print(points.to_string(index=False))
     draw(table, points)
     print(table.to_string(index=False))

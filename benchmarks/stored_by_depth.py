@@ -22,7 +22,6 @@ import numpy as np
 from benchmarks.publish import RESULTS, Result, of_this_run, read_result
 from lfcore.api import load_scene
 from lfcore.evaluation.true_picture.reference import Reference, inner_psnr, true_pictures
-from lfcore.files import write_text
 from lfcore.lightfield import LightField
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -214,8 +213,7 @@ def main() -> None:
     if options.thesis:
         command += " --thesis"
     note = {} if options.thesis else {"note": "Seconds and bytes of N = 512 are of `tables_m128`."}
-    result = Result(of_this_run(command, **note), pd.DataFrame(compared(rows)))
-    write_text(options.out, result.text())
+    Result(of_this_run(command, **note), pd.DataFrame(compared(rows))).write(options.out)
 
 
 if __name__ == "__main__":

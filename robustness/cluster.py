@@ -21,7 +21,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from lfcore.files import write_text
 from robustness import cluster_faults
 from robustness.cluster_runs import ROOT, Run, run
 from robustness.local_slurm import CannotRun, LocalSlurm, local_slurm, missing
@@ -107,7 +106,7 @@ def publish(runs: list[Run], faults: Sequence[str]) -> None:
     of_faults = f'FAULTS="{" ".join(faults)}" ' if faults else ""
     rows = with_kept(pd.DataFrame([one.row() for one in runs]), "cluster", "run")
     about = of_this_run(f"make cluster {of_faults}PUBLISH=1")
-    write_text(RESULTS / "cluster.csv", Result(about, rows).text())
+    Result(about, rows).write(RESULTS / "cluster.csv")
 
 
 if __name__ == "__main__":

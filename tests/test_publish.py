@@ -17,7 +17,7 @@ TEXT = "Before.\n<!-- published: some: N; s where N in 2 4 -->\nold\n<!-- end of
 def results(tmp_path, monkeypatch):
     monkeypatch.setattr(publish, "RESULTS", tmp_path)
     rows = pd.DataFrame({"N": [2, 3, 4], "s": ["1.50", "2.0", "inf"], "more": 0})
-    publish.write_text(tmp_path / "some.csv", publish.Result(ABOUT | {"note": "Hot."}, rows).text())
+    publish.Result(ABOUT | {"note": "Hot."}, rows).write(tmp_path / "some.csv")
     return tmp_path
 
 
