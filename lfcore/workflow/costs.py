@@ -110,9 +110,9 @@ def sums_mib(pixels: int, attempt: int = 1) -> int:
     return (BASE_MIB + planes_mib(pixels)) * attempt
 
 
-def planes_mib(pixels: int, planes: int = PLANES) -> int:
+def planes_mib(pixels: int) -> int:
     """Sums of whole sensor planes: 3 colours of 8 bytes a pixel, and half as much of pictures."""
-    return math.ceil(planes * pixels**2 * 36 / 2**20)
+    return math.ceil(PLANES * pixels**2 * 36 / 2**20)
 
 
 @functools.cache

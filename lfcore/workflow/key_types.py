@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Annotated, Any, Literal
 
 import yaml
@@ -114,19 +115,13 @@ def choices(*names: str) -> Any:
     return several(Literal[names], 0)
 
 
-def key(meaning: str, default: Any = ..., **more: Any) -> Any:
+def key(meaning: str, default: Any = ...) -> Any:
     """A key's meaning and default; lists and mappings are copied."""
     if isinstance(default, (list, dict)):
-        return Field(description=meaning, default_factory=lambda: _copy(default), **more)
-    return Field(default, description=meaning, **more)
+        return Field(description=meaning, default_factory=lambda: copy.deepcopy(default))
+    return Field(default, description=meaning)
 
 
 def group(model: type[Keys], meaning: str) -> Any:
     """A mapping of keys, all of which have defaults."""
     return Annotated[model, Field(description=meaning, default_factory=model)]
-
-
-def _copy(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _copy(part) for name, part in value.items()}
-    return [_copy(part) for part in value] if isinstance(value, list) else value

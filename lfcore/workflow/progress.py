@@ -37,6 +37,8 @@ TOOK = Path(".snakemake") / "took.csv"
 EVERY_SECONDS = 60.0
 TRUSTED_SECONDS = 300.0
 """Jobs must have taken about so long before their pace counts as much as the measured one."""
+LATEST = 60
+"""Jobs whose pace is told of this machine."""
 TOLD_SHARE = 0.1
 """A job of which so much is done says by its own pace how long the rest takes."""
 SHARE = re.compile(rb": (\d+) of (\d+)$", re.MULTILINE)
@@ -209,11 +211,11 @@ def _append(file: Path, row: dict) -> None:
         writer.writerow(row)
 
 
-def pace_before(took: Path = TOOK, latest: int = 60) -> float:
+def pace_before(took: Path = TOOK) -> float:
     """Seconds of this machine for a measured one, of the jobs that ended here last; else 1."""
     try:
         with took.open(encoding="utf-8", newline="") as text:
-            rows = list(csv.DictReader(text))[-latest:]
+            rows = list(csv.DictReader(text))[-LATEST:]
         actual = sum(float(row["wall_seconds"]) for row in rows)
         expected = sum(float(row["forecast_seconds"]) for row in rows)
     except (OSError, ValueError, KeyError, TypeError):
