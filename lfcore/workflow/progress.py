@@ -76,20 +76,18 @@ class Stage:
         return " ".join(filter(None, (self.name.replace("_", " "), self.scene, views)))
 
 
-@dataclass
-class Known:
-    """A job of the run: what it is, what it should take, and its files.
+@dataclass(frozen=True, kw_only=True)
+class Job(Task):
+    """A task of the run: of which stage it is, and its files.
 
     ``share`` is its part of all jobs of its stage, scene and N.
     """
 
     stage: Stage
-    task: Task
     share: float
     log: str
     kept: list[str]
     temporary: list[str]
-    begun: float | None = None
 
     def done_share(self) -> float:
         """How much of it is done, by the last line in its log that says so."""
@@ -110,7 +108,7 @@ class Progress(logging.Handler):
 
     def __init__(
         self,
-        jobs: Mapping[int, Known],
+        jobs: Mapping[int, Job],
         *,
         cores: int,
         pixels: int,
@@ -121,36 +119,35 @@ class Progress(logging.Handler):
         """``jobs`` by Snakemake's number of them."""
         super().__init__()
         self.jobs, self.left = dict(jobs), dict(jobs)
+        self.begun: dict[int, float] = {}
         self.cores, self.pixels, self.pace, self.took = cores, pixels, pace, took
         self.clock, self.started = clock, clock()
-        self.rays = 0
         self._actual = self._forecast = 0.0
 
     def emit(self, record: logging.LogRecord) -> None:
         """Take a job's begin or end; all other records are passed over."""
         event = str(getattr(getattr(record, "event", None), "value", ""))
         if event == "job_started":
-            for number in getattr(record, "jobs", None) or ():
-                if number in self.left:
-                    self.left[number].begun = self.clock()
+            now = self.clock()
+            self.begun |= dict.fromkeys(getattr(record, "jobs", None) or (), now)
         elif event == "job_finished":
-            job = self.left.pop(getattr(record, "job_id", -1), None)
-            if job is not None:
-                self._end(job)
+            number = getattr(record, "job_id", -1)
+            if job := self.left.pop(number, None):
+                now = self.clock()
+                self._end(job, now - self.begun.get(number, now))
 
-    def _end(self, job: Known) -> None:
-        stage, wall = job.stage, 0.0 if job.begun is None else self.clock() - job.begun
-        self.rays += job.task.rays
+    def _end(self, job: Job, wall: float) -> None:
+        stage = job.stage
         self._actual += wall
-        self._forecast += job.task.seconds()
+        self._forecast += job.seconds()
         if found := USAGE.findall(_tail(job.log)):
             _, core, mib = map(float, found[-1])
             row = {
                 "stage": stage.name, "scene": stage.scene, "N": stage.views, "M": self.pixels,
-                "share": job.share, "threads": job.task.threads, "wall_seconds": round(wall, 2),
+                "share": job.share, "threads": job.threads, "wall_seconds": round(wall, 2),
                 "core_seconds": core, "mib": mib, "kept_bytes": sum(map(_bytes, job.kept)),
                 "temporary_bytes": sum(map(_bytes, job.temporary)),
-                "forecast_seconds": round(job.task.seconds(), 2),
+                "forecast_seconds": round(job.seconds(), 2),
             }  # fmt: skip
             with suppress(OSError):  # a full disk is for the jobs to say
                 _append(self.took, row)
@@ -167,31 +164,31 @@ class Progress(logging.Handler):
 
     def seconds_left(self) -> float:
         """Forecast of the jobs that are left, of running ones what is not done."""
-        pace, tasks = self.pace_now(), {}
-        for number, job in list(self.left.items()):
-            cost = job.task.cost
-            if job.begun is not None:
-                rest = self._rest(job, self.clock() - job.begun, pace) / pace - START_SECONDS
-                cost = replace(cost, core_seconds=rest * job.task.threads)
-            tasks[number] = replace(job.task, cost=cost)
-        return forecast(tasks, self.cores, pace).seconds
+        pace, left = self.pace_now(), dict(self.left)
+        for number in left.keys() & self.begun.keys():
+            job, gone = left[number], self.clock() - self.begun[number]
+            rest = self._rest(job, gone, pace) / pace - START_SECONDS
+            left[number] = replace(job, cost=replace(job.cost, core_seconds=rest * job.threads))
+        return forecast(left, self.cores, pace).seconds
 
     @staticmethod
-    def _rest(job: Known, gone: float, pace: float) -> float:
+    def _rest(job: Job, gone: float, pace: float) -> float:
         """Seconds that a running job has left: by its own log if that says enough, else as told."""
         share = job.done_share()
         if share >= TOLD_SHARE:
             return gone * (1 - share) / share
-        whole = job.task.seconds(pace)
+        whole = job.seconds(pace)
         return max(whole - gone, whole / 20)
 
     def line(self) -> str:
         """Rays done of all, jobs, time left, what runs now."""
-        running = [job for job in list(self.left.values()) if job.begun is not None]
-        rays = self.rays + sum(round(job.task.rays * job.done_share()) for job in running)
+        left = dict(self.left)
+        running = [job for number, job in left.items() if number in self.begun]
         parts = [f"{self.done} of {len(self.jobs)} jobs", f"{duration(self.seconds_left())} left"]
-        if of_all := sum(job.task.rays for job in self.jobs.values()):
-            parts.insert(0, rays_of(rays, of_all))
+        if rays := sum(job.rays for job in self.jobs.values()):
+            undone = sum(job.rays for job in left.values())
+            begun = sum(round(job.rays * job.done_share()) for job in running)
+            parts.insert(0, rays_of(rays - undone + begun, rays))
         names = ", ".join(dict.fromkeys(str(job.stage) for job in running))
         return "; ".join([*parts, f"now: {names}"] if names else parts)
 
@@ -272,7 +269,7 @@ def hush(workflow: Any) -> None:
 
 def known_jobs(
     dag: Any, scenes: Iterable[str], pixels: int, batches: Mapping[int, Mapping[str, costs.Batch]]
-) -> dict[int, Known]:
+) -> dict[int, Job]:
     """The jobs that are left to make, by Snakemake's number of them.
 
     Parameters
@@ -291,14 +288,16 @@ def known_jobs(
             share = rays / sum(one.rays for one in cut.values())
         cost = costs.job_cost(stage.name, stage.scene, stage.views, pixels).of_share(share)
         after = [other.jobid for other in dag.job_dependencies(job)]
-        task = Task(cost, job.threads, job.priority, after, rays)
-        temporary = [str(file) for file in job.output if file in job.temp_output]
-        kept = [str(file) for file in job.output if file not in job.temp_output]
-        found[job.jobid] = Known(stage, task, share, str(job.log[0]), kept, temporary)
+        found[job.jobid] = Job(
+            cost, job.threads, job.priority, after, rays,
+            stage=stage, share=share, log=str(job.log[0]),
+            kept=[str(file) for file in job.output if file not in job.temp_output],
+            temporary=[str(file) for file in job.output if file in job.temp_output],
+        )  # fmt: skip
     return found
 
 
-def begin(workflow: Any, jobs: dict[int, Known], pixels: int) -> None:
+def begin(workflow: Any, jobs: dict[int, Job], pixels: int) -> None:
     """Say what the run will take, refuse a disk that is too small, and show how far it is.
 
     ``workflow`` is Snakemake's, whose ``jobs`` are planned.  Raises :class:`SettingsError` for a
@@ -306,7 +305,7 @@ def begin(workflow: Any, jobs: dict[int, Known], pixels: int) -> None:
     """
     cores = workflow.resource_settings.cores or workflow.resource_settings.nodes or 1
     pace = pace_before()
-    expected = forecast({number: job.task for number, job in jobs.items()}, cores, pace)
+    expected = forecast(jobs, cores, pace)
     print(expected.text(cores), file=sys.stderr, flush=True)
     if workflow.storage_registry.default_storage_provider is None:
         check_disk(expected, "results")

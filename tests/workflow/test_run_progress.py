@@ -16,8 +16,8 @@ import pytest
 
 from lfcore.workflow import job, progress
 from lfcore.workflow.costs import Cost
-from lfcore.workflow.forecast import START_SECONDS, Task
-from lfcore.workflow.progress import Known, Progress, Stage
+from lfcore.workflow.forecast import START_SECONDS
+from lfcore.workflow.progress import Job, Progress, Stage
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = ["bike", "N16", "my_scene"]
@@ -56,10 +56,12 @@ def run(tmp_path):
     jobs = {}
     for number, rays in ((7, 1_000_000), (8, 3_000_000), (9, 0)):
         after = (7, 8) if not rays else ()
-        task = Task(Cost(60 - START_SECONDS, 100), after=after, rays=rays)
-        output = tmp_path / f"{number}.out"
-        stage = Stage("trace" if rays else "sum", "bike", 16)
-        jobs[number] = Known(stage, task, 0.5, str(tmp_path / f"{number}.log"), [str(output)], [])
+        jobs[number] = Job(
+            Cost(60 - START_SECONDS, 100), after=after, rays=rays,
+            stage=Stage("trace" if rays else "sum", "bike", 16), share=0.5,
+            log=str(tmp_path / f"{number}.log"), kept=[str(tmp_path / f"{number}.out")],
+            temporary=[],
+        )  # fmt: skip
     clock, took = Clock(), tmp_path / "took.csv"
     made = Progress(jobs, cores=2, pixels=32, pace=1.0, took=took, clock=clock)
     return made, clock, tmp_path
