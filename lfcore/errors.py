@@ -76,5 +76,9 @@ class DeviceError(LfcoreError):
     """No OpenCL device, or one that cannot do what is asked."""
 
 
+class SettingsError(LfcoreError):
+    """A configuration that names no run."""
+
+
 class StorageError(LfcoreError):
     """A light field file that is damaged, foreign or contradicts itself."""

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lfcore.errors import OpticsError
+from lfcore.errors import OpticsError, SettingsError
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -17,8 +17,6 @@ from lfcore.scene.files import read_header
 from lfcore.storage import defaults
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.layout import FrameLayout, Tile
-from lfcore.workflow import costs
-from lfcore.workflow.settings import SettingsError
 
 MIB = 2**20
 BYTES_OF_A_RAY = 3
@@ -92,12 +90,6 @@ def frame_layout(settings: Mapping, views: int) -> FrameLayout:
 def tiles(settings: Mapping, views: int) -> list[Tile]:
     """The tiles of N = ``views``, each at most ``tile_mib`` of raw 8-bit RGB."""
     return frame_layout(settings, views).tiles(settings["tile_mib"] * MIB // BYTES_OF_A_RAY)
-
-
-def batches(settings: Mapping, views: int) -> dict[str, costs.Batch]:
-    """The tiles of each job, by its name in files and logs, in order."""
-    cut = costs.batches(tiles(settings, views), settings["job_minutes"])
-    return {f"{place:04d}": some for place, some in enumerate(cut)}
 
 
 def codec_spec(settings: Mapping, views: int) -> CodecSpec:

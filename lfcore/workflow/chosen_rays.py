@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.errors import OpticsError
+from lfcore.errors import OpticsError, SettingsError
 from lfcore.evaluation.true_picture.reference import Reference, inner_psnr
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
@@ -23,7 +23,6 @@ from lfcore.rendering.record_depth import depth_store, record_by_depth
 from lfcore.storage import defaults
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.tracer import Tracer
-from lfcore.workflow.settings import SettingsError
 
 COLUMNS = (
     "scene", "M", "quality_db", "lattice", "rays_per_pixel", "pilot_rays_per_pixel", "rays",

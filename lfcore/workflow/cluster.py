@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 
-from lfcore.workflow.settings import SettingsError
+from lfcore.errors import SettingsError
 
 
 def check_bucket(provider: object, prefix: str | None) -> None:

@@ -20,6 +20,7 @@ from pathlib import Path
 
 from lfcore.files import read_json
 from lfcore.storage.layout import Tile
+from lfcore.workflow import cases
 
 NANOSECONDS = {16: 290.0, 32: 143.0, 64: 78.0, 128: 53.0, 256: 34.0, 512: 55.0}
 """Core time a ray by N, traced and encoded: the most of three scenes at M = 128, whose fixed costs
@@ -68,6 +69,12 @@ def batches(tiles: list[Tile], minutes: float) -> list[Batch]:
     count = min(batch_count(seconds, minutes), len(tiles))
     cuts = [place * len(tiles) // count for place in range(count + 1)]
     return [Batch(a, b, sum(rays[a:b])) for a, b in itertools.pairwise(cuts)]
+
+
+def named_batches(settings: Mapping, views: int) -> dict[str, Batch]:
+    """The batches of N = ``views``, by their job's name in files and logs, in order."""
+    cut = batches(cases.tiles(settings, views), settings["job_minutes"])
+    return {f"{place:04d}": some for place, some in enumerate(cut)}
 
 
 def batch_count(seconds: float, minutes: float) -> int:

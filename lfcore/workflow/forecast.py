@@ -9,8 +9,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from lfcore.errors import SettingsError
 from lfcore.workflow.costs import Cost
-from lfcore.workflow.settings import SettingsError
 
 START_SECONDS = 0.7
 """Of each job: a start of Python, which reads the library."""

@@ -6,13 +6,22 @@ import io
 import logging
 import os
 import resource
+import socket
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from lfcore.errors import LfcoreError
-from lfcore.workflow.run import end_with_run
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+VARIABLE = "LFCORE_RUN"
+"""Environment variable that tells a job its run: host, a colon, and the path of its lock."""
 
 
 @contextmanager
@@ -41,6 +50,25 @@ def job(log: str, threads: int) -> Iterator[None]:
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         _fail(terminal, f"{place}{error.strerror or error}.")
+
+
+def end_with_run() -> None:
+    """In a job: end this process as soon as its run has died, wherever it is then."""
+    host, _, path = os.environ.get(VARIABLE, "").partition(":")
+    if fcntl is None or host != socket.gethostname():
+        return
+    threading.Thread(target=_outlive, args=(path,), daemon=True, name="end with run").start()
+
+
+def _outlive(path: str) -> None:
+    try:
+        with open(path, "rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH)  # granted when the run is no more
+    except FileNotFoundError:
+        pass
+    except OSError:
+        return  # no locks here, so nothing is known
+    os._exit(1)
 
 
 def usage(seconds: float) -> str:

@@ -7,7 +7,8 @@ process, however that ends.  So whoever starts next knows what is alive:
 
 - another run that is alive is waited for;
 - a run that was killed leaves jobs behind, which go on writing: each job waits for its run's
-  lock, gets it when the run has died, and ends at once (:func:`end_with_run`);
+  lock, gets it when the run has died, and ends at once
+  (:func:`lfcore.workflow.job.end_with_run`);
 - Snakemake's own lock is a list of files, which a kill leaves behind: it is removed when no run
   is alive.
 
@@ -22,7 +23,6 @@ import os
 import shutil
 import socket
 import sys
-import threading
 import time
 import uuid
 from collections.abc import Iterator, Sequence
@@ -30,14 +30,13 @@ from pathlib import Path
 from typing import IO, Any
 
 from lfcore.errors import LfcoreError
+from lfcore.workflow.job import VARIABLE
 
 try:
     import fcntl
 except ImportError:  # Windows: Snakemake's own lock, and --unlock by hand
     fcntl = None  # type: ignore[assignment]
 
-VARIABLE = "LFCORE_RUN"
-"""Environment variable that tells a job its run: host, a colon, and the path of its lock."""
 DEFAULT_LIMIT = 100, 1
 """Jobs, and in how many seconds: Snakemake's, of ``--max-jobs-per-timespan``."""
 QUIET = "LFCORE_QUIET"
@@ -99,25 +98,6 @@ def schedule_when_jobs_end(workflow: Any) -> None:
     limit = workflow.scheduling_settings.max_jobs_per_timespan
     if limit is not None and (limit.max_jobs, limit.timespan) == DEFAULT_LIMIT:
         workflow.scheduler.job_rate_limiter = None
-
-
-def end_with_run() -> None:
-    """In a job: end this process as soon as its run has died, wherever it is then."""
-    host, _, path = os.environ.get(VARIABLE, "").partition(":")
-    if fcntl is None or host != socket.gethostname():
-        return
-    threading.Thread(target=_outlive, args=(path,), daemon=True, name="end with run").start()
-
-
-def _outlive(path: str) -> None:
-    try:
-        with open(path, "rb") as file:
-            fcntl.flock(file, fcntl.LOCK_SH)  # granted when the run is no more
-    except FileNotFoundError:
-        pass
-    except OSError:
-        return  # no locks here, so nothing is known
-    os._exit(1)
 
 
 def check_files(arguments: Sequence[str]) -> None:

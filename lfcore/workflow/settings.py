@@ -17,7 +17,7 @@ from typing import Any
 import pydantic
 import yaml
 
-from lfcore.errors import LfcoreError
+from lfcore.errors import SettingsError
 from lfcore.files import write_text
 from lfcore.workflow.keys import DEFAULT_SCENES, Configuration
 
@@ -31,10 +31,6 @@ _BOUNDS = {
     "greater_than": ("gt", "is not greater than"),
     "less_than": ("lt", "is not less than"),
 }
-
-
-class SettingsError(LfcoreError):
-    """A configuration that names no run."""
 
 
 def check_settings(config: Mapping) -> dict:

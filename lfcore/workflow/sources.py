@@ -15,13 +15,21 @@ import lfcore
 
 LIBRARY = Path(lfcore.__file__).parent
 SUFFIXES = {".py", ".cl", ".h", ".yaml", ".css", ".csv", ".js", ".html"}
-BASE = ("*.py", "workflow/*.py", "scene/reading.py", "*/__init__.py", "*/*/__init__.py")
+BASE = ("*.py", "workflow/job.py", "scene/reading.py", "*/__init__.py", "*/*/__init__.py")
 """What every job uses."""
 SCENE = ("scene/*.py", "scene/*.yaml", "optics")
 """Scenes as arrays, once they are parsed."""
 PARSING = (*SCENE, "scene/pbrt", "scene/procedural/__init__.py")
 TREE = (*SCENE, "tracing/__init__.py", "tracing/bvh*.py")
-TRACING = (*SCENE, "opencl", "tracing", "storage/__init__.py", "storage/layout.py")
+TRACING = (
+    *SCENE,
+    "opencl",
+    "tracing",
+    "storage/__init__.py",
+    "storage/layout.py",
+    "workflow/cases.py",
+    "workflow/tracers.py",
+)
 STORING = (*TRACING, "storage", "rendering")
 READING = (*STORING, "refocus")
 MEASURING = (

@@ -15,8 +15,9 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
+from lfcore.errors import SettingsError
 from lfcore.workflow import cases
-from lfcore.workflow.settings import SettingsError, check_settings
+from lfcore.workflow.settings import check_settings
 
 SWEPT = (
     "scenes", "angular_resolutions", "spatial_resolution", "planes", "layout", "encoder",

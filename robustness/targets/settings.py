@@ -10,7 +10,7 @@ from pathlib import Path
 import yaml
 
 from lfcore.optics.camera import Camera
-from lfcore.workflow import cases
+from lfcore.workflow import cases, costs
 from lfcore.workflow.settings import check_settings
 from robustness.mutate import damage_text, mixed
 from robustness.outcome import ROOT, Outcome, outcome_of
@@ -49,7 +49,7 @@ def judge(data: bytes, folder: Path) -> Outcome:
         settings = check_settings(config)
         cases.scene_files(settings["scenes"], ROOT)
         for views in settings["angular_resolutions"]:
-            cases.batches(settings, views)
+            costs.named_batches(settings, views)
             cases.codec_spec(settings, views)
         cases.sensor_planes(settings["planes"], CAMERA, (3.0,))
 

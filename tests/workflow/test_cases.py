@@ -9,13 +9,13 @@ import pytest
 
 from lfcore.cli import parser
 from lfcore.cli.command import encoder
-from lfcore.errors import StorageError
+from lfcore.errors import SettingsError, StorageError
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.storage import defaults
 from lfcore.storage.pixels import PIXEL_FORMATS
-from lfcore.workflow import cases
-from lfcore.workflow.settings import SettingsError, check_settings
+from lfcore.workflow import cases, costs
+from lfcore.workflow.settings import check_settings
 
 ROOT = Path(__file__).resolve().parents[2]
 CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
@@ -32,7 +32,7 @@ def test_tiles_cover_all_rays_and_keep_to_their_bytes(kind, views):
     tiles = cases.tiles(chosen, views)
     assert sum(tile.rays for tile in tiles) == views**2 * 128**2
     assert max(tile.rays for tile in tiles) * 3 <= 64 * 2**20
-    batches = cases.batches(chosen, views)
+    batches = costs.named_batches(chosen, views)
     assert sum(one.rays for one in batches.values()) == views**2 * 128**2
     assert next(iter(batches)) == "0000"
 

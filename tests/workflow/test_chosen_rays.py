@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lfcore.errors import SettingsError
 from lfcore.evaluation.true_picture.reference import inner_psnr, true_pictures
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import open_device
@@ -12,7 +13,7 @@ from lfcore.scene.build import build_scene
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 from lfcore.workflow.chosen_rays import COLUMNS, choose_rays
-from lfcore.workflow.settings import SettingsError, defaults
+from lfcore.workflow.settings import defaults
 
 pytestmark = pytest.mark.kernels
 

@@ -2,8 +2,8 @@
 
 import pytest
 
+from lfcore.errors import SettingsError
 from lfcore.workflow import cluster
-from lfcore.workflow.settings import SettingsError
 
 
 @pytest.fixture

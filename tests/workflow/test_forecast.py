@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lfcore.errors import SettingsError
 from lfcore.workflow import costs, forecast
 from lfcore.workflow.costs import Cost, job_cost, measured_costs
 from lfcore.workflow.forecast import START_SECONDS, Task, check_disk
-from lfcore.workflow.settings import SettingsError
 
 TABLE = """# commit: none
 stage,scene,N,M,core_seconds,mib,kept_bytes,temporary_bytes

@@ -116,7 +116,7 @@ def test_a_run_waits_for_one_that_is_alive(folder):
 
 def test_a_job_that_begins_after_its_run_has_died_ends(folder, monkeypatch):
     program = (
-        "import time; from lfcore.workflow.run import end_with_run; end_with_run(); time.sleep(60)"
+        "import time; from lfcore.workflow.job import end_with_run; end_with_run(); time.sleep(60)"
     )
     gone = folder / ".snakemake" / "runs" / "gone"
     environment = os.environ | {

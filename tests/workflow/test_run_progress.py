@@ -121,7 +121,6 @@ import sys
 sys.path.insert(0, {str(ROOT)!r})
 from snakemake.exceptions import WorkflowError
 from lfcore.workflow import costs, progress
-from lfcore.workflow.settings import SettingsError
 costs.SMALL_JOB = costs.Cost(0.5, 100, float(config["bytes"]))
 progress.hush(workflow)
 

@@ -8,8 +8,9 @@ import jsonschema
 import pytest
 import yaml
 
+from lfcore.errors import SettingsError
 from lfcore.workflow import settings as documents
-from lfcore.workflow.settings import SettingsError, check_settings
+from lfcore.workflow.settings import check_settings
 from lfcore.workflow.sweep import merged
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -101,6 +101,13 @@ def test_an_edit_runs_again_who_uses_it_and_not_those_before(part, scripts):
         assert not {"trace.py", "join.py", "retrieve.py"} & users
 
 
+@pytest.mark.parametrize("part", ["run", "progress", "forecast", "costs", "cluster", "scaling"])
+def test_an_edit_of_what_watches_a_run_makes_nothing_again(part):
+    """Hours of tracing do not hang on how progress is shown."""
+    (file,) = sources.files(f"workflow/{part}.py")
+    assert not [script for script, files in PARTS.items() if file in files]
+
+
 def test_a_digest_is_of_content_alone(monkeypatch, tmp_path):
     part = tmp_path / "part"
     part.mkdir()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from lfcore.errors import SettingsError
 from lfcore.evaluation.stability.tested_tracer import CAMERA, bare_scene
 from lfcore.evaluation.sweep import sweep_figure, sweep_rows
 from lfcore.opencl.device import open_device
@@ -16,7 +17,6 @@ from lfcore.optics.slab import Slab
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 from lfcore.workflow import cases
-from lfcore.workflow.settings import SettingsError
 from lfcore.workflow.sweep import joined, nested, plan, read_sweep
 
 ROOT = Path(__file__).resolve().parents[2]

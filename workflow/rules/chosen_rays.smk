@@ -22,6 +22,11 @@ rule chosen_rays_scene:
     params:
         **of_settings("quality_db", "spatial_resolution", "planes", "picture_format"),
         **of_settings("encoder", "layout", "device"),
-        sources=digest(*sources.READING, *sources.MEASURING, "evaluation/true_picture/reference.py"),
+        sources=digest(
+            *sources.READING,
+            *sources.MEASURING,
+            "workflow/chosen_rays.py",
+            "evaluation/true_picture/reference.py",
+        ),
     script:
         "../scripts/chosen_rays_scene.py"

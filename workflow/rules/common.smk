@@ -25,7 +25,9 @@ try:
     SWEEP = sweep.plan(Path(SETTINGS["sweep"]), config, ROOT) if SETTINGS["sweep"] else None
     FIGURE_SCENES = cases.scene_files([CHART], ROOT)
     ASSIGNMENT_SCENES = cases.scene_files(SETTINGS["assignment"]["scenes"], ROOT)
-    BATCHES = {views: cases.batches(SETTINGS, views) for views in SETTINGS["angular_resolutions"]}
+    BATCHES = {
+        views: costs.named_batches(SETTINGS, views) for views in SETTINGS["angular_resolutions"]
+    }
 except LfcoreError as error:
     raise WorkflowError(str(error)) from None
 

@@ -33,7 +33,13 @@ if SWEEP:
         conda:
             "../envs/lfcore.yaml"
         params:
-            sources=digest(*sources.READING, *sources.TABLES),
+            sources=digest(
+                *sources.READING,
+                *sources.TABLES,
+                "workflow/sweep.py",
+                "workflow/settings.py",
+                "workflow/key*.py",
+            ),
             sweep=SWEEP,
         script:
             "../scripts/sweep_table.py"

@@ -31,7 +31,7 @@ rule trace:
         ),
     params:
         **of_settings("spatial_resolution", "planes", *STORED_AS, "device", "store"),
-        sources=digest(*sources.STORING, "evaluation/timing.py"),
+        sources=digest(*sources.STORING, "workflow/batch.py", "evaluation/timing.py"),
         batch=lambda wildcards: [batch_of(wildcards).start, batch_of(wildcards).stop],
     script:
         "../scripts/trace.py"
@@ -65,6 +65,12 @@ rule join:
         mem_mb=lambda wildcards, attempt: costs.sums_mib(PIXELS, attempt),
     params:
         **of_settings("spatial_resolution", "planes", "picture_format", *STORED_AS),
-        sources=digest(*sources.SCENE, "storage", "evaluation/timing.py"),
+        sources=digest(
+            *sources.SCENE,
+            "storage",
+            "workflow/cases.py",
+            "workflow/joining.py",
+            "evaluation/timing.py",
+        ),
     script:
         "../scripts/join.py"
