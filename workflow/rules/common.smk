@@ -129,9 +129,9 @@ def table(name):
     return shown(f"results/tables/{name}.csv", name, "Tables")
 
 
-def figure(name, file, scene, caption=None):
+def figure(name, file, scene):
     file = f"results/tables/figures/{file}.png"
-    return shown(file, caption or name, "Figures", figure=name, scene=scene)
+    return shown(file, name, "Figures", figure=name, scene=scene)
 
 
 def assignment_figure(name):

@@ -41,10 +41,7 @@ if WANTED_STACKS:
         input:
             **WANTED_STACKS,
         output:
-            **{
-                name: figure(name, f"{name}_{{scene}}", "{scene}", "contact_sheet")
-                for name in WANTED_STACKS
-            },
+            **{name: figure(name, f"{name}_{{scene}}", "{scene}") for name in WANTED_STACKS},
         log:
             "logs/contact_sheets/{scene}.log",
         group:
