@@ -23,12 +23,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
 from benchmarks.publish import RESULTS, read_result
 from lfcore import load_scene, record
 from lfcore.evaluation.timing import clocked
+from lfcore.optics.camera import Camera
 from lfcore.optics.plane_pictures import save_stack, write_plane_pictures
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.planes import SensorPlane
@@ -40,12 +42,16 @@ from lfcore.workflow import cases, costs, scaling
 from lfcore.workflow.settings import check_settings
 from lfcore.workflow.tracers import open_tracer
 from robustness.cluster_runs import snakemake
+from robustness.kills import stat_of
 from robustness.local_slurm import LocalSlurm, local_slurm
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENES = ("bike", "cabin")
 VIEWS, PIXELS, BATCHES, TILE_MIB = 64, 256, 8, 32
 PILOT_PIXELS, PILOT_BATCHES = 32, (2, 8)
+CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
+DISK_MIB = 256
+"""That the disk is given to write."""
 MEMORY_MIB = 12000
 """Of the node of the throw-away SLURM."""
 FIRST_POLL = 5.0
@@ -113,7 +119,7 @@ class Account:
                 with suppress(ChildProcessError):
                     os.waitpid(child, os.WNOHANG)
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
-        ticks = sum(sum(_stat(one)[11:15]) for one in alive)
+        ticks = sum(int(part) for one in alive for part in stat_of(one)[11:15])
         return used.ru_utime + used.ru_stime + ticks / os.sysconf("SC_CLK_TCK")
 
     def run(self, work: Callable[[], tuple[int, str]], slurm: LocalSlurm | None = None) -> Taken:
@@ -134,12 +140,6 @@ class Account:
 def _children() -> list[int]:
     text = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").read_text()
     return [int(child) for child in text.split()]
-
-
-def _stat(process: int) -> list[int]:
-    """Fields of /proc behind the name, 0 where they are no numbers."""
-    words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    return [int(word) if word.lstrip("-").isdigit() else 0 for word in words]
 
 
 def _busy() -> float:
@@ -173,7 +173,7 @@ def rates_of(scene_folder: Path, size: Size, views: int = VIEWS, tiles: int = 4)
     """Of tiles spread over the light field, CPU seconds of this process with one thread."""
     settings = check_settings(size.settings | {"angular_resolutions": [views]})
     files = {name: str(scene_folder / f"{name}.npz") for name in ("scene", "bvh")}
-    tracer = open_tracer(_Files(files), "", 1, lean=True)
+    tracer = open_tracer(SimpleNamespace(**files), "", 1, lean=True)
     scene = tracer.scene
     slab = Slab(scene.camera, views, size.pixels)
     planes = cases.sensor_planes("scene", scene.camera, scene.focus_distances_m)
@@ -212,16 +212,6 @@ def rates_of(scene_folder: Path, size: Size, views: int = VIEWS, tiles: int = 4)
     )
 
 
-@dataclass(frozen=True)
-class _Files:
-    """Files of a scene, as a rule's input has them."""
-
-    files: dict[str, str]
-
-    def __getattr__(self, name: str) -> str:
-        return self.files[name]
-
-
 def retrieve_ns(scene: str, views: int = 512, pixels: int = 32) -> float:
     """Core time of a ray while a scene's sensor planes are formed from a stored light field."""
     loaded = load_scene(ROOT / "scenes" / scene)
@@ -235,9 +225,7 @@ def retrieve_ns(scene: str, views: int = 512, pixels: int = 32) -> float:
 
 def sum_bytes_s(pixels: int = 512, planes: int = 5, parts: int = 8) -> float:
     """Bytes of parts of planes that a core reads and adds up in a second."""
-    from lfcore.optics.camera import Camera
-
-    slab = Slab(Camera(0.05, 0.036, 2.0, 3.0), 8, pixels)
+    slab = Slab(CAMERA, 8, pixels)
     wanted = [SensorPlane(2.0 + place, 2.0) for place in range(planes)]
     part = PlaneSums(slab, wanted, np.ones((planes, 3, pixels // 2, pixels), np.uint64))
     with tempfile.TemporaryDirectory() as name:
@@ -254,9 +242,7 @@ def sum_bytes_s(pixels: int = 512, planes: int = 5, parts: int = 8) -> float:
 def picture_ns(pixels: int = 512, planes: int = 5) -> float:
     """Core time of a pixel of a plane from its sums to its picture on the disk, of noise: PNG takes
     longest over it."""
-    from lfcore.optics.camera import Camera
-
-    slab = Slab(Camera(0.05, 0.036, 2.0, 3.0), VIEWS, pixels)
+    slab = Slab(CAMERA, VIEWS, pixels)
     wanted = [SensorPlane(2.0 + place, 2.0) for place in range(planes)]
     sums = np.random.default_rng(7).integers(0, VIEWS**2 << 20, (planes, 3, pixels, pixels))
     whole = PlaneSums(slab, wanted, sums.astype(np.uint64))
@@ -271,19 +257,19 @@ def picture_ns(pixels: int = 512, planes: int = 5) -> float:
     return seconds * 1e9 / (planes * pixels**2)
 
 
-def disk_bytes_s(mib: int = 256) -> float:
+def disk_bytes_s() -> float:
     """Bytes a second that this disk takes and says it has; wall seconds."""
     block = os.urandom(1 << 20)
     with tempfile.NamedTemporaryFile() as file:
 
         def write() -> None:
-            for _ in range(mib):
+            for _ in range(DISK_MIB):
                 file.write(block)
             file.flush()
             os.fsync(file.fileno())
 
         _, seconds = clocked(write)
-    return mib * 2**20 / seconds
+    return DISK_MIB * 2**20 / seconds
 
 
 def overheads_here(account: Account, folder: Path, size: Size) -> dict[str, float]:

@@ -205,9 +205,13 @@ def processor_seconds(process: int) -> float:
     ticks = 0
     for one in (process, *descendants(process)):
         with suppress(OSError):
-            fields = Path(f"/proc/{one}/stat").read_text().rpartition(")")[2].split()
-            ticks += int(fields[11]) + int(fields[12])
+            ticks += sum(map(int, stat_of(one)[11:13]))
     return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def stat_of(process: int | str) -> list[str]:
+    """What /proc says of a process behind its name: state, parent, ..."""
+    return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
 
 
 def descendants(process: int) -> list[int]:

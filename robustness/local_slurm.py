@@ -19,7 +19,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from robustness.kills import descendants
+from robustness.kills import descendants, stat_of
 
 PROGRAMS = ("munged", "munge", "slurmctld", "slurmd", "sbatch", "srun", "squeue", "scancel")
 PATHS = "/usr/sbin:/usr/bin:/sbin:/bin"
@@ -159,7 +159,7 @@ class LocalSlurm:
             with suppress(OSError, ValueError):
                 if int(folder.name) in ours or mine not in (folder / "environ").read_bytes():
                     continue
-                parent = (folder / "stat").read_text().rpartition(")")[2].split()[1]
+                parent = stat_of(folder.name)[1]
                 found |= {int(folder.name), *descendants(int(folder.name))}
                 if (Path("/proc") / parent / "comm").read_text().startswith("slurmstepd"):
                     found.add(int(parent))
