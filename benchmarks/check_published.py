@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.full_size import FOLDER, SETTINGS, core_share, pictures_digest, shown
-from benchmarks.publish import PublishError, read_result
+from benchmarks.publish import ROOT, PublishError, read_result
 from lfcore.evaluation.metrics import picture_quality
 from lfcore.evaluation.tables import DECIMALS, sizes
 from lfcore.evaluation.timing import machine
@@ -32,7 +32,6 @@ from lfcore.workflow.forecast import START_SECONDS, duration
 from lfcore.workflow.progress import TOOK
 from lfcore.workflow.reports import THESIS
 
-ROOT = Path(__file__).resolve().parents[1]
 BUILD = ROOT / "build" / "check-published"
 REPEATED = 0.15
 """Three standard deviations of the difference of two runs: one run's is 3.6% (bike, a tile of

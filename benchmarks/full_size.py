@@ -19,7 +19,7 @@ import yaml
 from matplotlib.figure import Figure
 from PIL import Image
 
-from benchmarks.publish import Result, head, markdown
+from benchmarks.publish import ROOT, Result, head, markdown
 from lfcore.colour import srgb_codes
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.figures import THESIS_PIXELS, log_ticks, save_figure, views_axis
@@ -29,7 +29,7 @@ from lfcore.optics.plane_pictures import load_stack
 from lfcore.workflow.progress import TOOK
 from lfcore.workflow.reports import THESIS
 
-FOLDER = Path(__file__).resolve().parents[1] / "docs" / "results"
+FOLDER = ROOT / "docs" / "results"
 SETTINGS = "settings.yaml"
 FIGURE = "against_thesis.png"
 QUALITY = 92

@@ -11,13 +11,11 @@ import resource
 import subprocess
 import sys
 import tempfile
-from pathlib import Path
 
 import pandas as pd
 
-from benchmarks.publish import RESULTS, Result, of_this_run
+from benchmarks.publish import RESULTS, ROOT, Result, of_this_run
 
-ROOT = Path(__file__).resolve().parents[1]
 CASES = ((128, 1024), (4096, 1024), (4096, 128))
 """M, and MiB of a tile; N = 512, one scene."""
 BEFORE = (

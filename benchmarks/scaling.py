@@ -21,14 +21,13 @@ import matplotlib.pyplot as plt
 import pandas as pd
 
 from benchmarks import scaling_points as measured
-from benchmarks.publish import RESULTS, Result, of_this_run, read_result, with_kept
+from benchmarks.publish import RESULTS, ROOT, Result, of_this_run, read_result, with_kept
 from lfcore.evaluation import figures  # noqa: F401  (one style of figures)
 from lfcore.files import whole_file
 from lfcore.workflow import scaling
 from lfcore.workflow.scaling import Overheads, Rates
 from robustness.local_slurm import local_slurm
 
-ROOT = Path(__file__).resolve().parents[1]
 FIGURE = ROOT / "docs" / "pictures" / "scaling.png"
 POINTS = RESULTS / "scaling_points.csv"
 LARGE_VIEWS, LARGE_PIXELS, LARGE_TILE_MIB = 512, 512, 96

@@ -27,7 +27,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from benchmarks.publish import RESULTS, read_result
+from benchmarks.publish import RESULTS, ROOT, read_result
 from lfcore import load_scene, record
 from lfcore.evaluation.timing import clocked
 from lfcore.optics.camera import Camera
@@ -45,7 +45,6 @@ from robustness.cluster_runs import snakemake
 from robustness.kills import stat_of
 from robustness.local_slurm import LocalSlurm, local_slurm
 
-ROOT = Path(__file__).resolve().parents[1]
 SCENES = ("bike", "cabin")
 VIEWS, PIXELS, BATCHES, TILE_MIB = 64, 256, 8, 32
 PILOT_PIXELS, PILOT_BATCHES = 32, (2, 8)
