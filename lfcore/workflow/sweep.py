@@ -90,14 +90,18 @@ class Sweep:
     name : of the folder of results.
     overrides : of each case, as it stands in the table.
     settings : of each case, checked and complete.
-    points : columns ``group``, ``scene``, ``n``: one tracing each.
+    members : by group, scene and N the cases that share that tracing.
     """
 
     name: str
     overrides: dict[str, dict[str, object]]
     settings: dict[str, dict]
-    points: pd.DataFrame
     members: dict[tuple[str, str, int], list[str]]
+
+    @property
+    def points(self) -> pd.DataFrame:
+        """Columns ``group``, ``scene``, ``n``: a row a tracing."""
+        return pd.DataFrame(list(self.members), columns=["group", "scene", "n"])
 
     @property
     def scenes(self) -> list[str]:
@@ -128,19 +132,15 @@ def plan(path: Path, base: Mapping, root: Path) -> Sweep:
                 same = repr((cases.frame_layout(one, n), one["planes"], one["tile_mib"]))
                 group = groups.setdefault(same, f"{len(groups):02d}")
                 members.setdefault((group, scene, n), []).append(case)
-    points = pd.DataFrame(list(members), columns=["group", "scene", "n"])
-    return Sweep(path.stem, overrides, settings, points, members)
+    return Sweep(path.stem, overrides, settings, members)
 
 
 def joined(sweep: Sweep, rows: list[dict]) -> pd.DataFrame:
     """Rows of all cases in the sweep's order, with its columns in front."""
-    made = []
-    order = list(sweep.overrides)
-    for row in sorted(rows, key=lambda row: (order.index(row["case"]), row["scene"], row["N"])):
-        keys = {
-            key: str(value)
-            for key, value in sweep.overrides[row["case"]].items()
-            if key not in ("scenes", "angular_resolutions")
-        }
-        made.append({"case": row["case"], **keys, **{k: v for k, v in row.items() if k != "case"}})
-    return pd.DataFrame(made)
+    order, hidden = list(sweep.overrides), ("scenes", "angular_resolutions")
+    varied = {
+        case: {key: str(value) for key, value in keys.items() if key not in hidden}
+        for case, keys in sweep.overrides.items()
+    }
+    rows = sorted(rows, key=lambda row: (order.index(row["case"]), row["scene"], row["N"]))
+    return pd.DataFrame([{"case": row["case"], **varied[row["case"]], **row} for row in rows])
