@@ -136,8 +136,8 @@ def synthesised(options: argparse.Namespace, name: str, field: DeviceField) -> l
 
 
 def main() -> None:
-    options, about, rows = parse(), machine(), []
-    say(", ".join(f"{key} {value}" for key, value in about.items()))
+    options, here, rows = parse(), machine(), []
+    say(", ".join(f"{key} {value}" for key, value in here.items()))
     say(f"load of the machine over the last minute: {os.getloadavg()[0]:.1f}")
     device = open_device()
     for name in options.scenes:
@@ -147,7 +147,7 @@ def main() -> None:
         if name == "book":
             rows += synthesised(options, name, field)
         del field
-    rows = [{**row, "processor": about["processor"], "cores": about["cores"]} for row in rows]
+    rows = [{**row, "processor": here["processor"], "cores": here["cores"]} for row in rows]
     write_csv(options.out, rows)
     print_table(rows, leave_out=("note", "processor", "cores", "sampled_rays", "repeats"))
 

@@ -81,7 +81,7 @@ def published_cell(cell: str, folder: Path) -> tuple[dict[str, dict], dict[str, 
                 remedy=f"It has {' '.join(f'{one},{n}' for one, n in pairs)}",
             )  # fmt: skip
         found[name] = rows.iloc[0].to_dict()
-    return found, results["cells"].about
+    return found, results["cells"].provenance
 
 
 def make(scene: str, views: int, pixels: int, cores: int, folder: Path) -> Path:
@@ -103,7 +103,7 @@ def make(scene: str, views: int, pixels: int, cores: int, folder: Path) -> Path:
     return place
 
 
-def compared(rows: dict[str, dict], about: dict[str, str], place: Path) -> list[Line]:
+def compared(rows: dict[str, dict], provenance: dict[str, str], place: Path) -> list[Line]:
     """Every number of the cell in ``place`` beside what is published of it."""
     scene, views, pixels = (rows["cells"][name] for name in ("scene", "N", "M"))
     traced, stored, retrieved = (
@@ -111,7 +111,7 @@ def compared(rows: dict[str, dict], about: dict[str, str], place: Path) -> list[
     )
     share = core_share(BUILD / TOOK, scene, int(views), int(pixels))
     tolerance = (1 - float(rows["cells"]["core_share"])) + (1 - share) + REPEATED
-    same = about["processor"].split(",")[0] == str(machine()["processor"])
+    same = provenance["processor"].split(",")[0] == str(machine()["processor"])
     seconds = {
         "table_7_1": traced["seconds"],
         "table_7_2": stored["encode_seconds"] + stored["join_seconds"],
@@ -157,9 +157,9 @@ def warning(scene: str, views: int, pixels: int, cores: int) -> str:
     if views <= LONG_VIEWS:
         return ""
     stages = [job_cost(name, scene, views, pixels) for name in ("trace", "join", "retrieve")]
-    about = sum(one.core_seconds for one in stages) / cores + 10 * START_SECONDS
+    wait = sum(one.core_seconds for one in stages) / cores + 10 * START_SECONDS
     return (
-        f"N = {views} takes about {duration(about)} on {cores} cores; to N = {LONG_VIEWS}, minutes."
+        f"N = {views} takes about {duration(wait)} on {cores} cores; to N = {LONG_VIEWS}, minutes."
     )
 
 
@@ -171,18 +171,18 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--cores", type=int, default=2)
     options = parser.parse_args(argv)
     try:
-        rows, about = published_cell(options.cell, FOLDER)
+        rows, provenance = published_cell(options.cell, FOLDER)
         settings = read_yaml(FOLDER / SETTINGS)
         scene, views = rows["cells"]["scene"], int(rows["cells"]["N"])
         pixels = settings["spatial_resolution"]
         if words := warning(scene, views, pixels, options.cores):
             print(words, flush=True)
         place = make(scene, views, pixels, options.cores, FOLDER)
-        lines = compared(rows, about, place)
+        lines = compared(rows, provenance, place)
     except (OSError, ValueError, PublishError) as error:
         print(error, file=sys.stderr)
         return 1
-    print(f"Published at commit {about['commit']}, {about['date']}, on {about['processor']}.")
+    print("Published at commit {commit}, {date}, on {processor}.".format(**provenance))
     print(f"{'':32} {'published':>12} {'now':>12}")
     print("\n".join(map(str, lines)))
     return int(not all(line.good for line in lines))

@@ -156,12 +156,14 @@ def pictures_digest(stack: Path) -> str:
     return hashlib.sha256(pictures.tobytes()).hexdigest()[:16]
 
 
-def publish(results: Path, about: dict[str, str], settings: dict, to: Path = FOLDER) -> FullRun:
+def publish(
+    results: Path, provenance: dict[str, str], settings: dict, to: Path = FOLDER
+) -> FullRun:
     """Write tables, figure, pictures and settings of the run in ``results`` to the folder ``to``.
 
     Parameters
     ----------
-    about : what is known of the run: command, commit, processor, date.
+    provenance : what is known of the run: command, commit, processor, date.
     settings : the checked configuration that it was made with.
     """
     run = read_run(results)
@@ -177,11 +179,11 @@ def publish(results: Path, about: dict[str, str], settings: dict, to: Path = FOL
         written["our_choice"] = run.choice
     make_folder(to)
     for name, table in written.items():
-        Result(about, table).write(to / f"{name}.csv")
-    write_text(to / SETTINGS, head(about) + yaml.safe_dump(settings, sort_keys=False))
+        Result(provenance, table).write(to / f"{name}.csv")
+    write_text(to / SETTINGS, head(provenance) + yaml.safe_dump(settings, sort_keys=False))
     save_figure(to / FIGURE, against_thesis(run))
     stacks = list(_stacks(results, run, to))
-    write_text(to / "index.md", page(run, about, stacks))
+    write_text(to / "index.md", page(run, provenance, stacks))
     return run
 
 
@@ -235,7 +237,7 @@ def against_thesis(run: FullRun) -> Figure:
     return figure
 
 
-def page(run: FullRun, about: dict[str, str], stacks: list[tuple[str, str]]) -> str:
+def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]) -> str:
     """docs/results/index.md."""
     (pixels,) = run.first.M.unique()
     better, of_all = run.counted()
@@ -247,8 +249,8 @@ def page(run: FullRun, about: dict[str, str], stacks: list[tuple[str, str]]) -> 
         f"{better} of its {of_all} numbers are bettered."
         + ("" if pixels == THESIS_PIXELS else unlike),
         "",
-        f"Made by `{about['command']}`: commit {about['commit']}, {about['date']}, "
-        f"{about['processor']}.",
+        f"Made by `{provenance['command']}`: commit {provenance['commit']}, {provenance['date']}, "
+        f"{provenance['processor']}.",
         "",
         f"![Error, size and time over N, ours and the thesis's]({FIGURE})",
         "",
@@ -287,15 +289,15 @@ def _markdown(table: pd.DataFrame, columns: dict[str, bool]) -> Iterator[str]:
         yield f"| {row['scene']} | {row['N']} | {' | '.join(cells)} |"
 
 
-def readme(run: FullRun, about: dict[str, str], cores: int) -> str:
+def readme(run: FullRun, provenance: dict[str, str], cores: int) -> str:
     """The lines of README's first screen: what the run took beside the thesis, and its command."""
     ours, theirs = run.seconds(cores) / 3600, run.seconds(cores, thesis=True) / 3600
     better, of_all = run.counted()
-    (pixels,), processor = run.first.M.unique(), about["processor"].split(",")[0]
+    (pixels,), processor = run.first.M.unique(), provenance["processor"].split(",")[0]
     return (
         f"The thesis's tables at its size (M = {pixels}, N to {run.first.N.max()}) take {ours:.1f} "
         f"hours on {cores} cores ({processor}), and took {theirs:.1f} in the thesis; {better}\n"
         f"of its {of_all} numbers are bettered ([tables](docs/results/index.md)):\n"
-        f"`{about['command']}`\n\n"
+        f"`{provenance['command']}`\n\n"
         f"![Error, size and time against the thesis](docs/results/{FIGURE})\n"
     )

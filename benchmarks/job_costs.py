@@ -52,9 +52,9 @@ def main() -> None:
     parser.add_argument("--note", default="", help="what else is to be known of the table")
     options = parser.parse_args()
     table = merged(read(JOB_COSTS), costs(options.took))
-    about = of_this_run("python -m benchmarks.job_costs")
-    about |= {"note": options.note} if options.note else {}
-    Result(about, table).write(JOB_COSTS)
+    provenance = of_this_run("python -m benchmarks.job_costs")
+    provenance |= {"note": options.note} if options.note else {}
+    Result(provenance, table).write(JOB_COSTS)
     print(f"{JOB_COSTS}: {len(table)} rows")
 
 

@@ -140,8 +140,8 @@ def main() -> None:
         rows.append(json.loads(done.stdout))
         print(rows[-1], flush=True)
     if options.publish:
-        about = of_this_run("python -m benchmarks.large_file --publish")
-        Result(about, pd.DataFrame(rows)).write(RESULTS / "large_file.csv")
+        provenance = of_this_run("python -m benchmarks.large_file --publish")
+        Result(provenance, pd.DataFrame(rows)).write(RESULTS / "large_file.csv")
 
 
 if __name__ == "__main__":

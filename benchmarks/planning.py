@@ -61,8 +61,8 @@ def main() -> None:
     table = pd.DataFrame(rows)
     print(table.to_string(index=False))
     if options.publish:
-        about = of_this_run("python -m benchmarks.planning --publish", note=BEFORE)
-        Result(about, table).write(RESULTS / "planning.csv")
+        provenance = of_this_run("python -m benchmarks.planning --publish", note=BEFORE)
+        Result(provenance, table).write(RESULTS / "planning.csv")
 
 
 if __name__ == "__main__":

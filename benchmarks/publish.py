@@ -75,24 +75,24 @@ class PublishError(LfcoreError):
 class Result:
     """Measured rows, and the run that they are of."""
 
-    about: dict[str, str]
+    provenance: dict[str, str]
     rows: pd.DataFrame = field(repr=False)
 
     def write(self, path: Path) -> None:
         """The rows as CSV, below lines that say what they are of."""
-        write_text(path, head(self.about) + self.rows.to_csv(index=False, lineterminator="\n"))
+        write_text(path, head(self.provenance) + self.rows.to_csv(index=False, lineterminator="\n"))
 
     def source(self) -> str:
         """A line that says what made it, where and when."""
-        known = self.about
+        known = self.provenance
         more = "".join(f" {value}" for key, value in known.items() if key not in OF_RUN)
         where = f"commit {known['commit']}, {known['date']}, {known['processor']}"
         return f"Made by `{known['command']}`: {where}.{more}"
 
 
-def head(about: dict[str, str]) -> str:
+def head(provenance: dict[str, str]) -> str:
     """The lines above what a run made."""
-    return "".join(f"# {key}: {value}\n" for key, value in about.items())
+    return "".join(f"# {key}: {value}\n" for key, value in provenance.items())
 
 
 def read_result(path: Path) -> Result:
@@ -102,12 +102,12 @@ def read_result(path: Path) -> Result:
     except OSError as error:
         raise PublishError(f"cannot be read: {error.strerror}", file=path) from None
     lines = [line for line in text.splitlines() if line.startswith("# ")]
-    about = dict(line[2:].split(": ", 1) for line in lines if ": " in line)
-    missing = [key for key in OF_RUN if not about.get(key)]
+    provenance = dict(line[2:].split(": ", 1) for line in lines if ": " in line)
+    missing = [key for key in OF_RUN if not provenance.get(key)]
     if missing:
         raise PublishError(f"does not say its {', '.join(missing)}", file=path)
     rows = pd.read_csv(io.StringIO(text), comment="#", dtype=str, keep_default_na=False)
-    return Result(about, rows)
+    return Result(provenance, rows)
 
 
 def of_this_run(command: str, **more: str) -> dict[str, str]:
@@ -247,14 +247,14 @@ def documents() -> dict[Path, str]:
     return {path: published(path.read_text(encoding="utf-8")) for path in paths}
 
 
-def take_full(results: Path, configuration: Path, about: dict[str, str]) -> None:
+def take_full(results: Path, configuration: Path, provenance: dict[str, str]) -> None:
     """Publish the run at full size in ``results``: docs/results/, and its lines in README."""
     from benchmarks import full_size
 
     settings = check_settings({"scenes": list(DEFAULT_SCENES)} | read_yaml(configuration))
-    run = full_size.publish(results, about, settings, ROOT / "docs" / "results")
+    run = full_size.publish(results, provenance, settings, ROOT / "docs" / "results")
     readme = ROOT / "README.md"
-    lines = full_size.readme(run, about, int(machine()["cores"]))
+    lines = full_size.readme(run, provenance, int(machine()["cores"]))
     text, places = FULL_SIZE.subn(
         lambda place: f"{place[1]}{lines}{place[2]}", readme.read_text(encoding="utf-8")
     )
@@ -277,8 +277,8 @@ def main(argv: list[str] | None = None) -> int:
     try:
         if options.take == "recommended":
             rows = recommended(options.folder)
-            about = of_this_run(options.command, encoder=default_encoder())
-            Result(about, rows).write(RECOMMENDED)
+            provenance = of_this_run(options.command, encoder=default_encoder())
+            Result(provenance, rows).write(RECOMMENDED)
         elif options.take == "full":
             take_full(options.folder, options.configfile, of_this_run(options.command))
         elif options.take:

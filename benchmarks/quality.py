@@ -98,12 +98,12 @@ def main() -> None:
     said = table[table.reached.notna()]
     reached = said.reached.astype(bool).mean()
     thrift = (said.times_fewest.astype(float) <= 2).mean()
-    about = of_this_run(
+    provenance = of_this_run(
         f"python -m benchmarks.quality --pixels {asked.pixels} --scenes {' '.join(asked.scenes)}",
         note=f"Reached in {reached:.0%} of {len(said)} cases, with at most twice the fewest rays "
         f"in {thrift:.0%}; the others were refused with what they take.",
     )
-    Result(about, table.fillna("")).write(asked.out)
+    Result(provenance, table.fillna("")).write(asked.out)
 
 
 if __name__ == "__main__":

@@ -238,13 +238,13 @@ def main() -> int:
             written("points", measure_points(account, folder / "points", run), command)
     kept = read_result(RESULTS / "scaling_rates.csv")
     table = extrapolated(kept.rows)
-    about = kept.about | {"command": "python -m benchmarks.scaling"}
-    Result(about, table).write(RESULTS / "scaling.csv")
+    provenance = kept.provenance | {"command": "python -m benchmarks.scaling"}
+    Result(provenance, table).write(RESULTS / "scaling.csv")
     points = pd.DataFrame()
     if POINTS.exists():
         held = read_result(POINTS)
         points = beside_model(held.rows, kept.rows)
-        Result(held.about, points).write(POINTS)
+        Result(held.provenance, points).write(POINTS)
         print(points.to_string(index=False))
     draw(table, points)
     print(table.to_string(index=False))

@@ -143,9 +143,9 @@ def few(tracer: Tracer, reference: Reference, cases: list) -> Iterator[dict]:
 
 def _row(tracer, reference, layout, tiles, slab, encoders, crf, lattice, depth=None) -> dict:
     file = encoders[0].folder / "lightfield.mkv"
-    about = {"name": tracer.scene.name, "digest": "0" * 64}
+    described = {"name": tracer.scene.name, "digest": "0" * 64}
     join_segments(
-        file, encoders[0].files, tiles, layout, geometry=slab, scene=about,
+        file, encoders[0].files, tiles, layout, geometry=slab, scene=described,
         spec=encoders[0].spec, depth=depth,
     )  # fmt: skip
     field = LightField.open(file)

@@ -67,8 +67,8 @@ def _mode(options: argparse.Namespace) -> str | None:
 
 def main() -> None:
     options = parse()
-    about = machine()
-    say(", ".join(f"{key} {value}" for key, value in about.items()))
+    here = machine()
+    say(", ".join(f"{key} {value}" for key, value in here.items()))
     say(f"load of the machine over the last minute: {os.getloadavg()[0]:.1f}")
     mode = _mode(options)
     if mode:
@@ -78,7 +78,7 @@ def main() -> None:
         rows = compare.estimate(compare.compare(options))
     else:
         rows = compare.compare(options)
-    rows = [{**row, "processor": about["processor"], "cores": about["cores"]} for row in rows]
+    rows = [{**row, "processor": here["processor"], "cores": here["cores"]} for row in rows]
     write_csv(options.out, rows)
     if mode == "scaling":
         scaling.draw(options.out.with_suffix(".png"), rows)

@@ -105,8 +105,8 @@ def publish(runs: list[Run], faults: Sequence[str]) -> None:
 
     of_faults = f'FAULTS="{" ".join(faults)}" ' if faults else ""
     rows = with_kept(pd.DataFrame([one.row() for one in runs]), "cluster", "run")
-    about = of_this_run(f"make cluster {of_faults}PUBLISH=1")
-    Result(about, rows).write(RESULTS / "cluster.csv")
+    provenance = of_this_run(f"make cluster {of_faults}PUBLISH=1")
+    Result(provenance, rows).write(RESULTS / "cluster.csv")
 
 
 if __name__ == "__main__":

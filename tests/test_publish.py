@@ -9,7 +9,7 @@ from PIL import Image
 
 from benchmarks import publish, scaling
 
-ABOUT = {"command": "make x", "commit": "abc", "processor": "a machine", "date": "2026-01-02"}
+PROVENANCE = {"command": "make x", "commit": "abc", "processor": "a machine", "date": "2026-01-02"}
 TEXT = "Before.\n<!-- published: some: N; s where N in 2 4 -->\nold\n<!-- end of some -->\nAfter.\n"
 
 
@@ -17,7 +17,7 @@ TEXT = "Before.\n<!-- published: some: N; s where N in 2 4 -->\nold\n<!-- end of
 def results(tmp_path, monkeypatch):
     monkeypatch.setattr(publish, "RESULTS", tmp_path)
     rows = pd.DataFrame({"N": [2, 3, 4], "s": ["1.50", "2.0", "inf"], "more": 0})
-    publish.Result(ABOUT | {"note": "Hot."}, rows).write(tmp_path / "some.csv")
+    publish.Result(PROVENANCE | {"note": "Hot."}, rows).write(tmp_path / "some.csv")
     return tmp_path
 
 
@@ -32,7 +32,7 @@ def test_documents_are_up_to_date():
 @pytest.mark.parametrize("path", sorted(publish.RESULTS.glob("*.csv")), ids=lambda path: path.stem)
 def test_every_result_is_published_and_says_what_it_is_of(path):
     result = publish.read_result(path)
-    assert len(result.rows) and result.about["commit"] in result.source()
+    assert len(result.rows) and result.provenance["commit"] in result.source()
     places = publish.PLACE.findall(
         "".join((publish.ROOT / name).read_text("utf-8") for name in publish.DOCUMENTS)
     )
@@ -97,7 +97,7 @@ def test_a_run_is_taken_with_its_commit(results, tmp_path, monkeypatch):
         pd.DataFrame(key | more).to_csv(folder / f"{name}.csv", index=False)
     assert publish.main(["--check", "--take", "some", "--command", "make tables", str(folder)]) == 0
     result = publish.read_result(results / "some.csv")
-    assert result.about["command"] == "make tables" and len(result.about["commit"]) >= 7
+    assert result.provenance["command"] == "make tables" and len(result.provenance["commit"]) >= 7
     assert result.rows.iloc[0].tolist() == [
         "bike", "16", "0.1", "43.3", "32.8", "0.9877", "0.1", "149", "0.1", "inf", "32.8", "1.0000",
     ]  # fmt: skip
@@ -106,7 +106,7 @@ def test_a_run_is_taken_with_its_commit(results, tmp_path, monkeypatch):
 def test_recommended_settings_are_of_the_encoder_as_it_is():
     """Stale else: `python -m benchmarks.publish --take recommended` after `make tables`."""
     result = publish.read_result(publish.RECOMMENDED)
-    assert result.about["encoder"] == publish.default_encoder()
+    assert result.provenance["encoder"] == publish.default_encoder()
 
 
 def test_hours_on_a_cluster_are_of_the_rates_that_are_published(monkeypatch, tmp_path):

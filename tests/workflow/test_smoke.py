@@ -68,13 +68,15 @@ def published(smoke, tmp_path_factory):
     """What publishing the run writes, and the run."""
     folder = tmp_path_factory.mktemp("docs") / "results"
     given = read_yaml(smoke.folder / "config" / "smoke.yaml") | {"scenes": SCENES}
-    about = dict.fromkeys(("command", "commit", "date"), "x") | {"processor": "a machine, 2 cores"}
-    run = full_size.publish(smoke.folder / "results", about, check_settings(given), folder)
-    return folder, run, about
+    provenance = dict.fromkeys(("command", "commit", "date"), "x") | {
+        "processor": "a machine, 2 cores"
+    }
+    run = full_size.publish(smoke.folder / "results", provenance, check_settings(given), folder)
+    return folder, run, provenance
 
 
 def test_a_run_is_published_with_what_the_thesis_has_beside_it(published, smoke, tmp_path):
-    folder, run, about = published
+    folder, run, provenance = published
     for name in SPECS:
         pd.testing.assert_frame_equal(
             pd.read_csv(folder / f"{name}.csv", comment="#"), table(smoke, name)
@@ -94,12 +96,12 @@ def test_a_run_is_published_with_what_the_thesis_has_beside_it(published, smoke,
             assert picture.height >= 32
     with Image.open(folder / "focal_stack_bike.jpg") as picture:
         assert picture.size == (5 * 32, 32)
-    line = full_size.readme(run, about, 2)
+    line = full_size.readme(run, provenance, 2)
     assert "`x`" in line and "2 cores (a machine)" in line
     # Nothing that the run did not give.
     with pytest.raises(full_size.FullSizeError, match="other scenes, N or M"):
         full_size.publish(
-            smoke.folder / "results", about, check_settings({"scenes": ["bike"]}), tmp_path
+            smoke.folder / "results", provenance, check_settings({"scenes": ["bike"]}), tmp_path
         )
     assert not list(tmp_path.iterdir())
     with pytest.raises(full_size.FullSizeError, match="Let the run end"):
@@ -116,8 +118,10 @@ def test_a_published_cell_is_made_again_and_compared(
     assert shown.count("as published") == 7 and shown.count("not judged") == 3
     place = tmp_path / "build" / "results" / "bike" / "M32" / "N16"
     # Pictures that are not those of the run are noticed.
-    rows, about = check_published.published_cell("bike,32", published[0])
-    wrong = check_published.compared(rows | {"cells": rows["cells"] | {"N": "16"}}, about, place)
+    rows, provenance = check_published.published_cell("bike,32", published[0])
+    wrong = check_published.compared(
+        rows | {"cells": rows["cells"] | {"N": "16"}}, provenance, place
+    )
     assert sum(not line.good for line in wrong) >= 6
     assert check_published.main(["bike,999"]) == 1
     assert "has no cell 'bike,999'" in capsys.readouterr().err
