@@ -82,10 +82,10 @@ def traced(options: argparse.Namespace, name: str, device) -> tuple[list[dict], 
     peer = None
     if "mitsuba" in options.peers:
         try:
-            from peers.mitsuba_array import open_peer
+            from peers.mitsuba_array import MitsubaArray
 
-            peer = open_peer(scene, device.threads)
-            methods.append(peer.array_method(array, scene))
+            peer = MitsubaArray(scene, device.threads)
+            methods.append(peer.method(array))
         except SkippedError as reason:
             say(f"SKIPPED mitsuba on {name}: {reason}")
     runs = in_turn(methods, options.repeats)

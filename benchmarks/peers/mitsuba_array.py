@@ -7,18 +7,9 @@ of them at once would not fit into memory.  What matches and what does not is as
 
 from __future__ import annotations
 
-import time
-from concurrent.futures.process import BrokenProcessPool
-from pathlib import Path
-
-import numpy as np
-
 from lfcore.optics.array import CameraArray
-from lfcore.scene.model import Scene
 from peers import mitsuba_picture as one
-from peers.method import Method, Run, SkippedError
-
-ROWS = 1  # of the array in one run
+from peers.method import Method
 
 
 def _load(array: CameraArray) -> str:
@@ -56,37 +47,10 @@ def _row(mitsuba, array: CameraArray, row: int) -> dict:
     return {"type": "batch", "film": film, "sampler": {"type": "independent"}, **sensors}
 
 
-def _render(seed: int) -> tuple[float, float]:
-    wall, cpu = time.perf_counter(), time.process_time()
-    np.asarray(one._here["describe"].mitsuba.render(one._here["scene"], spp=1, seed=seed))
-    return time.perf_counter() - wall, time.process_time() - cpu
-
-
 class MitsubaArray(one.MitsubaPicture):
     """One scene in Mitsuba, in a process of its own."""
 
-    def array_method(self, array: CameraArray, scene: Scene) -> Method:
-        """The rate of one row of the array, one ray a pixel.
-
-        Raises :class:`SkippedError` where Mitsuba does not run.
-        """
-        seeds = iter(range(1, 1 << 30))
-        try:
-            version = self._pool.submit(_load, array).result()
-            self._pool.submit(_render, 0).result()
-        except (BrokenProcessPool, RuntimeError, ImportError) as error:
-            self.close()
-            why = f"{error}; LLVM: {self.llvm or 'none found'}"
-            raise SkippedError(f"it does not run here, see above ({why})") from None
-
-        def run() -> Run:
-            wall, cpu = self._pool.submit(_render, next(seeds)).result()
-            return Run(wall, cpu, array.cameras[0] * array.tile[0] * array.tile[1])
-
-        note = f"Mitsuba {version}, {self._threads} threads, {array.cameras[0]} cameras a run"
-        return Method(one.NAME, "array", run, f"{note}, {Path(self.llvm or '').name}")
-
-
-def open_peer(scene: Scene, threads: int) -> MitsubaArray:
-    """Raises :class:`SkippedError` where the package is missing."""
-    return MitsubaArray(scene, threads)
+    def method(self, array: CameraArray) -> Method:
+        """The rate of one row of the array, one ray a pixel."""
+        rays = array.cameras[0] * array.tile[0] * array.tile[1]
+        return self.rendered("array", _load, array, 1, rays, f"{array.cameras[0]} cameras a run")

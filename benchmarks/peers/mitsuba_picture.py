@@ -10,8 +10,10 @@ round lens at random.
 
 from __future__ import annotations
 
+import itertools
 import os
 import time
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
@@ -84,9 +86,20 @@ class MitsubaPicture:
         The rate hardly depends on how many samples a pixel are taken; N x N of them would take
         minutes at large N.
         """
-        count, seeds = min(SAMPLES, slab.views**2), iter(range(1 << 30))
+        count = min(SAMPLES, slab.views**2)
+        rays, note = slab.pixels**2 * count, f"{count} samples a pixel"
+        return self.rendered("algorithm1", _load, slab, count, rays, note)
+
+    def rendered(
+        self, work: str, load: Callable, what: object, samples: int, rays: int, note: str
+    ) -> Method:
+        """The rate of pictures, ``rays`` in all, of what ``load(what)`` makes the scene.
+
+        Raises :class:`SkippedError` where Mitsuba does not run.
+        """
+        seeds = itertools.count(1)
         try:
-            version = self._pool.submit(_load, slab).result()
+            version = self._pool.submit(load, what).result()
             self._pool.submit(_render, 1, 0).result()
         except (BrokenProcessPool, RuntimeError, ImportError) as error:
             self.close()
@@ -94,11 +107,11 @@ class MitsubaPicture:
             raise SkippedError(f"it does not run here, see above ({why})") from None
 
         def run() -> Run:
-            wall, cpu, _ = self._pool.submit(_render, count, next(seeds)).result()
-            return Run(wall, cpu, slab.pixels**2 * count)
+            wall, cpu, _ = self._pool.submit(_render, samples, next(seeds)).result()
+            return Run(wall, cpu, rays)
 
-        note = f"Mitsuba {version}, {self._threads} threads, {count} samples a pixel"
-        return Method(NAME, "algorithm1", run, f"{note}, {Path(self.llvm or '').name}")
+        parts = (f"Mitsuba {version}", f"{self._threads} threads", note, Path(self.llvm or "").name)
+        return Method(NAME, work, run, ", ".join(parts))
 
     def picture(self, slab, samples: int) -> np.ndarray:
         """(M, M, 3) float32 linear, to look at."""
