@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.errors import OpticsError, SettingsError
-from lfcore.evaluation.true_picture.reference import Reference, inner_psnr
+from lfcore.evaluation.true_picture.reference import Reference
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.refocus.stored_depth import slice_stored
@@ -78,9 +78,8 @@ class ChosenRays:
         **measured: object,
     ) -> dict:
         """Columns :data:`COLUMNS` but what ``measured`` has of them: PSNR is of the worst plane."""
-        true = [inner_psnr(*pair) for pair in zip(pictures, reference.pictures, strict=True)]
-        worst, count = int(np.argmin(true)), self.planned.count
-        of_file = [] if stored is None else list(zip(stored, reference.pictures, strict=True))
+        true, count = reference.psnr(pictures), self.planned.count
+        worst = int(np.argmin(true))
         return dict.fromkeys(COLUMNS) | {
             "M": self.pixels,
             "lattice": str(count),
@@ -89,7 +88,7 @@ class ChosenRays:
             "rays": count.rays(self.pixels),
             "expected_db": self.planned.expected_db,
             "psnr_true_db": true[worst],
-            "psnr_stored_db": min((inner_psnr(*pair) for pair in of_file), default=None),
+            "psnr_stored_db": None if stored is None else min(reference.psnr(stored)),
             "worst_plane_m": self.planes[worst].focus_distance_m,
             "truth_known_db": float(reference.known_db[worst]),
             **measured,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lfcore.errors import SettingsError
-from lfcore.evaluation.true_picture.reference import inner_psnr, true_pictures
+from lfcore.evaluation.true_picture.reference import true_pictures
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import open_device
 from lfcore.optics.planes import SensorPlane
@@ -45,7 +45,7 @@ def test_a_pilot_chooses_what_the_worst_plane_takes(tracer, tmp_path):
     truth = true_pictures(tracer, planes, PIXELS, (RayCount(10, 3), RayCount(8, 4)))
     row = chosen.row(truth, pictures, stored, scene="chart", quality_db=32.0, bytes=size)
     assert set(row) == set(COLUMNS) and row["bytes"] == file.stat().st_size
-    by_plane = [inner_psnr(*pair) for pair in zip(pictures, truth.pictures, strict=True)]
+    by_plane = truth.psnr(pictures)
     assert row["psnr_true_db"] == min(by_plane) > 30
     assert row["worst_plane_m"] == planes[int(np.argmin(by_plane))].focus_distance_m
     assert 25 < row["psnr_stored_db"] < row["psnr_true_db"] + 1

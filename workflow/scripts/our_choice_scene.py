@@ -14,9 +14,9 @@ with job(snakemake.log[0], snakemake.threads):
     given, params = snakemake.input, snakemake.params
     reference = load_reference(given.wide)
     tracer = open_tracer(given, params.device, snakemake.threads)
-    records = [read_json(file) for file in (given.trace, given.store, given.retrieve)]
-    theirs = thesis_recipe(params.views, *records, load_stack(given.from_video)[0])
+    jobs = [read_json(file) for file in (given.trace, given.store, given.retrieve)]
+    retrieved = load_stack(given.from_video)[0]
+    theirs = thesis_recipe(tracer.scene.name, reference, params.views, jobs, retrieved)
     count = recommended(pd.DataFrame(read_json(given.true_picture)["rows"]))
     ours = our_choice(snakemake.output.light_field, tracer, reference, count)
-    rows = [one.row(tracer.scene.name, reference) for one in (theirs, ours)]
-    write_rows(snakemake.output.rows, rows)
+    write_rows(snakemake.output.rows, [theirs, ours])

@@ -20,14 +20,12 @@ with job(snakemake.log[0], snakemake.threads):
         traced = read_json(trace)
         rows += plane_rows(
             wide, load_stack(stack)[0], scene=tracer.scene.name, method=NEAREST,
-            lattice=f"{views} x 1", rays=traced["rays"], rays_per_pixel=views**2,
-            seconds=traced["seconds"],
+            lattice=f"{views} x 1", rays=traced["rays"], seconds=traced["seconds"],
         )  # fmt: skip
     counts = [RayCount(int(views), subpixels) for views, subpixels in params.study["lattices"]]
     asked = params.study["qualities_db"]
     rows += method_rows(tracer, [wide], counts, [], asked, params.study["peers_db"])
-    pixels = wide.pictures.shape[1]
-    rows += peer_rows(tracer.scene, wide.planes, pixels, params.study["peers_db"])
+    rows += peer_rows(tracer.scene, wide.planes, wide.pixels, params.study["peers_db"])
     rows += method_rows(tracer, [stopped], counts, params.study["nearest_views"], asked)
     device = tracer.device
     write_json(

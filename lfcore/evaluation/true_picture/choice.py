@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ import pandas as pd
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.timing import clocked_warm
 from lfcore.evaluation.true_picture.points import BY_DEPTH, NEAREST, worst_planes
-from lfcore.evaluation.true_picture.reference import Reference, inner_psnr
+from lfcore.evaluation.true_picture.reference import Reference
 from lfcore.opencl.device import programs_made
 from lfcore.refocus.stored_depth import slice_stored
 from lfcore.rendering.by_depth import RayCount
@@ -28,30 +28,6 @@ COLUMNS = (
     "rays_share", "seconds_share", "size_share",
 )  # fmt: skip
 """The last three are shares of the scene's first row, the thesis's recipe."""
-
-
-@dataclass(frozen=True)
-class Made:
-    """A stored light field as it was measured: ``seconds`` trace and store it with one thread,
-    ``read_seconds`` form all planes of it; ``pictures`` (P, M, M, 3) are those planes."""
-
-    method: str
-    lattice: str
-    rays: int
-    seconds: float
-    bytes: int
-    read_seconds: float
-    pictures: np.ndarray
-
-    def row(self, scene: str, reference: Reference) -> dict:
-        """Without the shares."""
-        pairs = zip(self.pictures, reference.pictures, strict=True)
-        own = ("method", "lattice", "rays", "seconds", "bytes", "read_seconds")
-        return (
-            {"scene": scene, "M": reference.pictures.shape[1]}
-            | {name: getattr(self, name) for name in own}
-            | {"psnr_true_db": min(inner_psnr(*pair) for pair in pairs)}
-        )
 
 
 def recommended(rows: pd.DataFrame, target_db: float = TARGET_DB) -> RayCount:
@@ -71,33 +47,47 @@ def recommended(rows: pd.DataFrame, target_db: float = TARGET_DB) -> RayCount:
 
 
 def thesis_recipe(
-    views: int, traced: dict, stored: dict, retrieved: dict, pictures: np.ndarray
-) -> Made:
-    """The workflow's own light field of N = ``views``, of the records of its jobs."""
-    seconds = traced["seconds"] + stored["encode_seconds"] + stored["join_seconds"]
-    return Made(
-        NEAREST, f"{views} x 1", traced["rays"], seconds, stored["video_bytes"],
-        retrieved["seconds"], pictures,
+    scene: str, reference: Reference, views: int, jobs: Sequence[dict], pictures: np.ndarray
+) -> dict:
+    """The row of the workflow's own light field of N = ``views``, without the shares.
+
+    ``jobs`` are the records of tracing, storing and retrieving it; ``pictures`` (P, M, M, 3), what
+    was retrieved, are held against ``reference``.
+    """
+    traced, stored, retrieved = jobs
+    return _row(
+        scene, reference, pictures, method=NEAREST, lattice=f"{views} x 1", rays=traced["rays"],
+        seconds=traced["seconds"] + stored["encode_seconds"] + stored["join_seconds"],
+        bytes=stored["video_bytes"], read_seconds=retrieved["seconds"],
     )  # fmt: skip
 
 
-def our_choice(path: str | Path, tracer: Tracer, reference: Reference, count: RayCount) -> Made:
-    """Record ``count`` with depth to the file ``path``, and form the planes of ``reference``."""
-    pixels = reference.pictures.shape[1]
+def our_choice(path: str | Path, tracer: Tracer, reference: Reference, count: RayCount) -> dict:
+    """The row of ``count``, recorded with depth to the file ``path``, without the shares.
+
+    ``seconds`` trace and store it with one thread, ``read_seconds`` form all planes of it.
+    """
     spec = codec_spec(count.views, by_depth=True)
-    slab, store = depth_store(tracer.scene.camera, count, pixels, spec)
-    _, seconds = clocked_warm(lambda: record_by_depth(path, tracer, slab, store), programs_made)
+    slab, store = depth_store(tracer.scene.camera, count, reference.pixels, spec)
+    record = partial(record_by_depth, path, tracer, slab, store)
+    _, seconds = clocked_warm(record, programs_made)
     with LightFieldFile.open(path) as field:
-        pictures, read = clocked_warm(
-            lambda: slice_stored(field, reference.planes, device=tracer.device), programs_made
-        )
-    return Made(
-        BY_DEPTH, str(count), slab.rays, seconds, Path(path).stat().st_size, read, pictures
+        read = partial(slice_stored, field, reference.planes, device=tracer.device)
+        pictures, read_seconds = clocked_warm(read, programs_made)
+    return _row(
+        tracer.scene.name, reference, pictures, method=BY_DEPTH, lattice=str(count),
+        rays=slab.rays, seconds=seconds, bytes=Path(path).stat().st_size,
+        read_seconds=read_seconds,
     )  # fmt: skip
+
+
+def _row(scene: str, reference: Reference, pictures: np.ndarray, **measured: object) -> dict:
+    worst = min(reference.psnr(pictures))
+    return {"scene": scene, "M": reference.pixels, **measured, "psnr_true_db": worst}
 
 
 def compared(rows: Sequence[dict]) -> pd.DataFrame:
-    """Columns :data:`COLUMNS`: rows of :meth:`Made.row`, each beside the first of its scene."""
+    """Columns :data:`COLUMNS`: each row beside the first of its scene."""
     table = pd.DataFrame(rows)
     for name, of in (("rays", "rays"), ("seconds", "seconds"), ("size", "bytes")):
         share = table[of] / table.groupby("scene", sort=False)[of].transform("first")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import TypeVar
+from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
 from lfcore.evaluation.timing import clocked_warm
-from lfcore.evaluation.true_picture.reference import BELOW_DB, Reference, inner_psnr
+from lfcore.evaluation.true_picture.reference import BELOW_DB, Reference
 from lfcore.opencl.device import programs_made
 from lfcore.optics.slab import Slab
 from lfcore.rendering.by_depth import RayCount, pictures_by_depth
@@ -24,8 +24,6 @@ COLUMNS = (
 NEAREST, BY_DEPTH, TO_QUALITY = "nearest pixel", "by depth", "to a quality"
 
 TOO_GOOD = f"not judged: within {BELOW_DB:g} dB of what is known of the truth"
-
-Made = TypeVar("Made")
 
 
 def rounded(rows: pd.DataFrame) -> pd.DataFrame:
@@ -49,31 +47,35 @@ def plane_rows(
     reference: Reference,
     pictures: np.ndarray,
     *,
-    expected_db: Sequence[float] | None = None,
+    rays: int,
+    expected_db: Sequence[float | None] | None = None,
     **context: object,
 ) -> Iterator[dict]:
     """A row with :data:`COLUMNS` of each of ``pictures`` (P, M, M, 3), linear light.
 
-    ``context`` are the columns that all rows share; seconds are of all pictures together.
+    ``rays`` and ``context``, the other columns, are those of all rows: seconds are of all pictures
+    together.
     """
-    expected = [None] * len(pictures) if expected_db is None else list(expected_db)
-    for plane, picture, truth, known, said in zip(
-        reference.planes, pictures, reference.pictures, reference.known_db, expected, strict=True
+    shared = context | {
+        "pictures": len(pictures), "rays": rays, "rays_per_pixel": rays / reference.pixels**2,
+    }  # fmt: skip
+    for plane, psnr, known, expected in zip(
+        reference.planes,
+        reference.psnr(pictures),
+        reference.known_db.tolist(),
+        expected_db or [None] * len(pictures),
+        strict=True,
     ):
-        psnr = inner_psnr(picture, truth)
-        yield (
-            dict.fromkeys(COLUMNS)
-            | {"pictures": len(pictures)}
-            | context
-            | {
-                "f_number": plane.f_number,
-                "plane_m": plane.focus_distance_m,
-                "psnr_true_db": psnr,
-                "expected_db": said,
-                "truth_known_db": float(known),
-                "note": TOO_GOOD if psnr > known - BELOW_DB else None,
-            }
-        )
+        yield {
+            **dict.fromkeys(COLUMNS),
+            **shared,
+            "f_number": plane.f_number,
+            "plane_m": plane.focus_distance_m,
+            "psnr_true_db": psnr,
+            "expected_db": expected,
+            "truth_known_db": known,
+            "note": TOO_GOOD if psnr > known - BELOW_DB else None,
+        }
 
 
 def method_rows(
@@ -94,14 +96,16 @@ def method_rows(
     targets_db : qualities that are asked for, whose rays are chosen by their disagreement.
     one_picture_db : those of them that are asked for the worst plane alone, too.
     """
+    scene, camera = tracer.scene.name, tracer.scene.camera
     for reference in references:
+        planes, pixels = reference.planes, reference.pixels
         for count in counts:
-            pictures, seconds = _by_depth(tracer, reference, count)
-            rays = count.rays(reference.pictures.shape[1])
+            work = partial(pictures_by_depth, tracer, camera, planes, pixels, count)
+            pictures, seconds = clocked_warm(work, programs_made)
+            rays = count.rays(pixels)
             yield from plane_rows(
-                reference, pictures, scene=tracer.scene.name,
-                method=BY_DEPTH, lattice=str(count), rays=rays, seconds=seconds,
-                rays_per_pixel=rays / reference.pictures.shape[1] ** 2, bytes=16 * rays,
+                reference, pictures, scene=scene, method=BY_DEPTH, lattice=str(count), rays=rays,
+                seconds=seconds, bytes=16 * rays,
             )  # fmt: skip
         for target in targets_db:
             rows = list(_to_quality(tracer, reference, target))
@@ -110,45 +114,23 @@ def method_rows(
                 worst = int(np.argmin([row["psnr_true_db"] for row in rows]))
                 yield from _to_quality(tracer, reference.of_plane(worst), target)
         for views in nearest_views:
-            slab = Slab(tracer.scene.camera, views, reference.pictures.shape[1])
-            pictures, seconds = _nearest(tracer, reference, slab)
+            slab = Slab(camera, views, pixels)
+            work = partial(trace_planes, tracer, slab, planes)
+            pictures, seconds = clocked_warm(work, programs_made)
             yield from plane_rows(
-                reference, pictures, scene=tracer.scene.name, method=NEAREST,
-                lattice=f"{views} x 1", rays=slab.rays, rays_per_pixel=views**2, seconds=seconds,
+                reference, pictures, scene=scene, method=NEAREST, lattice=f"{views} x 1",
+                rays=slab.rays, seconds=seconds,
             )  # fmt: skip
-
-
-def _by_depth(tracer: Tracer, reference: Reference, count: RayCount) -> tuple[np.ndarray, float]:
-    camera, pixels = tracer.scene.camera, reference.pictures.shape[1]
-    return _timed(
-        tracer, lambda: pictures_by_depth(tracer, camera, reference.planes, pixels, count)
-    )
 
 
 def _to_quality(tracer: Tracer, reference: Reference, target: float) -> Iterator[dict]:
     """Rows of pictures that were asked for ``target`` dB."""
-    camera, pixels = tracer.scene.camera, reference.pictures.shape[1]
-    wanted = WantedQuality(tracer, camera, reference.planes, pixels, target)
-    made, seconds = _timed(tracer, wanted.pictures)
-    rays = sum(count.rays(pixels) for count in made.counts)
-    expected = [float(each) for each in made.expected_db]
+    scene, pixels = tracer.scene, reference.pixels
+    wanted = WantedQuality(tracer, scene.camera, reference.planes, pixels, target)
+    made, seconds = clocked_warm(wanted.pictures, programs_made)
+    rays = [count.rays(pixels) for count in made.counts]
     yield from plane_rows(
-        reference, made.pictures, expected_db=expected, scene=tracer.scene.name, rays=rays,
-        method=TO_QUALITY, lattice=f"{target:g} dB", rays_per_pixel=rays / pixels**2,
-        seconds=seconds, bytes=16 * max(count.rays(pixels) for count in made.counts),
+        reference, made.pictures, expected_db=made.expected_db.tolist(), scene=scene.name,
+        method=TO_QUALITY, lattice=f"{target:g} dB", rays=sum(rays), seconds=seconds,
+        bytes=16 * max(rays),
     )  # fmt: skip
-
-
-def _nearest(tracer: Tracer, reference: Reference, slab: Slab) -> tuple[np.ndarray, float]:
-    return _timed(tracer, lambda: trace_planes(tracer, slab, reference.planes))
-
-
-def _timed(tracer: Tracer, work: Callable[[], Made]) -> tuple[Made, float]:
-    """What ``work`` makes, and its seconds when programs are built."""
-
-    def finished() -> Made:
-        made = work()
-        tracer.device.queue.finish()
-        return made
-
-    return clocked_warm(finished, programs_made)

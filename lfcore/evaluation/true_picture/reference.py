@@ -38,6 +38,15 @@ class Reference:
     known_db: np.ndarray
     square_error: np.ndarray
 
+    @property
+    def pixels(self) -> int:
+        """Along a side of the pictures."""
+        return self.pictures.shape[1]
+
+    def psnr(self, pictures: np.ndarray) -> list[float]:
+        """dB of ``pictures`` (P, M, M, 3) of the planes, linear light, as :func:`inner_psnr`."""
+        return [inner_psnr(*pair) for pair in zip(pictures, self.pictures, strict=True)]
+
     def of_plane(self, number: int) -> Reference:
         """The true picture of one of the planes."""
         one = slice(number, number + 1)
