@@ -11,7 +11,7 @@ import yaml
 from matplotlib.figure import Figure
 
 from lfcore.errors import DeviceError, OpticsError, StorageError
-from lfcore.evaluation.point_labels import PointLabel, label_points
+from lfcore.evaluation.diagrams import PointLabel, label_points, pareto
 from lfcore.evaluation.recommendation import DEFAULT_TASK, recommendation
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.evaluation.work_precision import convergence as orders
@@ -23,7 +23,7 @@ from lfcore.evaluation.work_precision import (
     stored,
     windows,
 )
-from lfcore.evaluation.work_precision.figure import convergence, pareto, storage, work_precision
+from lfcore.evaluation.work_precision.figure import convergence, storage, work_precision
 from lfcore.evaluation.work_precision.measured_point import (
     COLUMNS,
     NOT_JUDGED,
@@ -182,12 +182,13 @@ def test_convergence_says_where_the_order_breaks():
         }
         for n in (4, 8, 16, 32, 64)
     ]  # fmt: skip
-    found = {row["pixels"]: row for row in orders.convergence(rows)}
+    points = pd.DataFrame(rows)
+    found = {row["pixels"]: row for row in orders.convergence(points)}
     assert set(found) == {"all", "edges", "smooth"}
     assert found["edges"]["order"] == pytest.approx(1.5) and found["edges"]["breaks"]
     assert found["smooth"]["order"] == pytest.approx(2) and not found["smooth"]["breaks"]
     assert found["smooth"]["points"] == 3, "what cannot be judged does not count"
-    grid = [row | {"method": quadrature.MIDDLE} for row in rows]
+    grid = points.assign(method=quadrature.MIDDLE)
     assert orders.convergence(grid)[0]["breaks"] is None, "no order is known of it"
 
 
@@ -268,7 +269,8 @@ def test_orders():
     rows = [{"rays_per_pixel": n * n, "rmse": 3.0 * n**-1.5} for n in (4, 8, 16)]
     found = [row.get("order") for row in orders.with_orders(rows)]
     assert found == [None, pytest.approx(1.5), pytest.approx(1.5)]
-    assert orders.fitted_order([4, 8, 16], [row["rmse"] for row in rows]) == pytest.approx(1.5)
+    errors = np.array([row["rmse"] for row in rows])
+    assert orders.fitted_order(np.array([4, 8, 16]), errors) == pytest.approx(1.5)
 
 
 def test_pareto_front():

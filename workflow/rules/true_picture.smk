@@ -72,12 +72,7 @@ rule true_picture:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(
-            *sources.READING,
-            *sources.TABLES,
-            "evaluation/true_picture",
-            "evaluation/work_precision",
-        ),
+        sources=digest(*sources.READING, *sources.TABLES, "evaluation/true_picture"),
     script:
         "../scripts/true_picture.py"
 

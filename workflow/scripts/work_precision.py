@@ -12,11 +12,10 @@ from lfcore.workflow.job import job
 with job(snakemake.log[0], snakemake.threads):
     output = snakemake.output
     scenes = [read_json(path) for path in snakemake.input]
-    rows = [row for one in scenes for row in one["rows"]]
-    points = pd.DataFrame(rows)
+    points = pd.DataFrame([row for one in scenes for row in one["rows"]])
     machine = f"{scenes[0]['device']}, {scenes[0]['threads']} thread"
     for panel, file in zip(snakemake.params.panels, output.figures, strict=True):
         figure.draw(panel, file, points, machine=machine)
-    orders = convergence([row for row in rows if row["panel"] == "quadrature"])
+    orders = convergence(points[points.panel == "quadrature"])
     write_csv(output.convergence, rounded(pd.DataFrame(orders)))
     write_csv(output.csv, rounded(points[list(COLUMNS)]))

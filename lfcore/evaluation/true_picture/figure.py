@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lfcore.evaluation.figures import log_ticks, save_figure
-from lfcore.evaluation.point_labels import PointLabel, label_points
+from lfcore.evaluation.diagrams import FRONT, PointLabel, pareto, save_diagrams
+from lfcore.evaluation.figures import log_ticks
 from lfcore.evaluation.true_picture.points import BY_DEPTH, NEAREST, TO_QUALITY, worst_planes
 from lfcore.evaluation.true_picture.reference import BELOW_DB
-from lfcore.evaluation.work_precision.figure import pareto
 
 STYLES = {
     BY_DEPTH: ("C0", "o", "by depth (lens samples x rays of a pixel, a side)"),
@@ -35,47 +36,35 @@ def true_errors(path: str | Path, rows: pd.DataFrame, *, machine: str) -> None:
     machine : what the seconds were measured on.
     """
     worst = worst_planes(rows)
-    scenes, stops = list(dict.fromkeys(worst.scene)), sorted(worst.f_number.unique())
-    figure = Figure(figsize=(4.6 * len(scenes), 3.8 * len(stops) + 0.5), layout="constrained")
-    grid, labels = figure.subplots(len(stops), len(scenes), squeeze=False), []
-    for line, stop in zip(grid, stops, strict=True):
-        for axis, scene in zip(line, scenes, strict=True):
-            panel = worst[(worst.scene == scene) & np.isclose(worst.f_number, stop)]
-            labels += _panel(axis, panel, f"{scene}, f/{stop:g}")
-    handles = {
-        label: handle
-        for axis in grid.flat
-        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
-    }
-    figure.legend(
-        handles.values(),
-        handles,
-        loc="outside upper center",
-        ncols=min(2, len(scenes)),
-        frameon=False,
-        fontsize=8,
-    )
-    figure.supxlabel(
+    scenes, stops = worst.scene.unique(), sorted(worst.f_number.unique())
+    figure = Figure(figsize=(4.6 * len(scenes), 3.8 * len(stops) + 0.5))
+    axes = figure.subplots(len(stops), len(scenes), squeeze=False)
+    labels: list[PointLabel] = []
+    legend: dict[str, Artist] = {}
+    for axis, (stop, scene) in zip(axes.flat, product(stops, scenes), strict=True):
+        panel = worst[(worst.scene == scene) & np.isclose(worst.f_number, stop)]
+        labels += _panel(axis, panel)
+        axis.set_title(f"{scene}, f/{stop:g}", fontsize=10)
+        handles, names = axis.get_legend_handles_labels()
+        legend.update(zip(names, handles, strict=True))
+    columns = min(2, len(scenes))
+    figure.legend(legend.values(), legend, loc="outside upper center", ncols=columns, fontsize=8)
+    caption = (
         f"seconds of one core for all planes ({machine})\n"
         "Upper left is better. Grey: the Pareto front. Ring: N = 512, the thesis's recipe.\n"
-        "Dotted: what the truth can judge; hollow points are beyond.",
-        fontsize=8,
+        "Dotted: what the truth can judge; hollow points are beyond."
     )
-    label_points(figure, labels)
-    save_figure(path, figure)
+    save_diagrams(path, figure, labels, caption)
 
 
-def _panel(axis: Axes, rows: pd.DataFrame, title: str) -> list[PointLabel]:
+def _panel(axis: Axes, rows: pd.DataFrame) -> list[PointLabel]:
     """Draw one diagram; returns the labels that its points are to have."""
     log_ticks(axis.xaxis)
-    axis.set_title(title, fontsize=10)
     axis.set_ylabel("PSNR of the worst plane, dB", fontsize=9)
-    axis.grid(alpha=0.3)
     for goal in GOALS_DB:
         axis.axhline(goal, color="0.85", linewidth=1, zorder=0)
-    error = 10 ** (-rows.psnr_true_db.to_numpy(float) / 20)
-    front = rows[pareto(error, rows.seconds.to_numpy(float))].sort_values("seconds")
-    axis.plot(front.seconds, front.psnr_true_db, color="0.8", linewidth=7, alpha=0.6, zorder=1)
+    front = rows[pareto(-rows.psnr_true_db, rows.seconds)].sort_values("seconds")
+    axis.plot(front.seconds, front.psnr_true_db, **FRONT)
     labels = []
     for method, (colour, marker, label) in STYLES.items():
         curve = rows[rows.method == method].sort_values("rays")
@@ -87,10 +76,8 @@ def _panel(axis: Axes, rows: pd.DataFrame, title: str) -> list[PointLabel]:
         axis.plot([], [], label=label, **style)
         for some, face in ((curve[judged], colour), (curve[~judged], "white")):
             axis.plot(some.seconds, some.psnr_true_db, linestyle="", markerfacecolor=face, **style)
-        labels += [
-            PointLabel(axis, row.seconds, row.psnr_true_db, row.lattice, colour)
-            for _, row in curve.iterrows()
-        ]
+        points = zip(curve.seconds, curve.psnr_true_db, curve.lattice, strict=True)
+        labels += [PointLabel(axis, *point, colour) for point in points]
     thesis = rows[(rows.method == NEAREST) & (rows.lattice == THESIS_LATTICE)]
     axis.plot(
         thesis.seconds, thesis.psnr_true_db, "o", color="0.2", markersize=11, fillstyle="none"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 import numpy as np
+import pandas as pd
 
 from lfcore.evaluation.work_precision.windows import KINDS
 
@@ -33,40 +34,38 @@ def with_orders(rows: Iterable[dict]) -> Iterator[dict]:
         before = row
 
 
-def fitted_order(side: Sequence[float], error: Sequence[float]) -> float:
+def fitted_order(side: np.ndarray | pd.Series, error: np.ndarray | pd.Series) -> float:
     """Least-squares order of ``error ~ side^-order``; NaN for fewer than two points."""
     if len(side) < 2:
         return math.nan
     return float(-np.polyfit(np.log(side), np.log(error), 1)[0])
 
 
-def convergence(rows: Sequence[dict]) -> list[dict]:
+def error_column(kind: str) -> str:
+    """Of a row: where the error stands of pixels of one of :data:`KINDS`, or of ``all``."""
+    return "rmse" if kind == "all" else f"rmse_{kind}"
+
+
+def convergence(points: pd.DataFrame) -> list[dict]:
     """Observed orders by scene, aperture, method and kind of pixel, and whether they break."""
     made = []
-    keys = dict.fromkeys((row["scene"], row["f_number"], row["method"]) for row in rows)
-    for scene, f_number, method in keys:
-        curve = [
-            row
-            for row in rows
-            if (row["scene"], row["f_number"], row["method"]) == (scene, f_number, method)
-        ]
+    for keys, curve in points.groupby(["scene", "f_number", "method"], sort=False):
+        scene, f_number, method = keys
+        smooth = SMOOTH_ORDER.get(method)
         for kind in ("all", *KINDS):
-            column = "rmse" if kind == "all" else f"rmse_{kind}"
-            points = [
-                (row["rays_per_pixel"] ** 0.5, row[column]) for row in curve if row.get(column)
-            ]
-            if len(points) < 2:
+            column = error_column(kind)
+            known = curve[curve[column] > 0] if column in curve else curve[:0]
+            if len(known) < 2:
                 continue
-            side, error = zip(*points, strict=True)
-            order, smooth = fitted_order(side, error), SMOOTH_ORDER.get(method)
+            order = fitted_order(np.sqrt(known.rays_per_pixel), known[column])
             made.append(
                 {
                     "scene": scene,
                     "f_number": f_number,
                     "method": method,
                     "pixels": kind,
-                    "points": len(points),
-                    "rmse_at_last": error[-1],
+                    "points": len(known),
+                    "rmse_at_last": known[column].iloc[-1],
                     "order": order,
                     "order_if_smooth": smooth,
                     "breaks": None if smooth is None else order < smooth - BROKEN,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
+from lfcore.evaluation.diagrams import FRONT, MARKERS, PointLabel, pareto, save_diagrams
 from lfcore.evaluation.figures import log_ticks, save_figure
-from lfcore.evaluation.point_labels import PointLabel, label_points
-from lfcore.evaluation.work_precision.convergence import fitted_order
+from lfcore.evaluation.work_precision.convergence import error_column, fitted_order
 from lfcore.evaluation.work_precision.measured_point import TIMES_BELOW
 from lfcore.evaluation.work_precision.windows import KINDS
 
-MARKERS = "osD^vP*X"
 PINNED = 3.0
 """How far beyond the plotted errors what has none is pinned, as a factor."""
 COSTS = {
@@ -25,6 +25,8 @@ COSTS = {
     "seconds": "seconds of encoding",
     "read_seconds": "seconds of reading: decoding and forming the picture",
 }
+ERROR = "root mean square error, linear light"
+CAPTION = "Lower left is better; the grey line joins the Pareto front."
 
 
 def draw(panel: str, path: str | Path, points: pd.DataFrame, *, machine: str) -> None:
@@ -38,16 +40,6 @@ def draw(panel: str, path: str | Path, points: pd.DataFrame, *, machine: str) ->
         work_precision(path, rows, machine=machine)
 
 
-def pareto(error: np.ndarray, seconds: np.ndarray) -> np.ndarray:
-    """(K,) bool: points that no other beats in both; failed ones (NaN) never are."""
-    better = np.zeros(len(error), bool)
-    best = np.inf
-    for index in np.lexsort((error, seconds)):
-        if np.isfinite(error[index]) and error[index] < best:
-            better[index], best = True, error[index]
-    return better
-
-
 def work_precision(path: str | Path, points: pd.DataFrame, *, machine: str) -> None:
     """One panel of diagrams, a column a scene and a row an aperture.
 
@@ -56,51 +48,38 @@ def work_precision(path: str | Path, points: pd.DataFrame, *, machine: str) -> N
     points : rows of one ``panel``.
     machine : what the seconds were measured on.
     """
-    scenes = list(dict.fromkeys(points.scene))
-    stops = (
-        sorted(points.f_number.round(6).unique())
-        if points.panel.iloc[0] == "quadrature"
-        else [None]
-    )
-    figure = Figure(figsize=(5.2 * len(scenes), 4.3 * len(stops) + 0.4), layout="constrained")
-    grid = figure.subplots(len(stops), len(scenes), squeeze=False)
+    scenes, stops = points.scene.unique(), [None]
+    if points.panel.iloc[0] == "quadrature":
+        stops = sorted(points.f_number.round(6).unique())
+    figure = Figure(figsize=(5.2 * len(scenes), 4.3 * len(stops) + 0.4))
+    axes = figure.subplots(len(stops), len(scenes), squeeze=False).flat
     labels = []
-    for line, stop in zip(grid, stops, strict=True):
-        for axis, scene in zip(line, scenes, strict=True):
-            rows = points[points.scene == scene]
-            if stop is not None:
-                rows = rows[np.isclose(rows.f_number, stop)]
-            labels += _panel(axis, rows, scene if stop is None else f"{scene}, f/{stop:g}")
-    figure.supxlabel(
-        f"{machine}\nLower left is better; the grey line joins the Pareto front.\n"
-        "Hollow: what the reference cannot judge; its error is at most this.",
-        fontsize=8,
-    )
-    label_points(figure, labels)
-    save_figure(path, figure)
+    for axis, (stop, scene) in zip(axes, product(stops, scenes), strict=True):
+        rows = points[points.scene == scene]
+        if stop is not None:
+            rows = rows[np.isclose(rows.f_number, stop)]
+        labels += _panel(axis, rows)
+        axis.set_title(scene if stop is None else f"{scene}, f/{stop:g}", fontsize=10)
+    caption = f"{machine}\n{CAPTION}\n"
+    caption += "Hollow: what the reference cannot judge; its error is at most this."
+    save_diagrams(path, figure, labels, caption)
 
 
-def _panel(axis: Axes, rows: pd.DataFrame, title: str) -> list[PointLabel]:
+def _panel(axis: Axes, rows: pd.DataFrame) -> list[PointLabel]:
     """Draw one diagram; returns the labels that its points are to have."""
-    for each in (axis.xaxis, axis.yaxis):
-        log_ticks(each)
-    axis.set_title(title, fontsize=10)
-    axis.set_xlabel("root mean square error, linear light")
-    axis.set_ylabel("seconds")
-    axis.grid(alpha=0.3)
-    timed = rows[rows.seconds.notna()]
-    measured = timed[timed.rmse > 0]
+    log_ticks(axis.xaxis)
+    log_ticks(axis.yaxis)
+    axis.set(xlabel=ERROR, ylabel="seconds")
+    measured = rows[rows.seconds.notna() & (rows.rmse > 0)]
     if measured.empty:
         axis.text(0.5, 0.5, "not measured for this scene", transform=axis.transAxes, ha="center")
         return []
-    front = measured[pareto(measured.rmse.to_numpy(float), measured.seconds.to_numpy(float))]
-    front = front.sort_values("rmse")
-    axis.plot(front.rmse, front.seconds, color="0.75", linewidth=7, alpha=0.6, zorder=1)
+    front = measured[pareto(measured.rmse, measured.seconds)].sort_values("rmse")
+    axis.plot(front.rmse, front.seconds, **FRONT)
     labels: list[PointLabel] = []
     for number, (method, curve) in enumerate(rows.groupby("method", sort=False)):
         labels += _curve(axis, curve, str(method), f"C{number}", MARKERS[number % len(MARKERS)])
-    exact = rows[rows.rmse == 0]
-    for _, row in exact.iterrows():
+    for _, row in rows[rows.rmse == 0].iterrows():
         axis.plot(
             measured.rmse.min() / PINNED, row.seconds, "<", color="0.3", markersize=7,
             label=f"{row.method}: exact",
@@ -133,18 +112,21 @@ def _curve(
     good = timed.rmse.notna()
     if timed.empty:
         return []
-    label = method
     if timed.order.notna().any():
         order = fitted_order(np.sqrt(timed.rays_per_pixel[good]), timed.rmse[good])
-        label += f" (order {order:.2f})"
+        method += f" (order {order:.2f})"
     style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 5}
-    axis.plot(error[good], timed.seconds[good], "-", label=label, **style)
+    axis.plot(error[good], timed.seconds[good], "-", label=method, **style)
     axis.plot(error[~good], timed.seconds[~good], linestyle="", markerfacecolor="none", **style)
     axis.vlines(error, timed.quartile_1_seconds, timed.quartile_3_seconds, color=colour)
-    return [
-        PointLabel(axis, x, row.seconds, _short(row.knob), colour)
-        for x, (_, row) in zip(error, timed.iterrows(), strict=True)
-    ]
+    return _labels(axis, error, timed.seconds, timed.knob, colour)
+
+
+def _labels(
+    axis: Axes, x: pd.Series, y: pd.Series, knob: pd.Series, colour: str
+) -> list[PointLabel]:
+    each = zip(x, y, knob, strict=True)
+    return [PointLabel(axis, x, y, _short(knob), colour) for x, y, knob in each]
 
 
 def _short(knob: str) -> str:
@@ -172,46 +154,33 @@ def storage(path: str | Path, points: pd.DataFrame, *, machine: str) -> None:
     ``points`` are rows of the panel ``storage``; the front is grey, CRF stands at the points.
     """
     points = points[points.rmse > 0]
-    scenes = list(dict.fromkeys(points.scene))
-    figure = Figure(figsize=(5.2 * len(scenes), 12.6), layout="constrained")
-    grid = figure.subplots(len(COSTS), len(scenes), squeeze=False)
+    scenes = points.scene.unique()
+    figure = Figure(figsize=(5.2 * len(scenes), 12.6))
+    axes = figure.subplots(len(COSTS), len(scenes), squeeze=False)
     labels = []
-    for line, (column, label) in zip(grid, COSTS.items(), strict=True):
-        for axis, scene in zip(line, scenes, strict=True):
-            rows = points[points.scene == scene]
-            front = rows[pareto(rows.rmse.to_numpy(float), rows[column].to_numpy(float))]
-            front = front.sort_values("rmse")
-            axis.plot(front[column], front.rmse, color="0.75", linewidth=7, alpha=0.6, zorder=1)
-            for number, (method, curve) in enumerate(rows.groupby("method", sort=False)):
-                labels += _cost(axis, curve, column, str(method), f"C{number}", MARKERS[number])
-            log_ticks(axis.xaxis, 1e3 if column == "bytes" else 1.0)
-            log_ticks(axis.yaxis)
-            axis.set_xlabel(label)
-            axis.set_title(scene, fontsize=10)
-            axis.grid(alpha=0.3)
-            axis.margins(x=0.08, y=0.08)
-        line[0].set_ylabel("root mean square error, linear light")
-    handles, names = grid[0][0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper center", ncols=3, fontsize=8)
-    figure.supxlabel(
-        f"{machine}\nLower left is better; the grey line joins the Pareto front.", fontsize=8
-    )
-    label_points(figure, labels)
-    save_figure(path, figure)
-
-
-def _cost(
-    axis: Axes, curve: pd.DataFrame, column: str, method: str, colour: str, marker: str
-) -> list[PointLabel]:
-    axis.plot(
-        curve[column], curve.rmse, "-", color=colour, marker=marker, markersize=4, label=method
-    )
-    if column == "seconds":
-        axis.hlines(curve.rmse, curve.quartile_1_seconds, curve.quartile_3_seconds, color=colour)
-    return [
-        PointLabel(axis, row[column], row.rmse, _short(row.knob), colour)
-        for _, row in curve.iterrows()
-    ]
+    for axis, (cost, scene) in zip(axes.flat, product(COSTS, scenes), strict=True):
+        rows = points[points.scene == scene]
+        front = rows[pareto(rows.rmse, rows[cost])].sort_values("rmse")
+        axis.plot(front[cost], front.rmse, **FRONT)
+        for number, (method, curve) in enumerate(rows.groupby("method", sort=False)):
+            colour, at = f"C{number}", curve[cost]
+            axis.plot(
+                at, curve.rmse, color=colour, marker=MARKERS[number], markersize=4, label=method
+            )
+            if cost == "seconds":
+                quartiles = curve.quartile_1_seconds, curve.quartile_3_seconds
+                axis.hlines(curve.rmse, *quartiles, color=colour)
+            labels += _labels(axis, at, curve.rmse, curve.knob, colour)
+        log_ticks(axis.xaxis, 1e3 if cost == "bytes" else 1.0)
+        log_ticks(axis.yaxis)
+        axis.set_xlabel(COSTS[cost])
+        axis.set_title(scene, fontsize=10)
+        axis.margins(x=0.08, y=0.08)
+    for axis in axes[:, 0]:
+        axis.set_ylabel(ERROR)
+    legend = axes[0, 0].get_legend_handles_labels()
+    figure.legend(*legend, loc="outside upper center", ncols=3, fontsize=8)
+    save_diagrams(path, figure, labels, f"{machine}\n{CAPTION}")
 
 
 def convergence(path: str | Path, rows: pd.DataFrame) -> None:
@@ -221,24 +190,22 @@ def convergence(path: str | Path, rows: pd.DataFrame) -> None:
     with N^-1, N^-1.5 and N^-2.
     """
     rows = rows[rows.f_number == rows.groupby("scene").f_number.transform("min")]
-    scenes, kinds = list(dict.fromkeys(rows.scene)), ("all", *KINDS)
-    figure = Figure(figsize=(3.0 * len(kinds), 3.0 * len(scenes)), layout="constrained")
-    grid = figure.subplots(len(scenes), len(kinds), squeeze=False)
-    for line, scene in zip(grid, scenes, strict=True):
-        for axis, kind in zip(line, kinds, strict=True):
-            _converging(axis, rows[rows.scene == scene], kind)
-            axis.set_title(f"{scene}, {kind}", fontsize=9)
-        line[0].set_ylabel("root mean square error")
-    for axis in grid[-1]:
+    scenes, kinds = rows.scene.unique(), ("all", *KINDS)
+    figure = Figure(figsize=(3.0 * len(kinds), 3.0 * len(scenes)))
+    axes = figure.subplots(len(scenes), len(kinds), squeeze=False)
+    for axis, (scene, kind) in zip(axes.flat, product(scenes, kinds), strict=True):
+        _converging(axis, rows[rows.scene == scene], error_column(kind))
+        axis.set_title(f"{scene}, {kind}", fontsize=9)
+    for axis in axes[:, 0]:
+        axis.set_ylabel("root mean square error")
+    for axis in axes[-1]:
         axis.set_xlabel("N")
-    grid[0][0].legend(frameon=False, fontsize=7)
+    axes[0, 0].legend(fontsize=7)
     save_figure(path, figure)
 
 
-def _converging(axis: Axes, rows: pd.DataFrame, kind: str) -> None:
-    column = "rmse" if kind == "all" else f"rmse_{kind}"
+def _converging(axis: Axes, rows: pd.DataFrame, column: str) -> None:
     axis.set(xscale="log", yscale="log")
-    axis.grid(alpha=0.3)
     if column not in rows or not (rows[column] > 0).any():
         axis.text(0.5, 0.5, "no such pixels", transform=axis.transAxes, ha="center", fontsize=8)
         return
