@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import numpy as np
@@ -31,22 +31,21 @@ def layouts_figure(path: str | Path, table: pd.DataFrame) -> None:
 
     ``table`` is that of :mod:`lfcore.evaluation.storage.layouts`.
     """
-    scenes, views = list(dict.fromkeys(table.scene)), sorted(table.N.unique())
-    names = list(dict.fromkeys(_layout_name(row) for row in table.itertuples()))
-    size = (3.6 * len(scenes) + 1.7, 2.6 * len(views) + 0.4)
-    figure = Figure(figsize=size)
+    packs = "macropixels, " + table.pack.astype(str) + " x " + table.pack.astype(str)
+    table = table.assign(name=packs.where(table.layout != "views", "views"))
+    scenes, views, names = table.scene.unique(), sorted(table.N.unique()), [*table.name.unique()]
+    figure = Figure(figsize=(3.6 * len(scenes) + 1.7, 2.6 * len(views) + 0.4))
     axes = figure.subplots(len(views), len(scenes), squeeze=False)
-    for line, n in zip(axes, views, strict=True):
-        for axis, scene in zip(line, scenes, strict=True):
-            for row in table[(table.scene == scene) & (table.N == n)].itertuples():
-                colour = f"C{names.index(_layout_name(row))}"
-                marker, edge = MARKERS[row.order], "black" if row.is_default else "none"
-                axis.plot(
-                    row.bits_per_ray, row.psnr_pictures_db, marker, color=colour, markersize=8,
-                    markeredgecolor=edge, markeredgewidth=1.6, alpha=0.85,
-                )  # fmt: skip
-            axis.set_title(f"{scene}, N = {n}", fontsize=10)
-        line[0].set_ylabel("PSNR of pictures (dB)")
+    for axis, (n, scene) in zip(axes.flat, product(views, scenes), strict=True):
+        for row in table[(table.scene == scene) & (table.N == n)].itertuples():
+            axis.plot(
+                row.bits_per_ray, row.psnr_pictures_db, MARKERS[row.order], markersize=8,
+                color=f"C{names.index(row.name)}", alpha=0.85, markeredgewidth=1.6,
+                markeredgecolor="black" if row.is_default else "none",
+            )  # fmt: skip
+        axis.set_title(f"{scene}, N = {n}", fontsize=10)
+    for axis in axes[:, 0]:
+        axis.set_ylabel("PSNR of pictures (dB)")
     for axis in axes[-1]:
         axis.set_xlabel("bits per ray")
     keys = [axes[0, 0].plot([], [], "o", color=f"C{k}", label=n)[0] for k, n in enumerate(names)]
@@ -59,12 +58,6 @@ def layouts_figure(path: str | Path, table: pd.DataFrame) -> None:
     save_figure(path, figure)
 
 
-def _layout_name(row: Any) -> str:
-    if row.layout == "views":
-        return "views"
-    return f"macropixels, {row.pack} x {row.pack}"
-
-
 def rate_distortion_figure(path: str | Path, points: pd.DataFrame, deltas: pd.DataFrame) -> None:
     """One scene: a row each N of bits against PSNR of frames and of pictures, and speed against
     the delta rate.
@@ -74,39 +67,34 @@ def rate_distortion_figure(path: str | Path, points: pd.DataFrame, deltas: pd.Da
     views = sorted(points.N.unique())
     figure = Figure(figsize=(16, 5.2 * len(views)))
     axes = figure.subplots(len(views), 3, squeeze=False)
-    lossy = points[points.codec != "ffv1"]
-    curves = [name for name in dict.fromkeys(lossy.curve) if name != "default"]
+    curves = [name for name in points[points.codec != "ffv1"].curve.unique() if name != "default"]
     colours = {name: COLOURS(k % COLOURS.N) for k, name in enumerate(curves)}
     for line, n in zip(axes, views, strict=True):
         for axis, what in zip(line, ("frames", "pictures"), strict=False):
-            for name, curve in lossy[lossy.N == n].groupby("curve", sort=False):
-                _curve(axis, curve, f"psnr_{what}_db", colours.get(name, "black"), str(name))
-            axis.set_ylabel(f"PSNR of {what} (dB)")
+            _rates(axis, points[points.N == n], f"psnr_{what}_db", colours)
+            axis.set(xlabel="bits per ray", ylabel=f"PSNR of {what} (dB)")
             axis.set_title(f"N = {n}", fontsize=10)
-            _beyond(axis, points[(points.codec == "ffv1") & (points.N == n)], f"psnr_{what}_db")
         _speeds(line[2], deltas[deltas.N == n], colours)
-    keys, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(keys, labels, loc="outside right upper", fontsize=9)
+    _legend(figure, axes[0, 0])
     save_figure(path, figure, dpi=110)
 
 
-def _curve(axis: Axes, curve: pd.DataFrame, quality: str, colour: Colour, name: str) -> None:
-    curve = curve.sort_values("bits_per_ray")
-    codec, single = curve.codec.iloc[0], len(curve) == 1
-    axis.plot(
-        curve.bits_per_ray, curve[quality], marker="*" if single else CODEC_MARKERS[codec],
-        linestyle="" if single else STYLES[codec], color=colour, label=name,
-        markersize=13 if single else 5, linewidth=1.4, zorder=3 if single else 2,
-    )  # fmt: skip
-    axis.set_xlabel("bits per ray")
+def _rates(axis: Axes, points: pd.DataFrame, quality: str, colours: Mapping[str, Colour]) -> None:
+    """Curves of lossy codecs; lossless ones lie far off, and are named with their numbers."""
     log_ticks(axis.xaxis)
-
-
-def _beyond(axis: Axes, lossless: pd.DataFrame, quality: str) -> None:
-    """Lossless codecs lie far off; they are named with their numbers."""
+    lossless = points.codec == "ffv1"
+    for name, curve in points[~lossless].groupby("curve", sort=False):
+        curve = curve.sort_values("bits_per_ray")
+        codec, single = curve.codec.iloc[0], len(curve) == 1
+        axis.plot(
+            curve.bits_per_ray, curve[quality], marker="*" if single else CODEC_MARKERS[codec],
+            linestyle="" if single else STYLES[codec], color=colours.get(name, "black"),
+            label=name, markersize=13 if single else 5, linewidth=1.4, zorder=3 if single else 2,
+        )  # fmt: skip
+    far = points[lossless]
     lines = [
-        f"{row.curve}: {row.bits_per_ray:.2f} bits, {value:.1f} dB"
-        for row, value in zip(lossless.itertuples(), lossless[quality], strict=True)
+        f"{name}: {bits:.2f} bits, {decibels:.1f} dB"
+        for name, bits, decibels in zip(far.curve, far.bits_per_ray, far[quality], strict=True)
     ]
     axis.text(
         0.98, 0.02, "\n".join(lines), transform=axis.transAxes, ha="right", va="bottom", fontsize=8
@@ -114,6 +102,7 @@ def _beyond(axis: Axes, lossless: pd.DataFrame, quality: str) -> None:
 
 
 def _speeds(axis: Axes, deltas: pd.DataFrame, colours: Mapping[str, Colour]) -> None:
+    log_ticks(axis.xaxis)
     for row in deltas.itertuples():
         codec = next(codec for word, codec in CODECS.items() if row.curve.startswith(word))
         axis.plot(
@@ -123,7 +112,6 @@ def _speeds(axis: Axes, deltas: pd.DataFrame, colours: Mapping[str, Colour]) -> 
     axis.axhline(0, color="0.6", linewidth=0.8)
     axis.set_xlabel("million rays a CPU second, encoding")
     axis.set_ylabel("BD-rate of pictures (%), less is better")
-    log_ticks(axis.xaxis)
 
 
 def retrieval_figure(path: str | Path, table: pd.DataFrame) -> None:
@@ -131,7 +119,7 @@ def retrieval_figure(path: str | Path, table: pd.DataFrame) -> None:
 
     ``table`` is that of :mod:`lfcore.evaluation.storage.retrieval`.
     """
-    scenes = list(dict.fromkeys(table.scene))
+    scenes = table.scene.unique()
     figure = Figure(figsize=(3.9 * len(scenes) + 1.8, 3.9))
     axes = figure.subplots(1, len(scenes), squeeze=False, sharey=True)[0]
     for axis, scene in zip(axes, scenes, strict=True):
@@ -143,9 +131,14 @@ def retrieval_figure(path: str | Path, table: pd.DataFrame) -> None:
         views_axis(axis, table.N)
         axis.set_title(scene, fontsize=10)
     axes[0].set_ylabel("CPU seconds")
-    keys, labels = axes[0].get_legend_handles_labels()
-    figure.legend(keys, labels, loc="outside right upper", fontsize=9)
+    _legend(figure, axes[0])
     save_figure(path, figure)
+
+
+def _legend(figure: Figure, axis: Axes) -> None:
+    """What stands in one axis, beside all of them."""
+    handles, labels = axis.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside right upper", fontsize=9)
 
 
 def equivalence_sheet(path: str | Path, found: Equivalence, focus_m: Sequence[float]) -> None:
@@ -153,18 +146,17 @@ def equivalence_sheet(path: str | Path, found: Equivalence, focus_m: Sequence[fl
 
     The first column is the reference; its map is empty.
     """
-    pictures, labels = [], []
+    sheet: list[tuple[np.ndarray, str]] = []
     reference, errors = found.made[0], list(found.errors())
     for k, focus in enumerate(focus_m):
-        pictures += [reference.pictures[k], *(made.pictures[k] for made, _ in errors)]
-        labels += [
-            f"{reference.method}, {focus:.3g} m",
-            *(_method_name(made) for made, _ in errors),
-        ]
-        pictures.append(np.ones_like(reference.pictures[k]))
-        pictures += [_error_picture(error[k]) for _, error in errors]
-        labels += [f"errors x {ERROR_GAIN}:"]
-        labels += [f"{np.sqrt(np.square(e[k]).mean()):.2f} codes rms" for _, e in errors]
+        truth = reference.pictures[k]
+        sheet.append((truth, f"{reference.method}, {focus:.3g} m"))
+        sheet += [(made.pictures[k], _method_name(made)) for made, _ in errors]
+        sheet.append((np.ones_like(truth), f"errors x {ERROR_GAIN}:"))
+        for _, error in errors:
+            rms = np.sqrt(np.square(error[k]).mean())
+            sheet.append((_error_picture(error[k]), f"{rms:.2f} codes rms"))
+    pictures, labels = zip(*sheet, strict=True)
     contact_sheet(path, pictures, labels, columns=1 + len(errors))
 
 
