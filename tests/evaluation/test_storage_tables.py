@@ -94,9 +94,9 @@ def test_lossless_storage_costs_rounding_alone(sample, chart):
     spec = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
     stored = store(Frames(sample, layout), spec, chart.device)
     # Rounding to codes is at most half a code off: 54 dB; 59 dB where errors are uniform.
-    assert stored.psnr_frames_db > 54 and stored.ssim_frames > 0.995
-    assert stored.psnr_pictures_db > 54 and stored.ssim_pictures > 0.995
-    assert stored.encode_seconds > 0 and stored.decode_seconds > 0
+    assert min(stored["psnr_frames_db"], stored["psnr_pictures_db"]) > 54
+    assert min(stored["ssim_frames"], stored["ssim_pictures"]) > 0.995
+    assert stored["encode_seconds"] > 0 and stored["decode_seconds"] > 0
 
 
 def test_coarser_quantisers_take_fewer_bytes_and_err_more(sample, chart):
@@ -104,9 +104,9 @@ def test_coarser_quantisers_take_fewer_bytes_and_err_more(sample, chart):
     fine, coarse = (
         store(frames, CodecSpec(pixel_format="yuv444p", crf=crf), chart.device) for crf in (10, 40)
     )
-    assert fine.bytes > coarse.bytes
-    assert fine.psnr_frames_db > coarse.psnr_frames_db + 5
-    assert fine.psnr_pictures_db > coarse.psnr_pictures_db
+    assert fine["video_bytes"] > coarse["video_bytes"]
+    assert fine["psnr_frames_db"] > coarse["psnr_frames_db"] + 5
+    assert fine["psnr_pictures_db"] > coarse["psnr_pictures_db"]
 
 
 @given(views=st.integers(4, 512), pixels=st.integers(16, 128))

@@ -61,8 +61,8 @@ def layout_rows(
         sample = trace_sample(tracer, planes, views=n, pixels=pixels, most_rays=rays)
         found = list(layouts(n, sample.window, packs))
         for at, layout in enumerate(found):
-            stored = store(Frames(sample, layout), default_spec(n), tracer.device)
-            known = {"scene": sample.scene, "N": n, "M": pixels} | stored.columns(layout.rays)
+            known = store(Frames(sample, layout), default_spec(n), tracer.device)
+            known |= {"scene": sample.scene, "N": n, "M": pixels}
             known |= {"window": layout.pixels, "frame_px": layout.frame_width}
             known |= {"layout": layout.kind, "order": layout.order, "pack": layout.pack}
             known["is_default"] = is_default(layout, pixels)

@@ -103,11 +103,10 @@ def rate_rows(
             if form not in fed:
                 layout = FrameLayout(kind, n, sample.window, "serpentine", pack, form)
                 fed = {form: Frames(sample, layout)}
-            stored = store(fed[form], spec, tracer.device)
-            known = {"scene": sample.scene, "N": n, "M": pixels, "window": sample.window}
+            known = store(fed[form], spec, tracer.device)
+            known |= {"scene": sample.scene, "N": n, "M": pixels, "window": sample.window}
             known |= {"curve": name, "crf": None if spec.lossless else spec.crf}
             known |= {key: getattr(spec, key) for key in ("codec", "preset", "pixel_format")}
-            known |= stored.columns(fed[form].layout.rays)
             rows.append({column: known[column] for column in COLUMNS})
             progress(len(rows), len(views) * len(here))
     return rows

@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from lfcore.colour import srgb_encode
 from lfcore.errors import StorageError
-from lfcore.evaluation.metrics import PEAK, picture_quality, ssim
+from lfcore.evaluation.metrics import PEAK, picture_quality, psnr, ssim
 from lfcore.evaluation.tables import sizes
 from lfcore.evaluation.timing import Stopwatch
 from lfcore.opencl.device import Device
@@ -38,7 +37,6 @@ from lfcore.storage.segment import SegmentWriter
 from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
 from lfcore.tracing.tracer import Tracer
 
-CHUNK_PX = 1 << 20
 SSIM_PX = 1 << 18
 """Pixels of frames whose SSIM is taken: frames spread evenly over the segment."""
 WINDOW_STEP = 8
@@ -109,7 +107,12 @@ def trace_sample(
 
 
 class Frames:
-    """A sample in the frames of one layout: what encoders are fed, and compared with."""
+    """A sample in the frames of one layout: what encoders are fed, and compared with.
+
+    ``rgb`` (F, height, width, 3) float32 is sRGB-encoded, and black beside the rays; of every
+    frame the pixels ``used`` (height, width), bool, are rays.  ``codes`` (F, frame_bytes) uint8 are
+    the same in the layout's pixel format.
+    """
 
     def __init__(self, sample: Sample, layout: FrameLayout):
         """Raises :class:`StorageError` for a layout of another light field."""
@@ -117,128 +120,66 @@ class Frames:
             raise StorageError(f"{layout} is not of {sample.slab}", key="layout")
         self.sample, self.layout = sample, layout
         (self.tile,) = layout.tiles(layout.rays, least=1)
-
-    @cached_property
-    def rgb(self) -> np.ndarray:
-        """(F, height, width, 3) float32, sRGB-encoded; empty slots and padding are black."""
-        layout, light = self.layout, self.sample.rgb
-        if layout.kind == "views":
-            light = light.transpose(2, 3, 0, 1, 4)
-        shape = (self.tile.frame_count, layout.frame_height, layout.frame_width, 3)
-        out = np.zeros(shape, np.float32)
-        for (column, row), place in zip(self.tile.elements(), self._places(), strict=True):
-            out[place] = light[row, column]
-        return out
-
-    def _places(self) -> Iterator[tuple[int, slice, slice]]:
-        """Frame, rows and columns of each element."""
-        size = self.layout.inner
-        for frame, x, y in self.tile.placement(self.tile.elements()).tolist():
-            yield frame, slice(y, y + size), slice(x, x + size)
-
-    @cached_property
-    def codes(self) -> np.ndarray:
-        """(F, frame_bytes) uint8 in the layout's pixel format."""
-        layout, step = self.layout, self.step
-        out = np.empty((self.tile.frame_count, layout.frame_bytes), np.uint8)
-        for at in range(0, len(out), step):
-            out[at : at + step] = frames_from_rgb(self.rgb[at : at + step], layout.pixel_format)
-        return out
-
-    @property
-    def step(self) -> int:
-        """Frames that are converted at a time."""
-        return max(1, CHUNK_PX // (self.layout.frame_width * self.layout.frame_height))
-
-    @cached_property
-    def used(self) -> np.ndarray:
-        """(height, width) bool: pixels of the first frame that are rays, as they are of all."""
-        out = np.zeros((self.layout.frame_height, self.layout.frame_width), bool)
-        for frame, rows, columns in self._places():
-            out[rows, columns] |= frame == 0
-        return out
+        elements, side = self.tile.elements(), np.arange(layout.inner)
+        frame, x, y = self.tile.placement(elements).T[..., None, None]
+        rows, columns = y + side[:, None], x + side
+        shape = layout.frame_height, layout.frame_width
+        light = sample.rgb if layout.kind == "macropixels" else sample.rgb.transpose(2, 3, 0, 1, 4)
+        self.rgb = np.zeros((self.tile.frame_count, *shape, 3), np.float32)
+        self.rgb[frame, rows, columns] = light[elements[:, 1], elements[:, 0]]
+        self.codes = frames_from_rgb(self.rgb, layout.pixel_format)
+        first = frame.ravel() == 0
+        self.used = np.zeros(shape, bool)
+        self.used[rows[first], columns[first]] = True
 
 
-@dataclass(frozen=True)
-class Stored:
-    """What storing cost and what came back.
+def store(frames: Frames, spec: CodecSpec, device: Device) -> dict:
+    """Encode, join, open and decode a sample, and compare: columns of the tables.
 
-    ``bytes`` are those of the file without its metadata, which are about as long in a large file
-    and would weigh too much in a sample.  Seconds are CPU seconds of this process, one thread
-    asked for.  PSNR (dB, peak 255, sRGB codes that are not rounded) and SSIM of the frames, and
-    means over the refocused pictures.
-    """
-
-    bytes: int
-    encode_seconds: float
-    decode_seconds: float
-    psnr_frames_db: float
-    ssim_frames: float
-    psnr_pictures_db: float
-    ssim_pictures: float
-
-    def columns(self, rays: int) -> dict[str, float]:
-        """All of it by the names of the tables' columns, and sizes beside ``rays`` rays."""
-        measured = {key: value for key, value in vars(self).items() if key != "bytes"}
-        bits = {"bits_per_ray": 8 * self.bytes / rays}
-        return sizes(rays=rays, video_bytes=self.bytes) | bits | measured
-
-
-def store(frames: Frames, spec: CodecSpec, device: Device) -> Stored:
-    """Encode, join, open and decode a sample, and compare.
+    Sizes are those of the file without its metadata, which are about as long in a large file and
+    would weigh too much in a sample.  Seconds are CPU seconds of this process, one thread asked
+    for.  PSNR (dB, peak 255, sRGB codes that are not rounded) and SSIM are of the frames, and means
+    over the refocused pictures.
 
     Raises :class:`StorageError` when the encoder refuses its settings or frames.
     """
-    sample, tile = frames.sample, frames.tile
-    codes, watch = frames.codes, Stopwatch(clock=time.process_time)
+    sample, layout, watch = frames.sample, frames.layout, Stopwatch(clock=time.process_time)
     with tempfile.TemporaryDirectory(prefix="lfcore-") as folder:
         segment, file = Path(folder) / "0000.mp4", Path(folder) / "lightfield.mkv"
-        shape = frames.layout.frame_width, frames.layout.frame_height
+        shape = layout.frame_width, layout.frame_height
         with watch.part("encode"), SegmentWriter(segment, spec, *shape) as writer:
-            writer.write(codes)
-        scene = {"name": sample.scene, "digest": "sample"}
+            writer.write(frames.codes)
         metadata = join_segments(
-            file, [segment], [tile], frames.layout, geometry=sample.slab, scene=scene, spec=spec
-        )
-        errors = _Errors(frames, device)
-        field, first = LightFieldFile.open(file), 0
-        for some in watch.each("decode", field.frames(0, chunk=frames.step)):
-            errors.add(some, first)
-            first += len(some)
+            file, [segment], [frames.tile], layout, geometry=sample.slab,
+            scene={"name": sample.scene, "digest": "sample"}, spec=spec,
+        )  # fmt: skip
         size = file.stat().st_size - len(metadata.to_text())
-        return Stored(size, watch.seconds["encode"], watch.seconds["decode"], *errors.all())
+        field = LightFieldFile.open(file)
+        decoded = np.concatenate([*watch.each("decode", field.frames(0))])
+    return {
+        **sizes(rays=layout.rays, video_bytes=size),
+        "bits_per_ray": 8 * size / layout.rays,
+        "encode_seconds": watch.seconds["encode"],
+        "decode_seconds": watch.seconds["decode"],
+        **_quality(frames, decoded, device),
+    }
 
 
-class _Errors:
-    """Compares decoded frames, and the pictures formed from them, with the sample's own."""
-
-    def __init__(self, frames: Frames, device: Device):
-        self.frames, self.used = frames, frames.used
-        self.whole = self.used.all()
-        sample = frames.sample
-        self.former = PlaneFormer(sample.slab, frames.tile, sample.planes, device)
-        self.square, self.count = 0.0, 0
-        self.ssims: list[float] = []
-        pixels = frames.layout.frame_width * frames.layout.frame_height
-        self.every = max(1, frames.tile.frame_count * pixels // SSIM_PX)
-
-    def add(self, some: np.ndarray, first: int) -> None:
-        layout, truth = self.frames.layout, self.frames.rgb[first : first + len(some)]
-        found = rgb_from_frames(some, layout.pixel_format, layout.frame_width, layout.frame_height)
-        error = found - truth
-        if not self.whole:
-            error = error[:, self.used]
-        self.square += float(np.square(error, dtype=np.float64).sum())
-        self.count += error.size
-        for k in range(-first % self.every, len(some), self.every):
-            self.ssims.append(ssim(PEAK * found[k], PEAK * truth[k], peak=PEAK))
-        self.former.add(some, first)
-
-    def all(self) -> tuple[float, float, float, float]:
-        """PSNR and SSIM of frames, then of pictures."""
-        mean = self.square / self.count
-        frames_db = float(-10 * np.log10(mean)) if mean else float("inf")
-        sample = self.frames.sample
-        sums = total(sample.slab, sample.planes, [self.former.plane_sums()])
-        found = picture_quality(sums.pictures(), sample.pictures)
-        return frames_db, float(np.mean(self.ssims)), found["psnr_db"], found["ssim"]
+def _quality(frames: Frames, decoded: np.ndarray, device: Device) -> dict[str, float]:
+    """How far decoded frames (F, frame_bytes), and the pictures formed from them, are from the
+    sample's own."""
+    sample, layout = frames.sample, frames.layout
+    width, height = layout.frame_width, layout.frame_height
+    found = rgb_from_frames(decoded, layout.pixel_format, width, height)
+    every = max(1, len(found) * width * height // SSIM_PX)
+    looked_at = zip(found[::every], frames.rgb[::every], strict=True)
+    former = PlaneFormer(sample.slab, frames.tile, sample.planes, device)
+    former.add(decoded, 0)
+    sums = total(sample.slab, sample.planes, [former.plane_sums()])
+    pictures = picture_quality(sums.pictures(), sample.pictures)
+    return {
+        "psnr_frames_db": psnr(found[:, frames.used], frames.rgb[:, frames.used], peak=1),
+        "ssim_frames": float(np.mean([ssim(PEAK * a, PEAK * b, peak=PEAK) for a, b in looked_at])),
+        "psnr_pictures_db": pictures["psnr_db"],
+        "ssim_pictures": pictures["ssim"],
+    }
