@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,54 +23,35 @@ from lfcore.refocus.stored_depth import slice_stored
 from lfcore.rendering.by_depth import RayCount, trace_by_depth
 from lfcore.rendering.depth import dioptre_range
 from lfcore.rendering.direct import trace_planes
-from lfcore.rendering.record_depth import RANGE_MARGIN, depth_store, frames_by_depth
+from lfcore.rendering.record_depth import RANGE_MARGIN, depth_store, encode, frames_by_depth
 from lfcore.storage import defaults
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import DepthSegments, join_segments
 from lfcore.storage.depth_stream import DepthCodes
-from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.storage.layout import Tile
 from lfcore.storage.lightfield import LightFieldFile
-from lfcore.storage.segment import SegmentWriter
 from lfcore.tracing.tracer import Tracer
 
 if TYPE_CHECKING:
     from lfcore.evaluation.work_precision.curves import Study
 
-MOST_RAYS = 1 << 26
-CROSSED = "crossed"
 DEFAULT = "default"
 
 
 @dataclass(frozen=True)
-class Stream:
-    """Frames as an encoder takes them: of each tile (F, bytes)."""
-
-    layout: FrameLayout
-    frames: list[np.ndarray]
-
-    def encode(self, spec: CodecSpec, folder: Path, name: str) -> list[Path]:
-        """Segments, in the order of tiles."""
-        segments = []
-        for number, part in enumerate(self.frames):
-            segments.append(folder / f"{number}.{name}.mp4")
-            size = self.layout.frame_width, self.layout.frame_height
-            with SegmentWriter(segments[-1], spec, *size) as writer:
-                writer.write(part)
-        return segments
-
-
-@dataclass(frozen=True)
 class KeptRays:
-    """Rays in memory that are to be stored: colours and, where ``codes`` says how, depths.
+    """Rays in memory that are to be stored, as one tile: ``frames`` as an encoder takes them and,
+    where ``codes`` says how, ``depths``, (F, bytes) uint8 each.
 
     ``count`` are those of a pixel; ``picture`` (M, M, 3) is what they give before they are encoded.
     """
 
     slab: Slab
     count: RayCount
-    colours: Stream
+    tile: Tile
+    frames: np.ndarray
     picture: np.ndarray
-    depths: Stream | None = None
+    depths: np.ndarray | None = None
     codes: DepthCodes | None = None
 
 
@@ -103,65 +85,54 @@ def _spec(codec: Mapping, views: int, crf: float) -> CodecSpec:
     return replace(defaults.codec_spec(views, crf=crf, by_depth=True, **known), **given)
 
 
-def _tiles(layout: FrameLayout) -> list[Tile]:
-    return layout.tiles(MOST_RAYS, least=1)
-
-
 def _rays_by_depth(
     tracer: Tracer, wanted: RefocusedPicture, count: RayCount, spec: CodecSpec
 ) -> KeptRays:
     pixels = len(wanted.true)
     slab, store = depth_store(tracer.scene.camera, count, pixels, spec)
     codes = DepthCodes.of_range(slab, *dioptre_range(tracer, slab, RANGE_MARGIN))
-    layout = store.layout
-    colours: list[np.ndarray] = []
-    depths: list[np.ndarray] = []
-    for tile in _tiles(layout):
-        made = zip(*frames_by_depth(tracer, slab, store, codes, tile), strict=True)
-        for kept, frames in zip((colours, depths), made, strict=True):
-            kept.append(np.concatenate(frames))
-    grey = replace(layout, pixel_format=codes.pixel_format)
+    (tile,) = store.layout.tiles(slab.rays, least=1)
+    made = zip(*frames_by_depth(tracer, slab, store, codes, tile), strict=True)
+    frames, depths = map(np.concatenate, made)
     picture = trace_by_depth(tracer, crossed_views(slab), [wanted.plane], pixels)[0]
-    return KeptRays(slab, count, Stream(layout, colours), picture, Stream(grey, depths), codes)
+    return KeptRays(slab, count, tile, frames, picture, depths, codes)
 
 
 def _rays_of_grid(tracer: Tracer, wanted: RefocusedPicture, views: int) -> KeptRays:
     slab = Slab(tracer.scene.camera, views, len(wanted.true))
     layout = defaults.frame_layout(views, slab.pixels, defaults.default_spec(views).pixel_format)
-    frames = [
-        np.concatenate([chunk.frames.copy() for chunk in tracer.trace_tile(slab, tile)])
-        for tile in _tiles(layout)
-    ]
+    (tile,) = layout.tiles(slab.rays, least=1)
+    frames = np.concatenate([chunk.frames.copy() for chunk in tracer.trace_tile(slab, tile)])
     picture = trace_planes(tracer, slab, [wanted.plane])[0]
-    return KeptRays(slab, RayCount(views, 1), Stream(layout, frames), picture)
+    return KeptRays(slab, RayCount(views, 1), tile, frames, picture)
 
 
 def _stored(
     tracer: Tracer, wanted: RefocusedPicture, rays: KeptRays, spec: CodecSpec, name: str
 ) -> dict:
-    pixels = len(wanted.true)
+    pixels, layout = len(wanted.true), rays.tile.layout
     found: dict[str, float] = {}
-    with tempfile.TemporaryDirectory() as name_of_folder:
-        folder = Path(name_of_folder)
-
-        def encode(_: int) -> tuple[list[Path], DepthSegments | None]:
-            colours = rays.colours.encode(spec, folder, "colours")
-            if rays.depths is None or rays.codes is None:
-                return colours, None
+    with tempfile.TemporaryDirectory() as folder:
+        file, colours, depths = (
+            Path(folder) / each for each in ("lightfield.mkv", "colours.mp4", "depths.mp4")
+        )
+        streams = [(rays.frames, colours, spec)]
+        depth: DepthSegments | None = None
+        if rays.depths is not None and rays.codes is not None:
             own = rays.codes.spec(rays.slab)
-            depths = rays.depths.encode(own, folder, "depths")
-            return colours, DepthSegments(depths, rays.codes, CROSSED, pixels, own)
+            streams.append((rays.depths, depths, own))
+            depth = DepthSegments([depths], rays.codes, "crossed", pixels, own)
 
-        def picture(made: tuple[list[Path], DepthSegments | None]) -> np.ndarray:
-            file, layout = folder / "lightfield.mkv", rays.colours.layout
+        def encode_in_turn(_: int) -> None:
+            for frames, segment, own in streams:
+                encode([[frames]], layout, [(segment, own)])
+
+        def picture(_: None) -> np.ndarray:
             join_segments(
-                file, made[0], _tiles(layout), layout,
-                geometry=rays.slab, scene={"name": tracer.scene.name, "digest": "0" * 64},
-                spec=spec, depth=made[1],
+                file, [colours], [rays.tile], layout, geometry=rays.slab,
+                scene={"name": tracer.scene.name, "digest": "0" * 64}, spec=spec, depth=depth,
             )  # fmt: skip
-            read, seconds = clocked_warm(
-                lambda: _read(tracer, wanted, file, made[1]), programs_made
-            )
+            read, seconds = clocked_warm(partial(_read, tracer, wanted, file), programs_made)
             codes = [display_values(each) for each in (read, rays.picture)]
             found.update(
                 bytes=file.stat().st_size,
@@ -172,18 +143,16 @@ def _stored(
 
         slab = Slab(rays.slab.camera, rays.count.views, pixels)
         row = wanted.row(
-            "storage", name, f"CRF {spec.crf:g}", slab, encode,
+            "storage", name, f"CRF {spec.crf:g}", slab, encode_in_turn,
             subpixels=rays.count.subpixels, picture_of=picture,
         )  # fmt: skip
     return row | found
 
 
-def _read(
-    tracer: Tracer, wanted: RefocusedPicture, file: Path, depth: DepthSegments | None
-) -> np.ndarray:
+def _read(tracer: Tracer, wanted: RefocusedPicture, file: Path) -> np.ndarray:
     """The wanted picture from a file, on one thread."""
-    if depth is not None:
-        with LightFieldFile.open(file) as field:
+    with LightFieldFile.open(file) as field:
+        if field.metadata.depth:
             return slice_stored(field, [wanted.plane], device=tracer.device)[0]
-    name = tracer.device.device.name
-    return form_planes(file, [wanted.plane], threads=1, device=name).sums.pictures()[0]
+        made = form_planes(field, [wanted.plane], threads=1, device=tracer.device)
+        return made.sums.pictures()[0]
