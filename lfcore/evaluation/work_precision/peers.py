@@ -7,7 +7,7 @@ show that and not the error of their sampling.  Where one is missing its row say
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -40,35 +40,24 @@ def peers(scene: Scene, study: Study) -> Iterator[dict]:
             LOG.warning("%s: %s", name, reference.note)
             yield context | {"knob": "", "note": reference.note}
             continue
-        yield from _curve(renderer, dark, plane, study.pixels, reference, context)
-
-
-def _curve(
-    renderer: Callable[[Scene, SensorPlane, int, int], renderers.Rendered],
-    scene: Scene,
-    plane: SensorPlane,
-    pixels: int,
-    reference: renderers.Rendered,
-    context: dict,
-) -> Iterator[dict]:
-    truth = np.asarray(reference.picture, float)
-    made = [renderer(scene, plane, pixels, views) for views in VIEWS]
-    errors = [rmse([np.asarray(one.picture, float)], truth) for one in made]
-    # Independent samples: the error falls with the square root of their number.
-    doubt = errors[-1] * VIEWS[-1] / REFERENCE_VIEWS
-    for views, one, error in zip(VIEWS, made, errors, strict=True):
-        quality = psnr(display_values(np.asarray(one.picture)), display_values(truth), peak=255)
-        yield judged(
-            context
-            | {
-                "knob": f"{views**2} samples",
-                "rays_per_pixel": views**2,
-                "rmse": error,
-                "psnr_db": quality if error else None,
-                "seconds": one.seconds,
-                "quartile_1_seconds": one.seconds,
-                "quartile_3_seconds": one.seconds,
-                "repeats": 1,
-                "reference_rmse": doubt,
-            }
-        )
+        truth = np.asarray(reference.picture, float)
+        made = [renderer(dark, plane, study.pixels, views) for views in VIEWS]
+        pictures = [np.asarray(one.picture) for one in made]
+        errors = [rmse([picture], truth) for picture in pictures]
+        # Independent samples: the error falls with the square root of their number.
+        context["reference_rmse"] = errors[-1] * VIEWS[-1] / REFERENCE_VIEWS
+        for views, one, picture, error in zip(VIEWS, made, pictures, errors, strict=True):
+            quality = psnr(display_values(picture), display_values(truth), peak=255)
+            yield judged(
+                context
+                | {
+                    "knob": f"{views**2} samples",
+                    "rays_per_pixel": views**2,
+                    "rmse": error,
+                    "psnr_db": quality if error else None,
+                    "seconds": one.seconds,
+                    "quartile_1_seconds": one.seconds,
+                    "quartile_3_seconds": one.seconds,
+                    "repeats": 1,
+                }
+            )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from lfcore.evaluation.true_picture.reference import check_unlike
 from lfcore.evaluation.work_precision import samples, windows
 from lfcore.evaluation.work_precision.convergence import with_orders
-from lfcore.evaluation.work_precision.measured_point import measured_point, rmse
+from lfcore.evaluation.work_precision.measured_point import measured_point
 from lfcore.evaluation.work_precision.windows import Windows
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
@@ -40,42 +41,35 @@ def quadrature(tracer: Tracer, study: Study, stops: float) -> Iterator[dict]:
     plane = SensorPlane(own.focus_distance_m, own.f_number * 2 ** (stops / 2))
     camera = focused_camera(own, plane)
     where = windows.choose(tracer, camera, study.window_picture)
-    truth, doubt_of = true_windows(tracer, camera, where, study.window_truth)
-    doubts = {
-        f"reference_{name}": doubt_of(mask) for name, mask in where.parts.items() if mask.any()
+    truth, square_error = true_windows(tracer, camera, where, study.window_truth)
+    context: dict[str, Any] = {"panel": "quadrature", "f_number": plane.f_number}
+    context |= {
+        f"reference_{name}": float(np.sqrt(square_error[mask].mean()))
+        for name, mask in where.parts.items()
+        if mask.any()
     }
-    context: dict[str, Any] = {"panel": "quadrature", "f_number": plane.f_number, **doubts}
-    whole = doubt_of(np.ones(truth.shape[:2], bool))
-
-    def row(
-        method: str, views: int, work: Callable[[int], np.ndarray], rays: int, seeds: int = 1
-    ) -> dict:
-        return measured_point(
-            work, truth, whole, seeds=seeds, parts=where.parts, method=method, knob=f"N = {views}",
-            rays_per_pixel=int(rays), **context,
-        )  # fmt: skip
-
-    yield from with_orders(
-        row(MIDDLE, views, _grid_work(tracer, camera, where, views), _mask(camera, views).sum())
-        for views in study.views
-    )
-    for pattern in samples.PATTERNS:
+    doubt = float(np.sqrt(square_error.mean()))
+    for method in (MIDDLE, *samples.PATTERNS):
         curve, before = [], 0.0
         for views in study.views:
-            if 4 * before > LONGEST_SECONDS:
+            if method != MIDDLE and 4 * before > LONGEST_SECONDS:
                 break
-            several = pattern in samples.RANDOM and 4 * before <= SEEDED_SECONDS
-            work = _sampled_work(tracer, camera, where, pattern, views)
-            rays = len(samples.samples(pattern, views, 0).weight)
-            curve.append(row(pattern, views, work, rays, SEEDS if several else 1))
-            before = curve[-1]["seconds"] or 0.0
+            several = method in samples.RANDOM and 4 * before <= SEEDED_SECONDS
+            work = partial(_picture, tracer, camera, where, method, views)
+            row = measured_point(
+                work, truth, doubt, seeds=SEEDS if several else 1, parts=where.parts,
+                method=method, knob=f"N = {views}", rays_per_pixel=_rays(camera, method, views),
+                **context,
+            )  # fmt: skip
+            curve.append(row)
+            before = row["seconds"] or 0.0
         yield from with_orders(curve)
 
 
 def true_windows(
     tracer: Tracer, camera: Camera, where: Windows, counts: Sequence[Sequence[int]]
-) -> tuple[np.ndarray, Callable[[np.ndarray], float]]:
-    """(W 16, 16, 3) float64 linear light, and the error of the pixels of a mask.
+) -> tuple[np.ndarray, np.ndarray]:
+    """(W 16, 16, 3) float64 linear light, and (W 16, 16) its squared error, mean over channels.
 
     ``counts`` are two lattices, lens samples and rays of a pixel a side.
     """
@@ -89,27 +83,24 @@ def true_windows(
         for count in lattices
     )  # fmt: skip
     truth = np.average([one, two], axis=0, weights=[count.rays_a_pixel for count in lattices])
-    return truth, lambda mask: rmse([one[mask]], two[mask]) / np.sqrt(2)
+    return truth, np.square(one - two).mean(axis=-1) / 2
 
 
-def _mask(camera: Camera, views: int) -> np.ndarray:
-    return SensorPlane(camera.focus_distance_m, camera.f_number).mask(Slab(camera, views, 1))
+def _rays(camera: Camera, method: str, views: int) -> int:
+    """Of a pixel."""
+    if method == MIDDLE:
+        plane = SensorPlane(camera.focus_distance_m, camera.f_number)
+        return int(plane.mask(Slab(camera, views, 1)).sum())
+    return len(samples.samples(method, views, 0).weight)
 
 
-def _grid_work(
-    tracer: Tracer, camera: Camera, where: Windows, views: int
-) -> Callable[[int], np.ndarray]:
-    return lambda _: grid(tracer, camera, where, views)
-
-
-def _sampled_work(
-    tracer: Tracer, camera: Camera, where: Windows, pattern: str, views: int
-) -> Callable[[int], np.ndarray]:
-    def work(seed: int) -> np.ndarray:
-        points = samples.samples(pattern, views, seed)
-        return samples.pictures(tracer, camera, where.pixels, points, where.corners, windows.SIDE)
-
-    return work
+def _picture(
+    tracer: Tracer, camera: Camera, where: Windows, method: str, views: int, seed: int
+) -> np.ndarray:
+    if method == MIDDLE:
+        return grid(tracer, camera, where, views)
+    points = samples.samples(method, views, seed)
+    return samples.pictures(tracer, camera, where.pixels, points, where.corners, windows.SIDE)
 
 
 def grid(tracer: Tracer, camera: Camera, where: Windows, views: int) -> np.ndarray:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.evaluation.work_precision.refocused import RefocusedPicture
-from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.planes import SensorPlane
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 STACK = 16  # pictures of a focal stack, whose seconds one of them has its share of
 TOLERANCES_PX = (0.5, 0.2, 0.1, 0.05)
 MOST_VIEWS = 32  # of light fields that are kept in memory
+Work = Callable[[int], np.ndarray]  # of a seed
 
 
 @dataclass(frozen=True)
@@ -45,28 +46,26 @@ class Recorded:
 
 def recorded_methods(tracer: Tracer, study: Study, wanted: RefocusedPicture) -> Iterator[dict]:
     """The picture of ``wanted`` from views in memory; recording them is not counted."""
-    curves: dict[str, list[dict]] = {}
-    plane, recorded = wanted.plane, None
-    for views in (views for views in study.views if views <= MOST_VIEWS):
-        slab = Slab(tracer.scene.camera, views, study.pixels)
-        recorded = record(tracer, slab)
-        for name, work in _jobs(tracer, recorded, plane):
-            made = wanted.row("recorded", name, f"N = {views}", slab, work)
-            curves.setdefault(name, []).append(made)
-    if recorded is not None:
-        slab = recorded.slab
+    camera, plane = tracer.scene.camera, wanted.plane
+    fields = [
+        record(tracer, Slab(camera, views, study.pixels))
+        for views in study.views
+        if views <= MOST_VIEWS
+    ]
+    for name, method in METHODS.items():
+        for field in fields:
+            work = method(tracer, field, plane)
+            yield wanted.row("recorded", name, f"N = {field.slab.views}", field.slab, work)
+    for field in fields[-1:]:
+        slab = field.slab
+        name = f"Monte Carlo, N = {slab.views}"
         for samples in study.monte_carlo_samples:
-            work = _monte_carlo(tracer, recorded, plane, samples)
-            name, knob = f"Monte Carlo, N = {slab.views}", f"{samples} samples"
-            made = wanted.row("recorded", name, knob, slab, work)
-            curves.setdefault(name, []).append(made)
+            work = _monte_carlo(tracer, field, plane, samples)
+            yield wanted.row("recorded", name, f"{samples} samples", slab, work)
+        name = f"fast stack, N = {slab.views}"
         for tolerance in TOLERANCES_PX:
-            work = _stack(tracer, recorded, plane, tolerance)
-            name, knob = f"fast stack, N = {slab.views}", f"{tolerance:g} px"
-            made = wanted.row("recorded", name, knob, slab, work, pictures=STACK)
-            curves.setdefault(name, []).append(made)
-    for curve in curves.values():
-        yield from curve
+            work = _stack(tracer, field, plane, tolerance)
+            yield wanted.row("recorded", name, f"{tolerance:g} px", slab, work, pictures=STACK)
 
 
 def record(tracer: Tracer, slab: Slab) -> Recorded:
@@ -78,23 +77,13 @@ def record(tracer: Tracer, slab: Slab) -> Recorded:
     return Recorded(slab, np.ascontiguousarray(light, np.float32))
 
 
-def _jobs(
-    tracer: Tracer, recorded: Recorded, plane: SensorPlane
-) -> Iterator[tuple[str, Callable[[int], np.ndarray]]]:
-    """Name and work of methods whose knob is N."""
-    slab, views, device = recorded.slab, recorded.views, tracer.device
-    for name in FILTERS:
-        work = lambda _, name=name: shift_sum_views(  # noqa: E731
-            slab, views, [plane], filter=name, device=device
-        )[0]
-        yield f"shift-sum, {name}", work
-    yield "plenoptic camera", _plenoptic(recorded, plane, device)
-    yield "Isaksen", _isaksen(tracer, recorded, plane)
+def _shift_sum(tracer: Tracer, recorded: Recorded, plane: SensorPlane, *, filter: str) -> Work:
+    return lambda _: shift_sum_views(
+        recorded.slab, recorded.views, [plane], filter=filter, device=tracer.device
+    )[0]
 
 
-def _stack(
-    tracer: Tracer, recorded: Recorded, plane: SensorPlane, tolerance_px: float
-) -> Callable[[int], np.ndarray]:
+def _stack(tracer: Tracer, recorded: Recorded, plane: SensorPlane, tolerance_px: float) -> Work:
     """A stack from the plane to the camera's own focus, of which the plane is the first."""
     deltas = np.linspace(plane.delta, recorded.slab.camera.delta, STACK)
     stack = [SensorPlane(1 / delta, plane.f_number) for delta in deltas]
@@ -103,9 +92,7 @@ def _stack(
     )[0]
 
 
-def _plenoptic(
-    recorded: Recorded, plane: SensorPlane, device: Device
-) -> Callable[[int], np.ndarray]:
+def _plenoptic(tracer: Tracer, recorded: Recorded, plane: SensorPlane) -> Work:
     slab = recorded.slab
     side = slab.views * slab.pixels
     photograph = recorded.views.transpose(2, 0, 3, 1, 4).reshape(side, side, 3)
@@ -113,7 +100,7 @@ def _plenoptic(
 
     def work(_: int) -> np.ndarray:
         camera = PlenopticCamera(slab.camera, slab.pixels, slab.views)
-        return refocus_photograph(camera, photograph, [plane], device=device)[0]
+        return refocus_photograph(camera, photograph, [plane], device=tracer.device)[0]
 
     return work
 
@@ -135,13 +122,19 @@ def _field(
     return DeviceField(tracer.device, image, array), camera, surface
 
 
-def _isaksen(tracer: Tracer, recorded: Recorded, plane: SensorPlane) -> Callable[[int], np.ndarray]:
+def _isaksen(tracer: Tracer, recorded: Recorded, plane: SensorPlane) -> Work:
     field, camera, surface = _field(tracer, recorded, plane)
     return lambda _: isaksen(field, camera, surface, camera.lens_radius_m).image.astype(float)
 
 
-def _monte_carlo(
-    tracer: Tracer, recorded: Recorded, plane: SensorPlane, samples: int
-) -> Callable[[int], np.ndarray]:
+def _monte_carlo(tracer: Tracer, recorded: Recorded, plane: SensorPlane, samples: int) -> Work:
     field, camera, surface = _field(tracer, recorded, plane)
     return lambda seed: monte_carlo(field, camera, surface, samples, seed=seed).image.astype(float)
+
+
+METHODS: dict[str, Callable[[Tracer, Recorded, SensorPlane], Work]] = {
+    **{f"shift-sum, {name}": partial(_shift_sum, filter=name) for name in FILTERS},
+    "plenoptic camera": _plenoptic,
+    "Isaksen": _isaksen,
+}
+"""By name, those whose knob is N."""
