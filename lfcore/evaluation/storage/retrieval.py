@@ -6,17 +6,16 @@ frames of it, and the seconds are scaled to the whole; the share that was measur
 
 from __future__ import annotations
 
-import copy
-import functools
-import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from lfcore.evaluation.timing import Stopwatch, clocked
+from lfcore.evaluation.timing import clocked
 from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
 from lfcore.progress import Progress, silent
@@ -32,15 +31,13 @@ RECTANGLE = 8
 DECODING = "decoding alone"
 
 
-@dataclass(frozen=True)
-class Cost:
-    """CPU ``seconds`` scaled to the whole file, ``share`` of the file's rays that was measured,
-    ``frames`` decoded over the frames that were in reach."""
+class Measurement(NamedTuple):
+    """``work`` returns the frames that it decoded over those in reach.  It is of a ``share`` of the
+    file's rays: its seconds are scaled to the whole."""
 
     what: str
-    seconds: float
     share: float
-    frames: float
+    work: Callable[[], float]
 
 
 def retrieval_rows(
@@ -70,12 +67,14 @@ def retrieval_rows(
     """
     field = LightFieldFile.open(path)
     measurements = [*_planes(field, focus_m, planes, rays, device), *_pieces(field)]
-    rounds: list[list[Cost]] = [[] for _ in measurements]
-    for round_ in range(repeats):
-        for at, measurement in enumerate(measurements):
-            rounds[at].append(measurement())
-            progress(round_ * len(rounds) + at + 1, repeats * len(rounds))
-    alone = statistics.median(cost.seconds for cost in rounds[0])
+    seconds = np.empty((repeats, len(measurements)))
+    decoded = np.empty(len(measurements))
+    for done, (round_, at) in enumerate(np.ndindex(seconds.shape), 1):
+        _, share, work = measurements[at]
+        decoded[at], spent = clocked(work, clock=time.process_time)
+        seconds[round_, at] = spent / share
+        progress(done, seconds.size)
+    medians = np.median(seconds, axis=0).tolist()
     layout = field.layout
     facts = {
         "scene": scene,
@@ -86,18 +85,19 @@ def retrieval_rows(
         "segments": len(field.segments),
         "file_bytes": Path(path).stat().st_size,
     }
-    return [facts | _row(costs, alone) for costs in rounds]
-
-
-def _row(costs: list[Cost], alone: float) -> dict:
-    seconds = statistics.median(cost.seconds for cost in costs)
-    return {
-        "what": costs[0].what,
-        "measured_share": costs[0].share,
-        "decoded_frames_share": costs[0].frames,
-        "seconds": seconds,
-        "ratio_to_decoding": seconds / alone,
-    }
+    return [
+        {
+            **facts,
+            "what": what,
+            "measured_share": share,
+            "decoded_frames_share": frames,
+            "seconds": median,
+            "ratio_to_decoding": median / medians[0],
+        }
+        for (what, share, _), frames, median in zip(
+            measurements, decoded.tolist(), medians, strict=True
+        )
+    ]
 
 
 def focal_planes(
@@ -117,7 +117,7 @@ def _planes(
     counts: Sequence[int],
     rays: int,
     device: Device,
-) -> Iterator[Callable[[], Cost]]:
+) -> Iterator[Measurement]:
     """Decoding alone, then decoding and forming planes, of the same frames of segment 0."""
     part, layout = field.segments[0], field.layout
     rays_a_frame = part.tile.rays / part.frames
@@ -126,31 +126,28 @@ def _planes(
     chunk = max(1, CHUNK_BYTES // layout.frame_bytes)
     field.check_segment(0)
 
-    def alone() -> Cost:
-        watch = Stopwatch(clock=time.process_time)
-        for _ in watch.each("decode", field.frames(0, 0, frames, chunk=chunk)):
+    def alone() -> float:
+        for _ in field.frames(0, 0, frames, chunk=chunk):
             pass
-        return Cost(DECODING, watch.seconds["decode"] / share, share, 1.0)
+        return 1.0
 
-    def formed(planes: list[SensorPlane], frames: int = frames) -> Cost:
-        def form() -> None:
-            first, former = 0, PlaneFormer(field.require_slab(), part.tile, planes, device)
-            for some in field.frames(0, 0, frames, chunk=chunk):
-                former.add(some, first)
-                first += len(some)
-            former.plane_sums()
+    def formed(planes: list[SensorPlane], frames: int) -> float:
+        first, former = 0, PlaneFormer(field.require_slab(), part.tile, planes, device)
+        for some in field.frames(0, 0, frames, chunk=chunk):
+            former.add(some, first)
+            first += len(some)
+        former.plane_sums()
+        return 1.0
 
-        _, spent = clocked(form, clock=time.process_time)
-        return Cost(f"{len(planes)} plane{'s' * (len(planes) > 1)}", spent / share, share, 1.0)
-
-    yield alone
+    yield Measurement(DECODING, share, alone)
     for count in counts:
         planes = focal_planes(field, focus_m, count)
         formed(planes, 1)  # the program is built
-        yield functools.partial(formed, planes)
+        what = f"{count} plane{'s' * (count > 1)}"
+        yield Measurement(what, share, partial(formed, planes, frames))
 
 
-def _pieces(field: LightFieldFile) -> Iterator[Callable[[], Cost]]:
+def _pieces(field: LightFieldFile) -> Iterator[Measurement]:
     """One view, one macropixel and one rectangle, each by a file opened anew.
 
     Of the layout's elements (macropixels, or views) those in the middle of segment 0 are read.
@@ -169,30 +166,20 @@ def _pieces(field: LightFieldFile) -> Iterator[Callable[[], Cost]]:
         view, pixel = (column, row), (layout.pixels // 2,) * 2
     area = (*corner, corner[0] + size, corner[1] + size)
     rectangle = f"a rectangle of {size} x {size} (u, v)"
-    yield lambda: _piece(field.path, "a view", lambda f: f.view(*view), in_all)
-    yield lambda: _piece(field.path, "a macropixel", lambda f: f.macropixel(*pixel), not in_all)
-    yield lambda: _piece(field.path, rectangle, lambda f: f.rectangle(*area), not in_all)
+    yield _piece(field, "a view", lambda f: f.view(*view), in_all)
+    yield _piece(field, "a macropixel", lambda f: f.macropixel(*pixel), not in_all)
+    yield _piece(field, rectangle, lambda f: f.rectangle(*area), not in_all)
 
 
-def _piece(path: Path, what: str, read: Callable[[LightFieldFile], object], in_all: bool) -> Cost:
-    def read_anew() -> tuple[LightFieldFile, float]:
-        field, share = LightFieldFile.open(path), 1.0
-        if in_all:
-            field, share = first_segment(field)
-        read(field)
-        return field, share
+def _piece(
+    field: LightFieldFile, what: str, read: Callable[[LightFieldFile], object], in_all: bool
+) -> Measurement:
+    def read_anew() -> float:
+        reach = LightFieldFile.open(field.path)
+        if in_all:  # only the first is in reach: what lies in others reads as black
+            reach.metadata = replace(reach.metadata, segments=reach.metadata.segments[:1])
+        read(reach)
+        return reach.count.frames / sum(part.frames for part in reach.segments)
 
-    (field, share), spent = clocked(read_anew, clock=time.process_time)
-    spent /= share
-    frames = field.count.frames / sum(part.frames for part in field.segments)
-    return Cost(what, spent, share, frames)
-
-
-def first_segment(field: LightFieldFile) -> tuple[LightFieldFile, float]:
-    """The same file with only its first segment in reach, and that segment's share of the rays.
-
-    What lies in other segments reads as black.
-    """
-    part = copy.copy(field)
-    part.metadata = replace(field.metadata, segments=field.metadata.segments[:1])
-    return part, part.segments[0].tile.rays / field.layout.rays
+    share = field.segments[0].tile.rays / field.layout.rays if in_all else 1.0
+    return Measurement(what, share, read_anew)
