@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,19 +26,6 @@ PIXELS = 24
 """Of the pictures that are rendered.  Seconds go with the pixels; errors are of each."""
 SAMPLES, TRUE_SAMPLES = 4, 16
 """A side: the truth has sixteen times as many samples, so that its error is 12 dB below."""
-
-
-@dataclass(frozen=True)
-class Sampled:
-    """What ``samples`` a pixel gave: PSNR in dB, and seconds a pixel and sample."""
-
-    samples: int
-    psnr_db: float
-    seconds_a_ray: float
-
-    def samples_for(self, target_db: float) -> float:
-        """A pixel, of independent ones."""
-        return self.samples * 10 ** ((target_db - self.psnr_db) / 10)
 
 
 def peer_rows(
@@ -60,30 +47,27 @@ def peer_rows(
         sampled, note = _sampled(renderer, dark, planes)
         if note:
             yield dict.fromkeys(COLUMNS) | context | {"note": note}
-        for target in targets_db if not note else ():
-            rows = [
-                _row(one, plane, pixels, target) for one, plane in zip(sampled, planes, strict=True)
-            ]
+            continue
+        for target in targets_db:
+            goal = {"lattice": f"{target:g} dB", "expected_db": target}
+            rows: list[dict] = []
+            for plane, (psnr_db, seconds_a_ray) in zip(planes, sampled, strict=True):
+                samples = math.ceil(SAMPLES**2 * 10 ** ((target - psnr_db) / 10))
+                rays = samples * pixels**2
+                seconds = rays * seconds_a_ray
+                focus = plane.focus_distance_m
+                rows.append({"plane_m": focus, "pictures": 1, "rays": rays, "seconds": seconds})
             together = {key: sum(row[key] for row in rows) for key in ("rays", "seconds")}
-            together |= {"pictures": len(rows), "lattice": f"{target:g} dB", "expected_db": target}
-            for row in (*rows, together):
+            for row in (*rows, {"pictures": len(rows), **together}):
                 rays = row["rays"] / row["pictures"] / pixels**2
-                yield dict.fromkeys(COLUMNS) | context | row | {"rays_per_pixel": rays}
-
-
-def _row(one: Sampled, plane: SensorPlane, pixels: int, target: float) -> dict:
-    samples = math.ceil(one.samples_for(target))
-    rays = samples * pixels**2
-    return {
-        "plane_m": plane.focus_distance_m, "pictures": 1, "lattice": f"{target:g} dB",
-        "rays": rays, "seconds": rays * one.seconds_a_ray, "expected_db": target,
-    }  # fmt: skip
+                yield dict.fromkeys(COLUMNS) | context | goal | row | {"rays_per_pixel": rays}
 
 
 def _sampled(
     renderer: Callable[..., Rendered], scene: Scene, planes: Sequence[SensorPlane]
-) -> tuple[list[Sampled], str]:
-    """What a peer's samples give on each plane; or nothing, and why."""
+) -> tuple[list[tuple[float, float]], str]:
+    """Of each plane the PSNR in dB that a peer's samples give, and its seconds a pixel and sample;
+    or nothing, and why."""
     found = []
     for plane in planes:
         few, true = (renderer(scene, plane, PIXELS, side) for side in (SAMPLES, TRUE_SAMPLES))
@@ -93,5 +77,5 @@ def _sampled(
         # What is measured has the truth's own error in it, of samples sixteen times as many.
         apart = inner_psnr(*(np.asarray(one.picture, float) for one in (few, true)))
         own = apart + 10 * math.log10(1 + (SAMPLES / TRUE_SAMPLES) ** 2)
-        found.append(Sampled(SAMPLES**2, own, true.seconds / TRUE_SAMPLES**2 / PIXELS**2))
+        found.append((own, true.seconds / TRUE_SAMPLES**2 / PIXELS**2))
     return found, ""
