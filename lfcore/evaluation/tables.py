@@ -9,7 +9,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
@@ -26,44 +25,24 @@ DECIMALS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class TableSpec:
-    """Columns of one table: measured ones in order, and the thesis's beside them.
-
-    ``thesis`` maps a column of the table to a column of :func:`thesis_figures`.
-    """
-
-    measured: tuple[str, ...]
-    thesis: Mapping[str, str]
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        return (*KEY, *self.measured, *CONTEXT, *self.thesis)
-
-
 QUALITY = ("seconds", "psnr_db", "psnr_true_db", "ssim")
 SIZES = (
     "raw_bytes_float32", "raw_bytes_uint8", "video_bytes", "ratio_float32", "ratio_uint8",
 )  # fmt: skip
-SPECS = {
-    "table_7_1": TableSpec(
-        QUALITY, {f"thesis_{name}": f"quality_{name}" for name in ("seconds", "psnr_db", "ssim")}
-    ),
-    "table_7_2": TableSpec(
-        ("seconds", *SIZES),
-        {
-            "thesis_seconds": "encode_seconds",
-            "thesis_raw_bytes_float32": "raw_bytes_float32",
-            "thesis_video_bytes": "video_bytes",
-            "thesis_ratio_float32": "compression_ratio",
-            "thesis_ratio_uint8": "ratio_uint8",
-        },
-    ),
-    "table_7_3": TableSpec(
-        QUALITY, {f"thesis_{name}": f"decode_{name}" for name in ("seconds", "psnr_db", "ssim")}
-    ),
-}
+MEASURED = {"table_7_1": QUALITY, "table_7_2": ("seconds", *SIZES), "table_7_3": QUALITY}
 """Angular resolution on the fly, encoding, and retrieval from the stored light field."""
+OF_THESIS = {
+    "table_7_1": {f"thesis_{name}": f"quality_{name}" for name in ("seconds", "psnr_db", "ssim")},
+    "table_7_2": {
+        "thesis_seconds": "encode_seconds",
+        "thesis_raw_bytes_float32": "raw_bytes_float32",
+        "thesis_video_bytes": "video_bytes",
+        "thesis_ratio_float32": "compression_ratio",
+        "thesis_ratio_uint8": "ratio_uint8",
+    },
+    "table_7_3": {f"thesis_{name}": f"decode_{name}" for name in ("seconds", "psnr_db", "ssim")},
+}
+"""What stands beside them, by the table's column: that of :func:`thesis_figures`."""
 
 
 @functools.cache
@@ -80,19 +59,24 @@ def thesis_figures() -> pd.DataFrame:
     return figures.set_index(list(KEY))
 
 
+def columns(name: str) -> tuple[str, ...]:
+    """Of the table ``name``, a key of :data:`MEASURED`."""
+    return (*KEY, *MEASURED[name], *CONTEXT, *OF_THESIS[name])
+
+
 def make_table(name: str, records: Iterable[Mapping]) -> pd.DataFrame:
-    """The table ``name`` (a key of :data:`SPECS`) with rows sorted as the records come.
+    """The table ``name`` (a key of :data:`MEASURED`) with rows sorted as the records come.
 
     Raises
     ------
     TableError
         when a record lacks a column, has one too many, or two records share scene and N.
     """
-    spec = SPECS[name]
-    table = table_of(records, (*KEY, *spec.measured, *CONTEXT), DECIMALS)
+    table = table_of(records, (*KEY, *MEASURED[name], *CONTEXT), DECIMALS)
     for scene, n in table.loc[table.duplicated(list(KEY)), list(KEY)].itertuples(index=False):
         raise TableError(f"{name} has two records for scene {scene} and N = {n}")
-    figures = thesis_figures()[list(spec.thesis.values())].set_axis(list(spec.thesis), axis=1)
+    beside = OF_THESIS[name]
+    figures = thesis_figures()[list(beside.values())].set_axis(list(beside), axis=1)
     return table.join(figures, on=list(KEY))
 
 
