@@ -1,6 +1,7 @@
 """Points of one scene's work-precision diagrams."""
 
-from lfcore.evaluation.work_precision.curves import Study, scene_rows
+from lfcore.evaluation.work_precision.curves import scene_rows
+from lfcore.evaluation.work_precision.study import Study
 from lfcore.files import write_json
 from lfcore.opencl.device import open_device
 from lfcore.scene.files import load_scene

@@ -12,8 +12,7 @@ All of these are held against the true picture, averaged over lens and pixel.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,7 @@ from lfcore.evaluation.work_precision.quadrature import quadrature
 from lfcore.evaluation.work_precision.recorded import recorded_methods
 from lfcore.evaluation.work_precision.refocused import refocused_picture, tracing
 from lfcore.evaluation.work_precision.stored import storage
+from lfcore.evaluation.work_precision.study import Study
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.oracle import slab as oracle
@@ -32,41 +32,6 @@ from lfcore.progress import Progress, silent
 from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.tracer import Tracer
-
-
-@dataclass(frozen=True)
-class Study:
-    """What is measured of a scene.
-
-    Attributes
-    ----------
-    pixels, views : M of whole pictures; and the values of N, ascending.
-    window_picture : M of the picture whose windows the quadrature is of.
-    window_truth, truth : two unlike lattices each, of the true windows and the true refocused
-        picture: lens samples and rays of a pixel, a side.
-    f_stops : by how many stops the lens is closed, one diagram each.
-    stored_pixels, stored_lattice, video_views : M of the pictures of stored light fields, the rays
-        that are stored with their depths, and N of the grid that is stored without.
-    crfs, codecs : their encoders' settings: ``name`` and fields of
-        :class:`lfcore.storage.codecs.CodecSpec`; ``crf_offset`` is added.
-    monte_carlo_samples : samples a pixel.
-    oracle_pixels, oracle_views : pixels, and N, whose rays the oracle traces.
-    """
-
-    pixels: int
-    views: Sequence[int]
-    window_picture: int
-    window_truth: Sequence[Sequence[int]]
-    truth: Sequence[Sequence[float]]
-    f_stops: Sequence[float]
-    stored_pixels: int
-    stored_lattice: Sequence[float]
-    video_views: int
-    crfs: Sequence[float]
-    codecs: Sequence[Mapping]
-    monte_carlo_samples: Sequence[int]
-    oracle_pixels: int
-    oracle_views: int
 
 
 def scene_rows(

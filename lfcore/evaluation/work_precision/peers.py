@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,11 +16,9 @@ from lfcore.colour import display_values
 from lfcore.evaluation import renderers
 from lfcore.evaluation.metrics import psnr
 from lfcore.evaluation.work_precision.measured_point import COLUMNS, judged, rmse
+from lfcore.evaluation.work_precision.study import Study
 from lfcore.optics.planes import SensorPlane
 from lfcore.scene.model import Scene
-
-if TYPE_CHECKING:
-    from lfcore.evaluation.work_precision.curves import Study
 
 LOG = logging.getLogger(__name__)
 VIEWS, REFERENCE_VIEWS = (2, 4, 6), 64

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from lfcore.evaluation.true_picture.reference import check_unlike
 from lfcore.evaluation.work_precision import samples, windows
 from lfcore.evaluation.work_precision.convergence import with_orders
 from lfcore.evaluation.work_precision.measured_point import measured_point
+from lfcore.evaluation.work_precision.study import Study
 from lfcore.evaluation.work_precision.windows import Windows
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
@@ -20,9 +21,6 @@ from lfcore.rendering.by_depth import RayCount
 from lfcore.rendering.direct import focused_camera, tile_sums
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
-
-if TYPE_CHECKING:
-    from lfcore.evaluation.work_precision.curves import Study
 
 SEEDS, SEEDED_SECONDS = 3, 0.1
 LONGEST_SECONDS = 1.0

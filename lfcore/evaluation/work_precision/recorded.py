@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.evaluation.work_precision.refocused import RefocusedPicture
+from lfcore.evaluation.work_precision.study import Study
 from lfcore.optics.array import CameraArray
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.planes import SensorPlane
@@ -26,9 +26,6 @@ from lfcore.refocus.resampling import FILTERS
 from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.rendering.plenoptic import refocus_photograph
 from lfcore.tracing.tracer import Tracer
-
-if TYPE_CHECKING:
-    from lfcore.evaluation.work_precision.curves import Study
 
 STACK = 16  # pictures of a focal stack, whose seconds one of them has its share of
 TOLERANCES_PX = (0.5, 0.2, 0.1, 0.05)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from lfcore.evaluation.true_picture.reference import true_pictures
 from lfcore.evaluation.work_precision.measured_point import measured_point
+from lfcore.evaluation.work_precision.study import Study
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import crossed_views
 from lfcore.optics.slab import Slab
@@ -17,9 +18,6 @@ from lfcore.refocus.resampling import coverage
 from lfcore.rendering.by_depth import RayCount, trace_by_depth
 from lfcore.rendering.direct import trace_planes
 from lfcore.tracing.tracer import Tracer
-
-if TYPE_CHECKING:
-    from lfcore.evaluation.work_precision.curves import Study
 
 BY_DEPTH = RayCount(4, 1), RayCount(4, 1.5), RayCount(4, 2), RayCount(8, 2)
 

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from lfcore.colour import display_values
 from lfcore.evaluation.metrics import psnr
 from lfcore.evaluation.timing import clocked_warm
 from lfcore.evaluation.work_precision.refocused import RefocusedPicture, refocused_picture
+from lfcore.evaluation.work_precision.study import Study
 from lfcore.opencl.device import programs_made
 from lfcore.optics.ray_cells import crossed_views
 from lfcore.optics.slab import Slab
@@ -31,9 +31,6 @@ from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.layout import Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.tracer import Tracer
-
-if TYPE_CHECKING:
-    from lfcore.evaluation.work_precision.curves import Study
 
 DEFAULT = "default"
 
