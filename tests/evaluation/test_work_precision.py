@@ -207,15 +207,15 @@ def test_a_recorded_field_is_sliced_alike_by_all_methods(plain, wanted):
     """The methods' common light field: shift-sum of it is what slicing makes on the fly."""
     slab = Slab(plain.scene.camera, 8, 16)
     field = recorded.record(plain, slab)
-    inside = refocused._inside(slab, wanted.plane)
-    sliced = trace_planes(plain, slab, [wanted.plane])[0]
+    inside = refocused._inside(slab, wanted.planes[0])
+    sliced = trace_planes(plain, slab, wanted.planes)[0]
     made = {
-        name: method(plain, field, wanted.plane)(0) for name, method in recorded.METHODS.items()
+        name: method(plain, field, wanted.planes[0])(0) for name, method in recorded.METHODS.items()
     }
     assert set(made) == {"shift-sum, nearest", "shift-sum, bilinear", "plenoptic camera", "Isaksen"}
     np.testing.assert_allclose(made["shift-sum, nearest"][inside], sliced[inside], atol=1e-5)
-    others = [*made.values(), recorded._monte_carlo(plain, field, wanted.plane, 256)(0)]
-    others.append(recorded._stack(plain, field, wanted.plane, 0.05)(0))
+    others = [*made.values(), recorded._monte_carlo(plain, field, wanted.planes[0], 256)(0)]
+    others.append(recorded._stack(plain, field, wanted.planes[0], 0.05)(0))
     assert all(np.abs(one[inside] - sliced[inside]).mean() < 0.05 for one in others)
 
 

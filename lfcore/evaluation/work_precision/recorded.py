@@ -9,7 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from lfcore.evaluation.work_precision.refocused import RefocusedPicture
+from lfcore.evaluation.true_picture.reference import Reference
+from lfcore.evaluation.work_precision.refocused import refocused_row
 from lfcore.evaluation.work_precision.study import Study
 from lfcore.optics.array import CameraArray
 from lfcore.optics.bundles import macropixels
@@ -41,9 +42,10 @@ class Recorded:
     views: np.ndarray
 
 
-def recorded_methods(tracer: Tracer, study: Study, wanted: RefocusedPicture) -> Iterator[dict]:
+def recorded_methods(tracer: Tracer, study: Study, wanted: Reference) -> Iterator[dict]:
     """The picture of ``wanted`` from views in memory; recording them is not counted."""
-    camera, plane = tracer.scene.camera, wanted.plane
+    camera, plane = tracer.scene.camera, wanted.planes[0]
+    row = partial(refocused_row, wanted, "recorded")
     fields = [
         record(tracer, Slab(camera, views, study.pixels))
         for views in study.views
@@ -52,17 +54,17 @@ def recorded_methods(tracer: Tracer, study: Study, wanted: RefocusedPicture) -> 
     for name, method in METHODS.items():
         for field in fields:
             work = method(tracer, field, plane)
-            yield wanted.row("recorded", name, f"N = {field.slab.views}", field.slab, work)
+            yield row(name, f"N = {field.slab.views}", field.slab, work)
     for field in fields[-1:]:
         slab = field.slab
         name = f"Monte Carlo, N = {slab.views}"
         for samples in study.monte_carlo_samples:
             work = _monte_carlo(tracer, field, plane, samples)
-            yield wanted.row("recorded", name, f"{samples} samples", slab, work)
+            yield row(name, f"{samples} samples", slab, work)
         name = f"fast stack, N = {slab.views}"
         for tolerance in TOLERANCES_PX:
             work = _stack(tracer, field, plane, tolerance)
-            yield wanted.row("recorded", name, f"{tolerance:g} px", slab, work, pictures=STACK)
+            yield row(name, f"{tolerance:g} px", slab, work, pictures=STACK)
 
 
 def record(tracer: Tracer, slab: Slab) -> Recorded:

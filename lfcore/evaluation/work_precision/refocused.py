@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from lfcore.evaluation.true_picture.reference import true_pictures
+from lfcore.evaluation.true_picture.reference import Reference, true_pictures
 from lfcore.evaluation.work_precision.measured_point import measured_point
 from lfcore.evaluation.work_precision.study import Study
 from lfcore.optics.planes import SensorPlane
@@ -22,68 +21,59 @@ from lfcore.tracing.tracer import Tracer
 BY_DEPTH = RayCount(4, 1), RayCount(4, 1.5), RayCount(4, 2), RayCount(8, 2)
 
 
-@dataclass(frozen=True)
-class RefocusedPicture:
-    """The scene's nearest distance, where all rays are recorded, and the true picture of it.
+def refocused_picture(tracer: Tracer, pixels: int, counts: Sequence[Sequence[float]]) -> Reference:
+    """The true picture at the scene's nearest distance, where all rays are recorded.
 
-    ``true`` is (M, M, 3) float64, linear light; ``square_error`` (M, M) is how well it is known.
+    ``counts`` are two unlike lattices, lens samples and rays of a pixel a side.
     """
-
-    plane: SensorPlane
-    true: np.ndarray
-    square_error: np.ndarray
-
-    def row(
-        self,
-        panel: str,
-        method: str,
-        knob: str,
-        slab: Slab,
-        work: Callable[[int], Any],
-        *,
-        subpixels: float = 1,
-        **more: Any,
-    ) -> dict:
-        """A point of ``work``'s picture, of the pixels that all of the lens sees.
-
-        ``slab`` has the lens samples, each with ``subpixels`` rays of a pixel's side.
-        """
-        inside = _inside(Slab(slab.camera, 64, slab.pixels), self.plane)
-        inside &= _inside(slab, self.plane)
-        rays = round(self.plane.mask(slab).sum() * subpixels**2)
-        doubt = float(np.sqrt(self.square_error[inside].mean()))
-        return measured_point(
-            work, self.true, doubt, panel=panel, f_number=self.plane.f_number, method=method,
-            knob=knob, rays_per_pixel=rays, inside=inside, **more,
-        )  # fmt: skip
-
-
-def refocused_picture(
-    tracer: Tracer, pixels: int, counts: Sequence[Sequence[float]]
-) -> RefocusedPicture:
-    """``counts`` are two unlike lattices, lens samples and rays of a pixel a side."""
     scene = tracer.scene
     plane = SensorPlane(min(scene.focus_distances_m), scene.camera.f_number)
     lattices = [RayCount(int(views), subpixels) for views, subpixels in counts]
-    truth = true_pictures(tracer, [plane], pixels, lattices)
-    return RefocusedPicture(plane, truth.pictures[0].astype(float), truth.square_error[0])
+    return true_pictures(tracer, [plane], pixels, lattices)
+
+
+def refocused_row(
+    wanted: Reference,
+    panel: str,
+    method: str,
+    knob: str,
+    slab: Slab,
+    work: Callable[[int], Any],
+    *,
+    subpixels: float = 1,
+    **more: Any,
+) -> dict:
+    """A point of ``work``'s picture, of the pixels that all of the lens sees.
+
+    ``slab`` has the lens samples, each with ``subpixels`` rays of a pixel's side.
+    """
+    (plane,) = wanted.planes
+    inside = _inside(Slab(slab.camera, 64, slab.pixels), plane) & _inside(slab, plane)
+    doubt = float(np.sqrt(wanted.square_error[0, inside].mean()))
+    return measured_point(
+        work, wanted.pictures[0].astype(float), doubt,
+        panel=panel, f_number=plane.f_number, method=method, knob=knob, inside=inside,
+        rays_per_pixel=round(plane.mask(slab).sum() * subpixels**2), **more,
+    )  # fmt: skip
 
 
 def _inside(slab: Slab, plane: SensorPlane) -> np.ndarray:
     return coverage(slab, plane, "bilinear") > plane.mask(slab).sum() * (1 - 1e-6)
 
 
-def tracing(tracer: Tracer, study: Study, wanted: RefocusedPicture) -> Iterator[dict]:
+def tracing(tracer: Tracer, study: Study, wanted: Reference) -> Iterator[dict]:
     """The thesis's recipe by N, and rays that are spread by their depth; tracing counts."""
-    camera, pixels, plane = tracer.scene.camera, study.pixels, wanted.plane
+    camera, pixels, plane = tracer.scene.camera, study.pixels, wanted.planes[0]
     for views in study.views:
         slab = Slab(camera, views, pixels)
         work = lambda _, slab=slab: trace_planes(tracer, slab, [plane])[0]  # noqa: E731
-        yield wanted.row("tracing", "nearest pixel", f"N = {views}", slab, work)
+        yield refocused_row(wanted, "tracing", "nearest pixel", f"N = {views}", slab, work)
     for count in BY_DEPTH:
         crossed = crossed_views(Slab(camera, count.views, count.side(pixels)))
         work = lambda _, crossed=crossed: (  # noqa: E731
             trace_by_depth(tracer, crossed, [plane], pixels)[0]
         )
-        slab = Slab(camera, count.views, pixels)
-        yield wanted.row("tracing", "by depth", str(count), slab, work, subpixels=count.subpixels)
+        yield refocused_row(
+            wanted, "tracing", "by depth", str(count), Slab(camera, count.views, pixels), work,
+            subpixels=count.subpixels,
+        )  # fmt: skip

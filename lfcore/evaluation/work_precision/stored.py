@@ -13,7 +13,8 @@ import numpy as np
 from lfcore.colour import display_values
 from lfcore.evaluation.metrics import psnr
 from lfcore.evaluation.timing import clocked_warm
-from lfcore.evaluation.work_precision.refocused import RefocusedPicture, refocused_picture
+from lfcore.evaluation.true_picture.reference import Reference
+from lfcore.evaluation.work_precision.refocused import refocused_picture, refocused_row
 from lfcore.evaluation.work_precision.study import Study
 from lfcore.opencl.device import programs_made
 from lfcore.optics.ray_cells import crossed_views
@@ -82,32 +83,28 @@ def _spec(codec: Mapping, views: int, crf: float) -> CodecSpec:
     return replace(defaults.codec_spec(views, crf=crf, by_depth=True, **known), **given)
 
 
-def _rays_by_depth(
-    tracer: Tracer, wanted: RefocusedPicture, count: RayCount, spec: CodecSpec
-) -> KeptRays:
-    pixels = len(wanted.true)
+def _rays_by_depth(tracer: Tracer, wanted: Reference, count: RayCount, spec: CodecSpec) -> KeptRays:
+    pixels = wanted.pixels
     slab, store = depth_store(tracer.scene.camera, count, pixels, spec)
     codes = DepthCodes.of_range(slab, *dioptre_range(tracer, slab, RANGE_MARGIN))
     (tile,) = store.layout.tiles(slab.rays, least=1)
     made = zip(*frames_by_depth(tracer, slab, store, codes, tile), strict=True)
     frames, depths = map(np.concatenate, made)
-    picture = trace_by_depth(tracer, crossed_views(slab), [wanted.plane], pixels)[0]
+    picture = trace_by_depth(tracer, crossed_views(slab), wanted.planes, pixels)[0]
     return KeptRays(slab, count, tile, frames, picture, depths, codes)
 
 
-def _rays_of_grid(tracer: Tracer, wanted: RefocusedPicture, views: int) -> KeptRays:
-    slab = Slab(tracer.scene.camera, views, len(wanted.true))
+def _rays_of_grid(tracer: Tracer, wanted: Reference, views: int) -> KeptRays:
+    slab = Slab(tracer.scene.camera, views, wanted.pixels)
     layout = defaults.frame_layout(views, slab.pixels, defaults.default_spec(views).pixel_format)
     (tile,) = layout.tiles(slab.rays, least=1)
     frames = np.concatenate([chunk.frames.copy() for chunk in tracer.trace_tile(slab, tile)])
-    picture = trace_planes(tracer, slab, [wanted.plane])[0]
+    picture = trace_planes(tracer, slab, wanted.planes)[0]
     return KeptRays(slab, RayCount(views, 1), tile, frames, picture)
 
 
-def _stored(
-    tracer: Tracer, wanted: RefocusedPicture, rays: KeptRays, spec: CodecSpec, name: str
-) -> dict:
-    pixels, layout = len(wanted.true), rays.tile.layout
+def _stored(tracer: Tracer, wanted: Reference, rays: KeptRays, spec: CodecSpec, name: str) -> dict:
+    pixels, layout = wanted.pixels, rays.tile.layout
     found: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:
         file, colours, depths = (
@@ -139,17 +136,17 @@ def _stored(
             return read
 
         slab = Slab(rays.slab.camera, rays.count.views, pixels)
-        row = wanted.row(
-            "storage", name, f"CRF {spec.crf:g}", slab, encode_in_turn,
+        row = refocused_row(
+            wanted, "storage", name, f"CRF {spec.crf:g}", slab, encode_in_turn,
             subpixels=rays.count.subpixels, picture_of=picture,
         )  # fmt: skip
     return row | found
 
 
-def _read(tracer: Tracer, wanted: RefocusedPicture, file: Path) -> np.ndarray:
+def _read(tracer: Tracer, wanted: Reference, file: Path) -> np.ndarray:
     """The wanted picture from a file, on one thread."""
     with LightFieldFile.open(file) as field:
         if field.metadata.depth:
-            return slice_stored(field, [wanted.plane], device=tracer.device)[0]
-        made = form_planes(field, [wanted.plane], threads=1, device=tracer.device)
+            return slice_stored(field, wanted.planes, device=tracer.device)[0]
+        made = form_planes(field, wanted.planes, threads=1, device=tracer.device)
         return made.sums.pictures()[0]
