@@ -63,7 +63,7 @@ def test_a_window_is_as_large_as_its_rays_allow(monkeypatch, chart, views, pixel
     module = "lfcore.evaluation.storage.sample"
     monkeypatch.setattr(f"{module}.shift_sum_views", lambda *given, device: None)
     found = trace_sample(chart, [], views=views, pixels=pixels, most_rays=rays)
-    assert found.window == window and found.rgb.shape[:3] == (window, window, views)
+    assert found.slab.pixels == window and found.rgb.shape[:3] == (window, window, views)
 
 
 @pytest.mark.kernels

@@ -59,7 +59,7 @@ def layout_rows(
     planes, rows = own_planes(tracer.scene), []
     for step, n in enumerate(views):
         sample = trace_sample(tracer, planes, views=n, pixels=pixels, most_rays=rays)
-        found = list(layouts(n, sample.window, packs))
+        found = list(layouts(n, sample.slab.pixels, packs))
         for at, layout in enumerate(found):
             known = store(Frames(sample, layout), default_spec(n), tracer.device)
             known |= {"scene": sample.scene, "N": n, "M": pixels}

@@ -94,17 +94,17 @@ def rate_rows(
     planes, points, rows = own_planes(tracer.scene), specs(crfs, curves), []
     for n in views:
         sample = trace_sample(tracer, planes, views=n, pixels=pixels, most_rays=rays)
-        kind = default_kind(n, pixels)
-        pack = min(default_pack(n, pixels), sample.window)
+        window, kind = sample.slab.pixels, default_kind(n, pixels)
+        pack = min(default_pack(n, pixels), window)
         here = [("default", default_spec(n)), *points]
         fed: dict[str, Frames] = {}
         for name, spec in here:
             form = spec.pixel_format
             if form not in fed:
-                layout = FrameLayout(kind, n, sample.window, "serpentine", pack, form)
+                layout = FrameLayout(kind, n, window, "serpentine", pack, form)
                 fed = {form: Frames(sample, layout)}
             known = store(fed[form], spec, tracer.device)
-            known |= {"scene": sample.scene, "N": n, "M": pixels, "window": sample.window}
+            known |= {"scene": sample.scene, "N": n, "M": pixels, "window": window}
             known |= {"curve": name, "crf": None if spec.lossless else spec.crf}
             known |= {key: getattr(spec, key) for key in ("codec", "preset", "pixel_format")}
             rows.append({column: known[column] for column in COLUMNS})

@@ -154,17 +154,17 @@ def _pieces(field: LightFieldFile) -> Iterator[Measurement]:
     What needs all segments is read from segment 0, and its seconds are scaled.
     """
     layout, tile = field.layout, field.segments[0].tile
-    column, row = tile.column + tile.columns // 2, tile.row + tile.rows // 2
     size = min(RECTANGLE, layout.pixels, tile.columns, tile.rows)
+    outer = tile.column + tile.columns // 2, tile.row + tile.rows // 2
+    inner = layout.inner // 2, layout.inner // 2
     in_all = layout.kind == "macropixels"  # every segment has some of a view
     if in_all:
-        corner = (tile.column + (tile.columns - size) // 2, tile.row + (tile.rows - size) // 2)
-        middle = layout.views // 2
-        view, pixel = (middle, middle), (column, row)
+        view, pixel = inner, outer
+        left, top = tile.column + (tile.columns - size) // 2, tile.row + (tile.rows - size) // 2
     else:
-        corner = ((layout.pixels - size) // 2,) * 2
-        view, pixel = (column, row), (layout.pixels // 2,) * 2
-    area = (*corner, corner[0] + size, corner[1] + size)
+        view, pixel = outer, inner
+        left = top = (layout.pixels - size) // 2
+    area = left, top, left + size, top + size
     rectangle = f"a rectangle of {size} x {size} (u, v)"
     yield _piece(field, "a view", lambda f: f.view(*view), in_all)
     yield _piece(field, "a macropixel", lambda f: f.macropixel(*pixel), not in_all)

@@ -59,11 +59,6 @@ class Sample:
     planes: list[SensorPlane]
     pictures: np.ndarray
 
-    @property
-    def window(self) -> int:
-        """Pixels along a side."""
-        return self.slab.pixels
-
 
 def window_camera(camera: Camera, pixels: int, window: int) -> Camera:
     """The camera that sees only the middle ``window`` of ``pixels``, at the same pixel pitch."""
