@@ -28,12 +28,12 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.refocus.slicing import PlaneFormer
+from lfcore.rendering.record_depth import encode
 from lfcore.scene.model import Scene
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
-from lfcore.storage.segment import SegmentWriter
 from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
 from lfcore.tracing.tracer import Tracer
 
@@ -141,9 +141,8 @@ def store(frames: Frames, spec: CodecSpec, device: Device) -> dict:
     sample, layout, watch = frames.sample, frames.layout, Stopwatch(clock=time.process_time)
     with tempfile.TemporaryDirectory(prefix="lfcore-") as folder:
         segment, file = Path(folder) / "0000.mp4", Path(folder) / "lightfield.mkv"
-        shape = layout.frame_width, layout.frame_height
-        with watch.part("encode"), SegmentWriter(segment, spec, *shape) as writer:
-            writer.write(frames.codes)
+        with watch.part("encode"):
+            encode([[frames.codes]], layout, [(segment, spec)])
         metadata = join_segments(
             file, [segment], [frames.tile], layout, geometry=sample.slab,
             scene={"name": sample.scene, "digest": "sample"}, spec=spec,
