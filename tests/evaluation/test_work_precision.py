@@ -136,24 +136,24 @@ def test_a_point():
     )
     assert set(row) == set(COLUMNS) and row["rmse"] == pytest.approx(0.01)
     assert row["repeats"] == 9 and row["quartile_1_seconds"] <= row["seconds"]
-    parts = {"left": np.arange(16).reshape(4, 4) % 4 < 2, "none": np.zeros((4, 4), bool)}
-    row = measured_point(lambda seed: reference + 0.01, reference, 1e-4, parts=parts, pictures=4)
+    masks = {"left": np.arange(16).reshape(4, 4) % 4 < 2, "none": np.zeros((4, 4), bool)}
+    row = measured_point(lambda seed: reference + 0.01, reference, 1e-4, masks=masks, pictures=4)
     assert row["rmse_left"] == pytest.approx(0.01) and "rmse_none" not in row
 
 
 def test_what_a_reference_cannot_judge_says_so_and_keeps_its_seconds():
     """Ten decibels below an error its reference's own must be: a factor of 3.16."""
     reference = np.full((4, 4, 3), 0.5)
-    parts = {"left": np.arange(16).reshape(4, 4) % 4 < 2}
+    masks = {"left": np.arange(16).reshape(4, 4) % 4 < 2}
     for doubt, judged in ((0.0031, True), (0.0032, False)):
         row = measured_point(
-            lambda seed: reference + 0.01, reference, doubt, parts=parts, reference_left=0.001
+            lambda seed: reference + 0.01, reference, doubt, masks=masks, reference_left=0.001
         )
         assert (row["rmse"] is not None) == (row["psnr_db"] is not None) == judged
         assert row["seconds"] > 0 and row["rmse_left"] == pytest.approx(0.01)
         assert (row["note"] or "").startswith(NOT_JUDGED) != judged
     row = measured_point(
-        lambda seed: reference + 0.01, reference, 1e-4, parts=parts, reference_left=0.01
+        lambda seed: reference + 0.01, reference, 1e-4, masks=masks, reference_left=0.01
     )
     assert row["rmse"] and row["rmse_left"] is None, "each kind has a reference of its own"
     exact = measured_point(lambda seed: reference, reference, 1e-4)
@@ -170,8 +170,8 @@ def test_windows_are_the_richest_of_each_kind():
     tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
     where = windows.choose(tracer, scene.camera, 64)
     assert len({tuple(corner) for corner in where.corners.tolist()}) == 4
-    assert where.parts["edges"].sum() > 4 and where.parts["smooth"].sum() > 256
-    assert sum(mask.sum() for mask in where.parts.values()) == 4 * 256
+    assert where.masks["edges"].sum() > 4 and where.masks["smooth"].sum() > 256
+    assert sum(mask.sum() for mask in where.masks.values()) == 4 * 256
 
 
 def test_convergence_says_where_the_order_breaks():
@@ -198,31 +198,31 @@ def _study(**more):
 
 
 @pytest.fixture(scope="module")
-def wanted(plain):
+def truth(plain):
     return refocused.refocused_picture(plain, 16, _study().truth)
 
 
 @pytest.mark.kernels
-def test_a_recorded_field_is_sliced_alike_by_all_methods(plain, wanted):
+def test_a_recorded_field_is_sliced_alike_by_all_methods(plain, truth):
     """The methods' common light field: shift-sum of it is what slicing makes on the fly."""
     slab = Slab(plain.scene.camera, 8, 16)
     field = recorded.record(plain, slab)
-    inside = refocused._inside(slab, wanted.planes[0])
-    sliced = trace_planes(plain, slab, wanted.planes)[0]
+    inside = refocused._inside(slab, truth.planes[0])
+    sliced = trace_planes(plain, slab, truth.planes)[0]
     made = {
-        name: method(plain, field, wanted.planes[0])(0) for name, method in recorded.METHODS.items()
+        name: method(plain, field, truth.planes[0])(0) for name, method in recorded.METHODS.items()
     }
     assert set(made) == {"shift-sum, nearest", "shift-sum, bilinear", "plenoptic camera", "Isaksen"}
     np.testing.assert_allclose(made["shift-sum, nearest"][inside], sliced[inside], atol=1e-5)
-    others = [*made.values(), recorded._monte_carlo(plain, field, wanted.planes[0], 256)(0)]
-    others.append(recorded._stack(plain, field, wanted.planes[0], 0.05)(0))
+    others = [*made.values(), recorded._monte_carlo(plain, field, truth.planes[0], 256)(0)]
+    others.append(recorded._stack(plain, field, truth.planes[0], 0.05)(0))
     assert all(np.abs(one[inside] - sliced[inside]).mean() < 0.05 for one in others)
 
 
 @pytest.mark.kernels
-def test_refocusing_is_judged_by_the_true_picture(plain, wanted):
+def test_refocusing_is_judged_by_the_true_picture(plain, truth):
     """More views alone end at what recorded pixels lose; few rays by depth are nearer."""
-    rows = pd.DataFrame(refocused.tracing(plain, _study(), wanted)).set_index(["method", "knob"])
+    rows = pd.DataFrame(refocused.tracing(plain, _study(), truth)).set_index(["method", "knob"])
     assert rows.seconds.notna().all()
     nearest, by_depth = rows.psnr_db["nearest pixel"], rows.psnr_db["by depth"]
     assert by_depth["4 x 2"] > nearest.max() + 3

@@ -45,19 +45,19 @@ def scene_rows(
     # Textures at full size: which mip level a block takes depends on the block, and would show
     # as an error of the lens integral.
     plain = Tracer(tracer.scene, bvh, tracer.device, mipmaps=False)
-    wanted = functools.cache(lambda: refocused_picture(tracer, study.pixels, study.truth))
-    parts = [
+    truth = functools.cache(lambda: refocused_picture(tracer, study.pixels, study.truth))
+    diagrams = [
         *(lambda stops=stops: quadrature(plain, study, stops) for stops in study.f_stops),
-        lambda: tracing(tracer, study, wanted()),
-        lambda: recorded_methods(tracer, study, wanted()),
+        lambda: tracing(tracer, study, truth()),
+        lambda: recorded_methods(tracer, study, truth()),
         lambda: peers(tracer.scene, study),
         lambda: storage(tracer, study),
         lambda: arithmetic(plain, study),
     ]
     rows = []
-    for done, part in enumerate(parts, 1):
-        rows += [{**row, "scene": tracer.scene.name} for row in part()]
-        progress(done, len(parts))
+    for done, rows_of in enumerate(diagrams, 1):
+        rows += [{**row, "scene": tracer.scene.name} for row in rows_of()]
+        progress(done, len(diagrams))
     return rows
 
 

@@ -46,7 +46,7 @@ def measured_point(
     *,
     seeds: int = 1,
     inside: np.ndarray | None = None,
-    parts: Mapping[str, np.ndarray] | None = None,
+    masks: Mapping[str, np.ndarray] | None = None,
     pictures: int = 1,
     picture_of: Callable[[Result], np.ndarray] = np.asarray,
     **context: object,
@@ -57,7 +57,7 @@ def measured_point(
     ----------
     reference_rmse : its own error, of the pixels that count.
     inside : (M, M) bool: pixels that count; default all.
-    parts : masks of pixels whose errors stand by themselves, in columns ``rmse_<name>``.
+    masks : of pixels whose errors stand by themselves, in columns ``rmse_<name>``.
     pictures : how many a run of ``work`` makes; seconds are of one.
     picture_of : makes the picture of what ``work`` returns, unseen by the clock.
     context : the other columns.
@@ -93,7 +93,7 @@ def measured_point(
             "repeats": len(timing.seconds),
             **{
                 f"rmse_{name}": rmse([one[mask] for one in made], reference[mask])
-                for name, mask in (parts or {}).items()
+                for name, mask in (masks or {}).items()
                 if mask.any()
             },
         }

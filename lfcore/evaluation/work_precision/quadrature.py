@@ -43,7 +43,7 @@ def quadrature(tracer: Tracer, study: Study, stops: float) -> Iterator[dict]:
     context: dict[str, Any] = {"panel": "quadrature", "f_number": plane.f_number}
     context |= {
         f"reference_{name}": float(np.sqrt(square_error[mask].mean()))
-        for name, mask in where.parts.items()
+        for name, mask in where.masks.items()
         if mask.any()
     }
     doubt = float(np.sqrt(square_error.mean()))
@@ -55,7 +55,7 @@ def quadrature(tracer: Tracer, study: Study, stops: float) -> Iterator[dict]:
             several = method in samples.RANDOM and 4 * before <= SEEDED_SECONDS
             work = partial(_picture, tracer, camera, where, method, views)
             row = measured_point(
-                work, truth, doubt, seeds=SEEDS if several else 1, parts=where.parts,
+                work, truth, doubt, seeds=SEEDS if several else 1, masks=where.masks,
                 method=method, knob=f"N = {views}", rays_per_pixel=_rays(camera, method, views),
                 **context,
             )  # fmt: skip

@@ -42,10 +42,10 @@ class Recorded:
     views: np.ndarray
 
 
-def recorded_methods(tracer: Tracer, study: Study, wanted: Reference) -> Iterator[dict]:
-    """The picture of ``wanted`` from views in memory; recording them is not counted."""
-    camera, plane = tracer.scene.camera, wanted.planes[0]
-    row = partial(refocused_row, wanted, "recorded")
+def recorded_methods(tracer: Tracer, study: Study, truth: Reference) -> Iterator[dict]:
+    """The picture of ``truth`` from views in memory; recording them is not counted."""
+    camera, plane = tracer.scene.camera, truth.planes[0]
+    row = partial(refocused_row, truth, "recorded")
     fields = [
         record(tracer, Slab(camera, views, study.pixels))
         for views in study.views

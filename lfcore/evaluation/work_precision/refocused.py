@@ -33,7 +33,7 @@ def refocused_picture(tracer: Tracer, pixels: int, counts: Sequence[Sequence[flo
 
 
 def refocused_row(
-    wanted: Reference,
+    truth: Reference,
     panel: str,
     method: str,
     knob: str,
@@ -47,11 +47,11 @@ def refocused_row(
 
     ``slab`` has the lens samples, each with ``subpixels`` rays of a pixel's side.
     """
-    (plane,) = wanted.planes
+    (plane,) = truth.planes
     inside = _inside(Slab(slab.camera, 64, slab.pixels), plane) & _inside(slab, plane)
-    doubt = float(np.sqrt(wanted.square_error[0, inside].mean()))
+    doubt = float(np.sqrt(truth.square_error[0, inside].mean()))
     return measured_point(
-        work, wanted.pictures[0].astype(float), doubt,
+        work, truth.pictures[0].astype(float), doubt,
         panel=panel, f_number=plane.f_number, method=method, knob=knob, inside=inside,
         rays_per_pixel=round(plane.mask(slab).sum() * subpixels**2), **more,
     )  # fmt: skip
@@ -61,19 +61,19 @@ def _inside(slab: Slab, plane: SensorPlane) -> np.ndarray:
     return coverage(slab, plane, "bilinear") > plane.mask(slab).sum() * (1 - 1e-6)
 
 
-def tracing(tracer: Tracer, study: Study, wanted: Reference) -> Iterator[dict]:
+def tracing(tracer: Tracer, study: Study, truth: Reference) -> Iterator[dict]:
     """The thesis's recipe by N, and rays that are spread by their depth; tracing counts."""
-    camera, pixels, plane = tracer.scene.camera, study.pixels, wanted.planes[0]
+    camera, pixels, plane = tracer.scene.camera, study.pixels, truth.planes[0]
     for views in study.views:
         slab = Slab(camera, views, pixels)
         work = lambda _, slab=slab: trace_planes(tracer, slab, [plane])[0]  # noqa: E731
-        yield refocused_row(wanted, "tracing", "nearest pixel", f"N = {views}", slab, work)
+        yield refocused_row(truth, "tracing", "nearest pixel", f"N = {views}", slab, work)
     for count in BY_DEPTH:
         crossed = crossed_views(Slab(camera, count.views, count.side(pixels)))
         work = lambda _, crossed=crossed: (  # noqa: E731
             trace_by_depth(tracer, crossed, [plane], pixels)[0]
         )
         yield refocused_row(
-            wanted, "tracing", "by depth", str(count), Slab(camera, count.views, pixels), work,
+            truth, "tracing", "by depth", str(count), Slab(camera, count.views, pixels), work,
             subpixels=count.subpixels,
         )  # fmt: skip

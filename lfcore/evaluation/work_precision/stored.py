@@ -59,7 +59,7 @@ def storage(tracer: Tracer, study: Study) -> Iterator[dict]:
     Errors are against the true picture; ``psnr_codec_db`` is against the same rays before they are
     encoded, the codec's loss alone.
     """
-    wanted = refocused_picture(tracer, study.stored_pixels, study.truth)
+    truth = refocused_picture(tracer, study.stored_pixels, study.truth)
     views, subpixels = study.stored_lattice
     count = RayCount(int(views), subpixels)
     kept: dict[str, KeptRays] = {}
@@ -67,12 +67,12 @@ def storage(tracer: Tracer, study: Study) -> Iterator[dict]:
         for crf in study.crfs:
             spec = _spec(codec, count.views, crf)
             if spec.pixel_format not in kept:
-                kept[spec.pixel_format] = _rays_by_depth(tracer, wanted, count, spec)
-            yield _stored(tracer, wanted, kept[spec.pixel_format], spec, codec["name"])
-    rays = _rays_of_grid(tracer, wanted, study.video_views)
+                kept[spec.pixel_format] = _rays_by_depth(tracer, truth, count, spec)
+            yield _stored(tracer, truth, kept[spec.pixel_format], spec, codec["name"])
+    rays = _rays_of_grid(tracer, truth, study.video_views)
     for crf in study.crfs:
         spec = replace(defaults.default_spec(rays.slab.views), threads=1, crf=float(crf))
-        yield _stored(tracer, wanted, rays, spec, f"{DEFAULT}, N = {rays.slab.views}")
+        yield _stored(tracer, truth, rays, spec, f"{DEFAULT}, N = {rays.slab.views}")
 
 
 def _spec(codec: Mapping, views: int, crf: float) -> CodecSpec:
@@ -83,28 +83,28 @@ def _spec(codec: Mapping, views: int, crf: float) -> CodecSpec:
     return replace(defaults.codec_spec(views, crf=crf, by_depth=True, **known), **given)
 
 
-def _rays_by_depth(tracer: Tracer, wanted: Reference, count: RayCount, spec: CodecSpec) -> KeptRays:
-    pixels = wanted.pixels
+def _rays_by_depth(tracer: Tracer, truth: Reference, count: RayCount, spec: CodecSpec) -> KeptRays:
+    pixels = truth.pixels
     slab, store = depth_store(tracer.scene.camera, count, pixels, spec)
     codes = DepthCodes.of_range(slab, *dioptre_range(tracer, slab, RANGE_MARGIN))
     (tile,) = store.layout.tiles(slab.rays, least=1)
     made = zip(*frames_by_depth(tracer, slab, store, codes, tile), strict=True)
     frames, depths = map(np.concatenate, made)
-    picture = trace_by_depth(tracer, crossed_views(slab), wanted.planes, pixels)[0]
+    picture = trace_by_depth(tracer, crossed_views(slab), truth.planes, pixels)[0]
     return KeptRays(slab, count, tile, frames, picture, depths, codes)
 
 
-def _rays_of_grid(tracer: Tracer, wanted: Reference, views: int) -> KeptRays:
-    slab = Slab(tracer.scene.camera, views, wanted.pixels)
+def _rays_of_grid(tracer: Tracer, truth: Reference, views: int) -> KeptRays:
+    slab = Slab(tracer.scene.camera, views, truth.pixels)
     layout = defaults.frame_layout(views, slab.pixels, defaults.default_spec(views).pixel_format)
     (tile,) = layout.tiles(slab.rays, least=1)
     frames = np.concatenate([chunk.frames.copy() for chunk in tracer.trace_tile(slab, tile)])
-    picture = trace_planes(tracer, slab, wanted.planes)[0]
+    picture = trace_planes(tracer, slab, truth.planes)[0]
     return KeptRays(slab, RayCount(views, 1), tile, frames, picture)
 
 
-def _stored(tracer: Tracer, wanted: Reference, rays: KeptRays, spec: CodecSpec, name: str) -> dict:
-    pixels, layout = wanted.pixels, rays.tile.layout
+def _stored(tracer: Tracer, truth: Reference, rays: KeptRays, spec: CodecSpec, name: str) -> dict:
+    pixels, layout = truth.pixels, rays.tile.layout
     found: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:
         file, colours, depths = (
@@ -126,7 +126,7 @@ def _stored(tracer: Tracer, wanted: Reference, rays: KeptRays, spec: CodecSpec, 
                 file, [colours], [rays.tile], layout, geometry=rays.slab,
                 scene={"name": tracer.scene.name, "digest": "0" * 64}, spec=spec, depth=depth,
             )  # fmt: skip
-            read, seconds = clocked_warm(partial(_read, tracer, wanted, file), programs_made)
+            read, seconds = clocked_warm(partial(_read, tracer, truth, file), programs_made)
             codes = [display_values(each) for each in (read, rays.picture)]
             found.update(
                 bytes=file.stat().st_size,
@@ -137,16 +137,16 @@ def _stored(tracer: Tracer, wanted: Reference, rays: KeptRays, spec: CodecSpec, 
 
         slab = Slab(rays.slab.camera, rays.count.views, pixels)
         row = refocused_row(
-            wanted, "storage", name, f"CRF {spec.crf:g}", slab, encode_in_turn,
+            truth, "storage", name, f"CRF {spec.crf:g}", slab, encode_in_turn,
             subpixels=rays.count.subpixels, picture_of=picture,
         )  # fmt: skip
     return row | found
 
 
-def _read(tracer: Tracer, wanted: Reference, file: Path) -> np.ndarray:
-    """The wanted picture from a file, on one thread."""
+def _read(tracer: Tracer, truth: Reference, file: Path) -> np.ndarray:
+    """The picture of ``truth`` from a file, on one thread."""
     with LightFieldFile.open(file) as field:
         if field.metadata.depth:
-            return slice_stored(field, wanted.planes, device=tracer.device)[0]
-        made = form_planes(field, wanted.planes, threads=1, device=tracer.device)
+            return slice_stored(field, truth.planes, device=tracer.device)[0]
+        made = form_planes(field, truth.planes, threads=1, device=tracer.device)
         return made.sums.pictures()[0]

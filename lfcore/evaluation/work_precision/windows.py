@@ -32,7 +32,7 @@ class Windows:
     kinds: np.ndarray
 
     @property
-    def parts(self) -> dict[str, np.ndarray]:
+    def masks(self) -> dict[str, np.ndarray]:
         """Masks (W 16, 16) by kind, of windows one above the other."""
         flat = self.kinds.reshape(-1, SIDE)
         return {name: flat == number for number, name in enumerate(KINDS)}
