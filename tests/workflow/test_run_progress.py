@@ -120,6 +120,7 @@ SNAKEFILE = f"""
 import sys
 sys.path.insert(0, {str(ROOT)!r})
 from snakemake.exceptions import WorkflowError
+from lfcore.errors import SettingsError
 from lfcore.workflow import costs, progress
 costs.SMALL_JOB = costs.Cost(0.5, 100, float(config["bytes"]))
 progress.hush(workflow)
