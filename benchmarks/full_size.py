@@ -72,8 +72,17 @@ class FullRun:
         return (shared if thesis else shared / cores) + total["table_7_3"]
 
     def worse(self) -> list[str]:
-        """Cells that are not better than the thesis's, as ``bike, N = 16: 4.3 s (4 s)``."""
+        """Cells not better than the thesis's, as ``bike, N = 16: 4.3 s (4 s)``, and why."""
         return [words for words, better in self._compared() if not better]
+
+    def _reason(self, place: int, column: str) -> str:
+        """What is known of a cell that may have made it worse, in row ``place`` of the tables."""
+        if column == "seconds":
+            share = self.cells.core_share[place]
+            return f"Seconds are of one core, of which its jobs had {share:.2f} beside other work."
+        stored = self.tables["table_7_2"].loc[place]
+        smaller = stored.thesis_video_bytes / stored.video_bytes
+        return f"Our file is {smaller:.1f} times smaller."
 
     def counted(self) -> tuple[int, int]:
         """Numbers that are better than the thesis's, and all that it has, too."""
@@ -82,18 +91,16 @@ class FullRun:
 
     def _compared(self) -> Iterator[tuple[str, bool]]:
         for name, columns in COMPARED.items():
-            for row in self.tables[name].to_dict("records"):
+            for place, row in enumerate(self.tables[name].to_dict("records")):
                 for column, more in columns.items():
                     ours, theirs = row[column], row[f"thesis_{column}"]
-                    if pd.isna(theirs) or math.isinf(theirs):
+                    # What others are held against, the largest N, cannot be bettered.
+                    if pd.isna(theirs) or math.isinf(theirs) or (column == "ssim" and theirs == 1):
                         continue
                     better = ours > theirs if more else ours < theirs
                     words = f"{shown(column, ours)} ({shown(column, theirs)})"
-                    label = LABELS[column]
-                    yield (
-                        f"{THESIS[name]}, {row['scene']}, N = {row['N']}, {label}: {words}",
-                        better,
-                    )
+                    cell = f"{THESIS[name]}, {row['scene']}, N = {row['N']}, {LABELS[column]}"
+                    yield f"{cell}: {words}. {self._reason(place, column)}", better
 
 
 def shown(column: str, value: float) -> str:
@@ -250,7 +257,7 @@ def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]
         + ("" if pixels == THESIS_PIXELS else unlike),
         "",
         f"Made by `{provenance['command']}`: commit {provenance['commit']}, {provenance['date']}, "
-        f"{provenance['processor']}.",
+        f"{provenance['processor']}. {provenance.get('note', '')}".rstrip(),
         "",
         f"![Error, size and time over N, ours and the thesis's]({FIGURE})",
         "",

@@ -8,6 +8,8 @@
     python -m benchmarks.publish --take full --command "snakemake ..." results    # docs/results/
     python -m benchmarks.publish --take peers --command "python benchmarks/tracer.py ..." tracer.csv
 
+and so ``triangles`` and ``plane_counts``, of ``--scaling`` and ``--planes`` of that benchmark.
+
 A result file, ``benchmarks/published/NAME.csv``, begins with lines ``# key: value``: the command
 that made it, commit, processor, date, and what else is to be known.  A document has a place for it,
 
@@ -23,6 +25,7 @@ from __future__ import annotations
 
 import argparse
 import datetime
+import functools
 import io
 import re
 import subprocess
@@ -63,6 +66,15 @@ TRACED = {"seconds": "trace s", "psnr_db": "PSNR dB (7.1)",
           "psnr_true_db": "true PSNR dB (7.1)", "ssim": "SSIM"}  # fmt: skip
 RETRIEVED = {"seconds": "retrieve s", "psnr_db": "PSNR dB (7.3)",
              "psnr_true_db": "true PSNR dB (7.3)", "ssim": "SSIM (7.3)"}  # fmt: skip
+TRACER_MODES = {
+    "triangles": {"scene": "scene", "triangles": "triangles", "N": "N",
+                  "core_nanoseconds_per_ray": "core ns a ray", "growth": "growth",
+                  "growth_of_logarithm": "of the logarithm", "bvh_seconds": "tree s"},
+    "plane_counts": {"scene": "scene", "N": "N", "planes": "planes",
+                     "mrays_per_core_second": "Mrays a core-second",
+                     "relative_core_seconds": "times 5 planes"},
+}  # fmt: skip
+"""Columns of modes of ``benchmarks/tracer.py``, and their names."""
 OF_RUN = ("command", "commit", "processor", "date")
 """What is known of every result."""
 
@@ -110,8 +122,8 @@ def read_result(path: Path) -> Result:
     return Result(provenance, rows)
 
 
-def of_this_run(command: str, **more: str) -> dict[str, str]:
-    """What is known of a run on this machine, at this commit."""
+def of_this_run(command: str, commit: str = "", **more: str) -> dict[str, str]:
+    """What is known of a run on this machine, at this commit or the one that is said."""
 
     def git(*words: str) -> str:
         return subprocess.run(
@@ -120,7 +132,7 @@ def of_this_run(command: str, **more: str) -> dict[str, str]:
 
     # Results and the documents that they stand in are no part of what is measured.
     edited = git("status", "--porcelain", "--", ".", ":!benchmarks/published", ":!docs")
-    commit = git("rev-parse", "--short", "HEAD") + ("+" if edited else "")
+    commit = commit or git("rev-parse", "--short", "HEAD") + ("+" if edited else "")
     here = machine()
     processor = f"{here['processor']}, {here['cores']} cores, {here['memory_gib']} GiB"
     today = datetime.date.today().isoformat()
@@ -161,16 +173,32 @@ def recommended(folder: Path) -> pd.DataFrame:
 
 
 def peers(file: Path) -> pd.DataFrame:
-    """Visibility of a run of ``benchmarks/tracer.py`` by scene and N, ours beside Embree's: the
-    better of its packets."""
-    table = pd.read_csv(file)
-    table = table[table.work == "visibility"].set_index(["scene", "N"])
-    ours = table[table.method == "lfcore"].mrays_per_core_second
-    packets = table[table.method.str.startswith("embree, ")].mrays_per_core_second
-    embree = packets.groupby(level=["scene", "N"]).max()
-    both = pd.DataFrame({"Mrays a core-second": ours, "Embree's": embree}).dropna()
-    both["times"] = both.iloc[:, 0] / both.iloc[:, 1]
-    return both.map(lambda value: f"{value:.3g}").reset_index()
+    """Of a run of ``benchmarks/tracer.py`` by scene and N: visibility beside Embree's, the better
+    of its packets, and pictures beside Mitsuba's where it took part."""
+    table = pd.read_csv(file).set_index(["scene", "N"])
+
+    def fastest(work: str, method: str) -> pd.Series:
+        own = table[(table.work == work) & table.method.str.startswith(method)]
+        return own.mrays_per_core_second.groupby(level=["scene", "N"], sort=False).max()
+
+    ours, embree = fastest("visibility", "lfcore"), fastest("visibility", "embree, ")
+    both = pd.DataFrame({"Mrays a core-second": ours, "Embree's": embree, "times": ours / embree})
+    mitsuba = fastest("algorithm1", "mitsuba")
+    if not mitsuba.empty:
+        ours = fastest("algorithm1", "lfcore")
+        both["pictures"], both["Mitsuba's"], both["times Mitsuba's"] = ours, mitsuba, ours / mitsuba
+    return _three_digits(both.dropna().reset_index())
+
+
+def tracer_mode(name: str, file: Path) -> pd.DataFrame:
+    """The columns that are published of a mode of ``benchmarks/tracer.py``."""
+    columns = TRACER_MODES[name]
+    return _three_digits(pd.read_csv(file)[list(columns)].rename(columns=columns))
+
+
+def _three_digits(rows: pd.DataFrame) -> pd.DataFrame:
+    real = rows.select_dtypes("float").columns
+    return rows.assign(**{name: rows[name].map("{:.3g}".format) for name in real})
 
 
 def true_picture(folder: Path) -> pd.DataFrame:
@@ -268,6 +296,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--check", action="store_true", help="write nothing; 1 if one is stale")
     parser.add_argument("--take", metavar="NAME", help="keep the tables of a run as this result")
     parser.add_argument("--command", default="make tables", help="what made them")
+    parser.add_argument("--commit", default="", help="that they were made at, if not this")
     parser.add_argument("--note", default="", help="what else is to be known")
     parser.add_argument("--configfile", type=Path, default=ROOT / "config" / "thesis.yaml",
                         help="of a run at full size (config/thesis.yaml)")  # fmt: skip
@@ -275,17 +304,19 @@ def main(argv: list[str] | None = None) -> int:
                         help="of tables; of peers a file")  # fmt: skip
     options = parser.parse_args(argv)
     try:
-        if options.take == "recommended":
-            rows = recommended(options.folder)
-            provenance = of_this_run(options.command, encoder=default_encoder())
-            Result(provenance, rows).write(RECOMMENDED)
-        elif options.take == "full":
-            take_full(options.folder, options.configfile, of_this_run(options.command))
-        elif options.take:
+        if options.take:
             note = {"note": options.note} if options.note else {}
-            take = {"peers": peers, "true_picture": true_picture}.get(options.take, tables)
-            result = Result(of_this_run(options.command, **note), take(options.folder))
-            result.write(RESULTS / f"{options.take}.csv")
+            provenance = of_this_run(options.command, options.commit, **note)
+        if options.take == "recommended":
+            provenance |= {"encoder": default_encoder()}
+            Result(provenance, recommended(options.folder)).write(RECOMMENDED)
+        elif options.take == "full":
+            take_full(options.folder, options.configfile, provenance)
+        elif options.take:
+            takers = {"peers": peers, "true_picture": true_picture}
+            takers |= {name: functools.partial(tracer_mode, name) for name in TRACER_MODES}
+            rows = takers.get(options.take, tables)(options.folder)
+            Result(provenance, rows).write(RESULTS / f"{options.take}.csv")
         stale = [path for path, text in documents().items() if path.read_text("utf-8") != text]
         for path in stale:
             print(f"{path.relative_to(ROOT)} {'is stale' if options.check else 'written'}")
