@@ -70,9 +70,10 @@ def test_a_reference_is_kept(reference, tmp_path):
     again = load_reference(file)
     assert again.planes == reference.planes
     np.testing.assert_array_equal(again.pictures, reference.pictures)
-    file.write_bytes(b"none")
-    with pytest.raises(LfcoreError, match="holds no true pictures"):
-        load_reference(file)
+    for damaged in (b"none", file.read_bytes()[:-100]):
+        file.write_bytes(damaged)
+        with pytest.raises(LfcoreError, match="holds no true pictures"):
+            load_reference(file)
 
 
 def test_few_rays_by_depth_beat_many_that_miss_the_pixel(chart, reference, tmp_path, drawn, shows):

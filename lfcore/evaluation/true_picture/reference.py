@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from lfcore.colour import display_values
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.evaluation.metrics import psnr
 from lfcore.files import whole_file
+from lfcore.optics.plane_pictures import load_stack
 from lfcore.optics.planes import SensorPlane
 from lfcore.rendering.by_depth import RayCount, pictures_by_depth
 from lfcore.rendering.quality import BORDER
@@ -123,9 +125,9 @@ def save_reference(path: str | Path, reference: Reference) -> None:
 def load_reference(path: str | Path) -> Reference:
     """What :func:`save_reference` wrote; raises :class:`LfcoreError` for what it did not."""
     try:
+        pictures, planes = load_stack(path)
         with np.load(path, allow_pickle=False) as archive:
-            planes = [SensorPlane(**plane) for plane in json.loads(archive["planes"].tobytes())]
-            arrays = (archive[name] for name in ("pictures", "known_db", "square_error"))
-            return Reference(planes, *arrays)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise LfcoreError(f"holds no true pictures: {error}", file=path) from None
+            return Reference(planes, pictures, archive["known_db"], archive["square_error"])
+    except (KeyError, ValueError, zipfile.BadZipFile, LfcoreError) as error:
+        remedy = "Delete it and run again"
+        raise LfcoreError("holds no true pictures", file=path, remedy=remedy) from error
