@@ -17,13 +17,14 @@ from pathlib import Path
 import av
 import numpy as np
 
-from lfcore.evaluation.stability.measurement import NO_ANSWER, Measurement, measured, sweep
+from lfcore.evaluation.stability.measurement import NO_ANSWER, Bound, Measurement, measured, sweep
 from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
 
+CODES = "8-bit codes, rms"
 FRAMES = 4
 CRF = 22
 LUMA = 255 / 219
@@ -139,7 +140,7 @@ def _library(rgb: np.ndarray, spec: CodecSpec) -> np.ndarray:
     return np.stack(found).astype(float) / 255.0
 
 
-@sweep("side", (1, 2, 15, 16, 33, 64))
+@sweep("codec", "side", (1, 2, 15, 16, 33, 64))
 def hard_pictures(tracer: TracerUnderTest, side: int) -> Iterator[Measurement]:
     """All patterns at sides from one pixel on, odd ones among them."""
     lossless = CodecSpec("ffv1", "yuv444p", preset=None, tune=None)
@@ -147,19 +148,20 @@ def hard_pictures(tracer: TracerUnderTest, side: int) -> Iterator[Measurement]:
     for name, picture in _patterns(side).items():
         colour = picture.ndim == 4
         rgb = picture if colour else np.repeat(picture[..., None], 3, axis=-1)
-        yield _stored(f"codec 4:4:4 lossless, {name}", lossless, lossless_bound(picture.size), rgb)
+        bound = Bound(lossless_bound(picture.size), CODES, "rounding of Y, Cb and Cr to 8 bits")
+        yield _stored(f"codec 4:4:4 lossless, {name}", lossless, bound, rgb)
+        if name in ("black", "white"):
+            bound = Bound(flat_bound(), CODES, "key frames' quantiser")
+        else:
+            bound = Bound(lossy_bound(), CODES, "B frames' quantiser at CRF 22")
         if not colour:
-            bound = flat_bound() if name in ("black", "white") else lossy_bound()
             yield _stored(f"codec 4:2:0 lossy, {name}", lossy, bound, rgb)
 
 
-def _stored(case: str, spec: CodecSpec, bound: float, rgb: np.ndarray) -> Measurement:
+def _stored(case: str, spec: CodecSpec, bound: Bound, rgb: np.ndarray) -> Measurement:
     return measured(
         case,
         bound,
         lambda: _rms(_library(rgb, spec), rgb),
         lambda: _rms(_round_trip(rgb, spec), rgb),
     )
-
-
-CASES = (hard_pictures,)

@@ -23,7 +23,14 @@ from lfcore.evaluation.stability.hit_errors import (
     mismatches,
     oracle_hits,
 )
-from lfcore.evaluation.stability.measurement import NO_ANSWER, Measurement, measured, sweep
+from lfcore.evaluation.stability.measurement import (
+    DEPTH,
+    NO_ANSWER,
+    Bound,
+    Measurement,
+    measured,
+    sweep,
+)
 from lfcore.evaluation.stability.shapes import (
     Rays,
     at_depth,
@@ -46,7 +53,7 @@ ALL_DIGITS = 2.0**24
 BLOCK_PIXELS = 24
 
 
-@sweep("|c| m", (0.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7))
+@sweep("3", "|c| m", (0.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7))
 def far_from_the_origin(tracer: TracerUnderTest, distance: float) -> Measurement:
     """Scene and camera moved by |c| together; error of depth in units of 2^-24 of it.
 
@@ -68,7 +75,8 @@ def far_from_the_origin(tracer: TracerUnderTest, distance: float) -> Measurement
         return _or_lost(tracer.closest(mesh, origins, directions), hits)
 
     # World coordinates in float64 are themselves rounded, by 2^-53 of |c|.
-    bound = 16 + distance * 2.0**-26
+    reason = DEPTH.reason + "; world coordinates are float64"
+    bound = Bound(DEPTH.error + distance * 2.0**-26, DEPTH.unit, reason)
     kappa = max(1.0, distance) * condition_of_depth(hits)
     return measured("far from the origin", bound, by_naive, ours, condition=kappa)
 
@@ -92,7 +100,7 @@ def _or_lost(found: Found, hits: Hits) -> float:
     return ALL_DIGITS if mismatches(found, hits) > 0.01 else depth_error(found, hits)
 
 
-@sweep("L / size", 10.0 ** np.arange(0, 8))
+@sweep("4", "L / size", 10.0 ** np.arange(0, 8))
 def long_rays(tracer: TracerUnderTest, length: float) -> Iterator[Measurement]:
     """An object of 1 m at depth L.  The parameter is depth, so the bound is relative to L."""
     mesh = single(soup(300, 0.1, depth=0.0) * 0.2 + [0, 0, length])
@@ -100,7 +108,7 @@ def long_rays(tracer: TracerUnderTest, length: float) -> Iterator[Measurement]:
     return lone_rays("long rays", tracer, mesh, rays)
 
 
-@sweep("side / distance", 10.0 ** -np.arange(0, 9))
+@sweep("8", "side / distance", 10.0 ** -np.arange(0, 9))
 def tiny_triangles(tracer: TracerUnderTest, size: float) -> Iterator[Measurement]:
     """A tilted wall at 1 m in triangles of ever smaller side, rays at their centres.
 
@@ -112,7 +120,7 @@ def tiny_triangles(tracer: TracerUnderTest, size: float) -> Iterator[Measurement
     return lone_rays("tiny triangles", tracer, mesh, rays, epsilon=1e-6)
 
 
-@sweep("reach / depth", (1.0, 3.0, 10.0, 30.0, 100.0))
+@sweep("8", "reach / depth", (1.0, 3.0, 10.0, 30.0, 100.0))
 def large_triangles(tracer: TracerUnderTest, reach: float) -> Iterator[Measurement]:
     """Triangles with two corners about 1 m away, the third ``reach`` times as far, any direction.
 
@@ -128,7 +136,7 @@ def large_triangles(tracer: TracerUnderTest, reach: float) -> Iterator[Measureme
 SCALES = (20, 15, 13, 12, 9, 6, 3, -3, -6, -9, -10, -12, -15, -20, -30, -40)
 
 
-@sweep("scale", [10.0**exponent for exponent in SCALES])
+@sweep("12, 13", "scale", [10.0**exponent for exponent in SCALES])
 def scaled_scene(tracer: TracerUnderTest, scale: float) -> Iterator[Measurement]:
     """Scene and lens scaled so that the largest coordinate is ``scale`` metres.
 
@@ -144,7 +152,7 @@ def scaled_scene(tracer: TracerUnderTest, scale: float) -> Iterator[Measurement]
     return lone_rays("scaled scene", tracer, single(base * scale), rays, limit=limit)
 
 
-@sweep("D / r", (1e1, 1e2, 1e3, 1e4, 1e5))
+@sweep("16", "D / r", (1e1, 1e2, 1e3, 1e4, 1e5))
 def far_sphere(tracer: TracerUnderTest, distance: float) -> Measurement:
     """A sphere of 1 m at distance D; naive: the quadratic formula, error over 2^-24 D."""
     centre = (0.0, 0.0, distance)
@@ -163,7 +171,7 @@ def far_sphere(tracer: TracerUnderTest, distance: float) -> Measurement:
 
     return measured(
         "far sphere",
-        16,
+        DEPTH,
         by_naive,
         lambda: depth_error(tracer.closest(mesh, *rays), hits),
         condition=distance * condition_of_depth(hits),
@@ -189,13 +197,13 @@ def lone_rays(
     return choice_and_depth(case, oracle_hits(mesh, rays), naive_found, find, limit=limit)
 
 
-@sweep("m", (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7))
+@sweep("8", "m", (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7))
 def triangle_sizes(tracer: TracerUnderTest, size: float) -> Iterator[Measurement]:
     """Triangles of ever smaller size at 1 to 3 m, each met by rays of some pixel; N = 16."""
     return _blocks("blocks: triangle size", tracer, Slab(CAMERA, 16, 64), size)
 
 
-@sweep("N", (1, 2, 5, 16, 40))
+@sweep("18", "N", (1, 2, 5, 16, 40))
 def lens_samples(tracer: TracerUnderTest, views: int) -> Iterator[Measurement]:
     """Triangles of 1 cm, from one lens sample (in a corner of its block) to many."""
     return _blocks("blocks: lens samples", tracer, Slab(CAMERA, views, 64), 1e-2)
@@ -216,15 +224,3 @@ def _blocks(case: str, tracer: TracerUnderTest, slab: Slab, size: float) -> Iter
     find = functools.partial(tracer.slab_hits, mesh, slab, pixels)
     naive_found = naive.moeller_trumbore(mesh, *rays)
     return choice_and_depth(case, oracle_hits(mesh, rays), naive_found, find)
-
-
-CASES = (
-    triangle_sizes,
-    lens_samples,
-    far_from_the_origin,
-    long_rays,
-    tiny_triangles,
-    large_triangles,
-    scaled_scene,
-    far_sphere,
-)

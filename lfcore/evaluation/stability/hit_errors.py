@@ -9,7 +9,14 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from lfcore.evaluation.stability import naive
-from lfcore.evaluation.stability.measurement import NO_ANSWER, Measurement, measured
+from lfcore.evaluation.stability.measurement import (
+    DEPTH,
+    NO_ANSWER,
+    RIGHT,
+    Bound,
+    Measurement,
+    measured,
+)
 from lfcore.evaluation.stability.shapes import Rays, single
 from lfcore.evaluation.stability.tested_tracer import ClosestHit, Found
 from lfcore.oracle.crossings import ULP
@@ -53,6 +60,7 @@ def condition_of_depth(hits: Hits) -> float:
 
 def compared(
     case: str,
+    bound: Bound,
     closest: ClosestHit,
     mesh: np.ndarray,
     rays: Rays,
@@ -60,13 +68,10 @@ def compared(
     *,
     condition: float = math.nan,
 ) -> Measurement:
-    """``error`` of what Moeller and Trumbore's method finds and of what ``closest`` finds.
-
-    A share of rays, none of which may be wrong.
-    """
+    """``error`` of what Moeller and Trumbore's method finds and of what ``closest`` finds."""
     return measured(
         case,
-        0.0,
+        bound,
         lambda: error(naive.moeller_trumbore(mesh, *rays)),
         lambda: error(closest(mesh, *rays)),
         condition=condition,
@@ -80,7 +85,7 @@ def choice_and_depth(
     depth.  ``find()`` gives lfcore's hits, once for both."""
     once = functools.cache(find)
 
-    def of(what: str, bound: float, error: Callable[[Found, Hits], float]) -> Measurement:
+    def of(what: str, bound: Bound, error: Callable[[Found, Hits], float]) -> Measurement:
         return measured(
             f"{case} ({what})",
             bound,
@@ -90,5 +95,5 @@ def choice_and_depth(
             condition=condition_of_depth(hits),
         )
 
-    yield of("triangle", 0, mismatches)
-    yield of("depth", 16, depth_error)
+    yield of("triangle", RIGHT, mismatches)
+    yield of("depth", DEPTH, depth_error)

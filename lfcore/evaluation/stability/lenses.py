@@ -10,7 +10,7 @@ from fractions import Fraction
 import numpy as np
 
 from lfcore.evaluation.stability import naive
-from lfcore.evaluation.stability.measurement import NO_ANSWER, Measurement, measured, sweep
+from lfcore.evaluation.stability.measurement import NO_ANSWER, Bound, Measurement, measured, sweep
 from lfcore.evaluation.stability.tested_tracer import CAMERA, TracerUnderTest, bare_scene
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.camera import Camera
@@ -21,7 +21,7 @@ from lfcore.oracle.crossings import ULP
 COLOUR = (0.7, 0.1, 1.0)
 
 
-@sweep("u / f - 1", (*10.0 ** -np.arange(0, 13, 2), 0.0, -1e-4))
+@sweep("17", "u / f - 1", (*10.0 ** -np.arange(0, 13, 2), 0.0, -1e-4))
 def near_the_focal_length(tracer: TracerUnderTest, excess: float) -> Measurement:
     """Relative error of the image distance, in 2^-24; naive: 1 / (1/f - 1/u).  Bound 4."""
     focal = 0.05
@@ -37,7 +37,7 @@ def near_the_focal_length(tracer: TracerUnderTest, excess: float) -> Measurement
 
     return measured(
         "near the focal length",
-        4,
+        Bound(4, "2^-24 of the distance", "three roundings, none cancels"),
         lambda: error(naive.image_distance(focal, distance)),
         lambda: error(Camera(focal, 0.036, 2.0, distance).image_distance_m),
         limit="focus" if distance <= focal else "",
@@ -45,13 +45,13 @@ def near_the_focal_length(tracer: TracerUnderTest, excess: float) -> Measurement
     )
 
 
-@sweep("focus m", (0.0501, 0.1, 1.0, 1e3, 1e8, 1e18, 1e20, 1e38, math.inf))
+@sweep("18", "focus m", (0.0501, 0.1, 1.0, 1e3, 1e8, 1e18, 1e20, 1e38, math.inf))
 def focus_to_infinity(tracer: TracerUnderTest, focus: float) -> Measurement:
     """Angle of the rays' directions in 2^-24; naive: difference of points, normalised."""
     return _directions("focus to infinity", replace(CAMERA, focus_distance_m=focus))
 
 
-@sweep("f-number", (1e-3, 1e-1, 1.0, 1e2, 1e4, 1e8, 1e30))
+@sweep("18", "f-number", (1e-3, 1e-1, 1.0, 1e2, 1e4, 1e8, 1e30))
 def apertures(tracer: TracerUnderTest, number: float) -> Measurement:
     """The same from a pinhole to a lens of 50 m: the camera's f-number."""
     return _directions("apertures", replace(CAMERA, f_number=number))
@@ -71,7 +71,7 @@ def _directions(case: str, camera: Camera) -> Measurement:
     pixels, focus = np.stack([u, u[::-1]], 1), camera.focus_distance_m
     return measured(
         case,
-        4,
+        Bound(4, "2^-24 rad", "three roundings of a direction"),
         lambda: _angle(naive.lens_directions(lens, tangents, focus), exact),
         lambda: _angle(macropixels(slab, pixels).rays()[1].reshape(-1, 3), exact),
     )
@@ -85,7 +85,10 @@ def _angle(found: np.ndarray, exact: np.ndarray) -> float:
     return float(np.where(np.isfinite(angle), angle, NO_ANSWER).max())
 
 
-@sweep("d' / d - 1", (10.0, 1.0, 1e-1, 1e-3, 1e-5, 1e-7, 0.0, -1e-7, -1e-3, -0.5, -0.9, math.inf))
+CHANGES = (10.0, 1.0, 1e-1, 1e-3, 1e-5, 1e-7, 0.0, -1e-7, -1e-3, -0.5, -0.9, math.inf)
+
+
+@sweep("19", "d' / d - 1", CHANGES)
 def refocus_shifts(tracer: TracerUnderTest, change: float) -> Measurement:
     """Shift of the outermost of 512 lens columns on 16384 pixels, in pixels; bound 1e-3.
 
@@ -108,10 +111,11 @@ def refocus_shifts(tracer: TracerUnderTest, change: float) -> Measurement:
     def ours() -> float:
         return np.abs(SensorPlane(focus, 2.0).shifts(slab) - exact).max()
 
-    return measured("refocus shifts", 1e-3, by_naive, ours)
+    bound = Bound(1e-3, "pixels", "a thousandth of a pixel is nowhere seen")
+    return measured("refocus shifts", bound, by_naive, ours)
 
 
-@sweep("aperture / lens", (0.0, 0.25, 0.5, 1.0, 1.0001, 2.0, 1e3))
+@sweep("18", "aperture / lens", (0.0, 0.25, 0.5, 1.0, 1.0001, 2.0, 1e3))
 def beyond_the_slab(tracer: TracerUnderTest, share: float) -> Measurement:
     """Apertures up to and wider than the recorded lens, as shares of it; 64 x 64 lens samples.
 
@@ -136,7 +140,8 @@ def beyond_the_slab(tracer: TracerUnderTest, share: float) -> Measurement:
         return abs(int(plane.mask(slab).sum()) - exact)
 
     limit = "apertures" if share > 1 else ""
-    return measured("beyond the slab", 0, by_naive, ours, limit=limit)
+    bound = Bound(0, "lens samples", "a whole number")
+    return measured("beyond the slab", bound, by_naive, ours, limit=limit)
 
 
 def _samples_within(radius: Fraction) -> int:
@@ -146,7 +151,7 @@ def _samples_within(radius: Fraction) -> int:
     return 4 * sum((math.isqrt(square - x * x) + 1) // 2 for x in columns)
 
 
-@sweep("N", (1, 2, 16, 64, 256, 512))
+@sweep("20", "N", (1, 2, 16, 64, 256, 512))
 def accumulation(tracer: TracerUnderTest, views: int) -> Iterator[Measurement]:
     """The mean of up to 512 x 512 lens samples of one colour must be that colour.
 
@@ -167,16 +172,7 @@ def accumulation(tracer: TracerUnderTest, views: int) -> Iterator[Measurement]:
         assert reached.any()
         return 255 * np.abs(picture[reached] - np.array(COLOUR)).max()
 
-    in_focus, bound = CAMERA.focus_distance_m, 1 / 1024
+    in_focus = CAMERA.focus_distance_m
+    bound = Bound(1 / 1024, "8-bit codes", "a thousandth of a code; sums are whole numbers")
     yield measured("accumulation", bound, by_naive, lambda: ours(in_focus))
     yield measured("accumulation refocused", bound, by_naive, lambda: ours(0.5))
-
-
-CASES = (
-    beyond_the_slab,
-    near_the_focal_length,
-    focus_to_infinity,
-    apertures,
-    refocus_shifts,
-    accumulation,
-)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import SupportsFloat
+from typing import NamedTuple, SupportsFloat
 
 import numpy as np
 
@@ -30,15 +29,35 @@ class StabilityError(LfcoreError):
     """A stability sweep in which a measurement fails."""
 
 
+class Bound(NamedTuple):
+    """The largest ``error`` that passes, its ``unit``, and the ``reason``: never a measurement."""
+
+    error: float
+    unit: str
+    reason: str
+
+
+CHOICE = "share of rays"
+RIGHT = Bound(
+    0, CHOICE, "a choice is right or wrong; rays within 16 ulp of an edge or tie have none"
+)
+DEPTH = Bound(
+    16,
+    "2^-24 of the depth, over the condition number",
+    "16 roundings lead from the corners to a depth, each amplified by the condition number",
+)
+
+
 @dataclass(frozen=True)
 class Measurement:
     """``error`` of lfcore and ``naive_error`` of a textbook float32 method beside it.
 
-    The bound is set before the measurement and in the unit that the case states.  So is ``limit``:
-    the name in :data:`LIMITS` of the documented limit beyond which the value lies, or nothing.
-    ``said`` is the program's refusal, where it refused; then ``error`` is NaN.  ``condition`` is
-    the largest condition number of the problem at this value, relative change of the answer over
-    that of the input; NaN where the answer is a choice and has none.
+    The bound is set before the measurement, with its ``unit`` and ``bound_from``, its reason.  So
+    is ``limit``: the name in :data:`LIMITS` of the documented limit beyond which the value lies, or
+    nothing.  ``said`` is the program's refusal, where it refused; then ``error`` is NaN.
+    ``condition`` is the largest condition number of the problem at this value, relative change of
+    the answer over that of the input; NaN where the answer is a choice and has none.  ``number`` is
+    that of the :class:`Case`.
     """
 
     case: str
@@ -50,6 +69,9 @@ class Measurement:
     limit: str = ""
     said: str = ""
     condition: float = math.nan
+    unit: str = ""
+    bound_from: str = ""
+    number: str = ""
 
     @property
     def verdict(self) -> str:
@@ -64,8 +86,8 @@ class Measurement:
         return "pass" if math.isfinite(self.error) and self.error <= self.bound else "fail"
 
     def as_dict(self) -> dict[str, object]:
-        """By the names of :data:`COLUMNS`."""
-        return {name: getattr(self, name) for name in COLUMNS}
+        """All fields, and the verdict."""
+        return {**vars(self), "verdict": self.verdict}
 
     def __str__(self) -> str:
         found = f"said {self.said!r}" if self.said else f"error {self.error:g}"
@@ -75,31 +97,39 @@ class Measurement:
         )
 
 
-Case = Callable[[TracerUnderTest], Iterator[Measurement]]
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A sweep: ``measure(tracer, value)`` makes one measurement at a value, or several.
 
-
-def sweep(parameter: str, values: Iterable[float]) -> Callable[[Callable], Case]:
-    """A case whose function measures at one value: one measurement, or several.
-
-    ``parameter`` is the name of the values, with their unit.
+    ``parameter`` is the name of the values, with their unit; ``number`` counts among the twenty
+    cases of the specification, or is ``codec``.
     """
 
-    def case_of(at: Callable) -> Case:
-        @functools.wraps(at)
-        def case(tracer: TracerUnderTest) -> Iterator[Measurement]:
-            for value in values:
-                found = at(tracer, value)
-                for one in [found] if isinstance(found, Measurement) else found:
-                    yield replace(one, parameter=parameter, value=float(value))
+    measure: Callable
+    number: str
+    parameter: str
+    values: Iterable[float]
 
-        return case
+    @property
+    def name(self) -> str:
+        return self.measure.__name__
 
-    return case_of
+    def __call__(self, tracer: TracerUnderTest) -> Iterator[Measurement]:
+        number, parameter = self.number, self.parameter
+        for value in self.values:
+            found = self.measure(tracer, value)
+            for one in [found] if isinstance(found, Measurement) else found:
+                yield replace(one, number=number, parameter=parameter, value=float(value))
+
+
+def sweep(number: str, parameter: str, values: Iterable[float]) -> Callable[[Callable], Case]:
+    """The :class:`Case` of the function below."""
+    return lambda measure: Case(measure, number, parameter, values)
 
 
 def measured(
     case: str,
-    bound: float,
+    bound: Bound,
     naive: Callable[[], SupportsFloat],
     ours: Callable[[], SupportsFloat],
     *,
@@ -116,9 +146,11 @@ def measured(
             error = float(ours())
         except (SceneError, OpticsError) as refusal:
             said = str(refusal)
+    largest, unit, reason = bound
     return Measurement(
-        case, "", math.nan, naive_error, error, float(bound), limit, said, float(condition)
-    )
+        case, "", math.nan, naive_error, error, float(largest), limit, said, float(condition),
+        unit, reason,
+    )  # fmt: skip
 
 
 def check_passed(measurements: Iterable[Measurement]) -> None:

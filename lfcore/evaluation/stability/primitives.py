@@ -14,13 +14,15 @@ import numpy as np
 from lfcore.evaluation.stability import naive
 from lfcore.evaluation.stability.extents import lone_rays
 from lfcore.evaluation.stability.hit_errors import compared, leaks, oracle_hits
-from lfcore.evaluation.stability.measurement import Measurement, measured, sweep
+from lfcore.evaluation.stability.measurement import CHOICE, Bound, Measurement, measured, sweep
 from lfcore.evaluation.stability.shapes import Rays, at_depth, grid, rays_at, single
 from lfcore.evaluation.stability.tested_tracer import Found, TracerUnderTest
 from lfcore.oracle.intersect import Hits
 
+AXES = Bound(0, CHOICE, "no direction is special")
 
-@sweep("aspect", 10.0 ** np.arange(0, 9))
+
+@sweep("7", "aspect", 10.0 ** np.arange(0, 9))
 def needles(tracer: TracerUnderTest, aspect: float) -> Iterator[Measurement]:
     """Triangles 1 m long and 1 / aspect wide in any direction, rays at points within."""
     rng = np.random.default_rng(7)
@@ -33,7 +35,7 @@ def needles(tracer: TracerUnderTest, aspect: float) -> Iterator[Measurement]:
     return lone_rays("needles", tracer, mesh, rays_at(mesh.mean(1, dtype=float), (0.01, -0.02)))
 
 
-@sweep("theta rad", 10.0 ** -np.arange(1, 8))
+@sweep("9", "theta rad", 10.0 ** -np.arange(1, 8))
 def grazing(tracer: TracerUnderTest, theta: float) -> Iterator[Measurement]:
     """A plane through the axis at 3 m, tilted against the rays by theta."""
     slope = np.array([0.0, np.tan(theta), 1.0])
@@ -46,7 +48,7 @@ def grazing(tracer: TracerUnderTest, theta: float) -> Iterator[Measurement]:
     return lone_rays("grazing", tracer, mesh, rays)
 
 
-@sweep("origin on face", (0, 1))
+@sweep("10", "origin on face", (0, 1))
 def axes(tracer: TracerUnderTest, on_face: int) -> Measurement:
     """Rays with directions of 0, -0 and +-1 whose origins lie on the faces of a cube's box."""
     mesh = single(_cube() + [0, 0, 3])
@@ -58,7 +60,7 @@ def axes(tracer: TracerUnderTest, on_face: int) -> Measurement:
     hits = oracle_hits(mesh, rays)
     return measured(
         "axis directions",
-        0.0,
+        AXES,
         lambda: _lost_by_the_box(mesh, rays, hits),
         lambda: leaks(tracer.closest(mesh, *rays), hits),
     )
@@ -69,7 +71,7 @@ def _lost_by_the_box(mesh: np.ndarray, rays: Rays, hits: Hits) -> float:
     return ((hits.triangle >= 0) & ~naive.slab_test(lo, hi, *rays)).mean()
 
 
-@sweep("|c| m", (0.0, 1e2, 1e4, 1e6))
+@sweep("10", "|c| m", (0.0, 1e2, 1e4, 1e6))
 def any_axes(tracer: TracerUnderTest, distance: float) -> Measurement:
     """All 26 directions of 0, -0 and +-1 from within a cube far off, on its inner planes."""
     steps = single([-1, -0.0, 0.0, 1])
@@ -80,7 +82,7 @@ def any_axes(tracer: TracerUnderTest, distance: float) -> Measurement:
     starts = single([[0.0, 0, 0], [0.5, 0, -0.5], [0.25, 0.25, 0.5]]) + centre
     rays = np.repeat(starts, len(directions), 0), np.tile(directions, (len(starts), 1))
     error = functools.partial(leaks, hits=oracle_hits(mesh, rays))
-    return compared("axis directions, any", tracer.any_closest, mesh, rays, error)
+    return compared("axis directions, any", AXES, tracer.any_closest, mesh, rays, error)
 
 
 def _cube() -> np.ndarray:
@@ -94,7 +96,7 @@ def _cube() -> np.ndarray:
     return np.concatenate(faces)
 
 
-@sweep("flat dimensions", (0, 1, 2))
+@sweep("11", "flat dimensions", (0, 1, 2))
 def flat_boxes(tracer: TracerUnderTest, flat: int) -> Measurement:
     """Rays at the corners of lone triangles whose boxes have 0, 1 or 2 flat dimensions.
 
@@ -115,7 +117,8 @@ def flat_boxes(tracer: TracerUnderTest, flat: int) -> Measurement:
         # Outside 16 ulp of the free edges: a ray at a lone corner may go either way.
         missed = tracer.closest(triangle, *rays)[0] < 0
         lost.append((missed & (hits.triangle >= 0) & hits.clear()).mean())
-    return measured("flat boxes", 0.0, lambda: np.mean(lost_by_naive), lambda: np.max(lost))
+    bound = Bound(0, "share of rays lost", "a box holds its corners")
+    return measured("flat boxes", bound, lambda: np.mean(lost_by_naive), lambda: np.max(lost))
 
 
 def _corner(depth: float) -> np.ndarray:
@@ -129,7 +132,7 @@ def _through_a_corner(seed: int) -> Rays:
     return rays_at(at_depth(points, 2.0), (0.01, 0.0))
 
 
-@sweep("copies", (2, 16, 17, 256, 1024))
+@sweep("15", "copies", (2, 16, 17, 256, 1024))
 def coplanar(tracer: TracerUnderTest, copies: int) -> Measurement:
     """Copies of one triangle, in an order of its own each: the lowest number must win.
 
@@ -139,13 +142,13 @@ def coplanar(tracer: TracerUnderTest, copies: int) -> Measurement:
     mesh = np.tile(_corner(2.0), (copies, 1, 1))
     return measured(
         "coplanar copies",
-        0.0,
+        Bound(0, CHOICE, "of equal depths the lowest number wins"),
         lambda: (copies - 1 - naive.moeller_trumbore(mesh[::-1], *rays)[0] != 0).mean(),
         lambda: (tracer.closest(mesh, *rays)[0] != 0).mean(),
     )
 
 
-@sweep("separation ulp", (0, 1, 2, 4, 8, 16, 32, 64))
+@sweep("15", "separation ulp", (0, 1, 2, 4, 8, 16, 32, 64))
 def nearly_coplanar(tracer: TracerUnderTest, ulp: int) -> Measurement:
     """Two triangles that part by some ulp of their depth: the nearer must win from 16 on.
 
@@ -162,10 +165,11 @@ def nearly_coplanar(tracer: TracerUnderTest, ulp: int) -> Measurement:
         return ((ids != hits.triangle) & (hits.clear() | (ids < 0))).mean()
 
     kappa = np.inf if ulp == 0 else 2.0**23 / ulp
-    return compared("nearly coplanar", tracer.closest, mesh, rays, wrong, condition=kappa)
+    bound = Bound(0, CHOICE, "16 ulp, the bound of a depth, part two of them")
+    return compared("nearly coplanar", bound, tracer.closest, mesh, rays, wrong, condition=kappa)
 
 
-@sweep("share", (0.1, 0.5, 0.9))
+@sweep("7", "share", (0.1, 0.5, 0.9))
 def no_area(tracer: TracerUnderTest, share: float) -> Measurement:
     """Points, repeated corners and collinear ones among sound triangles, rays aimed at them.
 
@@ -186,7 +190,5 @@ def no_area(tracer: TracerUnderTest, share: float) -> Measurement:
         ids, t = map(np.asarray, found)
         return ((ids >= 200) | ((ids != hits.triangle) & hits.clear()) | np.isnan(t)).mean()
 
-    return compared("no area", tracer.closest, np.concatenate([base, flat]), rays, wrong)
-
-
-CASES = (needles, no_area, nearly_coplanar, grazing, axes, any_axes, flat_boxes, coplanar)
+    bound = Bound(0, CHOICE, "what has no area is never met")
+    return compared("no area", bound, tracer.closest, np.concatenate([base, flat]), rays, wrong)

@@ -13,13 +13,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from lfcore.evaluation.figures import save_figure
-from lfcore.evaluation.stability.cases import description
 from lfcore.evaluation.stability.measurement import COLUMNS, Measurement
 
-CASE_COLUMNS = (
-    "case", "number", "parameter", "least", "most", "condition_number", "unit", "bound",
-    "bound_from", "naive_worst", "worst", "passed", "refused", "failed",
-)  # fmt: skip
 DECADES = 3
 """Decades over and under its bound at which an error's colour saturates."""
 OURS, NAIVE = "#1f6f8b", "#c8553d"
@@ -33,26 +28,24 @@ def stability_table(measurements: Iterable[Measurement]) -> pd.DataFrame:
 
 def cases_table(measurements: Iterable[Measurement]) -> pd.DataFrame:
     """A row a case: its sweep, largest condition number, bound and where that comes from."""
-    keys = ("condition", "said", *COLUMNS)
-    table = pd.DataFrame([{key: getattr(one, key) for key in keys} for one in measurements])
-    grouped = table.groupby("case", sort=False)
-    verdicts = pd.get_dummies(table.verdict).groupby(table.case, sort=False).sum()
-    made = grouped.agg(
+    table = pd.DataFrame([one.as_dict() for one in measurements])
+    verdict = {name: table.verdict == name for name in ("pass", "refused", "fail")}
+    grouped = table.assign(**verdict).groupby("case", sort=False)
+    return grouped.agg(
+        number=("number", "first"),
         parameter=("parameter", "first"),
         least=("value", "min"),
         most=("value", "max"),
         condition_number=("condition", "max"),
+        unit=("unit", "first"),
         bound=("bound", "max"),
+        bound_from=("bound_from", "first"),
         naive_worst=("naive_error", "max"),
         worst=("error", "max"),
-    )
-    described = [description(case) for case in made.index]
-    made["number"] = [one.number for one in described]
-    made["unit"] = [one.unit for one in described]
-    made["bound_from"] = [one.bound_from for one in described]
-    for column, verdict in (("passed", "pass"), ("refused", "refused"), ("failed", "fail")):
-        made[column] = verdicts.get(verdict, 0)
-    return made.reset_index()[list(CASE_COLUMNS)]
+        passed=("pass", "sum"),
+        refused=("refused", "sum"),
+        failed=("fail", "sum"),
+    ).reset_index()
 
 
 def summary(table: pd.DataFrame) -> str:

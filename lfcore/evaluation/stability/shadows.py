@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from lfcore.evaluation.stability import naive
-from lfcore.evaluation.stability.measurement import Measurement, measured, sweep
+from lfcore.evaluation.stability.measurement import Bound, Measurement, measured, sweep
 from lfcore.evaluation.stability.shapes import Rays, grid, one_by_one, single, sphere
 from lfcore.evaluation.stability.tested_tracer import TracerUnderTest, bare_scene
 from lfcore.optics.camera import Camera
@@ -18,29 +18,30 @@ from lfcore.oracle.slab import all_pixels, slab_hits, slab_rays, trace
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 
 PIXELS = 32
+CONVEX = Bound(0, "share of pixels", "a convex body does not shade itself")
 WHITE = [Material("white", diffuse=(1.0, 1.0, 1.0))]
 
 
-@sweep("scale", [10.0**exponent for exponent in range(-4, 5)])
+@sweep("5", "scale", [10.0**exponent for exponent in range(-4, 5)])
 def self_shadow(tracer: TracerUnderTest, scale: float) -> Measurement:
     """A sphere, lit from beside the camera, of ever other size: convex, so no part is shaded."""
     mesh = single(sphere(12, 24, 0.5, (0, 0, 2.0)) * scale)
     light = Light(POINT, (-1.0 * scale, -1.5 * scale, 0.0), (1.0, 1.0, 1.0))
-    return _shaded("self-shadow", tracer, mesh, light, 0.6, 1e-4, stop=max(1, 1 / scale))
+    return _shaded("self-shadow", CONVEX, tracer, mesh, light, 0.6, 1e-4, stop=max(1, 1 / scale))
 
 
-@sweep("D m", (1e1, 1e2, 1e3, 1e4))
+@sweep("5", "D m", (1e1, 1e2, 1e3, 1e4))
 def far_self_shadow(tracer: TracerUnderTest, distance: float) -> Measurement:
     """A sphere of 1 m ever farther from the camera, whose hit points are rounded ever more."""
     mesh = single(sphere(12, 24, 0.5, (0, 0, distance)))
     light = Light(POINT, (-1.0, -1.5, distance - 2.0), (1.0, 1.0, 1.0))
-    return _shaded("self-shadow, far", tracer, mesh, light, 1.2 / distance, 1e-4, stop=1e4)
+    return _shaded("self-shadow, far", CONVEX, tracer, mesh, light, 1.2 / distance, 1e-4, stop=1e4)
 
 
 SLANT = 100.0
 
 
-@sweep("gap m", (1e-1, 1e-2, 1e-3, 1e-4, 3e-5, 1e-5, 3e-6))
+@sweep("6", "gap m", (1e-1, 1e-2, 1e-3, 1e-4, 3e-5, 1e-5, 3e-6))
 def thin_gap(tracer: TracerUnderTest, gap: float) -> Measurement:
     """A plate before a wall at 3 m, at a distance of ``gap``: its shadow is 100 gaps long.
 
@@ -49,7 +50,7 @@ def thin_gap(tracer: TracerUnderTest, gap: float) -> Measurement:
     return _gap("thin gap", tracer, 3.0, gap)
 
 
-@sweep("distance m", (1.0, 10.0, 1e2, 1e3, 1e4))
+@sweep("6", "distance m", (1.0, 10.0, 1e2, 1e3, 1e4))
 def thin_gap_far(tracer: TracerUnderTest, distance: float) -> Measurement:
     """A gap of 32 ulp of the distance, ever farther away."""
     return _gap("thin gap, far", tracer, distance, float(np.spacing(np.float32(distance))) * 32)
@@ -63,11 +64,13 @@ def _gap(case: str, tracer: TracerUnderTest, distance: float, gap: float) -> Mea
     plate = grid(1, 1, [-size / 2, -size / 2, distance - gap], [size / 2, 0, 0], [0, size, 0])
     mesh = single(np.concatenate([wall, plate]))
     field, kappa = 8 * SLANT * gap / distance, distance / gap
-    return _shaded(case, tracer, mesh, light, field, 1e-3, condition=kappa)
+    bound = Bound(0, "share of pixels", "to 16 ulp of the distance; 32 ulp where it varies")
+    return _shaded(case, bound, tracer, mesh, light, field, 1e-3, condition=kappa)
 
 
 def _shaded(
     case: str,
+    bound: Bound,
     tracer: TracerUnderTest,
     mesh: np.ndarray,
     light: Light,
@@ -104,7 +107,7 @@ def _shaded(
         plane = SensorPlane(float("inf"), camera.f_number, "square")
         return wrong(tracer.picture(scene, slab, plane)[..., 0].ravel())
 
-    return measured(case, 0.0, by_naive, ours, condition=condition)
+    return measured(case, bound, by_naive, ours, condition=condition)
 
 
 def _naive_picture(mesh: np.ndarray, light: Light, rays: Rays, offset: np.float32) -> np.ndarray:
@@ -125,6 +128,3 @@ def _naive_picture(mesh: np.ndarray, light: Light, rays: Rays, offset: np.float3
     dark = (blocker >= 0) & ((distance < 1) | (light.kind == DIRECTIONAL))
     colour[hit] = np.where(dark, 0, np.maximum(cosine, 0) * light.colour[0])
     return np.minimum(colour, 1)
-
-
-CASES = (self_shadow, far_self_shadow, thin_gap, thin_gap_far)
