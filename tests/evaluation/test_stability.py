@@ -40,31 +40,30 @@ from lfcore.tracing.tracer import Tracer
 pytestmark = pytest.mark.slow
 
 
-def oracle_picture(scene, slab, plane):
-    size, views = slab.pixels, slab.views
-    light = trace(scene, slab, all_pixels(slab)).reshape(size, size, views, views, 3)
-    return form_plane(slab, plane, light)
+class Oracle(tested_tracer.TracerUnderTest):
+    def closest(self, triangles, origins, directions):
+        hits = closest_hits(triangles, origins, directions)
+        return hits.triangle, np.float32(hits.t)
+
+    any_closest = closest
+
+    def slab_hits(self, triangles, slab, pixels):
+        hits = slab_hits(tested_tracer.bare_scene(triangles), slab, pixels)
+        shape = len(pixels), slab.views, slab.views
+        return hits.triangle.reshape(shape), np.float32(hits.t.reshape(shape))
+
+    def picture(self, scene, slab, plane):
+        size, views = slab.pixels, slab.views
+        light = trace(scene, slab, all_pixels(slab)).reshape(size, size, views, views, 3)
+        return form_plane(slab, plane, light)
 
 
-def oracle_closest(triangles, origins, directions):
-    hits = closest_hits(triangles, origins, directions)
-    return hits.triangle, np.float32(hits.t)
-
-
-def oracle_slab_hits(triangles, slab, pixels):
-    hits = slab_hits(tested_tracer.bare_scene(triangles), slab, pixels)
-    shape = len(pixels), slab.views, slab.views
-    return hits.triangle.reshape(shape), np.float32(hits.t.reshape(shape))
-
-
-ORACLE = tested_tracer.TracerUnderTest(
-    oracle_closest, oracle_closest, oracle_slab_hits, oracle_picture, rays=300
-)
+ORACLE = Oracle(None, rays=300)
 
 
 @pytest.fixture(scope="module")
 def tracer():
-    return tested_tracer.tracer_under_test(rays=300)
+    return tested_tracer.TracerUnderTest(rays=300)
 
 
 def test_verdicts():
@@ -159,13 +158,13 @@ def test_the_oracle_passes_its_own_cases(case):
 
 
 def test_a_tracer_that_loses_rays_fails():
-    def lossy(triangles, origins, directions):
-        number, t = oracle_closest(triangles, origins, directions)
-        number[::50] = -1
-        return number, t
+    class Lossy(Oracle):
+        def closest(self, *rays):
+            number, t = super().closest(*rays)
+            number[::50] = -1
+            return number, t
 
-    worse = tested_tracer.TracerUnderTest(lossy, lossy, oracle_slab_hits, oracle_picture)
-    assert all(row.verdict == "fail" for row in primitives.axes(worse))
+    assert all(row.verdict == "fail" for row in primitives.axes(Lossy(None)))
 
 
 def test_naive_methods_fail_where_the_cases_say():
@@ -180,7 +179,7 @@ def test_naive_methods_fail_where_the_cases_say():
 
 
 def test_rays_of_any_direction_hold_for_needles_and_scales():
-    general = tested_tracer.tracer_under_test(general=True, rays=300)
+    general = tested_tracer.TracerUnderTest(general=True, rays=300)
     rows = [*primitives.needles(general), *extents.tiny_triangles(general)]
     rows += extents.scaled_scene(general)
     assert [row for row in rows if row.verdict == "fail"] == []

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lfcore.evaluation.stability.shapes import grid, sphere
-from lfcore.evaluation.stability.tested_tracer import CAMERA, bare_scene, tracer_under_test
+from lfcore.evaluation.stability.tested_tracer import CAMERA, TracerUnderTest, bare_scene
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, slab_hits, trace
@@ -71,7 +71,7 @@ def features():
 
 @pytest.fixture(scope="module")
 def tracer():
-    return tracer_under_test()
+    return TracerUnderTest()
 
 
 @pytest.mark.parametrize("name", features())

@@ -3,7 +3,7 @@
 from lfcore.evaluation.stability import report
 from lfcore.evaluation.stability.cases import chosen, run_all
 from lfcore.evaluation.stability.measurement import check_passed
-from lfcore.evaluation.stability.tested_tracer import tracer_under_test
+from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
 from lfcore.evaluation.table_files import write_csv
 from lfcore.opencl.device import open_device
 from lfcore.workflow.job import job, log_progress
@@ -11,7 +11,7 @@ from lfcore.workflow.job import job, log_progress
 with job(snakemake.log[0], snakemake.threads):
     params, output = snakemake.params, snakemake.output
     device = open_device(params.device or None, threads=snakemake.threads)
-    tracer = tracer_under_test(device, rays=params.rays)
+    tracer = TracerUnderTest(device, rays=params.rays)
     measured = run_all(tracer, chosen(params.cases), progress=log_progress("cases"))
     table = report.stability_table(measured)
     print(report.summary(table))

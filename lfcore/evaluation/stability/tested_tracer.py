@@ -1,9 +1,9 @@
-"""The tracer under test: lfcore's, or any other, behind four functions."""
+"""The tracer under test: lfcore's, or any other, behind four methods."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,29 +27,6 @@ CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=2.0, focus_d
 Found = tuple[np.ndarray, np.ndarray]
 """Triangle (-1 for a miss) and t or depth of each ray."""
 ClosestHit = Callable[[np.ndarray, np.ndarray, np.ndarray], Found]
-SlabHits = Callable[[np.ndarray, Slab, np.ndarray], Found]
-Picture = Callable[[Scene, Slab, SensorPlane], np.ndarray]
-
-
-@dataclass(frozen=True)
-class TracerUnderTest:
-    """What the cases ask of a tracer.
-
-    Attributes
-    ----------
-    closest : of triangles (T, 3, 3) and rays (R, 3), (R, 3), all float32: the triangle (R,),
-        -1 for a miss, and t (R,).  Origins have z = 0 and directions z = 1, as in a slab.
-    any_closest : the same for any origins and directions.
-    slab_hits : of triangles, a slab and pixels (P, 2): triangle and depth, (P, N, N).
-    picture : of a scene, a slab and a plane: (M, M, 3) linear light.
-    rays : how many of them a step of a sweep has, where a case draws them at random.
-    """
-
-    closest: ClosestHit
-    any_closest: ClosestHit
-    slab_hits: SlabHits
-    picture: Picture
-    rays: int = 1500
 
 
 def bare_scene(triangles: ArrayLike, **changes: Any) -> Scene:
@@ -84,36 +61,48 @@ def kept(triangles: np.ndarray) -> np.ndarray:
         return sound(triangles.astype(np.float64))[0]
 
 
-def tracer_under_test(
-    device: Device | None = None, *, general: bool = False, rays: int = 1500
-) -> TracerUnderTest:
-    """The OpenCL tracer on ``device``.
+@dataclass(frozen=True)
+class TracerUnderTest:
+    """The OpenCL tracer, as the cases ask for it; another tracer is a class with other methods.
 
-    Lone rays go through the slab's kernel, each a bundle of its own, or with ``general`` through
-    the kernel for rays of any direction.
+    Attributes
+    ----------
+    device : what it runs on.
+    general : whether :meth:`closest` goes through the kernel for rays of any direction, and not
+        through the slab's, each ray a bundle of its own.
+    rays : how many of them a step of a sweep has, where a case draws them at random.
     """
-    device = device or open_device()
 
-    def tracer(scene: Scene) -> Tracer:
-        return Tracer(scene, build_bvh(scene.triangles), device)
+    device: Device = field(default_factory=open_device)
+    general: bool = False
+    rays: int = 1500
 
-    def any_closest(triangles: np.ndarray, origins: np.ndarray, directions: np.ndarray) -> Found:
-        keep = np.flatnonzero(kept(triangles))
-        found = tracer(bare_scene(triangles[keep])).closest_hit(origins, directions)
-        return np.append(keep, -1)[found[0]], found[1]
-
-    def closest(triangles: np.ndarray, origins: np.ndarray, directions: np.ndarray) -> Found:
+    def closest(self, triangles: np.ndarray, origins: np.ndarray, directions: np.ndarray) -> Found:
+        """Of triangles (T, 3, 3) and rays (R, 3), (R, 3), all float32: the triangle (R,), -1 for a
+        miss, and t (R,).  Origins have z = 0 and directions z = 1, as in a slab."""
+        if self.general:
+            return self.any_closest(triangles, origins, directions)
         keep = np.flatnonzero(kept(triangles))
         elements = np.concatenate([origins[:, :2], directions[:, :2]], axis=1)
         bundles = Bundles(elements.astype(np.float32), np.zeros(4, np.float32), 1, 1, 0.0)
-        triangle, depth = tracer(bare_scene(triangles[keep])).bundle_hits(bundles)
+        triangle, depth = self._tracer(bare_scene(triangles[keep])).bundle_hits(bundles)
         return np.append(keep, -1)[triangle[:, 0, 0]], depth[:, 0, 0]
 
-    def slab_hits(triangles: np.ndarray, slab: Slab, pixels: np.ndarray) -> Found:
-        return tracer(bare_scene(triangles)).slab_hits(slab, pixels)
+    def any_closest(
+        self, triangles: np.ndarray, origins: np.ndarray, directions: np.ndarray
+    ) -> Found:
+        """The same for any origins and directions."""
+        keep = np.flatnonzero(kept(triangles))
+        found = self._tracer(bare_scene(triangles[keep])).closest_hit(origins, directions)
+        return np.append(keep, -1)[found[0]], found[1]
 
-    def picture(scene: Scene, slab: Slab, plane: SensorPlane) -> np.ndarray:
-        return trace_planes(tracer(scene), slab, [plane])[0]
+    def slab_hits(self, triangles: np.ndarray, slab: Slab, pixels: np.ndarray) -> Found:
+        """Of triangles, a slab and pixels (P, 2): triangle and depth, (P, N, N)."""
+        return self._tracer(bare_scene(triangles)).slab_hits(slab, pixels)
 
-    lone = any_closest if general else closest
-    return TracerUnderTest(lone, any_closest, slab_hits, picture, rays)
+    def picture(self, scene: Scene, slab: Slab, plane: SensorPlane) -> np.ndarray:
+        """(M, M, 3) linear light."""
+        return trace_planes(self._tracer(scene), slab, [plane])[0]
+
+    def _tracer(self, scene: Scene) -> Tracer:
+        return Tracer(scene, build_bvh(scene.triangles), self.device)
