@@ -10,10 +10,9 @@ import pytest
 from lfcore.errors import DeviceError, SceneError, StorageError
 from lfcore.evaluation.stability import (
     codecs,
-    edges,
     extents,
-    hit_errors,
     lenses,
+    measurement,
     naive,
     primitives,
     shadows,
@@ -105,17 +104,16 @@ def test_only_a_scene_or_a_lens_is_refused():
 def test_errors_of_hits():
     mesh = np.float32([[[-1, -1, 2], [1, -1, 2], [0, 1, 2]]])
     rays = shapes.rays_at(np.array([[0, 0, 2], [0.1, 0, 2], [5, 0, 2.0]]), (0.0, 0.0))
-    hits = hit_errors.oracle_hits(mesh, rays)
+    hits = measurement.oracle_hits(mesh, rays)
     right = np.array([0, 0, -1]), np.float32([2, 2, np.inf])
-    assert hit_errors.leaks(right, hits) == hit_errors.mismatches(right, hits) == 0
-    assert hit_errors.depth_error(right, hits) < 1
+    assert measurement.leaks(right, hits) == measurement.mismatches(right, hits) == 0
+    assert measurement.depth_error(right, hits) < 1
     wrong = np.array([0, -1, -1]), np.float32([2 * (1 + 2.0**-20), np.inf, np.inf])
-    assert (
-        hit_errors.leaks(wrong, hits) == hit_errors.mismatches(wrong, hits) == pytest.approx(1 / 3)
-    )
-    assert hit_errors.depth_error(wrong, hits) == pytest.approx(16)
+    for error in (measurement.leaks, measurement.mismatches):
+        assert error(wrong, hits) == pytest.approx(1 / 3)
+    assert measurement.depth_error(wrong, hits) == pytest.approx(16)
     broken = np.array([0, 0, -1]), np.float32([2, np.nan, np.inf])
-    assert hit_errors.depth_error(broken, hits) == math.inf
+    assert measurement.depth_error(broken, hits) == math.inf
 
 
 def test_naive_closest_hit_is_right_where_nothing_is_stiff():
@@ -124,7 +122,7 @@ def test_naive_closest_hit_is_right_where_nothing_is_stiff():
     hits = closest_hits(mesh, *rays, near=2000)
     found = naive.moeller_trumbore(mesh, *rays)
     assert (found[0] >= 0).mean() > 0.3 and hits.clear(1000).mean() > 0.5
-    assert hit_errors.mismatches(found, hits, 1000) == 0
+    assert measurement.mismatches(found, hits, 1000) == 0
     assert naive.moeller_trumbore(mesh[:0], *rays)[0].tolist() == [-1] * 500
 
 
@@ -149,7 +147,7 @@ def test_spheres_are_closed():
 
 
 @pytest.mark.parametrize(
-    "case", [edges.vertex_rays, primitives.axes, primitives.flat_boxes, primitives.coplanar]
+    "case", [primitives.vertex_rays, primitives.axes, primitives.flat_boxes, primitives.coplanar]
 )
 def test_the_oracle_passes_its_own_cases(case):
     """A case that the truth fails asks for something else than the truth."""
@@ -169,7 +167,7 @@ def test_a_tracer_that_loses_rays_fails():
 
 def test_naive_methods_fail_where_the_cases_say():
     """Or the sweeps would not reach the stiff range."""
-    vertex = list(edges.vertex_rays(ORACLE))
+    vertex = list(primitives.vertex_rays(ORACLE))
     assert max(row.naive_error for row in vertex) > 0.01
     assert max(row.naive_error for row in primitives.axes(ORACLE)) > 0.1
     focus = {row.value: row.naive_error for row in lenses.focus_to_infinity(ORACLE)}

@@ -5,13 +5,14 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 
-from lfcore.evaluation.stability import codecs, edges, extents, hostile, lenses, primitives, shadows
+from lfcore.evaluation.stability import codecs, extents, hostile, lenses, primitives, shadows
 from lfcore.evaluation.stability.measurement import Case, Measurement, StabilityError
 from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
 from lfcore.progress import Progress, silent
 
 CASES: tuple[Case, ...] = (
-    edges.edge_rays, edges.vertex_rays, edges.any_vertex_rays, edges.lens_on_a_vertex,
+    primitives.edge_rays, primitives.vertex_rays, primitives.any_vertex_rays,
+    primitives.lens_on_a_vertex,
     extents.triangle_sizes, extents.lens_samples, extents.far_from_the_origin, extents.long_rays,
     extents.tiny_triangles, extents.large_triangles, extents.scaled_scene, extents.far_sphere,
     primitives.needles, primitives.no_area, primitives.nearly_coplanar, primitives.grazing,

@@ -16,23 +16,21 @@ import numpy as np
 import yaml
 
 from lfcore.evaluation.stability import naive
-from lfcore.evaluation.stability.hit_errors import (
-    choice_and_depth,
-    condition_of_depth,
-    depth_error,
-    mismatches,
-    oracle_hits,
-)
 from lfcore.evaluation.stability.measurement import (
     DEPTH,
     NO_ANSWER,
     Bound,
     Measurement,
+    choice_and_depth,
+    condition_of_depth,
+    depth_error,
+    lone_rays,
     measured,
+    mismatches,
+    oracle_hits,
     sweep,
 )
 from lfcore.evaluation.stability.shapes import (
-    Rays,
     at_depth,
     grid,
     one_by_one,
@@ -42,7 +40,7 @@ from lfcore.evaluation.stability.shapes import (
     soup,
     sphere,
 )
-from lfcore.evaluation.stability.tested_tracer import CAMERA, Found, TracerUnderTest, check_kept
+from lfcore.evaluation.stability.tested_tracer import CAMERA, Found, TracerUnderTest
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.oracle.intersect import Hits
@@ -178,25 +176,6 @@ def far_sphere(tracer: TracerUnderTest, distance: float) -> Measurement:
     )
 
 
-def lone_rays(
-    case: str,
-    tracer: TracerUnderTest,
-    mesh: np.ndarray,
-    rays: Rays,
-    *,
-    epsilon: float = 0.0,
-    limit: str = "",
-) -> Iterator[Measurement]:
-    """Triangle and depth; ``limit`` is the one beyond which the mesh lies."""
-
-    def find() -> Found:
-        check_kept(mesh)
-        return tracer.closest(mesh, *rays)
-
-    naive_found = naive.moeller_trumbore(mesh, *rays, epsilon=epsilon)
-    return choice_and_depth(case, oracle_hits(mesh, rays), naive_found, find, limit=limit)
-
-
 @sweep("8", "m", (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7))
 def triangle_sizes(tracer: TracerUnderTest, size: float) -> Iterator[Measurement]:
     """Triangles of ever smaller size at 1 to 3 m, each met by rays of some pixel; N = 16."""
@@ -222,5 +201,4 @@ def _blocks(case: str, tracer: TracerUnderTest, slab: Slab, size: float) -> Iter
     centres = rays[0][aimed] + rng.uniform(1, 3, (600, 1)) * rays[1][aimed]
     mesh = single(centres[:, None] + rng.normal(0, size, (600, 3, 3)))
     find = functools.partial(tracer.slab_hits, mesh, slab, pixels)
-    naive_found = naive.moeller_trumbore(mesh, *rays)
-    return choice_and_depth(case, oracle_hits(mesh, rays), naive_found, find)
+    return choice_and_depth(case, mesh, rays, find)

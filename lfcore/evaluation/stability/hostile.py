@@ -13,8 +13,16 @@ from dataclasses import replace
 import numpy as np
 
 from lfcore.evaluation.stability import naive
-from lfcore.evaluation.stability.hit_errors import compared, mismatches, oracle_hits
-from lfcore.evaluation.stability.measurement import CHOICE, Bound, Measurement, measured, sweep
+from lfcore.evaluation.stability.measurement import (
+    CHOICE,
+    Bound,
+    Measurement,
+    compared,
+    measured,
+    mismatches,
+    oracle_hits,
+    sweep,
+)
 from lfcore.evaluation.stability.shapes import random_rays, single, soup
 from lfcore.evaluation.stability.tested_tracer import ClosestHit, TracerUnderTest, kept
 from lfcore.evaluation.timing import measure_in_turn
@@ -90,6 +98,5 @@ def invalid_triangles(tracer: TracerUnderTest, number: int) -> Measurement:
     keep = np.append(np.flatnonzero(kept(both)), -1)
     hits = oracle_hits(both[keep[:-1]], rays)
     hits = replace(hits, triangle=keep[hits.triangle])
-    error = functools.partial(mismatches, hits=hits)
     bound = Bound(0, CHOICE, "what is not finite is never met")
-    return compared("invalid triangles", bound, tracer.closest, both, rays, error)
+    return compared("invalid triangles", bound, tracer.closest, both, rays, mismatches, hits=hits)

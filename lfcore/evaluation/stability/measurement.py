@@ -1,7 +1,11 @@
-"""One measurement of a stability sweep, what its verdict follows from, and how cases make them."""
+"""One measurement of a stability sweep, what its verdict follows from, and how cases make them.
+
+Errors of hits are against the oracle's, of the same float32 numbers.
+"""
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator
@@ -11,7 +15,16 @@ from typing import NamedTuple, SupportsFloat
 import numpy as np
 
 from lfcore.errors import LfcoreError, OpticsError, SceneError
-from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
+from lfcore.evaluation.stability import naive
+from lfcore.evaluation.stability.shapes import Rays, single
+from lfcore.evaluation.stability.tested_tracer import (
+    ClosestHit,
+    Found,
+    TracerUnderTest,
+    check_kept,
+)
+from lfcore.oracle.crossings import ULP
+from lfcore.oracle.intersect import Hits, closest_hits
 
 COLUMNS = ("case", "parameter", "value", "naive_error", "error", "bound", "verdict", "limit")
 LIMITS = {
@@ -130,7 +143,7 @@ def sweep(number: str, parameter: str, values: Iterable[float]) -> Callable[[Cal
 def measured(
     case: str,
     bound: Bound,
-    naive: Callable[[], SupportsFloat],
+    by_naive: Callable[[], SupportsFloat],
     ours: Callable[[], SupportsFloat],
     *,
     limit: str = "",
@@ -141,7 +154,7 @@ def measured(
     Any other error, such as a device's or a file's, is no refusal and passes through.
     """
     with np.errstate(all="ignore"):
-        naive_error, error, said = float(naive()), math.nan, ""
+        naive_error, error, said = float(by_naive()), math.nan, ""
         try:
             error = float(ours())
         except (SceneError, OpticsError) as refusal:
@@ -151,6 +164,112 @@ def measured(
         case, "", math.nan, naive_error, error, float(largest), limit, said, float(condition),
         unit, reason,
     )  # fmt: skip
+
+
+def oracle_hits(triangles: np.ndarray, rays: Rays) -> Hits:
+    """The oracle's hits of the same float32 numbers."""
+    return closest_hits(single(triangles), *rays)
+
+
+def leaks(found: Found, hits: Hits) -> float:
+    """Share of the rays that miss although the oracle hits."""
+    ids = np.asarray(found[0]).ravel()
+    return float(((ids < 0) & (hits.triangle >= 0)).mean())
+
+
+def mismatches(found: Found, hits: Hits, ulp: float = 16.0) -> float:
+    """Share of the rays that name another triangle, of those ``ulp`` from any edge or tie."""
+    ids = np.asarray(found[0]).ravel()
+    clear = hits.clear(ulp)
+    return float((ids != hits.triangle)[clear].mean()) if clear.any() else 0.0
+
+
+def depth_error(found: Found, hits: Hits) -> float:
+    """Largest error of t where the triangle is right: units of 2^-24 t, over the condition
+    number 1 / sin of the incidence.  Infinite if any such t is not finite."""
+    ids, t = (np.asarray(part).ravel() for part in found)
+    same = (ids == hits.triangle) & (ids >= 0)
+    if not same.any():
+        return 0.0
+    with np.errstate(all="ignore"):
+        error = np.abs(t[same] - hits.t[same]) / (hits.t * hits.grazing)[same] / ULP
+    return float(np.where(np.isfinite(error), error, NO_ANSWER).max())
+
+
+def condition_of_depth(hits: Hits) -> float:
+    """The largest condition number of a depth: 1 / sin of the incidence; 1 without hits."""
+    return float(hits.grazing[hits.triangle >= 0].max(initial=1.0))
+
+
+def compared(
+    case: str,
+    bound: Bound,
+    closest: ClosestHit,
+    mesh: np.ndarray,
+    rays: Rays,
+    error: Callable[[Found, Hits], float],
+    *,
+    hits: Hits | None = None,
+    condition: float = math.nan,
+) -> Measurement:
+    """``error`` of what Moeller and Trumbore's method finds and of what ``closest`` finds.
+
+    ``hits`` are those that are right, default the oracle's.
+    """
+    right = hits or oracle_hits(mesh, rays)
+    return measured(
+        case,
+        bound,
+        lambda: error(naive.moeller_trumbore(mesh, *rays), right),
+        lambda: error(closest(mesh, *rays), right),
+        condition=condition,
+    )
+
+
+def lone_rays(
+    case: str,
+    tracer: TracerUnderTest,
+    mesh: np.ndarray,
+    rays: Rays,
+    *,
+    epsilon: float = 0.0,
+    limit: str = "",
+) -> Iterator[Measurement]:
+    """Triangle and depth; ``limit`` is the one beyond which the mesh lies."""
+
+    def find() -> Found:
+        check_kept(mesh)
+        return tracer.closest(mesh, *rays)
+
+    return choice_and_depth(case, mesh, rays, find, epsilon=epsilon, limit=limit)
+
+
+def choice_and_depth(
+    case: str,
+    mesh: np.ndarray,
+    rays: Rays,
+    find: Callable[[], Found],
+    *,
+    epsilon: float = 0.0,
+    limit: str = "",
+) -> Iterator[Measurement]:
+    """Two measurements of one set of hits: the share of wrong triangles, none admitted, and the
+    depth.  ``find()`` gives lfcore's hits, once for both."""
+    once, hits = functools.cache(find), oracle_hits(mesh, rays)
+    naive_found = naive.moeller_trumbore(mesh, *rays, epsilon=epsilon)
+
+    def of(what: str, bound: Bound, error: Callable[[Found, Hits], float]) -> Measurement:
+        return measured(
+            f"{case} ({what})",
+            bound,
+            lambda: error(naive_found, hits),
+            lambda: error(once(), hits),
+            limit=limit,
+            condition=condition_of_depth(hits),
+        )
+
+    yield of("triangle", RIGHT, mismatches)
+    yield of("depth", DEPTH, depth_error)
 
 
 def check_passed(measurements: Iterable[Measurement]) -> None:
