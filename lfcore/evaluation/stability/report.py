@@ -17,8 +17,9 @@ from lfcore.evaluation.stability.measurement import COLUMNS, Measurement
 
 DECADES = 3
 """Decades over and under its bound at which an error's colour saturates."""
+SIGNS = {"refused": "r", "fail": "×"}
 OURS, NAIVE = "#1f6f8b", "#c8553d"
-COLOURS = LinearSegmentedColormap.from_list("bound", ["#1f6f8b", "#e8f1f2", "#f6e3c5", "#b3261e"])
+COLOURS = LinearSegmentedColormap.from_list("bound", [OURS, "#e8f1f2", "#f6e3c5", "#b3261e"])
 
 
 def stability_table(measurements: Iterable[Measurement]) -> pd.DataFrame:
@@ -56,28 +57,23 @@ def summary(table: pd.DataFrame) -> str:
 
 def _excess(error: pd.Series, bound: pd.Series) -> np.ndarray:
     """Decades by which the error is over its bound, saturated; a bound of 0 admits none."""
-    error, bound = error.to_numpy(float), bound.to_numpy(float)
     with np.errstate(divide="ignore", invalid="ignore"):
-        decades = np.log10(error / bound)
-    decades = np.where(error == 0, -DECADES, np.where(bound == 0, DECADES, decades))
-    decades = np.where(np.isnan(error), np.nan, decades)
-    return np.clip(np.where(np.isinf(error), DECADES, decades), -DECADES, DECADES)
+        decades = np.log10(error.to_numpy(float) / bound.to_numpy(float))
+    return np.where(error == 0, -DECADES, np.clip(decades, -DECADES, DECADES))
 
 
 def heat_map(path: str | Path, table: pd.DataFrame) -> None:
     """Every row as a cell, cases down and the sweep across, naive float32 beside ours."""
-    cases = list(dict.fromkeys(table.case))
-    width = int(table.groupby("case").size().max())
+    lines, cases = pd.factorize(table.case)
+    steps = table.groupby("case").cumcount().to_numpy()
+    width = steps.max() + 1
     figure = Figure(figsize=(11, 0.23 * len(cases) + 1.6))
     axes = figure.subplots(1, 2, sharey=True)
     for axis, column, title in zip(
         axes, ("naive_error", "error"), ("naive float32", "lfcore"), strict=True
     ):
         cells = np.full((len(cases), width), np.nan)
-        for number, case in enumerate(cases):
-            rows = table[table.case == case]
-            cells[number, : len(rows)] = _excess(rows[column], rows.bound)
-            _marks(axis, number, rows, column)
+        cells[lines, steps] = _excess(table[column], table.bound)
         image = axis.imshow(cells, cmap=COLOURS, vmin=-DECADES, vmax=DECADES, aspect="auto")
         axis.set_title(title)
         axis.set_xlabel("step of the sweep")
@@ -85,20 +81,15 @@ def heat_map(path: str | Path, table: pd.DataFrame) -> None:
         axis.grid(False)
         axis.tick_params(length=0)
         axis.spines[:].set_visible(False)
+    for line, step, verdict in zip(lines, steps, table.verdict, strict=True):
+        if verdict in SIGNS:
+            axes[1].text(step, line, SIGNS[verdict], ha="center", va="center", fontsize=8)
     axes[0].set_yticks(range(len(cases)), cases, fontsize=8)
-    bar = figure.colorbar(image, ax=axes, shrink=0.5)
-    bar.set_label("log10 of error / bound")
+    figure.colorbar(image, ax=axes, shrink=0.5, label="log10 of error / bound")
     figure.supxlabel(
         "r: refused with a reason, outside the documented range     ×: failed", fontsize=9
     )
     save_figure(path, figure)
-
-
-def _marks(axis: Axes, number: int, rows: pd.DataFrame, column: str) -> None:
-    signs = {"refused": "r", "fail": "×"}
-    for step, name in enumerate(rows.verdict):
-        if column == "error" and name in signs:
-            axis.text(step, number, signs[name], ha="center", va="center", fontsize=8)
 
 
 def error_growth(path: str | Path, table: pd.DataFrame) -> None:
