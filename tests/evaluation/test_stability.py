@@ -118,7 +118,7 @@ def test_errors_of_hits():
 
 def test_naive_closest_hit_is_right_where_nothing_is_stiff():
     mesh = np.float32(shapes.soup(300, 0.2))
-    rays = shapes.random_rays(500, 0.4)
+    rays = shapes.random_rays(500)
     hits = closest_hits(mesh, *rays, near=2000)
     found = naive.moeller_trumbore(mesh, *rays)
     assert (found[0] >= 0).mean() > 0.3 and hits.clear(1000).mean() > 0.5

@@ -59,7 +59,7 @@ def far_from_the_origin(tracer: TracerUnderTest, distance: float) -> Measurement
     is; the naive method rounds world coordinates.
     """
     local = soup(600, 0.1)
-    origins, directions = random_rays(tracer.rays, 0.4)
+    origins, directions = random_rays(tracer.rays)
     hits = oracle_hits(local, (origins, directions))
     centre = np.array([0.6, 0.64, 0.48]) * distance
     world = local * [1, -1, -1] + centre  # y is up, and the camera looks along -z
@@ -128,7 +128,7 @@ def large_triangles(tracer: TracerUnderTest, reach: float) -> Iterator[Measureme
     mesh = rng.uniform(-0.5, 0.5, (50, 3, 3)) + [0, 0, 1.5]
     away = rng.normal(0, 1, (50, 3))
     mesh[:, 2] += reach * away / np.linalg.norm(away, axis=1, keepdims=True)
-    return lone_rays("large triangles", tracer, single(mesh), random_rays(tracer.rays, 0.4))
+    return lone_rays("large triangles", tracer, single(mesh), random_rays(tracer.rays))
 
 
 SCALES = (20, 15, 13, 12, 9, 6, 3, -3, -6, -9, -10, -12, -15, -20, -30, -40)
@@ -141,7 +141,7 @@ def scaled_scene(tracer: TracerUnderTest, scale: float) -> Iterator[Measurement]
     The float32 range ends at 1e38 and 1e-38, and the product of three lengths, which is how depth
     is made, at their third root.
     """
-    origins, directions = random_rays(tracer.rays, 0.4)
+    origins, directions = random_rays(tracer.rays)
     base = soup(600, 0.1)
     size = np.abs(base).max()
     base, origins = base / size, origins / size

@@ -34,7 +34,7 @@ PATTERNS = (np.nan, np.inf, -np.inf, 3e38, 1e-45)
 def invalid_rays(tracer: TracerUnderTest, number: int) -> Measurement:
     """Every second ray is spoilt in one coordinate; the others must not notice."""
     mesh = single(soup(500, 0.1))
-    rays = random_rays(1000, 0.4)
+    rays = random_rays(1000)
     origins, directions = rays[0].copy(), rays[1].copy()
     origins[0::4, number % 2] = PATTERNS[number]
     directions[2::4, number % 2] = PATTERNS[number]
@@ -61,7 +61,7 @@ def invalid_rays_time(tracer: TracerUnderTest, number: int) -> Measurement:
     Seconds of the processor, and the least of several: other processes take none of these.
     """
     mesh = single(soup(500, 0.1))
-    rays = random_rays(4000, 0.4)
+    rays = random_rays(4000)
     spoilt = rays[0].copy(), rays[1].copy()
     spoilt[1][:, 0] = PATTERNS[number]
 
@@ -86,7 +86,7 @@ def invalid_triangles(tracer: TracerUnderTest, number: int) -> Measurement:
     scene's loader keeps; a denormal coordinate makes a sound triangle.
     """
     mesh = single(soup(300, 0.1))
-    rays = random_rays(1000, 0.4)
+    rays = random_rays(1000)
     rng = np.random.default_rng((14, number))
     if number < len(PATTERNS):
         bad = mesh.copy()

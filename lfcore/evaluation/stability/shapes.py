@@ -63,15 +63,15 @@ def one_by_one(rays: Rays) -> Rays:
     return origins, directions
 
 
-def random_rays(count: int, spread: float) -> Rays:
-    """Rays from a lens of 25 mm over tangents within ``spread``."""
+def random_rays(count: int) -> Rays:
+    """Rays from a lens of 25 mm over tangents within 0.4."""
     rng = np.random.default_rng(0)
-    targets = at_depth(rng.uniform(-spread, spread, (count, 2)), 1.0)
+    targets = at_depth(rng.uniform(-0.4, 0.4, (count, 2)), 1.0)
     return rays_at(targets, rng.uniform(-0.0125, 0.0125, (count, 2)))
 
 
-def soup(count: int, size: float, seed: int = 0, depth: float = 3.0) -> np.ndarray:
+def soup(count: int, size: float, depth: float = 3.0) -> np.ndarray:
     """(count, 3, 3) float64 triangles of ``size`` in a cube of side 2 at ``depth``."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     centres = rng.uniform(-1, 1, (count, 1, 3)) + [0, 0, depth]
     return centres + rng.normal(0, size, (count, 3, 3))
