@@ -6,6 +6,7 @@ agree to the last bit.
 
 from __future__ import annotations
 
+import itertools
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -35,7 +36,6 @@ from lfcore.tracing.surfaces import pack_surfaces
 from lfcore.tracing.tile import TileTracing
 from lfcore.tracing.tracer import Tracer
 
-Run = Callable[[], object]
 COLUMNS = (
     "scene", "feature", "what", "seconds_full", "seconds_left_out", "bytes_saved", "identical",
 )  # fmt: skip
@@ -46,58 +46,27 @@ class LeftOutError(LfcoreError):
 
 
 @dataclass(frozen=True)
-class Rays:
-    """The rays that all programs trace, and how often under the clock."""
-
-    slab: Slab
-    repeats: int
-
-    @property
-    def plane(self) -> SensorPlane:
-        """The recorded picture through the whole lens."""
-        camera = self.slab.camera
-        return SensorPlane(camera.focus_distance_m, camera.f_number)
-
-    @property
-    def tile(self) -> Tile:
-        """The whole slab."""
-        layout = FrameLayout("macropixels", self.slab.views, self.slab.pixels)
-        return layout.tile(0, 0, self.slab.pixels, self.slab.pixels)
-
-    def row(
-        self, feature: str, what: str, full: Run, lean: Run, saved: int, identical: bool
-    ) -> dict:
-        """A row of the report; ``full()`` and ``lean()`` take turns under the clock.
-
-        Both have run before, to be compared.
-        """
-        full_time, lean_time = measure_in_turn((full, lean), repeats=self.repeats, warm_up=0)
-        return {
-            "feature": feature,
-            "what": what,
-            "seconds_full": full_time.median,
-            "seconds_left_out": lean_time.median,
-            "bytes_saved": int(saved),
-            "identical": identical,
-        }
-
-
-@dataclass(frozen=True)
 class Program:
-    """A tracer that makes planes, frames or both of the rays."""
+    """A tracer that makes planes, frames or both of all rays of a slab."""
 
     tracer: Tracer
     bvh: Bvh
-    rays: Rays
+    slab: Slab
     planes: Sequence[SensorPlane]
-    frames: bool = True
+    frames: bool
+
+    def tile(self, pixel_format: str = "yuv420p") -> Tile:
+        """The whole slab."""
+        side = self.slab.pixels
+        layout = FrameLayout("macropixels", self.slab.views, side, pixel_format=pixel_format)
+        return layout.tile(0, 0, side, side)
 
     def tracing(self) -> TileTracing:
-        rays = self.rays
-        return self.tracer.trace_tile(rays.slab, rays.tile, self.planes, frames=self.frames)
+        return self.tracer.trace_tile(self.slab, self.tile(), self.planes, frames=self.frames)
 
-    def run(self) -> None:
-        finished(self.tracing())
+    def run(self) -> TileTracing:
+        """Everything once; the tracing has ended."""
+        return finished(self.tracing())
 
     @cached_property
     def made(self) -> tuple[list[np.ndarray], np.ndarray]:
@@ -113,34 +82,76 @@ class Program:
         s, bvh = pack_surfaces(self.tracer.scene, self.tracer.needs), self.bvh
         arrays = (s.corners, s.attributes, s.material_ids, s.materials, s.lights, s.images)
         tree = (bvh.boxes, bvh.children, bvh.leaves, bvh.leaf_ids)
-        rays = self.rays
         return sum(array.nbytes for array in (*arrays, s.texels, *tree)) + (
-            self.tracer.scratch_bytes(rays.slab, rays.tile, self.planes, frames=self.frames)
+            self.tracer.scratch_bytes(self.slab, self.tile(), self.planes, frames=self.frames)
         )
 
 
-def compared(
-    feature: str,
-    what: str,
-    full: Program,
-    lean: Program,
-    *,
-    saved: int | None = None,
-    identical: bool | None = None,
-) -> dict:
-    """A row of two programs: equal in the frames, and in the planes, that both of them make."""
-    (frames, sums), (lean_frames, lean_sums) = full.made, lean.made
-    if identical is None:
-        identical = not (full.frames and lean.frames) or same(frames, lean_frames)
-        identical &= not (full.planes and lean.planes) or np.array_equal(sums, lean_sums)
-    saved = full.bytes - lean.bytes if saved is None else saved
+@dataclass(frozen=True)
+class Storing(Program):
+    """A program whose frames are encoded, and joined into ``file``."""
 
-    return full.rays.row(feature, what, full.run, lean.run, saved, identical)
+    file: Path
+
+    @cached_property
+    def made(self) -> tuple[list[np.ndarray], np.ndarray]:
+        """No frames, and the plane sums that were formed on the way."""
+        sums = self.run().plane_sums
+        assert sums is not None  # of a tracing that has ended
+        return [], sums.sums
+
+    @property
+    def bytes(self) -> int:
+        """And of the file, once it is made."""
+        return super().bytes + self.file.stat().st_size
+
+    def run(self) -> TileTracing:
+        spec = defaults.default_spec(self.slab.views)
+        tile, segment = self.tile(spec.pixel_format), self.file.with_name("0.mp4")
+        tracing, _ = record_tile(self.tracer, self.slab, tile, segment, spec, self.planes)
+        scene = {"name": self.tracer.scene.name, "digest": "0" * 64}
+        join_segments(
+            self.file, [segment], [tile], tile.layout, geometry=self.slab, scene=scene, spec=spec
+        )
+        return tracing
 
 
-def same(one: Iterable[np.ndarray], other: Iterable[np.ndarray]) -> bool:
+@dataclass(frozen=True)
+class Comparison:
+    """Two programs, of which ``lean`` leaves out what ``what`` says.
+
+    ``saved`` are the bytes that this saves, default by their own account; ``identical`` is whether
+    they agree, default in the frames, and in the planes, that both of them make.
+    """
+
+    feature: str
+    what: str
+    full: Program
+    lean: Program
+    saved: int | None = None
+    identical: bool | None = None
+
+    def row(self, repeats: int) -> dict:
+        """Of the report; the programs take turns under the clock, once they have been compared."""
+        full, lean, identical = self.full, self.lean, self.identical
+        (frames, sums), (lean_frames, lean_sums) = full.made, lean.made
+        if identical is None:
+            identical = not (full.frames and lean.frames) or same(frames, lean_frames)
+            identical &= not (full.planes and lean.planes) or np.array_equal(sums, lean_sums)
+        saved = full.bytes - lean.bytes if self.saved is None else self.saved
+        full_time, lean_time = measure_in_turn((full.run, lean.run), repeats=repeats, warm_up=0)
+        return {
+            "feature": self.feature,
+            "what": self.what,
+            "seconds_full": full_time.median,
+            "seconds_left_out": lean_time.median,
+            "bytes_saved": int(saved),
+            "identical": identical,
+        }
+
+
+def same(one: list[np.ndarray], other: list[np.ndarray]) -> bool:
     """Whether arrays agree to the last bit."""
-    one, other = list(one), list(other)
     return len(one) == len(other) and all(map(np.array_equal, one, other))
 
 
@@ -168,30 +179,31 @@ def left_out(
 
     ``features`` are fields of :class:`Needs`, ``all`` of which are compared unless some are named.
     """
-    rays = Rays(Slab(scene.camera, views, pixels), repeats)
+    slab, camera = Slab(scene.camera, views, pixels), scene.camera
+    recorded = SensorPlane(camera.focus_distance_m, camera.f_number)
 
     def program(
         scene: Scene = scene,
         bvh: Bvh = bvh,
         needs: Needs | None = None,
-        planes: Sequence[SensorPlane] = (rays.plane,),
+        planes: Sequence[SensorPlane] = (recorded,),
         frames: bool = True,
     ) -> Program:
-        return Program(Tracer(scene, bvh, device, needs), bvh, rays, planes, frames)
+        return Program(Tracer(scene, bvh, device, needs), bvh, slab, planes, frames)
 
-    rows = [
-        *lacking(scene, program, features),
-        *beyond_reach(scene, bvh, program),
-        *unwanted(program),
+    comparisons = itertools.chain(
+        lacking(scene, program, features),
+        beyond_reach(scene, bvh, program),
+        unwanted(program),
         stored(program(frames=False)),
-        *packages(scene),
-    ]
+    )
+    rows = [*(one.row(repeats) for one in comparisons), *packages(scene)]
     return [{"scene": scene.name, **row} for row in rows]
 
 
 def lacking(
     scene: Scene, program: Callable[..., Program], names: str | Sequence[str]
-) -> Iterator[dict]:
+) -> Iterator[Comparison]:
     """Code and buffers of features that the scene lacks."""
     needs = Needs.of(scene)
     whole = program(needs=needs)
@@ -200,11 +212,11 @@ def lacking(
             part = feature.part(scene)
             filled = feature.fill(part)
             full = program(filled, needs=full_needs(filled, feature.field))
-            lean = whole if part is scene else program(part, needs=Needs.of(part))
-            yield compared(feature.field, feature.what, full, lean)
+            lean = whole if part is scene else program(part)
+            yield Comparison(feature.field, feature.what, full, lean)
 
 
-def beyond_reach(scene: Scene, bvh: Bvh, program: Callable[..., Program]) -> Iterator[dict]:
+def beyond_reach(scene: Scene, bvh: Bvh, program: Callable[..., Program]) -> Iterator[Comparison]:
     """Triangles that no ray meets and none of whose shadows is seen; lights that light nothing."""
     met, leaves = reach.lean(scene, bvh, scene.camera)
     what = (
@@ -212,62 +224,43 @@ def beyond_reach(scene: Scene, bvh: Bvh, program: Callable[..., Program]) -> Ite
         f"{bvh.leaf_count - leaves.leaf_count} of {bvh.leaf_count} leaves beyond the rays and "
         "their shadows"
     )
-    yield compared("triangles", what, program(), program(met, leaves))
+    yield Comparison("triangles", what, program(), program(met, leaves))
 
     def with_light(strength: float) -> Program:
         light = Light(DIRECTIONAL, (0.0, -1.0, 0.0), (strength,) * 3)
         return program(replace(scene, lights=[*scene.lights, light]))
 
     what = "a light of no strength, its shadow rays, and lights on the far side of all that is seen"
-    yield compared("dark_lights", what, with_light(NO_LIGHT), with_light(0.0))
+    yield Comparison("dark_lights", what, with_light(NO_LIGHT), with_light(0.0))
 
 
-def unwanted(program: Callable[..., Program]) -> Iterator[dict]:
+def unwanted(program: Callable[..., Program]) -> Iterator[Comparison]:
     """Frames that nobody stores, planes that nobody looks at, lens blocks that no ray needs."""
-    rays = program().rays
-    slab, tile, camera = rays.slab, rays.tile, rays.slab.camera
+    only_frames = program(planes=[])
+    slab, tile, camera = only_frames.slab, only_frames.tile(), only_frames.slab.camera
     whole = SensorPlane(camera.focus_distance_m, camera.f_number, shape="square")
     stopped = SensorPlane(camera.focus_distance_m, 4 * camera.f_number)
     both, alone = program(planes=[whole]), program(planes=[whole], frames=False)
     what = "video frames, where the light field is not stored"
     saved = tile.frame_count * tile.layout.frame_bytes
-    yield compared("frames", what, both, alone, saved=saved)
+    yield Comparison("frames", what, both, alone, saved)
     what = "sensor planes and their tables, where only the light field is wanted"
-    stored_alone = program(planes=[])
-    saved = 32 * slab.pixels**2 * both.tracer.device.threads + both.bytes - stored_alone.bytes
-    yield compared("planes", what, both, stored_alone, saved=saved)
+    saved = 32 * slab.pixels**2 * both.tracer.device.threads + both.bytes - only_frames.bytes
+    yield Comparison("planes", what, both, only_frames, saved)
     what = "lens blocks outside every aperture (a plane at f/4 of the lens; full: a square plane)"
     narrow = program(planes=[stopped], frames=False)
     beside = program(planes=[whole, stopped], frames=False)
     agree = np.array_equal(beside.made[1][1], narrow.made[1][0])
-    yield compared("lens_blocks", what, alone, narrow, saved=0, identical=agree)
+    yield Comparison("lens_blocks", what, alone, narrow, 0, agree)
 
 
-def stored(alone: Program) -> dict:
+def stored(alone: Program) -> Iterator[Comparison]:
     """Encoding and joining, against forming planes alone: what ``store: false`` saves."""
+    what = (
+        "jobs that encode, join and retrieve, where only pictures are wanted (store: false); "
+        "bytes are of the file"
+    )
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "lightfield.mkv"
-        sums = _store(alone, file)
-        return alone.rays.row(
-            "stage: store",
-            "jobs that encode, join and retrieve, where only pictures are wanted (store: false); "
-            "bytes are of the file",
-            lambda: _store(alone, file),
-            alone.run,
-            file.stat().st_size,
-            np.array_equal(sums, alone.made[1]),
-        )
-
-
-def _store(program: Program, file: Path) -> np.ndarray:
-    """Trace, encode and join; the plane sums that were formed on the way."""
-    slab, tracer = program.rays.slab, program.tracer
-    spec = defaults.default_spec(slab.views)
-    layout = FrameLayout("macropixels", slab.views, slab.pixels, pixel_format=spec.pixel_format)
-    tile = layout.tile(0, 0, slab.pixels, slab.pixels)
-    segment = file.with_name("0.mp4")
-    tracing, _ = record_tile(tracer, slab, tile, segment, spec, program.planes)
-    scene = {"name": tracer.scene.name, "digest": "0" * 64}
-    join_segments(file, [segment], [tile], layout, geometry=slab, scene=scene, spec=spec)
-    assert tracing.plane_sums is not None  # of a tracing that has ended
-    return tracing.plane_sums.sums
+        storing = Storing(alone.tracer, alone.bvh, alone.slab, alone.planes, alone.frames, file)
+        yield Comparison("stage: store", what, storing, alone)
