@@ -62,8 +62,8 @@ class Rendered:
     note: str = ""
 
 
-class LeftOutError(LfcoreError):
-    """A renderer that is not installed, or cannot show the scene."""
+class NotRenderedError(LfcoreError):
+    """A renderer that is not installed, or does not run."""
 
 
 def compare(
@@ -146,7 +146,7 @@ def povray(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendere
     name = "POV-Ray"
     try:
         return _run_povray(name, scene, focused_camera(scene.camera, plane), pixels, views**2)
-    except (LeftOutError, SceneError) as error:
+    except (NotRenderedError, SceneError) as error:
         return Rendered(name, None, note=f"left out: {error}")
 
 
@@ -166,7 +166,7 @@ def _mesh_folder(scene: Scene) -> str:
 def _run_povray(name: str, scene: Scene, camera: Camera, pixels: int, rays: int) -> Rendered:
     program = shutil.which("povray")
     if program is None:
-        raise LeftOutError("povray is not installed")
+        raise NotRenderedError("povray is not installed")
     folder = Path(_mesh_folder(scene))
     write_view(folder, scene, camera, samples=rays)
     made = folder / "out.png"
@@ -182,10 +182,10 @@ def _run_povray(name: str, scene: Scene, camera: Camera, pixels: int, rays: int)
             check=False, timeout=TIMEOUT_S,
         )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise LeftOutError(f"povray does not run here: {error}") from None
+        raise NotRenderedError(f"povray does not run here: {error}") from None
     found = re.search(r"Trace Time:.*?\(([\d.]+) seconds\)", done.stderr)
     if done.returncode or not found:
-        raise LeftOutError(f"povray failed: {' '.join(done.stderr.split())[-200:]}")
+        raise NotRenderedError(f"povray failed: {' '.join(done.stderr.split())[-200:]}")
     codes = read_codes(made)
     version = re.search(r"POV-Ray ([\d.]+)", done.stderr)
     picture = codes.astype(np.float32) / np.iinfo(codes.dtype).max
@@ -201,7 +201,7 @@ def mitsuba(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Render
         module = _import_mitsuba()
         camera = focused_camera(scene.camera, plane)
         loaded = module.load_dict(Description(module, scene).all(camera, pixels))
-    except (LeftOutError, SceneError) as error:
+    except (NotRenderedError, SceneError) as error:
         return Rendered(name, None, note=f"left out: {error}")
     note = f"Mitsuba {module.__version__} scalar_rgb, random lens points"
     rays = views**2
@@ -210,14 +210,14 @@ def mitsuba(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Render
 
 def _import_mitsuba() -> ModuleType:
     if importlib.util.find_spec("mitsuba") is None:
-        raise LeftOutError("the package mitsuba is not installed")
+        raise NotRenderedError("the package mitsuba is not installed")
     try:
         module = importlib.import_module("mitsuba")
         module.set_variant("scalar_rgb")
         # The calling thread works, too.
         importlib.import_module("drjit").set_thread_count(0)
     except (ImportError, RuntimeError) as error:
-        raise LeftOutError(f"mitsuba does not run here: {error}") from None
+        raise NotRenderedError(f"mitsuba does not run here: {error}") from None
     return module
 
 
