@@ -11,6 +11,7 @@ from __future__ import annotations
 import functools
 import importlib
 import importlib.util
+import itertools
 import math
 import re
 import shutil
@@ -80,18 +81,19 @@ def compare(
     others have.  PSNR and SSIM are of sRGB codes that are not rounded, peak 255.
     """
     rows, all_rendered = [], []
+    scene, done = tracer.scene, itertools.count(1)
     methods = (
         *(functools.partial(ours, tracer) for ours in (_ours, _ours_spread)),
-        *(functools.partial(other, tracer.scene) for other in (povray, mitsuba)),
+        *(functools.partial(other, scene) for other in (povray, mitsuba)),
     )
-    for at, focus in enumerate(focus_m):
-        plane = SensorPlane(focus, tracer.scene.camera.f_number)
+    for focus in focus_m:
+        plane = SensorPlane(focus, scene.camera.f_number)
         truth = spread_picture(tracer, plane, pixels, REFERENCE_VIEWS, REFERENCE_PLACES)
         rendered = []
-        for k, method in enumerate(methods):
+        for method in methods:
             rendered.append(method(plane, pixels, views))
-            progress(at * len(methods) + k + 1, len(focus_m) * len(methods))
-        facts = {"scene": tracer.scene.name, "M": pixels, "focus_m": focus}
+            progress(next(done), len(focus_m) * len(methods))
+        facts = {"scene": scene.name, "M": pixels, "focus_m": focus}
         rows += [facts | _row(one, truth) for one in rendered]
         all_rendered.append(rendered)
     return rows, all_rendered
@@ -124,30 +126,22 @@ def _timed(work: Callable[[], np.ndarray], method: str, rays: int, note: str) ->
 
 def _ours(tracer: Tracer, plane: SensorPlane, pixels: int, views: int) -> Rendered:
     camera = tracer.scene.camera
-    return _timed(
-        lambda: trace_picture(tracer, camera, pixels, plane, views=views),
-        "lfcore",
-        views**2,
-        "one place a pixel, a grid over the lens",
-    )
+    work = functools.partial(trace_picture, tracer, camera, pixels, plane, views=views)
+    return _timed(work, "lfcore", views**2, "one place a pixel, a grid over the lens")
 
 
 def _ours_spread(tracer: Tracer, plane: SensorPlane, pixels: int, views: int) -> Rendered:
-    return _timed(
-        lambda: spread_picture(tracer, plane, pixels, views, PLACES),
-        f"lfcore, {PLACES} x {PLACES} places a pixel",
-        (PLACES * views) ** 2,
-        "the same grid at each place",
-    )
+    work = functools.partial(spread_picture, tracer, plane, pixels, views, PLACES)
+    method = f"lfcore, {PLACES} x {PLACES} places a pixel"
+    return _timed(work, method, (PLACES * views) ** 2, "the same grid at each place")
 
 
 def povray(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendered:
     """POV-Ray's picture, or why there is none.  Seconds are its own of tracing, without parsing."""
-    name = "POV-Ray"
     try:
-        return _run_povray(name, scene, focused_camera(scene.camera, plane), pixels, views**2)
+        return _run_povray(scene, focused_camera(scene.camera, plane), pixels, views**2)
     except (NotRenderedError, SceneError) as error:
-        return Rendered(name, None, note=f"left out: {error}")
+        return Rendered("POV-Ray", None, note=f"left out: {error}")
 
 
 _exported: list[tuple[Scene, tempfile.TemporaryDirectory]] = []
@@ -163,7 +157,7 @@ def _mesh_folder(scene: Scene) -> str:
     return _exported[0][1].name
 
 
-def _run_povray(name: str, scene: Scene, camera: Camera, pixels: int, rays: int) -> Rendered:
+def _run_povray(scene: Scene, camera: Camera, pixels: int, rays: int) -> Rendered:
     program = shutil.which("povray")
     if program is None:
         raise NotRenderedError("povray is not installed")
@@ -189,8 +183,8 @@ def _run_povray(name: str, scene: Scene, camera: Camera, pixels: int, rays: int)
     codes = read_codes(made)
     version = re.search(r"POV-Ray ([\d.]+)", done.stderr)
     picture = codes.astype(np.float32) / np.iinfo(codes.dtype).max
-    note = f"{name} {version[1].rstrip('.') if version else ''}, its own lens points"
-    return Rendered(name, picture, rays, float(found[1]), note)
+    note = f"POV-Ray {version[1].rstrip('.') if version else ''}, its own lens points"
+    return Rendered("POV-Ray", picture, rays, float(found[1]), note)
 
 
 def mitsuba(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendered:
