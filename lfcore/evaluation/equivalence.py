@@ -8,17 +8,15 @@ with 4096 rays a pixel, at its own focus.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from lfcore.colour import display_values
 from lfcore.evaluation.metrics import PEAK, picture_quality, psnr
 from lfcore.evaluation.timing import Stopwatch, clocked
-from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera
 from lfcore.optics.slab import Slab
@@ -31,10 +29,6 @@ from lfcore.rendering.plenoptic import photograph, refocus_photograph
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
 
-COLUMNS = [
-    "scene", "N", "M", "focus_m", "f_number", "method", "filter", "rays_per_pixel", "psnr_db",
-    "psnr_inside_db", "ssim", "error_at_edges", "trace_seconds", "refocus_seconds", "seconds",
-]  # fmt: skip
 Planes = Sequence[SensorPlane]
 EDGE_SHARE = 0.1
 TILE_RAYS = 1 << 26
@@ -56,11 +50,11 @@ class Made(NamedTuple):
 
 @dataclass
 class Equivalence:
-    """``table`` has one row a plane and method; ``made`` holds the pictures behind it, the
-    reference first."""
+    """``rows`` are one a plane and method; ``made`` holds the pictures behind them, the reference
+    first."""
 
-    table: pd.DataFrame
-    made: list[Made] = field(default_factory=list)
+    rows: list[dict]
+    made: list[Made]
 
     def errors(self) -> Iterator[tuple[Made, np.ndarray]]:
         """Each method with its error maps (P, M, M): root mean square over channels, in codes."""
@@ -71,7 +65,6 @@ class Equivalence:
 
 def equivalence(
     tracer: Tracer,
-    camera: Camera,
     planes: Planes,
     *,
     views: int,
@@ -83,33 +76,32 @@ def equivalence(
 
     Parameters
     ----------
-    tracer : of the scene.
-    camera : records the light field; ``planes`` are refocused from it.
+    tracer : of the scene, whose camera records the light field.
+    planes : refocused from it.
     views, pixels : N and M, of the slab and of the plenoptic camera's N x N pixels a microlens.
     reference_views : side of the grid of rays a pixel of the reference: 64 are 4096.
     progress : called with (steps done, of all).
 
     Returns
     -------
-    The table (columns :data:`COLUMNS`, the reference's own rows last) and the pictures.  PSNR and
-    SSIM are of sRGB codes that are not rounded, peak 255.  ``psnr_inside_db`` leaves out pixels
-    for which the light field lacks rays, beyond its border; ``error_at_edges`` is the share of
-    the squared error in the tenth of the picture where the reference has the steepest edges (a
-    tenth, if errors were everywhere alike).  ``seconds`` are those of one picture: of all planes,
-    over their number.
+    The rows, the reference's own last, and the pictures.  PSNR and SSIM are of sRGB codes that are
+    not rounded, peak 255.  ``psnr_inside_db`` leaves out pixels for which the light field lacks
+    rays, beyond its border; ``error_at_edges`` is the share of the squared error in the tenth of
+    the picture where the reference has the steepest edges (a tenth, if errors were everywhere
+    alike).  ``seconds`` are those of one picture: of all planes, over their number.
 
     Raises
     ------
     OpticsError : a plane that the camera does not record, or too coarse microlenses.
     """
-    slab = Slab(camera, views, pixels)
+    slab = Slab(tracer.scene.camera, views, pixels)
     for plane in planes:
         plane.check(slab)
     steps = [
-        lambda: [_reference(tracer, camera, pixels, planes, reference_views)],
+        lambda: [_reference(tracer, slab, planes, reference_views)],
         lambda: [_slicing(tracer, slab, planes)],
         lambda: _views(tracer, slab, planes),
-        lambda: _plenoptic(tracer, PlenopticCamera(camera, pixels, views), planes),
+        lambda: _plenoptic(tracer, slab, planes),
     ]
     _warm_up(tracer, slab, planes[:1], reference_views)
     made: list[Made] = []
@@ -121,7 +113,7 @@ def equivalence(
     for one in [*made[1:], truth]:
         rays = (reference_views if one is truth else views) ** 2
         rows += _rows(tracer.scene.name, slab, planes, one, truth.pictures, rays)
-    return Equivalence(pd.DataFrame(rows, columns=COLUMNS), made)
+    return Equivalence(rows, made)
 
 
 def _warm_up(tracer: Tracer, slab: Slab, planes: Planes, reference_views: int) -> None:
@@ -130,13 +122,12 @@ def _warm_up(tracer: Tracer, slab: Slab, planes: Planes, reference_views: int) -
     _slicing(tracer, slab, planes)
     layout = FrameLayout("views", slab.views, slab.pixels, pixel_format="yuv444p")
     finished(tracer.trace_tile(slab, layout.tile(0, 0, 1, 1)))
-    _plenoptic(tracer, PlenopticCamera(slab.camera, slab.pixels, slab.views), planes)
+    _plenoptic(tracer, slab, planes)
 
 
-def _reference(tracer: Tracer, camera: Camera, pixels: int, planes: Planes, views: int) -> Made:
-    pictures, seconds = clocked(
-        lambda: [trace_picture(tracer, camera, pixels, plane, views=views) for plane in planes]
-    )
+def _reference(tracer: Tracer, slab: Slab, planes: Planes, views: int) -> Made:
+    one = partial(trace_picture, tracer, slab.camera, slab.pixels, views=views)
+    pictures, seconds = clocked(lambda: list(map(one, planes)))
     return Made("traced directly", "none", np.stack(pictures), seconds, 0.0)
 
 
@@ -164,7 +155,8 @@ def _views(tracer: Tracer, slab: Slab, planes: Planes) -> list[Made]:
     ]
 
 
-def _plenoptic(tracer: Tracer, camera: PlenopticCamera, planes: Planes) -> list[Made]:
+def _plenoptic(tracer: Tracer, slab: Slab, planes: Planes) -> list[Made]:
+    camera = PlenopticCamera(slab.camera, slab.pixels, slab.views)
     picture, trace = clocked(lambda: photograph(tracer, camera))
     made = []
     for name in FILTERS:
@@ -179,7 +171,7 @@ def _rows(
 ) -> Iterator[dict]:
     for plane, picture, truth in zip(planes, made.pictures, reference, strict=True):
         ours, theirs = display_values(picture), display_values(truth)
-        inside = _inside(slab, plane)
+        inside, quality = _inside(slab, plane), picture_quality([picture], [truth])
         trace, refocus = made.trace / len(planes), made.refocus / len(planes)
         yield {
             "scene": scene,
@@ -190,10 +182,11 @@ def _rows(
             "method": made.method,
             "filter": made.filter,
             "rays_per_pixel": rays,
-            **picture_quality([picture], [truth]),
+            "psnr_db": quality["psnr_db"],
             "psnr_inside_db": psnr(ours[inside], theirs[inside], peak=PEAK)
             if inside.any()
             else None,
+            "ssim": quality["ssim"],
             "error_at_edges": _error_at_edges(ours, theirs),
             "trace_seconds": trace,
             "refocus_seconds": refocus,

@@ -15,10 +15,9 @@ with job(snakemake.log[0], snakemake.threads):
     focus_m = sorted({min(focus), camera.focus_distance_m, max(focus)})
     found = equivalence(
         tracer,
-        camera,
         [SensorPlane(distance, camera.f_number) for distance in focus_m],
         **params.study,
         progress=log_progress("methods"),
     )
     equivalence_sheet(output.figure, found, focus_m)
-    write_rows(output.rows, found.table.to_dict("records"))
+    write_rows(output.rows, found.rows)
