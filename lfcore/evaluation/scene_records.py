@@ -39,35 +39,32 @@ def scene_records(
     best, true = load_stack(files[-1].on_the_fly)[0], load_reference(truth)
     for one in files:
         traced, pictures = read_json(one.trace), load_stack(one.on_the_fly)[0]
-        context = {"scene": scene, "N": one.views, "M": pixels}
-        context |= {key: traced[key] for key in ("triangles", "device", "threads")}
-        rows["table_7_1"].append(
-            context
-            | {"seconds": traced["seconds"], "psnr_true_db": _true_quality(one.on_the_fly, true)}
-            | picture_quality(pictures, best)
-        )
+        context = {"scene": scene, "N": one.views, "M": pixels, "triangles": traced["triangles"]}
+        made = context | {key: traced[key] for key in ("device", "threads", "seconds")}
+        rows["table_7_1"].append(made | _quality(one.on_the_fly, best, true))
         if one.from_video is None or one.store is None or one.retrieve is None:
             continue
         stored, retrieved = read_json(one.store), read_json(one.retrieve)
-        seconds = {"seconds": stored["encode_seconds"] + stored["join_seconds"]}
+        made = context | {key: stored[key] for key in ("device", "threads")}
+        made["seconds"] = stored["encode_seconds"] + stored["join_seconds"]
         size = sizes(rays=traced["rays"], video_bytes=stored["video_bytes"])
-        context |= {key: stored[key] for key in ("device", "threads")}
-        rows["table_7_2"].append(context | seconds | size)
-        context |= {key: retrieved[key] for key in ("device", "threads", "seconds")}
-        context["psnr_true_db"] = _true_quality(one.from_video, true)
-        found = picture_quality(load_stack(one.from_video)[0], pictures)
-        rows["table_7_3"].append(context | found)
-    # JSON knows no infinity: the quality of a picture against itself is null here.
-    for row in rows["table_7_1"]:
-        row["psnr_db"] = row["psnr_db"] if np.isfinite(row["psnr_db"]) else None
+        rows["table_7_2"].append(made | size)
+        made = context | {key: retrieved[key] for key in ("device", "threads", "seconds")}
+        rows["table_7_3"].append(made | _quality(one.from_video, pictures, true))
     return rows
 
 
-def _true_quality(stack_file: str | Path, true: Reference) -> float:
-    """Average over the planes of PSNR in dB against the true pictures."""
+def _quality(stack_file: str | Path, reference: np.ndarray, true: Reference) -> dict:
+    """Of pictures against others, and in dB against the true ones: averages over the planes.
+
+    JSON knows no infinity: the quality of a picture against itself is null.
+    """
     pictures, planes = load_stack(stack_file)
     if planes != true.planes:
         raise TableError(
             "shows other planes than the true pictures", file=stack_file, remedy="Make both again"
         )
-    return float(np.mean([inner_psnr(*pair) for pair in zip(pictures, true.pictures, strict=True)]))
+    true_db = np.mean([inner_psnr(*pair) for pair in zip(pictures, true.pictures, strict=True)])
+    found: dict = picture_quality(pictures, reference)
+    found["psnr_db"] = found["psnr_db"] if np.isfinite(found["psnr_db"]) else None
+    return found | {"psnr_true_db": float(true_db)}
