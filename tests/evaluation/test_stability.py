@@ -210,14 +210,11 @@ def test_scenes_beyond_the_range_of_float32_are_refused(tracer):
     assert {row.value for row in rows if row.verdict == "pass"} == {
         10.0**k for k in (12, 9, 6, 3, -3, -6, -9, -10)
     }
-    assert {row.limit for row in rows if row.verdict == "refused"} == {
-        "coordinates", "small triangles",
-    }  # fmt: skip
+    refused = {row.limit for row in rows if row.verdict == "refused"}
+    assert refused == {"coordinates", "small triangles"}
+    tiny = tested_tracer.bare_scene(np.full((1, 3, 3), 1e-13, np.float32))
     with pytest.raises(SceneError, match="too small for float32"):
-        Tracer(
-            tested_tracer.bare_scene(np.full((1, 3, 3), 1e-13, np.float32)),
-            build_bvh(np.zeros((0, 3, 3))),
-        )
+        Tracer(tiny, build_bvh(np.zeros((0, 3, 3))))
 
 
 def test_a_loader_that_rounds_before_it_subtracts_fails(monkeypatch):
@@ -241,8 +238,6 @@ def test_run_all_runs_every_case():
     few = (lenses.refocus_shifts, lenses.apertures)
     rows = run_all(ORACLE, few, progress=lambda done, total: seen.append((done, total)))
     assert inspect.signature(run_all).parameters["cases"].default is CASES
-    assert seen == [(1, 2), (2, 2)] and {row.case for row in rows} == {
-        "refocus shifts",
-        "apertures",
-    }
+    assert seen == [(1, 2), (2, 2)]
+    assert {row.case for row in rows} == {"refocus shifts", "apertures"}
     assert len(set(CASES)) == len(CASES) >= 17

@@ -17,6 +17,7 @@ from lfcore.evaluation.stability.report import (
 from lfcore.scene.assemble import LARGEST_COORDINATE, SMALLEST_VOLUME
 from lfcore.tracing.tracer import SMALLEST_SCENE
 
+REFUSED = "coordinates", "1 triangle is out of range"
 DOCUMENT = Path(__file__).parents[2] / "docs" / "stability.md"
 
 
@@ -30,18 +31,7 @@ def test_cases_table():
         Measurement("needles (depth)", "aspect", 10.0**k, 9, k, 16, condition=2 + k)
         for k in range(3)
     ]
-    rows += [
-        Measurement(
-            "thin gap",
-            "gap m",
-            1.0,
-            0.5,
-            math.nan,
-            0.0,
-            "coordinates",
-            "1 triangle is out of range",
-        )
-    ]
+    rows += [Measurement("thin gap", "gap m", 1.0, 0.5, math.nan, 0.0, *REFUSED)]
     table = cases_table(rows).set_index("case")
     assert table.loc["needles (depth)", ["least", "most", "passed"]].tolist() == [1, 100, 3]
     assert table.condition_number["needles (depth)"] == 4 and table.worst["needles (depth)"] == 2
@@ -62,11 +52,7 @@ def test_every_limit_is_documented():
 
 def test_table_and_figures(tmp_path, drawn, shows):
     rows = [Measurement("a", "x", 10.0**k, 10.0**k, 10.0 ** (k / 2), 1.0) for k in range(-2, 4)]
-    rows += [
-        Measurement(
-            "b", "y", 1.0, math.inf, math.nan, 0.0, "coordinates", "1 triangle is out of range"
-        )
-    ]
+    rows += [Measurement("b", "y", 1.0, math.inf, math.nan, 0.0, *REFUSED)]
     table = stability_table(rows)
     assert tuple(table.columns) == COLUMNS and "refused" in summary(table)
     heat_map(tmp_path / "heat.png", table)
