@@ -67,11 +67,10 @@ def clocked_warm(
     ``programs`` counts those that this process has built or read so far.  A first run that is
     long, and has found all its programs made, is as good as a second.
     """
-    before = programs()
-    result, seconds = clocked(work, clock=clock)
-    if seconds < SHORT_SECONDS or programs() != before:
-        result, seconds = clocked(work, clock=clock)
-    return result, seconds
+    results, timing = measure_within(
+        lambda _: work(), SHORT_SECONDS, programs, repeats=1, clock=clock
+    )
+    return results[0], timing.median
 
 
 def measure_in_turn(

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from lfcore.evaluation.stability import naive
+from lfcore.evaluation.stability import naive, shapes
 from lfcore.evaluation.stability.measurement import (
     DEPTH,
     NO_ANSWER,
@@ -30,16 +30,7 @@ from lfcore.evaluation.stability.measurement import (
     oracle_hits,
     sweep,
 )
-from lfcore.evaluation.stability.shapes import (
-    at_depth,
-    grid,
-    one_by_one,
-    random_rays,
-    rays_at,
-    single,
-    soup,
-    sphere,
-)
+from lfcore.evaluation.stability.shapes import single
 from lfcore.evaluation.stability.tested_tracer import CAMERA, Found, TracerUnderTest
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
@@ -58,8 +49,8 @@ def far_from_the_origin(tracer: TracerUnderTest, distance: float) -> Measurement
     Ours is read from a scene file with a mesh and a camera in world coordinates, as every scene
     is; the naive method rounds world coordinates.
     """
-    local = soup(600, 0.1)
-    origins, directions = random_rays(tracer.rays)
+    local = shapes.soup(600, 0.1)
+    origins, directions = shapes.random_rays(tracer.rays)
     hits = oracle_hits(local, (origins, directions))
     centre = np.array([0.6, 0.64, 0.48]) * distance
     world = local * [1, -1, -1] + centre  # y is up, and the camera looks along -z
@@ -101,8 +92,8 @@ def _or_lost(found: Found, hits: Hits) -> float:
 @sweep("4", "L / size", 10.0 ** np.arange(0, 8))
 def long_rays(tracer: TracerUnderTest, length: float) -> Iterator[Measurement]:
     """An object of 1 m at depth L.  The parameter is depth, so the bound is relative to L."""
-    mesh = single(soup(300, 0.1, depth=0.0) * 0.2 + [0, 0, length])
-    rays = rays_at(mesh.mean(1, dtype=float), (0.01, -0.01))
+    mesh = single(shapes.soup(300, 0.1, depth=0.0) * 0.2 + [0, 0, length])
+    rays = shapes.rays_at(mesh.mean(1, dtype=float), (0.01, -0.01))
     return lone_rays("long rays", tracer, mesh, rays)
 
 
@@ -113,8 +104,8 @@ def tiny_triangles(tracer: TracerUnderTest, size: float) -> Iterator[Measurement
     Naive: with the customary cut-off at a determinant of 1e-6.
     """
     half, side = -6 * size, 12 * size
-    mesh = single(grid(12, 12, [half, half, 1.0], [side, 0, side], [0, side, 0]))
-    rays = rays_at(mesh.mean(1, dtype=float), (0.01, -0.01))
+    mesh = single(shapes.grid(12, 12, [half, half, 1.0], [side, 0, side], [0, side, 0]))
+    rays = shapes.rays_at(mesh.mean(1, dtype=float), (0.01, -0.01))
     return lone_rays("tiny triangles", tracer, mesh, rays, epsilon=1e-6)
 
 
@@ -128,7 +119,7 @@ def large_triangles(tracer: TracerUnderTest, reach: float) -> Iterator[Measureme
     mesh = rng.uniform(-0.5, 0.5, (50, 3, 3)) + [0, 0, 1.5]
     away = rng.normal(0, 1, (50, 3))
     mesh[:, 2] += reach * away / np.linalg.norm(away, axis=1, keepdims=True)
-    return lone_rays("large triangles", tracer, single(mesh), random_rays(tracer.rays))
+    return lone_rays("large triangles", tracer, single(mesh), shapes.random_rays(tracer.rays))
 
 
 SCALES = (20, 15, 13, 12, 9, 6, 3, -3, -6, -9, -10, -12, -15, -20, -30, -40)
@@ -141,8 +132,8 @@ def scaled_scene(tracer: TracerUnderTest, scale: float) -> Iterator[Measurement]
     The float32 range ends at 1e38 and 1e-38, and the product of three lengths, which is how depth
     is made, at their third root.
     """
-    origins, directions = random_rays(tracer.rays)
-    base = soup(600, 0.1)
+    origins, directions = shapes.random_rays(tracer.rays)
+    base = shapes.soup(600, 0.1)
     size = np.abs(base).max()
     base, origins = base / size, origins / size
     limit = "coordinates" if scale > 1e12 else "small triangles" if scale < 1e-10 else ""
@@ -154,9 +145,9 @@ def scaled_scene(tracer: TracerUnderTest, scale: float) -> Iterator[Measurement]
 def far_sphere(tracer: TracerUnderTest, distance: float) -> Measurement:
     """A sphere of 1 m at distance D; naive: the quadratic formula, error over 2^-24 D."""
     centre = (0.0, 0.0, distance)
-    mesh = single(sphere(12, 24, 1.0, centre))
+    mesh = single(shapes.sphere(12, 24, 1.0, centre))
     targets = np.random.default_rng(1).uniform(-0.6, 0.6, (tracer.rays // 5, 2))
-    rays = rays_at(at_depth(targets, distance), (0.0, 0.0))
+    rays = shapes.rays_at(shapes.at_depth(targets, distance), (0.0, 0.0))
     hits = oracle_hits(mesh, rays)
 
     def by_naive() -> float:
@@ -196,7 +187,7 @@ def _blocks(case: str, tracer: TracerUnderTest, slab: Slab, size: float) -> Iter
     """
     rng = np.random.default_rng(21)
     pixels = np.unique(rng.integers(0, slab.pixels, (BLOCK_PIXELS, 2)), axis=0)
-    rays = one_by_one(macropixels(slab, pixels).rays())
+    rays = shapes.one_by_one(macropixels(slab, pixels).rays())
     aimed = rng.integers(0, len(rays[0]), 600)
     centres = rays[0][aimed] + rng.uniform(1, 3, (600, 1)) * rays[1][aimed]
     mesh = single(centres[:, None] + rng.normal(0, size, (600, 3, 3)))

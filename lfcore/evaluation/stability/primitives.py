@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lfcore.evaluation.stability import naive
+from lfcore.evaluation.stability import naive, shapes
 from lfcore.evaluation.stability.measurement import (
     CHOICE,
     Bound,
@@ -21,15 +21,7 @@ from lfcore.evaluation.stability.measurement import (
     oracle_hits,
     sweep,
 )
-from lfcore.evaluation.stability.shapes import (
-    Rays,
-    at_depth,
-    grid,
-    one_by_one,
-    rays_at,
-    single,
-    sphere,
-)
+from lfcore.evaluation.stability.shapes import Rays, single
 from lfcore.evaluation.stability.tested_tracer import CAMERA, ClosestHit, Found, TracerUnderTest
 from lfcore.optics.slab import Slab
 from lfcore.oracle.intersect import Hits
@@ -43,23 +35,23 @@ AXES = Bound(0, CHOICE, "no direction is special")
 @sweep("1", "columns", (12, 50, 100))
 def edge_rays(tracer: TracerUnderTest, columns: int) -> Measurement:
     """Points of edges of a sphere seen from within, ever finer."""
-    mesh = single(sphere(max(6, columns // 4), columns, 2.0))
+    mesh = single(shapes.sphere(max(6, columns // 4), columns, 2.0))
     rng = np.random.default_rng(columns)
     ahead = mesh[(mesh[:, :, 2] > 0.3).all(1)].astype(float)
     chosen = rng.integers(0, len(ahead), tracer.rays)
     side, share = rng.integers(0, 3, tracer.rays), rng.uniform(0, 1, (tracer.rays, 1))
     points = ahead[chosen, side] * share + ahead[chosen, (side + 1) % 3] * (1 - share)
-    rays = rays_at(points, rng.uniform(-0.1, 0.1, (tracer.rays, 2)))
+    rays = shapes.rays_at(points, rng.uniform(-0.1, 0.1, (tracer.rays, 2)))
     return _leaks("edge rays", NO_GAPS, tracer.closest, mesh, rays)
 
 
 @sweep("2", "valence", (4, 8, 64, 200))
 def vertex_rays(tracer: TracerUnderTest, valence: int) -> Measurement:
     """The pole of a sphere seen from within, of ever more triangles."""
-    mesh = single(sphere(8, valence, 2.0))
+    mesh = single(shapes.sphere(8, valence, 2.0))
     count = max(50, 2 * tracer.rays // valence)  # the oracle settles each of these by integers
     lens = np.random.default_rng(valence).uniform(-0.1, 0.1, (count, 2))
-    rays = rays_at(np.tile([0.0, 0.0, 2.0], (count, 1)), lens)
+    rays = shapes.rays_at(np.tile([0.0, 0.0, 2.0], (count, 1)), lens)
     return _leaks("vertex rays", NO_GAPS, tracer.closest, mesh, rays)
 
 
@@ -67,7 +59,7 @@ def vertex_rays(tracer: TracerUnderTest, valence: int) -> Measurement:
 def any_vertex_rays(tracer: TracerUnderTest, distance: float) -> Measurement:
     """All vertices of a closed mesh in all directions, ever farther from the origin."""
     centre = np.array([0.6, 0.64, 0.48]) * distance
-    mesh = single(sphere(16, 32, 2.0, centre))
+    mesh = single(shapes.sphere(16, 32, 2.0, centre))
     corners = np.unique(mesh.reshape(-1, 3), axis=0).astype(float)
     lens = single(centre + np.random.default_rng(3).uniform(-0.2, 0.2, (4, 3)))
     directions = single(np.concatenate([corners - origin for origin in lens]))
@@ -94,10 +86,10 @@ def lens_on_a_vertex(tracer: TracerUnderTest, views: int) -> Measurement:
     cell = size / 15
     corner = [edge[0] - cell, edge[0] - cell, CAMERA.focus_distance_m]
     side = size + 2 * cell
-    wall = single(grid(17, 17, corner, [side, 0, 0], [0, side, 0]))
+    wall = single(shapes.grid(17, 17, corner, [side, 0, 0], [0, side, 0]))
     pixels = np.stack(np.meshgrid(np.arange(16), np.arange(16)), -1).reshape(-1, 2)
     pixels = pixels[:: max(1, views // 8)]
-    rays = one_by_one(slab_rays(slab, pixels))
+    rays = shapes.one_by_one(slab_rays(slab, pixels))
     return measured(
         "lens on a vertex",
         Bound(0, LEAKING, "a wall has no gaps"),
@@ -116,17 +108,18 @@ def needles(tracer: TracerUnderTest, aspect: float) -> Iterator[Measurement]:
     aside /= np.linalg.norm(aside, axis=1, keepdims=True) * aspect
     p = rng.uniform(-1, 1, (300, 3)) + [0, 0, 4]
     mesh = single(np.stack([p, p + along, p + aside], 1))
-    return lone_rays("needles", tracer, mesh, rays_at(mesh.mean(1, dtype=float), (0.01, -0.02)))
+    rays = shapes.rays_at(mesh.mean(1, dtype=float), (0.01, -0.02))
+    return lone_rays("needles", tracer, mesh, rays)
 
 
 @sweep("9", "theta rad", 10.0 ** -np.arange(1, 8))
 def grazing(tracer: TracerUnderTest, theta: float) -> Iterator[Measurement]:
     """A plane through the axis at 3 m, tilted against the rays by theta."""
     slope = np.array([0.0, np.tan(theta), 1.0])
-    mesh = single(grid(4, 4, [-1, -theta, 2], [2, 0, 0], 2 * slope))
+    mesh = single(shapes.grid(4, 4, [-1, -theta, 2], [2, 0, 0], 2 * slope))
     u, v = np.random.default_rng(9).uniform(0.1, 0.9, (2, 1000, 1))
     points = np.array([-1, -theta, 2.0]) + 2 * u * [1, 0, 0] + 2 * v * slope
-    rays = rays_at(points, (0.0, 0.0))
+    rays = shapes.rays_at(points, (0.0, 0.0))
     rays[1][:, 1] = 0  # along the axis in y: the plane is met at theta
     rays[0][:, 1] = single(points[:, 1])
     return lone_rays("grazing", tracer, mesh, rays)
@@ -175,7 +168,7 @@ def _cube() -> np.ndarray:
         for side in (-1.0, 1.0):
             corner, across, down = -np.ones(3), np.zeros(3), np.zeros(3)
             corner[axis], across[axis - 1], down[axis - 2] = side, 2.0, 2.0
-            faces.append(grid(2, 2, corner, across, down))
+            faces.append(shapes.grid(2, 2, corner, across, down))
     return np.concatenate(faces)
 
 
@@ -194,7 +187,7 @@ def flat_boxes(tracer: TracerUnderTest, flat: int) -> Measurement:
         if flat == 2:  # as flat as an area allows
             triangle[..., 1] = triangle[0, 0, 1] + single([0, 1e-6, 2e-6])
         corners = np.repeat(triangle[0].astype(float), 100, axis=0)
-        rays = rays_at(corners, rng.uniform(-0.3, 0.3, (300, 2)))
+        rays = shapes.rays_at(corners, rng.uniform(-0.3, 0.3, (300, 2)))
         hits = oracle_hits(triangle, rays)
         lost_by_naive.append(_lost_by_the_box(triangle, rays, hits))
         # Outside 16 ulp of the free edges: a ray at a lone corner may go either way.
@@ -212,7 +205,7 @@ def _corner(depth: float) -> np.ndarray:
 def _through_a_corner(seed: int) -> Rays:
     """500 rays into such a triangle at 2 m."""
     points = np.random.default_rng(seed).uniform(0.05, 0.3, (500, 2))
-    return rays_at(at_depth(points, 2.0), (0.01, 0.0))
+    return shapes.rays_at(shapes.at_depth(points, 2.0), (0.01, 0.0))
 
 
 @sweep("15", "copies", (2, 16, 17, 256, 1024))
@@ -264,7 +257,7 @@ def no_area(tracer: TracerUnderTest, share: float) -> Measurement:
     flat[0::3, 1:] = flat[0::3, :1]
     flat[1::3, 2] = flat[1::3, 1]
     flat[2::3, 2] = 2 * flat[2::3, 1] - flat[2::3, 0]
-    rays = rays_at(flat.mean(1, dtype=float), (0.01, -0.01))
+    rays = shapes.rays_at(flat.mean(1, dtype=float), (0.01, -0.01))
     mesh, hits = np.concatenate([base, flat]), oracle_hits(base, rays)
 
     def wrong(found: Found, hits: Hits) -> float:
