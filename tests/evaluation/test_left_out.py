@@ -11,6 +11,7 @@ import lfcore.tracing
 from lfcore.evaluation.left_out import comparisons, packages
 from lfcore.evaluation.left_out.comparisons import COLUMNS, LeftOutError, check_identical, same
 from lfcore.evaluation.left_out.features import FEATURES, full_needs
+from lfcore.evaluation.left_out.packages import TRIANGLES
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.opencl.device import open_device
 from lfcore.scene.appearance import DIRECTIONAL, Light, Material
@@ -19,7 +20,6 @@ from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.surfaces import pack_surfaces
 
-TRIANGLES = [[[-1, -1, 2], [1, -1, 2.5], [0, 1, 2]], [[-2, -2, 4], [2, -2, 4], [0, 2, 4]]]
 BEHIND = [[[-1, -1, -2], [1, -1, -2], [0, 1, -2]]]
 KERNELS = Path(lfcore.tracing.__file__).parent / "kernels"
 

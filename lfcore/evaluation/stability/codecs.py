@@ -83,6 +83,10 @@ def flat_bound() -> float:
     return LUMA * (step(CRF + I_OFFSET) * 2 / 3 / 4 + 0.5)
 
 
+FLAT = Bound(flat_bound(), CODES, "key frames' quantiser")
+LOSSY = Bound(lossy_bound(), CODES, f"B frames' quantiser at CRF {CRF}")
+
+
 def _patterns(side: int) -> dict[str, np.ndarray]:
     """Pictures (FRAMES, side, side) grey in [0, 1]; ``colour`` has a last axis of RGB."""
     rng = np.random.default_rng(side)
@@ -150,11 +154,8 @@ def hard_pictures(tracer: TracerUnderTest, side: int) -> Iterator[Measurement]:
         rgb = picture if colour else np.repeat(picture[..., None], 3, axis=-1)
         bound = Bound(lossless_bound(picture.size), CODES, "rounding of Y, Cb and Cr to 8 bits")
         yield _stored(f"codec 4:4:4 lossless, {name}", lossless, bound, rgb)
-        if name in ("black", "white"):
-            bound = Bound(flat_bound(), CODES, "key frames' quantiser")
-        else:
-            bound = Bound(lossy_bound(), CODES, "B frames' quantiser at CRF 22")
         if not colour:
+            bound = FLAT if name in ("black", "white") else LOSSY
             yield _stored(f"codec 4:2:0 lossy, {name}", lossy, bound, rgb)
 
 
