@@ -7,7 +7,6 @@ number (bound 16).
 
 from __future__ import annotations
 
-import functools
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,7 +23,6 @@ from lfcore.evaluation.stability.measurement import (
     choice_and_depth,
     condition_of_depth,
     depth_error,
-    lone_rays,
     measured,
     mismatches,
     oracle_hits,
@@ -94,7 +92,7 @@ def long_rays(tracer: TracerUnderTest, length: float) -> Iterator[Measurement]:
     """An object of 1 m at depth L.  The parameter is depth, so the bound is relative to L."""
     mesh = single(shapes.soup(300, 0.1, depth=0.0) * 0.2 + [0, 0, length])
     rays = shapes.rays_at(mesh.mean(1, dtype=float), (0.01, -0.01))
-    return lone_rays("long rays", tracer, mesh, rays)
+    return choice_and_depth("long rays", tracer.closest, mesh, rays)
 
 
 @sweep("8", "side / distance", 10.0 ** -np.arange(0, 9))
@@ -106,7 +104,7 @@ def tiny_triangles(tracer: TracerUnderTest, size: float) -> Iterator[Measurement
     half, side = -6 * size, 12 * size
     mesh = single(shapes.grid(12, 12, [half, half, 1.0], [side, 0, side], [0, side, 0]))
     rays = shapes.rays_at(mesh.mean(1, dtype=float), (0.01, -0.01))
-    return lone_rays("tiny triangles", tracer, mesh, rays, epsilon=1e-6)
+    return choice_and_depth("tiny triangles", tracer.closest, mesh, rays, epsilon=1e-6)
 
 
 @sweep("8", "reach / depth", (1.0, 3.0, 10.0, 30.0, 100.0))
@@ -119,7 +117,8 @@ def large_triangles(tracer: TracerUnderTest, reach: float) -> Iterator[Measureme
     mesh = rng.uniform(-0.5, 0.5, (50, 3, 3)) + [0, 0, 1.5]
     away = rng.normal(0, 1, (50, 3))
     mesh[:, 2] += reach * away / np.linalg.norm(away, axis=1, keepdims=True)
-    return lone_rays("large triangles", tracer, single(mesh), shapes.random_rays(tracer.rays))
+    rays = shapes.random_rays(tracer.rays)
+    return choice_and_depth("large triangles", tracer.closest, single(mesh), rays)
 
 
 SCALES = (20, 15, 13, 12, 9, 6, 3, -3, -6, -9, -10, -12, -15, -20, -30, -40)
@@ -138,7 +137,7 @@ def scaled_scene(tracer: TracerUnderTest, scale: float) -> Iterator[Measurement]
     base, origins = base / size, origins / size
     limit = "coordinates" if scale > 1e12 else "small triangles" if scale < 1e-10 else ""
     rays = single(origins * scale), directions
-    return lone_rays("scaled scene", tracer, single(base * scale), rays, limit=limit)
+    return choice_and_depth("scaled scene", tracer.closest, single(base * scale), rays, limit=limit)
 
 
 @sweep("16", "D / r", (1e1, 1e2, 1e3, 1e4, 1e5))
@@ -191,5 +190,4 @@ def _blocks(case: str, tracer: TracerUnderTest, slab: Slab, size: float) -> Iter
     aimed = rng.integers(0, len(rays[0]), 600)
     centres = rays[0][aimed] + rng.uniform(1, 3, (600, 1)) * rays[1][aimed]
     mesh = single(centres[:, None] + rng.normal(0, size, (600, 3, 3)))
-    find = functools.partial(tracer.slab_hits, mesh, slab, pixels)
-    return choice_and_depth(case, mesh, rays, find)
+    return choice_and_depth(case, lambda *_: tracer.slab_hits(mesh, slab, pixels), mesh, rays)

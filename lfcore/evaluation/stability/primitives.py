@@ -14,9 +14,9 @@ from lfcore.evaluation.stability.measurement import (
     CHOICE,
     Bound,
     Measurement,
+    choice_and_depth,
     compared,
     leaks,
-    lone_rays,
     measured,
     oracle_hits,
     sweep,
@@ -109,7 +109,7 @@ def needles(tracer: TracerUnderTest, aspect: float) -> Iterator[Measurement]:
     p = rng.uniform(-1, 1, (300, 3)) + [0, 0, 4]
     mesh = single(np.stack([p, p + along, p + aside], 1))
     rays = shapes.rays_at(mesh.mean(1, dtype=float), (0.01, -0.02))
-    return lone_rays("needles", tracer, mesh, rays)
+    return choice_and_depth("needles", tracer.closest, mesh, rays)
 
 
 @sweep("9", "theta rad", 10.0 ** -np.arange(1, 8))
@@ -122,7 +122,7 @@ def grazing(tracer: TracerUnderTest, theta: float) -> Iterator[Measurement]:
     rays = shapes.rays_at(points, (0.0, 0.0))
     rays[1][:, 1] = 0  # along the axis in y: the plane is met at theta
     rays[0][:, 1] = single(points[:, 1])
-    return lone_rays("grazing", tracer, mesh, rays)
+    return choice_and_depth("grazing", tracer.closest, mesh, rays)
 
 
 @sweep("10", "origin on face", (0, 1))

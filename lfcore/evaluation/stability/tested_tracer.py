@@ -68,20 +68,16 @@ class TracerUnderTest:
     Attributes
     ----------
     device : what it runs on.
-    general : whether :meth:`closest` goes through the kernel for rays of any direction, and not
-        through the slab's, each ray a bundle of its own.
     rays : how many of them a step of a sweep has, where a case draws them at random.
     """
 
     device: Device = field(default_factory=open_device)
-    general: bool = False
     rays: int = 1500
 
     def closest(self, triangles: np.ndarray, origins: np.ndarray, directions: np.ndarray) -> Found:
         """Of triangles (T, 3, 3) and rays (R, 3), (R, 3), all float32: the triangle (R,), -1 for a
-        miss, and t (R,).  Origins have z = 0 and directions z = 1, as in a slab."""
-        if self.general:
-            return self.any_closest(triangles, origins, directions)
+        miss, and t (R,).  Origins have z = 0 and directions z = 1, as in a slab, through whose
+        kernel they go, each a bundle of its own."""
         keep = np.flatnonzero(kept(triangles))
         elements = np.concatenate([origins[:, :2], directions[:, :2]], axis=1)
         bundles = Bundles(elements.astype(np.float32), np.zeros(4, np.float32), 1, 1, 0.0)
@@ -91,7 +87,7 @@ class TracerUnderTest:
     def any_closest(
         self, triangles: np.ndarray, origins: np.ndarray, directions: np.ndarray
     ) -> Found:
-        """The same for any origins and directions."""
+        """The same for any origins and directions, through the kernel for such rays."""
         keep = np.flatnonzero(kept(triangles))
         found = self._tracer(bare_scene(triangles[keep])).closest_hit(origins, directions)
         return np.append(keep, -1)[found[0]], found[1]
