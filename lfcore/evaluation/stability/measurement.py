@@ -172,13 +172,13 @@ def oracle_hits(triangles: np.ndarray, rays: Rays) -> Hits:
 
 def leaks(found: Found, hits: Hits) -> float:
     """Share of the rays that miss although the oracle hits."""
-    ids = np.asarray(found[0]).ravel()
+    ids = found[0].ravel()
     return float(((ids < 0) & (hits.triangle >= 0)).mean())
 
 
 def mismatches(found: Found, hits: Hits, ulp: float = 16.0) -> float:
     """Share of the rays that name another triangle, of those ``ulp`` from any edge or tie."""
-    ids = np.asarray(found[0]).ravel()
+    ids = found[0].ravel()
     clear = hits.clear(ulp)
     return float((ids != hits.triangle)[clear].mean()) if clear.any() else 0.0
 
@@ -186,7 +186,7 @@ def mismatches(found: Found, hits: Hits, ulp: float = 16.0) -> float:
 def depth_error(found: Found, hits: Hits) -> float:
     """Largest error of t where the triangle is right: units of 2^-24 t, over the condition
     number 1 / sin of the incidence.  Infinite if any such t is not finite."""
-    ids, t = (np.asarray(part).ravel() for part in found)
+    ids, t = (part.ravel() for part in found)
     same = (ids == hits.triangle) & (ids >= 0)
     if not same.any():
         return 0.0
@@ -203,26 +203,15 @@ def condition_of_depth(hits: Hits) -> float:
 def compared(
     case: str,
     bound: Bound,
+    error: Callable[[ClosestHit], float],
     closest: ClosestHit,
-    mesh: np.ndarray,
-    rays: Rays,
-    error: Callable[[Found, Hits], float],
     *,
-    hits: Hits | None = None,
     condition: float = math.nan,
 ) -> Measurement:
-    """``error`` of what Moeller and Trumbore's method finds and of what ``closest`` finds.
-
-    ``hits`` are those that are right, default the oracle's.
-    """
-    right = hits or oracle_hits(mesh, rays)
-    return measured(
-        case,
-        bound,
-        lambda: error(naive.moeller_trumbore(mesh, *rays), right),
-        lambda: error(closest(mesh, *rays), right),
-        condition=condition,
-    )
+    """``error`` of Moeller and Trumbore's method, and of ``closest``."""
+    by_naive = functools.partial(error, naive.moeller_trumbore)
+    ours = functools.partial(error, closest)
+    return measured(case, bound, by_naive, ours, condition=condition)
 
 
 def choice_and_depth(

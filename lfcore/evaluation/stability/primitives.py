@@ -22,7 +22,7 @@ from lfcore.evaluation.stability.measurement import (
     sweep,
 )
 from lfcore.evaluation.stability.shapes import Rays, single
-from lfcore.evaluation.stability.tested_tracer import CAMERA, ClosestHit, Found, TracerUnderTest
+from lfcore.evaluation.stability.tested_tracer import CAMERA, ClosestHit, TracerUnderTest
 from lfcore.optics.slab import Slab
 from lfcore.oracle.intersect import Hits
 from lfcore.oracle.slab import slab_rays
@@ -74,7 +74,7 @@ def _leaks(
     # The mesh is closed and holds the rays' origins: the oracle itself may not leak.
     if (hits.triangle < 0).any():
         raise AssertionError(f"the oracle leaks in {case}")
-    return compared(case, bound, closest, mesh, rays, leaks, hits=hits)
+    return compared(case, bound, lambda find: leaks(find(mesh, *rays), hits), closest)
 
 
 @sweep("2", "N", (4, 16, 64))
@@ -234,13 +234,15 @@ def nearly_coplanar(tracer: TracerUnderTest, ulp: int) -> Measurement:
     rays = _through_a_corner(16)
     # An ulp is 2^-23 of numbers from 1 to 2.
     mesh = np.stack([_corner(2 + ulp * 2.0**-22), _corner(2.0)])
+    hits = oracle_hits(mesh, rays)
 
-    def wrong(found: Found, hits: Hits) -> float:
-        return ((found[0] != hits.triangle) & (hits.clear() | (found[0] < 0))).mean()
+    def wrong(closest: ClosestHit) -> float:
+        ids, _ = closest(mesh, *rays)
+        return ((ids != hits.triangle) & (hits.clear() | (ids < 0))).mean()
 
     kappa = np.inf if ulp == 0 else 2.0**23 / ulp
     bound = Bound(0, CHOICE, "16 ulp, the bound of a depth, part two of them")
-    return compared("nearly coplanar", bound, tracer.closest, mesh, rays, wrong, condition=kappa)
+    return compared("nearly coplanar", bound, wrong, tracer.closest, condition=kappa)
 
 
 @sweep("7", "share", (0.1, 0.5, 0.9))
@@ -260,9 +262,9 @@ def no_area(tracer: TracerUnderTest, share: float) -> Measurement:
     rays = shapes.rays_at(flat.mean(1, dtype=float), (0.01, -0.01))
     mesh, hits = np.concatenate([base, flat]), oracle_hits(base, rays)
 
-    def wrong(found: Found, hits: Hits) -> float:
-        ids, t = found
+    def wrong(closest: ClosestHit) -> float:
+        ids, t = closest(mesh, *rays)
         return ((ids >= 200) | ((ids != hits.triangle) & hits.clear()) | np.isnan(t)).mean()
 
     bound = Bound(0, CHOICE, "what has no area is never met")
-    return compared("no area", bound, tracer.closest, mesh, rays, wrong, hits=hits)
+    return compared("no area", bound, wrong, tracer.closest)
