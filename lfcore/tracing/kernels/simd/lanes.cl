@@ -23,33 +23,26 @@
 // work-items takes "float" as an invitation, though groups are of one: it spent three quarters of a
 // build on copies that never run.
 #define LANES_TYPE float4
-typedef float vf;
-typedef int vi;
-typedef uint vu;
+#define WIDE(name) name
 #define VLOAD(p) (*(p))
 #define VSTORE(x, p) (*(p) = (x))
-#define AS_VF as_float
-#define AS_VI as_int
-#define AS_VU as_uint
-#define TO_VI convert_int
-#define TO_VF convert_float
-#define TO_VU convert_uint
 #define MASK(m) (-(m))
 #else
-#define LANES_TYPE JOIN(float, LANES)
-typedef JOIN(float, LANES) vf;
-typedef JOIN(int, LANES) vi;
-typedef JOIN(uint, LANES) vu;
-#define VLOAD(p) JOIN(vload, LANES)(0, p)
-#define VSTORE(x, p) JOIN(vstore, LANES)(x, 0, p)
-#define AS_VF JOIN(as_float, LANES)
-#define AS_VI JOIN(as_int, LANES)
-#define AS_VU JOIN(as_uint, LANES)
-#define TO_VI JOIN(convert_int, LANES)
-#define TO_VF JOIN(convert_float, LANES)
-#define TO_VU JOIN(convert_uint, LANES)
+#define LANES_TYPE vf
+#define WIDE(name) JOIN(name, LANES)
+#define VLOAD(p) WIDE(vload)(0, p)
+#define VSTORE(x, p) WIDE(vstore)(x, 0, p)
 #define MASK(m) (m)
 #endif
+typedef WIDE(float) vf;
+typedef WIDE(int) vi;
+typedef WIDE(uint) vu;
+#define AS_VF WIDE(as_float)
+#define AS_VI WIDE(as_int)
+#define AS_VU WIDE(as_uint)
+#define TO_VF WIDE(convert_float)
+#define TO_VI WIDE(convert_int)
+#define TO_VU WIDE(convert_uint)
 
 #define LT(a, b) MASK((a) < (b))
 #define LE(a, b) MASK((a) <= (b))
@@ -64,51 +57,25 @@ inline vi pick_int(vi a, vi b, vi mask) { return (a & ~mask) | (b & mask); }
 // The sign bit turned where `sign` has it
 inline vf flip_sign(vf a, vi sign) { return AS_VF(AS_VI(a) ^ sign); }
 
-#if LANES == 16
-#define IOTA ((vf)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
-#define LANE_BITS ((vi)(1) << (vi)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
-#define FOLD(op, x)                      \
-    {                                    \
-        JOIN(TYPE, 8) a8 = op(x.lo, x.hi); \
-        JOIN(TYPE, 4) a4 = op(a8.lo, a8.hi); \
-        JOIN(TYPE, 2) a2 = op(a4.lo, a4.hi); \
-        return op(a2.lo, a2.hi);         \
-    }
-#elif LANES == 8
-#define IOTA ((vf)(0, 1, 2, 3, 4, 5, 6, 7))
-#define LANE_BITS ((vi)(1, 2, 4, 8, 16, 32, 64, 128))
-#define FOLD(op, x)                      \
-    {                                    \
-        JOIN(TYPE, 4) a4 = op(x.lo, x.hi); \
-        JOIN(TYPE, 2) a2 = op(a4.lo, a4.hi); \
-        return op(a2.lo, a2.hi);         \
-    }
-#elif LANES == 4
-#define IOTA ((vf)(0, 1, 2, 3))
-#define LANE_BITS ((vi)(1, 2, 4, 8))
-#define FOLD(op, x)                      \
-    {                                    \
-        JOIN(TYPE, 2) a2 = op(x.lo, x.hi); \
-        return op(a2.lo, a2.hi);         \
-    }
-#else
-#define IOTA 0.0f
-#define LANE_BITS 1
-#define FOLD(op, x) { return x; }
-#endif
+#define NUMBERS1 0
+#define NUMBERS4 0, 1, 2, 3
+#define NUMBERS8 NUMBERS4, 4, 5, 6, 7
+#define NUMBERS16 NUMBERS8, 8, 9, 10, 11, 12, 13, 14, 15
+#define LANE_NUMBERS JOIN(NUMBERS, LANES)
+#define IOTA ((vf)(LANE_NUMBERS))
+#define LANE_BITS ((vi)(1) << (vi)(LANE_NUMBERS))
 
+// `op` over the lanes of a row, half by half.
+#define FOLD1(type, op, x) return x;
+#define FOLD2(type, op, x) return op(x.lo, x.hi);
+#define FOLD4(type, op, x) const type##2 x2 = op(x.lo, x.hi); FOLD2(type, op, x2)
+#define FOLD8(type, op, x) const type##4 x4 = op(x.lo, x.hi); FOLD4(type, op, x4)
+#define FOLD16(type, op, x) const type##8 x8 = op(x.lo, x.hi); FOLD8(type, op, x8)
+#define FOLD JOIN(FOLD, LANES)
 #define OR_(a, b) ((a) | (b))
-#define TYPE float
-inline float row_max(vf x) FOLD(max, x)
-inline float row_min(vf x) FOLD(min, x)
-#undef TYPE
-#define TYPE int
-inline int row_or(vi x) FOLD(OR_, x)
-#undef TYPE
-#define TYPE uint
-inline uint row_least(vu x) FOLD(min, x)
-inline uint row_most(vu x) FOLD(max, x)
-#undef TYPE
+inline float row_max(vf x) { FOLD(float, max, x) }
+inline float row_min(vf x) { FOLD(float, min, x) }
+inline int row_or(vi x) { FOLD(int, OR_, x) }
 
 // One bit per lane whose mask is set
 inline uint row_bits(vi mask) { return (uint)row_or(mask & LANE_BITS); }
@@ -116,11 +83,7 @@ inline uint row_bits(vi mask) { return (uint)row_or(mask & LANE_BITS); }
 inline vi mask_of_bits(int bits) { return MASK(((vi)(bits) & LANE_BITS) != 0); }
 
 // A comparison, not the sign bits themselves, is what compilers test in one instruction.
-#if LANES == 1
-inline int row_any(vi mask) { return mask != 0; }
-#else
-inline int row_any(vi mask) { return any(mask != 0); }
-#endif
+inline int row_any(vi mask) { return any(MASK(mask != 0)); }
 
 // Index of the lowest set bit
 inline uint lowest(uint bits) { return popcount((bits & -bits) - 1u); }
@@ -149,19 +112,12 @@ inline float3 cross_product(float3 a, float3 b)
 // What a length is at least where it is divided by: above the least normal float, 1.2e-38.
 #define LEAST_LENGTH 1.0e-37f
 
-// Length, and direction: of vectors whose squares a float cannot hold, too; nothing has no
-// direction.
+// Direction, also of vectors whose squares a float cannot hold; nothing has none.
 inline float largest_component(float3 a) { return max(fabs(a.x), max(fabs(a.y), fabs(a.z))); }
-inline float norm(float3 a)
-{
-    const float most = largest_component(a);
-    a /= max(most, LEAST_LENGTH);
-    return most * sqrt(inner_product(a, a));
-}
 inline float3 direction_of(float3 a)
 {
     a /= max(largest_component(a), LEAST_LENGTH);
-    return a / max(norm(a), LEAST_LENGTH);
+    return a / max(sqrt(inner_product(a, a)), LEAST_LENGTH);
 }
 
 // Logarithm and exponential to base 2 in line: a call of the library's would spill every vector
