@@ -14,17 +14,9 @@
 #else
 #define WIDE_TYPE float
 #endif
-#if LANES == 1
-typedef WIDE_TYPE vd;
-#define TO_VD JOIN(convert_, WIDE_TYPE)
-#define VD_TO_VF convert_float
-#define VD_MASK(m) MASK(m)
-#else
-typedef JOIN(WIDE_TYPE, LANES) vd;
-#define TO_VD JOIN(JOIN(convert_, WIDE_TYPE), LANES)
-#define VD_TO_VF JOIN(convert_float, LANES)
-#define VD_MASK(m) TO_VI(m)
-#endif
+typedef WIDE(WIDE_TYPE) vd;
+#define TO_VD WIDE(JOIN(convert_, WIDE_TYPE))
+#define VD_MASK(m) TO_VI(MASK(m))
 
 typedef struct {
     float3 origin, direction;  // direction scaled to a largest component in [1, 2)
@@ -35,9 +27,12 @@ typedef struct {
 
 typedef struct { float t; int id; float3 weights; } Hit;
 
-inline Ray make_ray(float3 origin, float3 direction)
+// A ray of any length; its parameter is 2^exponent times that of the direction as given.
+inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
 {
     Ray r;
+    *exponent = ilogb(largest_component(direction));
+    direction = ldexp(direction, (int3)(-*exponent));
     r.origin = origin;
     r.direction = direction;
     r.kz = largest_axis(direction);
@@ -48,13 +43,6 @@ inline Ray make_ray(float3 origin, float3 direction)
     r.sy = axis(direction, r.ky) * r.sz;
     r.inverse = select(1.0f / direction, (float3)(0.0f), fabs(direction) < NOTHING_LEFT);
     return r;
-}
-
-// A ray of any length; its parameter is 2^exponent times that of the direction as given.
-inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
-{
-    *exponent = ilogb(max(fabs(direction.x), max(fabs(direction.y), fabs(direction.z))));
-    return make_ray(origin, ldexp(direction, (int3)(-*exponent)));
 }
 
 // Three roundings of an interval's far end keep the test conservative: T. Ize, "Robust BVH Ray
@@ -121,7 +109,7 @@ inline void shear_leaf(const Ray *r, global const float *leaf, Sheared *s)
 inline vf sheared_time(const Ray *r, const Sheared *s)
 {
     const vd sum = s->e[0] * TO_VD(s->z[0]) + s->e[1] * TO_VD(s->z[1]) + s->e[2] * TO_VD(s->z[2]);
-    return VD_TO_VF(sum / s->sum) * r->sz;
+    return TO_VF(sum / s->sum) * r->sz;
 }
 
 // Take the nearest of LANES triangles into `hit` if it is nearer; of equal ones the lowest number.
@@ -137,8 +125,8 @@ inline void hit_leaf(const Tree *tree, const Ray *r, int leaf, int lane, Hit *hi
     if (!bits) return;
     private float times[LANES], first[LANES], second[LANES];
     VSTORE(t, times);
-    VSTORE(VD_TO_VF(s.e[0] / s.sum), first);
-    VSTORE(VD_TO_VF(s.e[1] / s.sum), second);
+    VSTORE(TO_VF(s.e[0] / s.sum), first);
+    VSTORE(TO_VF(s.e[1] / s.sum), second);
     for (; bits; bits &= bits - 1) {
         const uint k = lowest(bits);
         if (!(times[k] < hit->t || (times[k] == hit->t && ids[k] < hit->id))) continue;
