@@ -114,7 +114,7 @@ inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverag
 // Test one block against the gathered leaves.
 inline void visit_block(const Tree *tree, const Bundle *bundle, const LeafList *list, Coverage *c)
 {
-    const Frustum frustum = block_frustum(bundle);
+    const Frustum frustum = make_frustum(bundle, bundle, HALF);
     for (int base = 0; base < list->count; base += LANES) {
         const vi meets = frustum_meets(&frustum, list->boxes + base, list->pitch, c->z_far);
         for (uint bits = row_bits(meets) & listed_bits(list, base); bits; bits &= bits - 1) {

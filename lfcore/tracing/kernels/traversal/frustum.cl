@@ -32,21 +32,13 @@ inline Interval widened(Interval a, float hu, float gu)
     return a;
 }
 
-inline Frustum make_frustum(Interval x, Interval y, float2 outer)
+// What holds all rays between two bundles of the same steps, `extent` of these to either side.
+inline Frustum make_frustum(const Bundle *lo, const Bundle *hi, float extent)
 {
-    Frustum f;
-    f.hu = OUTER_HALF * outer.x;
-    f.gu = OUTER_HALF * outer.y;
-    f.x = widened(x, f.hu, f.gu);
-    f.y = widened(y, f.hu, f.gu);
-    return f;
-}
-
-inline Frustum block_frustum(const Bundle *r)
-{
-    const Interval x = {r->ox, r->ox, r->dx, r->dx, HALF * r->sx, HALF * r->tx};
-    const Interval y = {r->oy, r->oy, r->dy, r->dy, HALF * r->sy, HALF * r->ty};
-    return make_frustum(x, y, (float2)(r->a, r->b));
+    const float hu = OUTER_HALF * lo->a, gu = OUTER_HALF * lo->b;
+    const Interval x = {lo->ox, hi->ox, lo->dx, hi->dx, extent * lo->sx, extent * lo->tx};
+    const Interval y = {lo->oy, hi->oy, lo->dy, hi->dy, extent * lo->sy, extent * lo->ty};
+    return (Frustum){widened(x, hu, gu), widened(y, hu, gu), hu, gu};
 }
 
 // Half of what an interval spans at depth z.

@@ -40,10 +40,8 @@ inline Rays make_rays(global const float4 *elements, global const int *groups,
 {
     const int across = (a->columns + PACKET_SIDE - 1) / PACKET_SIDE;
     const int down = (a->rows + PACKET_SIDE - 1) / PACKET_SIDE;
-    const Rays rays = {elements, groups, vload4(0, a->step), vload2(0, a->outer), a->columns,
-                       a->rows,
-                       across, across * down};
-    return rays;
+    return (Rays){elements, groups, vload4(0, a->step), vload2(0, a->outer),
+                  a->columns, a->rows, across, across * down};
 }
 
 // What every kernel of a job is given: its rays, the number (1,) of the next packet to take, and
@@ -112,11 +110,9 @@ inline Bundle bundle_at(const Rays *rays, float4 middle, int2 at, float extent)
 {
     const float2 grid = (float2)(rays->columns - 1, rays->rows - 1);
     const float2 c = convert_float2(at) + extent - 0.5f * grid;
-    const Bundle r = {fma(c.x, rays->step.x, middle.x), fma(c.y, rays->step.y, middle.y),
-                      fma(c.x, rays->step.z, middle.z), fma(c.y, rays->step.w, middle.w),
-                      rays->step.x, rays->step.y, rays->step.z, rays->step.w,
-                      rays->outer.x, rays->outer.y};
-    return r;
+    const float4 s = rays->step, first = fma(c.xyxy, s, middle);
+    return (Bundle){first.x, first.y, first.z, first.w,
+                    s.x, s.y, s.z, s.w, rays->outer.x, rays->outer.y};
 }
 
 inline Bundle block_bundle(const Packet *p, int block)
@@ -166,24 +162,16 @@ inline int first_element(const Packet *p)
 // What holds every ray of the packet.
 inline Frustum packet_frustum(const Packet *p)
 {
-    const Rays *rays = p->rays;
     float4 lo = FAR, hi = -FAR;
     for (int block = 0; block < PACKET_BLOCKS; block += ELEMENT_BLOCKS) {
         if (OUTER == 1 && block_element(p, block, 0, 0) < 0) continue;
         lo = min(lo, middle_of(p, block));
         hi = max(hi, middle_of(p, block));
     }
-    const float extent = 0.5f * (PACKET_SIDE - 1);
-    const float cx = p->column + extent - 0.5f * (rays->columns - 1);
-    const float cy = p->row + extent - 0.5f * (rays->rows - 1);
-    const float4 s = rays->step;
-    const Interval x = {fma(cx, s.x, lo.x), fma(cx, s.x, hi.x), fma(cx, s.z, lo.z),
-                        fma(cx, s.z, hi.z),
-                        extent * s.x, extent * s.z};
-    const Interval y = {fma(cy, s.y, lo.y), fma(cy, s.y, hi.y), fma(cy, s.w, lo.w),
-                        fma(cy, s.w, hi.w),
-                        extent * s.y, extent * s.w};
-    return make_frustum(x, y, rays->outer);
+    const int2 at = (int2)(p->column, p->row);
+    const Bundle first = bundle_at(p->rays, lo, at, ELEMENT_HALF);
+    const Bundle last = bundle_at(p->rays, hi, at, ELEMENT_HALF);
+    return make_frustum(&first, &last, ELEMENT_HALF);
 }
 
 #endif
