@@ -16,52 +16,34 @@ typedef struct {
 // 67 roundings of the largest number that enters, more than a box's corners and lines have.
 #define SHAFT_SLACK (67.0f * ROUNDING)
 
-inline void set_line(Shaft *shaft, int line, float na, float nb, float limit, float size)
+// A line beyond which nothing of the box lies.
+inline void set_line(Shaft *shaft, int line, float na, float nb, const float *lo, const float *hi,
+                     float size)
 {
+    const int a = line / 2, b = (a + 1) % 3;
+    const float most = max(na * lo[a], na * hi[a]) + max(nb * lo[b], nb * hi[b]);
     shaft->na[line] = na;
     shaft->nb[line] = nb;
-    shaft->limit[line] = limit + SHAFT_SLACK * (fabs(na) + fabs(nb)) * size;
+    shaft->limit[line] = most + SHAFT_SLACK * (fabs(na) + fabs(nb)) * size;
 }
 
-// A line that every box is within.
-inline void no_line(Shaft *shaft, int line) { set_line(shaft, line, 0.0f, 0.0f, 1.0f, 0.0f); }
-
-// The lines from a point light to the corners farthest to either side; none from within the box.
-inline void touch_from_point(Shaft *shaft, int pair, const float *light, const float *lo,
-                             const float *hi, float size)
+// The two lines of a pair: along a directional light, or from a point light to the corners farthest
+// to either side.  From within the box nothing is beyond them.
+inline void touch_box(Shaft *shaft, int pair, const float *light, int is_point, const float *lo,
+                      const float *hi, float size)
 {
     const int a = pair, b = (pair + 1) % 3;
-    const int within_a = light[a] >= lo[a] && light[a] <= hi[a];
-    if (within_a && light[b] >= lo[b] && light[b] <= hi[b]) return;
-    float la = lo[a] - light[a], lb = lo[b] - light[b], ra = la, rb = lb;
-    for (int k = 1; k < 4; ++k) {
-        const float va = (k & 1 ? hi[a] : lo[a]) - light[a];
-        const float vb = (k & 2 ? hi[b] : lo[b]) - light[b];
-        if (la * vb - lb * va > 0.0f) {
-            la = va;
-            lb = vb;
-        }
-        if (ra * vb - rb * va < 0.0f) {
-            ra = va;
-            rb = vb;
-        }
+    const int within = is_point && light[a] >= lo[a] && light[a] <= hi[a] && light[b] >= lo[b] &&
+                       light[b] <= hi[b];
+    float2 left = 0.0f, right = 0.0f;
+    for (int k = 0; k < 4 && !within; ++k) {
+        const float2 corner = (float2)(k & 1 ? hi[a] : lo[a], k & 2 ? hi[b] : lo[b]);
+        const float2 to = (is_point ? corner : 0.0f) - (float2)(light[a], light[b]);
+        if (k == 0 || left.x * to.y - left.y * to.x > 0.0f) left = to;
+        if (k == 0 || right.x * to.y - right.y * to.x < 0.0f) right = to;
     }
-    set_line(shaft, 2 * pair, -lb, la, la * light[b] - lb * light[a], size);
-    set_line(shaft, 2 * pair + 1, rb, -ra, rb * light[a] - ra * light[b], size);
-}
-
-// The lines along a directional light.
-inline void touch_along(Shaft *shaft, int pair, const float *light, const float *lo,
-                        const float *hi,
-                        float size)
-{
-    const int a = pair, b = (pair + 1) % 3;
-    if (light[a] == 0.0f && light[b] == 0.0f) return;
-    for (int side = 0; side < 2; ++side) {
-        const float na = side ? light[b] : -light[b], nb = side ? -light[a] : light[a];
-        const float most = max(na * lo[a], na * hi[a]) + max(nb * lo[b], nb * hi[b]);
-        set_line(shaft, 2 * pair + side, na, nb, most, size);
-    }
+    set_line(shaft, 2 * pair, -left.y, left.x, lo, hi, size);
+    set_line(shaft, 2 * pair + 1, right.y, -right.x, lo, hi, size);
 }
 
 // `light` is a place or, of a directional light, the direction towards it; lo and hi bound the
@@ -80,12 +62,8 @@ inline Shaft make_shaft(const float *light, int is_point, const float *lo, const
         shaft.lo[k] = is_point ? min(lo[k], light[k]) - margin : light[k] < 0.0f ? -FAR : low;
         shaft.hi[k] = is_point ? max(hi[k], light[k]) + margin : light[k] > 0.0f ? FAR : high;
     }
-    for (int pair = 0; pair < 3; ++pair) {
-        no_line(&shaft, 2 * pair);
-        no_line(&shaft, 2 * pair + 1);
-        if (is_point) touch_from_point(&shaft, pair, light, lo, hi, size);
-        else touch_along(&shaft, pair, light, lo, hi, size);
-    }
+    for (int pair = 0; pair < 3; ++pair)
+        touch_box(&shaft, pair, light, is_point, lo, hi, size);
     return shaft;
 }
 
