@@ -80,11 +80,10 @@ inline float4 corner_depths(Form numerator, Form denominator, int outer)
 // A triangle that every ray of the block passes through: accept it or reject it at once, if its
 // range of depths and that of what is seen do not overlap; false if they do.  Depth is linear-
 // fractional with a denominator of one sign, so its extremes are at the corners.
-inline int settle_cover(const Coefficients *coefficients, uint lane, int id, Coverage *c)
+inline int settle_cover(const Triangles *t, uint lane, int id, Coverage *c)
 {
     if (c->cover == BUFFERED) return 0;
-    const Form numerator = plane_of(coefficients, NUMERATOR_ROW, lane);
-    const Form denominator = plane_of(coefficients, DENOMINATOR_ROW, lane);
+    const Form numerator = form_of(&t->over, lane), denominator = form_of(&t->under, lane);
     float least = FAR, most = -FAR;
     for (int k = 0; k < (OUTER > 1 ? 4 : 1); ++k) {
         const float4 z = corner_depths(numerator, denominator, k);
@@ -136,7 +135,7 @@ typedef struct {
 } RowForms;
 
 // Returns the rows in which no edge excludes every ray, rounding allowed for.
-inline uint make_row_forms(const Coefficients *c, uint lane, uint wanted, RowForms *f)
+inline uint make_row_forms(const Triangles *t, uint lane, uint wanted, RowForms *f)
 {
     uint rows = 0;
     for (int first = 0; first < BLOCK; first += LANES) {
@@ -144,7 +143,7 @@ inline uint make_row_forms(const Coefficients *c, uint lane, uint wanted, RowFor
         const Row at = row_at(first);  // the places of rows along y are those of columns along x
         vi meets = -1;
         for (int k = 0; k < 3; ++k) {
-            const Form e = edge_of(c, k, lane);
+            const Form e = form_of(t->edge + k, lane);
             vf base = fma(at.x, (vf)(e.of[Y]), (vf)(e.of[ONE])), along = e.of[X];
             vf most = fabs(along) * HALF;
             if (OUTER > 1) {
@@ -161,7 +160,7 @@ inline uint make_row_forms(const Coefficients *c, uint lane, uint wanted, RowFor
         }
         rows |= row_bits(meets) << first;
         for (int k = 0; k < 2; ++k) {
-            const Form p = plane_of(c, k ? DENOMINATOR_ROW : NUMERATOR_ROW, lane);
+            const Form p = form_of(k ? &t->under : &t->over, lane);
             vf base = fma(at.x, (vf)(p.of[Y]), (vf)(p.of[ONE]));
             if (OUTER > 1) base = fma(at.u, (vf)(p.of[V]), base);
             VSTORE(base, f->base[3 + k] + first);
@@ -198,9 +197,7 @@ inline int hit_few(const Triangles *t, uint lane, int covers, int edge_on, int i
     const vf y = TO_VF(row & (INNER - 1)) - HALF, v = TO_VF(row / INNER) - OUTER_HALF;
     vf e[5], depth;
     for (int k = 0; k < 5; ++k) {
-        const Coefficients *c = &t->coefficients;
-        const int plane = k == 3 ? NUMERATOR_ROW : DENOMINATOR_ROW;
-        const Form f = k < 3 ? edge_of(c, k, lane) : plane_of(c, plane, lane);
+        const Form f = form_of(k < 3 ? t->edge + k : k == 3 ? &t->over : &t->under, lane);
         vf base = fma(y, (vf)(f.of[Y]), (vf)(f.of[ONE])), along = f.of[X];
         if (OUTER > 1) {
             base = fma(v, (vf)(f.of[V]), base);
@@ -237,7 +234,7 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *ray
     if (!holes && popcount(rows) * popcount(columns) <= LANES)
         return hit_few(t, lane, covers, edge_on, id, to);
     RowForms f;
-    const uint open = make_row_forms(&t->coefficients, lane, rows, &f);
+    const uint open = make_row_forms(t, lane, rows, &f);
     if (!edge_on) rows &= open;
     int changed = 0;
     for (; rows; rows &= rows - 1) {

@@ -13,73 +13,25 @@
 #define LFCORE_TRIANGLES_CL
 #include "packet.cl"
 
-// Rows of LANES coefficients: the edges opposite p, q and r, and depth's numerator and denominator.
-#define NUMERATOR_ROW (3 * EDGE_TERMS)
-#define DENOMINATOR_ROW (NUMERATOR_ROW + PLANE_TERMS)
-#define COEFFICIENTS (DENOMINATOR_ROW + PLANE_TERMS)
-typedef struct { float row[OUTER > 1 ? 28 : 15][LANES]; } Coefficients;
-
-inline Form edge_of(const Coefficients *c, int edge, uint lane)
-{
-    Form f;
-    for (int k = 0; k < EDGE_TERMS; ++k) f.of[k] = c->row[edge * EDGE_TERMS + k][lane];
-    return f;
-}
-inline Form plane_of(const Coefficients *c, int row, uint lane)
-{
-    Form f;
-    for (int k = 0; k < PLANE_TERMS; ++k) f.of[k] = c->row[row + k][lane];
-    if (OUTER > 1) f.of[TWIST] = 0.0f;
-    return f;
-}
-inline void store_forms(const Forms *f, int terms, int row, Coefficients *c)
-{
-    for (int k = 0; k < terms; ++k) VSTORE(f->of[k], c->row[row + k]);
-}
-
-inline Forms flip_forms(Forms f, vi sign)
-{
-    for (int k = 0; k < EDGE_TERMS; ++k) f.of[k] = flip_sign(f.of[k], sign);
-    return f;
-}
-
-// Along one axis, corners p, q and r of LANES triangles.
-typedef struct { vf p, q, r; } Triple;
-inline vf least3(Triple a) { return min(a.p, min(a.q, a.r)); }
-inline vf most3(Triple a) { return max(a.p, max(a.q, a.r)); }
-inline Triple absolute3(Triple a)
-{
-    const Triple b = {fabs(a.p), fabs(a.q), fabs(a.r)};
-    return b;
-}
-
 // Corners of LANES triangles in the frame of the block's centre ray.
 typedef struct { Triple x, y, z; } Corners;
-
-inline vf sheared(global const float *leaf, int row, float origin, float direction, vf z)
-{
-    return fma(-z, direction, VLOAD(leaf + row * NODE_WIDTH) - origin);
-}
 
 inline Corners shear_corners(const Bundle *r, global const float *leaf)
 {
     Corners c;
-    c.z.p = VLOAD(leaf + 2 * NODE_WIDTH);
-    c.z.q = VLOAD(leaf + 5 * NODE_WIDTH);
-    c.z.r = VLOAD(leaf + 8 * NODE_WIDTH);
-    c.x.p = sheared(leaf, 0, r->ox, r->dx, c.z.p);
-    c.x.q = sheared(leaf, 3, r->ox, r->dx, c.z.q);
-    c.x.r = sheared(leaf, 6, r->ox, r->dx, c.z.r);
-    c.y.p = sheared(leaf, 1, r->oy, r->dy, c.z.p);
-    c.y.q = sheared(leaf, 4, r->oy, r->dy, c.z.q);
-    c.y.r = sheared(leaf, 7, r->oy, r->dy, c.z.r);
+    for (int k = 0; k < 3; ++k, leaf += 3 * NODE_WIDTH) {
+        const vf z = VLOAD(leaf + 2 * NODE_WIDTH);
+        c.x.of[k] = fma(-z, (vf)(r->dx), VLOAD(leaf) - r->ox);
+        c.y.of[k] = fma(-z, (vf)(r->dy), VLOAD(leaf + NODE_WIDTH) - r->oy);
+        c.z.of[k] = z;
+    }
     return c;
 }
 
-// One corner of each.
-inline Vec corner_p(const Corners *c) { const Vec v = {c->x.p, c->y.p, c->z.p}; return v; }
-inline Vec corner_q(const Corners *c) { const Vec v = {c->x.q, c->y.q, c->z.q}; return v; }
-inline Vec corner_r(const Corners *c) { const Vec v = {c->x.r, c->y.r, c->z.r}; return v; }
+inline Vec corner_of(const Corners *c, int k)
+{
+    return (Vec){c->x.of[k], c->y.of[k], c->z.of[k]};
+}
 
 // The bounds of rounding errors below, in roundings of the terms that enter: sum, difference,
 // product and their difference are four of each term, evaluation at a ray two more, or four with u
@@ -92,26 +44,23 @@ inline Vec corner_r(const Corners *c) { const Vec v = {c->x.r, c->y.r, c->z.r}; 
 // last bit all the same.  `noise` receives a bound of its error anywhere in the block.
 inline Forms edge_forms(Vec p, Vec q, const Bundle *r, vf *noise)
 {
-    const vf sx = p.x + q.x, sy = p.y + q.y, sz = p.z + q.z;
-    const vf dx = q.x - p.x, dy = q.y - p.y, dz = q.z - p.z;
-    const vf cx = sy * dz - sz * dy, cy = sz * dx - sx * dz;
+    const Vec sum = plus3(p, q), d = minus3(q, p), c = cross3(sum, d);
     Forms e;
-    e.of[ONE] = sx * dy - sy * dx;
-    e.of[X] = fma(cx, (vf)(r->tx), -2.0f * dy * r->sx);
-    e.of[Y] = fma(cy, (vf)(r->ty), 2.0f * dx * r->sy);
-    const vf mx = fabs(sx), my = fabs(sy), mz = fabs(sz), ex = fabs(dx), ey = fabs(dy);
-    const vf ez = fabs(dz);
-    const vf kx = fma(my, ez, mz * ey), ky = fma(mz, ex, mx * ez);
-    const vf wide = fma(kx, (vf)(fabs(r->tx)), 2.0f * ey * fabs(r->sx)) +
-                    fma(ky, (vf)(fabs(r->ty)), 2.0f * ex * fabs(r->sy));
-    vf most = fma((vf)(HALF), wide, fma(mx, ey, my * ex));
+    e.of[ONE] = c.z;
+    e.of[X] = fma(c.x, (vf)(r->tx), -2.0f * d.y * r->sx);
+    e.of[Y] = fma(c.y, (vf)(r->ty), 2.0f * d.x * r->sy);
+    const Vec m = absolute3(sum), l = absolute3(d);
+    const vf kx = fma(m.y, l.z, m.z * l.y), ky = fma(m.z, l.x, m.x * l.z);
+    const vf wide = fma(kx, (vf)(fabs(r->tx)), 2.0f * l.y * fabs(r->sx)) +
+                    fma(ky, (vf)(fabs(r->ty)), 2.0f * l.x * fabs(r->sy));
+    vf most = fma((vf)(HALF), wide, fma(m.x, l.y, m.y * l.x));
     if (OUTER > 1) {
-        e.of[U] = fma(cx, (vf)(r->b), -2.0f * dy * r->a);
-        e.of[V] = fma(cy, (vf)(r->b), 2.0f * dx * r->a);
-        e.of[TWIST] = dz * (-2.0f * (r->sx * r->b - r->a * r->tx));
-        const vf outer = fma(kx + ky, (vf)(fabs(r->b)), 2.0f * (ex + ey) * fabs(r->a));
+        e.of[U] = fma(c.x, (vf)(r->b), -2.0f * d.y * r->a);
+        e.of[V] = fma(c.y, (vf)(r->b), 2.0f * d.x * r->a);
+        e.of[TWIST] = d.z * (-2.0f * (r->sx * r->b - r->a * r->tx));
+        const vf outer = fma(kx + ky, (vf)(fabs(r->b)), 2.0f * (l.x + l.y) * fabs(r->a));
         const float steps = fabs(r->sx * r->b) + fabs(r->a * r->tx);
-        const vf twist = ez * (4.0f * HALF * OUTER_HALF * steps);
+        const vf twist = l.z * (4.0f * HALF * OUTER_HALF * steps);
         most += fma((vf)(OUTER_HALF), outer, twist);
     }
     *noise = EDGE_NOISE * most;
@@ -141,7 +90,7 @@ typedef struct {
 // noise.
 inline Edges make_edges(const Corners *v, const Bundle *r)
 {
-    const Vec p = corner_p(v), q = corner_q(v), w = corner_r(v);
+    const Vec p = corner_of(v, 0), q = corner_of(v, 1), w = corner_of(v, 2);
     Edges e;
     vf noise[3];
     e.edge[0] = edge_forms(q, w, r, noise);
@@ -158,7 +107,8 @@ inline Edges make_edges(const Corners *v, const Bundle *r)
     vi outside = 0;
     e.covers = ~e.edge_on;
     for (int k = 0; k < 3; ++k) {
-        e.edge[k] = flip_forms(e.edge[k], e.flip);
+        for (int term = 0; term < EDGE_TERMS; ++term)
+            e.edge[k].of[term] = flip_sign(e.edge[k].of[term], e.flip);
         e.edge[k].of[ONE] += pick((vf)(0.0f), noise[k], ~e.edge_on);
         const vf c = e.edge[k].of[ONE], spread = form_spread(e.edge[k]) * BOUND_SLACK;
         outside |= LT(c + spread, (vf)(-NOTHING_LEFT));
@@ -170,60 +120,57 @@ inline Edges make_edges(const Corners *v, const Bundle *r)
 
 // Depth from the plane n . X = n . P: n is made of edges, so its error scales with the triangle and
 // not with its distance, as that of the weighted mean of corners does.
-inline void plane_forms(const Corners *v, const Bundle *r, vi flip, Coefficients *out)
+inline void plane_forms(const Corners *v, const Bundle *r, vi flip, Forms *over, Forms *under)
 {
-    const vf ax = v->x.q - v->x.p, ay = v->y.q - v->y.p, az = v->z.q - v->z.p;
-    const vf bx = v->x.r - v->x.p, by = v->y.r - v->y.p, bz = v->z.r - v->z.p;
-    const vf nx = flip_sign(ay * bz - az * by, flip), ny = flip_sign(az * bx - ax * bz, flip);
-    const vf nz = flip_sign(ax * by - ay * bx, flip);
-    Forms over, under;
-    over.of[ONE] = fma(nx, v->x.p, fma(ny, v->y.p, nz * v->z.p));
-    over.of[X] = -nx * r->sx;
-    over.of[Y] = -ny * r->sy;
-    under.of[ONE] = nz;
-    under.of[X] = nx * r->tx;
-    under.of[Y] = ny * r->ty;
+    const Vec p = corner_of(v, 0), a = minus3(corner_of(v, 1), p), b = minus3(corner_of(v, 2), p);
+    const Vec n = flip3(cross3(a, b), flip);
+    over->of[ONE] = dot3(n, p);
+    over->of[X] = -n.x * r->sx;
+    over->of[Y] = -n.y * r->sy;
+    under->of[ONE] = n.z;
+    under->of[X] = n.x * r->tx;
+    under->of[Y] = n.y * r->ty;
     if (OUTER > 1) {
-        over.of[U] = -nx * r->a;
-        over.of[V] = -ny * r->a;
-        under.of[U] = nx * r->b;
-        under.of[V] = ny * r->b;
+        over->of[U] = -n.x * r->a;
+        over->of[V] = -n.y * r->a;
+        under->of[U] = n.x * r->b;
+        under->of[V] = n.y * r->b;
     }
-    store_forms(&over, PLANE_TERMS, NUMERATOR_ROW, out);
-    store_forms(&under, PLANE_TERMS, DENOMINATOR_ROW, out);
 }
 
-// Along one axis: the rays' steps s + z t and centre direction d, and the triangles' corners at
-// depths z.
-typedef struct { float s, t, d; const Bundle *rays; Triple at, z; } Axis;
+// Along one axis: the rays' steps s + z t and, from element to element, a + z b; the triangles'
+// corners at depths z; and a bound of the rounding error of these and of the rays beside them.
+typedef struct {
+    float s, t, a, b;
+    Triple at, z;
+    vf noise;
+} Axis;
 
 // Seven roundings: of corners sheared, and of where the block's rays pass them.
 #define CORNER_NOISE (6.72f * ROUNDING)
 
-// Bound of the rounding error of sheared corners and of the rays beside them.
-inline vf corner_noise(const Axis *a)
+// Of rays whose steps are s and t and whose centre has direction d.
+inline Axis make_axis(const Bundle *r, float s, float t, float d, Triple at, Triple z)
 {
-    const float origins = HALF * fabs(a->s) + OUTER_HALF * fabs(a->rays->a);
-    const float directions = fabs(a->d) + HALF * fabs(a->t) + OUTER_HALF * fabs(a->rays->b);
-    const vf z_most = max(fabs(least3(a->z)), fabs(most3(a->z)));
-    const vf most = most3(absolute3(a->at));
-    return CORNER_NOISE * (most + fma(z_most, (vf)(directions), (vf)(origins)));
+    const float origins = HALF * fabs(s) + OUTER_HALF * fabs(r->a);
+    const float directions = fabs(d) + HALF * fabs(t) + OUTER_HALF * fabs(r->b);
+    const vf most = largest3(at) + fma(largest3(z), (vf)(directions), (vf)(origins));
+    return (Axis){s, t, r->a, r->b, at, z, CORNER_NOISE * most};
 }
 
 // Half of what the block's rays span at depth z, with slack for two roundings of it.
 inline vf rays_half(const Axis *a, vf z)
 {
     const vf inner = HALF * fabs(fma(z, (vf)(a->t), (vf)(a->s)));
-    if (OUTER == 1) return inner;
-    return inner + OUTER_HALF * fabs(fma(z, (vf)(a->rays->b), (vf)(a->rays->a)));
+    return OUTER > 1 ? inner + OUTER_HALF * fabs(fma(z, (vf)(a->b), (vf)(a->a))) : inner;
 }
 
 // Mask of triangles that lie wholly beside the rays, whichever way they face: what the rays span is
 // convex in z.
-inline vi beside_rays(const Axis *a, vf noise)
+inline vi beside_rays(const Axis *a)
 {
     const vf wide = max(rays_half(a, least3(a->z)), rays_half(a, most3(a->z)));
-    const vf limit = fma(wide, (vf)(BOUND_SLACK), noise);
+    const vf limit = fma(wide, (vf)(BOUND_SLACK), a->noise);
     return GT(least3(a->at), limit) | LT(most3(a->at), -limit);
 }
 
@@ -234,49 +181,57 @@ inline vi beside_rays(const Axis *a, vf noise)
 // neighbouring rays of the inner grid are s + z t apart, and those of neighbouring elements a + z
 // b; for each element the extremes are the corners' as long as the former keeps its sign over the
 // triangle, since the map is projective.
-inline vi samples_reached(const Axis *a, vf noise)
+inline vi samples_reached(const Axis *a)
 {
-    const Bundle *r = a->rays;
-    const vf wp = fma(a->z.p, (vf)(a->t), (vf)(a->s)), wq = fma(a->z.q, (vf)(a->t), (vf)(a->s));
-    const vf wr = fma(a->z.r, (vf)(a->t), (vf)(a->s));
-    const vf ip = reciprocal(wp), iq = reciprocal(wq), ir = reciprocal(wr);
-    const vf slack = fma(noise, max(fabs(ip), max(fabs(iq), fabs(ir))), (vf)(SAMPLE_SLACK));
+    Triple step, inverse, sample;
+    for (int k = 0; k < 3; ++k) {
+        step.of[k] = fma(a->z.of[k], (vf)(a->t), (vf)(a->s));
+        inverse.of[k] = reciprocal(step.of[k]);
+    }
+    const vf slack = fma(a->noise, largest3(inverse), (vf)(SAMPLE_SLACK));
     vi reached = 0;
-    for (int k = 0; k < OUTER; ++k) {
-        Triple at = a->at;
-        if (OUTER > 1) {
-            const vf u = OUTER_HALF - k;
-            at.p = fma(u, fma(a->z.p, (vf)(r->b), (vf)(r->a)), at.p);
-            at.q = fma(u, fma(a->z.q, (vf)(r->b), (vf)(r->a)), at.q);
-            at.r = fma(u, fma(a->z.r, (vf)(r->b), (vf)(r->a)), at.r);
+    for (int element = 0; element < OUTER; ++element) {
+        for (int k = 0; k < 3; ++k) {
+            vf at = a->at.of[k];
+            const vf apart = fma(a->z.of[k], (vf)(a->b), (vf)(a->a));
+            if (OUTER > 1) at = fma((vf)(OUTER_HALF - element), apart, at);
+            sample.of[k] = at * inverse.of[k];
         }
-        const Triple sample = {at.p * ip, at.q * iq, at.r * ir};
         const vf lo = ceil(least3(sample) - slack + HALF);
         const vf hi = floor(most3(sample) + slack + (HALF + 1.0f));
         const vi first = TO_VI(clamp(lo, (vf)(0.0f), (vf)(INNER)));
         const vi end = TO_VI(clamp(hi, (vf)(0.0f), (vf)(INNER)));
-        reached |= max(((vi)(1) << end) - ((vi)(1) << first), (vi)(0)) << (k * INNER);
+        reached |= max(((vi)(1) << end) - ((vi)(1) << first), (vi)(0)) << (element * INNER);
     }
-    const vi one_sided = GT(wp * wq, (vf)(0.0f)) & GT(wq * wr, (vf)(0.0f));
+    const vi one_sided = GT(step.of[0] * step.of[1], (vf)(0.0f)) &
+                         GT(step.of[1] * step.of[2], (vf)(0.0f));
     return pick_int((vi)((1 << BLOCK) - 1), reached, one_sided);
 }
 
 // LANES triangles set up for a block, as far as they may be hit.
 typedef struct {
-    uint keep;                    // lanes that may be hit
-    uint covers;                  // of those, lanes that every ray of the block is inside of
-    uint edge_on;                 // lanes that some ray sees edge-on
-    float near[LANES];            // where each begins
-    int rows[LANES];              // rows that each can touch, a bit each
-    int columns[LANES];           // and columns
-    Coefficients coefficients;    // signed so that n . D > 0 unless edge-on
+    uint keep;             // lanes that may be hit
+    uint covers;           // of those, lanes that every ray of the block is inside of
+    uint edge_on;          // lanes that some ray sees edge-on
+    float near[LANES];     // where each begins
+    int rows[LANES];       // rows that each can touch, a bit each
+    int columns[LANES];    // and columns
+    Forms edge[3];         // opposite p, q and r, signed so that n . D > 0 unless edge-on
+    Forms over, under;     // depth's numerator and denominator, signed alike
 } Triangles;
+
+// The form of one of LANES triangles.
+inline Form form_of(const Forms *f, uint lane)
+{
+    Form one;
+    for (int k = 0; k < EDGE_TERMS; ++k) one.of[k] = ((const float *)(f->of + k))[lane];
+    return one;
+}
 
 // LANES triangles of a leaf among the rays of a block.
 typedef struct {
     Corners v;
     Axis x, y;
-    vf noise_x, noise_y;
     Edges edges;
 } Placed;
 
@@ -284,14 +239,9 @@ typedef struct {
 inline vi place_triangles(const Bundle *r, global const float *leaf, float z_far, Placed *p)
 {
     p->v = shear_corners(r, leaf);
-    const Axis x = {r->sx, r->tx, r->dx, r, p->v.x, p->v.z};
-    const Axis y = {r->sy, r->ty, r->dy, r, p->v.y, p->v.z};
-    p->x = x;
-    p->y = y;
-    p->noise_x = corner_noise(&x);
-    p->noise_y = corner_noise(&y);
-    const vi keep = ~(beside_rays(&x, p->noise_x) | beside_rays(&y, p->noise_y) |
-                      GT(least3(p->v.z), (vf)(z_far)));
+    p->x = make_axis(r, r->sx, r->tx, r->dx, p->v.x, p->v.z);
+    p->y = make_axis(r, r->sy, r->ty, r->dy, p->v.y, p->v.z);
+    const vi keep = ~(beside_rays(&p->x) | beside_rays(&p->y) | GT(least3(p->v.z), (vf)(z_far)));
     if (!row_any(keep)) return keep;
     p->edges = make_edges(&p->v, r);
     return keep & p->edges.meets;
@@ -304,7 +254,7 @@ inline void set_up_triangles(const Bundle *r, global const float *leaf, float z_
     out->keep = 0;
     vi keep = place_triangles(r, leaf, z_far, &p);
     if (!row_any(keep)) return;
-    const vi columns = samples_reached(&p.x, p.noise_x), rows = samples_reached(&p.y, p.noise_y);
+    const vi columns = samples_reached(&p.x), rows = samples_reached(&p.y);
     keep &= ~(EQ(columns, (vi)(0)) | EQ(rows, (vi)(0)));
     out->keep = row_bits(keep);
     if (!out->keep) return;
@@ -313,9 +263,8 @@ inline void set_up_triangles(const Bundle *r, global const float *leaf, float z_
     VSTORE(columns, out->columns);
     out->covers = row_bits(keep & p.edges.covers);
     out->edge_on = row_bits(keep & p.edges.edge_on);
-    for (int k = 0; k < 3; ++k)
-        store_forms(p.edges.edge + k, EDGE_TERMS, k * EDGE_TERMS, &out->coefficients);
-    plane_forms(&p.v, r, p.edges.flip, &out->coefficients);
+    for (int k = 0; k < 3; ++k) out->edge[k] = p.edges.edge[k];
+    plane_forms(&p.v, r, p.edges.flip, &out->over, &out->under);
 }
 
 #endif

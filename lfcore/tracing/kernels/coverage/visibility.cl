@@ -99,7 +99,7 @@ inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverag
         for (uint whole = t.keep & t.covers; whole; whole &= whole - 1) {
             const uint k = lowest(whole);
             if (has_holes(&tree->cut_outs, ids[k])) continue;
-            if (settle_cover(&t.coefficients, k, ids[k], c)) t.keep ^= 1u << k;
+            if (settle_cover(&t, k, ids[k], c)) t.keep ^= 1u << k;
         }
         for (uint keep = t.keep; keep; keep &= keep - 1) {
             const uint k = lowest(keep);

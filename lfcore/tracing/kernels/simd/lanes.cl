@@ -156,26 +156,36 @@ inline vf exp2_fast(vf x)
 typedef struct { vf x, y, z; } Vec;
 
 inline vf dot3(Vec a, Vec b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
-inline Vec scale3(Vec a, vf k) { const Vec r = {a.x * k, a.y * k, a.z * k}; return r; }
-inline Vec minus3(Vec a, Vec b) { const Vec r = {a.x - b.x, a.y - b.y, a.z - b.z}; return r; }
-inline Vec spread3(float3 a) { const Vec r = {(vf)(a.x), (vf)(a.y), (vf)(a.z)}; return r; }
+inline Vec scale3(Vec a, vf k) { return (Vec){a.x * k, a.y * k, a.z * k}; }
+inline Vec plus3(Vec a, Vec b) { return (Vec){a.x + b.x, a.y + b.y, a.z + b.z}; }
+inline Vec minus3(Vec a, Vec b) { return (Vec){a.x - b.x, a.y - b.y, a.z - b.z}; }
+inline Vec absolute3(Vec a) { return (Vec){fabs(a.x), fabs(a.y), fabs(a.z)}; }
+inline Vec spread3(float3 a) { return (Vec){(vf)(a.x), (vf)(a.y), (vf)(a.z)}; }
+inline Vec flip3(Vec a, vi sign)
+{
+    return (Vec){flip_sign(a.x, sign), flip_sign(a.y, sign), flip_sign(a.z, sign)};
+}
 inline Vec cross3(Vec a, Vec b)
 {
-    const Vec c = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-    return c;
+    return (Vec){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 inline Vec pick3(Vec a, Vec b, vi mask)
 {
-    const Vec r = {pick(a.x, b.x, mask), pick(a.y, b.y, mask), pick(a.z, b.z, mask)};
-    return r;
+    return (Vec){pick(a.x, b.x, mask), pick(a.y, b.y, mask), pick(a.z, b.z, mask)};
 }
+
+// Along one axis, corners p, q and r of LANES triangles.
+typedef struct { vf of[3]; } Triple;
+
+inline vf least3(Triple a) { return min(a.of[0], min(a.of[1], a.of[2])); }
+inline vf most3(Triple a) { return max(a.of[0], max(a.of[1], a.of[2])); }
+inline vf largest3(Triple a) { return max(fabs(least3(a)), fabs(most3(a))); }
 
 // Of three quantities of a block, (3, BLOCK_RAYS), the row that begins with ray `at`.
 inline Vec load3(global const float *from, int at)
 {
     from += at;
-    const Vec r = {VLOAD(from), VLOAD(from + BLOCK_RAYS), VLOAD(from + 2 * BLOCK_RAYS)};
-    return r;
+    return (Vec){VLOAD(from), VLOAD(from + BLOCK_RAYS), VLOAD(from + 2 * BLOCK_RAYS)};
 }
 inline void store3(Vec a, global float *to, int at)
 {

@@ -74,10 +74,16 @@ inline vi ray_meets(const Ray *r, global const float *boxes, int pitch, float t_
 
 // LANES triangles sheared onto a ray, and the mask of those that it passes through.
 typedef struct {
-    vf x[3], y[3], z[3];
+    Triple x, y, z;
     vd e[3], sum;
     vi mask;
 } Sheared;
+
+// The ray is the origin of x and y: outside a triangle's extent it is outside the triangle.
+inline vi hold_origin(Triple a)
+{
+    return LE(least3(a), (vf)(0.0f)) & GE(most3(a), (vf)(0.0f));
+}
 
 inline void shear_leaf(const Ray *r, global const float *leaf, Sheared *s)
 {
@@ -85,19 +91,16 @@ inline void shear_leaf(const Ray *r, global const float *leaf, Sheared *s)
     const float oz = axis(r->origin, r->kz);
     for (int k = 0; k < 3; ++k) {
         global const float *corner = leaf + 3 * k * NODE_WIDTH;
-        s->z[k] = VLOAD(corner + r->kz * NODE_WIDTH) - oz;
-        s->x[k] = fma(-s->z[k], (vf)(r->sx), VLOAD(corner + r->kx * NODE_WIDTH) - ox);
-        s->y[k] = fma(-s->z[k], (vf)(r->sy), VLOAD(corner + r->ky * NODE_WIDTH) - oy);
+        const vf z = VLOAD(corner + r->kz * NODE_WIDTH) - oz;
+        s->x.of[k] = fma(-z, (vf)(r->sx), VLOAD(corner + r->kx * NODE_WIDTH) - ox);
+        s->y.of[k] = fma(-z, (vf)(r->sy), VLOAD(corner + r->ky * NODE_WIDTH) - oy);
+        s->z.of[k] = z;
     }
-    // The ray is the origin of x and y: outside a triangle's extent it is outside the triangle.
-    s->mask = LE(min(s->x[0], min(s->x[1], s->x[2])), (vf)(0.0f)) &
-              GE(max(s->x[0], max(s->x[1], s->x[2])), (vf)(0.0f)) &
-              LE(min(s->y[0], min(s->y[1], s->y[2])), (vf)(0.0f)) &
-              GE(max(s->y[0], max(s->y[1], s->y[2])), (vf)(0.0f));
+    s->mask = hold_origin(s->x) & hold_origin(s->y);
     if (!row_any(s->mask)) return;
     for (int k = 0; k < 3; ++k) {
         const int a = (k + 1) % 3, b = (k + 2) % 3;
-        s->e[k] = TO_VD(s->x[a]) * TO_VD(s->y[b]) - TO_VD(s->y[a]) * TO_VD(s->x[b]);
+        s->e[k] = TO_VD(s->x.of[a]) * TO_VD(s->y.of[b]) - TO_VD(s->y.of[a]) * TO_VD(s->x.of[b]);
     }
     s->sum = s->e[0] + s->e[1] + s->e[2];
     const vd zero = 0;
@@ -108,7 +111,8 @@ inline void shear_leaf(const Ray *r, global const float *leaf, Sheared *s)
 
 inline vf sheared_time(const Ray *r, const Sheared *s)
 {
-    const vd sum = s->e[0] * TO_VD(s->z[0]) + s->e[1] * TO_VD(s->z[1]) + s->e[2] * TO_VD(s->z[2]);
+    vd sum = 0;
+    for (int k = 0; k < 3; ++k) sum += s->e[k] * TO_VD(s->z.of[k]);
     return TO_VF(sum / s->sum) * r->sz;
 }
 

@@ -87,21 +87,19 @@ inline vi shaft_meets(const Shaft *shaft, global const float *boxes, int pitch)
 // Mask of LANES triangles whose corners all lie beyond one face of the shaft.
 inline vi shaft_misses(const Shaft *shaft, global const float *leaf)
 {
-    vf v[3][3];
-    for (int k = 0; k < 3; ++k)
-        for (int axis = 0; axis < 3; ++axis) v[k][axis] = VLOAD(leaf + (3 * k + axis) * NODE_WIDTH);
+    Triple v[3];
     vi miss = 0;
     for (int axis = 0; axis < 3; ++axis) {
-        const vf least = min(v[0][axis], min(v[1][axis], v[2][axis]));
-        const vf most = max(v[0][axis], max(v[1][axis], v[2][axis]));
-        miss |= GT(least, (vf)(shaft->hi[axis])) | LT(most, (vf)(shaft->lo[axis]));
+        for (int k = 0; k < 3; ++k) v[axis].of[k] = VLOAD(leaf + (3 * k + axis) * NODE_WIDTH);
+        miss |= GT(least3(v[axis]), (vf)(shaft->hi[axis])) |
+                LT(most3(v[axis]), (vf)(shaft->lo[axis]));
     }
     for (int line = 0; line < 6; ++line) {
-        const int a = line / 2, b = (a + 1) % 3;
-        vf least = FAR;
-        for (int k = 0; k < 3; ++k)
-            least = min(least, fma(v[k][a], (vf)(shaft->na[line]), v[k][b] * shaft->nb[line]));
-        miss |= GT(least, (vf)(shaft->limit[line]));
+        const float na = shaft->na[line], nb = shaft->nb[line];
+        const Triple *a = v + line / 2, *b = v + (line / 2 + 1) % 3;
+        Triple beyond;
+        for (int k = 0; k < 3; ++k) beyond.of[k] = fma(a->of[k], (vf)(na), b->of[k] * nb);
+        miss |= GT(least3(beyond), (vf)(shaft->limit[line]));
     }
     return miss;
 }
