@@ -60,18 +60,11 @@ inline float2 seen_depths(const Coverage *c)
     return (float2)(row_min(low), row_max(high));
 }
 
-// Depths at the inner grid's corners, of the element at corner `outer` of the block's elements.
-inline float4 corner_depths(Form numerator, Form denominator, int outer)
+// A form without TWIST over the inner grid of one of the block's elements.
+inline Form element_form(Form f, float u, float v)
 {
-    const Rectangle all = {0.0f, 0.0f, HALF, HALF};
-    if (OUTER > 1) {
-        const float u = outer & 1 ? OUTER_HALF : -OUTER_HALF;
-        const float v = outer & 2 ? OUTER_HALF : -OUTER_HALF;
-        numerator.of[ONE] = fma(u, numerator.of[U], fma(v, numerator.of[V], numerator.of[ONE]));
-        denominator.of[ONE] = fma(u, denominator.of[U],
-                                  fma(v, denominator.of[V], denominator.of[ONE]));
-    }
-    return corner_values(numerator, all) / corner_values(denominator, all);
+    if (OUTER > 1) f.of[ONE] = fma(u, f.of[U], fma(v, f.of[V], f.of[ONE]));
+    return f;
 }
 
 // Sixteen roundings: a depth at a corner, and that of a ray beside it, are off by a few each.
@@ -83,12 +76,15 @@ inline float4 corner_depths(Form numerator, Form denominator, int outer)
 inline int settle_cover(const Triangles *t, uint lane, int id, Coverage *c)
 {
     if (c->cover == BUFFERED) return 0;
-    const Form numerator = form_of(&t->over, lane), denominator = form_of(&t->under, lane);
+    const Form numerator = form_of(t->depth, lane), denominator = form_of(t->depth + 1, lane);
+    const Rectangle grid = {0.0f, 0.0f, HALF, HALF};
     float least = FAR, most = -FAR;
     for (int k = 0; k < (OUTER > 1 ? 4 : 1); ++k) {
-        const float4 z = corner_depths(numerator, denominator, k);
-        least = min(least, least_of(z));
-        most = max(most, most_of(z));
+        const float u = k & 1 ? OUTER_HALF : -OUTER_HALF, v = k & 2 ? OUTER_HALF : -OUTER_HALF;
+        const float2 z = quotient_range(element_form(numerator, u, v),
+                                        element_form(denominator, u, v), grid);
+        least = min(least, z.x);
+        most = max(most, z.y);
     }
     const float near = least * (1.0f - DEPTH_SLACK), far = most * (1.0f + DEPTH_SLACK);
     if (!(near > 0.0f)) return 0;
@@ -112,104 +108,80 @@ inline vi is_nearer(vf z, int id, vf old_z, vi old_id)
 }
 
 // Which of a row of rays a triangle meets, of edges e, the numerator and denominator of depth.
-inline vi meet(vf e0, vf e1, vf e2, vf over, vf under, int covers, int edge_on, vf *depth)
+inline vi meet(const Triangles *t, uint lane, vf *e, vf *depth)
 {
-    if (edge_on) {
-        const vi sign = AS_VI(under) & (vi)(0x80000000);
-        e0 = flip_sign(e0, sign);
-        e1 = flip_sign(e1, sign);
-        e2 = flip_sign(e2, sign);
-        under = flip_sign(under, sign);
-        over = flip_sign(over, sign);
+    if (t->edge_on >> lane & 1) {
+        const vi sign = AS_VI(e[4]) & (vi)(0x80000000);
+        for (int k = 0; k < 5; ++k) e[k] = flip_sign(e[k], sign);
     }
-    *depth = over * reciprocal(under);
-    if (covers) return -1;
-    return GE(min(e0, min(e1, e2)), (vf)(0.0f)) & GT(under, (vf)(0.0f));
+    *depth = e[3] * reciprocal(e[4]);
+    if (t->covers >> lane & 1) return -1;
+    return GE(min(e[0], min(e[1], e[2])), (vf)(0.0f)) & GT(e[4], (vf)(0.0f));
 }
 
-// Forms of one triangle along each of the block's rows: base + x along + u across.
+// Forms of one triangle along each of the block's rows.
 typedef struct {
-    float base[5][BLOCK];                       // three edges, numerator and denominator
-    float along[3][BLOCK], across[3][BLOCK];    // of the edges
-    float x[2], u[2];                           // of the other two, the same in all rows
-} RowForms;
+    float base[5][BLOCK];                     // three edges, numerator and denominator
+    float along[3][BLOCK], across[3][BLOCK];  // of the edges
+    Form depth[2];                            // of the other two, the same in all rows
+} TriangleRows;
 
-// Returns the rows in which no edge excludes every ray, rounding allowed for.
-inline uint make_row_forms(const Triangles *t, uint lane, uint wanted, RowForms *f)
+// Returns the rows that the triangle can touch and no edge excludes, rounding allowed for.
+inline uint make_rows(const Triangles *t, uint lane, TriangleRows *f)
 {
+    const uint wanted = t->rows[lane];
     uint rows = 0;
+    for (int k = 0; k < 2; ++k) f->depth[k] = form_of(t->depth + k, lane);
     for (int first = 0; first < BLOCK; first += LANES) {
         if (!(wanted >> first & ((1u << LANES) - 1u))) continue;
         const Row at = row_at(first);  // the places of rows along y are those of columns along x
         vi meets = -1;
         for (int k = 0; k < 3; ++k) {
-            const Form e = form_of(t->edge + k, lane);
-            vf base = fma(at.x, (vf)(e.of[Y]), (vf)(e.of[ONE])), along = e.of[X];
-            vf most = fabs(along) * HALF;
-            if (OUTER > 1) {
-                base = fma(at.u, (vf)(e.of[V]), base);
-                along = fma(-at.u, (vf)(e.of[TWIST]), along);
-                const vf across = fma(at.x, (vf)(e.of[TWIST]), (vf)(e.of[U]));
-                VSTORE(across, f->across[k] + first);
-                most = fma(fabs(along), (vf)(HALF), fabs(across) * OUTER_HALF);
-            }
-            VSTORE(base, f->base[k] + first);
-            VSTORE(along, f->along[k] + first);
-            const vf slack = FRUSTUM_SLACK * (most + fabs(base));
-            meets &= GE(base + most + slack, (vf)(0.0f));
+            const RowForms e = along_rows(form_of(t->edge + k, lane), at.x, at.u);
+            VSTORE(e.base, f->base[k] + first);
+            VSTORE(e.along, f->along[k] + first);
+            if (OUTER > 1) VSTORE(e.across, f->across[k] + first);
+            const vf most = add_places(HALF, OUTER_HALF, 0.0f, fabs(e.along), fabs(e.across));
+            const vf slack = FRUSTUM_SLACK * (most + fabs(e.base));
+            meets &= GE(e.base + most + slack, (vf)(0.0f));
         }
         rows |= row_bits(meets) << first;
         for (int k = 0; k < 2; ++k) {
-            const Form p = form_of(k ? &t->under : &t->over, lane);
-            vf base = fma(at.x, (vf)(p.of[Y]), (vf)(p.of[ONE]));
-            if (OUTER > 1) base = fma(at.u, (vf)(p.of[V]), base);
-            VSTORE(base, f->base[3 + k] + first);
-            f->x[k] = p.of[X];
-            f->u[k] = OUTER > 1 ? p.of[U] : 0.0f;
+            const Form p = f->depth[k];
+            VSTORE(add_places(at.x, at.u, p.of[ONE], p.of[Y], p.of[V]), f->base[3 + k] + first);
         }
     }
-    return rows;
+    return t->edge_on >> lane & 1 ? wanted : wanted & rows;
 }
 
-inline vf edge_along(const RowForms *f, int k, int row, Row at)
+// What the triangle's forms are at a row of rays.
+inline void evaluate_rows(const TriangleRows *f, int row, Row at, vf *e)
 {
-    return add_places(at, (vf)(f->base[k][row]), (vf)(f->along[k][row]), (vf)(f->across[k][row]));
-}
-inline vf plane_along(const RowForms *f, int k, int row, Row at)
-{
-    return add_places(at, (vf)(f->base[3 + k][row]), (vf)(f->x[k]), (vf)(f->u[k]));
+    for (int k = 0; k < 3; ++k)
+        e[k] = add_places(at.x, at.u, f->base[k][row], f->along[k][row], f->across[k][row]);
+    for (int k = 0; k < 2; ++k)
+        e[3 + k] = add_places(at.x, at.u, f->base[3 + k][row], f->depth[k].of[X],
+                              f->depth[k].of[U]);
 }
 
 // A triangle that can touch no more than LANES rays: all of them at once, wherever in the block
 // they are.
-inline int hit_few(const Triangles *t, uint lane, int covers, int edge_on, int id,
-                   const Coverage *to)
+inline int hit_few(const Triangles *t, uint lane, int id, const Coverage *to)
 {
     private int place[LANES];
     private float found[LANES];
-    int count = 0;
+    int count = 0, changed = 0;
     for (int k = 0; k < LANES; ++k) place[k] = 0;
     for (uint rows = t->rows[lane]; rows; rows &= rows - 1)
         for (uint columns = t->columns[lane]; columns; columns &= columns - 1)
             place[count++] = lowest(rows) * BLOCK + lowest(columns);
-    const vi at = VLOAD(place), column = at & (BLOCK - 1), row = at / BLOCK;
-    const vf x = TO_VF(column & (INNER - 1)) - HALF, u = TO_VF(column / INNER) - OUTER_HALF;
-    const vf y = TO_VF(row & (INNER - 1)) - HALF, v = TO_VF(row / INNER) - OUTER_HALF;
+    const vi column = VLOAD(place) & (BLOCK - 1), row = VLOAD(place) / BLOCK;
+    const Row rays = {TO_VF(column & (INNER - 1)) - HALF, TO_VF(row & (INNER - 1)) - HALF,
+                      TO_VF(column / INNER) - OUTER_HALF, TO_VF(row / INNER) - OUTER_HALF};
     vf e[5], depth;
-    for (int k = 0; k < 5; ++k) {
-        const Form f = form_of(k < 3 ? t->edge + k : k == 3 ? &t->over : &t->under, lane);
-        vf base = fma(y, (vf)(f.of[Y]), (vf)(f.of[ONE])), along = f.of[X];
-        if (OUTER > 1) {
-            base = fma(v, (vf)(f.of[V]), base);
-            if (k < 3) along = fma(-v, (vf)(f.of[TWIST]), along);
-        }
-        e[k] = fma(x, along, base);
-        if (OUTER == 1) continue;
-        const vf across = k < 3 ? fma(y, (vf)(f.of[TWIST]), (vf)(f.of[U])) : (vf)(f.of[U]);
-        e[k] = fma(u, across, e[k]);
-    }
-    const vi mask = meet(e[0], e[1], e[2], e[3], e[4], covers, edge_on, &depth);
-    int changed = 0;
+    for (int k = 0; k < 3; ++k) e[k] = edge_row(form_of(t->edge + k, lane), rays);
+    for (int k = 0; k < 2; ++k) e[3 + k] = plane_row(form_of(t->depth + k, lane), rays);
+    const vi mask = meet(t, lane, e, &depth);
     VSTORE(depth, found);
     for (uint bits = row_bits(mask) & ((1u << count) - 1u); bits; bits &= bits - 1) {
         const uint k = lowest(bits);
@@ -227,25 +199,19 @@ inline int hit_few(const Triangles *t, uint lane, int covers, int edge_on, int i
 inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *rays,
                         const CutOuts *cut_outs, const Coverage *to)
 {
-    uint rows = t->rows[lane];
     const uint columns = t->columns[lane];
-    const int covers = t->covers >> lane & 1, edge_on = t->edge_on >> lane & 1;
     const int holes = has_holes(cut_outs, id);
-    if (!holes && popcount(rows) * popcount(columns) <= LANES)
-        return hit_few(t, lane, covers, edge_on, id, to);
-    RowForms f;
-    const uint open = make_row_forms(t, lane, rows, &f);
-    if (!edge_on) rows &= open;
+    if (!holes && popcount(t->rows[lane]) * popcount(columns) <= LANES)
+        return hit_few(t, lane, id, to);
+    TriangleRows f;
     int changed = 0;
-    for (; rows; rows &= rows - 1) {
+    for (uint rows = make_rows(t, lane, &f); rows; rows &= rows - 1) {
         const int row = lowest(rows);
         for (int column = 0; column < BLOCK; column += LANES) {
             if (!(columns >> column & ((1u << LANES) - 1u))) continue;
-            const Row place = row_at(column);
-            vf depth;
-            vi mask = meet(edge_along(&f, 0, row, place), edge_along(&f, 1, row, place),
-                           edge_along(&f, 2, row, place), plane_along(&f, 0, row, place),
-                           plane_along(&f, 1, row, place), covers, edge_on, &depth);
+            vf e[5], depth;
+            evaluate_rows(&f, row, row_at(column), e);
+            vi mask = meet(t, lane, e, &depth);
             global float *z = to->z + row * BLOCK + column;
             global int *ids = to->ids + row * BLOCK + column;
             const vf old_z = VLOAD(z);

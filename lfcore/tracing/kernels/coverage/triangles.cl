@@ -217,7 +217,7 @@ typedef struct {
     int rows[LANES];       // rows that each can touch, a bit each
     int columns[LANES];    // and columns
     Forms edge[3];         // opposite p, q and r, signed so that n . D > 0 unless edge-on
-    Forms over, under;     // depth's numerator and denominator, signed alike
+    Forms depth[2];        // its numerator and denominator, signed alike
 } Triangles;
 
 // The form of one of LANES triangles.
@@ -264,7 +264,7 @@ inline void set_up_triangles(const Bundle *r, global const float *leaf, float z_
     out->covers = row_bits(keep & p.edges.covers);
     out->edge_on = row_bits(keep & p.edges.edge_on);
     for (int k = 0; k < 3; ++k) out->edge[k] = p.edges.edge[k];
-    plane_forms(&p.v, r, p.edges.flip, &out->over, &out->under);
+    plane_forms(&p.v, r, p.edges.flip, out->depth, out->depth + 1);
 }
 
 #endif

@@ -33,12 +33,7 @@ typedef struct {
 } Bundle;
 
 // Places of a row of LANES rays: x, y on the inner grid, u, v among the elements.
-typedef struct {
-    vf x;
-    float y;
-    vf u;
-    float v;
-} Row;
+typedef struct { vf x, y, u, v; } Row;
 
 // The row that begins with ray `at`, a multiple of LANES.
 inline Row row_at(int at)
@@ -52,58 +47,52 @@ inline Row row_at(int at)
     return r;
 }
 
-// base + x along + u across, of which blocks of one element have no u.
-inline vf add_places(Row at, vf base, vf along, vf across)
+// base + inner along + outer across, of which blocks of one element have no outer places.
+inline vf add_places(vf inner, vf outer, vf base, vf along, vf across)
 {
-    const vf inner = fma(at.x, along, base);
-    return OUTER > 1 ? fma(at.u, across, inner) : inner;
+    const vf sum = fma(inner, along, base);
+    return OUTER > 1 ? fma(outer, across, sum) : sum;
 }
 
-inline vf row_ox(const Bundle *r, Row at)
-{
-    return add_places(at, (vf)(r->ox), (vf)(r->sx), (vf)(r->a));
-}
-inline vf row_dx(const Bundle *r, Row at)
-{
-    return add_places(at, (vf)(r->dx), (vf)(r->tx), (vf)(r->b));
-}
-inline float row_oy(const Bundle *r, Row at)
-{
-    const float inner = fma(at.y, r->sy, r->oy);
-    return OUTER > 1 ? fma(at.v, r->a, inner) : inner;
-}
-inline float row_dy(const Bundle *r, Row at)
-{
-    const float inner = fma(at.y, r->ty, r->dy);
-    return OUTER > 1 ? fma(at.v, r->b, inner) : inner;
-}
+// Origins and directions of a row of rays.
+inline vf row_ox(const Bundle *r, Row at) { return add_places(at.x, at.u, r->ox, r->sx, r->a); }
+inline vf row_oy(const Bundle *r, Row at) { return add_places(at.y, at.v, r->oy, r->sy, r->a); }
+inline vf row_dx(const Bundle *r, Row at) { return add_places(at.x, at.u, r->dx, r->tx, r->b); }
+inline vf row_dy(const Bundle *r, Row at) { return add_places(at.y, at.v, r->dy, r->ty, r->b); }
 
 // Terms of a form over a block: 1, x, y, and for several elements u, v and y u - x v.
 // Only edge functions have the last: D . (O x W) multiplies a step of the origin by one of the
-// direction.
-enum { ONE, X, Y, U, V, TWIST };
+// direction.  Without u and v their numbers stand for any term: nothing is made of it.
+enum { ONE, X, Y, U = OUTER > 1 ? 3 : 0, V = OUTER > 1 ? 4 : 0, TWIST = OUTER > 1 ? 5 : 0 };
 #define EDGE_TERMS (OUTER > 1 ? 6 : 3)
-#define PLANE_TERMS (OUTER > 1 ? 5 : 3)
-typedef struct { float of[OUTER > 1 ? 6 : 3]; } Form;
+typedef struct { float of[EDGE_TERMS]; } Form;
 
 // One form for each of LANES triangles.
-typedef struct { vf of[OUTER > 1 ? 6 : 3]; } Forms;
+typedef struct { vf of[EDGE_TERMS]; } Forms;
 
-// Values of a form without TWIST at a row of rays.
-inline vf plane_row(Form f, Row at)
+// Forms along the rows at LANES places y and v: base + x along + u across.
+typedef struct { vf base, along, across; } RowForms;
+
+inline RowForms along_rows(Form f, vf y, vf v)
 {
-    float base = fma(at.y, f.of[Y], f.of[ONE]);
-    if (OUTER > 1) base = fma(at.v, f.of[V], base);
-    return add_places(at, (vf)(base), (vf)(f.of[X]), (vf)(OUTER > 1 ? f.of[U] : 0.0f));
+    RowForms r = {add_places(y, v, f.of[ONE], f.of[Y], f.of[V]), f.of[X], f.of[U]};
+    if (OUTER > 1) {
+        r.along = fma(-v, (vf)(f.of[TWIST]), r.along);
+        r.across = fma(y, (vf)(f.of[TWIST]), r.across);
+    }
+    return r;
 }
 
-// Values of any form at a row of rays.
+// Values of any form at a row of rays, and of one without TWIST.
 inline vf edge_row(Form f, Row at)
 {
-    if (OUTER == 1) return plane_row(f, at);
-    const float base = fma(at.v, f.of[V], fma(at.y, f.of[Y], f.of[ONE]));
-    const float along = fma(-at.v, f.of[TWIST], f.of[X]), across = fma(at.y, f.of[TWIST], f.of[U]);
-    return add_places(at, (vf)(base), (vf)(along), (vf)(across));
+    const RowForms r = along_rows(f, at.y, at.v);
+    return add_places(at.x, at.u, r.base, r.along, r.across);
+}
+inline vf plane_row(Form f, Row at)
+{
+    const vf base = add_places(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
+    return add_places(at.x, at.u, base, f.of[X], f.of[U]);
 }
 
 // The quotient of two forms without TWIST: depth is one.
@@ -132,9 +121,8 @@ typedef struct { float x, y, wide, high; } Rectangle;
 
 inline Rectangle rectangle_of(float left, float right, float top, float bottom)
 {
-    const Rectangle r = {0.5f * (left + right) - HALF, 0.5f * (top + bottom) - HALF,
-                         0.5f * (right - left), 0.5f * (bottom - top)};
-    return r;
+    return (Rectangle){0.5f * (left + right) - HALF, 0.5f * (top + bottom) - HALF,
+                       0.5f * (right - left), 0.5f * (bottom - top)};
 }
 
 // The four corners of a rectangle.
