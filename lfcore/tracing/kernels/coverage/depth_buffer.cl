@@ -111,7 +111,7 @@ inline vi is_nearer(vf z, int id, vf old_z, vi old_id)
 inline vi meet(const Triangles *t, uint lane, vf *e, vf *depth)
 {
     if (t->edge_on >> lane & 1) {
-        const vi sign = AS_VI(e[4]) & (vi)(0x80000000);
+        const vi sign = sign_of(e[4]);
         for (int k = 0; k < 5; ++k) e[k] = flip_sign(e[k], sign);
     }
     *depth = e[3] * reciprocal(e[4]);

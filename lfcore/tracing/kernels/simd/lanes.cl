@@ -54,7 +54,8 @@ typedef WIDE(uint) vu;
 inline vf pick(vf a, vf b, vi mask) { return AS_VF((AS_VI(a) & ~mask) | (AS_VI(b) & mask)); }
 inline vi pick_int(vi a, vi b, vi mask) { return (a & ~mask) | (b & mask); }
 
-// The sign bit turned where `sign` has it
+// The sign bit, and numbers whose own is turned where `sign` has it
+inline vi sign_of(vf a) { return AS_VI(a) & (vi)(0x80000000); }
 inline vf flip_sign(vf a, vi sign) { return AS_VF(AS_VI(a) ^ sign); }
 
 #define NUMBERS1 0
@@ -157,6 +158,10 @@ typedef struct { vf x, y, z; } Vec;
 
 inline vf dot3(Vec a, Vec b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
 inline Vec scale3(Vec a, vf k) { return (Vec){a.x * k, a.y * k, a.z * k}; }
+inline Vec fma3(Vec a, vf k, Vec b)
+{
+    return (Vec){fma(a.x, k, b.x), fma(a.y, k, b.y), fma(a.z, k, b.z)};
+}
 inline Vec plus3(Vec a, Vec b) { return (Vec){a.x + b.x, a.y + b.y, a.z + b.z}; }
 inline Vec minus3(Vec a, Vec b) { return (Vec){a.x - b.x, a.y - b.y, a.z - b.z}; }
 inline Vec absolute3(Vec a) { return (Vec){fabs(a.x), fabs(a.y), fabs(a.z)}; }

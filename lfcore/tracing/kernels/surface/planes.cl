@@ -60,30 +60,31 @@ inline float8 corner_slots(global const float *attributes, int k)
     return a;
 }
 
-// The mip level whose texels are about as large as a pixel's footprint at the block's centre.  The
-// footprint covers z^2 pixel^2 |D| / cos of the surface, and n . D, the sum of the weights, is
-// twice the triangle's area times that cosine times |D|: area and cosine need not be known apart.
-inline int choose_level(const Scene *s, int texture, global const float *uv, float weights,
-                        float footprint)
+// What u and v gain along a triangle's edges from its first corner: of one, then of the other.
+inline float4 coordinate_edges(const Scene *s, int triangle)
 {
+    global const float *uv = attributes_of(s, triangle) + 9 * SMOOTH;
+    return (float4)(uv[2] - uv[0], uv[3] - uv[1], uv[4] - uv[0], uv[5] - uv[1]);
+}
+
+// A triangle's shading key: its material, and the mip level whose texels are about as large as a
+// pixel's footprint at the block's centre.  The footprint covers z^2 pixel^2 |D| / cos of the
+// surface, and n . D, the sum of the weights, is twice the triangle's area times that cosine times
+// |D|: area and cosine need not be known apart.
+inline int choose_key(const Scene *s, int triangle, float weights, float footprint)
+{
+    const int material = s->material_ids[triangle];
+    const int texture = leading_map(s->materials + material * MATERIAL);
+    if (texture < 0) return material * MIP_LEVELS;
     const int4 finest = s->images[texture * MIP_LEVELS];
-    const float twice = fabs((uv[2] - uv[0]) * (uv[5] - uv[1]) - (uv[4] - uv[0]) * (uv[3] - uv[1]));
+    const float4 edges = coordinate_edges(s, triangle);
+    const float twice = fabs(edges.x * edges.w - edges.z * edges.y);
     const float area = twice * finest.y * finest.z * footprint * footprint;
     const float texels = area / max(fabs(weights), NOTHING_LEFT);
     // Half the logarithm to base 2, rounded, from the exponent: a call of a logarithm would spill
     // every vector register.
     const int level = texels > 2.0f ? ((as_int(2.0f * texels) >> 23) - 127) >> 1 : 0;
-    return min(level, finest.w - 1);
-}
-
-inline int choose_key(const Scene *s, int triangle, float weights, float footprint)
-{
-    const int material = s->material_ids[triangle];
-    const int key = material * MIP_LEVELS;
-    const int texture = leading_map(s->materials + material * MATERIAL);
-    if (texture < 0) return key;
-    global const float *uv = attributes_of(s, triangle) + 9 * SMOOTH;
-    return key + choose_level(s, texture, uv, weights, footprint);
+    return material * MIP_LEVELS + min(level, finest.w - 1);
 }
 
 // Where u and v grow on a triangle of edges a and b from its first corner; `towards` is its normal
@@ -95,11 +96,10 @@ inline void set_up_tangent(const Scene *s, int triangle, float3 a, float3 b, flo
     float3 along = 0.0f;
     float sign = 1.0f;
     if (TEXTURED) {
-        global const float *uv = attributes_of(s, triangle) + 9 * SMOOTH;
-        const float au = uv[2] - uv[0], av = uv[3] - uv[1], bu = uv[4] - uv[0], bv = uv[5] - uv[1];
-        const float turn = au * bv - bu * av < 0.0f ? -1.0f : 1.0f;
-        along = direction_of(turn * (bv * a - av * b));
-        const float3 up = turn * (au * b - bu * a);
+        const float4 e = coordinate_edges(s, triangle);
+        const float turn = e.x * e.w - e.z * e.y < 0.0f ? -1.0f : 1.0f;
+        along = direction_of(turn * (e.w * a - e.y * b));
+        const float3 up = turn * (e.x * b - e.z * a);
         sign = inner_product(cross_product(towards, along), up) < 0.0f ? -1.0f : 1.0f;
     }
     vstore3(along, 0, out->tangent);

@@ -18,10 +18,9 @@ typedef struct {
 inline Samples make_samples(global uint *memory)
 {
     global float *at = (global float *)memory;
-    const Samples s = {at, at + 3 * BLOCK_RAYS, at + 6 * BLOCK_RAYS, at + 8 * BLOCK_RAYS,
-                       at + 13 * BLOCK_RAYS, (global int *)(at + 11 * BLOCK_RAYS),
-                       (global int *)(at + 12 * BLOCK_RAYS)};
-    return s;
+    return (Samples){at, at + 3 * BLOCK_RAYS, at + 6 * BLOCK_RAYS, at + 8 * BLOCK_RAYS,
+                     at + 13 * BLOCK_RAYS, (global int *)(at + 11 * BLOCK_RAYS),
+                     (global int *)(at + 12 * BLOCK_RAYS)};
 }
 
 inline Vec direction_row(const Bundle *r, Row row)
@@ -38,9 +37,8 @@ typedef struct {
 
 inline Vec slots_row(global const PlaneEquations *p, int first, Row at)
 {
-    const Vec v = {edge_row(slot_form(p, first), at), edge_row(slot_form(p, first + 1), at),
-                   edge_row(slot_form(p, first + 2), at)};
-    return v;
+    return (Vec){edge_row(slot_form(p, first), at), edge_row(slot_form(p, first + 1), at),
+                 edge_row(slot_form(p, first + 2), at)};
 }
 
 // Seen from behind, where the sum of the weights is positive, a flat triangle has its tangent
@@ -49,13 +47,9 @@ inline Vec slots_row(global const PlaneEquations *p, int first, Row at)
 inline void interpolate_tangent(global const PlaneEquations *p, Row at, vf denominator,
                                 SampleRow *s)
 {
-    const vi sign = AS_VI(plane_row(p->weights, at)) & (vi)(0x80000000);
-    const vi behind = SMOOTH ? sign : sign ^ (vi)(0x80000000);
-    s->tangent.x = flip_sign((vf)(p->tangent[0]), behind);
-    s->tangent.y = flip_sign((vf)(p->tangent[1]), behind);
-    s->tangent.z = flip_sign((vf)(p->tangent[2]), behind);
-    const vf across = p->tangent[TANGENT_WORDS - 1];
-    s->across = flip_sign(across, AS_VI(denominator) & (vi)(0x80000000));
+    const vf weights = plane_row(p->weights, at);
+    s->tangent = flip3(spread3(vload3(0, p->tangent)), sign_of(SMOOTH ? weights : -weights));
+    s->across = flip_sign(p->tangent[TANGENT_WORDS - 1], sign_of(denominator));
 }
 
 inline SampleRow interpolate(global const PlaneEquations *p, Row at)
@@ -63,15 +57,9 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at)
     SampleRow s;
     const vf denominator = plane_row(p->denominator, at);
     s.depth = plane_row(p->numerator, at) * reciprocal(denominator);
-    if (SMOOTH) {
-        s.normal = slots_row(p, NORMAL, at);
-    } else {
-        // Some rays of a block may see the triangle's other side.
-        const vi back = AS_VI(denominator) & (vi)(0x80000000);
-        s.normal.x = flip_sign((vf)(p->normal[0]), back);
-        s.normal.y = flip_sign((vf)(p->normal[1]), back);
-        s.normal.z = flip_sign((vf)(p->normal[2]), back);
-    }
+    // Some rays of a block may see a flat triangle's other side.
+    if (SMOOTH) s.normal = slots_row(p, NORMAL, at);
+    else s.normal = flip3(spread3(vload3(0, p->normal)), sign_of(denominator));
     if (PHYSICAL) interpolate_tangent(p, at, denominator, &s);
     if (!TEXTURED && !VERTEX_COLOURS) return s;
     const vf inverse = reciprocal(plane_row(p->weights, at));
@@ -79,12 +67,8 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at)
         s.u = edge_row(slot_form(p, COORDINATES), at) * inverse;
         s.v = edge_row(slot_form(p, COORDINATES + 1), at) * inverse;
     }
-    if (VERTEX_COLOURS) {
-        const Vec rise = slots_row(p, TINT, at);
-        s.tint.x = fma(rise.x, inverse, (vf)(p->first[0]));
-        s.tint.y = fma(rise.y, inverse, (vf)(p->first[1]));
-        s.tint.z = fma(rise.z, inverse, (vf)(p->first[2]));
-    }
+    if (VERTEX_COLOURS)
+        s.tint = fma3(slots_row(p, TINT, at), inverse, spread3(vload3(0, p->first)));
     return s;
 }
 
@@ -102,15 +86,10 @@ inline void merge_rows(SampleRow *a, SampleRow b, vi mask)
     a->v = pick(a->v, b.v, mask);
 }
 
-// The sign bit where a normal points away from the viewer, and vectors turned by it.
+// The sign bit where a normal points away from the viewer.
 inline vi turned_away_from(Vec n, Vec direction)
 {
     return GT(dot3(n, direction), (vf)(0.0f)) & (vi)(0x80000000);
-}
-inline Vec turn_vectors(Vec n, vi away)
-{
-    const Vec turned = {flip_sign(n.x, away), flip_sign(n.y, away), flip_sign(n.z, away)};
-    return turned;
 }
 
 // Of unit length and, where it was interpolated, turned to the viewer.
@@ -118,7 +97,7 @@ inline Vec viewed_normal(Vec n, Vec direction)
 {
     if (!SMOOTH) return n;
     n = scale3(n, inverse_sqrt(max(dot3(n, n), (vf)(LEAST_LENGTH))));
-    return turn_vectors(n, turned_away_from(n, direction));
+    return flip3(n, turned_away_from(n, direction));
 }
 
 // One block on its way from regions to colours.
@@ -172,7 +151,7 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
         if (VERTEX_COLOURS) store3(s.tint, out->tint, at);
         if (PHYSICAL) {
             const vi away = SMOOTH ? turned_away_from(s.normal, direction) : (vi)(0);
-            store3(turn_vectors(s.tangent, away), out->tangent, at);
+            store3(flip3(s.tangent, away), out->tangent, at);
             VSTORE(s.across, out->tangent + 3 * BLOCK_RAYS + at);
         }
         if (!TEXTURED) continue;
