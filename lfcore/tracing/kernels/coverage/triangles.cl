@@ -33,111 +33,6 @@ inline Vec corner_of(const Corners *c, int k)
     return (Vec){c->x.of[k], c->y.of[k], c->z.of[k]};
 }
 
-// The bounds of rounding errors below, in roundings of the terms that enter: sum, difference,
-// product and their difference are four of each term, evaluation at a ray two more, or four with u
-// and v.
-#define EDGE_NOISE ((OUTER > 1 ? 8.06f : 6.05f) * ROUNDING)
-
-// Twice the edge function from p to q: P x Q = (P + Q) x (Q - P) / 2.  The difference of two
-// corners that are near each other is exact, so the error scales with the triangle's edge, and not
-// with the distance to the block's centre as that of P x Q does; swapping P and Q negates it to the
-// last bit all the same.  `noise` receives a bound of its error anywhere in the block.
-inline Forms edge_forms(Vec p, Vec q, const Bundle *r, vf *noise)
-{
-    const Vec sum = plus3(p, q), d = minus3(q, p), c = cross3(sum, d);
-    Forms e;
-    e.of[ONE] = c.z;
-    e.of[X] = fma(c.x, (vf)(r->tx), -2.0f * d.y * r->sx);
-    e.of[Y] = fma(c.y, (vf)(r->ty), 2.0f * d.x * r->sy);
-    const Vec m = absolute3(sum), l = absolute3(d);
-    const vf kx = fma(m.y, l.z, m.z * l.y), ky = fma(m.z, l.x, m.x * l.z);
-    const vf wide = fma(kx, (vf)(fabs(r->tx)), 2.0f * l.y * fabs(r->sx)) +
-                    fma(ky, (vf)(fabs(r->ty)), 2.0f * l.x * fabs(r->sy));
-    vf most = fma((vf)(HALF), wide, fma(m.x, l.y, m.y * l.x));
-    if (OUTER > 1) {
-        e.of[U] = fma(c.x, (vf)(r->b), -2.0f * d.y * r->a);
-        e.of[V] = fma(c.y, (vf)(r->b), 2.0f * d.x * r->a);
-        e.of[TWIST] = d.z * (-2.0f * (r->sx * r->b - r->a * r->tx));
-        const vf outer = fma(kx + ky, (vf)(fabs(r->b)), 2.0f * (l.x + l.y) * fabs(r->a));
-        const float steps = fabs(r->sx * r->b) + fabs(r->a * r->tx);
-        const vf twist = l.z * (4.0f * HALF * OUTER_HALF * steps);
-        most += fma((vf)(OUTER_HALF), outer, twist);
-    }
-    *noise = EDGE_NOISE * most;
-    return e;
-}
-
-// What a form varies by within the block, at most.
-inline vf form_spread(Forms e)
-{
-    vf wide = HALF * (fabs(e.of[X]) + fabs(e.of[Y]));
-    if (OUTER > 1)
-        wide += OUTER_HALF * (fabs(e.of[U]) + fabs(e.of[V])) +
-                2.0f * HALF * OUTER_HALF * fabs(e.of[TWIST]);
-    return wide;
-}
-
-// The edges of LANES triangles opposite p, q and r, and how they lie to all the rays of the block.
-typedef struct {
-    Forms edge[3];
-    vi meets;    // some ray may meet it
-    vi covers;   // every ray does
-    vi edge_on;  // some ray sees it edge-on: the sign of n . D changes
-    vi flip;     // sign bit of those that were seen from behind
-} Edges;
-
-// Edges signed so that n . D > 0 unless the triangle is seen edge-on, and then widened by their
-// noise.
-inline Edges make_edges(const Corners *v, const Bundle *r)
-{
-    const Vec p = corner_of(v, 0), q = corner_of(v, 1), w = corner_of(v, 2);
-    Edges e;
-    vf noise[3];
-    e.edge[0] = edge_forms(q, w, r, noise);
-    e.edge[1] = edge_forms(w, p, r, noise + 1);
-    e.edge[2] = edge_forms(p, q, r, noise + 2);
-    Forms sum;  // n . D
-    for (int k = 0; k < EDGE_TERMS; ++k)
-        sum.of[k] = e.edge[0].of[k] + e.edge[1].of[k] + e.edge[2].of[k];
-    if (OUTER > 1) sum.of[TWIST] = 0.0f;  // the three differences of depth cancel
-    const vf middle = sum.of[ONE], wide = form_spread(sum);
-    const vi flat = EQ(middle, (vf)(0.0f)) & EQ(wide, (vf)(0.0f));
-    e.edge_on = LE(fabs(middle), wide * BOUND_SLACK);
-    e.flip = LT(middle, (vf)(0.0f)) & ~e.edge_on & (vi)(0x80000000);
-    vi outside = 0;
-    e.covers = ~e.edge_on;
-    for (int k = 0; k < 3; ++k) {
-        for (int term = 0; term < EDGE_TERMS; ++term)
-            e.edge[k].of[term] = flip_sign(e.edge[k].of[term], e.flip);
-        e.edge[k].of[ONE] += pick((vf)(0.0f), noise[k], ~e.edge_on);
-        const vf c = e.edge[k].of[ONE], spread = form_spread(e.edge[k]) * BOUND_SLACK;
-        outside |= LT(c + spread, (vf)(-NOTHING_LEFT));
-        e.covers &= GE(c, spread + NOTHING_LEFT);
-    }
-    e.meets = ~(flat | (outside & ~e.edge_on));
-    return e;
-}
-
-// Depth from the plane n . X = n . P: n is made of edges, so its error scales with the triangle and
-// not with its distance, as that of the weighted mean of corners does.
-inline void plane_forms(const Corners *v, const Bundle *r, vi flip, Forms *over, Forms *under)
-{
-    const Vec p = corner_of(v, 0), a = minus3(corner_of(v, 1), p), b = minus3(corner_of(v, 2), p);
-    const Vec n = flip3(cross3(a, b), flip);
-    over->of[ONE] = dot3(n, p);
-    over->of[X] = -n.x * r->sx;
-    over->of[Y] = -n.y * r->sy;
-    under->of[ONE] = n.z;
-    under->of[X] = n.x * r->tx;
-    under->of[Y] = n.y * r->ty;
-    if (OUTER > 1) {
-        over->of[U] = -n.x * r->a;
-        over->of[V] = -n.y * r->a;
-        under->of[U] = n.x * r->b;
-        under->of[V] = n.y * r->b;
-    }
-}
-
 // Along one axis: the rays' steps s + z t and, from element to element, a + z b; the triangles'
 // corners at depths z; and a bound of the rounding error of these and of the rays beside them.
 typedef struct {
@@ -208,6 +103,110 @@ inline vi samples_reached(const Axis *a)
     return pick_int((vi)((1 << BLOCK) - 1), reached, one_sided);
 }
 
+// LANES triangles of a leaf among the rays of a block.
+typedef struct {
+    Corners v;
+    Axis x, y;
+    Forms edge[3];  // opposite p, q and r
+    vi covers;      // every ray is inside
+    vi edge_on;     // some ray sees it edge-on: the sign of n . D changes
+    vi flip;        // sign bit of those that were seen from behind
+} Placed;
+
+// The bounds of rounding errors below, in roundings of the terms that enter: sum, difference,
+// product and their difference are four of each term, evaluation at a ray two more, or four with u
+// and v.
+#define EDGE_NOISE ((OUTER > 1 ? 8.06f : 6.05f) * ROUNDING)
+
+// Twice the edge function from p to q: P x Q = (P + Q) x (Q - P) / 2.  The difference of two
+// corners that are near each other is exact, so the error scales with the triangle's edge, and not
+// with the distance to the block's centre as that of P x Q does; swapping P and Q negates it to the
+// last bit all the same.  `noise` receives a bound of its error anywhere in the block.
+inline Forms edge_forms(Vec p, Vec q, const Bundle *r, vf *noise)
+{
+    const Vec sum = plus3(p, q), d = minus3(q, p), c = cross3(sum, d);
+    Forms e;
+    e.of[ONE] = c.z;
+    e.of[X] = fma(c.x, (vf)(r->tx), -2.0f * d.y * r->sx);
+    e.of[Y] = fma(c.y, (vf)(r->ty), 2.0f * d.x * r->sy);
+    const Vec m = absolute3(sum), l = absolute3(d);
+    const vf kx = fma(m.y, l.z, m.z * l.y), ky = fma(m.z, l.x, m.x * l.z);
+    const vf wide = fma(kx, (vf)(fabs(r->tx)), 2.0f * l.y * fabs(r->sx)) +
+                    fma(ky, (vf)(fabs(r->ty)), 2.0f * l.x * fabs(r->sy));
+    vf most = fma((vf)(HALF), wide, fma(m.x, l.y, m.y * l.x));
+    if (OUTER > 1) {
+        e.of[U] = fma(c.x, (vf)(r->b), -2.0f * d.y * r->a);
+        e.of[V] = fma(c.y, (vf)(r->b), 2.0f * d.x * r->a);
+        e.of[TWIST] = d.z * (-2.0f * (r->sx * r->b - r->a * r->tx));
+        const vf outer = fma(kx + ky, (vf)(fabs(r->b)), 2.0f * (l.x + l.y) * fabs(r->a));
+        const float steps = fabs(r->sx * r->b) + fabs(r->a * r->tx);
+        const vf twist = l.z * (4.0f * HALF * OUTER_HALF * steps);
+        most += fma((vf)(OUTER_HALF), outer, twist);
+    }
+    *noise = EDGE_NOISE * most;
+    return e;
+}
+
+// What a form varies by within the block, at most.
+inline vf form_spread(Forms e)
+{
+    vf wide = HALF * (fabs(e.of[X]) + fabs(e.of[Y]));
+    if (OUTER > 1)
+        wide += OUTER_HALF * (fabs(e.of[U]) + fabs(e.of[V])) +
+                2.0f * HALF * OUTER_HALF * fabs(e.of[TWIST]);
+    return wide;
+}
+
+// Edges signed so that n . D > 0 unless the triangle is seen edge-on, and then widened by their
+// noise.  Returns the mask of triangles that some ray may meet.
+inline vi place_edges(const Bundle *r, Placed *out)
+{
+    const Vec p = corner_of(&out->v, 0), q = corner_of(&out->v, 1), w = corner_of(&out->v, 2);
+    Forms *e = out->edge;
+    vf noise[3];
+    e[0] = edge_forms(q, w, r, noise);
+    e[1] = edge_forms(w, p, r, noise + 1);
+    e[2] = edge_forms(p, q, r, noise + 2);
+    Forms sum;  // n . D
+    for (int k = 0; k < EDGE_TERMS; ++k) sum.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
+    if (OUTER > 1) sum.of[TWIST] = 0.0f;  // the three differences of depth cancel
+    const vf middle = sum.of[ONE], wide = form_spread(sum);
+    const vi flat = EQ(middle, (vf)(0.0f)) & EQ(wide, (vf)(0.0f));
+    out->edge_on = LE(fabs(middle), wide * BOUND_SLACK);
+    out->flip = LT(middle, (vf)(0.0f)) & ~out->edge_on & (vi)(0x80000000);
+    vi outside = 0;
+    out->covers = ~out->edge_on;
+    for (int k = 0; k < 3; ++k) {
+        for (int term = 0; term < EDGE_TERMS; ++term)
+            e[k].of[term] = flip_sign(e[k].of[term], out->flip);
+        e[k].of[ONE] += pick((vf)(0.0f), noise[k], ~out->edge_on);
+        const vf c = e[k].of[ONE], spread = form_spread(e[k]) * BOUND_SLACK;
+        outside |= LT(c + spread, (vf)(-NOTHING_LEFT));
+        out->covers &= GE(c, spread + NOTHING_LEFT);
+    }
+    return ~(flat | (outside & ~out->edge_on));
+}
+
+// Depth from the plane n . X = n . P: n is made of edges, so its error scales with the triangle and
+// not with its distance, as that of the weighted mean of corners does.
+inline void plane_forms(const Corners *v, const Bundle *r, vi flip, Forms *over, Forms *under)
+{
+    const Vec p = corner_of(v, 0), a = minus3(corner_of(v, 1), p), b = minus3(corner_of(v, 2), p);
+    const Vec n = flip3(cross3(a, b), flip);
+    over->of[ONE] = dot3(n, p);
+    over->of[X] = -n.x * r->sx;
+    over->of[Y] = -n.y * r->sy;
+    under->of[ONE] = n.z;
+    under->of[X] = n.x * r->tx;
+    under->of[Y] = n.y * r->ty;
+    if (OUTER > 1) {
+        over->of[U] = -n.x * r->a;
+        over->of[V] = -n.y * r->a;
+        under->of[U] = n.x * r->b;
+        under->of[V] = n.y * r->b;
+    }
+}
+
 // LANES triangles set up for a block, as far as they may be hit.
 typedef struct {
     uint keep;             // lanes that may be hit
@@ -228,13 +227,6 @@ inline Form form_of(const Forms *f, uint lane)
     return one;
 }
 
-// LANES triangles of a leaf among the rays of a block.
-typedef struct {
-    Corners v;
-    Axis x, y;
-    Edges edges;
-} Placed;
-
 // Mask of those that rays anywhere in the block may meet, between its samples, too.
 inline vi place_triangles(const Bundle *r, global const float *leaf, float z_far, Placed *p)
 {
@@ -243,8 +235,7 @@ inline vi place_triangles(const Bundle *r, global const float *leaf, float z_far
     p->y = make_axis(r, r->sy, r->ty, r->dy, p->v.y, p->v.z);
     const vi keep = ~(beside_rays(&p->x) | beside_rays(&p->y) | GT(least3(p->v.z), (vf)(z_far)));
     if (!row_any(keep)) return keep;
-    p->edges = make_edges(&p->v, r);
-    return keep & p->edges.meets;
+    return keep & place_edges(r, p);
 }
 
 // Set up the LANES triangles of a leaf.
@@ -261,10 +252,10 @@ inline void set_up_triangles(const Bundle *r, global const float *leaf, float z_
     VSTORE(least3(p.v.z), out->near);
     VSTORE(rows, out->rows);
     VSTORE(columns, out->columns);
-    out->covers = row_bits(keep & p.edges.covers);
-    out->edge_on = row_bits(keep & p.edges.edge_on);
-    for (int k = 0; k < 3; ++k) out->edge[k] = p.edges.edge[k];
-    plane_forms(&p.v, r, p.edges.flip, out->depth, out->depth + 1);
+    out->covers = row_bits(keep & p.covers);
+    out->edge_on = row_bits(keep & p.edge_on);
+    for (int k = 0; k < 3; ++k) out->edge[k] = p.edge[k];
+    plane_forms(&p.v, r, p.flip, out->depth, out->depth + 1);
 }
 
 #endif
