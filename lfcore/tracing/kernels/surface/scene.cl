@@ -88,15 +88,19 @@ typedef struct {
     int4 maps[MAPS];
 } Material;
 
+// One of a material's textures, -1 without it.
 inline int map_of(global const float *material, int map)
 {
-    return as_int(material[map == MAP_BASE ? 7 : 14 + map]);
+    return TEXTURED ? as_int(material[map == MAP_BASE ? 7 : 14 + map]) : -1;
+}
+inline int4 image_of(const Scene *s, int texture, int level)
+{
+    return texture < 0 ? (int4)(0) : s->images[texture * MIP_LEVELS + level];
 }
 
 // The texture whose texels choose the mip level, and -1 without any.
 inline int leading_map(global const float *material)
 {
-    if (!TEXTURED) return -1;
     int texture = map_of(material, MAP_BASE);
     for (int map = 1; PHYSICAL && map < MAPS && texture < 0; ++map) texture = map_of(material, map);
     return texture;
@@ -108,14 +112,10 @@ inline void read_maps(const Scene *s, global const float *material, int level, M
     m->metallic = material[12];
     m->roughness = material[13];
     m->bend = material[14];
-    const int leading = leading_map(material);
+    const int levels = image_of(s, leading_map(material), 0).w;
     for (int map = 1; map < MAPS; ++map) {
-        m->maps[map] = 0;
-        const int texture = TEXTURED ? map_of(material, map) : -1;
-        if (texture < 0) continue;
-        const int more = s->images[leading * MIP_LEVELS].w - s->images[texture * MIP_LEVELS].w;
-        const int own = clamp(level - more, 0, s->images[texture * MIP_LEVELS].w - 1);
-        m->maps[map] = s->images[texture * MIP_LEVELS + own];
+        const int texture = map_of(material, map), own = image_of(s, texture, 0).w;
+        m->maps[map] = image_of(s, texture, clamp(level - levels + own, 0, max(own - 1, 0)));
     }
 }
 
@@ -128,11 +128,7 @@ inline Material read_material(const Scene *s, int key)
     m.specular = vload3(0, material + 4);
     m.emission = vload3(0, material + 8);
     m.dull = material[11];
-    m.image = 0;
-    if (TEXTURED) {
-        const int texture = as_int(material[7]);
-        if (texture >= 0) m.image = s->images[texture * MIP_LEVELS + key % MIP_LEVELS];
-    }
+    m.image = image_of(s, map_of(material, MAP_BASE), key % MIP_LEVELS);
     if (PHYSICAL) read_maps(s, material, key % MIP_LEVELS, &m);
     return m;
 }

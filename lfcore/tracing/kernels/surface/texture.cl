@@ -10,15 +10,11 @@ typedef struct { vf r, g, b; } Colour;
 
 inline vu fetch(global const uint *texels, vi index)
 {
-#if LANES == 1
-    return texels[index];
-#else
     private int at[LANES];
     private uint texel[LANES];
     VSTORE(index, at);
     for (int k = 0; k < LANES; ++k) texel[k] = texels[at[k]];
     return VLOAD(texel);
-#endif
 }
 
 inline void add_texel(Colour *sum, vu texel, vf weight)
