@@ -32,7 +32,8 @@ inline void use_buffer(Coverage *c)
 {
     if (c->cover == BUFFERED) return;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const vf depth = quotient_row(c->numerator, c->denominator, row_at(at));
+        const Row row = row_at(at);
+        const vf depth = plane_row(c->numerator, row) * reciprocal(plane_row(c->denominator, row));
         VSTORE((vi)(c->cover), c->ids + at);
         VSTORE(c->cover == NOTHING ? (vf)(INFINITY) : depth, c->z + at);
     }

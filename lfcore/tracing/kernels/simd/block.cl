@@ -95,12 +95,6 @@ inline vf plane_row(Form f, Row at)
     return add_places(at.x, at.u, base, f.of[X], f.of[U]);
 }
 
-// The quotient of two forms without TWIST: depth is one.
-inline vf quotient_row(Form numerator, Form denominator, Row at)
-{
-    return plane_row(numerator, at) * reciprocal(plane_row(denominator, at));
-}
-
 // A form made of a constant and of what x and y multiply along the rays' steps.
 inline Form stepped_form(float one, float x, float y, float step_x, float step_y, float outer)
 {

@@ -62,11 +62,16 @@ typedef struct {
     uint blocks;                     // a bit for each block that has rays that are wanted
 } Packet;
 
+// Column and row of square `number` of an element's side x side squares.
+inline int2 square_of(int number, int side)
+{
+    return (int2)(number % side, number % (side * side) / side);
+}
+
 // First column and row of a block in the inner grid.
 inline int2 block_position(const Packet *p, int block)
 {
-    const int within = block % ELEMENT_BLOCKS;
-    return (int2)(p->column + (within % SIDE) * INNER, p->row + (within / SIDE) * INNER);
+    return (int2)(p->column, p->row) + square_of(block, SIDE) * INNER;
 }
 
 // Columns and rows of a block that lie in the inner grid.
@@ -79,8 +84,7 @@ inline int2 block_inside(const Packet *p, int block)
 // First column and row of a cell in the inner grid.
 inline int2 cell_position(const Packet *p, int cell)
 {
-    const int within = cell % ELEMENT_CELLS;
-    return (int2)(p->column + (within % CELL_SIDE) * BLOCK, p->row + (within / CELL_SIDE) * BLOCK);
+    return (int2)(p->column, p->row) + square_of(cell, CELL_SIDE) * BLOCK;
 }
 
 inline int has_block(const Packet *p, int block) { return p->blocks >> block & 1; }
@@ -94,8 +98,8 @@ inline int block_element(const Packet *p, int block, int u, int v)
 // The element of a cell, or -1 if it has no rays or none that are wanted.
 inline int cell_element(const Packet *p, int cell)
 {
-    const int within = cell % ELEMENT_CELLS;
-    const int first = (within / CELL_SIDE * SIDE + within % CELL_SIDE) * OUTER;
+    const int2 square = square_of(cell, CELL_SIDE);
+    const int first = (square.y * SIDE + square.x) * OUTER;
     return has_block(p, OUTER > 1 ? first : cell) ? p->element[cell / ELEMENT_CELLS] : -1;
 }
 
@@ -129,8 +133,7 @@ inline Bundle element_bundle(const Packet *p, int block)
 }
 inline float2 block_offset(int block)
 {
-    const int within = block % ELEMENT_BLOCKS;
-    return ((float2)(within % SIDE, within / SIDE) - 0.5f * (SIDE - 1)) * INNER;
+    return (convert_float2(square_of(block, SIDE)) - 0.5f * (SIDE - 1)) * INNER;
 }
 
 inline Packet make_packet(const Rays *rays, int number)

@@ -43,8 +43,7 @@ typedef struct {
 
 inline LeafList make_list(global uint *memory, int pitch)
 {
-    const LeafList list = {(global float *)memory, (global int *)(memory + BOX * pitch), pitch, 0};
-    return list;
+    return (LeafList){(global float *)memory, (global int *)(memory + BOX * pitch), pitch, 0};
 }
 
 inline void append_leaf(LeafList *list, global const float *box, int pitch, int leaf)
