@@ -35,16 +35,11 @@ inline Form slot_form(global const PlaneEquations *p, int slot)
 // An edge function of the weights, of corners sheared to the centre ray.
 inline Form weight_form(float3 p, float3 q, const Bundle *r)
 {
-    const float3 c = cross_product(p, q);
-    Form e;
-    e.of[ONE] = c.z;
-    e.of[X] = c.x * r->tx + (p.y - q.y) * r->sx;
-    e.of[Y] = c.y * r->ty - (p.x - q.x) * r->sy;
-    if (OUTER > 1) {
-        e.of[U] = c.x * r->b + (p.y - q.y) * r->a;
-        e.of[V] = c.y * r->b - (p.x - q.x) * r->a;
-        e.of[TWIST] = (p.z - q.z) * (r->sx * r->b - r->a * r->tx);
-    }
+    const float3 c = cross_product(p, q), g = p - q;
+    const Form along = stepped_form(c.z, c.x, c.y, r->tx, r->ty, r->b);
+    Form e = stepped_form(0.0f, g.y, -g.x, r->sx, r->sy, r->a);
+    for (int k = 0; k < EDGE_TERMS; ++k) e.of[k] += along.of[k];
+    if (OUTER > 1) e.of[TWIST] = g.z * (r->sx * r->b - r->a * r->tx);
     return e;
 }
 
