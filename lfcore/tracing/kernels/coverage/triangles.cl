@@ -53,19 +53,14 @@ inline Axis make_axis(const Bundle *r, float s, float t, float d, Triple at, Tri
     return (Axis){s, t, r->a, r->b, at, z, CORNER_NOISE * most};
 }
 
-// Half of what the block's rays span at depth z, with slack for two roundings of it.
-inline vf rays_half(const Axis *a, vf z)
-{
-    const vf inner = HALF * fabs(fma(z, (vf)(a->t), (vf)(a->s)));
-    return OUTER > 1 ? inner + OUTER_HALF * fabs(fma(z, (vf)(a->b), (vf)(a->a))) : inner;
-}
-
 // Mask of triangles that lie wholly beside the rays, whichever way they face: what the rays span is
 // convex in z.
 inline vi beside_rays(const Axis *a)
 {
-    const vf wide = max(rays_half(a, least3(a->z)), rays_half(a, most3(a->z)));
-    const vf limit = fma(wide, (vf)(BOUND_SLACK), a->noise);
+    const float h = HALF * a->s, g = HALF * a->t, hu = OUTER_HALF * a->a, gu = OUTER_HALF * a->b;
+    const vf nearest = half_span(least3(a->z), h, g, hu, gu);
+    const vf limit = fma(max(nearest, half_span(most3(a->z), h, g, hu, gu)), (vf)(BOUND_SLACK),
+                         a->noise);
     return GT(least3(a->at), limit) | LT(most3(a->at), -limit);
 }
 

@@ -41,17 +41,18 @@ inline Frustum make_frustum(const Bundle *lo, const Bundle *hi, float extent)
     return (Frustum){widened(x, hu, gu), widened(y, hu, gu), hu, gu};
 }
 
-// Half of what an interval spans at depth z.
-inline vf interval_half(const Frustum *f, const Interval *a, vf z)
+// Half of what an axis spans at depth z, of the half extents of an inner grid and of elements.
+inline vf half_span(vf z, float h, float g, float hu, float gu)
 {
-    const vf inner = fabs(fma(z, (vf)(a->g), (vf)(a->h)));
-    return OUTER > 1 ? inner + fabs(fma(z, (vf)(f->gu), (vf)(f->hu))) : inner;
+    const vf inner = fabs(fma(z, (vf)(g), (vf)(h)));
+    return OUTER > 1 ? inner + fabs(fma(z, (vf)(gu), (vf)(hu))) : inner;
 }
 
 // Mask of boxes that lie beside an interval at both ends of their depths.
 inline vi beside_interval(const Frustum *f, const Interval *a, vf lo, vf hi, vf z0, vf z1)
 {
-    const vf w0 = interval_half(f, a, z0), w1 = interval_half(f, a, z1);
+    const vf w0 = half_span(z0, a->h, a->g, f->hu, f->gu);
+    const vf w1 = half_span(z1, a->h, a->g, f->hu, f->gu);
     const vf d_hi = a->d_hi, d_lo = a->d_lo;
     return GT(lo, max(fma(z0, d_hi, a->o_hi + w0), fma(z1, d_hi, a->o_hi + w1))) |
            LT(hi, min(fma(z0, d_lo, a->o_lo - w0), fma(z1, d_lo, a->o_lo - w1)));
