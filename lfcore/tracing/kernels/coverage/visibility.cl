@@ -35,31 +35,24 @@ inline void start_visibility(global uint *memory, Visibility *v)
     v->ids = (global int *)v->corners + LIST * CORNERS * NODE_WIDTH;
 }
 
-// Begin a packed leaf of triangles that nothing meets, in an empty box.
-inline void add_packed_leaf(Visibility *v)
-{
-    LeafList *list = &v->packed;
-    global float *corners = v->corners + list->count * CORNERS * NODE_WIDTH;
-    for (int k = 0; k < CORNERS; ++k) vstore16((float16)(0.0f), k, corners);
-    for (int k = 0; k < BOX; ++k) list->boxes[k * LIST + list->count] = k < 3 ? FAR : -FAR;
-    list->leaf[list->count] = list->count;
-    ++list->count;
-}
-
-// Put triangle `number` of the packed ones in its place.
+// Put triangle `number` of the packed ones in its place.  Before the first of a leaf comes, its
+// triangles are such as nothing meets, in an empty box.
 inline void pack_triangle(global const float *from, int id, int number, Visibility *v)
 {
-    if (number % NODE_WIDTH == 0) add_packed_leaf(v);
-    const int leaf = number / NODE_WIDTH;
-    global float *to = v->corners + leaf * CORNERS * NODE_WIDTH + number % NODE_WIDTH;
-    global float *box = v->packed.boxes + leaf;
-    v->ids[number] = id;
-    for (int k = 0; k < CORNERS; ++k, to += NODE_WIDTH, from += NODE_WIDTH) {
+    const int leaf = number / NODE_WIDTH, lane = number % NODE_WIDTH;
+    global float *to = v->corners + leaf * CORNERS * NODE_WIDTH, *box = v->packed.boxes + leaf;
+    for (int k = 0; lane == 0 && k < CORNERS; ++k) vstore16((float16)(0.0f), k, to);
+    for (int k = 0; lane == 0 && k < BOX; ++k) box[k * LIST] = k < 3 ? FAR : -FAR;
+    for (int k = 0; k < CORNERS; ++k) {
+        const float x = from[k * NODE_WIDTH];
         global float *lo = box + k % 3 * LIST, *hi = lo + 3 * LIST;
-        *to = *from;
-        *lo = min(*lo, *from);
-        *hi = max(*hi, *from);
+        to[k * NODE_WIDTH + lane] = x;
+        *lo = min(*lo, x);
+        *hi = max(*hi, x);
     }
+    v->ids[number] = id;
+    v->packed.leaf[leaf] = leaf;
+    v->packed.count = leaf + 1;
 }
 
 // Pack the gathered triangles that a packet of one element may meet, as one wide block does: its
