@@ -77,7 +77,7 @@ inline Form element_form(Form f, float u, float v)
 inline int settle_cover(const Triangles *t, uint lane, int id, Coverage *c)
 {
     if (c->cover == BUFFERED) return 0;
-    const Form numerator = form_of(t->depth, lane), denominator = form_of(t->depth + 1, lane);
+    const Form numerator = form_of(t->form + 3, lane), denominator = form_of(t->form + 4, lane);
     const Rectangle grid = {0.0f, 0.0f, HALF, HALF};
     float least = FAR, most = -FAR;
     for (int k = 0; k < (OUTER > 1 ? 4 : 1); ++k) {
@@ -108,23 +108,36 @@ inline vi is_nearer(vf z, int id, vf old_z, vi old_id)
     return LT(new, old) | (EQ(new, old) & LT((vi)(id), old_id));
 }
 
-// Which of a row of rays a triangle meets, of edges e, the numerator and denominator of depth.
+// Which of a row of rays a triangle meets, and at what depth; `e` are its forms.
 inline vi meet(const Triangles *t, uint lane, vf *e, vf *depth)
 {
     if (t->edge_on >> lane & 1) {
         const vi sign = sign_of(e[4]);
-        for (int k = 0; k < 5; ++k) e[k] = flip_sign(e[k], sign);
+        for (int k = 0; k < FORMS; ++k) e[k] = flip_sign(e[k], sign);
     }
     *depth = e[3] * reciprocal(e[4]);
     if (t->covers >> lane & 1) return -1;
     return GE(min(e[0], min(e[1], e[2])), (vf)(0.0f)) & GT(e[4], (vf)(0.0f));
 }
 
+// A form along the rows at LANES places y and v: base + x along + u across.
+typedef struct { vf base, along, across; } RowForms;
+
+inline RowForms along_rows(Form f, int twisted, vf y, vf v)
+{
+    const vf base = ADD_PLACES(y, v, (vf)(f.of[ONE]), (vf)(f.of[Y]), (vf)(f.of[V]));
+    RowForms r = {base, f.of[X], f.of[U]};
+    if (OUTER == 1 || !twisted) return r;
+    r.along = fma(-v, (vf)(f.of[TWIST]), r.along);
+    r.across = fma(y, (vf)(f.of[TWIST]), r.across);
+    return r;
+}
+
 // Forms of one triangle along each of the block's rows.
 typedef struct {
-    float base[5][BLOCK];                     // three edges, numerator and denominator
+    float base[FORMS][BLOCK];
     float along[3][BLOCK], across[3][BLOCK];  // of the edges
-    Form depth[2];                            // of the other two, the same in all rows
+    Form form[FORMS];                         // the others are the same along all rows
 } TriangleRows;
 
 // Returns the rows that the triangle can touch and no edge excludes, rounding allowed for.
@@ -132,25 +145,23 @@ inline uint make_rows(const Triangles *t, uint lane, TriangleRows *f)
 {
     const uint wanted = t->rows[lane];
     uint rows = 0;
-    for (int k = 0; k < 2; ++k) f->depth[k] = form_of(t->depth + k, lane);
+    for (int k = 0; k < FORMS; ++k) f->form[k] = form_of(t->form + k, lane);
     for (int first = 0; first < BLOCK; first += LANES) {
         if (!(wanted >> first & ((1u << LANES) - 1u))) continue;
         const Row at = row_at(first);  // the places of rows along y are those of columns along x
         vi meets = -1;
-        for (int k = 0; k < 3; ++k) {
-            const RowForms e = along_rows(form_of(t->edge + k, lane), at.x, at.u);
-            VSTORE(e.base, f->base[k] + first);
-            VSTORE(e.along, f->along[k] + first);
-            if (OUTER > 1) VSTORE(e.across, f->across[k] + first);
-            const vf most = add_places(HALF, OUTER_HALF, 0.0f, fabs(e.along), fabs(e.across));
-            const vf slack = FRUSTUM_SLACK * (most + fabs(e.base));
-            meets &= GE(e.base + most + slack, (vf)(0.0f));
+        for (int k = 0; k < FORMS; ++k) {
+            const RowForms r = along_rows(f->form[k], k < 3, at.x, at.u);
+            VSTORE(r.base, f->base[k] + first);
+            if (k >= 3) continue;
+            VSTORE(r.along, f->along[k] + first);
+            if (OUTER > 1) VSTORE(r.across, f->across[k] + first);
+            const vf inner = fabs(r.along) * HALF, outer = fabs(r.across) * OUTER_HALF;
+            const vf most = OUTER > 1 ? inner + outer : inner;
+            const vf slack = FRUSTUM_SLACK * (most + fabs(r.base));
+            meets &= GE(r.base + most + slack, (vf)(0.0f));
         }
         rows |= row_bits(meets) << first;
-        for (int k = 0; k < 2; ++k) {
-            const Form p = f->depth[k];
-            VSTORE(add_places(at.x, at.u, p.of[ONE], p.of[Y], p.of[V]), f->base[3 + k] + first);
-        }
     }
     return t->edge_on >> lane & 1 ? wanted : wanted & rows;
 }
@@ -158,11 +169,11 @@ inline uint make_rows(const Triangles *t, uint lane, TriangleRows *f)
 // What the triangle's forms are at a row of rays.
 inline void evaluate_rows(const TriangleRows *f, int row, Row at, vf *e)
 {
-    for (int k = 0; k < 3; ++k)
-        e[k] = add_places(at.x, at.u, f->base[k][row], f->along[k][row], f->across[k][row]);
-    for (int k = 0; k < 2; ++k)
-        e[3 + k] = add_places(at.x, at.u, f->base[3 + k][row], f->depth[k].of[X],
-                              f->depth[k].of[U]);
+    for (int k = 0; k < FORMS; ++k) {
+        const vf along = k < 3 ? f->along[k][row] : f->form[k].of[X];
+        const vf across = k < 3 ? f->across[k][row] : f->form[k].of[U];
+        e[k] = ADD_PLACES(at.x, at.u, (vf)(f->base[k][row]), along, across);
+    }
 }
 
 // A triangle that can touch no more than LANES rays: all of them at once, wherever in the block
@@ -177,11 +188,13 @@ inline int hit_few(const Triangles *t, uint lane, int id, const Coverage *to)
         for (uint columns = t->columns[lane]; columns; columns &= columns - 1)
             place[count++] = lowest(rows) * BLOCK + lowest(columns);
     const vi column = VLOAD(place) & (BLOCK - 1), row = VLOAD(place) / BLOCK;
-    const Row rays = {TO_VF(column & (INNER - 1)) - HALF, TO_VF(row & (INNER - 1)) - HALF,
-                      TO_VF(column / INNER) - OUTER_HALF, TO_VF(row / INNER) - OUTER_HALF};
-    vf e[5], depth;
-    for (int k = 0; k < 3; ++k) e[k] = edge_row(form_of(t->edge + k, lane), rays);
-    for (int k = 0; k < 2; ++k) e[3 + k] = plane_row(form_of(t->depth + k, lane), rays);
+    const vf x = TO_VF(column & (INNER - 1)) - HALF, u = TO_VF(column / INNER) - OUTER_HALF;
+    const vf y = TO_VF(row & (INNER - 1)) - HALF, v = TO_VF(row / INNER) - OUTER_HALF;
+    vf e[FORMS], depth;
+    for (int k = 0; k < FORMS; ++k) {
+        const RowForms r = along_rows(form_of(t->form + k, lane), k < 3, y, v);
+        e[k] = ADD_PLACES(x, u, r.base, r.along, r.across);
+    }
     const vi mask = meet(t, lane, e, &depth);
     VSTORE(depth, found);
     for (uint bits = row_bits(mask) & ((1u << count) - 1u); bits; bits &= bits - 1) {
@@ -210,7 +223,7 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *ray
         const int row = lowest(rows);
         for (int column = 0; column < BLOCK; column += LANES) {
             if (!(columns >> column & ((1u << LANES) - 1u))) continue;
-            vf e[5], depth;
+            vf e[FORMS], depth;
             evaluate_rows(&f, row, row_at(column), e);
             vi mask = meet(t, lane, e, &depth);
             global float *z = to->z + row * BLOCK + column;

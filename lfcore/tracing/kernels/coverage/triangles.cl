@@ -202,6 +202,8 @@ inline void plane_forms(const Corners *v, const Bundle *r, vi flip, Forms *over,
     }
 }
 
+#define FORMS 5  // of a triangle
+
 // LANES triangles set up for a block, as far as they may be hit.
 typedef struct {
     uint keep;             // lanes that may be hit
@@ -210,8 +212,9 @@ typedef struct {
     float near[LANES];     // where each begins
     int rows[LANES];       // rows that each can touch, a bit each
     int columns[LANES];    // and columns
-    Forms edge[3];         // opposite p, q and r, signed so that n . D > 0 unless edge-on
-    Forms depth[2];        // its numerator and denominator, signed alike
+    // Edges opposite p, q and r, numerator and denominator of depth, signed so that n . D > 0
+    // unless edge-on.
+    Forms form[FORMS];
 } Triangles;
 
 // The form of one of LANES triangles.
@@ -249,8 +252,8 @@ inline void set_up_triangles(const Bundle *r, global const float *leaf, float z_
     VSTORE(columns, out->columns);
     out->covers = row_bits(keep & p.covers);
     out->edge_on = row_bits(keep & p.edge_on);
-    for (int k = 0; k < 3; ++k) out->edge[k] = p.edge[k];
-    plane_forms(&p.v, r, p.flip, out->depth, out->depth + 1);
+    for (int k = 0; k < 3; ++k) out->form[k] = p.edge[k];
+    plane_forms(&p.v, r, p.flip, out->form + 3, out->form + 4);
 }
 
 #endif

@@ -33,7 +33,12 @@ typedef struct {
 } Bundle;
 
 // Places of a row of LANES rays: x, y on the inner grid, u, v among the elements.
-typedef struct { vf x, y, u, v; } Row;
+typedef struct {
+    vf x;
+    float y;
+    vf u;
+    float v;
+} Row;
 
 // The row that begins with ray `at`, a multiple of LANES.
 inline Row row_at(int at)
@@ -47,18 +52,28 @@ inline Row row_at(int at)
     return r;
 }
 
-// base + inner along + outer across, of which blocks of one element have no outer places.
-inline vf add_places(vf inner, vf outer, vf base, vf along, vf across)
-{
-    const vf sum = fma(inner, along, base);
-    return OUTER > 1 ? fma(outer, across, sum) : sum;
-}
+// base + inner along + outer across, of which blocks of one element have no outer places.  Numbers
+// may be rows or single.
+#define ADD_PLACES(inner, outer, base, along, across) \
+    (OUTER > 1 ? fma(outer, across, fma(inner, along, base)) : fma(inner, along, base))
 
 // Origins and directions of a row of rays.
-inline vf row_ox(const Bundle *r, Row at) { return add_places(at.x, at.u, r->ox, r->sx, r->a); }
-inline vf row_oy(const Bundle *r, Row at) { return add_places(at.y, at.v, r->oy, r->sy, r->a); }
-inline vf row_dx(const Bundle *r, Row at) { return add_places(at.x, at.u, r->dx, r->tx, r->b); }
-inline vf row_dy(const Bundle *r, Row at) { return add_places(at.y, at.v, r->dy, r->ty, r->b); }
+inline vf row_ox(const Bundle *r, Row at)
+{
+    return ADD_PLACES(at.x, at.u, (vf)(r->ox), (vf)(r->sx), (vf)(r->a));
+}
+inline vf row_dx(const Bundle *r, Row at)
+{
+    return ADD_PLACES(at.x, at.u, (vf)(r->dx), (vf)(r->tx), (vf)(r->b));
+}
+inline float row_oy(const Bundle *r, Row at)
+{
+    return ADD_PLACES(at.y, at.v, r->oy, r->sy, r->a);
+}
+inline float row_dy(const Bundle *r, Row at)
+{
+    return ADD_PLACES(at.y, at.v, r->dy, r->ty, r->b);
+}
 
 // Terms of a form over a block: 1, x, y, and for several elements u, v and y u - x v.
 // Only edge functions have the last: D . (O x W) multiplies a step of the origin by one of the
@@ -70,29 +85,18 @@ typedef struct { float of[EDGE_TERMS]; } Form;
 // One form for each of LANES triangles.
 typedef struct { vf of[EDGE_TERMS]; } Forms;
 
-// Forms along the rows at LANES places y and v: base + x along + u across.
-typedef struct { vf base, along, across; } RowForms;
-
-inline RowForms along_rows(Form f, vf y, vf v)
-{
-    RowForms r = {add_places(y, v, f.of[ONE], f.of[Y], f.of[V]), f.of[X], f.of[U]};
-    if (OUTER > 1) {
-        r.along = fma(-v, (vf)(f.of[TWIST]), r.along);
-        r.across = fma(y, (vf)(f.of[TWIST]), r.across);
-    }
-    return r;
-}
-
-// Values of any form at a row of rays, and of one without TWIST.
-inline vf edge_row(Form f, Row at)
-{
-    const RowForms r = along_rows(f, at.y, at.v);
-    return add_places(at.x, at.u, r.base, r.along, r.across);
-}
+// Values of a form without TWIST at a row of rays, and of any form.
 inline vf plane_row(Form f, Row at)
 {
-    const vf base = add_places(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
-    return add_places(at.x, at.u, base, f.of[X], f.of[U]);
+    const float base = ADD_PLACES(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
+    return ADD_PLACES(at.x, at.u, (vf)(base), (vf)(f.of[X]), (vf)(f.of[U]));
+}
+inline vf edge_row(Form f, Row at)
+{
+    if (OUTER == 1) return plane_row(f, at);
+    const float base = ADD_PLACES(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
+    const float along = fma(-at.v, f.of[TWIST], f.of[X]), across = fma(at.y, f.of[TWIST], f.of[U]);
+    return ADD_PLACES(at.x, at.u, (vf)(base), (vf)(along), (vf)(across));
 }
 
 // A form made of a constant and of what x and y multiply along the rays' steps.

@@ -25,7 +25,7 @@ inline Samples make_samples(global uint *memory)
 
 inline Vec direction_row(const Bundle *r, Row row)
 {
-    return (Vec){row_dx(r, row), row_dy(r, row), 1.0f};
+    return (Vec){row_dx(r, row), (vf)(row_dy(r, row)), (vf)(1.0f)};
 }
 
 // A row of rays that meet one triangle.
@@ -145,7 +145,7 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
         if (!row_any(GE(s.key, (vi)(0)))) continue;
         const Vec direction = direction_row(r, row);
         const Vec point = {fma(s.depth, direction.x, row_ox(r, row)),
-                           fma(s.depth, direction.y, row_oy(r, row)), s.depth};
+                           fma(s.depth, direction.y, (vf)(row_oy(r, row))), s.depth};
         store3(point, out->point, at);
         store3(viewed_normal(s.normal, direction), out->normal, at);
         if (VERTEX_COLOURS) store3(s.tint, out->tint, at);

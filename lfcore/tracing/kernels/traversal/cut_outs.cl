@@ -62,7 +62,7 @@ inline uint stopped_rays(const CutOuts *c, int triangle, const Bundle *r, Row ro
 {
     private float x[LANES], y[LANES], z[LANES];
     VSTORE(fma(depth, row_dx(r, row), row_ox(r, row)), x);
-    VSTORE(fma(depth, row_dy(r, row), row_oy(r, row)), y);
+    VSTORE(fma(depth, (vf)(row_dy(r, row)), (vf)(row_oy(r, row))), y);
     VSTORE(depth, z);
     uint stopped = 0;
     for (uint left = bits; left; left &= left - 1) {
