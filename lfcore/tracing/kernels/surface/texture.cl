@@ -137,10 +137,13 @@ inline void add_mixed(Colour *sum, vf t, Colour row)
     sum->b = fma(t, row.b, sum->b);
 }
 
-// The colour at places in texels, counted from the centre of the first one; `columns` are the
-// tile's.
-inline Colour mix_tile(const TexelTile *p, int columns, vf x, vf y)
+// The colour at texture coordinates within the tile.
+inline Colour sample_tile(const TexelTile *p, vf u, vf v)
 {
+    // In texels from the centre of the first one.
+    const vf x = fma(u - p->u, (vf)(p->width), (vf)(-0.5f)) - p->left;
+    const vf y = fma(1.0f - (v - p->v), (vf)(p->height), (vf)(-0.5f)) - p->top;
+    const int columns = p->columns;
     vf s[TEXEL_TILE];
     s[1] = x;
     for (int i = 2; i < columns; ++i) s[i] = min(x, (vf)(i - 1.0f));
@@ -150,13 +153,6 @@ inline Colour mix_tile(const TexelTile *p, int columns, vf x, vf y)
     for (int j = 2; j < p->rows; ++j, most += 1.0f)
         add_mixed(&sum, min(y, most), mix_row(p->d[j], columns, s));
     return sum;
-}
-
-inline Colour sample_tile(const TexelTile *p, vf u, vf v)
-{
-    const vf x = fma(u - p->u, (vf)(p->width), (vf)(-0.5f)) - p->left;
-    const vf y = fma(1.0f - (v - p->v), (vf)(p->height), (vf)(-0.5f)) - p->top;
-    return mix_tile(p, p->columns, x, y);
 }
 
 #endif
