@@ -77,7 +77,8 @@ inline Form element_form(Form f, float u, float v)
 inline int settle_cover(const Triangles *t, uint lane, int id, Coverage *c)
 {
     if (c->cover == BUFFERED) return 0;
-    const Form numerator = form_of(t->form + 3, lane), denominator = form_of(t->form + 4, lane);
+    const Form numerator = form_of(t->form + NUMERATOR, lane);
+    const Form denominator = form_of(t->form + DENOMINATOR, lane);
     const Rectangle grid = {0.0f, 0.0f, HALF, HALF};
     float least = FAR, most = -FAR;
     for (int k = 0; k < (OUTER > 1 ? 4 : 1); ++k) {
@@ -112,12 +113,12 @@ inline vi is_nearer(vf z, int id, vf old_z, vi old_id)
 inline vi meet(const Triangles *t, uint lane, vf *e, vf *depth)
 {
     if (t->edge_on >> lane & 1) {
-        const vi sign = sign_of(e[4]);
+        const vi sign = sign_of(e[DENOMINATOR]);
         for (int k = 0; k < FORMS; ++k) e[k] = flip_sign(e[k], sign);
     }
-    *depth = e[3] * reciprocal(e[4]);
+    *depth = e[NUMERATOR] * reciprocal(e[DENOMINATOR]);
     if (t->covers >> lane & 1) return -1;
-    return GE(min(e[0], min(e[1], e[2])), (vf)(0.0f)) & GT(e[4], (vf)(0.0f));
+    return GE(min(e[0], min(e[1], e[2])), (vf)(0.0f)) & GT(e[DENOMINATOR], (vf)(0.0f));
 }
 
 // A form along the rows at LANES places y and v: base + x along + u across.
@@ -125,8 +126,7 @@ typedef struct { vf base, along, across; } RowForms;
 
 inline RowForms along_rows(Form f, int twisted, vf y, vf v)
 {
-    const vf base = ADD_PLACES(y, v, (vf)(f.of[ONE]), (vf)(f.of[Y]), (vf)(f.of[V]));
-    RowForms r = {base, f.of[X], f.of[U]};
+    RowForms r = {ADD_PLACES(y, v, f.of[ONE], f.of[Y], f.of[V]), f.of[X], f.of[U]};
     if (OUTER == 1 || !twisted) return r;
     r.along = fma(-v, (vf)(f.of[TWIST]), r.along);
     r.across = fma(y, (vf)(f.of[TWIST]), r.across);
@@ -156,8 +156,8 @@ inline uint make_rows(const Triangles *t, uint lane, TriangleRows *f)
             if (k >= 3) continue;
             VSTORE(r.along, f->along[k] + first);
             if (OUTER > 1) VSTORE(r.across, f->across[k] + first);
-            const vf inner = fabs(r.along) * HALF, outer = fabs(r.across) * OUTER_HALF;
-            const vf most = OUTER > 1 ? inner + outer : inner;
+            vf most = fabs(r.along) * HALF;
+            if (OUTER > 1) most = fma(fabs(r.across), (vf)(OUTER_HALF), most);
             const vf slack = FRUSTUM_SLACK * (most + fabs(r.base));
             meets &= GE(r.base + most + slack, (vf)(0.0f));
         }
@@ -170,9 +170,9 @@ inline uint make_rows(const Triangles *t, uint lane, TriangleRows *f)
 inline void evaluate_rows(const TriangleRows *f, int row, Row at, vf *e)
 {
     for (int k = 0; k < FORMS; ++k) {
-        const vf along = k < 3 ? f->along[k][row] : f->form[k].of[X];
-        const vf across = k < 3 ? f->across[k][row] : f->form[k].of[U];
-        e[k] = ADD_PLACES(at.x, at.u, (vf)(f->base[k][row]), along, across);
+        const float along = k < 3 ? f->along[k][row] : f->form[k].of[X];
+        const float across = k < 3 ? f->across[k][row] : f->form[k].of[U];
+        e[k] = ADD_PLACES(at.x, at.u, f->base[k][row], along, across);
     }
 }
 

@@ -119,7 +119,7 @@ typedef struct {
 // last bit all the same.  `noise` receives a bound of its error anywhere in the block.
 inline Forms edge_forms(Vec p, Vec q, const Bundle *r, vf *noise)
 {
-    const Vec sum = plus3(p, q), d = minus3(q, p), c = cross3(sum, d);
+    const Vec sum = {p.x + q.x, p.y + q.y, p.z + q.z}, d = minus3(q, p), c = cross3(sum, d);
     Forms e;
     e.of[ONE] = c.z;
     e.of[X] = fma(c.x, (vf)(r->tx), -2.0f * d.y * r->sx);
@@ -187,7 +187,7 @@ inline vi place_edges(const Bundle *r, Placed *out)
 inline void plane_forms(const Corners *v, const Bundle *r, vi flip, Forms *over, Forms *under)
 {
     const Vec p = corner_of(v, 0), a = minus3(corner_of(v, 1), p), b = minus3(corner_of(v, 2), p);
-    const Vec n = flip3(cross3(a, b), flip);
+    const Vec n = turn_vectors(cross3(a, b), flip);
     over->of[ONE] = dot3(n, p);
     over->of[X] = -n.x * r->sx;
     over->of[Y] = -n.y * r->sy;
@@ -202,7 +202,8 @@ inline void plane_forms(const Corners *v, const Bundle *r, vi flip, Forms *over,
     }
 }
 
-#define FORMS 5  // of a triangle
+// Forms of a triangle: edges opposite p, q and r, and depth's.
+enum { NUMERATOR = 3, DENOMINATOR, FORMS };
 
 // LANES triangles set up for a block, as far as they may be hit.
 typedef struct {
@@ -212,9 +213,7 @@ typedef struct {
     float near[LANES];     // where each begins
     int rows[LANES];       // rows that each can touch, a bit each
     int columns[LANES];    // and columns
-    // Edges opposite p, q and r, numerator and denominator of depth, signed so that n . D > 0
-    // unless edge-on.
-    Forms form[FORMS];
+    Forms form[FORMS];     // signed so that n . D > 0 unless edge-on
 } Triangles;
 
 // The form of one of LANES triangles.
@@ -253,7 +252,7 @@ inline void set_up_triangles(const Bundle *r, global const float *leaf, float z_
     out->covers = row_bits(keep & p.covers);
     out->edge_on = row_bits(keep & p.edge_on);
     for (int k = 0; k < 3; ++k) out->form[k] = p.edge[k];
-    plane_forms(&p.v, r, p.flip, out->form + 3, out->form + 4);
+    plane_forms(&p.v, r, p.flip, out->form + NUMERATOR, out->form + DENOMINATOR);
 }
 
 #endif

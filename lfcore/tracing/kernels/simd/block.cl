@@ -58,26 +58,14 @@ inline Row row_at(int at)
     (OUTER > 1 ? fma(outer, across, fma(inner, along, base)) : fma(inner, along, base))
 
 // Origins and directions of a row of rays.
-inline vf row_ox(const Bundle *r, Row at)
-{
-    return ADD_PLACES(at.x, at.u, (vf)(r->ox), (vf)(r->sx), (vf)(r->a));
-}
-inline vf row_dx(const Bundle *r, Row at)
-{
-    return ADD_PLACES(at.x, at.u, (vf)(r->dx), (vf)(r->tx), (vf)(r->b));
-}
-inline float row_oy(const Bundle *r, Row at)
-{
-    return ADD_PLACES(at.y, at.v, r->oy, r->sy, r->a);
-}
-inline float row_dy(const Bundle *r, Row at)
-{
-    return ADD_PLACES(at.y, at.v, r->dy, r->ty, r->b);
-}
+inline vf row_ox(const Bundle *r, Row at) { return ADD_PLACES(at.x, at.u, r->ox, r->sx, r->a); }
+inline vf row_dx(const Bundle *r, Row at) { return ADD_PLACES(at.x, at.u, r->dx, r->tx, r->b); }
+inline float row_oy(const Bundle *r, Row at) { return ADD_PLACES(at.y, at.v, r->oy, r->sy, r->a); }
+inline float row_dy(const Bundle *r, Row at) { return ADD_PLACES(at.y, at.v, r->dy, r->ty, r->b); }
 
 // Terms of a form over a block: 1, x, y, and for several elements u, v and y u - x v.
 // Only edge functions have the last: D . (O x W) multiplies a step of the origin by one of the
-// direction.  Without u and v their numbers stand for any term: nothing is made of it.
+// direction.  Where blocks have no u and v, nothing is made of what their numbers stand for.
 enum { ONE, X, Y, U = OUTER > 1 ? 3 : 0, V = OUTER > 1 ? 4 : 0, TWIST = OUTER > 1 ? 5 : 0 };
 #define EDGE_TERMS (OUTER > 1 ? 6 : 3)
 typedef struct { float of[EDGE_TERMS]; } Form;
@@ -89,14 +77,14 @@ typedef struct { vf of[EDGE_TERMS]; } Forms;
 inline vf plane_row(Form f, Row at)
 {
     const float base = ADD_PLACES(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
-    return ADD_PLACES(at.x, at.u, (vf)(base), (vf)(f.of[X]), (vf)(f.of[U]));
+    return ADD_PLACES(at.x, at.u, base, f.of[X], f.of[U]);
 }
 inline vf edge_row(Form f, Row at)
 {
     if (OUTER == 1) return plane_row(f, at);
     const float base = ADD_PLACES(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
     const float along = fma(-at.v, f.of[TWIST], f.of[X]), across = fma(at.y, f.of[TWIST], f.of[U]);
-    return ADD_PLACES(at.x, at.u, (vf)(base), (vf)(along), (vf)(across));
+    return ADD_PLACES(at.x, at.u, base, along, across);
 }
 
 // A form made of a constant and of what x and y multiply along the rays' steps.

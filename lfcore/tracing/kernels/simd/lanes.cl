@@ -158,15 +158,10 @@ typedef struct { vf x, y, z; } Vec;
 
 inline vf dot3(Vec a, Vec b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
 inline Vec scale3(Vec a, vf k) { return (Vec){a.x * k, a.y * k, a.z * k}; }
-inline Vec fma3(Vec a, vf k, Vec b)
-{
-    return (Vec){fma(a.x, k, b.x), fma(a.y, k, b.y), fma(a.z, k, b.z)};
-}
-inline Vec plus3(Vec a, Vec b) { return (Vec){a.x + b.x, a.y + b.y, a.z + b.z}; }
 inline Vec minus3(Vec a, Vec b) { return (Vec){a.x - b.x, a.y - b.y, a.z - b.z}; }
 inline Vec absolute3(Vec a) { return (Vec){fabs(a.x), fabs(a.y), fabs(a.z)}; }
 inline Vec spread3(float3 a) { return (Vec){(vf)(a.x), (vf)(a.y), (vf)(a.z)}; }
-inline Vec flip3(Vec a, vi sign)
+inline Vec turn_vectors(Vec a, vi sign)
 {
     return (Vec){flip_sign(a.x, sign), flip_sign(a.y, sign), flip_sign(a.z, sign)};
 }

@@ -48,7 +48,7 @@ inline void interpolate_tangent(global const PlaneEquations *p, Row at, vf denom
                                 SampleRow *s)
 {
     const vf weights = plane_row(p->weights, at);
-    s->tangent = flip3(spread3(vload3(0, p->tangent)), sign_of(SMOOTH ? weights : -weights));
+    s->tangent = turn_vectors(spread3(vload3(0, p->tangent)), sign_of(SMOOTH ? weights : -weights));
     s->across = flip_sign(p->tangent[TANGENT_WORDS - 1], sign_of(denominator));
 }
 
@@ -59,7 +59,7 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at)
     s.depth = plane_row(p->numerator, at) * reciprocal(denominator);
     // Some rays of a block may see a flat triangle's other side.
     if (SMOOTH) s.normal = slots_row(p, NORMAL, at);
-    else s.normal = flip3(spread3(vload3(0, p->normal)), sign_of(denominator));
+    else s.normal = turn_vectors(spread3(vload3(0, p->normal)), sign_of(denominator));
     if (PHYSICAL) interpolate_tangent(p, at, denominator, &s);
     if (!TEXTURED && !VERTEX_COLOURS) return s;
     const vf inverse = reciprocal(plane_row(p->weights, at));
@@ -67,8 +67,12 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at)
         s.u = edge_row(slot_form(p, COORDINATES), at) * inverse;
         s.v = edge_row(slot_form(p, COORDINATES + 1), at) * inverse;
     }
-    if (VERTEX_COLOURS)
-        s.tint = fma3(slots_row(p, TINT, at), inverse, spread3(vload3(0, p->first)));
+    if (VERTEX_COLOURS) {
+        const Vec rise = slots_row(p, TINT, at);
+        s.tint.x = fma(rise.x, inverse, (vf)(p->first[0]));
+        s.tint.y = fma(rise.y, inverse, (vf)(p->first[1]));
+        s.tint.z = fma(rise.z, inverse, (vf)(p->first[2]));
+    }
     return s;
 }
 
@@ -97,7 +101,7 @@ inline Vec viewed_normal(Vec n, Vec direction)
 {
     if (!SMOOTH) return n;
     n = scale3(n, inverse_sqrt(max(dot3(n, n), (vf)(LEAST_LENGTH))));
-    return flip3(n, turned_away_from(n, direction));
+    return turn_vectors(n, turned_away_from(n, direction));
 }
 
 // One block on its way from regions to colours.
@@ -151,7 +155,7 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
         if (VERTEX_COLOURS) store3(s.tint, out->tint, at);
         if (PHYSICAL) {
             const vi away = SMOOTH ? turned_away_from(s.normal, direction) : (vi)(0);
-            store3(flip3(s.tangent, away), out->tangent, at);
+            store3(turn_vectors(s.tangent, away), out->tangent, at);
             VSTORE(s.across, out->tangent + 3 * BLOCK_RAYS + at);
         }
         if (!TEXTURED) continue;
