@@ -110,14 +110,14 @@ inline vi is_nearer(vf z, int id, vf old_z, vi old_id)
 }
 
 // Which of a row of rays a triangle meets, and at what depth; `e` are its forms.
-inline vi meet(const Triangles *t, uint lane, vf *e, vf *depth)
+inline vi meet(vf *e, int covers, int edge_on, vf *depth)
 {
-    if (t->edge_on >> lane & 1) {
+    if (edge_on) {
         const vi sign = sign_of(e[DENOMINATOR]);
         for (int k = 0; k < FORMS; ++k) e[k] = flip_sign(e[k], sign);
     }
     *depth = e[NUMERATOR] * reciprocal(e[DENOMINATOR]);
-    if (t->covers >> lane & 1) return -1;
+    if (covers) return -1;
     return GE(min(e[0], min(e[1], e[2])), (vf)(0.0f)) & GT(e[DENOMINATOR], (vf)(0.0f));
 }
 
@@ -137,23 +137,27 @@ inline RowForms along_rows(Form f, int twisted, vf y, vf v)
 typedef struct {
     float base[FORMS][BLOCK];
     float along[3][BLOCK], across[3][BLOCK];  // of the edges
-    Form form[FORMS];                         // the others are the same along all rows
+    float x[2], u[2];                         // of the others, the same along all rows
 } TriangleRows;
 
-// Returns the rows that the triangle can touch and no edge excludes, rounding allowed for.
+// Returns the rows in which no edge excludes every ray, rounding allowed for.
 inline uint make_rows(const Triangles *t, uint lane, TriangleRows *f)
 {
     const uint wanted = t->rows[lane];
     uint rows = 0;
-    for (int k = 0; k < FORMS; ++k) f->form[k] = form_of(t->form + k, lane);
     for (int first = 0; first < BLOCK; first += LANES) {
         if (!(wanted >> first & ((1u << LANES) - 1u))) continue;
         const Row at = row_at(first);  // the places of rows along y are those of columns along x
         vi meets = -1;
         for (int k = 0; k < FORMS; ++k) {
-            const RowForms r = along_rows(f->form[k], k < 3, at.x, at.u);
+            const Form form = form_of(t->form + k, lane);
+            const RowForms r = along_rows(form, k < NUMERATOR, at.x, at.u);
             VSTORE(r.base, f->base[k] + first);
-            if (k >= 3) continue;
+            if (k >= NUMERATOR) {
+                f->x[k - NUMERATOR] = form.of[X];
+                f->u[k - NUMERATOR] = form.of[U];
+                continue;
+            }
             VSTORE(r.along, f->along[k] + first);
             if (OUTER > 1) VSTORE(r.across, f->across[k] + first);
             vf most = fabs(r.along) * HALF;
@@ -163,22 +167,23 @@ inline uint make_rows(const Triangles *t, uint lane, TriangleRows *f)
         }
         rows |= row_bits(meets) << first;
     }
-    return t->edge_on >> lane & 1 ? wanted : wanted & rows;
+    return rows;
 }
 
 // What the triangle's forms are at a row of rays.
 inline void evaluate_rows(const TriangleRows *f, int row, Row at, vf *e)
 {
     for (int k = 0; k < FORMS; ++k) {
-        const float along = k < 3 ? f->along[k][row] : f->form[k].of[X];
-        const float across = k < 3 ? f->across[k][row] : f->form[k].of[U];
+        const float along = k < NUMERATOR ? f->along[k][row] : f->x[k - NUMERATOR];
+        const float across = k < NUMERATOR ? f->across[k][row] : f->u[k - NUMERATOR];
         e[k] = ADD_PLACES(at.x, at.u, f->base[k][row], along, across);
     }
 }
 
 // A triangle that can touch no more than LANES rays: all of them at once, wherever in the block
 // they are.
-inline int hit_few(const Triangles *t, uint lane, int id, const Coverage *to)
+inline int hit_few(const Triangles *t, uint lane, int covers, int edge_on, int id,
+                   const Coverage *to)
 {
     private int place[LANES];
     private float found[LANES];
@@ -192,10 +197,10 @@ inline int hit_few(const Triangles *t, uint lane, int id, const Coverage *to)
     const vf y = TO_VF(row & (INNER - 1)) - HALF, v = TO_VF(row / INNER) - OUTER_HALF;
     vf e[FORMS], depth;
     for (int k = 0; k < FORMS; ++k) {
-        const RowForms r = along_rows(form_of(t->form + k, lane), k < 3, y, v);
+        const RowForms r = along_rows(form_of(t->form + k, lane), k < NUMERATOR, y, v);
         e[k] = ADD_PLACES(x, u, r.base, r.along, r.across);
     }
-    const vi mask = meet(t, lane, e, &depth);
+    const vi mask = meet(e, covers, edge_on, &depth);
     VSTORE(depth, found);
     for (uint bits = row_bits(mask) & ((1u << count) - 1u); bits; bits &= bits - 1) {
         const uint k = lowest(bits);
@@ -213,19 +218,23 @@ inline int hit_few(const Triangles *t, uint lane, int id, const Coverage *to)
 inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *rays,
                         const CutOuts *cut_outs, const Coverage *to)
 {
+    uint rows = t->rows[lane];
     const uint columns = t->columns[lane];
+    const int covers = t->covers >> lane & 1, edge_on = t->edge_on >> lane & 1;
     const int holes = has_holes(cut_outs, id);
-    if (!holes && popcount(t->rows[lane]) * popcount(columns) <= LANES)
-        return hit_few(t, lane, id, to);
+    if (!holes && popcount(rows) * popcount(columns) <= LANES)
+        return hit_few(t, lane, covers, edge_on, id, to);
     TriangleRows f;
+    const uint open = make_rows(t, lane, &f);
+    if (!edge_on) rows &= open;
     int changed = 0;
-    for (uint rows = make_rows(t, lane, &f); rows; rows &= rows - 1) {
+    for (; rows; rows &= rows - 1) {
         const int row = lowest(rows);
         for (int column = 0; column < BLOCK; column += LANES) {
             if (!(columns >> column & ((1u << LANES) - 1u))) continue;
             vf e[FORMS], depth;
             evaluate_rows(&f, row, row_at(column), e);
-            vi mask = meet(t, lane, e, &depth);
+            vi mask = meet(e, covers, edge_on, &depth);
             global float *z = to->z + row * BLOCK + column;
             global int *ids = to->ids + row * BLOCK + column;
             const vf old_z = VLOAD(z);
