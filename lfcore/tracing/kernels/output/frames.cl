@@ -22,7 +22,6 @@ typedef struct {
 #define WHITE ((1 << BITS) - 1)
 #define ROUNDER 12582912.0f  // 1.5 * 2^23
 #define ROUNDED(code) ((vf)((code) + ROUNDER))
-#define ROW_PARTS (BLOCK / LANES)
 
 // Write the first `wide` codes of such sums.
 inline void store_codes(uint16 sums, int wide, global sample *to)
@@ -38,33 +37,27 @@ inline void store_codes(uint16 sums, int wide, global sample *to)
         for (int k = 0; k < wide; ++k) to[k] = row[k];
     }
 }
-inline void put_codes(private const vf *sums, int wide, global sample *to)
-{
-    private uint row[BLOCK];
-    for (int k = 0; k < ROW_PARTS; ++k) VSTORE(AS_VU(sums[k]), row + k * LANES);
-    store_codes(vload16(0, row), wide, to);
-}
 
-// A part of a row as the three planes' sums; chroma that is to be averaged takes the colours'
-// place.
-inline void encode_part(Vec c, const FrameArguments *n, global float *chroma, vf *first, vf *second,
-                        vf *third)
+// LANES colours as the three planes' sums; chroma that is to be averaged takes the colours' place.
+inline Vec encode_part(Vec c, const FrameArguments *n, global float *chroma)
 {
     if (n->rgb) {
-        *first = fma(c.y, (vf)(WHITE), ROUNDED(0.0f));
-        *second = fma(c.z, (vf)(WHITE), ROUNDED(0.0f));
-        *third = fma(c.x, (vf)(WHITE), ROUNDED(0.0f));
-        return;
+        const Vec sums = {fma(c.y, (vf)(WHITE), ROUNDED(0.0f)),
+                          fma(c.z, (vf)(WHITE), ROUNDED(0.0f)),
+                          fma(c.x, (vf)(WHITE), ROUNDED(0.0f))};
+        return sums;
     }
     const vf luma = fma(c.x, (vf)(0.2126f), fma(c.y, (vf)(0.7152f), c.z * 0.0722f));
     const vf blue = c.z - luma, red = c.x - luma;
     const vf to_blue = 224.0f / 1.8556f * CODES, to_red = 224.0f / 1.5748f * CODES;
-    *first = fma(luma, (vf)(219.0f * CODES), ROUNDED(16.0f * CODES));
-    *second = fma(blue, to_blue, ROUNDED(128.0f * CODES));
-    *third = fma(red, to_red, ROUNDED(128.0f * CODES));
-    if (n->chroma == 1) return;
-    VSTORE(fma(blue, to_blue, (vf)(128.0f * CODES)), chroma);
-    VSTORE(fma(red, to_red, (vf)(128.0f * CODES)), chroma + BLOCK_RAYS);
+    if (n->chroma > 1) {
+        VSTORE(fma(blue, to_blue, (vf)(128.0f * CODES)), chroma);
+        VSTORE(fma(red, to_red, (vf)(128.0f * CODES)), chroma + BLOCK_RAYS);
+    }
+    const Vec sums = {fma(luma, (vf)(219.0f * CODES), ROUNDED(16.0f * CODES)),
+                      fma(blue, to_blue, ROUNDED(128.0f * CODES)),
+                      fma(red, to_red, ROUNDED(128.0f * CODES))};
+    return sums;
 }
 
 // Write `wide` columns and `high` rows of a block to a frame, by a cubic if there is one.
@@ -73,15 +66,16 @@ inline void write_rows(const CubicEncoding *e, const FrameArguments *n, int wide
 {
     const ulong pixels = (ulong)n->width * n->height;
     for (int y = 0; y < high; ++y, colours += BLOCK, to += n->width) {
-        vf first[ROW_PARTS], second[ROW_PARTS], third[ROW_PARTS];
-        for (int k = 0; k < ROW_PARTS; ++k) {
-            global float *at = colours + k * LANES;
-            encode_part(encode_row(load3(at, 0), e), n, at, first + k, second + k, third + k);
+        private float sums[3][BLOCK];
+        for (int at = 0; at < BLOCK; at += LANES) {
+            const Vec part = encode_part(encode_row(load3(colours, at), e), n, colours + at);
+            VSTORE(part.x, sums[0] + at);
+            VSTORE(part.y, sums[1] + at);
+            VSTORE(part.z, sums[2] + at);
         }
-        put_codes(first, wide, to);
-        if (n->chroma > 1) continue;
-        put_codes(second, wide, to + pixels);
-        put_codes(third, wide, to + 2 * pixels);
+        for (int plane = 0; plane < 3; ++plane)
+            if (!plane || n->chroma == 1)
+                store_codes(as_uint16(vload16(0, sums[plane])), wide, to + plane * pixels);
     }
 }
 

@@ -54,11 +54,10 @@ inline uint16 open_colours(global const float *colours, int16 keep)
     return as_uint16(convert_int16(fixed) & keep);
 }
 
-inline void store_prefix(uint16 red, uint16 green, uint16 blue, global uint *to)
+inline void store_prefix(private const uint16 *sum, global uint *to)
 {
-    vstore16(red, 0, to);
-    vstore16(green, 0, to + PACKET_COLUMNS);
-    vstore16(blue, 0, to + 2 * PACKET_COLUMNS);
+    for (int channel = 0; channel < 3; ++channel)
+        vstore16(sum[channel], 0, to + channel * PACKET_COLUMNS);
 }
 
 // Exclusive prefix sums down the columns of fixed-point colours where the mask is open: (rows + 1,
@@ -69,7 +68,7 @@ inline int make_prefix(const Planes *p, const Packet *packet, int mask, global c
     const int pitch = PACKET_SIDE * ((p->numbers->blocks + CELL_SIDE - 1) / CELL_SIDE);
     int any = 0;
     for (int column = 0; column < CHUNKS; ++column) {
-        uint16 red = 0, green = 0, blue = 0;
+        uint16 sum[3] = {0, 0, 0};
         global uint *to = prefix + column * BLOCK;
         for (int row = 0; row < CHUNKS; ++row) {
             const int cell = cell_at(row, column);
@@ -79,16 +78,15 @@ inline int make_prefix(const Planes *p, const Packet *packet, int mask, global c
             global const float *from = colours + cell * 3 * BLOCK_RAYS;
             any |= kind;
             for (int k = 0; k < BLOCK; ++k, to += PREFIX_PITCH, open += pitch, from += BLOCK) {
-                store_prefix(red, green, blue, to);
+                store_prefix(sum, to);
                 if (!kind) continue;
                 int16 keep = -1;
                 if (kind != 2) keep = convert_int16(as_char16(vload16(0, open)));
-                red += open_colours(from, keep);
-                green += open_colours(from + BLOCK_RAYS, keep);
-                blue += open_colours(from + 2 * BLOCK_RAYS, keep);
+                for (int channel = 0; channel < 3; ++channel)
+                    sum[channel] += open_colours(from + channel * BLOCK_RAYS, keep);
             }
         }
-        store_prefix(red, green, blue, to);
+        store_prefix(sum, to);
     }
     return any;
 }
@@ -178,16 +176,12 @@ inline void take_row(global uint *row, private uint4 *line)
         const uint8 even = (uint8)(0, 1, 8, 9, 4, 5, 12, 13), odd = even + (uint8)(2);
         const uint8 rg = shuffle2(red, green, low), b = shuffle2(blue, (uint8)(0), low);
         const uint8 rg2 = shuffle2(red, green, high), b2 = shuffle2(blue, (uint8)(0), high);
-        const uint8 c0 = shuffle2(rg, b, even), c1 = shuffle2(rg, b, odd);
-        const uint8 c2 = shuffle2(rg2, b2, even), c3 = shuffle2(rg2, b2, odd);
-        line[0] = c0.lo;
-        line[1] = c1.lo;
-        line[2] = c2.lo;
-        line[3] = c3.lo;
-        line[4] = c0.hi;
-        line[5] = c1.hi;
-        line[6] = c2.hi;
-        line[7] = c3.hi;
+        const uint8 pairs[4] = {shuffle2(rg, b, even), shuffle2(rg, b, odd),
+                                shuffle2(rg2, b2, even), shuffle2(rg2, b2, odd)};
+        for (int k = 0; k < 4; ++k) {
+            line[k] = pairs[k].lo;
+            line[k + 4] = pairs[k].hi;
+        }
     }
 }
 

@@ -28,22 +28,13 @@ inline void write_row(vf r, vf g, vf b, int mode, global float *to)
     const vu b1 = (vu)(0, 21, 2, 3, 22, 5, 6, 23, 8, 9, 24, 11, 12, 25, 14, 15);
     const vu rg2 = (vu)(0, 11, 27, 0, 12, 28, 0, 13, 29, 0, 14, 30, 0, 15, 31, 0);
     const vu b2 = (vu)(26, 1, 2, 27, 4, 5, 28, 7, 8, 29, 10, 11, 30, 13, 14, 31);
-    vf first = shuffle2(shuffle2(r, g, rg0), b, b0);
-    vf second = shuffle2(shuffle2(r, g, rg1), b, b1);
-    vf third = shuffle2(shuffle2(r, g, rg2), b, b2);
-    if (mode & ADD) {
-        first += VLOAD(to);
-        second += VLOAD(to + LANES);
-        third += VLOAD(to + 2 * LANES);
-    }
-    if ((mode & STREAM) && (ulong)to % LINE == 0) {
-        VSTREAM(first, to);
-        VSTREAM(second, to + LANES);
-        VSTREAM(third, to + 2 * LANES);
-    } else {
-        VSTORE(first, to);
-        VSTORE(second, to + LANES);
-        VSTORE(third, to + 2 * LANES);
+    vf parts[3] = {shuffle2(shuffle2(r, g, rg0), b, b0), shuffle2(shuffle2(r, g, rg1), b, b1),
+                   shuffle2(shuffle2(r, g, rg2), b, b2)};
+    const int past_caches = (mode & STREAM) && (ulong)to % LINE == 0;
+    for (int k = 0; k < 3; ++k, to += LANES) {
+        if (mode & ADD) parts[k] += VLOAD(to);
+        if (past_caches) VSTREAM(parts[k], to);
+        else VSTORE(parts[k], to);
     }
 }
 #endif

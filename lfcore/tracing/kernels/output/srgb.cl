@@ -2,6 +2,7 @@
 #ifndef LFCORE_SRGB_CL
 #define LFCORE_SRGB_CL
 #include "codes.cl"
+#include "ranges.cl"
 
 // IEC 61966-2-1 encoding of values clamped to [0, 1]: a polynomial (least largest error, 7e-6) in
 // the fourth root.
@@ -37,18 +38,13 @@ typedef struct { float4 c[4]; } CubicEncoding;  // coefficients of red, green an
 // dark.
 inline int colour_range(global const float *colours, float4 *from, float4 *to)
 {
-    Vec least = load3(colours, 0), most = least;
-    for (int at = LANES; at < BLOCK_RAYS; at += LANES) {
-        const Vec c = load3(colours, at);
-        least.x = min(least.x, c.x);
-        least.y = min(least.y, c.y);
-        least.z = min(least.z, c.z);
-        most.x = max(most.x, c.x);
-        most.y = max(most.y, c.y);
-        most.z = max(most.z, c.z);
-    }
-    *from = (float4)(row_min(least.x), row_min(least.y), row_min(least.z), 1.0f);
-    *to = (float4)(row_max(most.x), row_max(most.y), row_max(most.z), 1.0f);
+    Ranges ranges;
+    clear_ranges(&ranges);
+    for (int at = 0; at < BLOCK_RAYS; at += LANES)
+        add_to_ranges(&ranges, load3(colours, at), (vi)(-1));
+    const Box box = box_of(&ranges);
+    *from = (float4)(vload3(0, box.lo), 1.0f);
+    *to = (float4)(vload3(0, box.hi), 1.0f);
     return all(from->xyz > LINEAR_END && to->xyz <= RANGE * from->xyz && to->xyz < 1.0f);
 }
 

@@ -41,10 +41,7 @@ inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *
         VSTORE(want & ~within, wanted + at);
         add_to_ranges(&ranges, load3(b->samples.point, at), within);
     }
-    for (int k = 0; k < 3; ++k) {
-        box->lo[k] = row_min(ranges.low[k]);
-        box->hi[k] = row_max(ranges.high[k]);
-    }
+    *box = box_of(&ranges);
     return 1;
 }
 

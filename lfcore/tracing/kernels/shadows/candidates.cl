@@ -4,14 +4,12 @@
 #ifndef LFCORE_CANDIDATES_CL
 #define LFCORE_CANDIDATES_CL
 #include "occluders.cl"
+#include "ranges.cl"
 
 #define CANDIDATES 512
 #define CANDIDATE_WORDS LIST_WORDS(CANDIDATES)
 
 enum { NOT_ASKED = -1, TOO_MANY = -2 };  // or their number
-
-// A box of hit points.
-typedef struct { float lo[3], hi[3]; } Box;
 
 // A worker's memory for shadows, and what they are of.
 typedef struct {

@@ -14,7 +14,7 @@ typedef struct {
     int axes[3];             // kx, ky, kz
     float sign;              // of the distance along kz
     float slope_x, slope_y;  // of a direction, along kz
-    float lo[3], hi[3];      // of the hit points
+    Box hits;
 } LightSpace;
 
 // A point light nearer than this share of half the hit points' box has no picture of them:
@@ -41,8 +41,8 @@ inline LightSpace make_light_space(const ShadowRays *r)
     LightSpace v;
     for (int k = 0; k < 3; ++k) {
         v.axes[k] = (largest_axis(along) + 1 + k) % 3;
-        v.lo[k] = FAR;
-        v.hi[k] = -FAR;
+        v.hits.lo[k] = FAR;
+        v.hits.hi[k] = -FAR;
     }
     const float most = axis(along, v.axes[2]);
     v.sign = most < 0.0f ? -1.0f : 1.0f;
@@ -51,17 +51,15 @@ inline LightSpace make_light_space(const ShadowRays *r)
     return v;
 }
 
-// u, v, d of a row of hit points, and the distance of a point light.
+// u, v, d of a row of hit points.
 inline Vec project_row(const ShadowRays *r, const LightSpace *view, global const float *point,
-                       int at,
-                       vf *distance)
+                       int at)
 {
     vf x[3];
     for (int k = 0; k < 3; ++k)
         x[k] = VLOAD(point + view->axes[k] * BLOCK_RAYS + at) - axis(r->apex, view->axes[k]);
-    *distance = x[2] * view->sign;
     if (r->is_point) {
-        const vf inverse = reciprocal(*distance);
+        const vf inverse = reciprocal(x[2] * view->sign);
         const Vec seen = {x[0] * inverse, x[1] * inverse, inverse};
         return seen;
     }
@@ -70,52 +68,34 @@ inline Vec project_row(const ShadowRays *r, const LightSpace *view, global const
     return seen;
 }
 
-// A range of numbers in each lane, and of all of them.
-typedef struct { vf low[3], high[3]; } Ranges;
-inline void clear_ranges(Ranges *r)
-{
-    for (int k = 0; k < 3; ++k) {
-        r->low[k] = FAR;
-        r->high[k] = -FAR;
-    }
-}
-inline void add_to_ranges(Ranges *r, Vec a, vi mask)
-{
-    const vf x[3] = {a.x, a.y, a.z};
-    for (int k = 0; k < 3; ++k) {
-        r->low[k] = pick(r->low[k], min(r->low[k], x[k]), mask);
-        r->high[k] = pick(r->high[k], max(r->high[k], x[k]), mask);
-    }
-}
-
 // Fill s->seen with u, v, d of the hit points in s->open, and bound them.  False if some lie beside
 // the light or behind it, where it has no picture of them.
 inline int project_hits(const Shadows *s, LightSpaceRays *l)
 {
     const ShadowRays *r = &l->rays;
     LightSpace *view = &l->view;
-    vf nearest = FAR, distance;
     l->lit = 0;
     for (int strip = 0; strip < STRIPS; ++strip) {
         Ranges ranges;
         clear_ranges(&ranges);
         for (int at = strip * STRIP; at < (strip + 1) * STRIP; at += LANES) {
             const vi within = VLOAD(s->open + at);
-            const Vec seen = project_row(r, view, l->samples->point, at, &distance);
-            nearest = pick(nearest, min(nearest, distance), within);
+            const Vec seen = project_row(r, view, l->samples->point, at);
             store3(seen, s->seen, at);
             add_to_ranges(&ranges, seen, within);
         }
+        const Box box = box_of(&ranges);
         for (int k = 0; k < 3; ++k) {
-            const float lo = row_min(ranges.low[k]), hi = row_max(ranges.high[k]);
-            l->strips.lo[k][strip] = lo;
-            l->strips.hi[k][strip] = hi;
-            view->lo[k] = min(view->lo[k], lo);
-            view->hi[k] = max(view->hi[k], hi);
+            l->strips.lo[k][strip] = box.lo[k];
+            l->strips.hi[k][strip] = box.hi[k];
+            view->hits.lo[k] = min(view->hits.lo[k], box.lo[k]);
+            view->hits.hi[k] = max(view->hits.hi[k], box.hi[k]);
         }
-        l->lit |= (uint)(l->strips.lo[0][strip] <= l->strips.hi[0][strip]) << strip;
+        l->lit |= (uint)(box.lo[0] <= box.hi[0]) << strip;
     }
-    return !r->is_point || row_min(nearest) > NEAREST_SHARE * largest_component(r->extent);
+    if (!r->is_point) return 1;
+    const float least_distance = NEAREST_SHARE * largest_component(r->extent);
+    return view->hits.lo[2] > 0.0f && view->hits.hi[2] * least_distance < 1.0f;
 }
 
 // Occluders in the light's picture: a u + b v + c of each edge, and of its plane, with g d besides;
@@ -134,9 +114,10 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, const Pl
 {
     float middle[3], extent[3], most[3];
     for (int k = 0; k < 3; ++k) {
-        middle[k] = 0.5f * (view->lo[k] + view->hi[k]);
-        extent[k] = 0.5f * BOUND_SLACK * (view->hi[k] - view->lo[k]);
-        most[k] = max(fabs(view->lo[k]), fabs(view->hi[k]));
+        const float lo = view->hits.lo[k], hi = view->hits.hi[k];
+        middle[k] = 0.5f * (lo + hi);
+        extent[k] = 0.5f * BOUND_SLACK * (hi - lo);
+        most[k] = max(fabs(lo), fabs(hi));
     }
     for (int k = 0; k < 4; ++k) {
         const vf a = component(planes[k].n, view->axes[0]);
@@ -153,21 +134,11 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, const Pl
             largest += fma(g, (vf)(middle[2]), fabs(g) * extent[2]);
             noise = fma(fabs(g), (vf)(most[2]), noise);
         }
-        const vf most_c = fma(noise, (vf)(PICTURE_SLACK), c);
-        VSTORE(a, out->of[k][FORM_A]);
-        VSTORE(b, out->of[k][FORM_B]);
-        VSTORE(c, out->of[k][FORM_C]);
-        VSTORE(g, out->of[k][FORM_G]);
-        VSTORE(most_c, out->of[k][FORM_MOST_C]);
-        may &= GE(largest + most_c, (vf)(0.0f));
+        const vf form[FORM_TERMS] = {a, b, c, g, fma(noise, (vf)(PICTURE_SLACK), c)};
+        for (int term = 0; term < FORM_TERMS; ++term) VSTORE(form[term], out->of[k][term]);
+        may &= GE(largest + form[FORM_MOST_C], (vf)(0.0f));
     }
     return row_bits(may);
-}
-
-// The largest of `times` what lies between two rows of numbers.
-inline vf most_between(float times, const float *lo, const float *hi)
-{
-    return times * VLOAD(times > 0.0f ? hi : lo);
 }
 
 // Strips of the block that occluder `lane` may reach, a bit each.
