@@ -69,13 +69,11 @@ inline void light_block(Shadows *s, const Block *b, int number, global int *lit)
     Box box;
     for (find_facing(b, light, wanted); next_span(s, b, wanted, &box);) {
         LightSpaceRays l;
-        l.rays = make_shadow_rays(light, box.lo, box.hi);
+        l.rays = make_shadow_rays(light, &box);
         l.view = make_light_space(&l.rays);
         l.samples = &b->samples;
-        if (project_hits(s, &l))
-            cast_light_space(s, &l, number, box.lo, box.hi);
-        else
-            cast_single_rays(s, b, number);
+        if (project_hits(s, &l)) cast_light_space(s, &l, number, &box);
+        else cast_single_rays(s, b, number);
         add_open(s, lit);
     }
 }

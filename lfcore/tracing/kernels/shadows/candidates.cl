@@ -4,7 +4,6 @@
 #ifndef LFCORE_CANDIDATES_CL
 #define LFCORE_CANDIDATES_CL
 #include "occluders.cl"
-#include "ranges.cl"
 
 #define CANDIDATES 512
 #define CANDIDATE_WORDS LIST_WORDS(CANDIDATES)
@@ -19,8 +18,8 @@ typedef struct {
     const Visibility *visibility;
     global uint *lists;      // (shadow lights, CANDIDATE_WORDS)
     global int *listed;      // (shadow lights,) how many each list holds
-    int bounded;             // whether `lo` and `hi` are known
-    float lo[3], hi[3];      // of all that the packet sees; lo > hi if that is nothing
+    int bounded;             // whether `seen_box` is known
+    Box seen_box;            // of all that the packet sees; lo > hi if that is nothing
     LeafList nearby;         // scratch: leaves near a set of shadow rays
     global int *open;        // scratch: (2, BLOCK_RAYS)
     global float *seen;      // scratch: (3, BLOCK_RAYS)
@@ -57,12 +56,9 @@ inline void bound_packet(Shadows *s)
         near = min(near, seen.x);
         far = max(far, seen.y);
     }
-    s->lo[0] = min(least.x, least.y);
-    s->lo[1] = min(least.z, least.w);
-    s->lo[2] = near;
-    s->hi[0] = max(most.x, most.y);
-    s->hi[1] = max(most.z, most.w);
-    s->hi[2] = far;
+    const Box box = {{min(least.x, least.y), min(least.z, least.w), near},
+                     {max(most.x, most.y), max(most.z, most.w), far}};
+    s->seen_box = box;
     s->bounded = 1;
 }
 
@@ -77,8 +73,8 @@ inline int list_candidates(Shadows *s, int number, LeafList *list)
     *list = make_list(s->lists + number * (ulong)CANDIDATE_WORDS, CANDIDATES);
     if (s->listed[number] == NOT_ASKED) {
         if (!s->bounded) bound_packet(s);
-        if (s->lo[2] <= s->hi[2]) {
-            const Shaft shaft = shadow_shaft(shadow_light(s->scene, number), s->lo, s->hi);
+        if (s->seen_box.lo[2] <= s->seen_box.hi[2]) {
+            const Shaft shaft = shadow_shaft(shadow_light(s->scene, number), &s->seen_box);
             const Volume volume = {0, &shaft, 0};
             Stack stack;
             start_walk(&stack);
@@ -99,11 +95,11 @@ typedef struct {
     Stack stack;
 } NearbyLeaves;
 
-inline void start_nearby(Shadows *s, int number, const float *lo, const float *hi, NearbyLeaves *n)
+inline void start_nearby(Shadows *s, int number, const Box *box, NearbyLeaves *n)
 {
     n->listed = list_candidates(s, number, &n->candidates);
     n->done = 0;
-    n->shaft = shadow_shaft(shadow_light(s->scene, number), lo, hi);
+    n->shaft = shadow_shaft(shadow_light(s->scene, number), box);
     if (!n->listed) start_walk(&n->stack);
 }
 

@@ -210,10 +210,11 @@ inline void cast_picture(const Shadows *s, const PictureForms *f, uint lane, int
     }
 }
 
-// Take from s->open the rays behind LANES triangles; false when none is left.
-inline int cast_leaf(const Shadows *s, const Shaft *shaft, global const float *corners,
-                     global const int *ids, LightSpaceRays *l)
+// Take from s->open the rays behind LANES triangles of a leaf; false when none is left.
+inline int cast_leaf(const Shadows *s, const Shaft *shaft, int leaf, int lane, LightSpaceRays *l)
 {
+    global const float *corners = leaf_corners(s->tree, leaf, lane);
+    global const int *ids = leaf_numbers(s->tree, leaf, lane);
     Plane planes[4];
     PictureForms forms;
     const vi may = set_up_occluders(&l->rays, shaft, corners, planes) & ~are_own(l->rays.own, ids);
@@ -224,20 +225,15 @@ inline int cast_leaf(const Shadows *s, const Shaft *shaft, global const float *c
     return l->lit != 0;
 }
 
-// Take from s->open the rays that something hides from light `number`; their hit points lie in lo
-// to hi.
-inline void cast_light_space(Shadows *s, LightSpaceRays *l, int number, const float *lo,
-                             const float *hi)
+// Take from s->open the rays that something hides from light `number`; their hit points lie in
+// `box`.
+inline void cast_light_space(Shadows *s, LightSpaceRays *l, int number, const Box *box)
 {
     NearbyLeaves nearby;
-    for (start_nearby(s, number, lo, hi, &nearby); next_nearby(s, &nearby);)
+    for (start_nearby(s, number, box, &nearby); next_nearby(s, &nearby);)
         for (int k = 0; k < s->nearby.count; ++k)
-            for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-                const int leaf = s->nearby.leaf[k];
-                global const float *corners = leaf_corners(s->tree, leaf, lane);
-                global const int *ids = leaf_numbers(s->tree, leaf, lane);
-                if (!cast_leaf(s, &nearby.shaft, corners, ids, l)) return;
-            }
+            for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
+                if (!cast_leaf(s, &nearby.shaft, s->nearby.leaf[k], lane, l)) return;
 }
 
 #endif

@@ -47,24 +47,20 @@ inline void enter_element(const Packet *p, int block, OccluderCache *c)
     clear_cache(c);
 }
 
-// Where along one axis rays may meet a triangle: `o` and `d` are the middle ray's, `s` and `t` the
-// steps.
-typedef struct { float o, d, s, t; } AxisRays;
-
-// In columns from the middle, of `most` to either side: the first and the last.
-inline float2 columns_at(AxisRays r, float3 at, float3 z, float most)
+// Where along one axis rays may meet a triangle whose corners are at `at` and depths z, in columns
+// from the middle: the first and the last.  Of the middle ray o and d are origin and direction, s
+// and t their steps.
+inline float2 columns_at(float o, float d, float s, float t, float3 at, float3 z)
 {
-    const float3 pitch = fma(z, r.t, r.s), along = r.o + z * r.d;
-    const float3 noise = HIT_SLACK * (fabs(at) + fabs(r.o) + fabs(z * r.d));
-    const float least = min(pitch.x, min(pitch.y, pitch.z));
-    const float largest = max(pitch.x, max(pitch.y, pitch.z));
+    const float3 pitch = fma(z, t, s), along = o + z * d;
+    const float3 noise = HIT_SLACK * (fabs(at) + fabs(o) + fabs(z * d));
     // Rays of a pixel cross where it is in focus, and nothing is met behind the lens.
-    const int cross = least <= 0.0f && largest >= 0.0f;
-    if (cross || min(z.x, min(z.y, z.z)) <= 0.0f) return (float2)(-most, most);
+    const int cross = least_of(pitch.xyzz) <= 0.0f && most_of(pitch.xyzz) >= 0.0f;
+    if (cross || least_of(z.xyzz) <= 0.0f) return (float2)(-ELEMENT_HALF, ELEMENT_HALF);
     const float3 column = (at - along) / pitch, slack = noise / fabs(pitch) + SAMPLE_SLACK;
     const float3 low = column - slack, high = column + slack;
-    const float first = min(low.x, min(low.y, low.z)), last = max(high.x, max(high.y, high.z));
-    return clamp((float2)(first, last), -most, most);
+    const float2 ends = (float2)(least_of(low.xyzz), most_of(high.xyzz));
+    return clamp(ends, -ELEMENT_HALF, ELEMENT_HALF);
 }
 
 // Rays of an element that may meet a triangle, and bounds of their hit points.
@@ -78,9 +74,9 @@ inline SeenTriangle see_triangle(const Scene *s, const Bundle *r, int triangle,
 {
     const float3 p = corner(s, triangle, 0), q = corner(s, triangle, 1), w = corner(s, triangle, 2);
     const float3 z = (float3)(p.z, q.z, w.z);
-    const AxisRays x = {r->ox, r->dx, r->sx, r->tx}, y = {r->oy, r->dy, r->sy, r->ty};
-    const float2 across = columns_at(x, (float3)(p.x, q.x, w.x), z, ELEMENT_HALF);
-    const float2 down = columns_at(y, (float3)(p.y, q.y, w.y), z, ELEMENT_HALF);
+    const float3 x = (float3)(p.x, q.x, w.x), y = (float3)(p.y, q.y, w.y);
+    const float2 across = columns_at(r->ox, r->dx, r->sx, r->tx, x, z);
+    const float2 down = columns_at(r->oy, r->dy, r->sy, r->ty, y, z);
     const Rectangle over = {0.5f * (across.x + across.y), 0.5f * (down.x + down.y),
                             0.5f * (across.y - across.x), 0.5f * (down.y - down.x)};
     const float3 slack = HIT_SLACK * max(fabs(p), max(fabs(q), fabs(w)));
@@ -92,11 +88,10 @@ inline SeenTriangle see_triangle(const Scene *s, const Bundle *r, int triangle,
         depths.y = max(depths.x, min(depths.y, exact.y));
     }
     SeenTriangle seen = {over, bundle_box(r, over, depths)};
-    const float l[2] = {low.x, low.y}, h[2] = {high.x, high.y};
     for (int k = 0; k < 2; ++k) {
         // Rounding apart, both hold what is seen.
-        seen.box.lo[k] = min(max(seen.box.lo[k], l[k]), h[k]);
-        seen.box.hi[k] = max(min(seen.box.hi[k], h[k]), seen.box.lo[k]);
+        seen.box.lo[k] = min(max(seen.box.lo[k], axis(low, k)), axis(high, k));
+        seen.box.hi[k] = max(min(seen.box.hi[k], axis(high, k)), seen.box.lo[k]);
     }
     return seen;
 }
@@ -144,24 +139,23 @@ typedef struct {
 } NewEntry;
 
 // Keep occluder `lane` of those of forms `e`, or one that darkens nothing.
-inline void keep_occluder(OccluderCache *c, int at, const RayForm *e, int lane)
+inline void keep_occluder(OccluderCache *c, int at, const Forms *e, int lane)
 {
     global float *to = c->pool + (c->used + at / LANES) * FORM_WORDS * LANES + at % LANES;
     for (int k = 0; k < FORM_WORDS; ++k) {
         const float dark_nowhere = k % 3 ? 0.0f : -1.0f;
-        to[k * LANES] = lane < 0 ? dark_nowhere : ((const float *)e)[k * LANES + lane];
+        to[k * LANES] = lane < 0 ? dark_nowhere : ((const float *)&e[k / 3].of[k % 3])[lane];
     }
 }
 
 // Keep those of LANES triangles that can darken a ray.  False once no more are wanted: one of them
 // darkens every ray, or they are too many; `rows` receives which.
-inline int keep_occluders(OccluderCache *c, NewEntry *n, global const float *leaf,
-                          global const int *ids,
-                          int *rows)
+inline int keep_occluders(const Shadows *s, NewEntry *n, int leaf, int lane, int *rows)
 {
-    RayForm e[4];
+    global const int *ids = leaf_numbers(s->tree, leaf, lane);
+    Forms e[4];
     Occluders o;
-    place_occluders(&n->rays, leaf, &o);
+    place_occluders(&n->rays, leaf_corners(s->tree, leaf, lane), &o);
     const vi own = EQ(VLOAD(ids), (vi)(n->triangle)) | are_own(n->rays.own, ids);
     vi may = ~(lie_behind(&n->behind, &o) | own), all = -1;
     if (!row_any(may)) return 1;
@@ -176,7 +170,8 @@ inline int keep_occluders(OccluderCache *c, NewEntry *n, global const float *lea
     const int many = n->count + popcount(keep) > MOST_OCCLUDERS;
     *rows = row_any(all & may) ? ALL_DARK : many ? NOT_KEPT : 0;
     if (*rows) return 0;
-    for (uint left = keep; left; left &= left - 1) keep_occluder(c, n->count++, e, lowest(left));
+    for (uint left = keep; left; left &= left - 1)
+        keep_occluder(s->cache, n->count++, e, lowest(left));
     return 1;
 }
 
@@ -185,13 +180,10 @@ inline int gather_occluders(Shadows *s, int number, const Box *box, NewEntry *n)
 {
     NearbyLeaves nearby;
     int rows = 0;
-    for (start_nearby(s, number, box->lo, box->hi, &nearby); next_nearby(s, &nearby);)
+    for (start_nearby(s, number, box, &nearby); next_nearby(s, &nearby);)
         for (int k = 0; k < s->nearby.count; ++k)
-            for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-                global const float *corners = leaf_corners(s->tree, s->nearby.leaf[k], lane);
-                global const int *ids = leaf_numbers(s->tree, s->nearby.leaf[k], lane);
-                if (!keep_occluders(s->cache, n, corners, ids, &rows)) return rows;
-            }
+            for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
+                if (!keep_occluders(s, n, s->nearby.leaf[k], lane, &rows)) return rows;
     return (n->count + LANES - 1) / LANES;
 }
 
@@ -204,7 +196,7 @@ inline void make_entry(Shadows *s, int triangle, int number, CacheEntry *entry)
     const SeenTriangle seen = see_triangle(s->scene, &c->rays, triangle, planes);
     NewEntry n;
     n.triangle = triangle;
-    n.rays = make_shadow_rays(light, seen.box.lo, seen.box.hi);
+    n.rays = make_shadow_rays(light, &seen.box);
     n.over = seen.over;
     n.count = 0;
     entry->triangle = triangle;
@@ -239,11 +231,8 @@ inline void cast_entry(const OccluderCache *c, const CacheEntry *entry, ShadowMa
 {
     for (int row = entry->first; row < entry->first + entry->rows; ++row) {
         global const float *at = c->pool + row * FORM_WORDS * LANES;
-        RayForm e[4];
-        for (int k = 0; k < 4; ++k, at += 3 * LANES) {
-            const RayForm form = {VLOAD(at), VLOAD(at + LANES), VLOAD(at + 2 * LANES)};
-            e[k] = form;
-        }
+        Forms e[4];
+        for (int k = 0; k < FORM_WORDS; ++k) e[k / 3].of[k % 3] = VLOAD(at + k * LANES);
         if (!cast_forms(e, (vi)(-1), m)) return;
     }
 }

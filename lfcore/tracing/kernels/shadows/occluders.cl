@@ -5,6 +5,7 @@
 // the apex; hit points never leave that frame.
 #ifndef LFCORE_OCCLUDERS_CL
 #define LFCORE_OCCLUDERS_CL
+#include "ranges.cl"
 #include "samples.cl"
 #include "walk.cl"
 
@@ -23,30 +24,30 @@ typedef struct {
     int2 own;               // triangles that never shadow the light
 } ShadowRays;
 
-// Look at the hit points between lo and hi alone; what occluders are relative to stays.
-inline void aim_at(ShadowRays *r, const float *lo, const float *hi)
+// Look at the hit points in a box alone; what occluders are relative to stays.
+inline void aim_at(ShadowRays *r, const Box *box)
 {
-    r->centre = 0.5f * (vload3(0, lo) + vload3(0, hi)) - r->apex;
-    r->extent = 0.5f * (vload3(0, hi) - vload3(0, lo));
+    r->centre = 0.5f * (vload3(0, box->lo) + vload3(0, box->hi)) - r->apex;
+    r->extent = 0.5f * (vload3(0, box->hi) - vload3(0, box->lo));
 }
 
-inline ShadowRays make_shadow_rays(global const float *light, const float *lo, const float *hi)
+inline ShadowRays make_shadow_rays(global const float *light, const Box *box)
 {
-    const float3 low = vload3(0, lo), high = vload3(0, hi);
+    const float3 low = vload3(0, box->lo), high = vload3(0, box->hi);
     ShadowRays r;
     r.is_point = is_point(light);
     r.towards = light_vector(light);
     r.apex = r.is_point ? r.towards : 0.5f * (low + high);
     r.own = own_triangles(light);
-    aim_at(&r, lo, hi);
+    aim_at(&r, box);
     r.size = max(fabs(low), fabs(high)) + fabs(r.centre) + r.extent;
     return r;
 }
 
-inline Shaft shadow_shaft(global const float *light, const float *lo, const float *hi)
+inline Shaft shadow_shaft(global const float *light, const Box *box)
 {
     const float vector[3] = {light[0], light[1], light[2]};
-    return make_shaft(vector, is_point(light), lo, hi);
+    return make_shaft(vector, is_point(light), box->lo, box->hi);
 }
 
 // A form n . P + c of the hit point relative to the apex.

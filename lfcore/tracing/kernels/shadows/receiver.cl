@@ -8,33 +8,35 @@
 #define LFCORE_RECEIVER_CL
 #include "shadow_mask.cl"
 
-typedef struct {
-    float3 one, x, y;        // (P - apex) * weight, term by term
-    float w_one, w_x, w_y;   // the weight, positive over the rectangle
-} Receiver;
+// (P - apex) times the weight, and the weight, which is positive over the rectangle: of each the
+// terms ONE, X and Y.
+typedef struct { float3 place[3]; float weight[3]; } Receiver;
 
 inline Receiver make_receiver(const Bundle *r, global const PlaneEquations *p, float3 apex)
 {
     const Form z = p->numerator, w = p->denominator;
-    const float z1 = z.of[ONE], zx = z.of[X], zy = z.of[Y], w1 = w.of[ONE], wx = w.of[X];
-    const float wy = w.of[Y];
-    const float3 one = {r->ox * w1 + z1 * r->dx, r->oy * w1 + z1 * r->dy, z1};
-    const float3 x = {r->sx * w1 + r->ox * wx + zx * r->dx + z1 * r->tx, r->oy * wx + zx * r->dy,
-                      zx};
-    const float3 y = {r->ox * wy + zy * r->dx, r->sy * w1 + r->oy * wy + zy * r->dy + z1 * r->ty,
-                      zy};
-    const Receiver f = {one - apex * w1, x - apex * wx, y - apex * wy, w1, wx, wy};
+    const float3 o = (float3)(r->ox, r->oy, 0.0f), d = (float3)(r->dx, r->dy, 1.0f);
+    const float3 sx = (float3)(r->sx, 0.0f, 0.0f), tx = (float3)(r->tx, 0.0f, 0.0f);
+    const float3 sy = (float3)(0.0f, r->sy, 0.0f), ty = (float3)(0.0f, r->ty, 0.0f);
+    Receiver f;
+    f.place[ONE] = o * w.of[ONE] + z.of[ONE] * d;
+    f.place[X] = sx * w.of[ONE] + o * w.of[X] + z.of[X] * d + z.of[ONE] * tx;
+    f.place[Y] = sy * w.of[ONE] + o * w.of[Y] + z.of[Y] * d + z.of[ONE] * ty;
+    for (int k = 0; k < 3; ++k) {
+        f.weight[k] = w.of[k];
+        f.place[k] -= apex * w.of[k];
+    }
     return f;
 }
 
-inline vf project_term(Plane p, float3 at, float weight)
+inline Forms project_plane(const Receiver *f, Plane p)
 {
-    return fma(p.n.x, (vf)(at.x), fma(p.n.y, (vf)(at.y), fma(p.n.z, (vf)(at.z), p.c * weight)));
-}
-inline RayForm project_plane(const Receiver *f, Plane p)
-{
-    const RayForm e = {project_term(p, f->one, f->w_one), project_term(p, f->x, f->w_x),
-                       project_term(p, f->y, f->w_y)};
+    Forms e;
+    for (int k = 0; k < 3; ++k) {
+        const float3 at = f->place[k];
+        const vf last = fma(p.n.z, (vf)(at.z), p.c * f->weight[k]);
+        e.of[k] = fma(p.n.x, (vf)(at.x), fma(p.n.y, (vf)(at.y), last));
+    }
     return e;
 }
 

@@ -6,7 +6,7 @@
 // Darken a region's rays behind LANES occluders; false once none is lit.
 inline int cast_planes(const Receiver *f, const Plane *planes, vi may, ShadowMask *m)
 {
-    RayForm e[4];
+    Forms e[4];
     for (int k = 0; k < 4; ++k) e[k] = project_plane(f, planes[k]);
     return cast_forms(e, may, m);
 }
@@ -26,11 +26,11 @@ inline void cast_uncached(Shadows *s, const Block *b, int number, int k, ShadowM
     const Bundle *all = &s->cache->rays;
     set_up_planes(s->scene, all, triangle, 0.0f, s->element_planes);
     const SeenTriangle seen = see_triangle(s->scene, all, triangle, s->element_planes);
-    ShadowRays rays = make_shadow_rays(light, seen.box.lo, seen.box.hi);
+    ShadowRays rays = make_shadow_rays(light, &seen.box);
     const Receiver receiver = make_receiver(&b->rays, planes, rays.apex);
-    aim_at(&rays, box.lo, box.hi);
+    aim_at(&rays, &box);
     NearbyLeaves nearby;
-    for (start_nearby(s, number, box.lo, box.hi, &nearby); next_nearby(s, &nearby);)
+    for (start_nearby(s, number, &box, &nearby); next_nearby(s, &nearby);)
         for (int leaf = 0; leaf < s->nearby.count; ++leaf)
             for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
                 Plane forms[4];

@@ -54,21 +54,19 @@ inline void add_lit(const ShadowMask *m, global int *lit)
         VSTORE(VLOAD(lit + k * LANES) | (m->mine[k] & ~m->dark[k]), lit + k * LANES);
 }
 
-// Forms of LANES occluders over the rays of one element: 1, x and y.
-typedef struct { vf one, x, y; } RayForm;
-
 // Where the zeros of LANES forms lie along a row: column = row * slope + at, with rows counted as
 // the forms count them and columns from the block's first.  The form is not negative beyond it,
 // less `before`, and up to it, plus `after`; that is ANYWHERE on the side where it does not end. 
 // Of two forms that are each other's negative both have the same zero.
 enum { SLOPE, AT, BEFORE, AFTER, LINE_ROWS };
-inline void store_line(RayForm e, float first, private float (*out)[LANES])
+inline void store_line(Forms e, float first, private float (*out)[LANES])
 {
-    const vf least = fma(fabs(e.one) + fabs(e.y), (vf)(LEAST_SLOPE), (vf)(LEAST_LENGTH));
-    const vi level = LT(fabs(e.x), least), up = level | GT(e.x, (vf)(0.0f));
-    const vf inverse = reciprocal(pick(e.x, least, level));
-    VSTORE(-e.y * inverse, out[SLOPE]);
-    VSTORE(-e.one * inverse - first, out[AT]);
+    const vf one = e.of[ONE], x = e.of[X], y = e.of[Y];
+    const vf least = fma(fabs(one) + fabs(y), (vf)(LEAST_SLOPE), (vf)(LEAST_LENGTH));
+    const vi level = LT(fabs(x), least), up = level | GT(x, (vf)(0.0f));
+    const vf inverse = reciprocal(pick(x, least, level));
+    VSTORE(-y * inverse, out[SLOPE]);
+    VSTORE(-one * inverse - first, out[AT]);
     // A form that is zero all along a row is not negative there.
     const vf nothing = 0.0f, all = ANYWHERE;
     VSTORE(pick(all, pick(nothing, (vf)(MOST_COLUMNS), level), up), out[BEFORE]);
@@ -95,16 +93,17 @@ inline void darken(private float (*lines)[LINE_ROWS][LANES], uint lane, ShadowMa
 
 // Leave in `may` those of LANES occluders that one of their forms lets darken some ray in a
 // rectangle, and in `all` those that it lets darken every ray.
-inline void sift_occluders(RayForm e, const Rectangle *over, vi *may, vi *all)
+inline void sift_occluders(Forms e, const Rectangle *over, vi *may, vi *all)
 {
-    const vf middle = fma(e.x, (vf)(over->x), fma(e.y, (vf)(over->y), e.one));
-    const vf wide = BOUND_SLACK * fma(fabs(e.x), (vf)(over->wide), fabs(e.y) * over->high);
+    const vf x = e.of[X], y = e.of[Y];
+    const vf middle = fma(x, (vf)(over->x), fma(y, (vf)(over->y), e.of[ONE]));
+    const vf wide = BOUND_SLACK * fma(fabs(x), (vf)(over->wide), fabs(y) * over->high);
     *may &= GE(middle, -wide);
     *all &= GT(middle, wide);
 }
 
 // Darken what lies behind LANES occluders of four forms each; false once no ray is lit.
-inline int cast_forms(const RayForm *e, vi may, ShadowMask *m)
+inline int cast_forms(const Forms *e, vi may, ShadowMask *m)
 {
     vi all = may;
     for (int k = 0; k < 4; ++k) sift_occluders(e[k], &m->over, &may, &all);
