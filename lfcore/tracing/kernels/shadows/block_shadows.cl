@@ -7,15 +7,11 @@
 // Hit points are taken by spans of depth, each to this multiple of where it begins.
 #define SPAN 1.1f
 
-// Mark the rays whose surface faces the light, in `wanted`: masks.
+// Mark the rays that meet a side which faces the light, in `wanted`: masks.
 inline void find_facing(const Block *b, global const float *light, global int *wanted)
 {
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const vi met = GE(VLOAD(b->samples.key + at), (vi)(0));
-        Vec towards = spread3(light_vector(light));
-        if (is_point(light)) towards = minus3(towards, load3(b->samples.point, at));
-        VSTORE(met & GT(dot3(load3(b->samples.normal, at), towards), (vf)(0.0f)), wanted + at);
-    }
+    for (int at = 0; at < BLOCK_RAYS; at += LANES)
+        VSTORE(facing_row(&b->samples, light, at), wanted + at);
 }
 
 // Move the wanted rays whose hit points lie within a span of depths from `wanted` to s->open, and
@@ -55,10 +51,11 @@ inline void add_open(const Shadows *s, global int *lit)
 // measured.
 #define MANY_REGIONS (BLOCK_RAYS / 2)
 
-// Add the rays of a block that see light `number` to `lit`.
+// Find the rays of a block that see light `number`.
 inline void light_block(Shadows *s, const Block *b, int number, global int *lit)
 {
     global const float *light = shadow_light(s->scene, number);
+    clear_lit(lit);
     if (SINGLE_RAYS || b->regions.count > MANY_REGIONS) {
         find_facing(b, light, s->open);
         cast_single_rays(s, b, number);

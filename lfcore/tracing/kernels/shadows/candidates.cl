@@ -67,6 +67,24 @@ inline global const float *shadow_light(const Scene *s, int number)
     return s->lights + (s->numbers->open_lights + number) * LIGHT;
 }
 
+// Mask of the rays that meet a side which faces the light, and before which the light shines, in
+// the row that begins with ray `at`.
+inline vi facing_row(const Samples *s, global const float *light, int at)
+{
+    const vi met = GE(VLOAD(s->key + at), (vi)(0));
+    Vec towards = spread3(light_vector(light));
+    if (is_point(light)) towards = minus3(towards, load3(s->point, at));
+    const vi facing = met & GT(dot3(load3(s->normal, at), towards), (vf)(0.0f));
+    const float3 forward = emitter_normal(light);
+    if (!any(forward != 0.0f)) return facing;
+    return facing & LT(dot3(spread3(forward), towards), (vf)(0.0f));
+}
+
+inline void clear_lit(global int *lit)
+{
+    for (int row = 0; row < BLOCK; row += LANES) VSTORE((vi)(0), lit + row);
+}
+
 // All leaves between the packet and a light, in `list`; false where they are too many to list.
 inline int list_candidates(Shadows *s, int number, LeafList *list)
 {

@@ -15,13 +15,13 @@
 #define MOST_OCCLUDERS 128  // and of one: more are culled block by block
 #define POOL_WORDS (FORM_WORDS * POOL)
 
-// No ray that meets the triangle sees the light; there are too many occluders to keep, or forms
-// over the element's rays would not do for a block's.
+// One occluder darkens every ray that meets the triangle; there are too many occluders to keep, or
+// forms over the element's rays would not do for a block's.
 enum { ALL_DARK = -2, NOT_KEPT = -1 };
 
 typedef struct {
     int triangle, light;  // -1: empty
-    int first, rows;      // rows of LANES occluders in the pool, or one of the above
+    int first, count;     // the first row of LANES in the pool; occluders, or one of the above
 } CacheEntry;
 
 typedef struct OccluderCache {
@@ -130,33 +130,31 @@ inline vi lie_behind(const Behind *b, const Occluders *o)
 
 // An entry while it is made.
 typedef struct {
-    int triangle;
+    CacheEntry *entry;
     ShadowRays rays;
     Receiver receiver;
     Rectangle over;   // around all rays that may meet the triangle
     Behind behind;
-    int count;        // of occluders
 } NewEntry;
 
-// Keep occluder `lane` of those of forms `e`, or one that darkens nothing.
-inline void keep_occluder(OccluderCache *c, int at, const Forms *e, int lane)
+// Keep occluder `lane` of those of forms `e`.
+inline void keep_occluder(OccluderCache *c, CacheEntry *entry, const Forms *e, int lane)
 {
-    global float *to = c->pool + (c->used + at / LANES) * FORM_WORDS * LANES + at % LANES;
-    for (int k = 0; k < FORM_WORDS; ++k) {
-        const float dark_nowhere = k % 3 ? 0.0f : -1.0f;
-        to[k * LANES] = lane < 0 ? dark_nowhere : ((const float *)&e[k / 3].of[k % 3])[lane];
-    }
+    const int at = entry->count++;
+    global float *to = c->pool + (entry->first + at / LANES) * FORM_WORDS * LANES + at % LANES;
+    for (int k = 0; k < FORM_WORDS; ++k)
+        to[k * LANES] = ((const float *)&e[k / 3].of[k % 3])[lane];
 }
 
 // Keep those of LANES triangles that can darken a ray.  False once no more are wanted: one of them
-// darkens every ray, or they are too many; `rows` receives which.
-inline int keep_occluders(const Shadows *s, NewEntry *n, int leaf, int lane, int *rows)
+// darkens every ray, or they are too many.
+inline int keep_occluders(const Shadows *s, const NewEntry *n, int leaf, int lane)
 {
     global const int *ids = leaf_numbers(s->tree, leaf, lane);
     Forms e[4];
     Occluders o;
     place_occluders(&n->rays, leaf_corners(s->tree, leaf, lane), &o);
-    const vi own = EQ(VLOAD(ids), (vi)(n->triangle)) | are_own(n->rays.own, ids);
+    const vi own = EQ(VLOAD(ids), (vi)(n->entry->triangle)) | are_own(n->rays.own, ids);
     vi may = ~(lie_behind(&n->behind, &o) | own), all = -1;
     if (!row_any(may)) return 1;
     e[3] = project_plane(&n->receiver, face_plane(&n->rays, &o, &may));
@@ -167,74 +165,54 @@ inline int keep_occluders(const Shadows *s, NewEntry *n, int leaf, int lane, int
         sift_occluders(e[k], &n->over, &may, &all);
     }
     const uint keep = row_bits(may);
-    const int many = n->count + popcount(keep) > MOST_OCCLUDERS;
-    *rows = row_any(all & may) ? ALL_DARK : many ? NOT_KEPT : 0;
-    if (*rows) return 0;
+    if (row_any(all & may)) n->entry->count = ALL_DARK;
+    else if (n->entry->count + popcount(keep) > MOST_OCCLUDERS) n->entry->count = NOT_KEPT;
+    if (n->entry->count < 0) return 0;
     for (uint left = keep; left; left &= left - 1)
-        keep_occluder(s->cache, n->count++, e, lowest(left));
+        keep_occluder(s->cache, n->entry, e, lowest(left));
     return 1;
 }
 
-// Gather what stands before a new entry's triangle; `box` bounds its hit points.
-inline int gather_occluders(Shadows *s, int number, const Box *box, NewEntry *n)
-{
-    NearbyLeaves nearby;
-    int rows = 0;
-    for (start_nearby(s, number, box, &nearby); next_nearby(s, &nearby);)
-        for (int k = 0; k < s->nearby.count; ++k)
-            for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
-                if (!keep_occluders(s, n, s->nearby.leaf[k], lane, &rows)) return rows;
-    return (n->count + LANES - 1) / LANES;
-}
-
+// Gather what may stand between light `number` and all that the packet sees of a triangle.
 inline void make_entry(Shadows *s, int triangle, int number, CacheEntry *entry)
 {
     OccluderCache *c = s->cache;
-    global const float *light = shadow_light(s->scene, number);
     global PlaneEquations *planes = s->element_planes;
+    if (c->used + MOST_OCCLUDERS / LANES > POOL / LANES) clear_cache(c);
     set_up_planes(s->scene, &c->rays, triangle, 0.0f, planes);
     const SeenTriangle seen = see_triangle(s->scene, &c->rays, triangle, planes);
-    NewEntry n;
-    n.triangle = triangle;
-    n.rays = make_shadow_rays(light, &seen.box);
-    n.over = seen.over;
-    n.count = 0;
-    entry->triangle = triangle;
-    entry->light = number;
-    entry->first = c->used;
-    entry->rows = NOT_KEPT;
-    if (!evenly_weighted(planes->denominator, seen.over)) return;
-    entry->rows = ALL_DARK;
-    if (turned_away(planes, &c->rays, seen.over, light, &seen.box)) return;
-    n.receiver = make_receiver(&c->rays, planes, n.rays.apex);
-    n.behind = behind_plane(s->scene, triangle, &n.rays);
-    entry->rows = gather_occluders(s, number, &seen.box, &n);
-    if (entry->rows < 0) return;
-    for (; n.count % LANES; ++n.count) keep_occluder(c, n.count, 0, -1);
-    c->used += entry->rows;
+    const int even = evenly_weighted(planes->denominator, seen.over);
+    const CacheEntry empty = {triangle, number, c->used, even ? 0 : NOT_KEPT};
+    *entry = empty;
+    if (!even) return;
+    const ShadowRays rays = make_shadow_rays(shadow_light(s->scene, number), &seen.box);
+    const NewEntry n = {entry, rays, make_receiver(&c->rays, planes, rays.apex), seen.over,
+                        behind_plane(s->scene, triangle, &rays)};
+    NearbyLeaves nearby;
+    for (start_nearby(s, number, &seen.box, &nearby); next_nearby(s, &nearby);)
+        for (int k = 0; k < s->nearby.count; ++k)
+            for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
+                if (!keep_occluders(s, &n, s->nearby.leaf[k], lane)) return;
+    c->used += (entry->count + LANES - 1) / LANES;
 }
 
-// The entry of what the packet sees of a triangle, in light `number`.
-inline const CacheEntry *find_entry(Shadows *s, int triangle, int number)
+// Where the entry of a triangle in light `number` stands, if it is there.
+inline CacheEntry *entry_of(Shadows *s, int triangle, int number)
 {
-    OccluderCache *c = s->cache;
     const uint key = (uint)triangle * (uint)s->scene->numbers->shadow_lights + number;
-    CacheEntry *entry = c->entry + key % ENTRIES;
-    if (entry->triangle == triangle && entry->light == number) return entry;
-    if (c->used + MOST_OCCLUDERS / LANES > POOL / LANES) clear_cache(c);
-    make_entry(s, triangle, number, entry);
-    return entry;
+    return s->cache->entry + key % ENTRIES;
 }
 
-// Darken what lies behind an entry's occluders.
-inline void cast_entry(const OccluderCache *c, const CacheEntry *entry, ShadowMask *m)
+// Darken what lies behind an entry's occluders; false once no ray is lit.
+inline int cast_entry(const OccluderCache *c, const CacheEntry *entry, ShadowMask *m)
 {
-    for (int row = entry->first; row < entry->first + entry->rows; ++row) {
-        global const float *at = c->pool + row * FORM_WORDS * LANES;
+    for (int at = 0; at < entry->count; at += LANES) {
+        global const float *from = c->pool + (entry->first * LANES + at) * FORM_WORDS;
         Forms e[4];
-        for (int k = 0; k < FORM_WORDS; ++k) e[k / 3].of[k % 3] = VLOAD(at + k * LANES);
-        if (!cast_forms(e, (vi)(-1), m)) return;
+        for (int k = 0; k < FORM_WORDS; ++k) e[k / 3].of[k % 3] = VLOAD(from + k * LANES);
+        if (!cast_forms(e, LT(IOTA, (vf)(entry->count - at)), m)) return 0;
     }
+    return 1;
 }
 
 #endif

@@ -24,13 +24,6 @@ typedef struct {
     int2 own;               // triangles that never shadow the light
 } ShadowRays;
 
-// Look at the hit points in a box alone; what occluders are relative to stays.
-inline void aim_at(ShadowRays *r, const Box *box)
-{
-    r->centre = 0.5f * (vload3(0, box->lo) + vload3(0, box->hi)) - r->apex;
-    r->extent = 0.5f * (vload3(0, box->hi) - vload3(0, box->lo));
-}
-
 inline ShadowRays make_shadow_rays(global const float *light, const Box *box)
 {
     const float3 low = vload3(0, box->lo), high = vload3(0, box->hi);
@@ -39,7 +32,8 @@ inline ShadowRays make_shadow_rays(global const float *light, const Box *box)
     r.towards = light_vector(light);
     r.apex = r.is_point ? r.towards : 0.5f * (low + high);
     r.own = own_triangles(light);
-    aim_at(&r, box);
+    r.centre = 0.5f * (low + high) - r.apex;
+    r.extent = 0.5f * (high - low);
     r.size = max(fabs(low), fabs(high)) + fabs(r.centre) + r.extent;
     return r;
 }

@@ -1,4 +1,4 @@
-// Which rays of a region lie in shadow: a word a row, a bit a column.
+// Which rays of a region no occluder hides: a word a row, a bit a column.
 //
 // What an occluder takes of a row of rays is an interval: each of its four forms is zero at one
 // column of the row and not negative to one side of it.  LANES rows are found at once.
@@ -17,7 +17,7 @@
 typedef struct {
     Rectangle over;        // around the rays, in columns and rows as forms count them
     float2 first;          // column and row of the block's first ray, counted likewise
-    vi mine[ROW_GROUPS], dark[ROW_GROUPS];  // rays of the region; dark ones, in and beside it
+    vi lit[ROW_GROUPS];
 } ShadowMask;
 
 // Of a region whose block lies `offset` from where forms are counted.
@@ -28,30 +28,24 @@ inline ShadowMask no_shadow(global const Region *r, float2 offset)
     m.over.x += offset.x;
     m.over.y += offset.y;
     m.first = offset - HALF;
-    for (int k = 0; k < ROW_GROUPS; ++k) {
-        m.mine[k] = VLOAD(r->rows + k * LANES);
-        m.dark[k] = 0;
-    }
+    for (int k = 0; k < ROW_GROUPS; ++k) m.lit[k] = VLOAD(r->rows + k * LANES);
     return m;
 }
 
-inline int all_dark(const ShadowMask *m)
+inline int any_lit(const ShadowMask *m)
 {
     vi lit = 0;
-    for (int k = 0; k < ROW_GROUPS; ++k) lit |= m->mine[k] & ~m->dark[k];
-    return !row_any(lit);
+    for (int k = 0; k < ROW_GROUPS; ++k) lit |= m->lit[k];
+    return row_any(lit);
 }
 
-inline void darken_all(ShadowMask *m)
-{
-    for (int k = 0; k < ROW_GROUPS; ++k) m->dark[k] = m->mine[k];
-}
-
-// Add the rays that are not dark to a light's.
+// Add the rays to those of the block that a light reaches.
 inline void add_lit(const ShadowMask *m, global int *lit)
 {
-    for (int k = 0; k < ROW_GROUPS; ++k)
-        VSTORE(VLOAD(lit + k * LANES) | (m->mine[k] & ~m->dark[k]), lit + k * LANES);
+    for (int k = 0; k < ROW_GROUPS; ++k) {
+        global int *to = lit + k * LANES;
+        VSTORE(VLOAD(to) | m->lit[k], to);
+    }
 }
 
 // Where the zeros of LANES forms lie along a row: column = row * slope + at, with rows counted as
@@ -87,7 +81,7 @@ inline void darken(private float (*lines)[LINE_ROWS][LANES], uint lane, ShadowMa
         }
         const vi from = TO_VI(ceil(min(lo, (vf)(BLOCK))));
         const vi end = TO_VI(floor(max(hi, (vf)(-1.0f)))) + 1;
-        m->dark[k] |= (((vi)(1) << end) - 1) & -((vi)(1) << from);
+        m->lit[k] &= ~((((vi)(1) << end) - 1) & -((vi)(1) << from));
     }
 }
 
@@ -102,20 +96,18 @@ inline void sift_occluders(Forms e, const Rectangle *over, vi *may, vi *all)
     *all &= GT(middle, wide);
 }
 
-// Darken what lies behind LANES occluders of four forms each; false once no ray is lit.
+// Darken what lies behind those of LANES occluders, of four forms each, that `may` names; false
+// once no ray is lit.
 inline int cast_forms(const Forms *e, vi may, ShadowMask *m)
 {
     vi all = may;
     for (int k = 0; k < 4; ++k) sift_occluders(e[k], &m->over, &may, &all);
     if (!row_any(may)) return 1;
-    if (row_any(all)) {
-        darken_all(m);
-        return 0;
-    }
+    if (row_any(all)) return 0;
     private float lines[4][LINE_ROWS][LANES];
     for (int k = 0; k < 4; ++k) store_line(e[k], m->first.x, lines[k]);
     for (uint keep = row_bits(may); keep; keep &= keep - 1) darken(lines, lowest(keep), m);
-    return !all_dark(m);
+    return any_lit(m);
 }
 
 #endif

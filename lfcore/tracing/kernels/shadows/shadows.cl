@@ -48,9 +48,7 @@ inline void find_lit(Shadows *s, const Block *b)
     if (few) enter_element(s->packet, b->number, s->cache);
     for (int k = 0; k < s->scene->numbers->shadow_lights; ++k) {
         global int *lit = b->lit + k * BLOCK;
-        for (int row = 0; row < BLOCK; row += LANES) VSTORE((vi)(0), lit + row);
-        if (few) light_regions(s, b, k, lit);
-        else light_block(s, b, k, lit);
+        if (!few || !light_regions(s, b, k, lit)) light_block(s, b, k, lit);
     }
 }
 
