@@ -4,17 +4,12 @@
 #include "arguments.cl"
 #include "regions.cl"
 #include "shade.cl"
-#if SHADOWS
 #include "shadows.cl"
-#else
-#define SHADOW_WORDS(lights) 0
-#define LIT_WORDS(lights) 0
-#endif
 
 // A worker's own memory, in words of four bytes.
 #define PIPELINE_WORDS(lights)                                                        \
     (VISIBILITY_WORDS + BLOCK_RAYS * (REGION_WORDS + PLANE_WORDS) + SAMPLE_WORDS +    \
-     LIT_WORDS(lights) + SHADOW_WORDS(lights))
+     SHADOWS * (LIT_WORDS(lights) + SHADOW_WORDS(lights)))
 
 typedef struct {
     const Tree *tree;
@@ -23,10 +18,8 @@ typedef struct {
     global uint *memory;
     Visibility visibility;
     Block block;
-#if SHADOWS
     OccluderCache cache;
     Shadows shadows;
-#endif
 } Pipeline;
 
 // Divide `memory`, of PIPELINE_WORDS.
@@ -45,10 +38,8 @@ inline void start_pipeline(const Tree *tree, const Scene *scene, float pixel, gl
     p->block.samples = make_samples(memory);
     memory += SAMPLE_WORDS;
     p->block.lit = (global int *)memory;
-#if SHADOWS
     memory += LIT_WORDS(scene->numbers->shadow_lights);
-    start_shadows(tree, scene, memory, &p->cache, &p->shadows);
-#endif
+    if (SHADOWS) start_shadows(tree, scene, memory, &p->cache, &p->shadows);
 }
 
 // Find what a whole packet sees.
@@ -56,9 +47,7 @@ inline void see_packet(const Packet *packet, Pipeline *p)
 {
     start_visibility(p->memory, &p->visibility);
     find_visible(p->tree, packet, &p->visibility);
-#if SHADOWS
-    enter_packet(packet, &p->visibility, &p->shadows);
-#endif
+    if (SHADOWS) enter_packet(packet, &p->visibility, &p->shadows);
 }
 
 // Linear colours, not clamped, of one block of a packet that was seen: (3, BLOCK_RAYS).
@@ -73,9 +62,7 @@ inline void colour_block(const Packet *packet, int number, Pipeline *p, global f
         return;
     }
     sample_block(p->scene, p->pixel, b);
-#if SHADOWS
-    find_lit(&p->shadows, b);
-#endif
+    if (SHADOWS) find_lit(&p->shadows, b);
     shade_block(p->scene, b, colours);
 }
 

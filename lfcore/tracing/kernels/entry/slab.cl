@@ -2,17 +2,7 @@
 // planes (PLANES: 1 of macropixels, 2 of views) and write encoder-ready frames (BITS, 0 for none).
 #include "pipeline.cl"
 #include "packet_sums.cl"
-#if BITS
 #include "frames.cl"
-#else
-typedef uchar sample;
-typedef struct { int width, height, chroma, rgb; } FrameArguments;
-typedef struct {
-    global const int4 *places;
-    global sample *frames;
-    const FrameArguments *numbers;
-} Frames;
-#endif
 
 #define COLOURS (3 * BLOCK_RAYS)  // of one cell of a packet
 #define SUM_WORDS (PLANES == 1 ? PREFIX_WORDS : 0)
@@ -63,9 +53,7 @@ inline void write_cells(const Planes *planes, const Frames *out, const Packet *p
         const int2 where = cell_position(packet, cell);
         const int place = out->places[element].w;
         if (PLANES == 2) add_view(planes, (int2)(place & 0xffff, place >> 16), where, cells);
-#if BITS
-        write_frames(out, element, where, min(grid - where, BLOCK), cells);
-#endif
+        if (BITS) write_frames(out, element, where, min(grid - where, BLOCK), cells);
     }
 }
 

@@ -1,4 +1,4 @@
-// Codes of video frames: BITS is 8, or 10 in 16-bit words.
+// Codes of video frames: BITS is 8, or 10 in 16-bit words; 0 where no frames are written.
 #ifndef LFCORE_CODES_CL
 #define LFCORE_CODES_CL
 #include "lanes.cl"
@@ -10,6 +10,6 @@
 #endif
 typedef SAMPLE sample;
 #define SAMPLES(n) JOIN(SAMPLE, n)
-#define CODES (1 << (BITS - 8))  // to one of 8 bits
+#define CODES (BITS == 10 ? 4 : 1)  // to one of 8 bits
 
 #endif
