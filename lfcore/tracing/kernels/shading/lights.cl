@@ -40,7 +40,7 @@ inline int is_glossy(const Material *m)
 // A highlight: a power of the cosine between the normal and halfway to the viewer.
 inline vf highlight(const Surface *s, Vec towards, vi facing)
 {
-    const Vec h = {towards.x + s->view.x, towards.y + s->view.y, towards.z + s->view.z};
+    const Vec h = plus3(towards, s->view);
     const vf halfway = dot3(s->normal, h) * inverse_sqrt(max(dot3(h, h), (vf)(NOTHING_LEFT)));
     const vi glossy = facing & GE(halfway, (vf)(s->material->dull));
     if (!row_any(glossy)) return 0.0f;
@@ -50,50 +50,36 @@ inline vf highlight(const Surface *s, Vec towards, vi facing)
 }
 
 // What Blinn-Phong surfaces reflect.
-inline Colour reflect_plainly(const Surface *s, Vec towards, vf cosine, vf strength, vi facing)
+inline Vec reflect_plainly(const Surface *s, Vec towards, vf cosine, vf strength, vi facing)
 {
-    const vf diffuse = pick((vf)(0.0f), cosine * strength, facing);
-    Colour c = {s->albedo.r * diffuse, s->albedo.g * diffuse, s->albedo.b * diffuse};
-    if (is_glossy(s->material))
-        add_colour(&c, highlight(s, towards, facing) * strength, s->material->specular);
-    return c;
+    const Vec diffuse = scale3(s->albedo, pick((vf)(0.0f), cosine * strength, facing));
+    if (!is_glossy(s->material)) return diffuse;
+    const vf shine = highlight(s, towards, facing) * strength;
+    return fma3(shine, spread3(s->material->specular), diffuse);
 }
 
 // Add what one light gives the rays that see it.
-inline void add_light(global const float *light, const Surface *s, vi seeing, Colour *sum)
+inline void add_light(global const float *light, const Surface *s, vi seeing, Vec *sum)
 {
     vf strength;
     const Vec towards = towards_light(light, s->point, &strength);
     const vf cosine = dot3(s->normal, towards);
     vi facing = seeing & GT(cosine, (vf)(0.0f));
     if (PHYSICAL) facing &= GT(dot3(s->unbent, towards), (vf)(0.0f));
-    Colour c;
+    Vec c;
     if (PHYSICAL && is_metallic(s->material))
         c = reflect_light(s, towards, cosine, pick((vf)(0.0f), strength, facing));
     else c = reflect_plainly(s, towards, cosine, strength, facing);
-    const float3 colour = light_colour(light);
-    sum->r += c.r * colour.x;
-    sum->g += c.g * colour.y;
-    sum->b += c.b * colour.z;
+    *sum = plus3(*sum, times3(c, spread3(light_colour(light))));
 }
 
 // What a surface sends back without lights.
-inline Colour own_light(const Scene *scene, const Surface *s)
+inline Vec own_light(const Scene *scene, const Surface *s)
 {
-    const float3 ambient = vload3(0, scene->numbers->ambient), emission = s->material->emission;
-    Colour c = s->albedo, glow = {emission.x, emission.y, emission.z};
-    if (PHYSICAL) {
-        glow = s->glow;
-        if (is_metallic(s->material)) {
-            c.r = surrounding(s, c.r);
-            c.g = surrounding(s, c.g);
-            c.b = surrounding(s, c.b);
-        }
-    }
-    c.r = c.r * ambient.x + glow.r;
-    c.g = c.g * ambient.y + glow.g;
-    c.b = c.b * ambient.z + glow.b;
-    return c;
+    const Vec ambient = spread3(vload3(0, scene->numbers->ambient));
+    const Vec glow = PHYSICAL ? s->glow : spread3(s->material->emission);
+    const int metallic = PHYSICAL && is_metallic(s->material);
+    return plus3(times3(metallic ? surrounding(s) : s->albedo, ambient), glow);
 }
 
 #endif

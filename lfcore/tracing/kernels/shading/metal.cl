@@ -14,11 +14,10 @@ inline int is_metallic(const Material *m) { return m->metallic >= 0.0f; }
 // A smoother surface has a highlight that rays miss.
 #define LEAST_ROUGHNESS 0.05f
 
-inline Colour map_row(const Scene *scene, const Material *m, int map, const Samples *samples,
-                      int at)
+inline Vec map_row(const Scene *scene, const Material *m, int map, const Samples *samples, int at)
 {
-    return sample_texture(scene->texels, m->maps[map], VLOAD(samples->uv + at),
-                          VLOAD(samples->uv + BLOCK_RAYS + at));
+    const vf u = VLOAD(samples->uv + at), v = VLOAD(samples->uv + BLOCK_RAYS + at);
+    return colour_of(sample_texture(scene->texels, m->maps[map], u, v));
 }
 
 // Bend the normals by their map, whose colours are (x, y, z) / 2 + 1 / 2 along tangent, v and
@@ -26,18 +25,15 @@ inline Colour map_row(const Scene *scene, const Material *m, int map, const Samp
 inline Vec bend_normals(const Scene *scene, const Material *m, const Samples *samples, int at,
                         Vec n)
 {
-    const Colour c = map_row(scene, m, MAP_NORMAL, samples, at);
+    const Vec c = map_row(scene, m, MAP_NORMAL, samples, at);
     const Vec along = load3(samples->tangent, at);
-    const vf across = VLOAD(samples->tangent + 3 * BLOCK_RAYS + at), off = dot3(along, n);
-    Vec t = {fma(-off, n.x, along.x), fma(-off, n.y, along.y), fma(-off, n.z, along.z)};
+    const vf across = VLOAD(samples->tangent + 3 * BLOCK_RAYS + at);
+    Vec t = fma3(-dot3(along, n), n, along);
     const vf square = dot3(t, t);
     t = scale3(t, inverse_sqrt(max(square, (vf)(LEAST_LENGTH))));
     const Vec b = scale3(cross3(n, t), across);
-    const vf x = fma(c.r, (vf)(2.0f), (vf)(-1.0f)) * m->bend;
-    const vf y = fma(c.g, (vf)(2.0f), (vf)(-1.0f)) * m->bend;
-    const vf z = fma(c.b, (vf)(2.0f), (vf)(-1.0f));
-    Vec bent = {fma(x, t.x, fma(y, b.x, z * n.x)), fma(x, t.y, fma(y, b.y, z * n.y)),
-                fma(x, t.z, fma(y, b.z, z * n.z))};
+    const Vec d = fma3((vf)(2.0f), c, spread3((float3)(-1.0f)));
+    Vec bent = fma3(d.x * m->bend, t, fma3(d.y * m->bend, b, scale3(n, d.z)));
     bent = scale3(bent, inverse_sqrt(max(dot3(bent, bent), (vf)(LEAST_LENGTH))));
     // Without texture coordinates there is no tangent, and nothing bends.
     return pick3(n, bent, GT(square, (vf)(NOTHING_LEFT)));
@@ -47,23 +43,17 @@ inline Vec bend_normals(const Scene *scene, const Material *m, const Samples *sa
 inline void read_row_maps(const Scene *scene, const Samples *samples, int at, Surface *s)
 {
     const Material *m = s->material;
-    const Colour glow = {m->emission.x, m->emission.y, m->emission.z};
     vf roughness = m->roughness;
-    s->glow = glow;
+    s->glow = spread3(m->emission);
     s->metallic = m->metallic;
     s->normal = s->unbent = load3(samples->normal, at);
     if (m->maps[MAP_NORMAL].z) s->normal = bend_normals(scene, m, samples, at, s->unbent);
     if (m->maps[MAP_METAL].z) {
-        const Colour c = map_row(scene, m, MAP_METAL, samples, at);
-        s->metallic = c.b * m->metallic;
-        roughness = c.g * m->roughness;
+        const Vec c = map_row(scene, m, MAP_METAL, samples, at);
+        s->metallic = c.z * m->metallic;
+        roughness = c.y * m->roughness;
     }
-    if (m->maps[MAP_GLOW].z) {
-        const Colour c = map_row(scene, m, MAP_GLOW, samples, at);
-        s->glow.r *= c.r;
-        s->glow.g *= c.g;
-        s->glow.b *= c.b;
-    }
+    if (m->maps[MAP_GLOW].z) s->glow = times3(s->glow, map_row(scene, m, MAP_GLOW, samples, at));
     const vf alpha = max(roughness, (vf)(LEAST_ROUGHNESS)) * max(roughness, (vf)(LEAST_ROUGHNESS));
     s->alpha2 = alpha * alpha;
 }
@@ -94,24 +84,26 @@ inline vf reflected(const Surface *s, vf albedo, vf grazing, vf specular)
     const vf base = straight(s, albedo), fresnel = fma(1.0f - base, grazing, base);
     return fma(1.0f - fresnel, albedo * (1.0f - s->metallic), fresnel * specular);
 }
-inline Colour reflect_light(const Surface *s, Vec towards, vf cosine, vf strength)
+inline Vec reflect_light(const Surface *s, Vec towards, vf cosine, vf strength)
 {
-    Vec h = {towards.x + s->view.x, towards.y + s->view.y, towards.z + s->view.z};
+    Vec h = plus3(towards, s->view);
     h = scale3(h, inverse_sqrt(max(dot3(h, h), (vf)(NOTHING_LEFT))));
     const vf specular = microfacets(s, h, cosine, fabs(dot3(s->normal, s->view)));
     const vf off = max(1.0f - dot3(s->view, h), (vf)(0.0f)), off2 = off * off;
-    const vf grazing = off2 * off2 * off, lit = pick((vf)(0.0f), cosine * strength,
-                                                      GT(strength, (vf)(0.0f)));
-    const Colour c = {reflected(s, s->albedo.r, grazing, specular) * lit,
-                      reflected(s, s->albedo.g, grazing, specular) * lit,
-                      reflected(s, s->albedo.b, grazing, specular) * lit};
-    return c;
+    const vf grazing = off2 * off2 * off;
+    const vf lit = pick((vf)(0.0f), cosine * strength, GT(strength, (vf)(0.0f)));
+    const Vec c = {reflected(s, s->albedo.x, grazing, specular),
+                   reflected(s, s->albedo.y, grazing, specular),
+                   reflected(s, s->albedo.z, grazing, specular)};
+    return scale3(c, lit);
 }
 
 // Of light that comes from everywhere alike: diffuse, and what is reflected looked at straight.
-inline vf surrounding(const Surface *s, vf albedo)
+inline Vec surrounding(const Surface *s)
 {
-    return fma(albedo, 1.0f - s->metallic, straight(s, albedo));
+    const Vec a = s->albedo;
+    const Vec base = {straight(s, a.x), straight(s, a.y), straight(s, a.z)};
+    return fma3(1.0f - s->metallic, a, base);
 }
 
 #endif

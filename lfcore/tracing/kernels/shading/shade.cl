@@ -34,39 +34,29 @@ inline void read_tile(const Scene *scene, const Block *b, int key, const Materia
 }
 
 // Colours of the texture of a row of rays.
-inline Colour texture_row(const Scene *scene, const TexelTile *tile, const Material *m,
-                          const Samples *samples, int at)
+inline Vec texture_row(const Scene *scene, const TexelTile *tile, const Material *m,
+                       const Samples *samples, int at)
 {
     const vf u = VLOAD(samples->uv + at), v = VLOAD(samples->uv + BLOCK_RAYS + at);
-    if (tile->columns) return sample_tile(tile, u, v);
-    return sample_texture(scene->texels, m->image, u, v);
+    if (tile->columns) return colour_of(sample_tile(tile, u, v));
+    return colour_of(sample_texture(scene->texels, m->image, u, v));
 }
 
 // The material's own colour, times that of texture and corners.
-inline Colour albedo_row(const Scene *scene, const TexelTile *tile, const Material *m,
-                         const Samples *samples, int at)
+inline Vec albedo_row(const Scene *scene, const TexelTile *tile, const Material *m,
+                      const Samples *samples, int at)
 {
-    Colour c = {m->diffuse.x, m->diffuse.y, m->diffuse.z};
-    if (TEXTURED && m->image.z) {
-        const Colour t = texture_row(scene, tile, m, samples, at);
-        c.r *= t.r;
-        c.g *= t.g;
-        c.b *= t.b;
-    }
-    if (VERTEX_COLOURS) {
-        const Vec tint = load3(samples->tint, at);
-        c.r *= tint.x;
-        c.g *= tint.y;
-        c.b *= tint.z;
-    }
+    Vec c = spread3(m->diffuse);
+    if (TEXTURED && m->image.z) c = times3(c, texture_row(scene, tile, m, samples, at));
+    if (VERTEX_COLOURS) c = times3(c, load3(samples->tint, at));
     return c;
 }
 
 // Light of a row of rays of one material: that of lights without shadows, then of those with.
-inline Colour light_row(const Scene *scene, const Block *b, const Surface *s, int at)
+inline Vec light_row(const Scene *scene, const Block *b, const Surface *s, int at)
 {
     const SceneArguments *n = scene->numbers;
-    Colour sum = own_light(scene, s);
+    Vec sum = own_light(scene, s);
     for (int k = 0; k < n->open_lights; ++k)
         add_light(scene->lights + k * LIGHT, s, (vi)(-1), &sum);
     for (int k = 0; SHADOWS && k < n->shadow_lights; ++k) {
@@ -77,23 +67,11 @@ inline Colour light_row(const Scene *scene, const Block *b, const Surface *s, in
     return sum;
 }
 
-inline Colour background_row(const Scene *scene)
-{
-    const float3 c = vload3(0, scene->numbers->background);
-    const Colour colour = {c.x, c.y, c.z};
-    return colour;
-}
-
-inline void store_colour(Colour c, global float *to, int at)
-{
-    const Vec v = {c.r, c.g, c.b};
-    store3(v, to, at);
-}
-
 // Of rays that meet nothing.
 inline void shade_background(const Scene *scene, global float *colours)
 {
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) store_colour(background_row(scene), colours, at);
+    const Vec background = spread3(vload3(0, scene->numbers->background));
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) store3(background, colours, at);
 }
 
 // Directions of unit length to the viewer.
@@ -132,9 +110,7 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
         if (PHYSICAL || is_glossy(&material)) s.view = viewer_row(&b->rays, row_at(at));
         s.albedo = albedo_row(scene, &tile, &material, &b->samples, at);
         if (PHYSICAL) read_row_maps(scene, &b->samples, at, &s);
-        const Vec before = load3(colours, at);
-        const Colour there = {before.x, before.y, before.z};
-        store_colour(pick_colour(there, light_row(scene, b, &s, at), mine), colours, at);
+        store3(pick3(load3(colours, at), light_row(scene, b, &s, at), mine), colours, at);
     }
 }
 

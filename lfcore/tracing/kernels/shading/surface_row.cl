@@ -5,27 +5,27 @@
 
 typedef struct {
     const Material *material;
-    Colour albedo;
+    Vec albedo;
     // Normal and direction to the viewer are of unit length; the latter of what shines alone.
     Vec point, normal, view;
     // Of PHYSICAL scenes: the normal that no map bends, metal, the fourth power of roughness, what
     // glows.
     Vec unbent;
     vf metallic, alpha2;
-    Colour glow;
+    Vec glow;
 } Surface;
 
-inline void add_colour(Colour *sum, vf amount, float3 colour)
-{
-    sum->r = fma(amount, (vf)(colour.x), sum->r);
-    sum->g = fma(amount, (vf)(colour.y), sum->g);
-    sum->b = fma(amount, (vf)(colour.z), sum->b);
-}
+// Red, green and blue are x, y and z here.
+inline Vec colour_of(Colour c) { const Vec v = {c.r, c.g, c.b}; return v; }
 
-inline Colour pick_colour(Colour a, Colour b, vi mask)
+inline Vec plus3(Vec a, Vec b) { const Vec r = {a.x + b.x, a.y + b.y, a.z + b.z}; return r; }
+inline Vec times3(Vec a, Vec b) { const Vec r = {a.x * b.x, a.y * b.y, a.z * b.z}; return r; }
+
+// k a + b, rounded once.
+inline Vec fma3(vf k, Vec a, Vec b)
 {
-    const Colour c = {pick(a.r, b.r, mask), pick(a.g, b.g, mask), pick(a.b, b.b, mask)};
-    return c;
+    const Vec r = {fma(k, a.x, b.x), fma(k, a.y, b.y), fma(k, a.z, b.z)};
+    return r;
 }
 
 #endif
