@@ -153,7 +153,7 @@ inline int keep_occluders(const Shadows *s, const NewEntry *n, int leaf, int lan
     global const int *ids = leaf_numbers(s->tree, leaf, lane);
     Forms e[4];
     Occluders o;
-    place_occluders(&n->rays, leaf_corners(s->tree, leaf, lane), &o);
+    load_corners(leaf_corners(s->tree, leaf, lane), n->rays.apex, o.v);
     const vi own = EQ(VLOAD(ids), (vi)(n->entry->triangle)) | are_own(n->rays.own, ids);
     vi may = ~(lie_behind(&n->behind, &o) | own), all = -1;
     if (!row_any(may)) return 1;

@@ -9,11 +9,6 @@
 #include "samples.cl"
 #include "walk.cl"
 
-// What lies nearer a triangle's plane than this share of the numbers that enter, a millionth, is no
-// occluder: a hit point is off its plane by a few roundings.  Against the float64 oracle, half of
-// this darkens some rays beside a neighbouring triangle, and four times it loses contact shadows.
-#define SHADOW_MARGIN (16.777216f * ROUNDING)
-
 // Apex and extent of a set of shadow rays.
 typedef struct {
     int is_point;
@@ -49,8 +44,7 @@ typedef struct { Vec n; vf c; } Plane;
 
 inline Plane flip_plane(Plane f, vi sign)
 {
-    const Plane g = {{flip_sign(f.n.x, sign), flip_sign(f.n.y, sign), flip_sign(f.n.z, sign)},
-                     flip_sign(f.c, sign)};
+    const Plane g = {turn_vectors(f.n, sign), flip_sign(f.c, sign)};
     return g;
 }
 
@@ -58,6 +52,18 @@ inline Plane flip_plane(Plane f, vi sign)
 inline vf absolute_dot(Vec a, Vec b)
 {
     return fma(fabs(a.x), b.x, fma(fabs(a.y), b.y, fabs(a.z) * b.z));
+}
+
+// What lies nearer a triangle's plane than this share of the numbers that enter, a millionth, is no
+// occluder: a hit point is off its plane by a few roundings.  Against the float64 oracle, half of
+// this darkens some rays beside a neighbouring triangle, and four times it loses contact shadows.
+#define SHADOW_MARGIN (16.777216f * ROUNDING)
+
+// That share, of normal n times the corner v and points of magnitude `size`.
+inline vf shadow_margin(Vec n, Vec v, float3 size)
+{
+    const Vec sum = {fabs(v.x) + size.x, fabs(v.y) + size.y, fabs(v.z) + size.z};
+    return SHADOW_MARGIN * absolute_dot(n, sum);
 }
 
 // The most that a form is at any of the hit points, with 17 roundings of its terms.
@@ -69,35 +75,33 @@ inline vf most_at_hits(Plane f, const ShadowRays *r)
     return middle + BOUND_SLACK * absolute_dot(f.n, extent) + 17.0f * ROUNDING * noise;
 }
 
+// The corners of LANES triangles, relative to a place.
+inline void load_corners(global const float *leaf, float3 place, Vec *v)
+{
+    for (int k = 0; k < 3; ++k, leaf += 3 * NODE_WIDTH) {
+        const Vec p = {VLOAD(leaf), VLOAD(leaf + NODE_WIDTH), VLOAD(leaf + 2 * NODE_WIDTH)};
+        v[k] = minus3(p, spread3(place));
+    }
+}
+inline Vec face_normal(const Vec *v) { return cross3(minus3(v[1], v[0]), minus3(v[2], v[0])); }
+
 // LANES triangles: corners relative to the apex, and the sign that turns forms to the side of the
 // light.
 typedef struct { Vec v[3]; vi flip; } Occluders;
 
-inline void place_occluders(const ShadowRays *r, global const float *leaf, Occluders *o)
-{
-    for (int k = 0; k < 3; ++k) {
-        global const float *at = leaf + 3 * k * NODE_WIDTH;
-        o->v[k].x = VLOAD(at) - r->apex.x;
-        o->v[k].y = VLOAD(at + NODE_WIDTH) - r->apex.y;
-        o->v[k].z = VLOAD(at + 2 * NODE_WIDTH) - r->apex.z;
-    }
-}
 
 // Beyond the triangles' own planes this form is positive.  `may` loses those that the light sees
 // edge-on, which cast no shadow.
 inline Plane face_plane(const ShadowRays *r, Occluders *o, vi *may)
 {
-    const Vec *v = o->v;
-    const Vec n = cross3(minus3(v[1], v[0]), minus3(v[2], v[0]));
-    const vf offset = dot3(n, v[0]);
+    const Vec n = face_normal(o->v);
+    const vf offset = dot3(n, o->v[0]);
     const vf side = r->is_point ? offset : dot3(n, spread3(r->towards));
     o->flip = AS_VI(side) & (vi)(0x80000000);
     *may &= ~EQ(side, (vf)(0.0f));
-    const Vec size = {fabs(v[0].x) + r->size.x, fabs(v[0].y) + r->size.y, fabs(v[0].z) + r->size.z};
-    const vf margin = SHADOW_MARGIN * absolute_dot(n, size);
     const Plane plane = {n, -offset};
     Plane beyond = flip_plane(plane, r->is_point ? o->flip : o->flip ^ (vi)(0x80000000));
-    beyond.c -= margin;
+    beyond.c -= shadow_margin(n, o->v[0], r->size);
     return beyond;
 }
 
@@ -123,7 +127,7 @@ inline vi set_up_occluders(const ShadowRays *r, const Shaft *shaft, global const
     vi keep = ~shaft_misses(shaft, leaf);
     if (!row_any(keep)) return keep;
     Occluders o;
-    place_occluders(r, leaf, &o);
+    load_corners(leaf, r->apex, o.v);
     out[3] = face_plane(r, &o, &keep);
     keep &= GE(most_at_hits(out[3], r), (vf)(0.0f));
     if (!row_any(keep)) return keep;

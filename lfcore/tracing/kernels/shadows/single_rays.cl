@@ -18,20 +18,11 @@ inline int leaf_blocks(const Tree *tree, const Ray *r, int leaf, float far, int 
         s.mask &= GT(t, (vf)(0.0f)) & LT(t, (vf)(far)) &
             ~(EQ(VLOAD(ids), (vi)(own)) | are_own(light, ids));
         if (!row_any(s.mask)) continue;
-        vf p[3], a[3], b[3];
-        for (int k = 0; k < 3; ++k) {
-            p[k] = VLOAD(at + k * NODE_WIDTH);
-            a[k] = VLOAD(at + (3 + k) * NODE_WIDTH) - p[k];
-            b[k] = VLOAD(at + (6 + k) * NODE_WIDTH) - p[k];
-        }
-        vf off = 0.0f, margin = 0.0f;
-        for (int k = 0; k < 3; ++k) {
-            const float o = axis(r->origin, k);
-            const vf n = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
-            off = fma(n, p[k] - o, off);
-            margin = fma(fabs(n), fabs(p[k]) + fabs(o), margin);
-        }
-        s.mask &= GT(fabs(off), SHADOW_MARGIN * margin);
+        Vec v[3];
+        load_corners(at, 0.0f, v);
+        const Vec n = face_normal(v);
+        const vf off = dot3(n, minus3(v[0], spread3(r->origin)));
+        s.mask &= GT(fabs(off), shadow_margin(n, v[0], fabs(r->origin)));
         if (!CUT_OUTS && row_any(s.mask)) return 1;
         private float times[LANES];
         VSTORE(t, times);
