@@ -9,7 +9,7 @@
 // A worker's own memory, in words of four bytes.
 #define PIPELINE_WORDS(lights)                                                        \
     (VISIBILITY_WORDS + BLOCK_RAYS * (REGION_WORDS + PLANE_WORDS) + SAMPLE_WORDS +    \
-     SHADOWS * (LIT_WORDS(lights) + SHADOW_WORDS(lights)))
+     SHADOWS * (LIT_WORDS(lights) + SHADOW_WORDS))
 
 typedef struct {
     const Tree *tree;
@@ -47,7 +47,7 @@ inline void see_packet(const Packet *packet, Pipeline *p)
 {
     start_visibility(p->memory, &p->visibility);
     find_visible(p->tree, packet, &p->visibility);
-    if (SHADOWS) enter_packet(packet, &p->visibility, &p->shadows);
+    if (SHADOWS) enter_packet(packet, &p->shadows);
 }
 
 // Linear colours, not clamped, of one block of a packet that was seen: (3, BLOCK_RAYS).

@@ -227,13 +227,14 @@ inline int cast_leaf(const Shadows *s, const Shaft *shaft, int leaf, int lane, L
 
 // Take from s->open the rays that something hides from light `number`; their hit points lie in
 // `box`.
-inline void cast_light_space(Shadows *s, LightSpaceRays *l, int number, const Box *box)
+inline void cast_light_space(const Shadows *s, LightSpaceRays *l, int number, const Box *box)
 {
-    NearbyLeaves nearby;
-    for (start_nearby(s, number, box, &nearby); next_nearby(s, &nearby);)
-        for (int k = 0; k < s->nearby.count; ++k)
-            for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
-                if (!cast_leaf(s, &nearby.shaft, s->nearby.leaf[k], lane, l)) return;
+    const Shaft shaft = shadow_shaft(shadow_light(s->scene, number), box);
+    Stack stack;
+    start_walk(&stack);
+    for (int leaf; (leaf = next_in_shaft(s->tree, &shaft, &stack)) >= 0;)
+        for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
+            if (!cast_leaf(s, &shaft, leaf, lane, l)) return;
 }
 
 #endif

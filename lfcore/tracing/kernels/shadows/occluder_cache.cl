@@ -185,14 +185,16 @@ inline void make_entry(Shadows *s, int triangle, int number, CacheEntry *entry)
     const CacheEntry empty = {triangle, number, c->used, even ? 0 : NOT_KEPT};
     *entry = empty;
     if (!even) return;
-    const ShadowRays rays = make_shadow_rays(shadow_light(s->scene, number), &seen.box);
+    global const float *light = shadow_light(s->scene, number);
+    const ShadowRays rays = make_shadow_rays(light, &seen.box);
+    const Shaft shaft = shadow_shaft(light, &seen.box);
     const NewEntry n = {entry, rays, make_receiver(&c->rays, planes, rays.apex), seen.over,
                         behind_plane(s->scene, triangle, &rays)};
-    NearbyLeaves nearby;
-    for (start_nearby(s, number, &seen.box, &nearby); next_nearby(s, &nearby);)
-        for (int k = 0; k < s->nearby.count; ++k)
-            for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
-                if (!keep_occluders(s, &n, s->nearby.leaf[k], lane)) return;
+    Stack stack;
+    start_walk(&stack);
+    for (int leaf; (leaf = next_in_shaft(s->tree, &shaft, &stack)) >= 0;)
+        for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
+            if (!keep_occluders(s, &n, leaf, lane)) return;
     c->used += (entry->count + LANES - 1) / LANES;
 }
 

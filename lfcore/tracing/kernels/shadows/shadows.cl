@@ -5,40 +5,27 @@
 #include "block_shadows.cl"
 
 #define LIT_WORDS(lights) ((lights) * BLOCK)
-#define SHADOW_WORDS(lights)                                                                     \
-    (5 * BLOCK_RAYS + LIST_WORDS(CANDIDATES) + POOL_WORDS + PLANE_WORDS + (lights) +             \
-     (lights) * CANDIDATE_WORDS)
+#define SHADOW_WORDS (5 * BLOCK_RAYS + POOL_WORDS + PLANE_WORDS)
 
 // Divide a worker's memory.
 inline void start_shadows(const Tree *tree, const Scene *scene, global uint *memory,
                           OccluderCache *cache,
                           Shadows *s)
 {
-    const int lights = scene->numbers->shadow_lights;
     s->tree = tree;
     s->scene = scene;
     s->open = (global int *)memory;
     s->seen = (global float *)memory + 2 * BLOCK_RAYS;
     memory += 5 * BLOCK_RAYS;
-    s->nearby = make_list(memory, CANDIDATES);
-    memory += LIST_WORDS(CANDIDATES);
     cache->pool = (global float *)memory;
-    memory += POOL_WORDS;
-    s->lists = memory;
-    memory += lights * CANDIDATE_WORDS;
-    s->element_planes = (global PlaneEquations *)memory;
-    s->listed = (global int *)memory + PLANE_WORDS;
+    s->element_planes = (global PlaneEquations *)(memory + POOL_WORDS);
     s->cache = cache;
 }
 
-// To be called once a packet's visibility is known.
-inline void enter_packet(const Packet *packet, const Visibility *visibility, Shadows *s)
+inline void enter_packet(const Packet *packet, Shadows *s)
 {
     s->packet = packet;
-    s->visibility = visibility;
-    s->bounded = 0;
     s->cache->element = -1;
-    for (int k = 0; k < s->scene->numbers->shadow_lights; ++k) s->listed[k] = NOT_ASKED;
 }
 
 // Find which of a block's rays see each light.
