@@ -51,14 +51,14 @@ inline void add_open(const Shadows *s, global int *lit)
 // measured.
 #define MANY_REGIONS (BLOCK_RAYS / 2)
 
-// Find the rays of a block that see light `number`.
-inline void light_block(Shadows *s, const Block *b, int number, global int *lit)
+// Find the rays of a block that see a light.
+inline void light_block(const Shadows *s, const Block *b, global const float *light,
+                        global int *lit)
 {
-    global const float *light = shadow_light(s->scene, number);
     clear_lit(lit);
     if (SINGLE_RAYS || b->regions.count > MANY_REGIONS) {
         find_facing(b, light, s->open);
-        cast_single_rays(s, b, number);
+        cast_single_rays(s, b, light);
         add_open(s, lit);
         return;
     }
@@ -69,8 +69,8 @@ inline void light_block(Shadows *s, const Block *b, int number, global int *lit)
         l.rays = make_shadow_rays(light, &box);
         l.view = make_light_space(&l.rays);
         l.samples = &b->samples;
-        if (project_hits(s, &l)) cast_light_space(s, &l, number, &box);
-        else cast_single_rays(s, b, number);
+        if (project_hits(s, &l)) cast_light_space(s, &l);
+        else cast_single_rays(s, b, light);
         add_open(s, lit);
     }
 }

@@ -6,7 +6,7 @@
 // small one there.
 #ifndef LFCORE_LIGHT_SPACE_CL
 #define LFCORE_LIGHT_SPACE_CL
-#include "candidates.cl"
+#include "occluders.cl"
 
 // Coordinates u, v in the light's picture, and d: the reciprocal of the distance along axis kz from
 // a point light, or the distance itself towards a direction.
@@ -211,13 +211,13 @@ inline void cast_picture(const Shadows *s, const PictureForms *f, uint lane, int
 }
 
 // Take from s->open the rays behind LANES triangles of a leaf; false when none is left.
-inline int cast_leaf(const Shadows *s, const Shaft *shaft, int leaf, int lane, LightSpaceRays *l)
+inline int cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
 {
     global const float *corners = leaf_corners(s->tree, leaf, lane);
     global const int *ids = leaf_numbers(s->tree, leaf, lane);
     Plane planes[4];
     PictureForms forms;
-    const vi may = set_up_occluders(&l->rays, shaft, corners, planes) & ~are_own(l->rays.own, ids);
+    const vi may = set_up_occluders(&l->rays, corners, planes) & ~are_own(l->rays.own, ids);
     if (!row_any(may)) return 1;
     uint keep = set_up_picture(&l->rays, &l->view, planes, may, &forms);
     for (; keep && l->lit; keep &= keep - 1)
@@ -225,16 +225,14 @@ inline int cast_leaf(const Shadows *s, const Shaft *shaft, int leaf, int lane, L
     return l->lit != 0;
 }
 
-// Take from s->open the rays that something hides from light `number`; their hit points lie in
-// `box`.
-inline void cast_light_space(const Shadows *s, LightSpaceRays *l, int number, const Box *box)
+// Take from s->open the rays that something hides from the light.
+inline void cast_light_space(const Shadows *s, LightSpaceRays *l)
 {
-    const Shaft shaft = shadow_shaft(shadow_light(s->scene, number), box);
     Stack stack;
     start_walk(&stack);
-    for (int leaf; (leaf = next_in_shaft(s->tree, &shaft, &stack)) >= 0;)
+    for (int leaf; (leaf = next_hiding(s->tree, &l->rays, &stack)) >= 0;)
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
-            if (!cast_leaf(s, &shaft, leaf, lane, l)) return;
+            if (!cast_leaf(s, leaf, lane, l)) return;
 }
 
 #endif

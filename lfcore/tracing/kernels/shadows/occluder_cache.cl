@@ -185,14 +185,12 @@ inline void make_entry(Shadows *s, int triangle, int number, CacheEntry *entry)
     const CacheEntry empty = {triangle, number, c->used, even ? 0 : NOT_KEPT};
     *entry = empty;
     if (!even) return;
-    global const float *light = shadow_light(s->scene, number);
-    const ShadowRays rays = make_shadow_rays(light, &seen.box);
-    const Shaft shaft = shadow_shaft(light, &seen.box);
+    const ShadowRays rays = make_shadow_rays(shadow_light(s->scene, number), &seen.box);
     const NewEntry n = {entry, rays, make_receiver(&c->rays, planes, rays.apex), seen.over,
                         behind_plane(s->scene, triangle, &rays)};
     Stack stack;
     start_walk(&stack);
-    for (int leaf; (leaf = next_in_shaft(s->tree, &shaft, &stack)) >= 0;)
+    for (int leaf; (leaf = next_hiding(s->tree, &rays, &stack)) >= 0;)
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
             if (!keep_occluders(s, &n, leaf, lane)) return;
     c->used += (entry->count + LANES - 1) / LANES;

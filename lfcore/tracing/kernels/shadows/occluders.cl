@@ -5,39 +5,7 @@
 // the apex; hit points never leave that frame.
 #ifndef LFCORE_OCCLUDERS_CL
 #define LFCORE_OCCLUDERS_CL
-#include "ranges.cl"
-#include "samples.cl"
-#include "walk.cl"
-
-// Apex and extent of a set of shadow rays.
-typedef struct {
-    int is_point;
-    float3 apex;            // the light, or the middle of the hit points
-    float3 towards;         // direction to a directional light
-    float3 centre, extent;  // box of the hit points relative to the apex
-    float3 size;            // largest magnitudes that entered, for the margin
-    int2 own;               // triangles that never shadow the light
-} ShadowRays;
-
-inline ShadowRays make_shadow_rays(global const float *light, const Box *box)
-{
-    const float3 low = vload3(0, box->lo), high = vload3(0, box->hi);
-    ShadowRays r;
-    r.is_point = is_point(light);
-    r.towards = light_vector(light);
-    r.apex = r.is_point ? r.towards : 0.5f * (low + high);
-    r.own = own_triangles(light);
-    r.centre = 0.5f * (low + high) - r.apex;
-    r.extent = 0.5f * (high - low);
-    r.size = max(fabs(low), fabs(high)) + fabs(r.centre) + r.extent;
-    return r;
-}
-
-inline Shaft shadow_shaft(global const float *light, const Box *box)
-{
-    const float vector[3] = {light[0], light[1], light[2]};
-    return make_shaft(vector, is_point(light), box->lo, box->hi);
-}
+#include "shadow_rays.cl"
 
 // A form n . P + c of the hit point relative to the apex.
 typedef struct { Vec n; vf c; } Plane;
@@ -121,10 +89,9 @@ inline Plane edge_plane(const ShadowRays *r, const Occluders *o, int k)
 // The four forms of LANES triangles: a hit point is dark where the three edges are not negative and
 // the last, beyond the triangle's plane, is positive.  Returns the mask of those that may darken
 // some.
-inline vi set_up_occluders(const ShadowRays *r, const Shaft *shaft, global const float *leaf,
-                           Plane *out)
+inline vi set_up_occluders(const ShadowRays *r, global const float *leaf, Plane *out)
 {
-    vi keep = ~shaft_misses(shaft, leaf);
+    vi keep = ~shaft_misses(&r->shaft, leaf);
     if (!row_any(keep)) return keep;
     Occluders o;
     load_corners(leaf, r->apex, o.v);

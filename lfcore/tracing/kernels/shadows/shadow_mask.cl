@@ -4,7 +4,7 @@
 // column of the row and not negative to one side of it.  LANES rows are found at once.
 #ifndef LFCORE_SHADOW_MASK_CL
 #define LFCORE_SHADOW_MASK_CL
-#include "candidates.cl"
+#include "occluders.cl"
 
 #define ROW_GROUPS (BLOCK / LANES)
 // A form whose slope along a row is below this share of its size is taken for level: over the 64

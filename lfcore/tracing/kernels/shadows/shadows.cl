@@ -35,7 +35,7 @@ inline void find_lit(Shadows *s, const Block *b)
     if (few) enter_element(s->packet, b->number, s->cache);
     for (int k = 0; k < s->scene->numbers->shadow_lights; ++k) {
         global int *lit = b->lit + k * BLOCK;
-        if (!few || !light_regions(s, b, k, lit)) light_block(s, b, k, lit);
+        if (!few || !light_regions(s, b, k, lit)) light_block(s, b, shadow_light(s->scene, k), lit);
     }
 }
 

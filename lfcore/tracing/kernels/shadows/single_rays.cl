@@ -2,7 +2,7 @@
 // little.
 #ifndef LFCORE_SINGLE_RAYS_CL
 #define LFCORE_SINGLE_RAYS_CL
-#include "candidates.cl"
+#include "occluders.cl"
 
 // Whether a leaf holds a triangle, other than `own` and the light's, between the ray's origin and
 // `far`. What lies within the margin of the ray's own surface is not in between.
@@ -48,10 +48,10 @@ inline int blocking_leaf(const Tree *tree, const Ray *r, float far, int own, int
     }
 }
 
-// Take from s->open the rays of a block that cannot see light `number`.
-inline void cast_single_rays(const Shadows *s, const Block *b, int number)
+// Take from s->open the rays of a block that cannot see a light.
+inline void cast_single_rays(const Shadows *s, const Block *b, global const float *light)
 {
-    global const float *light = shadow_light(s->scene, number), *point = b->samples.point;
+    global const float *point = b->samples.point;
     const int2 own = own_triangles(light);
     int last = -1;  // what darkened a neighbour is likely to darken the next
     for (int at = 0; at < BLOCK_RAYS; ++at) {

@@ -1,0 +1,79 @@
+// Sets of shadow rays: from hit points in a box to a light.
+#ifndef LFCORE_SHADOW_RAYS_CL
+#define LFCORE_SHADOW_RAYS_CL
+#include "ranges.cl"
+#include "samples.cl"
+#include "walk.cl"
+
+// What a worker's shadows are of, and its memory for them.
+typedef struct {
+    const Tree *tree;
+    const Scene *scene;
+    const Packet *packet;
+    global int *open;        // scratch: (2, BLOCK_RAYS)
+    global float *seen;      // scratch: (3, BLOCK_RAYS)
+    struct OccluderCache *cache;
+    global PlaneEquations *element_planes;  // scratch: of one triangle
+} Shadows;
+
+inline global const float *shadow_light(const Scene *s, int number)
+{
+    return s->lights + (s->numbers->open_lights + number) * LIGHT;
+}
+
+// Mask of the rays that meet a side which faces the light, and before which the light shines, in
+// the row that begins with ray `at`.
+inline vi facing_row(const Samples *s, global const float *light, int at)
+{
+    const vi met = GE(VLOAD(s->key + at), (vi)(0));
+    Vec towards = spread3(light_vector(light));
+    if (is_point(light)) towards = minus3(towards, load3(s->point, at));
+    const vi facing = met & GT(dot3(load3(s->normal, at), towards), (vf)(0.0f));
+    const float3 forward = emitter_normal(light);
+    if (!any(forward != 0.0f)) return facing;
+    return facing & LT(dot3(spread3(forward), towards), (vf)(0.0f));
+}
+
+inline void clear_lit(global int *lit)
+{
+    for (int row = 0; row < BLOCK; row += LANES) VSTORE((vi)(0), lit + row);
+}
+
+// Seventeen roundings of the terms of a hit point.
+#define HIT_SLACK (17.0f * ROUNDING)
+
+typedef struct {
+    int is_point;
+    float3 apex;            // the light, or the middle of the hit points
+    float3 towards;         // direction to a directional light
+    float3 centre, extent;  // box of the hit points relative to the apex
+    float3 size;            // largest magnitudes that entered, for the margin
+    int2 own;               // triangles that never shadow the light
+    Shaft shaft;            // around all of the rays
+} ShadowRays;
+
+inline ShadowRays make_shadow_rays(global const float *light, const Box *box)
+{
+    const float vector[3] = {light[0], light[1], light[2]};
+    const float3 low = vload3(0, box->lo), high = vload3(0, box->hi);
+    ShadowRays r;
+    r.is_point = is_point(light);
+    r.towards = light_vector(light);
+    r.apex = r.is_point ? r.towards : 0.5f * (low + high);
+    r.own = own_triangles(light);
+    r.centre = 0.5f * (low + high) - r.apex;
+    r.extent = 0.5f * (high - low);
+    r.size = max(fabs(low), fabs(high)) + fabs(r.centre) + r.extent;
+    r.shaft = make_shaft(vector, r.is_point, box->lo, box->hi);
+    return r;
+}
+
+// The next leaf that may hide the light from some ray; -1 once none is left.
+inline int next_hiding(const Tree *tree, const ShadowRays *r, Stack *stack)
+{
+    const Volume volume = {0, &r->shaft, 0};
+    const int child = next_leaf(tree, &volume, FAR, stack);
+    return child == ROOT ? -1 : -1 - tree->children[child];
+}
+
+#endif
