@@ -6,46 +6,47 @@
 #include "shade.cl"
 #include "shadows.cl"
 
-// A worker's own memory, in words of four bytes.
-#define PIPELINE_WORDS(lights)                                                        \
-    (VISIBILITY_WORDS + BLOCK_RAYS * (REGION_WORDS + PLANE_WORDS) + SAMPLE_WORDS +    \
-     SHADOWS * (LIT_WORDS(lights) + SHADOW_WORDS))
+// A worker's own memory; a Block's `lit` comes after it.
+typedef struct {
+    uint visibility[VISIBILITY_WORDS];
+    Region regions[BLOCK_RAYS];
+    PlaneEquations planes[BLOCK_RAYS];
+    uint samples[SAMPLE_WORDS];
+    ShadowMemory shadows;
+} PipelineMemory;
+
+// Words of a kernel's Memory, a struct that ends in PipelineMemory.
+#define SCRATCH_WORDS(lights) (sizeof(Memory) / 4 + (ulong)(lights) * BLOCK)
 
 typedef struct {
     const Tree *tree;
     const Scene *scene;
     float pixel;  // tangent between neighbouring pixels
-    global uint *memory;
+    global PipelineMemory *memory;
     Visibility visibility;
     Block block;
     OccluderCache cache;
     Shadows shadows;
 } Pipeline;
 
-// Divide `memory`, of PIPELINE_WORDS.
-inline void start_pipeline(const Tree *tree, const Scene *scene, float pixel, global uint *memory,
-                           Pipeline *p)
+inline void start_pipeline(const Tree *tree, const Scene *scene, float pixel,
+                           global PipelineMemory *memory, Pipeline *p)
 {
     p->tree = tree;
     p->scene = scene;
     p->pixel = pixel;
     p->memory = memory;
-    memory += VISIBILITY_WORDS;
-    p->block.regions.of = (global Region *)memory;
-    memory += BLOCK_RAYS * REGION_WORDS;
-    p->block.planes = (global PlaneEquations *)memory;
-    memory += BLOCK_RAYS * PLANE_WORDS;
-    p->block.samples = make_samples(memory);
-    memory += SAMPLE_WORDS;
-    p->block.lit = (global int *)memory;
-    memory += LIT_WORDS(scene->numbers->shadow_lights);
-    if (SHADOWS) start_shadows(tree, scene, memory, &p->cache, &p->shadows);
+    p->block.regions.of = memory->regions;
+    p->block.planes = memory->planes;
+    p->block.samples = make_samples(memory->samples);
+    p->block.lit = (global int *)(memory + 1);
+    if (SHADOWS) start_shadows(tree, scene, &memory->shadows, &p->cache, &p->shadows);
 }
 
 // Find what a whole packet sees.
 inline void see_packet(const Packet *packet, Pipeline *p)
 {
-    start_visibility(p->memory, &p->visibility);
+    start_visibility(p->memory->visibility, &p->visibility);
     find_visible(p->tree, packet, &p->visibility);
     if (SHADOWS) enter_packet(packet, &p->shadows);
 }

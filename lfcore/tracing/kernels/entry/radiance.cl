@@ -12,7 +12,10 @@ typedef struct {
     int mode;  // ADD, STREAM, DEPTHS
 } ImageArguments;
 
-#define SCRATCH_WORDS(lights) (3 * BLOCK_RAYS + PIPELINE_WORDS(lights))
+typedef struct {
+    float colours[3 * BLOCK_RAYS];
+    PipelineMemory pipeline;
+} Memory;
 
 KERNEL void trace_radiance(TREE_PARAMETERS,
                            SCENE_PARAMETERS,
@@ -27,21 +30,20 @@ KERNEL void trace_radiance(TREE_PARAMETERS,
     const Rays rays = MAKE_RAYS;
     const ulong pitch = 3 * (ulong)image.across * rays.columns;
     const ulong words = SCRATCH_WORDS(scene_numbers.shadow_lights);
-    global float *colours = (global float *)(scratch + get_global_id(0) * words);
+    global Memory *memory = (global Memory *)(scratch + get_global_id(0) * words);
     Pipeline pipeline;
-    start_pipeline(&tree, &scene, ray_numbers.pixel_tangent,
-                   (global uint *)colours + 3 * BLOCK_RAYS, &pipeline);
+    start_pipeline(&tree, &scene, ray_numbers.pixel_tangent, &memory->pipeline, &pipeline);
     for (int at = atomic_inc(next); at < ray_numbers.packets; at = atomic_inc(next)) {
         const Packet packet = make_packet(&rays, at);
         see_packet(&packet, &pipeline);
         for (int block = 0; block < PACKET_BLOCKS; ++block) {
             if (!has_block(&packet, block)) continue;
-            colour_block(&packet, block, &pipeline, colours);
+            colour_block(&packet, block, &pipeline, memory->colours);
             const int2 where = block_position(&packet, block);
             const int element = block_element(&packet, block, 0, 0);
             const ulong row = (ulong)(element / image.across) * rays.rows + where.y;
             const ulong column = (ulong)(element % image.across) * rays.columns + where.x;
-            write_radiance(colours, block_inside(&packet, block), image.mode,
+            write_radiance(memory->colours, block_inside(&packet, block), image.mode,
                            radiance + row * pitch + 3 * column, pitch);
         }
         for (int block = 0; (image.mode & DEPTHS) && block < PACKET_BLOCKS; ++block)

@@ -5,9 +5,11 @@
 #include "frames.cl"
 
 #define COLOURS (3 * BLOCK_RAYS)  // of one cell of a packet
-#define SUM_WORDS (PLANES == 1 ? PREFIX_WORDS : 0)
-#define SCRATCH_WORDS(lights) \
-    (COLOURS * (PACKET_CELLS + 1) + SUM_WORDS + PIPELINE_WORDS(lights))
+typedef struct {
+    float cells[(PACKET_CELLS + 1) * COLOURS];
+    uint prefix[PREFIX_WORDS];
+    PipelineMemory pipeline;
+} Memory;
 
 // Clamp a block's colours to what is stored, and put them where its cells are.
 inline void sort_into_cells(global const float *from, int block, global float *cells)
@@ -82,11 +84,11 @@ KERNEL void trace_slab(TREE_PARAMETERS,
                            sums + worker * plane_numbers.planes * area};
     const ulong strip_words = (ulong)plane_numbers.ring * PREFIX_PITCH * plane_numbers.planes;
     const Strip strip = {windows + worker * plane_numbers.planes, strips + worker * strip_words};
-    global uint *memory = scratch + worker * (ulong)SCRATCH_WORDS(scene_numbers.shadow_lights);
-    global float *cells = (global float *)memory;
-    global uint *prefix = memory + COLOURS * (PACKET_CELLS + 1);
+    const ulong words = SCRATCH_WORDS(scene_numbers.shadow_lights);
+    global Memory *memory = (global Memory *)(scratch + worker * words);
+    global float *cells = memory->cells;
     Pipeline pipeline;
-    start_pipeline(&tree, &scene, ray_numbers.pixel_tangent, prefix + SUM_WORDS, &pipeline);
+    start_pipeline(&tree, &scene, ray_numbers.pixel_tangent, &memory->pipeline, &pipeline);
     const int squares = rays.squares, tall = plane_numbers.tall, items = ray_numbers.packets / tall;
     for (int item = atomic_inc(next); item < items; item = atomic_inc(next)) {
         int u = 0;
@@ -99,7 +101,7 @@ KERNEL void trace_slab(TREE_PARAMETERS,
             colour_packet(&packet, &pipeline, cells);
             u = (places[first].w & 0xffff) / GROUP * GROUP;
             const int v = (places[first].w >> 16) / GROUP * GROUP;
-            if (PLANES == 1) add_to_strip(&planes, &packet, v, cells, prefix, &strip);
+            if (PLANES == 1) add_to_strip(&planes, &packet, v, cells, memory->prefix, &strip);
             write_cells(&planes, &out, &packet, cells);
         }
         if (PLANES == 1) finish_strip(&planes, u, item % rays.across, &strip);

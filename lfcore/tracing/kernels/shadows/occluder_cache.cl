@@ -13,7 +13,6 @@
 #define FORM_WORDS 12       // of an occluder: four forms of three terms
 #define POOL 1024           // occluders of all entries
 #define MOST_OCCLUDERS 128  // and of one: more are culled block by block
-#define POOL_WORDS (FORM_WORDS * POOL)
 
 // One occluder darkens every ray that meets the triangle; there are too many occluders to keep, or
 // forms over the element's rays would not do for a block's.

@@ -4,22 +4,21 @@
 #include "region_shadows.cl"
 #include "block_shadows.cl"
 
-#define LIT_WORDS(lights) ((lights) * BLOCK)
-#define SHADOW_WORDS (5 * BLOCK_RAYS + POOL_WORDS + PLANE_WORDS)
+// A worker's memory: see Shadows and OccluderCache.
+typedef struct {
+    int open[2 * BLOCK_RAYS];
+    float seen[3 * BLOCK_RAYS];
+    float pool[POOL * FORM_WORDS];
+    PlaneEquations element_planes;
+} ShadowMemory;
 
-// Divide a worker's memory.
-inline void start_shadows(const Tree *tree, const Scene *scene, global uint *memory,
-                          OccluderCache *cache,
-                          Shadows *s)
+inline void start_shadows(const Tree *tree, const Scene *scene, global ShadowMemory *memory,
+                          OccluderCache *cache, Shadows *s)
 {
-    s->tree = tree;
-    s->scene = scene;
-    s->open = (global int *)memory;
-    s->seen = (global float *)memory + 2 * BLOCK_RAYS;
-    memory += 5 * BLOCK_RAYS;
-    cache->pool = (global float *)memory;
-    s->element_planes = (global PlaneEquations *)(memory + POOL_WORDS);
-    s->cache = cache;
+    const Shadows start = {tree, scene, 0, memory->open, memory->seen, cache,
+                           &memory->element_planes};
+    *s = start;
+    cache->pool = memory->pool;
 }
 
 inline void enter_packet(const Packet *packet, Shadows *s)
