@@ -33,38 +33,6 @@ inline global ulong4 *sums_of(const Planes *p, int plane)
     return p->sums + (ulong)plane * p->numbers->width * p->numbers->height;
 }
 
-#if LANES == BLOCK
-inline uint16 fixed_row(global const float *c)
-{
-    return TO_VU(fma(VLOAD(c), (vf)(FIXED_ONE), (vf)(0.5f)));
-}
-
-// Add a row of sixteen pixels to sixteen neighbours from `to` on.
-inline void add_row(global const float *c, global ulong *to)
-{
-    private uint r[16], g[16], b[16];
-    vstore16(fixed_row(c), 0, r);
-    vstore16(fixed_row(c + BLOCK_RAYS), 0, g);
-    vstore16(fixed_row(c + 2 * BLOCK_RAYS), 0, b);
-    for (int k = 0; k < 8; ++k) {
-        const int i = 2 * k, j = 2 * k + 1;
-        const uint8 pair = (uint8)(r[i], g[i], b[i], 0, r[j], g[j], b[j], 0);
-        vstore8(vload8(k, to) + convert_ulong8(pair), k, to);
-    }
-}
-
-// Whether the targets of sixteen columns are neighbours within the picture, as for a mere shift.
-inline int are_neighbours(global const int *across, int columns, int size)
-{
-    const int16 next = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-    if (columns < BLOCK || across[0] < 0 || across[BLOCK - 1] >= size) return 0;
-    return all(vload16(0, across) == across[0] + next);
-}
-#else
-inline void add_row(global const float *c, global ulong *to) {}
-inline int are_neighbours(global const int *across, int columns, int size) { return 0; }
-#endif
-
 // Add a block of pixels of one view, of lens sample `view`, whose first pixel is `at`: `runs` holds
 // the target of every pixel column for each lens column, rows alike.
 inline void add_view(const Planes *p, int2 view, int2 at, global const float *colours)
@@ -76,18 +44,17 @@ inline void add_view(const Planes *p, int2 view, int2 at, global const float *co
         if (!p->masks[((ulong)info.x * n->views + view.y) * n->views + view.x]) continue;
         global const int *across = p->runs + info.y + view.x * n->size + at.x;
         global const int *down = p->runs + info.y + view.y * n->size + at.y;
-        const int neighbours = are_neighbours(across, columns, n->size);
         for (int y = 0; y < rows; ++y) {
             if (down[y] < 0 || down[y] >= n->size) continue;
             global ulong4 *line = sums_of(p, plane) + (ulong)down[y] * n->width;
             global const float *c = colours + y * BLOCK;
-            if (neighbours) add_row(c, (global ulong *)(line + across[0]));
-            for (int x = 0; !neighbours && x < columns; ++x) {
+            for (int x = 0; x < columns; ++x) {
                 if (across[x] < 0 || across[x] >= n->size) continue;
                 const float4 colour = (float4)(c[x], c[BLOCK_RAYS + x], c[2 * BLOCK_RAYS + x],
                                                0.0f);
                 const float4 half_unit = (float4)(0.5f, 0.5f, 0.5f, 0.0f);
-                line[across[x]] += convert_ulong4(fma(colour, FIXED_ONE, half_unit));
+                const int4 fixed = convert_int4(fma(colour, FIXED_ONE, half_unit));
+                line[across[x]] += convert_ulong4(as_uint4(fixed));
             }
         }
     }
