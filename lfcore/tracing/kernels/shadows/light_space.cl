@@ -14,7 +14,8 @@ typedef struct {
     int axes[3];             // kx, ky, kz
     float sign;              // of the distance along kz
     float slope_x, slope_y;  // of a direction, along kz
-    Box hits;
+    // Of the hit points' box: its middle, half its size, and the largest numbers within it.
+    float middle[3], extent[3], most[3];
 } LightSpace;
 
 // A point light nearer than this share of half the hit points' box has no picture of them:
@@ -39,11 +40,7 @@ inline LightSpace make_light_space(const ShadowRays *r)
 {
     const float3 along = r->is_point ? r->centre : r->towards;
     LightSpace v;
-    for (int k = 0; k < 3; ++k) {
-        v.axes[k] = (largest_axis(along) + 1 + k) % 3;
-        v.hits.lo[k] = FAR;
-        v.hits.hi[k] = -FAR;
-    }
+    for (int k = 0; k < 3; ++k) v.axes[k] = (largest_axis(along) + 1 + k) % 3;
     const float most = axis(along, v.axes[2]);
     v.sign = most < 0.0f ? -1.0f : 1.0f;
     v.slope_x = axis(along, v.axes[0]) / most;
@@ -74,6 +71,7 @@ inline int project_hits(const Shadows *s, LightSpaceRays *l)
 {
     const ShadowRays *r = &l->rays;
     LightSpace *view = &l->view;
+    Box hits = {{FAR, FAR, FAR}, {-FAR, -FAR, -FAR}};
     l->lit = 0;
     for (int strip = 0; strip < STRIPS; ++strip) {
         Ranges ranges;
@@ -88,14 +86,18 @@ inline int project_hits(const Shadows *s, LightSpaceRays *l)
         for (int k = 0; k < 3; ++k) {
             l->strips.lo[k][strip] = box.lo[k];
             l->strips.hi[k][strip] = box.hi[k];
-            view->hits.lo[k] = min(view->hits.lo[k], box.lo[k]);
-            view->hits.hi[k] = max(view->hits.hi[k], box.hi[k]);
+            hits.lo[k] = min(hits.lo[k], box.lo[k]);
+            hits.hi[k] = max(hits.hi[k], box.hi[k]);
         }
         l->lit |= (uint)(box.lo[0] <= box.hi[0]) << strip;
     }
+    for (int k = 0; k < 3; ++k) {
+        view->middle[k] = 0.5f * (hits.lo[k] + hits.hi[k]);
+        view->extent[k] = 0.5f * BOUND_SLACK * (hits.hi[k] - hits.lo[k]);
+        view->most[k] = max(fabs(hits.lo[k]), fabs(hits.hi[k]));
+    }
     if (!r->is_point) return 1;
-    const float least_distance = NEAREST_SHARE * largest_component(r->extent);
-    return view->hits.lo[2] > 0.0f && view->hits.hi[2] * least_distance < 1.0f;
+    return hits.lo[2] > 0.0f && hits.hi[2] * NEAREST_SHARE * largest_component(r->extent) < 1.0f;
 }
 
 // Occluders in the light's picture: a u + b v + c of each edge, and of its plane, with g d besides;
@@ -108,31 +110,26 @@ inline vf component(Vec n, int k) { return k == 0 ? n.x : k == 1 ? n.y : n.z; }
 // 34 roundings of the terms of such a form.
 #define PICTURE_SLACK (34.0f * ROUNDING)
 
-// Forms of LANES occluders; returns those of `may` that reach the hit points' box in the picture.
-inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, const Plane *planes, vi may,
-                           PictureForms *out)
+// Forms of LANES triangles of a leaf; returns those of `may` that reach the hit points' box in the
+// picture.
+inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, global const float *leaf,
+                           vi may, PictureForms *out)
 {
-    float middle[3], extent[3], most[3];
-    for (int k = 0; k < 3; ++k) {
-        const float lo = view->hits.lo[k], hi = view->hits.hi[k];
-        middle[k] = 0.5f * (lo + hi);
-        extent[k] = 0.5f * BOUND_SLACK * (hi - lo);
-        most[k] = max(fabs(lo), fabs(hi));
-    }
-    for (int k = 0; k < 4; ++k) {
-        const vf a = component(planes[k].n, view->axes[0]);
-        const vf b = component(planes[k].n, view->axes[1]);
-        const vf n = component(planes[k].n, view->axes[2]);
-        const vf c = r->is_point ? n * view->sign : planes[k].c;
-        vf largest = fma(a, (vf)(middle[0]), b * middle[1]) +
-                     fma(fabs(a), (vf)(extent[0]), fabs(b) * extent[1]);
-        vf noise = fma(fabs(a), (vf)(most[0]), fma(fabs(b), (vf)(most[1]), fabs(c)));
+    Occluders o;
+    load_corners(leaf, r->apex, o.v);
+    for (int k = 3; k >= 0 && row_any(may); --k) {
+        const Plane plane = k == 3 ? face_plane(r, &o, &may) : edge_plane(r, &o, k);
+        const vf a = component(plane.n, view->axes[0]), b = component(plane.n, view->axes[1]);
+        const vf n = component(plane.n, view->axes[2]), c = r->is_point ? n * view->sign : plane.c;
+        vf largest = fma(a, (vf)(view->middle[0]), b * view->middle[1]) +
+                     fma(fabs(a), (vf)(view->extent[0]), fabs(b) * view->extent[1]);
+        vf noise = fma(fabs(a), (vf)(view->most[0]), fma(fabs(b), (vf)(view->most[1]), fabs(c)));
         vf g = 0.0f;
         if (k == 3) {
             const vf along = fma(a, (vf)(view->slope_x), fma(b, (vf)(view->slope_y), n));
-            g = r->is_point ? planes[k].c : along;
-            largest += fma(g, (vf)(middle[2]), fabs(g) * extent[2]);
-            noise = fma(fabs(g), (vf)(most[2]), noise);
+            g = r->is_point ? plane.c : along;
+            largest += fma(g, (vf)(view->middle[2]), fabs(g) * view->extent[2]);
+            noise = fma(fabs(g), (vf)(view->most[2]), noise);
         }
         const vf form[FORM_TERMS] = {a, b, c, g, fma(noise, (vf)(PICTURE_SLACK), c)};
         for (int term = 0; term < FORM_TERMS; ++term) VSTORE(form[term], out->of[k][term]);
@@ -215,11 +212,9 @@ inline int cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
 {
     global const float *corners = leaf_corners(s->tree, leaf, lane);
     global const int *ids = leaf_numbers(s->tree, leaf, lane);
-    Plane planes[4];
     PictureForms forms;
-    const vi may = set_up_occluders(&l->rays, corners, planes) & ~are_own(l->rays.own, ids);
-    if (!row_any(may)) return 1;
-    uint keep = set_up_picture(&l->rays, &l->view, planes, may, &forms);
+    const vi may = ~(shaft_misses(&l->rays.shaft, corners) | are_own(l->rays.own, ids));
+    uint keep = set_up_picture(&l->rays, &l->view, corners, may, &forms);
     for (; keep && l->lit; keep &= keep - 1)
         cast_picture(s, &forms, lowest(keep), ids[lowest(keep)], l);
     return l->lit != 0;

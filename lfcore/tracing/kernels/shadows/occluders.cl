@@ -34,15 +34,6 @@ inline vf shadow_margin(Vec n, Vec v, float3 size)
     return SHADOW_MARGIN * absolute_dot(n, sum);
 }
 
-// The most that a form is at any of the hit points, with 17 roundings of its terms.
-inline vf most_at_hits(Plane f, const ShadowRays *r)
-{
-    const Vec centre = spread3(r->centre), extent = spread3(r->extent), size = spread3(r->size);
-    const vf middle = dot3(f.n, centre) + f.c;
-    const vf noise = absolute_dot(f.n, size) + fabs(f.c);
-    return middle + BOUND_SLACK * absolute_dot(f.n, extent) + 17.0f * ROUNDING * noise;
-}
-
 // The corners of LANES triangles, relative to a place.
 inline void load_corners(global const float *leaf, float3 place, Vec *v)
 {
@@ -84,25 +75,6 @@ inline Plane edge_plane(const ShadowRays *r, const Occluders *o, int k)
         edge.c = dot3(to, c);
     }
     return flip_plane(edge, o->flip);
-}
-
-// The four forms of LANES triangles: a hit point is dark where the three edges are not negative and
-// the last, beyond the triangle's plane, is positive.  Returns the mask of those that may darken
-// some.
-inline vi set_up_occluders(const ShadowRays *r, global const float *leaf, Plane *out)
-{
-    vi keep = ~shaft_misses(&r->shaft, leaf);
-    if (!row_any(keep)) return keep;
-    Occluders o;
-    load_corners(leaf, r->apex, o.v);
-    out[3] = face_plane(r, &o, &keep);
-    keep &= GE(most_at_hits(out[3], r), (vf)(0.0f));
-    if (!row_any(keep)) return keep;
-    for (int k = 0; k < 3; ++k) {
-        out[k] = edge_plane(r, &o, k);
-        keep &= GE(most_at_hits(out[k], r), (vf)(0.0f));
-    }
-    return keep;
 }
 
 #endif
