@@ -105,11 +105,10 @@ inline void write_frames(const Frames *out, int element, int2 at, int2 inside,
     const ulong pixels = (ulong)n->width * n->height, chroma = pixels / (n->chroma * n->chroma);
     global sample *frame = out->frames + place.x * (pixels + 2 * chroma);
     const int x0 = place.y + at.x, y0 = place.z + at.y;
-    const int whole = inside.x == BLOCK && inside.y == BLOCK;
     global sample *to = frame + (ulong)y0 * n->width + x0;
     CubicEncoding e;
-    if (whole && make_cubic(colours, &e)) write_rows(&e, n, BLOCK, BLOCK, colours, to);
-    else if (whole) write_rows(0, n, BLOCK, BLOCK, colours, to);
+    if (all(inside == BLOCK) && make_cubic(colours, &e))
+        write_rows(&e, n, BLOCK, BLOCK, colours, to);
     else write_rows(0, n, inside.x, inside.y, colours, to);
     if (n->chroma == 1) return;
     const int pitch = n->width / 2;

@@ -10,14 +10,6 @@
 
 #if LANES == BLOCK
 #define LINE 64   // bytes of a row of lanes, and what stores past the caches must be aligned to
-#ifdef __has_builtin
-#if __has_builtin(__builtin_nontemporal_store)
-#define VSTREAM(x, p) __builtin_nontemporal_store(x, (global vf *)(p))
-#endif
-#endif
-#ifndef VSTREAM
-#define VSTREAM VSTORE
-#endif
 
 // A row of a block, of which all is inside the inner grid, as 16 times r g b.
 inline void write_row(vf r, vf g, vf b, int mode, global float *to)
@@ -33,7 +25,7 @@ inline void write_row(vf r, vf g, vf b, int mode, global float *to)
     const int past_caches = (mode & STREAM) && (ulong)to % LINE == 0;
     for (int k = 0; k < 3; ++k, to += LANES) {
         if (mode & ADD) parts[k] += VLOAD(to);
-        if (past_caches) VSTREAM(parts[k], to);
+        if (past_caches) __builtin_nontemporal_store(parts[k], (global vf *)to);
         else VSTORE(parts[k], to);
     }
 }
