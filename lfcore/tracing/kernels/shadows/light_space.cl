@@ -102,7 +102,7 @@ inline int project_hits(const Shadows *s, LightSpaceRays *l)
 
 // Occluders in the light's picture: a u + b v + c of each edge, and of its plane, with g d besides;
 // and c with a bound of the form's rounding errors added.
-enum { FORM_A, FORM_B, FORM_C, FORM_G, FORM_MOST_C, FORM_TERMS };
+enum { FORM_A, FORM_B, FORM_G, FORM_C, FORM_MOST_C, FORM_TERMS };
 typedef struct { float of[4][FORM_TERMS][LANES]; } PictureForms;
 
 inline vf component(Vec n, int k) { return k == 0 ? n.x : k == 1 ? n.y : n.z; }
@@ -117,6 +117,7 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, global c
 {
     Occluders o;
     load_corners(leaf, r->apex, o.v);
+#pragma unroll
     for (int k = 3; k >= 0 && row_any(may); --k) {
         const Plane plane = k == 3 ? face_plane(r, &o, &may) : edge_plane(r, &o, k);
         const vf a = component(plane.n, view->axes[0]), b = component(plane.n, view->axes[1]);
@@ -131,7 +132,7 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, global c
             largest += fma(g, (vf)(view->middle[2]), fabs(g) * view->extent[2]);
             noise = fma(fabs(g), (vf)(view->most[2]), noise);
         }
-        const vf form[FORM_TERMS] = {a, b, c, g, fma(noise, (vf)(PICTURE_SLACK), c)};
+        const vf form[FORM_TERMS] = {a, b, g, c, fma(noise, (vf)(PICTURE_SLACK), c)};
         for (int term = 0; term < FORM_TERMS; ++term) VSTORE(form[term], out->of[k][term]);
         may &= GE(largest + form[FORM_MOST_C], (vf)(0.0f));
     }
@@ -149,7 +150,7 @@ inline uint strips_reached(const StripBoxes *strips, const PictureForms *f, uint
             vf largest = form[FORM_MOST_C][lane];
             const int terms = k == 3 ? 3 : 2;
             for (int axis = 0; axis < terms; ++axis) {
-                const float x = form[axis == 2 ? FORM_G : axis][lane];
+                const float x = form[axis][lane];
                 const float *extreme = x > 0.0f ? strips->hi[axis] : strips->lo[axis];
                 largest = fma((vf)(x), VLOAD(extreme + first), largest);
             }
