@@ -12,7 +12,7 @@
 #define ENTRIES 256
 #define FORM_WORDS 12       // of an occluder: four forms of three terms
 #define POOL 1024           // occluders of all entries
-#define MOST_OCCLUDERS 128  // and of one: more are culled block by block
+#define MOST_OCCLUDERS 128  // and of one: with more, a block is shadowed as one
 
 // One occluder darkens every ray that meets the triangle; there are too many occluders to keep, or
 // forms over the element's rays would not do for a block's.
@@ -62,37 +62,34 @@ inline float2 columns_at(float o, float d, float s, float t, float3 at, float3 z
     return clamp(ends, -ELEMENT_HALF, ELEMENT_HALF);
 }
 
-// Rays of an element that may meet a triangle, and bounds of their hit points.
-typedef struct {
-    Rectangle over;
-    Box box;
-} SeenTriangle;
-
-inline SeenTriangle see_triangle(const Scene *s, const Bundle *r, int triangle,
-                                 global const PlaneEquations *planes)
+// Around the rays of an element that may meet a triangle of corners v.
+inline Rectangle rays_at(const Bundle *r, const float3 *v)
 {
-    const float3 p = corner(s, triangle, 0), q = corner(s, triangle, 1), w = corner(s, triangle, 2);
-    const float3 z = (float3)(p.z, q.z, w.z);
-    const float3 x = (float3)(p.x, q.x, w.x), y = (float3)(p.y, q.y, w.y);
+    const float3 x = (float3)(v[0].x, v[1].x, v[2].x), y = (float3)(v[0].y, v[1].y, v[2].y);
+    const float3 z = (float3)(v[0].z, v[1].z, v[2].z);
     const float2 across = columns_at(r->ox, r->dx, r->sx, r->tx, x, z);
     const float2 down = columns_at(r->oy, r->dy, r->sy, r->ty, y, z);
     const Rectangle over = {0.5f * (across.x + across.y), 0.5f * (down.x + down.y),
                             0.5f * (across.y - across.x), 0.5f * (down.y - down.x)};
-    const float3 slack = HIT_SLACK * max(fabs(p), max(fabs(q), fabs(w)));
-    const float3 low = min(p, min(q, w)) - slack, high = max(p, max(q, w)) + slack;
-    float2 depths = (float2)(max(low.z, 0.0f), high.z);
-    if (is_one_sided(planes->denominator, over)) {
-        const float2 exact = quotient_range(planes->numerator, planes->denominator, over);
-        depths.x = max(depths.x, exact.x);
-        depths.y = max(depths.x, min(depths.y, exact.y));
-    }
-    SeenTriangle seen = {over, bundle_box(r, over, depths)};
+    return over;
+}
+
+// Bounds of where they meet it.
+inline Box hits_at(const Bundle *r, const float3 *v, global const PlaneEquations *planes,
+                   Rectangle over)
+{
+    const float3 slack = HIT_SLACK * max(fabs(v[0]), max(fabs(v[1]), fabs(v[2])));
+    const float3 low = min(v[0], min(v[1], v[2])) - slack;
+    const float3 high = max(v[0], max(v[1], v[2])) + slack;
+    const float2 exact = quotient_range(planes->numerator, planes->denominator, over);
+    const float near = max(max(low.z, 0.0f), exact.x);
+    Box box = bundle_box(r, over, (float2)(near, max(near, min(high.z, exact.y))));
     for (int k = 0; k < 2; ++k) {
         // Rounding apart, both hold what is seen.
-        seen.box.lo[k] = min(max(seen.box.lo[k], axis(low, k)), axis(high, k));
-        seen.box.hi[k] = max(min(seen.box.hi[k], axis(high, k)), seen.box.lo[k]);
+        box.lo[k] = min(max(box.lo[k], axis(low, k)), axis(high, k));
+        box.hi[k] = max(min(box.hi[k], axis(high, k)), box.lo[k]);
     }
-    return seen;
+    return box;
 }
 
 // Whether forms over an element's rays will do for a block's: rounding is that of the largest
@@ -108,10 +105,9 @@ inline int evenly_weighted(Form weight, Rectangle at)
 // behind a triangle's plane, or before it by less than what is excluded near surfaces.
 typedef struct { float3 n; float c; } Behind;
 
-inline Behind behind_plane(const Scene *s, int triangle, const ShadowRays *r)
+inline Behind behind_plane(const float3 *v, const ShadowRays *r)
 {
-    const float3 p = corner(s, triangle, 0), at = p - r->apex;
-    const float3 n = cross_product(corner(s, triangle, 1) - p, corner(s, triangle, 2) - p);
+    const float3 at = v[0] - r->apex, n = cross_product(v[1] - v[0], v[2] - v[0]);
     const float offset = inner_product(n, at);
     const float side = r->is_point ? offset : -inner_product(n, r->towards);
     const float sign = side < 0.0f ? -1.0f : 1.0f;
@@ -179,14 +175,17 @@ inline void make_entry(Shadows *s, int triangle, int number, CacheEntry *entry)
     global PlaneEquations *planes = s->element_planes;
     if (c->used + MOST_OCCLUDERS / LANES > POOL / LANES) clear_cache(c);
     set_up_planes(s->scene, &c->rays, triangle, 0.0f, planes);
-    const SeenTriangle seen = see_triangle(s->scene, &c->rays, triangle, planes);
-    const int even = evenly_weighted(planes->denominator, seen.over);
+    const float3 v[3] = {corner(s->scene, triangle, 0), corner(s->scene, triangle, 1),
+                         corner(s->scene, triangle, 2)};
+    const Rectangle over = rays_at(&c->rays, v);
+    const int even = evenly_weighted(planes->denominator, over);
     const CacheEntry empty = {triangle, number, c->used, even ? 0 : NOT_KEPT};
     *entry = empty;
     if (!even) return;
-    const ShadowRays rays = make_shadow_rays(shadow_light(s->scene, number), &seen.box);
-    const NewEntry n = {entry, rays, make_receiver(&c->rays, planes, rays.apex), seen.over,
-                        behind_plane(s->scene, triangle, &rays)};
+    const Box box = hits_at(&c->rays, v, planes, over);
+    const ShadowRays rays = make_shadow_rays(shadow_light(s->scene, number), &box);
+    const NewEntry n = {entry, rays, make_receiver(&c->rays, planes, rays.apex), over,
+                        behind_plane(v, &rays)};
     Stack stack;
     start_walk(&stack);
     for (int leaf; (leaf = next_hiding(s->tree, &rays, &stack)) >= 0;)
