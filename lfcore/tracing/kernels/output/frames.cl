@@ -42,10 +42,9 @@ inline void store_codes(uint16 sums, int wide, global sample *to)
 inline Vec encode_part(Vec c, const FrameArguments *n, global float *chroma)
 {
     if (n->rgb) {
-        const Vec sums = {fma(c.y, (vf)(WHITE), ROUNDED(0.0f)),
-                          fma(c.z, (vf)(WHITE), ROUNDED(0.0f)),
-                          fma(c.x, (vf)(WHITE), ROUNDED(0.0f))};
-        return sums;
+        return (Vec){fma(c.y, (vf)(WHITE), ROUNDED(0.0f)),
+                     fma(c.z, (vf)(WHITE), ROUNDED(0.0f)),
+                     fma(c.x, (vf)(WHITE), ROUNDED(0.0f))};
     }
     const vf luma = fma(c.x, (vf)(0.2126f), fma(c.y, (vf)(0.7152f), c.z * 0.0722f));
     const vf blue = c.z - luma, red = c.x - luma;
@@ -54,10 +53,9 @@ inline Vec encode_part(Vec c, const FrameArguments *n, global float *chroma)
         VSTORE(fma(blue, to_blue, (vf)(128.0f * CODES)), chroma);
         VSTORE(fma(red, to_red, (vf)(128.0f * CODES)), chroma + BLOCK_RAYS);
     }
-    const Vec sums = {fma(luma, (vf)(219.0f * CODES), ROUNDED(16.0f * CODES)),
-                      fma(blue, to_blue, ROUNDED(128.0f * CODES)),
-                      fma(red, to_red, ROUNDED(128.0f * CODES))};
-    return sums;
+    return (Vec){fma(luma, (vf)(219.0f * CODES), ROUNDED(16.0f * CODES)),
+                 fma(blue, to_blue, ROUNDED(128.0f * CODES)),
+                 fma(red, to_red, ROUNDED(128.0f * CODES))};
 }
 
 // Write `wide` columns and `high` rows of a block to a frame, by a cubic if there is one.

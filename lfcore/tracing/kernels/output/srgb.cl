@@ -85,13 +85,11 @@ inline vf cubic(vf t, float a, float b, float c, float d)
 inline Vec encode_row(Vec c, const CubicEncoding *e)
 {
     if (!e) {
-        const Vec codes = {encode_srgb(c.x), encode_srgb(c.y), encode_srgb(c.z)};
-        return codes;
+        return (Vec){encode_srgb(c.x), encode_srgb(c.y), encode_srgb(c.z)};
     }
-    const Vec codes = {cubic(c.x, e->c[0].x, e->c[1].x, e->c[2].x, e->c[3].x),
-                       cubic(c.y, e->c[0].y, e->c[1].y, e->c[2].y, e->c[3].y),
-                       cubic(c.z, e->c[0].z, e->c[1].z, e->c[2].z, e->c[3].z)};
-    return codes;
+    return (Vec){cubic(c.x, e->c[0].x, e->c[1].x, e->c[2].x, e->c[3].x),
+                 cubic(c.y, e->c[0].y, e->c[1].y, e->c[2].y, e->c[3].y),
+                 cubic(c.z, e->c[0].z, e->c[1].z, e->c[2].z, e->c[3].z)};
 }
 
 #endif

@@ -57,12 +57,10 @@ inline Vec project_row(const ShadowRays *r, const LightSpace *view, global const
         x[k] = VLOAD(point + view->axes[k] * BLOCK_RAYS + at) - axis(r->apex, view->axes[k]);
     if (r->is_point) {
         const vf inverse = reciprocal(x[2] * view->sign);
-        const Vec seen = {x[0] * inverse, x[1] * inverse, inverse};
-        return seen;
+        return (Vec){x[0] * inverse, x[1] * inverse, inverse};
     }
-    const Vec seen = {fma((vf)(-view->slope_x), x[2], x[0]), fma((vf)(-view->slope_y), x[2], x[1]),
-                      x[2]};
-    return seen;
+    return (Vec){fma((vf)(-view->slope_x), x[2], x[0]), fma((vf)(-view->slope_y), x[2], x[1]),
+                 x[2]};
 }
 
 // Fill s->seen with u, v, d of the hit points in s->open, and bound them.  False if some lie beside

@@ -69,9 +69,8 @@ inline Rectangle rays_at(const Bundle *r, const float3 *v)
     const float3 z = (float3)(v[0].z, v[1].z, v[2].z);
     const float2 across = columns_at(r->ox, r->dx, r->sx, r->tx, x, z);
     const float2 down = columns_at(r->oy, r->dy, r->sy, r->ty, y, z);
-    const Rectangle over = {0.5f * (across.x + across.y), 0.5f * (down.x + down.y),
-                            0.5f * (across.y - across.x), 0.5f * (down.y - down.x)};
-    return over;
+    return (Rectangle){0.5f * (across.x + across.y), 0.5f * (down.x + down.y),
+                       0.5f * (across.y - across.x), 0.5f * (down.y - down.x)};
 }
 
 // Bounds of where they meet it.
@@ -179,8 +178,7 @@ inline void make_entry(Shadows *s, int triangle, int number, CacheEntry *entry)
                          corner(s->scene, triangle, 2)};
     const Rectangle over = rays_at(&c->rays, v);
     const int even = evenly_weighted(planes->denominator, over);
-    const CacheEntry empty = {triangle, number, c->used, even ? 0 : NOT_KEPT};
-    *entry = empty;
+    *entry = (CacheEntry){triangle, number, c->used, even ? 0 : NOT_KEPT};
     if (!even) return;
     const Box box = hits_at(&c->rays, v, planes, over);
     const ShadowRays rays = make_shadow_rays(shadow_light(s->scene, number), &box);

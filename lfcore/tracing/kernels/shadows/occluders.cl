@@ -12,8 +12,7 @@ typedef struct { Vec n; vf c; } Plane;
 
 inline Plane flip_plane(Plane f, vi sign)
 {
-    const Plane g = {turn_vectors(f.n, sign), flip_sign(f.c, sign)};
-    return g;
+    return (Plane){turn_vectors(f.n, sign), flip_sign(f.c, sign)};
 }
 
 // |a| . b, b not negative.

@@ -15,9 +15,7 @@ typedef struct {
 inline void start_shadows(const Tree *tree, const Scene *scene, global ShadowMemory *memory,
                           OccluderCache *cache, Shadows *s)
 {
-    const Shadows start = {tree, scene, 0, memory->open, memory->seen, cache,
-                           &memory->element_planes};
-    *s = start;
+    *s = (Shadows){tree, scene, 0, memory->open, memory->seen, cache, &memory->element_planes};
     cache->pool = memory->pool;
 }
 
