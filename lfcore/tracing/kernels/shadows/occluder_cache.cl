@@ -111,8 +111,7 @@ inline Behind behind_plane(const float3 *v, const ShadowRays *r)
     const float side = r->is_point ? offset : -inner_product(n, r->towards);
     const float sign = side < 0.0f ? -1.0f : 1.0f;
     const float margin = SHADOW_MARGIN * inner_product(fabs(n), fabs(at) + r->size);
-    const Behind b = {sign * n, margin - sign * offset};
-    return b;
+    return (Behind){sign * n, margin - sign * offset};
 }
 
 inline vi lie_behind(const Behind *b, const Occluders *o)
