@@ -188,7 +188,7 @@ class WorkPrecision(Keys):
         [[48, 4], [40, 5]],
     )
     truth: several(LATTICE, 2, 2) = key(
-        "two unlike lattices of the true refocused picture", [[16, 5], [13, 6]]
+        "two unlike lattices of the true refocused picture", [[10, 8], [8, 10]]
     )
     f_stops: listed(real(0, 12), 1, 4) = key(
         "stops by which the lens is closed, a diagram each", [0, 2, 4]
@@ -223,7 +223,7 @@ class WorkPrecision(Keys):
 class TruePicture(Keys):
     truth: several(LATTICE, 2, 2) = key(
         "two unlike lattices of the true picture: lens samples and rays of a pixel, a side",
-        [[12, 4], [10, 5]],
+        [[10, 5], [8, 6]],
     )
     lattices: several(LATTICE, 1, 12) = key(
         "lattices that are sliced by depth",
