@@ -149,21 +149,21 @@ inline uint make_rows(const Triangles *t, uint lane, TriangleRows *f)
         if (!(wanted >> first & ((1u << LANES) - 1u))) continue;
         const Row at = row_at(first);  // the places of rows along y are those of columns along x
         vi meets = -1;
-        for (int k = 0; k < FORMS; ++k) {
-            const Form form = form_of(t->form + k, lane);
-            const RowForms r = along_rows(form, k < NUMERATOR, at.x, at.u);
+        for (int k = 0; k < NUMERATOR; ++k) {
+            const RowForms r = along_rows(form_of(t->form + k, lane), 1, at.x, at.u);
             VSTORE(r.base, f->base[k] + first);
-            if (k >= NUMERATOR) {
-                f->x[k - NUMERATOR] = form.of[X];
-                f->u[k - NUMERATOR] = form.of[U];
-                continue;
-            }
             VSTORE(r.along, f->along[k] + first);
             if (OUTER > 1) VSTORE(r.across, f->across[k] + first);
             vf most = fabs(r.along) * HALF;
             if (OUTER > 1) most = fma(fabs(r.across), (vf)(OUTER_HALF), most);
             const vf slack = FRUSTUM_SLACK * (most + fabs(r.base));
             meets &= GE(r.base + most + slack, (vf)(0.0f));
+        }
+        for (int k = NUMERATOR; k < FORMS; ++k) {
+            const Form form = form_of(t->form + k, lane);
+            VSTORE(along_rows(form, 0, at.x, at.u).base, f->base[k] + first);
+            f->x[k - NUMERATOR] = form.of[X];
+            f->u[k - NUMERATOR] = form.of[U];
         }
         rows |= row_bits(meets) << first;
     }
