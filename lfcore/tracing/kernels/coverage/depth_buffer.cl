@@ -47,20 +47,6 @@ inline void find_farthest(Coverage *c)
     c->z_far = min(row_max(far), FAR);
 }
 
-// Depths between which a block sees anything; the second is less than the first if it sees nothing.
-inline float2 seen_depths(const Coverage *c)
-{
-    if (c->cover == NOTHING) return (float2)(FAR, -FAR);
-    if (c->cover != BUFFERED) return (float2)(c->z_near, c->z_far);
-    vf low = FAR, high = 0.0f;
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const vf depth = VLOAD(c->z + at);
-        low = min(low, depth);
-        high = pick(high, max(high, depth), GE(VLOAD(c->ids + at), (vi)(0)));
-    }
-    return (float2)(row_min(low), row_max(high));
-}
-
 // A form without TWIST over the inner grid of one of the block's elements.
 inline Form element_form(Form f, float u, float v)
 {

@@ -13,7 +13,6 @@ typedef struct {
     int columns;      // a bit for each column that holds any
     int top, bottom;  // first and last row that hold any
 } Region;
-#define REGION_WORDS (BLOCK + 4)
 
 typedef struct {
     global Region *of;  // (BLOCK_RAYS,) in the order of their first rays

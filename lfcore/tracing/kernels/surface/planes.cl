@@ -23,7 +23,6 @@ typedef struct {
     float tangent[TANGENT_WORDS];
     int key;                              // shading key
 } PlaneEquations;
-#define PLANE_WORDS (3 * EDGE_TERMS + EDGE_TERMS * SLOTS + 7 + TANGENT_WORDS)
 
 inline Form slot_form(global const PlaneEquations *p, int slot)
 {
