@@ -119,7 +119,7 @@ typedef struct {
 // last bit all the same.  `noise` receives a bound of its error anywhere in the block.
 inline Forms edge_forms(Vec p, Vec q, const Bundle *r, vf *noise)
 {
-    const Vec sum = {p.x + q.x, p.y + q.y, p.z + q.z}, d = minus3(q, p), c = cross3(sum, d);
+    const Vec sum = plus3(p, q), d = minus3(q, p), c = cross3(sum, d);
     Forms e;
     e.of[ONE] = c.z;
     e.of[X] = fma(c.x, (vf)(r->tx), -2.0f * d.y * r->sx);

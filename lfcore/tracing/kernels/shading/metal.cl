@@ -17,7 +17,7 @@ inline int is_metallic(const Material *m) { return m->metallic >= 0.0f; }
 inline Vec map_row(const Scene *scene, const Material *m, int map, const Samples *samples, int at)
 {
     const vf u = VLOAD(samples->uv + at), v = VLOAD(samples->uv + BLOCK_RAYS + at);
-    return colour_of(sample_texture(scene->texels, m->maps[map], u, v));
+    return sample_texture(scene->texels, m->maps[map], u, v);
 }
 
 // Bend the normals by their map, whose colours are (x, y, z) / 2 + 1 / 2 along tangent, v and

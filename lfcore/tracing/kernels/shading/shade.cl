@@ -38,8 +38,8 @@ inline Vec texture_row(const Scene *scene, const TexelTile *tile, const Material
                        const Samples *samples, int at)
 {
     const vf u = VLOAD(samples->uv + at), v = VLOAD(samples->uv + BLOCK_RAYS + at);
-    if (tile->columns) return colour_of(sample_tile(tile, u, v));
-    return colour_of(sample_texture(scene->texels, m->image, u, v));
+    if (tile->columns) return sample_tile(tile, u, v);
+    return sample_texture(scene->texels, m->image, u, v);
 }
 
 // The material's own colour, times that of texture and corners.

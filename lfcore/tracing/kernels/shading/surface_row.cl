@@ -15,16 +15,4 @@ typedef struct {
     Vec glow;
 } Surface;
 
-// Red, green and blue are x, y and z here.
-inline Vec colour_of(Colour c) { return (Vec){c.r, c.g, c.b}; }
-
-inline Vec plus3(Vec a, Vec b) { return (Vec){a.x + b.x, a.y + b.y, a.z + b.z}; }
-inline Vec times3(Vec a, Vec b) { return (Vec){a.x * b.x, a.y * b.y, a.z * b.z}; }
-
-// k a + b, rounded once.
-inline Vec fma3(vf k, Vec a, Vec b)
-{
-    return (Vec){fma(k, a.x, b.x), fma(k, a.y, b.y), fma(k, a.z, b.z)};
-}
-
 #endif

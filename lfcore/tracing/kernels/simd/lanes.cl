@@ -153,17 +153,24 @@ inline vf exp2_fast(vf x)
     return p * AS_VF((TO_VI(whole) + 127) << 23);
 }
 
-// Three numbers of each of a row.
+// Three numbers of each of a row; red, green and blue are x, y and z.
 typedef struct { vf x, y, z; } Vec;
 
 inline vf dot3(Vec a, Vec b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
 inline Vec scale3(Vec a, vf k) { return (Vec){a.x * k, a.y * k, a.z * k}; }
+inline Vec times3(Vec a, Vec b) { return (Vec){a.x * b.x, a.y * b.y, a.z * b.z}; }
+inline Vec plus3(Vec a, Vec b) { return (Vec){a.x + b.x, a.y + b.y, a.z + b.z}; }
 inline Vec minus3(Vec a, Vec b) { return (Vec){a.x - b.x, a.y - b.y, a.z - b.z}; }
 inline Vec absolute3(Vec a) { return (Vec){fabs(a.x), fabs(a.y), fabs(a.z)}; }
 inline Vec spread3(float3 a) { return (Vec){(vf)(a.x), (vf)(a.y), (vf)(a.z)}; }
 inline Vec turn_vectors(Vec a, vi sign)
 {
     return (Vec){flip_sign(a.x, sign), flip_sign(a.y, sign), flip_sign(a.z, sign)};
+}
+// k a + b, rounded once.
+inline Vec fma3(vf k, Vec a, Vec b)
+{
+    return (Vec){fma(k, a.x, b.x), fma(k, a.y, b.y), fma(k, a.z, b.z)};
 }
 inline Vec cross3(Vec a, Vec b)
 {

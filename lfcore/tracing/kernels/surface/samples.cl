@@ -67,12 +67,8 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at)
         s.u = edge_row(slot_form(p, COORDINATES), at) * inverse;
         s.v = edge_row(slot_form(p, COORDINATES + 1), at) * inverse;
     }
-    if (VERTEX_COLOURS) {
-        const Vec rise = slots_row(p, TINT, at);
-        s.tint.x = fma(rise.x, inverse, (vf)(p->first[0]));
-        s.tint.y = fma(rise.y, inverse, (vf)(p->first[1]));
-        s.tint.z = fma(rise.z, inverse, (vf)(p->first[2]));
-    }
+    if (VERTEX_COLOURS)
+        s.tint = fma3(inverse, slots_row(p, TINT, at), spread3(vload3(0, p->first)));
     return s;
 }
 

@@ -6,8 +6,6 @@
 #define LFCORE_TEXTURE_CL
 #include "block.cl"
 
-typedef struct { vf r, g, b; } Colour;
-
 inline vu fetch(global const uint *texels, vi index)
 {
     private int at[LANES];
@@ -17,12 +15,10 @@ inline vu fetch(global const uint *texels, vi index)
     return VLOAD(texel);
 }
 
-inline void add_texel(Colour *sum, vu texel, vf weight)
+inline Vec add_texel(Vec sum, vu texel, vf weight)
 {
-    const vf r = TO_VF(texel & 1023u), g = TO_VF((texel >> 10) & 1023u), b = TO_VF(texel >> 20);
-    sum->r = fma(r * r, weight, sum->r);
-    sum->g = fma(g * g, weight, sum->g);
-    sum->b = fma(b * b, weight, sum->b);
+    const Vec root = {TO_VF(texel & 1023u), TO_VF((texel >> 10) & 1023u), TO_VF(texel >> 20)};
+    return fma3(weight, times3(root, root), sum);
 }
 
 // Wrap into [0, size) given x in [-1, size].
@@ -33,7 +29,7 @@ inline vi wrap(vi x, int size)
 }
 
 // `image` is (offset, width, height) of one mip level; v runs up, row 0 is on top.
-inline Colour sample_texture(global const uint *texels, int4 image, vf u, vf v)
+inline Vec sample_texture(global const uint *texels, int4 image, vf u, vf v)
 {
     const vf x = fma(u - floor(u), (vf)(image.y), (vf)(-0.5f));
     const vf y = fma(1.0f - (v - floor(v)), (vf)(image.z), (vf)(-0.5f));
@@ -46,12 +42,11 @@ inline Colour sample_texture(global const uint *texels, int4 image, vf u, vf v)
     const vi yb = wrap(y0 + 1, image.z) * image.y + image.x;
     const vf scale = 1.0f / (1023.0f * 1023.0f);
     const vf wy = fy * scale, vy = (1.0f - fy) * scale;
-    Colour sum = {0.0f, 0.0f, 0.0f};
-    add_texel(&sum, fetch(texels, ya + xa), (1.0f - fx) * vy);
-    add_texel(&sum, fetch(texels, ya + xb), fx * vy);
-    add_texel(&sum, fetch(texels, yb + xa), (1.0f - fx) * wy);
-    add_texel(&sum, fetch(texels, yb + xb), fx * wy);
-    return sum;
+    Vec sum = {0.0f, 0.0f, 0.0f};
+    sum = add_texel(sum, fetch(texels, ya + xa), (1.0f - fx) * vy);
+    sum = add_texel(sum, fetch(texels, ya + xb), fx * vy);
+    sum = add_texel(sum, fetch(texels, yb + xa), (1.0f - fx) * wy);
+    return add_texel(sum, fetch(texels, yb + xb), fx * wy);
 }
 
 // A texel tile, the few texels that rays of a block fall into: bilinear interpolation between them
@@ -119,26 +114,15 @@ inline void make_tile(global const uint *texels, int4 image, float4 range, Texel
 }
 
 // One row of such a sum, of `columns` terms.
-inline Colour mix_row(private const float4 *d, int columns, private const vf *s)
+inline Vec mix_row(private const float4 *d, int columns, private const vf *s)
 {
-    Colour row = {d[0].x, d[0].y, d[0].z};
-    for (int i = 1; i < columns; ++i) {
-        row.r = fma(s[i], (vf)(d[i].x), row.r);
-        row.g = fma(s[i], (vf)(d[i].y), row.g);
-        row.b = fma(s[i], (vf)(d[i].z), row.b);
-    }
+    Vec row = spread3(d[0].xyz);
+    for (int i = 1; i < columns; ++i) row = fma3(s[i], spread3(d[i].xyz), row);
     return row;
 }
 
-inline void add_mixed(Colour *sum, vf t, Colour row)
-{
-    sum->r = fma(t, row.r, sum->r);
-    sum->g = fma(t, row.g, sum->g);
-    sum->b = fma(t, row.b, sum->b);
-}
-
 // The colour at texture coordinates within the tile.
-inline Colour sample_tile(const TexelTile *p, vf u, vf v)
+inline Vec sample_tile(const TexelTile *p, vf u, vf v)
 {
     // In texels from the centre of the first one.
     const vf x = fma(u - p->u, (vf)(p->width), (vf)(-0.5f)) - p->left;
@@ -147,11 +131,10 @@ inline Colour sample_tile(const TexelTile *p, vf u, vf v)
     vf s[TEXEL_TILE];
     s[1] = x;
     for (int i = 2; i < columns; ++i) s[i] = min(x, (vf)(i - 1.0f));
-    Colour sum = mix_row(p->d[0], columns, s);
-    add_mixed(&sum, y, mix_row(p->d[1], columns, s));
+    Vec sum = fma3(y, mix_row(p->d[1], columns, s), mix_row(p->d[0], columns, s));
     vf most = 1.0f;
     for (int j = 2; j < p->rows; ++j, most += 1.0f)
-        add_mixed(&sum, min(y, most), mix_row(p->d[j], columns, s));
+        sum = fma3(min(y, most), mix_row(p->d[j], columns, s), sum);
     return sum;
 }
 
