@@ -6,6 +6,11 @@
 #define LFCORE_DEPTH_BUFFER_CL
 #include "triangles.cl"
 
+typedef struct {
+    float z[BLOCK_RAYS];  // infinity where nothing is met
+    int ids[BLOCK_RAYS];  // triangles; -1 where nothing is met
+} DepthBuffer;
+
 #define NOTHING -1   // no triangle yet, depth buffer not written
 #define BUFFERED -2  // depth buffer in use; any other value: the one triangle that covers the block
 typedef struct {
@@ -13,18 +18,16 @@ typedef struct {
     // Depth range of what is seen; z_far is FAR while a ray sees nothing.
     float z_near, z_far;
     Form numerator, denominator;  // of the covering triangle's depth
-    global float *z;              // (BLOCK_RAYS,) depth buffer; infinity where nothing is met
-    global int *ids;              // (BLOCK_RAYS,) its triangles; -1 where nothing is met
+    global float *z;              // of the depth buffer
+    global int *ids;
 } Coverage;
 
-#define COVERAGE_WORDS (2 * BLOCK_RAYS)
-
-inline void clear_coverage(global uint *memory, Coverage *c)
+inline void clear_coverage(global DepthBuffer *memory, Coverage *c)
 {
     c->cover = NOTHING;
     c->z_near = c->z_far = FAR;
-    c->z = (global float *)memory;
-    c->ids = (global int *)memory + BLOCK_RAYS;
+    c->z = memory->z;
+    c->ids = memory->ids;
 }
 
 // Write the depth buffer of a block that so far had none.

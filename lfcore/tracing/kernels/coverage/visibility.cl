@@ -8,31 +8,30 @@
 #include "depth_buffer.cl"
 #include "walk.cl"
 
-#define LIST 64
 // Whether a packet has several blocks of one element: they meet much the same triangles.
 #define PACKED (SIDE > 1 && ELEMENTS == 1)
-#define LEAF_WORDS ((CORNERS + 1) * NODE_WIDTH)
-#define VISIBILITY_WORDS \
-    (PACKET_BLOCKS * COVERAGE_WORDS + 2 * LIST_WORDS(LIST) + LIST * LEAF_WORDS)
+// A worker's own memory.  Packed leaves are of the triangles that the packet may meet.
+typedef struct {
+    DepthBuffer buffers[PACKET_BLOCKS];
+    ListedLeaves gathered, packed;
+    float corners[LIST * CORNERS * NODE_WIDTH];  // (LIST, CORNERS, NODE_WIDTH) of packed leaves
+    int ids[LIST * NODE_WIDTH];                  // (LIST, NODE_WIDTH)
+} VisibilityMemory;
 
-// The packet's blocks, and the worker's memory for them.
+// The packet's blocks, and the leaves in their way.
 typedef struct {
     Coverage block[PACKET_BLOCKS];
-    LeafList gathered;
-    LeafList packed;        // leaves of the triangles that the packet may meet,
-    global float *corners;  // (LIST, CORNERS, NODE_WIDTH)
-    global int *ids;        // (LIST, NODE_WIDTH)
+    LeafList gathered, packed;
+    global VisibilityMemory *memory;
 } Visibility;
 
-inline void start_visibility(global uint *memory, Visibility *v)
+inline void start_visibility(global VisibilityMemory *memory, Visibility *v)
 {
     for (int block = 0; block < PACKET_BLOCKS; ++block)
-        clear_coverage(memory + block * COVERAGE_WORDS, v->block + block);
-    memory += PACKET_BLOCKS * COVERAGE_WORDS;
-    v->gathered = make_list(memory, LIST);
-    v->packed = make_list(memory + LIST_WORDS(LIST), LIST);
-    v->corners = (global float *)memory + 2 * LIST_WORDS(LIST);
-    v->ids = (global int *)v->corners + LIST * CORNERS * NODE_WIDTH;
+        clear_coverage(memory->buffers + block, v->block + block);
+    v->gathered.of = &memory->gathered;
+    v->packed.of = &memory->packed;
+    v->memory = memory;
 }
 
 // Put triangle `number` of the packed ones in its place.  Before the first of a leaf comes, its
@@ -40,7 +39,8 @@ inline void start_visibility(global uint *memory, Visibility *v)
 inline void pack_triangle(global const float *from, int id, int number, Visibility *v)
 {
     const int leaf = number / NODE_WIDTH, lane = number % NODE_WIDTH;
-    global float *to = v->corners + leaf * CORNERS * NODE_WIDTH, *box = v->packed.boxes + leaf;
+    global float *to = v->memory->corners + leaf * CORNERS * NODE_WIDTH;
+    global float *box = v->packed.of->boxes + leaf;
     for (int k = 0; lane == 0 && k < CORNERS; ++k) vstore16((float16)(0.0f), k, to);
     for (int k = 0; lane == 0 && k < BOX; ++k) box[k * LIST] = k < 3 ? FAR : -FAR;
     for (int k = 0; k < CORNERS; ++k) {
@@ -50,8 +50,8 @@ inline void pack_triangle(global const float *from, int id, int number, Visibili
         *lo = min(*lo, x);
         *hi = max(*hi, x);
     }
-    v->ids[number] = id;
-    v->packed.leaf[leaf] = leaf;
+    v->memory->ids[number] = id;
+    v->packed.of->leaf[leaf] = leaf;
     v->packed.count = leaf + 1;
 }
 
@@ -70,7 +70,7 @@ inline void pack_triangles(const Tree *tree, const Packet *p, float z_far, Visib
     v->packed.count = 0;
     for (int k = 0; k < v->gathered.count; ++k)
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-            const int leaf = v->gathered.leaf[k];
+            const int leaf = v->gathered.of->leaf[k];
             global const float *corners = leaf_corners(tree, leaf, lane);
             global const int *ids = leaf_numbers(tree, leaf, lane);
             Placed placed;
@@ -109,11 +109,13 @@ inline void visit_block(const Tree *tree, const Bundle *bundle, const LeafList *
 {
     const Frustum frustum = make_frustum(bundle, bundle, HALF);
     for (int base = 0; base < list->count; base += LANES) {
-        const vi meets = frustum_meets(&frustum, list->boxes + base, list->pitch, c->z_far);
-        for (uint bits = row_bits(meets) & listed_bits(list, base); bits; bits &= bits - 1) {
+        const int left = list->count - base;
+        const uint listed = left < LANES ? (1u << left) - 1u : ~0u;
+        const vi meets = frustum_meets(&frustum, list->of->boxes + base, LIST, c->z_far);
+        for (uint bits = row_bits(meets) & listed; bits; bits &= bits - 1) {
             const int slot = base + lowest(bits);
-            if (list->boxes[2 * list->pitch + slot] > c->z_far) continue;
-            visit_leaf(tree, bundle, list->leaf[slot], c);
+            if (list->of->boxes[2 * LIST + slot] > c->z_far) continue;
+            visit_leaf(tree, bundle, list->of->leaf[slot], c);
         }
     }
 }
@@ -162,8 +164,8 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     Stack stack;
     start_walk(&stack);
     Tree packed = *tree;
-    packed.leaves = v->corners;
-    packed.leaf_ids = v->ids;
+    packed.leaves = v->memory->corners;
+    packed.leaf_ids = v->memory->ids;
     while (stack.size) {
         const float far = farthest_open(p, v);
         v->gathered.count = 0;

@@ -9,7 +9,7 @@ KERNEL void slab_hits(TREE_PARAMETERS,
 {
     const Tree tree = MAKE_TREE;
     const Rays rays = MAKE_RAYS;
-    global uint *memory = scratch + get_global_id(0) * (ulong)VISIBILITY_WORDS;
+    global VisibilityMemory *memory = (global VisibilityMemory *)scratch + get_global_id(0);
     Visibility visibility;
     for (int at = atomic_inc(next); at < ray_numbers.packets; at = atomic_inc(next)) {
         const Packet packet = make_packet(&rays, at);
@@ -22,5 +22,8 @@ KERNEL void slab_hits(TREE_PARAMETERS,
     }
 }
 
-kernel void scratch_words(const int lights, global int *words) { *words = VISIBILITY_WORDS; }
+kernel void scratch_words(const int lights, global int *words)
+{
+    *words = sizeof(VisibilityMemory) / 4;
+}
 kernel void struct_sizes(global int *bytes) { bytes[0] = sizeof(RayArguments); }

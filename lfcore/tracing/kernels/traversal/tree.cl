@@ -33,30 +33,15 @@ inline global const int *leaf_numbers(const Tree *tree, int leaf, int lane)
     return tree->leaf_ids + leaf * NODE_WIDTH + lane;
 }
 
-// Leaves with their boxes: (BOX, pitch), and which they are.
+// Leaves with their boxes.
+#define LIST 64
 typedef struct {
-    global float *boxes;
-    global int *leaf;
-    int pitch, count;
+    float boxes[BOX * LIST];  // (BOX, LIST)
+    int leaf[LIST];
+} ListedLeaves;
+typedef struct {
+    global ListedLeaves *of;
+    int count;
 } LeafList;
-#define LIST_WORDS(pitch) ((BOX + 1) * (pitch))
-
-inline LeafList make_list(global uint *memory, int pitch)
-{
-    return (LeafList){(global float *)memory, (global int *)(memory + BOX * pitch), pitch, 0};
-}
-
-inline void append_leaf(LeafList *list, global const float *box, int pitch, int leaf)
-{
-    const int at = list->count++;
-    for (int k = 0; k < BOX; ++k) list->boxes[k * list->pitch + at] = box[k * pitch];
-    list->leaf[at] = leaf;
-}
-
-// Bits of the first `count` leaves from `base` on, as far as they are a row.
-inline uint listed_bits(const LeafList *list, int base)
-{
-    return list->count - base < LANES ? (1u << (list->count - base)) - 1u : ~0u;
-}
 
 #endif

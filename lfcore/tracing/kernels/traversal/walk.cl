@@ -90,11 +90,13 @@ inline int next_leaf(const Tree *tree, const Volume *volume, float far, Stack *s
 inline void gather_leaves(const Tree *tree, const Volume *volume, float far, Stack *stack,
                           LeafList *list)
 {
-    while (list->count < list->pitch) {
+    while (list->count < LIST) {
         const int child = next_leaf(tree, volume, far, stack);
         if (child == ROOT) return;
         global const float *boxes = tree->boxes + child / NODE_WIDTH * BOX * NODE_WIDTH;
-        append_leaf(list, boxes + child % NODE_WIDTH, NODE_WIDTH, -1 - tree->children[child]);
+        const int at = list->count++, lane = child % NODE_WIDTH;
+        for (int k = 0; k < BOX; ++k) list->of->boxes[k * LIST + at] = boxes[k * NODE_WIDTH + lane];
+        list->of->leaf[at] = -1 - tree->children[child];
     }
 }
 
