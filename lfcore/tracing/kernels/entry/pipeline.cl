@@ -11,7 +11,7 @@ typedef struct {
     VisibilityMemory visibility;
     Region regions[BLOCK_RAYS];
     PlaneEquations planes[BLOCK_RAYS];
-    uint samples[SAMPLE_WORDS];
+    Samples samples;
     ShadowMemory shadows;
 } PipelineMemory;
 
@@ -38,7 +38,7 @@ inline void start_pipeline(const Tree *tree, const Scene *scene, float pixel,
     p->memory = memory;
     p->block.regions.of = memory->regions;
     p->block.planes = memory->planes;
-    p->block.samples = make_samples(memory->samples);
+    p->block.samples = &memory->samples;
     p->block.lit = (global int *)(memory + 1);
     if (SHADOWS) start_shadows(tree, scene, &memory->shadows, &p->cache, &p->shadows);
 }

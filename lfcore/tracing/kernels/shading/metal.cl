@@ -14,7 +14,8 @@ inline int is_metallic(const Material *m) { return m->metallic >= 0.0f; }
 // A smoother surface has a highlight that rays miss.
 #define LEAST_ROUGHNESS 0.05f
 
-inline Vec map_row(const Scene *scene, const Material *m, int map, const Samples *samples, int at)
+inline Vec map_row(const Scene *scene, const Material *m, int map, global const Samples *samples,
+                   int at)
 {
     const vf u = VLOAD(samples->uv + at), v = VLOAD(samples->uv + BLOCK_RAYS + at);
     return sample_texture(scene->texels, m->maps[map], u, v);
@@ -22,8 +23,8 @@ inline Vec map_row(const Scene *scene, const Material *m, int map, const Samples
 
 // Bend the normals by their map, whose colours are (x, y, z) / 2 + 1 / 2 along tangent, v and
 // normal.
-inline Vec bend_normals(const Scene *scene, const Material *m, const Samples *samples, int at,
-                        Vec n)
+inline Vec bend_normals(const Scene *scene, const Material *m, global const Samples *samples,
+                        int at, Vec n)
 {
     const Vec c = map_row(scene, m, MAP_NORMAL, samples, at);
     const Vec along = load3(samples->tangent, at);
@@ -40,7 +41,7 @@ inline Vec bend_normals(const Scene *scene, const Material *m, const Samples *sa
 }
 
 // What a row's textures say beside its colour.
-inline void read_row_maps(const Scene *scene, const Samples *samples, int at, Surface *s)
+inline void read_row_maps(const Scene *scene, global const Samples *samples, int at, Surface *s)
 {
     const Material *m = s->material;
     vf roughness = m->roughness;

@@ -35,7 +35,7 @@ inline void read_tile(const Scene *scene, const Block *b, int key, const Materia
 
 // Colours of the texture of a row of rays.
 inline Vec texture_row(const Scene *scene, const TexelTile *tile, const Material *m,
-                       const Samples *samples, int at)
+                       global const Samples *samples, int at)
 {
     const vf u = VLOAD(samples->uv + at), v = VLOAD(samples->uv + BLOCK_RAYS + at);
     if (tile->columns) return sample_tile(tile, u, v);
@@ -44,7 +44,7 @@ inline Vec texture_row(const Scene *scene, const TexelTile *tile, const Material
 
 // The material's own colour, times that of texture and corners.
 inline Vec albedo_row(const Scene *scene, const TexelTile *tile, const Material *m,
-                      const Samples *samples, int at)
+                      global const Samples *samples, int at)
 {
     Vec c = spread3(m->diffuse);
     if (TEXTURED && m->image.z) c = times3(c, texture_row(scene, tile, m, samples, at));
@@ -103,13 +103,13 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
     Surface s;
     s.material = &material;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const vi mine = EQ(VLOAD(b->samples.key + at), (vi)(key));
+        const vi mine = EQ(VLOAD(b->samples->key + at), (vi)(key));
         if (!row_any(mine)) continue;
-        s.point = load3(b->samples.point, at);
-        s.normal = load3(b->samples.normal, at);
+        s.point = load3(b->samples->point, at);
+        s.normal = load3(b->samples->normal, at);
         if (PHYSICAL || is_glossy(&material)) s.view = viewer_row(&b->rays, row_at(at));
-        s.albedo = albedo_row(scene, &tile, &material, &b->samples, at);
-        if (PHYSICAL) read_row_maps(scene, &b->samples, at, &s);
+        s.albedo = albedo_row(scene, &tile, &material, b->samples, at);
+        if (PHYSICAL) read_row_maps(scene, b->samples, at, &s);
         store3(pick3(load3(colours, at), light_row(scene, b, &s, at), mine), colours, at);
     }
 }

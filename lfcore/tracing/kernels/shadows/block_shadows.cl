@@ -11,7 +11,7 @@
 inline void find_facing(const Block *b, global const float *light, global int *wanted)
 {
     for (int at = 0; at < BLOCK_RAYS; at += LANES)
-        VSTORE(facing_row(&b->samples, light, at), wanted + at);
+        VSTORE(facing_row(b->samples, light, at), wanted + at);
 }
 
 // Move the wanted rays whose hit points lie within a span of depths from `wanted` to s->open, and
@@ -20,7 +20,7 @@ inline void find_facing(const Block *b, global const float *light, global int *w
 inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *box)
 {
     const Bundle *r = &b->rays;
-    global const float *z = b->samples.point + 2 * BLOCK_RAYS;
+    global const float *z = b->samples->point + 2 * BLOCK_RAYS;
     vf nearest = FAR;
     for (int at = 0; at < BLOCK_RAYS; at += LANES)
         nearest = pick(nearest, min(nearest, VLOAD(z + at)), VLOAD(wanted + at));
@@ -35,7 +35,7 @@ inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *
         const vi want = VLOAD(wanted + at), within = want & LE(VLOAD(z + at), (vf)(until));
         VSTORE(within, s->open + at);
         VSTORE(want & ~within, wanted + at);
-        add_to_ranges(&ranges, load3(b->samples.point, at), within);
+        add_to_ranges(&ranges, load3(b->samples->point, at), within);
     }
     *box = box_of(&ranges);
     return 1;
@@ -68,7 +68,7 @@ inline void light_block(const Shadows *s, const Block *b, global const float *li
         LightSpaceRays l;
         l.rays = make_shadow_rays(light, &box);
         l.view = make_light_space(&l.rays);
-        l.samples = &b->samples;
+        l.samples = b->samples;
         if (project_hits(s, &l)) cast_light_space(s, &l);
         else cast_single_rays(s, b, light);
         add_open(s, lit);

@@ -33,7 +33,7 @@ typedef struct {
     LightSpace view;
     StripBoxes strips;
     uint lit;                // strips that have any open rays, a bit each
-    const Samples *samples;  // where the block's rays start
+    global const Samples *samples;  // where the block's rays start
 } LightSpaceRays;
 
 inline LightSpace make_light_space(const ShadowRays *r)

@@ -14,7 +14,7 @@ inline int faces_light(const Block *b, global const Region *r, global const floa
 {
     vi facing = 0;
     for (int at = 0; at < BLOCK_RAYS; at += LANES)
-        facing |= region_row(r, at) & facing_row(&b->samples, light, at);
+        facing |= region_row(r, at) & facing_row(b->samples, light, at);
     return row_any(facing);
 }
 

@@ -23,7 +23,7 @@ inline global const float *shadow_light(const Scene *s, int number)
 
 // Mask of the rays that meet a side which faces the light, and before which the light shines, in
 // the row that begins with ray `at`.
-inline vi facing_row(const Samples *s, global const float *light, int at)
+inline vi facing_row(global const Samples *s, global const float *light, int at)
 {
     const vi met = GE(VLOAD(s->key + at), (vi)(0));
     Vec towards = spread3(light_vector(light));

@@ -51,13 +51,13 @@ inline int blocking_leaf(const Tree *tree, const Ray *r, float far, int own, int
 // Take from s->open the rays of a block that cannot see a light.
 inline void cast_single_rays(const Shadows *s, const Block *b, global const float *light)
 {
-    global const float *point = b->samples.point;
+    global const float *point = b->samples->point;
     const int2 own = own_triangles(light);
     int last = -1;  // what darkened a neighbour is likely to darken the next
     for (int at = 0; at < BLOCK_RAYS; ++at) {
         if (!s->open[at]) continue;
         const float3 p = (float3)(point[at], point[BLOCK_RAYS + at], point[2 * BLOCK_RAYS + at]);
-        const int triangle = b->samples.triangle[at];
+        const int triangle = b->samples->triangle[at];
         int exponent;
         const Ray ray = scaled_ray(p, light_vector(light) - (is_point(light) ? p : 0.0f),
                                    &exponent);

@@ -5,23 +5,14 @@
 
 // (n, BLOCK_RAYS) of each quantity; what a scene lacks is never written or read.
 typedef struct {
-    global float *point;   // (3, ...) where the ray meets the surface
-    global float *normal;  // (3, ...) of unit length, towards the viewer
-    global float *uv;      // (2, ...) texture coordinates
-    global float *tint;    // (3, ...) colour interpolated between corners
-    global float *tangent;  // (4, ...) of PHYSICAL scenes: see PlaneEquations
-    global int *key;       // shading key; -1 where nothing is met
-    global int *triangle;  // -1 where nothing is met
+    float point[3 * BLOCK_RAYS];   // where the ray meets the surface
+    float normal[3 * BLOCK_RAYS];  // of unit length, towards the viewer
+    float uv[2 * BLOCK_RAYS];      // texture coordinates
+    float tint[3 * BLOCK_RAYS];    // colour interpolated between corners
+    int key[BLOCK_RAYS];           // shading key; -1 where nothing is met
+    int triangle[BLOCK_RAYS];      // -1 where nothing is met
+    float tangent[TANGENT_WORDS * BLOCK_RAYS];  // see PlaneEquations
 } Samples;
-#define SAMPLE_WORDS ((13 + 4 * PHYSICAL) * BLOCK_RAYS)
-
-inline Samples make_samples(global uint *memory)
-{
-    global float *at = (global float *)memory;
-    return (Samples){at, at + 3 * BLOCK_RAYS, at + 6 * BLOCK_RAYS, at + 8 * BLOCK_RAYS,
-                     at + 13 * BLOCK_RAYS, (global int *)(at + 11 * BLOCK_RAYS),
-                     (global int *)(at + 12 * BLOCK_RAYS)};
-}
 
 inline Vec direction_row(const Bundle *r, Row row)
 {
@@ -106,7 +97,7 @@ typedef struct {
     Bundle rays;
     Regions regions;
     global PlaneEquations *planes;   // of each region
-    Samples samples;
+    global Samples *samples;
     // (shadow lights, BLOCK) a bit for each ray that sees the light.
     global int *lit;
 } Block;
@@ -132,7 +123,7 @@ inline void sample_row(const Block *b, int at, Row row, SampleRow *s)
 // Set up the planes of a block's regions and sample its rays.
 inline void sample_block(const Scene *scene, float pixel, const Block *b)
 {
-    const Samples *out = &b->samples;
+    global Samples *out = b->samples;
     const Bundle *r = &b->rays;
     SampleRow s = {0};
     for (int k = 0; k < b->regions.count; ++k)
