@@ -64,7 +64,7 @@ inline ShadowRays make_shadow_rays(global const float *light, const Box *box)
     r.centre = 0.5f * (low + high) - r.apex;
     r.extent = 0.5f * (high - low);
     r.size = max(fabs(low), fabs(high)) + fabs(r.centre) + r.extent;
-    r.shaft = make_shaft(vector, r.is_point, box->lo, box->hi);
+    r.shaft = make_shaft(vector, r.is_point, box);
     return r;
 }
 

@@ -51,14 +51,14 @@ inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
 
 // Mask of the LANES boxes that the ray passes before t_far; `nearest` receives where it enters
 // them.
-inline vi ray_meets(const Ray *r, global const float *boxes, int pitch, float t_far,
+inline vi ray_meets(const Ray *r, global const float *boxes, float t_far,
                     private float *nearest)
 {
     vf near = 0.0f, far = t_far;
     vi miss = 0;
     for (int k = 0; k < 3; ++k) {
         const float o = axis(r->origin, k), inverse = axis(r->inverse, k);
-        const vf lo = VLOAD(boxes + k * pitch), hi = VLOAD(boxes + (3 + k) * pitch);
+        const vf lo = VLOAD(boxes + k * NODE_WIDTH), hi = VLOAD(boxes + (3 + k) * NODE_WIDTH);
         if (inverse == 0.0f) {
             // 0 times infinity is no number: the ray is beside the slab or within it, all along.
             miss |= GT(lo, (vf)(o)) | LT(hi, (vf)(o));
@@ -69,7 +69,7 @@ inline vi ray_meets(const Ray *r, global const float *boxes, int pitch, float t_
         far = min(far, max(a, b) * RAY_SLACK);
     }
     VSTORE(near, nearest);
-    return LE(near, far) & LE(VLOAD(boxes), VLOAD(boxes + 3 * pitch)) & ~miss;
+    return LE(near, far) & LE(VLOAD(boxes), VLOAD(boxes + 3 * NODE_WIDTH)) & ~miss;
 }
 
 // LANES triangles sheared onto a ray, and the mask of those that it passes through.

@@ -3,6 +3,7 @@
 // Source: E. A. Haines, J. R. Wallace, "Shaft Culling for Efficient Ray-Cast Radiosity", 1991.
 #ifndef LFCORE_SHAFT_CL
 #define LFCORE_SHAFT_CL
+#include "ranges.cl"
 #include "tree.cl"
 
 // An axis-aligned box, and in each coordinate plane the two lines that touch the box of hit points
@@ -17,11 +18,11 @@ typedef struct {
 #define SHAFT_SLACK (67.0f * ROUNDING)
 
 // A line beyond which nothing of the box lies.
-inline void set_line(Shaft *shaft, int line, float na, float nb, const float *lo, const float *hi,
-                     float size)
+inline void set_line(Shaft *shaft, int line, float na, float nb, const Box *box, float size)
 {
     const int a = line / 2, b = (a + 1) % 3;
-    const float most = max(na * lo[a], na * hi[a]) + max(nb * lo[b], nb * hi[b]);
+    const float most = max(na * box->lo[a], na * box->hi[a]) +
+                       max(nb * box->lo[b], nb * box->hi[b]);
     shaft->na[line] = na;
     shaft->nb[line] = nb;
     shaft->limit[line] = most + SHAFT_SLACK * (fabs(na) + fabs(nb)) * size;
@@ -29,56 +30,56 @@ inline void set_line(Shaft *shaft, int line, float na, float nb, const float *lo
 
 // The two lines of a pair: along a directional light, or from a point light to the corners farthest
 // to either side.  From within the box nothing is beyond them.
-inline void touch_box(Shaft *shaft, int pair, const float *light, int is_point, const float *lo,
-                      const float *hi, float size)
+inline void touch_box(Shaft *shaft, int pair, const float *light, int is_point, const Box *box,
+                      float size)
 {
     const int a = pair, b = (pair + 1) % 3;
-    const int within = is_point && light[a] >= lo[a] && light[a] <= hi[a] && light[b] >= lo[b] &&
-                       light[b] <= hi[b];
+    const float2 from = (float2)(light[a], light[b]);
+    const float2 low = (float2)(box->lo[a], box->lo[b]), high = (float2)(box->hi[a], box->hi[b]);
+    const int within = is_point && all(from >= low) && all(from <= high);
     float2 left = 0.0f, right = 0.0f;
     for (int k = 0; k < 4 && !within; ++k) {
-        const float2 corner = (float2)(k & 1 ? hi[a] : lo[a], k & 2 ? hi[b] : lo[b]);
-        const float2 to = (is_point ? corner : 0.0f) - (float2)(light[a], light[b]);
+        const float2 corner = (float2)(k & 1 ? high.x : low.x, k & 2 ? high.y : low.y);
+        const float2 to = (is_point ? corner : 0.0f) - from;
         if (k == 0 || left.x * to.y - left.y * to.x > 0.0f) left = to;
         if (k == 0 || right.x * to.y - right.y * to.x < 0.0f) right = to;
     }
-    set_line(shaft, 2 * pair, -left.y, left.x, lo, hi, size);
-    set_line(shaft, 2 * pair + 1, right.y, -right.x, lo, hi, size);
+    set_line(shaft, 2 * pair, -left.y, left.x, box, size);
+    set_line(shaft, 2 * pair + 1, right.y, -right.x, box, size);
 }
 
-// `light` is a place or, of a directional light, the direction towards it; lo and hi bound the
+// `light` is a place or, of a directional light, the direction towards it; the box bounds the
 // points.
-inline Shaft make_shaft(const float *light, int is_point, const float *lo, const float *hi)
+inline Shaft make_shaft(const float *light, int is_point, const Box *box)
 {
     Shaft shaft;
     float size = 0.0f;
     for (int k = 0; k < 3; ++k) {
-        size = max(size, max(fabs(lo[k]), fabs(hi[k])));
+        size = max(size, max(fabs(box->lo[k]), fabs(box->hi[k])));
         if (is_point) size = max(size, fabs(light[k]));
     }
     for (int k = 0; k < 3; ++k) {
         const float margin = SHAFT_SLACK * size;
-        const float low = lo[k] - margin, high = hi[k] + margin;
-        shaft.lo[k] = is_point ? min(lo[k], light[k]) - margin : light[k] < 0.0f ? -FAR : low;
-        shaft.hi[k] = is_point ? max(hi[k], light[k]) + margin : light[k] > 0.0f ? FAR : high;
+        const float low = box->lo[k] - margin, high = box->hi[k] + margin;
+        shaft.lo[k] = is_point ? min(low, light[k] - margin) : light[k] < 0.0f ? -FAR : low;
+        shaft.hi[k] = is_point ? max(high, light[k] + margin) : light[k] > 0.0f ? FAR : high;
     }
-    for (int pair = 0; pair < 3; ++pair)
-        touch_box(&shaft, pair, light, is_point, lo, hi, size);
+    for (int pair = 0; pair < 3; ++pair) touch_box(&shaft, pair, light, is_point, box, size);
     return shaft;
 }
 
 // Mask of the LANES boxes that reach into the shaft.
-inline vi shaft_meets(const Shaft *shaft, global const float *boxes, int pitch)
+inline vi shaft_meets(const Shaft *shaft, global const float *boxes)
 {
     vi miss = 0;
     for (int k = 0; k < 3; ++k)
-        miss |= GT(VLOAD(boxes + k * pitch), (vf)(shaft->hi[k])) |
-                LT(VLOAD(boxes + (3 + k) * pitch), (vf)(shaft->lo[k]));
+        miss |= GT(VLOAD(boxes + k * NODE_WIDTH), (vf)(shaft->hi[k])) |
+                LT(VLOAD(boxes + (3 + k) * NODE_WIDTH), (vf)(shaft->lo[k]));
     for (int line = 0; line < 6; ++line) {
         const int a = line / 2, b = (a + 1) % 3;
         const float na = shaft->na[line], nb = shaft->nb[line];
-        const vf xa = VLOAD(boxes + (na > 0.0f ? a : 3 + a) * pitch);
-        const vf xb = VLOAD(boxes + (nb > 0.0f ? b : 3 + b) * pitch);
+        const vf xa = VLOAD(boxes + (na > 0.0f ? a : 3 + a) * NODE_WIDTH);
+        const vf xb = VLOAD(boxes + (nb > 0.0f ? b : 3 + b) * NODE_WIDTH);
         miss |= GT(fma(xa, (vf)(na), xb * nb), (vf)(shaft->limit[line]));
     }
     return ~miss;

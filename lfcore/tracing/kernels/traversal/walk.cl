@@ -42,10 +42,10 @@ inline uint meet_children(const Tree *tree, const Volume *volume, int node, floa
         global const float *boxes = tree->boxes + node * BOX * NODE_WIDTH + lane;
         vi meets;
         if (volume->ray) {
-            meets = ray_meets(volume->ray, boxes, NODE_WIDTH, far, near + lane);
+            meets = ray_meets(volume->ray, boxes, far, near + lane);
         } else {
             if (volume->frustum) meets = frustum_meets(volume->frustum, boxes, NODE_WIDTH, far);
-            else meets = shaft_meets(volume->shaft, boxes, NODE_WIDTH);
+            else meets = shaft_meets(volume->shaft, boxes);
             VSTORE(VLOAD(boxes + 2 * NODE_WIDTH), near + lane);
         }
         bits |= row_bits(meets) << lane;
