@@ -8,7 +8,7 @@
     python -m benchmarks.publish --take full --command "snakemake ..." results    # docs/results/
     python -m benchmarks.publish --take peers --command "python benchmarks/tracer.py ..." tracer.csv
 
-and so ``triangles`` and ``plane_counts``, of ``--scaling`` and ``--planes`` of that benchmark.
+and so ``triangles``, of ``--scaling`` of that benchmark.
 
 A result file, ``benchmarks/published/NAME.csv``, begins with lines ``# key: value``: the command
 that made it, commit, processor, date, and what else is to be known.  A document has a place for it,
@@ -51,6 +51,7 @@ DOCUMENTS = (
     "README.md",
     "docs/measured.md",
     "docs/encoders.md",
+    "docs/performance.md",
     "docs/scaling.md",
     "docs/robustness.md",
 )
@@ -70,9 +71,6 @@ TRACER_MODES = {
     "triangles": {"scene": "scene", "triangles": "triangles", "N": "N",
                   "core_nanoseconds_per_ray": "core ns a ray", "growth": "growth",
                   "growth_of_logarithm": "of the logarithm", "bvh_seconds": "tree s"},
-    "plane_counts": {"scene": "scene", "N": "N", "planes": "planes",
-                     "mrays_per_core_second": "Mrays a core-second",
-                     "relative_core_seconds": "times 5 planes"},
 }  # fmt: skip
 """Columns of modes of ``benchmarks/tracer.py``, and their names."""
 OF_RUN = ("command", "commit", "processor", "date")

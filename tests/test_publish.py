@@ -125,3 +125,26 @@ def test_hours_on_a_cluster_are_of_the_rates_that_are_published(monkeypatch, tmp
     monkeypatch.setattr(scaling, "FIGURE", tmp_path / "scaling.png")
     scaling.draw(table, points)
     assert Image.open(tmp_path / "scaling.png").width > 900
+
+
+def test_peers_stand_beside_the_better_of_their_ways(tmp_path):
+    rows = [
+        ("lfcore", "visibility", 90.0), ("embree, 4 x 4 pixels", "visibility", 30.0),
+        ("embree, 4 x 4 lens samples", "visibility", 20.0), ("lfcore", "algorithm1", 25.0),
+    ]  # fmt: skip
+    mitsuba = ("mitsuba llvm_ad_rgb", "algorithm1", 5.0)
+    for made, names in ((rows, []), ([*rows, mitsuba], ["pictures", "Mitsuba's"])):
+        table = pd.DataFrame(made, columns=["method", "work", "mrays_per_core_second"])
+        table.assign(scene="bike", N=16).to_csv(tmp_path / "t.csv", index=False)
+        (row,) = publish.peers(tmp_path / "t.csv").to_dict("records")
+        assert (row["Embree's"], row["times"]) == ("30", "3")
+        assert [row.get(name) for name in names] == ["25", "5"][: len(names)]
+
+
+def test_of_a_mode_of_the_tracers_benchmark_its_columns_are_kept(tmp_path):
+    columns = publish.TRACER_MODES["triangles"]
+    row = dict.fromkeys(columns, 1.23456) | {"scene": "bike", "triangles": 10, "N": 16, "more": 1}
+    pd.DataFrame([row]).to_csv(tmp_path / "t.csv", index=False)
+    (kept,) = publish.tracer_mode("triangles", tmp_path / "t.csv").to_dict("records")
+    assert list(kept) == list(columns.values())
+    assert kept["core ns a ray"] == "1.23" and kept["triangles"] == 10
