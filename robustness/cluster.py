@@ -28,15 +28,17 @@ from robustness.local_slurm import CannotRun, LocalSlurm, local_slurm, missing
 SMOKE = ("--configfile", str(ROOT / "config" / "smoke.yaml"))
 
 
-def cancelling(slurm: LocalSlurm, kills: int) -> tuple[Callable[[], None], list[str]]:
-    """What cancels ``kills`` submissions in the middle of their work, and their numbers."""
+def cancelling(
+    slurm: LocalSlurm, kills: int, after_s: float
+) -> tuple[Callable[[], None], list[str]]:
+    """What cancels ``kills`` submissions ``after_s`` from their start, and their numbers."""
     done: list[str] = []
     since: dict[str, float] = {}
 
     def cancel() -> None:
         for number in slurm.running() if len(done) < kills else ():
             begun = since.setdefault(number, time.monotonic())
-            if number not in done and time.monotonic() - begun > 15 + 10 * len(done):
+            if number not in done and time.monotonic() - begun > after_s:
                 slurm.command("scancel", number)
                 done.append(number)
                 return
@@ -51,7 +53,9 @@ def smoke(folder: Path, cores: int, memory_mib: int, kills: int, words: tuple) -
         print(undisturbed.summary(), flush=True)
         if undisturbed.status:
             return [undisturbed]
-        cancel, done = cancelling(slurm, kills)
+        # Half of what one takes: in the middle of its work, however fast the machine is.
+        after_s = undisturbed.inside_s / max(1, len(undisturbed.submissions)) / 2
+        cancel, done = cancelling(slurm, kills, after_s)
         disturbed = run(
             slurm, folder / "disturbed", f"smoke, {kills} cancelled", words, beside=cancel
         )
