@@ -94,8 +94,8 @@ class Queue:
 def test_submissions_are_cancelled_in_the_middle_of_their_work(monkeypatch):
     now, queue = [0.0], Queue()
     monkeypatch.setattr(cluster.time, "monotonic", lambda: now[0])
-    cancel, done = cluster.cancelling(queue, 2)
-    for now[0], known in ((0.0, []), (14.0, []), (16.0, ["7"]), (24.0, ["7"]), (26.0, ["7", "8"])):
+    cancel, done = cluster.cancelling(queue, 2, 6.0)
+    for now[0], known in ((0.0, []), (5.0, []), (7.0, ["7"]), (8.0, ["7", "8"])):
         cancel()
         assert queue.cancelled == done == known
     cancel()
