@@ -166,13 +166,14 @@ def _quality(frames: Frames, decoded: np.ndarray, device: Device) -> dict[str, f
     width, height = layout.frame_width, layout.frame_height
     found = rgb_from_frames(decoded, layout.pixel_format, width, height)
     every = max(1, len(found) * width * height // SSIM_PX)
+    rays = slice(None) if frames.used.all() else frames.used  # without a copy, where all are
     looked_at = zip(found[::every], frames.rgb[::every], strict=True)
     former = PlaneFormer(sample.slab, frames.tile, sample.planes, device)
     former.add(decoded, 0)
     sums = total(sample.slab, sample.planes, [former.plane_sums()])
     pictures = picture_quality(sums.pictures(), sample.pictures)
     return {
-        "psnr_frames_db": psnr(found[:, frames.used], frames.rgb[:, frames.used], peak=1),
+        "psnr_frames_db": psnr(found[:, rays], frames.rgb[:, rays], peak=1),
         "ssim_frames": float(np.mean([ssim(PEAK * a, PEAK * b, peak=PEAK) for a, b in looked_at])),
         "psnr_pictures_db": pictures["psnr_db"],
         "ssim_pictures": pictures["ssim"],
