@@ -275,7 +275,7 @@ def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]
     for title, file in stacks:
         lines += [f"{title}", "", f"![{title}]({file})", ""]
     lines += [
-        "`make check-published CELL=bike,64` remakes a cell and compares it to the last bit;",
+        "`make check-published CELL=cabin,32` remakes a cell and compares it to the last bit;",
         "cells.csv has what it is compared by, and settings.yaml what it is made with. A program",
         "of another commit may trace single rays otherwise, and is told that its pictures differ.",
         "",
