@@ -19,7 +19,7 @@ import yaml
 from matplotlib.figure import Figure
 from PIL import Image
 
-from benchmarks.publish import ROOT, Result, head, markdown
+from benchmarks.publish import ROOT, Result, head, markdown, wrapped
 from lfcore.colour import srgb_codes
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.figures import THESIS_PIXELS, log_ticks, save_figure, views_axis
@@ -256,8 +256,7 @@ def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]
         f"{better} of its {of_all} numbers are bettered."
         + ("" if pixels == THESIS_PIXELS else unlike),
         "",
-        f"Made by `{provenance['command']}`: commit {provenance['commit']}, {provenance['date']}, "
-        f"{provenance['processor']}. {provenance.get('note', '')}".rstrip(),
+        *wrapped(Result(provenance, run.cells).source()),
         "",
         f"![Error, size and time over N, ours and the thesis's]({FIGURE})",
         "",
@@ -270,14 +269,18 @@ def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]
         lines += ["## What we would do", "", *markdown(choice), ""]
     if of_all:
         lines += ["## Not better than the thesis's", ""]
-        lines += [*(f"- {words}" for words in run.worse() or ["none"]), ""]
+        lines += ["\n  ".join(wrapped(f"- {words}")) for words in run.worse() or ["none"]]
+        lines += [""]
     lines += ["## Pictures", ""]
     for title, file in stacks:
         lines += [f"{title}", "", f"![{title}]({file})", ""]
     lines += [
-        "`make check-published CELL=cabin,32` remakes a cell and compares it to the last bit;",
-        "cells.csv has what it is compared by, and settings.yaml what it is made with. A program",
-        "of another commit may trace single rays otherwise, and is told that its pictures differ.",
+        *wrapped(
+            "`make check-published CELL=cabin,32` remakes a cell and compares it to the last bit; "
+            "cells.csv has what it is compared by, and settings.yaml what it is made with. A "
+            "program of another commit may trace single rays otherwise: then the command says that "
+            "the pictures differ."
+        ),
         "",
     ]
     return "\n".join(lines)
@@ -302,10 +305,12 @@ def readme(run: FullRun, provenance: dict[str, str], cores: int) -> str:
     ours, theirs = run.seconds(cores) / 3600, run.seconds(cores, thesis=True) / 3600
     better, of_all = run.counted()
     (pixels,), processor = run.first.M.unique(), provenance["processor"].split(",")[0]
-    return (
+    words = (
         f"The thesis's tables at its size (M = {pixels}, N to {run.first.N.max()}) take {ours:.1f} "
-        f"hours on {cores} cores ({processor}), and took {theirs:.1f} in the thesis; {better}\n"
-        f"of its {of_all} numbers are bettered ([tables](docs/results/index.md)):\n"
-        f"`{provenance['command']}`\n\n"
+        f"hours on {cores} cores ({processor}), and took {theirs:.1f} in the thesis; {better} of "
+        f"its {of_all} numbers are bettered ([tables](docs/results/index.md)):"
+    )
+    return (
+        "\n".join([*wrapped(words), f"`{provenance['command']}`"]) + "\n\n"
         f"![Error, size and time against the thesis](docs/results/{FIGURE})\n"
     )

@@ -244,7 +244,7 @@ def _place(place: re.Match) -> str:
         if unknown:
             raise PublishError(f"{place[2]} has no column {sorted(unknown)[0]!r}")
         rows = rows[columns]
-    sources = (line for result in results for line in ("", *_wrapped(result.source())))
+    sources = (line for result in results for line in ("", *wrapped(result.source())))
     return "\n".join([*markdown(rows), *sources])
 
 
@@ -256,7 +256,8 @@ def markdown(rows: pd.DataFrame) -> Iterator[str]:
         yield f"| {' | '.join(map(str, row))} |"
 
 
-def _wrapped(text: str, width: int = 118) -> Iterator[str]:
+def wrapped(text: str, width: int = 118) -> Iterator[str]:
+    """Lines of a paragraph."""
     line = ""
     for word in text.split():
         if line and len(line) + 1 + len(word) > width:
