@@ -18,7 +18,8 @@ from lfcore.refocus.depth_slicing import DepthSlicer
 from lfcore.rendering.direct import focused_camera
 from lfcore.tracing.tracer import Tracer
 
-RAYS_AT_A_TIME = 1 << 23
+RAYS_AT_A_TIME = 1 << 21
+"""Their colours and depths fit a cache of 32 MiB, and are the allocator's again for the next."""
 SUMS_BYTES = 1 << 30
 """Sums of the planes that are formed at a time; for more planes, rays are traced again."""
 FOOTPRINT = 2.0

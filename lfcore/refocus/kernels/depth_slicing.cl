@@ -12,6 +12,7 @@
 #define ONE 1099511627776.0f  // 2^40: the weight of a ray whose cell is open
 #define FEW_PIXELS 16
 #define LAYERS (2 * N_BOUNDS + 1)
+#define ABREAST 16  // rays of a row
 
 typedef struct {
     float x, y;            // where the ray of pixel (0, 0) falls, in pixels of the picture
@@ -111,15 +112,22 @@ inline void add_box(const Strip *s, ulong layer, int4 box, long4 colour)
     else add_edges(s, s->edges + layer, box, colour);
 }
 
-// The layer of what is swept by so many pixels, the nearest first.
-inline int layer_of(float sweep, constant const float *bounds)
+// The layers of what is swept by so many pixels, the nearest first.
+inline int16 layer_of(float16 sweep, constant const float *bounds)
 {
-    int beyond = 0;
-    for (int k = 0; k < N_BOUNDS; ++k) beyond += fabs(sweep) >= bounds[k];
-    return N_BOUNDS + (sweep < 0.0f ? -beyond : beyond);
+    int16 beyond = 0;  // a comparison that holds is -1
+    for (int k = 0; k < N_BOUNDS; ++k) beyond -= fabs(sweep) >= bounds[k];
+    return N_BOUNDS + select(beyond, -beyond, sweep < 0.0f);
 }
 
-// Add the rays of one row of a view.
+// Whole steps; what lies far outside is clamped there: integers must hold it.
+inline int16 to_steps(const Strip *s, float16 place)
+{
+    const float far = 4.0f * s->width;
+    return convert_int16_rte(clamp(place, -far, far + far) * (float)STEPS);
+}
+
+// Add the rays of one row of a view: their boxes are found side by side, and added one by one.
 inline void add_row(const Strip *s,
                     int strip_rows,
                     Plane p,
@@ -131,26 +139,41 @@ inline void add_row(const Strip *s,
                     global const float *light,
                     global const float *depth)
 {
-    for (int u = 0; u < size; ++u) {
-        const float moves = (p.delta - 1.0f / depth[u]) * p.scale;
-        const float half_x = 0.5f * max(fabs(moves) * cell.side_x, least);
-        const float half_y = 0.5f * max(fabs(moves) * cell.side_y, least);
-        const float x = fma((float)u, p.step, cell.x) + cell.off_x * moves, at_y = y + cell.off_y * moves;
-        // Whatever lies far outside is clamped there: integers must hold it.
-        const float far = 4.0f * s->width;
-        const float4 sides = (float4)(x - half_x, at_y - half_y, x + half_x, at_y + half_y);
-        const int4 box = convert_int4_rte(clamp(sides, -far, far + far) * (float)STEPS);
-        if (floor_pixel(box.w - 1) < s->top || floor_pixel(box.y) >= s->top + s->rows) continue;
-        if (box.z <= 0 || box.x >= s->width * STEPS) continue;
-        const int wide = box.z - box.x, tall = box.w - box.y;
-        if (wide <= 0 || tall <= 0) continue;
-        const float weight = cell.share * ONE / ((float)wide * (float)tall);
-        const float3 seen = clamp(vload3(u, light), 0.0f, 1.0f);
-        const float4 colour = (float4)(seen * weight, weight);
-        const ulong layer = layer_of(moves * p.pitch, bounds) * layer_size(s, strip_rows);
-        // But for the smallest boxes 32 bits hold it, and products of 32 bits cost least.
-        if (weight < 0x1p30f) add_box(s, layer, box, convert_long4(convert_int4_rte(colour)));
-        else add_box(s, layer, box, convert_long4_rte(colour));
+    const float16 along = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    for (int start = 0; start < size; start += ABREAST) {
+        const int rays = min(ABREAST, size - start);
+        float z[ABREAST];
+        for (int k = 0; k < ABREAST; ++k) z[k] = depth[start + min(k, rays - 1)];
+        const float16 moves = (p.delta - 1.0f / vload16(0, z)) * p.scale;
+        const float16 half_x = 0.5f * max(fabs(moves) * cell.side_x, least);
+        const float16 half_y = 0.5f * max(fabs(moves) * cell.side_y, least);
+        const float16 x = fma(along + (float)start, p.step, cell.x) + cell.off_x * moves;
+        const float16 at_y = y + cell.off_y * moves;
+        const int16 left = to_steps(s, x - half_x), top = to_steps(s, at_y - half_y);
+        const int16 right = to_steps(s, x + half_x), bottom = to_steps(s, at_y + half_y);
+        const int16 wide = right - left, tall = bottom - top;
+        const int16 falls = bottom > s->top * STEPS & top < (s->top + s->rows) * STEPS & right > 0 &
+                            left < s->width * STEPS & wide > 0 & tall > 0;
+        const float16 weight = cell.share * ONE / (convert_float16(wide) * convert_float16(tall));
+        int at[4][ABREAST], seen[ABREAST], layer[ABREAST];
+        float share[ABREAST];
+        vstore16(left, 0, at[0]);
+        vstore16(top, 0, at[1]);
+        vstore16(right, 0, at[2]);
+        vstore16(bottom, 0, at[3]);
+        vstore16(falls, 0, seen);
+        vstore16(layer_of(moves * p.pitch, bounds), 0, layer);
+        vstore16(weight, 0, share);
+        for (int k = 0; k < rays; ++k) {
+            if (!seen[k]) continue;
+            const int4 box = (int4)(at[0][k], at[1][k], at[2][k], at[3][k]);
+            const float3 lit = clamp(vload3(start + k, light), 0.0f, 1.0f);
+            const float4 colour = (float4)(lit * share[k], share[k]);
+            const ulong first = layer[k] * layer_size(s, strip_rows);
+            // But for the smallest boxes 32 bits hold it, and products of 32 bits cost least.
+            if (share[k] < 0x1p30f) add_box(s, first, box, convert_long4(convert_int4_rte(colour)));
+            else add_box(s, first, box, convert_long4_rte(colour));
+        }
     }
 }
 
