@@ -77,8 +77,11 @@ class Overheads:
 
 
 @dataclass(frozen=True)
-class LightField:
-    """So many rays of N = ``views``, in so many jobs; :func:`planned` cuts them as the workflow."""
+class Recording:
+    """A light field of so many rays and N = ``views``, recorded by so many jobs.
+
+    :func:`planned` cuts it as the workflow does.
+    """
 
     rays: float
     views: int
@@ -104,14 +107,14 @@ class Estimate:
         return sum(self.stages.values())
 
 
-def planned(rays: float, views: int, minutes: float) -> LightField:
+def planned(rays: float, views: int, minutes: float) -> Recording:
     """A light field cut into jobs of about ``minutes`` each."""
     seconds = rays * costs.nanoseconds_a_ray(views) * 1e-9
-    return LightField(rays, views, costs.batch_count(seconds, minutes))
+    return Recording(rays, views, costs.batch_count(seconds, minutes))
 
 
 def estimate(
-    field: LightField,
+    field: Recording,
     rates: Rates,
     overheads: Overheads,
     cores: int,
@@ -155,7 +158,7 @@ def estimate(
     return Estimate(stages, core, bound)
 
 
-def join_and_sum(field: LightField, rates: Rates, overheads: Overheads) -> tuple[float, float]:
+def join_and_sum(field: Recording, rates: Rates, overheads: Overheads) -> tuple[float, float]:
     """Core seconds of the join of all segments, and of what all parts of the planes come to.
 
     A batch is a band of rows: its part is as wide as the picture, and as high as the band and
@@ -199,7 +202,7 @@ def seen(ends: Sequence[float], first: float) -> float:
 
 
 def _tracing_bound(
-    field: LightField, job: float, cores: int, overheads: Overheads, traced: float
+    field: Recording, job: float, cores: int, overheads: Overheads, traced: float
 ) -> str:
     """What tracing waits for where it is not storage."""
     at_once = finished(field.batches, job, cores, 0.0)[-1]

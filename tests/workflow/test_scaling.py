@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from lfcore.storage.layout import FrameLayout
 from lfcore.workflow import costs, scaling
-from lfcore.workflow.scaling import LightField, Overheads, Rates, estimate, finished, planned, seen
+from lfcore.workflow.scaling import Overheads, Rates, Recording, estimate, finished, planned, seen
 
 NONE = Overheads(
     plan_s=0, plan_job_s=0, start_s=0, scene_s=0, close_s=0, submission_s=0, submit_s=0, queue_s=0,
@@ -25,7 +25,7 @@ REAL = Overheads(
 
 @pytest.mark.parametrize("cores", [1, 2, 4])
 def test_without_overheads_time_is_work_by_cores(cores):
-    field = LightField(1e10, 512, 8)
+    field = Recording(1e10, 512, 8)
     run = estimate(field, RATES, NONE, cores, submitted=False)
     assert run.core_seconds == pytest.approx(360)
     assert run.seconds == pytest.approx(360 / cores)
@@ -33,7 +33,7 @@ def test_without_overheads_time_is_work_by_cores(cores):
 
 
 def test_more_cores_than_jobs_wait_for_one_job():
-    field = LightField(1e10, 512, 8)
+    field = Recording(1e10, 512, 8)
     runs = [estimate(field, RATES, NONE, cores, submitted=False) for cores in (8, 9, 1000)]
     assert [run.seconds for run in runs] == pytest.approx([45] * 3)
     assert {run.bound for run in runs} == {"length of a job"}
@@ -88,7 +88,7 @@ def test_polls_back_off_and_begin_again():
 
 def test_what_binds_is_named():
     slow_submits = Overheads(**{**vars(REAL), "submit_s": 5.0})
-    small = LightField(1e11, 512, 4096)
+    small = Recording(1e11, 512, 4096)
     assert estimate(small, RATES, slow_submits, 10_000, submitted=True).bound == "submitting"
     poor = Overheads(**{**vars(REAL), "storage_bytes_s": 1e5})
     assert estimate(planned(1e12, 512, 10), RATES, poor, 1000, submitted=True).bound == "storage"
