@@ -246,7 +246,7 @@ def record(
         by depth; default where ``views`` is not given.  At the bytes of 16 x 16 plain views, its
         pictures are 12 dB nearer to the true ones (docs/notebook/true-picture.md).
     lattice : of these views: ``crossed``, each displaced within a pixel against all others, which
-        which gains pictures by depth 2 dB, or ``plain``, which all other ways to read a file need.
+        gains pictures by depth 2 dB, or ``plain``, which all other ways to read a file need.
     quality_db : instead of ``views`` and ``subpixels``, with a depth stream: what pictures of the
         whole lens are to have against the average over pixel and lens, before the codec's loss.  A
         pilot of a tenth of the rays says how many it takes; the file says what is expected.

@@ -148,3 +148,11 @@ def test_of_a_mode_of_the_tracers_benchmark_its_columns_are_kept(tmp_path):
     (kept,) = publish.tracer_mode("triangles", tmp_path / "t.csv").to_dict("records")
     assert list(kept) == list(columns.values())
     assert kept["core ns a ray"] == "1.23" and kept["triangles"] == 10
+
+
+def test_every_benchmark_is_in_their_readme():
+    folder = publish.ROOT / "benchmarks"
+    text = (folder / "README.md").read_text()
+    scripts = [*folder.glob("*.py"), *folder.glob("interop/*.py")]
+    names = [file.relative_to(folder).as_posix() for file in scripts]
+    assert [name for name in names if name != "__init__.py" and f"`{name}`" not in text] == []
