@@ -10,14 +10,13 @@ seen from beside it.  A row says how far the worst pixel, and the worst of 99 in
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 import numpy as np
+from matplotlib.figure import Figure
 
+from lfcore.evaluation.figures import save_figure
 from lfcore.optics.bundles import Bundles
 from lfcore.oracle import area_lights as closed_forms
 from lfcore.scene.pbrt import build_pbrt_scene
@@ -58,8 +57,8 @@ def errors(emitter: str, points: int) -> np.ndarray:
         path.write_text(SCENE.format(floor=floor, emitter=shape), encoding="ascii")
         scene = build_pbrt_scene(path, light_points=points)
     step = WIDTH / PIXELS
-    middle = np.zeros((1, 4), np.float32)
-    pinhole = Bundles(middle, np.float32([0, 0, step, step]), PIXELS, PIXELS, pixel_pitch=step)
+    middle, steps = np.zeros((1, 4), np.float32), np.array([0, 0, step, step], np.float32)
+    pinhole = Bundles(middle, steps, PIXELS, PIXELS, pixel_pitch=step)
     seen = Tracer(scene, build_bvh(scene.triangles)).bundle_radiance(pinhole)[0, ..., 0]
     across = pinhole.rays()[1][0]
     truth = RADIANCE * closed(2.5 + 3 * across[..., 0], -3 * across[..., 1]) / np.pi
@@ -68,15 +67,9 @@ def errors(emitter: str, points: int) -> np.ndarray:
 
 def draw(maps: dict[tuple[str, int], np.ndarray], path: Path) -> None:
     """Error maps side by side, percent."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     points = list(dict.fromkeys(number for _, number in maps))
-    figure, axes = plt.subplots(
-        len(EMITTERS), len(points), squeeze=False, figsize=(2.8 * len(points), 7), layout="tight"
-    )
+    figure = Figure(figsize=(2.8 * len(points), 7), layout="tight")
+    axes = figure.subplots(len(EMITTERS), len(points), squeeze=False)
     for (name, number), found in maps.items():
         axis = axes[list(EMITTERS).index(name)][points.index(number)]
         most = 100 * np.abs(found).max()
@@ -84,7 +77,7 @@ def draw(maps: dict[tuple[str, int], np.ndarray], path: Path) -> None:
         figure.colorbar(image, ax=axis)
         axis.set_title(f"{name}, {number} points, error in %", fontsize=8)
         axis.set_axis_off()
-    figure.savefig(path, dpi=80)
+    save_figure(path, figure, dpi=80)
 
 
 def main() -> None:

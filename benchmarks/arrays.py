@@ -13,14 +13,12 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-from measured.rows import in_turn, print_table, rates, say, write_csv
-from peers.method import Method, SkippedError, clocked
-
+from benchmarks.measured.rows import in_turn, print_table, rates, say, write_csv
+from benchmarks.peers.method import Method, SkippedError, clocked
 from lfcore.evaluation.assignment.book import BOOK_FOCUS_M, assignment_camera
 from lfcore.evaluation.timing import machine
 from lfcore.opencl.device import open_device
@@ -82,7 +80,7 @@ def traced(options: argparse.Namespace, name: str, device) -> tuple[list[dict], 
     peer = None
     if "mitsuba" in options.peers:
         try:
-            from peers.mitsuba_array import MitsubaArray
+            from benchmarks.peers.mitsuba_array import MitsubaArray
 
             peer = MitsubaArray(scene, device.threads)
             methods.append(peer.method(array))
@@ -91,7 +89,7 @@ def traced(options: argparse.Namespace, name: str, device) -> tuple[list[dict], 
     runs = in_turn(methods, options.repeats)
     if peer is not None:
         peer.close()
-    rows = [
+    rows: list[dict] = [
         {"scene": name, "work": "array", "method": method.name, **rates(runs[method.name]),
          "note": method.note}
         for method in methods
@@ -112,17 +110,17 @@ def synthesised(options: argparse.Namespace, name: str, field: DeviceField) -> l
     camera, count = assignment_camera(options.picture, LENS_M), options.samples
     surface, pixels = parallel(BOOK_FOCUS_M), options.picture**2
     points = max(1, round((count / 4) ** 0.5))
-    works = {
+    works: dict[str, tuple[Callable[[], object], int]] = {
         f"monte_carlo {sampler}": (
-            lambda sampler=sampler: monte_carlo(field, camera, surface, count, sampler=sampler),
+            partial(monte_carlo, field, camera, surface, count, sampler=sampler),
             count,
         )
         for sampler in ("halton", "stratified", "independent")
     }
-    works["quadrature"] = (lambda: quadrature(field, camera, surface, points, 2), 4 * points**2)
-    works["isaksen"] = (lambda: isaksen(field, camera, surface, FILTER_M), 1)
+    works["quadrature"] = (partial(quadrature, field, camera, surface, points, 2), 4 * points**2)
+    works["isaksen"] = (partial(isaksen, field, camera, surface, FILTER_M), 1)
     methods = [
-        Method(key, "synthesis", lambda work=work, n=n: clocked(work, pixels * n), ours=True)
+        Method(key, "synthesis", partial(clocked, work, pixels * n), ours=True)
         for key, (work, n) in works.items()
     ]
     runs, rows = in_turn(methods, options.repeats), []

@@ -27,6 +27,7 @@ import numpy as np
 
 from lfcore.colour import srgb_decode, srgb_encode
 from lfcore.errors import StorageError
+from lfcore.evaluation.timing import Stopwatch
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.layout import FrameLayout, Tile
@@ -144,30 +145,28 @@ class Errors:
             np.square(wide - wide_found).mean(),
             np.square(narrow - narrow_found).mean(),
         )
-        return tuple(round(float(-10 * np.log10(value + 1e-12)), 2) for value in squares)
+        frames, lens, middle = (round(float(-10 * np.log10(each + 1e-12)), 2) for each in squares)
+        return frames, lens, middle
 
 
 def measure(material: Material, layout: FrameLayout, spec: CodecSpec) -> tuple:
     """bits a ray, three PSNR, encoding and decoding rate."""
     size = layout.frame_width, layout.frame_height
-    encode = decode = bits = rays = 0
-    errors = Errors(layout.kind)
+    bits = rays = 0
+    errors, watch = Errors(layout.kind), Stopwatch(clock=time.process_time)
     for patch, frames in zip(material.patches, material.frames(layout), strict=True):
         tile = patch.tile(layout)
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "segment.mp4"
-            start = time.process_time()
-            with SegmentWriter(path, spec, *size) as writer:
+            with watch.part("encode"), SegmentWriter(path, spec, *size) as writer:
                 writer.write(frames)
-            encode += time.process_time() - start
             reader = SegmentReader(path)
-            start = time.process_time()
-            decoded = np.concatenate(list(reader.frames()))
-            decode += time.process_time() - start
+            with watch.part("decode"):
+                decoded = np.concatenate(list(reader.frames()))
             bits += reader.info().bytes * 8
         rays += tile.rays
         compare(patch, tile, decoded, errors)
-    rates = (round(rays / encode / 1e6, 1), round(rays / decode / 1e6, 1))
+    rates = (round(rays / watch.seconds[part] / 1e6, 1) for part in ("encode", "decode"))
     return (round(bits / rays, 5), *errors.psnr(), *rates)
 
 
@@ -177,7 +176,7 @@ def compare(patch: Patch, tile: Tile, decoded: np.ndarray, errors: Errors) -> No
     step = 1 if layout.kind == "views" else max(1, tile.rays // COMPARED_RAYS)
     elements = tile.elements()[::step]
     middle = np.array([tile.column + tile.columns / 2, tile.row + tile.rows / 2]) - 0.5
-    last, picture = -1, None
+    last, picture = -1, np.empty(0)
     for (u, v), (frame, x, y) in zip(elements, tile.placement(elements), strict=True):
         if frame != last:
             one = decoded[frame : frame + 1]

@@ -19,9 +19,9 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from measured.rows import print_table, say, write_csv
-from measured.scenes import Loaded
 
+from benchmarks.measured.rows import print_table, say, write_csv
+from benchmarks.measured.scenes import Loaded
 from lfcore.colour import srgb_encode
 from lfcore.optics import bundles
 from lfcore.optics.planes import SensorPlane
@@ -43,9 +43,9 @@ def weights(name: str, shift: float, step: float, other: int) -> list[tuple[int,
         low = int(np.floor(shift))
         return [(low, 1 - (shift - low)), (low + 1, shift - low)]
     if name == "cell":
-        low, high = shift - step / 2 - 1e-9, shift + step / 2 + 1e-9
-        pixels = np.arange(int(np.floor(low + 0.5)), int(np.floor(high + 0.5)) + 1)
-        shares = np.minimum(pixels + 0.5, high) - np.maximum(pixels - 0.5, low)
+        left, right = shift - step / 2 - 1e-9, shift + step / 2 + 1e-9
+        pixels = np.arange(int(np.floor(left + 0.5)), int(np.floor(right + 0.5)) + 1)
+        shares = np.minimum(pixels + 0.5, right) - np.maximum(pixels - 0.5, left)
         return list(zip(pixels.tolist(), (shares / shares.sum()).tolist(), strict=True))
     threshold = thresholds(4)[other % 4] if name == "staggered" else 0.5
     return [(int(np.floor(shift + threshold)), 1.0)]

@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO, cast
 
 import numpy as np
 import pandas as pd
@@ -214,7 +215,8 @@ def _stacks(results: Path, run: FullRun, to: Path) -> Iterator[tuple[str, str]]:
             codes = np.concatenate([srgb_codes(picture) for picture in pictures], axis=1)
             file = f"{name}_stack_{scene}.jpg"
             with whole_file(to / file) as out:
-                Image.fromarray(codes).save(out, "JPEG", quality=QUALITY, subsampling=0)
+                jpeg = cast(BinaryIO, out)
+                Image.fromarray(codes).save(jpeg, "JPEG", quality=QUALITY, subsampling=0)
             yield f"{scene}, {name} stack: {'; '.join(labels)}", file
 
 

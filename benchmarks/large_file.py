@@ -67,7 +67,7 @@ def simulated_segment(path: Path, layout: FrameLayout, kilobytes: int) -> None:
     with av.open(str(real)) as old, av.open(str(path), "w", format="mp4") as new:
         stream = new.add_stream_from_template(old.streams.video[0], opaque=True)
         for number, packet in enumerate(p for p in old.demux(video=0) if p.size):
-            made = packet
+            made: av.Packet = packet
             if number:
                 made = av.Packet(bytes(kilobytes * 1000 // (FRAMES - 1)))
                 made.pts, made.dts, made.duration = packet.pts, packet.dts, packet.duration

@@ -16,14 +16,14 @@ import sys
 import tempfile
 from dataclasses import asdict, fields
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import pandas as pd
 
 from benchmarks import scaling_points as measured
 from benchmarks.publish import RESULTS, ROOT, Result, of_this_run, read_result, with_kept
-from lfcore.evaluation import figures  # noqa: F401  (one style of figures)
-from lfcore.files import whole_file
+from lfcore.evaluation import figures
 from lfcore.workflow import scaling
 from lfcore.workflow.scaling import Overheads, Rates
 from robustness.local_slurm import local_slurm
@@ -79,7 +79,7 @@ def rates(kept: pd.DataFrame, scene: str, views: int) -> Rates:
     """Of a scene and N, from what was measured."""
     found = _values(kept, f"{scene} {views}")
     known = {field.name for field in fields(Rates)}
-    given = {name: value for name, value in found.items() if name in known}
+    given: dict[str, Any] = {name: value for name, value in found.items() if name in known}
     return Rates(**given | {"planes": int(given["planes"])})
 
 
@@ -197,9 +197,7 @@ def draw(table: pd.DataFrame, points: pd.DataFrame) -> None:
     left.legend(loc="upper right", fontsize=9)
     if len(points):
         draw_points(beside[0], points)
-    with whole_file(FIGURE) as file:
-        figure.savefig(file, format="png", dpi=110, metadata={"Software": None})
-    plt.close(figure)
+    figures.save_figure(FIGURE, figure, dpi=110)
 
 
 def draw_points(right: plt.Axes, points: pd.DataFrame) -> None:

@@ -22,6 +22,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -38,6 +39,8 @@ from lfcore.optics.slab import Slab
 from lfcore.refocus.slicing import form_planes
 from lfcore.rendering.direct import finished
 from lfcore.rendering.record import record_tile
+from lfcore.storage.layout import Tile
+from lfcore.tracing.tile import TileTracing
 from lfcore.workflow import cases, costs, scaling
 from lfcore.workflow.settings import check_settings
 from lfcore.workflow.tracers import open_tracer
@@ -90,8 +93,8 @@ class Size:
         return ["--config", *settings, "--", *made]
 
     @property
-    def field(self) -> scaling.LightField:
-        return scaling.LightField((self.pixels * VIEWS) ** 2, VIEWS, self.batches)
+    def field(self) -> scaling.Recording:
+        return scaling.Recording((self.pixels * VIEWS) ** 2, VIEWS, self.batches)
 
 
 @dataclass(frozen=True)
@@ -179,8 +182,12 @@ def rates_of(scene_folder: Path, size: Size, views: int = VIEWS, tiles: int = 4)
     cut = cases.tiles(settings, views)
     spec = cases.codec_spec(settings, views)
     drawn = [cut[(2 * place + 1) * len(cut) // (2 * tiles)] for place in range(tiles)]
+
+    def trace(tile: Tile, frames: bool = False) -> TileTracing:
+        return finished(tracer.trace_tile(slab, tile, planes, frames=frames))
+
     for frames in (True, False):  # programs are built
-        finished(tracer.trace_tile(slab, cut[0], planes, frames=frames))
+        trace(cut[0], frames)
     rays = size_bytes = 0
     traced = stored = 0.0
     wider = []
@@ -188,17 +195,18 @@ def rates_of(scene_folder: Path, size: Size, views: int = VIEWS, tiles: int = 4)
         segment = Path(name) / "segment.mp4"
         for tile in drawn:
             part, seconds = clocked(
-                lambda tile=tile: finished(tracer.trace_tile(slab, tile, planes, frames=False)),
+                partial(trace, tile),
                 clock=time.process_time,
             )
             traced += seconds
             _, seconds = clocked(
-                lambda tile=tile: record_tile(tracer, slab, tile, segment, spec, planes),
+                partial(record_tile, tracer, slab, tile, segment, spec, planes),
                 clock=time.process_time,
             )
             stored += seconds
             rays += tile.rays
             size_bytes += segment.stat().st_size
+            assert part.plane_sums
             high = part.plane_sums.sums.shape[2] / size.pixels
             wider.append(max(0.0, high - tile.rows / tile.layout.outer))
     each = 1e9 / rays

@@ -11,10 +11,9 @@ import os
 import tempfile
 from pathlib import Path
 
-from measured import stored, stored_files
-from measured.rows import print_table, say, write_csv
-from measured.scenes import Loaded
-
+from benchmarks.measured import stored, stored_files
+from benchmarks.measured.rows import print_table, say, write_csv
+from benchmarks.measured.scenes import Loaded
 from lfcore.evaluation.timing import machine
 
 PARTS = ("encode", "retrieve", "memory", "access")

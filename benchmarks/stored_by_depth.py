@@ -21,6 +21,7 @@ import numpy as np
 
 from benchmarks.publish import RESULTS, Result, of_this_run, read_result
 from lfcore.api import load_scene
+from lfcore.evaluation.timing import Stopwatch
 from lfcore.evaluation.true_picture.reference import Reference, inner_psnr, true_pictures
 from lfcore.lightfield import LightField
 from lfcore.optics.planes import SensorPlane
@@ -62,22 +63,20 @@ class Encoder:
 
     def __init__(self, folder: Path, name: str, layout: FrameLayout, spec: CodecSpec):
         self.folder, self.name, self.layout, self.spec = folder, name, layout, spec
-        self.seconds, self.files = 0.0, []
+        self.files: list[Path] = []
+        self._watch = Stopwatch(clock=time.process_time)
 
     def tile(self, frames: Iterable[np.ndarray]) -> None:
         """Encode a tile; what ``frames`` takes to make is not counted."""
         self.files.append(self.folder / f"{self.name}{len(self.files)}.mp4")
-        begun = time.process_time()
-        with SegmentWriter(
-            self.files[-1], self.spec, self.layout.frame_width, self.layout.frame_height
-        ) as writer:
-            self.seconds += time.process_time() - begun
-            for some in frames:
-                begun = time.process_time()
+        size = self.layout.frame_width, self.layout.frame_height
+        with self._watch.part("encode"), SegmentWriter(self.files[-1], self.spec, *size) as writer:
+            for some in self._watch.each("made", frames):
                 writer.write(some)
-                self.seconds += time.process_time() - begun
-            begun = time.process_time()
-        self.seconds += time.process_time() - begun
+
+    @property
+    def seconds(self) -> float:
+        return self._watch.seconds["encode"] - self._watch.seconds["made"]
 
 
 def thesis(tracer: Tracer, reference: Reference) -> Iterator[dict]:

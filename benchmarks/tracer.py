@@ -13,14 +13,10 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-from measured import compare, costs, fixed, leaks, roofline, scaling, scattered
-from measured.rows import print_table, say, write_csv
-
+from benchmarks.measured import compare, costs, fixed, leaks, roofline, scaling, scattered
+from benchmarks.measured.rows import print_table, say, write_csv
 from lfcore.evaluation.timing import machine
 
 MODES = {

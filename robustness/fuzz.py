@@ -124,7 +124,7 @@ def table(benches: Sequence[Bench]) -> str:
         "| target | inputs | ok | refused | findings | inputs/s |",
         "|---|--:|--:|--:|--:|--:|",
     ]
-    total, seconds = Counter(), 0.0
+    total, seconds = Counter[str](), 0.0
     for bench in benches:
         tally = bench.tally
         lines.append(_row(bench.target.name, tally.counts, tally.seconds))

@@ -60,7 +60,7 @@ class Killed:
         self.job, self.folder = job, folder
         folder.mkdir(parents=True)
         job.prepare(folder)
-        self.whole, self.seconds = {}, 0.0
+        self.whole, self.seconds = dict[str, str](), 0.0
         for _ in range(2):  # the first run fills caches
             self.clean()
             start = time.monotonic()

@@ -65,8 +65,8 @@ def _word(draw: Random) -> bytes:
         most = (1 << 8 * struct.calcsize(form)) - 1
         value = draw.choice((0, 1, most, most >> 1, (most >> 1) + 1, draw.randrange(most + 1)))
         return struct.pack(order + form, value)
-    value = draw.choice((0.0, -0.0, 1e38, -1e38, 1e-45, float("nan"), float("inf"), -float("inf")))
-    return struct.pack(order + draw.choice("fd"), value)
+    number = draw.choice((0.0, -0.0, 1e38, -1e38, 1e-45, float("nan"), float("inf"), -float("inf")))
+    return struct.pack(order + draw.choice("fd"), number)
 
 
 def damage_text(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:

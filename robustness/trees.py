@@ -6,6 +6,7 @@ import copy
 import json
 from collections.abc import Callable, Sequence
 from random import Random
+from typing import Any
 
 import yaml
 
@@ -66,9 +67,10 @@ def _damage(
         return damage_text(draw, data, seeds)
 
 
-def places(tree: object) -> list[tuple[object, object]]:
+def places(tree: Any) -> list[tuple[Any, Any]]:
     """(container, key) of each value below ``tree``, shared and circular ones once."""
-    found, waiting, seen = [], [tree], set()
+    found: list[tuple[Any, Any]] = []
+    waiting, seen = [tree], set[int]()
     while waiting:
         node = waiting.pop()
         if id(node) in seen or len(found) > 5000:

@@ -53,7 +53,7 @@ def canonical(name: str) -> str:
 
 def name_of(requirement: str) -> str:
     """The canonical name of a requirement, without its range and marker."""
-    return canonical(re.match(r"[A-Za-z0-9._-]+", requirement)[0])
+    return canonical(re.split(r"[^A-Za-z0-9._-]", requirement)[0])
 
 
 def installed() -> list[str]:

@@ -82,7 +82,7 @@ class Bench:
 
     def projected(self) -> np.ndarray:
         """(rows, columns, points, 2): where the slab sees the points, from the pixels' corner."""
-        slab = self.field.slab
+        slab = self.field.require_slab()
         column, row, columns, rows = slab.held.views
         place = slab.lens_positions()
         left, top = slab.held.pixels[:2]
@@ -173,7 +173,7 @@ def llff(bench: Bench) -> list[str]:
     # Views were cropped about their axes to the whole pixel: half of one at the most.
     size = made["size"]
     expected = np.empty_like(found)
-    slab = bench.field.slab
+    slab = bench.field.require_slab()
     place = slab.lens_positions()
     for j, i in np.ndindex(SIDE, SIDE):
         at = np.array([place[i], place[j]])
@@ -185,7 +185,7 @@ def llff(bench: Bench) -> list[str]:
 def hci_tools(bench: Bench) -> list[str]:
     python = bench.environment("hci-tools", ["numpy", "imageio", "pillow"])
     made = bench.read(python, "hci_reader.py", bench.source("hci-tools"), bench.export("hci"))
-    slab = bench.field.slab
+    slab = bench.field.require_slab()
     ends = (1 / np.array(DEPTH_M[::-1]) - slab.camera.delta) * slab.lens_pitch_m
     return [
         same(made["views"], bench.views, "views"),

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
-from peers.embree_packets import EmbreePackets
-from peers.embreex_rays import EmbreexRays
-from peers.method import Method, SkippedError
-from peers.mitsuba_picture import MitsubaPicture
-from peers.povray_picture import PovrayPicture
 
+from benchmarks.measured import ours
+from benchmarks.measured.rows import in_turn, rates, say
+from benchmarks.measured.sample import sample_slab
+from benchmarks.measured.scenes import Loaded
+from benchmarks.peers.embree_packets import EmbreePackets
+from benchmarks.peers.embreex_rays import EmbreexRays
+from benchmarks.peers.method import Method, SkippedError
+from benchmarks.peers.mitsuba_picture import MitsubaPicture
+from benchmarks.peers.povray_picture import PovrayPicture
 from lfcore.optics.slab import Slab
-from measured import ours
-from measured.rows import in_turn, rates, say
-from measured.sample import sample_slab
-from measured.scenes import Loaded
 
 PEERS = ("embree", "embreex", "mitsuba", "povray")
 THESIS_SECONDS = {"bike": 1598, "cabin": 2789, "bedroom": 4230}
@@ -28,8 +29,8 @@ class Peers:
 
     def __init__(self, loaded: Loaded, wanted: Sequence[str], threads: int):
         scene = loaded.scene
-        self._threads, self._open = threads, {}
-        makers = {
+        self._threads, self._open = threads, dict[str, Any]()
+        makers: dict[str, Callable[[], Any]] = {
             "embree": lambda: EmbreePackets(scene.triangles),
             "embreex": lambda: EmbreexRays(scene.triangles, threads),
             "mitsuba": lambda: MitsubaPicture(scene, threads),

@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from peers.method import Method
 
+from benchmarks.measured import ours
+from benchmarks.measured.rows import in_turn, rates, say
+from benchmarks.measured.sample import Sample, sample_slab
+from benchmarks.measured.scenes import Loaded
+from benchmarks.peers.method import Method
 from lfcore.opencl.device import open_device
 from lfcore.optics.slab import Slab
-from measured import ours
-from measured.rows import in_turn, rates, say
-from measured.sample import Sample, sample_slab
-from measured.scenes import Loaded
 
 
 def each(options) -> Iterator[tuple[Loaded, Sample, dict]]:

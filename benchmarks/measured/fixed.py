@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.measured.rows import say
+from benchmarks.measured.scenes import SCENES
 from lfcore.scene.build import build_scene
 from lfcore.scene.files import save_scene
 from lfcore.tracing.bvh import build_bvh, save_bvh
-from measured.rows import say
-from measured.scenes import SCENES
 
 ROOT = Path(__file__).resolve().parents[2]
 JOB = """

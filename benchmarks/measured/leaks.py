@@ -10,13 +10,13 @@ import numpy as np
 import trimesh
 from scipy.spatial import Delaunay
 
+from benchmarks.measured.rows import say
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
-from measured.rows import say
 
 CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=1.0, focus_distance_m=2.0)
 CHUNK_RAYS = 1 << 21

@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from peers.method import Method, Run, clocked
 
+from benchmarks.measured.sample import Sample, SampledTile
+from benchmarks.peers.method import Method, Run, clocked
 from lfcore.optics.bundles import macropixels, probe
 from lfcore.optics.planes import SensorPlane
 from lfcore.tracing.tracer import Tracer
-from measured.sample import Sample, SampledTile
 
 NAME = "lfcore"
 CHECKED_RAYS = 1 << 22
@@ -67,7 +67,7 @@ def algorithm1(tracer: Tracer, sample: Sample, planes: list[SensorPlane]) -> Met
     What a tile costs once, whatever its rays (accumulators made and read back), is kept apart in
     ``extra["tile_seconds"]``: the sample stands for a small part of a real tile.
     """
-    tile, extra = SampledTile.of(sample), {"tile_seconds": []}
+    tile, extra = SampledTile.of(sample), dict[str, list[float]](tile_seconds=[])
 
     def work() -> Run:
         ends: list[float] = []

@@ -6,15 +6,15 @@ time, so that other programs on the machine disturb them little.
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.measured import ours
+from benchmarks.measured.costs import each
+from benchmarks.measured.rows import in_turn, print_table, rates
+from benchmarks.peers.method import clocked
 from lfcore.opencl.device import Device, cl
-from measured import ours
-from measured.costs import each
-from measured.rows import in_turn, print_table, rates
 
 PEAKS = """
 kernel __attribute__((reqd_work_group_size(1, 1, 1)))
@@ -58,14 +58,13 @@ CHAIN_LATENCY = 4
 
 def _best(device: Device, launch, repeats: int) -> tuple[float, float]:
     """Least wall and CPU seconds of a launch."""
-    walls, cpus = [], []
-    for _ in range(repeats + 1):
-        wall, cpu = time.perf_counter(), time.process_time()
+
+    def work() -> None:
         launch()
         device.queue.finish()
-        walls.append(time.perf_counter() - wall)
-        cpus.append(time.process_time() - cpu)
-    return min(walls), min(cpus)
+
+    runs = [clocked(work, 0) for _ in range(repeats + 1)]
+    return min(run.seconds for run in runs), min(run.cpu_seconds for run in runs)
 
 
 def peaks(device: Device, repeats: int) -> dict[str, float]:

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from peers.method import Method, Run
 
+from benchmarks.peers.method import Method, Run
 from lfcore.files import write_text
 
 

@@ -71,6 +71,8 @@ class SampledTile(Tile):
     Planes are as large as the picture, as they are for a real tile.
     """
 
+    _pixels: np.ndarray
+
     @classmethod
     def of(cls, sample: Sample) -> SampledTile:
         size = sample.slab.pixels

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from benchmarks.measured import ours
+from benchmarks.measured.rows import in_turn, rates, say
+from benchmarks.measured.sample import sample_slab
+from benchmarks.measured.scenes import SCENES, Loaded, resampled
 from lfcore.evaluation.figures import save_figure
 from lfcore.optics.slab import Slab
-from measured import ours
-from measured.rows import in_turn, rates, say
-from measured.sample import sample_slab
-from measured.scenes import SCENES, Loaded, resampled
 
 SIZES = (10_000, 30_000, 100_000, 207_000, 500_000, 1_000_000, 2_000_000, 5_000_000)
 GOAL_SECONDS = {207_000: 2.0, 2_000_000: 30.0}
@@ -29,7 +29,7 @@ def scaling(options) -> list[dict]:
 
     name = options.scenes[0]
     scene = build_scene(SCENES / name / "scene.yaml")
-    rows, first = [], {}
+    rows, first = [], dict[int, tuple[float, int]]()
     for size in options.triangles or SIZES:
         say(f"{name} in {size} triangles")
         scene = resampled(scene, size)

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
-from peers.method import Method, Run
 
+from benchmarks.measured.costs import race
+from benchmarks.measured.rows import say
+from benchmarks.measured.scenes import Loaded
+from benchmarks.peers.method import Method, clocked
 from lfcore.optics.bundles import Bundles, macropixels, views
 from lfcore.optics.slab import Slab
 from lfcore.tracing.plan import SINGLE_RAY_LEAVES, leaves_a_ray
 from lfcore.tracing.tracer import Tracer
-from measured.costs import race
-from measured.rows import say
-from measured.scenes import Loaded
 
 CASES = (("macropixels", 16, 512), ("macropixels", 4, 512), ("views", 8, 256), ("views", 8, 64))
 """Inner grid, N and M; views are the data cameras of an array over the lens."""
@@ -39,12 +37,7 @@ def _method(tracer: Tracer, work: str, bundles: Bundles, places: np.ndarray) -> 
     trace = tracer.bundle_hits if work == "visibility" else tracer.bundle_radiance
     rays = len(places) * bundles.columns * bundles.rows
 
-    def run() -> Run:
-        wall, cpu = time.perf_counter(), time.process_time()
-        trace(bundles, places)
-        return Run(time.perf_counter() - wall, time.process_time() - cpu, rays)
-
-    return Method("", work, run, ours=True)
+    return Method("", work, lambda: clocked(lambda: trace(bundles, places), rays), ours=True)
 
 
 def scattered(options) -> list[dict]:

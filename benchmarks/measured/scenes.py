@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.measured.rows import say
 from lfcore.opencl.device import Device
 from lfcore.scene.build import build_scene
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import Bvh, build_bvh
 from lfcore.tracing.tracer import Tracer
-from measured.rows import say
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from peers.method import Method, clocked
 
+from benchmarks.measured.rows import in_turn, say
+from benchmarks.measured.scenes import Loaded
+from benchmarks.peers.method import Method, clocked
 from lfcore.opencl.device import Device, open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -20,8 +22,6 @@ from lfcore.storage.defaults import default_kind, default_pack, default_spec
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 from lfcore.tracing.tracer import Tracer
-from measured.rows import in_turn, say
-from measured.scenes import Loaded
 
 SEED = 2024
 ENCODE_LIMIT, DECODE_LIMIT, PLANES_LIMIT = 1.35, 2.0, 3.0
@@ -81,8 +81,9 @@ def sampled_tiles(layout: FrameLayout, frames: int) -> list[Tile]:
     for quarter in range(4):
         low = np.array(divmod(quarter, 2)[::-1]) * half
         free = (half - np.array([2 * high, high]) * pack) // pack
-        corner = (low + rng.integers(0, np.maximum(free, 0) + 1) * pack) // pack * pack
-        tiles.append(layout.tile(*corner.tolist(), 2 * high * pack, high * pack, quarter))
+        drawn = rng.integers(0, np.maximum(free, 0) + 1)
+        column, row = ((low + drawn * pack) // pack * pack).tolist()
+        tiles.append(layout.tile(column, row, 2 * high * pack, high * pack, quarter))
     return tiles
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.measured.rows import say
+from benchmarks.measured.scenes import SCENES
 from lfcore.storage.lightfield import LightFieldFile
-from measured.rows import say
-from measured.scenes import SCENES
 
 ROOT = Path(__file__).resolve().parents[2]
 GROWTH_LIMIT = 1.05

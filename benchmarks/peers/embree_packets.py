@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from peers.method import Method, Run, SkippedError
+from benchmarks.peers.method import Method, Run, SkippedError
 
 SOURCE = Path(__file__).with_suffix(".cpp")
 WAYS = {"lens": "4 x 4 lens samples", "pixels": "4 x 4 pixels"}
@@ -32,6 +32,8 @@ class EmbreePackets:
         np.ascontiguousarray(triangles, np.float32).tofile(path)
         pipe = subprocess.PIPE
         self._process = subprocess.Popen([program, path], stdin=pipe, stdout=pipe, text=True)
+        assert self._process.stdin and self._process.stdout
+        self._told, self._said = self._process.stdin, self._process.stdout
         version, native, seconds = self._answer()
         number = int(version)
         self.version = f"{number // 10000}.{number // 100 % 100}.{number % 100}"
@@ -58,9 +60,9 @@ class EmbreePackets:
         return Method(name, "visibility", lambda: trace()[0], note, lambda: trace()[1:])
 
     def close(self) -> None:
-        self._process.stdin.close()
+        self._told.close()
         self._process.wait(timeout=60)
-        self._process.stdout.close()
+        self._said.close()
         self._folder.cleanup()
 
     def _write_rays(self, sample) -> Path:
@@ -74,11 +76,11 @@ class EmbreePackets:
         return path
 
     def _say(self, line: str) -> None:
-        self._process.stdin.write(line + "\n")
-        self._process.stdin.flush()
+        self._told.write(line + "\n")
+        self._told.flush()
 
     def _answer(self) -> list[str]:
-        line = self._process.stdout.readline()
+        line = self._said.readline()
         if not line:
             raise SkippedError("the Embree driver ended early; its message is above")
         return line.split()
@@ -90,7 +92,7 @@ def compile_driver(folder: Path) -> Path:
     if compiler is None:
         raise SkippedError("no C++ compiler is installed")
     program = folder / "embree_packets"
-    command = [compiler, "-O3", "-march=native", "-std=c++17", SOURCE, "-o", program]
+    command = [compiler, "-O3", "-march=native", "-std=c++17", str(SOURCE), "-o", str(program)]
     done = subprocess.run(
         [*command, "-lembree3", "-pthread"], capture_output=True, text=True, check=False
     )

@@ -9,7 +9,7 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from peers.method import Method, Run, SkippedError
+from benchmarks.peers.method import Method, Run, SkippedError
 
 NAME = "embreex"
 MOST_RAYS = 1 << 20

@@ -7,17 +7,16 @@ of them at once would not fit into memory.  What matches and what does not is as
 
 from __future__ import annotations
 
+from benchmarks.peers import mitsuba_picture as one
+from benchmarks.peers.method import Method
 from lfcore.optics.array import CameraArray
-from peers import mitsuba_picture as one
-from peers.method import Method
 
 
 def _load(array: CameraArray) -> str:
     describe = one._here["describe"]
-    mitsuba, slab = describe.mitsuba, array.as_slab()
-    description = describe.all(slab.camera, slab.pixels)
-    description["sensor"] = _row(mitsuba, array, len(array.rows_m) // 2)
-    one._here["scene"] = mitsuba.load_dict(description)
+    mitsuba = describe.mitsuba
+    row = _row(mitsuba, array, len(array.rows_m) // 2)
+    one._here["scene"] = mitsuba.load_dict(describe.all(row))
     return mitsuba.__version__
 
 

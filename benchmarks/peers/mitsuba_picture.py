@@ -21,9 +21,9 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.peers.method import Method, Run, SkippedError
 from lfcore.scene.mitsuba import Description
 from lfcore.scene.model import Scene
-from peers.method import Method, Run, SkippedError
 
 NAME = "mitsuba llvm_ad_rgb"
 SAMPLES = 32
@@ -56,7 +56,8 @@ def _open(scene: Scene, threads: int, llvm: str | None) -> None:
 
 def _load(slab) -> str:
     describe = _here["describe"]
-    _here["scene"] = describe.mitsuba.load_dict(describe.all(slab.camera, slab.pixels))
+    sensor = describe.sensor(slab.camera, slab.pixels)
+    _here["scene"] = describe.mitsuba.load_dict(describe.all(sensor))
     return describe.mitsuba.__version__
 
 

@@ -14,9 +14,9 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+from benchmarks.peers.method import Method, Run, SkippedError
 from lfcore.scene.model import Scene
 from lfcore.scene.povray import write_povray
-from peers.method import Method, Run, SkippedError
 
 NAME = "povray"
 SIDE = 96
@@ -27,10 +27,10 @@ class PovrayPicture:
     """One scene as a POV-Ray file in a temporary folder."""
 
     def __init__(self, scene: Scene, threads: int):
-        self._program = shutil.which("povray")
-        if not self._program:
+        program = shutil.which("povray")
+        if not program:
             raise SkippedError("povray is not installed")
-        self._scene, self._threads = scene, threads
+        self._program, self._scene, self._threads = program, scene, threads
         self._folder = tempfile.TemporaryDirectory(prefix="povray-")
 
     def method(self, slab) -> Method:

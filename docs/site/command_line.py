@@ -38,7 +38,7 @@ def _commands(one: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser
 def _wide(one: argparse.ArgumentParser) -> argparse.ArgumentParser:
     """The parser, whose texts no terminal's width breaks."""
     own = one.formatter_class
-    one.formatter_class = lambda prog: own(prog, width=WIDTH)  # type: ignore[assignment]
+    one.formatter_class = lambda prog: own(prog, width=WIDTH)  # type: ignore
     return one
 
 

@@ -19,12 +19,12 @@ from lfcore.optics.slab import Slab
 
 FOLDER = Path(__file__).resolve().parents[1] / "pictures"
 BLUE, RED, GREEN, GREY = "#2a63b0", "#c0392b", "#2e7d4f", "#555555"
-SLABS = {"views": 9, "pixels": 9}
+VIEWS = PIXELS = 9
 
 
 def slab() -> Slab:
     """A wide lens of few views, so that what is drawn can be seen; focused at 2 m."""
-    return Slab(Camera(0.5, 0.4, 1.0, 2.0), **SLABS)
+    return Slab(Camera(0.5, 0.4, 1.0, 2.0), VIEWS, PIXELS)
 
 
 def parametrisation(axes) -> None:

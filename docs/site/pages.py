@@ -23,6 +23,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -84,7 +85,7 @@ class Page:
             if match[1] in LANGUAGES:
                 said = COMMENT.search(text[: match.start()])
                 skipped = _reason(said) if said else ""
-                missing = bool(skipped) and said[1] == "needs"
+                missing = said is not None and bool(skipped) and said[1] == "needs"
                 blocks.append(Block(match[1], match[2], match.end(), skipped, missing))
         pairs = (part.split(" = ") for said in SMALL.findall(text) for part in said.split(" | "))
         return cls(name, text, blocks, dict(pairs))
@@ -125,7 +126,7 @@ def _run(language: str, code: str, names: dict[str, object]) -> str:
         return _captured(lambda: exec(compile(code, "<page>", "exec"), names))
     commands = code.replace("\\\n", " ").strip().splitlines()
     if all(line.startswith("lfcore ") and not BEYOND_WORDS.search(line) for line in commands):
-        return "".join(_captured(lambda line=line: _lfcore(line)) for line in commands)
+        return "".join(_captured(partial(_lfcore, line)) for line in commands)
     # The environment's own commands first, as after `source .venv/bin/activate`.
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     done = subprocess.run(

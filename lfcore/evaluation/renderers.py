@@ -194,7 +194,8 @@ def mitsuba(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Render
     try:
         module = _import_mitsuba()
         camera = focused_camera(scene.camera, plane)
-        loaded = module.load_dict(Description(module, scene).all(camera, pixels))
+        describe = Description(module, scene)
+        loaded = module.load_dict(describe.all(describe.sensor(camera, pixels)))
     except (NotRenderedError, SceneError) as error:
         return Rendered(name, None, note=f"left out: {error}")
     note = f"Mitsuba {module.__version__} scalar_rgb, random lens points"

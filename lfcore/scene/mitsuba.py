@@ -46,12 +46,12 @@ class Description:
                 remedy="Leave it out, or compare a scene that has no other light",
             )
 
-    def all(self, camera: Camera, pixels: int) -> dict:
-        """What ``mitsuba.load_dict`` takes, for pictures of ``pixels`` a side."""
+    def all(self, sensor: dict) -> dict:
+        """What ``mitsuba.load_dict`` takes, for the pictures of a sensor."""
         integrator = {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0}
         if self._glows:
             integrator = {"type": "path", "max_depth": 1}
-        out = {"type": "scene", "integrator": integrator, "sensor": self._sensor(camera, pixels)}
+        out = {"type": "scene", "integrator": integrator, "sensor": sensor}
         for index, light in enumerate(self._scene.lights):
             if light.casts_shadows and any(light.colour):
                 out[f"light_{index}"] = self._light(light)
@@ -61,7 +61,8 @@ class Description:
                 out[f"mesh_{material}"] = mesh
         return out
 
-    def _sensor(self, camera: Camera, pixels: int) -> dict:
+    def sensor(self, camera: Camera, pixels: int) -> dict:
+        """The lens, focused, and pictures of ``pixels`` a side."""
         transform = self.mitsuba.ScalarTransform4f()
         return {
             "type": "thinlens",

@@ -6,7 +6,7 @@ default configuration, and the table of config/README.md.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
@@ -275,7 +275,7 @@ class Array(Keys):
     fov_deg: number(gt=0, lt=180) = key("field of view of a data camera, degrees")
 
 
-ARRAYS = {
+ARRAYS: dict[str, dict[str, Any]] = {
     "book": {"bounds_m": [-0.6, 0.6, -0.6, 0.6], "fov_deg": 50},
     "sphere": {"bounds_m": [-0.6, 0.6, -0.6, 0.6], "fov_deg": 50},
     "ecosys": {"bounds_m": [-2.5, 2.5, -1.5, 1.5], "fov_deg": 60},

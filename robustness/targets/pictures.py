@@ -97,10 +97,11 @@ def judge_lens(data: bytes, folder: Path) -> Outcome:
         lens = LensSystem.read(file).focused(5.0)
         film = np.array([[0.0, 0.0], [0.005, 0.002]])
         rear = np.array([0.001, 0.0, lens.film_distance_m])
-        rays = lens.trace(np.pad(film, ((0, 0), (0, 1))), rear - np.pad(film, ((0, 0), (0, 1))))
+        origins = np.pad(film, ((0, 0), (0, 1)))
+        arrays = [*lens.trace(origins, rear - origins)]
         if zlib.crc32(data) % 8 == 0:
-            rays = (*rays, *LensSampler(lens, 0.01).rays(film, np.full((2, 2), 0.4)))
-        if not all(np.isfinite(array).all() for array in rays):
+            arrays += LensSampler(lens, 0.01).rays(film, np.full((2, 2), 0.4))
+        if not all(np.isfinite(array).all() for array in arrays):
             raise SilentlyWrong("rays that are not finite")
 
     return outcome_of(work, names=None)

@@ -1,0 +1,1 @@
+"""Speed, size and error against peers, and the published results: see README.md."""
