@@ -15,7 +15,6 @@ of the area) gives, both in focus, and million rays a second of encoding and dec
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 import tempfile
 import time
@@ -25,6 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.measured.rows import write_csv
 from lfcore.colour import srgb_decode, srgb_encode
 from lfcore.errors import StorageError
 from lfcore.evaluation.timing import Stopwatch
@@ -246,30 +246,28 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
     extra = tuple(tuple(pair.split("=", 1)) for pair in args.extra)
-    with open(args.out, "w", newline="") as file:
-        table = csv.writer(file)
-        table.writerow(COLUMNS)
-        for scene in args.scenes:
-            for views in args.views:
-                material = Material(scene, args.kind, views, args.pixels, args.mrays)
-                for name, codec, how in variants(views):
-                    if args.only and not any(word in name for word in args.only):
-                        continue
-                    settings = {"preset": args.preset, "extra": extra} | codec
-                    if settings.get("codec"):
-                        settings["extra"] = ()
-                    elif "extra" in codec:
-                        settings["extra"] = tuple((dict(extra) | dict(codec["extra"])).items())
-                    for crf in args.crf if codec.get("codec") != "ffv1" else args.crf[:1]:
-                        spec = CodecSpec(**settings, crf=crf)
-                        place = {"pack": args.pack, "pixel_format": spec.pixel_format} | how
-                        layout = FrameLayout(args.kind, views, args.pixels, **place)
-                        found = measure(material, layout, spec)
-                        row = (scene, views, name, spec.codec, spec.pixel_format, crf, *found)
-                        table.writerow(row)
-                        file.flush()
-                        print("{:8} {:4} {:22} {:9} {:11}".format(*row[:5]),
-                              *(f"{value:>9}" for value in row[5:]), flush=True)  # fmt: skip
+    rows: list[dict] = []
+    for scene in args.scenes:
+        for views in args.views:
+            material = Material(scene, args.kind, views, args.pixels, args.mrays)
+            for name, codec, how in variants(views):
+                if args.only and not any(word in name for word in args.only):
+                    continue
+                settings = {"preset": args.preset, "extra": extra} | codec
+                if settings.get("codec"):
+                    settings["extra"] = ()
+                elif "extra" in codec:
+                    settings["extra"] = tuple((dict(extra) | dict(codec["extra"])).items())
+                for crf in args.crf if codec.get("codec") != "ffv1" else args.crf[:1]:
+                    spec = CodecSpec(**settings, crf=crf)
+                    place = {"pack": args.pack, "pixel_format": spec.pixel_format} | how
+                    layout = FrameLayout(args.kind, views, args.pixels, **place)
+                    found = measure(material, layout, spec)
+                    row = (scene, views, name, spec.codec, spec.pixel_format, crf, *found)
+                    rows.append(dict(zip(COLUMNS, row, strict=True)))
+                    write_csv(args.out, rows)
+                    print("{:8} {:4} {:22} {:9} {:11}".format(*row[:5]),
+                          *(f"{value:>9}" for value in row[5:]), flush=True)  # fmt: skip
 
 
 if __name__ == "__main__":

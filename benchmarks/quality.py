@@ -18,7 +18,7 @@ import pandas as pd
 from benchmarks.publish import Result, of_this_run
 from lfcore.api import load_scene
 from lfcore.errors import OpticsError
-from lfcore.evaluation.true_picture.reference import Reference, inner_psnr, true_pictures
+from lfcore.evaluation.true_picture.reference import Reference, true_pictures
 from lfcore.optics.planes import SensorPlane
 from lfcore.rendering.by_depth import RayCount, pictures_by_depth
 from lfcore.rendering.prepared import open_tracer
@@ -40,16 +40,11 @@ NEAR_DB = 0.1
 """By how much less counts as reached: what the truth itself is uncertain by."""
 
 
-def worst(pictures: np.ndarray, truth: Reference) -> float:
-    """dB of the worst plane."""
-    return min(inner_psnr(*pair) for pair in zip(pictures, truth.pictures, strict=True))
-
-
 def fewest_rays(tracer: Tracer, truth: Reference, targets: list[float]) -> np.ndarray:
     """Rays a pixel of single lattices that reach each target; NaN beyond them."""
     camera, pixels = tracer.scene.camera, truth.pictures.shape[1]
     found = [
-        worst(pictures_by_depth(tracer, camera, truth.planes, pixels, count), truth)
+        min(truth.psnr(pictures_by_depth(tracer, camera, truth.planes, pixels, count)))
         for count in LATTICES
     ]
     best = np.maximum.accumulate(found)
@@ -70,7 +65,7 @@ def rows_of(tracer: Tracer, pixels: int, targets: list[float]) -> Iterator[dict]
             except OpticsError as error:
                 yield row | {"refused": error.problem}
                 continue
-            found = worst(made.pictures, truth)
+            found = min(truth.psnr(made.pictures))
             yield row | {
                 "expected_db": f"{made.expected_db.min():.1f}",
                 "worst_db": f"{found:.1f}",

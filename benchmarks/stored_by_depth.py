@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.publish import RESULTS, Result, of_this_run, read_result
 from lfcore.api import load_scene
 from lfcore.evaluation.timing import Stopwatch
-from lfcore.evaluation.true_picture.reference import Reference, inner_psnr, true_pictures
+from lfcore.evaluation.true_picture.reference import Reference, true_pictures
 from lfcore.lightfield import LightField
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -149,7 +149,7 @@ def _row(tracer, reference, layout, tiles, slab, encoders, crf, lattice, depth=N
     )  # fmt: skip
     field = LightField.open(file)
     pictures = field.refocus_many(reference.planes, device=tracer.device)
-    db = [inner_psnr(*pair) for pair in zip(pictures, reference.pictures, strict=True)]
+    db = reference.psnr(pictures)
     video = field.metadata.depth
     return {
         "scene": tracer.scene.name,

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import difflib
 import unicodedata
+from collections.abc import Iterable
 from pathlib import Path
+from typing import TypeVar
+
+Error = TypeVar("Error", bound="LfcoreError")
 
 LONGEST_TEXT = 1000
 """Characters of an error: one line that can still be read."""
@@ -36,6 +41,19 @@ class LfcoreError(Exception):
         text = f"{place}: {problem}" if place else problem
         end = f". {remedy}." if remedy else "."
         super().__init__(one_line(text) + _printable(end))
+
+    def named(
+        self, kind: type[Error], *, file: str | Path | None = None, key: str | None = None
+    ) -> Error:
+        """The same problem and remedy as an error of ``kind``, of this file and key if given."""
+        return kind(self.problem, file=file or self.file, key=key or self.key, remedy=self.remedy)
+
+
+def did_you_mean(unknown: str, known: Iterable[str]) -> str:
+    """The remedy for a name that is not among ``known``: the one most like it, or all."""
+    known = list(known)
+    near = difflib.get_close_matches(unknown, known, n=1)
+    return f"Did you mean {near[0]!r}" if near else f"Known are {', '.join(known) or 'none'}"
 
 
 def one_line(text: str) -> str:

@@ -92,9 +92,7 @@ class LightField(LightFieldFile):
             plane.check(slab)
             plane.aperture(slab)
         except OpticsError as error:
-            raise OpticsError(
-                error.problem, file=self.path, key=error.key, remedy=error.remedy
-            ) from None
+            raise error.named(OpticsError, file=self.path) from None
         return plane
 
     def refocus(
@@ -354,9 +352,7 @@ class LightField(LightFieldFile):
         if method == "slicing" and self.require_slab().extent:
             method = "shift-sum"  # the same sums, and it knows of grids in part
         if method == "shift-sum":
-            return shift_sum(
-                self, planes, filter=filter, device=device, progress=progress
-            ).pictures  # fmt: skip
+            return shift_sum(self, planes, filter=filter, device=device, progress=progress)
         return form_planes(self, planes, device=device, progress=progress).sums.pictures()
 
 

@@ -15,6 +15,8 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
+from lfcore.files import write_text
+
 ROOT = Path(__file__).resolve().parents[1]
 BUILD_BACKEND = "flit_core==4.2.0"
 NOT_OURS = {"lfcore", "pip", "setuptools", "wheel", "flit-core"}
@@ -91,8 +93,8 @@ def _conda_lines(requirements: list[str]) -> Iterator[str]:
 
 def main() -> None:
     pins = sorted([*installed(), BUILD_BACKEND], key=str.lower)
-    (ROOT / "constraints.txt").write_text(CONSTRAINTS_HEAD + "\n".join(pins) + "\n")
-    (ROOT / "workflow" / "envs" / "lfcore.yaml").write_text(conda_environment())
+    write_text(ROOT / "constraints.txt", CONSTRAINTS_HEAD + "\n".join(pins) + "\n")
+    write_text(ROOT / "workflow" / "envs" / "lfcore.yaml", conda_environment())
 
 
 if __name__ == "__main__":

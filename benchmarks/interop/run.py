@@ -25,6 +25,7 @@ import numpy as np
 from lfcore.exchange import export_lightfield
 from lfcore.exchange.grid import Geometry, ViewGrid
 from lfcore.exchange.storing import store_grid
+from lfcore.files import write_text
 from lfcore.lightfield import LightField
 from lfcore.storage.codecs import CodecSpec
 
@@ -288,7 +289,7 @@ def main() -> None:
         lines.append(f"| {title} | {outcome} | {said} |")
         print(lines[-1], flush=True)
     if arguments.out:
-        arguments.out.write_text("\n".join(lines) + "\n")
+        write_text(arguments.out, "\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

@@ -132,9 +132,7 @@ def make_plane(
         return make(**asked)
     except OpticsError as error:
         place = key or (_flag(error.key) if error.key and error.key in asked else error.key)
-        raise OpticsError(
-            error.problem, file=file or error.file, key=place, remedy=error.remedy
-        ) from None
+        raise error.named(OpticsError, file=file, key=place) from None
 
 
 def _flag(setting: str) -> str:

@@ -245,9 +245,7 @@ def named_file(file: Path) -> Iterator[None]:
     try:
         yield
     except OpticsError as error:
-        raise OpticsError(
-            error.problem, file=error.file or file, key=error.key, remedy=error.remedy
-        ) from None
+        raise error.named(OpticsError, file=error.file or file) from None
 
 
 COMMANDS = {

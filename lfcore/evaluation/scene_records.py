@@ -10,7 +10,7 @@ import numpy as np
 
 from lfcore.evaluation.metrics import picture_quality
 from lfcore.evaluation.tables import TableError, sizes
-from lfcore.evaluation.true_picture.reference import Reference, inner_psnr, load_reference
+from lfcore.evaluation.true_picture.reference import Reference, load_reference
 from lfcore.files import read_json
 from lfcore.optics.plane_pictures import load_stack
 
@@ -64,7 +64,7 @@ def _quality(stack_file: str | Path, reference: np.ndarray, true: Reference) -> 
         raise TableError(
             "shows other planes than the true pictures", file=stack_file, remedy="Make both again"
         )
-    true_db = np.mean([inner_psnr(*pair) for pair in zip(pictures, true.pictures, strict=True)])
+    true_db = np.mean(true.psnr(pictures))
     found: dict = picture_quality(pictures, reference)
     found["psnr_db"] = found["psnr_db"] if np.isfinite(found["psnr_db"]) else None
     return found | {"psnr_true_db": float(true_db)}

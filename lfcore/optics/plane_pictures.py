@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -31,10 +32,12 @@ def write_plane_pictures(
     write_pictures([(Path(folder) / n, p) for n, p in zip(names, pictures, strict=True)])
 
 
-def save_stack(path: str | Path, pictures: np.ndarray, planes: Sequence[SensorPlane]) -> None:
+def save_stack(
+    path: str | Path, pictures: np.ndarray, planes: Sequence[SensorPlane], **more: Any
+) -> None:
     """Write (P, M, M, 3) float32 linear light with the planes it shows, as npz.
 
-    Raises ``ValueError`` when there is not one plane a picture.
+    ``more`` are arrays beside them.  Raises ``ValueError`` when there is not one plane a picture.
     """
     if len(pictures) != len(planes):
         raise ValueError(f"{len(pictures)} pictures of {len(planes)} planes")
@@ -45,6 +48,7 @@ def save_stack(path: str | Path, pictures: np.ndarray, planes: Sequence[SensorPl
             file,
             pictures=np.asarray(pictures, np.float32),
             planes=np.frombuffer(header.encode(), np.uint8),
+            **more,
         )
 
 

@@ -7,9 +7,7 @@ last bit; bilinear shifts by fractions.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -227,15 +225,6 @@ def launch_add(
     )
 
 
-@dataclass(frozen=True)
-class ShiftSum:
-    """``pictures`` (P, M, M, 3) float32, linear light, and the wall ``seconds`` they took; of the
-    pixels alone that are there."""
-
-    pictures: np.ndarray
-    seconds: float
-
-
 def shift_sum(
     source: LightFieldFile | str | Path,
     planes: Sequence[SensorPlane],
@@ -243,8 +232,10 @@ def shift_sum(
     filter: str = "nearest",
     device: Device | str | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> ShiftSum:
-    """Refocus a stored light field by shift-sum; the next frames are decoded meanwhile.
+) -> np.ndarray:
+    """Refocus a stored light field by shift-sum: (P, M, M, 3) float32, linear light.
+
+    The next frames are decoded meanwhile.  Of a part of the grids the pixels alone that are there.
 
     Parameters
     ----------
@@ -258,12 +249,11 @@ def shift_sum(
     StorageError : the file is damaged or foreign, or holds no slab.
     OpticsError : a plane asks for what the slab did not record.
     """
-    begun = time.perf_counter()
     field = LightFieldFile.opened(source)
     device = device if isinstance(device, Device) else open_device(device)
     summer = ViewSummer(field.require_grid(), planes, filter=filter, device=device)
     add_frames(summer, field, progress)
-    return ShiftSum(crop(field.require_slab(), summer.pictures()), time.perf_counter() - begun)
+    return crop(field.require_slab(), summer.pictures())
 
 
 def shift_sum_views(

@@ -155,7 +155,7 @@ def _check_focus_distances(distances: list[float], focal_length_m: float, file: 
         try:
             check_focus(distance, focal_length_m, key=f"focus_distances_m[{index}]")
         except OpticsError as error:
-            raise SceneError(error.problem, file=file, key=error.key, remedy=error.remedy) from None
+            raise error.named(SceneError, file=file) from None
 
 
 def _poses(entry: dict, file: Path, key: str) -> tuple[np.ndarray, np.ndarray]:
@@ -211,9 +211,7 @@ def _view(camera: dict, file: Path) -> View | None:
     except OpticsError as error:
         names = {"bounds": "camera_grid_bounds_m", "cameras": "cameras_per_dim"}
         name = names.get(error.key or "", error.key)
-        raise SceneError(
-            error.problem, file=file, key=f"{key}.{name}", remedy=error.remedy
-        ) from None
+        raise error.named(SceneError, file=file, key=f"{key}.{name}") from None
 
 
 def _object(entry: dict, notebook: Notebook, *, file: Path, key: str) -> list[SurfaceMesh]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 import math
 from collections.abc import Iterable
@@ -12,7 +11,7 @@ from typing import Any
 import jsonschema
 import yaml
 
-from lfcore.errors import SceneError
+from lfcore.errors import SceneError, did_you_mean
 from lfcore.scene.reading import read_yaml
 
 # What fits 64 bits: of larger ones numpy makes objects, or nothing.
@@ -137,9 +136,8 @@ def _explain(error: jsonschema.ValidationError, file: str | Path) -> SceneError:
     if error.validator == "additionalProperties":
         known = list(rule.get("properties", {}))
         unknown = min(map(str, set(value) - set(known)))
-        near = difflib.get_close_matches(unknown, known, n=1)
-        hint = f"Did you mean {near[0]!r}" if near else f"Known keys: {', '.join(known)}"
-        return SceneError("unknown key", file=file, key=_join(key, unknown), remedy=hint)
+        remedy = did_you_mean(unknown, known)
+        return SceneError("unknown key", file=file, key=_join(key, unknown), remedy=remedy)
     owner = error
     while "description" not in owner.schema and owner.parent is not None:
         owner = owner.parent

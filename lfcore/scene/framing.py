@@ -116,9 +116,7 @@ def place_camera(
     try:
         return Camera(focal_m, sensor_m, float(f_number), focus), to_camera
     except OpticsError as error:
-        raise SceneError(
-            error.problem, file=file, key=f"camera.{error.key}", remedy=error.remedy
-        ) from None
+        raise error.named(SceneError, file=file, key=f"camera.{error.key}") from None
 
 
 def sharp_f_number(points: np.ndarray, focal_m: float, focus_m: float, width: float) -> float:

@@ -150,7 +150,7 @@ class Metadata:
         try:
             return cls._from_json(data)
         except StorageError as error:
-            raise StorageError(error.problem, file=file, key=error.key) from error
+            raise error.named(StorageError, file=file) from error
         except (
             LfcoreError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError,
         ) as error:  # fmt: skip

@@ -117,7 +117,7 @@ def sensor_planes(
             plane.check(Slab(camera, 2, 2))
         except OpticsError as error:
             key = f"configuration: planes.{index}.{error.key}"
-            raise SettingsError(error.problem, key=key, remedy=error.remedy) from None
+            raise error.named(SettingsError, key=key) from None
         made.append(plane)
     return made
 

@@ -6,7 +6,6 @@ configuration and the table of config/README.md.
 
 from __future__ import annotations
 
-import difflib
 import functools
 import operator
 import re
@@ -17,7 +16,7 @@ from typing import Any
 import pydantic
 import yaml
 
-from lfcore.errors import SettingsError
+from lfcore.errors import SettingsError, did_you_mean
 from lfcore.files import write_text
 from lfcore.workflow.keys import DEFAULT_SCENES, Configuration
 
@@ -81,9 +80,9 @@ def _explain(error: pydantic.ValidationError) -> SettingsError:
     if kind in UNKNOWN:
         name = last if kind == "extra_forbidden" else first["input"]
         there = list(_at(within)[0]["properties"])
-        close = difflib.get_close_matches(str(name), there, 1)
-        hint = f"Did you mean {close[0]!r}" if close else f"Known are {', '.join(there)}"
-        return SettingsError("unknown key", key=_dotted([*within, name]), remedy=hint)
+        return SettingsError(
+            "unknown key", key=_dotted([*within, name]), remedy=did_you_mean(str(name), there)
+        )
     if kind == MISSING:
         return SettingsError(f"{last!r} is a required property", key=_dotted(within))
     place = [*within, last] if isinstance(last, int) or last in known else within

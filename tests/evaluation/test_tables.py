@@ -21,6 +21,7 @@ from lfcore.evaluation.true_picture.reference import Reference, save_reference
 from lfcore.files import write_json
 from lfcore.optics.plane_pictures import save_stack
 from lfcore.optics.planes import SensorPlane
+from lfcore.oracle.colour import srgb_decode, srgb_encode
 
 CONTEXT = {"triangles": 9990, "M": 128, "device": "made up", "threads": 1}
 
@@ -121,8 +122,7 @@ def test_pictures_are_judged_by_the_largest_n_and_by_the_truth(tmp_path):
     files = []
     for views, off in ((16, 0.02), (32, 0.01)):
         # Off by so much in sRGB but at the border, which does not count.
-        picture = ((((true[0, 0, 0, 0] ** (1 / 2.4) * 1.055 - 0.055) + off) + 0.055) / 1.055) ** 2.4
-        stack = np.full_like(true, picture)
+        stack = srgb_decode(srgb_encode(true) + off).astype(np.float32)
         stack[:, :2] = 0
         save_stack(tmp_path / f"{views}.npz", stack, planes)
         files.append(Resolution(views, tmp_path / f"{views}.npz", tmp_path / "trace.json"))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Sequence
 
+from lfcore.errors import did_you_mean
 from lfcore.evaluation.stability import codecs, extents, hostile, lenses, primitives, shadows
 from lfcore.evaluation.stability.measurement import Case, Measurement, StabilityError
 from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
@@ -35,13 +35,10 @@ def chosen(names: str | Iterable[str]) -> tuple[Case, ...]:
         return CASES
     for name in names:
         if name not in known:
-            close = difflib.get_close_matches(name, known, 1)
-            remedy = f"Did you mean {close[0]!r}" if close else f"Cases are {', '.join(known)}"
             raise StabilityError(
-                f"no stability sweep is called {name!r}",
-                key="analysis.stability_cases",
-                remedy=remedy,
-            )
+                f"no stability sweep is called {name!r}", key="analysis.stability_cases",
+                remedy=did_you_mean(name, known),
+            )  # fmt: skip
     return tuple(known[name] for name in names)
 
 

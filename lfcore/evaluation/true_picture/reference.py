@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,8 +12,7 @@ import numpy as np
 from lfcore.colour import display_values
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.evaluation.metrics import psnr
-from lfcore.files import whole_file
-from lfcore.optics.plane_pictures import load_stack
+from lfcore.optics.plane_pictures import load_stack, save_stack
 from lfcore.optics.planes import SensorPlane
 from lfcore.rendering.by_depth import RayCount, pictures_by_depth
 from lfcore.rendering.quality import BORDER
@@ -110,16 +108,11 @@ def check_unlike(counts: Sequence[RayCount]) -> None:
 
 
 def save_reference(path: str | Path, reference: Reference) -> None:
-    """Write it as npz: its arrays, and the planes as JSON."""
-    header = json.dumps([plane.to_json() for plane in reference.planes])
-    with whole_file(Path(path)) as file:
-        np.savez(
-            file,
-            pictures=reference.pictures,
-            known_db=reference.known_db,
-            square_error=reference.square_error,
-            planes=np.frombuffer(header.encode(), np.uint8),
-        )
+    """Write it as npz: a stack of planes, and what is known of its error."""
+    save_stack(
+        path, reference.pictures, reference.planes,
+        known_db=reference.known_db, square_error=reference.square_error,
+    )  # fmt: skip
 
 
 def load_reference(path: str | Path) -> Reference:

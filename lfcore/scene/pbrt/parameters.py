@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass, field
 from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.errors import SceneError
+from lfcore.errors import SceneError, did_you_mean
 from lfcore.scene.notes import NOT_USED, Notebook
 from lfcore.scene.pbrt.lexer import Place, syntax_error
 
@@ -158,7 +157,6 @@ def declare(text: str, place: Place) -> tuple[str, str]:
             'Write "type name", for example "float fov"',
         )
     if words[0] not in TYPES:
-        near = difflib.get_close_matches(words[0], TYPES, n=1)
-        hint = f"Did you mean {near[0]!r}" if near else f"Known types: {', '.join(TYPES)}"
-        raise syntax_error(f"unknown parameter type {words[0]!r}", place, hint)
+        remedy = did_you_mean(words[0], TYPES)
+        raise syntax_error(f"unknown parameter type {words[0]!r}", place, remedy)
     return words[0], words[1]

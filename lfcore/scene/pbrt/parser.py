@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from lfcore.errors import did_you_mean
 from lfcore.scene.notes import APPROXIMATED, Notebook
 from lfcore.scene.pbrt import lexer
 from lfcore.scene.pbrt.lexer import Place, Token, syntax_error
@@ -98,9 +98,8 @@ class _Parser:
     def directive(self, tokens: _Cursor) -> Directive:
         token = tokens.take()
         if token.kind != lexer.WORD or token.text not in GRAMMAR:
-            near = difflib.get_close_matches(token.text, GRAMMAR, n=1)
-            hint = f"Did you mean {near[0]}" if near else "Give a directive such as Shape"
-            raise syntax_error(f"{token.text} is not a directive", token.place, hint)
+            remedy = did_you_mean(token.text, GRAMMAR)
+            raise syntax_error(f"{token.text} is not a directive", token.place, remedy)
         name, grammar = token.text, GRAMMAR[token.text]
         strings: list[str] = []
         numbers = np.zeros(0)

@@ -6,14 +6,13 @@ have defaults; equal seeds and parameters give equal triangles and textures.
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import inspect
 import re
 from pathlib import Path
 from typing import Any
 
-from lfcore.errors import SceneError
+from lfcore.errors import SceneError, did_you_mean
 from lfcore.scene.surface_mesh import SurfaceMesh
 
 _COLOUR = re.compile("#[0-9a-fA-F]{6}")
@@ -28,9 +27,10 @@ def build(
     Raises :class:`SceneError` for an unknown builder or parameter, or one of the wrong type.
     """
     if name not in BUILDERS:
-        near = difflib.get_close_matches(name, BUILDERS, n=1)
-        hint = f"Did you mean {near[0]!r}" if near else f"Builders are: {', '.join(BUILDERS)}"
-        raise SceneError(f"unknown builder {name!r}", file=file, key=f"{key}.builder", remedy=hint)
+        raise SceneError(
+            f"unknown builder {name!r}", file=file, key=f"{key}.builder",
+            remedy=did_you_mean(name, BUILDERS),
+        )  # fmt: skip
     builder = importlib.import_module(f"{__name__}.{name}").build
     known = {
         parameter.name: parameter.default
@@ -40,19 +40,16 @@ def build(
     for parameter, value in parameters.items():
         place = f"{key}.parameters.{parameter}"
         if parameter not in known:
-            names = ", ".join(known) or "none"
             raise SceneError(
-                f"builder {name!r} has no such parameter",
-                file=file,
-                key=place,
-                remedy=f"Its parameters are: {names}",
-            )
+                f"builder {name!r} has no such parameter", file=file, key=place,
+                remedy=did_you_mean(parameter, known),
+            )  # fmt: skip
         _check_type(value, known[parameter], file, place)
     try:
         return builder(seed, **parameters)
     except SceneError as error:
         place = f"{key}.parameters.{error.key}" if error.key else f"{key}.parameters"
-        raise SceneError(error.problem, file=file, key=place, remedy=error.remedy) from None
+        raise error.named(SceneError, file=file, key=place) from None
 
 
 def _check_type(value: Any, default: object, file: str | Path | None, key: str) -> None:
