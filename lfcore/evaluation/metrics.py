@@ -55,8 +55,12 @@ def psnr(image: np.ndarray, reference: np.ndarray, *, peak: float) -> float:
     MetricError
         when the pictures cannot be compared or ``peak`` is not positive.
     """
-    error = mse(image, reference)
-    return math.inf if error == 0 else 10.0 * math.log10(_positive(peak) ** 2 / error)
+    return decibels(mse(image, reference), peak=peak)
+
+
+def decibels(mean_square: float, *, peak: float) -> float:
+    """The PSNR of a mean squared error."""
+    return math.inf if mean_square == 0 else 10.0 * math.log10(_positive(peak) ** 2 / mean_square)
 
 
 def ssim(image: np.ndarray, reference: np.ndarray, *, peak: float) -> float:

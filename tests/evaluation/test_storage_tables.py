@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from lfcore.errors import OpticsError, StorageError
+from lfcore.evaluation.metrics import psnr, ssim
 from lfcore.evaluation.storage import layouts, rate_distortion, retrieval
 from lfcore.evaluation.storage.figures import (
     layouts_figure,
@@ -20,6 +21,7 @@ from lfcore.evaluation.storage.figures import (
 )
 from lfcore.evaluation.storage.sample import (
     Frames,
+    frame_quality,
     own_planes,
     store,
     trace_sample,
@@ -35,6 +37,7 @@ from lfcore.storage.container import join_segments
 from lfcore.storage.defaults import default_kind, default_pack
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentWriter
+from lfcore.storage.ycbcr import rgb_from_frames
 from lfcore.workflow.settings import check_settings
 
 CONFIGURATIONS = Path(__file__).parents[2] / "config"
@@ -97,6 +100,25 @@ def test_lossless_storage_costs_rounding_alone(sample, chart):
     assert min(stored["psnr_frames_db"], stored["psnr_pictures_db"]) > 54
     assert min(stored["ssim_frames"], stored["ssim_pictures"]) > 0.995
     assert stored["encode_seconds"] > 0 and stored["decode_seconds"] > 0
+
+
+def test_frames_are_compared_a_few_at_a_time_as_all_at_once(monkeypatch, sample):
+    frames = Frames(sample, FrameLayout("macropixels", 8, 16, "raster", 1, "yuv420p"))
+    assert frames.rgb.shape == (256, 16, 16, 3) and frames.used.sum() == 8 * 8
+    decoded = frames.codes.copy()
+    decoded[:, ::5] += np.arange(256, dtype=np.uint8)[:, None]
+    module, area = "lfcore.evaluation.storage.sample", 16 * 16
+    monkeypatch.setattr(f"{module}.CACHED_PX", 5 * area)
+    monkeypatch.setattr(f"{module}.SSIM_PX", 85 * area)
+    found = rgb_from_frames(decoded, "yuv420p", 16, 16)
+    looked_at = zip(found[::3], frames.rgb[::3], strict=True)
+    assert frame_quality(frames, decoded) == pytest.approx(
+        {
+            "psnr_frames_db": psnr(found[:, frames.used], frames.rgb[:, frames.used], peak=1),
+            "ssim_frames": np.mean([ssim(a, b, peak=1) for a, b in looked_at]),
+        },
+        abs=1e-6,
+    )
 
 
 def test_coarser_quantisers_take_fewer_bytes_and_err_more(sample, chart):
