@@ -20,7 +20,6 @@ from pathlib import Path
 from benchmarks.measured.rows import in_turn, print_table, rates, say, write_csv
 from benchmarks.peers.method import Method, SkippedError, clocked
 from lfcore.evaluation.assignment.book import BOOK_FOCUS_M, assignment_camera
-from lfcore.evaluation.timing import machine
 from lfcore.opencl.device import open_device
 from lfcore.optics.array import CameraArray
 from lfcore.refocus.array.device_field import DeviceField
@@ -30,6 +29,7 @@ from lfcore.refocus.array.monte_carlo import monte_carlo
 from lfcore.refocus.array.quadrature import quadrature
 from lfcore.rendering.array import trace_array
 from lfcore.scene.build import build_scene
+from lfcore.timing import machine
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 from lfcore.workflow.keys import ARRAYS

@@ -23,10 +23,10 @@ from benchmarks.full_size import FOLDER, SETTINGS, core_share, pictures_digest, 
 from benchmarks.publish import ROOT, PublishError, read_result
 from lfcore.evaluation.metrics import picture_quality
 from lfcore.evaluation.tables import DECIMALS, sizes
-from lfcore.evaluation.timing import machine
 from lfcore.files import read_json
 from lfcore.optics.plane_pictures import load_stack
 from lfcore.scene.reading import read_yaml
+from lfcore.timing import machine
 from lfcore.workflow.costs import job_cost
 from lfcore.workflow.forecast import START_SECONDS, duration
 from lfcore.workflow.progress import TOOK

@@ -27,13 +27,13 @@ import numpy as np
 from benchmarks.measured.rows import write_csv
 from lfcore.colour import srgb_decode, srgb_encode
 from lfcore.errors import StorageError
-from lfcore.evaluation.timing import Stopwatch
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.pixels import pixel_format
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 from lfcore.storage.ycbcr import rgb_from_frames, ycbcr_to_rgb
+from lfcore.timing import Stopwatch
 
 ROOT = Path(__file__).resolve().parents[1]
 SPOTS = ((0.2, 0.3), (0.45, 0.55), (0.65, 0.75))

@@ -23,7 +23,6 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.publish import RESULTS, Result, of_this_run
-from lfcore.evaluation.timing import clocked, measure_in_turn
 from lfcore.files import WholeFile
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
@@ -32,6 +31,7 @@ from lfcore.storage.container import join_segments, write_batch
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.segment import SegmentWriter
+from lfcore.timing import clocked, measure_in_turn
 
 VIEWS, FRAMES, OF_BATCH = 512, 4, 512
 SPEC = CodecSpec("libx264", "yuv444p", crf=24, preset="veryfast", bframes=0)

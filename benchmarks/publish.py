@@ -38,10 +38,10 @@ import pandas as pd
 
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.recommendation import DEFAULT_TASK, TASKS
-from lfcore.evaluation.timing import machine
 from lfcore.files import write_text
 from lfcore.scene.reading import read_yaml
 from lfcore.storage.defaults import default_spec
+from lfcore.timing import machine
 from lfcore.workflow.keys import DEFAULT_SCENES
 from lfcore.workflow.settings import check_settings
 

@@ -30,7 +30,6 @@ import numpy as np
 
 from benchmarks.publish import RESULTS, ROOT, read_result
 from lfcore import load_scene, record
-from lfcore.evaluation.timing import clocked
 from lfcore.optics.camera import Camera
 from lfcore.optics.plane_pictures import save_stack, write_plane_pictures
 from lfcore.optics.plane_sums import PlaneSums, total
@@ -40,6 +39,7 @@ from lfcore.refocus.slicing import form_planes
 from lfcore.rendering.direct import finished
 from lfcore.rendering.record import record_tile
 from lfcore.storage.layout import Tile
+from lfcore.timing import clocked
 from lfcore.tracing.tile import TileTracing
 from lfcore.workflow import cases, costs, scaling
 from lfcore.workflow.settings import check_settings

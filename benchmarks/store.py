@@ -14,7 +14,7 @@ from pathlib import Path
 from benchmarks.measured import stored, stored_files
 from benchmarks.measured.rows import print_table, say, write_csv
 from benchmarks.measured.scenes import Loaded
-from lfcore.evaluation.timing import machine
+from lfcore.timing import machine
 
 PARTS = ("encode", "retrieve", "memory", "access")
 

@@ -21,7 +21,6 @@ import numpy as np
 
 from benchmarks.publish import RESULTS, Result, of_this_run, read_result
 from lfcore.api import load_scene
-from lfcore.evaluation.timing import Stopwatch
 from lfcore.evaluation.true_picture.reference import Reference, true_pictures
 from lfcore.lightfield import LightField
 from lfcore.optics.planes import SensorPlane
@@ -37,6 +36,7 @@ from lfcore.storage.defaults import codec_spec, frame_layout
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentWriter
+from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"

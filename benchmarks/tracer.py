@@ -17,7 +17,7 @@ from pathlib import Path
 
 from benchmarks.measured import compare, costs, fixed, leaks, roofline, scaling, scattered
 from benchmarks.measured.rows import print_table, say, write_csv
-from lfcore.evaluation.timing import machine
+from lfcore.timing import machine
 
 MODES = {
     "scaling": (scaling.scaling, "time against triangle count, and building the hierarchy"),

@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from benchmarks.measured.rows import say
 from benchmarks.measured.scenes import SCENES
 from lfcore.scene.build import build_scene
 from lfcore.scene.files import save_scene
+from lfcore.timing import clocked
 from lfcore.tracing.bvh import build_bvh, save_bvh
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -50,15 +50,12 @@ print(json.dumps(dict(zip(names, steps))))
 
 def _job(cache: Path, scene: Path, bvh: Path) -> dict[str, float]:
     environment = {**os.environ, "XDG_CACHE_HOME": str(cache), "PYTHONPATH": str(ROOT)}
-    begun = time.perf_counter()
-    done = subprocess.run(
-        [sys.executable, "-c", JOB, scene, bvh],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
+    command = [sys.executable, "-c", JOB, str(scene), str(bvh)]
+    done, total = clocked(
+        lambda: subprocess.run(
+            command, env=environment, capture_output=True, text=True, check=False
+        )
     )
-    total = time.perf_counter() - begun
     if done.returncode:
         raise SystemExit(f"the job of --fixed failed:\n{done.stderr}")
     steps = json.loads(done.stdout.splitlines()[-1])

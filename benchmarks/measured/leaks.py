@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 import trimesh
@@ -15,6 +15,7 @@ from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
+from lfcore.timing import clocked
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -88,19 +89,16 @@ def leaks(options) -> list[dict]:
     share = -(-int(options.mrays * 1e6) // len(meshes))
     for name, triangles in meshes:
         say(f"{share} single rays in a {name}")
-        begun = time.perf_counter()
-        missed = aimed(triangles, share)
-        rows.append(_row(name, len(triangles), "closest_hit", share, missed, begun))
+        missed, seconds = clocked(partial(aimed, triangles, share))
+        rows.append(_row(name, len(triangles), "closest_hit", share, missed, seconds))
     say("slabs before walls")
-    begun = time.perf_counter()
-    traced, missed = through_wall(int(options.mrays * 1e6))
-    rows.append(_row("rough wall", None, "slab_hits", traced, missed, begun))
+    (traced, missed), seconds = clocked(lambda: through_wall(int(options.mrays * 1e6)))
+    rows.append(_row("rough wall", None, "slab_hits", traced, missed, seconds))
     return rows
 
 
-def _row(name: str, triangles, method: str, rays: int, misses: int, begun: float) -> dict:
+def _row(name: str, triangles, method: str, rays: int, misses: int, seconds: float) -> dict:
     """Seconds include making the rays."""
-    seconds = time.perf_counter() - begun
     return {
         "scene": name,
         "triangles": triangles,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from lfcore.opencl.device import Device
 from lfcore.scene.build import build_scene
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
+from lfcore.timing import clocked
 from lfcore.tracing.bvh import Bvh, build_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -38,9 +38,7 @@ class Loaded:
 
     @classmethod
     def of(cls, name: str, scene: Scene, device: Device | None = None) -> Loaded:
-        begun = time.perf_counter()
-        bvh = build_bvh(scene.triangles)
-        seconds = time.perf_counter() - begun
+        bvh, seconds = clocked(lambda: build_bvh(scene.triangles))
         return cls(name, scene, bvh, seconds, Tracer(scene, bvh, device))
 
     def with_device(self, device: Device) -> Tracer:

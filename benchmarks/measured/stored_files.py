@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from benchmarks.measured.rows import say
 from benchmarks.measured.scenes import SCENES
 from lfcore.storage.lightfield import LightFieldFile
+from lfcore.timing import clocked
 
 ROOT = Path(__file__).resolve().parents[2]
 GROWTH_LIMIT = 1.05
@@ -83,9 +84,7 @@ def random_access(scene: str, views: list[int], folder: Path) -> list[dict]:
         path = file_of(folder, n)
         for what, read in _reads(LightFieldFile.open(path)):
             field = LightFieldFile.open(path)
-            begun = time.perf_counter()
-            picture = read(field)
-            seconds = time.perf_counter() - begun
+            picture, seconds = clocked(partial(read, field))
             touched = sorted(field.decoded_segments)
             size = sum(field.metadata.segments[k].bytes for k in touched)
             whole = field.layout.frame_bytes * field.metadata.frames

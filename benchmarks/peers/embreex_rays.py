@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from importlib.metadata import version
 from multiprocessing import get_context
 
 import numpy as np
 
 from benchmarks.peers.method import Method, Run, SkippedError
+from lfcore.timing import clocked
 
 NAME = "embreex"
 MOST_RAYS = 1 << 20
@@ -31,9 +33,8 @@ def _set_rays(origins: np.ndarray, directions: np.ndarray) -> None:
 
 
 def _trace() -> tuple[float, int, float]:
-    cpu = time.process_time()
-    found = _here["scene"].run(*_here["rays"], query="INTERSECT", output=1)
-    cpu = time.process_time() - cpu
+    run = partial(_here["scene"].run, *_here["rays"], query="INTERSECT", output=1)
+    found, cpu = clocked(run, clock=time.process_time)
     seen = found["primID"] >= 0
     return cpu, int(seen.sum()), float(found["tfar"][seen].sum(dtype=np.float64))
 
@@ -72,9 +73,9 @@ class EmbreexRays:
         count, last = origins[..., 0].size, {}
 
         def run() -> Run:
-            wall = time.perf_counter()
-            answers = [one.result() for one in [pool.submit(_trace) for pool in self._pools]]
-            wall = time.perf_counter() - wall
+            answers, wall = clocked(
+                lambda: [one.result() for one in [pool.submit(_trace) for pool in self._pools]]
+            )
             cpu, hits, depth = map(sum, zip(*answers, strict=True))
             last["check"] = hits / count, depth / max(hits, 1)
             return Run(wall, cpu, count)

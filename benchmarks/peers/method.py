@@ -6,6 +6,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from lfcore import timing
+
 
 class SkippedError(Exception):
     """This method cannot run here; the message says what is missing."""
@@ -41,6 +43,5 @@ class Method:
 
 def clocked(work: Callable[[], object], rays: int) -> Run:
     """Run ``work`` in this process under both clocks."""
-    wall, cpu = time.perf_counter(), time.process_time()
-    work()
-    return Run(time.perf_counter() - wall, time.process_time() - cpu, rays)
+    (_, cpu), wall = timing.clocked(lambda: timing.clocked(work, clock=time.process_time))
+    return Run(wall, cpu, rays)

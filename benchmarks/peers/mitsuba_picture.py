@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -24,6 +25,7 @@ import numpy as np
 from benchmarks.peers.method import Method, Run, SkippedError
 from lfcore.scene.mitsuba import Description
 from lfcore.scene.model import Scene
+from lfcore.timing import clocked
 
 NAME = "mitsuba llvm_ad_rgb"
 SAMPLES = 32
@@ -62,9 +64,10 @@ def _load(slab) -> str:
 
 
 def _render(samples: int, seed: int) -> tuple[float, float, np.ndarray]:
-    wall, cpu = time.perf_counter(), time.process_time()
-    picture = np.asarray(_here["describe"].mitsuba.render(_here["scene"], spp=samples, seed=seed))
-    return time.perf_counter() - wall, time.process_time() - cpu, picture
+    render = partial(_here["describe"].mitsuba.render, _here["scene"], spp=samples, seed=seed)
+    work = partial(clocked, lambda: np.asarray(render()), clock=time.process_time)
+    (picture, cpu), wall = clocked(work)
+    return wall, cpu, picture
 
 
 class MitsubaPicture:

@@ -16,7 +16,6 @@ import numpy as np
 
 from lfcore.colour import display_values
 from lfcore.evaluation.metrics import PEAK, picture_quality, psnr
-from lfcore.evaluation.timing import Stopwatch, clocked
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera
 from lfcore.optics.slab import Slab
@@ -27,6 +26,7 @@ from lfcore.refocus.stored_views import FrameSummer
 from lfcore.rendering.direct import finished, trace_picture, trace_planes
 from lfcore.rendering.plenoptic import photograph, refocus_photograph
 from lfcore.storage.layout import FrameLayout
+from lfcore.timing import Stopwatch, clocked
 from lfcore.tracing.tracer import Tracer
 
 Planes = Sequence[SensorPlane]

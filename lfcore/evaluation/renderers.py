@@ -27,7 +27,6 @@ import numpy as np
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.evaluation.metrics import picture_quality
-from lfcore.evaluation.timing import clocked_warm
 from lfcore.opencl.device import programs_made
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
@@ -37,6 +36,7 @@ from lfcore.rendering.direct import focused_camera, trace_picture
 from lfcore.scene.mitsuba import Description
 from lfcore.scene.model import Scene
 from lfcore.scene.povray import FILE, write_mesh, write_view
+from lfcore.timing import clocked_warm
 from lfcore.tracing.tracer import Tracer
 
 COLUMNS = [

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 
 from lfcore.evaluation.metrics import picture_quality
 from lfcore.evaluation.tables import sizes
-from lfcore.evaluation.timing import Stopwatch
 from lfcore.files import draft_folder
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.planes import SensorPlane
@@ -23,6 +22,7 @@ from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import Tile
 from lfcore.storage.segment import SegmentWriter
+from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from lfcore.optics.slab import Slab
 from lfcore.refocus.strip_tables import STRIP, StripTables, strip_tables, table_words
 from lfcore.storage.layout import Tile
 from lfcore.storage.lightfield import LightFieldFile
+from lfcore.timing import Stopwatch
 from lfcore.tracing.plane_buffers import PlaneBuffers
 
 CHUNK_BYTES = 64 << 20
@@ -137,24 +137,25 @@ def form_planes(
         )  # fmt: skip
     for plane in planes:
         plane.check(slab)
-    begun = time.perf_counter()
     name = device.device.name if isinstance(device, Device) else device
     if isinstance(device, Device):
         threads = threads or device.threads
     count = _Progress(progress, sum(part.frames for part in field.segments))
     threads = max(1, min(threads or open_device(name).threads, len(field.segments)))
-    local = threading.local()
+    local, watch = threading.local(), Stopwatch()
 
     def one(index: int) -> Retrieval:
         if not hasattr(local, "device"):
             local.device = open_device(name, threads=1)
         return _form_segment(field, index, planes, local.device, count)
 
-    with ThreadPoolExecutor(threads) as pool:
-        parts = list(pool.map(one, [part.index for part in field.segments]))
+    with watch.part("whole"):
+        with ThreadPoolExecutor(threads) as pool:
+            parts = list(pool.map(one, [part.index for part in field.segments]))
+        sums = total(slab, list(planes), (part.sums for part in parts))
     return Retrieval(
-        total(slab, list(planes), (part.sums for part in parts)),
-        seconds=time.perf_counter() - begun,
+        sums,
+        seconds=watch.seconds["whole"],
         decode_seconds=sum(part.decode_seconds for part in parts),
         plane_seconds=sum(part.plane_seconds for part in parts),
         threads=threads,
@@ -196,12 +197,11 @@ def _form_segment(
     part = field.metadata.segments[index]
     former = PlaneFormer(field.require_slab(), part.tile, planes, device)
     chunk = max(1, CHUNK_BYTES // field.layout.frame_bytes)
-    begun, forming, first = time.perf_counter(), 0.0, 0
-    for frames in field.frames(index, chunk=chunk, reuse=True):
-        start = time.perf_counter()
-        former.add(frames, first)
-        forming += time.perf_counter() - start
+    watch, first = Stopwatch(), 0
+    for frames in watch.each("decode", field.frames(index, chunk=chunk, reuse=True)):
+        with watch.part("form"):
+            former.add(frames, first)
         first += len(frames)
         count.add(len(frames))
-    seconds = time.perf_counter() - begun
-    return Retrieval(former.plane_sums(), seconds, seconds - forming, forming)
+    decode, form = watch.seconds["decode"], watch.seconds["form"]
+    return Retrieval(former.plane_sums(), decode + form, decode, form)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -20,6 +19,7 @@ from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentWriter
+from lfcore.timing import Stopwatch
 from lfcore.tracing.tile import Chunk, TileTracing
 from lfcore.tracing.tracer import Tracer
 
@@ -110,11 +110,11 @@ def record_tile(
     frames: Iterator[np.ndarray] = (chunk.frames for chunk in tracing)
     if not tracer.device.is_cpu:
         frames = _copied_ahead(tracing)
-    begun = time.perf_counter()
-    with SegmentWriter(segment, spec, layout.frame_width, layout.frame_height) as writer:
+    watch, size = Stopwatch(), (layout.frame_width, layout.frame_height)
+    with watch.part("whole"), SegmentWriter(segment, spec, *size) as writer:
         for some in frames:
             writer.write(some)
-    return tracing, time.perf_counter() - begun - tracing.seconds
+    return tracing, watch.seconds["whole"] - tracing.seconds
 
 
 class _Stopped(Exception):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
@@ -16,6 +15,7 @@ from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.plane_tables import PlaneTables, lens_tables, view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.timing import Stopwatch
 from lfcore.tracing.device_scene import RAY_ARGUMENTS, SCENE_ARGUMENTS, DeviceScene
 from lfcore.tracing.packets import Groups, PacketShape, ranks
 from lfcore.tracing.plane_buffers import PLANE_ARGUMENTS, PlaneBuffers, StripBuffers
@@ -138,15 +138,16 @@ class TraceSlab:
         cuts = self._cuts(places[:, 0])
         ends = places[cuts[1:] - 1, 0] + 1 if self.frames else np.zeros(1, int)
         hosts = _FrameHost(self.scene.device, self.layout, int(np.diff(ends, prepend=0).max()))
+        watch = Stopwatch()
         for start, stop in itertools.pairwise(cuts):
-            begun = time.perf_counter()
-            first = int(places[start, 0])
-            count = int(places[stop - 1, 0]) + 1 - first if self.frames else 0
-            places[start:stop, 0] -= first
-            self._launch(slice(start, stop), places[start:stop], hosts.buffer)
-            frames = hosts.read(count) if self.frames else np.empty((0, 0), np.uint8)
-            self.scene.device.queue.finish()
-            tracing.seconds += time.perf_counter() - begun
+            with watch.part("trace"):
+                first = int(places[start, 0])
+                count = int(places[stop - 1, 0]) + 1 - first if self.frames else 0
+                places[start:stop, 0] -= first
+                self._launch(slice(start, stop), places[start:stop], hosts.buffer)
+                frames = hosts.read(count) if self.frames else np.empty((0, 0), np.uint8)
+                self.scene.device.queue.finish()
+            tracing.seconds = watch.seconds["trace"]
             if progress:
                 progress(stop, len(self.elements))
             if self.frames:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from lfcore.evaluation.timing import clocked
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import CodecSpec
 from lfcore.storage.layout import Tile
+from lfcore.timing import clocked
 
 
 def traced(batches: Sequence[dict]) -> dict:

@@ -34,7 +34,6 @@ STORING = (*TRACING, "storage", "rendering")
 READING = (*STORING, "refocus")
 MEASURING = (
     "evaluation/metrics.py",
-    "evaluation/timing.py",
     "evaluation/tables.py",
     "evaluation/table_files.py",
 )

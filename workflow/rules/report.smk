@@ -4,9 +4,7 @@
 # "results/tables" is a folder of separate files, so its two spellings are rules without outputs:
 # as a directory() output, a deleted table would not be noticed.
 REPORTED = [file for section in TABLE_SECTIONS for file in section.files]
-PAGE_SOURCES = digest(
-    "workflow/reports.py", "evaluation/page.*", "evaluation/table_files.py", "evaluation/timing.py"
-)
+PAGE_SOURCES = digest("workflow/reports.py", "evaluation/page.*", "evaluation/table_files.py")
 
 
 rule page:

@@ -31,7 +31,7 @@ rule trace:
         ),
     params:
         **of_settings("spatial_resolution", "planes", *STORED_AS, "device", "store"),
-        sources=digest(*sources.STORING, "workflow/batch.py", "evaluation/timing.py"),
+        sources=digest(*sources.STORING, "workflow/batch.py"),
         batch=lambda wildcards: [batch_of(wildcards).start, batch_of(wildcards).stop],
     script:
         "../scripts/trace.py"
@@ -70,7 +70,6 @@ rule join:
             "storage",
             "workflow/cases.py",
             "workflow/joining.py",
-            "evaluation/timing.py",
         ),
     script:
         "../scripts/join.py"

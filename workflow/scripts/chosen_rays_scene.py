@@ -1,9 +1,9 @@
 """A light field of one scene whose rays a pilot chooses: pictures, a file, and their errors."""
 
 from lfcore.evaluation.table_files import write_rows
-from lfcore.evaluation.timing import Stopwatch
 from lfcore.evaluation.true_picture.reference import load_reference
 from lfcore.optics.plane_pictures import save_stack, write_plane_pictures
+from lfcore.timing import Stopwatch
 from lfcore.workflow import cases
 from lfcore.workflow.chosen_rays import choose_rays
 from lfcore.workflow.job import job

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from lfcore import __version__
 from lfcore.evaluation.page import write_markdown_tables, write_page
-from lfcore.evaluation.timing import machine
 from lfcore.files import read_json
+from lfcore.timing import machine
 from lfcore.workflow.job import job
 from lfcore.workflow.reports import captioned
 

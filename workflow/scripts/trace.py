@@ -1,9 +1,9 @@
 """Trace a batch of tiles: partial sensor planes and, where the light field is stored, segments."""
 
-from lfcore.evaluation.timing import Stopwatch, machine
 from lfcore.files import write_json
 from lfcore.optics.slab import Slab
 from lfcore.rendering.depth import depth_range
+from lfcore.timing import Stopwatch, machine
 from lfcore.workflow import cases
 from lfcore.workflow.batch import trace_batch
 from lfcore.workflow.job import job, log_progress

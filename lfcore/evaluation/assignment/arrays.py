@@ -20,7 +20,6 @@ from lfcore.colour import display_values
 from lfcore.errors import LfcoreError, SceneError, StorageError
 from lfcore.evaluation.metrics import PEAK, mse, psnr
 from lfcore.evaluation.table_files import table_of
-from lfcore.evaluation.timing import clocked
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.progress import Progress, silent
@@ -29,6 +28,7 @@ from lfcore.rendering.array import trace_array
 from lfcore.scene.model import Scene
 from lfcore.scene.view import LIGHTFIELD
 from lfcore.storage.tiled_exr import read_array, write_array
+from lfcore.timing import clocked
 from lfcore.tracing.tracer import Tracer
 
 COLUMNS = {

@@ -13,7 +13,6 @@ import numpy as np
 
 from lfcore.evaluation.assignment.arrays import errors, read_field
 from lfcore.evaluation.figures import Sheet
-from lfcore.evaluation.timing import clocked_warm
 from lfcore.opencl.device import Device, programs_made
 from lfcore.optics.lens_system import LensSystem
 from lfcore.progress import Progress, silent
@@ -23,6 +22,7 @@ from lfcore.refocus.array.isaksen import isaksen
 from lfcore.refocus.array.monte_carlo import monte_carlo
 from lfcore.refocus.array.realistic import realistic
 from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore.timing import clocked_warm
 
 # The book: focus of the assignment's command line, and of the authors' line, metres.
 BOOK_FOCUS_M = 6.8

@@ -16,7 +16,6 @@ from lfcore.errors import LfcoreError
 from lfcore.evaluation.assignment.arrays import array_record, errors, exr_bytes, square_field
 from lfcore.evaluation.assignment.book import BOOK_FOCUS_M, measured_camera
 from lfcore.evaluation.metrics import mse
-from lfcore.evaluation.timing import clocked, clocked_warm
 from lfcore.opencl.device import programs_made
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import parallel
@@ -25,6 +24,7 @@ from lfcore.refocus.array.monte_carlo import monte_carlo
 from lfcore.refocus.array.quadrature import quadrature
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.photograph import direct_thin_lens
+from lfcore.timing import clocked, clocked_warm
 from lfcore.tracing.tracer import Tracer
 
 FILTERS = (1.0, 2.0)

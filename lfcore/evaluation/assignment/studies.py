@@ -14,7 +14,6 @@ import numpy as np
 from lfcore.evaluation.assignment.arrays import array_of, errors, read_field, square_field
 from lfcore.evaluation.assignment.book import AUTHORS_FOCUS_M, measured_camera
 from lfcore.evaluation.figures import Sheet
-from lfcore.evaluation.timing import clocked, clocked_warm
 from lfcore.opencl.device import Device, programs_made
 from lfcore.progress import Progress, silent
 from lfcore.refocus.array.device_field import DeviceField
@@ -25,6 +24,7 @@ from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.photograph import direct_thin_lens
 from lfcore.rendering.shutter import trace_shutter
 from lfcore.scene.pbrt import build_pbrt_scene
+from lfcore.timing import clocked, clocked_warm
 from lfcore.tracing.tracer import Tracer
 
 FOV_DEG = 50.0

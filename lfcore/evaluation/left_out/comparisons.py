@@ -18,7 +18,6 @@ import numpy as np
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.left_out.features import FEATURES, NO_LIGHT, full_needs
 from lfcore.evaluation.left_out.packages import packages
-from lfcore.evaluation.timing import measure_in_turn
 from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -30,6 +29,7 @@ from lfcore.scene.needs import Needs
 from lfcore.storage import defaults
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.timing import measure_in_turn
 from lfcore.tracing import reach
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.surfaces import pack_surfaces

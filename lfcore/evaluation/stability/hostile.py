@@ -23,7 +23,7 @@ from lfcore.evaluation.stability.measurement import (
 )
 from lfcore.evaluation.stability.shapes import random_rays, single, soup
 from lfcore.evaluation.stability.tested_tracer import ClosestHit, TracerUnderTest, kept
-from lfcore.evaluation.timing import measure_in_turn
+from lfcore.timing import measure_in_turn
 
 PATTERNS = (np.nan, np.inf, -np.inf, 3e38, 1e-45)
 

@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lfcore.evaluation.timing import clocked
 from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
 from lfcore.progress import Progress, silent
 from lfcore.refocus.slicing import CHUNK_BYTES, PlaneFormer
 from lfcore.storage.lightfield import LightFieldFile
+from lfcore.timing import clocked
 
 COLUMNS = [
     "scene", "N", "M", "layout", "pixel_format", "segments", "file_bytes", "what",

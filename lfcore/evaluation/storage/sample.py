@@ -20,7 +20,6 @@ from lfcore.colour import srgb_encode
 from lfcore.errors import StorageError
 from lfcore.evaluation.metrics import PEAK, decibels, mse, picture_quality, ssim
 from lfcore.evaluation.tables import sizes
-from lfcore.evaluation.timing import Stopwatch
 from lfcore.opencl.device import Device
 from lfcore.optics import bundles
 from lfcore.optics.camera import Camera
@@ -36,6 +35,7 @@ from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
+from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
 
 SSIM_PX = 1 << 18

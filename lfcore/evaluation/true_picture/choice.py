@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 
 from lfcore.errors import LfcoreError
-from lfcore.evaluation.timing import clocked_warm
 from lfcore.evaluation.true_picture.points import BY_DEPTH, NEAREST, worst_planes
 from lfcore.evaluation.true_picture.reference import Reference
 from lfcore.opencl.device import programs_made
@@ -19,6 +18,7 @@ from lfcore.rendering.by_depth import RayCount
 from lfcore.rendering.record_depth import depth_store, record_by_depth
 from lfcore.storage.defaults import codec_spec
 from lfcore.storage.lightfield import LightFieldFile
+from lfcore.timing import clocked_warm
 from lfcore.tracing.tracer import Tracer
 
 TARGET_DB = 45.0

@@ -8,13 +8,13 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from lfcore.evaluation.timing import clocked_warm
 from lfcore.evaluation.true_picture.reference import BELOW_DB, Reference
 from lfcore.opencl.device import programs_made
 from lfcore.optics.slab import Slab
 from lfcore.rendering.by_depth import RayCount, pictures_by_depth
 from lfcore.rendering.direct import trace_planes
 from lfcore.rendering.quality import WantedQuality
+from lfcore.timing import clocked_warm
 from lfcore.tracing.tracer import Tracer
 
 COLUMNS = (

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.evaluation.timing import clocked
 from lfcore.evaluation.work_precision.measured_point import COLUMNS, measured_point
 from lfcore.evaluation.work_precision.peers import peers
 from lfcore.evaluation.work_precision.quadrature import quadrature
@@ -30,6 +29,7 @@ from lfcore.optics.slab import Slab
 from lfcore.oracle import slab as oracle
 from lfcore.progress import Progress, silent
 from lfcore.scene.model import Scene
+from lfcore.timing import clocked
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.tracer import Tracer
 

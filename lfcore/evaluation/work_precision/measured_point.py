@@ -16,9 +16,9 @@ import pandas as pd
 from lfcore.colour import display_values
 from lfcore.errors import OpticsError, SceneError
 from lfcore.evaluation.metrics import psnr
-from lfcore.evaluation.timing import measure_within
 from lfcore.evaluation.true_picture.reference import BELOW_DB
 from lfcore.opencl.device import programs_made
+from lfcore.timing import measure_within
 
 Result = TypeVar("Result")
 COLUMNS = (

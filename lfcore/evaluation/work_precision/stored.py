@@ -12,7 +12,6 @@ import numpy as np
 
 from lfcore.colour import display_values
 from lfcore.evaluation.metrics import psnr
-from lfcore.evaluation.timing import clocked_warm
 from lfcore.evaluation.true_picture.reference import Reference
 from lfcore.evaluation.work_precision.refocused import refocused_picture, refocused_row
 from lfcore.evaluation.work_precision.study import Study
@@ -31,6 +30,7 @@ from lfcore.storage.container import DepthSegments, join_segments
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.layout import Tile
 from lfcore.storage.lightfield import LightFieldFile
+from lfcore.timing import clocked_warm
 from lfcore.tracing.tracer import Tracer
 
 DEFAULT = "default"
