@@ -26,9 +26,9 @@ from lfcore.evaluation.tables import DECIMALS, sizes
 from lfcore.files import read_json
 from lfcore.optics.plane_pictures import load_stack
 from lfcore.scene.reading import read_yaml
-from lfcore.timing import machine
+from lfcore.timing import duration, machine
 from lfcore.workflow.costs import job_cost
-from lfcore.workflow.forecast import START_SECONDS, duration
+from lfcore.workflow.forecast import START_SECONDS
 from lfcore.workflow.progress import TOOK
 from lfcore.workflow.reports import THESIS
 

@@ -170,7 +170,7 @@ def machine() -> dict[str, str | int]:
         "cores": len(os.sched_getaffinity(0))
         if hasattr(os, "sched_getaffinity")
         else os.cpu_count() or 1,
-        "memory_gib": round(_memory_bytes() / 2**30),
+        "memory_gib": round(memory_bytes() / 2**30),
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
     }
@@ -183,8 +183,17 @@ def _processor() -> str:
     return found[1] if found else platform.processor() or platform.machine()
 
 
-def _memory_bytes() -> int:
+def memory_bytes() -> int:
+    """Of this machine; 0 where the system does not say."""
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):
         return 0
+
+
+def duration(seconds: float) -> str:
+    """As it is said: ``40 s``, ``12 min``, ``1 h 05 min``."""
+    if seconds < 90:
+        return f"{max(seconds, 0):.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"

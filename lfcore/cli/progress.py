@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from lfcore.opencl.program_cache import watching
+from lfcore.timing import duration
 
 WIDTH = 24
 INTERVAL_S = 0.2
@@ -66,7 +67,7 @@ class _Step:
                 return
             self.drawn, share = now, min(1.0, done / max(total, 1))
             worked = now - self.begun - self._built
-            left = f", {_duration(worked * (1 - share) / share)} left" if share else ""
+            left = f", {duration(worked * (1 - share) / share)} left" if share else ""
             state = f"{done}/{total} {self.unit}"
             if self.rays:
                 state = f"{100 * share:.0f}%{_rate(self.rays * share, worked)}"
@@ -103,10 +104,6 @@ def _rate(rays: float, seconds: float) -> str:
     if not rays or seconds < SHORTEST_S:
         return ""
     return f", {rays / seconds / 1e6:.3g} million rays a second"
-
-
-def _duration(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
 
 
 def say(text: str) -> None:

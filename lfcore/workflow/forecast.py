@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import heapq
-import os
 import shutil
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from lfcore.errors import SettingsError
+from lfcore.timing import duration, memory_bytes
 from lfcore.workflow.costs import Cost
 
 START_SECONDS = 0.7
@@ -132,21 +132,10 @@ def check_disk(need: Forecast, folder: str | Path) -> None:
 
 def check_memory(need: Forecast) -> str:
     """A warning where the machine has less memory than the run may take; empty otherwise."""
-    try:
-        here = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, ValueError, OSError):
-        return ""
-    if need.mib * 2**20 <= here:
+    here = memory_bytes()
+    if not here or need.mib * 2**20 <= here:
         return ""
     return f"The machine has {size(here)} of memory: use fewer --cores, or a smaller tile_mib."
-
-
-def duration(seconds: float) -> str:
-    """As it is said: ``40 s``, ``12 min``, ``1 h 05 min``."""
-    if seconds < 90:
-        return f"{max(seconds, 0):.0f} s"
-    minutes = round(seconds / 60)
-    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
 def counted(number: int, what: str) -> str:

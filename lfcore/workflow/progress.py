@@ -21,13 +21,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TextIO
 
+from lfcore.timing import duration
 from lfcore.workflow import costs
 from lfcore.workflow.forecast import (
     START_SECONDS,
     Task,
     check_disk,
     check_memory,
-    duration,
     forecast,
     rays_of,
 )
