@@ -1,15 +1,30 @@
 # From scenes to tables: see README.md for the two commands, config/README.md for every key, and
 # docs/architecture.md for how data flows.
+import logging
 from pathlib import Path
 
+from snakemake.exceptions import WorkflowError
+from snakemake.jobs import GroupJob
 from snakemake.utils import min_version
 
-from lfcore.workflow.cluster import check_bucket, check_partition
+from lfcore.errors import LfcoreError
 from lfcore.workflow import progress
-from lfcore.workflow.run import hold, schedule_when_jobs_end
+from lfcore.workflow.cluster import check_bucket, check_folder, check_partitions, partitions_of
+from lfcore.workflow.run import hold, say_why_groups_fail, schedule_when_jobs_end
 
 min_version("9.0")
 progress.hush(workflow)
+
+if workflow.is_main_process:
+    try:
+        check_folder("")
+        check_bucket(
+            workflow.storage_registry.default_storage_provider,
+            workflow.storage_settings.default_storage_prefix,
+        )
+    except LfcoreError as error:
+        logging.raiseExceptions = False  # where the disk is full, its log file is, too
+        raise WorkflowError(str(error)) from None
 
 # Of this file, also where another workflow takes it as a module.
 ROOT = Path(workflow.current_basedir.get_path_or_uri(secret_free=False))
@@ -25,11 +40,9 @@ report: "workflow/report/workflow.rst"
 onstart:
     hold()
     schedule_when_jobs_end(workflow)
-    partition = workflow.resource_settings._parsed_default_resources.get("slurm_partition")
-    storage = workflow.storage_registry.default_storage_provider
+    say_why_groups_fail(GroupJob, workflow.logger_manager.logger)
     try:
-        check_partition(partition and partition.raw)
-        check_bucket(storage, workflow.storage_settings.default_storage_prefix)
+        check_partitions(partitions_of(workflow.dag.needrun_jobs()))
         jobs = progress.known_jobs(workflow.dag, PARSED, PIXELS, BATCHES)
         progress.begin(workflow, jobs, PIXELS)
     except LfcoreError as error:

@@ -19,6 +19,7 @@ a killed run left: Snakemake refuses before that, and says ``--unlock``.
 from __future__ import annotations
 
 import itertools
+import logging
 import os
 import shutil
 import socket
@@ -30,6 +31,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from lfcore.errors import LfcoreError
+from lfcore.workflow.cluster import check_folder
 from lfcore.workflow.job import VARIABLE
 
 try:
@@ -100,6 +102,22 @@ def schedule_when_jobs_end(workflow: Any) -> None:
         workflow.scheduler.job_rate_limiter = None
 
 
+def say_why_groups_fail(group_job: type, logger: logging.Logger) -> None:
+    """Have Snakemake say what its executor says of a group that failed: what SLURM refused and why,
+    which state a submission ended in.
+
+    It says so of single jobs alone (Snakemake 9.27, ``GroupJob.log_error``).
+    """
+    log_error = group_job.log_error  # type: ignore[attr-defined]
+
+    def with_reason(group: Any, msg: str | None = None, **more: Any) -> None:
+        if msg:  # without SLURM's plugin's command, which is long
+            logger.error(" ".join(msg.partition("sbatch call:")[0].split()))
+        log_error(group, msg, **more)
+
+    group_job.log_error = with_reason  # type: ignore[attr-defined]
+
+
 def check_files(arguments: Sequence[str]) -> None:
     """Read the configurations that Snakemake will read, which itself dies of depth.
 
@@ -138,6 +156,7 @@ def main(arguments: list[str]) -> None:
     """Become Snakemake with these arguments; its own words go to its log file alone."""
     try:
         check_files(arguments)
+        check_folder(folder_of(arguments))
     except LfcoreError as error:
         sys.exit(str(error))
     if fcntl is not None:

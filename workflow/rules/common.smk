@@ -2,10 +2,8 @@
 import os
 import re
 
-from snakemake.exceptions import WorkflowError
 from snakemake.settings.types import SharedFSUsage
 
-from lfcore.errors import LfcoreError
 from lfcore.scene.sources import files_of_scene
 from lfcore.workflow import cases, costs, reports, sources, sweep
 from lfcore.workflow.settings import check_settings
