@@ -8,10 +8,15 @@ import os
 # spinning, and the float64 references then take minutes on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import hypothesis
 import pytest
 
 from lfcore.errors import DeviceError
 from lfcore.opencl.device import open_device, usable_devices
+
+# A test that waits for a core of a busy machine has not failed.
+hypothesis.settings.register_profile("patient", deadline=None)
+hypothesis.settings.load_profile("patient")
 
 try:
     DEVICES = [one.name.strip() for one in usable_devices()]

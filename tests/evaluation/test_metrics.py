@@ -63,7 +63,7 @@ def test_ssim_of_flat_pictures_is_the_luminance_term():
     assert got == pytest.approx(expected, abs=1e-9)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 2**32 - 1), height=st.integers(11, 18), width=st.integers(11, 18))
 def test_ssim_against_the_plain_formula(seed, height, width):
     rng = np.random.default_rng(seed)
@@ -79,7 +79,7 @@ def test_ssim_averages_channels():
     assert ssim(x, y, peak=1) == pytest.approx(np.mean(channels), abs=1e-12)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 2**32 - 1), factor=st.floats(1.1, 4))
 def test_more_noise_is_never_better(seed, factor):
     rng = np.random.default_rng(seed)

@@ -34,7 +34,6 @@ shapes = st.sampled_from([(4, 1), (2, 2), (1, 3), (1, 4)])
 
 
 @given(st.integers(1, 9), st.integers(1, 70), st.integers(0, 4), shapes, st.randoms())
-@settings(deadline=None)
 def test_run_records_reproduce_offsets(positions, views, spread, shape, random):
     offsets = np.array(
         [sorted(random.randint(-spread, spread) for _ in range(views)) for _ in range(positions)],
@@ -58,7 +57,6 @@ def test_run_records_reproduce_offsets(positions, views, spread, shape, random):
 
 
 @given(st.integers(1, 40), st.floats(2.0, 40.0))
-@settings(deadline=None)
 def test_block_kinds_by_counting(views, f_number):
     mask = SensorPlane(3.0, f_number).mask(Slab(CAMERA, views, 2))
     kinds = block_kinds(mask[None].astype(np.uint8) * 255)
@@ -83,7 +81,7 @@ planes = st.lists(
 
 
 @given(planes, st.integers(1, 20), st.integers(2, 10), shapes)
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_lens_tables_reproduce_targets_and_masks(chosen, views, pixels, shape):
     slab, (group, side) = Slab(CAMERA, views, pixels), shape
     u0, v0, u1, v1 = 0, pixels // 2, pixels // 2 + 1, pixels
@@ -112,7 +110,7 @@ def test_lens_tables_reproduce_targets_and_masks(chosen, views, pixels, shape):
 
 
 @given(planes, st.integers(1, 12), st.integers(1, 8))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_view_tables_reproduce_targets(chosen, views, pixels):
     slab = Slab(CAMERA, views, pixels)
     tables = view_tables(slab, chosen)

@@ -78,7 +78,7 @@ def test_open_cells_add_up_to_the_aperture(shape, f_number):
 
 @given(st.floats(0.02, 0.2), st.sampled_from(SHAPES), st.integers(1, 9))
 @example(0.19459579372252403, "polygon", 9)  # whose points stand for parts of two cells
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_an_open_part_lies_in_its_cell(radius, shape, views):
     slab = Slab(CAMERA, views, 4)
     cells = lens_cells(slab, Aperture(shape, radius))

@@ -53,7 +53,7 @@ def test_four_blades_are_a_diamond():
 
 
 @given(st.integers(3, 12), st.floats(-180, 180))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_polygons_lie_between_their_circles(blades, rotation):
     s, t = np.meshgrid(np.linspace(-1.1, 1.1, 45), np.linspace(-1.1, 1.1, 45))
     polygon = Aperture("polygon", 1.0, blades, rotation).contains(s, t)
@@ -139,7 +139,6 @@ def test_magnification_by_hand():
 
 
 @given(slabs, planes)
-@settings(deadline=None)
 def test_counts_are_those_of_rays_counted_one_by_one(slab, plane):
     plane = no_finer(plane, slab)
     columns, mask = targets(slab, plane), plane.mask(slab)
@@ -154,7 +153,7 @@ def test_counts_are_those_of_rays_counted_one_by_one(slab, plane):
 
 
 @given(slabs, planes)
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_targets_agree_with_the_reference(slab, plane):
     """One lit ray after another: the reference puts it where ``targets`` says."""
     plane = no_finer(plane, slab)
@@ -198,7 +197,6 @@ def test_partial_sums_add_up_and_survive_the_disk(tmp_path):
 
 
 @given(slabs, planes)
-@settings(deadline=None)
 def test_white_light_gives_a_white_or_dimmed_picture(slab, plane):
     """Every ray white: 1 where some ray fell; with the lens's normalisation the share of rays."""
     plane = no_finer(plane, slab)

@@ -143,7 +143,7 @@ whole = st.integers(-3, 3)
 vector = st.tuples(whole, whole, whole)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     st.lists(st.tuples(vector, vector, vector), min_size=1, max_size=8),
     vector,

@@ -85,7 +85,7 @@ def test_equal_to_the_reference(pixels, size):
 
 
 @given(st.integers(0, 99), st.floats(1.05, 50), st.sampled_from([1.0, 1.7, 5.6]))
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_equal_to_the_reference_wherever_it_is_focused(seed, focus, f_number):
     views = crossed_views(Slab(CAMERA, 2, 12))
     light, depth = noise(views, seed)

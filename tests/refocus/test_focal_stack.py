@@ -91,7 +91,7 @@ def test_a_hundred_planes_cost_less_than_a_fifth_of_a_hundred_passes(slab):
 
 
 @given(st.integers(1, 7), st.integers(4, 20), st.floats(1.2, 1.9), st.floats(2.1, 9.0))
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_constant_light_stays_constant(views, pixels, near, far):
     slab = Slab(CAMERA, views, pixels)
     planes = stack(5, near, far)

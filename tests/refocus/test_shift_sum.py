@@ -67,7 +67,7 @@ planes = st.builds(
 
 
 @given(planes, st.integers(1, 6), st.integers(2, 24))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_with_one_filter_shift_sum_is_scattering(device, plane, views, pixels):
     """Gathering views and scattering rays agree to rounding, nearest and bilinear."""
     slab = Slab(CAMERA, views, pixels)

@@ -19,7 +19,7 @@ from lfcore.refocus.strip_tables import (
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     positions=st.integers(1, 5),
     size=st.integers(1, 150),

@@ -66,7 +66,7 @@ def test_mesh_path_and_folder_are_scenes_too(write_scene, minimal, tetrahedron):
         np.testing.assert_array_equal(by_yaml.triangles, other.triangles)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(size=st.floats(1e-3, 1e4))
 def test_framing_does_not_depend_on_scale(tmp_path_factory, size):
     folder = tmp_path_factory.mktemp("scaled")

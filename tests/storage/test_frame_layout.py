@@ -24,7 +24,7 @@ layouts = st.builds(
 
 
 @given(layouts, st.integers(1, 20_000))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_every_ray_has_one_place(layout, max_rays):
     tiles = layout.tiles(max_rays, small_rays=1000)
     seen = np.zeros((layout.outer, layout.outer), int)
@@ -45,7 +45,7 @@ def test_every_ray_has_one_place(layout, max_rays):
 
 
 @given(layouts)
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_json_round_trip_and_frame_size(layout):
     assert FrameLayout.from_json(json.loads(json.dumps(layout.to_json()))) == layout
     step = layout.format.subsampling
@@ -55,7 +55,7 @@ def test_json_round_trip_and_frame_size(layout):
 
 
 @given(st.integers(1, 40), st.integers(1, 40), st.sampled_from(sorted(ORDERS)))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_orders_visit_each_cell_once(columns, rows, order):
     cells = ORDERS[order](columns, rows)
     assert cells.dtype == np.int32

@@ -81,7 +81,7 @@ def test_odd_sizes(tmp_path, codec, name):
 
 
 @given(start=st.integers(0, 20), length=st.integers(0, 20), chunk=st.integers(1, 9))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_any_start_equals_sequential(tmp_path_factory, start, length, chunk):
     path = tmp_path_factory.getbasetemp() / "seek.mp4"
     if not path.exists():

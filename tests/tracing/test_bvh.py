@@ -72,7 +72,7 @@ few = st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.5, 1e-38, 1e25])
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     hnp.arrays(
         np.float32,

@@ -39,7 +39,7 @@ def pictures(scene, bvh):
     return np.concatenate(frames), tracing.plane_sums.sums
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 1000), focus=st.sampled_from([0.06, 0.5, 2.0, float("inf")]))
 def test_what_no_ray_meets_is_all_that_is_left_out(seed, focus):
     camera = replace(CAMERA, focus_distance_m=focus)
