@@ -137,14 +137,20 @@ class SegmentIndex(Sequence[Segment]):
 def _covers(tiles: np.ndarray, column: int, row: int, columns: int, rows: int) -> bool:
     """Whether rectangles (S, 4) partition the one given.
 
-    From the top down, each must stand on what those before it have filled of its columns.
+    From the top down, each must stand on what those before it have filled of its columns.  Those of
+    the same rows that stand side by side are taken as one: a file may have a hundred thousand.
     """
     low, high = tiles[:, :2] - [column, row], tiles[:, :2] + tiles[:, 2:] - [column, row]
     if (low < 0).any() or (high > [columns, rows]).any():
         return False
+    order = np.lexsort(low.T)
+    low, high = low[order], high[order]
+    apart = (
+        (low[1:, 0] != high[:-1, 0]) | (low[1:, 1] != low[:-1, 1]) | (high[1:, 1] != high[:-1, 1])
+    )
+    first, last = np.append(True, apart)[: len(low)], np.append(apart, True)[: len(low)]
     filled = np.zeros(columns, np.int64)
-    order = np.argsort(low[:, 1], kind="stable")
-    for left, top, right, bottom in np.hstack([low, high])[order].tolist():
+    for left, top, right, bottom in np.hstack([low[first], high[last]]).tolist():
         below = filled[left:right]
         if (below != top).any():
             return False
