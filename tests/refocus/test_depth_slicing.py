@@ -200,6 +200,7 @@ def test_a_plane_that_was_not_recorded_is_refused():
         DepthSlicer(views, [SensorPlane(4.0, 0.5)], 8)
 
 
+@pytest.mark.slow
 def test_a_blurred_wall_has_no_comb():
     """Slicing by the nearest pixel leaves lines in the spectrum where its gaps repeat; slicing by
     depth leaves none, with far fewer rays."""

@@ -74,6 +74,7 @@ def test_arrays_are_sound(scene):
         assert needs.smooth_normals and needs.shadows
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bike", "cabin", "chart"])
 def test_builders_are_deterministic_and_seeded(name):
     def stacked(seed):
