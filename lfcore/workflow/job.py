@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import io
 import logging
 import os
@@ -28,6 +29,8 @@ VARIABLE = "LFCORE_RUN"
 def job(log: str, threads: int) -> Iterator[None]:
     """Send all output of this process to the rule's ``log``; a user's error is one line.
 
+    The process ends with the block: nothing of a script comes after it.
+
     Also what libraries in C print goes to the log.  An :class:`LfcoreError`, and an OSError such
     as a full disk, end the process with status 1 after one line, in the log and on the terminal;
     any other exception is a mistake of ours, and its traceback is in the log.
@@ -45,6 +48,7 @@ def job(log: str, threads: int) -> Iterator[None]:
         os.environ["LFCORE_THREADS"] = str(threads)
         yield
         print(usage(time.monotonic() - begun))
+        _end()
     except LfcoreError as error:
         _fail(terminal, str(error))
     except OSError as error:
@@ -78,6 +82,14 @@ def usage(seconds: float) -> str:
     core = sum(part.ru_utime + part.ru_stime for part in parts)
     peak = max(part.ru_maxrss for part in parts) / 1024
     return f"took {seconds:.1f} s, {core:.1f} core s, {peak:.0f} MiB"
+
+
+def _end() -> None:
+    """End this process well, and at once: to take its modules and drivers apart, which serves
+    nobody, takes 0.05 s of a core, and 0.25 s where figures were drawn."""
+    atexit._run_exitfuncs()
+    sys.stdout.flush()
+    os._exit(0)
 
 
 def _fail(terminal: int, message: str) -> None:

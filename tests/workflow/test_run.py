@@ -158,6 +158,18 @@ def test_a_failure_is_one_line(tmp_path, body, words):
     assert done.stderr.splitlines() == [words]
 
 
+def test_a_job_that_is_done_cleans_up_and_says_what_it_took(tmp_path):
+    body = "import tempfile; kept = tempfile.TemporaryDirectory(dir='.'); print(kept.name)"
+    done = subprocess.run(
+        [sys.executable, "-c", JOB.format(body=body) + "print('never')", "log"],
+        cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    folder, took = (tmp_path / "log").read_text().splitlines()
+    assert not (tmp_path / folder).exists() and job.usage(0)[:5] == took[:5]
+
+
 def test_mistakes_of_ours_keep_their_traceback(tmp_path):
     done = subprocess.run(
         [sys.executable, "-c", JOB.format(body="1 / 0"), str(tmp_path / "log")],
