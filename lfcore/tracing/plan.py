@@ -16,7 +16,7 @@ PROBED_BLOCKS = 16
 
 
 def probed_elements(bundles: Bundles) -> np.ndarray:
-    """(up to PROBED_BLOCKS, 4) float32: the elements whose blocks stand for all."""
+    """(up to PROBED_BLOCKS, 4) float32: the elements, spread evenly, whose blocks stand for all."""
     last = len(bundles.elements) - 1
     return bundles.elements[np.unique(np.linspace(0, last, PROBED_BLOCKS).astype(int))]
 
@@ -60,12 +60,12 @@ PLACES = 4
 def probed_blocks(bundles: Bundles, outer: int) -> tuple[np.ndarray, np.ndarray]:
     """Origins and directions of the rays of some blocks of ``outer`` x ``outer`` elements.
 
-    (B, 256, 3) float32 each; PLACES blocks about each element, spread over the inner grid: the
-    same for equal bundles.
+    (B, 256, 3) float32 each; PLACES blocks about each of :func:`probed_elements`, spread over the
+    inner grid: the same for equal bundles.
     """
     assert bundles.lattice is not None
-    inner = BLOCK // outer
-    number = np.arange(len(bundles.elements) * PLACES)
+    inner, elements = BLOCK // outer, probed_elements(bundles)
+    number = np.arange(len(elements) * PLACES)
     down, across = -(-bundles.rows // inner), -(-bundles.columns // inner)
     place = number * (down * across) // len(number)
     first = np.stack([place % across, place // across], 1) * inner
@@ -73,7 +73,7 @@ def probed_blocks(bundles: Bundles, outer: int) -> tuple[np.ndarray, np.ndarray]
     i, u = np.tile(np.arange(inner), outer), np.repeat(np.arange(outer) - (outer - 1) / 2, inner)
     rays = []
     for part, among in enumerate((bundles.lattice.origin, bundles.lattice.direction)):
-        element = np.repeat(bundles.elements[:, 2 * part : 2 * part + 2], PLACES, 0)
+        element = np.repeat(elements[:, 2 * part : 2 * part + 2], PLACES, 0)
         out = np.full((len(number), BLOCK, BLOCK, 3), float(part))
         for axis in (0, 1):
             step = bundles.step[2 * part + axis]

@@ -11,7 +11,13 @@ from tracing_scenes import CAMERA
 from lfcore.optics.bundles import Lattice, macropixels, views
 from lfcore.optics.slab import Slab
 from lfcore.tracing.packets import Groups, PacketShape, ranks
-from lfcore.tracing.plan import best_outer, leaves_a_ray, probed_blocks
+from lfcore.tracing.plan import (
+    PLACES,
+    PROBED_BLOCKS,
+    best_outer,
+    leaves_a_ray,
+    probed_blocks,
+)
 
 SLAB = Slab(CAMERA, 16, 64)
 
@@ -76,6 +82,13 @@ def test_probed_rays_are_rays_of_the_slab(make, outer):
     assert origins.shape == directions.shape and origins.shape[1:] == (256, 3)
     for ray in np.concatenate([origins, directions], -1).reshape(-1, 6)[::7]:
         assert np.abs(there - ray).max(axis=1).min() < 1e-7
+
+
+def test_a_whole_picture_is_probed_by_a_few_rays():
+    slab = Slab(CAMERA, 16, 512)
+    v, u = np.mgrid[:512, :512]
+    origins, _ = probed_blocks(macropixels(slab, np.stack([u.ravel(), v.ravel()], 1)), 1)
+    assert len(origins) == PROBED_BLOCKS * PLACES
 
 
 def test_a_block_spans_more_where_its_rays_meet_fewer_triangles_for_it():
