@@ -32,6 +32,7 @@ export root suite STEPS
 # What is mounted is seen within this block alone, and gone with it.
 unshare --mount --propagation private sh -eu -c '
     mount -t proc proc "$root/proc"
+    mount -t sysfs -o ro sysfs "$root/sys"
     for place in ${BARE_FOLDERS:-}; do
         mkdir -p "$root$place"
         mount --bind -o ro "$place" "$root$place"
