@@ -22,7 +22,9 @@ from lfcore.rendering.direct import focused_camera, tile_sums
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
 
-SEEDS, SEEDED_SECONDS = 3, 0.1
+SEEDS, SEEDED_RAYS = 3, 256
+"""Random samples are drawn so often, of so many rays a pixel at most: more scatter little.  How
+long a picture takes decides nothing here, so that every machine finds the same errors."""
 LONGEST_SECONDS = 1.0
 """A curve of samples ends before pictures that take longer, four times those before them."""
 MIDDLE = "middle of the pixel"
@@ -52,11 +54,12 @@ def quadrature(tracer: Tracer, study: Study, stops: float) -> Iterator[dict]:
         for views in study.views:
             if method != MIDDLE and 4 * before > LONGEST_SECONDS:
                 break
-            several = method in samples.RANDOM and 4 * before <= SEEDED_SECONDS
+            rays = _rays(camera, method, views)
+            several = method in samples.RANDOM and rays <= SEEDED_RAYS
             work = partial(_picture, tracer, camera, where, method, views)
             row = measured_point(
                 work, truth, doubt, seeds=SEEDS if several else 1, masks=where.masks,
-                method=method, knob=f"N = {views}", rays_per_pixel=_rays(camera, method, views),
+                method=method, knob=f"N = {views}", rays_per_pixel=rays,
                 **context,
             )  # fmt: skip
             curve.append(row)
