@@ -281,8 +281,8 @@ def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]
             "`make check-published CELL=cabin,32` makes a cell again and compares it to the last "
             "bit; cells.csv has what it is compared by, and settings.yaml what it is made with. At "
             "the commit above it comes out so. A later program may trace single rays otherwise, "
-            "where rounding decides on which side of an edge or a shadow they lie: then the command "
-            "says that the pictures differ."
+            "where rounding decides on which side of an edge or a shadow they lie: then it says "
+            "that the pictures differ."
         ),
         "",
     ]
