@@ -48,8 +48,8 @@ EMITTERS = {
 }
 
 
-def errors(emitter: str, points: int) -> np.ndarray:
-    """(PIXELS, PIXELS) relative errors of the floor's radiance."""
+def floors(emitter: str, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """The floor's radiance, traced (PIXELS, PIXELS, 3) and by its closed form (PIXELS, PIXELS)."""
     shape, closed = EMITTERS[emitter]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.pbrt"
@@ -59,10 +59,16 @@ def errors(emitter: str, points: int) -> np.ndarray:
     step = WIDTH / PIXELS
     middle, steps = np.zeros((1, 4), np.float32), np.array([0, 0, step, step], np.float32)
     pinhole = Bundles(middle, steps, PIXELS, PIXELS, pixel_pitch=step)
-    seen = Tracer(scene, build_bvh(scene.triangles)).bundle_radiance(pinhole)[0, ..., 0]
+    seen = Tracer(scene, build_bvh(scene.triangles)).bundle_radiance(pinhole)[0]
     across = pinhole.rays()[1][0]
     truth = RADIANCE * closed(2.5 + 3 * across[..., 0], -3 * across[..., 1]) / np.pi
-    return seen / truth - 1
+    return seen, truth
+
+
+def errors(emitter: str, points: int) -> np.ndarray:
+    """(PIXELS, PIXELS) relative errors of the floor's radiance, which is grey."""
+    seen, truth = floors(emitter, points)
+    return seen[..., 0] / truth - 1
 
 
 def draw(maps: dict[tuple[str, int], np.ndarray], path: Path) -> None:

@@ -23,8 +23,8 @@ from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
 
 SEEDS, SEEDED_RAYS = 3, 256
-"""Random samples are drawn so often, of so many rays a pixel at most: more scatter little.  How
-long a picture takes decides nothing here, so that every machine finds the same errors."""
+"""Of random samples: seeds of pictures of at most so many rays a pixel.  More rays scatter little,
+and have one seed.  The number of rays decides, so that every machine finds the same errors."""
 LONGEST_SECONDS = 1.0
 """A curve of samples ends before pictures that take longer, four times those before them."""
 MIDDLE = "middle of the pixel"

@@ -63,8 +63,8 @@ inline Plane face_plane(const ShadowRays *r, Occluders *o, vi *may)
     return beyond;
 }
 
-// Within edge `k` this form is not negative.  The corners' sum times their difference is twice
-// their product, and loses no digits where they are close: its error is a rounding of the place.
+// Within edge `k` this form is not negative.  Twice the product of its corners is that of their sum
+// and their difference, which loses no digits where they are close, as in edge_forms.
 inline Plane edge_plane(const ShadowRays *r, const Occluders *o, int k)
 {
     const Vec q = o->v[(k + 1) % 3], w = o->v[(k + 2) % 3], along = minus3(w, q);
