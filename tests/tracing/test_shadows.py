@@ -85,7 +85,7 @@ def unlike(first, second):
 
 @pytest.mark.parametrize("name", worlds())
 def test_shadows_are_the_oracles(device, name):
-    here, slab = world(name), Slab(CAMERA, 24, 3)
+    here, slab = world(name), Slab(CAMERA, 40, 3)
     tracer = OneElement(here, build_bvh(here.triangles), device)
     found = tracer.bundle_radiance(macropixels(slab, all_pixels(slab))).reshape(-1, 3)
     origins, directions = (part.reshape(-1, 3) for part in slab_rays(slab, all_pixels(slab)))
