@@ -25,7 +25,8 @@ MOST_LEVELS = 64
 RAY_ARGUMENTS = np.dtype(
     [("step", np.float32, 4), ("outer", np.float32, 2)]
     + [(name, np.int32) for name in ("columns", "rows", "packets")]
-    + [("pixel_tangent", np.float32)]
+    + [("pixel_tangent", np.float32), ("extent", np.float32)]
+    + [("group", np.int32), ("side", np.int32)]
 )
 SCENE_ARGUMENTS = np.dtype(
     [("ambient", np.float32, 3), ("background", np.float32, 3)]
@@ -147,6 +148,7 @@ class DeviceScene:
         numbers["columns"], numbers["rows"] = bundles.columns, bundles.rows
         numbers["packets"] = len(groups.members) * shape.squares(bundles.columns, bundles.rows)
         numbers["pixel_tangent"] = bundles.pixel_pitch
+        numbers["extent"], numbers["group"], numbers["side"] = shape.extent, shape.group, shape.side
         middles = np.ascontiguousarray(groups.middles)
         return [self.device.buffer(middles), self.device.buffer(groups.members), numbers]
 

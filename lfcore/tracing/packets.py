@@ -9,6 +9,8 @@ import numpy as np
 from lfcore.optics.bundles import Bundles
 
 BLOCK = 16
+CHUNKS = 4
+"""Cells of 16 x 16 rays along a side of a packet, at most, as in output/packet_sums.cl."""
 
 
 @dataclass(frozen=True)
@@ -16,14 +18,14 @@ class PacketShape:
     """A packet: ``group`` x ``group`` outer elements times ``side`` x ``side`` blocks of 256 rays.
 
     A block is 16 x 16 rays of one element, or ``16 / outer`` along each axis of ``outer`` elements
-    (then ``group`` is ``outer``).  ``half`` is half the extent of its inner rays in use, from its
-    centre.  ``single_rays`` packets follow their rays one by one.  The size was measured: 4096 rays
-    amortise a walk through the hierarchy and their depth buffers still fit the second-level cache.
+    (then ``group`` is ``outer``).  Its inner rays in use lie within ``extent`` steps of its centre.
+    ``single_rays`` packets follow their rays one by one.  The size was measured: 4096 rays amortise
+    a walk through the hierarchy and their depth buffers still fit the second-level cache.
     """
 
     side: int
     group: int
-    half: float = (BLOCK - 1) / 2
+    extent: float = (BLOCK - 1) / 2
     outer: int = 1
     single_rays: bool = False
 
@@ -50,14 +52,8 @@ class PacketShape:
 
     @property
     def defines(self) -> dict[str, object]:
-        """What kernels are built with."""
-        return {
-            "SIDE": self.side,
-            "ELEMENTS": self.elements,
-            "OUTER": self.outer,
-            "HALF": f"{self.half}f",
-            "SINGLE_RAYS": int(self.single_rays),
-        }
+        """What kernels are built with; they are told the rest when they are launched."""
+        return {"OUTER": self.outer, "SINGLE_RAYS": int(self.single_rays)}
 
     def squares(self, columns: int, rows: int) -> int:
         """Packets that one group of elements needs for its inner grid."""

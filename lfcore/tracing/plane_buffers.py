@@ -12,7 +12,7 @@ from lfcore.optics.plane_sums import PlaneSums, offsets
 from lfcore.optics.plane_tables import PlaneTables, beam_targets
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.tracing.packets import BLOCK, PacketShape
+from lfcore.tracing.packets import BLOCK, CHUNKS, PacketShape
 
 PLANE_ARGUMENTS = np.dtype(
     [(name, np.int32) for name in ("left", "top", "width", "height", "size", "blocks", "views")]
@@ -111,7 +111,7 @@ class StripBuffers:
         span = shape.cells * BLOCK
         reached = strip_rows(sums.slab, sums.planes, self.tall * shape.group, span)
         self.ring = 1 << (min(reached, sums.slab.pixels) - 1).bit_length()
-        row = planes, self.ring, 3, shape.group * span
+        row = planes, self.ring, 3, CHUNKS * BLOCK
         self.workers = min(sums.workers, workers_that_fit(device, 4 * math.prod(row)))
         windows = np.empty((self.workers, planes, 2), np.int32)
         windows[:] = np.iinfo(np.int32).max, 0

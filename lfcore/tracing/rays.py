@@ -13,7 +13,7 @@ class ClosestHits:
 
     def __init__(self, scene: DeviceScene):
         self.scene = scene
-        defines = {"OUTER": 1, "HALF": "7.5f", **scene.visibility}
+        defines = {"OUTER": 1, **scene.visibility}
         self.kernel = EntryKernel(scene.device, "rays.cl", "closest_hits", defines)
 
     def __call__(

@@ -15,6 +15,7 @@ typedef struct {
 #define BUFFERED -2  // depth buffer in use; any other value: the one triangle that covers the block
 typedef struct {
     int cover;                    // NOTHING, BUFFERED or a triangle
+    float extent;                 // of the block's rays
     // Depth range of what is seen; z_far is FAR while a ray sees nothing.
     float z_near, z_far;
     Form numerator, denominator;  // of the covering triangle's depth
@@ -22,9 +23,10 @@ typedef struct {
     global int *ids;
 } Coverage;
 
-inline void clear_coverage(global DepthBuffer *memory, Coverage *c)
+inline void clear_coverage(global DepthBuffer *memory, float extent, Coverage *c)
 {
     c->cover = NOTHING;
+    c->extent = extent;
     c->z_near = c->z_far = FAR;
     c->z = memory->z;
     c->ids = memory->ids;
@@ -35,7 +37,7 @@ inline void use_buffer(Coverage *c)
 {
     if (c->cover == BUFFERED) return;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const Row row = row_at(at);
+        const Row row = row_at(at, c->extent);
         const vf depth = plane_row(c->numerator, row) * reciprocal(plane_row(c->denominator, row));
         VSTORE((vi)(c->cover), c->ids + at);
         VSTORE(c->cover == NOTHING ? (vf)(INFINITY) : depth, c->z + at);
@@ -68,7 +70,7 @@ inline int settle_cover(const Triangles *t, uint lane, int id, Coverage *c)
     if (c->cover == BUFFERED) return 0;
     const Form numerator = form_of(t->form + NUMERATOR, lane);
     const Form denominator = form_of(t->form + DENOMINATOR, lane);
-    const Rectangle grid = {0.0f, 0.0f, HALF, HALF};
+    const Rectangle grid = {0.0f, 0.0f, c->extent, c->extent};
     float least = FAR, most = -FAR;
     for (int k = 0; k < (OUTER > 1 ? 4 : 1); ++k) {
         const float u = k & 1 ? OUTER_HALF : -OUTER_HALF, v = k & 2 ? OUTER_HALF : -OUTER_HALF;
@@ -130,20 +132,21 @@ typedef struct {
 } TriangleRows;
 
 // Returns the rows in which no edge excludes every ray, rounding allowed for.
-inline uint make_rows(const Triangles *t, uint lane, TriangleRows *f)
+inline uint make_rows(const Triangles *t, uint lane, float extent, TriangleRows *f)
 {
     const uint wanted = t->rows[lane];
     uint rows = 0;
     for (int first = 0; first < BLOCK; first += LANES) {
         if (!(wanted >> first & ((1u << LANES) - 1u))) continue;
-        const Row at = row_at(first);  // the places of rows along y are those of columns along x
+        // The places of rows along y are those of columns along x.
+        const Row at = row_at(first, extent);
         vi meets = -1;
         for (int k = 0; k < NUMERATOR; ++k) {
             const RowForms r = along_rows(form_of(t->form + k, lane), 1, at.x, at.u);
             VSTORE(r.base, f->base[k] + first);
             VSTORE(r.along, f->along[k] + first);
             if (OUTER > 1) VSTORE(r.across, f->across[k] + first);
-            vf most = fabs(r.along) * HALF;
+            vf most = fabs(r.along) * extent;
             if (OUTER > 1) most = fma(fabs(r.across), (vf)(OUTER_HALF), most);
             const vf slack = FRUSTUM_SLACK * (most + fabs(r.base));
             meets &= GE(r.base + most + slack, (vf)(0.0f));
@@ -182,8 +185,8 @@ inline int hit_few(const Triangles *t, uint lane, int covers, int edge_on, int i
         for (uint columns = t->columns[lane]; columns; columns &= columns - 1)
             place[count++] = lowest(rows) * BLOCK + lowest(columns);
     const vi column = VLOAD(place) & (BLOCK - 1), row = VLOAD(place) / BLOCK;
-    const vf x = TO_VF(column & (INNER - 1)) - HALF, u = TO_VF(column / INNER) - OUTER_HALF;
-    const vf y = TO_VF(row & (INNER - 1)) - HALF, v = TO_VF(row / INNER) - OUTER_HALF;
+    const vf x = TO_VF(column & (INNER - 1)) - to->extent, u = TO_VF(column / INNER) - OUTER_HALF;
+    const vf y = TO_VF(row & (INNER - 1)) - to->extent, v = TO_VF(row / INNER) - OUTER_HALF;
     vf e[FORMS], depth;
     for (int k = 0; k < FORMS; ++k) {
         const RowForms r = along_rows(form_of(t->form + k, lane), k < NUMERATOR, y, v);
@@ -214,7 +217,7 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *ray
     if (!holes && popcount(rows) * popcount(columns) <= LANES)
         return hit_few(t, lane, covers, edge_on, id, to);
     TriangleRows f;
-    const uint open = make_rows(t, lane, &f);
+    const uint open = make_rows(t, lane, rays->extent, &f);
     if (!edge_on) rows &= open;
     int changed = 0;
     for (; rows; rows &= rows - 1) {
@@ -222,7 +225,7 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *ray
         for (int column = 0; column < BLOCK; column += LANES) {
             if (!(columns >> column & ((1u << LANES) - 1u))) continue;
             vf e[FORMS], depth;
-            evaluate_rows(&f, row, row_at(column), e);
+            evaluate_rows(&f, row, row_at(column, rays->extent), e);
             vi mask = meet(e, covers, edge_on, &depth);
             global float *z = to->z + row * BLOCK + column;
             global int *ids = to->ids + row * BLOCK + column;
@@ -230,7 +233,7 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *ray
             const vi old_id = VLOAD(ids);
             mask &= is_nearer(depth, id, old_z, old_id);
             if (holes) {
-                const Row at = row_at(row * BLOCK + column);
+                const Row at = row_at(row * BLOCK + column, rays->extent);
                 const uint bits = row_bits(mask);
                 mask = mask_of_bits(stopped_rays(cut_outs, id, rays, at, depth, bits));
             }

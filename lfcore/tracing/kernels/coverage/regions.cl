@@ -104,11 +104,13 @@ inline vi region_row(global const Region *r, int at)
     return mask_of_bits(r->rows[at / BLOCK] >> at % BLOCK);
 }
 
-// Around the rays of a block of one element.
-inline Rectangle region_rectangle(global const Region *r)
+// Around the rays of a block of one element, of that extent.
+inline Rectangle region_rectangle(global const Region *r, float extent)
 {
-    const uint columns = r->columns;
-    return rectangle_of(lowest(columns), 31 - clz(columns), r->top, r->bottom);
+    const float left = lowest((uint)r->columns), right = 31 - clz((uint)r->columns);
+    const float top = r->top, bottom = r->bottom;
+    return (Rectangle){0.5f * (left + right) - extent, 0.5f * (top + bottom) - extent,
+                       0.5f * (right - left), 0.5f * (bottom - top)};
 }
 
 #endif

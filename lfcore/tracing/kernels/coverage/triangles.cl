@@ -33,10 +33,11 @@ inline Vec corner_of(const Corners *c, int k)
     return (Vec){c->x.of[k], c->y.of[k], c->z.of[k]};
 }
 
-// Along one axis: the rays' steps s + z t and, from element to element, a + z b; the triangles'
-// corners at depths z; and a bound of the rounding error of these and of the rays beside them.
+// Along one axis: the rays' steps s + z t and, from element to element, a + z b; the extent of the
+// rays; the triangles' corners at depths z; and a bound of the rounding error of these and of the
+// rays beside them.
 typedef struct {
-    float s, t, a, b;
+    float s, t, a, b, extent;
     Triple at, z;
     vf noise;
 } Axis;
@@ -47,17 +48,18 @@ typedef struct {
 // Of rays whose steps are s and t and whose centre has direction d.
 inline Axis make_axis(const Bundle *r, float s, float t, float d, Triple at, Triple z)
 {
-    const float origins = HALF * fabs(s) + OUTER_HALF * fabs(r->a);
-    const float directions = fabs(d) + HALF * fabs(t) + OUTER_HALF * fabs(r->b);
+    const float origins = r->extent * fabs(s) + OUTER_HALF * fabs(r->a);
+    const float directions = fabs(d) + r->extent * fabs(t) + OUTER_HALF * fabs(r->b);
     const vf most = largest3(at) + fma(largest3(z), (vf)(directions), (vf)(origins));
-    return (Axis){s, t, r->a, r->b, at, z, CORNER_NOISE * most};
+    return (Axis){s, t, r->a, r->b, r->extent, at, z, CORNER_NOISE * most};
 }
 
 // Mask of triangles that lie wholly beside the rays, whichever way they face: what the rays span is
 // convex in z.
 inline vi beside_rays(const Axis *a)
 {
-    const float h = HALF * a->s, g = HALF * a->t, hu = OUTER_HALF * a->a, gu = OUTER_HALF * a->b;
+    const float h = a->extent * a->s, g = a->extent * a->t;
+    const float hu = OUTER_HALF * a->a, gu = OUTER_HALF * a->b;
     const vf nearest = half_span(least3(a->z), h, g, hu, gu);
     const vf limit = fma(max(nearest, half_span(most3(a->z), h, g, hu, gu)), (vf)(BOUND_SLACK),
                          a->noise);
@@ -87,8 +89,8 @@ inline vi samples_reached(const Axis *a)
             if (OUTER > 1) at = fma((vf)(OUTER_HALF - element), apart, at);
             sample.of[k] = at * inverse.of[k];
         }
-        const vf lo = ceil(least3(sample) - slack + HALF);
-        const vf hi = floor(most3(sample) + slack + (HALF + 1.0f));
+        const vf lo = ceil(least3(sample) - slack + a->extent);
+        const vf hi = floor(most3(sample) + slack + (a->extent + 1.0f));
         const vi first = TO_VI(clamp(lo, (vf)(0.0f), (vf)(INNER)));
         const vi end = TO_VI(clamp(hi, (vf)(0.0f), (vf)(INNER)));
         reached |= max(((vi)(1) << end) - ((vi)(1) << first), (vi)(0)) << (element * INNER);
@@ -128,27 +130,27 @@ inline Forms edge_forms(Vec p, Vec q, const Bundle *r, vf *noise)
     const vf kx = fma(m.y, l.z, m.z * l.y), ky = fma(m.z, l.x, m.x * l.z);
     const vf wide = fma(kx, (vf)(fabs(r->tx)), 2.0f * l.y * fabs(r->sx)) +
                     fma(ky, (vf)(fabs(r->ty)), 2.0f * l.x * fabs(r->sy));
-    vf most = fma((vf)(HALF), wide, fma(m.x, l.y, m.y * l.x));
+    vf most = fma((vf)(r->extent), wide, fma(m.x, l.y, m.y * l.x));
     if (OUTER > 1) {
         e.of[U] = fma(c.x, (vf)(r->b), -2.0f * d.y * r->a);
         e.of[V] = fma(c.y, (vf)(r->b), 2.0f * d.x * r->a);
         e.of[TWIST] = d.z * (-2.0f * (r->sx * r->b - r->a * r->tx));
         const vf outer = fma(kx + ky, (vf)(fabs(r->b)), 2.0f * (l.x + l.y) * fabs(r->a));
         const float steps = fabs(r->sx * r->b) + fabs(r->a * r->tx);
-        const vf twist = l.z * (4.0f * HALF * OUTER_HALF * steps);
+        const vf twist = l.z * (4.0f * r->extent * OUTER_HALF * steps);
         most += fma((vf)(OUTER_HALF), outer, twist);
     }
     *noise = EDGE_NOISE * most;
     return e;
 }
 
-// What a form varies by within the block, at most.
-inline vf form_spread(Forms e)
+// What a form varies by within a block of that extent, at most.
+inline vf form_spread(Forms e, float extent)
 {
-    vf wide = HALF * (fabs(e.of[X]) + fabs(e.of[Y]));
+    vf wide = extent * (fabs(e.of[X]) + fabs(e.of[Y]));
     if (OUTER > 1)
         wide += OUTER_HALF * (fabs(e.of[U]) + fabs(e.of[V])) +
-                2.0f * HALF * OUTER_HALF * fabs(e.of[TWIST]);
+                2.0f * extent * OUTER_HALF * fabs(e.of[TWIST]);
     return wide;
 }
 
@@ -165,7 +167,7 @@ inline vi place_edges(const Bundle *r, Placed *out)
     Forms sum;  // n . D
     for (int k = 0; k < EDGE_TERMS; ++k) sum.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
     if (OUTER > 1) sum.of[TWIST] = 0.0f;  // the three differences of depth cancel
-    const vf middle = sum.of[ONE], wide = form_spread(sum);
+    const vf middle = sum.of[ONE], wide = form_spread(sum, r->extent);
     const vi flat = EQ(middle, (vf)(0.0f)) & EQ(wide, (vf)(0.0f));
     out->edge_on = LE(fabs(middle), wide * BOUND_SLACK);
     out->flip = LT(middle, (vf)(0.0f)) & ~out->edge_on & (vi)(0x80000000);
@@ -175,7 +177,7 @@ inline vi place_edges(const Bundle *r, Placed *out)
         for (int term = 0; term < EDGE_TERMS; ++term)
             e[k].of[term] = flip_sign(e[k].of[term], out->flip);
         e[k].of[ONE] += pick((vf)(0.0f), noise[k], ~out->edge_on);
-        const vf c = e[k].of[ONE], spread = form_spread(e[k]) * BOUND_SLACK;
+        const vf c = e[k].of[ONE], spread = form_spread(e[k], r->extent) * BOUND_SLACK;
         outside |= LT(c + spread, (vf)(-NOTHING_LEFT));
         out->covers &= GE(c, spread + NOTHING_LEFT);
     }

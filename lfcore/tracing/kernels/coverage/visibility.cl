@@ -8,11 +8,9 @@
 #include "depth_buffer.cl"
 #include "walk.cl"
 
-// Whether a packet has several blocks of one element: they meet much the same triangles.
-#define PACKED (SIDE > 1 && ELEMENTS == 1)
 // A worker's own memory.  Packed leaves are of the triangles that the packet may meet.
 typedef struct {
-    DepthBuffer buffers[PACKET_BLOCKS];
+    DepthBuffer buffers[MOST_BLOCKS];
     ListedLeaves gathered, packed;
     float corners[LIST * CORNERS * NODE_WIDTH];  // (LIST, CORNERS, NODE_WIDTH) of packed leaves
     int ids[LIST * NODE_WIDTH];                  // (LIST, NODE_WIDTH)
@@ -20,15 +18,15 @@ typedef struct {
 
 // The packet's blocks, and the leaves in their way.
 typedef struct {
-    Coverage block[PACKET_BLOCKS];
+    Coverage block[MOST_BLOCKS];
     LeafList gathered, packed;
     global VisibilityMemory *memory;
 } Visibility;
 
-inline void start_visibility(global VisibilityMemory *memory, Visibility *v)
+inline void start_visibility(const Rays *rays, global VisibilityMemory *memory, Visibility *v)
 {
-    for (int block = 0; block < PACKET_BLOCKS; ++block)
-        clear_coverage(memory->buffers + block, v->block + block);
+    for (int block = 0; block < rays->blocks; ++block)
+        clear_coverage(memory->buffers + block, rays->extent, v->block + block);
     v->gathered.of = &memory->gathered;
     v->packed.of = &memory->packed;
     v->memory = memory;
@@ -60,12 +58,7 @@ inline void pack_triangle(global const float *from, int id, int number, Visibili
 // for: where an edge of it is widened onto a ray, the ray meets the triangle beyond that edge.
 inline void pack_triangles(const Tree *tree, const Packet *p, float z_far, Visibility *v)
 {
-    Bundle all = element_bundle(p, 0);
-    const float wider = ELEMENT_HALF / HALF;
-    all.sx *= wider;
-    all.sy *= wider;
-    all.tx *= wider;
-    all.ty *= wider;
+    const Bundle all = element_bundle(p, 0);
     int number = 0;
     v->packed.count = 0;
     for (int k = 0; k < v->gathered.count; ++k)
@@ -107,7 +100,7 @@ inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverag
 // Test one block against the gathered leaves.
 inline void visit_block(const Tree *tree, const Bundle *bundle, const LeafList *list, Coverage *c)
 {
-    const Frustum frustum = make_frustum(bundle, bundle, HALF);
+    const Frustum frustum = make_frustum(bundle, bundle);
     for (int base = 0; base < list->count; base += LANES) {
         const int left = list->count - base;
         const uint listed = left < LANES ? (1u << left) - 1u : ~0u;
@@ -124,7 +117,7 @@ inline void visit_block(const Tree *tree, const Bundle *bundle, const LeafList *
 inline float farthest_open(const Packet *p, const Visibility *v)
 {
     float far = 0.0f;
-    for (int block = 0; block < PACKET_BLOCKS; ++block)
+    for (int block = 0; block < p->rays->blocks; ++block)
         if (has_block(p, block)) far = max(far, v->block[block].z_far);
     return far;
 }
@@ -135,7 +128,7 @@ inline void follow_rays(const Tree *tree, const Bundle *r, int2 inside, Coverage
 {
     for (int at = 0; at < BLOCK_RAYS; ++at) {
         const int i = at % BLOCK, j = at / BLOCK;
-        const float x = i - HALF, y = j - HALF;
+        const float x = i - r->extent, y = j - r->extent;
         Hit hit = {FAR, -1, (float3)(0.0f)};
         int exponent = 0;
         if (i < inside.x && j < inside.y) {
@@ -153,7 +146,8 @@ inline void follow_rays(const Tree *tree, const Bundle *r, int2 inside, Coverage
 // Find what every block of the packet sees.
 inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
 {
-    for (int block = 0; SINGLE_RAYS && block < PACKET_BLOCKS; ++block) {
+    const int blocks = p->rays->blocks;
+    for (int block = 0; SINGLE_RAYS && block < blocks; ++block) {
         if (!has_block(p, block)) continue;
         const Bundle bundle = block_bundle(p, block);
         follow_rays(tree, &bundle, block_inside(p, block), v->block + block);
@@ -163,19 +157,23 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     const Volume volume = {&frustum, 0, 0};
     Stack stack;
     start_walk(&stack);
-    Tree packed = *tree;
-    packed.leaves = v->memory->corners;
-    packed.leaf_ids = v->memory->ids;
+    // Several blocks of one element meet much the same triangles.
+    const int pack = p->rays->group == 1 && blocks > 1;
+    Tree leaves = *tree;
+    if (pack) {
+        leaves.leaves = v->memory->corners;
+        leaves.leaf_ids = v->memory->ids;
+    }
+    const LeafList *list = pack ? &v->packed : &v->gathered;
     while (stack.size) {
         const float far = farthest_open(p, v);
         v->gathered.count = 0;
         gather_leaves(tree, &volume, far, &stack, &v->gathered);
-        if (PACKED) pack_triangles(tree, p, far, v);
-        for (int block = 0; block < PACKET_BLOCKS; ++block) {
+        if (pack) pack_triangles(tree, p, far, v);
+        for (int block = 0; block < blocks; ++block) {
             if (!has_block(p, block)) continue;
             const Bundle bundle = block_bundle(p, block);
-            if (PACKED) visit_block(&packed, &bundle, &v->packed, v->block + block);
-            else visit_block(tree, &bundle, &v->gathered, v->block + block);
+            visit_block(&leaves, &bundle, list, v->block + block);
         }
     }
 }

@@ -13,9 +13,9 @@ KERNEL void slab_hits(TREE_PARAMETERS,
     Visibility visibility;
     for (int at = atomic_inc(next); at < ray_numbers.packets; at = atomic_inc(next)) {
         const Packet packet = make_packet(&rays, at);
-        start_visibility(memory, &visibility);
+        start_visibility(&rays, memory, &visibility);
         find_visible(&tree, &packet, &visibility);
-        for (int block = 0; block < PACKET_BLOCKS; ++block) {
+        for (int block = 0; block < rays.blocks; ++block) {
             if (!has_block(&packet, block)) continue;
             write_hits(&packet, block, visibility.block + block, depth, triangle);
         }

@@ -46,7 +46,7 @@ inline void start_pipeline(const Tree *tree, const Scene *scene, float pixel,
 // Find what a whole packet sees.
 inline void see_packet(const Packet *packet, Pipeline *p)
 {
-    start_visibility(&p->memory->visibility, &p->visibility);
+    start_visibility(packet->rays, &p->memory->visibility, &p->visibility);
     find_visible(p->tree, packet, &p->visibility);
     if (SHADOWS) enter_packet(packet, &p->shadows);
 }

@@ -36,7 +36,7 @@ KERNEL void trace_radiance(TREE_PARAMETERS,
     for (int at = atomic_inc(next); at < ray_numbers.packets; at = atomic_inc(next)) {
         const Packet packet = make_packet(&rays, at);
         see_packet(&packet, &pipeline);
-        for (int block = 0; block < PACKET_BLOCKS; ++block) {
+        for (int block = 0; block < rays.blocks; ++block) {
             if (!has_block(&packet, block)) continue;
             colour_block(&packet, block, &pipeline, memory->colours);
             const int2 where = block_position(&packet, block);
@@ -46,7 +46,7 @@ KERNEL void trace_radiance(TREE_PARAMETERS,
             write_radiance(memory->colours, block_inside(&packet, block), image.mode,
                            radiance + row * pitch + 3 * column, pitch);
         }
-        for (int block = 0; (image.mode & DEPTHS) && block < PACKET_BLOCKS; ++block)
+        for (int block = 0; (image.mode & DEPTHS) && block < rays.blocks; ++block)
             if (has_block(&packet, block))
                 write_depths(&packet, block, pipeline.visibility.block + block, depth);
     }

@@ -6,20 +6,22 @@
 
 #define COLOURS (3 * BLOCK_RAYS)  // of one cell of a packet
 typedef struct {
-    float cells[(PACKET_CELLS + 1) * COLOURS];
+    float cells[(MOST_BLOCKS + 1) * COLOURS];
     uint prefix[PREFIX_WORDS];
     PipelineMemory pipeline;
 } Memory;
 
-// Clamp a block's colours to what is stored, and put them where its cells are.
-inline void sort_into_cells(global const float *from, int block, global float *cells)
+// Clamp the colours of a block of several elements to what is stored, and put them where its cells
+// are; `at` is its place in the packet.
+inline void sort_into_cells(const Rays *rays, int2 at, global const float *from,
+                            global float *cells)
 {
-    const int x = block % SIDE * INNER, y = block / SIDE * INNER;
-    const int within = y / BLOCK * CELL_SIDE + x / BLOCK, corner = y % BLOCK * BLOCK + x % BLOCK;
+    const int side = rays->span / BLOCK, within = at.y / BLOCK * side + at.x / BLOCK;
+    const int corner = at.y % BLOCK * BLOCK + at.x % BLOCK;
     for (int at = 0; at < BLOCK_RAYS; at += 4) {
         const int element = at / BLOCK / INNER * OUTER + at % BLOCK / INNER;
         const int ray = corner + at / BLOCK % INNER * BLOCK + at % INNER;
-        global float *to = cells + (element * ELEMENT_CELLS + within) * COLOURS + ray;
+        global float *to = cells + (element * side * side + within) * COLOURS + ray;
         for (int channel = 0; channel < 3; ++channel) {
             const float4 c = vload4(0, from + channel * BLOCK_RAYS + at);
             vstore4(clamp(c, 0.0f, 1.0f), 0, to + channel * BLOCK_RAYS);
@@ -27,16 +29,17 @@ inline void sort_into_cells(global const float *from, int block, global float *c
     }
 }
 
-// Linear colours of every cell of a packet within [0, 1]: (PACKET_CELLS, 3, BLOCK_RAYS).
+// Linear colours of every cell of a packet within [0, 1]: (cells, 3, BLOCK_RAYS).
 inline void colour_packet(const Packet *packet, Pipeline *pipeline, global float *cells)
 {
+    const Rays *rays = packet->rays;
     see_packet(packet, pipeline);
-    for (int block = 0; block < PACKET_BLOCKS; ++block) {
+    for (int block = 0; block < rays->blocks; ++block) {
         if (!has_block(packet, block)) continue;
-        global float *colours = cells + (OUTER > 1 ? PACKET_CELLS : block) * COLOURS;
+        global float *colours = cells + (OUTER > 1 ? rays->cells : block) * COLOURS;
         colour_block(packet, block, pipeline, colours);
         if (OUTER > 1) {
-            sort_into_cells(colours, block, cells);
+            sort_into_cells(rays, rays->block[block].at, colours, cells);
             continue;
         }
         for (int at = 0; at < COLOURS; at += LANES)
@@ -49,7 +52,7 @@ inline void write_cells(const Planes *planes, const Frames *out, const Packet *p
                         global float *cells)
 {
     const int2 grid = (int2)(packet->rays->columns, packet->rays->rows);
-    for (int cell = 0; cell < PACKET_CELLS; ++cell, cells += COLOURS) {
+    for (int cell = 0; cell < packet->rays->cells; ++cell, cells += COLOURS) {
         const int element = cell_element(packet, cell);
         if (element < 0) continue;
         const int2 where = cell_position(packet, cell);
@@ -99,12 +102,12 @@ KERNEL void trace_slab(TREE_PARAMETERS,
             if (first < 0) continue;
             if (PLANES == 1 && !BITS) drop_closed_blocks(&planes, &packet);
             colour_packet(&packet, &pipeline, cells);
-            u = (places[first].w & 0xffff) / GROUP * GROUP;
-            const int v = (places[first].w >> 16) / GROUP * GROUP;
+            u = (places[first].w & 0xffff) / rays.group * rays.group;
+            const int v = (places[first].w >> 16) / rays.group * rays.group;
             if (PLANES == 1) add_to_strip(&planes, &packet, v, cells, memory->prefix, &strip);
             write_cells(&planes, &out, &packet, cells);
         }
-        if (PLANES == 1) finish_strip(&planes, u, item % rays.across, &strip);
+        if (PLANES == 1) finish_strip(&planes, &rays, u, item % rays.across, &strip);
     }
 }
 

@@ -1,6 +1,6 @@
 // Sensor planes from packets of lens samples: rows first, then columns.
 //
-// The pixel a ray falls on is separable.  A packet is one square picture of GROUP x GROUP pixels
+// The pixel a ray falls on is separable.  A packet is one square picture of its pixels
 // times their lens samples: every column of it, (u, i), falls on one column of a plane, and every
 // row, (v, j), on one row.  Prefix sums down the columns, made once a mask, give what a row of a
 // plane gets from each column of the packet, a vector at a time.  Packets of pixels one below the
@@ -13,19 +13,19 @@
 #include "packet.cl"
 #include "plane_sums.cl"
 
-#define GROUP (ELEMENTS == 16 ? 4 : ELEMENTS == 4 ? 2 : 1)
-#define CHUNKS (GROUP * CELL_SIDE)       // cells along a side of the packet
-#define PACKET_COLUMNS (CHUNKS * BLOCK)  // at most 64
+#define CHUNKS 4  // cells along a side of the picture, at most: nothing reads the columns beyond
+#define PACKET_COLUMNS (CHUNKS * BLOCK)
 #define PREFIX_PITCH (3 * PACKET_COLUMNS)
 #define PREFIX_WORDS ((PACKET_COLUMNS + 1) * PREFIX_PITCH)
 // Ints: runs, then of each its target and start + (end << 8).
 #define RECORD 129
 
 // The packet's cell in `row`, `column` of its picture.
-inline int cell_at(int row, int column)
+inline int cell_at(const Rays *r, int row, int column)
 {
-    const int element = (row / CELL_SIDE) * GROUP + column / CELL_SIDE;
-    return element * ELEMENT_CELLS + (row % CELL_SIDE) * CELL_SIDE + column % CELL_SIDE;
+    const int side = r->span / BLOCK;
+    const int element = row / side * r->group + column / side;
+    return (element * side + row % side) * side + column % side;
 }
 
 // How far a mask is open over the lens samples of a cell.
@@ -38,7 +38,7 @@ inline int openness(const Planes *p, int mask, int2 at)
 // Leave out blocks of a packet that no plane's mask opens.
 inline void drop_closed_blocks(const Planes *p, Packet *packet)
 {
-    for (int block = 0; block < PACKET_BLOCKS; ++block) {
+    for (int block = 0; block < packet->rays->blocks; ++block) {
         if (!has_block(packet, block)) continue;
         int open = 0;
         for (int plane = 0; plane < p->numbers->planes; ++plane)
@@ -65,13 +65,15 @@ inline void store_prefix(private const uint16 *sum, global uint *to)
 inline int make_prefix(const Planes *p, const Packet *packet, int mask, global const float *colours,
                        global uint *prefix)
 {
-    const int pitch = PACKET_SIDE * ((p->numbers->blocks + CELL_SIDE - 1) / CELL_SIDE);
+    const Rays *rays = packet->rays;
+    const int side = rays->span / BLOCK, chunks = rays->group * side;
+    const int pitch = rays->span * ((p->numbers->blocks + side - 1) / side);
     int any = 0;
-    for (int column = 0; column < CHUNKS; ++column) {
+    for (int column = 0; column < chunks; ++column) {
         uint16 sum[3] = {0, 0, 0};
         global uint *to = prefix + column * BLOCK;
-        for (int row = 0; row < CHUNKS; ++row) {
-            const int cell = cell_at(row, column);
+        for (int row = 0; row < chunks; ++row) {
+            const int cell = cell_at(rays, row, column);
             const int2 where = cell_position(packet, cell);
             const int kind = cell_element(packet, cell) >= 0 ? openness(p, mask, where) : 0;
             global const uchar *open = p->masks + ((ulong)mask * pitch + where.y) * pitch + where.x;
@@ -121,10 +123,10 @@ inline void add_rows(global const int *run, int count, global const uint *prefix
 
 // Where the rays of a packet's rows, or columns, fall on a plane: runs, then of each its target and
 // start + (end << 8).
-inline global const int *runs_of(const Planes *p, int plane, int pixel, int square)
+inline global const int *runs_of(const Planes *p, int plane, int group, int pixel, int square)
 {
     const int4 info = p->plane[plane];
-    return p->runs + info.y + (pixel / GROUP * info.z + square) * RECORD;
+    return p->runs + info.y + (pixel / group * info.z + square) * RECORD;
 }
 
 // The row of a strip that holds row y of a plane.
@@ -134,19 +136,21 @@ inline global uint *strip_row(const Planes *p, const Strip *strip, int plane, in
     return strip->rows + ((ulong)plane * ring + (y & (ring - 1))) * PREFIX_PITCH;
 }
 
-// Add a packet of linear colours (PACKET_CELLS, 3, BLOCK_RAYS) to its strip.  Its first row of
-// pixels is v, a multiple of GROUP; `prefix` (PREFIX_WORDS) is scratch.
+// Add a packet of linear colours (cells, 3, BLOCK_RAYS) to its strip.  Its first row of
+// pixels is v, a multiple of its group; `prefix` (PREFIX_WORDS) is scratch.
 inline void add_to_strip(const Planes *p, const Packet *packet, int v, global const float *colours,
                          global uint *prefix, const Strip *strip)
 {
     const PlaneArguments *n = p->numbers;
+    const Rays *rays = packet->rays;
+    const int square = packet->at.y / rays->span;
     int have = -1, any = 0;
     for (int plane = 0; plane < n->planes; ++plane) {
         const int mask = p->plane[plane].x;
         if (mask != have) any = make_prefix(p, packet, mask, colours, prefix);
         have = mask;
         if (!any) continue;
-        global const int *down = runs_of(p, plane, v, packet->row / PACKET_SIDE);
+        global const int *down = runs_of(p, plane, rays->group, v, square);
         global const int *run = down + 1, *end = run + 2 * down[0];
         int2 window = strip->window[plane];
         while (run < end) {
@@ -198,15 +202,15 @@ inline void add_columns(global const int *run, global const int *end, const priv
     }
 }
 
-// Add a strip to the planes and empty it.  Its first column of pixels is u, a multiple of GROUP;
-// `square` is its place on the lens.
-inline void finish_strip(const Planes *p, int u, int square, const Strip *strip)
+// Add a strip to the planes and empty it.  Its first column of pixels is u, a multiple of the
+// packets' group; `square` is its place on the lens.
+inline void finish_strip(const Planes *p, const Rays *rays, int u, int square, const Strip *strip)
 {
     const PlaneArguments *n = p->numbers;
     private uint4 line[PACKET_COLUMNS];
     for (int plane = 0; plane < n->planes; ++plane) {
         const int2 window = strip->window[plane];
-        global const int *across = runs_of(p, plane, u, square);
+        global const int *across = runs_of(p, plane, rays->group, u, square);
         global const int *run = across + 1, *end = run + 2 * across[0];
         while (run < end && u + run[0] < n->left) run += 2;
         while (run < end && u + end[-2] >= n->left + n->width) end -= 2;

@@ -23,7 +23,7 @@ inline void read_tile(const Scene *scene, const Block *b, int key, const Materia
     float4 range = (float4)(FAR, FAR, -FAR, -FAR);
     for (int k = 0; k < b->regions.count; ++k) {
         global const PlaneEquations *p = b->planes + k;
-        const Rectangle at = region_rectangle(b->regions.of + k);
+        const Rectangle at = region_rectangle(b->regions.of + k, b->rays.extent);
         if (p->key != key) continue;
         if (!is_one_sided(p->denominator, at)) return;
         const float4 own = coordinate_range(p, at);
@@ -107,7 +107,8 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
         if (!row_any(mine)) continue;
         s.point = load3(b->samples->point, at);
         s.normal = load3(b->samples->normal, at);
-        if (PHYSICAL || is_glossy(&material)) s.view = viewer_row(&b->rays, row_at(at));
+        if (PHYSICAL || is_glossy(&material))
+            s.view = viewer_row(&b->rays, row_at(at, b->rays.extent));
         s.albedo = albedo_row(scene, &tile, &material, b->samples, at);
         if (PHYSICAL) read_row_maps(scene, b->samples, at, &s);
         store3(pick3(load3(colours, at), light_row(scene, b, &s, at), mine), colours, at);

@@ -40,26 +40,27 @@ inline void clear_cache(OccluderCache *c)
 // To be called before a block's shadows are asked for.
 inline void enter_element(const Packet *p, int block, OccluderCache *c)
 {
-    if (c->element == block / ELEMENT_BLOCKS) return;
-    c->element = block / ELEMENT_BLOCKS;
+    const int element = p->rays->block[block].element;
+    if (c->element == element) return;
+    c->element = element;
     c->rays = element_bundle(p, block);
     clear_cache(c);
 }
 
 // Where along one axis rays may meet a triangle whose corners are at `at` and depths z, in columns
 // from the middle: the first and the last.  Of the middle ray o and d are origin and direction, s
-// and t their steps.
-inline float2 columns_at(float o, float d, float s, float t, float3 at, float3 z)
+// and t their steps, of which there are `extent` to either side.
+inline float2 columns_at(float o, float d, float s, float t, float extent, float3 at, float3 z)
 {
     const float3 pitch = fma(z, t, s), along = o + z * d;
     const float3 noise = HIT_SLACK * (fabs(at) + fabs(o) + fabs(z * d));
     // Rays of a pixel cross where it is in focus, and nothing is met behind the lens.
     const int cross = least_of(pitch.xyzz) <= 0.0f && most_of(pitch.xyzz) >= 0.0f;
-    if (cross || least_of(z.xyzz) <= 0.0f) return (float2)(-ELEMENT_HALF, ELEMENT_HALF);
+    if (cross || least_of(z.xyzz) <= 0.0f) return (float2)(-extent, extent);
     const float3 column = (at - along) / pitch, slack = noise / fabs(pitch) + SAMPLE_SLACK;
     const float3 low = column - slack, high = column + slack;
     const float2 ends = (float2)(least_of(low.xyzz), most_of(high.xyzz));
-    return clamp(ends, -ELEMENT_HALF, ELEMENT_HALF);
+    return clamp(ends, -extent, extent);
 }
 
 // Around the rays of an element that may meet a triangle of corners v.
@@ -67,8 +68,8 @@ inline Rectangle rays_at(const Bundle *r, const float3 *v)
 {
     const float3 x = (float3)(v[0].x, v[1].x, v[2].x), y = (float3)(v[0].y, v[1].y, v[2].y);
     const float3 z = (float3)(v[0].z, v[1].z, v[2].z);
-    const float2 across = columns_at(r->ox, r->dx, r->sx, r->tx, x, z);
-    const float2 down = columns_at(r->oy, r->dy, r->sy, r->ty, y, z);
+    const float2 across = columns_at(r->ox, r->dx, r->sx, r->tx, r->extent, x, z);
+    const float2 down = columns_at(r->oy, r->dy, r->sy, r->ty, r->extent, y, z);
     return (Rectangle){0.5f * (across.x + across.y), 0.5f * (down.x + down.y),
                        0.5f * (across.y - across.x), 0.5f * (down.y - down.x)};
 }

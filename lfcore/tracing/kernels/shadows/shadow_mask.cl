@@ -20,14 +20,14 @@ typedef struct {
     vi lit[ROW_GROUPS];
 } ShadowMask;
 
-// Of a region whose block lies `offset` from where forms are counted.
-inline ShadowMask no_shadow(global const Region *r, float2 offset)
+// Of a region whose block, of that extent, lies `offset` from where forms are counted.
+inline ShadowMask no_shadow(global const Region *r, float extent, float2 offset)
 {
     ShadowMask m;
-    m.over = region_rectangle(r);
+    m.over = region_rectangle(r, extent);
     m.over.x += offset.x;
     m.over.y += offset.y;
-    m.first = offset - HALF;
+    m.first = offset - extent;
     for (int k = 0; k < ROW_GROUPS; ++k) m.lit[k] = VLOAD(r->rows + k * LANES);
     return m;
 }

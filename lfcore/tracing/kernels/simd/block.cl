@@ -30,6 +30,7 @@ typedef struct {
     float sx, sy;          // step of the origin per column, per row
     float tx, ty;          // step of the direction per column, per row
     float a, b;            // step of origin and direction per element, along either axis
+    float extent;          // inner rays lie within so many steps of the centre
 } Bundle;
 
 // Places of a row of LANES rays: x, y on the inner grid, u, v among the elements.
@@ -40,14 +41,14 @@ typedef struct {
     float v;
 } Row;
 
-// The row that begins with ray `at`, a multiple of LANES.
-inline Row row_at(int at)
+// The row that begins with ray `at`, a multiple of LANES, of a bundle of that extent.
+inline Row row_at(int at, float extent)
 {
     const vi column = TO_VI(IOTA) + at % BLOCK;
     Row r;
-    r.x = TO_VF(column & (INNER - 1)) - HALF;
+    r.x = TO_VF(column & (INNER - 1)) - extent;
     r.u = TO_VF(column / INNER) - OUTER_HALF;
-    r.y = (at / BLOCK) % INNER - HALF;
+    r.y = (at / BLOCK) % INNER - extent;
     r.v = at / BLOCK / INNER - OUTER_HALF;
     return r;
 }
@@ -104,12 +105,6 @@ inline Form stepped_form(float one, float x, float y, float step_x, float step_y
 
 // Rays between two columns and two rows of a block of one element, as a middle and half extents.
 typedef struct { float x, y, wide, high; } Rectangle;
-
-inline Rectangle rectangle_of(float left, float right, float top, float bottom)
-{
-    return (Rectangle){0.5f * (left + right) - HALF, 0.5f * (top + bottom) - HALF,
-                       0.5f * (right - left), 0.5f * (bottom - top)};
-}
 
 // The four corners of a rectangle.
 inline float4 corners_x(Rectangle r)

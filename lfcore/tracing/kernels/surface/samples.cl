@@ -129,7 +129,7 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
     for (int k = 0; k < b->regions.count; ++k)
         set_up_planes(scene, r, b->regions.of[k].triangle, pixel, b->planes + k);
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const Row row = row_at(at);
+        const Row row = row_at(at, b->rays.extent);
         sample_row(b, at, row, &s);
         VSTORE(s.key, out->key + at);
         VSTORE(s.triangle, out->triangle + at);

@@ -32,9 +32,10 @@ inline Interval widened(Interval a, float hu, float gu)
     return a;
 }
 
-// What holds all rays between two bundles of the same steps, `extent` of these to either side.
-inline Frustum make_frustum(const Bundle *lo, const Bundle *hi, float extent)
+// What holds all rays between two bundles of the same steps and extent.
+inline Frustum make_frustum(const Bundle *lo, const Bundle *hi)
 {
+    const float extent = lo->extent;
     const float hu = OUTER_HALF * lo->a, gu = OUTER_HALF * lo->b;
     const Interval x = {lo->ox, hi->ox, lo->dx, hi->dx, extent * lo->sx, extent * lo->tx};
     const Interval y = {lo->oy, hi->oy, lo->dy, hi->dy, extent * lo->sy, extent * lo->ty};
