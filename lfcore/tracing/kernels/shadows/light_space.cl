@@ -137,26 +137,30 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, global c
     return row_bits(may);
 }
 
-// Strips of the block that occluder `lane` may reach, a bit each.
-inline uint strips_reached(const StripBoxes *strips, const PictureForms *f, uint lane)
+// Which of the occluders `keep` may reach each strip of the block, a bit each.
+inline void reach_strips(const StripBoxes *strips, const PictureForms *f, uint keep,
+                         private int *reaching)
 {
-    uint reached = 0;
     for (int first = 0; first < STRIPS; first += LANES) {
-        vi may = -1;
-        for (int k = 0; k < 4; ++k) {
-            private const float (*form)[LANES] = f->of[k];
-            vf largest = form[FORM_MOST_C][lane];
-            const int terms = k == 3 ? 3 : 2;
-            for (int axis = 0; axis < terms; ++axis) {
-                const float x = form[axis][lane];
-                const float *extreme = x > 0.0f ? strips->hi[axis] : strips->lo[axis];
-                largest = fma((vf)(x), VLOAD(extreme + first), largest);
+        vi found = 0;
+        for (uint left = keep; left; left &= left - 1) {
+            const uint lane = lowest(left);
+            vi may = -1;
+            for (int k = 0; k < 4; ++k) {
+                private const float (*form)[LANES] = f->of[k];
+                vf largest = form[FORM_MOST_C][lane];
+                const int terms = k == 3 ? 3 : 2;
+                for (int axis = 0; axis < terms; ++axis) {
+                    const float x = form[axis][lane];
+                    const float *extreme = x > 0.0f ? strips->hi[axis] : strips->lo[axis];
+                    largest = fma((vf)(x), VLOAD(extreme + first), largest);
+                }
+                may &= GE(largest, (vf)(0.0f));
             }
-            may &= GE(largest, (vf)(0.0f));
+            found |= may & (vi)(1 << lane);
         }
-        reached |= row_bits(may) << first;
+        VSTORE(found, reaching + first);
     }
-    return reached;
 }
 
 // Of a row of hit points, `bits` of which lie behind an occluder, those that its holes leave dark.
@@ -177,33 +181,40 @@ inline uint behind_holes(const Shadows *s, const LightSpaceRays *l, int occluder
     return dark;
 }
 
-// Take from s->open the rays behind occluder `lane`, but for those on it, the triangle `id`.
-inline void cast_picture(const Shadows *s, const PictureForms *f, uint lane, int id,
-                         LightSpaceRays *l)
+// Of a row of rays, those behind occluder `lane`, but for those on it, the triangle `id`.
+inline vi behind_occluder(const PictureForms *f, uint lane, int id, Vec seen, vi triangle)
 {
-    const int holes = has_holes(&s->tree->cut_outs, id);
-    for (uint left = l->lit & strips_reached(&l->strips, f, lane); left; left &= left - 1) {
-        const int strip = lowest(left);
-        vi lit = 0;
-        for (int at = strip * STRIP; at < (strip + 1) * STRIP; at += LANES) {
-            const vi open = VLOAD(s->open + at);
-            const Vec seen = load3(s->seen, at);
-            vf form[4];
-            for (int k = 0; k < 4; ++k) {
-                private const float (*term)[LANES] = f->of[k];
-                form[k] = fma(seen.x, (vf)(term[FORM_A][lane]),
-                              fma(seen.y, (vf)(term[FORM_B][lane]), (vf)(term[FORM_C][lane])));
-            }
-            const vf beyond = fma(seen.z, (vf)(f->of[3][FORM_G][lane]), form[3]);
-            const vi inside = GE(min(form[0], min(form[1], form[2])), (vf)(0.0f));
-            vi dark = open & inside & GT(beyond, (vf)(0.0f)) &
-                ~EQ(VLOAD(l->samples->triangle + at), (vi)(id));
-            if (holes) dark = mask_of_bits(behind_holes(s, l, id, at, row_bits(dark)));
-            VSTORE(open & ~dark, s->open + at);
-            lit |= open & ~dark;
-        }
-        if (!row_any(lit)) l->lit ^= 1u << strip;
+    vf form[4];
+    for (int k = 0; k < 4; ++k) {
+        private const float (*term)[LANES] = f->of[k];
+        form[k] = fma(seen.x, (vf)(term[FORM_A][lane]),
+                      fma(seen.y, (vf)(term[FORM_B][lane]), (vf)(term[FORM_C][lane])));
     }
+    const vf beyond = fma(seen.z, (vf)(f->of[3][FORM_G][lane]), form[3]);
+    const vi inside = GE(min(form[0], min(form[1], form[2])), (vf)(0.0f));
+    return inside & GT(beyond, (vf)(0.0f)) & ~EQ(triangle, (vi)(id));
+}
+
+// Take from s->open the rays of a strip behind the occluders `keep`, of triangles `ids`.
+inline void cast_strip(const Shadows *s, const PictureForms *f, uint keep, global const int *ids,
+                       int strip, LightSpaceRays *l)
+{
+    vi lit = 0;
+    for (int at = strip * STRIP; at < (strip + 1) * STRIP; at += LANES) {
+        vi open = VLOAD(s->open + at);
+        const Vec seen = load3(s->seen, at);
+        const vi triangle = VLOAD(l->samples->triangle + at);
+        for (uint left = keep; left; left &= left - 1) {
+            const uint lane = lowest(left);
+            vi dark = open & behind_occluder(f, lane, ids[lane], seen, triangle);
+            if (has_holes(&s->tree->cut_outs, ids[lane]))
+                dark = mask_of_bits(behind_holes(s, l, ids[lane], at, row_bits(dark)));
+            open &= ~dark;
+        }
+        VSTORE(open, s->open + at);
+        lit |= open;
+    }
+    if (!row_any(lit)) l->lit ^= 1u << strip;
 }
 
 // Take from s->open the rays behind LANES triangles of a leaf; false when none is left.
@@ -213,9 +224,14 @@ inline int cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
     global const int *ids = leaf_numbers(s->tree, leaf, lane);
     PictureForms forms;
     const vi may = ~(shaft_misses(&l->rays.shaft, corners) | are_own(l->rays.own, ids));
-    uint keep = set_up_picture(&l->rays, &l->view, corners, may, &forms);
-    for (; keep && l->lit; keep &= keep - 1)
-        cast_picture(s, &forms, lowest(keep), ids[lowest(keep)], l);
+    const uint keep = set_up_picture(&l->rays, &l->view, corners, may, &forms);
+    if (!keep) return 1;
+    private int reaching[STRIPS];
+    reach_strips(&l->strips, &forms, keep, reaching);
+    for (uint left = l->lit; left; left &= left - 1) {
+        const uint strip = lowest(left);
+        if (reaching[strip]) cast_strip(s, &forms, reaching[strip], ids, strip, l);
+    }
     return l->lit != 0;
 }
 
