@@ -82,11 +82,15 @@ class Tracer:
         depth : (P, N, N) float32, metres along the axis; infinity for a miss.
         """
         pixels = np.asarray(pixels).reshape(-1, 2)
-        # Neighbours share a packet by their place on the grid, so each place may come but once.
-        places, which = np.unique(pixels, axis=0, return_inverse=True)
         hits = self.hits(rays.probe(slab))
-        triangle, depth = hits(rays.macropixels(slab, places), places)
-        return triangle[which.ravel()], depth[which.ravel()]
+        # Neighbours share a packet by their place on the grid, so each place may come but once.
+        column, row = pixels.astype(np.int64).T
+        keys = row << 32 | (column & 0xFFFFFFFF)
+        if len(np.unique(keys)) == len(keys):
+            return hits(rays.macropixels(slab, pixels), pixels)
+        _, first, which = np.unique(keys, return_index=True, return_inverse=True)
+        triangle, depth = hits(rays.macropixels(slab, pixels[first]), pixels[first])
+        return triangle[which], depth[which]
 
     def bundle_hits(
         self, bundles: Bundles, coordinates: np.ndarray | None = None

@@ -1,5 +1,4 @@
 // Visibility alone: the closest triangle and its depth for every ray of a job.
-#include "arguments.cl"
 #include "hit_buffers.cl"
 
 KERNEL void slab_hits(TREE_PARAMETERS,

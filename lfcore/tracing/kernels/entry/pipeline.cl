@@ -1,7 +1,6 @@
 // The way of a packet: visibility, then for each block regions, samples, shadows and colours.
 #ifndef LFCORE_PIPELINE_CL
 #define LFCORE_PIPELINE_CL
-#include "arguments.cl"
 #include "regions.cl"
 #include "shade.cl"
 #include "shadows.cl"

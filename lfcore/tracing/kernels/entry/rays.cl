@@ -1,5 +1,4 @@
 // Rays that are no bundle, one at a time.
-#include "arguments.cl"
 #include "walk.cl"
 
 KERNEL void closest_hits(TREE_PARAMETERS,

@@ -149,8 +149,7 @@ inline void reach_strips(const StripBoxes *strips, const PictureForms *f, uint k
             for (int k = 0; k < 4; ++k) {
                 private const float (*form)[LANES] = f->of[k];
                 vf largest = form[FORM_MOST_C][lane];
-                const int terms = k == 3 ? 3 : 2;
-                for (int axis = 0; axis < terms; ++axis) {
+                for (int axis = 0; axis < (k == 3 ? 3 : 2); ++axis) {
                     const float x = form[axis][lane];
                     const float *extreme = x > 0.0f ? strips->hi[axis] : strips->lo[axis];
                     largest = fma((vf)(x), VLOAD(extreme + first), largest);

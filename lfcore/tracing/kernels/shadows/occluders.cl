@@ -47,7 +47,6 @@ inline Vec face_normal(const Vec *v) { return cross3(minus3(v[1], v[0]), minus3(
 // light.
 typedef struct { Vec v[3]; vi flip; } Occluders;
 
-
 // Beyond the triangles' own planes this form is positive.  `may` loses those that the light sees
 // edge-on, which cast no shadow.
 inline Plane face_plane(const ShadowRays *r, Occluders *o, vi *may)

@@ -34,6 +34,8 @@
 #define VSTORE(x, p) WIDE(vstore)(x, 0, p)
 #define MASK(m) (m)
 #endif
+#define KERNEL \
+    kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
 typedef WIDE(float) vf;
 typedef WIDE(int) vi;
 typedef WIDE(uint) vu;
@@ -42,7 +44,6 @@ typedef WIDE(uint) vu;
 #define AS_VU WIDE(as_uint)
 #define TO_VF WIDE(convert_float)
 #define TO_VI WIDE(convert_int)
-#define TO_VU WIDE(convert_uint)
 
 #define LT(a, b) MASK((a) < (b))
 #define LE(a, b) MASK((a) <= (b))

@@ -56,17 +56,13 @@ inline int make_places(int elements, int side, int size, Place *out)
 inline Rays make_rays(global const float4 *elements, global const int *groups,
                       const RayArguments *a)
 {
-    Rays r = {elements, groups, vload4(0, a->step), vload2(0, a->outer), a->columns, a->rows};
-    const int all = a->group * a->group;
-    r.extent = a->extent;
-    r.element_extent = 0.5f * (a->side - 1) * INNER + a->extent;
-    r.group = a->group;
-    r.side = a->side;
-    r.span = a->side * INNER;
+    const int span = a->side * INNER, all = a->group * a->group;
+    Rays r = {elements, groups, vload4(0, a->step), vload2(0, a->outer), a->columns, a->rows,
+              a->extent, 0.5f * (span - INNER) + a->extent, a->group, a->side, span};
     r.blocks = make_places(OUTER > 1 ? 1 : all, a->side, INNER, r.block);
-    r.cells = make_places(all, r.span / BLOCK, BLOCK, r.cell);
-    r.across = (a->columns + r.span - 1) / r.span;
-    r.squares = r.across * ((a->rows + r.span - 1) / r.span);
+    r.cells = make_places(all, span / BLOCK, BLOCK, r.cell);
+    r.across = (a->columns + span - 1) / span;
+    r.squares = r.across * ((a->rows + span - 1) / span);
     return r;
 }
 
