@@ -114,9 +114,9 @@ def _coded_bytes(suffix: str, picture: np.ndarray, bits: int) -> bytes:
     else:
         codes = srgb_codes(picture)
     options = [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION] if suffix == ".png" else []
-    if codes.ndim == 3:
-        codes = codes[..., ::-1]
     try:
+        if codes.ndim == 3 and codes.shape[2] == 3:
+            codes = cv2.cvtColor(codes, cv2.COLOR_RGB2BGR)
         done, data = cv2.imencode(suffix, np.ascontiguousarray(codes), options)
     except cv2.error:
         done = False

@@ -83,7 +83,7 @@ def reduced(pixels: np.ndarray, samples: int) -> np.ndarray:
     out = np.empty((lenses, lenses, 3), np.float32)
     for row in range(lenses):
         band = srgb_decode(pixels[row * samples : (row + 1) * samples])
-        out[row] = band.reshape(samples, lenses, samples, 3).mean((0, 2))
+        out[row] = band.reshape(samples, lenses, samples, 3).mean(0).mean(1)
     return out
 
 

@@ -110,9 +110,15 @@ class ViewSummer:
 
 def to_fixed(views: np.ndarray) -> np.ndarray:
     """(K, 3, h, w) uint32 fixed point of views (K, h, w, 3), uint8 sRGB or linear light."""
-    light = srgb_decode(views) if views.dtype == np.uint8 else np.clip(views, 0, 1)
-    fixed = np.floor(light.astype(np.float32) * np.float32(FIXED_ONE) + np.float32(0.5))
-    return np.ascontiguousarray(np.moveaxis(fixed, -1, 1).astype(np.uint32))
+    planar = np.moveaxis(views, -1, 1)
+    if views.dtype == np.uint8:
+        return np.take(_fixed(srgb_decode(np.arange(256, dtype=np.uint8))), planar)
+    return np.ascontiguousarray(_fixed(np.clip(planar, 0, 1)))
+
+
+def _fixed(light: np.ndarray) -> np.ndarray:
+    rounded = np.floor(light.astype(np.float32) * np.float32(FIXED_ONE) + np.float32(0.5))
+    return rounded.astype(np.uint32)
 
 
 class _Batch:

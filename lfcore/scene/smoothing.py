@@ -30,10 +30,10 @@ def crease_normals(triangles: np.ndarray, crease_deg: float = 40.0) -> np.ndarra
         return np.zeros((0, 3, 3))
     area_vectors = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     unit = normalise(area_vectors)
-    _, vertex = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
-    vertex = vertex.ravel()
-    corners = np.argsort(vertex, kind="stable")
-    starts = np.flatnonzero(np.r_[True, np.diff(vertex[corners]) != 0])
+    points = triangles.reshape(-1, 3)
+    corners = np.lexsort(points.T)  # those of one place side by side
+    apart = (points[corners[1:]] != points[corners[:-1]]).any(1)
+    starts = np.flatnonzero(np.r_[True, apart])
     valence = np.diff(np.r_[starts, len(corners)])
 
     usable = np.where(valence <= MAX_VALENCE, valence, 0)

@@ -44,6 +44,7 @@ typedef WIDE(uint) vu;
 #define AS_VU WIDE(as_uint)
 #define TO_VF WIDE(convert_float)
 #define TO_VI WIDE(convert_int)
+#define TO_VU WIDE(convert_uint)
 
 #define LT(a, b) MASK((a) < (b))
 #define LE(a, b) MASK((a) <= (b))
