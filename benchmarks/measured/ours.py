@@ -21,9 +21,10 @@ def visibility(tracer: Tracer, sample: Sample) -> Method:
     ``Tracer.slab_hits`` does, all but the copy to numpy arrays."""
     device, bundles = tracer.device, macropixels(sample.slab, sample.pixels)
     hits = tracer.hits(probe(sample.slab))
+    outputs = device.empty(4 * sample.rays), device.empty(4 * sample.rays)
 
     def work() -> None:
-        hits.launch(bundles, sample.pixels)
+        hits.launch(bundles, sample.pixels, outputs)
         device.queue.finish()
 
     return Method(

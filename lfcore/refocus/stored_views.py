@@ -10,11 +10,11 @@ from typing import Protocol
 import numpy as np
 
 from lfcore.opencl.device import Device, build_program, cl
+from lfcore.opencl.host_memory import page_aligned
 from lfcore.optics.slab import Rectangle
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.stored_video import StoredVideo
-from lfcore.tracing.radiance import page_aligned
 
 CHUNK_BYTES = 64 << 20
 _SOURCE = "refocus/kernels/shift_sum.cl"

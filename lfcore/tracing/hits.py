@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from lfcore.opencl.device import cl
+from lfcore.opencl.host_memory import collect, page_aligned, target_buffer
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.device_scene import RAY_ARGUMENTS, DeviceScene
 from lfcore.tracing.packets import Groups, PacketShape
 
 CHUNK_RAYS = 1 << 24
-"""Rays whose hits a device holds at a time."""
+"""Rays whose hits a device with memory of its own holds at a time."""
 
 
 class SlabHits:
@@ -28,25 +29,27 @@ class SlabHits:
         self, bundles: Bundles, coordinates: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
         count, per_element = len(bundles.elements), bundles.columns * bundles.rows
-        triangle = np.empty((count, bundles.rows, bundles.columns), np.int32)
-        depth = np.empty(triangle.shape, np.float32)
-        step = max(1, CHUNK_RAYS // per_element)
+        device, shape = self.scene.device, (count, bundles.rows, bundles.columns)
+        depth, triangle = page_aligned(shape), page_aligned(shape, np.int32)
+        step = max(1, count if device.is_cpu else CHUNK_RAYS // per_element)
         for start in range(0, count, step):
             part = slice(start, min(start + step, count))
             places = None if coordinates is None else np.asarray(coordinates)[part]
-            depths, triangles = self.launch(bundles.part(part), places)
-            cl.enqueue_copy(self.scene.device.queue, depth[part], depths)
-            cl.enqueue_copy(self.scene.device.queue, triangle[part], triangles)
+            outputs = target_buffer(device, depth[part]), target_buffer(device, triangle[part])
+            self.launch(bundles.part(part), places, outputs)
+            for target, host in zip(outputs, (depth, triangle), strict=True):
+                collect(device, target, host[part])
         return triangle, depth
 
     def launch(
-        self, bundles: Bundles, coordinates: np.ndarray | None
-    ) -> tuple[cl.Buffer, cl.Buffer]:
-        """Device buffers of depths and triangles, which are there once the queue is done."""
-        scene, device = self.scene, self.scene.device
+        self,
+        bundles: Bundles,
+        coordinates: np.ndarray | None,
+        outputs: tuple[cl.Buffer, cl.Buffer],
+    ) -> None:
+        """Write depths and triangles, 4 bytes a ray, to ``outputs`` before the queue is done."""
+        scene = self.scene
         groups = Groups.of(self.shape, bundles, coordinates)
-        size = 4 * len(bundles.elements) * bundles.columns * bundles.rows
-        outputs = device.empty(size), device.empty(size)
         self.kernel(
             scene.workers(len(groups.members)),
             *scene.tree,
@@ -55,4 +58,3 @@ class SlabHits:
             self.kernel.scratch(),
             *outputs,
         )
-        return outputs

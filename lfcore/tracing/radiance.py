@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from lfcore.opencl.device import Device, cl
+from lfcore.opencl.device import cl
+from lfcore.opencl.host_memory import collect, target_buffer
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.device_scene import RAY_ARGUMENTS, SCENE_ARGUMENTS, DeviceScene
 from lfcore.tracing.packets import Groups, PacketShape
@@ -17,18 +18,9 @@ LAUNCH_RAYS = 1 << 22
 """Rays of one launch: progress is told between launches."""
 STREAM_BYTES = 32 << 20
 """Results larger than this go past the caches, which would not hold them until they are read."""
-PAGE = 4096
 ADD, STREAM, DEPTHS = 1, 2, 4  # of the kernel's mode
 
 IMAGE_ARGUMENTS = np.dtype([("across", np.int32), ("mode", np.int32)])
-
-
-def page_aligned(shape: Sequence[int], dtype: type = np.float32) -> np.ndarray:
-    """An uninitialised array that begins a page: drivers use such memory as it is."""
-    size = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize
-    raw = np.empty(size + PAGE, np.uint8)
-    offset = -raw.ctypes.data % PAGE
-    return raw[offset : offset + size].view(dtype).reshape(shape)
 
 
 class TraceRadiance:
@@ -99,8 +91,8 @@ class TraceRadiance:
         ``far`` are their depths, or none.
         """
         device = self.scene.device
-        target = _buffer_of(device, piece)
-        depth = _buffer_of(device, far) if far.size else device.empty(4)
+        target = target_buffer(device, piece)
+        depth = target_buffer(device, far) if far.size else device.empty(4)
         first, shape = self.sets[0], self.shape
         places = None if self.coordinates is None else self.coordinates[part]
         packets = Groups.of(shape, first.part(part), places).members
@@ -115,9 +107,9 @@ class TraceRadiance:
             if progress:
                 device.queue.finish()
                 progress(min(start + step, len(packets)), len(packets))
-        _collect(device, target, piece)
+        collect(device, target, piece)
         if far.size:
-            _collect(device, depth, far)
+            collect(device, depth, far)
 
     def _launch(
         self,
@@ -140,23 +132,3 @@ class TraceRadiance:
             target,
             depth,
         )
-
-
-def _buffer_of(device: Device, host: np.ndarray) -> cl.Buffer:
-    """Where the device writes what ``host`` is to hold: its own memory, if that can be."""
-    flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
-    if device.is_cpu:
-        return cl.Buffer(device.context, flags, hostbuf=host)
-    return device.empty(host.nbytes)
-
-
-def _collect(device: Device, target: cl.Buffer, host: np.ndarray) -> None:
-    """Make what the device wrote visible in ``host``; waits for the queue."""
-    if not device.is_cpu:
-        cl.enqueue_copy(device.queue, host, target)
-        return
-    view, _ = cl.enqueue_map_buffer(
-        device.queue, target, cl.map_flags.READ, 0, host.shape, host.dtype
-    )
-    view.base.release(device.queue)
-    device.queue.finish()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lfcore.opencl.device import cl
+from lfcore.opencl.host_memory import collect, page_aligned, target_buffer
 from lfcore.tracing.device_scene import DeviceScene, EntryKernel
 
 
@@ -20,12 +20,12 @@ class ClosestHits:
         self, origins: np.ndarray, directions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         scene, device, count = self.scene, self.scene.device, len(origins)
-        triangle, distance = np.empty(count, np.int32), np.empty(count, np.float32)
-        barycentric = np.empty((count, 3), np.float32)
+        triangle, distance = page_aligned((count,), np.int32), page_aligned((count,))
+        barycentric = page_aligned((count, 3))
         outputs = triangle, distance, barycentric
         if not count:
             return outputs
-        buffers = [device.empty(a.nbytes) for a in outputs]
+        buffers = [target_buffer(device, a) for a in outputs]
         self.kernel(
             scene.workers(count),
             *scene.tree,
@@ -36,5 +36,5 @@ class ClosestHits:
             *buffers,
         )
         for array, buffer in zip(outputs, buffers, strict=True):
-            cl.enqueue_copy(device.queue, array, buffer)
+            collect(device, buffer, array)
         return outputs

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from lfcore.opencl.device import Device, cl
+from lfcore.opencl.device import PAGE, Device, cl
+from lfcore.opencl.host_memory import page_aligned
 from lfcore.optics import bundles as rays
 from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.plane_tables import PlaneTables, lens_tables, view_tables
@@ -32,7 +33,6 @@ GROUPED_SHARE = 2
 """Times CHUNK_BYTES that a chunk may take so as to part no group: of 32 x 32 views of 512 pixels a
 row of groups takes 100 MiB, and to trace parted groups twice took twice as long."""
 CHUNK_RAYS = 1 << 26
-PAGE = 4096
 
 
 class Tile(Protocol):
@@ -235,9 +235,7 @@ class _FrameHost:
     def __init__(self, device: Device, layout: FrameLayout, frames: int):
         self.device, self.size = device, layout.frame_bytes
         size = max(frames * self.size, PAGE)
-        raw = np.empty(size + 2 * PAGE, np.uint8)
-        offset = -raw.ctypes.data % PAGE
-        self.memory = raw[offset : offset + -(-size // 64) * 64]
+        self.memory = page_aligned((-(-size // 64) * 64,), np.uint8)
         if frames:
             self._blank(layout, frames)
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR

@@ -8,6 +8,7 @@ import numpy as np
 
 from lfcore.errors import OpticsError, SceneError
 from lfcore.opencl.device import Device, open_device
+from lfcore.opencl.host_memory import page_aligned
 from lfcore.optics import bundles as rays
 from lfcore.optics.bundles import Bundles
 from lfcore.optics.planes import SensorPlane
@@ -18,7 +19,7 @@ from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.hits import SlabHits
 from lfcore.tracing.plan import Plan
-from lfcore.tracing.radiance import TraceRadiance, page_aligned
+from lfcore.tracing.radiance import TraceRadiance
 from lfcore.tracing.rays import ClosestHits
 from lfcore.tracing.tile import Tile, TileTracing, TraceSlab
 

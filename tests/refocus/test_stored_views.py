@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lfcore.opencl.device import PAGE
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 from lfcore.refocus.stored_views import ahead, frame_chunks
@@ -11,7 +12,6 @@ from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.segment import SegmentWriter
-from lfcore.tracing.radiance import PAGE
 
 VIEWS, PIXELS = 16, 10
 LAYOUT = FrameLayout("macropixels", VIEWS, PIXELS, pixel_format="gbrp")
