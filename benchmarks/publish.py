@@ -8,7 +8,7 @@
     python -m benchmarks.publish --take full --command "snakemake ..." results    # docs/results/
     python -m benchmarks.publish --take peers --command "python benchmarks/tracer.py ..." tracer.csv
 
-and so ``triangles``, of ``--scaling`` of that benchmark.
+and so ``triangles``, of ``--scaling`` of that benchmark, and ``against``, of ``against.py``.
 
 A result file, ``benchmarks/published/NAME.csv``, begins with lines ``# key: value``: the command
 that made it, commit, processor, date, and what else is to be known.  A document has a place for it,
@@ -71,8 +71,10 @@ TRACER_MODES = {
     "triangles": {"scene": "scene", "triangles": "triangles", "N": "N",
                   "core_nanoseconds_per_ray": "core ns a ray", "growth": "growth",
                   "growth_of_logarithm": "of the logarithm", "bvh_seconds": "tree s"},
+    "against": {name: name for name in ("work", "lanes", "scene")}
+    | {f"N = {views}": f"N = {views}" for views in (4, 8, 16, 64, 512)},
 }  # fmt: skip
-"""Columns of modes of ``benchmarks/tracer.py``, and their names."""
+"""Columns of modes of ``benchmarks/tracer.py`` and of ``against.py``, and their names."""
 OF_RUN = ("command", "commit", "processor", "date")
 """What is known of every result."""
 

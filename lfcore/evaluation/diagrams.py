@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
@@ -66,6 +67,7 @@ def label_points(figure: Figure, labels: Iterable[PointLabel]) -> list[Annotatio
     All else must be drawn before: places are found in pixels of the figure as it stands.  Returns
     what was written.
     """
+    FigureCanvasAgg(figure)  # has a renderer; without one each box that is asked for makes another
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # what was laid out stays
     written: list[Annotation] = []

@@ -1,0 +1,144 @@
+"""The tracer against another commit of itself, in turn: which is faster, and by how much.
+
+    python -m benchmarks.against b916407 --out against.csv
+    python -m benchmarks.against HEAD~1 --angular 16 --scenes bike --work hits --out hits.csv
+
+Each program runs in a process of its own bound to one core, on the same rays; the one that begins
+changes from round to round.  Seconds are of the processor, with the host's part, and means of the
+best quarter of the rounds.  Columns ``N = ...`` are speeds: seconds of the other commit over those
+of this tree.  ``--work``: ``hits`` of squares of pixels, ``frames`` with five planes of tiles; 64
+and 16 of them, spread over the picture.  ``--held-to core-avx2`` adds rows of Intel's runtime held
+to that instruction set; ``lanes`` tells them apart.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.measured.rows import print_table, say, write_csv
+from lfcore.errors import LfcoreError
+
+ROOT = Path(__file__).resolve().parents[1]
+WORKER = ROOT / "benchmarks" / "measured" / "against_worker.py"
+WORK = ("frames", "hits")
+
+
+class Program:
+    """The tracer of a checkout, in a process bound to ``core`` and held to an instruction set."""
+
+    def __init__(self, root: Path, core: int, held_to: str = ""):
+        environment = os.environ | ({"CL_CONFIG_CPU_TARGET_ARCH": held_to} if held_to else {})
+        self._process = subprocess.Popen(
+            [sys.executable, str(WORKER), str(root)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=environment,
+            preexec_fn=lambda: os.sched_setaffinity(0, {core}),
+        )
+
+    def ask(self, case: dict[str, Any]) -> dict[str, Any]:
+        """What one run of a case took: ``seconds``, ``rays`` and ``lanes``."""
+        assert self._process.stdin and self._process.stdout  # pipes, above
+        self._process.stdin.write(json.dumps(case) + "\n")
+        self._process.stdin.flush()
+        answer = self._process.stdout.readline()
+        if not answer:
+            raise LfcoreError(f"the program under test ended at {case}")
+        return json.loads(answer)
+
+    def end(self) -> None:
+        self._process.kill()
+        self._process.wait()
+
+
+def in_turn(programs: Sequence[Program], case: dict[str, Any], rounds: int) -> list[float]:
+    """Seconds of each program, once both have run unseen."""
+    taken: list[list[float]] = [[] for _ in programs]
+    for program in programs:
+        program.ask(case)
+    for turn in range(rounds):
+        order = range(len(programs)) if turn % 2 else reversed(range(len(programs)))
+        for number in order:
+            taken[number].append(programs[number].ask(case)["seconds"])
+    return [float(np.mean(sorted(one)[: max(1, rounds // 4)])) for one in taken]
+
+
+def rows(programs: Sequence[Program], options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    for work in options.work:
+        for scene in options.scenes:
+            row: dict[str, Any] = {"work": work, "lanes": None, "scene": scene}
+            for views in options.angular:
+                case = {"work": work, "scene": scene, "views": views, "pixels": options.size,
+                        "mrays": options.mrays}  # fmt: skip
+                row["lanes"] = programs[0].ask(case)["lanes"]
+                before, now = in_turn(programs, case, options.rounds)
+                row[f"N = {views}"] = f"{before / now:.2f}"
+                say(f"{work}, {scene}, N = {views}: {before:.3f} s, {now:.3f} s now")
+            yield row
+
+
+@contextlib.contextmanager
+def checkout(revision: str) -> Iterator[Path]:
+    """A folder with another commit, for as long as it is needed."""
+    with tempfile.TemporaryDirectory() as folder:
+        there = Path(folder) / "tree"
+        git = ["git", "-C", str(ROOT), "worktree"]
+        made = subprocess.run(
+            [*git, "add", "--quiet", "--detach", str(there), revision],
+            capture_output=True, text=True,
+        )  # fmt: skip
+        if made.returncode:
+            raise LfcoreError(f"git has no {revision!r}: {made.stderr.strip()}", key="revision")
+        try:
+            yield there
+        finally:
+            subprocess.run([*git, "remove", "--force", str(there)], check=True)
+
+
+def parse(arguments: list[str] | None = None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("revision", help="of the program to compare with")
+    parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom"])
+    parser.add_argument("--angular", nargs="+", type=int, default=[4, 8, 16, 64, 512], help="N")
+    parser.add_argument("--size", type=int, default=512, help="M; default 512")
+    parser.add_argument("--work", nargs="+", choices=WORK, default=list(WORK))
+    parser.add_argument("--rounds", type=int, default=8)
+    parser.add_argument("--mrays", type=float, default=16.0, help="million rays of a case")
+    parser.add_argument("--held-to", nargs="+", default=[], metavar="SET", help="e.g. core-avx2")
+    parser.add_argument("--core", type=int, default=max(os.sched_getaffinity(0)))
+    parser.add_argument("--out", type=Path, required=True, help="CSV file")
+    options = parser.parse_args(arguments)
+    if options.rounds < 1:
+        parser.error("--rounds must be at least 1")
+    return options
+
+
+def main() -> None:
+    options = parse()
+    found: list[dict[str, Any]] = []
+    with checkout(options.revision) as other:
+        for held_to in ("", *options.held_to):
+            programs = [Program(root, options.core, held_to) for root in (other, ROOT)]
+            try:
+                found += rows(programs, options)
+            finally:
+                for program in programs:
+                    program.end()
+    write_csv(options.out, found)
+    print_table(found)
+
+
+if __name__ == "__main__":
+    main()
