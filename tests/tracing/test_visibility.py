@@ -38,6 +38,19 @@ def test_slab_hits_are_the_oracles_on_soups(device, views_a_side, seed):
     assert (error <= 16 * 2.0**-24 * np.maximum(truth.grazing[same], 1)).all()
 
 
+def test_pixels_come_in_any_order_and_more_than_once(device):
+    """And beside the picture, where numbers are negative."""
+    tracer, slab = tracer_of(soup(500, 3), device), Slab(CAMERA, 6, 24)
+    grid = np.stack(np.meshgrid(np.arange(-3, 27), np.arange(-2, 26)), -1).reshape(-1, 2)
+    triangle, depth = tracer.slab_hits(slab, grid)
+    assert len(np.unique(triangle)) > 100
+    chosen = np.random.default_rng(1).integers(0, len(grid), 300)
+    assert len(np.unique(chosen)) < len(chosen)
+    for dtype in (np.int32, np.int64):
+        again, far = tracer.slab_hits(slab, grid[chosen].astype(dtype))
+        assert np.array_equal(again, triangle[chosen]) and np.array_equal(far, depth[chosen])
+
+
 @pytest.mark.parametrize("make", [macropixels, views])
 def test_bundles_of_either_kind_agree_with_embree(device, make):
     tracer = tracer_of(soup(3000, 1, 0.15), device)
