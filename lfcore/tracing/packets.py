@@ -87,13 +87,15 @@ class Groups:
             return cls(np.arange(len(bundles.elements), dtype=np.int32)[:, None], bundles.elements)
         size = np.array([group, group * tall])
         strips, slots = np.divmod(np.asarray(coordinates, np.int64), size)
-        key, strip = ranks(strips[:, 1] << 32 | strips[:, 0])
+        lowest = strips.min(axis=0)
+        column, row = (strips - lowest).T
+        key, strip = ranks(row << 32 | column)
         members = np.full((len(key), group * size[1]), -1, np.int32)
         members[strip, slots[:, 1] * group + slots[:, 0]] = np.arange(len(strips), dtype=np.int32)
         members = members.reshape(-1, group**2)
         if shape.outer == 1:
             return cls(members, bundles.elements)
-        corners = np.stack([key & 0xFFFFFFFF, key >> 32], axis=1) * size
+        corners = (np.stack([key & 0xFFFFFFFF, key >> 32], axis=1) + lowest) * size
         corners = corners[:, None] + np.stack([np.zeros(tall), np.arange(tall) * group], axis=1)
         assert bundles.lattice is not None  # without one no block spans elements
         return cls(members, bundles.lattice.middles(corners.reshape(-1, 2) + (group - 1) / 2))
