@@ -35,10 +35,15 @@ WORK = ("frames", "hits")
 
 
 class Program:
-    """The tracer of a checkout, in a process bound to ``core`` and held to an instruction set."""
+    """The tracer of a checkout, in a process bound to ``core`` and held to an instruction set.
 
-    def __init__(self, root: Path, core: int, held_to: str = ""):
-        environment = os.environ | ({"CL_CONFIG_CPU_TARGET_ARCH": held_to} if held_to else {})
+    Programs are kept in ``cache``: old commits took those of one instruction set for another's.
+    """
+
+    def __init__(self, root: Path, core: int, cache: Path, held_to: str = ""):
+        environment = os.environ | {"XDG_CACHE_HOME": str(cache)}
+        if held_to:
+            environment["CL_CONFIG_CPU_TARGET_ARCH"] = held_to
         self._process = subprocess.Popen(
             [sys.executable, str(WORKER), str(root)],
             stdin=subprocess.PIPE,
@@ -130,7 +135,9 @@ def main() -> None:
     found: list[dict[str, Any]] = []
     with checkout(options.revision) as other:
         for held_to in ("", *options.held_to):
-            programs = [Program(root, options.core, held_to) for root in (other, ROOT)]
+            cache = other.parent / f"cache-{held_to}"
+            cache.mkdir()
+            programs = [Program(root, options.core, cache, held_to) for root in (other, ROOT)]
             try:
                 found += rows(programs, options)
             finally:
