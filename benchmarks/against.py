@@ -8,7 +8,7 @@ changes from round to round.  Seconds are of the processor, with the host's part
 best quarter of the rounds.  Columns ``N = ...`` are speeds: seconds of the other commit over those
 of this tree.  ``--work``: ``hits`` of squares of pixels, ``frames`` with five planes of tiles; 64
 and 16 of them, spread over the picture.  ``--held-to core-avx2`` adds rows of Intel's runtime held
-to that instruction set; ``lanes`` tells them apart.
+to that instruction set.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Program:
         )
 
     def ask(self, case: dict[str, Any]) -> dict[str, Any]:
-        """What one run of a case took: ``seconds``, ``rays`` and ``lanes``."""
+        """What one run of a case took: ``seconds`` of the processor, of so many ``rays``."""
         assert self._process.stdin and self._process.stdout  # pipes, above
         self._process.stdin.write(json.dumps(case) + "\n")
         self._process.stdin.flush()
@@ -80,14 +80,15 @@ def in_turn(programs: Sequence[Program], case: dict[str, Any], rounds: int) -> l
     return [float(np.mean(sorted(one)[: max(1, rounds // 4)])) for one in taken]
 
 
-def rows(programs: Sequence[Program], options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+def rows(
+    programs: Sequence[Program], held_to: str, options: argparse.Namespace
+) -> Iterator[dict[str, Any]]:
     for work in options.work:
         for scene in options.scenes:
-            row: dict[str, Any] = {"work": work, "lanes": None, "scene": scene}
+            row: dict[str, Any] = {"work": work, "held_to": held_to or "nothing", "scene": scene}
             for views in options.angular:
                 case = {"work": work, "scene": scene, "views": views, "pixels": options.size,
                         "mrays": options.mrays}  # fmt: skip
-                row["lanes"] = programs[0].ask(case)["lanes"]
                 before, now = in_turn(programs, case, options.rounds)
                 row[f"N = {views}"] = f"{before / now:.2f}"
                 say(f"{work}, {scene}, N = {views}: {before:.3f} s, {now:.3f} s now")
@@ -139,7 +140,7 @@ def main() -> None:
             cache.mkdir()
             programs = [Program(root, options.core, cache, held_to) for root in (other, ROOT)]
             try:
-                found += rows(programs, options)
+                found += rows(programs, held_to, options)
             finally:
                 for program in programs:
                     program.end()

@@ -71,7 +71,7 @@ TRACER_MODES = {
     "triangles": {"scene": "scene", "triangles": "triangles", "N": "N",
                   "core_nanoseconds_per_ray": "core ns a ray", "growth": "growth",
                   "growth_of_logarithm": "of the logarithm", "bvh_seconds": "tree s"},
-    "against": {name: name for name in ("work", "lanes", "scene")}
+    "against": {"work": "work", "held_to": "held to", "scene": "scene"}
     | {f"N = {views}": f"N = {views}" for views in (4, 8, 16, 64, 512)},
 }  # fmt: skip
 """Columns of modes of ``benchmarks/tracer.py`` and of ``against.py``, and their names."""

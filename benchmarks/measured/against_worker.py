@@ -48,8 +48,8 @@ def squares(count: int, pixels: int, rays: float, views: int) -> tuple[int, np.n
     return side, np.stack(np.meshgrid(first, first), -1).reshape(-1, 2)
 
 
-def work_of(case: dict[str, Any]) -> tuple[Callable[[], None], int, int]:
-    """What to run, how many rays it traces, and the lanes of the device."""
+def work_of(case: dict[str, Any]) -> tuple[Callable[[], None], int]:
+    """What to run, and how many rays it traces."""
     scene, tracer = opened(case["scene"])
     slab = Slab(scene.camera, case["views"], case["pixels"])
     count = SQUARES[case["work"]]
@@ -58,7 +58,7 @@ def work_of(case: dict[str, Any]) -> tuple[Callable[[], None], int, int]:
     if case["work"] == "hits":
         v, u = np.divmod(np.arange(side**2), side)
         pixels = (corners[:, None] + np.stack([u, v], 1)).reshape(-1, 2).astype(np.int32)
-        return lambda: (tracer.slab_hits(slab, pixels), None)[1], rays, tracer.device.lanes
+        return lambda: (tracer.slab_hits(slab, pixels), None)[1], rays
     near, far = min(scene.focus_distances_m), max(scene.focus_distances_m)
     planes = [
         SensorPlane(float(1 / d), scene.camera.f_number, "circle" if k else "square")
@@ -72,20 +72,20 @@ def work_of(case: dict[str, Any]) -> tuple[Callable[[], None], int, int]:
             for _ in tracer.trace_tile(slab, tile, planes):
                 pass
 
-    return frames, rays, tracer.device.lanes
+    return frames, rays
 
 
 def main() -> None:
     assert Path(lfcore.__file__).is_relative_to(ROOT), "another checkout was imported"
-    known: dict[str, tuple[Callable[[], None], int, int]] = {}
+    known: dict[str, tuple[Callable[[], None], int]] = {}
     for line in sys.stdin:
         if line not in known:
             known[line] = work_of(json.loads(line))
-        work, rays, lanes = known[line]
+        work, rays = known[line]
         begun = time.process_time()
         work()
         taken = time.process_time() - begun
-        print(json.dumps({"seconds": taken, "rays": rays, "lanes": lanes}), flush=True)
+        print(json.dumps({"seconds": taken, "rays": rays}), flush=True)
 
 
 if __name__ == "__main__":
