@@ -12,12 +12,12 @@ typedef struct {
 } Memory;
 
 // Clamp the colours of a block of several elements to what is stored, and put them where its cells
-// are; `at` is its place in the packet.
-inline void sort_into_cells(const Rays *rays, int2 at, global const float *from,
+// are; `first` is its column and row in the packet.
+inline void sort_into_cells(const Rays *rays, int2 first, global const float *from,
                             global float *cells)
 {
-    const int side = rays->span / BLOCK, within = at.y / BLOCK * side + at.x / BLOCK;
-    const int corner = at.y % BLOCK * BLOCK + at.x % BLOCK;
+    const int side = rays->packet_side / BLOCK, within = first.y / BLOCK * side + first.x / BLOCK;
+    const int corner = first.y % BLOCK * BLOCK + first.x % BLOCK;
     for (int at = 0; at < BLOCK_RAYS; at += 4) {
         const int element = at / BLOCK / INNER * OUTER + at % BLOCK / INNER;
         const int ray = corner + at / BLOCK % INNER * BLOCK + at % INNER;

@@ -23,7 +23,7 @@
 // The packet's cell in `row`, `column` of its picture.
 inline int cell_at(const Rays *r, int row, int column)
 {
-    const int side = r->span / BLOCK;
+    const int side = r->packet_side / BLOCK;
     const int element = row / side * r->group + column / side;
     return (element * side + row % side) * side + column % side;
 }
@@ -66,8 +66,8 @@ inline int make_prefix(const Planes *p, const Packet *packet, int mask, global c
                        global uint *prefix)
 {
     const Rays *rays = packet->rays;
-    const int side = rays->span / BLOCK, chunks = rays->group * side;
-    const int pitch = rays->span * ((p->numbers->blocks + side - 1) / side);
+    const int side = rays->packet_side / BLOCK, chunks = rays->group * side;
+    const int pitch = rays->packet_side * ((p->numbers->blocks + side - 1) / side);
     int any = 0;
     for (int column = 0; column < chunks; ++column) {
         uint16 sum[3] = {0, 0, 0};
@@ -143,7 +143,7 @@ inline void add_to_strip(const Planes *p, const Packet *packet, int v, global co
 {
     const PlaneArguments *n = p->numbers;
     const Rays *rays = packet->rays;
-    const int square = packet->at.y / rays->span;
+    const int square = packet->at.y / rays->packet_side;
     int have = -1, any = 0;
     for (int plane = 0; plane < n->planes; ++plane) {
         const int mask = p->plane[plane].x;

@@ -26,7 +26,7 @@ typedef struct {
     float element_extent;           // packet
     // Of a packet: elements along a side, blocks and inner rays along a side of one element's part,
     // and how many blocks and cells there are.
-    int group, side, span, blocks, cells;
+    int group, side, packet_side, blocks, cells;
     Place block[MOST_BLOCKS], cell[MOST_BLOCKS];
     // Packets along a row of one group's inner grid, and in all of it.
     int across, squares;
@@ -56,13 +56,13 @@ inline int make_places(int elements, int side, int size, Place *out)
 inline Rays make_rays(global const float4 *elements, global const int *groups,
                       const RayArguments *a)
 {
-    const int span = a->side * INNER, all = a->group * a->group;
+    const int wide = a->side * INNER, all = a->group * a->group;
     Rays r = {elements, groups, vload4(0, a->step), vload2(0, a->outer), a->columns, a->rows,
-              a->extent, 0.5f * (span - INNER) + a->extent, a->group, a->side, span};
+              a->extent, 0.5f * (wide - INNER) + a->extent, a->group, a->side, wide};
     r.blocks = make_places(OUTER > 1 ? 1 : all, a->side, INNER, r.block);
-    r.cells = make_places(all, span / BLOCK, BLOCK, r.cell);
-    r.across = (a->columns + span - 1) / span;
-    r.squares = r.across * ((a->rows + span - 1) / span);
+    r.cells = make_places(all, wide / BLOCK, BLOCK, r.cell);
+    r.across = (a->columns + wide - 1) / wide;
+    r.squares = r.across * ((a->rows + wide - 1) / wide);
     return r;
 }
 
@@ -154,7 +154,7 @@ inline Packet make_packet(const Rays *rays, int number)
     p.rays = rays;
     p.group = number / rays->squares;
     p.element = rays->groups + p.group * rays->group * rays->group;
-    p.at = (int2)(square % rays->across, square / rays->across) * rays->span;
+    p.at = (int2)(square % rays->across, square / rays->across) * rays->packet_side;
     p.blocks = 0;
     for (int block = 0; block < rays->blocks; ++block) {
         const int2 at = block_position(&p, block);
