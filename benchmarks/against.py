@@ -53,15 +53,15 @@ class Program:
             preexec_fn=lambda: os.sched_setaffinity(0, {core}),
         )
 
-    def ask(self, case: dict[str, Any]) -> dict[str, Any]:
-        """What one run of a case took: ``seconds`` of the processor, of so many ``rays``."""
+    def ask(self, case: dict[str, Any]) -> float:
+        """Seconds of the processor that one run of a case took."""
         assert self._process.stdin and self._process.stdout  # pipes, above
         self._process.stdin.write(json.dumps(case) + "\n")
         self._process.stdin.flush()
         answer = self._process.stdout.readline()
         if not answer:
             raise LfcoreError(f"the program under test ended at {case}")
-        return json.loads(answer)
+        return float(json.loads(answer)["seconds"])
 
     def end(self) -> None:
         self._process.kill()
@@ -76,7 +76,7 @@ def in_turn(programs: Sequence[Program], case: dict[str, Any], rounds: int) -> l
     for turn in range(rounds):
         order = range(len(programs)) if turn % 2 else reversed(range(len(programs)))
         for number in order:
-            taken[number].append(programs[number].ask(case)["seconds"])
+            taken[number].append(programs[number].ask(case))
     return [float(np.mean(sorted(one)[: max(1, rounds // 4)])) for one in taken]
 
 

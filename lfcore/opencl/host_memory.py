@@ -30,8 +30,6 @@ def collect(device: Device, target: cl.Buffer, host: np.ndarray) -> None:
     if not device.is_cpu:
         cl.enqueue_copy(device.queue, host, target)
         return
-    view, _ = cl.enqueue_map_buffer(
-        device.queue, target, cl.map_flags.READ, 0, host.shape, host.dtype
-    )
-    view.base.release(device.queue)
+    with device.mapped(target, host.shape, host.dtype.type):
+        pass  # to map it is enough: what is seen there is ``host``
     device.queue.finish()
