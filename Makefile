@@ -19,7 +19,6 @@
 #   make digests   the table of bits that every processor is held to: after a change that means to change bits
 #   make micro     every rule, script and caption, as small as they go, and Snakemake's report: build/micro
 #   make sweep SWEEP=config/sweeps/crf.tsv    a light field for each row: one table, one figure
-#   make check-published CELL=bike,64    a cell of the published tables at full size, made again and compared
 #   make settings  what is made from the configuration's keys: schema, defaults, table
 #   make clean     forget results; make distclean forgets the environment, too
 
@@ -41,7 +40,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: tables test quick fuzz faults smoke cluster s3 pods bare try micro sweep check-published settings count lint docs \
+.PHONY: tables test quick fuzz faults smoke cluster s3 pods bare try micro sweep settings count lint docs \
 	wheel format digests clean distclean \
 	pins
 .DELETE_ON_ERROR:
@@ -58,10 +57,6 @@ micro: $(VENV)/installed
 
 sweep: $(VENV)/installed
 	$(BIN)/python -m lfcore.workflow.run --cores $(CORES) --config sweep=$(SWEEP) -- sweep
-
-check-published: $(VENV)/installed
-	@test -n "$(CELL)" || { echo "Say which cell: make check-published CELL=bike,64"; exit 1; }
-	$(BIN)/python -m benchmarks.check_published --cores $(CORES) $(CELL)
 
 test: $(VENV)/installed-dev
 	$(BIN)/python -m pytest $(XDIST)

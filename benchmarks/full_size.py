@@ -7,7 +7,6 @@ All of it is read from the results of one run; what the run did not make is not 
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,7 +26,6 @@ from lfcore.evaluation.figures import THESIS_PIXELS, log_ticks, save_figure, vie
 from lfcore.evaluation.table_files import human_bytes
 from lfcore.files import make_folder, whole_file, write_text
 from lfcore.optics.plane_pictures import load_stack
-from lfcore.workflow.progress import TOOK
 from lfcore.workflow.reports import THESIS
 
 FOLDER = ROOT / "docs" / "results"
@@ -54,10 +52,9 @@ class FullSizeError(LfcoreError):
 
 @dataclass(frozen=True)
 class FullRun:
-    """The three tables of a run by name, and of each cell what it is checked by."""
+    """The three tables of a run by name, and the rays to choose."""
 
     tables: dict[str, pd.DataFrame]
-    cells: pd.DataFrame
     choice: pd.DataFrame | None
 
     @property
@@ -79,8 +76,7 @@ class FullRun:
     def _reason(self, place: int, column: str) -> str:
         """What is known of a cell that may have made it worse, in row ``place`` of the tables."""
         if column == "seconds":
-            share = self.cells.core_share[place]
-            return f"Seconds are of one core, of which its jobs had {share:.2f} beside other work."
+            return "Seconds are of one core."
         stored = self.tables["table_7_2"].loc[place]
         smaller = stored.thesis_video_bytes / stored.video_bytes
         return f"Our file is {smaller:.1f} times smaller."
@@ -129,39 +125,8 @@ def read_run(results: Path) -> FullRun:
     keys = [list(zip(table.scene, table.N, table.M, strict=True)) for table in made.values()]
     if not keys[0] or any(each != keys[0] for each in keys):
         raise FullSizeError("have not the same cells", file=results / "tables")
-    cells = pd.DataFrame([_cell(results, *key) for key in keys[0]])
     choice = results / "tables" / "our_choice.csv"
-    return FullRun(made, cells, pd.read_csv(choice) if choice.is_file() else None)
-
-
-def _cell(results: Path, scene: str, views: int, pixels: int) -> dict:
-    """Digest of the planes of a cell, and how much of their time its jobs had a core."""
-    folder = results / scene / f"M{pixels}" / f"N{views}"
-    row: dict = {"scene": scene, "N": views, "M": pixels}
-    row["pictures"] = pictures_digest(folder / "planes" / "on_the_fly.npz")
-    return row | {"core_share": core_share(results.parent / TOOK, scene, views, pixels)}
-
-
-def core_share(took: Path, scene: str, views: int, pixels: int) -> float:
-    """Core seconds over wall seconds of the jobs that traced a cell: 1 on a machine of its own.
-
-    Raises :class:`FullSizeError` where the run does not say it.
-    """
-    try:
-        rows = pd.read_csv(took)
-    except (OSError, ValueError):
-        rows = pd.DataFrame(columns=["stage", "scene", "N", "M", "wall_seconds", "core_seconds"])
-    mine = rows[(rows.stage == "trace") & (rows.scene == scene) & (rows.N == views)]
-    mine = mine[mine.M == pixels]
-    if mine.empty:
-        raise FullSizeError(f"does not say what {scene}, N = {views} took", file=took)
-    return round(min(1.0, mine.core_seconds.sum() / max(mine.wall_seconds.sum(), 1e-9)), 3)
-
-
-def pictures_digest(stack: Path) -> str:
-    """Of the numbers of a stack of planes: equal pictures have equal PSNR and SSIM."""
-    pictures = np.ascontiguousarray(load_stack(stack)[0], "<f4")
-    return hashlib.sha256(pictures.tobytes()).hexdigest()[:16]
+    return FullRun(made, pd.read_csv(choice) if choice.is_file() else None)
 
 
 def publish(
@@ -182,7 +147,7 @@ def publish(
             "holds other scenes, N or M than the configuration asks for",
             file=results / "tables" / "table_7_1.csv", remedy="Name the run's own --configfile",
         )  # fmt: skip
-    written = {**run.tables, "cells": run.cells}
+    written = dict(run.tables)
     if run.choice is not None:
         written["our_choice"] = run.choice
     make_folder(to)
@@ -258,7 +223,7 @@ def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]
         f"{better} of its {of_all} numbers are bettered."
         + ("" if pixels == THESIS_PIXELS else unlike),
         "",
-        *wrapped(Result(provenance, run.cells).source()),
+        *wrapped(Result(provenance, run.first).source()),
         "",
         f"![Error, size and time over N, ours and the thesis's]({FIGURE})",
         "",
@@ -276,16 +241,7 @@ def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]
     lines += ["## Pictures", ""]
     for title, file in stacks:
         lines += [f"{title}", "", f"![{title}]({file})", ""]
-    lines += [
-        *wrapped(
-            "`make check-published CELL=cabin,32` makes a cell again and compares it to the last "
-            "bit; cells.csv has what it is compared by, and settings.yaml what it is made with. At "
-            "the commit above it comes out so. A later program may trace single rays otherwise, "
-            "where rounding decides on which side of an edge or a shadow they lie: then it says "
-            "that the pictures differ."
-        ),
-        "",
-    ]
+    lines += [f"The configuration of the run: [{SETTINGS}]({SETTINGS}).", ""]
     return "\n".join(lines)
 
 

@@ -7,8 +7,7 @@
     python -m benchmarks.publish --take recommended --command "make tables" results/tables
     python -m benchmarks.publish --take full --command "snakemake ..." results    # docs/results/
     python -m benchmarks.publish --take peers --command "python benchmarks/tracer.py ..." tracer.csv
-
-and so ``triangles``, of ``--scaling`` of that benchmark, and ``against``, of ``against.py``.
+    python -m benchmarks.publish --take against --command "..." against.csv
 
 A result file, ``benchmarks/published/NAME.csv``, begins with lines ``# key: value``: the command
 that made it, commit, processor, date, and what else is to be known.  A document has a place for it,
@@ -25,7 +24,6 @@ from __future__ import annotations
 
 import argparse
 import datetime
-import functools
 import io
 import re
 import subprocess
@@ -50,7 +48,6 @@ RESULTS = ROOT / "benchmarks" / "published"
 DOCUMENTS = (
     "README.md",
     "docs/measured.md",
-    "docs/encoders.md",
     "docs/performance.md",
     "docs/scaling.md",
     "docs/robustness.md",
@@ -67,14 +64,10 @@ TRACED = {"seconds": "trace s", "psnr_db": "PSNR dB (7.1)",
           "psnr_true_db": "true PSNR dB (7.1)", "ssim": "SSIM"}  # fmt: skip
 RETRIEVED = {"seconds": "retrieve s", "psnr_db": "PSNR dB (7.3)",
              "psnr_true_db": "true PSNR dB (7.3)", "ssim": "SSIM (7.3)"}  # fmt: skip
-TRACER_MODES = {
-    "triangles": {"scene": "scene", "triangles": "triangles", "N": "N",
-                  "core_nanoseconds_per_ray": "core ns a ray", "growth": "growth",
-                  "growth_of_logarithm": "of the logarithm", "bvh_seconds": "tree s"},
-    "against": {"work": "work", "held_to": "held to", "scene": "scene"}
-    | {f"N = {views}": f"N = {views}" for views in (4, 8, 16, 64, 512)},
-}  # fmt: skip
-"""Columns of modes of ``benchmarks/tracer.py`` and of ``against.py``, and their names."""
+AGAINST = {"work": "work", "held_to": "held to", "scene": "scene"} | {
+    f"N = {views}": f"N = {views}" for views in (4, 8, 16, 64, 512)
+}
+"""The published columns of ``against.py``, and their names."""
 OF_RUN = ("command", "commit", "processor", "date")
 """What is known of every result."""
 
@@ -190,10 +183,9 @@ def peers(file: Path) -> pd.DataFrame:
     return _three_digits(both.dropna().reset_index())
 
 
-def tracer_mode(name: str, file: Path) -> pd.DataFrame:
-    """The columns that are published of a mode of ``benchmarks/tracer.py``."""
-    columns = TRACER_MODES[name]
-    return _three_digits(pd.read_csv(file)[list(columns)].rename(columns=columns))
+def against(file: Path) -> pd.DataFrame:
+    """The published columns of a run of ``benchmarks/against.py``."""
+    return _three_digits(pd.read_csv(file)[list(AGAINST)].rename(columns=AGAINST))
 
 
 def _three_digits(rows: pd.DataFrame) -> pd.DataFrame:
@@ -314,8 +306,7 @@ def main(argv: list[str] | None = None) -> int:
         elif options.take == "full":
             take_full(options.folder, options.configfile, provenance)
         elif options.take:
-            takers = {"peers": peers, "true_picture": true_picture}
-            takers |= {name: functools.partial(tracer_mode, name) for name in TRACER_MODES}
+            takers = {"peers": peers, "true_picture": true_picture, "against": against}
             rows = takers.get(options.take, tables)(options.folder)
             Result(provenance, rows).write(RESULTS / f"{options.take}.csv")
         stale = [path for path, text in documents().items() if path.read_text("utf-8") != text]

@@ -15,20 +15,13 @@ import argparse
 import os
 from pathlib import Path
 
-from benchmarks.measured import compare, costs, fixed, leaks, roofline, scaling, scattered
+from benchmarks.measured import compare, leaks, roofline
 from benchmarks.measured.rows import print_table, say, write_csv
 from lfcore.timing import machine
 
 MODES = {
-    "scaling": (scaling.scaling, "time against triangle count, and building the hierarchy"),
-    "threads": (costs.threads, "two cores against one"),
-    "planes": (costs.planes, "100 sensor planes against 5"),
-    "needs": (costs.needs, "what each feature of a scene costs"),
-    "lanes": (costs.lanes, "kernels at 1, 4, 8 and 16 lanes"),
     "leaks": (leaks.leaks, "rays aimed at edges and vertices of closed surfaces: how many miss"),
-    "scattered": (scattered.scattered, "blocks as packets against ray by ray, both forced"),
-    "fixed": (fixed.fixed, "what a job costs before its first ray"),
-    "roofline": (roofline.roofline, "cycles a ray by part, against the chip's peaks"),
+    "roofline": (roofline.roofline, "cycles per ray of each part, and the processor's peaks"),
 }
 
 
@@ -43,7 +36,6 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--mrays", type=float, default=16.0, help="million rays to sample")
     parser.add_argument("--out", type=Path, required=True, help="CSV file")
-    parser.add_argument("--triangles", nargs="+", type=int, help="sizes of --scaling")
     modes = parser.add_mutually_exclusive_group()
     modes.add_argument("--estimate", action="store_true", help="whole pictures at N = 512")
     for name, (_, text) in MODES.items():
@@ -76,8 +68,6 @@ def main() -> None:
         rows = compare.compare(options)
     rows = [{**row, "processor": here["processor"], "cores": here["cores"]} for row in rows]
     write_csv(options.out, rows)
-    if mode == "scaling":
-        scaling.draw(options.out.with_suffix(".png"), rows)
     print_table(
         rows, leave_out=("note", "processor", "cores", "threads", "sampled_rays", "repeats")
     )

@@ -141,18 +141,9 @@ def test_peers_stand_beside_the_better_of_their_ways(tmp_path):
         assert [row.get(name) for name in names] == ["25", "5"][: len(names)]
 
 
-def test_of_a_mode_of_the_tracers_benchmark_its_columns_are_kept(tmp_path):
-    columns = publish.TRACER_MODES["triangles"]
-    row = dict.fromkeys(columns, 1.23456) | {"scene": "bike", "triangles": 10, "N": 16, "more": 1}
+def test_speed_against_another_commit_keeps_its_columns(tmp_path):
+    row = dict.fromkeys(publish.AGAINST, 1.23456) | {"scene": "bike", "more": 1}
     pd.DataFrame([row]).to_csv(tmp_path / "t.csv", index=False)
-    (kept,) = publish.tracer_mode("triangles", tmp_path / "t.csv").to_dict("records")
-    assert list(kept) == list(columns.values())
-    assert kept["core ns a ray"] == "1.23" and kept["triangles"] == 10
-
-
-def test_every_benchmark_is_in_their_readme():
-    folder = publish.ROOT / "benchmarks"
-    text = (folder / "README.md").read_text()
-    scripts = [*folder.glob("*.py"), *folder.glob("interop/*.py")]
-    names = [file.relative_to(folder).as_posix() for file in scripts]
-    assert [name for name in names if name != "__init__.py" and f"`{name}`" not in text] == []
+    (kept,) = publish.against(tmp_path / "t.csv").to_dict("records")
+    assert list(kept) == list(publish.AGAINST.values())
+    assert kept["N = 16"] == "1.23" and kept["scene"] == "bike"

@@ -49,13 +49,13 @@ def check_hits(tracer: Tracer, sample: Sample) -> tuple[float, float]:
     return hits / sample.rays, depth / max(hits, 1)
 
 
-def planes_of(scene, count: int = 5) -> list[SensorPlane]:
-    """``count`` planes over the scene's own focus distances, at the lens's full aperture.
+def planes_of(scene) -> list[SensorPlane]:
+    """Five planes over the scene's own focus distances, at the lens's full aperture.
 
-    The first has a square opening, so that every ray of the slab counts; the others are round.
+    The first has a square aperture, so that every ray of the slab counts; the others are round.
     """
     near, far = min(scene.focus_distances_m), max(scene.focus_distances_m)
-    dioptres = np.linspace(1 / near, 1 / far, count)
+    dioptres = np.linspace(1 / near, 1 / far, 5)
     return [
         SensorPlane(float(1 / d), scene.camera.f_number, "circle" if k else "square")
         for k, d in enumerate(dioptres)

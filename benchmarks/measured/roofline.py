@@ -6,15 +6,18 @@ time, so that other programs on the machine disturb them little.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 
 from benchmarks.measured import ours
-from benchmarks.measured.costs import each
-from benchmarks.measured.rows import in_turn, print_table, rates
+from benchmarks.measured.rows import in_turn, print_table, rates, say
+from benchmarks.measured.sample import sample_slab
+from benchmarks.measured.scenes import Loaded
 from benchmarks.peers.method import clocked
 from lfcore.opencl.device import Device, cl
+from lfcore.optics.slab import Slab
 
 PEAKS = """
 kernel __attribute__((reqd_work_group_size(1, 1, 1)))
@@ -112,10 +115,14 @@ def _measured(loaded, sample, repeats: int, ghz: float) -> dict[str, float]:
 
 
 def roofline(options) -> list[dict]:
-    """Rows of (part, cycles per ray); the peaks stand on every row and are printed once."""
-    rows, peak = [], None
-    for loaded, sample, head in each(options):
-        if peak is None:
+    """Rows of (part, cycles per ray); the peaks are in every row and are printed once."""
+    rows: list[dict] = []
+    peak: dict[str, float] = {}
+    scenes = map(Loaded.open, options.scenes)
+    for loaded, views in itertools.product(scenes, options.angular):
+        say(f"{loaded.name}, N = {views}")
+        sample = sample_slab(Slab(loaded.scene.camera, views, options.size), options.mrays)
+        if not peak:
             peak = peaks(loaded.tracer.device, options.repeats)
             print_table([peak])
         took = _measured(loaded, sample, options.repeats, peak["clock_ghz"])
@@ -125,7 +132,10 @@ def roofline(options) -> list[dict]:
         parts["planes"] = took["all"] - took["no planes"]
         for part, cycles in [*parts.items(), ("whole Algorithm 1", took["all"])]:
             rows.append({
-                **head,
+                "scene": loaded.name,
+                "triangles": loaded.scene.triangle_count,
+                "N": views,
+                "M": options.size,
                 "work": "algorithm1",
                 "part": part,
                 "cycles_per_ray": cycles,

@@ -41,12 +41,6 @@ class Sample:
         """One square alone."""
         return Sample(self.slab, self.side, self.corners[index : index + 1])
 
-    def thinned(self, most_rays: int) -> np.ndarray:
-        """(P, 2): whole pixels of the sample, evenly taken, of at most ``most_rays`` rays."""
-        keep = max(1, most_rays // self.slab.views**2)
-        pixels = self.pixels
-        return pixels[np.linspace(0, len(pixels) - 1, min(keep, len(pixels))).astype(int)]
-
 
 def sample_slab(slab: Slab, mrays: float = 24.0) -> Sample:
     """About ``mrays`` million rays of ``slab``, but at least one pixel in each cell."""

@@ -1,7 +1,6 @@
 """Layout and encoder settings that measured best, by the number of views a side.
 
-Measured by ``benchmarks/codecs.py``; ``docs/encoders.md`` has the figures, made from
-``benchmarks/published`` by ``python -m benchmarks.publish``.
+``docs/encoders.md`` has the measurements.
 
 What follows from it:
 

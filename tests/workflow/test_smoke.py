@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from benchmarks import check_published, full_size
+from benchmarks import full_size
 from lfcore.evaluation.tables import MEASURED, columns
 from lfcore.scene.reading import read_yaml
 from lfcore.workflow.settings import check_settings
@@ -106,25 +106,6 @@ def test_a_run_is_published_with_what_the_thesis_has_beside_it(published, smoke,
     assert not list(tmp_path.iterdir())
     with pytest.raises(full_size.FullSizeError, match="Let the run end"):
         full_size.read_run(tmp_path)
-
-
-def test_a_published_cell_is_made_again_and_compared(
-    published, smoke, monkeypatch, tmp_path, capsys
-):
-    monkeypatch.setattr(check_published, "BUILD", tmp_path / "build")
-    monkeypatch.setattr(check_published, "FOLDER", published[0])
-    assert check_published.main(["bike,16"]) == 0
-    shown = capsys.readouterr().out
-    assert shown.count("as published") == 7 and shown.count("not judged") == 3
-    place = tmp_path / "build" / "results" / "bike" / "M32" / "N16"
-    # Pictures that are not those of the run are noticed.
-    rows, provenance = check_published.published_cell("bike,32", published[0])
-    wrong = check_published.compared(
-        rows | {"cells": rows["cells"] | {"N": "16"}}, provenance, place
-    )
-    assert sum(not line.good for line in wrong) >= 6
-    assert check_published.main(["bike,999"]) == 1
-    assert "has no cell 'bike,999'" in capsys.readouterr().err
 
 
 def test_the_page_shows_every_picture(smoke):
