@@ -174,7 +174,7 @@ def _stacks(results: Path, run: FullRun, to: Path) -> Iterator[tuple[str, str]]:
             if not stack.is_file():
                 raise FullSizeError(f"is not there, of which the {name} stack is made", file=stack)
             pictures, planes = load_stack(stack)
-            labels = [f"{plane.focus_distance_m:.3g} m, f/{plane.f_number:.2g}" for plane in planes]
+            labels = [f"{plane.focus_m:.3g} m, f/{plane.f_number:.2g}" for plane in planes]
             if name == "aperture":  # the dimmed half repeats the other
                 pictures, labels = pictures[len(planes) // 2 :], labels[len(planes) // 2 :]
             codes = np.concatenate([srgb_codes(picture) for picture in pictures], axis=1)

@@ -199,7 +199,7 @@ def _lens_for(scene: Scene, planes: list[SensorPlane]) -> Camera:
     camera = replace(scene.camera, f_number=min(widest, scene.camera.f_number))
     for plane in planes:
         plane.check(Slab(camera, 1, 1))
-        plane.aperture(Slab(camera, 1, 1))
+        plane.lens_aperture(Slab(camera, 1, 1))
     return camera
 
 
@@ -290,7 +290,7 @@ def record(
         planes = planes_between(camera, *(near_far or (math.inf, math.inf)))
         planned = WantedQuality(tracer, camera, planes, pixels, quality_db, most_rays).plan()
         views, subpixels = planned.count.views, planned.count.subpixels
-        focus = [plane.focus_distance_m for plane in (planes[0], planes[-1])]
+        focus = [plane.focus_m for plane in (planes[0], planes[-1])]
         content = {"expected": {"db": round(planned.expected_db, 2), "focus_m": focus}}
     by_depth, count = rays_to_store(depth_stream, views, subpixels)
     if by_depth:

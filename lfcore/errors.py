@@ -24,7 +24,7 @@ class LfcoreError(Exception):
     ----------
     problem : what is wrong, one sentence without a full stop.
     file : the file it was found in.
-    key : the key, element or option within that file, e.g. ``camera.focus_distance_m``.
+    key : the key, element or option within that file, e.g. ``camera.focus_m``.
     remedy : what to do about it, one sentence without a full stop.
     """
 

@@ -90,7 +90,7 @@ class LightField(LightFieldFile):
                 **options,
             )
             plane.check(slab)
-            plane.aperture(slab)
+            plane.lens_aperture(slab)
         except OpticsError as error:
             raise error.named(OpticsError, file=self.path) from None
         return plane

@@ -51,7 +51,7 @@ def _check_optics(scene: Scene) -> None:
     camera = scene.camera
     values = (camera.focal_length_m, camera.sensor_width_m, camera.f_number, camera.lens_radius_m)
     _must(all(_storable(value) and value > 0 for value in values), f"a camera {values}")
-    _must(camera.focus_distance_m > camera.focal_length_m, "a focus inside the focal length")
+    _must(camera.focus_m > camera.focal_length_m, "a focus inside the focal length")
     _must(camera.field_width > 0 and _storable(camera.field_width), "a camera without a field")
     _must(len(scene.focus_distances_m) > 0, "no focus distances")
     for distance in scene.focus_distances_m:

@@ -8,7 +8,7 @@ from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import Material
 from lfcore.scene.model import Scene
 
-CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=2.0, focus_distance_m=2.0)
+CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=2.0, focus_m=2.0)
 
 
 def scene(triangles, **changes):

@@ -35,7 +35,7 @@ def recorded(model):
 
 def test_a_light_field_of_a_model(recorded, tmp_path):
     scene, lf = recorded
-    focus = scene.camera.focus_distance_m
+    focus = scene.camera.focus_m
     picture = lf.refocus(focus_m=focus, f_number=2)
     assert picture.shape == (32, 32, 3) and picture.dtype == np.float32
     same_rays = {"pixels": 32, "views": 4, "filter": "nearest"}
@@ -58,7 +58,7 @@ def test_a_light_field_of_a_model(recorded, tmp_path):
 
 def test_several_pictures_from_the_same_rays(recorded):
     scene, lf = recorded
-    focus = scene.camera.focus_distance_m
+    focus = scene.camera.focus_m
     planes = [lf.plane(0.9 * focus), lf.plane(1.1 * focus, 4.0, "square")]
     together = lfcore.render(scene, planes=planes, pixels=32, views=4, filter="nearest")
     assert together.shape == (2, 32, 32, 3)
@@ -72,8 +72,8 @@ def test_several_pictures_from_the_same_rays(recorded):
 def test_rays_count_by_their_depth_unless_asked_otherwise(recorded):
     scene, lf = recorded
     planes = [
-        lf.plane(0.8 * scene.camera.focus_distance_m),
-        lf.plane(scene.camera.focus_distance_m),
+        lf.plane(0.8 * scene.camera.focus_m),
+        lf.plane(scene.camera.focus_m),
     ]
     few = lfcore.render(scene, planes=planes, pixels=24, views=4)
     many = lfcore.render(scene, planes=planes, pixels=24, views=32, filter="nearest")
@@ -108,7 +108,7 @@ def test_a_scene_of_arrays_is_that_of_the_same_file(model):
     scene = lfcore.Scene.from_triangles(triangles, normals=mesh.vertex_normals[mesh.faces])
     known = lfcore.load_scene(model)
     np.testing.assert_allclose(scene.triangles, known.triangles, atol=1e-6)
-    assert scene.camera.focus_distance_m == pytest.approx(known.camera.focus_distance_m)
+    assert scene.camera.focus_m == pytest.approx(known.camera.focus_m)
     ours, theirs = (lfcore.render(s, pixels=24, views=2) for s in (scene, known))
     assert np.abs(ours - theirs).mean() < 0.02
 
@@ -141,7 +141,7 @@ def test_arrays_that_make_no_scene(arrays, words):
 
 def test_a_camera_array(recorded):
     scene, _ = recorded
-    distance = scene.camera.focus_distance_m
+    distance = scene.camera.focus_m
     array = lfcore.CameraArray.on_grid((3, 2), (-0.2, 0.2, -0.1, 0.1), 45.0, (16, 16))
     image = lfcore.trace_array(scene, array, 2)
     assert image.shape == (32, 48, 3) and image.max() > 0.1 and distance > 0

@@ -19,7 +19,7 @@ from lfcore.timing import clocked
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
-CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=1.0, focus_distance_m=2.0)
+CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=1.0, focus_m=2.0)
 CHUNK_RAYS = 1 << 21
 WALL_RAYS = 1 << 20
 WALLS = (32, None), (64, 1)

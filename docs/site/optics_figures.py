@@ -91,7 +91,7 @@ def apertures(figure) -> None:
     )  # fmt: skip
     for axes, (name, plane) in zip(figure.subplots(1, 4), shapes, strict=True):
         places = many.lens_positions()
-        opened = plane.aperture(many).contains(places[None, :], places[:, None])
+        opened = plane.lens_aperture(many).contains(places[None, :], places[:, None])
         axes.imshow(opened, cmap="Greys_r", vmin=-0.3, vmax=1.1)
         axes.set_title(name, fontsize=10)
         axes.set_xticks([])

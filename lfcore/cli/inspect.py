@@ -126,7 +126,7 @@ def _optics(field: lfcore.LightField) -> dict[str, str]:
     found |= {
         "lens": f"{1e3 * camera.focal_length_m:g} mm f/{camera.f_number:g}, "
         f"sensor {1e3 * camera.sensor_width_m:g} mm",
-        "focus": f"{camera.focus_distance_m:g} m",
+        "focus": f"{camera.focus_m:g} m",
         "views": f"{1e3 * slab.lens_pitch_m:.4g} mm apart",
     }
     if expected := field.content.get("expected"):

@@ -212,8 +212,7 @@ _READ: dict[str, Callable[[object], object]] = {
 }
 """What reads a setting's value, of text or of YAML; errors are ValueError, TypeError, KeyError."""
 _OTHER_WORDS = {
-    "focus": "focus_m", "focus_distance_m": "focus_m", "f": "f_number", "shape": "aperture",
-    "rotation": "rotation_deg", "disparity": "disparity_px",
+    "focus": "focus_m", "f": "f_number", "rotation": "rotation_deg", "disparity": "disparity_px",
 }  # fmt: skip
 """Words for settings beside their own names."""
 
@@ -239,9 +238,9 @@ def output_names(
     if field is None or field.metric:
         labels = [plane_label(k, plane) for k, plane in enumerate(planes)]
     else:
-        moved = [field.disparity_of(plane.focus_distance_m) for plane in planes]
+        moved = [field.disparity_of(plane.focus_m) for plane in planes]
         labels = [
-            f"{k:02d}_disparity{px:.3g}_{plane.shape}"
+            f"{k:02d}_disparity{px:.3g}_{plane.aperture}"
             for k, (px, plane) in enumerate(zip(moved, planes, strict=True))
         ]
     return [path.with_name(f"{path.stem}_{label}{path.suffix}") for label in labels]

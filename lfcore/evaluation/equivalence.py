@@ -177,7 +177,7 @@ def _rows(
             "scene": scene,
             "N": slab.views,
             "M": slab.pixels,
-            "focus_m": plane.focus_distance_m,
+            "focus_m": plane.focus_m,
             "f_number": plane.f_number,
             "method": made.method,
             "filter": made.filter,

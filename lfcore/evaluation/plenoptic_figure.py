@@ -62,7 +62,7 @@ def panels(
     """
     camera, pixels = picture.camera, picture.pixels
     samples, middle = camera.samples, camera.samples // 2
-    recorded = f"focus {camera.camera.focus_distance_m:.3g} m"
+    recorded = f"focus {camera.camera.focus_m:.3g} m"
     shown = [reduced(pixels, samples), detail(pixels, samples)]
     labels = [
         f"{len(pixels)} x {len(pixels)}, {recorded}, reduced",

@@ -7,7 +7,7 @@ case, and nothing is formed from ``1 / (1/f - 1/u)``, which loses every digit ne
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from lfcore.errors import OpticsError
 
@@ -20,7 +20,7 @@ class Camera:
     ----------
     focal_length_m, sensor_width_m : metres.
     f_number : focal length over the diameter of the lens.
-    focus_distance_m : from the lens to the plane in focus, metres; ``math.inf`` allowed.
+    focus_m : from the lens to the plane in focus, metres; ``math.inf`` allowed.
 
     Raises
     ------
@@ -31,19 +31,19 @@ class Camera:
     focal_length_m: float
     sensor_width_m: float
     f_number: float
-    focus_distance_m: float
+    focus_m: float
 
     def __post_init__(self) -> None:
         for key in ("focal_length_m", "sensor_width_m", "f_number"):
             value = getattr(self, key)
             if not (value > 0 and math.isfinite(value)):
                 raise OpticsError(f"must be positive and finite, not {value}", key=key)
-        check_focus(self.focus_distance_m, self.focal_length_m, key="focus_distance_m")
+        check_focus(self.focus_m, self.focal_length_m, key="focus_m")
 
     @property
     def delta(self) -> float:
         """Inverse focus distance, dioptres."""
-        return 1.0 / self.focus_distance_m
+        return 1.0 / self.focus_m
 
     @property
     def lens_radius_m(self) -> float:
@@ -52,30 +52,41 @@ class Camera:
     @property
     def image_distance_m(self) -> float:
         """From the lens to the sensor (v of 1/f = 1/v + delta)."""
-        return image_distance(self.focal_length_m, self.focus_distance_m)
+        return image_distance(self.focal_length_m, self.focus_m)
 
     @property
     def field_width(self) -> float:
         """Tangent extent W / v of the field seen through the lens centre."""
         return self.sensor_width_m / self.image_distance_m
 
+    def to_json(self) -> dict:
+        """The four numbers, named as files name them."""
+        data = asdict(self)
+        return data | {"focus_distance_m": data.pop("focus_m")}
 
-def image_distance(focal_length_m: float, focus_distance_m: float) -> float:
+    @classmethod
+    def from_json(cls, data: dict) -> Camera:
+        """Inverse of :meth:`to_json`.  Raises ``KeyError`` or ``TypeError`` for other names."""
+        rest = dict(data)
+        return cls(focus_m=float(rest.pop("focus_distance_m")), **rest)
+
+
+def image_distance(focal_length_m: float, focus_m: float) -> float:
     """Image distance ``v = f u / (u - f)``; ``f`` at infinity.
 
     By Sterbenz the subtraction is exact when ``u`` is near ``f``, which is where
     ``1 / (1/f - 1/u)`` loses all digits, and ``f / (1 - f/u)`` those of the quotient.
     """
-    if math.isinf(focus_distance_m):
+    if math.isinf(focus_m):
         return focal_length_m
-    return focal_length_m * (focus_distance_m / (focus_distance_m - focal_length_m))
+    return focal_length_m * (focus_m / (focus_m - focal_length_m))
 
 
-def check_focus(focus_distance_m: float, focal_length_m: float, *, key: str) -> None:
+def check_focus(focus_m: float, focal_length_m: float, *, key: str) -> None:
     """Raise :class:`OpticsError` unless the lens can focus at this distance."""
-    if not focus_distance_m > focal_length_m:
+    if not focus_m > focal_length_m:
         raise OpticsError(
-            f"focus at {focus_distance_m} m lies inside the focal length of {focal_length_m} m",
+            f"focus at {focus_m} m lies inside the focal length of {focal_length_m} m",
             key=key,
             remedy="Focus farther than the focal length, or shorten the focal length",
         )

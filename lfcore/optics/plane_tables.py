@@ -120,7 +120,7 @@ def distinct_masks(slab: Slab, planes: Sequence[SensorPlane]) -> tuple[np.ndarra
     stack: list[np.ndarray] = []
     which = np.zeros(len(planes), np.int64)
     for row, plane in enumerate(planes):
-        opening = plane.aperture(slab)
+        opening = plane.lens_aperture(slab)
         if opening not in openings:
             mask = plane.mask(slab)
             openings[opening] = found.setdefault(mask.tobytes(), len(found))

@@ -87,9 +87,9 @@ class SensorPlane:
     coarser than the slab, on which rays fall by their exact place; default is the slab's own.
     """
 
-    focus_distance_m: float
+    focus_m: float
     f_number: float
-    shape: str = "circle"
+    aperture: str = "circle"
     blades: int = 6
     rotation_deg: float = 0.0
     normalise: str = "aperture"
@@ -121,7 +121,7 @@ class SensorPlane:
         more: dict[str, Any] = {**options}
         more["normalise"] = "aperture" if more.get("normalise", True) else "lens"
         return cls(
-            camera.focus_distance_m if focus_m is None else float(focus_m),
+            camera.focus_m if focus_m is None else float(focus_m),
             camera.f_number if f_number is None else float(f_number),
             aperture,
             **more,
@@ -129,17 +129,17 @@ class SensorPlane:
 
     @property
     def delta(self) -> float:
-        return 1.0 / self.focus_distance_m
+        return 1.0 / self.focus_m
 
-    def aperture(self, slab: Slab) -> Aperture:
-        """The opening in metres for this slab's lens."""
+    def lens_aperture(self, slab: Slab) -> Aperture:
+        """The aperture in metres, for this slab's lens."""
         radius = slab.camera.focal_length_m / (2.0 * self.f_number)
-        return Aperture(self.shape, radius, self.blades, self.rotation_deg)
+        return Aperture(self.aperture, radius, self.blades, self.rotation_deg)
 
     def check(self, slab: Slab) -> None:
         """Raise :class:`OpticsError` when ``slab`` did not record what this plane asks for."""
         camera = slab.camera
-        check_focus(self.focus_distance_m, camera.focal_length_m, key="focus_distance_m")
+        check_focus(self.focus_m, camera.focal_length_m, key="focus_m")
         if not self.f_number >= camera.f_number * (1 - 1e-9):
             raise OpticsError(
                 f"aperture f/{self.f_number:g} is wider than the lens, f/{camera.f_number:g}",
@@ -174,7 +174,7 @@ class SensorPlane:
         the axis: a pinhole is the central view, never a black picture.
         """
         s = slab.lens_positions()
-        mask = self.aperture(slab).contains(s[None, :], s[:, None])
+        mask = self.lens_aperture(slab).contains(s[None, :], s[:, None])
         if slab.extent is not None:
             mask &= slab.views_held()
         if not mask.any():
@@ -189,7 +189,7 @@ class SensorPlane:
         if not self.keep_magnification:
             return 1.0
         focal = slab.camera.focal_length_m
-        return image_distance(focal, self.focus_distance_m) / slab.camera.image_distance_m
+        return image_distance(focal, self.focus_m) / slab.camera.image_distance_m
 
     def shifts(self, slab: Slab) -> np.ndarray:
         """(N,) float64: shift in pixels of lens column i (rows alike), before magnification."""

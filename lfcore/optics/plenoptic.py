@@ -32,7 +32,7 @@ class PlenopticCamera:
     Parameters
     ----------
     camera : main lens; its ``sensor_width_m`` is the width of the microlens array, which lies
-        where the sensor would, so the camera is focused at ``camera.focus_distance_m``.
+        where the sensor would, so the camera is focused at ``camera.focus_m``.
     lenses : M, microlenses along a side.
     samples : N, photosensor pixels along a side of the image of the main lens under a microlens.
 

@@ -106,7 +106,7 @@ class Slab:
 
     def to_json(self) -> dict:
         """``extent`` is left out where everything is there."""
-        data = {"camera": asdict(self.camera), "views": self.views, "pixels": self.pixels}
+        data = {"camera": self.camera.to_json(), "views": self.views, "pixels": self.pixels}
         return data | ({"extent": asdict(self.extent)} if self.extent else {})
 
     @classmethod
@@ -114,7 +114,9 @@ class Slab:
         extent = data.get("extent")
         if extent is not None:
             extent = Extent(_rectangle(extent["views"]), _rectangle(extent["pixels"]))
-        return cls(Camera(**data["camera"]), int(data["views"]), int(data["pixels"]), extent)
+        return cls(
+            Camera.from_json(data["camera"]), int(data["views"]), int(data["pixels"]), extent
+        )
 
 
 def _rectangle(numbers: Sequence[float]) -> Rectangle:

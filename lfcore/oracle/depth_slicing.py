@@ -43,7 +43,7 @@ def slice_by_depth(
     edge_steps : edges of boxes are rounded to such parts of a pixel; default not at all.
     """
     slab, scale = views.slab, plane.magnification(views.slab)
-    cells = lens_cells(slab, plane.aperture(slab))
+    cells = lens_cells(slab, plane.lens_aperture(slab))
     pitch = slab.camera.field_width / pixels
     layers = 2 * len(bounds_px) + 1
     total = np.zeros((layers, pixels, pixels, 4))

@@ -90,7 +90,7 @@ class DepthSlicer:
 
     def _cells_of(self, plane: SensorPlane) -> LensCells:
         """What the views stand for in a plane's aperture."""
-        return lens_cells(self.views.slab, plane.aperture(self.views.slab))
+        return lens_cells(self.views.slab, plane.lens_aperture(self.views.slab))
 
     @staticmethod
     def sums_bytes(

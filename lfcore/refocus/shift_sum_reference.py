@@ -24,7 +24,7 @@ def shift_sum_reference(
     """
     size, lens = slab.pixels, slab.lens_positions()
     recorded = slab.camera.image_distance_m
-    alpha = image_distance(slab.camera.focal_length_m, plane.focus_distance_m) / recorded
+    alpha = image_distance(slab.camera.focal_length_m, plane.focus_m) / recorded
     grid = slab.pixel_tangents() * (1.0 if plane.keep_magnification else alpha)
     pitch = slab.pixel_pitch * recorded
     total, weight, mask = np.zeros((size, size, 3)), np.zeros((size, size)), plane.mask(slab)

@@ -136,7 +136,7 @@ def _focused(
     picture = trace_by_depth(tracer, views, [own], pixels, progress=progress, **widths)[0]
     if plane.normalise == "lens":
         whole = Slab(camera, 1, 1)
-        share = lens_cells(views.slab, own.aperture(views.slab)).share.mean()
+        share = lens_cells(views.slab, own.lens_aperture(views.slab)).share.mean()
         share *= (camera.f_number / plane.f_number) ** 2
         picture *= share / plane.magnification(whole) ** 2
     return picture

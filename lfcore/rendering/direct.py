@@ -75,16 +75,16 @@ def focused_camera(camera: Camera, plane: SensorPlane) -> Camera:
 
     Raises :class:`OpticsError` for a focus inside the focal length.
     """
-    check_focus(plane.focus_distance_m, camera.focal_length_m, key="focus_distance_m")
+    check_focus(plane.focus_m, camera.focal_length_m, key="focus_m")
     scale = 1.0
     if not plane.keep_magnification:
-        moved = image_distance(camera.focal_length_m, plane.focus_distance_m)
+        moved = image_distance(camera.focal_length_m, plane.focus_m)
         scale = moved / camera.image_distance_m
     return replace(
         camera,
         sensor_width_m=camera.sensor_width_m * scale,
         f_number=plane.f_number,
-        focus_distance_m=plane.focus_distance_m,
+        focus_m=plane.focus_m,
     )
 
 

@@ -65,9 +65,7 @@ def photograph(
             np.zeros(3), np.eye(3), view.array.fov_deg, view.film, view.lens_radius_m
         )
         # Other lens points at every instant.
-        return direct_thin_lens(
-            tracer, camera, view.camera.focus_distance_m, each, first=index * each
-        )
+        return direct_thin_lens(tracer, camera, view.camera.focus_m, each, first=index * each)
 
     return expose(scene, instants, picture, device=device, progress=progress)
 

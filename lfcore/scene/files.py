@@ -55,8 +55,8 @@ def _write(file: Any, scene: Scene) -> None:
 
 
 def _header(scene: Scene) -> dict:
-    camera = asdict(scene.camera)
-    if math.isinf(camera["focus_distance_m"]):
+    camera = scene.camera.to_json()
+    if math.isinf(scene.camera.focus_m):
         camera["focus_distance_m"] = "infinity"  # JSON has no infinity
     return {
         "format": FORMAT,
@@ -134,11 +134,9 @@ def _scene(archive: Any, path: str | Path) -> Scene:
         )
         if array.dtype != dtype or array.shape[1:] != shape or len(array) not in lengths:
             raise _damaged(path, f"array {name!r} is {array.dtype} {array.shape}")
-    camera = header["camera"]
-    camera["focus_distance_m"] = float(camera["focus_distance_m"])
     return Scene(
         name=header["name"],
-        camera=Camera(**camera),
+        camera=Camera.from_json(header["camera"]),
         materials=[Material(**_tuples(material)) for material in header["materials"]],
         textures=[archive[f"texture_{index:04d}"] for index in range(header["textures"])],
         lights=[Light(**_tuples(light)) for light in header["lights"]],

@@ -97,14 +97,14 @@ def place_camera(
     middle = float((to_camera[:3, :3] @ extent.centre + to_camera[:3, 3])[2])
     if found is not None and pose is None:
         middle = _depth_before(extent, to_camera, middle)
-    focus = description.get("focus_distance_m", middle)
+    focus = description.get("focus_m", middle)
     focus = math.inf if focus == "infinity" else float(focus)
     if not focus > 0:
         raise SceneError(
             "the scene's middle lies behind the lens, so there is nothing to focus on",
             file=file,
             key="camera.pose",
-            remedy="Turn the camera round, or give camera.focus_distance_m",
+            remedy="Turn the camera round, or give camera.focus_m",
         )
     fit = focus if math.isfinite(focus) else max(middle, extent.radius, 1e-6)
     width = FIELD_WIDTH if found is None or pose is not None else found.field_width
@@ -212,6 +212,6 @@ def default_focus_distances(camera: Camera, triangles: np.ndarray, number: int =
     nearest = max(NEAREST_FOCUS * camera.focal_length_m, 1e-9)
     depth = _seen_depths(points, camera.field_width, nearest)
     if not len(depth):
-        return (camera.focus_distance_m,)
+        return (camera.focus_m,)
     near, far = np.percentile(depth, [2, 98])
     return tuple(float(1 / d) for d in np.linspace(1 / near, 1 / far, number))

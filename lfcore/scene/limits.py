@@ -67,8 +67,8 @@ def _check_camera(camera: Camera, file: str | Path) -> None:
     for name, length in lengths.items():
         _check([length], SMALLEST_LENGTH, LARGEST_LENGTH, file, f"camera: {name} in metres")
     _check([camera.lens_radius_m], 1e-30, LARGEST_LENGTH, file, "camera: lens radius in metres")
-    if math.isfinite(camera.focus_distance_m):
-        _check([camera.focus_distance_m], 0, 1e30, file, "camera: focus distance in metres")
+    if math.isfinite(camera.focus_m):
+        _check([camera.focus_m], 0, 1e30, file, "camera: focus distance in metres")
     field = camera.field_width
     _check([field], 1 / WIDEST_FIELD, WIDEST_FIELD, file, "camera: width of the field at 1 m")
 

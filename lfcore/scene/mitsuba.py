@@ -69,7 +69,7 @@ class Description:
             "to_world": transform.look_at([0, 0, 0], [0, 0, 1], [0, -1, 0]),
             "fov": 2 * math.degrees(math.atan(camera.field_width / 2)),
             "aperture_radius": camera.lens_radius_m,
-            "focus_distance": camera.focus_distance_m,
+            "focus_distance": camera.focus_m,
             "near_clip": 0.001,
             "far_clip": 1.0e5,
             "sampler": {"type": "independent"},

@@ -62,8 +62,8 @@ def write_view(folder: str | Path, scene: Scene, camera: Camera, *, samples: int
     ``camera`` is a thin lens at the scene's origin, focused where its sensor is; every pixel
     takes ``samples`` rays through the lens.  Raises :class:`SceneError` for a focus at infinity.
     """
-    if math.isinf(camera.focus_distance_m):
-        raise SceneError("POV-Ray cannot focus at infinity", key="camera.focus_distance_m")
+    if math.isinf(camera.focus_m):
+        raise SceneError("POV-Ray cannot focus at infinity", key="camera.focus_m")
     folder = Path(folder)
     head = [
         "#version 3.7;",
@@ -88,7 +88,7 @@ def _camera(camera: Camera, samples: int) -> list[str]:
     return [
         f"camera {{ perspective location 0 direction z right x up y angle {angle:.8g}",
         f"  aperture {4 * camera.lens_radius_m:.7g}",
-        f"  focal_point <0,0,{camera.focus_distance_m:.7g}>",
+        f"  focal_point <0,0,{camera.focus_m:.7g}>",
         f"  blur_samples {samples} variance 0 }}",
     ]
 

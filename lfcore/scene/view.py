@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from lfcore.errors import OpticsError
 from lfcore.optics.array import CameraArray, thin_lens
@@ -54,31 +54,30 @@ class View:
         return min(max(done, 0.0), 1.0)
 
     def to_json(self) -> dict:
-        camera = asdict(self.camera)
-        if math.isinf(camera["focus_distance_m"]):
+        camera = self.camera.to_json()
+        if math.isinf(self.camera.focus_m):
             camera["focus_distance_m"] = "infinity"  # JSON has no infinity
         return {**vars(self), "camera": camera, "array": self.array.to_json()}
 
     @classmethod
     def from_json(cls, data: dict) -> View:
         """Raises :class:`OpticsError` or ``TypeError`` for what :meth:`to_json` does not write."""
-        camera = dict(data["camera"])
-        camera["focus_distance_m"] = float(camera["focus_distance_m"])
+        camera = Camera.from_json(data["camera"])
         array, pairs = CameraArray.from_json(data["array"]), ("film", "shutter", "motion_times")
         rest = {key: tuple(data[key]) for key in pairs}
-        return cls(**{**data, "camera": Camera(**camera), "array": array, **rest})
+        return cls(**{**data, "camera": camera, "array": array, **rest})
 
 
 def perspective_view(
     fov_deg: float,
     film: tuple[int, int],
     lens_radius_m: float = 0.0,
-    focus_distance_m: float = math.inf,
+    focus_m: float = math.inf,
     shutter: tuple[float, float] = SHUTTER,
     samples_per_pixel: int = 1,
 ) -> View:
     """One camera, a pinhole or a thin lens; ``fov_deg`` over the film's shorter side."""
-    camera = thin_lens(2 * math.tan(math.radians(fov_deg) / 2), lens_radius_m, focus_distance_m)
+    camera = thin_lens(2 * math.tan(math.radians(fov_deg) / 2), lens_radius_m, focus_m)
     array = CameraArray.single(fov_deg, film)
     return View(
         PERSPECTIVE, camera, array, (film[0], film[1]), shutter, lens_radius_m, samples_per_pixel

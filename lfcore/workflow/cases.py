@@ -125,16 +125,14 @@ def sensor_planes(
 def read_camera(scene: str | Path) -> tuple[Camera, tuple[float, ...], int]:
     """Camera, focus distances and number of triangles of a scene.npz, without its arrays."""
     header = read_header(scene)
-    camera = {key: float(value) for key, value in header["camera"].items()}
-    return Camera(**camera), tuple(header["focus_distances_m"]), header["triangles"]
+    camera = Camera.from_json(header["camera"])
+    return camera, tuple(header["focus_distances_m"]), header["triangles"]
 
 
-def aperture_stack(
-    stops: Sequence[float], camera: Camera, focus_distance_m: float
-) -> list[SensorPlane]:
+def aperture_stack(stops: Sequence[float], camera: Camera, focus_m: float) -> list[SensorPlane]:
     """One focus, closing lens: first all dimmed (thesis figure 4.3), then all normalised (4.4)."""
     return [
-        SensorPlane(focus_distance_m, camera.f_number * math.sqrt(2) ** stop, normalise=normalise)
+        SensorPlane(focus_m, camera.f_number * math.sqrt(2) ** stop, normalise=normalise)
         for normalise in ("lens", "aperture")
         for stop in stops
     ]

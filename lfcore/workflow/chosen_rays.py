@@ -56,7 +56,7 @@ class ChosenRays:
         kind = "views" if layout["kind"] == defaults.AUTO else layout["kind"]
         settings = {**layout, "kind": kind}
         slab, store = depth_store(self.lens, self.planned.count, self.pixels, spec, **settings)
-        focus = sorted(plane.focus_distance_m for plane in self.planes)
+        focus = sorted(plane.focus_m for plane in self.planes)
         expected = {"db": round(self.planned.expected_db, 2), "focus_m": [focus[0], focus[-1]]}
         record_by_depth(path, tracer, slab, store, content={"expected": expected})
         return Path(path).stat().st_size
@@ -89,7 +89,7 @@ class ChosenRays:
             "expected_db": self.planned.expected_db,
             "psnr_true_db": true[worst],
             "psnr_stored_db": None if stored is None else min(reference.psnr(stored)),
-            "worst_plane_m": self.planes[worst].focus_distance_m,
+            "worst_plane_m": self.planes[worst].focus_m,
             "truth_known_db": float(reference.known_db[worst]),
             **measured,
         }

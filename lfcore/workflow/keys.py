@@ -29,11 +29,11 @@ from lfcore.workflow.key_types import (
 
 
 class Plane(GivenKeys):
-    focus_distance_m: number(gt=0) = key("what is in focus, metres, beyond the focal length")
+    focus_m: number(gt=0) = key("what is in focus, metres, beyond the focal length")
     f_number: number(gt=0) = key(
-        "focal length over opening, no wider than the lens; default is the lens's own", None
+        "focal length over aperture, no wider than the lens; default is the lens's own", None
     )
-    shape: Literal["circle", "square", "diamond", "polygon"] = key("shape of the opening", "circle")
+    aperture: Literal["circle", "square", "diamond", "polygon"] = key("its shape", "circle")
     blades: whole(3, 32) = key("corners of a polygon", 6)
     rotation_deg: number() = key("degrees by which a polygon is turned", 0)
     normalise: Literal["aperture", "lens"] = key(

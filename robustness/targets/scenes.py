@@ -32,7 +32,7 @@ camera:
   focal_length_mm: 50
   sensor_width_mm: 36
   f_number: 2
-  focus_distance_m: 4
+  focus_m: 4
   pose: {position_m: [0, 1, 6], look_at_m: [0, 0.5, 0], up: [0, 1, 0]}
 lights:
   - {towards_light: [0.5, 1, 0.5], colour: [0.8, 0.8, 0.8]}

@@ -27,7 +27,7 @@ def seeds(folder: Path) -> list[bytes]:
     # Those of a run lie above the default one, as Snakemake lays them.
     default = yaml.safe_load(texts[1])
     texts = [yaml.dump(default | yaml.safe_load(text)).encode() for text in texts]
-    planes = b"planes: [{focus_distance_m: 3, f_number: 4, shape: polygon, blades: 5}]\n"
+    planes = b"planes: [{focus_m: 3, f_number: 4, aperture: polygon, blades: 5}]\n"
     return [*texts, b"scenes: [bike]\ntile_mib: 1\nstore: false\n" + planes]
 
 

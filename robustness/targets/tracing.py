@@ -37,7 +37,7 @@ def judge(data: bytes, folder: Path) -> Outcome:
             return
         tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
         camera = scene.camera
-        plane = SensorPlane(camera.focus_distance_m, camera.f_number)
+        plane = SensorPlane(camera.focus_m, camera.f_number)
         picture = trace_picture(tracer, camera, PIXELS, plane, views=VIEWS)
         if picture.shape != (PIXELS, PIXELS, 3):
             raise SilentlyWrong(f"a picture {picture.shape}")

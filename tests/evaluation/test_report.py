@@ -42,7 +42,7 @@ def test_a_picture_of_another_format_is_refused(tmp_path):
 
 
 def test_stacks_round_trip(tmp_path):
-    planes = [SensorPlane(1.5, 2.0), SensorPlane(3.0, 4.0, shape="square", normalise="lens")]
+    planes = [SensorPlane(1.5, 2.0), SensorPlane(3.0, 4.0, aperture="square", normalise="lens")]
     pictures = np.random.default_rng(4).uniform(0, 1, (2, 4, 4, 3)).astype(np.float32)
     save_stack(tmp_path / "s.npz", pictures, planes)
     again, found = load_stack(tmp_path / "s.npz")

@@ -36,7 +36,7 @@ PIXELS = 24
 @pytest.fixture(scope="module")
 def reference(chart):
     camera = chart.scene.camera
-    planes = [SensorPlane(focus, camera.f_number) for focus in (1.0, camera.focus_distance_m)]
+    planes = [SensorPlane(focus, camera.f_number) for focus in (1.0, camera.focus_m)]
     return true_pictures(chart, planes, PIXELS, (RayCount(10, 3), RayCount(8, 4)))
 
 
@@ -116,7 +116,7 @@ def test_a_peer_takes_what_independent_samples_take(chart, reference):
         peer_rows(chart.scene, reference.planes, 64, [50, 60], peers={"P": _noisy})
     ).set_index(["lattice", "plane_m"])
     assert rows.columns.tolist() == [name for name in COLUMNS if name not in rows.index.names]
-    planes = [plane.focus_distance_m for plane in reference.planes]
+    planes = [plane.focus_m for plane in reference.planes]
     for target in (50, 60):
         one = rows.loc[f"{target} dB"].loc[planes]
         samples = (0.05 * 0.659) ** 2 * 10 ** (target / 10)  # the slope of sRGB at a half

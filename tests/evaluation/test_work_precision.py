@@ -93,7 +93,7 @@ def test_unknown_samples_are_refused():
 def test_sampled_pictures_converge_to_the_slab_s(plain):
     """Through the middle of a pixel, samples of the lens alone come to a grid's sums."""
     camera = plain.scene.camera
-    plane = SensorPlane(camera.focus_distance_m, camera.f_number)
+    plane = SensorPlane(camera.focus_m, camera.f_number)
     whole = trace_picture(plain, camera, 48, plane, views=64)
     corners = np.array([[16, 0], [16, 32]])
     where = windows.Windows(48, corners, np.full((2, 16, 16), 3))

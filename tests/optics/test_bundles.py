@@ -48,10 +48,10 @@ def test_views_are_the_same_rays_in_another_order(slab):
 
 @given(slabs)
 def test_rays_of_a_pixel_meet_in_the_plane_of_focus(slab):
-    if math.isinf(slab.camera.focus_distance_m):
+    if math.isinf(slab.camera.focus_m):
         return
     origin, direction = bundles.macropixels(slab, np.array([[0, slab.pixels - 1]])).rays()
-    points = origin[0] + slab.camera.focus_distance_m * direction[0]
+    points = origin[0] + slab.camera.focus_m * direction[0]
     assert np.ptp(points.reshape(-1, 3), axis=0).max() < 1e-6
 
 

@@ -69,9 +69,9 @@ def test_block_kinds_by_counting(views, f_number):
 planes = st.lists(
     st.builds(
         SensorPlane,
-        focus_distance_m=st.sampled_from([0.4, 1.0, 3.0, 20.0]),
+        focus_m=st.sampled_from([0.4, 1.0, 3.0, 20.0]),
         f_number=st.sampled_from([2.0, 4.0, 8.0]),
-        shape=st.sampled_from(["circle", "square"]),
+        aperture=st.sampled_from(["circle", "square"]),
         keep_magnification=st.booleans(),
         pixels=st.sampled_from([None, 1, 2]),
     ),

@@ -51,7 +51,7 @@ def test_rays_through_microlenses_are_the_slab():
 def test_a_microlens_is_conjugate_to_a_point_of_the_scene():
     camera = PlenopticCamera(CAMERA, 12, 4)
     origin, direction = camera.bundles(np.array([[3, 9]])).rays()
-    points = (origin + CAMERA.focus_distance_m * direction).reshape(-1, 3)
+    points = (origin + CAMERA.focus_m * direction).reshape(-1, 3)
     assert np.ptp(points, axis=0).max() < 1e-6
 
 
@@ -97,7 +97,7 @@ def test_photograph_and_what_is_made_of_it(tracer):
     # In focus, the pixels behind a microlens look alike; out of focus they do not.
     spread = []
     for focus in (2.0, 1.33):
-        other = PlenopticCamera(replace(CAMERA, focus_distance_m=focus), 45, 4)
+        other = PlenopticCamera(replace(CAMERA, focus_m=focus), 45, 4)
         light = srgb_decode(photograph(tracer, other)).reshape(45, 4, 45, 4, 3)
         spread.append(light[2:18].std(axis=(1, 3)).mean())
     assert spread[0] < spread[1]

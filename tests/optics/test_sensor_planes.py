@@ -18,9 +18,9 @@ from lfcore.oracle.planes import form_plane
 CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
 planes = st.builds(
     SensorPlane,
-    focus_distance_m=st.floats(0.3, 100.0),
+    focus_m=st.floats(0.3, 100.0),
     f_number=st.floats(2.0, 64.0),
-    shape=st.sampled_from(SHAPES),
+    aperture=st.sampled_from(SHAPES),
     blades=st.integers(3, 9),
     rotation_deg=st.floats(-90, 90),
     normalise=st.sampled_from(["aperture", "lens"]),
@@ -76,7 +76,7 @@ def test_what_was_not_recorded_is_refused():
     SensorPlane(3.0, 2.0).check(slab)
     with pytest.raises(OpticsError, match=r"f/1.4 is wider than the lens, f/2\."):
         SensorPlane(3.0, 1.4).check(slab)
-    with pytest.raises(OpticsError, match="focus_distance_m"):
+    with pytest.raises(OpticsError, match="focus_m"):
         SensorPlane(0.05, 2.0).check(slab)
 
 
@@ -98,14 +98,14 @@ def test_a_pinhole_is_the_central_view(views):
 
 @given(slabs, planes)
 def test_stopping_down_never_opens_a_sample(slab, plane):
-    wide = plane.aperture(slab)
-    narrow = replace(plane, f_number=plane.f_number * 1.5).aperture(slab)
+    wide = plane.lens_aperture(slab)
+    narrow = replace(plane, f_number=plane.f_number * 1.5).lens_aperture(slab)
     s = slab.lens_positions()
     assert not (narrow.contains(s, s[:, None]) & ~wide.contains(s, s[:, None])).any()
 
 
 @given(slabs, planes)
-@example(Slab(CAMERA, 7, 1), SensorPlane(1.0, 7.0, shape="polygon"))  # samples in its corners
+@example(Slab(CAMERA, 7, 1), SensorPlane(1.0, 7.0, aperture="polygon"))  # samples in its corners
 def test_masks_are_symmetric(slab, plane):
     mask = replace(plane, blades=6, rotation_deg=0.0).mask(slab)
     assert (mask == mask[::-1]).all()

@@ -40,11 +40,11 @@ def test_thin_lens_equation_holds(focal, ratio):
 @pytest.mark.parametrize(
     ("key", "value"),
     [("focal_length_m", 0.0), ("sensor_width_m", -1.0), ("f_number", math.nan)]
-    + [("f_number", math.inf), ("focus_distance_m", 0.05), ("focus_distance_m", math.nan)],
+    + [("f_number", math.inf), ("focus_m", 0.05), ("focus_m", math.nan)],
 )
 def test_impossible_cameras_are_refused_by_key(key, value):
     good = {"focal_length_m": 0.05, "sensor_width_m": 0.036, "f_number": 2.0}
-    good["focus_distance_m"] = 3.0
+    good["focus_m"] = 3.0
     with pytest.raises(OpticsError, match=key):
         Camera(**(good | {key: value}))
 

@@ -12,7 +12,7 @@ from lfcore.oracle.planes import form_plane
 from lfcore.oracle.slab import all_pixels, slab_hits, slab_rays, trace
 
 SLAB = Slab(CAMERA, views=4, pixels=6)
-WHOLE = {"focus_distance_m": 2.0, "f_number": 2.0, "shape": "square"}
+WHOLE = {"focus_m": 2.0, "f_number": 2.0, "aperture": "square"}
 
 
 def test_rays_start_on_the_lens_and_meet_in_the_focal_plane():
@@ -31,7 +31,7 @@ def test_rays_start_on_the_lens_and_meet_in_the_focal_plane():
 
 
 def test_focus_at_infinity_gives_parallel_rays():
-    camera = dataclasses.replace(CAMERA, focus_distance_m=np.inf)
+    camera = dataclasses.replace(CAMERA, focus_m=np.inf)
     _, directions = slab_rays(Slab(camera, 4, 6), [[1, 4]])
     assert (directions == directions[0, 0, 0]).all()
 
@@ -66,13 +66,13 @@ def test_the_recorded_focus_is_the_mean_over_the_lens(bilinear):
 @pytest.mark.parametrize("bilinear", [False, True])
 def test_normalisation(bilinear):
     light = np.full((6, 6, 4, 4, 3), 0.5)
-    circle = {"focus_distance_m": 2.0, "f_number": 3.0, "shape": "circle"}  # the 2 x 2 inside
+    circle = {"focus_m": 2.0, "f_number": 3.0, "aperture": "circle"}  # the 2 x 2 inside
     assert SensorPlane(**circle).mask(SLAB).sum() == 4
     whole = form_plane(SLAB, SensorPlane(**circle), light, bilinear=bilinear)
     dimmed = form_plane(SLAB, SensorPlane(**circle, normalise="lens"), light, bilinear=bilinear)
     np.testing.assert_allclose(whole, 0.5)
     np.testing.assert_allclose(dimmed, 0.5 * 4 / 16)
-    moved = dict(circle, focus_distance_m=0.5)
+    moved = dict(circle, focus_m=0.5)
     # Nothing recorded lies outside: at the borders fewer rays arrive, and they are counted.
     np.testing.assert_allclose(
         form_plane(SLAB, SensorPlane(**moved), light, bilinear=bilinear), 0.5
@@ -106,7 +106,7 @@ def test_half_a_pixel_goes_up_or_is_shared():
     plane = SensorPlane(focus_for_shift(1.0), 2.0, "square")
     shifts = plane.shifts(SLAB)
     np.testing.assert_allclose(shifts, [-1.5, -0.5, 0.5, 1.5])
-    exact = dataclasses.replace(plane, focus_distance_m=focus_for_shift(0.5))
+    exact = dataclasses.replace(plane, focus_m=focus_for_shift(0.5))
     np.testing.assert_allclose(exact.shifts(SLAB), [-0.75, -0.25, 0.25, 0.75])
     light = np.zeros((6, 6, 4, 4, 3))
     light[2, 3, 2, 0] = 16.0
@@ -128,7 +128,7 @@ def test_a_pinhole_is_one_view():
 
 
 def test_magnification_scales_about_the_centre():
-    camera = dataclasses.replace(CAMERA, focus_distance_m=0.1)
+    camera = dataclasses.replace(CAMERA, focus_m=0.1)
     slab = Slab(camera, views=1, pixels=8)
     plane = SensorPlane(np.inf, 2.0, "square", keep_magnification=True)
     assert plane.magnification(slab) == pytest.approx(0.5)  # v = 100 mm to v' = 50 mm

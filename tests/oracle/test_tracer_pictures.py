@@ -84,7 +84,7 @@ def test_picture_equals_the_oracle(name, tracer):
     clear = slab_hits(scene, slab, pixels).clear(32)
     assert clear.mean() > 0.9
     expected = trace(scene, slab, pixels)[:, 0, 0]
-    plane = SensorPlane(CAMERA.focus_distance_m, CAMERA.f_number, "square")
+    plane = SensorPlane(CAMERA.focus_m, CAMERA.f_number, "square")
     found = tracer.picture(scene, slab, plane).reshape(-1, 3)
     error = np.abs(found - expected).max(1)[clear]
     # Texels are square roots in 10 bits, half a step is 1 / 1023 near white, under light up to 2.

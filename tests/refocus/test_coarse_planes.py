@@ -93,7 +93,7 @@ def test_in_focus_a_pixel_is_the_mean_of_its_parts(tracer):
     """Nothing moves: q x q pixels of the slab are one of the picture."""
     camera = tracer.scene.camera
     slab = Slab(camera, VIEWS, PIXELS)
-    plane = SensorPlane(camera.focus_distance_m, camera.f_number)
+    plane = SensorPlane(camera.focus_m, camera.f_number)
     fine, coarse = (
         trace_planes(tracer, slab, [replace(plane, pixels=side)])[0] for side in (PIXELS, 8)
     )

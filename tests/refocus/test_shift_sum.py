@@ -59,9 +59,9 @@ def test_planes_equal_the_reference(device, filter):
 
 planes = st.builds(
     SensorPlane,
-    focus_distance_m=st.floats(0.5, 50),
+    focus_m=st.floats(0.5, 50),
     f_number=st.floats(2.0, 20.0),
-    shape=st.sampled_from(SHAPES),
+    aperture=st.sampled_from(SHAPES),
     normalise=st.sampled_from(["aperture", "lens"]),
 )
 

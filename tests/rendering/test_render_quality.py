@@ -132,9 +132,7 @@ def scene():
 @pytest.mark.kernels
 def test_the_quality_that_was_asked_for_is_reached(scene):
     camera = scene.camera
-    planes = [
-        SensorPlane(camera.focus_distance_m * by, camera.f_number, "square") for by in (0.8, 1.2)
-    ]
+    planes = [SensorPlane(camera.focus_m * by, camera.f_number, "square") for by in (0.8, 1.2)]
     made = lfcore.render_to_quality(scene, 38, planes=planes, pixels=32)
     assert made.pictures.shape == (2, 32, 32, 3) and made.expected_db.min() >= 38
     assert made.error.shape == (2, 32, 32)
@@ -171,7 +169,7 @@ def test_a_quality_beyond_the_budget_is_refused_with_what_it_takes(scene):
 @pytest.mark.kernels
 def test_a_stored_light_field_has_the_quality_that_it_says(scene, tmp_path):
     """Nearly lossless, so that what is missing would be the rays'."""
-    focus = scene.camera.focus_distance_m
+    focus = scene.camera.focus_m
     field = lfcore.record(
         scene, tmp_path / "ball.mkv", pixels=32, quality_db=38, focus_range_m=(0.8 * focus, focus),
         crf=1,
@@ -183,7 +181,7 @@ def test_a_stored_light_field_has_the_quality_that_it_says(scene, tmp_path):
     border = int(BORDER * 32)
     inner = np.s_[border:-border, border:-border]
     for plane, truth in zip(planes, many, strict=True):
-        picture = field.refocus(plane.focus_distance_m)
+        picture = field.refocus(plane.focus_m)
         assert psnr(srgb_encode(picture[inner]), srgb_encode(truth[inner]), peak=1) > 37
     with pytest.raises(lfcore.OpticsError, match="quality: chooses the rays itself"):
         lfcore.record(scene, tmp_path / "no.mkv", quality_db=38, views=4)

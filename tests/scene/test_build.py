@@ -26,7 +26,7 @@ def test_two_line_scene_is_framed_and_lit(write_scene, minimal):
     # Wholly in the picture, and filling it up to a margin.
     extent = np.abs(points[:, :2] / points[:, 2:]).max() / (camera.field_width / 2)
     assert 0.8 < extent < 0.95
-    assert points[:, 2].min() < camera.focus_distance_m < points[:, 2].max()
+    assert points[:, 2].min() < camera.focus_m < points[:, 2].max()
     # Lit from the viewer's side, not from behind the object; one casts shadows, one fills them.
     key, fill = scene.lights
     assert key.casts_shadows and not fill.casts_shadows
@@ -101,7 +101,7 @@ def test_camera_space_axes(write_scene, tmp_path):
                 "camera": {
                     "focal_length_mm": 50,
                     "sensor_width_mm": 36,
-                    "focus_distance_m": 2,
+                    "focus_m": 2,
                     "pose": {"position_m": [0, 0, 10], "look_at_m": [0, 0, 0]},
                 },
                 "objects": [{"file": "p.obj"}],
@@ -206,9 +206,9 @@ def test_material_overrides(write_scene, minimal):
 
 
 def test_focus_at_infinity(write_scene, minimal):
-    minimal["camera"] = {"focus_distance_m": "infinity"}
+    minimal["camera"] = {"focus_m": "infinity"}
     scene = build_scene(write_scene(minimal))
-    assert scene.camera.focus_distance_m == math.inf and scene.camera.delta == 0
+    assert scene.camera.focus_m == math.inf and scene.camera.delta == 0
     assert scene.camera.focal_length_m > 0
 
 
@@ -221,7 +221,7 @@ def test_default_focus_distances_span_what_is_seen(write_scene, minimal):
     steps = np.diff(1 / distances)
     np.testing.assert_allclose(steps, steps[0])
     behind = scene.triangles * (1, 1, -1)
-    assert default_focus_distances(scene.camera, behind) == (scene.camera.focus_distance_m,)
+    assert default_focus_distances(scene.camera, behind) == (scene.camera.focus_m,)
 
 
 def test_pbrt_file_is_a_scene_too(tmp_path):

@@ -100,8 +100,8 @@ BAD = {
         "background",
     ),
     "inside the focal length": (
-        {"objects": [OBJECT], "camera": {"focal_length_mm": 50, "focus_distance_m": 0.04}},
-        "camera.focus_distance_m",
+        {"objects": [OBJECT], "camera": {"focal_length_mm": 50, "focus_m": 0.04}},
+        "camera.focus_m",
         "focal length",
     ),
     "stack inside the focal length": (

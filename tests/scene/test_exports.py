@@ -48,7 +48,7 @@ def test_the_mesh_and_lens_are_the_scene_s(chart, tmp_path):
     assert len(re.findall(r"^<\d+,\d+,\d+>,\d+", text, re.M)) == chart.triangle_count
     angle = float(re.search(r"angle ([\d.]+)", text)[1])
     assert math.tan(math.radians(angle / 2)) == pytest.approx(chart.camera.field_width / 2)
-    assert f"focal_point <0,0,{chart.camera.focus_distance_m}>" in text
+    assert f"focal_point <0,0,{chart.camera.focus_m}>" in text
     assert "blur_samples 50" in text
 
 
@@ -85,7 +85,7 @@ def test_textures_carry_the_diffuse_colour(chart, tmp_path):
 def test_what_is_not_exported_is_refused(chart, tmp_path):
     coloured = dataclasses.replace(chart, colours=np.ones_like(chart.triangles))
     glowing = [Material("glow", (0, 0, 0), emission=(1, 0, 0))] * len(chart.materials)
-    far = dataclasses.replace(chart.camera, focus_distance_m=math.inf)
+    far = dataclasses.replace(chart.camera, focus_m=math.inf)
     facing = Light(POINT, (0, 0, 0), (1, 1, 1), normal=(0.0, 0.0, 1.0))
     panel = dataclasses.replace(chart, lights=[facing])
     moving = dataclasses.replace(chart, motions=(Motion(0, 2, np.eye(4), np.eye(4)),))

@@ -132,7 +132,7 @@ def camera(tree):
 def test_the_first_perspective_camera_looks(write):
     scene = build_scene(write(camera))
     assert scene.camera.field_width == pytest.approx(2 * math.tan(0.5))
-    assert scene.camera.focus_distance_m == pytest.approx(5)
+    assert scene.camera.focus_m == pytest.approx(5)
     # From (0.5, 0.5, 5) along -z: x to the right, y down.
     np.testing.assert_allclose(scene.triangles[0, 0], (-0.5, 0.5, 5), atol=1e-6)
     assert "camera 'plan'" in scene.summary() and "camera 2" in scene.summary()

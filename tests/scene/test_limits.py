@@ -26,7 +26,7 @@ POSE = {"position_m": [0, 0, 6], "look_at_m": [0, 0, 0]}
     ({"background": [1e39, 0, 0]}, "background"),
     ({"camera": {"f_number": 1e-45}}, "lens radius"),
     ({"camera": {"sensor_width_mm": 1e300}}, "sensor width"),
-    ({"camera": {"focal_length_mm": 50, "focus_distance_m": 1e300}}, "focus distance"),
+    ({"camera": {"focal_length_mm": 50, "focus_m": 1e300}}, "focus distance"),
 ])  # fmt: skip
 def test_beyond_float32(write_scene, minimal, changes, key):
     path = write_scene(minimal | {"camera": {"pose": POSE}} | changes)

@@ -355,9 +355,9 @@ def test_perspective_is_a_thin_lens(read):
     head = 'Camera "perspective" "float fov" 40 "float lensradius" .3 "float focaldistance" 6.8\n'
     camera = read(TRIANGLE, head + FILM).camera
     assert camera.field_width == pytest.approx(2 * math.tan(math.radians(20)))
-    assert camera.lens_radius_m == pytest.approx(0.3) and camera.focus_distance_m == 6.8
+    assert camera.lens_radius_m == pytest.approx(0.3) and camera.focus_m == 6.8
     pinhole = read(TRIANGLE).camera
-    assert pinhole.lens_radius_m < 1e-6 and math.isinf(pinhole.focus_distance_m)
+    assert pinhole.lens_radius_m < 1e-6 and math.isinf(pinhole.focus_m)
 
 
 def test_light_field_camera_of_the_assignment(read):

@@ -32,7 +32,7 @@ from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
 TABLE = Path(__file__).with_suffix(".json")
-CAMERA = dataclasses.replace(tracing_scenes.CAMERA, focus_distance_m=3.0)
+CAMERA = dataclasses.replace(tracing_scenes.CAMERA, focus_m=3.0)
 PLANES = [
     SensorPlane(2.0, 1.0),
     SensorPlane(0.7, 1.4),

@@ -25,13 +25,13 @@ pytestmark = pytest.mark.kernels
 # pixels than the slab's.
 PLANES = [
     SensorPlane(2.0, 1.0),
-    SensorPlane(0.4, 1.0, shape="square"),
-    SensorPlane(5.0, 1.7, shape="polygon"),
-    SensorPlane(2.05, 1.0, shape="square"),
+    SensorPlane(0.4, 1.0, aperture="square"),
+    SensorPlane(5.0, 1.7, aperture="polygon"),
+    SensorPlane(2.05, 1.0, aperture="square"),
     SensorPlane(1.0, 1.0, keep_magnification=True),
     SensorPlane(2.0, 1000.0),
     SensorPlane(0.7, 1.0, pixels=4),
-    SensorPlane(5.0, 1.7, shape="square", pixels=3, keep_magnification=True),
+    SensorPlane(5.0, 1.7, aperture="square", pixels=3, keep_magnification=True),
     SensorPlane(1.0, 1.0, pixels=1),
 ]
 # Beams of 4 x 4, 2 x 2 and single pixels; lens grids that fill their blocks and that do not;
@@ -112,7 +112,7 @@ def test_no_sum_of_white_rays_overflows(views, pixels, monkeypatch):
     monkeypatch.setattr(plane_buffers, "ITEMS_A_WORKER", 1)
     world, slab = white_room(), Slab(CAMERA, views, pixels)
     tracer = Tracer(world, build_bvh(world.triangles), open_device(threads=1))
-    planes = [SensorPlane(CAMERA.focus_distance_m, CAMERA.f_number, shape="square")]
+    planes = [SensorPlane(CAMERA.focus_m, CAMERA.f_number, aperture="square")]
     layout = FrameLayout("macropixels", views, pixels)
     sums = formed(tracer, slab, layout, planes)
     assert (sums == views**2 * FIXED_ONE).all()

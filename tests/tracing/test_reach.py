@@ -33,7 +33,7 @@ def soup(seed, count=300):
 def pictures(scene, bvh):
     slab = Slab(scene.camera, 8, 24)
     tile = FrameLayout("macropixels", 8, 24).tile(0, 0, 24, 24)
-    planes = [SensorPlane(scene.camera.focus_distance_m, scene.camera.f_number)]
+    planes = [SensorPlane(scene.camera.focus_m, scene.camera.f_number)]
     tracing = Tracer(scene, bvh, open_device(threads=1)).trace_tile(slab, tile, planes)
     frames = [chunk.frames.copy() for chunk in tracing]
     return np.concatenate(frames), tracing.plane_sums.sums
@@ -42,7 +42,7 @@ def pictures(scene, bvh):
 @settings(max_examples=15)
 @given(seed=st.integers(0, 1000), focus=st.sampled_from([0.06, 0.5, 2.0, float("inf")]))
 def test_what_no_ray_meets_is_all_that_is_left_out(seed, focus):
-    camera = replace(CAMERA, focus_distance_m=focus)
+    camera = replace(CAMERA, focus_m=focus)
     triangles = soup(seed, 80)
     keep = reach.seen(triangles, camera)
     slab = Slab(camera, 3, 6)

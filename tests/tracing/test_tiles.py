@@ -20,8 +20,8 @@ pytestmark = pytest.mark.kernels
 
 PLANES = [
     SensorPlane(2.0, 1.0),
-    SensorPlane(1.2, 1.0, shape="square", normalise="lens"),
-    SensorPlane(5.0, 1.7, shape="polygon"),
+    SensorPlane(1.2, 1.0, aperture="square", normalise="lens"),
+    SensorPlane(5.0, 1.7, aperture="polygon"),
     SensorPlane(1.5, 1.0, keep_magnification=True),
 ]
 

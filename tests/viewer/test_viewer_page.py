@@ -219,7 +219,7 @@ def test_the_page_opens_the_views_that_refocusing_opens(page, field):
             aperture_views=case["a"], aperture=case["shape"], blades=case["blades"],
             rotation_deg=case["turn"],
         )  # fmt: skip
-        assert isinstance(plane.aperture(SLAB), Aperture)
+        assert isinstance(plane.lens_aperture(SLAB), Aperture)
         assert views == np.flatnonzero(plane.mask(SLAB)).tolist(), case
 
 

@@ -151,23 +151,23 @@ def test_planes_of_the_scene_or_of_the_configuration():
         SensorPlane(2.0, 2.0),
         SensorPlane(4.0, 2.0),
     ]
-    given = [{"focus_distance_m": 2.5}, {"focus_distance_m": 3, "f_number": 8, "shape": "square"}]
+    given = [{"focus_m": 2.5}, {"focus_m": 3, "f_number": 8, "aperture": "square"}]
     assert cases.sensor_planes(given, CAMERA, ()) == [
         SensorPlane(2.5, 2.0),
-        SensorPlane(3, 8, shape="square"),
+        SensorPlane(3, 8, aperture="square"),
     ]
 
 
 @pytest.mark.parametrize(
     ("plane", "words"),
     [
-        ({"focus_distance_m": 0.04}, r"planes\.1\.focus_distance_m.*inside the focal length"),
-        ({"focus_distance_m": 2, "f_number": 1.4}, r"planes\.1\.f_number.*wider than the lens"),
+        ({"focus_m": 0.04}, r"planes\.1\.focus_m.*inside the focal length"),
+        ({"focus_m": 2, "f_number": 1.4}, r"planes\.1\.f_number.*wider than the lens"),
     ],
 )
 def test_planes_that_the_lens_cannot_form(plane, words):
     with pytest.raises(SettingsError, match=words):
-        cases.sensor_planes([{"focus_distance_m": 2}, plane], CAMERA, ())
+        cases.sensor_planes([{"focus_m": 2}, plane], CAMERA, ())
 
 
 def test_an_aperture_stack_closes_by_stops():

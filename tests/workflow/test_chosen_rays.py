@@ -47,7 +47,7 @@ def test_a_pilot_chooses_what_the_worst_plane_takes(tracer, tmp_path):
     assert set(row) == set(COLUMNS) and row["bytes"] == file.stat().st_size
     by_plane = truth.psnr(pictures)
     assert row["psnr_true_db"] == min(by_plane) > 30
-    assert row["worst_plane_m"] == planes[int(np.argmin(by_plane))].focus_distance_m
+    assert row["worst_plane_m"] == planes[int(np.argmin(by_plane))].focus_m
     assert 25 < row["psnr_stored_db"] < row["psnr_true_db"] + 1
     assert row["rays"] == count.rays(PIXELS) and row["lattice"] == str(count)
     with LightField.open(file) as field:

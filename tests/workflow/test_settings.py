@@ -86,10 +86,10 @@ def test_what_is_given_is_not_changed():
         ({"tile_mib": 0}, "tile_mib"),
         ({"picture_format": "jpeg"}, "picture_format.*png or ppm"),
         ({"planes": []}, "planes"),
-        ({"planes": [{"focus_distance_m": 2}] * 101}, "planes"),
-        ({"planes": [{"f_number": 2}]}, r"planes\.0.*focus_distance_m"),
-        ({"planes": [{"focus_distance_m": -1}]}, r"planes\.0\.focus_distance_m"),
-        ({"planes": [{"focus_distance_m": 1, "colour": 1}]}, r"planes\.0\.colour: unknown key"),
+        ({"planes": [{"focus_m": 2}] * 101}, "planes"),
+        ({"planes": [{"f_number": 2}]}, r"planes\.0.*focus_m"),
+        ({"planes": [{"focus_m": -1}]}, r"planes\.0\.focus_m"),
+        ({"planes": [{"focus_m": 1, "colour": 1}]}, r"planes\.0\.colour: unknown key"),
         ({"figures": {"make": ["portrait"]}}, r"figures\.make\.0"),
     ],
     ids=lambda value: None if isinstance(value, str) else str(value)[:40],
@@ -106,14 +106,14 @@ def test_text_of_the_command_line_is_read_as_what_is_meant():
         "store": "false",
         "encoder": {"crf": "18.5", "preset": "null"},
         "layout": {"pack": "2"},
-        "planes": [{"focus_distance_m": "2.5", "keep_magnification": "true"}],
+        "planes": [{"focus_m": "2.5", "keep_magnification": "true"}],
         "figures": {"make": [], "aperture_stops": ["0", "1.5"]},
     }
     settings = check_settings(given)
     assert settings["angular_resolutions"] == [16, 32] and settings["store"] is False
     assert settings["encoder"]["crf"] == 18.5 and settings["encoder"]["preset"] is None
     assert settings["layout"]["pack"] == 2
-    assert settings["planes"] == [{"focus_distance_m": 2.5, "keep_magnification": True}]
+    assert settings["planes"] == [{"focus_m": 2.5, "keep_magnification": True}]
     assert settings["figures"]["aperture_stops"] == [0, 1.5]
     assert given["store"] == "false"
 
@@ -124,7 +124,7 @@ def test_no_scene_at_all():
 
 
 def test_a_hundred_planes_are_admitted():
-    planes = [{"focus_distance_m": 1 + i / 10} for i in range(100)]
+    planes = [{"focus_m": 1 + i / 10} for i in range(100)]
     assert check_settings({"scenes": ["bike"], "planes": planes})["planes"] == planes
 
 

@@ -9,7 +9,7 @@ DIMMING = {"lens": "dimmed", "aperture": "normalised"}
 
 
 def focus_label(plane):
-    return f"focus {plane.focus_distance_m:.3g} m, f/{plane.f_number:.2g}"
+    return f"focus {plane.focus_m:.3g} m, f/{plane.f_number:.2g}"
 
 
 def aperture_label(plane):

@@ -12,7 +12,7 @@ with job(snakemake.log[0], snakemake.threads):
     tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
     scene = tracer.scene
     camera, focus = scene.camera, scene.focus_distances_m
-    focus_m = sorted({min(focus), camera.focus_distance_m, max(focus)})
+    focus_m = sorted({min(focus), camera.focus_m, max(focus)})
     found = equivalence(
         tracer,
         [SensorPlane(distance, camera.f_number) for distance in focus_m],

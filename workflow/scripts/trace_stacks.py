@@ -17,12 +17,12 @@ with job(snakemake.log[0], snakemake.threads):
     camera = tracer.scene.camera
     slab = Slab(camera, params.angular_resolution, params.spatial_resolution)
     if "aperture_stack" in output.keys():  # thesis figures 4.3 (dimmed) and 4.4 (normalised)
-        planes = cases.aperture_stack(params.stops, camera, camera.focus_distance_m)
+        planes = cases.aperture_stack(params.stops, camera, camera.focus_m)
         pictures = trace_planes(tracer, slab, planes, progress=log_progress("pixels"))
         save_stack(output.aperture_stack, pictures, planes)
     if "sub_aperture_views" in output.keys():  # the four corners and the middle: figure 6.3
         last, middle = slab.views - 1, (slab.views - 1) // 2
         samples = np.array([(0, 0), (last, 0), (0, last), (last, last), (middle, middle)])
         pictures = tracer.bundle_radiance(bundles.views(slab, samples), samples).clip(0, 1)
-        plane = SensorPlane(camera.focus_distance_m, camera.f_number, shape="square")
+        plane = SensorPlane(camera.focus_m, camera.f_number, aperture="square")
         save_stack(output.sub_aperture_views, pictures, [plane] * len(pictures))

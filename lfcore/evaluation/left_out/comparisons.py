@@ -180,7 +180,7 @@ def left_out(
     ``features`` are fields of :class:`Needs`, ``all`` of which are compared unless some are named.
     """
     slab, camera = Slab(scene.camera, views, pixels), scene.camera
-    recorded = SensorPlane(camera.focus_distance_m, camera.f_number)
+    recorded = SensorPlane(camera.focus_m, camera.f_number)
 
     def program(
         scene: Scene = scene,
@@ -238,8 +238,8 @@ def unwanted(program: Callable[..., Program]) -> Iterator[Comparison]:
     """Frames that nobody stores, planes that nobody looks at, lens blocks that no ray needs."""
     only_frames = program(planes=[])
     slab, tile, camera = only_frames.slab, only_frames.tile(), only_frames.slab.camera
-    whole = SensorPlane(camera.focus_distance_m, camera.f_number, shape="square")
-    stopped = SensorPlane(camera.focus_distance_m, 4 * camera.f_number)
+    whole = SensorPlane(camera.focus_m, camera.f_number, aperture="square")
+    stopped = SensorPlane(camera.focus_m, 4 * camera.f_number)
     both, alone = program(planes=[whole]), program(planes=[whole], frames=False)
     what = "video frames, where the light field is not stored"
     saved = tile.frame_count * tile.layout.frame_bytes

@@ -46,7 +46,7 @@ def picture() -> np.ndarray:
     """(16, 16, 3) float32 of 8 x 8 rays a pixel."""
     scene = bare_scene(TRIANGLES, ambient=(0.5, 0.4, 0.3))
     tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
-    plane = SensorPlane(CAMERA.focus_distance_m, CAMERA.f_number)
+    plane = SensorPlane(CAMERA.focus_m, CAMERA.f_number)
     return trace_planes(tracer, Slab(CAMERA, 8, 16), [plane])[0]
 
 

@@ -75,7 +75,7 @@ def _from_file(world: np.ndarray, centre: np.ndarray) -> np.ndarray:
         lines += [f"f {k} {k + 1} {k + 2}" for k in range(1, 3 * len(world), 3)]
         Path(folder, "mesh.obj").write_text("\n".join(lines) + "\n", encoding="ascii")
         pose = {"position_m": centre.tolist(), "look_at_m": (centre - [0, 0, 1]).tolist()}
-        camera = {"focal_length_mm": 50, "sensor_width_mm": 36, "focus_distance_m": 2}
+        camera = {"focal_length_mm": 50, "sensor_width_mm": 36, "focus_m": 2}
         scene = {"camera": camera | {"pose": pose}, "objects": [{"file": "mesh.obj"}]}
         file = Path(folder, "scene.yaml")
         file.write_text(yaml.safe_dump(scene), encoding="utf-8")

@@ -48,7 +48,7 @@ def near_the_focal_length(tracer: TracerUnderTest, excess: float) -> Measurement
 @sweep("18", "focus m", (0.0501, 0.1, 1.0, 1e3, 1e8, 1e18, 1e20, 1e38, math.inf))
 def focus_to_infinity(tracer: TracerUnderTest, focus: float) -> Measurement:
     """Angle of the rays' directions in 2^-24; naive: difference of points, normalised."""
-    return _directions("focus to infinity", replace(CAMERA, focus_distance_m=focus))
+    return _directions("focus to infinity", replace(CAMERA, focus_m=focus))
 
 
 @sweep("18", "f-number", (1e-3, 1e-1, 1.0, 1e2, 1e4, 1e8, 1e30))
@@ -68,7 +68,7 @@ def _directions(case: str, camera: Camera) -> Measurement:
     s, t, x, y = (part.ravel() for part in grid)
     exact = np.stack([x - s * camera.delta, y - t * camera.delta, np.ones_like(s)], 1)
     lens, tangents = np.stack([s, t], 1), np.stack([x, y], 1)
-    pixels, focus = np.stack([u, u[::-1]], 1), camera.focus_distance_m
+    pixels, focus = np.stack([u, u[::-1]], 1), camera.focus_m
     return measured(
         case,
         Bound(4, "2^-24 rad", "three roundings of a direction"),
@@ -95,14 +95,14 @@ def refocus_shifts(tracer: TracerUnderTest, change: float) -> Measurement:
     Naive: float32, ``1 - 1/alpha`` with alpha the ratio of distances, added up column by column.
     """
     slab = Slab(CAMERA, 512, 16384)
-    focus = CAMERA.focus_distance_m * (1 + change)
+    focus = CAMERA.focus_m * (1 + change)
     inverse = Fraction(0) if math.isinf(focus) else 1 / Fraction(focus)
-    difference = inverse - 1 / Fraction(CAMERA.focus_distance_m)
+    difference = inverse - 1 / Fraction(CAMERA.focus_m)
     pitch = Fraction(slab.pixel_pitch)
     exact = [float(Fraction(s) * difference / pitch) for s in slab.lens_positions().tolist()]
 
     def by_naive() -> float:
-        alpha = np.float32(focus) / np.float32(CAMERA.focus_distance_m)
+        alpha = np.float32(focus) / np.float32(CAMERA.focus_m)
         factor = np.float32(CAMERA.delta) * (np.float32(1) / alpha - np.float32(1))
         step = np.float32(slab.lens_pitch_m / slab.pixel_pitch) * factor
         x = np.cumsum(np.full(512, step, np.float32), dtype=np.float32)
@@ -135,7 +135,7 @@ def beyond_the_slab(tracer: TracerUnderTest, share: float) -> Measurement:
         return abs(int(inside) - exact)
 
     def ours() -> float:
-        plane = SensorPlane(CAMERA.focus_distance_m, number)
+        plane = SensorPlane(CAMERA.focus_m, number)
         plane.check(slab)
         return abs(int(plane.mask(slab).sum()) - exact)
 
@@ -172,7 +172,7 @@ def accumulation(tracer: TracerUnderTest, views: int) -> Iterator[Measurement]:
         assert reached.any()
         return 255 * np.abs(picture[reached] - np.array(COLOUR)).max()
 
-    in_focus = CAMERA.focus_distance_m
+    in_focus = CAMERA.focus_m
     bound = Bound(1 / 1024, "8-bit codes", "a thousandth of a code; sums are whole numbers")
     yield measured("accumulation", bound, by_naive, lambda: ours(in_focus))
     yield measured("accumulation refocused", bound, by_naive, lambda: ours(0.5))

@@ -81,10 +81,10 @@ def _leaks(
 def lens_on_a_vertex(tracer: TracerUnderTest, views: int) -> Measurement:
     """A wall in focus whose vertices lie where the pixels' rays meet: all N^2 aim at one."""
     slab = Slab(CAMERA, views, 16)
-    edge = slab.pixel_tangents()[[0, -1]] * CAMERA.focus_distance_m
+    edge = slab.pixel_tangents()[[0, -1]] * CAMERA.focus_m
     size = edge[1] - edge[0]
     cell = size / 15
-    corner = [edge[0] - cell, edge[0] - cell, CAMERA.focus_distance_m]
+    corner = [edge[0] - cell, edge[0] - cell, CAMERA.focus_m]
     side = size + 2 * cell
     wall = single(shapes.grid(17, 17, corner, [side, 0, 0], [0, side, 0]))
     pixels = np.stack(np.meshgrid(np.arange(16), np.arange(16)), -1).reshape(-1, 2)

@@ -22,7 +22,7 @@ from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
-CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=2.0, focus_distance_m=2.0)
+CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=2.0, focus_m=2.0)
 
 Found = tuple[np.ndarray, np.ndarray]
 """Triangle (-1 for a miss) and t or depth of each ray."""

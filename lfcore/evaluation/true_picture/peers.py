@@ -55,7 +55,7 @@ def peer_rows(
                 samples = math.ceil(SAMPLES**2 * 10 ** ((target - psnr_db) / 10))
                 rays = samples * pixels**2
                 seconds = rays * seconds_a_ray
-                focus = plane.focus_distance_m
+                focus = plane.focus_m
                 rows.append({"plane_m": focus, "pictures": 1, "rays": rays, "seconds": seconds})
             together = {key: sum(row[key] for row in rows) for key in ("rays", "seconds")}
             for row in (*rows, {"pictures": len(rows), **together}):

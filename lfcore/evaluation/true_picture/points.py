@@ -70,7 +70,7 @@ def plane_rows(
             **dict.fromkeys(COLUMNS),
             **shared,
             "f_number": plane.f_number,
-            "plane_m": plane.focus_distance_m,
+            "plane_m": plane.focus_m,
             "psnr_true_db": psnr,
             "expected_db": expected,
             "truth_known_db": known,

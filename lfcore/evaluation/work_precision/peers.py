@@ -27,7 +27,7 @@ VIEWS, REFERENCE_VIEWS = (2, 4, 6), 64
 def peers(scene: Scene, study: Study) -> Iterator[dict]:
     """The picture at the camera's own focus, without ambient light, by samples a pixel."""
     dark = replace(scene, ambient=(0.0, 0.0, 0.0))
-    plane = SensorPlane(scene.camera.focus_distance_m, scene.camera.f_number)
+    plane = SensorPlane(scene.camera.focus_m, scene.camera.f_number)
     for name, renderer in (("Mitsuba 3", renderers.mitsuba), ("POV-Ray", renderers.povray)):
         context = dict.fromkeys(COLUMNS) | {
             "panel": "tracing", "f_number": plane.f_number, "method": name,

@@ -38,7 +38,7 @@ def quadrature(tracer: Tracer, study: Study, stops: float) -> Iterator[dict]:
     disagree by is its error, as of :func:`lfcore.evaluation.true_picture.reference.true_pictures`.
     """
     own = tracer.scene.camera
-    plane = SensorPlane(own.focus_distance_m, own.f_number * 2 ** (stops / 2))
+    plane = SensorPlane(own.focus_m, own.f_number * 2 ** (stops / 2))
     camera = focused_camera(own, plane)
     where = windows.choose(tracer, camera, study.window_picture)
     truth, square_error = true_windows(tracer, camera, where, study.window_truth)
@@ -90,7 +90,7 @@ def true_windows(
 def _rays(camera: Camera, method: str, views: int) -> int:
     """Of a pixel."""
     if method == MIDDLE:
-        plane = SensorPlane(camera.focus_distance_m, camera.f_number)
+        plane = SensorPlane(camera.focus_m, camera.f_number)
         return int(plane.mask(Slab(camera, views, 1)).sum())
     return len(samples.samples(method, views, 0).weight)
 
@@ -107,7 +107,7 @@ def _picture(
 def grid(tracer: Tracer, camera: Camera, where: Windows, views: int) -> np.ndarray:
     """(W 16, 16, 3) float64 linear light: the mean over a grid of ``views`` a side."""
     slab = Slab(camera, views, where.pixels)
-    plane = SensorPlane(camera.focus_distance_m, camera.f_number)
+    plane = SensorPlane(camera.focus_m, camera.f_number)
     layout = FrameLayout("macropixels", views, where.pixels)
     rays = int(plane.mask(slab).sum()) * 2.0**20
     found = []

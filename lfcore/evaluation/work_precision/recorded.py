@@ -117,7 +117,7 @@ def _field(
     image = np.ascontiguousarray(views.transpose(0, 2, 1, 3, 4)).reshape(side, side, 3)
     radius = slab.camera.focal_length_m / (2 * plane.f_number)
     camera = VirtualCamera(np.zeros(3), np.eye(3), fov, size, radius)
-    surface = PlaneSurface(np.array([0, 0, plane.focus_distance_m]), np.array([0, 0, 1.0]))
+    surface = PlaneSurface(np.array([0, 0, plane.focus_m]), np.array([0, 0, 1.0]))
     return DeviceField(tracer.device, image, array), camera, surface
 
 
