@@ -163,7 +163,7 @@ def test_what_is_infinite_is_text(tmp_path, capsys):
     assert main([str(word) for word in words]) == 0
     assert main(["info", str(path), "--json"]) == 0
     told = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
-    assert told["metadata"]["slab"]["camera"]["focus_m"] == "inf"
+    assert told["metadata"]["slab"]["camera"]["focus_distance_m"] == "inf"
 
 
 def test_view_macropixel_and_grid(recorded, tmp_path):
