@@ -77,7 +77,6 @@ def export_options(command: argparse.ArgumentParser) -> None:
     add = more.add_argument
     add("--order", metavar="ORDER", help="of JPEG Pleno's names: columns or rows")
     add("--tiles", type=pair, metavar="CxR", help="of a quilt")
-    add("--count", type=int, default=60, metavar="K", help="pictures of a film (60)")
     add("--near", type=float, metavar="M", help="nearest depth, metres")
     add("--far", type=float, metavar="M", help="farthest depth, metres")
 
@@ -156,7 +155,7 @@ def run_export(arguments: argparse.Namespace) -> None:
             device=arguments.device,
             options=WriteOptions(
                 Order.parse(arguments.order) if arguments.order else None, arguments.tiles,
-                arguments.count, arguments.near, arguments.far, progress=report,
+                arguments.near, arguments.far, progress=report,
             ),
         )  # fmt: skip
     for note in notes:

@@ -20,6 +20,7 @@ from lfcore.exchange.nerfstudio import TO_WORLD, load_json
 from lfcore.exchange.parallel import parallel_views
 from lfcore.exchange.source import Source
 from lfcore.files import write_json
+from lfcore.pictures import write_picture
 
 JSON, TEXT = "lightfield.json", "param.txt"
 
@@ -136,7 +137,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
     frames = []
     for column, row, picture in views:
         name = f"view_{row * source.columns + column:04d}f"
-        pictures.write(folder / "png" / f"{name}.png", picture)
+        write_picture(folder / "png" / f"{name}.png", picture)
         pose = TO_WORLD @ source.pose(column, row)
         turn = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz")
         frames.append({

@@ -10,12 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.exchange import pictures, posed
+from lfcore.exchange import posed
 from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, ViewGrid, unreadable
 from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.source import Source
 from lfcore.files import write_text
+from lfcore.pictures import write_picture
 
 MODEL = Path("sparse") / "0"
 PARAMETERS = {"PINHOLE": (0, 2, 3), "SIMPLE_PINHOLE": (0, 1, 2), "OPENCV": (0, 2, 3)}
@@ -95,7 +96,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
     images = ["# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME", "# POINTS2D[]"]
     for column, row, picture in source.views(options.progress):
         name, number = f"view_{row:03d}_{column:03d}.png", row * source.columns + column + 1
-        pictures.write(folder / "images" / name, picture)
+        write_picture(folder / "images" / name, picture)
         cx, cy = source.centre(column, row)
         lens = f"{source.focal_px:.12g} {source.focal_px:.12g} {cx:.12g} {cy:.12g}"
         cameras.append(f"{number} PINHOLE {source.width} {source.height} {lens}")

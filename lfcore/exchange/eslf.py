@@ -16,6 +16,7 @@ from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, ViewGrid
 from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.source import Source
+from lfcore.pictures import write_picture
 
 LYTRO = 14
 
@@ -47,7 +48,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
     views = source.array(options.progress)
     rows, columns, height, width = views.shape[:4]
     picture = views.transpose(2, 0, 3, 1, 4).reshape(height * rows, width * columns, 3)
-    pictures.write(folder / f"{source.name}.eslf.png", np.ascontiguousarray(picture))
+    write_picture(folder / f"{source.name}.eslf.png", np.ascontiguousarray(picture))
     if (columns, rows) != (LYTRO, LYTRO):
         options.notes.append(
             f"readers take {LYTRO} x {LYTRO} views for granted: tell them {columns} x {rows}"

@@ -21,14 +21,12 @@ from lfcore.storage.segment import named_errors
 class WriteOptions:
     """What is asked for beside the format.
 
-    order : of two numbers in names (JPEG Pleno); tiles : of a quilt, (columns, rows); count : of
-    pictures of a film; near_m, far_m : depths, where the file does not hold them; depth : whether
-    depth is wanted, None for where the scene is at hand.
+    order : of two numbers in names (JPEG Pleno); tiles : of a quilt, (columns, rows); near_m,
+    far_m : depths, where the file does not hold them.
     """
 
     order: Order | None = None
     tiles: tuple[int, int] | None = None
-    count: int = 60
     near_m: float | None = None
     far_m: float | None = None
     bits: int | None = None

@@ -20,7 +20,7 @@ from lfcore.exchange.grid import ExchangeError, Geometry, KnownGeometry, ViewGri
 from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.source import Source
 from lfcore.files import write_text
-from lfcore.pictures import write_picture as write_pfm
+from lfcore.pictures import write_picture
 
 CONFIG = "parameters.cfg"
 FSTOP = 100.0
@@ -113,7 +113,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
     names = [f"Cam{index:0{digits}d}" for index in range(total)]
     for column, row, picture in source.views(options.progress):
         index = row * source.columns + column
-        pictures.write(folder / f"input_{names[index]}.png", picture)
+        write_picture(folder / f"input_{names[index]}.png", picture)
     reach = source.field.depth_range
     if source.truth is not None:
         reach = _write_truth(source, folder, names)
@@ -142,9 +142,9 @@ def _write_truth(source: Source, folder: Path, names: list[str]) -> tuple[float,
             near, far = min(near, float(seen.min())), max(far, float(seen.max()))
         for suffix in (f"_{name}", "") if index == middle else (f"_{name}",):
             for size in ("lowres", "highres"):
-                write_pfm(folder / f"gt_depth_{size}{suffix}.pfm", depth)
-                write_pfm(folder / f"gt_disp_{size}{suffix}.pfm", source.disparity(depth))
-            pictures.write(folder / f"objectids_highres{suffix}.png", ids)
+                write_picture(folder / f"gt_depth_{size}{suffix}.pfm", depth)
+                write_picture(folder / f"gt_disp_{size}{suffix}.pfm", source.disparity(depth))
+            write_picture(folder / f"objectids_highres{suffix}.png", ids)
     return (near, far) if far else None
 
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from lfcore.exchange import folder as by_file
-from lfcore.exchange import pictures
 from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import MOST_VIEWS, ExchangeError, Geometry, ViewGrid
 from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.nerfstudio import load_json
 from lfcore.exchange.source import Source
 from lfcore.files import write_json
-from lfcore.pictures import write_picture as write_pfm
+from lfcore.pictures import write_picture
 
 CONFIG = "views.json"
 NAME = "view_{row:03d}_{column:03d}.png"
@@ -54,14 +53,14 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
     files = []
     for column, row, picture in source.views(options.progress):
         name = NAME.format(row=row, column=column)
-        pictures.write(folder / name, picture)
+        write_picture(folder / name, picture)
         entry = {"file": name, "column": column, "row": row}
         if source.geometry is not None:
             entry |= {"x_m": float(source.columns_m[column]), "y_m": float(source.rows_m[row])}
             entry["centre_px"] = [float(value) for value in source.centre(column, row)]
         if source.truth is not None:
             depth, _ = source.depth(column, row)
-            write_pfm((folder / name).with_suffix(".depth.pfm"), depth)
+            write_picture((folder / name).with_suffix(".depth.pfm"), depth)
         files.append(entry)
     reach = source.field.depth_range if source.geometry is not None else None
     data = {

@@ -65,7 +65,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
     (folder / "images").mkdir()
     rows = []
     for column, row, picture in views:
-        pictures.write(folder / "images" / f"view_{row:03d}_{column:03d}.png", picture)
+        write_picture(folder / "images" / f"view_{row:03d}_{column:03d}.png", picture)
         pose = source.pose(column, row)
         down, right, back = -pose[:3, 1], pose[:3, 0], pose[:3, 2]
         size = np.array([2 * half[1], 2 * half[0], source.focal_px])

@@ -12,6 +12,7 @@ from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, ViewGrid
 from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.source import Source
+from lfcore.pictures import write_picture
 
 
 def recognise(path: Path) -> bool:
@@ -49,4 +50,4 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
     views = source.array(options.progress)
     rows, columns, height, width = views.shape[:4]
     picture = views.swapaxes(1, 2).reshape(rows * height, columns * width, 3)
-    pictures.write(folder / f"{source.name}_{columns}x{rows}.png", np.ascontiguousarray(picture))
+    write_picture(folder / f"{source.name}_{columns}x{rows}.png", np.ascontiguousarray(picture))

@@ -18,6 +18,7 @@ from lfcore.exchange.grid import ExchangeError, ViewGrid, unreadable
 from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.source import Source
 from lfcore.files import write_json
+from lfcore.pictures import write_picture
 
 CONFIG = "transforms.json"
 TO_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
@@ -108,7 +109,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
     parallel = geometry.delta == 0
     for column, row, picture in source.views(options.progress):
         name = f"view_{row:03d}_{column:03d}.png"
-        pictures.write(folder / "images" / name, picture)
+        write_picture(folder / "images" / name, picture)
         pose = TO_WORLD @ source.pose(column, row)
         frame = {"file_path": f"images/{name}", "transform_matrix": pose.tolist()}
         if not parallel:
@@ -116,7 +117,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
             frame |= {"cx": float(cx), "cy": float(cy)}
         if source.truth is not None:
             depth, _ = source.depth(column, row)
-            pictures.write(folder / "depth" / name, _millimetres(depth))
+            write_picture(folder / "depth" / name, _millimetres(depth))
             frame["depth_file_path"] = f"depth/{name}"
         frames.append(frame)
     shared = {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import BinaryIO, cast
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
@@ -13,7 +12,7 @@ from lfcore.colour import srgb_encode
 from lfcore.errors import LfcoreError
 from lfcore.exchange.grid import ExchangeError
 from lfcore.files import whole_file
-from lfcore.pictures import MOST_PIXELS, read_codes, write_picture
+from lfcore.pictures import MOST_PIXELS, read_codes
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".ppm", ".bmp", ".tif", ".tiff", ".webp", ".rgb", ".exr")
 Image.MAX_IMAGE_PIXELS = MOST_PIXELS
@@ -120,15 +119,6 @@ def read_ppm(path: Path) -> np.ndarray:
     if most == 255:
         return codes
     return np.rint(codes * (65535.0 / most)).clip(0, 65535).astype(np.uint16)
-
-
-def write(path: Path, picture: np.ndarray) -> None:
-    """Write uint8 or uint16 (h, w, 3) or (h, w) without loss, by the suffix."""
-    if path.suffix.lower() != ".rgb":
-        write_picture(path, picture)
-        return
-    with whole_file(path) as file:  # SGI's, which Pillow alone writes
-        Image.fromarray(picture).save(cast(BinaryIO, file), "SGI")
 
 
 def write_ppm(path: Path, picture: np.ndarray, bits: int) -> None:

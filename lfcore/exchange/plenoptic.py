@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.colour import srgb_decode
-from lfcore.exchange import pictures
 from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError
 from lfcore.exchange.source import Source
 from lfcore.files import write_json
+from lfcore.pictures import write_picture
 
 FINE = 16
 """Points along a pixel's side that tell how much of it the lens lights."""
@@ -52,8 +52,8 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
     for column, row, picture in source.views(options.progress):
         raw[row::count, column::count] = _codes(srgb_decode(picture) * share[row, column])
     white = _codes(np.tile(share, (height, width)))
-    pictures.write(folder / f"{source.name}_raw.png", raw)
-    pictures.write(folder / f"{source.name}_white.png", white)
+    write_picture(folder / f"{source.name}_raw.png", raw)
+    write_picture(folder / f"{source.name}_white.png", white)
     middle = (count - 1) / 2
     centres = [
         [row * count + middle, column * count + middle, row, column]

@@ -20,27 +20,26 @@ MOST_UNEQUAL = 0.05
 
 @dataclass(frozen=True)
 class Named:
-    """A picture with its numbers: two indices, (x, y), and what else the name holds."""
+    """A picture with the numbers in its name: two indices, and (x, y)."""
 
     path: Path
     first: int
     second: int
     x: float
     y: float
-    more: tuple[float, ...]
 
 
 def parse(path: Path) -> Named | None:
     """The numbers in a name, None for another kind of name; empty words do not count."""
     words = [word for word in path.stem.split("_") if word]
-    if len(words) not in (5, 7):
+    if len(words) != 5:
         return None
     try:
         first, second = int(words[1]), int(words[2])
-        y, x, *more = (float(word) for word in words[3:])
+        y, x = (float(word) for word in words[3:])
     except ValueError:
         return None
-    return Named(path, first, second, x, y, tuple(more))
+    return Named(path, first, second, x, y)
 
 
 def named_pictures(folder: Path) -> list[Named]:

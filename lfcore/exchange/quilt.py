@@ -17,6 +17,7 @@ from lfcore.exchange.grid import ExchangeError, ViewGrid
 from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.mosaic import of_tiles
 from lfcore.exchange.source import Selection, Source
+from lfcore.pictures import write_picture
 
 _NAME = re.compile(r"_qs(\d+)x(\d+)a([\d.]+?)(?:\.[A-Za-z]+)$")
 
@@ -62,7 +63,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
         line, column = down - 1 - index // across, index % across
         quilt[line * height : (line + 1) * height, column * width : (column + 1) * width] = picture
     name = f"{source.name}_qs{across}x{down}a{width / height:.6g}.png"
-    pictures.write(folder / name, quilt)
+    write_picture(folder / name, quilt)
     if source.rows > 1:
         options.notes.append("a quilt shows one row of views: the middle one was taken")
 

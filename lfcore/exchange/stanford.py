@@ -6,29 +6,23 @@ asked for by --focus and --field-of-view, or stay unknown.  Positions are taken 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 from lfcore.exchange import folder as by_file
-from lfcore.exchange import pictures, positions
+from lfcore.exchange import positions
 from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
 from lfcore.exchange.importing import ReadOptions
-from lfcore.exchange.positions import Named
 from lfcore.exchange.source import Source
+from lfcore.pictures import write_picture
 
 
 def recognise(path: Path) -> bool:
     found = positions.named_pictures(path)
-    return bool(found) and found[0].path.name.startswith("out_") and not found[0].more
+    return bool(found) and found[0].path.name.startswith("out_")
 
 
 def read(path: Path, options: ReadOptions) -> ViewGrid:
-    return read_named(path, path.name, lambda one, width: Geometry())
-
-
-def read_named(path: Path, name: str, geometry_of: Callable[[Named, int], Geometry]) -> ViewGrid:
-    """A grid of views with positions; ``geometry_of(view, width)`` adds to the spacing."""
     named = positions.named_pictures(path)
     if not named:
         raise ExchangeError(
@@ -36,26 +30,16 @@ def read_named(path: Path, name: str, geometry_of: Callable[[Named, int], Geomet
             remedy="Names are like out_00_00_-12.5_8.0.png",
         )  # fmt: skip
     found = positions.placed(path, named)
-    size = pictures.size_of(found.files[0][0])
-    pitch = Geometry(pitch_m=found.step / 1e3 if found.step else None)
-    geometry = pitch.or_else(geometry_of(named[0], max(size)))
-    return by_file.of_files(found.files, name, geometry=geometry, notes=positions.notes(found))
+    geometry = Geometry(pitch_m=found.step / 1e3 if found.step else None)
+    return by_file.of_files(found.files, path.name, geometry=geometry, notes=positions.notes(found))
 
 
 def write(source: Source, folder: Path, options: WriteOptions) -> None:
-    write_named(source, folder, options, "out", ())
-
-
-def write_named(
-    source: Source, folder: Path, options: WriteOptions, prefix: str, more: tuple[float, ...]
-) -> None:
-    """Views with row, column, y and x in millimetres, and ``more`` numbers in their names."""
     x, y = 1e3 * source.columns_m, 1e3 * source.rows_m
     if source.geometry is None:
         options.notes.append("positions are steps of the grid: the file does not hold its geometry")
         x, y = source.columns_m, source.rows_m  # nominal metres are steps
     digits = max(2, len(str(max(source.columns, source.rows) - 1)))
-    tail = "".join(f"_{value:.6f}" for value in more)
     for column, row, picture in source.views(options.progress):
-        name = f"{prefix}_{row:0{digits}d}_{column:0{digits}d}_{y[row]:.6f}_{x[column]:.6f}{tail}"
-        pictures.write(folder / f"{name}.png", picture)
+        name = f"out_{row:0{digits}d}_{column:0{digits}d}_{y[row]:.6f}_{x[column]:.6f}"
+        write_picture(folder / f"{name}.png", picture)

@@ -34,9 +34,7 @@ FORMATS = {
         Format("json", "image_folder", "our own: views and views.json, geometry included"),
         Format("llff", "llff", "LLFF: poses_bounds.npy"),
         Format("colmap", "colmap", "COLMAP text model, cameras on a plane"),
-        Format("lid", "lid", "Stanford lightpack: .lid and SGI pictures, two planes"),
         Format("stanford", "stanford", "Stanford archive: out_YY_XX_y_x.png"),
-        Format("renderer", "light_field_renderer", "light-field-renderer: name_i_j_-y_x.png"),
         Format("jpeg-pleno", "jpeg_pleno", "JPEG Pleno: 000_000.ppm of 10 bits"),
         Format("quilt", "quilt", "Looking Glass quilt: name_qs8x6a0.75.png"),
         Format("eslf", "eslf", "Lytro's ESLF: one picture of macropixels"),
@@ -49,7 +47,6 @@ FORMATS = {
         Format(
             "plenoptic", "plenoptic", "raw plenoptic picture, white image, centres", imports=False
         ),
-        Format("sweep", "sweep", "an MP4 film through the focus", imports=False),
     )
 }
 

@@ -27,7 +27,7 @@ from robustness.trees import damage_json
 EXACT = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
 KNOWN = Geometry(pitch_m=0.004, pixel_pitch=0.02, delta=0.5, sensor_m=0.036)
 GRID = (3, 3)
-TEXTS = (".json", ".cfg", ".txt", ".lid")
+TEXTS = (".json", ".cfg", ".txt")
 UNRECOGNISED = ("eslf", "mosaic", "folder")
 PICTURES_A_FORMAT = 2
 MOST_PIXELS = 1 << 22

@@ -3,7 +3,6 @@
 import json
 import shutil
 
-import av
 import cv2
 import numpy as np
 import pytest
@@ -99,13 +98,6 @@ def test_llff_has_its_axes_in_the_middle(tmp_path):
         export_lightfield(stored.path, "llff", tmp_path / "b")
 
 
-def test_a_film_through_the_focus(square, tmp_path):
-    options = WriteOptions(count=3, near_m=1.0, far_m=3.0)
-    export_lightfield(square.path, "sweep", tmp_path / "out", options=options)
-    with av.open(tmp_path / "out" / "noise_focus.mp4") as film:
-        assert sum(1 for _ in film.decode(video=0)) == 4
-
-
 @pytest.mark.parametrize("order", ["rows", "columns", "rows-up", "columns-left-up", "rows-snake"])
 def test_folders_in_any_order(order, wide, tmp_path):
     parsed = Order.parse(order)
@@ -167,15 +159,6 @@ def test_stanford_positions_decide(square, tmp_path):
     assert made.grid.format == "stanford"
     assert made.grid.geometry == Geometry(pitch_m=0.05)
     np.testing.assert_array_equal(all_views(field), square.views)
-
-
-def test_parallel_cameras_keep_all_in_the_renderers_names(tmp_path):
-    stored = store(tmp_path, noise(2, 2, 16, 16), Geometry(0.004, 0.02, 0.0))
-    export_lightfield(stored.path, "renderer", tmp_path / "out")
-    _, field = taken_back(tmp_path / "out", tmp_path)
-    assert field.metric
-    assert field.slab.camera.delta == 0
-    assert field.slab.pixel_pitch == pytest.approx(0.02, rel=1e-6)
 
 
 def test_gfxdisp_counts_from_the_bottom_right(square, tmp_path):

@@ -106,14 +106,13 @@ def test_nothing_is_recognised(tmp_path):
     (tmp_path / "in" / "more.txt").write_text("views\n")
     refused(tmp_path / "in", "known format")
     refused(tmp_path / "in", "'nex'", format="nex")
-    refused(tmp_path / "in", "cannot be imported", format="sweep")
+    refused(tmp_path / "in", "cannot be imported", format="plenoptic")
     for name in (
         "hci",
         "nerfstudio",
         "stanford",
         "jpeg-pleno",
         "folder",
-        "lid",
         "blender",
         "json",
         "llff",
@@ -161,13 +160,12 @@ def test_exports_that_cannot_be(unknown, square, tmp_path):
             assert word in str(error.value)
         assert list(tmp_path.iterdir()) == []
 
-    for name in ("hci", "nerfstudio", "colmap", "lid", "llff", "blender"):
+    for name in ("hci", "nerfstudio", "colmap", "llff", "blender"):
         fails(["does not hold its geometry", "--baseline"], unknown.path, name)
     fails(["'folder' cannot be exported"], square.path, "folder")
     fails(["no multiple of the 4 mm"], square.path, "hci", selection=Selection(baseline_m=0.006))
     fails(["--views"], square.path, "hci", selection=Selection((4, 4)))
     fails(["--crop"], square.path, "hci", selection=Selection(crop=(1, 1, 16, 16)))
-    fails(["--count"], square.path, "sweep", options=WriteOptions(count=1))
 
 
 def test_a_folder_that_is_there_is_left_alone(square, tmp_path):

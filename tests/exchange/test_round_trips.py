@@ -11,17 +11,15 @@ from lfcore.exchange.source import Selection
 FOLDERS = [
     "hci",
     "stanford",
-    "renderer",
     "nerfstudio",
     "colmap",
     "json",
-    "lid",
     "jpeg-pleno",
     "mosaic",
     "eslf",
     "mat",
 ]
-WHOLE = {"hci", "nerfstudio", "colmap", "json", "lid"}
+WHOLE = {"hci", "nerfstudio", "colmap", "json"}
 """Formats that hold the whole geometry."""
 ONE_PICTURE = {"mosaic", "eslf"}
 
