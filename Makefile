@@ -94,6 +94,7 @@ lint: $(VENV)/installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/snakefmt --check Snakefile workflow
 	$(BIN)/lint-imports
+	$(BIN)/python -m benchmarks.publish --check
 	$(BIN)/mypy
 	$(BIN)/snakemake --lint
 

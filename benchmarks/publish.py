@@ -310,6 +310,11 @@ def main(argv: list[str] | None = None) -> int:
             rows = takers.get(options.take, tables)(options.folder)
             Result(provenance, rows).write(RESULTS / f"{options.take}.csv")
         stale = [path for path, text in documents().items() if path.read_text("utf-8") != text]
+        if read_result(RECOMMENDED).provenance["encoder"] != default_encoder():
+            raise PublishError(
+                "recommends the settings of another default encoder", file=RECOMMENDED,
+                remedy="make tables, then: python -m benchmarks.publish --take recommended",
+            )  # fmt: skip
         for path in stale:
             print(f"{path.relative_to(ROOT)} {'is stale' if options.check else 'written'}")
             if not options.check:

@@ -21,24 +21,6 @@ def results(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_documents_are_up_to_date():
-    """Else: `python -m benchmarks.publish`."""
-    stale = [
-        path.name for path, text in publish.documents().items() if path.read_text("utf-8") != text
-    ]
-    assert stale == []
-
-
-@pytest.mark.parametrize("path", sorted(publish.RESULTS.glob("*.csv")), ids=lambda path: path.stem)
-def test_every_result_is_published_and_says_what_it_is_of(path):
-    result = publish.read_result(path)
-    assert len(result.rows) and result.provenance["commit"] in result.source()
-    places = publish.PLACE.findall(
-        "".join((publish.ROOT / name).read_text("utf-8") for name in publish.DOCUMENTS)
-    )
-    assert path.stem in {name for place in places for name in place[1].split(" + ")}
-
-
 def test_a_place_is_filled_with_its_rows_and_columns(results):
     made = publish.published(TEXT)
     assert "| N | s |\n|---|---|\n| 2 | 1.50 |\n| 4 | inf |\n" in made
@@ -101,12 +83,6 @@ def test_a_run_is_taken_with_its_commit(results, tmp_path, monkeypatch):
     assert result.rows.iloc[0].tolist() == [
         "bike", "16", "0.1", "43.3", "32.8", "0.9877", "0.1", "149", "0.1", "inf", "32.8", "1.0000",
     ]  # fmt: skip
-
-
-def test_recommended_settings_are_of_the_encoder_as_it_is():
-    """Stale else: `python -m benchmarks.publish --take recommended` after `make tables`."""
-    result = publish.read_result(publish.RECOMMENDED)
-    assert result.provenance["encoder"] == publish.default_encoder()
 
 
 def test_hours_on_a_cluster_are_of_the_rates_that_are_published(monkeypatch, tmp_path):

@@ -2,12 +2,9 @@
 
 import functools
 import json
-import re
-from pathlib import Path
 
 import pytest
 
-from lfcore import timing as timing_module
 from lfcore.timing import (
     Stopwatch,
     clocked,
@@ -140,21 +137,3 @@ def test_repeats_keep_to_a_budget_and_every_seed_is_run():
     seen.clear()
     results, timing = measure_within(work, 0.1, Programs(0), repeats=9, clock=clock)
     assert results == seen == [0] and timing.seconds == pytest.approx((0.2,))
-
-
-def test_no_other_module_reads_a_clock():
-    """Published seconds come from one place; what shows how far a run is has a clock, too."""
-    root = Path(timing_module.__file__).parents[1]
-    reading = re.compile(r"(?:perf_counter|process_time|monotonic|time\.time)\(\)")
-    found = {
-        path.relative_to(root).as_posix()
-        for folder in ("lfcore", "benchmarks")
-        for path in (root / folder).rglob("*.py")
-        if reading.search(path.read_text(encoding="utf-8"))
-    }
-    assert found - {"lfcore/cli/progress.py", "lfcore/workflow/job.py"} == {
-        "lfcore/evaluation/left_out/packages.py",  # in a process of its own
-        "benchmarks/measured/ours.py",  # up to a call in the midst of the work
-        "benchmarks/scaling_points.py",  # beside the clocks of other processes
-        "benchmarks/measured/against_worker.py",  # of old commits, too
-    }

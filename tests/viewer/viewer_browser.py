@@ -26,7 +26,7 @@ def needed() -> tuple[str, str]:
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     driver = shutil.which("chromedriver")
     if not browser or not driver:
-        pytest.skip("no browser: neither chromium nor google-chrome with chromedriver is installed")
+        pytest.skip("no browser: apt-get install chromium chromium-driver")
     pytest.importorskip("selenium", reason="selenium is not installed: pip install -e '.[dev]'")
     return browser, driver
 
