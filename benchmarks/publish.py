@@ -49,7 +49,6 @@ DOCUMENTS = (
     "README.md",
     "docs/measured.md",
     "docs/performance.md",
-    "docs/scaling.md",
     "docs/robustness.md",
 )
 RECOMMENDED = ROOT / "config" / "recommended.csv"
@@ -68,6 +67,7 @@ AGAINST = {"work": "work", "held_to": "held to", "scene": "scene"} | {
     f"N = {views}": f"N = {views}" for views in (4, 8, 16, 64, 512)
 }
 """The published columns of ``against.py``, and their names."""
+HITS, PICTURES = "hits, Mrays per core-second", "pictures, Mrays per core-second"
 OF_RUN = ("command", "commit", "processor", "date")
 """What is known of every result."""
 
@@ -147,13 +147,13 @@ def tables(folder: Path) -> pd.DataFrame:
     parts = []
     for name, columns in (
         ("table_7_1", TRACED),
-        ("table_7_2", {"seconds": "encode s", "ratio_float32": "ratio, 12 bytes a ray"}),
+        ("table_7_2", {"seconds": "encode s", "ratio_float32": "ratio to 12 bytes per ray"}),
         ("table_7_3", RETRIEVED),
     ):
         table = pd.read_csv(folder / f"{name}.csv").set_index(["scene", "N"])[list(columns)]
         parts.append(table.rename(columns=columns))
     both = pd.concat(parts, axis=1).reset_index()
-    digits = {"SSIM": 4, "SSIM (7.3)": 4, "ratio, 12 bytes a ray": 0}
+    digits = {"SSIM": 4, "SSIM (7.3)": 4, "ratio to 12 bytes per ray": 0}
     for column in both.columns.drop(["scene", "N"]):
         both[column] = [f"{value:.{digits.get(column, 1)}f}" for value in both[column]]
     return both
@@ -175,11 +175,11 @@ def peers(file: Path) -> pd.DataFrame:
         return own.mrays_per_core_second.groupby(level=["scene", "N"], sort=False).max()
 
     ours, embree = fastest("visibility", "lfcore"), fastest("visibility", "embree, ")
-    both = pd.DataFrame({"Mrays a core-second": ours, "Embree's": embree, "times": ours / embree})
+    both = pd.DataFrame({HITS: ours, "Embree 3": embree, "times Embree": ours / embree})
     mitsuba = fastest("algorithm1", "mitsuba")
     if not mitsuba.empty:
         ours = fastest("algorithm1", "lfcore")
-        both["pictures"], both["Mitsuba's"], both["times Mitsuba's"] = ours, mitsuba, ours / mitsuba
+        both[PICTURES], both["Mitsuba 3"], both["times Mitsuba"] = ours, mitsuba, ours / mitsuba
     return _three_digits(both.dropna().reset_index())
 
 
@@ -207,7 +207,7 @@ def true_picture(folder: Path) -> pd.DataFrame:
     whole = worst[worst.lattice == "512 x 1"].groupby("scene").seconds.max()
     return pd.DataFrame({
         "scene": worst.scene, "f-number": worst.f_number, "method": worst.method,
-        "lattice": worst.lattice, "rays a pixel": worst.rays_per_pixel.map("{:.0f}".format),
+        "lattice": worst.lattice, "rays per pixel": worst.rays_per_pixel.map("{:.0f}".format),
         "core s": worst.seconds.map("{:.2f}".format),
         "worst dB": worst.psnr_true_db.map("{:.1f}".format),
         "of N = 512": (worst.scene.map(whole) / worst.seconds).map("1/{:.0f}".format),

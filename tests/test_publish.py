@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pandas as pd
 import pytest
-from PIL import Image
 
-from benchmarks import publish, scaling
+from benchmarks import publish
 
 PROVENANCE = {"command": "make x", "commit": "abc", "processor": "a machine", "date": "2026-01-02"}
 TEXT = "Before.\n<!-- published: some: N; s where N in 2 4 -->\nold\n<!-- end of some -->\nAfter.\n"
@@ -85,35 +83,17 @@ def test_a_run_is_taken_with_its_commit(results, tmp_path, monkeypatch):
     ]  # fmt: skip
 
 
-def test_hours_on_a_cluster_are_of_the_rates_that_are_published(monkeypatch, tmp_path):
-    """Else: `python -m benchmarks.scaling`."""
-    kept = publish.read_result(publish.RESULTS / "scaling_rates.csv").rows
-    table = scaling.extrapolated(kept)
-    known = publish.read_result(publish.RESULTS / "scaling.csv").rows
-    assert table.astype(str).values.tolist() == known.values.tolist()
-    # Measured runs are compared and drawn.
-    taken = {"core s": "20", "wall s": "30", "others": "0", "commit": ""}
-    runs = [{"scene": one, "run": run} | taken for run in scaling.RUNS for one in ("bike", "cabin")]
-    runs[0]["others"] = "1.5"
-    points = scaling.beside_model(pd.DataFrame(runs), kept)
-    cores = points["core s / model's"].astype(float) * points["model's core s"].astype(float)
-    assert np.allclose(cores, 20, rtol=0.02)
-    monkeypatch.setattr(scaling, "FIGURE", tmp_path / "scaling.png")
-    scaling.draw(table, points)
-    assert Image.open(tmp_path / "scaling.png").width > 900
-
-
 def test_peers_stand_beside_the_better_of_their_ways(tmp_path):
     rows = [
         ("lfcore", "visibility", 90.0), ("embree, 4 x 4 pixels", "visibility", 30.0),
         ("embree, 4 x 4 lens samples", "visibility", 20.0), ("lfcore", "algorithm1", 25.0),
     ]  # fmt: skip
     mitsuba = ("mitsuba llvm_ad_rgb", "algorithm1", 5.0)
-    for made, names in ((rows, []), ([*rows, mitsuba], ["pictures", "Mitsuba's"])):
+    for made, names in ((rows, []), ([*rows, mitsuba], [publish.PICTURES, "Mitsuba 3"])):
         table = pd.DataFrame(made, columns=["method", "work", "mrays_per_core_second"])
         table.assign(scene="bike", N=16).to_csv(tmp_path / "t.csv", index=False)
         (row,) = publish.peers(tmp_path / "t.csv").to_dict("records")
-        assert (row["Embree's"], row["times"]) == ("30", "3")
+        assert (row["Embree 3"], row["times Embree"]) == ("30", "3")
         assert [row.get(name) for name in names] == ["25", "5"][: len(names)]
 
 
