@@ -12,7 +12,11 @@ author = "the authors of lfcore"
 copyright = author
 version = release = lfcore.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "docs.site.extension"]
+extensions = [
+    "myst_parser", "sphinx.ext.autodoc", "numpydoc", "sphinxarg.ext", "docs.site.extension",
+]  # fmt: skip
+numpydoc_show_class_members = False
+autosummary_generate = False
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["site", "examples", "pictures"]
 myst_enable_extensions = ["deflist", "attrs_inline"]

@@ -41,6 +41,8 @@ REACHED = ("Snakefile", "config", "profiles", "scenes", "workflow")
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 COMMENT = re.compile(r"^<!-- (needs|not run): (.*?) -->\n+\Z", re.MULTILINE)
 SMALL = re.compile(r"^<!-- small: (.*?) -->$", re.MULTILINE)
+PICTURE = re.compile(r"^<!-- picture: (\S+) \| (.*?) -->$", re.MULTILINE)
+VIEWER = re.compile(r"^<!-- viewer: (\S+) \| (.*?) -->$", re.MULTILINE)
 BEYOND_WORDS = re.compile(r"[|<>;&$*`'\"]")
 """What only a shell understands; other commands of ours are run in this process, much faster."""
 

@@ -89,7 +89,9 @@ def test_a_run_is_published_with_what_the_thesis_has_beside_it(published, smoke,
     # Five numbers of table 7.1 have an N = 512 of their own, which is not here.
     assert of_all == 6 * 9 and better == of_all - len(run.worse())
     assert f"{better} of its {of_all} numbers" in page and "do not compare" in page
-    pictures = {file for file in re.findall(r"\]\(([\w.]+)\)", page) if not file.endswith(".csv")}
+    pictures = {
+        file for file in re.findall(r"\]\(([\w.]+)\)", page) if file.endswith((".png", ".jpg"))
+    }
     assert len(pictures) == 1 + 2 * 2
     for file in pictures:
         with Image.open(folder / file) as picture:
