@@ -46,24 +46,6 @@ def test_views_are_the_same_rays_in_another_order(slab):
         np.testing.assert_allclose(got, want, atol=1e-6)
 
 
-@given(slabs)
-def test_rays_of_a_pixel_meet_in_the_plane_of_focus(slab):
-    if math.isinf(slab.camera.focus_m):
-        return
-    origin, direction = bundles.macropixels(slab, np.array([[0, slab.pixels - 1]])).rays()
-    points = origin[0] + slab.camera.focus_m * direction[0]
-    assert np.ptp(points.reshape(-1, 3), axis=0).max() < 1e-6
-
-
-@given(slabs)
-def test_rays_of_a_view_start_in_one_point(slab):
-    origin, _ = bundles.views(slab, np.array([[slab.views - 1, 0]])).rays()
-    s = slab.lens_positions()
-    np.testing.assert_allclose(
-        origin.reshape(-1, 3), np.broadcast_to([s[-1], s[0], 0], (slab.pixels**2, 3)), atol=1e-8
-    )
-
-
 def test_steps_by_hand():
     slab = Slab(Camera(0.05, 0.036, 2.0, 2.0), 5, 4)
     step = bundles.macropixels(slab, np.array([[0, 0]])).step

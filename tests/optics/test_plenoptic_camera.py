@@ -48,13 +48,6 @@ def test_rays_through_microlenses_are_the_slab():
         np.testing.assert_allclose(a, b, atol=1e-7)
 
 
-def test_a_microlens_is_conjugate_to_a_point_of_the_scene():
-    camera = PlenopticCamera(CAMERA, 12, 4)
-    origin, direction = camera.bundles(np.array([[3, 9]])).rays()
-    points = (origin + CAMERA.focus_m * direction).reshape(-1, 3)
-    assert np.ptp(points, axis=0).max() < 1e-6
-
-
 def test_main_lens_within_the_hyperfocal_distance_is_refused():
     # Lens samples of 7.5 mm against microlenses of 9 mm.
     with pytest.raises(OpticsError, match="hyperfocal"):
