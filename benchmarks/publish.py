@@ -38,7 +38,7 @@ from lfcore.errors import LfcoreError
 from lfcore.evaluation.recommendation import DEFAULT_TASK, TASKS
 from lfcore.files import write_text
 from lfcore.scene.reading import read_yaml
-from lfcore.storage.defaults import default_spec
+from lfcore.storage.defaults import chosen_encoding
 from lfcore.timing import machine
 from lfcore.workflow.keys import DEFAULT_SCENES
 from lfcore.workflow.settings import check_settings
@@ -216,7 +216,7 @@ def true_picture(folder: Path) -> pd.DataFrame:
 
 def default_encoder() -> str:
     """The default encoder as it is now, but for the CRF, which is what is recommended."""
-    spec = default_spec(32)
+    spec = chosen_encoding(32)
     return f"{spec.codec} {spec.preset} {spec.pixel_format} {spec.bframes} {spec.refs} {spec.gop}"
 
 

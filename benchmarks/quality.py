@@ -19,16 +19,17 @@ from benchmarks.publish import Result, of_this_run
 from lfcore.api import load_scene
 from lfcore.errors import OpticsError
 from lfcore.evaluation.true_picture.reference import Reference, true_pictures
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
-from lfcore.rendering.by_depth import RayCount, pictures_by_depth
+from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.prepared import open_tracer
-from lfcore.rendering.quality import WantedQuality
+from lfcore.rendering.quality import Quality, QualitySearch
 from lfcore.tracing.tracer import Tracer
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
-TRUTH = RayCount(12, 4), RayCount(10, 5)
+TRUTH = Lattice(12, 4), Lattice(10, 5)
 LATTICES = [
-    RayCount(*each)
+    Lattice(*each)
     for each in (
         (2, 1), (3, 1), (4, 1), (4, 1.25), (4, 1.5), (4, 2), (5, 2), (6, 2), (8, 2), (8, 2.5),
         (8, 3), (8, 4), (12, 4),
@@ -48,7 +49,7 @@ def fewest_rays(tracer: Tracer, truth: Reference, targets: list[float]) -> np.nd
         for count in LATTICES
     ]
     best = np.maximum.accumulate(found)
-    rays = np.log([count.rays_a_pixel for count in LATTICES])
+    rays = np.log([count.rays_per_pixel for count in LATTICES])
     return np.exp(np.interp(targets, best, rays, left=rays[0], right=np.nan))
 
 
@@ -61,7 +62,9 @@ def rows_of(tracer: Tracer, pixels: int, targets: list[float]) -> Iterator[dict]
         for target, fewest in zip(targets, fewest_rays(tracer, truth, targets), strict=True):
             row = {"scene": scene.name, "f_number": f"{f_number:g}", "asked_db": target}
             try:
-                made = WantedQuality(tracer, scene.camera, planes, pixels, target).pictures()
+                made = QualitySearch(
+                    tracer, scene.camera, planes, pixels, Quality(target)
+                ).pictures()
             except OpticsError as error:
                 yield row | {"refused": error.problem}
                 continue
@@ -70,9 +73,9 @@ def rows_of(tracer: Tracer, pixels: int, targets: list[float]) -> Iterator[dict]
                 "expected_db": f"{made.expected_db.min():.1f}",
                 "worst_db": f"{found:.1f}",
                 "reached": found >= target - NEAR_DB,
-                "rays_per_pixel": f"{made.rays_a_pixel:.0f}",
+                "rays_per_pixel": f"{made.rays_per_pixel:.0f}",
                 "fewest": f"{fewest:.0f}",
-                "times_fewest": f"{made.rays_a_pixel / fewest:.2f}",
+                "times_fewest": f"{made.rays_per_pixel / fewest:.2f}",
                 "truth_known_db": f"{truth.known_db.min():.1f}",
             }
 

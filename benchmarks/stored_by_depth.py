@@ -23,16 +23,16 @@ from benchmarks.publish import RESULTS, Result, of_this_run, read_result
 from lfcore.api import load_scene
 from lfcore.evaluation.true_picture.reference import Reference, true_pictures
 from lfcore.lightfield import LightField
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.rendering.by_depth import RayCount
 from lfcore.rendering.depth import dioptre_range
 from lfcore.rendering.prepared import open_tracers
 from lfcore.rendering.record import TILE_RAYS
 from lfcore.rendering.record_depth import RANGE_MARGIN, DepthStore, frames_by_depth
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import DepthSegments, join_segments
-from lfcore.storage.defaults import codec_spec, frame_layout
+from lfcore.storage.defaults import chosen_encoding, frame_layout
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentWriter
@@ -40,20 +40,20 @@ from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
-TRUTH = RayCount(8, 4), RayCount(6, 5)
+TRUTH = Lattice(8, 4), Lattice(6, 5)
 VIEWS, MACROPIXELS = "views", "macropixels"
 CASES = [
-    # lens samples, rays of a pixel a side, layout, lattice, CRFs
-    (4, 1.5, VIEWS, "crossed", (16, 20)),
-    (4, 2, VIEWS, "crossed", (16, 20, 24)),
-    (4, 2, VIEWS, "plain", (20,)),
-    (4, 2, MACROPIXELS, "crossed", (20,)),
-    (4, 4, VIEWS, "crossed", (20,)),
-    (6, 2, VIEWS, "crossed", (20,)),
-    (8, 2, VIEWS, "crossed", (20, 24)),
-    (8, 2, MACROPIXELS, "crossed", (20,)),
-    (16, 2, VIEWS, "crossed", (20,)),
-    (16, 2, MACROPIXELS, "crossed", (20,)),
+    # lens samples, rays of a pixel a side, layout, displaced, CRFs
+    (4, 1.5, VIEWS, True, (16, 20)),
+    (4, 2, VIEWS, True, (16, 20, 24)),
+    (4, 2, VIEWS, False, (20,)),
+    (4, 2, MACROPIXELS, True, (20,)),
+    (4, 4, VIEWS, True, (20,)),
+    (6, 2, VIEWS, True, (20,)),
+    (8, 2, VIEWS, True, (20, 24)),
+    (8, 2, MACROPIXELS, True, (20,)),
+    (16, 2, VIEWS, True, (20,)),
+    (16, 2, MACROPIXELS, True, (20,)),
 ]
 THESIS_VIEWS = 512
 
@@ -61,7 +61,7 @@ THESIS_VIEWS = 512
 class Encoder:
     """Segments of one stream, and the seconds of processor that they took."""
 
-    def __init__(self, folder: Path, name: str, layout: FrameLayout, spec: CodecSpec):
+    def __init__(self, folder: Path, name: str, layout: FrameLayout, spec: Encoding):
         self.folder, self.name, self.layout, self.spec = folder, name, layout, spec
         self.files: list[Path] = []
         self._watch = Stopwatch(clock=time.process_time)
@@ -83,8 +83,8 @@ def thesis(tracer: Tracer, reference: Reference) -> Iterator[dict]:
     """N = 512 with its defaults, retrieved by the nearest pixel."""
     pixels = reference.pictures.shape[1]
     slab = Slab(tracer.scene.camera, THESIS_VIEWS, pixels)
-    spec = codec_spec(THESIS_VIEWS)
-    layout = frame_layout(THESIS_VIEWS, pixels, spec.pixel_format)
+    spec = chosen_encoding(THESIS_VIEWS)
+    layout = frame_layout(THESIS_VIEWS, pixels, spec.stored_format)
     tiles = layout.tiles(TILE_RAYS, least=2)
     with tempfile.TemporaryDirectory() as name:
         encoder = Encoder(Path(name), "", layout, spec)
@@ -105,7 +105,7 @@ def published(name: str, pixels: int) -> Iterator[dict]:
         rays = (THESIS_VIEWS * pixels) ** 2
         yield {
             "scene": name, "layout": MACROPIXELS, "lattice": f"{THESIS_VIEWS} x 1",
-            "views": "plain", "CRF": f"{codec_spec(THESIS_VIEWS).crf:g}",
+            "views": "plain", "CRF": f"{chosen_encoding(THESIS_VIEWS).crf:g}",
             "bytes": round(12 * rays / float(row["ratio, 12 bytes a ray"])), "of depth": 0,
             "encode s": float(row["encode s"]), "worst dB": None, "planes dB": "",
         }  # fmt: skip
@@ -114,20 +114,20 @@ def published(name: str, pixels: int) -> Iterator[dict]:
 def few(tracer: Tracer, reference: Reference, cases: list) -> Iterator[dict]:
     """Lattices with depth: each is traced once, and encoded at every CRF."""
     pixels = reference.pictures.shape[1]
-    for views, subpixels, kind, lattice, crfs in cases:
-        count = RayCount(views, subpixels)
+    for views, subpixels, kind, displaced, crfs in cases:
+        count = Lattice(views, subpixels)
         slab = Slab(tracer.scene.camera, views, count.side(pixels))
         codes = DepthCodes.of_range(slab, *dioptre_range(tracer, slab, RANGE_MARGIN))
-        spec = codec_spec(views, by_depth=True)
-        layout = frame_layout(views, slab.pixels, spec.pixel_format, kind=kind)
+        spec = chosen_encoding(views, by_depth=True)
+        layout = frame_layout(views, slab.pixels, spec.stored_format, kind=kind)
         tiles = layout.tiles(slab.rays, least=1)
         made = list(
             frames_by_depth(
-                tracer, slab, DepthStore(layout, spec, lattice, pixels), codes, tiles[0]
+                tracer, slab, DepthStore(layout, spec, displaced, pixels), codes, tiles[0]
             )
         )
         for crf in crfs:
-            own = codec_spec(views, by_depth=True, crf=float(crf))
+            own = chosen_encoding(views, Encoding(crf=float(crf)), by_depth=True)
             grey = FrameLayout(**layout.to_json() | {"pixel_format": codes.pixel_format})
             with tempfile.TemporaryDirectory() as name:
                 encoders = [
@@ -136,7 +136,7 @@ def few(tracer: Tracer, reference: Reference, cases: list) -> Iterator[dict]:
                 ]
                 for number, encoder in enumerate(encoders):
                     encoder.tile(both[number] for both in made)
-                depth = DepthSegments(encoders[1].files, codes, lattice, pixels, codes.spec(slab))
+                depth = DepthSegments(encoders[1].files, codes, displaced, pixels, codes.spec(slab))
                 yield _row(tracer, reference, layout, tiles, slab, encoders, crf, str(count), depth)
 
 
@@ -155,7 +155,7 @@ def _row(tracer, reference, layout, tiles, slab, encoders, crf, lattice, depth=N
         "scene": tracer.scene.name,
         "layout": layout.kind,
         "lattice": lattice,
-        "views": depth.lattice if depth else "plain",
+        "views": "crossed" if depth and depth.displaced else "plain",
         "CRF": f"{crf:g}",
         "bytes": file.stat().st_size,
         "of depth": sum(size for size, _ in video.segments) if video else 0,

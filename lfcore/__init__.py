@@ -26,14 +26,16 @@ if TYPE_CHECKING:
     from lfcore.opencl.device import Device, open_device
     from lfcore.optics.array import CameraArray
     from lfcore.optics.camera import Camera
+    from lfcore.optics.lattice import Lattice
     from lfcore.optics.planes import SensorPlane
     from lfcore.optics.slab import Slab
     from lfcore.pictures import write_picture
     from lfcore.refocus.array.stored import store_array
+    from lfcore.rendering.quality import Quality, Rendering
     from lfcore.scene.appearance import Light
     from lfcore.scene.model import Scene
     from lfcore.scene.surface_mesh import Surface
-    from lfcore.storage.codecs import CodecSpec
+    from lfcore.storage.codecs import Encoding
     from lfcore.tracing.tracer import Tracer
 
 __version__ = "0.1.0"
@@ -43,7 +45,7 @@ __all__ = [
     "import_lightfield", "export_lightfield",
     "write_picture", "open_device",
     "LightField", "Scene", "Surface", "Light", "Camera", "CameraArray", "SensorPlane", "Slab",
-    "CodecSpec", "Device", "Tracer",
+    "Encoding", "Lattice", "Quality", "Rendering", "Device", "Tracer",
     "LfcoreError", "SceneError", "OpticsError", "StorageError", "DeviceError",
 ]  # fmt: skip
 
@@ -55,6 +57,7 @@ _HOMES = {
     "opencl.device": ("Device", "open_device"),
     "optics.array": ("CameraArray",),
     "optics.camera": ("Camera",),
+    "optics.lattice": ("Lattice",),
     "optics.planes": ("SensorPlane",),
     "optics.slab": ("Slab",),
     "pictures": ("write_picture",),
@@ -62,7 +65,8 @@ _HOMES = {
     "scene.appearance": ("Light",),
     "scene.model": ("Scene",),
     "scene.surface_mesh": ("Surface",),
-    "storage.codecs": ("CodecSpec",),
+    "rendering.quality": ("Quality", "Rendering"),
+    "storage.codecs": ("Encoding",),
     "tracing.tracer": ("Tracer",),
 }
 _HOME_OF = {name: f"{__name__}.{module}" for module, names in _HOMES.items() for name in names}

@@ -24,33 +24,29 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
+from lfcore.optics.lattice import Lattice, whole_number
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.progress import Progress
-from lfcore.rendering.by_depth import DEFAULT_COUNT, RayCount, pictures_by_depth
+from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import focused_camera, trace_picture, trace_planes
 from lfcore.rendering.prepared import open_tracer, open_tracers, opened
-from lfcore.rendering.quality import (
-    MOST_RAYS,
-    Rendering,
-    WantedQuality,
-    planes_between,
-)
+from lfcore.rendering.quality import Quality, QualitySearch, Rendering, planes_between
 from lfcore.scene.build import build_scene
 from lfcore.scene.emitters import POINTS
 from lfcore.scene.files import load_scene as load_prepared
 from lfcore.scene.model import Scene
-from lfcore.storage.defaults import AUTO, codec_spec, frame_layout
+from lfcore.storage.codecs import Encoding
+from lfcore.storage.defaults import chosen_encoding, frame_layout
 from lfcore.tracing.tracer import Tracer
 
 if TYPE_CHECKING:
     from lfcore.lightfield import LightField
 
 FILTERS = ("depth", "nearest")
-STORED_COUNT = RayCount(4, 2)
-"""Rays of a pixel in a file with depth (measured, docs/notebook/true-picture.md)."""
+MOST_PIXELS = 65536
 VIEWS = 16
-"""Lens samples a side where rays count in the pixel that they fall on and no number is given."""
+"""The default lens samples per side where rays count in the pixel that they fall on."""
 # Video and exposure are imported by the functions that need them: a picture is there sooner.
 
 
@@ -82,116 +78,171 @@ def render(
     *,
     planes: Sequence[SensorPlane] | None = None,
     pixels: int = 256,
-    views: int | None = None,
-    subpixels: float | None = None,
+    views: int | Lattice | None = None,
     filter: str = "depth",
+    quality: Quality | None = None,
     device: Device | str | None = None,
     progress: Progress | None = None,
 ) -> np.ndarray:
-    """Pictures of a scene through its lens, without storing a light field.
+    """Render pictures of a scene through its lens, without storing a light field.
 
     Parameters
     ----------
-    focus_m : metres, ``math.inf`` allowed; default the scene's.
-    f_number : of a round aperture; default the scene's.
-    planes : several pictures from the same rays, instead of ``focus_m`` and ``f_number``.
-    pixels : M, side of the pictures.
-    views : N x N lens samples; default 8, or 16 with the filter ``nearest``.
-    subpixels : side of the grid of rays of a lens sample and pixel; default 2, with ``nearest`` 1.
-        No less than 1 with ``nearest``.
-    filter : ``depth`` spreads a ray over what its part of lens and pixel sweeps at the depth that
-        it met; with ``nearest`` it counts in the pixel that it falls on (Algorithm 1).
-    device : open, or part of its name.
-    progress : called with (done, of all).
+    scene : Scene
+        What :func:`load_scene` returns.
+    focus_m : float, optional
+        Focus distance in metres; ``math.inf`` is allowed.  Default: the scene's.
+    f_number : float, optional
+        Of a round aperture.  Default: the scene's.
+    planes : sequence of SensorPlane, optional
+        Several pictures from the same rays, instead of ``focus_m`` and ``f_number``.
+    pixels : int
+        M, the pictures' side.
+    views : int or Lattice, optional
+        Lens samples per side, with 2 x 2 rays per pixel each, or the whole lattice.  Default: 8;
+        with the filter ``nearest`` 16, with 1 ray per pixel each.
+    filter : str
+        ``depth`` spreads a ray over the part of the picture that its part of lens and pixel sweeps
+        at the ray's depth.  With ``nearest`` a ray counts in the pixel that it falls on
+        (Algorithm 1), and views are not displaced.
+    quality : Quality, optional
+        Choose the rays for a quality, instead of ``views``; see :func:`render_to_quality`.
+    device : Device or str, optional
+        An open device, or part of its name.
+    progress : callable, optional
+        Called with (done, of all).
 
     Returns
     -------
-    (M, M, 3) float32, linear light; with ``planes`` (P, M, M, 3).  A single picture is traced at
-    its own focus.
+    ndarray
+        (M, M, 3) float32, linear light; with ``planes`` (P, M, M, 3).  A single picture is traced
+        at its own focus.
 
     Raises
     ------
-    OpticsError : a plane that the lens cannot form, a filter that is not known, or rays that it
-        does not take.
-    DeviceError : no device, or none whose name fits.
+    OpticsError
+        The lens cannot form a plane, the filter is unknown, or it does not take these rays.
+    DeviceError
+        There is no device, or none of that name.
 
+    Notes
+    -----
     Source: docs/notebook/true-picture.md; thesis, Algorithm 1 and section 6.3.2.
     """
-    if filter not in FILTERS:
-        raise OpticsError(
-            f"unknown filter {filter!r}", key="filter", remedy=f"Use one of {FILTERS}"
-        )
-    if planes is None:
-        wanted = [SensorPlane.of(scene.camera, focus_m, f_number)]
-    elif focus_m is not None or f_number is not None:
-        raise OpticsError("excludes focus_m and f_number", key="planes", remedy="Give one of them")
-    else:
-        wanted = list(planes)
+    pixels = whole_number("pixels", pixels, MOST_PIXELS)
+    if quality is not None:
+        if views is not None or filter != "depth":
+            raise OpticsError(
+                "chooses the rays itself, for the filter 'depth'", key="quality",
+                remedy="Leave out views and filter",
+            )  # fmt: skip
+        found = render_to_quality(
+            scene, quality, focus_m, f_number, planes=planes, pixels=pixels, device=device,
+            progress=progress,
+        ).pictures  # fmt: skip
+        return found[0] if planes is None else found
+    lattice = lattice_to_trace(filter, views)
+    wanted = _wanted_planes(scene, focus_m, f_number, planes)
     camera = _lens_for(scene, wanted)
-    count = rays_to_trace(filter, views, subpixels)
+    tracer = open_tracer(scene, device)
     if filter == "depth":
-        tracer = open_tracer(scene, device)
-        made = pictures_by_depth(tracer, camera, wanted, pixels, count, progress=progress)
+        made = pictures_by_depth(tracer, camera, wanted, pixels, lattice, progress=progress)
     else:
-        slab = Slab(camera, count.views, count.side(pixels))
+        slab = Slab(camera, lattice.views, lattice.side(pixels))
         coarse = [replace(plane, pixels=pixels) for plane in wanted]
-        made = _nearest(open_tracer(scene, device), slab, coarse, progress)
+        made = _nearest(tracer, slab, coarse, progress)
     return made[0] if planes is None else made
 
 
-def rays_to_trace(filter: str, views: int | None, subpixels: float | None) -> RayCount:
-    """Rays of a pixel that :func:`render` traces, by default those of the filter."""
-    usual = DEFAULT_COUNT if filter == "depth" else RayCount(VIEWS, 1)
-    return RayCount(views or usual.views, usual.subpixels if subpixels is None else subpixels)
+def lattice_to_trace(filter: str, views: int | Lattice | None) -> Lattice:
+    """The lattice that :func:`render` traces.
+
+    Raises :class:`OpticsError` for an unknown filter, or displaced views with ``nearest``.
+    """
+    if filter not in FILTERS:
+        remedy = f"Use one of {FILTERS}"
+        raise OpticsError(f"unknown filter {filter!r}", key="filter", remedy=remedy)
+    if filter == "depth":
+        return views if isinstance(views, Lattice) else Lattice(8 if views is None else views)
+    if not isinstance(views, Lattice):
+        return Lattice(VIEWS if views is None else views, 1, displaced=False)
+    if views.displaced:
+        raise OpticsError(
+            "the filter 'nearest' takes views that are not displaced", key="views",
+            remedy="Give a Lattice with displaced=False",
+        )  # fmt: skip
+    return views
 
 
 def render_to_quality(
     scene: Scene,
-    quality_db: float,
+    quality: Quality,
+    focus_m: float | None = None,
+    f_number: float | None = None,
     *,
     planes: Sequence[SensorPlane] | None = None,
     pixels: int = 256,
-    most_rays: float = MOST_RAYS,
     device: Device | str | None = None,
     progress: Progress | None = None,
 ) -> Rendering:
-    """As :func:`render`, with about as few rays as give every picture a PSNR of ``quality_db``.
+    """Render as :func:`render`, with about as few rays as every picture needs for a quality.
 
-    Against the average over pixel and lens, sRGB.  Rays are traced in rounds, the first of 9 a
-    pixel; what the rounds disagree by tells how many more it takes, and what is expected of each
-    picture.  All rounds are in the pictures, (P, M, M, 3).
+    Rays are traced in rounds, the first with 9 per pixel.  The disagreement of the rounds predicts
+    how many more rays are needed, and the error of each picture.  All rounds are in the pictures.
 
     Parameters
     ----------
-    most_rays : the budget, rays a pixel.
-    progress : called with (rays a pixel done, of those wanted as far as is known).
+    scene : Scene
+        What :func:`load_scene` returns.
+    quality : Quality
+        The PSNR and the budget.  Its ``focus_range_m`` belongs to :func:`record`.
+    focus_m, f_number, planes, pixels, device
+        As in :func:`render`.
+    progress : callable, optional
+        Called with (rays per pixel done, of those expected to be needed).
+
+    Returns
+    -------
+    Rendering
+        The pictures (P, M, M, 3), their rays and their expected errors.
 
     Raises
     ------
-    OpticsError : a plane that the lens cannot form, or a quality beyond the budget.
-    DeviceError : no device, or none whose name fits.
+    OpticsError
+        The lens cannot form a plane, or the quality is beyond the budget.
+    DeviceError
+        There is no device, or none of that name.
 
+    Notes
+    -----
     Source: docs/notebook/true-picture.md.
     """
-    wanted = [SensorPlane.of(scene.camera)] if planes is None else list(planes)
+    if quality.focus_range_m is not None:
+        raise OpticsError("belongs to a light field", key="focus_range_m", remedy="Give planes")
+    pixels = whole_number("pixels", pixels, MOST_PIXELS)
+    wanted = _wanted_planes(scene, focus_m, f_number, planes)
     camera = _lens_for(scene, wanted)
-    _check_quality(quality_db, most_rays)
     tracer = open_tracer(scene, device)
-    quality = WantedQuality(tracer, camera, wanted, pixels, quality_db, most_rays)
-    return quality.pictures(progress)
+    return QualitySearch(tracer, camera, wanted, pixels, quality).pictures(progress)
 
 
-def _check_quality(quality_db: float, most_rays: float) -> None:
-    if not (math.isfinite(quality_db) and quality_db > 0):
-        raise OpticsError(f"must be a positive number of dB, not {quality_db}", key="quality")
-    if not most_rays > 0:
-        raise OpticsError(f"must be positive, not {most_rays:g}", key="most_rays")
+def _wanted_planes(
+    scene: Scene,
+    focus_m: float | None,
+    f_number: float | None,
+    planes: Sequence[SensorPlane] | None,
+) -> list[SensorPlane]:
+    if planes is None:
+        return [SensorPlane.of(scene.camera, focus_m, f_number)]
+    if focus_m is not None or f_number is not None:
+        raise OpticsError("excludes focus_m and f_number", key="planes", remedy="Give one of them")
+    return list(planes)
 
 
 def _lens_for(scene: Scene, planes: list[SensorPlane]) -> Camera:
-    """The scene's camera, as wide open as any of ``planes``: the scene knows all light.
+    """The scene's camera, with the widest aperture of ``planes``: a scene knows all its light.
 
-    Raises :class:`OpticsError` where there are none, or for one that the lens cannot form.
+    Raises :class:`OpticsError` without planes, or for one that the lens cannot form.
     """
     if not planes:
         raise OpticsError("no planes were asked for", key="planes")
@@ -217,109 +268,120 @@ def record(
     scene: Scene,
     path: str | Path,
     *,
-    views: int | None = None,
+    views: int | Lattice | None = None,
     pixels: int = 256,
-    depth_stream: bool | None = None,
-    subpixels: float | None = None,
-    lattice: str = "crossed",
-    quality_db: float | None = None,
-    focus_range_m: tuple[float, float] | None = None,
-    most_rays: float = MOST_RAYS,
     focus_m: float | None = None,
     f_number: float | None = None,
-    layout: str = AUTO,
-    codec: str = "libx264",
-    pixel_format: str = AUTO,
-    crf: float | str = AUTO,
-    preset: str | None = AUTO,
+    quality: Quality | None = None,
+    encoding: Encoding | None = None,
     device: Device | str | None = None,
     progress: Progress | None = None,
 ) -> LightField:
-    """Trace a light field of a scene and store it as video (Algorithm 3): trace, encode, join.
+    """Record a light field of a scene as video (Algorithm 3): trace, encode, join.
+
+    With neither ``views`` nor ``quality``, the file holds 4 x 4 views of twice the pixels, and the
+    inverse depth of every ray.  Pictures are then sliced by depth: at the bytes of 16 x 16 plain
+    views they are 12 dB nearer to the true ones (docs/notebook/true-picture.md).
 
     Parameters
     ----------
-    path : the file to write, ``.mkv``; it appears when it is whole.
-    views, pixels : N x N views of M x M pixels; N is 4, or 16 without ``depth_stream``.
-    depth_stream : store the inverse depth of every ray as a stream of its own, and views of
-        ``subpixels`` times M pixels (2 by default), so that few of them give pictures of M pixels
-        by depth; default where ``views`` is not given.  At the bytes of 16 x 16 plain views, its
-        pictures are 12 dB nearer to the true ones (docs/notebook/true-picture.md).
-    lattice : of these views: ``crossed``, each displaced within a pixel against all others, which
-        gains pictures by depth 2 dB, or ``plain``, which all other ways to read a file need.
-    quality_db : instead of ``views`` and ``subpixels``, with a depth stream: what pictures of the
-        whole lens are to have against the average over pixel and lens, before the codec's loss.  A
-        pilot of a tenth of the rays says how many it takes; the file says what is expected.
-    focus_range_m : nearest and farthest focus of these pictures; default what is seen.
-    most_rays : the budget of a quality, rays a pixel.
-    focus_m : metres, ``math.inf`` allowed; default the scene's.
-    f_number : the widest that can be refocused later; default the scene's.
-    layout : ``macropixels``, ``views``, or ``auto`` as measured best at that N and M.
-    codec, pixel_format, crf, preset : as :func:`lfcore.storage.defaults.codec_spec` takes them.
-    device : open, or part of its name.
-    progress : called with (outer elements done, of all).
+    scene : Scene
+        What :func:`load_scene` returns.
+    path : str or Path
+        The file to write, ``.mkv``; it appears when it is whole.
+    views : int or Lattice, optional
+        A number N stores N x N plain views without depth.  A :class:`Lattice` is stored with
+        depth.  ``encoding.depth`` overrides both: with True, N means ``Lattice(N)``; with False the
+        views are plain, 16 x 16 by default.
+    pixels : int
+        M, the side of the pictures that the file is for.
+    focus_m : float, optional
+        Focus distance in metres; ``math.inf`` is allowed.  Default: the scene's.
+    f_number : float, optional
+        The widest aperture that can be refocused later.  Default: the scene's.
+    quality : Quality, optional
+        Choose the rays for a quality of pictures through the whole lens, before the codec's loss,
+        instead of ``views``.  A pilot of a tenth of the rays predicts how many are needed; the file
+        has the prediction in ``content["expected"]``.
+    encoding : Encoding, optional
+        Codec, layout and whether depth is stored.  Default: as measured best.
+    device : Device or str, optional
+        An open device, or part of its name.
+    progress : callable, optional
+        Called with (outer elements done, of all).
 
     Returns
     -------
-    The light field, opened.
+    LightField
+        The file, opened.
 
     Raises
     ------
-    OpticsError : a lens that cannot be, or a quality beyond the budget.
-    StorageError : settings that the codec does not take, or a file that cannot be written.
-    DeviceError : no device, or none whose name fits.
+    OpticsError
+        An impossible lens, or a quality beyond the budget.
+    StorageError
+        The codec does not take the settings, or the file cannot be written.
+    DeviceError
+        There is no device, or none of that name.
 
+    Notes
+    -----
     Source: thesis, Algorithm 3.
     """
     from lfcore.lightfield import LightField
-    from lfcore.rendering.depth import depth_range
     from lfcore.rendering.record import record_slab
     from lfcore.rendering.record_depth import depth_store, record_by_depth
 
+    pixels = whole_number("pixels", pixels, MOST_PIXELS)
     camera = recorded_camera(scene.camera, focus_m, f_number)
-    content = None
-    if quality_db is not None:
-        if depth_stream is False or views is not None or subpixels is not None:
+    encoding, content = encoding or Encoding(), None
+    if quality is not None:
+        if encoding.depth is False or views is not None:
             raise OpticsError(
                 "chooses the rays itself, and stores their depths", key="quality",
-                remedy="Leave out views, subpixels and depth_stream",
+                remedy="Leave out views and depth",
             )  # fmt: skip
-        _check_quality(quality_db, most_rays)
-        tracer, depth_stream = open_tracer(scene, device), True
-        near_far = focus_range_m or depth_range(tracer, Slab(camera, STORED_COUNT.views, pixels))
-        planes = planes_between(camera, *(near_far or (math.inf, math.inf)))
-        planned = WantedQuality(tracer, camera, planes, pixels, quality_db, most_rays).plan()
-        views, subpixels = planned.count.views, planned.count.subpixels
-        focus = [plane.focus_m for plane in (planes[0], planes[-1])]
-        content = {"expected": {"db": round(planned.expected_db, 2), "focus_m": focus}}
-    by_depth, count = rays_to_store(depth_stream, views, subpixels)
+        views, content = _planned(open_tracer(scene, device), camera, pixels, quality)
+    by_depth, lattice = lattice_to_store(encoding.depth, views)
+    spec = chosen_encoding(lattice.views, encoding, by_depth=by_depth)
     if by_depth:
-        spec = codec_spec(
-            count.views, codec, pixel_format=pixel_format, crf=crf, preset=preset, by_depth=True
-        )
-        kind = "views" if layout == AUTO else layout
-        slab, store = depth_store(camera, count, pixels, spec, lattice=lattice, kind=kind)
+        kind = encoding.layout or "views"
+        slab, store = depth_store(camera, lattice, pixels, spec, kind=kind)
         tracer = open_tracer(scene, device)
         record_by_depth(path, tracer, slab, store, content=content, progress=progress)
-        return LightField.open(path)
-    if subpixels is not None:
-        raise OpticsError("belong to a depth stream", key="subpixels", remedy="Leave them out")
-    slab = Slab(camera, count.views, pixels)
-    spec = codec_spec(count.views, codec, pixel_format=pixel_format, crf=crf, preset=preset)
-    frames = frame_layout(count.views, pixels, spec.pixel_format, kind=layout)
-    record_slab(path, open_tracers(scene, device), slab, frames, spec, progress=progress)
+    else:
+        slab = Slab(camera, lattice.views, lattice.side(pixels))
+        frames = frame_layout(slab.views, slab.pixels, spec.stored_format, kind=encoding.layout)
+        record_slab(path, open_tracers(scene, device), slab, frames, spec, progress=progress)
     return LightField.open(path)
 
 
-def rays_to_store(
-    depth_stream: bool | None, views: int | None, subpixels: float | None
-) -> tuple[bool, RayCount]:
-    """Whether :func:`record` stores depth beside the views, and the rays of a pixel it traces."""
-    if depth_stream or (depth_stream is None and views is None):
-        usual = STORED_COUNT
-        count = usual.views if views is None else views
-        return True, RayCount(count, usual.subpixels if subpixels is None else subpixels)
-    return False, RayCount(VIEWS if views is None else views, 1)
+def _planned(tracer: Tracer, camera: Camera, pixels: int, quality: Quality) -> tuple[Lattice, dict]:
+    """The lattice that a pilot chooses, and what the file says of its quality."""
+    from lfcore.rendering.depth import depth_range
+
+    near_far = quality.focus_range_m or depth_range(tracer, Slab(camera, 4, pixels))
+    planes = planes_between(camera, *(near_far or (math.inf, math.inf)))
+    planned = QualitySearch(tracer, camera, planes, pixels, quality).plan()
+    focus = [planes[0].focus_m, planes[-1].focus_m]
+    return planned.lattice, {"expected": {"db": round(planned.expected_db, 2), "focus_m": focus}}
+
+
+def lattice_to_store(depth: bool | None, views: int | Lattice | None) -> tuple[bool, Lattice]:
+    """Whether :func:`record` stores depth, and the lattice that it traces.
+
+    Raises :class:`OpticsError` for displaced views without depth.
+    """
+    if depth or (depth is None and not isinstance(views, int | np.integer)):
+        return True, views if isinstance(views, Lattice) else Lattice(4 if views is None else views)
+    if not isinstance(views, Lattice):
+        return False, Lattice(VIEWS if views is None else views, 1, displaced=False)
+    if views.displaced:
+        raise OpticsError(
+            "displaced views need their depths", key="views",
+            remedy="Store depth, or give a Lattice with displaced=False",
+        )  # fmt: skip
+    return False, views
 
 
 def recorded_camera(camera: Camera, focus_m: float | None, f_number: float | None) -> Camera:

@@ -26,8 +26,8 @@ def recorded(model):
     scene = lfcore.load_scene(model)
     seen = []
     field = lfcore.record(
-        scene, model.with_suffix(".mkv"), views=4, pixels=32, f_number=2, codec="ffv1",
-        progress=lambda done, total: seen.append((done, total)),
+        scene, model.with_suffix(".mkv"), views=4, pixels=32, f_number=2,
+        encoding=lfcore.Encoding("ffv1"), progress=lambda done, total: seen.append((done, total)),
     )  # fmt: skip
     assert seen[-1][0] == seen[-1][1]
     return scene, field
@@ -83,23 +83,35 @@ def test_rays_count_by_their_depth_unless_asked_otherwise(recorded):
     assert np.sqrt(np.mean((few[1:] - alone)[inner] ** 2)) < 0.01
     for wrong, what in (
         ({"filter": "cubic"}, "unknown filter 'cubic'"),
-        ({"filter": "nearest", "subpixels": 0.5}, "pixels: a picture of 8 pixels is finer"),
-        ({"subpixels": float("nan")}, "subpixels: must be above 0"),
+        (
+            {"filter": "nearest", "views": lfcore.Lattice(2, 0.5, displaced=False)},
+            "pixels: a picture of 8 pixels is finer",
+        ),
     ):
         with pytest.raises(lfcore.OpticsError, match=what):
             lfcore.render(scene, pixels=8, **wrong)
+    with pytest.raises(lfcore.OpticsError, match="subpixels: must be above 0"):
+        lfcore.Lattice(8, float("nan"))
 
 
 def test_rays_of_a_pixel_by_default():
-    from lfcore.api import rays_to_store, rays_to_trace
-    from lfcore.rendering.by_depth import RayCount
+    from lfcore import Lattice
+    from lfcore.api import lattice_to_store, lattice_to_trace
 
-    assert rays_to_store(None, None, None) == (True, RayCount(4, 2))
-    assert rays_to_store(None, 32, None) == (False, RayCount(32, 1))
-    assert rays_to_store(True, 3, 1.5) == (True, RayCount(3, 1.5))
-    assert rays_to_store(False, None, None) == (False, RayCount(16, 1))
-    assert rays_to_trace("depth", None, 1.5) == RayCount(8, 1.5)
-    assert rays_to_trace("nearest", None, None) == RayCount(16, 1)
+    plain = Lattice(32, 1, displaced=False)
+    assert lattice_to_store(None, None) == (True, Lattice(4, 2))
+    assert lattice_to_store(None, 32) == lattice_to_store(None, np.int64(32)) == (False, plain)
+    assert lattice_to_store(True, 3) == (True, Lattice(3, 2))
+    assert lattice_to_store(None, plain) == (True, plain)
+    assert lattice_to_store(False, plain) == (False, plain)
+    assert lattice_to_store(False, None) == (False, Lattice(16, 1, displaced=False))
+    assert lattice_to_trace("depth", None) == Lattice(8, 2)
+    assert lattice_to_trace("depth", plain) is plain
+    assert lattice_to_trace("nearest", None) == Lattice(16, 1, displaced=False)
+    with pytest.raises(lfcore.OpticsError, match=r"views: .*not displaced"):
+        lattice_to_trace("nearest", Lattice(8))
+    with pytest.raises(lfcore.OpticsError, match="views: displaced views need"):
+        lattice_to_store(False, Lattice(8))
 
 
 def test_a_scene_of_arrays_is_that_of_the_same_file(model):

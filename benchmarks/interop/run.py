@@ -27,7 +27,7 @@ from lfcore.exchange.grid import Geometry, ViewGrid
 from lfcore.exchange.storing import store_grid
 from lfcore.files import write_text
 from lfcore.lightfield import LightField
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 
 READERS = Path(__file__).parent / "readers"
 SIDE, WIDTH, HEIGHT = 5, 48, 40
@@ -252,7 +252,7 @@ def prepare(work: Path, sources: dict[str, Path]) -> Bench:
     views = rng.integers(0, 256, (SIDE, SIDE, HEIGHT, WIDTH, 3), dtype=np.uint8)
     grid = ViewGrid.of_array(views, "noise", format="test", geometry=GEOMETRY, depth_m=DEPTH_M)
     path = work / "noise.mkv"
-    spec = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
+    spec = Encoding("ffv1", "gbrp", preset=None, tune=None)
     store_grid(path, grid, spec)
     bench = Bench(work, sources, views, LightField.open(path))
 

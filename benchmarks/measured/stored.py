@@ -17,8 +17,8 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.slicing import CHUNK_BYTES, PlaneFormer
 from lfcore.rendering.record import record_tile
-from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.defaults import default_kind, default_pack, default_spec
+from lfcore.storage.codecs import Encoding
+from lfcore.storage.defaults import chosen_encoding, default_kind, default_pack
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 from lfcore.tracing.tracer import Tracer
@@ -35,7 +35,7 @@ class SampledStore:
     """
 
     slab: Slab
-    spec: CodecSpec
+    spec: Encoding
     tiles: list[Tile]
     tracers: list[Tracer]
     frames: list[np.ndarray]
@@ -56,10 +56,10 @@ def sample_store(
 ) -> SampledStore:
     """Four tiles of about ``frames`` frames, one at a place drawn from a fixed seed in each
     quarter of the picture, traced and encoded once."""
-    spec, slab = default_spec(views), Slab(loaded.scene.camera, views, pixels)
+    spec, slab = chosen_encoding(views), Slab(loaded.scene.camera, views, pixels)
     pack = default_pack(views, pixels)
     layout = FrameLayout(
-        default_kind(views, pixels), views, pixels, pack=pack, pixel_format=spec.pixel_format
+        default_kind(views, pixels), views, pixels, pack=pack, pixel_format=spec.stored_format
     )
     tiles = sampled_tiles(layout, frames)
     threads = loaded.tracer.device.threads
@@ -87,7 +87,7 @@ def sampled_tiles(layout: FrameLayout, frames: int) -> list[Tile]:
     return tiles
 
 
-def encode(frames: np.ndarray, path: Path, spec: CodecSpec, layout: FrameLayout) -> None:
+def encode(frames: np.ndarray, path: Path, spec: Encoding, layout: FrameLayout) -> None:
     with SegmentWriter(path, spec, layout.frame_width, layout.frame_height) as writer:
         writer.write(frames)
 

@@ -66,9 +66,10 @@ def _finite(value: Any) -> Any:
     return value if not isinstance(value, float) or math.isfinite(value) else str(value)
 
 
-def encoder(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What options ask of an encoder, as its keywords."""
-    return given(arguments, "codec", "pixel_format", "crf", "preset")
+def encoder(arguments: argparse.Namespace) -> lfcore.Encoding:
+    """The encoding that the options describe."""
+    names = ("codec", "pixel_format", "crf", "preset", "layout", "depth")
+    return lfcore.Encoding(**given(arguments, *names))
 
 
 def open_field(arguments: argparse.Namespace) -> lfcore.LightField:

@@ -124,19 +124,21 @@ def run_import(arguments: argparse.Namespace) -> None:
         arguments.variable,
     )
     with progress("encoding", "views") as report:
-        made = lfcore.import_lightfield(
+        field = lfcore.import_lightfield(
             arguments.source, arguments.output, format=arguments.format, options=options,
-            progress=report, **encoder(arguments),
+            encoding=encoder(arguments), progress=report,
         )  # fmt: skip
-    grid = made.grid
-    for note in grid.notes:
+    source = field.content["source"]
+    for note in source.get("notes", ()):
         say(note)
-    if grid.geometry.missing:
-        say(f"the geometry is not known: {', '.join(grid.geometry.missing)} would say it; "
+    if not field.metric:
+        known = {key: source.get(key) for key in ("pitch_m", "pixel_pitch", "delta")}
+        say(f"the geometry is not known: {', '.join(Geometry(**known).missing)} would say it; "
             "refocus by --disparity")  # fmt: skip
-    size = arguments.output.stat().st_size
-    wrote(arguments.output, f": {FORMATS[grid.format].title.split(':')[0]}, {grid.columns} x "
-          f"{grid.rows} views of {grid.width} x {grid.height}, {size:,} bytes")  # fmt: skip
+    size, (columns, rows) = arguments.output.stat().st_size, field.grid
+    *_, width, height = field.require_slab().held.pixels
+    wrote(arguments.output, f": {FORMATS[source['format']].title.split(':')[0]}, {columns} x "
+          f"{rows} views of {width} x {height}, {size:,} bytes")  # fmt: skip
 
 
 def run_export(arguments: argparse.Namespace) -> None:

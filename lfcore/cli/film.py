@@ -83,11 +83,11 @@ def save_video(
     scene: dict[str, str],
 ) -> str:
     """Store an array as the options on the encoder say; returns what there is to say of it."""
-    from lfcore.storage.defaults import codec_spec
+    from lfcore.storage.defaults import chosen_encoding
 
     output = arguments.output
     check_suffix(output, (".mkv",))
-    spec = codec_spec(array.cameras[0], **encoder(arguments))
+    spec = chosen_encoding(array.cameras[0], encoder(arguments))
     with progress("encoding", "cameras") as report:
         white = lfcore.store_array(
             output, image, array, spec, scene=scene, white=arguments.white, progress=report

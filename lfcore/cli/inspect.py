@@ -96,7 +96,8 @@ def _depth(field: lfcore.LightField) -> dict[str, str]:
         "depth stream": f"{depth.codec}, {codes.pixel_format}{_settings(depth.settings)}, "
         f"{of_depth:,} bytes, {of_depth / (of_depth + of_light):.0%} of the video, "
         f"{8 * of_depth / layout.rays:.4f} bits a ray",
-        "by depth": f"pictures of {depth.pixels} x {depth.pixels} pixels, views {depth.lattice}, "
+        "by depth": f"pictures of {depth.pixels} x {depth.pixels} pixels, "
+        f"views {'displaced' if depth.displaced else 'plain'}, "
         f"{codes.far:.4g} to {codes.near:.4g} dioptres",
     }
 

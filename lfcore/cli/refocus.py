@@ -31,7 +31,7 @@ examples:
   lfcore refocus bike.mkv --focus 3.2 --filter bilinear -o bike.npy
       smoother, by shift-sum; linear light, float32
   lfcore refocus few.mkv --focus 3.2 --size 512 -o large.png
-      by depth, of a file that 'lfcore trace --depth-stream' made
+      by depth, of a file that 'lfcore trace --depth' made
   lfcore refocus chess.mkv --disparity 1.5 --aperture-views 7 -o chess.png
       an imported light field whose cameras are not known
 

@@ -6,6 +6,7 @@ import argparse
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import lfcore
@@ -15,7 +16,6 @@ from lfcore.cli.command import Command, asked, encoder, given, open_scene, refus
 from lfcore.cli.options import add_encoder, add_lens, add_output, add_scene, distance
 from lfcore.cli.progress import note, progress, say, wrote
 from lfcore.errors import OpticsError
-from lfcore.optics.ray_cells import LATTICES
 from lfcore.pictures import check_bits, check_suffix
 
 RENDER = """\
@@ -55,10 +55,6 @@ examples:
   lfcore trace scene.pbrt -o scene.mkv
       a scene with Camera "lightfield": its own cameras, rays a pixel and shutter
 """
-
-
-SAME_NAMES = ("views", "depth_stream", "subpixels", "lattice", "f_number", "layout", "device")
-"""Options of ``trace`` that :func:`lfcore.record` calls by the same names."""
 
 
 def render_options(command: argparse.ArgumentParser) -> None:
@@ -101,11 +97,11 @@ def trace_options(command: argparse.ArgumentParser) -> None:
     add_output(command, "file to write, .mkv")
     add_size(command)
     command.add_argument(
-        "--views", type=int, metavar="N", help="N x N views (4, or 16 with --no-depth-stream)"
+        "--views", type=int, metavar="N", help="N x N views (4, or 16 with --no-depth)"
     )
     by_depth = command.add_argument_group("for pictures by depth")
     by_depth.add_argument(
-        "--depth-stream", action=argparse.BooleanOptionalAction,
+        "--depth", action=argparse.BooleanOptionalAction,
         help="store the inverse depth of every ray beside it, so that few views do (default where "
         "--views is not given)",
     )  # fmt: skip
@@ -113,9 +109,9 @@ def trace_options(command: argparse.ArgumentParser) -> None:
         "--subpixels", type=float, metavar="Q", help="views of Q times M pixels a side (2)"
     )
     by_depth.add_argument(
-        "--lattice", choices=tuple(LATTICES), default="crossed",
-        help="views displaced within a pixel against one another (default), or plain, which "
-        "the filters nearest and bilinear need",
+        "--displaced", action=argparse.BooleanOptionalAction, default=True,
+        help="views displaced within a pixel against one another (default); the filters nearest "
+        "and bilinear need views that are not",
     )  # fmt: skip
     by_depth.add_argument(
         "--quality", type=float, metavar="DB",
@@ -163,16 +159,17 @@ def render(arguments: argparse.Namespace) -> None:
     rays = _rays(arguments, size)
     with named_file(arguments.scene), progress("tracing", "parts", rays=rays) as report:
         if arguments.quality is None:
-            same |= given(arguments, "views", "subpixels", "filter")
-            pictures = lfcore.render(scene, progress=report, **same)
+            lattice, filter = _lattice(arguments), arguments.filter
+            pictures = lfcore.render(scene, views=lattice, filter=filter, progress=report, **same)
         else:
-            same |= given(arguments, "most_rays")
-            made = lfcore.render_to_quality(scene, arguments.quality, progress=report, **same)
+            quality = lfcore.Quality(arguments.quality, **given(arguments, "most_rays"))
+            made = lfcore.render_to_quality(scene, quality, progress=report, **same)
             pictures = made.pictures
     if arguments.quality is not None:
         db = ", ".join(f"{each:.1f}" for each in made.expected_db)
-        say(f"{made.rays_a_pixel:.0f} rays a pixel in {len(made.counts)} rounds: {db} dB expected")
-        note(expected_db=list(map(float, made.expected_db)), rays_a_pixel=made.rays_a_pixel)
+        traced = f"{made.rays_per_pixel:.0f} rays per pixel in {len(made.lattices)} rounds"
+        say(f"{traced}: {db} dB expected")
+        note(expected_db=list(map(float, made.expected_db)), rays_per_pixel=made.rays_per_pixel)
         if arguments.error_map is not None:
             shown = srgb_decode(np.repeat(made.error[..., None], 3, axis=-1))
             plane_options.save(arguments.error_map, planes, shown, arguments.bits)
@@ -194,15 +191,22 @@ def _check_rays(arguments: argparse.Namespace) -> None:
 
 def _rays(arguments: argparse.Namespace, size: int) -> int:
     """Rays that pictures are made of; 0 where their disagreement is to say how many."""
-    from lfcore.api import rays_to_trace
+    return 0 if arguments.quality is not None else _lattice(arguments).rays(size)
 
-    if arguments.quality is not None:
-        return 0
-    return rays_to_trace(arguments.filter, arguments.views, arguments.subpixels).rays(size)
+
+def _lattice(arguments: argparse.Namespace) -> lfcore.Lattice:
+    """The lattice that ``render`` traces."""
+    from lfcore.api import lattice_to_trace
+
+    return _with_subpixels(lattice_to_trace(arguments.filter, arguments.views), arguments)
+
+
+def _with_subpixels(lattice: lfcore.Lattice, arguments: argparse.Namespace) -> lfcore.Lattice:
+    return replace(lattice, **given(arguments, "subpixels"))
 
 
 def trace(arguments: argparse.Namespace) -> None:
-    from lfcore.api import rays_to_store
+    from lfcore.api import lattice_to_store
 
     check_suffix(arguments.output, (".mkv",))
     scene = open_scene(arguments)
@@ -210,15 +214,23 @@ def trace(arguments: argparse.Namespace) -> None:
         film.trace(arguments, scene)
         return
     size = 256 if arguments.size is None else arguments.size
-    count = rays_to_store(arguments.depth_stream, arguments.views, arguments.subpixels)[1]
-    rays = count.rays(size)
-    what, quality = f"tracing {rays:,} rays", _wanted_quality(arguments)
+    depth, lattice = lattice_to_store(arguments.depth, arguments.views)
+    if depth:
+        lattice = replace(lattice, displaced=arguments.displaced)
+    lattice, quality = _with_subpixels(lattice, arguments), _wanted_quality(arguments)
+    encoding = replace(encoder(arguments), depth=depth)
+    rays, what = lattice.rays(size), f"tracing {lattice.rays(size):,} rays"
     if quality:
-        rays, what = 0, "tracing"
+        chosen = asked(arguments, ("views", "subpixels"))
+        if chosen or arguments.depth is False:
+            refuse("--quality", "chooses the rays itself, and stores their depths",
+                   "Leave out --views, --subpixels and --no-depth")  # fmt: skip
+        rays, what, encoding = 0, "tracing", replace(encoding, depth=True)
     with named_file(arguments.scene), progress(what, rays=rays) as report:
         field = lfcore.record(
-            scene, arguments.output, pixels=size, focus_m=arguments.focus, progress=report,
-            **given(arguments, *SAME_NAMES), **encoder(arguments), **quality,
+            scene, arguments.output, views=None if quality else lattice, pixels=size,
+            focus_m=arguments.focus, f_number=arguments.f_number, quality=quality,
+            encoding=encoding, device=arguments.device, progress=report,
         )  # fmt: skip
     if quality:
         slab, expected = field.require_slab(), field.content["expected"]
@@ -230,13 +242,13 @@ def trace(arguments: argparse.Namespace) -> None:
     wrote(arguments.output, f": {len(field.segments)} segments, {length:,} bytes")
 
 
-def _wanted_quality(arguments: argparse.Namespace) -> dict:
-    """What ``record`` is told of a quality; nothing where none is asked for."""
+def _wanted_quality(arguments: argparse.Namespace) -> lfcore.Quality | None:
+    """The quality that rays are chosen for, if any."""
     names = {"quality": "quality_db", "focus_range": "focus_range_m", "most_rays": "most_rays"}
     wanted = {names[name]: value for name, value in given(arguments, *names).items()}
     if wanted and arguments.quality is None:
         refuse("--quality", "is what --focus-range and --most-rays belong to", "Give it, too")
-    return wanted
+    return lfcore.Quality(**wanted) if wanted else None
 
 
 @contextmanager

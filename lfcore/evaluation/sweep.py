@@ -18,7 +18,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.progress import Progress, silent
 from lfcore.refocus.slicing import form_planes
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import Tile
 from lfcore.storage.segment import SegmentWriter
@@ -31,7 +31,7 @@ def sweep_rows(
     slab: Slab,
     tiles: Sequence[Tile],
     planes: Sequence[SensorPlane],
-    specs: Mapping[str, CodecSpec],
+    specs: Mapping[str, Encoding],
     folder: Path,
     *,
     progress: Progress = silent,
@@ -68,7 +68,7 @@ def _trace(
     slab: Slab,
     tile: Tile,
     planes: Sequence[SensorPlane],
-    specs: Mapping[str, CodecSpec],
+    specs: Mapping[str, Encoding],
     segments: Mapping[str, list[Path]],
     watch: Stopwatch,
 ) -> PlaneSums:

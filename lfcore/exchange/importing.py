@@ -13,9 +13,9 @@ from lfcore.exchange.grid import ExchangeError, Geometry, Order, ViewGrid
 from lfcore.exchange.pictures import is_picture
 from lfcore.exchange.storing import store_grid
 from lfcore.files import make_folder
-from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.defaults import AUTO, codec_spec
-from lfcore.storage.metadata import Metadata
+from lfcore.lightfield import LightField
+from lfcore.storage.codecs import Encoding
+from lfcore.storage.defaults import chosen_encoding
 
 # What a reader stumbles over in a description whose values are of other types or beyond all bounds.
 _NOT_OF_THE_FORMAT = (
@@ -36,14 +36,6 @@ class ReadOptions:
     geometry: Geometry = field(default_factory=Geometry)
     fov_deg: float | None = None
     variable: str | None = None
-
-
-@dataclass(frozen=True)
-class Imported:
-    """What was written, and what there is to say about it."""
-
-    grid: ViewGrid
-    metadata: Metadata
 
 
 def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGrid:
@@ -90,40 +82,52 @@ def _check(geometry: Geometry) -> None:
 
 def import_lightfield(
     source: str | Path,
-    output: str | Path,
+    path: str | Path,
     *,
     format: str | None = None,
     options: ReadOptions | None = None,
-    codec: str = "libx264",
-    pixel_format: str | None = None,
-    crf: float | None = None,
-    preset: str | None = None,
+    encoding: Encoding | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Imported:
-    """Write the light field file ``output`` of a light field of another program.
+) -> LightField:
+    """Write a light field of another program to a light field file.
 
     Parameters
     ----------
-    source : folder or file.
-    format : name in :data:`lfcore.exchange.table.FORMATS`; default recognised.
-    codec, pixel_format, crf, preset : of the video; ``ffv1`` keeps 8-bit RGB exactly.
-    progress : called with (views done, of all).
+    source : str or Path
+        The folder or file to read.
+    path : str or Path
+        The file to write, ``.mkv``.
+    format : str, optional
+        A name in :data:`lfcore.exchange.table.FORMATS`.  Default: recognised.
+    options : ReadOptions, optional
+        What the format may not say: geometry, grid, order of views.
+    encoding : Encoding, optional
+        How the views are stored; with ``ffv1``, 8-bit RGB is kept exactly.
+    progress : callable, optional
+        Called with (views done, of all).
 
-    Raises :class:`StorageError`, naming the file and what was expected; nothing is left then.
+    Returns
+    -------
+    LightField
+        The file, opened.  ``content["source"]`` has the format and, where there are any, ``notes``
+        on what was left out or assumed.
+
+    Raises
+    ------
+    StorageError
+        Names the file and what was expected; no file is left.
     """
-    source, output = Path(source), Path(output)
+    source, path, encoding = Path(source), Path(path), encoding or Encoding()
     grid = read_grid(source, format, options or ReadOptions())
-    if codec == "ffv1" and pixel_format is None:
-        pixel_format = "gbrp"
-    spec: CodecSpec = codec_spec(
-        max(grid.columns, grid.rows), codec, pixel_format=pixel_format or AUTO,
-        crf=AUTO if crf is None else crf, preset=preset or AUTO,
-    )  # fmt: skip
+    if encoding.codec == "ffv1" and encoding.pixel_format is None:
+        encoding = replace(encoding, pixel_format="gbrp")
     note = check_order(grid)
     if note:
         grid = replace(grid, notes=(*grid.notes, note))
-    make_folder(output.parent)
-    return Imported(grid, store_grid(output, grid, spec, progress=progress))
+    make_folder(path.parent)
+    spec = chosen_encoding(max(grid.columns, grid.rows), encoding)
+    store_grid(path, grid, spec, progress=progress)
+    return LightField.open(path)
 
 
 def check_order(grid: ViewGrid) -> str | None:

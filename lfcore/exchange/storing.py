@@ -10,7 +10,7 @@ import numpy as np
 
 from lfcore.exchange.grid import ExchangeError, ViewGrid
 from lfcore.files import draft_folder
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
@@ -23,7 +23,7 @@ SEGMENT_RAYS = 1 << 27
 def store_grid(
     path: Path,
     grid: ViewGrid,
-    spec: CodecSpec,
+    spec: Encoding,
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> Metadata:
@@ -33,7 +33,7 @@ def store_grid(
     Raises :class:`StorageError` when a view or the file fails; no file is left then.
     """
     slab = grid.geometry.slab(grid.columns, grid.rows, grid.width, grid.height)
-    layout = FrameLayout("views", slab.views, slab.pixels, pixel_format=spec.pixel_format)
+    layout = FrameLayout("views", slab.views, slab.pixels, pixel_format=spec.stored_format)
     tiles = _tiles(layout, slab.held.views)
     digest, done = hashlib.sha256(), 0
     with draft_folder(path) as folder:
@@ -88,6 +88,8 @@ def _frame(picture: np.ndarray, held: tuple[int, int, int, int], layout: FrameLa
 
 def _content(grid: ViewGrid) -> dict:
     content: dict = {"source": {"format": grid.format}}
+    if grid.notes:
+        content["source"]["notes"] = list(grid.notes)
     if grid.geometry.missing:
         known = {key: value for key, value in vars(grid.geometry).items() if value is not None}
         content["metric"] = False

@@ -18,7 +18,7 @@ from lfcore.optics.slab import Slab
 
 
 @dataclass(frozen=True)
-class Lattice:
+class ElementLattice:
     """A square grid of elements, ``count`` a side, centred on the axis.
 
     From one element to the next along either axis the middle ray's origin changes by ``origin``
@@ -55,7 +55,7 @@ class Bundles:
     columns: int
     rows: int
     pixel_pitch: float
-    lattice: Lattice | None = None
+    lattice: ElementLattice | None = None
 
     def part(self, which: slice) -> Bundles:
         """The same rays of some of the elements."""
@@ -79,7 +79,7 @@ class Bundles:
 def macropixels(slab: Slab, pixels: np.ndarray) -> Bundles:
     """One element a pixel, (E, 2) integer (u, v); the inner grid is the lens."""
     pitch = slab.lens_pitch_m
-    lattice = Lattice(slab.pixels, 0.0, slab.pixel_pitch)
+    lattice = ElementLattice(slab.pixels, 0.0, slab.pixel_pitch)
     shear = -slab.camera.delta * pitch
     step = np.array([pitch, pitch, shear, shear], np.float32)
     return Bundles(lattice.middles(pixels), step, slab.views, slab.views, slab.pixel_pitch, lattice)
@@ -88,7 +88,7 @@ def macropixels(slab: Slab, pixels: np.ndarray) -> Bundles:
 def views(slab: Slab, samples: np.ndarray) -> Bundles:
     """One element a lens sample, (E, 2) integer (i, j); the inner grid is the picture."""
     pitch = slab.lens_pitch_m
-    lattice = Lattice(slab.views, pitch, -slab.camera.delta * pitch)
+    lattice = ElementLattice(slab.views, pitch, -slab.camera.delta * pitch)
     step = np.array([0.0, 0.0, slab.pixel_pitch, slab.pixel_pitch], np.float32)
     return Bundles(
         lattice.middles(samples), step, slab.pixels, slab.pixels, slab.pixel_pitch, lattice

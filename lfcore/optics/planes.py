@@ -18,6 +18,7 @@ import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera, check_focus, image_distance
+from lfcore.optics.lattice import whole_number
 from lfcore.optics.slab import Slab
 
 MOST_BLADES = 1000  # no eye tells such a polygon from a circle
@@ -101,8 +102,8 @@ class SensorPlane:
             raise OpticsError(
                 f"unknown normalisation {self.normalise!r}", remedy=f"Use one of {NORMALISATIONS}"
             )
-        if self.pixels is not None and self.pixels < 1:
-            raise OpticsError(f"must be positive, not {self.pixels}", key="pixels")
+        if self.pixels is not None:
+            object.__setattr__(self, "pixels", whole_number("pixels", self.pixels, 65536))
 
     @classmethod
     def of(

@@ -81,8 +81,9 @@ def crossed_views(slab: Slab) -> ViewSet:
     return ViewSet(slab, np.stack([along_u, along_v], 1))
 
 
-LATTICES = {"plain": plain_views, "crossed": crossed_views}
-"""By name, as files have it: where the pixel grids of views lie."""
+def views_of(slab: Slab, *, displaced: bool) -> ViewSet:
+    """:func:`crossed_views` where views are displaced, else :func:`plain_views`."""
+    return crossed_views(slab) if displaced else plain_views(slab)
 
 
 def radical_order(count: int) -> np.ndarray:

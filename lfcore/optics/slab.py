@@ -17,6 +17,7 @@ import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera
+from lfcore.optics.lattice import whole_number
 
 Rectangle = tuple[int, int, int, int]
 """First column, first row, columns, rows."""
@@ -58,16 +59,14 @@ class Slab:
     extent: Extent | None = None
 
     def __post_init__(self) -> None:
+        for key, most in (("views", 4096), ("pixels", 65536)):
+            object.__setattr__(self, key, whole_number(key, getattr(self, key), most))
         if self.extent is not None:
             for key, side in (("views", self.views), ("pixels", self.pixels)):
                 column, row, columns, rows = getattr(self.extent, key)
                 inside = 0 <= column < column + columns <= side
                 if not (inside and 0 <= row < row + rows <= side):
                     raise OpticsError(f"does not lie within {side} x {side}", key=f"extent.{key}")
-        for key, low, high in (("views", 1, 4096), ("pixels", 1, 65536)):
-            value = getattr(self, key)
-            if not (isinstance(value, int) and low <= value <= high):
-                raise OpticsError(f"must be an integer from {low} to {high}, not {value}", key=key)
 
     @property
     def held(self) -> Extent:

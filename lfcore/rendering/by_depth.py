@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypedDict, Unpack
 
 import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.ray_cells import ViewSet, crossed_views, lens_cells
+from lfcore.optics.ray_cells import ViewSet, lens_cells, views_of
 from lfcore.optics.slab import Slab
 from lfcore.refocus.depth_slicing import DepthSlicer
 from lfcore.rendering.direct import focused_camera
@@ -25,40 +25,6 @@ SUMS_BYTES = 1 << 30
 FOOTPRINT = 2.0
 """The width that textures are filtered over, over the distance between the rays of all views
 together in focus: measured, docs/notebook/true-picture.md."""
-MOST_SUBPIXELS = 64
-
-
-@dataclass(frozen=True)
-class RayCount:
-    """Rays of a picture's pixel: ``views`` lens samples by ``subpixels`` a side.
-
-    Raises :class:`OpticsError` for sub-pixels that are not above 0, or too many.
-    """
-
-    views: int
-    subpixels: float
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.subpixels) and 0 < self.subpixels <= MOST_SUBPIXELS):
-            what = f"must be above 0 and at most {MOST_SUBPIXELS}, not {self.subpixels:g}"
-            raise OpticsError(what, key="subpixels")
-
-    def side(self, pixels: int) -> int:
-        """Pixels of each view, for pictures of ``pixels``."""
-        return max(1, round(self.subpixels * pixels))
-
-    def rays(self, pixels: int) -> int:
-        return (self.views * self.side(pixels)) ** 2
-
-    @property
-    def rays_a_pixel(self) -> float:
-        return (self.views * self.subpixels) ** 2
-
-    def __str__(self) -> str:
-        return f"{self.views} x {self.subpixels:.3g}"
-
-
-DEFAULT_COUNT = RayCount(8, 2)
 
 
 class Widths(TypedDict, total=False):
@@ -76,7 +42,7 @@ def pictures_by_depth(
     camera: Camera,
     planes: Sequence[SensorPlane],
     pixels: int,
-    count: RayCount,
+    lattice: Lattice,
     *,
     progress: Callable[[int, int], None] | None = None,
     **widths: Unpack[Widths],
@@ -97,9 +63,10 @@ def pictures_by_depth(
     """
     planes = list(planes)
     if len(planes) == 1:
-        return _focused(tracer, camera, planes[0], pixels, count, progress, **widths)[None]
+        return _focused(tracer, camera, planes[0], pixels, lattice, progress, **widths)[None]
     lens = replace(camera, f_number=min(plane.f_number for plane in planes))
-    views = crossed_views(Slab(lens, count.views, count.side(pixels)))
+    slab = Slab(lens, lattice.views, lattice.side(pixels))
+    views = views_of(slab, displaced=lattice.displaced)
     room = max(1, SUMS_BYTES // DepthSlicer.sums_bytes(1, pixels))
     groups = [planes[first : first + room] for first in range(0, len(planes), room)]
     made = []
@@ -127,11 +94,12 @@ def _focused(
     camera: Camera,
     plane: SensorPlane,
     pixels: int,
-    count: RayCount,
+    lattice: Lattice,
     progress: Callable[[int, int], None] | None,
     **widths: Unpack[Widths],
 ) -> np.ndarray:
-    views = crossed_views(Slab(focused_camera(camera, plane), count.views, count.side(pixels)))
+    slab = Slab(focused_camera(camera, plane), lattice.views, lattice.side(pixels))
+    views = views_of(slab, displaced=lattice.displaced)
     own = replace(plane, normalise="aperture", keep_magnification=False)
     picture = trace_by_depth(tracer, views, [own], pixels, progress=progress, **widths)[0]
     if plane.normalise == "lens":

@@ -17,12 +17,13 @@ import numpy as np
 from lfcore.colour import srgb_encode
 from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.refocus.depth_slicing import LEAST_OF_RAY
-from lfcore.rendering.by_depth import FOOTPRINT, RayCount, pictures_by_depth
+from lfcore.rendering.by_depth import FOOTPRINT, pictures_by_depth
 from lfcore.tracing.tracer import Tracer
 
-PILOT = (RayCount(2, 1), RayCount(3, 0.75))
+PILOT = (Lattice(2, 1), Lattice(3, 0.75))
 FOOTPRINT_PX = 0.0625
 """The widest tangent, in pixels, that a round's textures are filtered over.  A round of few rays
 must see the detail that many rays see, or it would say that they agree."""
@@ -47,26 +48,62 @@ BORDER = 0.08
 
 
 @dataclass(frozen=True)
+class Quality:
+    """A quality of pictures, for which the rays are chosen.
+
+    Parameters
+    ----------
+    quality_db : float
+        PSNR in dB of the worst picture against the average over pixel and lens, sRGB.
+    most_rays : float
+        The budget, in rays per pixel.
+    focus_range_m : (float, float), optional
+        Nearest and farthest focus of the pictures of a light field, metres; default what is seen.
+
+    Raises
+    ------
+    OpticsError
+        A number that is not positive, or distances in the wrong order.
+    """
+
+    quality_db: float
+    most_rays: float = MOST_RAYS
+    focus_range_m: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.quality_db) and self.quality_db > 0):
+            problem = f"must be a positive number of dB, not {self.quality_db}"
+            raise OpticsError(problem, key="quality_db")
+        if not self.most_rays > 0:
+            raise OpticsError(f"must be positive, not {self.most_rays:g}", key="most_rays")
+        if self.focus_range_m is not None:
+            near, far = self.focus_range_m
+            if not 0 < near <= far:
+                problem = f"must be two distances, the nearer first, not {near:g} and {far:g}"
+                raise OpticsError(problem, key="focus_range_m")
+
+
+@dataclass(frozen=True)
 class Rendering:
     """Pictures, and what is expected of them.
 
     Attributes
     ----------
     pictures : (P, M, M, 3) float32, linear light.
-    counts : the lattices of rays that they are the mean of.
+    lattices : the lattices of rays that they are the mean of.
     expected_db : (P,) PSNR of each, sRGB, against the average over pixel and lens.
     error : (P, M, M) float32: the error of each pixel to be expected, sRGB in [0, 1], root mean
         square over channels.  Of one pixel it is itself as uncertain; smooth it to compare places.
     """
 
     pictures: np.ndarray
-    counts: tuple[RayCount, ...]
+    lattices: tuple[Lattice, ...]
     expected_db: np.ndarray
     error: np.ndarray
 
     @property
-    def rays_a_pixel(self) -> float:
-        return sum(count.rays_a_pixel for count in self.counts)
+    def rays_per_pixel(self) -> float:
+        return sum(lattice.rays_per_pixel for lattice in self.lattices)
 
 
 @dataclass(frozen=True)
@@ -76,27 +113,25 @@ class PlannedRays:
     ``pilot_rays`` are the rays of a pixel that said so.
     """
 
-    count: RayCount
+    lattice: Lattice
     expected_db: float
     pilot_rays: float
 
 
 @dataclass(frozen=True)
-class WantedQuality:
+class QualitySearch:
     """Pictures as of :func:`pictures_by_depth`, and the PSNR that the worst of them is to have.
 
     Attributes
     ----------
-    quality_db : against the average over pixel and lens, sRGB.
-    most_rays : the budget, a pixel.
+    quality : its ``quality_db`` and ``most_rays``.
     """
 
     tracer: Tracer
     camera: Camera
     planes: Sequence[SensorPlane]
     pixels: int
-    quality_db: float
-    most_rays: float = MOST_RAYS
+    quality: Quality
 
     def pictures(self, progress: Callable[[int, int], None] | None = None) -> Rendering:
         """Trace them with about as few rays as that takes.
@@ -107,17 +142,17 @@ class WantedQuality:
         """
         rounds = self._pilot()
         while True:
-            missing = rounds.missing_rays(self.quality_db)
+            missing = rounds.missing_rays(self.quality.quality_db)
             if missing <= 0:
                 return rounds.rendering()
             wanted = rounds.rays + missing
-            if wanted > self.most_rays:
-                raise self._too_much(wanted, rounds.reachable_db(self.most_rays))
+            if wanted > self.quality.most_rays:
+                raise self._too_much(wanted, rounds.reachable_db(self.quality.most_rays))
             if progress:
                 progress(round(rounds.rays), round(wanted))
             if missing <= LAST_GROWTH * rounds.rays:
-                count = one_lattice(missing)
-                rounds.add(count, self._trace(count))
+                lattice = one_lattice(missing)
+                rounds.add(lattice, self._trace(lattice))
             else:
                 self._add_pair(rounds, min(PAIR_SHARE * missing, GROWTH * rounds.rays))
 
@@ -131,82 +166,74 @@ class WantedQuality:
         """
         rounds = self._pilot()
         while True:
-            wanted = rounds.rays_of_one(self.quality_db)
-            if wanted > self.most_rays:
-                raise self._too_much(wanted, rounds.db_of_one(self.most_rays))
+            wanted = rounds.rays_of_one(self.quality.quality_db)
+            if wanted > self.quality.most_rays:
+                raise self._too_much(wanted, rounds.db_of_one(self.quality.most_rays))
             lacking = PILOT_SHARE * wanted - rounds.rays
             if lacking < 1:
                 break
             self._add_pair(rounds, min(lacking, GROWTH * rounds.rays))
-        count = one_lattice(wanted)
-        side = 8 * math.ceil(count.subpixels * self.pixels / 8)
-        count = RayCount(count.views, side / self.pixels)
-        return PlannedRays(count, rounds.db_of_one(count.rays_a_pixel), rounds.rays)
+        lattice = one_lattice(wanted)
+        side = 8 * math.ceil(lattice.subpixels * self.pixels / 8)
+        lattice = Lattice(lattice.views, side / self.pixels)
+        return PlannedRays(lattice, rounds.db_of_one(lattice.rays_per_pixel), rounds.rays)
 
     def _pilot(self) -> _Rounds:
-        return _Rounds([(count, self._trace(count)) for count in PILOT])
+        return _Rounds([(lattice, self._trace(lattice)) for lattice in PILOT])
 
     def _add_pair(self, rounds: _Rounds, rays: float) -> None:
         """Two unlike lattices of ``rays`` together."""
-        rounds.add_pair([(count, self._trace(count)) for count in unlike_lattices(rays / 2)])
+        rounds.add_pair([(lattice, self._trace(lattice)) for lattice in unlike_lattices(rays / 2)])
 
-    def _trace(self, count: RayCount) -> np.ndarray:
+    def _trace(self, lattice: Lattice) -> np.ndarray:
         """The pictures of one round."""
-        between = self.pixels / (count.views * count.side(self.pixels))
+        between = self.pixels / (lattice.views * lattice.side(self.pixels))
         return pictures_by_depth(
-            self.tracer, self.camera, self.planes, self.pixels, count,
+            self.tracer, self.camera, self.planes, self.pixels, lattice,
             footprint_px=min(FOOTPRINT_PX, FOOTPRINT * between),
-            least_px=min(1.0, count.views * LEAST_OF_RAY) * between,
+            least_px=min(1.0, lattice.views * LEAST_OF_RAY) * between,
         )  # fmt: skip
 
     def _too_much(self, wanted: float, reachable_db: float) -> OpticsError:
-        takes = f"takes about {wanted:,.0f} rays a pixel, and the budget is {self.most_rays:,.0f}"
+        takes = f"{self.quality.quality_db:g} dB takes about {wanted:,.0f} rays per pixel"
         return OpticsError(
-            f"{self.quality_db:g} dB {takes}",
-            key="quality",
+            f"{takes}, and the budget is {self.quality.most_rays:,.0f}",
+            key="quality_db",
             remedy=f"Ask for at most {reachable_db:.1f} dB, for fewer planes, or give a larger "
             "budget",
         )
 
 
 def planes_between(camera: Camera, near_m: float, far_m: float) -> list[SensorPlane]:
-    """Planes of the whole lens from the nearest to the farthest focus, evenly in dioptres.
-
-    Raises :class:`OpticsError` for distances that are none, or in the wrong order.
-    """
-    if not 0 < near_m <= far_m:
-        raise OpticsError(
-            f"must be two distances, the nearer first, not {near_m:g} and {far_m:g}",
-            key="focus_range_m",
-        )
+    """Planes of the whole lens from the nearest to the farthest focus, evenly in dioptres."""
     focus = np.linspace(1 / near_m, 1 / far_m, PLANNED_PLANES)
     return [SensorPlane(1 / d if d else math.inf, camera.f_number) for d in focus.tolist()]
 
 
-def one_lattice(rays: float) -> RayCount:
+def one_lattice(rays: float) -> Lattice:
     """A lattice of so many rays a pixel, about as many views as its sub-pixels want."""
     side = math.sqrt(rays)
     views = max(1, round(2 * math.sqrt(side)))
-    return RayCount(views, side / views)
+    return Lattice(views, side / views)
 
 
-def unlike_lattices(rays: float) -> tuple[RayCount, RayCount]:
+def unlike_lattices(rays: float) -> tuple[Lattice, Lattice]:
     """Two lattices of so many rays a pixel each; their numbers of views, and of sub-pixels, are a
     third or more apart."""
     side = math.sqrt(rays)
     few = max(1, round(1.7 * math.sqrt(side)))
     many = max(few + 1, round(2.4 * math.sqrt(side)))
-    return RayCount(few, side / few), RayCount(many, side / many)
+    return Lattice(few, side / few), Lattice(many, side / many)
 
 
-Round = tuple[RayCount, np.ndarray]
+Round = tuple[Lattice, np.ndarray]
 
 
 class _Rounds:
     """What was traced: the last pair of lattices tells the error of all together."""
 
     def __init__(self, pilot: Sequence[Round]):
-        self.counts: list[RayCount] = []
+        self.lattices: list[Lattice] = []
         self._sum = np.zeros_like(pilot[0][1], np.float64)
         self._weight = self._spread = 0.0
         self.add_pair(pilot)
@@ -214,23 +241,23 @@ class _Rounds:
     @property
     def rays(self) -> float:
         """Rays of a pixel that were traced."""
-        return sum(count.rays_a_pixel for count in self.counts)
+        return sum(lattice.rays_per_pixel for lattice in self.lattices)
 
-    def add(self, count: RayCount, pictures: np.ndarray) -> None:
-        weight, spread = _weight_and_spread(count.rays_a_pixel)
-        self.counts.append(count)
+    def add(self, lattice: Lattice, pictures: np.ndarray) -> None:
+        weight, spread = _weight_and_spread(lattice.rays_per_pixel)
+        self.lattices.append(lattice)
         self._sum += weight * pictures
         self._weight += weight
         self._spread += spread
 
     def add_pair(self, pair: Sequence[Round]) -> None:
         """Add two rounds, whose disagreement replaces what was known of the error."""
-        for count, pictures in pair:
-            self.add(count, pictures)
+        for lattice, pictures in pair:
+            self.add(lattice, pictures)
         encoded = [srgb_encode(pictures.astype(np.float64)) for _, pictures in pair]
         # Errors of k / n each are apart by k (1 / n1 + 1 / n2) in mean squares.
         apart = np.square(encoded[0] - encoded[1]).mean(axis=-1)
-        self._of_one_ray = apart / sum(1 / count.rays_a_pixel for count, _ in pair)
+        self._of_one_ray = apart / sum(1 / lattice.rays_per_pixel for lattice, _ in pair)
 
     def _worth(self, more: float = 0.0) -> float:
         """Rays a pixel of one lattice that err as little as the mean of the rounds, with one of
@@ -271,7 +298,7 @@ class _Rounds:
     def rendering(self) -> Rendering:
         error = np.sqrt(self._of_one_ray / self._worth()).astype(np.float32)
         pictures = (self._sum / self._weight).astype(np.float32)
-        return Rendering(pictures, tuple(self.counts), self.expected_db(), error)
+        return Rendering(pictures, tuple(self.lattices), self.expected_db(), error)
 
 
 def _weight_and_spread(rays: float) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.depth import depth_range
 from lfcore.scene.files import scene_digest
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
@@ -31,7 +31,7 @@ def record_slab(
     tracers: Sequence[Tracer],
     slab: Slab,
     layout: FrameLayout,
-    spec: CodecSpec,
+    spec: Encoding,
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> Metadata:
@@ -93,7 +93,7 @@ def record_tile(
     slab: Slab,
     tile: Tile,
     segment: str | Path,
-    spec: CodecSpec,
+    spec: Encoding,
     planes: Sequence[SensorPlane] = (),
     *,
     progress: Callable[[int, int], None] | None = None,

@@ -15,13 +15,14 @@ from lfcore.colour import srgb_encode
 from lfcore.errors import OpticsError
 from lfcore.files import draft_folder
 from lfcore.optics.camera import Camera
-from lfcore.optics.ray_cells import LATTICES
+from lfcore.optics.lattice import Lattice
+from lfcore.optics.ray_cells import views_of
 from lfcore.optics.slab import Slab
-from lfcore.rendering.by_depth import RayCount, traced_views
+from lfcore.rendering.by_depth import traced_views
 from lfcore.rendering.depth import depth_range, dioptre_range
 from lfcore.rendering.record import TILE_RAYS
 from lfcore.scene.files import scene_digest
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import DepthSegments, join_segments
 from lfcore.storage.defaults import frame_layout
 from lfcore.storage.depth_stream import DepthCodes
@@ -41,42 +42,32 @@ RANGE_MARGIN = 0.05
 class DepthStore:
     """How a slab is stored for slicing by depth.
 
-    lattice : a key of :data:`lfcore.optics.ray_cells.LATTICES`.
+    displaced : whether its views are displaced within a pixel against one another.
     pixels : side of the pictures that the rays are meant for, which textures are filtered for.
-
-    Raises :class:`OpticsError` for an unknown lattice.
     """
 
     layout: FrameLayout
-    spec: CodecSpec
-    lattice: str
+    spec: Encoding
+    displaced: bool
     pixels: int
-
-    def __post_init__(self) -> None:
-        if self.lattice not in LATTICES:
-            raise OpticsError(
-                f"unknown lattice {self.lattice!r}", key="lattice",
-                remedy=f"Use one of {', '.join(LATTICES)}",
-            )  # fmt: skip
 
 
 def depth_store(
     camera: Camera,
-    count: RayCount,
+    lattice: Lattice,
     pixels: int,
-    spec: CodecSpec,
+    spec: Encoding,
     *,
-    lattice: str = "crossed",
     kind: str = "views",
     **layout: Any,
 ) -> tuple[Slab, DepthStore]:
-    """The slab of ``count``, for pictures of so many pixels, and how it is stored.
+    """The slab of ``lattice``, for pictures of so many pixels, and how it is stored.
 
     ``kind`` and ``layout`` are as :func:`lfcore.storage.defaults.frame_layout` takes them.
     """
-    slab = Slab(camera, count.views, count.side(pixels))
-    frames = frame_layout(slab.views, slab.pixels, spec.pixel_format, kind=kind, **layout)
-    return slab, DepthStore(frames, spec, lattice, pixels)
+    slab = Slab(camera, lattice.views, lattice.side(pixels))
+    frames = frame_layout(slab.views, slab.pixels, spec.stored_format, kind=kind, **layout)
+    return slab, DepthStore(frames, spec, lattice.displaced, pixels)
 
 
 def record_by_depth(
@@ -132,14 +123,14 @@ def record_by_depth(
             scene={"name": scene.name, "digest": scene_digest(scene)},
             spec=store.spec,
             content=({"depth_m": list(near_far)} if near_far else {}) | (content or {}),
-            depth=DepthSegments(depths, codes, store.lattice, store.pixels, spec),
+            depth=DepthSegments(depths, codes, store.displaced, store.pixels, spec),
         )
 
 
 def encode(
     frames: Iterable[Sequence[np.ndarray]],
     layout: FrameLayout,
-    streams: Sequence[tuple[Path, CodecSpec]],
+    streams: Sequence[tuple[Path, Encoding]],
 ) -> None:
     """Write segment files side by side, each by a thread of its own.
 
@@ -151,7 +142,7 @@ def encode(
     with ExitStack() as stack:
         writers = []
         for file, spec in streams:
-            own = replace(layout, pixel_format=spec.pixel_format)
+            own = replace(layout, pixel_format=spec.stored_format)
             size = own.frame_width, own.frame_height
             writer = stack.enter_context(SegmentWriter(file, spec, *size))
             # One thread each, so that frames stay in order; it ends before its writer does.
@@ -201,7 +192,7 @@ def _traced(
 
     ``elements`` is (E, 2), ``light`` (E, inner, inner, 3) linear and ``depth`` (E, inner, inner).
     """
-    layout, views = tile.layout, LATTICES[store.lattice](slab)
+    layout, views = tile.layout, views_of(slab, displaced=store.displaced)
     elements, done = tile.elements(), 0
     by_views = layout.kind == "views"
     order = elements[:, 1] * slab.views + elements[:, 0] if by_views else None

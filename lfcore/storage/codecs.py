@@ -1,11 +1,12 @@
-"""Codecs and their settings: what a segment is encoded with."""
+"""Codecs and their settings."""
 
 from __future__ import annotations
 
 import os
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass
 
 from lfcore.errors import StorageError
+from lfcore.storage.layout import KINDS
 from lfcore.storage.pixels import GREY_FORMATS, pixel_format
 
 CODECS = {
@@ -30,37 +31,67 @@ SMALLEST_FRAME = {"libx265": 66}
 one coding tree block wide (64 pixels; 32 with its fastest presets): the same 64 x 64 pixels gave 10
 unlike files of 10, now and then a poor one or an error; from 66 pixels on all files were the same.
 """
+RANGES = {
+    "crf": (0, 63), "gop": (0, 1 << 20), "threads": (1, 64), "bframes": (0, 16), "refs": (1, 16),
+    "lookahead": (0, 250),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
-class CodecSpec:
-    """Settings of an encoder.
+class Encoding:
+    """How a light field is stored as video.
 
-    codec : ``libx264`` (H.264), ``libx265`` (H.265), ``libsvtav1`` (AV1) or ``ffv1`` (lossless).
-    pixel_format : of the frames handed over and stored; nothing is ever converted.
-    crf : constant rate factor; lower is better.  Not for ``ffv1``.
-    preset : the encoder's own; None for its default.
-    tune : ``psnr`` leaves out what pleases the eye and costs accuracy; None for the default.
-    gop : frames from one key frame to the next; 0 for a single one at the start.
-    bframes, refs : None for the preset's own (H.264 and H.265).
-    lookahead : frames that H.264 looks ahead, which it holds in memory; None for the preset's own.
-    threads : of one encoder.  The stream may depend on it: with 1 it is reproducible.
-    extra : further (key, value) pairs of the encoder's own parameters.
+    None means: chosen by the number of views and the codec, as measured best
+    (:mod:`lfcore.storage.defaults`).
 
-    Raises :class:`StorageError` for settings that no encoder takes.
+    Parameters
+    ----------
+    codec : str
+        ``libx264`` (H.264), ``libx265`` (H.265), ``libsvtav1`` (AV1) or ``ffv1`` (lossless).
+    pixel_format : str, optional
+        The format of the stored frames, such as ``yuv444p`` or ``yuv420p10le``; with ``ffv1`` also
+        ``gbrp``, which holds 8-bit RGB exactly.
+    crf : float, optional
+        The constant rate factor, 0 to 63; lower is better and larger.  ``ffv1`` ignores it.
+    preset : str, optional
+        The encoder's name for a compromise of speed and size.
+    tune : str, optional
+        ``psnr`` (default) leaves out what pleases the eye and costs accuracy; None is the encoder's
+        default.
+    gop : int, optional
+        Frames from one key frame to the next; 0 for one key frame per segment.
+    bframes, refs : int, optional
+        B-frames in a row and reference frames (H.264 and H.265).
+    lookahead : int, optional
+        Frames that H.264 looks ahead and holds in memory.
+    threads : int
+        Threads of one encoder.  With 1 (default) the stream is reproducible.
+    extra : tuple of (str, str)
+        More parameters of the encoder, as (key, value).
+    layout : str, optional
+        ``views`` (a frame holds one view) or ``macropixels`` (all lens samples of a pixel).
+    depth : bool, optional
+        Store the inverse depth of every ray as a second stream.
+
+    Raises
+    ------
+    StorageError
+        The encoder does not take these settings.
     """
 
     codec: str = "libx264"
-    pixel_format: str = "yuv420p"
-    crf: float = 22.0
-    preset: str | None = "veryfast"
+    pixel_format: str | None = None
+    crf: float | None = None
+    preset: str | None = None
     tune: str | None = "psnr"
-    gop: int = 0
+    gop: int | None = None
     bframes: int | None = None
     refs: int | None = None
     lookahead: int | None = None
     threads: int = 1
     extra: tuple[tuple[str, str], ...] = ()
+    layout: str | None = None
+    depth: bool | None = None
 
     def __post_init__(self) -> None:
         if self.codec not in CODECS:
@@ -69,33 +100,33 @@ class CodecSpec:
                 key="codec",
                 remedy=f"Use one of {', '.join(CODECS)}",
             )
-        pixel_format(self.pixel_format)
-        grey = tuple(GREY_FORMATS) if self.codec in GREY_CODECS else ()
-        if self.pixel_format not in (*CODECS[self.codec], *grey):
+        if self.pixel_format is not None:
+            self._check_pixel_format(self.pixel_format)
+        if self.layout not in (None, *KINDS):
             raise StorageError(
-                f"{self.codec} does not take {self.pixel_format}",
+                f"unknown layout {self.layout!r}", key="layout", remedy=f"Use one of {KINDS}"
+            )
+        for key, (low, high) in RANGES.items():
+            value = getattr(self, key)
+            if value is not None and not low <= value <= high:
+                raise StorageError(f"must be from {low} to {high}, not {value}", key=key)
+
+    def _check_pixel_format(self, name: str) -> None:
+        pixel_format(name)
+        grey = tuple(GREY_FORMATS) if self.codec in GREY_CODECS else ()
+        if name not in (*CODECS[self.codec], *grey):
+            raise StorageError(
+                f"{self.codec} does not take {name}",
                 key="pixel_format",
                 remedy=f"Use one of {', '.join(CODECS[self.codec])}",
             )
-        checks = (
-            ("crf", 0 <= self.crf <= 63, "from 0 to 63"),
-            ("gop", self.gop >= 0, "0 or more"),
-            ("threads", 1 <= self.threads <= 64, "from 1 to 64"),
-            ("bframes", self.bframes is None or 0 <= self.bframes <= 16, "from 0 to 16"),
-            ("refs", self.refs is None or 1 <= self.refs <= 16, "from 1 to 16"),
-            ("lookahead", self.lookahead is None or 0 <= self.lookahead <= 250, "from 0 to 250"),
-        )
-        for key, good, range_text in checks:
-            if not good:
-                raise StorageError(f"must be {range_text}, not {getattr(self, key)}", key=key)
 
-    def of_preset(self, preset: str | None) -> CodecSpec:
-        """The same at another preset, with all that a preset decides left to it."""
-        if preset == self.preset:
-            return self
-        return replace(
-            self, preset=preset, bframes=None, refs=None, lookahead=None, extra=()
-        )  # fmt: skip
+    @property
+    def stored_format(self) -> str:
+        """``pixel_format``; :class:`StorageError` where it is still to be chosen."""
+        if self.pixel_format is None:
+            raise StorageError("is not chosen", key="pixel_format", remedy="Name one")
+        return self.pixel_format
 
     @property
     def lossless(self) -> bool:
@@ -119,8 +150,11 @@ class CodecSpec:
         return self._svtav1() if self.codec == "libsvtav1" else self._ffv1()
 
     def _named(self) -> dict[str, str]:
-        given = {"preset": self.preset, "tune": self.tune, "crf": f"{self.crf:g}"}
-        return {key: value for key, value in given.items() if value is not None}
+        named = {"preset": self.preset, "tune": self.tune} | self._rate()
+        return {key: value for key, value in named.items() if value is not None}
+
+    def _rate(self) -> dict[str, str]:
+        return {} if self.crf is None else {"crf": f"{self.crf:g}"}
 
     def _x264(self, width: int) -> dict[str, str]:
         # Segments are joined: headers must not depend on what is in them (stitchable), and no
@@ -170,7 +204,7 @@ class CodecSpec:
             "scd": "0",
             "lp": str(self.threads),
         }
-        named = {"crf": f"{self.crf:g}"}
+        named = self._rate()
         if self.preset is not None:
             named["preset"] = self.preset
         if self.tune == "psnr":
@@ -182,15 +216,9 @@ class CodecSpec:
         return own | dict(self.extra)
 
     def to_json(self) -> dict:
-        return asdict(self) | {"extra": [list(pair) for pair in self.extra]}
-
-    @classmethod
-    def from_json(cls, data: dict) -> CodecSpec:
-        """Raises :class:`StorageError` for unknown keys and impossible values."""
-        unknown = set(data) - {field.name for field in fields(cls)}
-        if unknown:
-            raise StorageError(f"unknown keys {sorted(unknown)}", key="codec")
-        return cls(**(data | {"extra": tuple(tuple(pair) for pair in data.get("extra", ()))}))
+        """The encoder's settings, as light field files record them."""
+        data = asdict(self) | {"extra": [list(pair) for pair in self.extra]}
+        return {key: value for key, value in data.items() if key not in ("layout", "depth")}
 
 
 def _joined(parameters: dict[str, str]) -> str:

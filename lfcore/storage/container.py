@@ -18,7 +18,7 @@ from lfcore.errors import StorageError
 from lfcore.files import WholeFile, whole_file
 from lfcore.optics.slab import Slab
 from lfcore.storage.batch import Batch, batch_tag, read_batch
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.decoding import FRAME_RATE, ticks_per_frame
 from lfcore.storage.depth_stream import DepthCodes, StoredDepth
 from lfcore.storage.index import SegmentIndex
@@ -43,7 +43,7 @@ def join_segments(
     *,
     geometry: Slab | dict,
     scene: dict,
-    spec: CodecSpec | None = None,
+    spec: Encoding | None = None,
     content: dict | None = None,
     depth: DepthSegments | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -116,20 +116,20 @@ def write_batch(path: str | Path, segments: Sequence[str | Path]) -> None:
 class DepthSegments:
     """Inverse depths to be joined: one segment a tile, and what they hold.
 
-    ``lattice`` and ``pixels`` are those of :class:`StoredDepth`; ``spec`` is what the segments
+    ``displaced`` and ``pixels`` are those of :class:`StoredDepth`; ``spec`` is what the segments
     were encoded with.
     """
 
     segments: Sequence[Path]
     codes: DepthCodes
-    lattice: str
+    displaced: bool
     pixels: int
-    spec: CodecSpec
+    spec: Encoding
 
     def described(self, stream: _Stream) -> StoredDepth:
         """What the metadata say of them."""
         return StoredDepth(
-            self.codes, self.lattice, self.pixels, stream.infos[0].codec,
+            self.codes, self.displaced, self.pixels, stream.infos[0].codec,
             zlib.crc32(stream.header), self.spec.to_json(),
             tuple((info.bytes, info.crc32) for info in stream.infos),
         )  # fmt: skip

@@ -32,7 +32,7 @@ from dataclasses import replace
 from typing import Any
 
 from lfcore.errors import StorageError
-from lfcore.storage.codecs import CODECS, CodecSpec
+from lfcore.storage.codecs import CODECS, Encoding
 from lfcore.storage.layout import FrameLayout
 
 QUICK: dict[str, Any] = {
@@ -56,7 +56,7 @@ FEW_VIEWS_CRF = 20.0
 are averaged, so the codec's noise must stay below the error of the rays themselves."""
 KEY_EVERY = 128
 """Frames from one key frame to the next."""
-AUTO = "auto"
+DEFAULT_CODEC = Encoding().codec
 OTHER_PRESETS = {"libx265": "fast", "libsvtav1": "8"}
 CRF_SCALE = {"libsvtav1": 1.5}
 """AV1's constant rate factor runs to 63, and this times x264's gives about its quality."""
@@ -88,57 +88,50 @@ def macropixel_pack(views: int) -> int:
     return max(1, min(8, 128 // views))
 
 
-def default_spec(views: int) -> CodecSpec:
-    """Encoder settings for N = ``views``: at least about 44 dB through the whole lens.
-
-    One thread, so that the stream is reproducible; cores share the segments.
-
-    Raises :class:`StorageError` unless ``views`` is positive.
-    """
-    _check(views)
-    settings = next(own for limit, own in _SETTINGS if views <= limit)
-    return CodecSpec(pixel_format="yuv444p", gop=KEY_EVERY, **settings)
-
-
-def codec_spec(
-    views: int,
-    codec: str = "libx264",
-    *,
-    pixel_format: str = AUTO,
-    crf: float | str = AUTO,
-    preset: str | None = AUTO,
-    tune: str | None = "psnr",
-    by_depth: bool = False,
-) -> CodecSpec:
-    """Settings of any encoder for N = ``views``; what is ``auto`` is as measured best.
+def chosen_encoding(
+    views: int, encoding: Encoding | None = None, *, by_depth: bool = False
+) -> Encoding:
+    """``encoding`` for N = ``views``, with each None replaced by what measured best.
 
     H.265 has H.264's rate factor of that N and AV1 that times :data:`CRF_SCALE`, for about the
     same quality, at presets of their own; chroma is whole where the codec can store it whole.
+    One thread, so that the stream is reproducible; cores share the segments.
 
     Parameters
     ----------
-    codec : a key of :data:`lfcore.storage.codecs.CODECS`.
-    by_depth : for pictures that are sliced by depth.
-    pixel_format, crf, preset, tune : as :class:`CodecSpec` takes them, or ``auto``.
+    views : int
+        N.
+    encoding : Encoding, optional
+        The given settings; default :class:`Encoding()`.
+    by_depth : bool
+        Whether pictures are sliced by depth.
 
-    Raises :class:`StorageError` for settings that the codec does not take.
+    Returns
+    -------
+    Encoding
+        ``bframes``, ``refs`` and ``lookahead`` stay None where the preset decides.
+
+    Raises
+    ------
+    StorageError
+        The codec does not take the settings, or ``views`` is not positive.
     """
-    best = default_spec(views)
+    _check(views)
+    given = encoding or Encoding()
+    best = next(dict(own) for limit, own in _SETTINGS if views <= limit)
     if by_depth and views <= 16:
-        best = replace(best, crf=FEW_VIEWS_CRF)
-    if codec == best.codec:
-        spec = best if preset == AUTO else best.of_preset(preset)
-    else:
-        spec = CodecSpec(
-            codec,
-            "yuv444p" if "yuv444p" in CODECS.get(codec, ()) else "yuv420p",
-            crf=min(63.0, best.crf * CRF_SCALE.get(codec, 1.0)),
-            preset=OTHER_PRESETS.get(codec) if preset == AUTO else preset,
-            gop=best.gop,
-        )
-    given: dict[str, Any] = {"pixel_format": pixel_format, "crf": crf, "tune": tune}
-    spec = replace(spec, **{key: value for key, value in given.items() if value != AUTO})
-    return replace(spec, preset=None, tune=None) if spec.lossless else spec
+        best["crf"] = FEW_VIEWS_CRF
+    crf = best.pop("crf")
+    if given.codec != DEFAULT_CODEC:
+        crf = min(63.0, crf * CRF_SCALE.get(given.codec, 1.0))
+        best = {"preset": OTHER_PRESETS.get(given.codec)}
+    elif given.preset not in (None, best["preset"]):
+        best = {}  # another preset has its own
+    full = "yuv444p" if "yuv444p" in CODECS[given.codec] else "yuv420p"
+    best |= {"pixel_format": full, "crf": crf, "gop": KEY_EVERY}
+    open_keys = [key for key in best if getattr(given, key) in (None, ())]
+    chosen = replace(given, **{key: best[key] for key in open_keys})
+    return replace(chosen, preset=None, tune=None) if chosen.lossless else chosen
 
 
 def frame_layout(
@@ -146,15 +139,15 @@ def frame_layout(
     pixels: int,
     pixel_format: str,
     *,
-    kind: str = AUTO,
+    kind: str | None = None,
     order: str = "serpentine",
-    pack: int | str = AUTO,
+    pack: int | None = None,
 ) -> FrameLayout:
-    """How the rays of N = ``views`` and M = ``pixels`` lie in frames; ``auto`` as measured best."""
-    kind = default_kind(views, pixels) if kind == AUTO else kind
-    if pack == AUTO:
+    """The layout of N = ``views`` and M = ``pixels`` in frames; None is what measured best."""
+    kind = kind or default_kind(views, pixels)
+    if pack is None:
         pack = min(macropixel_pack(views), pixels) if kind == "macropixels" else 1
-    return FrameLayout(kind, views, pixels, order, int(pack), pixel_format)
+    return FrameLayout(kind, views, pixels, order, pack, pixel_format)
 
 
 def _check(views: int) -> None:

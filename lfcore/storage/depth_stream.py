@@ -15,14 +15,16 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import StorageError
-from lfcore.optics.ray_cells import LATTICES, ViewSet
+from lfcore.optics.ray_cells import ViewSet, views_of
 from lfcore.optics.slab import Slab
-from lfcore.storage.codecs import LOSSLESS, CodecSpec
+from lfcore.storage.codecs import LOSSLESS, Encoding
 from lfcore.storage.defaults import KEY_EVERY
 from lfcore.storage.pixels import GREY_FORMATS, PixelFormat
 
 SWEEP_PX = 0.25
 """As finely as depth is held: the sweep of a view's part of the lens, in pixels of a view."""
+LATTICES = ("plain", "crossed")
+"""The names in files of views that are not displaced, and of those that are."""
 FINEST_CRF, COARSEST_CRF = 0.0, 40.0
 
 
@@ -73,7 +75,7 @@ class DepthCodes:
         with np.errstate(divide="ignore", over="ignore"):
             return (1.0 / inverse).astype(np.float32)
 
-    def spec(self, slab: Slab, *, lossless: bool = False, threads: int = 1) -> CodecSpec:
+    def spec(self, slab: Slab, *, lossless: bool = False, threads: int = 1) -> Encoding:
         """What to encode them with: H.264, or FFV1 where nothing may be lost.
 
         Constant quantisers err by up to half their step: the step is twice :data:`SWEEP_PX`.  Of
@@ -81,10 +83,10 @@ class DepthCodes:
         bits and bring nothing, coarser ones lose pictures (docs/notebook/true-picture.md).
         """
         if lossless:
-            return CodecSpec(LOSSLESS[0], self.pixel_format, preset=None, tune=None, gop=KEY_EVERY)
+            return Encoding(LOSSLESS[0], self.pixel_format, preset=None, tune=None, gop=KEY_EVERY)
         step = 2 * sweep_step(slab) / (self.near - self.far) * 255
         crf = min(max(4 + 6 * math.log2(step), FINEST_CRF), COARSEST_CRF)
-        return CodecSpec(
+        return Encoding(
             pixel_format=self.pixel_format, crf=round(crf, 1), preset="medium", bframes=8,
             gop=KEY_EVERY, threads=threads,
         )  # fmt: skip
@@ -102,14 +104,14 @@ class StoredDepth:
     Attributes
     ----------
     codes : what its samples mean.
-    lattice : a key of :data:`lfcore.optics.ray_cells.LATTICES`: where the views' pixels lie.
+    displaced : whether views are displaced within a pixel against one another.
     pixels : side of the pictures that the rays are meant for.
     codec, header_crc32, settings : as of the stream of colours.
     segments : bytes and CRC-32 of each, which has the frames of the colours' segment.
     """
 
     codes: DepthCodes
-    lattice: str
+    displaced: bool
     pixels: int
     codec: str
     header_crc32: int
@@ -117,20 +119,18 @@ class StoredDepth:
     segments: tuple[tuple[int, int], ...]
 
     def __post_init__(self) -> None:
-        if self.lattice not in LATTICES:
-            raise StorageError(f"unknown lattice {self.lattice!r}", key="depth.lattice")
         if not (type(self.pixels) is int and 1 <= self.pixels <= 65536):
             raise StorageError(f"pictures of {self.pixels!r} pixels", key="depth.pixels")
 
     def views(self, slab: Slab) -> ViewSet:
         """Where the rays of ``slab``, the file's own, run."""
-        return LATTICES[self.lattice](slab)
+        return views_of(slab, displaced=self.displaced)
 
     def to_json(self) -> dict[str, Any]:
         return {
             "dioptres": [self.codes.far, self.codes.near],
             "pixel_format": self.codes.pixel_format,
-            "lattice": self.lattice,
+            "lattice": LATTICES[self.displaced],
             "pixels": self.pixels,
             "codec": self.codec,
             "header_crc32": self.header_crc32,
@@ -146,13 +146,16 @@ class StoredDepth:
         for key, kind in (("codec", str), ("header_crc32", int), ("settings", dict)):
             if type(data[key]) is not kind:
                 raise StorageError(f"cannot be {data[key]!r}", key=f"depth.{key}")
+        if data["lattice"] not in LATTICES:
+            raise StorageError(f"unknown lattice {data['lattice']!r}", key="depth.lattice")
         far, near = data["dioptres"]
         segments = tuple((size, crc) for size, crc in data["segments"])
         if not all(type(n) is int and 0 <= n < 1 << 63 for part in segments for n in part):
             raise StorageError("must be two whole numbers each", key="depth.segments")
+        displaced = data["lattice"] == LATTICES[True]
         return cls(
-            DepthCodes(float(far), float(near), data["pixel_format"]), data["lattice"],
-            data["pixels"], data["codec"], data["header_crc32"], data["settings"], segments,
+            DepthCodes(float(far), float(near), data["pixel_format"]), displaced, data["pixels"],
+            data["codec"], data["header_crc32"], data["settings"], segments,
         )  # fmt: skip
 
 

@@ -59,7 +59,7 @@ class LightFieldFile(StoredVideo):
     def displaced(self) -> bool:
         """Whether views are displaced within a pixel against one another, for slicing by depth."""
         depth = self.metadata.depth
-        return depth is not None and depth.lattice != "plain"
+        return depth is not None and depth.displaced
 
     def require_grid(self) -> Slab:
         """The slab, whose views see the same places of a pixel; :class:`OpticsError` for another.
@@ -70,7 +70,7 @@ class LightFieldFile(StoredVideo):
             raise OpticsError(
                 "has views that are displaced within a pixel, for pictures by depth alone",
                 file=self.path,
-                remedy="Use the filter 'depth', or trace it with --lattice plain",
+                remedy="Use the filter 'depth', or record it with views that are not displaced",
             )
         return self.require_slab()
 
@@ -79,7 +79,7 @@ class LightFieldFile(StoredVideo):
         if self.metadata.depth is None:
             raise OpticsError(
                 "holds no depth", file=self.path, key="filter",
-                remedy="Trace it with 'lfcore trace --depth-stream', or use the filter 'nearest'",
+                remedy="Record it with depth, or use the filter 'nearest'",
             )  # fmt: skip
         return self.metadata.depth
 

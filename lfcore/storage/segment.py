@@ -22,7 +22,7 @@ from av.error import FFmpegError
 
 from lfcore.errors import StorageError
 from lfcore.files import cannot_write, whole_file
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.decoding import (
     FRAME_RATE,
     DecodeCount,
@@ -54,12 +54,12 @@ class SegmentWriter:
     is left then.
     """
 
-    def __init__(self, path: str | Path, spec: CodecSpec, width: int, height: int):
+    def __init__(self, path: str | Path, spec: Encoding, width: int, height: int):
         spec.check_frame(width, height)
         self.path, self.spec = Path(path), spec
         self.width, self.height = width, height
         self.frames = 0
-        self._form = pixel_format(spec.pixel_format)
+        self._form = pixel_format(spec.stored_format)
         # libx264 copies its input before it returns, so one buffer serves all frames.
         self._feed = PlanarFeed(self._form, width, height, reuse=spec.codec == "libx264")
         self._scope = whole_file(self.path)

@@ -11,7 +11,7 @@ from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import finished
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import Tile
 from lfcore.tracing.tracer import Tracer
 
@@ -23,7 +23,7 @@ def trace_batch(
     planes: Sequence[SensorPlane],
     *,
     segments: str | Path | None,
-    spec: CodecSpec,
+    spec: Encoding,
     progress: Callable[[int, int], None],
 ) -> tuple[PlaneSums, dict]:
     """Trace tiles one after the other; without ``segments`` nothing is stored.

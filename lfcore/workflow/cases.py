@@ -15,7 +15,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.scene.files import read_header
 from lfcore.storage import defaults
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import FrameLayout, Tile
 
 MIB = 2**20
@@ -75,16 +75,21 @@ def is_procedural(file: str | Path) -> bool:
 
 
 def frame_layout(settings: Mapping, views: int) -> FrameLayout:
-    """How the rays of N = ``views`` are laid out in frames; ``auto`` is what measured best.
+    """How the rays of N = ``views`` are laid out in frames; null is what measured best.
 
     Raises :class:`StorageError` for frames too small for the encoder.
     """
-    spec = codec_spec(settings, views)
+    spec = encoding(settings, views)
     layout = defaults.frame_layout(
-        views, settings["spatial_resolution"], spec.pixel_format, **settings["layout"]
+        views, settings["spatial_resolution"], spec.stored_format, **nulls(settings["layout"])
     )
     spec.check_frame(layout.frame_width, layout.frame_height)
     return layout
+
+
+def nulls(keys: Mapping) -> dict:
+    """Keys whose "auto" is None, as the library has it."""
+    return {key: None if value == "auto" else value for key, value in keys.items()}
 
 
 def tiles(settings: Mapping, views: int) -> list[Tile]:
@@ -92,12 +97,12 @@ def tiles(settings: Mapping, views: int) -> list[Tile]:
     return frame_layout(settings, views).tiles(settings["tile_mib"] * MIB // BYTES_OF_A_RAY)
 
 
-def codec_spec(settings: Mapping, views: int) -> CodecSpec:
+def encoding(settings: Mapping, views: int) -> Encoding:
     """Settings of the encoder at N = ``views``; one thread, so that a stream is reproducible.
 
-    ``auto`` is what measured best for H.264 at that N, or goes by that for other codecs.
+    null is what measured best for H.264 at that N, or goes by that for other codecs.
     """
-    return defaults.codec_spec(views, **settings["encoder"])
+    return defaults.chosen_encoding(views, Encoding(**nulls(settings["encoder"])))
 
 
 def sensor_planes(

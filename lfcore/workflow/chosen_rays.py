@@ -18,11 +18,13 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.refocus.stored_depth import slice_stored
 from lfcore.rendering.by_depth import pictures_by_depth
-from lfcore.rendering.quality import PlannedRays, WantedQuality
+from lfcore.rendering.quality import PlannedRays, Quality, QualitySearch
 from lfcore.rendering.record_depth import depth_store, record_by_depth
 from lfcore.storage import defaults
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.tracer import Tracer
+from lfcore.workflow.cases import nulls
 
 COLUMNS = (
     "scene", "M", "quality_db", "lattice", "rays_per_pixel", "pilot_rays_per_pixel", "rays",
@@ -43,7 +45,7 @@ class ChosenRays:
 
     def pictures(self, tracer: Tracer) -> np.ndarray:
         """(P, M, M, 3) float32, linear light, formed while the rays are traced."""
-        planes, count = _of_one_recording(self.planes), self.planned.count
+        planes, count = _of_one_recording(self.planes), self.planned.lattice
         made = pictures_by_depth(tracer, self.camera, planes, self.pixels, count)
         return made[: len(self.planes)]
 
@@ -52,10 +54,12 @@ class ChosenRays:
 
         ``encoder`` and ``layout`` are the configuration's.  Returns the bytes of the file.
         """
-        spec = defaults.codec_spec(self.planned.count.views, by_depth=True, **encoder)
-        kind = "views" if layout["kind"] == defaults.AUTO else layout["kind"]
-        settings = {**layout, "kind": kind}
-        slab, store = depth_store(self.lens, self.planned.count, self.pixels, spec, **settings)
+        spec = defaults.chosen_encoding(
+            self.planned.lattice.views, Encoding(**nulls(encoder)), by_depth=True
+        )
+        settings = nulls(layout)
+        settings["kind"] = settings["kind"] or "views"
+        slab, store = depth_store(self.lens, self.planned.lattice, self.pixels, spec, **settings)
         focus = sorted(plane.focus_m for plane in self.planes)
         expected = {"db": round(self.planned.expected_db, 2), "focus_m": [focus[0], focus[-1]]}
         record_by_depth(path, tracer, slab, store, content={"expected": expected})
@@ -78,12 +82,12 @@ class ChosenRays:
         **measured: object,
     ) -> dict:
         """Columns :data:`COLUMNS` but what ``measured`` has of them: PSNR is of the worst plane."""
-        true, count = reference.psnr(pictures), self.planned.count
+        true, count = reference.psnr(pictures), self.planned.lattice
         worst = int(np.argmin(true))
         return dict.fromkeys(COLUMNS) | {
             "M": self.pixels,
             "lattice": str(count),
-            "rays_per_pixel": count.rays_a_pixel,
+            "rays_per_pixel": count.rays_per_pixel,
             "pilot_rays_per_pixel": self.planned.pilot_rays,
             "rays": count.rays(self.pixels),
             "expected_db": self.planned.expected_db,
@@ -106,9 +110,9 @@ def choose_rays(
     lens = replace(camera, f_number=min(plane.f_number for plane in planes))
     try:
         together = _of_one_recording(planes)
-        planned = WantedQuality(tracer, camera, together, pixels, quality_db).plan()
+        planned = QualitySearch(tracer, camera, together, pixels, Quality(quality_db)).plan()
     except OpticsError as error:
-        if error.key != "quality":
+        if error.key != "quality_db":
             raise
         raise SettingsError(
             f"{tracer.scene.name}: {error.problem}",

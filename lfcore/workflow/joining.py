@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from lfcore.optics.slab import Slab
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import Tile
 from lfcore.timing import clocked
 
@@ -29,7 +29,7 @@ def joined(
     batches: Sequence[dict],
     slab: Slab,
     tiles: Sequence[Tile],
-    spec: CodecSpec,
+    spec: Encoding,
     *,
     scene: dict,
     progress: Callable[[int, int], None],

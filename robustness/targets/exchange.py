@@ -17,14 +17,14 @@ from lfcore.exchange.grid import Geometry, ViewGrid
 from lfcore.exchange.importing import ReadOptions, read_grid
 from lfcore.exchange.pictures import is_picture
 from lfcore.exchange.storing import store_grid
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from robustness.children import apart
 from robustness.mutate import damage_bytes, damage_text
 from robustness.outcome import Outcome, SilentlyWrong, outcome_of
 from robustness.targets import Target
 from robustness.trees import damage_json
 
-EXACT = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
+EXACT = Encoding("ffv1", "gbrp", preset=None, tune=None)
 KNOWN = Geometry(pitch_m=0.004, pixel_pitch=0.02, delta=0.5, sensor_m=0.036)
 GRID = (3, 3)
 TEXTS = (".json", ".cfg", ".txt")

@@ -50,7 +50,7 @@ def judge(data: bytes, folder: Path) -> Outcome:
         cases.scene_files(settings["scenes"], ROOT)
         for views in settings["angular_resolutions"]:
             costs.named_batches(settings, views)
-            cases.codec_spec(settings, views)
+            cases.encoding(settings, views)
         cases.sensor_planes(settings["planes"], CAMERA, (3.0,))
 
     return outcome_of(work, names="configuration")

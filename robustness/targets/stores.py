@@ -19,7 +19,7 @@ import numpy as np
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import DepthSegments, join_segments
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.index import Segment
@@ -34,14 +34,14 @@ from robustness.trees import damage_json
 
 VIEWS, PIXELS = 4, 8
 CODECS = {
-    "x264": CodecSpec("libx264", "yuv444p", crf=10, preset="veryfast", gop=6),
-    "x265": CodecSpec("libx265", "yuv420p", crf=10, preset="fast", gop=6),
-    "av1": CodecSpec("libsvtav1", "yuv420p", crf=10, preset="10", gop=6),
-    "ffv1": CodecSpec("ffv1", "gbrp", crf=0, preset=None, tune=None),
-    "depth": CodecSpec("libx264", "yuv444p", crf=10, preset="veryfast", gop=6),
+    "x264": Encoding("libx264", "yuv444p", crf=10, preset="veryfast", gop=6),
+    "x265": Encoding("libx265", "yuv420p", crf=10, preset="fast", gop=6),
+    "av1": Encoding("libsvtav1", "yuv420p", crf=10, preset="10", gop=6),
+    "ffv1": Encoding("ffv1", "gbrp", crf=0, preset=None, tune=None),
+    "depth": Encoding("libx264", "yuv444p", crf=10, preset="veryfast", gop=6),
 }
 DEPTHS = DepthCodes(0.0, 0.5)
-DEPTH_SPEC = CodecSpec("libx264", "gray", crf=10, preset="veryfast", gop=6)
+DEPTH_SPEC = Encoding("libx264", "gray", crf=10, preset="veryfast", gop=6)
 PACKS = {"av1": 8, "x265": 12}
 """Elements a side of frames of 64 and 96 pixels, for encoders that want such."""
 
@@ -52,12 +52,12 @@ def whole_store(name: str, folder: Path, geometry: str = "slab") -> tuple[bytes,
     spec, pack = CODECS[name], PACKS.get(name, 1)
     pixels = 16 if pack > 1 else PIXELS
     layout = FrameLayout(
-        "macropixels", 8 if pack > 1 else VIEWS, pixels, pack=pack, pixel_format=spec.pixel_format
+        "macropixels", 8 if pack > 1 else VIEWS, pixels, pack=pack, pixel_format=spec.stored_format
     )
     tiles = layout.tiles(layout.rays, least=4, small_rays=0)
     wave = np.random.default_rng(5)
 
-    def segments(what: str, spec: CodecSpec, layout: FrameLayout) -> list[Path]:
+    def segments(what: str, spec: Encoding, layout: FrameLayout) -> list[Path]:
         made = []
         for tile in tiles:
             made.append(folder / f"{name}-{tile.index}{what}.mp4")
@@ -72,7 +72,7 @@ def whole_store(name: str, folder: Path, geometry: str = "slab") -> tuple[bytes,
     if name == "depth":
         grey = replace(layout, pixel_format=DEPTHS.pixel_format)
         depths = segments("-depth", DEPTH_SPEC, grey)
-        depth = DepthSegments(depths, DEPTHS, "crossed", PIXELS, DEPTH_SPEC)
+        depth = DepthSegments(depths, DEPTHS, True, PIXELS, DEPTH_SPEC)
     path = folder / f"{name}.mkv"
     join_segments(
         path, colours, tiles, layout, spec=spec, scene={"name": "waves", "digest": "0123"},

@@ -325,17 +325,18 @@ def test_help_teaches(name, capsys):
 
 
 def test_encoder_settings_are_those_measured_unless_said():
+    from lfcore import Encoding
     from lfcore.errors import StorageError
-    from lfcore.storage.defaults import codec_spec, default_spec
+    from lfcore.storage.defaults import chosen_encoding
 
-    assert codec_spec(64) == default_spec(64)
-    said = codec_spec(64, crf=11.0, preset="slow")
+    assert chosen_encoding(64, Encoding()) == chosen_encoding(64)
+    said = chosen_encoding(64, Encoding(crf=11.0, preset="slow"))
     assert (said.crf, said.preset, said.pixel_format) == (11.0, "slow", "yuv444p")
-    ahead = [codec_spec(512, preset=preset).lookahead for preset in ("auto", "ultrafast")]
-    assert ahead == [default_spec(512).lookahead, None]  # the preset's own is none
-    assert codec_spec(64, "ffv1").lossless
+    other = chosen_encoding(512, Encoding(preset="ultrafast"))
+    assert other.lookahead is None and chosen_encoding(512).lookahead  # the preset has its own
+    assert chosen_encoding(64, Encoding("ffv1")).lossless
     with pytest.raises(StorageError, match="does not take yuv444p"):
-        codec_spec(64, "libsvtav1", pixel_format="yuv444p")
+        chosen_encoding(64, Encoding("libsvtav1", "yuv444p"))
 
 
 def test_a_mesh_alone_is_a_scene(tmp_path):

@@ -9,8 +9,8 @@ from lfcore.evaluation.true_picture import choice
 from lfcore.evaluation.true_picture.points import BY_DEPTH, COLUMNS, NEAREST
 from lfcore.evaluation.true_picture.reference import true_pictures
 from lfcore.lightfield import LightField
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
-from lfcore.rendering.by_depth import RayCount
 
 
 def points(*some):
@@ -33,9 +33,9 @@ def test_the_fewest_rays_whose_worst_plane_is_good_enough_are_recommended():
         (BY_DEPTH, "2 x 1", 4, 11.0, 60.0),  # through a small opening
         (NEAREST, "3 x 1", 9, 2.8, 60.0),
     )
-    assert choice.recommended(rows) == RayCount(4, 1.25)
-    assert choice.recommended(rows, 80.0) == RayCount(8, 2)  # none reaches it: the truest
-    assert choice.recommended(rows, 30.0) == RayCount(4, 1)
+    assert choice.recommended(rows) == Lattice(4, 1.25)
+    assert choice.recommended(rows, 80.0) == Lattice(8, 2)  # none reaches it: the truest
+    assert choice.recommended(rows, 30.0) == Lattice(4, 1)
     with pytest.raises(LfcoreError, match="by depth"):
         choice.recommended(rows[rows.method == NEAREST])
 
@@ -45,8 +45,8 @@ def test_what_we_would_do_is_recorded_and_judged_as_the_thesiss_recipe(tmp_path,
     tracer = chart
     camera = tracer.scene.camera
     planes = [SensorPlane(focus, camera.f_number) for focus in tracer.scene.focus_distances_m[:2]]
-    reference = true_pictures(tracer, planes, 32, [RayCount(6, 2), RayCount(5, 3)])
-    count = RayCount(4, 1.5)
+    reference = true_pictures(tracer, planes, 32, [Lattice(6, 2), Lattice(5, 3)])
+    count = Lattice(4, 1.5)
     ours = choice.our_choice(tmp_path / "ours.mkv", tracer, reference, count)
     assert ours["rays"] == (4 * 48) ** 2 and ours["seconds"] > 0 and ours["read_seconds"] > 0
     assert ours["bytes"] == (tmp_path / "ours.mkv").stat().st_size

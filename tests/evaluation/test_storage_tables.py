@@ -32,7 +32,7 @@ from lfcore.evaluation.table_files import TableError, read_rows, table_of, write
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import trace_planes
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.defaults import default_kind, default_pack
 from lfcore.storage.layout import FrameLayout
@@ -94,7 +94,7 @@ def test_frames_of_both_layouts_hold_each_ray_once(sample):
 @pytest.mark.kernels
 def test_lossless_storage_costs_rounding_alone(sample, chart):
     layout = FrameLayout("macropixels", 8, 16, "serpentine", 4, "gbrp")
-    spec = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
+    spec = Encoding("ffv1", "gbrp", preset=None, tune=None)
     stored = store(Frames(sample, layout), spec, chart.device)
     # Rounding to codes is at most half a code off: 54 dB; 59 dB where errors are uniform.
     assert min(stored["psnr_frames_db"], stored["psnr_pictures_db"]) > 54
@@ -124,7 +124,7 @@ def test_frames_are_compared_a_few_at_a_time_as_all_at_once(monkeypatch, sample)
 def test_coarser_quantisers_take_fewer_bytes_and_err_more(sample, chart):
     frames = Frames(sample, FrameLayout("views", 8, 16, pixel_format="yuv444p"))
     fine, coarse = (
-        store(frames, CodecSpec(pixel_format="yuv444p", crf=crf), chart.device) for crf in (10, 40)
+        store(frames, Encoding(pixel_format="yuv444p", crf=crf), chart.device) for crf in (10, 40)
     )
     assert fine["video_bytes"] > coarse["video_bytes"]
     assert fine["psnr_frames_db"] > coarse["psnr_frames_db"] + 5
@@ -201,7 +201,7 @@ def test_layouts_of_a_scene(chart, tmp_path):
 def file(request, chart, tmp_path_factory):
     """A light field of four segments of chart."""
     folder = tmp_path_factory.mktemp(request.param)
-    slab, spec = Slab(chart.scene.camera, 16, 32), CodecSpec(pixel_format="yuv444p", bframes=0)
+    slab, spec = Slab(chart.scene.camera, 16, 32), Encoding(pixel_format="yuv444p", bframes=0)
     layout = FrameLayout(request.param, 16, 32, pixel_format="yuv444p")
     tiles = layout.tiles(1 << 16, least=4)
     segments = [folder / f"{tile.index}.mp4" for tile in tiles]

@@ -25,8 +25,8 @@ from lfcore.evaluation.true_picture.reference import (
     save_reference,
     true_pictures,
 )
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
-from lfcore.rendering.by_depth import RayCount
 
 pytestmark = pytest.mark.kernels
 
@@ -37,7 +37,7 @@ PIXELS = 24
 def reference(chart):
     camera = chart.scene.camera
     planes = [SensorPlane(focus, camera.f_number) for focus in (1.0, camera.focus_m)]
-    return true_pictures(chart, planes, PIXELS, (RayCount(10, 3), RayCount(8, 4)))
+    return true_pictures(chart, planes, PIXELS, (Lattice(10, 3), Lattice(8, 4)))
 
 
 def test_two_lattices_agree_on_the_truth(reference):
@@ -61,7 +61,7 @@ def test_the_truth_does_not_depend_on_how_it_is_traced(chart, reference):
 
 def test_alike_lattices_are_no_reference(chart, reference):
     with pytest.raises(OpticsError, match="too alike"):
-        true_pictures(chart, reference.planes, PIXELS, (RayCount(8, 3), RayCount(8, 4)))
+        true_pictures(chart, reference.planes, PIXELS, (Lattice(8, 3), Lattice(8, 4)))
 
 
 def test_a_reference_is_kept(reference, tmp_path):
@@ -77,7 +77,7 @@ def test_a_reference_is_kept(reference, tmp_path):
 
 
 def test_few_rays_by_depth_beat_many_that_miss_the_pixel(chart, reference, tmp_path, drawn, shows):
-    rows = list(method_rows(chart, [reference], [RayCount(4, 1), RayCount(4, 2)], [16]))
+    rows = list(method_rows(chart, [reference], [Lattice(4, 1), Lattice(4, 2)], [16]))
     table = pd.DataFrame(rows)
     assert list(table.columns) == list(COLUMNS) and len(table) == 6
     worst = worst_planes(table).set_index("lattice")

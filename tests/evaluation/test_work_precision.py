@@ -41,7 +41,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import trace_picture, trace_planes
 from lfcore.scene.appearance import POINT, Light, Material
-from lfcore.storage.defaults import default_spec
+from lfcore.storage.defaults import chosen_encoding
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -373,4 +373,4 @@ def test_the_default_encoder_s_setting_is_the_recommended_one():
     rows = table[(table.task == DEFAULT_TASK) & (table.target_db == 45)]
     assert set(rows.scene) == {"bike", "cabin", "bedroom"} and (rows.psnr_db >= 45).all()
     needed = min(float(setting.removeprefix("CRF ")) for setting in rows.setting)
-    assert default_spec(study["work_precision"]["video_views"]).crf == needed
+    assert chosen_encoding(study["work_precision"]["video_views"]).crf == needed

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.exchange.grid import Geometry, ViewGrid
-from lfcore.exchange.importing import ReadOptions, import_lightfield
+from lfcore.exchange.importing import ReadOptions, import_lightfield, read_grid
 from lfcore.exchange.storing import store_grid
 from lfcore.lightfield import LightField
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 
-EXACT = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
+EXACT = Encoding("ffv1", "gbrp", preset=None, tune=None)
 KNOWN = Geometry(pitch_m=0.004, pixel_pitch=0.02, delta=0.5, sensor_m=0.036)
 
 
@@ -41,8 +41,8 @@ def taken_back(source, folder, **more):
     """The light field file of what was exported, exact."""
     options = more.pop("options", None) or ReadOptions()
     output = folder / "back.mkv"
-    made = import_lightfield(source, output, codec="ffv1", options=options, **more)
-    return made, LightField.open(output)
+    field = import_lightfield(source, output, encoding=Encoding("ffv1"), options=options, **more)
+    return read_grid(Path(source), more.get("format"), options), field
 
 
 def all_views(field):

@@ -14,6 +14,7 @@ from lfcore.exchange.source import Selection
 from lfcore.lightfield import LightField
 from lfcore.rendering.depth import depth_of_views, disparity
 from lfcore.rendering.prepared import open_tracer
+from lfcore.storage.codecs import Encoding
 
 CHART = Path(__file__).parents[2] / "scenes" / "chart"
 
@@ -27,7 +28,7 @@ def chart():
 def traced(chart, tmp_path_factory):
     """5 x 5 views of 32 x 32 pixels of the chart, exact."""
     path = tmp_path_factory.mktemp("traced") / "chart.mkv"
-    record(chart, path, views=5, pixels=32, codec="ffv1", pixel_format="gbrp")
+    record(chart, path, views=5, pixels=32, encoding=Encoding("ffv1", "gbrp"))
     return path
 
 
@@ -60,7 +61,7 @@ def test_hci_has_every_views_depth_and_disparity(chart, traced, tmp_path, device
     finite = [d for d in expected[:, 2:26, 4:24].ravel() if np.isfinite(d)]
     ends = 2 * disparity(field.slab, np.array([max(finite), min(finite)]))
     assert [float(values["disp_min"]), float(values["disp_max"])] == pytest.approx(ends.tolist())
-    import_lightfield(tmp_path / "out", tmp_path / "back.mkv", codec="ffv1")
+    import_lightfield(tmp_path / "out", tmp_path / "back.mkv", encoding=Encoding("ffv1"))
     back = LightField.open(tmp_path / "back.mkv")
     assert back.depth_range == pytest.approx((min(finite), max(finite)), rel=0.2)
     assert back.metric

@@ -28,8 +28,8 @@ def test_quilts_go_from_bottom_left(wide, tmp_path):
     quilt = picture(file)
     np.testing.assert_array_equal(quilt[16:, :22], wide.views[1, 0])
     np.testing.assert_array_equal(quilt[:16, 22:], wide.views[1, 3])
-    made, field = taken_back(file, tmp_path)
-    assert (made.grid.format, field.grid) == ("quilt", (4, 1))
+    grid, field = taken_back(file, tmp_path)
+    assert (grid.format, field.grid) == ("quilt", (4, 1))
     np.testing.assert_array_equal(all_views(field), wide.views[1:])
     with pytest.raises(ExchangeError, match="there are 4 in a row"):
         export_lightfield(wide.path, "quilt", tmp_path / "b", options=WriteOptions(tiles=(5, 1)))
@@ -41,8 +41,8 @@ def test_hdf5(wide, tmp_path):
     export_lightfield(wide.path, "hdf5", tmp_path / "out")
     with h5py.File(tmp_path / "out" / "scene.h5") as file:
         np.testing.assert_array_equal(file["LF"][1, 2], wide.views[1, 2])
-    made, field = taken_back(tmp_path / "out", tmp_path)
-    assert made.grid.format == "hdf5"
+    grid, field = taken_back(tmp_path / "out", tmp_path)
+    assert grid.format == "hdf5"
     np.testing.assert_array_equal(all_views(field), wide.views)
 
 
@@ -88,8 +88,8 @@ def test_llff_has_its_axes_in_the_middle(tmp_path):
         expected = stored.views[row, column, row : row + 14, column : column + 14]
         np.testing.assert_array_equal(view, expected, err_msg=str(k))
     # Back in, the views are those that were cropped, of parallel cameras.
-    made, field = taken_back(tmp_path / "out", tmp_path)
-    assert (made.grid.format, field.slab.camera.delta) == ("llff", 0)
+    grid, field = taken_back(tmp_path / "out", tmp_path)
+    assert (grid.format, field.slab.camera.delta) == ("llff", 0)
     assert field.slab.lens_pitch_m == pytest.approx(0.04)
     assert field.slab.pixel_pitch == pytest.approx(0.02)
     assert field.depth_range == (1, 4)
@@ -107,8 +107,8 @@ def test_folders_in_any_order(order, wide, tmp_path):
         column, row = 3 - column if parsed.left else column, 1 - row if parsed.up else row
         Image.fromarray(wide.views[row, column]).save(tmp_path / "in" / f"shot {index}.png")
     options = ReadOptions((4, 2), parsed)
-    made, field = taken_back(tmp_path / "in", tmp_path, options=options)
-    assert made.grid.format == "folder"
+    grid, field = taken_back(tmp_path / "in", tmp_path, options=options)
+    assert grid.format == "folder"
     np.testing.assert_array_equal(all_views(field), wide.views)
 
 
@@ -155,9 +155,9 @@ def test_stanford_positions_decide(square, tmp_path):
     ):
         name = f"out_{2 - row:02d}_{2 - column:02d}_{50 * row - 900}_{50 * column + 3.25}_.png"
         Image.fromarray(view).save(tmp_path / "in" / name)
-    made, field = taken_back(tmp_path / "in", tmp_path)
-    assert made.grid.format == "stanford"
-    assert made.grid.geometry == Geometry(pitch_m=0.05)
+    grid, field = taken_back(tmp_path / "in", tmp_path)
+    assert grid.format == "stanford"
+    assert grid.geometry == Geometry(pitch_m=0.05)
     np.testing.assert_array_equal(all_views(field), square.views)
 
 
@@ -168,9 +168,9 @@ def test_gfxdisp_counts_from_the_bottom_right(square, tmp_path):
     for row, column in np.ndindex(3, 3):
         view = Image.fromarray(square.views[2 - row, 2 - column])
         view.save(tmp_path / "in" / f"{row:02}_{column:02}.png")
-    made, field = taken_back(tmp_path / "in", tmp_path)
-    assert made.grid.format == "blender"
-    assert made.grid.geometry == Geometry(pitch_m=0.1, delta=0.0)
+    grid, field = taken_back(tmp_path / "in", tmp_path)
+    assert grid.format == "blender"
+    assert grid.geometry == Geometry(pitch_m=0.1, delta=0.0)
     np.testing.assert_array_equal(all_views(field), square.views)
 
 
@@ -187,8 +187,8 @@ def test_a_plane_of_blenders_is_taken_back(tmp_path):
     np.testing.assert_allclose(below[:3, 3] - first[:3, 3], [0, 0, -0.08], atol=1e-12)
     tangent = data["sensor_size"][0] / data["camera"]["focal_length"] / 14
     assert tangent == pytest.approx(0.02)
-    made, field = taken_back(tmp_path / "out", tmp_path)
-    assert (made.grid.format, field.slab.camera.delta) == ("blender", 0)
+    grid, field = taken_back(tmp_path / "out", tmp_path)
+    assert (grid.format, field.slab.camera.delta) == ("blender", 0)
     assert field.slab.lens_pitch_m == pytest.approx(0.04)
     assert field.slab.pixel_pitch == pytest.approx(0.02)
     np.testing.assert_array_equal(field.view(1, 2), stored.views[2, 1, 2:16, 1:15])
@@ -242,7 +242,7 @@ def test_sixteen_bits_grey_and_alpha(tmp_path):
 def test_macropixels_are_exported_as_their_views(tmp_path):
     """A store of macropixels is decoded once for many views."""
     from lfcore.lightfield import LightField
-    from lfcore.storage.codecs import CodecSpec
+    from lfcore.storage.codecs import Encoding
     from lfcore.storage.container import join_segments
     from lfcore.storage.layout import FrameLayout
     from lfcore.storage.segment import SegmentWriter
@@ -250,7 +250,7 @@ def test_macropixels_are_exported_as_their_views(tmp_path):
 
     views = noise(4, 4, 16, 16)
     layout = FrameLayout("macropixels", 4, 16, pixel_format="gbrp")
-    spec, tile = CodecSpec("ffv1", "gbrp"), layout.tile(0, 0, 16, 16)
+    spec, tile = Encoding("ffv1", "gbrp"), layout.tile(0, 0, 16, 16)
     with SegmentWriter(tmp_path / "0.mp4", spec, 16, 16) as writer:
         for u, v in tile.elements():
             square = np.pad(views[:, :, v, u], ((0, 12), (0, 12), (0, 0)), mode="edge")

@@ -42,8 +42,8 @@ def test_folders(format, shape, tmp_path, request):
     export_lightfield(stored.path, format, tmp_path / "out")
     rows, columns = stored.views.shape[:2]
     options = ReadOptions((columns, rows)) if format in ONE_PICTURE else None
-    made, field = taken_back(tmp_path / "out", tmp_path, options=options)
-    assert made.grid.format == format
+    grid, field = taken_back(tmp_path / "out", tmp_path, options=options)
+    assert grid.format == format
     assert field.picture_size == stored.views.shape[3:1:-1]
     np.testing.assert_array_equal(all_views(field), stored.views)
     check_geometry(field, stored.field, format in WHOLE)

@@ -19,10 +19,10 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 from lfcore.refocus.array.stored import read_stored, store_array
 from lfcore.refocus.shift_sum import shift_sum_views
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.tiled_exr import read_array, write_array
 
-LOSSLESS = CodecSpec("ffv1", "yuv444p", crf=0, preset=None, tune=None)
+LOSSLESS = Encoding("ffv1", "yuv444p", crf=0, preset=None, tune=None)
 SCENE = {"name": "waves", "digest": "0123"}
 # Rounding to 8-bit YCbCr of limited range and back.
 CODE = 2 / 255

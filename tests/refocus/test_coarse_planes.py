@@ -11,6 +11,7 @@ from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import open_device
 from lfcore.optics import bundles
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.oracle.planes import form_plane
@@ -18,7 +19,8 @@ from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
 from lfcore.rendering.direct import trace_planes
 from lfcore.rendering.record import record_slab
-from lfcore.storage.defaults import codec_spec
+from lfcore.storage.codecs import Encoding
+from lfcore.storage.defaults import chosen_encoding
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
@@ -67,7 +69,7 @@ def test_as_many_pixels_as_the_slab_change_no_bit(tracer):
 
 def test_macropixels_and_views_give_the_same_integers(tracer, tmp_path):
     """Lossless files of the same codes, whose sums are compared bit by bit."""
-    slab, spec = Slab(tracer.scene.camera, VIEWS, PIXELS), codec_spec(VIEWS, "ffv1")
+    slab, spec = Slab(tracer.scene.camera, VIEWS, PIXELS), chosen_encoding(VIEWS, Encoding("ffv1"))
     planes, sums = planes_of(tracer, 7), []
     for kind in KINDS:
         file = tmp_path / f"{kind}.mkv"
@@ -99,10 +101,10 @@ def test_in_focus_a_pixel_is_the_mean_of_its_parts(tracer):
     )
     expected = fine.reshape(8, 3, 8, 3, 3).mean((1, 3))
     np.testing.assert_allclose(coarse, expected, atol=1e-6)
-    asked = {"pixels": 8, "views": VIEWS, "filter": "nearest"}
-    rendered = render(tracer.scene, subpixels=3, **asked, device=tracer.device)
+    asked = {"pixels": 8, "filter": "nearest", "device": tracer.device}
+    rendered = render(tracer.scene, views=Lattice(VIEWS, 3, displaced=False), **asked)
     np.testing.assert_array_equal(rendered, coarse)
-    one = render(tracer.scene, **asked, device=tracer.device)
+    one = render(tracer.scene, views=VIEWS, **asked)
     assert np.abs(one - coarse).max() > 0.01, "one place of a pixel is not its mean"
 
 
@@ -111,5 +113,5 @@ def test_planes_of_several_sizes_are_refused(tracer):
     planes = [SensorPlane(2.0, 50.0, pixels=side) for side in (6, 8)]
     with pytest.raises(OpticsError, match="6 and 8 pixels cannot be formed together"):
         trace_planes(tracer, slab, planes)
-    with pytest.raises(OpticsError, match="must be positive"):
+    with pytest.raises(OpticsError, match="pixels: must be a whole number"):
         SensorPlane(2.0, 50.0, pixels=0)

@@ -12,7 +12,7 @@ from lfcore.refocus.array.stored import read_stored
 from lfcore.refocus.focal_stack import focal_stack
 from lfcore.refocus.slicing import form_planes
 from lfcore.refocus.views import read_views
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentWriter
@@ -35,7 +35,7 @@ def pictures():
 def path(pictures, tmp_path_factory):
     folder = tmp_path_factory.mktemp("partial")
     layout = FrameLayout("views", 5, 22, pixel_format="gbrp")
-    spec = CodecSpec("ffv1", "gbrp")
+    spec = Encoding("ffv1", "gbrp")
     column, row, *_ = EXTENT.views
     left, top, *_ = EXTENT.pixels
     tile = layout.tile(column, row, COLUMNS, ROWS)

@@ -18,7 +18,7 @@ from lfcore.oracle.planes import form_plane
 from lfcore.refocus.shift_sum import ViewSummer, shift_sum, shift_sum_views
 from lfcore.refocus.shift_sum_reference import shift_sum_reference
 from lfcore.refocus.slicing import form_planes
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentWriter
@@ -112,7 +112,7 @@ def test_a_uniform_field_stays_uniform(device):
 def store(path, slab, views, kind, pack=1):
     """Views (linear) written losslessly as a light field file."""
     layout = FrameLayout(kind, slab.views, slab.pixels, pack=pack, pixel_format="gbrp")
-    spec = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
+    spec = Encoding("ffv1", "gbrp", preset=None, tune=None)
     tiles, segments = layout.tiles(layout.rays, least=3, small_rays=0), []
     for tile in tiles:
         frames = np.zeros((tile.frame_count, layout.frame_height, layout.frame_width, 3), np.uint8)

@@ -13,7 +13,7 @@ from lfcore.oracle import colour as truth
 from lfcore.refocus.slicing import PlaneFormer, form_planes
 from lfcore.refocus.stored_views import FrameSummer
 from lfcore.storage.container import join_segments
-from lfcore.storage.defaults import default_spec
+from lfcore.storage.defaults import chosen_encoding
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 
@@ -163,7 +163,7 @@ def plane_in_doubles(slab, plane, tile, frames):
 def test_planes_out_of_a_file_of_512_views_are_those_of_its_rays(tmp_path):
     """The whole path at full N: default encoder, container, decoder, tables of 512 x 512 samples;
     the reference takes the segment's decoded codes, ray by ray, in float64."""
-    slab, spec = Slab(CAMERA, 512, 3), default_spec(512)
+    slab, spec = Slab(CAMERA, 512, 3), chosen_encoding(512)
     layout = FrameLayout("macropixels", 512, 3, pixel_format=spec.pixel_format)
     tile, path, segment = layout.tile(0, 0, 3, 3), tmp_path / "l.mkv", tmp_path / "0.mp4"
     with SegmentWriter(segment, spec, 512, 512) as writer:

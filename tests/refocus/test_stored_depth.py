@@ -14,7 +14,7 @@ from lfcore.lightfield import LightField
 from lfcore.optics.bundles import Bundles
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.ray_cells import LATTICES
+from lfcore.optics.ray_cells import views_of
 from lfcore.optics.slab import Slab
 from lfcore.oracle.depth_slicing import slice_by_depth
 from lfcore.pictures import read_codes
@@ -24,8 +24,8 @@ from lfcore.refocus.views import read_views
 from lfcore.rendering import record_depth
 from lfcore.rendering.by_depth import traced_views
 from lfcore.rendering.record_depth import DepthStore, record_by_depth
-from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.defaults import codec_spec
+from lfcore.storage.codecs import Encoding
+from lfcore.storage.defaults import chosen_encoding
 from lfcore.storage.depth_stream import sweep_step
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
@@ -36,7 +36,7 @@ pytestmark = pytest.mark.kernels
 CAMERA = Camera(0.4, 0.3, 1.0, 4.0)
 SLAB = Slab(CAMERA, 3, 20)
 PIXELS = 10
-LOSSLESS = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
+LOSSLESS = Encoding("ffv1", "gbrp", preset=None, tune=None)
 PLANES = [
     SensorPlane(2.5, 1.0, "square"),
     SensorPlane(4.0, 1.4),
@@ -64,24 +64,24 @@ def tracer():
     return Tracer(scene, build_bvh(scene.triangles))
 
 
-def stored(path, tracer, kind, lattice="crossed", spec=LOSSLESS, slab=SLAB, pack=1):
+def stored(path, tracer, kind, displaced=True, spec=LOSSLESS, slab=SLAB, pack=1):
     layout = FrameLayout(kind, slab.views, slab.pixels, "serpentine", pack, spec.pixel_format)
-    record_by_depth(path, tracer, slab, DepthStore(layout, spec, lattice, PIXELS))
+    record_by_depth(path, tracer, slab, DepthStore(layout, spec, displaced, PIXELS))
     return LightField.open(path)
 
 
-def traced(tracer, lattice, slab=SLAB):
-    parts = list(traced_views(tracer, LATTICES[lattice](slab), PIXELS))
+def traced(tracer, displaced, slab=SLAB):
+    parts = list(traced_views(tracer, views_of(slab, displaced=displaced), PIXELS))
     return (np.concatenate([part[k] for part in parts]) for k in (1, 2))
 
 
-@pytest.mark.parametrize("lattice", ["crossed", "plain"])
-def test_without_loss_the_store_gives_what_is_made_on_the_fly(tmp_path, tracer, lattice):
+@pytest.mark.parametrize("displaced", [True, False])
+def test_without_loss_the_store_gives_what_is_made_on_the_fly(tmp_path, tracer, displaced):
     """Views and macropixels alike, to the last bit."""
-    light, depth = traced(tracer, lattice)
-    views, pictures = LATTICES[lattice](SLAB), []
+    light, depth = traced(tracer, displaced)
+    views, pictures = views_of(SLAB, displaced=displaced), []
     for kind, pack in (("views", 1), ("views", 2), ("macropixels", 4)):
-        field = stored(tmp_path / f"{kind}{pack}.mkv", tracer, kind, lattice, pack=pack)
+        field = stored(tmp_path / f"{kind}{pack}.mkv", tracer, kind, displaced, pack=pack)
         there = field.views(0, 0, 3, 3).reshape(light.shape)
         np.testing.assert_array_equal(there, srgb_codes(light))
         pictures.append(field.refocus_many(PLANES))
@@ -107,12 +107,12 @@ def test_without_loss_the_store_gives_what_is_made_on_the_fly(tmp_path, tracer, 
 
 def test_what_the_codec_loses_is_all_that_is_lost(tmp_path, tracer):
     slab = Slab(CAMERA, 4, 48)
-    light, depth = traced(tracer, "crossed", slab)
-    slicer = DepthSlicer(LATTICES["crossed"](slab), PLANES, PIXELS)
+    light, depth = traced(tracer, True, slab)
+    slicer = DepthSlicer(views_of(slab, displaced=True), PLANES, PIXELS)
     slicer.add(slice(0, 16), light, depth)
     worst = []
     for crf in (34.0, 16.0):
-        spec = codec_spec(4, crf=crf, by_depth=True)
+        spec = chosen_encoding(4, Encoding(crf=crf), by_depth=True)
         field = stored(tmp_path / f"{crf}.mkv", tracer, "views", spec=spec, slab=slab)
         made = field.refocus_many(PLANES, pixels=PIXELS)
         worst.append(min(psnr(a, b, peak=1) for a, b in zip(made, slicer.pictures(), strict=True)))
@@ -140,9 +140,9 @@ def test_displaced_views_serve_slicing_by_depth_alone(tmp_path, tracer):
         lambda: field.stack([2.5, 3.0], fast=True),
         lambda: field.depth(tracer.scene),
     ):
-        with pytest.raises(OpticsError, match=r"a.mkv: has views that are displaced.*lattice"):
+        with pytest.raises(OpticsError, match=r"a.mkv: has views that are displaced.*record"):
             wrong()
-    plain = stored(tmp_path / "plain.mkv", tracer, "views", "plain")
+    plain = stored(tmp_path / "plain.mkv", tracer, "views", False)
     assert plain.refocus(2.5, filter="nearest").shape == (20, 20, 3)
     assert plain.refocus(2.5).shape == (PIXELS, PIXELS, 3)
 
@@ -153,7 +153,7 @@ def test_a_file_without_depth_says_how_to_trace_one(tmp_path, capsys):
     assert main(["trace", chart, "--size", "16", "--views", "2", "-o", run[0]]) == 0
     assert main(["refocus", run[0], "--filter", "depth", "-o", run[2]]) == 1
     said = capsys.readouterr().err.strip().splitlines()[-1]
-    assert said.startswith(run[0]) and "holds no depth" in said and "--depth-stream" in said
+    assert said.startswith(run[0]) and "holds no depth" in said and "with depth" in said
     assert main(["refocus", run[0], "--size", "17", "-o", run[2]]) == 1
     assert "finer than the slab's 16. Ask for 16 at most" in capsys.readouterr().err
     assert main(["refocus", run[0], "--size", "8", "-o", run[2]]) == 0
@@ -162,7 +162,7 @@ def test_a_file_without_depth_says_how_to_trace_one(tmp_path, capsys):
     assert main(["info", run[1]]) == 0
     said = capsys.readouterr().out
     assert "24 x 24 pixels, 4 x 4 views" in said and "of the video" in said
-    assert "pictures of 16 x 16 pixels, views crossed" in said
+    assert "pictures of 16 x 16 pixels, views displaced" in said
     assert main(["refocus", run[1], "--size", "20", "-o", run[2]]) == 0
     assert main(["stack", run[1], "--sheet", "-o", run[3]]) == 0
     words = ["trace", chart, "--views", "3", "--subpixels", "2", "-o", run[0]]
@@ -208,7 +208,7 @@ def test_a_view_from_between_those_stored_is_what_is_seen_from_there(tmp_path, t
 
 
 def test_exports_of_displaced_views_are_made_on_one_grid(tmp_path, tracer):
-    fields = [stored(tmp_path / f"{how}.mkv", tracer, "views", how) for how in LATTICES]
+    fields = [stored(tmp_path / f"{how}.mkv", tracer, "views", how) for how in (False, True)]
     made = []
     for number, field in enumerate(fields):
         out = tmp_path / str(number)

@@ -7,7 +7,7 @@ from lfcore.opencl.device import PAGE
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 from lfcore.refocus.stored_views import ahead, frame_chunks
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
@@ -15,7 +15,7 @@ from lfcore.storage.segment import SegmentWriter
 
 VIEWS, PIXELS = 16, 10
 LAYOUT = FrameLayout("macropixels", VIEWS, PIXELS, pixel_format="gbrp")
-SPEC = CodecSpec("ffv1", "gbrp", preset=None, tune=None)
+SPEC = Encoding("ffv1", "gbrp", preset=None, tune=None)
 
 
 @pytest.fixture(scope="module")

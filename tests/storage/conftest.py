@@ -10,7 +10,7 @@ import pytest
 
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.segment import SegmentWriter
@@ -54,7 +54,7 @@ class Stored:
     frames: list[np.ndarray]
 
 
-def store(folder: Path, layout: FrameLayout, spec: CodecSpec, tiles: int = 3) -> Stored:
+def store(folder: Path, layout: FrameLayout, spec: Encoding, tiles: int = 3) -> Stored:
     """Encode and join the waves in that layout, in at least ``tiles`` tiles if it has them."""
     field = waves(layout.views, layout.pixels)
     slab = Slab(Camera(0.05, 0.036, 2.0, 3.0), layout.views, layout.pixels)
@@ -78,6 +78,6 @@ def make_store():
 @pytest.fixture(scope="session")
 def stored(tmp_path_factory) -> Stored:
     """Four segments of macropixels, H.264 with a key frame every 6 frames; not to be changed."""
-    spec = CodecSpec("libx264", "yuv444p", crf=6, preset="veryfast", gop=6)
+    spec = Encoding("libx264", "yuv444p", crf=6, preset="veryfast", gop=6)
     layout = FrameLayout("macropixels", 6, 12, pixel_format="yuv444p")
     return store(tmp_path_factory.mktemp("stored"), layout, spec, tiles=4)

@@ -15,7 +15,7 @@ from lfcore.errors import StorageError
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 from lfcore.storage import depth_stream
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import DepthSegments, join_segments
 from lfcore.storage.depth_stream import DepthCodes, StoredDepth, sweep_step
 from lfcore.storage.layout import FrameLayout
@@ -32,7 +32,7 @@ def made(tmp_path_factory, make_store):
     """(file, codes) with three segments of views and their depths, H.264."""
     folder = tmp_path_factory.mktemp("depths")
     layout = FrameLayout("views", 3, 32, pixel_format="yuv444p")
-    light = make_store(folder, layout, CodecSpec(pixel_format="yuv444p", crf=20))
+    light = make_store(folder, layout, Encoding(pixel_format="yuv444p", crf=20))
     spec, rng, files = CODES.spec(SLAB), np.random.default_rng(1), []
     codes = rng.integers(0, 256, (9, 32, 32), np.uint8)
     for tile in light.tiles:
@@ -44,7 +44,7 @@ def made(tmp_path_factory, make_store):
     join_segments(
         path, light.segments, light.tiles, layout, geometry=SLAB, spec=spec,
         scene={"name": "waves", "digest": "0123"},
-        depth=DepthSegments(files, CODES, "plain", 16, spec),
+        depth=DepthSegments(files, CODES, False, 16, spec),
     )  # fmt: skip
     return path, codes, light
 
@@ -70,7 +70,7 @@ def test_a_miss_is_the_far_end():
 
 
 @pytest.mark.parametrize("name", ["gray", "gray10le"])
-@pytest.mark.parametrize("spec", [CodecSpec(crf=0.0), CodecSpec("ffv1", preset=None, tune=None)])
+@pytest.mark.parametrize("spec", [Encoding(crf=0.0), Encoding("ffv1", preset=None, tune=None)])
 def test_grey_frames_of_any_size_come_back(tmp_path, name, spec):
     from lfcore.storage.segment import SegmentReader
 
@@ -157,7 +157,7 @@ def test_a_damaged_depth_is_refused_in_one_line(made, tmp_path):
         ("pixel_format", "yuv420p", "unknown format"),
         ("pixel_format", [], "unknown format"),
         ("lattice", "square", "unknown lattice"),
-        ("lattice", {}, "make no sense"),
+        ("lattice", {}, "unknown lattice"),
         ("pixels", 0, "pictures of 0"),
         ("segments", [[1, 2]], "a segment for each"),
         ("segments", [[1, -2]] * 3, "whole numbers"),

@@ -10,7 +10,7 @@ import pytest
 
 from lfcore.lightfield import LightField
 from lfcore.storage import metadata
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import FrameLayout
 
 ROOT = Path(__file__).parents[2]
@@ -34,7 +34,7 @@ def reader():
     ],
 )
 def test_the_small_reader_reads_what_the_library_reads(tmp_path, make_store, layout, codec):
-    stored = make_store(tmp_path, layout, CodecSpec(codec, layout.pixel_format, crf=20))
+    stored = make_store(tmp_path, layout, Encoding(codec, layout.pixel_format, crf=20))
     about, rays = reader().read(stored.path)
     n, m = layout.views, layout.pixels
     assert rays.shape == (n, n, m, m, 3) and about["layout"] == layout.to_json()

@@ -8,7 +8,7 @@ import pytest
 
 from lfcore.errors import StorageError
 from lfcore.optics.array import CameraArray
-from lfcore.storage.codecs import SMALLEST_FRAME, CodecSpec
+from lfcore.storage.codecs import SMALLEST_FRAME, Encoding
 from lfcore.storage.container import join_segments, write_batch
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
@@ -44,7 +44,7 @@ def psnr(a, b) -> float:
     ("libsvtav1", "yuv420p"), ("ffv1", "gbrp"), ("ffv1", "yuv420p"),
 ])  # fmt: skip
 def test_joining_is_bit_exact(tmp_path, make_store, codec, name):
-    spec = CodecSpec(codec, name, crf=10, preset=PRESETS[codec])
+    spec = Encoding(codec, name, crf=10, preset=PRESETS[codec])
     stored = make_store(tmp_path, macropixels(codec, 4, 9, name), spec)
     light_field = LightFieldFile.open(stored.path)
     light_field.verify()
@@ -72,7 +72,7 @@ def test_joining_is_bit_exact(tmp_path, make_store, codec, name):
 ])  # fmt: skip
 def test_parts_equal_the_whole(tmp_path, make_store, kind, views, pixels, pack, order, name):
     layout = FrameLayout(kind, views, pixels, order, pack, name)
-    stored = make_store(tmp_path, layout, CodecSpec("ffv1", name, gop=4))
+    stored = make_store(tmp_path, layout, Encoding("ffv1", name, gop=4))
     light_field = LightFieldFile.open(stored.path)
     whole = everything(light_field)
     error = np.abs(whole / 255 - truth(stored.field)).max()
@@ -90,7 +90,7 @@ def test_subsampled_colour_does_not_leak_between_neighbours(tmp_path, make_store
     for pack in (1, 3):
         (tmp_path / str(pack)).mkdir()
         layout = FrameLayout("macropixels", 5, 6, "raster", pack, "yuv420p10le")
-        stored = make_store(tmp_path / str(pack), layout, CodecSpec("ffv1", "yuv420p10le"))
+        stored = make_store(tmp_path / str(pack), layout, Encoding("ffv1", "yuv420p10le"))
         found.append(everything(LightFieldFile.open(stored.path)))
     assert (found[0] == found[1]).all()
 
@@ -125,7 +125,7 @@ def test_the_same_segments_give_the_same_file(tmp_path, stored):
     join_segments(
         tmp_path / "again.mkv", stored.segments, stored.tiles, stored.layout,
         geometry=stored.slab, scene={"name": "waves", "digest": "0123"},
-        spec=CodecSpec("libx264", "yuv444p", crf=6, preset="veryfast", gop=6),
+        spec=Encoding("libx264", "yuv444p", crf=6, preset="veryfast", gop=6),
     )  # fmt: skip
     assert (tmp_path / "again.mkv").read_bytes() == stored.path.read_bytes()
 
@@ -156,13 +156,13 @@ def test_segments_that_do_not_fit_are_refused(tmp_path, stored):
     good, layout = list(stored.segments), stored.layout
     size = layout.frame_width, layout.frame_height
     other = tmp_path / "other.mp4"
-    with SegmentWriter(other, CodecSpec("libx264", "yuv444p", refs=3, bframes=0), *size) as writer:
+    with SegmentWriter(other, Encoding("libx264", "yuv444p", refs=3, bframes=0), *size) as writer:
         writer.write(stored.frames[2])
     short = tmp_path / "short.mp4"
-    with SegmentWriter(short, CodecSpec("libx264", "yuv444p"), *size) as writer:
+    with SegmentWriter(short, Encoding("libx264", "yuv444p"), *size) as writer:
         writer.write(stored.frames[2][:5])
     small = tmp_path / "small.mp4"
-    with SegmentWriter(small, CodecSpec("libx264", "yuv420p"), 32, 32) as writer:
+    with SegmentWriter(small, Encoding("libx264", "yuv420p"), 32, 32) as writer:
         writer.write(np.zeros((36, 1536), np.uint8))
     cut = tmp_path / "cut.mp4"
     cut.write_bytes(good[2].read_bytes()[:-100])
@@ -187,7 +187,7 @@ def test_a_file_stays_open_and_its_decoders_have_the_threads_asked_for(
     """Read again and from several threads at once: the same, opened once for each reader."""
     from lfcore.storage import stored_video
 
-    spec = CodecSpec("libx264", "yuv444p", crf=20, preset="veryfast", gop=3)
+    spec = Encoding("libx264", "yuv444p", crf=20, preset="veryfast", gop=3)
     made = make_store(tmp_path, FrameLayout("views", 4, 20, pixel_format="yuv444p"), spec)
     opened = []
 
@@ -218,7 +218,7 @@ def test_a_file_stays_open_and_its_decoders_have_the_threads_asked_for(
 @pytest.mark.parametrize("codec", ["libx264", "libx265", "libsvtav1", "ffv1"])
 def test_batches_join_to_the_same_bytes(tmp_path, make_store, codec):
     """Whatever segments went into a batch, and batches of batches: the file is the same."""
-    spec = CodecSpec(codec, "yuv420p", tune=None, preset=PRESETS[codec])
+    spec = Encoding(codec, "yuv420p", tune=None, preset=PRESETS[codec])
     stored = make_store(tmp_path, macropixels(codec, 8, 12), spec, tiles=5)
     assert len(stored.tiles) >= 5
     batches = [tmp_path / f"{k}.batch" for k in range(3)]

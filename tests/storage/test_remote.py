@@ -14,7 +14,7 @@ import pytest
 from lfcore.cli import main
 from lfcore.errors import StorageError
 from lfcore.lightfield import LightField
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.ebml import scan
 from lfcore.storage.layout import FrameLayout
 
@@ -76,7 +76,7 @@ def large(request, make_store, tmp_path_factory):
     """A file of some megabytes in many segments: lossless, of two layouts."""
     layout = FrameLayout(request.param, 8, 160, pixel_format="gbrp")
     folder = tmp_path_factory.mktemp("large")
-    return make_store(folder, layout, CodecSpec("ffv1", "gbrp"), tiles=8)
+    return make_store(folder, layout, Encoding("ffv1", "gbrp"), tiles=8)
 
 
 def test_a_view_or_macropixel_costs_its_tiles(large):
@@ -161,7 +161,7 @@ def test_depths_are_read_by_url_too(tmp_path):
     from lfcore.api import load_scene, record
 
     scene = load_scene(Path(__file__).parents[2] / "scenes" / "chart")
-    local = record(scene, tmp_path / "a.mkv", pixels=16, depth_stream=True)
+    local = record(scene, tmp_path / "a.mkv", pixels=16, encoding=Encoding(depth=True))
     with Server(local.path) as server:
         field = LightField.open(server.url)
         np.testing.assert_array_equal(field.refocus(), local.refocus())

@@ -3,6 +3,7 @@
 import resource
 import subprocess
 import sys
+from dataclasses import replace
 
 import av
 import cv2
@@ -13,16 +14,17 @@ from hypothesis import strategies as st
 
 from lfcore.colour import to_uint8
 from lfcore.errors import StorageError
-from lfcore.storage.codecs import CODECS, SMALLEST_FRAME, CodecSpec
+from lfcore.storage.codecs import CODECS, SMALLEST_FRAME, Encoding
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
 
 PRESETS = {"libx264": "veryfast", "libx265": "superfast", "libsvtav1": "12", "ffv1": None}
+PLAIN = Encoding(pixel_format="yuv420p", crf=22, preset="veryfast")
 ALL = [(codec, name) for codec, names in CODECS.items() for name in names]
 
 
-def spec_of(codec: str, name: str, **settings) -> CodecSpec:
-    return CodecSpec(codec, name, preset=PRESETS[codec], **{"crf": 8, **settings})
+def spec_of(codec: str, name: str, **settings) -> Encoding:
+    return Encoding(codec, name, preset=PRESETS[codec], **{"crf": 8, **settings})
 
 
 def clip(width: int, height: int, count: int) -> np.ndarray:
@@ -110,7 +112,7 @@ def test_the_same_input_gives_the_same_file(tmp_path, codec, size):
 
 @pytest.mark.parametrize("frames", [1, 2, 3])
 def test_a_segment_of_few_frames_is_the_same_file_each_time(tmp_path, frames):
-    spec, rgb = CodecSpec("libx265", "yuv420p", preset="fast"), clip(96, 96, frames)
+    spec, rgb = Encoding("libx265", "yuv420p", preset="fast"), clip(96, 96, frames)
     files = set()
     for _ in range(12):
         encode(tmp_path / "s.mp4", spec, rgb)
@@ -163,7 +165,7 @@ def test_subsampled_colour_agrees_with_accurate_conversion(tmp_path):
 ])  # fmt: skip
 def test_impossible_settings_are_refused(settings, words):
     with pytest.raises(StorageError, match=words):
-        CodecSpec(**settings)
+        Encoding(**settings)
 
 
 @pytest.mark.parametrize("size", [(63, 64), (128, 32)])
@@ -178,7 +180,7 @@ def test_frames_come_out_of_the_encoder_after_as_many_as_it_looks_ahead(tmp_path
     """What it holds until then is most of its memory."""
     frames, held = frames_from_rgb(clip(128, 128, 60), "yuv420p"), []
     for ahead in (40, 5):
-        spec = CodecSpec(preset="medium", lookahead=ahead)
+        spec = replace(PLAIN, preset="medium", lookahead=ahead)
         with (
             pytest.raises(KeyboardInterrupt),
             SegmentWriter(tmp_path / "s.mp4", spec, 128, 128) as writer,
@@ -189,36 +191,29 @@ def test_frames_come_out_of_the_encoder_after_as_many_as_it_looks_ahead(tmp_path
     assert held[0] - held[1] == 35
 
 
-def test_settings_survive_json():
-    spec = CodecSpec(gop=12, refs=2, lookahead=9, extra=(("subme", "1"),))
-    assert CodecSpec.from_json(spec.to_json()) == spec
-    with pytest.raises(StorageError, match="quality"):
-        CodecSpec.from_json({"quality": 3})
-
-
 def test_failures_leave_no_file(tmp_path):
     path = tmp_path / "s.mp4"
     with (
         pytest.raises(StorageError, match="libx264"),
-        SegmentWriter(path, CodecSpec(preset="warp"), 32, 32) as writer,
+        SegmentWriter(path, replace(PLAIN, preset="warp"), 32, 32) as writer,
     ):
         writer.write(np.zeros((1, 1536), np.uint8))
     with (
         pytest.raises(StorageError, match="without frames"),
-        SegmentWriter(path, CodecSpec(), 32, 32),
+        SegmentWriter(path, PLAIN, 32, 32),
     ):
         pass
     with (
         pytest.raises(StorageError, match="frames must be"),
-        SegmentWriter(path, CodecSpec(), 32, 32) as writer,
+        SegmentWriter(path, PLAIN, 32, 32) as writer,
     ):
         writer.write(np.zeros((1, 1535), np.uint8))
-    with pytest.raises(ZeroDivisionError), SegmentWriter(path, CodecSpec(), 32, 32) as writer:
+    with pytest.raises(ZeroDivisionError), SegmentWriter(path, PLAIN, 32, 32) as writer:
         writer.write(np.zeros((1, 1536), np.uint8))
         raise ZeroDivisionError
     with (
         pytest.raises(StorageError, match="missing"),
-        SegmentWriter(tmp_path / "missing" / "s.mp4", CodecSpec(), 32, 32),
+        SegmentWriter(tmp_path / "missing" / "s.mp4", PLAIN, 32, 32),
     ):
         pass
     assert list(tmp_path.iterdir()) == []
@@ -228,12 +223,12 @@ FULL_DISK = """
 import resource, sys
 import numpy as np
 from lfcore.errors import StorageError
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.segment import SegmentWriter
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 noise = np.random.default_rng(0).integers(16, 235, (40, 64 * 96), np.uint8)
 try:
-    with SegmentWriter(sys.argv[1], CodecSpec("ffv1", "yuv420p", gop=1), 64, 64) as writer:
+    with SegmentWriter(sys.argv[1], Encoding("ffv1", "yuv420p", gop=1), 64, 64) as writer:
         writer.write(noise)
 except StorageError as error:
     sys.exit(str(error))
@@ -254,7 +249,7 @@ def test_unreadable_segments_are_named(tmp_path):
     path = tmp_path / "s.mp4"
     with pytest.raises(StorageError, match="no such file"):
         SegmentReader(path)
-    encode(path, CodecSpec(), clip(32, 32, 5))
+    encode(path, PLAIN, clip(32, 32, 5))
     path.write_bytes(path.read_bytes()[:-40])
     with pytest.raises(StorageError, match=r"s\.mp4"):
         SegmentReader(path)

@@ -8,7 +8,7 @@ from lfcore.opencl.device import open_device
 from lfcore.optics import bundles
 from lfcore.optics.slab import Slab
 from lfcore.oracle import colour as truth
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.pixels import PIXEL_FORMATS
 from lfcore.storage.segment import SegmentReader, SegmentWriter
@@ -102,7 +102,7 @@ def test_one_lane_gives_the_same_codes(tracers, name):
 @pytest.mark.parametrize("name", ["gbrp", "yuv444p10le"])
 def test_a_lossless_codec_gives_the_codes_back(tracers, tmp_path, name):
     layout = FrameLayout("views", 3, 37, pixel_format=name)
-    frames, spec = traced(tracers[None], layout), CodecSpec("ffv1", name, preset=None, tune=None)
+    frames, spec = traced(tracers[None], layout), Encoding("ffv1", name, preset=None, tune=None)
     with SegmentWriter(tmp_path / "0.mp4", spec, layout.frame_width, layout.frame_height) as out:
         out.write(frames)
     read = np.concatenate(list(SegmentReader(tmp_path / "0.mp4").frames()))

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tracing_scenes import CAMERA
 
-from lfcore.optics.bundles import Lattice, macropixels, views
+from lfcore.optics.bundles import ElementLattice, macropixels, views
 from lfcore.optics.slab import Slab
 from lfcore.tracing.packets import Groups, PacketShape, ranks
 from lfcore.tracing.plan import (
@@ -118,7 +118,7 @@ def test_leaves_in_the_way_of_a_narrow_block_are_fewer():
 
 
 def test_a_lattice_gives_its_elements():
-    lattice = Lattice(5, 0.01, -0.002)
+    lattice = ElementLattice(5, 0.01, -0.002)
     assert np.array_equal(lattice.middles([[2, 2]]), np.zeros((1, 4), np.float32))
     found = lattice.middles(np.array([[0, 4], [1.5, 2]]))
     expected = [[-0.02, 0.02, 0.004, -0.004], [-0.005, 0, 0.001, 0]]

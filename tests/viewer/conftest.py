@@ -6,7 +6,7 @@ import pytest
 from two_planes import FAR, NEAR, PIXELS, SLAB, VIEWS, two_planes
 
 from lfcore.lightfield import LightField
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentWriter
@@ -21,7 +21,7 @@ def field(tmp_path_factory):
     pictures = two_planes()
     step = SLAB.pixel_pitch / SLAB.lens_pitch_m
     depths = [1 / (SLAB.camera.delta + disparity * step) for disparity in (NEAR, FAR)]
-    spec = CodecSpec("ffv1", "gbrp")
+    spec = Encoding("ffv1", "gbrp")
     with SegmentWriter(folder / "0.mp4", spec, PIXELS, PIXELS) as writer:
         for i, j in tile.elements():
             writer.write(frames_from_rgb(pictures[j, i][None], "gbrp"))

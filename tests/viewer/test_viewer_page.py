@@ -21,7 +21,7 @@ from PIL import Image
 from two_planes import FAR, NEAR, PIXELS, SLAB, VIEWS
 
 import lfcore.viewer.page as viewer_page
-from lfcore import load_scene, record
+from lfcore import Lattice, load_scene, record
 from lfcore.cli import main
 from lfcore.errors import StorageError
 from lfcore.lightfield import LightField
@@ -105,9 +105,7 @@ def test_the_map_knows_near_from_far(field):
 def test_the_map_is_the_depth_that_the_file_holds(tmp_path):
     """As traced, to the steps of the stored codes and of the map's."""
     scene = load_scene(CHART)
-    field = record(
-        scene, tmp_path / "d.mkv", views=3, pixels=24, depth_stream=True, lattice="plain"
-    )
+    field = record(scene, tmp_path / "d.mkv", views=Lattice(3, displaced=False), pixels=24)
     html = field.viewer().html
     data = described(html)["map"]
     assert "the file holds depth" in html and "estimate" not in re.sub("<script.*", "", html)
@@ -125,9 +123,7 @@ def test_the_map_is_the_depth_that_the_file_holds(tmp_path):
 def test_a_smaller_map_takes_pixels_and_no_means(tmp_path, monkeypatch):
     monkeypatch.setattr(viewer_page, "MAP_SIDE", 16)
     scene = load_scene(CHART)
-    field = record(
-        scene, tmp_path / "d.mkv", views=3, pixels=24, depth_stream=True, lattice="plain"
-    )
+    field = record(scene, tmp_path / "d.mkv", views=Lattice(3, displaced=False), pixels=24)
     data = described(field.viewer().html)["map"]
     codes = np.frombuffer(base64.b64decode(data["data"]), np.uint8)
     assert (data["width"], data["height"]) == (16, 16)

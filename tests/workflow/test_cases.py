@@ -13,6 +13,7 @@ from lfcore.errors import SettingsError, StorageError
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.storage import defaults
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.pixels import PIXEL_FORMATS
 from lfcore.workflow import cases, costs
 from lfcore.workflow.settings import check_settings
@@ -39,10 +40,10 @@ def test_tiles_cover_all_rays_and_keep_to_their_bytes(kind, views):
 
 def test_layout_and_encoder_follow_what_measured_best():
     for views in (16, 64, 512):
-        layout, spec = cases.frame_layout(settings(), views), cases.codec_spec(settings(), views)
+        layout, spec = cases.frame_layout(settings(), views), cases.encoding(settings(), views)
         assert layout.kind == defaults.default_kind(views, 128)
         assert layout.pack == defaults.default_pack(views, 128)
-        assert spec == defaults.default_spec(views)
+        assert spec == defaults.chosen_encoding(views)
         assert layout.pixel_format == spec.pixel_format
 
 
@@ -51,12 +52,12 @@ def test_what_is_said_goes_before_what_measured_best():
     assert cases.frame_layout(settings(layout=macropixels), 16).pack == 8
     assert cases.frame_layout(settings(layout=macropixels | {"pack": 3}), 16).pack == 3
     assert cases.frame_layout(settings(layout=macropixels, spatial_resolution=16), 2).pack == 8
-    spec = cases.codec_spec(settings(encoder={"crf": 12, "pixel_format": "yuv444p"}), 512)
+    spec = cases.encoding(settings(encoder={"crf": 12, "pixel_format": "yuv444p"}), 512)
     assert (spec.crf, spec.pixel_format) == (12, "yuv444p")
-    assert spec.preset == defaults.default_spec(512).preset
-    slow = cases.codec_spec(settings(encoder={"preset": "slow"}), 512)
+    assert spec.preset == defaults.chosen_encoding(512).preset
+    slow = cases.encoding(settings(encoder={"preset": "slow"}), 512)
     assert (slow.preset, slow.bframes, slow.refs) == ("slow", None, None)
-    assert slow.lookahead is None and spec.lookahead == defaults.default_spec(512).lookahead
+    assert slow.lookahead is None and spec.lookahead == defaults.chosen_encoding(512).lookahead
 
 
 @pytest.mark.parametrize("name", sorted(PIXEL_FORMATS))
@@ -75,12 +76,12 @@ def test_every_pixel_format_of_the_store_can_be_said(name):
 )
 def test_other_codecs_have_their_own_presets(codec, preset, crf, pixel_format):
     """The same, whether the workflow or the command line asks."""
-    spec = cases.codec_spec(settings(encoder={"codec": codec}), 64)
+    spec = cases.encoding(settings(encoder={"codec": codec}), 64)
     assert (spec.codec, spec.preset, spec.crf) == (codec, preset, crf)
     assert (spec.pixel_format, spec.gop) == (pixel_format, defaults.KEY_EVERY)
-    assert spec == defaults.codec_spec(64, codec)
+    assert spec == defaults.chosen_encoding(64, Encoding(codec))
     words = ["trace", "scene", "-o", "x.mkv", "--codec", codec]
-    assert spec == defaults.codec_spec(64, **encoder(parser(words).parse_args(words)))
+    assert spec == defaults.chosen_encoding(64, encoder(parser(words).parse_args(words)))
 
 
 def test_frames_too_small_for_the_encoder_are_refused_before_a_run():
@@ -179,7 +180,7 @@ def test_an_aperture_stack_closes_by_stops():
 
 
 def test_lossless_storage_takes_no_preset():
-    spec = cases.codec_spec(settings(encoder={"codec": "ffv1"}), 16)
+    spec = cases.encoding(settings(encoder={"codec": "ffv1"}), 16)
     assert spec.lossless and spec.preset is None and spec.threads == 1
 
 

@@ -7,8 +7,8 @@ from lfcore.errors import SettingsError
 from lfcore.evaluation.true_picture.reference import true_pictures
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import open_device
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
-from lfcore.rendering.by_depth import RayCount
 from lfcore.scene.build import build_scene
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
@@ -31,18 +31,18 @@ def test_a_pilot_chooses_what_the_worst_plane_takes(tracer, tmp_path):
     planes = [SensorPlane(focus, 2 * camera.f_number) for focus in (1.0, 1.6)]
     chosen = choose_rays(tracer, planes, PIXELS, 32.0)
     more = choose_rays(tracer, planes, PIXELS, 38.0)
-    count = chosen.planned.count
-    assert more.planned.count.rays_a_pixel > 2 * count.rays_a_pixel
+    count = chosen.planned.lattice
+    assert more.planned.lattice.rays_per_pixel > 2 * count.rays_per_pixel
     assert chosen.planned.expected_db >= 32 - 0.5
     # The pilot has 9 rays a pixel at least, and no more than it must once a tenth is more.
-    assert more.planned.pilot_rays <= max(9.5, 0.2 * more.planned.count.rays_a_pixel)
+    assert more.planned.pilot_rays <= max(9.5, 0.2 * more.planned.lattice.rays_per_pixel)
     assert chosen.lens.f_number == 2 * camera.f_number, "nothing is traced that no plane asks for"
 
     pictures = chosen.pictures(tracer)
     file = tmp_path / "auto.mkv"
     size = chosen.record(file, tracer, settings["encoder"], settings["layout"])
     stored = chosen.stored_pictures(file, tracer)
-    truth = true_pictures(tracer, planes, PIXELS, (RayCount(10, 3), RayCount(8, 4)))
+    truth = true_pictures(tracer, planes, PIXELS, (Lattice(10, 3), Lattice(8, 4)))
     row = chosen.row(truth, pictures, stored, scene="chart", quality_db=32.0, bytes=size)
     assert set(row) == set(COLUMNS) and row["bytes"] == file.stat().st_size
     by_plane = truth.psnr(pictures)

@@ -65,7 +65,7 @@ def test_a_sweep_is_measured_and_joined(tmp_path):
         Slab(CAMERA, 4, 16),
         cases.tiles(one, 4),
         [SensorPlane(2.0, 2.0)],
-        {case: cases.codec_spec(settings, 4) for case, settings in study.items()},
+        {case: cases.encoding(settings, 4) for case, settings in study.items()},
         tmp_path,
     )
     table = joined(sweep, rows[::-1])

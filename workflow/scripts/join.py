@@ -26,7 +26,7 @@ with job(snakemake.log[0], snakemake.threads):
             facts,
             slab,
             cases.tiles(params, slab.views),
-            cases.codec_spec(params, slab.views),
+            cases.encoding(params, slab.views),
             scene={"name": snakemake.wildcards.scene, "digest": file_digest(given.scene)},
             progress=log_progress("segments"),
         )

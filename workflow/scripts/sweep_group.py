@@ -19,7 +19,7 @@ with job(snakemake.log[0], snakemake.threads):
         Slab(scene.camera, n, one["spatial_resolution"]),
         cases.tiles(one, n),
         cases.sensor_planes(one["planes"], scene.camera, scene.focus_distances_m),
-        {case: cases.codec_spec(settings, n) for case, settings in params.study.items()},
+        {case: cases.encoding(settings, n) for case, settings in params.study.items()},
         Path(snakemake.output[0]).parent,
         progress=log_progress("tiles"),
     )

@@ -23,7 +23,7 @@ with job(snakemake.log[0], snakemake.threads):
         tiles,
         planes,
         segments=output.segments if params.store else None,
-        spec=cases.codec_spec(params, slab.views),
+        spec=cases.encoding(params, slab.views),
         progress=log_progress("tiles"),
     )
     sums.save(output.planes)

@@ -4,8 +4,8 @@ from lfcore.evaluation.true_picture.peers import peer_rows
 from lfcore.evaluation.true_picture.points import NEAREST, method_rows, plane_rows
 from lfcore.evaluation.true_picture.reference import load_reference
 from lfcore.files import read_json, write_json
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.plane_pictures import load_stack
-from lfcore.rendering.by_depth import RayCount
 from lfcore.workflow.job import job
 from lfcore.workflow.tracers import open_tracer
 
@@ -22,7 +22,7 @@ with job(snakemake.log[0], snakemake.threads):
             wide, load_stack(stack)[0], scene=tracer.scene.name, method=NEAREST,
             lattice=f"{views} x 1", rays=traced["rays"], seconds=traced["seconds"],
         )  # fmt: skip
-    counts = [RayCount(int(views), subpixels) for views, subpixels in params.study["lattices"]]
+    counts = [Lattice(int(views), subpixels) for views, subpixels in params.study["lattices"]]
     asked = params.study["qualities_db"]
     rows += method_rows(tracer, [wide], counts, [], asked, params.study["peers_db"])
     rows += peer_rows(tracer.scene, wide.planes, wide.pixels, params.study["peers_db"])

@@ -106,8 +106,8 @@ class Storing(Program):
         return super().bytes + self.file.stat().st_size
 
     def run(self) -> TileTracing:
-        spec = defaults.default_spec(self.slab.views)
-        tile, segment = self.tile(spec.pixel_format), self.file.with_name("0.mp4")
+        spec = defaults.chosen_encoding(self.slab.views)
+        tile, segment = self.tile(spec.stored_format), self.file.with_name("0.mp4")
         tracing, _ = record_tile(self.tracer, self.slab, tile, segment, spec, self.planes)
         scene = {"name": self.tracer.scene.name, "digest": "0" * 64}
         join_segments(

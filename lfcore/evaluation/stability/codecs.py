@@ -19,7 +19,7 @@ import numpy as np
 
 from lfcore.evaluation.stability.measurement import NO_ANSWER, Bound, Measurement, measured, sweep
 from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
@@ -109,21 +109,21 @@ def _rms(found: np.ndarray, rgb: np.ndarray) -> float:
     return float(255 * np.sqrt(((found - rgb) ** 2).mean()))
 
 
-def _round_trip(rgb: np.ndarray, spec: CodecSpec) -> np.ndarray:
+def _round_trip(rgb: np.ndarray, spec: Encoding) -> np.ndarray:
     side = rgb.shape[1]
-    layout = FrameLayout("views", 1, side, pixel_format=spec.pixel_format)
+    layout = FrameLayout("views", 1, side, pixel_format=spec.stored_format)
     width, height = layout.frame_width, layout.frame_height
-    frames = frames_from_rgb(rgb, spec.pixel_format, width, height)
+    frames = frames_from_rgb(rgb, spec.stored_format, width, height)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "segment.mp4"
         with SegmentWriter(path, spec, width, height) as writer:
             writer.write(frames)
         decoded = np.concatenate([block.copy() for block in SegmentReader(path).frames()])
-    pictures = rgb_from_frames(decoded, spec.pixel_format, width, height)
+    pictures = rgb_from_frames(decoded, spec.stored_format, width, height)
     return pictures[:, :side, :side]
 
 
-def _library(rgb: np.ndarray, spec: CodecSpec) -> np.ndarray:
+def _library(rgb: np.ndarray, spec: Encoding) -> np.ndarray:
     """The same by the library's defaults; of sides that the codec refuses no picture comes."""
     file = io.BytesIO()
     codes = np.rint(255 * rgb).astype(np.uint8)
@@ -131,7 +131,7 @@ def _library(rgb: np.ndarray, spec: CodecSpec) -> np.ndarray:
         with av.open(file, "w", format="matroska") as output:
             stream = output.add_stream(spec.codec, 25, width=rgb.shape[2], height=rgb.shape[1])
             assert isinstance(stream, av.VideoStream)
-            stream.pix_fmt = spec.pixel_format
+            stream.pix_fmt = spec.stored_format
             stream.options = {} if spec.lossless else {"crf": f"{spec.crf:g}"}
             for picture in codes:
                 output.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
@@ -147,8 +147,8 @@ def _library(rgb: np.ndarray, spec: CodecSpec) -> np.ndarray:
 @sweep("codec", "side", (1, 2, 15, 16, 33, 64))
 def hard_pictures(tracer: TracerUnderTest, side: int) -> Iterator[Measurement]:
     """All patterns at sides from one pixel on, odd ones among them."""
-    lossless = CodecSpec("ffv1", "yuv444p", preset=None, tune=None)
-    lossy = CodecSpec("libx264", "yuv420p", crf=float(CRF))
+    lossless = Encoding("ffv1", "yuv444p", preset=None, tune=None)
+    lossy = Encoding("libx264", "yuv420p", crf=float(CRF), preset="veryfast")
     for name, picture in _patterns(side).items():
         colour = picture.ndim == 4
         rgb = picture if colour else np.repeat(picture[..., None], 3, axis=-1)
@@ -159,7 +159,7 @@ def hard_pictures(tracer: TracerUnderTest, side: int) -> Iterator[Measurement]:
             yield _stored(f"codec 4:2:0 lossy, {name}", lossy, bound, rgb)
 
 
-def _stored(case: str, spec: CodecSpec, bound: Bound, rgb: np.ndarray) -> Measurement:
+def _stored(case: str, spec: Encoding, bound: Bound, rgb: np.ndarray) -> Measurement:
     return measured(
         case,
         bound,

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from lfcore.evaluation.storage.sample import Frames, own_planes, store, trace_sample
 from lfcore.progress import Progress, silent
 from lfcore.storage.curves import ORDERS
-from lfcore.storage.defaults import default_kind, default_pack, default_spec, macropixel_pack
+from lfcore.storage.defaults import chosen_encoding, default_kind, default_pack, macropixel_pack
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
 
@@ -26,15 +26,15 @@ def layouts(views: int, pixels: int, packs: Sequence[int]) -> Iterator[FrameLayo
     ``pixels`` are those of the sample.  Frames are no wider than 512 pixels, unless a single
     element is.
     """
-    spec, best = default_spec(views), min(macropixel_pack(views), pixels)
+    spec, best = chosen_encoding(views), min(macropixel_pack(views), pixels)
     for order in ORDERS:
-        yield FrameLayout("views", views, pixels, order, 1, spec.pixel_format)
+        yield FrameLayout("views", views, pixels, order, 1, spec.stored_format)
     for order in ORDERS:
-        yield FrameLayout("macropixels", views, pixels, order, best, spec.pixel_format)
+        yield FrameLayout("macropixels", views, pixels, order, best, spec.stored_format)
     for pack in packs:
         small = pack == 1 or pack * views <= LARGEST_FRAME_PX
         if pack != best and pack <= pixels and small:
-            yield FrameLayout("macropixels", views, pixels, ORDER, pack, spec.pixel_format)
+            yield FrameLayout("macropixels", views, pixels, ORDER, pack, spec.stored_format)
 
 
 def layout_rows(
@@ -61,7 +61,7 @@ def layout_rows(
         sample = trace_sample(tracer, planes, views=n, pixels=pixels, most_rays=rays)
         found = list(layouts(n, sample.slab.pixels, packs))
         for at, layout in enumerate(found):
-            known = store(Frames(sample, layout), default_spec(n), tracer.device)
+            known = store(Frames(sample, layout), chosen_encoding(n), tracer.device)
             known |= {"scene": sample.scene, "N": n, "M": pixels}
             known |= {"window": layout.pixels, "frame_px": layout.frame_width}
             known |= {"layout": layout.kind, "order": layout.order, "pack": layout.pack}

@@ -16,8 +16,8 @@ import pandas as pd
 
 from lfcore.evaluation.storage.sample import Frames, own_planes, store, trace_sample
 from lfcore.progress import Progress, silent
-from lfcore.storage.codecs import CodecSpec
-from lfcore.storage.defaults import CRF_SCALE, QUICK, default_kind, default_pack, default_spec
+from lfcore.storage.codecs import Encoding
+from lfcore.storage.defaults import CRF_SCALE, QUICK, chosen_encoding, default_kind, default_pack
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
 
@@ -33,6 +33,7 @@ BD_COLUMNS = [
 ANCHOR = "x264 medium 4:2:0"
 LEAST_OVERLAP = 0.5
 """Share of the anchor's range of PSNR below which a delta rate would say nothing."""
+PLAIN: dict = {"pixel_format": "yuv420p", "preset": "veryfast"}
 FFV1 = {"codec": "ffv1", "preset": None, "tune": None}
 SVT = {"codec": "libsvtav1", "pixel_format": "yuv420p"}
 
@@ -52,17 +53,17 @@ CURVES: Mapping[str, dict] = {
     "FFV1 4:4:4, lossless": FFV1 | {"pixel_format": "yuv444p"},
     "FFV1 RGB, lossless": FFV1 | {"pixel_format": "gbrp"},
 }
-"""Name of each curve, and what it changes of :class:`CodecSpec`'s defaults."""
+"""The name of each curve, and how it differs from :data:`PLAIN`."""
 
 
-def specs(crfs: Sequence[float], curves: Mapping[str, dict]) -> list[tuple[str, CodecSpec]]:
+def specs(crfs: Sequence[float], curves: Mapping[str, dict]) -> list[tuple[str, Encoding]]:
     """(curve, settings) of every point; lossless codecs have one.
 
     Raises :class:`StorageError` for settings that no encoder takes.
     """
     found = []
     for name, changes in curves.items():
-        spec = CodecSpec(**changes)
+        spec = Encoding(**(PLAIN | changes))
         scale = CRF_SCALE.get(spec.codec, 1.0)
         points = crfs[:1] if spec.lossless else crfs
         found += [(name, replace(spec, crf=min(63.0, scale * crf))) for crf in points]
@@ -96,10 +97,10 @@ def rate_rows(
         sample = trace_sample(tracer, planes, views=n, pixels=pixels, most_rays=rays)
         window, kind = sample.slab.pixels, default_kind(n, pixels)
         pack = min(default_pack(n, pixels), window)
-        here = [("default", default_spec(n)), *points]
+        here = [("default", chosen_encoding(n)), *points]
         fed: dict[str, Frames] = {}
         for name, spec in here:
-            form = spec.pixel_format
+            form = spec.stored_format
             if form not in fed:
                 layout = FrameLayout(kind, n, window, "serpentine", pack, form)
                 fed = {form: Frames(sample, layout)}

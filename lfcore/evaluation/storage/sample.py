@@ -30,7 +30,7 @@ from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.refocus.slicing import PlaneFormer
 from lfcore.rendering.record_depth import encode
 from lfcore.scene.model import Scene
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
@@ -131,7 +131,7 @@ class Frames:
         self.used[rows[first], columns[first]] = True
 
 
-def store(frames: Frames, spec: CodecSpec, device: Device) -> dict:
+def store(frames: Frames, spec: Encoding, device: Device) -> dict:
     """Encode, join, open and decode a sample, and compare: columns of the tables.
 
     Sizes are those of the file without its metadata, which are about as long in a large file and

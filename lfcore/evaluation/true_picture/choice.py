@@ -13,10 +13,10 @@ from lfcore.errors import LfcoreError
 from lfcore.evaluation.true_picture.points import BY_DEPTH, NEAREST, worst_planes
 from lfcore.evaluation.true_picture.reference import Reference
 from lfcore.opencl.device import programs_made
+from lfcore.optics.lattice import Lattice
 from lfcore.refocus.stored_depth import slice_stored
-from lfcore.rendering.by_depth import RayCount
 from lfcore.rendering.record_depth import depth_store, record_by_depth
-from lfcore.storage.defaults import codec_spec
+from lfcore.storage.defaults import chosen_encoding
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.timing import clocked_warm
 from lfcore.tracing.tracer import Tracer
@@ -30,7 +30,7 @@ COLUMNS = (
 """The last three are shares of the scene's first row, the thesis's recipe."""
 
 
-def recommended(rows: pd.DataFrame, target_db: float = TARGET_DB) -> RayCount:
+def recommended(rows: pd.DataFrame, target_db: float = TARGET_DB) -> Lattice:
     """The lattice of fewest rays whose worst plane reaches ``target_db``; if none, the truest.
 
     ``rows`` have the columns of :mod:`lfcore.evaluation.true_picture.points`; those through the
@@ -43,7 +43,7 @@ def recommended(rows: pd.DataFrame, target_db: float = TARGET_DB) -> RayCount:
     enough = worst[worst.psnr_true_db >= target_db]
     best = worst.loc[worst.psnr_true_db.idxmax() if enough.empty else enough.rays.idxmin()]
     views, subpixels = best.lattice.split(" x ")
-    return RayCount(int(views), float(subpixels))
+    return Lattice(int(views), float(subpixels))
 
 
 def thesis_recipe(
@@ -62,12 +62,12 @@ def thesis_recipe(
     )  # fmt: skip
 
 
-def our_choice(path: str | Path, tracer: Tracer, reference: Reference, count: RayCount) -> dict:
+def our_choice(path: str | Path, tracer: Tracer, reference: Reference, count: Lattice) -> dict:
     """The row of ``count``, recorded with depth to the file ``path``, without the shares.
 
     ``seconds`` trace and store it with one thread, ``read_seconds`` form all planes of it.
     """
-    spec = codec_spec(count.views, by_depth=True)
+    spec = chosen_encoding(count.views, by_depth=True)
     slab, store = depth_store(tracer.scene.camera, count, reference.pixels, spec)
     record = partial(record_by_depth, path, tracer, slab, store)
     _, seconds = clocked_warm(record, programs_made)

@@ -10,10 +10,11 @@ import pandas as pd
 
 from lfcore.evaluation.true_picture.reference import BELOW_DB, Reference
 from lfcore.opencl.device import programs_made
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.slab import Slab
-from lfcore.rendering.by_depth import RayCount, pictures_by_depth
+from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import trace_planes
-from lfcore.rendering.quality import WantedQuality
+from lfcore.rendering.quality import Quality, QualitySearch
 from lfcore.timing import clocked_warm
 from lfcore.tracing.tracer import Tracer
 
@@ -81,7 +82,7 @@ def plane_rows(
 def method_rows(
     tracer: Tracer,
     references: Sequence[Reference],
-    counts: Sequence[RayCount],
+    counts: Sequence[Lattice],
     nearest_views: Sequence[int],
     targets_db: Sequence[float] = (),
     one_picture_db: Sequence[float] = (),
@@ -126,9 +127,9 @@ def method_rows(
 def _to_quality(tracer: Tracer, reference: Reference, target: float) -> Iterator[dict]:
     """Rows of pictures that were asked for ``target`` dB."""
     scene, pixels = tracer.scene, reference.pixels
-    wanted = WantedQuality(tracer, scene.camera, reference.planes, pixels, target)
+    wanted = QualitySearch(tracer, scene.camera, reference.planes, pixels, Quality(target))
     made, seconds = clocked_warm(wanted.pictures, programs_made)
-    rays = [count.rays(pixels) for count in made.counts]
+    rays = [count.rays(pixels) for count in made.lattices]
     yield from plane_rows(
         reference, made.pictures, expected_db=made.expected_db.tolist(), scene=scene.name,
         method=TO_QUALITY, lattice=f"{target:g} dB", rays=sum(rays), seconds=seconds,

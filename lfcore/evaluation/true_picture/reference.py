@@ -12,9 +12,10 @@ import numpy as np
 from lfcore.colour import display_values
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.evaluation.metrics import psnr
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.plane_pictures import load_stack, save_stack
 from lfcore.optics.planes import SensorPlane
-from lfcore.rendering.by_depth import RayCount, pictures_by_depth
+from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.quality import BORDER
 from lfcore.tracing.tracer import Tracer
 
@@ -67,7 +68,7 @@ def true_pictures(
     tracer: Tracer,
     planes: Sequence[SensorPlane],
     pixels: int,
-    counts: Sequence[RayCount],
+    counts: Sequence[Lattice],
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> Reference:
@@ -85,7 +86,7 @@ def true_pictures(
             pictures_by_depth(tracer, tracer.scene.camera, [plane], pixels, count)[0]
             for count in counts
         ]
-        weights = [count.rays_a_pixel for count in counts]
+        weights = [count.rays_per_pixel for count in counts]
         pictures.append(np.average(pair, axis=0, weights=weights).astype(np.float32))
         # Independent errors of e and e are 2 e apart in mean squares, and their mean errs by e / 2;
         # what both spread alike is no disagreement, and was found to be as much again.
@@ -96,7 +97,7 @@ def true_pictures(
     return Reference(list(planes), np.stack(pictures), np.array(known), np.stack(square_error))
 
 
-def check_unlike(counts: Sequence[RayCount]) -> None:
+def check_unlike(counts: Sequence[Lattice]) -> None:
     """Raise :class:`OpticsError` for two lattices that would err alike."""
     one, two = counts
     if one.views == two.views or one.subpixels == two.subpixels:

@@ -15,9 +15,9 @@ from lfcore.evaluation.work_precision.measured_point import measured_point
 from lfcore.evaluation.work_precision.study import Study
 from lfcore.evaluation.work_precision.windows import Windows
 from lfcore.optics.camera import Camera
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.rendering.by_depth import RayCount
 from lfcore.rendering.direct import focused_camera, tile_sums
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
@@ -74,7 +74,7 @@ def true_windows(
 
     ``counts`` are two lattices, lens samples and rays of a pixel a side.
     """
-    lattices = [RayCount(int(views), subpixels) for views, subpixels in counts]
+    lattices = [Lattice(int(views), subpixels) for views, subpixels in counts]
     check_unlike(lattices)
     one, two = (
         samples.pictures(
@@ -83,7 +83,7 @@ def true_windows(
         )
         for count in lattices
     )  # fmt: skip
-    truth = np.average([one, two], axis=0, weights=[count.rays_a_pixel for count in lattices])
+    truth = np.average([one, two], axis=0, weights=[count.rays_per_pixel for count in lattices])
     return truth, np.square(one - two).mean(axis=-1) / 2
 
 

@@ -10,15 +10,16 @@ import numpy as np
 from lfcore.evaluation.true_picture.reference import Reference, true_pictures
 from lfcore.evaluation.work_precision.measured_point import measured_point
 from lfcore.evaluation.work_precision.study import Study
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import crossed_views
 from lfcore.optics.slab import Slab
 from lfcore.refocus.resampling import coverage
-from lfcore.rendering.by_depth import RayCount, trace_by_depth
+from lfcore.rendering.by_depth import trace_by_depth
 from lfcore.rendering.direct import trace_planes
 from lfcore.tracing.tracer import Tracer
 
-BY_DEPTH = RayCount(4, 1), RayCount(4, 1.5), RayCount(4, 2), RayCount(8, 2)
+BY_DEPTH = Lattice(4, 1), Lattice(4, 1.5), Lattice(4, 2), Lattice(8, 2)
 
 
 def refocused_picture(tracer: Tracer, pixels: int, counts: Sequence[Sequence[float]]) -> Reference:
@@ -28,7 +29,7 @@ def refocused_picture(tracer: Tracer, pixels: int, counts: Sequence[Sequence[flo
     """
     scene = tracer.scene
     plane = SensorPlane(min(scene.focus_distances_m), scene.camera.f_number)
-    lattices = [RayCount(int(views), subpixels) for views, subpixels in counts]
+    lattices = [Lattice(int(views), subpixels) for views, subpixels in counts]
     return true_pictures(tracer, [plane], pixels, lattices)
 
 

@@ -16,16 +16,17 @@ from lfcore.evaluation.true_picture.reference import Reference
 from lfcore.evaluation.work_precision.refocused import refocused_picture, refocused_row
 from lfcore.evaluation.work_precision.study import Study
 from lfcore.opencl.device import programs_made
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.ray_cells import crossed_views
 from lfcore.optics.slab import Slab
 from lfcore.refocus.slicing import form_planes
 from lfcore.refocus.stored_depth import slice_stored
-from lfcore.rendering.by_depth import RayCount, trace_by_depth
+from lfcore.rendering.by_depth import trace_by_depth
 from lfcore.rendering.depth import dioptre_range
 from lfcore.rendering.direct import trace_planes
 from lfcore.rendering.record_depth import RANGE_MARGIN, depth_store, encode, frames_by_depth
 from lfcore.storage import defaults
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import DepthSegments, join_segments
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.layout import Tile
@@ -45,7 +46,7 @@ class KeptRays:
     """
 
     slab: Slab
-    count: RayCount
+    count: Lattice
     tile: Tile
     frames: np.ndarray
     picture: np.ndarray
@@ -61,29 +62,28 @@ def storage(tracer: Tracer, study: Study) -> Iterator[dict]:
     """
     truth = refocused_picture(tracer, study.stored_pixels, study.truth)
     views, subpixels = study.stored_lattice
-    count = RayCount(int(views), subpixels)
+    count = Lattice(int(views), subpixels)
     kept: dict[str, KeptRays] = {}
     for codec in study.codecs:
         for crf in study.crfs:
             spec = _spec(codec, count.views, crf)
-            if spec.pixel_format not in kept:
-                kept[spec.pixel_format] = _rays_by_depth(tracer, truth, count, spec)
-            yield _stored(tracer, truth, kept[spec.pixel_format], spec, codec["name"])
+            if spec.stored_format not in kept:
+                kept[spec.stored_format] = _rays_by_depth(tracer, truth, count, spec)
+            yield _stored(tracer, truth, kept[spec.stored_format], spec, codec["name"])
     rays = _rays_of_grid(tracer, truth, study.video_views)
     for crf in study.crfs:
-        spec = replace(defaults.default_spec(rays.slab.views), threads=1, crf=float(crf))
+        spec = replace(defaults.chosen_encoding(rays.slab.views), threads=1, crf=float(crf))
         yield _stored(tracer, truth, rays, spec, f"{DEFAULT}, N = {rays.slab.views}")
 
 
-def _spec(codec: Mapping, views: int, crf: float) -> CodecSpec:
+def _spec(codec: Mapping, views: int, crf: float) -> Encoding:
     """A codec of the configuration: what it does not say is the default's."""
     given = {key: value for key, value in codec.items() if key not in ("name", "crf_offset")}
-    known = {key: given.pop(key) for key in ("codec", "pixel_format", "preset") if key in given}
     crf = float(crf + codec.get("crf_offset", 0))
-    return replace(defaults.codec_spec(views, crf=crf, by_depth=True, **known), **given)
+    return defaults.chosen_encoding(views, Encoding(crf=crf, **given), by_depth=True)
 
 
-def _rays_by_depth(tracer: Tracer, truth: Reference, count: RayCount, spec: CodecSpec) -> KeptRays:
+def _rays_by_depth(tracer: Tracer, truth: Reference, count: Lattice, spec: Encoding) -> KeptRays:
     pixels = truth.pixels
     slab, store = depth_store(tracer.scene.camera, count, pixels, spec)
     codes = DepthCodes.of_range(slab, *dioptre_range(tracer, slab, RANGE_MARGIN))
@@ -96,14 +96,16 @@ def _rays_by_depth(tracer: Tracer, truth: Reference, count: RayCount, spec: Code
 
 def _rays_of_grid(tracer: Tracer, truth: Reference, views: int) -> KeptRays:
     slab = Slab(tracer.scene.camera, views, truth.pixels)
-    layout = defaults.frame_layout(views, slab.pixels, defaults.default_spec(views).pixel_format)
+    layout = defaults.frame_layout(
+        views, slab.pixels, defaults.chosen_encoding(views).stored_format
+    )
     (tile,) = layout.tiles(slab.rays, least=1)
     frames = np.concatenate([chunk.frames.copy() for chunk in tracer.trace_tile(slab, tile)])
     picture = trace_planes(tracer, slab, truth.planes)[0]
-    return KeptRays(slab, RayCount(views, 1), tile, frames, picture)
+    return KeptRays(slab, Lattice(views, 1), tile, frames, picture)
 
 
-def _stored(tracer: Tracer, truth: Reference, rays: KeptRays, spec: CodecSpec, name: str) -> dict:
+def _stored(tracer: Tracer, truth: Reference, rays: KeptRays, spec: Encoding, name: str) -> dict:
     pixels, layout = truth.pixels, rays.tile.layout
     found: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -115,7 +117,7 @@ def _stored(tracer: Tracer, truth: Reference, rays: KeptRays, spec: CodecSpec, n
         if rays.depths is not None and rays.codes is not None:
             own = rays.codes.spec(rays.slab)
             streams.append((rays.depths, depths, own))
-            depth = DepthSegments([depths], rays.codes, "crossed", pixels, own)
+            depth = DepthSegments([depths], rays.codes, True, pixels, own)
 
         def encode_in_turn(_: int) -> None:
             for frames, segment, own in streams:

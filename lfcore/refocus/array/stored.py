@@ -17,7 +17,7 @@ from lfcore.files import draft_folder
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.refocus.views import read_views
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
@@ -32,7 +32,7 @@ def store_array(
     path: str | Path,
     image: np.ndarray,
     array: CameraArray,
-    spec: CodecSpec,
+    spec: Encoding,
     *,
     scene: dict,
     white: float | None = None,
@@ -59,7 +59,7 @@ def store_array(
     white = max(1.0, float(image.max())) if white is None else float(white)
     if not (white > 0 and np.isfinite(white)):
         raise OpticsError(f"must be positive and finite, not {white}", key="white")
-    layout = FrameLayout("views", array.cameras[0], array.tile[0], pixel_format=spec.pixel_format)
+    layout = FrameLayout("views", array.cameras[0], array.tile[0], pixel_format=spec.stored_format)
     whole = layout.tile(0, 0, layout.views, layout.views)
     size, cameras = (layout.frame_width, layout.frame_height), whole.elements()
     step = max(1, _CHUNK_PIXELS // layout.pixels**2)
@@ -69,7 +69,7 @@ def store_array(
             for start in range(0, len(cameras), step):
                 column, row = cameras[start : start + step].T
                 light = tiles[row, column].astype(np.float32) / np.float32(white)
-                writer.write(frames_from_rgb(srgb_encode(light), spec.pixel_format, *size))
+                writer.write(frames_from_rgb(srgb_encode(light), spec.stored_format, *size))
                 if progress is not None:
                     progress(min(start + step, len(cameras)), len(cameras))
         geometry = {**array.to_json(), "white": white}
