@@ -1,7 +1,7 @@
 """Blender's add-ons: IDLab's ``lightfield.json`` and gfxdisp's ``param.txt``.
 
-IDLab's planes hold poses, focal length and sensor.  gfxdisp's pictures are ``row_column``, counted
-from the bottom right camera; ``base_x`` is half of what the cameras span, in the scene's unit.
+IDLab's planes hold poses, focal length and sensor.  gfxdisp names pictures ``row_column``, counted
+from the bottom right camera; ``base_x`` is half the width of the grid, in the scene's unit.
 """
 
 from __future__ import annotations
@@ -121,13 +121,15 @@ def _read_text(path: Path) -> ViewGrid:
     steps = [2 * b / (n - 1) for b, n in zip(base, (columns, rows), strict=True) if n > 1]
     even = steps and max(steps) - min(steps) <= 0.01 * max(steps)
     geometry = Geometry(steps[0] if even else None, None, 0.0)
-    notes = () if even or not steps else ("steps across and down differ: spacing not taken over",)
+    notes = (
+        () if even or not steps else ("steps across and down differ: the spacing was not imported",)
+    )
     grid = folder.of_files(found, path.name, geometry=geometry, notes=notes)
     return grid.turned(left=True, up=True)
 
 
 def write(source: Source, folder: Path, options: WriteOptions) -> None:
-    """IDLab's plane: pictures in ``png``, poses in ``lightfield.json``, z up as in Blender."""
+    """Write IDLab's plane: pictures in ``png``, poses in ``lightfield.json``; z is up."""
     from scipy.spatial.transform import Rotation
 
     geometry = source.require_geometry(JSON)

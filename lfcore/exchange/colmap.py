@@ -1,7 +1,7 @@
-"""COLMAP's text model: one PINHOLE camera an image, so that principal points are exact.
+"""COLMAP's text model: one PINHOLE camera per image, so that principal points are exact.
 
-World and cameras have x right, y down, z forward; rotations are none.  ``points3D.txt`` is empty.
-A model is read back where its cameras stand parallel on a grid; its unit is taken for metres.
+World and cameras have x right, y down, z forward, without rotation.  ``points3D.txt`` is empty.
+A model can be imported if its cameras are parallel and on a grid; its unit is read as metres.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from lfcore.pictures import write_picture
 
 MODEL = Path("sparse") / "0"
 PARAMETERS = {"PINHOLE": (0, 2, 3), "SIMPLE_PINHOLE": (0, 1, 2), "OPENCV": (0, 2, 3)}
-"""Where focal length and principal point stand among a camera's numbers."""
+"""The places of focal length and principal point among a camera's parameters."""
 
 
 def recognise(path: Path) -> bool:
@@ -35,7 +35,7 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
     poses: list[np.ndarray] = []
     lenses: list[list[float]] = []
     files: list[Path] = []
-    # Every other line has an image's points, and may be empty.
+    # Every second line has the points of an image, and may be empty.
     for line in _lines(file)[::2]:
         words = line.split()
         try:
@@ -79,7 +79,7 @@ def _cameras(file: Path) -> dict[str, list[float]]:
 
 
 def _lines(file: Path) -> list[str]:
-    """Lines without comments; empty ones stay, for they count."""
+    """The lines without comments; empty lines are kept, as images have two lines each."""
     try:
         lines = file.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:

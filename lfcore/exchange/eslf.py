@@ -1,7 +1,7 @@
-"""ESLF, as Lytro Power Tools and Stanford's multi-view sets have it: one picture of macropixels.
+"""ESLF, the format of Lytro Power Tools and Stanford's multi-view sets: a picture of macropixels.
 
-Pixel ``(v T + t, u S + s)`` is pixel (u, v) of the view in column s and row t.  Lytro's are of 14 x
-14 views, the corners of which are black; an alpha channel is a weight and left out.
+Pixel ``(v T + t, u S + s)`` is pixel (u, v) of the view in column s and row t.  Lytro's pictures
+have 14 x 14 views, and black corners; an alpha channel is a weight and is left out.
 """
 
 from __future__ import annotations

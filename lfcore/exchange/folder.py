@@ -1,6 +1,6 @@
-"""Any folder of pictures: one view a file, by two numbers in the names or by their order.
+"""Any folder of pictures: one view per file, by two numbers in the names or by their order.
 
-PlenoptiCam's ``viewpoints_9px/00_00.png`` (row_column) are of this kind.
+PlenoptiCam's ``viewpoints_9px/00_00.png`` (row_column) is an example.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
 
 
 def of_files(files: list[list[Path]], name: str, **more: Any) -> ViewGrid:
-    """A grid of ``files[row][column]``, all of the first one's size."""
+    """The grid of ``files[row][column]``, all of the size of the first."""
     size = pictures.size_of(files[0][0])
     return ViewGrid(
         len(files[0]), len(files), *size, lambda i, j: pictures.read(files[j][i], size), name,
@@ -42,9 +42,9 @@ def of_files(files: list[list[Path]], name: str, **more: Any) -> ViewGrid:
 
 
 def by_numbers(files: list[Path], folder: Path, order: Order) -> list[list[Path]] | None:
-    """``files[row][column]`` of names that end in two numbers; None where not all do.
+    """``files[row][column]`` by the two numbers at the end of each name; None if a name has none.
 
-    Raises :class:`ExchangeError` when a view is missing or there twice.
+    Raises :class:`ExchangeError` when a view is missing or is there twice.
     """
     found = [(file, match) for file in files if (match := _TWO.search(file.stem))]
     if len(found) < len(files):
@@ -72,16 +72,16 @@ def by_numbers(files: list[Path], folder: Path, order: Order) -> list[list[Path]
 def in_order(
     files: list[Path], folder: Path, grid: tuple[int, int] | None, order: Order
 ) -> list[list[Path]]:
-    """``files[row][column]`` of views in the order of their names.
+    """``files[row][column]`` by the order of the names.
 
-    Raises :class:`ExchangeError` when their number is not that of the grid.
+    Raises :class:`ExchangeError` when the grid has another number of views.
     """
     if grid is None:
         side = math.isqrt(len(files))
         if side * side != len(files):
             raise ExchangeError(
-                f"holds {len(files)} pictures, no square number, and their names do not number "
-                "rows and columns",
+                f"holds {len(files)} pictures, which is no square number, and their names do not "
+                "number rows and columns",
                 file=folder,
                 remedy="Give --grid COLUMNSxROWS",
             )

@@ -1,8 +1,8 @@
-"""A grid of views from anywhere: how many, how large, how to read one, and what is known of it.
+"""A grid of views of any origin: how many, how large, a function that reads one, and its geometry.
 
-Column 0 is the leftmost camera, row 0 the top one, both as the cameras see the world; pixels
-likewise.  Reading is lazy: a format's reader looks at names and sizes, and views are read when
-they are encoded.
+Column 0 is the leftmost camera, row 0 the top one, both as the cameras see the world; pixels are
+counted alike.  Reading is lazy: a format's reader looks at names and sizes, and a view is read
+when it is encoded.
 """
 
 from __future__ import annotations
@@ -21,29 +21,35 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Extent, Slab
 
 NOMINAL_PITCH_M, NOMINAL_FIELD, NOMINAL_DELTA = 1.0, 1.0, 1.0
-"""Of a slab whose lengths mean nothing: it keeps disparities alone, from minus M pixels on."""
+"""The lengths of a slab of unknown geometry: only its disparities count, from -M pixels on."""
 
 MOST_VIEWS = 4096
-"""A side: as a camera array of a scene has at most."""
+"""The largest number of views per side, as for a scene's camera array."""
 
 
 class ExchangeError(StorageError):
-    """A light field of others that is incomplete or contradicts itself."""
+    """A light field of another program that is incomplete or contradicts itself."""
 
 
 def unreadable(file: Path, error: Exception, problem: str = "cannot be read") -> ExchangeError:
-    """The error of a file that other code could not read, with the beginning of its reason."""
+    """The error for a file that a library could not read, with the beginning of its reason."""
     return ExchangeError(f"{problem}: {' '.join(str(error).split())[:120]}", file=file)
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """Where the cameras stand and what a pixel sees; None for what is not known.
+    """The cameras' positions and lens; None for an unknown value.
 
-    pitch_m : from one camera to the next, across and down alike, metres.
-    pixel_pitch : tangent between neighbouring pixels.
-    delta : inverse distance, 1/m, at which the views coincide; 0 for parallel, unshifted cameras.
-    sensor_m : width of the sensor behind the longer side, where a camera was modelled; metres.
+    Parameters
+    ----------
+    pitch_m : float, optional
+        Distance between neighbouring cameras, across and down, in metres.
+    pixel_pitch : float, optional
+        Tangent between neighbouring pixels.
+    delta : float, optional
+        Inverse distance, 1/m, at which the views coincide; 0 for parallel, unshifted cameras.
+    sensor_m : float, optional
+        Width of the sensor behind the longer side, in metres, if a camera was modelled.
     """
 
     pitch_m: float | None = None
@@ -53,18 +59,18 @@ class Geometry:
 
     @property
     def missing(self) -> list[str]:
-        """The options that would say what is not known."""
+        """The options that give the unknown values."""
         named = {"--baseline": self.pitch_m, "--field-of-view": self.pixel_pitch,
                  "--focus": self.delta}  # fmt: skip
         return [option for option, value in named.items() if value is None]
 
     def or_else(self, other: Geometry) -> Geometry:
-        """This, with what it lacks taken from ``other``."""
+        """This geometry, with its unknown values taken from ``other``."""
         given = {key: value for key, value in vars(self).items() if value is not None}
         return replace(other, **given)
 
     def slab(self, columns: int, rows: int, width: int, height: int) -> Slab:
-        """The slab of such a grid; lengths are nominal where something is missing."""
+        """The slab of a grid with this geometry; lengths are nominal where a value is unknown."""
         views, pixels = max(columns, rows), max(width, height)
         extent = Extent.centred(columns, rows, width, height)
         square = columns == rows and width == height
@@ -82,7 +88,7 @@ class Geometry:
 
 @dataclass(frozen=True)
 class KnownGeometry(Geometry):
-    """A geometry of which nothing is missing."""
+    """A geometry without unknown values."""
 
     pitch_m: float
     pixel_pitch: float
@@ -97,11 +103,22 @@ class KnownGeometry(Geometry):
 
 @dataclass(frozen=True)
 class ViewGrid:
-    """``read(column, row)`` gives (height, width, 3): uint8 or uint16 codes of sRGB, or floating
-    sRGB-encoded values in [0, 1].
+    """A grid of views and what is known of it.
 
-    depth_m : nearest and farthest depth, where the format says.
-    notes : what was left out or had to be assumed, a line each.
+    Parameters
+    ----------
+    columns, rows, width, height : int
+        The number of views, and of pixels per view.
+    read : callable
+        ``read(column, row)`` returns (height, width, 3): sRGB codes, uint8 or uint16, or
+        sRGB-encoded values in [0, 1], float.
+    name, format : str
+        Of the light field; the format is that of :data:`lfcore.exchange.table.FORMATS`.
+    geometry : Geometry, optional
+    depth_m : (float, float), optional
+        Nearest and farthest depth, if the format holds them.
+    notes : tuple of str
+        What was left out or assumed, a line each.
     """
 
     columns: int
@@ -116,7 +133,7 @@ class ViewGrid:
     notes: tuple[str, ...] = ()
 
     def turned(self, left: bool = False, up: bool = False) -> ViewGrid:
-        """The same with columns, or rows, counted from the other end."""
+        """The same grid with columns, or rows, counted from the other end."""
 
         def read(column: int, row: int) -> np.ndarray:
             return self.read(
@@ -127,17 +144,17 @@ class ViewGrid:
 
     @classmethod
     def of_array(cls, views: np.ndarray, name: str, **more: Any) -> ViewGrid:
-        """Of (rows, columns, height, width, 3) in memory."""
+        """The grid of an array (rows, columns, height, width, 3)."""
         rows, columns, height, width = views.shape[:4]
         return cls(columns, rows, width, height, lambda i, j: views[j, i], name, **more)
 
 
 @dataclass(frozen=True)
 class Order:
-    """How views in a row of files, or with two numbers in their names, lie on the grid.
+    """The order of views in a list of files, or of the two numbers in their names.
 
-    ``rows`` (row after row; the first number is the row) or ``columns``; with ``left`` columns run
-    from right to left, with ``up`` rows from bottom to top, with ``snake`` every other run goes
+    ``rows`` (row after row; the first number is the row) or ``columns``; with ``left``, columns run
+    from right to left, with ``up`` rows from bottom to top, with ``snake`` every second run is
     backwards.
     """
 
@@ -148,7 +165,7 @@ class Order:
 
     @classmethod
     def parse(cls, text: str) -> Order:
-        """Of words joined by ``-``, such as ``rows-up`` or ``columns-snake``."""
+        """Read words joined by ``-``, such as ``rows-up`` or ``columns-snake``."""
         first, *rest = text.lower().split("-")
         if first not in ("rows", "columns") or set(rest) - {"left", "up", "snake"}:
             raise ExchangeError(
@@ -159,7 +176,7 @@ class Order:
         return cls(first == "columns", "left" in rest, "up" in rest, "snake" in rest)
 
     def place(self, index: int, columns: int, rows: int) -> tuple[int, int]:
-        """(column, row) of the view that comes ``index``-th, before any turning."""
+        """(column, row) of the view with this index, before ``left`` and ``up`` are applied."""
         run, at = divmod(index, rows if self.columns_first else columns)
         if self.snake and run % 2:
             at = (rows if self.columns_first else columns) - 1 - at

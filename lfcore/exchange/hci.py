@@ -2,8 +2,8 @@
 
 Honauer, Johannsen, Kondermann, Goldluecke, "A Dataset and Evaluation Methodology for Depth
 Estimation on 4D Light Fields", ACCV 2016.  Cameras are parallel with shifted lenses, row 0 on top.
-With f the focal length, b the baseline, S the sensor behind the longer side of w pixels and F the
-focus, a point at depth Z has the disparity ``b f w / S (1 / Z - 1 / F)`` pixels: that of a slab.
+With focal length f, baseline b, sensor width S behind the longer side of w pixels, and focus F, a
+point at depth Z has the disparity ``b f w / S (1 / Z - 1 / F)`` pixels, as in a slab.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def _depths(path: Path) -> tuple[float, float] | None:
 
 
 class _config:
-    """parameters.cfg, with errors that name file and key."""
+    """The values of parameters.cfg; errors name file and key."""
 
     def __init__(self, path: Path):
         self.path, self._data = path, configparser.ConfigParser(interpolation=None)
@@ -119,20 +119,20 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
         reach = _write_truth(source, folder, names)
     else:
         options.notes.append(
-            "no depth was written: give --scene for the depth and disparity of every view"
+            "no depth was written: --scene adds the depth and disparity of every view"
         )
     if reach is None:
         options.notes.append(
-            "parameters.cfg lacks disp_min and disp_max, which the benchmark's own readers want: "
-            "the file does not hold the range of depths"
+            "parameters.cfg lacks disp_min and disp_max, which the benchmark's own readers need: "
+            "the light field does not hold its range of depths"
         )
     if source.columns != source.rows:
-        options.notes.append("the benchmark's own readers take square grids only")
+        options.notes.append("the benchmark's own readers accept square grids only")
     write_text(folder / CONFIG, _parameters(source, geometry, reach))
 
 
 def _write_truth(source: Source, folder: Path, names: list[str]) -> tuple[float, float] | None:
-    """Depth, disparity and materials of every view; the middle one's under the short names, too."""
+    """Write depth, disparity and materials of every view; the middle one also by short names."""
     middle = (source.rows // 2) * source.columns + source.columns // 2
     near, far = math.inf, 0.0
     for index, name in enumerate(names):

@@ -1,6 +1,6 @@
-"""HDF5 as the HCI tools convert scenes: ``LF`` (rows, columns, y, x, 3), depth, disparity.
+"""HDF5 files of the HCI tools: ``LF`` (rows, columns, y, x, 3), depth, disparity.
 
-It needs h5py: ``pip install 'lfcore[hdf5]'``.
+They need h5py: ``pip install 'lfcore[hdf5]'``.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def _h5py() -> ModuleType:
 
 
 def data_set(path: Path, name: str) -> np.ndarray | None:
-    """A data set of a file, None where it has none of that name."""
+    """The data set of that name, or None."""
     h5py = _h5py()
     try:
         with h5py.File(path, "r") as file:
@@ -58,7 +58,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
             for key, value in vars(source.geometry).items():
                 views.attrs[key] = value
         if source.truth is None:
-            options.notes.append("no depth was written: give --scene")
+            options.notes.append("no depth was written: --scene adds it")
             return
         depths = file.create_dataset("depth_lowres", shape, np.float32)
         moved = file.create_dataset("disp_lowres", shape, np.float32)

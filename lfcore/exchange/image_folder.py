@@ -1,4 +1,4 @@
-"""Views as pictures with all that is known of them in ``views.json``: our own plain form."""
+"""Our own plain format: views as pictures, and their geometry in ``views.json``."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""JPEG Pleno's test material: one PPM a view, ``000_000.ppm``, 10 bits a sample.
+"""JPEG Pleno's test material: one PPM per view, ``000_000.ppm``, 10 bits per sample.
 
-Two orders are in use: the verification model's names are column_row (``--order columns``, the
-default), others read row_column (``--order rows``).
+Two orders are in use: the verification model names views column_row (``--order columns``, the
+default), other programs row_column (``--order rows``).
 """
 
 from __future__ import annotations
@@ -36,14 +36,17 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
         raise ExchangeError("holds no views named 000_000.ppm", file=path)
     order = options.order or Order(columns_first=True)
     grid = by_file.by_numbers(files, path, order)
-    assert grid is not None  # of _NAME, which has both numbers
+    assert grid is not None  # names that match _NAME have both numbers
     return by_file.of_files(grid, path.name)
 
 
 def write(source: Source, folder: Path, options: WriteOptions) -> None:
     order = options.order or Order(columns_first=True)
     if max(source.columns, source.rows) > 1000:
-        raise ExchangeError("more than 1000 views a side have no names", file=source.field.path)
+        raise ExchangeError(
+            "has more than 1000 views per side, which the names cannot number",
+            file=source.field.path,
+        )
     for column, row, picture in source.views(options.progress):
         first, second = (column, row) if order.columns_first else (row, column)
         path = folder / f"{first:03d}_{second:03d}.ppm"

@@ -1,10 +1,10 @@
-"""LLFF's ``poses_bounds.npy``: exact poses, so that nothing has to be reconstructed.
+"""LLFF's ``poses_bounds.npy``: exact poses, which need no reconstruction.
 
 A row is a 3 x 5 matrix, camera to world with the axes [down, right, backwards], the position, and
 (height, width, focal length), then the nearest and farthest depth.  It has no principal point:
-views of a slab that coincide at a distance are cropped until each has its axis in the middle, to
-the whole pixel.  It is read back where its cameras stand parallel on a grid; its unit is taken
-for metres.
+views that coincide at a finite distance are cropped so that each has its axis in the middle, to
+the whole pixel.  Poses can be imported if the cameras are parallel and on a grid; their unit is
+read as metres.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
     down, right, back, place = (matrix[:, :, k] for k in range(4))
     poses[:, :3] = np.stack([right, -down, back, place], -1)
     width, height = pictures.size_of(files[0])
-    # The pictures may have been scaled since: the focal length goes with them.
+    # The pictures may have been scaled since; the focal length is scaled alike.
     focal_px = float(focal[0] * width / matrix[0, 1, 4]) if matrix[0, 1, 4] > 0 else float(focal[0])
     centres = np.tile([width / 2, height / 2], (len(rows), 1))
     near, far = float(rows[:, 15].min()), float(rows[:, 16].max())

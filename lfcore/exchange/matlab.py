@@ -1,6 +1,6 @@
 """LFToolbox's light fields: variable ``LF`` of a .mat file, (T, S, V, U, C), rows first.
 
-A fourth channel is a weight and left out.  Files of version 7.3 are HDF5 and need h5py.
+A fourth channel is a weight and is left out.  Files of version 7.3 are HDF5 and need h5py.
 """
 
 from __future__ import annotations

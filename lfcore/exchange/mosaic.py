@@ -1,4 +1,4 @@
-"""One picture of all views side by side, as plenpy and others save them."""
+"""One picture of all views side by side, as plenpy and other programs save them."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from lfcore.pictures import write_picture
 
 
 def recognise(path: Path) -> bool:
-    return False  # nothing tells a mosaic from any picture: --format mosaic or --grid
+    return False  # a mosaic looks like any picture: --format mosaic or --grid
 
 
 def of_tiles(path: Path, columns: int, rows: int) -> ViewGrid:
-    """The tiles of a picture; :class:`ExchangeError` when it is not so many of one size."""
+    """The tiles of a picture; :class:`ExchangeError` if they are not all of one size."""
     width, height = pictures.size_of(path)
     if width % columns or height % rows:
         raise ExchangeError(
@@ -40,7 +40,7 @@ def of_tiles(path: Path, columns: int, rows: int) -> ViewGrid:
 def read(path: Path, options: ReadOptions) -> ViewGrid:
     if not options.grid:
         raise ExchangeError(
-            "nothing in a mosaic says how many views it holds", file=path,
+            "a mosaic does not hold its number of views", file=path,
             remedy="Give --grid COLUMNSxROWS",
         )  # fmt: skip
     return of_tiles(path, *options.grid)

@@ -1,7 +1,7 @@
-"""nerfstudio's ``transforms.json``: poses as OpenGL has them, principal points a frame.
+"""nerfstudio's ``transforms.json``: poses with OpenGL's axes, and a principal point per frame.
 
-A slab whose views coincide at a distance has principal points that move with the camera, which
-nerfstudio reads a frame where none is given for all.  The world has z up.
+Views that coincide at a finite distance have principal points that move with the camera;
+nerfstudio reads one per frame where the file has none for all.  The world has z up.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from lfcore.pictures import write_picture
 
 CONFIG = "transforms.json"
 TO_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
-"""From x right, y up, z back to x right, y forward, z up."""
+"""The turn from x right, y up, z back to x right, y forward, z up."""
 MOST_MM = 65535
 
 
@@ -43,7 +43,7 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
         _poses(frames, file), _centres(data, frames, files, file), focal, files, file
     )
     if any(data.get(key) for key in ("k1", "k2", "k3", "p1", "p2")):
-        note = "the lens's distortion was left as it is in the pictures"
+        note = "the lens's distortion was not corrected"
         return replace(found, notes=(*found.notes, note))
     return found
 
@@ -89,7 +89,7 @@ def _of_all(data: dict, frames: list, key: str, file: Path) -> float:
 
 
 def _centres(data: dict, frames: list, files: list[Path], file: Path) -> np.ndarray:
-    """(K, 2) principal points: those of all, of each, or the middle."""
+    """(K, 2) principal points: one for all frames, one per frame, or the middle."""
     middle = dict(zip(("cx", "cy"), np.array(pictures.size_of(files[0])) / 2, strict=True))
     try:
         return np.array(
@@ -129,7 +129,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
         shared |= dict(zip(("cx", "cy"), map(float, source.axis_px), strict=True))
     write_json(folder / CONFIG, {**shared, "frames": frames})
     if source.truth is None:
-        options.notes.append("no depth was written: give --scene")
+        options.notes.append("no depth was written: --scene adds it")
 
 
 def _millimetres(depth: np.ndarray) -> np.ndarray:

@@ -1,8 +1,9 @@
-"""Pictures of other programs, read whole or refused, and float maps."""
+"""Reading pictures and float maps of other programs, whole or not at all."""
 
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from lfcore.files import whole_file
 from lfcore.pictures import MOST_PIXELS, read_codes
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".ppm", ".bmp", ".tif", ".tiff", ".webp", ".rgb", ".exr")
+PPM_HEADER = re.compile(rb"P6%b(\d{1,9})%b(\d{1,9})%b(\d{1,9})\s" % ((rb"(?:\s|#[^\n]*\n)+",) * 3))
 Image.MAX_IMAGE_PIXELS = MOST_PIXELS
 
 
@@ -31,13 +33,8 @@ def pictures_of(folder: Path) -> list[Path]:
 
 def natural(path: Path) -> list:
     """Sort key: runs of digits count as numbers."""
-    parts, run = [], ""
-    for character in path.name + "\0":
-        if run and character.isdigit() != run[-1].isdigit():
-            parts.append((0, int(run), "") if run[0].isdigit() else (1, 0, run))
-            run = ""
-        run += character
-    return parts
+    return [int(part) if number % 2 else part
+            for number, part in enumerate(re.split(r"(\d+)", path.name))]  # fmt: skip
 
 
 def size_of(path: Path) -> tuple[int, int]:
@@ -89,32 +86,15 @@ def read_ppm(path: Path) -> np.ndarray:
         data = path.read_bytes()
     except OSError as error:
         raise _unreadable(path, error) from None
-    words: list[bytes] = []
-    position = 0
-    while len(words) < 4 and position < len(data):
-        if data[position : position + 1].isspace():
-            position += 1
-        elif data[position : position + 1] == b"#":
-            position = data.find(b"\n", position) + 1 or len(data)
-        else:
-            end = position
-            while end < len(data) and not data[end : end + 1].isspace():
-                end += 1
-            words.append(data[position:end])
-            position = end
-    try:
-        kind, (width, height, most) = words[0], (int(word) for word in words[1:4])
-    except (ValueError, IndexError):
-        raise ExchangeError("is no PPM: its header cannot be read", file=path) from None
-    if kind != b"P6" or not (0 < most < 65536 and width > 0 and height > 0):
+    head = PPM_HEADER.match(data)
+    width, height, most = (int(word) for word in head.groups()) if head else (0, 0, 0)
+    if not (head and 0 < most < 65536 and width > 0 and height > 0):
         raise ExchangeError("is no binary PPM (P6) of 1 to 16 bits", file=path)
     item = np.dtype(np.uint8) if most < 256 else np.dtype(">u2")
-    size = width * height * 3 * item.itemsize
-    if len(data) - position - 1 < size:
-        raise ExchangeError(
-            f"is cut short: {len(data)} bytes, {position + 1 + size} expected", file=path
-        )
-    codes: np.ndarray = np.frombuffer(data, item, width * height * 3, position + 1)
+    whole = head.end() + width * height * 3 * item.itemsize
+    if len(data) < whole:
+        raise ExchangeError(f"is cut short: {len(data)} bytes, {whole} expected", file=path)
+    codes: np.ndarray = np.frombuffer(data, item, width * height * 3, head.end())
     codes = codes.reshape(height, width, 3)
     if most == 255:
         return codes
@@ -122,7 +102,7 @@ def read_ppm(path: Path) -> np.ndarray:
 
 
 def write_ppm(path: Path, picture: np.ndarray, bits: int) -> None:
-    """uint8 codes as a binary PPM of ``bits`` a sample, most significant byte first."""
+    """Write uint8 codes as a binary PPM with ``bits`` per sample, most significant byte first."""
     most = (1 << bits) - 1
     codes = np.rint(picture * (most / 255.0)).astype(np.uint8 if bits == 8 else ">u2")
     head = f"P6\n{picture.shape[1]} {picture.shape[0]}\n{most}\n".encode("ascii")

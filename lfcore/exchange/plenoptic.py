@@ -1,10 +1,10 @@
-"""The raw picture of a plenoptic camera, with what calibrates it: a white image and its centres.
+"""The raw picture of a plenoptic camera, and its calibration: a white image and its centres.
 
-Pixels (u S, v T) to (u S + S - 1, v T + T - 1) lie behind microlens (u, v); pixel (s, t) of them is
-of the view in column s and row t, so the picture is upright.  The main lens is round and
-vignettes, in the raw picture as in the white one: the corners of every micro image are dark, and
-the white image divided out gives the views again.  The centres stand beside the white image as
-PlenoptiCam keeps them: ``mic_list`` of (y, x, row, column) in pixels, ``ptc_mean`` their pitch,
+Pixels (u S, v T) to (u S + S - 1, v T + T - 1) are behind microlens (u, v); among them, pixel (s,
+t) belongs to the view in column s and row t, so the picture is upright.  The main lens is round
+and vignettes, in the raw picture and in the white image: the corners of every micro image are
+dark, and dividing by the white image restores the views.  The centres are beside the white image
+in PlenoptiCam's form: ``mic_list`` of (y, x, row, column) in pixels, ``ptc_mean`` their pitch,
 ``pat_type`` ``rec`` for a rectangular grid.  Both pictures are PNG of 16 bits, linear in light.
 """
 
@@ -22,16 +22,14 @@ from lfcore.files import write_json
 from lfcore.pictures import write_picture
 
 FINE = 16
-"""Points along a pixel's side that tell how much of it the lens lights."""
-
-
+"""The points per pixel side at which the lens's light is sampled."""
 VIGNETTING = 0.9
-"""What the rim of the main lens lacks of the light of its middle; between them it grows with the
-square of the radius.  Micro images of even light have no middle that a calibration could find."""
+"""The share of light that the rim of the main lens loses; the loss grows with the square of the
+radius.  A calibration finds no centre in micro images of even light."""
 
 
 def lit(samples: int) -> np.ndarray:
-    """(N, N) float64: light of each pixel of a white micro image, of the brightest."""
+    """(N, N) float64: the light of each pixel of a white micro image, relative to the brightest."""
     place = (np.arange(samples * FINE) + 0.5) / FINE - samples / 2
     radius2 = (place[:, None] ** 2 + place[None, :] ** 2) / (samples / 2) ** 2
     light = np.where(radius2 <= 1, 1 - VIGNETTING * radius2, 0.0)
@@ -42,7 +40,7 @@ def lit(samples: int) -> np.ndarray:
 def write(source: Source, folder: Path, options: WriteOptions) -> None:
     if source.columns != source.rows:
         raise ExchangeError(
-            f"{source.columns} x {source.rows} views are no square micro images",
+            f"{source.columns} x {source.rows} views do not make square micro images",
             file=source.field.path,
             key="--views",
         )

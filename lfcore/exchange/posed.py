@@ -1,4 +1,4 @@
-"""Cameras with poses: those that stand parallel on a grid in one plane are a light field."""
+"""Cameras with poses: parallel cameras on a grid in one plane are a light field."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class PosedGrid:
 def on_a_plane(poses: np.ndarray, file: Path, names: Sequence[str]) -> PosedGrid:
     """Sort cameras (K, 4, 4), camera to world with OpenGL's axes, into a grid.
 
-    Raises :class:`ExchangeError`, naming a camera, for ones that are turned against one another,
-    do not lie in one plane or leave a place of the grid empty.
+    Raises :class:`ExchangeError`, naming a camera, for cameras that are turned against one
+    another, are not in one plane or leave a place of the grid empty.
     """
     if not (np.abs(poses) < _FARTHEST).all():
         raise ExchangeError("holds poses that are not finite", file=file)
@@ -37,8 +37,8 @@ def on_a_plane(poses: np.ndarray, file: Path, names: Sequence[str]) -> PosedGrid
     turned = np.abs(poses[:, :3, :3] - poses[0, :3, :3]).max((1, 2))
     if turned.max() > _TURNED:
         raise ExchangeError(
-            f"{names[int(turned.argmax())]} looks another way than {names[0]}: a light field's "
-            "cameras are parallel",
+            f"{names[int(turned.argmax())]} looks in another direction than {names[0]}: a light "
+            "field's cameras are parallel",
             file=file,
         )
     local = (poses[:, :3, 3] - poses[0, :3, 3]) @ turn
@@ -48,7 +48,7 @@ def on_a_plane(poses: np.ndarray, file: Path, names: Sequence[str]) -> PosedGrid
     row, rows = _lines(y, reach)
     if np.ptp(depth) > _APART * reach / max(len(columns), len(rows)):
         raise ExchangeError(
-            f"{names[int(np.abs(depth - np.median(depth)).argmax())]} stands before or behind the "
+            f"{names[int(np.abs(depth - np.median(depth)).argmax())]} is before or behind the "
             "plane of the others",
             file=file,
         )
@@ -66,7 +66,7 @@ def on_a_plane(poses: np.ndarray, file: Path, names: Sequence[str]) -> PosedGrid
 
 
 def _lines(values: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Which line each value lies on, and where the lines are: gaps part them."""
+    """The line of each value, and the positions of the lines, which gaps separate."""
     order = np.argsort(values, kind="stable")
     gap = np.diff(values[order]) > reach * _APART / 2
     line = np.empty(len(values), int)
@@ -76,8 +76,8 @@ def _lines(values: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def shear(grid: PosedGrid, centres: np.ndarray) -> tuple[float, float]:
-    """Pixels by which principal points (rows, columns, 2) move a unit of position, and how far
-    they are from that at the most."""
+    """Pixels by which principal points (rows, columns, 2) move per unit of position, and the
+    largest deviation from that."""
     x, y = np.broadcast_arrays(grid.x[None, :], grid.y[:, None])
     place = np.stack([x - x.mean(), y - y.mean()], -1)
     moved = centres - centres.mean((0, 1))
@@ -93,10 +93,10 @@ def views(
     files: Sequence[Path],
     described: Path,
 ) -> ViewGrid:
-    """The light field of pictures with poses (K, 4, 4) as :func:`on_a_plane` takes them.
+    """The light field of pictures with poses (K, 4, 4), as for :func:`on_a_plane`.
 
-    ``centres`` (K, 2) are principal points from the corner of the top left pixel, ``focal`` the
-    focal length, both in pixels; ``described`` is the file that says so.
+    ``centres`` (K, 2) are principal points from the corner of the top left pixel, ``focal`` is the
+    focal length, both in pixels; ``described`` is the file that holds them.
     """
     grid = on_a_plane(poses, described, [file.name for file in files])
     size = pictures.size_of(files[0])
@@ -112,14 +112,16 @@ def views(
 def _delta(
     grid: PosedGrid, centres: np.ndarray, size: tuple[int, int], focal: float
 ) -> tuple[float | None, tuple[str, ...]]:
-    """Where the views coincide, and what principal points (rows, columns, 2) say beside that."""
+    """The inverse distance at which the views coincide, and notes on other principal points."""
     notes, middle = [], np.array(size) / 2
     slope, off = shear(grid, centres)
     beside = np.abs(centres.mean((0, 1)) - middle).max()
     if off > 0.5:
-        notes.append(f"principal points lie up to {off:.2g} pixels beside those of a slab")
+        notes.append(f"principal points are up to {off:.2g} pixels off those of a slab")
     if beside > 0.5:
-        notes.append(f"the axis is {beside:.3g} pixels beside the pictures' middle, taken as there")
+        notes.append(
+            f"the axis is {beside:.3g} pixels off the pictures' middle, and was moved there"
+        )
     delta = slope / focal
     if delta < -1e-9 or (off > 0.5 and off > 0.1 * abs(slope) * np.ptp(grid.x)):
         return None, tuple(notes)

@@ -1,7 +1,7 @@
-"""Views whose names hold the cameras' positions, as Stanford's archive has them.
+"""Views whose names hold the cameras' positions, as in Stanford's archive.
 
-``name_i_j_y_x`` are two indices and two coordinates, y down and x to the right; the positions
-decide, whichever way the indices run.
+``name_i_j_y_x`` has two indices and two coordinates, y down and x to the right; the positions
+decide, in whatever direction the indices run.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from lfcore.exchange import pictures
 from lfcore.exchange.grid import ExchangeError
 
 MOST_UNEQUAL = 0.05
-"""By how much steps across and down may differ and count as one pitch."""
+"""The relative difference below which steps across and down count as one pitch."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Named:
 
 
 def parse(path: Path) -> Named | None:
-    """The numbers in a name, None for another kind of name; empty words do not count."""
+    """The numbers in a name, or None for another kind of name; empty words do not count."""
     words = [word for word in path.stem.split("_") if word]
     if len(words) != 5:
         return None
@@ -52,8 +52,8 @@ def named_pictures(folder: Path) -> list[Named]:
 class Placed:
     """``files[row][column]`` with the step between cameras, in the names' unit.
 
-    ``step`` is None where steps differ too much; ``off`` is how far a camera stands from its place
-    on the grid at the most, in steps.
+    ``step`` is None where steps differ too much; ``off`` is the largest distance of a camera from
+    its place on an even grid, in steps.
     """
 
     files: list[list[Path]]
@@ -80,7 +80,7 @@ def placed(folder: Path, named: list[Named]) -> Placed:
                 )
     grid = [[by_index[a, b] for b in lines[1]] for a in lines[0]]
     x, y = (np.array([[getattr(one, key) for one in line] for line in grid]) for key in "xy")
-    # Which index counts rows is told by the coordinate that changes most along it.
+    # The index along which y changes most counts rows.
     if np.ptp(x.mean(1)) > np.ptp(x.mean(0)) or np.ptp(y.mean(0)) > np.ptp(y.mean(1)):
         grid, x, y = [list(line) for line in zip(*grid, strict=True)], x.T, y.T
     columns, rows = np.argsort(x.mean(0), kind="stable"), np.argsort(y.mean(1), kind="stable")
@@ -108,9 +108,11 @@ def _step(x: np.ndarray, y: np.ndarray) -> tuple[float | None, float]:
 
 
 def notes(found: Placed) -> tuple[str, ...]:
-    """What a file cannot hold of where the cameras stand."""
+    """What a light field file cannot hold of the cameras' positions."""
     if found.step is None:
-        return ("steps across and down differ, so the spacing was not taken over",)
+        return ("steps across and down differ, so the spacing was not imported",)
     if found.off > 0.01:
-        return (f"cameras stand up to {found.off:.2g} steps beside an even grid, taken as on it",)
+        return (
+            f"cameras are up to {found.off:.2g} steps off an even grid, and were moved onto it",
+        )
     return ()

@@ -1,6 +1,6 @@
-"""Looking Glass quilts: views from left to right as tiles, the first one bottom left.
+"""Looking Glass quilts: views from left to right as tiles, the first at the bottom left.
 
-The name says columns, rows and the aspect of a view: ``name_qs8x6a0.75.png``.
+The name holds columns, rows and the aspect of a view: ``name_qs8x6a0.75.png``.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
         columns, rows = int(match[1]), int(match[2])
     else:
         raise ExchangeError(
-            "its name does not say columns and rows, as in name_qs8x6a0.75.png", file=path,
+            "its name does not hold columns and rows, as in name_qs8x6a0.75.png", file=path,
             remedy="Give --grid COLUMNSxROWS",
         )  # fmt: skip
     tiles = of_tiles(path, columns, rows)
@@ -65,10 +65,10 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
     name = f"{source.name}_qs{across}x{down}a{width / height:.6g}.png"
     write_picture(folder / name, quilt)
     if source.rows > 1:
-        options.notes.append("a quilt shows one row of views: the middle one was taken")
+        options.notes.append("a quilt shows one row of views: the middle one was used")
 
 
 def _factors(count: int) -> tuple[int, int]:
-    """Columns and rows that hold just ``count`` tiles, as near to a square as they come."""
+    """Columns and rows of exactly ``count`` tiles, as near to a square as possible."""
     rows = max(k for k in range(1, int(count**0.5) + 1) if count % k == 0)
     return count // rows, rows

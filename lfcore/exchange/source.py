@@ -1,4 +1,4 @@
-"""What an export reads: some of the views of a light field file, cropped, and their geometry."""
+"""The input of an export: some of the views of a light field file, cropped, and their geometry."""
 
 from __future__ import annotations
 
@@ -21,14 +21,23 @@ from lfcore.scene.files import scene_digest
 from lfcore.scene.model import Scene
 
 BAND_BYTES = 1 << 28
-"""Of views that are decoded at a time."""
+"""The largest number of bytes of views that are decoded at a time."""
 _ON_STEP = 1e-6
 
 
 @dataclass(frozen=True)
 class Selection:
-    """Which views and pixels: ``views`` (columns, rows), default all; ``baseline_m`` from one to
-    the next, default as far as they reach; ``crop`` (left, top, width, height)."""
+    """A choice of views and pixels.
+
+    Parameters
+    ----------
+    views : (int, int), optional
+        Columns and rows.  Default: all.
+    baseline_m : float, optional
+        Distance between neighbouring views, in metres.  Default: as large as possible.
+    crop : (int, int, int, int), optional
+        Left, top, width and height, in pixels.
+    """
 
     views: tuple[int, int] | None = None
     baseline_m: float | None = None
@@ -36,23 +45,23 @@ class Selection:
 
 
 class Truth:
-    """Depths and materials of a light field's own scene, traced again."""
+    """Depths and materials of a light field's scene, traced again."""
 
     def __init__(self, scene: Scene, field: LightField, device: Device | str | None = None):
-        """Raises :class:`ExchangeError` for another scene than the light field is of."""
+        """Raises :class:`ExchangeError` for a scene that is not the light field's."""
         if scene_digest(scene) != field.metadata.scene["digest"]:
             raise ExchangeError(
-                f"is not what {field.path} was traced from, {field.metadata.scene['name']!r}",
+                f"is not the scene of {field.path}, {field.metadata.scene['name']!r}",
                 file=scene.name,
                 key="--scene",
-                remedy="Give the scene as it was, or trace it again",
+                remedy="Give the scene as it was, or record it again",
             )
         self._tracer = open_tracer(scene, device)
         self._materials = scene.material_ids
 
     def of_view(self, slab: Slab, column: int, row: int) -> tuple[np.ndarray, np.ndarray]:
-        """(M, M) float32 depth, metres, infinity for a miss; and (M, M) uint16: material and one,
-        0 for a miss."""
+        """(M, M) float32 depth in metres, infinity for a miss; and (M, M) uint16 number of the
+        material plus one, 0 for a miss."""
         samples = np.array([[column, row]])
         triangle, depth = self._tracer.bundle_hits(bundles.views(slab, samples), samples)
         ids = np.where(triangle[0] < 0, 0, self._materials[triangle[0]] + 1)
@@ -60,13 +69,13 @@ class Truth:
 
 
 class Source:
-    """Views of ``field`` as a selection asks for them.
+    """The views of ``field`` in a selection.
 
     Attributes
     ----------
     columns, rows, width, height : of the selection.
     geometry : of the selection; None where the file does not hold one.
-    columns_m, rows_m : where the cameras stand, camera space (y down), metres.
+    columns_m, rows_m : positions of the cameras in camera space (y down), metres.
     axis_px : (x, y) of the optical axis in the picture of a camera at the origin, counted from the
         corner of the top left pixel.
     """
@@ -106,7 +115,7 @@ class Source:
         left, top, across, down = selection.crop or (0, 0, width, height)
         if not (0 <= left < left + across <= width and 0 <= top < top + down <= height):
             raise ExchangeError(
-                f"{across}x{down}+{left}+{top} does not lie within {width} x {height}",
+                f"{across}x{down}+{left}+{top} is not within {width} x {height}",
                 file=self.field.path,
                 key="--crop",
             )
@@ -137,7 +146,7 @@ class Source:
                 progress(done, total)
 
     def _bands(self) -> Iterator[tuple[int, int, np.ndarray]]:
-        """From a file of views: frames follow one another along rows."""
+        """From a file of views, whose frames are in the order of rows."""
         first, last = int(self._i[0]), int(self._i[-1])
         width, height = self.field.picture_size
         across = (last - first + 1) * width * height * 3
@@ -150,8 +159,8 @@ class Source:
                     yield column, start + k, picture
 
     def _groups(self) -> Iterator[tuple[int, int, np.ndarray]]:
-        """From a file of macropixels, all of which are decoded for each group of views; or from one
-        of displaced views, by depth: those of one grid."""
+        """From a file of macropixels, which is decoded whole for each group of views; or from one
+        of displaced views, by depth."""
         samples, slab = np.array([(i, j) for j in self._j for i in self._i]), self.slab
         width, height = self.field.picture_size
         step = max(1, BAND_BYTES // (width * height * 12))
@@ -176,7 +185,7 @@ class Source:
     def depth(self, column: int, row: int) -> tuple[np.ndarray, np.ndarray]:
         """(height, width) depth, metres, and (height, width) uint16 material of a view."""
         whole = Slab(self.slab.camera, self.slab.views, self.slab.pixels)
-        assert self.truth is not None  # who asks for depth gave the scene
+        assert self.truth is not None  # a caller that asks for depth gave the scene
         depth, ids = self.truth.of_view(whole, int(self._i[column]), int(self._j[row]))
         window = np.s_[self.top : self.top + self.height, self.left : self.left + self.width]
         return depth[window], ids[window]
@@ -192,14 +201,14 @@ class Source:
         """Nearest and farthest depth; :class:`ExchangeError` where they are not known."""
         if self.field.depth_range is None:
             raise ExchangeError(
-                f"does not say how near and far its scene is, which {what} needs",
+                f"does not hold its range of depths, which {what} needs",
                 file=self.field.path,
                 remedy="Give --near and --far, metres",
             )
         return self.field.depth_range
 
     def pose(self, column: int, row: int) -> np.ndarray:
-        """(4, 4) camera to world as OpenGL has them: x right, y up, z backwards."""
+        """(4, 4) camera to world with OpenGL's axes: x right, y up, z backwards."""
         matrix = np.eye(4)
         matrix[:2, 3] = self.columns_m[column], -self.rows_m[row]
         return matrix
@@ -220,7 +229,7 @@ class Source:
 def _chosen(
     selection: Selection, axis: int, count: int, slab: Slab, field: LightField
 ) -> np.ndarray:
-    """Indices of the views along one axis, in the middle of those there are."""
+    """Indices of the chosen views along one axis, from the middle of all."""
     wanted = selection.views[axis] if selection.views else None
     step = 1
     if selection.baseline_m is not None:
@@ -230,11 +239,11 @@ def _chosen(
         step = round(ratio)
         if step < 1 or abs(ratio - step) > _ON_STEP * max(1, ratio):
             raise ExchangeError(
-                f"{1e3 * selection.baseline_m:g} mm is no multiple of the "
+                f"{1e3 * selection.baseline_m:g} mm is not a multiple of the "
                 f"{1e3 * slab.lens_pitch_m:.6g} mm between its views",
                 file=field.path,
                 key="--baseline",
-                remedy="Give a multiple, or trace with that pitch",
+                remedy="Give a multiple, or record with that spacing",
             )
         wanted = wanted or (count - 1) // step + 1
     elif wanted and wanted > 1:
@@ -247,7 +256,7 @@ def _chosen(
     reach = (wanted - 1) * step + 1
     if wanted < 1 or reach > count:
         raise ExchangeError(
-            f"{wanted} views {step} apart are more than the {count} there are",
+            f"{wanted} views with a step of {step} need {reach}; the file has {count}",
             file=field.path,
             key="--views",
         )
@@ -255,5 +264,5 @@ def _chosen(
 
 
 def _word(name: str) -> str:
-    """A name that is safe in file names, without the separators that formats use."""
+    """The name without the characters that file names or formats use as separators."""
     return re.sub(r"[^A-Za-z0-9-]+", "-", name).strip("-") or "lightfield"

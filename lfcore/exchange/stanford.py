@@ -1,7 +1,7 @@
 """The Stanford light field archive: ``out_YY_XX_y_x.png``, positions in the names.
 
-The plane that the pictures are rectified to is not in the names, nor is the field of view: they are
-asked for by --focus and --field-of-view, or stay unknown.  Positions are taken for millimetres.
+The names hold neither the plane that the pictures are rectified to nor the field of view: --focus
+and --field-of-view give them, or they stay unknown.  Positions are read as millimetres.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The table of formats, in the order in which they are tried on a folder or file."""
+"""The table of formats, in the order in which an import tries them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ from lfcore.exchange.grid import ExchangeError
 
 @dataclass(frozen=True)
 class Format:
-    """``module`` has ``recognise(path)`` and ``read(path, options)`` where the format can be
-    imported, ``write(source, folder, options)`` where it can be exported."""
+    """A format and its module.
+
+    The module has ``recognise(path)`` and ``read(path, options)`` if the format can be imported,
+    ``write(source, folder, options)`` if it can be exported.
+    """
 
     name: str
     module: str
@@ -42,7 +45,7 @@ FORMATS = {
         Format("hdf5", "hdf5", "HCI's scene.h5: data set LF (needs h5py)"),
         Format("mosaic", "mosaic", "one picture of views side by side, as plenpy saves"),
         Format(
-            "folder", "folder", "any pictures of views, one a file, in any order", exports=False
+            "folder", "folder", "any pictures of views, one per file, in any order", exports=False
         ),
         Format(
             "plenoptic", "plenoptic", "raw plenoptic picture, white image, centres", imports=False
@@ -52,7 +55,7 @@ FORMATS = {
 
 
 def find(name: str, *, imports: bool = False) -> Format:
-    """The format of that name; :class:`ExchangeError` for one that cannot do what is asked."""
+    """The format of that name; :class:`ExchangeError` if it cannot be imported, or exported."""
     what = "imported" if imports else "exported"
     able = [row.name for row in FORMATS.values() if (row.imports if imports else row.exports)]
     if name not in able:
@@ -66,14 +69,14 @@ def find(name: str, *, imports: bool = False) -> Format:
 def recognise(path: Path) -> Format:
     """The format of a folder or file, by names and headers.
 
-    Raises :class:`ExchangeError` when it is none that is known.
+    Raises :class:`ExchangeError` if it is none of them.
     """
     for row in FORMATS.values():
         if row.imports and row.load().recognise(path):
             return row
     what = "folder" if path.is_dir() else "file"
     raise ExchangeError(
-        f"is no {what} of a known format",
+        f"is not a {what} of a known format",
         file=path,
         remedy="Name it with --format, and the grid with --grid COLUMNSxROWS",
     )

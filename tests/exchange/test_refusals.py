@@ -140,7 +140,7 @@ def test_json_of_poses(square, tmp_path):
         file.write_text(json.dumps(data))
         refused(tmp_path / "out", *words)
 
-    changed(["view_001_001.png", "looks another way"],
+    changed(["view_001_001.png", "looks in another direction"],
             lambda d: d["frames"][4]["transform_matrix"][0].__setitem__(0, 0.9))  # fmt: skip
     changed(["before or behind"],
             lambda d: d["frames"][4]["transform_matrix"][1].__setitem__(3, 0.1))  # fmt: skip
@@ -163,7 +163,7 @@ def test_exports_that_cannot_be(unknown, square, tmp_path):
     for name in ("hci", "nerfstudio", "colmap", "llff", "blender"):
         fails(["does not hold its geometry", "--baseline"], unknown.path, name)
     fails(["'folder' cannot be exported"], square.path, "folder")
-    fails(["no multiple of the 4 mm"], square.path, "hci", selection=Selection(baseline_m=0.006))
+    fails(["not a multiple of the 4 mm"], square.path, "hci", selection=Selection(baseline_m=0.006))
     fails(["--views"], square.path, "hci", selection=Selection((4, 4)))
     fails(["--crop"], square.path, "hci", selection=Selection(crop=(1, 1, 16, 16)))
 
@@ -178,7 +178,7 @@ def test_a_folder_that_is_there_is_left_alone(square, tmp_path):
 
 def test_another_scene_is_refused(square, tmp_path):
     chart = load_scene(Path(__file__).parents[2] / "scenes" / "chart")
-    with pytest.raises(LfcoreError, match="is not what"):
+    with pytest.raises(LfcoreError, match="is not the scene of"):
         export_lightfield(square.path, "hci", tmp_path / "out", scene=chart)
 
 
