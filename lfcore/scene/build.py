@@ -23,11 +23,12 @@ from lfcore.scene.limits import within_limits
 from lfcore.scene.meshes import load_mesh, read_texture
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
-from lfcore.scene.notes import Notebook
+from lfcore.scene.notes import ASSUMED, Notebook
 from lfcore.scene.reading import DESCRIPTIONS
 from lfcore.scene.staging import Staging, moved, staging_of
 from lfcore.scene.surface_mesh import SurfaceMesh, transform_all
 from lfcore.scene.transforms import parse_transform
+from lfcore.scene.upright import z_seems_up
 from lfcore.scene.view import View, lightfield_view
 
 if TYPE_CHECKING:
@@ -37,7 +38,14 @@ if TYPE_CHECKING:
 PBRT = (".pbrt", ".pbrt.gz")
 
 
-def build_scene(path: str | Path, *, light_points: int = POINTS, up: str = "y") -> Scene:
+def build_scene(
+    path: str | Path,
+    *,
+    light_points: int = POINTS,
+    up: str | None = None,
+    view_from: str | None = None,
+    zoom: float | None = None,
+) -> Scene:
     """Read a scene and everything it names.
 
     Parameters
@@ -46,7 +54,11 @@ def build_scene(path: str | Path, *, light_points: int = POINTS, up: str = "y") 
         is then a scene of its own with default camera, light and materials.
     light_points : point lights that stand for one area light of a pbrt scene, see
         :func:`~lfcore.scene.emitters.emitter_points`.
-    up : ``y`` or ``z``, the axis of a mesh file that points up.
+    up : ``y`` or ``z``, the axis of a mesh file that points up; default y, with a note in the
+        scene where z seems to be up.
+    view_from : the side that a scene without a pose is seen from, as ``camera.view_from`` of a
+        scene.yaml; a camera in a glTF file is left out then.
+    zoom : above 1, a narrower field of view from the same place.
 
     Raises
     ------
@@ -58,22 +70,40 @@ def build_scene(path: str | Path, *, light_points: int = POINTS, up: str = "y") 
         path = path / "scene.yaml"
     _check_up(up, path)
     if path.name.lower().endswith(PBRT):
+        _refuse_view(path, view_from=view_from, zoom=zoom)
         return _pbrt(path, light_points)
-    if path.suffix.lower() in DESCRIPTIONS:
-        description = read_description(path)
-        name = description.get("name") or _default_name(path)
-    else:
+    mesh = path.suffix.lower() not in DESCRIPTIONS
+    if mesh:
         entry: dict = {"file": path.name}
         if up == "z":
             entry["transform"] = [{"rotate": {"axis": "x", "angle_deg": -90}}]
         description = complete(check({"objects": [entry]}, file=path))
-        description["camera"]["f_number"] = None  # whatever leaves the mesh sharp
         name = path.stem
-    return build(description, file=path, name=name)
+    else:
+        description = read_description(path)
+        name = description.get("name") or _default_name(path)
+    camera = description["camera"]
+    if view_from is not None:
+        if "pose" in camera:
+            _refuse_view(path, view_from=view_from)
+        camera["view_from"] = view_from
+    if zoom is not None:
+        camera["zoom"] *= zoom
+    note_up = mesh and up is None and path.suffix.lower() not in SUFFIXES
+    return build(description, file=path, name=name, note_up=note_up)
 
 
-def _check_up(up: str, path: Path) -> None:
-    if up not in ("y", "z"):
+def _refuse_view(path: Path, **asked: str | float | None) -> None:
+    for key, value in asked.items():
+        if value is not None:
+            raise SceneError(
+                "the scene has a camera of its own", file=path, key=key,
+                remedy="Leave it out, or change the camera in the file",
+            )  # fmt: skip
+
+
+def _check_up(up: str | None, path: Path) -> None:
+    if up not in ("y", "z", None):
         raise SceneError(f"{up!r} is no axis", file=path, key="up", remedy="Give y or z")
     scene = path.name.lower().endswith(PBRT) or path.suffix.lower() in DESCRIPTIONS
     if up == "z" and (scene or path.suffix.lower() in SUFFIXES):
@@ -101,8 +131,11 @@ def _default_name(path: Path) -> str:
     return path.resolve().parent.name or "scene"
 
 
-def build(description: dict, *, file: str | Path, name: str) -> Scene:
-    """The scene of a checked and completed description; paths are relative to ``file``."""
+def build(description: dict, *, file: str | Path, name: str, note_up: bool = False) -> Scene:
+    """The scene of a checked and completed description; paths are relative to ``file``.
+
+    With ``note_up`` a note says where z seems to be up.
+    """
     file = Path(file)
     notebook = Notebook()
     parts: list[SurfaceMesh] = []
@@ -116,6 +149,8 @@ def build(description: dict, *, file: str | Path, name: str) -> Scene:
         else:
             parts += made
     every = parts + [part for part, _ in moving]
+    if note_up and z_seems_up(every, file.parent / description["objects"][0]["file"]):
+        notebook.add_in(ASSUMED, file, 'y is up, but z seems to be; --up z (up="z") turns it')
     staging = staging_of(description, file, notebook)
     camera, to_camera = framing.place_camera(
         description["camera"], every, file=file, found=staging.camera

@@ -147,6 +147,11 @@ def _explain(error: jsonschema.ValidationError, file: str | Path) -> SceneError:
         return SceneError(
             f"key {missing!r} is missing", file=file, key=key or None, remedy="Add it"
         )
+    if error.validator == "not" and isinstance(value, dict):
+        one, other = error.validator_value["required"]
+        return SceneError(
+            f"excludes {one}", file=file, key=_join(key, other), remedy="Leave one out"
+        )
     if error.validator == "oneOf" and isinstance(value, dict):
         names = [" and ".join(option.get("required", [])) for option in error.validator_value]
         problem = f"needs exactly one of {', '.join(name for name in names if name)}"

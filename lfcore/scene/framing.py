@@ -13,22 +13,34 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.errors import OpticsError, SceneError
-from lfcore.optics.camera import Camera
+from lfcore.optics.camera import Camera, check_focus, image_distance
+from lfcore.optics.focus import DepthRange, check_words, f_number_of_blur, focus_distance
 from lfcore.scene.appearance import DIRECTIONAL, Light
 from lfcore.scene.gltf import FoundCamera
+from lfcore.scene.seen import depth_range, focus_at
 from lfcore.scene.surface_mesh import SurfaceMesh
 from lfcore.scene.transforms import look_at, pose_from_matrix, rigid_to_camera
 
-# Tangent extent of the field of a fitted lens (39 degrees), the share of it that the scene may
-# fill, and the focal length per distance: at f/2 the lens is an eighth of the distance wide.
 FIELD_WIDTH = 0.7
+"""The tangent extent of a fitted lens's field: 39 degrees."""
 FILLED = 0.9
-FOCAL_PER_DISTANCE = 0.25
-VIEW_DIRECTION = (0.45, 0.35, 1.0)
+"""The share of the picture's width that a framed scene fills."""
+BLUR = 0.02
+"""The blur at the far end of what is seen, through a fitted lens that is focused in the middle:
+its diameter as a share of the picture's width."""
+F_NUMBER = 2.0
+"""The f-number of a fitted lens whose focal length is fitted as well."""
+WIDEST = 1 / 8
+"""The diameter of a fitted lens per distance to the near end, at most: flat scenes never blur."""
+FRONT_LEFT = "24,18"
+"""The direction that a scene is framed from unless another is given."""
+DIRECTIONS = {
+    "front": (0.0, 0.0), "right": (90.0, 0.0), "back": (180.0, 0.0), "left": (-90.0, 0.0),
+    "top": (0.0, 90.0),
+}  # fmt: skip
+"""Words for azimuth and elevation of a camera, degrees: from +z, to the right and upwards."""
 NEAREST_FOCUS = 1.05
-WIDEST_F_NUMBER = 2.0
-BLUR = 0.01
-"""Share of the picture's width that a mesh without a description is blurred by, at most."""
+"""The nearest distance of a focal stack, in focal lengths."""
 # From a camera that looks along -z with +y up to ours.
 TURNED = np.diag([1.0, -1.0, -1.0])
 
@@ -79,92 +91,124 @@ def place_camera(
 ) -> tuple[Camera, np.ndarray]:
     """The lens and the (4, 4) world-to-camera matrix of a checked ``camera`` mapping.
 
-    ``found`` is a camera of a glTF file, for a description that gives no pose.
+    ``found`` is a camera of a glTF file, for a description that gives no pose and no direction.
 
     Raises :class:`SceneError` for a pose that cannot be, a scene wholly behind the lens when
     the focus must be found, and a focus inside the focal length.
     """
+    zoom = description["zoom"]
+    if not (zoom > 0 and math.isfinite(zoom)):
+        raise SceneError(
+            f"must be positive, not {zoom:g}", file=file, key="zoom", remedy="Give 2 for twice"
+        )
     extent = bounds(parts, file=file)
     pose = description.get("pose")
-    if pose is None and found is not None:
+    if pose is not None or "view_from" in description:
+        found = None
+    if found is not None:
         to_camera = rigid_to_camera(TURNED @ found.to_world[:3, :3].T, found.to_world[:3, 3])
     elif pose is None:
-        to_camera = _framing_pose(description, extent)
+        to_camera = _framing_pose(description, extent, file)
     elif "matrix" in pose:
         to_camera = pose_from_matrix(pose["matrix"], file=file, key="camera.pose.matrix")
     else:
         to_camera = look_at(pose["position_m"], pose["look_at_m"], pose["up"], file=file)
-    middle = float((to_camera[:3, :3] @ extent.centre + to_camera[:3, 3])[2])
-    if found is not None and pose is None:
-        middle = _depth_before(extent, to_camera, middle)
-    focus = description.get("focus_m", middle)
-    focus = math.inf if focus == "infinity" else float(focus)
-    if not focus > 0:
-        raise SceneError(
-            "the scene's middle lies behind the lens, so there is nothing to focus on",
-            file=file,
-            key="camera.pose",
-            remedy="Turn the camera round, or give camera.focus_m",
-        )
-    fit = focus if math.isfinite(focus) else max(middle, extent.radius, 1e-6)
-    width = FIELD_WIDTH if found is None or pose is not None else found.field_width
-    focal_m, sensor_m = _lens(description, fit, width)
-    f_number = description["f_number"]
-    if f_number is None:
-        points = extent.points @ to_camera[:3, :3].T + to_camera[:3, 3]
-        f_number = sharp_f_number(points, focal_m, focus, width)
+    width = (FIELD_WIDTH if found is None else found.field_width) / zoom
+    triangles = extent.points.reshape(-1, 3, 3) @ to_camera[:3, :3].T + to_camera[:3, 3]
     try:
-        return Camera(focal_m, sensor_m, float(f_number), focus), to_camera
+        return _lens(description, triangles, width), to_camera
     except OpticsError as error:
-        raise error.named(SceneError, file=file, key=f"camera.{error.key}") from None
+        key = "pose" if error.key == "focus_m" and "focus_m" not in description else error.key
+        raise error.named(SceneError, file=file, key=f"camera.{key}") from None
 
 
-def sharp_f_number(points: np.ndarray, focal_m: float, focus_m: float, width: float) -> float:
-    """The widest aperture, f/2 at most, that blurs nothing by more than :data:`BLUR`.
+def _lens(description: dict, triangles: np.ndarray, width: float) -> Camera:
+    """The camera of a description before ``triangles`` (T, 3, 3) in its space.
 
-    ``points`` (V, 3) are in camera space, ``width`` is the field's at 1 m; those beside it and the
-    nearest and farthest 2 percent do not count.  A lens of diameter A blurs what lies at depth z
-    over the tangent A |1 / z - 1 / focus|.
+    Keys that are missing are fitted to the depths that are seen, so that the lens and its blur
+    are the same whatever the others say.
     """
-    depth = _seen_depths(points, width, 1e-6 * focus_m)
-    if not len(depth):
-        return WIDEST_F_NUMBER
-    unsharp = float(np.abs(1 / np.percentile(depth, [2, 98]) - 1 / focus_m).max())
-    return max(WIDEST_F_NUMBER, focal_m * unsharp / (BLUR * width))
+    focal, sensor = description.get("focal_length_mm"), description.get("sensor_width_mm")
+    given = focal is not None or sensor is not None
+    if given:
+        focal, sensor = float(focal or 50.0) / 1000, float(sensor or 36.0) / 1000
+        sensor /= description["zoom"]
+        width = sensor / focal
+    seen = depth_range(triangles, width)
+    place = description.get("focus_at")
+    if place is not None:
+        focus = focus_at(triangles, width, place)
+    else:
+        focus = _focus(description.get("focus_m", "middle"), seen)
+    diameter = fitted_diameter(seen or DepthRange(focus, focus), width)
+    focal = focal if given else F_NUMBER * diameter
+    check_focus(focus, focal, key="focus_m")
+    f_number = description.get("f_number")
+    if "blur" in description:
+        f_number = f_number_of_blur(description["blur"], focal, focus, width, seen)
+    elif f_number is None:
+        f_number = focal / diameter
+    sensor = sensor if given else width * image_distance(focal, focus)
+    return Camera(focal, sensor, float(f_number), focus)
 
 
-def _seen_depths(points: np.ndarray, width: float, nearest: float) -> np.ndarray:
-    """Depths beyond ``nearest`` of points (V, 3) within a field of ``width`` at 1 m."""
-    depth = points[:, 2]
-    across = np.abs(points[:, :2]).max(axis=1, initial=0.0)
-    return depth[(depth > nearest) & (across <= width / 2 * depth)]
+def _focus(focus: float | str, seen: DepthRange | None) -> float:
+    if seen is None and isinstance(check_words(focus), str):
+        raise OpticsError(
+            "the camera sees nothing that it could focus on", key="focus_m",
+            remedy="Turn the camera round, or give camera.focus_m in metres",
+        )  # fmt: skip
+    return focus_distance(focus, seen)
 
 
-def _depth_before(extent: Bounds, to_camera: np.ndarray, middle: float) -> float:
-    """Of what lies before a camera that may stand within the scene: the median of its vertices."""
-    depth = extent.points @ to_camera[2, :3] + to_camera[2, 3]
-    before = depth[depth > 1e-3 * extent.radius]
-    return float(np.median(before)) if len(before) else middle
+def fitted_diameter(seen: DepthRange, width: float) -> float:
+    """The diameter, metres, of a lens that blurs both ends by :data:`BLUR` from the middle."""
+    defocus = seen.defocus(seen.middle_m)
+    widest = WIDEST * seen.near_m
+    return min(widest, BLUR * width / defocus) if defocus > 0 else widest
 
 
-def _framing_pose(description: dict, extent: Bounds) -> np.ndarray:
-    """Just far enough along :data:`VIEW_DIRECTION` that every vertex lies in the picture, and so
-    that the picture of all of them lies in its middle."""
+def _framing_pose(description: dict, extent: Bounds, file: str | Path) -> np.ndarray:
+    """Just far enough from the direction asked for that every vertex is in the picture, and so
+    that the picture of all of them is in its middle."""
     width = FIELD_WIDTH
     if "focal_length_mm" in description or "sensor_width_mm" in description:
-        focal_m, sensor_m = _lens(description, 0.0)
-        width = sensor_m / focal_m
-    direction = np.asarray(VIEW_DIRECTION) / np.linalg.norm(VIEW_DIRECTION)
-    turn = look_at(direction, (0, 0, 0))[:3, :3]
+        width = description.get("sensor_width_mm", 36.0) / description.get("focal_length_mm", 50.0)
+    direction, up = view_direction(description.get("view_from", FRONT_LEFT), file)
+    turn = look_at(direction, (0, 0, 0), up)[:3, :3]
     *across, z = turn @ (extent.points - extent.centre).T
     # From (x0, y0, -distance) a vertex is in the picture when |x - x0| <= k (z + distance) and y
     # alike.  The sum of what bounds k distance from above and below does not hold x0.
     k = FILLED * width / 2
     bounds_of = [((x - k * z).max() + (-x - k * z).max()) / 2 / k for x in across]
-    distance = max(*map(float, bounds_of), 1.5 * extent.radius, 1e-6)
+    distance = max(*map(float, bounds_of), 1.5 * extent.radius)
     aside = turn[:2].T @ [_balanced(x, z + distance) for x in across]
     middle = extent.centre + aside
-    return look_at(middle + distance * direction, middle)
+    return look_at(middle + distance * direction, middle, up)
+
+
+def view_direction(view_from: str, file: str | Path) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors (3,) from a scene towards a camera, and upwards in its picture.
+
+    ``view_from`` is a word of :data:`DIRECTIONS` or "azimuth,elevation" in degrees.
+    Raises :class:`SceneError` for other text.
+    """
+    text = str(view_from).strip().lower()
+    try:
+        azimuth, elevation = DIRECTIONS.get(text) or map(float, text.split(","))
+        known = abs(elevation) <= 90 and math.isfinite(azimuth)
+    except ValueError:
+        known = False
+    if not known:
+        raise SceneError(
+            f"{view_from!r} is no direction", file=file, key="view_from",
+            remedy=f"Give {', '.join(DIRECTIONS)}, or azimuth,elevation in degrees such as 30,20",
+        )  # fmt: skip
+    turn, rise = math.radians(azimuth), math.radians(elevation)
+    aside, ahead = math.sin(turn), math.cos(turn)
+    level, steep = math.cos(rise), math.sin(rise)
+    towards = np.array([aside * level, steep, ahead * level])
+    return towards, np.array([-aside * steep, level, -ahead * steep])
 
 
 def _balanced(x: np.ndarray, depth: np.ndarray) -> float:
@@ -174,17 +218,6 @@ def _balanced(x: np.ndarray, depth: np.ndarray) -> float:
         seen = (x - middle) / depth
         middle += float(seen.max() + seen.min()) / 2 * float(depth.min())
     return middle
-
-
-def _lens(
-    description: dict, distance: float, field_width: float = FIELD_WIDTH
-) -> tuple[float, float]:
-    """Focal length and sensor width in metres; fitted to ``distance`` when neither is given."""
-    focal, sensor = description.get("focal_length_mm"), description.get("sensor_width_mm")
-    if focal is None and sensor is None:
-        focal_m = FOCAL_PER_DISTANCE * distance
-        return focal_m, field_width * focal_m / (1 - FOCAL_PER_DISTANCE)
-    return float(focal or 50.0) / 1000, float(sensor or 36.0) / 1000
 
 
 def default_lights() -> list[Light]:
@@ -203,15 +236,13 @@ def _unit(towards: list[float]) -> tuple[float, float, float]:
 
 
 def default_focus_distances(camera: Camera, triangles: np.ndarray, number: int = 5) -> tuple:
-    """``number`` distances in metres, near to far, even in dioptres over the visible depths.
+    """``number`` distances in metres, near to far, even in dioptres over the depths that are seen.
 
-    ``triangles`` is (T, 3, 3) in camera space.  Depths are those of the vertices inside the
-    field, without the nearest and farthest 2 percent; the recorded focus when there are none.
+    ``triangles`` is (T, 3, 3) in camera space.  The recorded focus where nothing is seen.
     """
-    points = triangles.reshape(-1, 3).astype(np.float64)
-    nearest = max(NEAREST_FOCUS * camera.focal_length_m, 1e-9)
-    depth = _seen_depths(points, camera.field_width, nearest)
-    if not len(depth):
+    seen = depth_range(triangles, camera.field_width)
+    nearest = NEAREST_FOCUS * camera.focal_length_m
+    if seen is None or seen.far_m <= nearest:
         return (camera.focus_m,)
-    near, far = np.percentile(depth, [2, 98])
-    return tuple(float(1 / d) for d in np.linspace(1 / near, 1 / far, number))
+    seen = DepthRange(max(seen.near_m, nearest), seen.far_m)
+    return tuple(seen.at(float(share)) for share in np.linspace(0, 1, number))

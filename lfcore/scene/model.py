@@ -8,16 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.errors import SceneError
 from lfcore.optics.camera import Camera
+from lfcore.optics.focus import DepthRange, exclude_twice, f_number_of_blur, focus_distance
+from lfcore.optics.planes import PlaneOptions, SensorPlane
 from lfcore.scene.appearance import Light, Material
 from lfcore.scene.assemble import assemble
 from lfcore.scene.colour import parse_colour
 from lfcore.scene.notes import Note, summary
+from lfcore.scene.seen import depth_range
+from lfcore.scene.seen import focus_at as focus_at_place
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 from lfcore.scene.view import View
 
@@ -163,6 +169,61 @@ class Scene:
     @property
     def triangle_count(self) -> int:
         return len(self.triangles)
+
+    @cached_property
+    def depth_range(self) -> DepthRange | None:
+        """The near and the far end of what the camera sees, metres, without the outermost 2
+        percent of the picture; None where it sees nothing."""
+        return depth_range(self.triangles, self.camera.field_width)
+
+    def plane(
+        self,
+        focus_m: float | str | None = None,
+        f_number: float | None = None,
+        aperture: str = "circle",
+        *,
+        focus_at: Sequence[float] | None = None,
+        blur: float | str | None = None,
+        **options: Unpack[PlaneOptions],
+    ) -> SensorPlane:
+        """A picture's focus and aperture, for :func:`lfcore.render`.
+
+        Parameters
+        ----------
+        focus_m : float or str, optional
+            Metres, ``math.inf`` allowed; ``"near"``, ``"middle"``, ``"far"``, or a share such as
+            ``"40%"`` of the depth that is seen, even in dioptres.  Default is the camera's.
+        f_number : float, optional
+            Default is the camera's.
+        aperture : str
+            ``circle``, ``square``, ``diamond`` or ``polygon``.
+        focus_at : (float, float), optional
+            Instead of ``focus_m``, what is seen at this place is in focus: x and y from 0 to 1,
+            from the picture's upper left corner.
+        blur : float or str, optional
+            Instead of ``f_number``, the diameter of the blur at the end of what is seen that is
+            more out of focus, a share of the picture's width: 0.03 or ``"3%"``.
+        **options
+            As of :meth:`lfcore.SensorPlane.of`.
+
+        Raises
+        ------
+        OpticsError
+            A setting is given in two ways, or cannot be met.
+        """
+        exclude_twice(focus_m=focus_m, focus_at=focus_at)
+        exclude_twice(f_number=f_number, blur=blur)
+        camera = self.camera
+        if focus_at is not None:
+            focus_m = focus_at_place(self.triangles, camera.field_width, focus_at)
+        elif isinstance(focus_m, str):
+            focus_m = focus_distance(focus_m, self.depth_range)
+        if blur is not None:
+            f_number = f_number_of_blur(
+                blur, camera.focal_length_m, camera.focus_m if focus_m is None else focus_m,
+                camera.field_width, self.depth_range,
+            )  # fmt: skip
+        return SensorPlane.of(camera, focus_m, f_number, aperture, **options)
 
     def is_cut_out(self, material: Material) -> bool:
         """Whether the alpha of its texture cuts holes into what is made of it."""

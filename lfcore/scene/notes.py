@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from lfcore.scene.pbrt.lexer import Place
 
-LEFT_OUT, APPROXIMATED, NOT_USED = "left out", "approximated", "not used"
+LEFT_OUT, APPROXIMATED, NOT_USED, ASSUMED = "left out", "approximated", "not used", "assumed"
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,8 @@ class Note:
     """One thing that could not be mapped exactly.
 
     ``kind`` is :data:`LEFT_OUT` (missing from the picture), :data:`APPROXIMATED` (mapped to the
-    nearest thing there is) or :data:`NOT_USED` (has no meaning here, e.g. pbrt's sampler).
+    nearest thing there is), :data:`NOT_USED` (has no meaning here, e.g. pbrt's sampler) or
+    :data:`ASSUMED` (the file does not say).
     ``line`` counts from 1; 0 is the whole file.
     """
 
@@ -50,6 +51,6 @@ class Notebook:
 
 def summary(notes: tuple[Note, ...]) -> str:
     """All notes as text, what is missing first; empty when everything was mapped."""
-    order = (LEFT_OUT, APPROXIMATED, NOT_USED)
+    order = (LEFT_OUT, APPROXIMATED, NOT_USED, ASSUMED)
     ranked = sorted(notes, key=lambda note: order.index(note.kind))
     return "\n".join(str(note) for note in ranked)

@@ -42,7 +42,7 @@ def test_defaults_are_filled_in_without_touching_the_input():
         "file": "a.obj", "seed": 0, "shading": "auto", "crease_deg": 40.0,
         "materials": {}, "parameters": {},
     }  # fmt: skip
-    assert full["camera"]["f_number"] == 2.0 and full["camera"]["pose"]["up"] == [0, 1, 0]
+    assert full["camera"]["zoom"] == 1.0 and full["camera"]["pose"]["up"] == [0, 1, 0]
     assert full["lights"][0]["casts_shadows"] is True
     assert full["ambient"] == [0.2, 0.2, 0.2]
     assert "lights" not in complete({"objects": [{"file": "a.obj"}]})
@@ -92,8 +92,22 @@ BAD = {
     ),
     "scene behind the lens": (
         f"{OBJECT}\ncamera: {{pose: {{position_m: [0, 0, 5], look_at_m: [0, 0, 9]}}}}",
-        "camera.pose", "behind the lens",
+        "camera.pose", "sees nothing",
     ),
+    "two apertures": (
+        f"{OBJECT}\ncamera: {{f_number: 2, blur: 3%}}", "camera.blur", "excludes f_number"
+    ),
+    "two focuses": (
+        f"{OBJECT}\ncamera: {{focus_m: near, focus_at: [0.5, 0.5]}}",
+        "camera.focus_at", "excludes focus_m",
+    ),
+    "focus on the background": (
+        f"{OBJECT}\ncamera: {{focus_at: [0, 0]}}", "camera.focus_at", "nothing at 0,0"
+    ),
+    "focus beyond the far end": (
+        f"{OBJECT}\ncamera: {{focus_m: 140%}}", "camera.focus_m", "near, middle, far"
+    ),
+    "no direction": (f"{OBJECT}\ncamera: {{view_from: up}}", "view_from", "front"),
     "pose without direction": (
         f"{OBJECT}\ncamera: {{pose: {{position_m: [0, 0, 0], look_at_m: [0, 0, 0]}}}}",
         "camera.pose", "coincide",

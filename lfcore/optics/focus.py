@@ -1,0 +1,189 @@
+"""Focus and blur as photographers say them, for models whose unit of length means nothing.
+
+A focus is a distance in metres, or a word on the depths that a picture shows: ``near``,
+``middle``, ``far``, or a share of the way such as ``40%``.  A blur is a share of the picture's
+width.  Both are the same when a scene is scaled.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from lfcore.errors import OpticsError
+
+SHARES = {"near": 0.0, "middle": 0.5, "far": 1.0}
+"""The words for a focus, and their shares of the way from the near end to the far end."""
+REMEDY = "Give metres, inf, near, middle, far, or a share of the depth that is seen such as 40%"
+WIDEST_BLUR = 1.0
+
+
+class DepthRange(NamedTuple):
+    """The nearest and the farthest depth that a picture shows, metres along the axis.
+
+    Attributes
+    ----------
+    near_m, far_m : float
+        The far end may be ``math.inf``.
+    """
+
+    near_m: float
+    far_m: float
+
+    @property
+    def middle_m(self) -> float:
+        """The depth whose blur is the same as the other's when either end is in focus."""
+        return self.at(0.5)
+
+    def at(self, share: float) -> float:
+        """The depth at a share of the way from near (0) to far (1), even in dioptres, metres."""
+        if share in (0.0, 1.0):
+            return self.far_m if share else self.near_m
+        return 1.0 / ((1.0 - share) / self.near_m + share / self.far_m)
+
+    def defocus(self, focus_m: float) -> float:
+        """Dioptres between ``focus_m`` and the end of the range that is more out of focus."""
+        return max(abs(1.0 / end - 1.0 / focus_m) for end in self)
+
+    def __str__(self) -> str:
+        names = ("near", "middle", "far")
+        ends = zip(names, (self.near_m, self.middle_m, self.far_m), strict=True)
+        return ", ".join(f"{name} {distance:.4g} m" for name, distance in ends)
+
+
+def exclude_twice(**settings: object) -> None:
+    """Raise :class:`OpticsError` where more than one of these settings is given."""
+    given = [name for name, value in settings.items() if value is not None]
+    if len(given) > 1:
+        raise OpticsError(f"excludes {given[0]}", key=given[1], remedy="Leave one out")
+
+
+def check_words(focus: float | str) -> float | str:
+    """The focus as a number of metres where it is one, else the word itself.
+
+    Raises
+    ------
+    OpticsError
+        The text is neither a number nor a word for a focus.
+    """
+    if not isinstance(focus, str):
+        return focus
+    text = focus.strip().lower()
+    try:
+        return float(text)
+    except ValueError:
+        share_of(text)
+        return text
+
+
+def share_of(word: str) -> float:
+    """The share of the way from near to far that a word names; raises :class:`OpticsError`."""
+    if word in SHARES:
+        return SHARES[word]
+    share = _percent(word)
+    if share is None or not 0 <= share <= 1:
+        raise OpticsError(f"cannot be {word!r}", key="focus_m", remedy=REMEDY)
+    return share
+
+
+def focus_distance(focus: float | str, seen: DepthRange | None) -> float:
+    """Metres of a focus that may be a word.
+
+    Parameters
+    ----------
+    focus : float or str
+        Metres, ``math.inf`` allowed, or a word.
+    seen : DepthRange or None
+        The depths that the picture shows; None where it shows nothing, or nobody knows.
+
+    Raises
+    ------
+    OpticsError
+        The word is none, or there is no depth that it could refer to.
+    """
+    focus = check_words(focus)
+    if not isinstance(focus, str):
+        return focus
+    if seen is None:
+        raise OpticsError(
+            f"{focus!r} of a depth that is not known", key="focus_m", remedy="Give metres"
+        )
+    return seen.at(share_of(focus))
+
+
+def check_place(place: Sequence[float]) -> tuple[float, float]:
+    """A place in the picture, (x, y) from 0 to 1; raises :class:`OpticsError` for another."""
+    try:
+        x, y = map(float, place)
+    except (TypeError, ValueError):
+        x = y = math.nan
+    if not (0 <= x <= 1 and 0 <= y <= 1):
+        raise OpticsError(
+            f"{place} is no place in the picture", key="focus_at",
+            remedy="Give x and y from 0 to 1, from the upper left corner",
+        )  # fmt: skip
+    return x, y
+
+
+def blur_share(blur: float | str) -> float:
+    """A blur such as ``"3%"`` or 0.03 as a share of the picture's width.
+
+    Raises
+    ------
+    OpticsError
+        The blur is no number, or not above 0 and at most the picture's width.
+    """
+    try:
+        share = _percent(blur) if isinstance(blur, str) and "%" in blur else float(blur)
+    except (TypeError, ValueError):
+        share = None
+    if share is None or not 0 < share <= WIDEST_BLUR:
+        raise OpticsError(
+            f"must be above 0 and at most 100% of the picture's width, not {blur}",
+            key="blur",
+            remedy="Give a share such as 3%",
+        )
+    return share
+
+
+def f_number_of_blur(
+    blur: float | str, focal_m: float, focus_m: float, width: float, seen: DepthRange | None
+) -> float:
+    """The f-number of the aperture that blurs by a share of the picture's width.
+
+    A lens of diameter A images a point at depth z as a disc of the tangent A |1/z - 1/focus|.
+
+    Parameters
+    ----------
+    blur : float or str
+        Diameter of that disc, a share of the picture's width, at the end of what is seen that is
+        more out of focus: the far end, unless the focus is nearer to it than to the near end.
+    focal_m, focus_m : float
+        Focal length and focus distance, metres.
+    width : float
+        The field's tangent extent.
+    seen : DepthRange or None
+        The depths that the picture shows.
+
+    Raises
+    ------
+    OpticsError
+        Nothing is seen, or all of it is in focus, whatever the aperture.
+    """
+    share = blur_share(blur)
+    defocus = seen.defocus(focus_m) if seen else 0.0
+    if not defocus > 1e-6 / focal_m * share * width:
+        raise OpticsError(
+            "nothing that is seen can be out of focus", key="blur", remedy="Give an f-number"
+        )
+    return focal_m * defocus / (share * width)
+
+
+def _percent(text: str) -> float | None:
+    """0.4 of ``40%``; None for any other text."""
+    number, sign, rest = text.strip().partition("%")
+    try:
+        return float(number) / 100 if sign and not rest else None
+    except ValueError:
+        return None

@@ -1,0 +1,136 @@
+"""Depths that a scene's picture shows, without a device: a coarse picture of depths by numpy.
+
+A ray through the lens centre of tangents (x, y) meets the triangle v0 v1 v2 where (x, y, 1) has
+the same sign against all three planes through the lens centre and an edge.  Triangles that begin
+before the lens and end behind it need no clipping that way.  Source: Olano and Greer, "Triangle
+Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+from lfcore.optics.focus import DepthRange, check_place
+
+SIDE = 64
+"""The rays per side of the coarse picture."""
+ENDS = (2.0, 98.0)
+"""The percentiles of the depths seen that are the near end and the far end."""
+PAIRS_AT_A_TIME = 1 << 19
+
+
+def depth_range(triangles: np.ndarray, width: float) -> DepthRange | None:
+    """The depths that a picture shows, without its nearest and farthest 2 percent.
+
+    Parameters
+    ----------
+    triangles : np.ndarray
+        (T, 3, 3) in camera space, metres.
+    width : float
+        The tangent extent of the picture.
+
+    Returns
+    -------
+    DepthRange or None
+        None where no ray meets anything and no vertex is in the picture.
+    """
+    ticks = ((np.arange(SIDE) + 0.5) / SIDE - 0.5) * width
+    depth = _depths(triangles, ticks, ticks)
+    depth = depth[np.isfinite(depth)]
+    if not len(depth):  # wires between the rays
+        points = triangles.reshape(-1, 3).astype(np.float64)
+        z = points[:, 2]
+        inside = (z > 0) & (np.abs(points[:, :2]).max(1, initial=0.0) <= width / 2 * z)
+        depth = z[inside]
+    if not len(depth):
+        return None
+    near, far = np.percentile(depth, ENDS).tolist()
+    return DepthRange(near, far)
+
+
+def focus_at(triangles: np.ndarray, width: float, place: Sequence[float]) -> float:
+    """The depth at a place of the picture, metres, as the autofocus of a camera finds it.
+
+    ``place`` is (x, y), shares of the picture's width and height from its upper left corner.
+
+    Raises
+    ------
+    OpticsError
+        The place is outside the picture, or its ray meets nothing.
+    """
+    x, y = check_place(place)
+    ticks = [np.array([(share - 0.5) * width]) for share in (x, y)]
+    depth = float(_depths(triangles, *ticks)[0, 0])
+    if math.isinf(depth):
+        raise OpticsError(
+            f"there is nothing at {x:g},{y:g} of the picture", key="focus_at",
+            remedy="Give a place where something is seen: 0,0 is the upper left corner, 1,1 the "
+            "lower right one",
+        )  # fmt: skip
+    return depth
+
+
+def _depths(triangles: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Depths (R, C), inf for a miss, of the rays of even tangents ``rows`` (R,), ``columns``."""
+    nearest = np.full(len(rows) * len(columns), np.inf)
+    corners = triangles[(triangles[:, :, 2] > 0).any(1)].astype(np.float64)
+    first, count = _boxes(corners, columns, rows)
+    met = np.flatnonzero(count.prod(1))
+    corners, first, count = corners[met], first[met], count[met]
+    pairs = np.concatenate([[0], np.cumsum(count.prod(1))])
+    start = 0
+    while start < len(corners):
+        end = int(np.searchsorted(pairs, pairs[start] + PAIRS_AT_A_TIME, "right")) - 1
+        part = slice(start, max(end, start + 1))
+        _draw(nearest, corners[part], first[part], count[part], columns, rows)
+        start = part.stop
+    return nearest.reshape(len(rows), len(columns))
+
+
+def _boxes(
+    corners: np.ndarray, columns: np.ndarray, rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """First column and row, and numbers of columns and rows, (T, 2) each, around triangles."""
+    z = corners[:, :, 2]
+    whole = ~(z > 0).all(1)  # those that cross the plane of the lens can be anywhere
+    first, count = np.empty((2, len(corners), 2), np.int64)
+    for axis, ticks in enumerate((columns, rows)):
+        tangents = corners[:, :, axis] / np.where(z > 0, z, 1.0)
+        # Rounding may leave out a ray on an edge, which the neighbour has as well.
+        low = np.searchsorted(ticks, tangents.min(1), "left")
+        high = np.searchsorted(ticks, tangents.max(1), "right")
+        first[:, axis] = np.where(whole, 0, low)
+        count[:, axis] = np.where(whole, len(ticks), high - low)
+    return first, count
+
+
+def _draw(
+    nearest: np.ndarray,
+    corners: np.ndarray,
+    first: np.ndarray,
+    count: np.ndarray,
+    columns: np.ndarray,
+    rows: np.ndarray,
+) -> None:
+    """Lower ``nearest`` to the depths of ``corners`` (K, 3, 3) at the rays of their boxes."""
+    # Of the order of 1, so that products of three lengths neither overflow nor vanish.
+    size = np.abs(corners).max()
+    v = corners / size
+    planes = np.stack([np.cross(v[:, (k + 1) % 3], v[:, (k + 2) % 3]) for k in range(3)], 1)
+    volume = (v[:, 0] * planes[:, 0]).sum(-1)
+    each = count.prod(1)
+    owner = np.repeat(np.arange(len(corners)), each)
+    within = np.arange(len(owner)) - np.repeat(np.cumsum(each) - each, each)
+    row, column = np.divmod(within, count[owner, 0])
+    column, row = column + first[owner, 0], row + first[owner, 1]
+    rays = np.stack([columns[column], rows[row], np.ones(len(owner))], -1)
+    sides = np.einsum("kvc,kc->kv", planes[owner], rays)
+    inside = (sides >= 0).all(1) | (sides <= 0).all(1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = volume[owner] / sides.sum(1) * size
+    hit = inside & (depth > 0) & np.isfinite(depth)
+    np.minimum.at(nearest, (row * len(columns) + column)[hit], depth[hit])

@@ -1,0 +1,234 @@
+"""The camera of a scene that gives none, or only a part of one, and focus and blur in words."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import trimesh
+
+import lfcore
+from lfcore.errors import OpticsError, SceneError
+from lfcore.optics.bundles import views as view_bundles
+from lfcore.optics.slab import Slab
+from lfcore.rendering.depth import depth_of_views
+from lfcore.rendering.prepared import open_tracer
+from lfcore.scene.build import build_scene
+from lfcore.scene.framing import BLUR
+from lfcore.scene.seen import SIDE, _depths, focus_at
+
+
+@pytest.fixture
+def ball(tmp_path):
+    """A ball of radius 1, and a smaller one before it to the left, as seen from the front."""
+    far = trimesh.creation.icosphere(3)
+    near = trimesh.creation.icosphere(3, radius=0.4).apply_translation((-0.8, 0.3, 2.0))
+    path = tmp_path / "balls.ply"
+    trimesh.util.concatenate([far, near]).export(path)
+    return path
+
+
+def blurs(scene, focus_m=None, f_number=None):
+    """Diameters of the blur at the near and the far end, shares of the picture's width."""
+    camera = scene.camera
+    diameter = camera.focal_length_m / (f_number or camera.f_number)
+    off = 1 / np.array(scene.depth_range) - 1 / (focus_m or camera.focus_m)
+    return diameter * np.abs(off) / camera.field_width
+
+
+def test_depths_seen_are_those_of_traced_rays(ball):
+    scene = build_scene(ball)
+    width = scene.camera.field_width
+    ticks = ((np.arange(SIDE) + 0.5) / SIDE - 0.5) * width
+    found = _depths(scene.triangles, ticks, ticks)
+    traced = depth_of_views(open_tracer(scene), Slab(scene.camera, 1, SIDE))[0]
+    assert np.isfinite(traced).sum() > 500
+    same = np.isclose(found, traced, rtol=1e-4) | (np.isinf(found) & np.isinf(traced))
+    assert same.mean() > 0.999
+
+
+def test_depths_of_triangles_that_cross_the_lens_plane():
+    floor = np.array([[[-9, 1, -9], [9, 1, -9], [0, 1, 30]]], float)
+    assert focus_at(floor, 1.0, (0.5, 0.75)) == pytest.approx(4)
+    with pytest.raises(OpticsError, match="nothing at"):
+        focus_at(floor, 1.0, (0.5, 0.25))
+
+
+def test_a_mesh_is_blurred_visibly_at_both_ends(ball):
+    scene = build_scene(ball)
+    np.testing.assert_allclose(blurs(scene), BLUR, rtol=0.05)
+    assert scene.camera.f_number == pytest.approx(2)
+    near, far = scene.depth_range
+    assert near < scene.camera.focus_m < far
+    assert scene.camera.focal_length_m < near / 2
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"pose": {"position_m": [0, 1, 9], "look_at_m": [0, 0, 0]}},
+        {"focal_length_mm": 50, "sensor_width_mm": 36},
+        {"focus_m": "near"},
+        {"focus_m": 500},
+        {"focus_m": "infinity"},
+    ],
+    ids=lambda given: next(iter(given)),
+)
+def test_the_lens_stays_what_it_is_when_a_part_is_given(write_scene, ball, given):
+    """Focused in the middle, the far end has the same blur: not an f/2 of a lens made of air."""
+    scene = build_scene(write_scene({"objects": [{"file": ball.name}], "camera": given}))
+    np.testing.assert_allclose(blurs(scene, scene.depth_range.middle_m), BLUR, rtol=0.1)
+
+
+def test_a_flat_scene_has_a_lens(tmp_path):
+    path = tmp_path / "card.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n")
+    scene = build_scene(path, view_from="front")
+    assert scene.camera.lens_radius_m < scene.camera.focus_m / 8
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_a_scaled_model_gives_the_same_picture(tmp_path, ball, scale):
+    mesh = trimesh.load(ball)
+    for name, factor in (("unit", 1.0), ("scaled", scale)):
+        moved = mesh.copy().apply_scale(factor)
+        lines = [f"v {x:.17g} {y:.17g} {z:.17g}" for x, y, z in moved.vertices]
+        lines += [f"f {a} {b} {c}" for a, b, c in moved.faces + 1]
+        (tmp_path / f"{name}.obj").write_text("\n".join(lines))
+    unit, scaled = (lfcore.load_scene(tmp_path / f"{name}.obj") for name in ("unit", "scaled"))
+    assert scaled.depth_range == pytest.approx(tuple(scale * z for z in unit.depth_range))
+    for settings in ({}, {"focus_m": "near"}, {"focus_at": (0.5, 0.5), "blur": "5%"}):
+        first, second = (lfcore.render(scene, pixels=64, **settings) for scene in (unit, scaled))
+        # Corners are rounded to float32 otherwise: single rays at silhouettes may differ.
+        assert np.abs(first - second).max() < 0.02
+        assert np.abs(first - second).mean() < 1e-4
+
+
+def test_words_for_a_focus(ball):
+    scene = build_scene(ball)
+    near, far = scene.depth_range
+    focus = {word: scene.plane(word).focus_m for word in ("near", "middle", "far", "40%", "2.5")}
+    assert focus["near"] == near and focus["far"] == far and focus["2.5"] == 2.5
+    assert 1 / focus["middle"] == pytest.approx((1 / near + 1 / far) / 2)
+    assert 1 / focus["40%"] == pytest.approx(0.6 / near + 0.4 / far)
+    assert scene.plane("inf").focus_m == math.inf
+
+
+def test_a_place_in_the_picture_is_what_a_ray_meets_there(ball):
+    scene = build_scene(ball, view_from="front")
+    tracer = open_tracer(scene)
+    pixels = 16
+    slab = Slab(scene.camera, 1, pixels)
+    origins, directions = view_bundles(slab, np.zeros((1, 2), np.int32)).rays()
+    depth = tracer.closest_hit(origins, directions)[1].reshape(pixels, pixels)
+    for u, v in ((3, 4), (9, 9)):
+        place = (u + 0.5) / pixels, (v + 0.5) / pixels
+        assert scene.plane(focus_at=place).focus_m == pytest.approx(float(depth[v, u]), rel=1e-5)
+    assert depth[4, 3] < depth[9, 9]
+
+
+@pytest.mark.parametrize("focus", ["near", "middle", "30%", "inf"])
+@pytest.mark.parametrize("blur", [0.03, "3%"])
+def test_blur_is_that_of_the_end_farther_from_focus(ball, focus, blur):
+    scene = build_scene(ball)
+    plane = scene.plane(focus, blur=blur)
+    found = blurs(scene, plane.focus_m, plane.f_number)
+    assert found.max() == pytest.approx(0.03)
+    if focus in ("near", "30%"):
+        assert found.argmax() == 1
+
+
+@pytest.mark.parametrize(
+    ("settings", "key"),
+    [
+        ({"focus_m": "nearest"}, "focus_m"),
+        ({"focus_m": "-3%"}, "focus_m"),
+        ({"focus_m": "nan%"}, "focus_m"),
+        ({"focus_m": 3, "focus_at": (0.5, 0.5)}, "focus_at"),
+        ({"focus_at": (0.5,)}, "focus_at"),
+        ({"focus_at": (0.5, 1.5)}, "focus_at"),
+        ({"focus_at": (0.01, 0.01)}, "focus_at"),
+        ({"blur": 0.02, "f_number": 2}, "blur"),
+        ({"blur": "0%"}, "blur"),
+        ({"blur": "3 percent"}, "blur"),
+        ({"blur": math.nan}, "blur"),
+    ],
+)
+def test_settings_that_make_no_picture(ball, settings, key):
+    with pytest.raises(OpticsError) as caught:
+        build_scene(ball).plane(**settings)
+    assert caught.value.key == key and caught.value.remedy
+
+
+SIDES = {
+    "front": (0, 0, 1), "back": (0, 0, -1), "left": (-1, 0, 0), "right": (1, 0, 0),
+    "top": (0, 1, 0), "45,0": (1, 0, 1), "0,30": (0, 0.5, math.sqrt(0.75)), "0,-90": (0, -1, 0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_side_to_see_from(tmp_path, side):
+    """The corner of an octahedron that points towards the camera is nearest, in the middle."""
+    towards = np.array(SIDES[side]) / np.linalg.norm(SIDES[side])
+    mesh = trimesh.creation.icosphere(2)
+    tip = trimesh.creation.icosphere(1, radius=0.01).apply_translation(1.2 * towards)
+    path = tmp_path / "ball.ply"
+    trimesh.util.concatenate([mesh, tip]).export(path)
+    scene = build_scene(path, view_from=side)
+    nearest = scene.triangles.reshape(-1, 3)[scene.triangles[..., 2].argmin()]
+    assert np.abs(nearest[:2] / nearest[2]).max() < 0.01
+
+
+def test_up_is_up_from_every_side(tmp_path):
+    lines = ["v 0 0 0", "v 0.1 0 0", "v 0 1 0", "v 0 0 0.1", "f 1 2 3", "f 1 4 3", "f 2 4 3"]
+    (tmp_path / "spike.obj").write_text("\n".join(lines))
+    for side in ("front", "back", "left", "right", "30,40", "120,-20"):
+        points = build_scene(tmp_path / "spike.obj", view_from=side).triangles.reshape(-1, 3)
+        tip = points[np.argmin(points[:, 1] / points[:, 2])]
+        assert tip[1] < 0 and np.sum(points[:, 1] < 0) == 3
+
+
+def test_zoom_narrows_the_field_from_the_same_place(ball):
+    usual, twice = build_scene(ball), build_scene(ball, zoom=2)
+    np.testing.assert_array_equal(usual.triangles, twice.triangles)
+    assert twice.camera.field_width == pytest.approx(usual.camera.field_width / 2)
+    np.testing.assert_allclose(blurs(twice), BLUR, rtol=0.05)
+
+
+@pytest.mark.parametrize("camera", [{"view_from": "left"}, {"zoom": 0.0}, {"zoom": math.inf}])
+def test_a_view_that_cannot_be(write_scene, ball, camera):
+    pose = {"position_m": [0, 1, 9], "look_at_m": [0, 0, 0]}
+    path = write_scene({"objects": [{"file": ball.name}], "camera": {"pose": pose}})
+    with pytest.raises(SceneError) as caught:
+        build_scene(path, **camera)
+    assert caught.value.key == next(iter(camera)) and caught.value.remedy
+
+
+def noted_up(path, **options):
+    return [note for note in build_scene(path, **options).notes if "z seems" in note.what]
+
+
+def test_where_z_is_up_a_note_says_so(tmp_path):
+    cone = trimesh.creation.cone(0.5, 2.0)  # stands on z = 0
+    cone.export(tmp_path / "cone.stl")
+    x, y = np.meshgrid(np.linspace(0, 4, 9), np.linspace(0, 3, 9))
+    heights = 0.2 * np.sin(3 * x) * np.cos(2 * y)
+    lines = [f"v {a} {b} {c}" for a, b, c in zip(x.flat, y.flat, heights.flat, strict=True)]
+    lines += [f"f {k} {k + 1} {k + 10} {k + 9}" for k in range(1, 73) if k % 9]
+    (tmp_path / "terrain.obj").write_text("\n".join(lines))
+    (tmp_path / "word.obj").write_text("# up axis: Z\nv 0 0 0\nv 1 0 0\nv 0 1 1\nf 1 2 3\n")
+    for name in ("cone.stl", "terrain.obj", "word.obj"):
+        assert len(noted_up(tmp_path / name)) == 1
+        assert not noted_up(tmp_path / name, up="z") and not noted_up(tmp_path / name, up="y")
+        turned = build_scene(tmp_path / name, up="z").triangles
+        assert not np.array_equal(turned, build_scene(tmp_path / name).triangles)
+
+
+def test_where_y_is_up_there_is_no_note(tmp_path, tetrahedron, ball):
+    cone = trimesh.creation.cone(0.5, 2.0)
+    cone.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))
+    cone.export(tmp_path / "cone.stl")
+    trimesh.creation.box().export(tmp_path / "box.stl")
+    for path in (tmp_path / "cone.stl", tmp_path / "box.stl", tetrahedron, ball):
+        assert not noted_up(path)
