@@ -181,7 +181,7 @@ def _framing_pose(description: dict, extent: Bounds, file: str | Path) -> np.nda
     # alike.  The sum of what bounds k distance from above and below does not hold x0.
     k = FILLED * width / 2
     bounds_of = [((x - k * z).max() + (-x - k * z).max()) / 2 / k for x in across]
-    distance = max(*map(float, bounds_of), 1.5 * extent.radius)
+    distance = max(*map(float, bounds_of), 1.5 * extent.radius) or 1.0
     aside = turn[:2].T @ [_balanced(x, z + distance) for x in across]
     middle = extent.centre + aside
     return look_at(middle + distance * direction, middle, up)
