@@ -40,7 +40,8 @@ class DepthRange(NamedTuple):
         """The depth at a share of the way from near (0) to far (1), even in dioptres, metres."""
         if share in (0.0, 1.0):
             return self.far_m if share else self.near_m
-        return 1.0 / ((1.0 - share) / self.near_m + share / self.far_m)
+        delta = (1.0 - share) / self.near_m + share / self.far_m
+        return 1.0 / delta if delta else math.inf
 
     def defocus(self, focus_m: float) -> float:
         """Dioptres between ``focus_m`` and the end of the range that is more out of focus."""
@@ -104,7 +105,7 @@ def focus_distance(focus: float | str, seen: DepthRange | None) -> float:
     """
     focus = check_words(focus)
     if not isinstance(focus, str):
-        return focus
+        return float(focus)
     if seen is None:
         raise OpticsError(
             f"{focus!r} of a depth that is not known", key="focus_m", remedy="Give metres"

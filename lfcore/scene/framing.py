@@ -128,28 +128,31 @@ def _lens(description: dict, triangles: np.ndarray, width: float) -> Camera:
     Keys that are missing are fitted to the depths that are seen, so that the lens and its blur
     are the same whatever the others say.
     """
-    focal, sensor = description.get("focal_length_mm"), description.get("sensor_width_mm")
-    given = focal is not None or sensor is not None
-    if given:
-        focal, sensor = float(focal or 50.0) / 1000, float(sensor or 36.0) / 1000
-        sensor /= description["zoom"]
-        width = sensor / focal
+    given = _given_lens(description)
+    if given is not None:
+        width = given[1] / given[0]
     seen = depth_range(triangles, width)
-    place = description.get("focus_at")
-    if place is not None:
-        focus = focus_at(triangles, width, place)
+    if "focus_at" in description:
+        focus = focus_at(triangles, width, description["focus_at"])
     else:
         focus = _focus(description.get("focus_m", "middle"), seen)
     diameter = fitted_diameter(seen or DepthRange(focus, focus), width)
-    focal = focal if given else F_NUMBER * diameter
+    focal = F_NUMBER * diameter if given is None else given[0]
     check_focus(focus, focal, key="focus_m")
-    f_number = description.get("f_number")
+    sensor = width * image_distance(focal, focus) if given is None else given[1]
     if "blur" in description:
         f_number = f_number_of_blur(description["blur"], focal, focus, width, seen)
-    elif f_number is None:
-        f_number = focal / diameter
-    sensor = sensor if given else width * image_distance(focal, focus)
-    return Camera(focal, sensor, float(f_number), focus)
+    else:
+        f_number = float(description.get("f_number", focal / diameter))
+    return Camera(focal, sensor, f_number, focus)
+
+
+def _given_lens(description: dict) -> tuple[float, float] | None:
+    """Focal length and sensor width, metres, of a description that gives one of them."""
+    focal, sensor = description.get("focal_length_mm"), description.get("sensor_width_mm")
+    if focal is None and sensor is None:
+        return None
+    return float(focal or 50.0) / 1000, float(sensor or 36.0) / 1000 / description["zoom"]
 
 
 def _focus(focus: float | str, seen: DepthRange | None) -> float:
@@ -164,18 +167,17 @@ def _focus(focus: float | str, seen: DepthRange | None) -> float:
 def fitted_diameter(seen: DepthRange, width: float) -> float:
     """The diameter, metres, of a lens that blurs both ends by :data:`BLUR` from the middle."""
     defocus = seen.defocus(seen.middle_m)
-    widest = WIDEST * seen.near_m
+    widest = WIDEST * seen.near_m if math.isfinite(seen.near_m) else 1.0
     return min(widest, BLUR * width / defocus) if defocus > 0 else widest
 
 
 def _framing_pose(description: dict, extent: Bounds, file: str | Path) -> np.ndarray:
     """Just far enough from the direction asked for that every vertex is in the picture, and so
     that the picture of all of them is in its middle."""
-    width = FIELD_WIDTH
-    if "focal_length_mm" in description or "sensor_width_mm" in description:
-        width = description.get("sensor_width_mm", 36.0) / description.get("focal_length_mm", 50.0)
-    direction, up = view_direction(description.get("view_from", FRONT_LEFT), file)
-    turn = look_at(direction, (0, 0, 0), up)[:3, :3]
+    given = _given_lens({**description, "zoom": 1.0})
+    width = FIELD_WIDTH if given is None else given[1] / given[0]
+    direction, up = _direction(description.get("view_from", FRONT_LEFT), file)
+    turn = look_at(direction.tolist(), (0, 0, 0), up.tolist())[:3, :3]
     *across, z = turn @ (extent.points - extent.centre).T
     # From (x0, y0, -distance) a vertex is in the picture when |x - x0| <= k (z + distance) and y
     # alike.  The sum of what bounds k distance from above and below does not hold x0.
@@ -184,10 +186,10 @@ def _framing_pose(description: dict, extent: Bounds, file: str | Path) -> np.nda
     distance = max(*map(float, bounds_of), 1.5 * extent.radius) or 1.0
     aside = turn[:2].T @ [_balanced(x, z + distance) for x in across]
     middle = extent.centre + aside
-    return look_at(middle + distance * direction, middle, up)
+    return look_at((middle + distance * direction).tolist(), middle.tolist(), up.tolist())
 
 
-def view_direction(view_from: str, file: str | Path) -> tuple[np.ndarray, np.ndarray]:
+def _direction(view_from: str, file: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """Unit vectors (3,) from a scene towards a camera, and upwards in its picture.
 
     ``view_from`` is a word of :data:`DIRECTIONS` or "azimuth,elevation" in degrees.
