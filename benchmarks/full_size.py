@@ -8,6 +8,7 @@ All of it is read from the results of one run; what the run did not make is not 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,6 +44,11 @@ LABELS = {
     "seconds": "s", "psnr_db": "PSNR dB", "psnr_true_db": "true PSNR dB", "ssim": "SSIM",
     "video_bytes": "size", "ratio_float32": "ratio",
 }  # fmt: skip
+CHOICE = {
+    "scene": "scene", "method": "method", "lattice": "lattice", "rays": "rays", "seconds": "s",
+    "bytes": "bytes", "psnr_true_db": "true PSNR dB",
+}  # fmt: skip
+"""The published columns of the table on chosen rays, and their names."""
 DIGITS = {"seconds": 1, "psnr_db": 1, "psnr_true_db": 1, "ssim": 4, "ratio_float32": 0}
 
 
@@ -215,33 +221,35 @@ def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]
     """docs/results/index.md."""
     (pixels,) = run.first.M.unique()
     better, of_all = run.counted()
-    unlike = " They are of M = 512: seconds and sizes do not compare."
+    cores = int(re.findall(r"(\d+) cores", provenance["processor"])[0])
+    ours, theirs = run.seconds(cores) / 3600, run.seconds(cores, thesis=True) / 3600
     lines = [
         "# The thesis's tables at full size",
         "",
-        f"M = {pixels}. What the thesis has stands in brackets. "
-        f"{better} of its {of_all} numbers are bettered."
-        + ("" if pixels == THESIS_PIXELS else unlike),
-        "",
-        *wrapped(Result(provenance, run.first).source()),
+        *wrapped(
+            f"M = {pixels}. The thesis's numbers are in brackets; {better} of its {of_all} numbers "
+            f"are improved. All cells take {ours:.1f} hours on {cores} cores, {theirs:.1f} in the "
+            "thesis."
+            + ("" if pixels == THESIS_PIXELS else " Its seconds and sizes are for M = 512.")
+        ),
         "",
         f"![Error, size and time over N, ours and the thesis's]({FIGURE})",
         "",
     ]
     for name, title in THESIS.items():
         lines += [f"## {title}", "", *_markdown(run.tables[name], COMPARED[name]), ""]
-        lines += [f"As numbers: [{name}.csv]({name}.csv).", ""]
     if run.choice is not None:
-        choice = run.choice.rename(columns=lambda name: name.replace("_", " "))
-        lines += ["## What we would do", "", *markdown(choice), ""]
+        choice = run.choice[list(CHOICE)].rename(columns=CHOICE)
+        lines += ["## Fewer rays, with depth", "", *markdown(choice), ""]
     if of_all:
         lines += ["## Not better than the thesis's", ""]
         lines += ["\n  ".join(wrapped(f"- {words}")) for words in run.worse() or ["none"]]
         lines += [""]
     lines += ["## Pictures", ""]
     for title, file in stacks:
-        lines += [f"{title}", "", f"![{title}]({file})", ""]
-    lines += [f"The configuration of the run: [{SETTINGS}]({SETTINGS}).", ""]
+        lines += [f"![{title.partition(':')[0]}]({file})", "", f"{title}.", ""]
+    more = f"More columns: the CSV files in this folder. Configuration: [{SETTINGS}]({SETTINGS})."
+    lines += [*wrapped(Result(provenance, run.first).source()), "", more, ""]
     return "\n".join(lines)
 
 
@@ -257,19 +265,3 @@ def _markdown(table: pd.DataFrame, columns: dict[str, bool]) -> Iterator[str]:
             theirs = shown(name, row.get(f"thesis_{name}", math.nan))
             cells.append(shown(name, row[name]) + (f" ({theirs})" if theirs else ""))
         yield f"| {row['scene']} | {row['N']} | {' | '.join(cells)} |"
-
-
-def readme(run: FullRun, provenance: dict[str, str], cores: int) -> str:
-    """The lines of README's first screen: what the run took beside the thesis, and its command."""
-    ours, theirs = run.seconds(cores) / 3600, run.seconds(cores, thesis=True) / 3600
-    better, of_all = run.counted()
-    (pixels,), processor = run.first.M.unique(), provenance["processor"].split(",")[0]
-    words = (
-        f"The thesis's tables at its size (M = {pixels}, N to {run.first.N.max()}) take {ours:.1f} "
-        f"hours on {cores} cores ({processor}), and took {theirs:.1f} in the thesis; {better} of "
-        f"its {of_all} numbers are bettered ([tables](docs/results/index.md)):"
-    )
-    return (
-        "\n".join([*wrapped(words), f"`{provenance['command']}`"]) + "\n\n"
-        f"![Error, size and time against the thesis](docs/results/{FIGURE})\n"
-    )

@@ -57,8 +57,6 @@ PLACE = re.compile(
     r".*?(<!-- end of \2 -->)",
     re.DOTALL,
 )
-FULL_SIZE = re.compile(r"(<!-- full size -->\n).*?(<!-- end of full size -->)", re.DOTALL)
-"""README's place for what the run at the thesis's size took; empty until one is published."""
 TRACED = {"seconds": "trace s", "psnr_db": "PSNR dB (7.1)",
           "psnr_true_db": "true PSNR dB (7.1)", "ssim": "SSIM"}  # fmt: skip
 RETRIEVED = {"seconds": "retrieve s", "psnr_db": "PSNR dB (7.3)",
@@ -269,19 +267,11 @@ def documents() -> dict[Path, str]:
 
 
 def take_full(results: Path, configuration: Path, provenance: dict[str, str]) -> None:
-    """Publish the run at full size in ``results``: docs/results/, and its lines in README."""
+    """Publish the run at full size in ``results``: docs/results/."""
     from benchmarks import full_size
 
     settings = check_settings({"scenes": list(DEFAULT_SCENES)} | read_yaml(configuration))
-    run = full_size.publish(results, provenance, settings, ROOT / "docs" / "results")
-    readme = ROOT / "README.md"
-    lines = full_size.readme(run, provenance, int(machine()["cores"]))
-    text, places = FULL_SIZE.subn(
-        lambda place: f"{place[1]}{lines}{place[2]}", readme.read_text(encoding="utf-8")
-    )
-    if places != 1:
-        raise PublishError(f"has {places} places of its own for the run at full size", file=readme)
-    write_text(readme, text)
+    full_size.publish(results, provenance, settings, ROOT / "docs" / "results")
 
 
 def main(argv: list[str] | None = None) -> int:
