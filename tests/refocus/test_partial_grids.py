@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from stored_fields import tile_frames, write_field
 
 from lfcore.colour import srgb_decode
 from lfcore.errors import OpticsError, StorageError
@@ -12,11 +13,7 @@ from lfcore.refocus.array.stored import read_stored
 from lfcore.refocus.focal_stack import focal_stack
 from lfcore.refocus.slicing import form_planes
 from lfcore.refocus.views import read_views
-from lfcore.storage.codecs import Encoding
-from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
-from lfcore.storage.segment import SegmentWriter
-from lfcore.storage.ycbcr import frames_from_rgb
 
 COLUMNS, ROWS, WIDTH, HEIGHT = 5, 3, 22, 16
 EXTENT = Extent.centred(COLUMNS, ROWS, WIDTH, HEIGHT)
@@ -33,23 +30,17 @@ def pictures():
 
 @pytest.fixture(scope="module")
 def path(pictures, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("partial")
+    file = tmp_path_factory.mktemp("partial") / "lf.mkv"
     layout = FrameLayout("views", 5, 22, pixel_format="gbrp")
-    spec = Encoding("ffv1", "gbrp")
     column, row, *_ = EXTENT.views
     left, top, *_ = EXTENT.pixels
-    tile = layout.tile(column, row, COLUMNS, ROWS)
-    with SegmentWriter(folder / "0.mp4", spec, 22, 22) as writer:
-        for i, j in tile.elements() - [column, row]:
-            below, right = 22 - HEIGHT - top, 22 - WIDTH - left
-            square = np.pad(pictures[j, i], ((top, below), (left, right), (0, 0)), mode="edge")
-            writer.write(frames_from_rgb(square[None], "gbrp"))
-    scene = {"name": "noise", "digest": "0"}
-    join_segments(
-        folder / "lf.mkv", [folder / "0.mp4"], [tile], layout, geometry=SLAB, scene=scene,
-        spec=spec, content={"metric": False},
+    square = np.zeros((5, 5, 22, 22, 3), np.uint8)
+    square[row:, column:, top:, left:][:ROWS, :COLUMNS, :HEIGHT, :WIDTH] = pictures
+    write_field(
+        file, SLAB, layout, lambda tile: tile_frames(square, tile),
+        tiles=[layout.tile(column, row, COLUMNS, ROWS)], content={"metric": False},
     )  # fmt: skip
-    return folder / "lf.mkv"
+    return file
 
 
 def naive(pictures, disparity, views=None):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from stored_fields import tile_frames, write_field
 
 from lfcore.errors import OpticsError, StorageError
 from lfcore.lightfield import LightField
@@ -18,11 +19,7 @@ from lfcore.oracle.planes import form_plane
 from lfcore.refocus.shift_sum import ViewSummer, shift_sum, shift_sum_views
 from lfcore.refocus.shift_sum_reference import shift_sum_reference
 from lfcore.refocus.slicing import form_planes
-from lfcore.storage.codecs import Encoding
-from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
-from lfcore.storage.segment import SegmentWriter
-from lfcore.storage.ycbcr import frames_from_rgb
 
 CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
 PLANES = [
@@ -100,32 +97,10 @@ def test_a_pinhole_is_one_view_and_codes_are_srgb(device):
     np.testing.assert_allclose(picture, srgb_decode(codes[2, 2] / 255.0), atol=1e-6)
 
 
-def test_a_uniform_field_stays_uniform(device):
-    slab = Slab(CAMERA, 4, 12)
-    views = np.full((4, 4, 12, 12, 3), 0.25, np.float32)
-    for filter in ("nearest", "bilinear"):
-        pictures = shift_sum_views(slab, views, PLANES[:1] + PLANES[2:4], filter=filter)
-        np.testing.assert_allclose(pictures[pictures > 0], 0.25, atol=2e-4)
-        assert (pictures[:, 6, 6] > 0).all()
-
-
 def store(path, slab, views, kind, pack=1):
     """Views (linear) written losslessly as a light field file."""
     layout = FrameLayout(kind, slab.views, slab.pixels, pack=pack, pixel_format="gbrp")
-    spec = Encoding("ffv1", "gbrp", preset=None, tune=None)
-    tiles, segments = layout.tiles(layout.rays, least=3, small_rays=0), []
-    for tile in tiles:
-        frames = np.zeros((tile.frame_count, layout.frame_height, layout.frame_width, 3), np.uint8)
-        elements = tile.elements()
-        for (c, r), (f, x, y) in zip(elements, tile.placement(elements), strict=True):
-            inner = views[:, :, r, c] if kind == "macropixels" else views[r, c]
-            frames[f, y : y + layout.inner, x : x + layout.inner] = inner
-        segments.append(path.with_name(f"{kind}{tile.index}.mp4"))
-        with SegmentWriter(segments[-1], spec, layout.frame_width, layout.frame_height) as writer:
-            writer.write(frames_from_rgb(frames, "gbrp"))
-    join_segments(
-        path, segments, tiles, layout, geometry=slab, scene={"name": "noise", "digest": "0"}
-    )
+    write_field(path, slab, layout, lambda tile: tile_frames(views, tile))
     return path
 
 

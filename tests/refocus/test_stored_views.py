@@ -2,38 +2,31 @@
 
 import numpy as np
 import pytest
+from stored_fields import write_field
 
 from lfcore.opencl.device import PAGE
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 from lfcore.refocus.stored_views import ahead, frame_chunks
-from lfcore.storage.codecs import Encoding
-from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
-from lfcore.storage.segment import SegmentWriter
 
 VIEWS, PIXELS = 16, 10
 LAYOUT = FrameLayout("macropixels", VIEWS, PIXELS, pixel_format="gbrp")
-SPEC = Encoding("ffv1", "gbrp", preset=None, tune=None)
 
 
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory):
     """The frames of each of several tiles, and the file."""
-    folder, draw = tmp_path_factory.mktemp("stored"), np.random.default_rng(8)
+    file, draw = tmp_path_factory.mktemp("stored") / "lf.mkv", np.random.default_rng(8)
     tiles = LAYOUT.tiles(3 * PIXELS * VIEWS**2)
-    frames, segments = [], []
-    for tile in tiles:
-        shape = tile.frame_count, LAYOUT.frame_bytes
-        frames.append(draw.integers(0, 256, shape, dtype=np.uint8))
-        segments.append(folder / f"{tile.index}.mp4")
-        with SegmentWriter(segments[-1], SPEC, LAYOUT.frame_width, LAYOUT.frame_height) as writer:
-            writer.write(frames[-1])
+    frames = {
+        tile: draw.integers(0, 256, (tile.frame_count, LAYOUT.frame_bytes), dtype=np.uint8)
+        for tile in tiles
+    }
     slab = Slab(Camera(0.05, 0.036, 2.0, 3.0), VIEWS, PIXELS)
-    file, scene = folder / "lf.mkv", {"name": "noise", "digest": "0"}
-    join_segments(file, segments, tiles, LAYOUT, geometry=slab, scene=scene, spec=SPEC)
-    return frames, file
+    write_field(file, slab, LAYOUT, frames.__getitem__, tiles=tiles)
+    return list(frames.values()), file
 
 
 def test_tiles_take_turns_in_two_pieces_of_memory(stored):

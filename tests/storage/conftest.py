@@ -1,4 +1,4 @@
-"""Small light fields of known content, encoded and joined as the workflow does it."""
+"""A light field of waves in any layout."""
 
 from __future__ import annotations
 
@@ -7,16 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from stored_fields import tile_frames, write_field
 
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import Encoding
-from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout, Tile
-from lfcore.storage.segment import SegmentWriter
-from lfcore.storage.ycbcr import frames_from_rgb
-
-SCENE = {"name": "waves", "digest": "0123"}
 
 
 def waves(views: int, pixels: int) -> np.ndarray:
@@ -25,20 +21,6 @@ def waves(views: int, pixels: int) -> np.ndarray:
     x, y = (u + 0.3 * i) / pixels, (v + 0.3 * j) / pixels
     channels = [0.5 + 0.4 * np.sin(3 * x + c) * np.cos(4 * y + 2 * c) for c in range(3)]
     return np.stack(channels, -1).astype(np.float32)
-
-
-def tile_frames(field: np.ndarray, tile: Tile) -> np.ndarray:
-    """(F, frame_bytes) uint8: the frames of one tile, element by element, the slow way."""
-    layout = tile.layout
-    size = (tile.frame_count, layout.frame_height, layout.frame_width, 3)
-    frames = np.zeros(size, np.float32)
-    elements = tile.elements()
-    edge = layout.slot - layout.inner
-    for (column, row), (frame, x, y) in zip(elements, tile.placement(elements), strict=True):
-        picture = field[:, :, row, column] if layout.kind == "macropixels" else field[row, column]
-        padded = np.pad(picture, ((0, edge), (0, edge), (0, 0)), mode="edge")
-        frames[frame, y : y + layout.slot, x : x + layout.slot] = padded
-    return frames_from_rgb(frames, layout.pixel_format)
 
 
 @dataclass
@@ -60,12 +42,11 @@ def store(folder: Path, layout: FrameLayout, spec: Encoding, tiles: int = 3) -> 
     slab = Slab(Camera(0.05, 0.036, 2.0, 3.0), layout.views, layout.pixels)
     cut = layout.tiles(layout.rays, least=tiles, small_rays=0)
     frames = [tile_frames(field, tile) for tile in cut]
-    paths = [folder / f"{tile.index}.mp4" for tile in cut]
-    for path, tile_data in zip(paths, frames, strict=True):
-        with SegmentWriter(path, spec, layout.frame_width, layout.frame_height) as writer:
-            writer.write(tile_data)
     path = folder / "lightfield.mkv"
-    join_segments(path, paths, cut, layout, geometry=slab, scene=SCENE, spec=spec)
+    by_tile = dict(zip(cut, frames, strict=True))
+    _, paths = write_field(
+        path, slab, layout, by_tile.__getitem__, spec=spec, tiles=cut, scene="waves"
+    )
     return Stored(path, field, layout, slab, cut, paths, frames)
 
 

@@ -4,8 +4,6 @@ import hashlib
 import json
 import random
 import re
-import subprocess
-import sys
 from fractions import Fraction
 
 import av
@@ -261,29 +259,3 @@ def test_every_bit_of_the_codec_id(tmp_path, stored, whole):
         with pytest.raises(StorageError) as found:
             LightFieldFile.open(path)
         assert str(path) in str(found.value)
-
-
-FULL_DISK = """
-import resource, sys
-from lfcore.errors import StorageError
-from lfcore.storage.container import join_segments
-from lfcore.storage.lightfield import LightFieldFile
-light_field = LightFieldFile.open(sys.argv[1])
-tiles = [part.tile for part in light_field.segments]
-resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
-try:
-    join_segments(sys.argv[2], sys.argv[3:], tiles, light_field.layout, geometry=light_field.slab,
-                  scene={"name": "", "digest": ""})
-except StorageError as error:
-    sys.exit(str(error))
-"""
-
-
-def test_a_full_disk(tmp_path, stored):
-    path = tmp_path / "x.mkv"
-    done = subprocess.run(
-        [sys.executable, "-c", FULL_DISK, stored.path, path, *stored.segments],
-        capture_output=True, text=True,
-    )  # fmt: skip
-    assert done.returncode == 1 and f"{path}: cannot be written" in done.stderr
-    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,53 @@
+"""Small light field files of known content, encoded and joined as the workflow does it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.optics.slab import Slab
+from lfcore.storage.codecs import Encoding
+from lfcore.storage.container import join_segments
+from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.storage.segment import SegmentWriter
+from lfcore.storage.ycbcr import frames_from_rgb
+
+LOSSLESS = Encoding("ffv1", "gbrp", preset=None, tune=None)
+
+
+def tile_frames(views: np.ndarray, tile: Tile) -> np.ndarray:
+    """(F, frame_bytes) uint8: a tile's frames of views [j, i, v, u], element by element."""
+    layout = tile.layout
+    size = (tile.frame_count, layout.frame_height, layout.frame_width, 3)
+    frames = np.zeros(size, views.dtype)
+    elements = tile.elements()
+    edge = layout.slot - layout.inner
+    for (column, row), (frame, x, y) in zip(elements, tile.placement(elements), strict=True):
+        picture = views[:, :, row, column] if layout.kind == "macropixels" else views[row, column]
+        padded = np.pad(picture, ((0, edge), (0, edge), (0, 0)), mode="edge")
+        frames[frame, y : y + layout.slot, x : x + layout.slot] = padded
+    return frames_from_rgb(frames, layout.pixel_format)
+
+
+def write_field(
+    path: Path,
+    slab: Slab,
+    layout: FrameLayout,
+    frames_of: Callable[[Tile], np.ndarray],
+    *,
+    spec: Encoding = LOSSLESS,
+    tiles: Sequence[Tile] | None = None,
+    scene: str = "noise",
+    **more,
+) -> tuple[list[Tile], list[Path]]:
+    """Encode the frames of each tile (default: three or more) and join; the tiles and segments."""
+    tiles = list(tiles or layout.tiles(layout.rays, least=3, small_rays=0))
+    segments = [path.with_name(f"{path.stem}{tile.index}.mp4") for tile in tiles]
+    for tile, segment in zip(tiles, segments, strict=True):
+        with SegmentWriter(segment, spec, layout.frame_width, layout.frame_height) as writer:
+            writer.write(frames_of(tile))
+    scene_of = {"name": scene, "digest": "0123"}
+    join_segments(path, segments, tiles, layout, geometry=slab, scene=scene_of, spec=spec, **more)
+    return tiles, segments
