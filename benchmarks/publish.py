@@ -17,7 +17,7 @@ that made it, commit, processor, date, and what else is to be known.  A document
     <!-- end of NAME -->
 
 between whose lines the table is written, with its columns, or those of ``NAME: a; b; c``, and only
-the rows of ``NAME where N in 64 512``.  ``NAME + OTHER`` has the rows that are in both.
+the rows of ``NAME where N in 64 512 and scene in bike``.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ DOCUMENTS = (
 )
 RECOMMENDED = ROOT / "config" / "recommended.csv"
 PLACE = re.compile(
-    r"(<!-- published: (\w+(?: \+ \w+)*)(?:: ([^>\n]*?))?(?: where (\w+) in ([^>\n]*?))? -->\n)"
+    r"(<!-- published: (\w+)(?:: ([^>\n]*?))?(?: where ([^>\n]*?))? -->\n)"
     r".*?(<!-- end of \2 -->)",
     re.DOTALL,
 )
@@ -220,24 +220,25 @@ def default_encoder() -> str:
 
 def published(text: str) -> str:
     """A document with the table of each of its places."""
-    return PLACE.sub(lambda place: f"{place[1]}\n{_place(place)}\n\n{place[6]}", text)
+    return PLACE.sub(lambda place: f"{place[1]}\n{_place(place)}\n\n{place[5]}", text)
 
 
 def _place(place: re.Match) -> str:
-    results = [read_result(RESULTS / f"{name}.csv") for name in place[2].split(" + ")]
-    rows = results[0].rows
-    for other in results[1:]:
-        rows = rows.merge(other.rows)  # on the columns that both have
-    if place[4]:
-        rows = rows[rows[place[4]].isin(place[5].split())]
+    result = read_result(RESULTS / f"{place[2]}.csv")
+    rows = result.rows
+    for condition in filter(None, (place[4] or "").split(" and ")):
+        column, _, values = condition.partition(" in ")
+        rows = rows[_known(rows, column, place[2]).isin(values.split())]
     if place[3]:
-        columns = [name.strip() for name in place[3].split(";")]
-        unknown = set(columns) - set(rows.columns)
-        if unknown:
-            raise PublishError(f"{place[2]} has no column {sorted(unknown)[0]!r}")
-        rows = rows[columns]
-    sources = (line for result in results for line in ("", *wrapped(result.source())))
-    return "\n".join([*markdown(rows), *sources])
+        names = [name.strip() for name in place[3].split(";")]
+        rows = pd.DataFrame({name: _known(rows, name, place[2]) for name in names})
+    return "\n".join([*markdown(rows), "", *wrapped(result.source())])
+
+
+def _known(rows: pd.DataFrame, column: str, result: str) -> pd.Series:
+    if column not in rows:
+        raise PublishError(f"{result} has no column {column!r}")
+    return rows[column]
 
 
 def markdown(rows: pd.DataFrame) -> Iterator[str]:

@@ -8,13 +8,14 @@ import pytest
 from benchmarks import publish
 
 PROVENANCE = {"command": "make x", "commit": "abc", "processor": "a machine", "date": "2026-01-02"}
-TEXT = "Before.\n<!-- published: some: N; s where N in 2 4 -->\nold\n<!-- end of some -->\nAfter.\n"
+PLACE = "<!-- published: some: N; s where N in 2 3 4 and more in 0 -->"
+TEXT = f"Before.\n{PLACE}\nold\n<!-- end of some -->\nAfter.\n"
 
 
 @pytest.fixture
 def results(tmp_path, monkeypatch):
     monkeypatch.setattr(publish, "RESULTS", tmp_path)
-    rows = pd.DataFrame({"N": [2, 3, 4], "s": ["1.50", "2.0", "inf"], "more": 0})
+    rows = pd.DataFrame({"N": [2, 3, 4], "s": ["1.50", "2.0", "inf"], "more": [0, 1, 0]})
     publish.Result(PROVENANCE | {"note": "Hot."}, rows).write(tmp_path / "some.csv")
     return tmp_path
 
