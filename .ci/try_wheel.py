@@ -32,8 +32,9 @@ def main() -> None:
             subprocess.run([command, *words], cwd=folder, check=True)
         (folder / "ball.yaml").write_text("objects: [{builder: sphere}]\n")
         subprocess.run(
-            [command, "render", "ball.yaml", "-o", "b.png", "--size", "32"], cwd=folder, check=True
-        )
+            [command, "render", "ball.yaml", "-o", "b.png", "--pixels", "32"],
+            cwd=folder, check=True,
+        )  # fmt: skip
         assert (folder / "a.png").is_file() and (folder / "b.png").is_file()
     print(f"lfcore {lfcore.__version__} on Python {sys.version.split()[0]}: well")
 

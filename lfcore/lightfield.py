@@ -266,11 +266,11 @@ class LightField(LightFieldFile):
     def viewer(
         self,
         *,
-        views: int | None = None,
-        size: int | None = None,
-        form: str = "avif",
-        quality: int = 90,
-        device: Device | None = None,
+        grid: int | None = None,
+        pixels: int | None = None,
+        format: str = "avif",
+        jpeg_quality: int = 90,
+        device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> ViewerPage:
         """A page for the browser in which one looks around, focuses and stops down.
@@ -279,8 +279,8 @@ class LightField(LightFieldFile):
         :func:`lfcore.viewer.page.viewer_page`.
         """
         return viewer_page(
-            self, views=views, size=size, form=form, quality=quality, device=device,
-            progress=progress,
+            self, grid=grid, pixels=pixels, format=format, jpeg_quality=jpeg_quality,
+            device=device, progress=progress,
         )  # fmt: skip
 
     def distance_of(self, disparity_px: float) -> float:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from robustness.outcome import LONGEST_MESSAGE, ROOT
 
-SIZE = ("--size", "16", "--views", "2")
+SIZE = ("--pixels", "16", "--views", "2")
 
 
 @dataclass(frozen=True)

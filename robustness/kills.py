@@ -254,12 +254,12 @@ def nothing(folder: Path) -> None:
 def jobs() -> list[Job]:
     scene = str(ROOT / "scenes/sphere")
     lfcore = ("-m", "lfcore.cli")
-    size = ("--size", "96", "--views", "32")  # some seconds of tracing
+    size = ("--pixels", "96", "--views", "32")  # some seconds of tracing
     workflow = ("-m", "lfcore.workflow.run", "--cores", "2", "--configfile", "micro.yaml", "--")
     made = ("results/sphere/M16/N4/planes/from_video", "results/sphere/M16/N2/planes/on_the_fly")
     commands = ("KILL", "TERM", "INT group")
     return [
-        Job("trace", (*lfcore, "trace", scene, "-o", "out/a.mkv", *size), ("out/*",), nothing,
+        Job("trace", (*lfcore, "record", scene, "-o", "out/a.mkv", *size), ("out/*",), nothing,
             commands),
         Job("render", (*lfcore, "render", scene, "-o", "out/a.ppm", *size), ("out/*",), nothing,
             commands),

@@ -210,8 +210,8 @@ def test_the_commands_in_the_readme_run(model, tmp_path, monkeypatch):
     (tmp_path / "model.glb").write_bytes(model.read_bytes())
     monkeypatch.chdir(tmp_path)
     for line in commands:
-        words = line.replace("--size 256 --views 32", "--size 32 --views 9").split()[1:]
+        words = line.replace("--pixels 256 --views 32", "--pixels 32 --views 9").split()[1:]
         if words[0] == "view":  # alone it serves the page until it is interrupted
             words += ["-o", "page.html"]
-        assert main(words + ["--size", "32"] * (words[0] == "render")) == 0, line
+        assert main(words + ["--pixels", "32"] * (words[0] == "render")) == 0, line
         assert (tmp_path / words[words.index("-o") + 1]).is_file()

@@ -1,7 +1,7 @@
 """Writes a glTF scene with every feature that lfcore renders, and some that it drops and names.
 
     python docs/examples/gltf_features.py features.glb
-    lfcore render features.glb -o features.png --size 512
+    lfcore render features.glb -o features.png --pixels 512
 
 Numpy and Pillow are all it needs; nothing is downloaded.
 """

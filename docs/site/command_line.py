@@ -5,17 +5,13 @@ from __future__ import annotations
 import argparse
 import textwrap
 from collections.abc import Mapping
-from importlib import import_module
 
 from lfcore import cli
 
 
 def parser() -> argparse.ArgumentParser:
     """All commands with all options; their examples keep their lines."""
-    top = argparse.ArgumentParser("lfcore", description=cli.DESCRIPTION, epilog=cli.EPILOG)
-    commands = top.add_subparsers(metavar="COMMAND")
-    for name, (module, summary) in cli.COMMANDS.items():
-        import_module(f"lfcore.cli.{module}").COMMANDS[name].add_to(commands, name, summary)
+    top = cli.parser()
     _literal_examples({"lfcore": top})
     return top
 

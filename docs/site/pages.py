@@ -4,7 +4,7 @@ A page is Markdown.  Its fenced blocks of ``bash`` and ``python`` are run in ord
 from which the project's scenes and workflow are reached as from its own; Python blocks share their
 names.  Comments say the rest:
 
-    <!-- small: --size 256 = --size 24 | views=9 = views=3 -->   what tests put in place of what
+    <!-- small: --pixels 256 = --pixels 24 | views=9 = views=3 -->   what tests put in place of what
     <!-- needs: sinfo --version -->   the next block is run only where this command succeeds
     <!-- not run: the reason -->      the next block is not
     <!-- picture: near.png | what it shows -->   a picture that was made, shown here by the site

@@ -19,26 +19,26 @@ from lfcore.cli.interrupt import ending, interruptible, leave_at_once
 from lfcore.errors import LfcoreError, one_line
 
 COMMANDS = {
+    "record": ("record", "a light field file from a scene"),
+    "render": ("render", "pictures straight from a scene, without storing a light field"),
     "refocus": ("refocus", "pictures at any focus and aperture from a light field file"),
     "stack": ("stack", "focal and aperture stacks: pictures, contact sheet, MP4"),
     "view": ("view", "a light field file in the browser; one view or macropixel of it"),
-    "info": ("inspect", "what a light field file holds; check it"),
+    "info": ("inspect", "facts about a light field file; check it"),
     "depth": ("depth", "depth, disparity and an all-in-focus picture of a scene"),
-    "render": ("render", "pictures straight from a scene, without storing a light field"),
-    "trace": ("render", "a light field file from a scene"),
     "plenoptic": ("plenoptic", "the photograph of a plenoptic camera, from a scene"),
-    "import": ("exchange", "a light field file from a light field of another program"),
-    "export": ("exchange", "a light field file in the format of another program"),
+    "import": ("exchange", "a light field file from another program's light field"),
+    "export": ("exchange", "a light field file in another program's format"),
     "imgtool": ("imgtool", "camera arrays: synthesise pictures, convert EXR"),
     "devices": ("inspect", "OpenCL devices that can be used"),
 }
-DESCRIPTION = "Synthetic light fields: trace a scene, store it, refocus it."
+DESCRIPTION = "Light fields: record a scene once, choose focus, aperture and view afterwards."
 EPILOG = """examples:
-  lfcore trace scenes/bike -o bike.mkv --size 256 --views 32
+  lfcore record scenes/bike -o bike.mkv
   lfcore view bike.mkv -o bike.html
   lfcore refocus bike.mkv --focus 3.2 --f-number 2.8 -o bike.png
   lfcore stack bike.mkv --focus 2 3 4 6 -o focal.mp4
-  lfcore render table.glb -o table.png --size 512 --views 16
+  lfcore render table.glb -o table.png --pixels 512
 
 'lfcore COMMAND --help' explains each command with examples.
 """
@@ -47,14 +47,14 @@ EPILOG = """examples:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit status.
 
-    Errors of the user's making go to standard error, one line, with status 1.  As the program
-    itself (``argv`` None) an interruption ends the process at once, also while a kernel runs.
+    A user's errors are one line on standard error, with status 1.  As the program itself
+    (``argv`` None) an interruption ends the process at once, also while a kernel runs.
     """
     words = list(sys.argv[1:] if argv is None else argv)
     if argv is None:
         _open_closed_streams()
     for stream in (sys.stdout, sys.stderr):
-        # A terminal that knows no letter of a name shows its code, and the command goes on.
+        # A terminal that lacks a letter of a name shows its code, and the command goes on.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
@@ -65,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except LfcoreError as error:
         return _failed(str(error))
     except BrokenPipeError:
-        _forget_output()  # whoever read it has seen enough
+        _forget_output()  # the reader has seen enough
         return 1
     except OSError as error:
         if argv is None:
@@ -73,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         place = f"{error.filename}: " if error.filename else ""
         return _failed(one_line(f"{place}{error.strerror or error}."))
     except MemoryError:
-        return _failed("There is not enough memory. Ask for a smaller size, or fewer views.")
+        return _failed("There is not enough memory. Ask for fewer pixels, or fewer views.")
     except KeyboardInterrupt as error:
         status = _failed(*ending(error))
         if argv is None:
@@ -83,9 +83,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _open_closed_streams() -> None:
-    """Standard streams that the caller closed lead nowhere: no file of ours may take their number.
+    """Open standard streams that the caller closed, lest a file of ours takes their number.
 
-    What a library in C says to number 2 would be written into that file.
+    A library in C would write its messages for number 2 into that file.
     """
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
@@ -93,31 +93,27 @@ def _open_closed_streams() -> None:
 
 
 def _forget_output() -> None:
-    """Nothing is left to be flushed on exit."""
+    """Leave nothing to be flushed on exit."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _failed(message: str, status: int = 1) -> int:
-    # Below a line of progress, not behind it.
-    print(f"\n{message}" if sys.stderr.isatty() else message, file=sys.stderr, flush=True)
+    print(message, file=sys.stderr, flush=True)
     return status
 
 
-def parser(argv: Sequence[str]) -> argparse.ArgumentParser:
-    """The parser; only the command that is asked for is imported and described in full."""
-    top = argparse.ArgumentParser(
-        "lfcore",
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def parser(argv: Sequence[str] | None = None) -> argparse.ArgumentParser:
+    """The parser; by default with all commands' options, else with those of the one in ``argv``."""
+    from lfcore.cli.command import Parser
+
+    top = Parser("lfcore", description=DESCRIPTION, epilog=EPILOG)
     top.add_argument("--version", action="version", version=f"lfcore {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    asked = next((word for word in argv if not word.startswith("-")), None)
+    asked = next((word for word in argv or () if not word.startswith("-")), None)
     for name, (module, summary) in COMMANDS.items():
-        if name != asked:
+        if argv is None or name == asked:
+            import_module(f"lfcore.cli.{module}").COMMANDS[name].add_to(commands, name, summary)
+        else:
             commands.add_parser(name, help=summary)
-            continue
-        import_module(f"lfcore.cli.{module}").COMMANDS[name].add_to(commands, name, summary)
     return top

@@ -1,10 +1,11 @@
-"""What the commands of ``lfcore`` share: what was asked for, the opening of files, refusals."""
+"""The base of all commands: parser, ``--json``, opening files and devices, refusing options."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,41 +15,47 @@ import numpy as np
 
 import lfcore
 from lfcore.cli.progress import note, recorded, say, wrote
-from lfcore.errors import OpticsError
+from lfcore.errors import OpticsError, one_line
 from lfcore.pictures import write_pictures
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line, and whose values may be ``-1.5px``."""
+
+    def __init__(self, *args: Any, **options: Any):
+        super().__init__(*args, **options)
+        self.formatter_class, self.allow_abbrev = argparse.RawDescriptionHelpFormatter, False
+        self._negative_number_matcher = re.compile(r"-\.?\d")
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{one_line(f'{self.prog}: {message}')}. See '{self.prog} --help'.\n")
 
 
 @dataclass(frozen=True)
 class Command:
-    """One command: what ``--help`` says of it, the options that it adds, and what it does.
-
-    One that is for ``programs``, too, has ``--json``.
-    """
+    """One command: its texts for ``--help``, and functions that add its options and run it."""
 
     description: str
     examples: str
     options: Callable[[argparse.ArgumentParser], None]
     run: Callable[[argparse.Namespace], None]
-    programs: bool = False
 
-    def add_to(
-        self, commands: argparse._SubParsersAction[argparse.ArgumentParser], name: str, help: str
-    ) -> None:
-        """Add it to the commands of a parser; its texts keep their lines."""
+    def add_to(self, commands: argparse._SubParsersAction[Any], name: str, help: str) -> None:
+        """Add it to the commands of a parser."""
         parser = commands.add_parser(
-            name, help=help, description=self.description, epilog=self.examples,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )  # fmt: skip
-        parser.set_defaults(run=self._record if self.programs else self.run)
+            name, help=help, description=self.description, epilog=self.examples
+        )
+        parser.set_defaults(run=self._run, command=name)
         self.options(parser)
-        if self.programs:
-            parser.add_argument(
-                "--json", action="store_true",
-                help="one JSON object on standard output, for programs; no other words",
-            )  # fmt: skip
+        parser.add_argument(
+            "--json", action="store_true", help="print one JSON object for programs, and no words"
+        )
 
-    def _record(self, arguments: argparse.Namespace) -> None:
-        """Run; with ``--json``, print what was done as one line of JSON when all of it is."""
+    def _run(self, arguments: argparse.Namespace) -> None:
+        """Run; with ``--json``, print the record as one line when all is done."""
+        # First of all: a device that is not there is an error also where it has nothing to do.
+        if getattr(arguments, "device", None) is not None:
+            arguments.device = lfcore.open_device(arguments.device)
         if not arguments.json:
             self.run(arguments)
             return
@@ -58,7 +65,7 @@ class Command:
 
 
 def _finite(value: Any) -> Any:
-    """The same without numbers that JSON has not: "inf" is what options take, too."""
+    """The same with "inf" for infinity, which JSON lacks."""
     if isinstance(value, dict):
         return {key: _finite(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
@@ -66,14 +73,8 @@ def _finite(value: Any) -> Any:
     return value if not isinstance(value, float) or math.isfinite(value) else str(value)
 
 
-def encoder(arguments: argparse.Namespace) -> lfcore.Encoding:
-    """The encoding that the options describe."""
-    names = ("codec", "pixel_format", "crf", "preset", "layout", "depth")
-    return lfcore.Encoding(**given(arguments, *names))
-
-
 def open_field(arguments: argparse.Namespace) -> lfcore.LightField:
-    """The light field of the command line; damage that is left out is told."""
+    """The light field of the command line; reports damaged segments that are left out."""
     field = lfcore.LightField.open(arguments.lightfield, salvage=arguments.salvage)
     for damage in field.damage:
         say(f"left out: {damage.reason}")
@@ -81,7 +82,7 @@ def open_field(arguments: argparse.Namespace) -> lfcore.LightField:
 
 
 def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
-    """The scene of the command line; tells its size, and what was not read exactly or left out."""
+    """The scene of the command line; reports its size and what was approximated or left out."""
     scene = lfcore.load_scene(arguments.scene, light_points=arguments.light_points, up=arguments.up)
     if scene.notes:
         say(scene.summary())
@@ -92,35 +93,19 @@ def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
     return scene
 
 
-def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
-    """Those of these arguments that were given, or have a default."""
-    found = {name: getattr(arguments, name, None) for name in names}
-    return {name: value for name, value in found.items() if value is not None}
-
-
-def asked(arguments: argparse.Namespace, names: Sequence[str]) -> list[str]:
-    """The options of these names that were asked for; with 0, too, if wrongly."""
-    found = {option(name): getattr(arguments, name, None) for name in names}
-    return [key for key, value in found.items() if value not in (None, []) and value is not False]
-
-
-def option(name: str) -> str:
-    """An argument's name as it is typed."""
-    return f"--{name.replace('_', '-')}"
+def flags(arguments: argparse.Namespace, names: Sequence[str]) -> list[str]:
+    """The flags of these names that were given, as they are typed."""
+    found = {f"--{name.replace('_', '-')}": getattr(arguments, name, None) for name in names}
+    return [flag for flag, value in found.items() if value not in (None, []) and value is not False]
 
 
 def refuse(key: str, problem: str, remedy: str | None = None) -> NoReturn:
-    """Raise :class:`OpticsError` on an option, or on options that do not go together."""
+    """Raise :class:`OpticsError` on an option, or on options that exclude each other."""
     raise OpticsError(problem, key=key, remedy=remedy)
 
 
-def exclude(key: str, other: str) -> NoReturn:
-    """Refuse two options of which one says what the other does."""
-    refuse(key, f"excludes {other}", "Leave one out")
-
-
 def write_named(named: Sequence[tuple[Path, np.ndarray]], *, bits: int = 8) -> None:
-    """Write pictures, all or none, and say where."""
+    """Write pictures, all or none, and report their names."""
     write_pictures(named, bits=bits)
     for path, _ in named:
         wrote(path)

@@ -8,21 +8,22 @@ from pathlib import Path
 import numpy as np
 
 import lfcore
+from lfcore.cli import values
 from lfcore.cli.command import Command, open_scene, refuse, write_named
-from lfcore.cli.options import add_scene
+from lfcore.cli.options import add_pixels, add_scene, add_views
 from lfcore.cli.progress import progress, wrote
 from lfcore.pictures import CODED, check_suffix
 
 DESCRIPTION = """\
-Depth (metres along the axis) and disparity (pixels from view to view) of every view of a scene,
-exact and without anti-aliasing; and a picture in which everything is in focus."""
+Trace depth (metres along the axis) and disparity (pixels between neighbouring views) of a scene's
+views, exact and without anti-aliasing, or make a picture in which everything is in focus."""
 EPILOG = """\
 examples:
   lfcore depth scenes/bike --lightfield bike.mkv -o bike_depth.npz
-      depth_m and disparity_px, (views, rows, columns), of the light field that was traced
-  lfcore depth scenes/bike --size 512 -o centre.pfm
-      of the view through the middle of the lens alone, as a float map
-  lfcore depth scenes/bike --size 512 -o centre.png
+      depth_m and disparity_px, (views, rows, columns), of the light field's views
+  lfcore depth scenes/bike --pixels 512 -o centre.pfm
+      the view through the middle of the lens, as a float map
+  lfcore depth scenes/bike --pixels 512 -o centre.png
       the same to look at: near is warm, far is cold
   lfcore depth scenes/bike --lightfield bike.mkv --all-in-focus sharp.png
 """
@@ -33,12 +34,14 @@ def options(command: argparse.ArgumentParser) -> None:
     add_scene(command)
     add("-o", "--output", type=Path,
         help=".npz (every view); .pfm, .exr, or .png to look at (one view)")  # fmt: skip
-    add("--all-in-focus", type=Path, metavar="PICTURE", help="picture to write")
-    add("--lightfield", metavar="FILE", help="or its URL: whose lens, size and views to use")
-    add("--size", type=int, default=256, metavar="M", help="M x M pixels (256)")
-    add("--views", type=int, default=1, metavar="N", help="N x N views (1)")
-    add("--view", nargs=2, type=int, metavar=("I", "J"), help="which, of one view")
-    add("--disparity", action="store_true", help="disparity instead of depth")
+    add("--all-in-focus", type=Path, metavar="PICTURE", help="all-in-focus picture to write")
+    add("--lightfield", metavar="FILE", help="light field file or URL with the lens and views")
+    add_pixels(command)
+    add_views(command, "N x N views (1)")
+    add("--view", nargs=2, type=values.count(0), metavar=("I", "J"),
+        help="lens column and row, for output of one view (the middle)")  # fmt: skip
+    add("--format", choices=("depth", "disparity"), default="depth",
+        help="of one view: depth (default), or disparity in .pfm or .exr")  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -48,7 +51,8 @@ def run(arguments: argparse.Namespace) -> None:
 
     field = _checked(arguments)
     scene = open_scene(arguments)
-    slab = field.require_slab() if field else Slab(scene.camera, arguments.views, arguments.size)
+    asked = Slab(scene.camera, arguments.views or 1, arguments.pixels or 256)
+    slab = field.require_slab() if field else asked
     if arguments.output:
         samples = depths.all_samples(slab)
         suffix = arguments.output.suffix.lower()
@@ -65,7 +69,7 @@ def run(arguments: argparse.Namespace) -> None:
         elif suffix in CODED:
             write_named([(arguments.output, depths.depth_picture(depth[0]))])
         else:
-            picture = depths.disparity(slab, depth) if arguments.disparity else depth
+            picture = depths.disparity(slab, depth) if arguments.format == "disparity" else depth
             write_named([(arguments.output, picture[0])])
     if field and arguments.all_in_focus:
         with progress("bringing everything into focus", "views") as report:
@@ -74,7 +78,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _checked(arguments: argparse.Namespace) -> lfcore.LightField | None:
-    """The light field that is named, if any; :class:`LfcoreError` for options that miss others."""
+    """The light field, if one is named; :class:`LfcoreError` for options that need others."""
     if not (arguments.output or arguments.all_in_focus):
         refuse("--output", "nothing to write", "Give --output or --all-in-focus")
     if arguments.output:
@@ -90,4 +94,4 @@ def _checked(arguments: argparse.Namespace) -> lfcore.LightField | None:
     return field
 
 
-COMMANDS = {"depth": Command(DESCRIPTION, EPILOG, options, run, programs=True)}
+COMMANDS = {"depth": Command(DESCRIPTION, EPILOG, options, run)}

@@ -3,35 +3,34 @@
 from __future__ import annotations
 
 import argparse
-import re
 from pathlib import Path
 
 import lfcore
-from lfcore.cli.command import Command, encoder, open_scene, refuse
-from lfcore.cli.options import add_encoder, add_output, add_scene, distance
+from lfcore.cli import values
+from lfcore.cli.command import Command, open_scene
+from lfcore.cli.options import add_encoder, add_output, add_scene, encoder
 from lfcore.cli.progress import progress, say, wrote
 from lfcore.exchange.table import FORMATS
 from lfcore.pictures import check_suffix
 
 IMPORT = """\
-Make a light field file of a light field of another program. The format is recognised by names and
-headers where it can be. What it does not hold of its geometry is asked for by --baseline,
---field-of-view and --focus; where that is not known the file can be refocused by disparity, and
-what needs metres is refused."""
+Make a light field file from another program's light field. Names and headers tell the format where
+they can. --baseline, --field-of-view and --focus give a geometry that it does not hold; without
+them the file can be refocused in pixels of disparity, but not in metres."""
 IMPORT_EPILOG = """\
 examples:
   lfcore import boxes/ -o boxes.mkv                       a scene of the HCI benchmark
   lfcore import rectified/ -o chess.mkv                   the Stanford archive's names
-  lfcore import shots/ -o shots.mkv --grid 8x5 --order columns-up
-  lfcore import IMG_0001.eslf.png -o lytro.mkv --grid 14x14
+  lfcore import shots/ -o shots.mkv --views 8x5 --order columns-up
+  lfcore import IMG_0001.eslf.png -o lytro.mkv --views 14x14
   lfcore import views/ -o exact.mkv --codec ffv1          8-bit RGB to the last bit
   lfcore import views/ -o lf.mkv --baseline 6mm --field-of-view 40 --focus 1.2
 
 formats:
 """
 EXPORT = """\
-Write a light field file in the format of another program, into a folder that appears whole or not
-at all. --views, --baseline and --crop take a part of it."""
+Write a light field file in another program's format, into a folder that appears whole or not at
+all. --views, --baseline and --crop take a part of it."""
 EXPORT_EPILOG = """\
 examples:
   lfcore export bike.mkv --format hci --scene scenes/bike -o bike_hci
@@ -51,61 +50,34 @@ def _formats(can: str) -> str:
 
 def import_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("source", type=Path, help="folder or file")
-    add_output(command, "file to write, .mkv")
-    command.add_argument("--format", metavar="NAME", help="default: recognised")
-    add = command.add_argument_group("what the format does not say").add_argument
-    add("--grid", type=pair, metavar="CxR", help="columns and rows of views")
+    add_output(command, "file to write (.mkv)")
+    command.add_argument("--format", metavar="NAME", help="see below (recognised)")
+    add = command.add_argument_group("what the format does not hold").add_argument
+    add("--views", type=values.pair, metavar="CxR", help="columns and rows of views")
     add("--order", metavar="ORDER", help="rows or columns, then -left, -up, -snake: rows-up")
     add("--variable", help="of a .mat or .h5 file (LF)")
-    add("--baseline", type=length, metavar="L", help="between views: 6mm, 0.006m")
-    add("--field-of-view", type=float, metavar="DEG", help="of a view's width")
-    add("--focus", type=distance, metavar="M",
-        help="where the views coincide, metres; 'inf' for parallel ones")  # fmt: skip
+    add("--baseline", type=values.length, metavar="L", help="between views: 6mm, 0.006m")
+    add("--field-of-view", type=values.angle, metavar="DEG", help="of a view's width")
+    add("--focus", type=values.distance, metavar="M",
+        help="metres at which the views coincide; 'inf' for parallel ones")  # fmt: skip
     add_encoder(command)
 
 
 def export_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument("lightfield", help="light field file, .mkv, or its URL")
+    command.add_argument("lightfield", help="light field file (.mkv), or its URL")
     add_output(command, "folder to write")
     command.add_argument("--format", required=True, metavar="NAME", help="see below")
     add = command.add_argument_group("a part of it").add_argument
-    add("--views", type=pair, metavar="CxR", help="columns and rows of views")
-    add("--baseline", type=length, metavar="L", help="between them: 6mm, 0.006m")
-    add("--crop", type=window, metavar="WxH+X+Y", help="pixels of every view")
+    add("--views", type=values.pair, metavar="CxR", help="columns and rows of views")
+    add("--baseline", type=values.length, metavar="L", help="between views: 6mm, 0.006m")
+    add("--crop", type=values.window, metavar="WxH+X+Y", help="pixels of every view")
     more = command.add_argument_group("more")
-    add_scene(more, "--scene", "what it was traced from: depth of every view")
+    add_scene(more, "--scene", "the scene that was recorded: traces depth of every view")
     add = more.add_argument
     add("--order", metavar="ORDER", help="of JPEG Pleno's names: columns or rows")
-    add("--tiles", type=pair, metavar="CxR", help="of a quilt")
-    add("--near", type=float, metavar="M", help="nearest depth, metres")
-    add("--far", type=float, metavar="M", help="farthest depth, metres")
-
-
-def pair(text: str) -> tuple[int, int]:
-    """Two counts: ``9x9``."""
-    match = re.fullmatch(r"(\d+)[x×](\d+)", text)
-    if not match or not all(int(part) for part in match.groups()):
-        raise argparse.ArgumentTypeError(f"not two counts like 9x9: {text!r}")
-    return int(match[1]), int(match[2])
-
-
-def window(text: str) -> tuple[int, int, int, int]:
-    """Left, top, width and height of ``WxH+X+Y``."""
-    match = re.fullmatch(r"(\d+)x(\d+)\+(\d+)\+(\d+)", text)
-    if not match:
-        raise argparse.ArgumentTypeError(f"not a window like 512x512+0+0: {text!r}")
-    width, height, left, top = (int(part) for part in match.groups())
-    return left, top, width, height
-
-
-def length(text: str) -> float:
-    """Metres of ``6mm``, ``0.6cm``, ``0.006m`` or ``0.006``."""
-    match = re.fullmatch(r"([0-9.eE+-]+)\s*(mm|cm|m|)", text)
-    try:
-        number, unit = match.groups() if match else ("", "")
-        return float(number) * {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "": 1.0}[unit]
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"not a length like 6mm: {text!r}") from None
+    add("--tiles", type=values.pair, metavar="CxR", help="of a quilt")
+    add("--depth-range", type=values.positive, nargs=2, metavar=("NEAR", "FAR"),
+        help="metres, where the file does not hold them")  # fmt: skip
 
 
 def run_import(arguments: argparse.Namespace) -> None:
@@ -114,10 +86,8 @@ def run_import(arguments: argparse.Namespace) -> None:
 
     check_suffix(arguments.output, (".mkv",))
     focus = arguments.focus
-    if focus is not None and not focus > 0:
-        refuse("--focus", f"must be positive, not {focus:g}")
     options = ReadOptions(
-        arguments.grid,
+        arguments.views,
         Order.parse(arguments.order) if arguments.order else None,
         Geometry(arguments.baseline, None, None if focus is None else 1 / focus),
         arguments.field_of_view,
@@ -133,8 +103,8 @@ def run_import(arguments: argparse.Namespace) -> None:
         say(note)
     if not field.metric:
         known = {key: source.get(key) for key in ("pitch_m", "pixel_pitch", "delta")}
-        say(f"the geometry is not known: {', '.join(Geometry(**known).missing)} would say it; "
-            "refocus by --disparity")  # fmt: skip
+        say(f"the geometry is not known: {', '.join(Geometry(**known).missing)} would give it; "
+            "refocus in pixels, --focus 1.5px")  # fmt: skip
     size, (columns, rows) = arguments.output.stat().st_size, field.grid
     *_, width, height = field.require_slab().held.pixels
     wrote(arguments.output, f": {FORMATS[source['format']].title.split(':')[0]}, {columns} x "
@@ -147,6 +117,7 @@ def run_export(arguments: argparse.Namespace) -> None:
     from lfcore.exchange.source import Selection
 
     scene = open_scene(arguments) if arguments.scene else None
+    near, far = arguments.depth_range or (None, None)
     with progress(f"writing {arguments.format}", "views") as report:
         notes = lfcore.export_lightfield(
             arguments.lightfield,
@@ -157,7 +128,7 @@ def run_export(arguments: argparse.Namespace) -> None:
             device=arguments.device,
             options=WriteOptions(
                 Order.parse(arguments.order) if arguments.order else None, arguments.tiles,
-                arguments.near, arguments.far, progress=report,
+                near_m=near, far_m=far, progress=report,
             ),
         )  # fmt: skip
     for note in notes:

@@ -1,4 +1,4 @@
-"""``lfcore render`` and ``trace`` of a scene whose camera has a film of its own: pbrt's, and
+"""``lfcore render`` and ``record`` of a scene whose camera has a film of its own: pbrt's, and
 ``lightfield``."""
 
 from __future__ import annotations
@@ -8,7 +8,9 @@ import argparse
 import numpy as np
 
 import lfcore
-from lfcore.cli.command import asked, encoder, refuse, write_named
+from lfcore.cli import values
+from lfcore.cli.command import flags, refuse, write_named
+from lfcore.cli.options import encoder
 from lfcore.cli.progress import progress, wrote
 from lfcore.files import make_folder
 from lfcore.pictures import check_suffix
@@ -16,35 +18,32 @@ from lfcore.scene.view import LIGHTFIELD, View
 
 # Options that ask for a square picture from a light slab instead of the scene's own film.
 SLAB_OPTIONS = (
-    "size", "views", "subpixels", "quality", "pinhole", "focus", "f_number", "plane", "planes",
-    "layout", "pixel_format",
+    "pixels", "views", "subpixels", "quality_db", "focus", "f_number", "plane", "layout",
+    "pixel_format",
 )  # fmt: skip
-FILM_OPTIONS = ("samples", "instants", "white")
+FILM_OPTIONS = ("samples", "white")
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
     own = command.add_argument_group(
         "the scene's own film", "of a .pbrt file or a lightfield camera, unless asked otherwise"
     )
-    own.add_argument("--samples", type=int, metavar="S", help="rays a pixel (the scene's)")
     own.add_argument(
-        "--instants", type=int, metavar="T",
-        help="of the shutter while objects move (up to 16 of the rays)",
+        "--samples", type=values.rays, metavar="S[:T]",
+        help="rays per pixel, and instants of the shutter while objects move, e.g. 64:4 (the "
+        "scene's; up to 16 instants)",
     )  # fmt: skip
 
 
 def wanted(arguments: argparse.Namespace, scene: lfcore.Scene) -> bool:
-    """Whether the scene's own film is to be exposed, not a slab traced.
+    """Whether to expose the scene's own film instead of tracing a slab.
 
     Raises :class:`OpticsError` for options of the film where there is none, or of both.
     """
-    slab, film = asked(arguments, SLAB_OPTIONS), asked(arguments, FILM_OPTIONS)
+    slab, film = flags(arguments, SLAB_OPTIONS), flags(arguments, FILM_OPTIONS)
     if film and (slab or scene.view is None):
         what = f"excludes {slab[0]}" if slab else "belongs to a scene with a film"
         refuse(film[0], what, "Leave it out, or use --views")
-    for key, count in ("--samples", arguments.samples), ("--instants", arguments.instants):
-        if count is not None and count < 1:
-            refuse(key, "must be at least 1")
     return scene.view is not None and not slab
 
 
@@ -67,13 +66,13 @@ def render(arguments: argparse.Namespace, scene: lfcore.Scene) -> None:
     wrote(output)
 
 
-def trace(arguments: argparse.Namespace, scene: lfcore.Scene) -> None:
+def record(arguments: argparse.Namespace, scene: lfcore.Scene) -> None:
     """Expose a light field camera's film and store it as a light field file."""
     from lfcore.scene.files import scene_digest
 
-    what = {"name": scene.name, "digest": scene_digest(scene)}
+    source = {"name": scene.name, "digest": scene_digest(scene)}
     image, view = _expose(arguments, scene)
-    wrote(arguments.output, save_video(arguments, image, view.array, what))
+    save_video(arguments, image, view.array, source)
 
 
 def save_video(
@@ -81,8 +80,8 @@ def save_video(
     image: np.ndarray,
     array: lfcore.CameraArray,
     scene: dict[str, str],
-) -> str:
-    """Store an array as the options on the encoder say; returns what there is to say of it."""
+) -> None:
+    """Store an array with the encoder's options, and report its size and clipped pixels."""
     from lfcore.storage.defaults import chosen_encoding
 
     output = arguments.output
@@ -95,17 +94,18 @@ def save_video(
     clipped = float((image > white).any(-1).mean())
     said = f": {array.cameras[0]} x {array.cameras[1]} cameras, "
     said += f"{output.stat().st_size:,} bytes, white at {white:g}"
-    return said + (f", {100 * clipped:.2g} % of the pixels clipped" if clipped else "")
+    wrote(output, said + (f", {100 * clipped:.2g} % of the pixels clipped" if clipped else ""))
 
 
 def _expose(arguments: argparse.Namespace, scene: lfcore.Scene) -> tuple[np.ndarray, View]:
     assert scene.view is not None  # of wanted()
     width, height = scene.view.film
-    samples = arguments.samples or scene.view.samples_per_pixel
+    samples, instants = arguments.samples or (None, None)
+    samples = samples or scene.view.samples_per_pixel
     what = f"tracing {width} x {height} pixels, {samples} rays each"
     with progress(what, rays=width * height * samples) as report:
         image = lfcore.trace_array(
-            scene, samples_per_pixel=samples, instants=arguments.instants,
-            device=arguments.device, progress=report,
+            scene, samples_per_pixel=samples, instants=instants, device=arguments.device,
+            progress=report,
         )  # fmt: skip
     return image, scene.view

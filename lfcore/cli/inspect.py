@@ -13,11 +13,11 @@ from lfcore.cli.progress import note, progress
 from lfcore.storage.codecs import LOSSLESS
 
 INFO = """\
-Say what a light field file holds: lens, resolutions, layout, codec, segments, size."""
+Report a light field file's lens, resolutions, layout, codec, segments and size."""
 INFO_EPILOG = """\
 examples:
   lfcore info bike.mkv
-  lfcore info bike.mkv --verify     read every byte and compare with the check sums
+  lfcore info bike.mkv --verify     read every byte and compare checksums
   lfcore info bike.mkv --json       the metadata and more, for programs
 """
 
@@ -65,7 +65,7 @@ def info(arguments: argparse.Namespace) -> None:
 
 
 def facts(field: lfcore.LightField) -> dict[str, str]:
-    """What ``lfcore info`` prints, name and value."""
+    """The facts that ``lfcore info`` prints, by name."""
     metadata, layout = field.metadata, field.layout
     size = field.path.stat().st_size
     (columns, rows), (width, height) = field.grid, field.picture_size
@@ -73,11 +73,11 @@ def facts(field: lfcore.LightField) -> dict[str, str]:
     found = {"file": str(field.path), "scene": str(metadata.scene.get("name")), **_optics(field)}
     found |= {
         "resolution": f"{width} x {height} pixels, {columns} x {rows} views, {rays:,} rays",
-        "layout": f"{layout.kind}, {layout.order}, {layout.elements_per_frame} a frame, "
+        "layout": f"{layout.kind}, {layout.order}, {layout.elements_per_frame} per frame, "
         f"{metadata.frames} frames of {layout.frame_width} x {layout.frame_height}",
         "codec": f"{metadata.codec}, {layout.pixel_format}{_settings(metadata.settings)}",
         "segments": f"{len(metadata.segments)}, damaged: {len(field.damage)}",
-        "size": f"{size:,} bytes, {8 * size / rays:.4f} bits a ray, "
+        "size": f"{size:,} bytes, {8 * size / rays:.4f} bits per ray, "
         f"1 : {3 * rays / size:.1f} of 8-bit RGB",
         "software": metadata.software,
     }
@@ -85,7 +85,7 @@ def facts(field: lfcore.LightField) -> dict[str, str]:
 
 
 def _depth(field: lfcore.LightField) -> dict[str, str]:
-    """The stream of depths: what it holds, and its share of all bytes of video."""
+    """The stream of depths: its codes, its size and its share of the video's bytes."""
     depth, layout = field.metadata.depth, field.layout
     if field.depth_video is None or depth is None:
         return {}
@@ -95,7 +95,7 @@ def _depth(field: lfcore.LightField) -> dict[str, str]:
     return {
         "depth stream": f"{depth.codec}, {codes.pixel_format}{_settings(depth.settings)}, "
         f"{of_depth:,} bytes, {of_depth / (of_depth + of_light):.0%} of the video, "
-        f"{8 * of_depth / layout.rays:.4f} bits a ray",
+        f"{8 * of_depth / layout.rays:.4f} bits per ray",
         "by depth": f"pictures of {depth.pixels} x {depth.pixels} pixels, "
         f"views {'displaced' if depth.displaced else 'plain'}, "
         f"{codes.far:.4g} to {codes.near:.4g} dioptres",
@@ -103,7 +103,7 @@ def _depth(field: lfcore.LightField) -> dict[str, str]:
 
 
 def _settings(settings: dict[str, Any]) -> str:
-    """What was said to the encoder: files of lossless ones hold a rate factor that these ignore."""
+    """The encoder's settings; lossless ones ignore the rate factor that their files hold."""
     keys = ("preset",) if settings.get("codec") in LOSSLESS else ("crf", "preset")
     said = [f"{key} {settings[key]}" for key in keys if settings.get(key) is not None]
     return ", " + ", ".join(said) if said else ""
@@ -123,7 +123,7 @@ def _optics(field: lfcore.LightField) -> dict[str, str]:
     source = field.content.get("source", {}).get("format")
     found = {"from": f"imported, {source}"} if source else {}
     if not field.metric:
-        return found | {"geometry": "not known: refocus by --disparity"}
+        return found | {"geometry": "not known: refocus in pixels, --focus 1.5px"}
     found |= {
         "lens": f"{1e3 * camera.focal_length_m:g} mm f/{camera.f_number:g}, "
         f"sensor {1e3 * camera.sensor_width_m:g} mm",
@@ -141,6 +141,6 @@ def _optics(field: lfcore.LightField) -> dict[str, str]:
 
 
 COMMANDS = {
-    "info": Command(INFO, INFO_EPILOG, info_options, info, programs=True),
-    "devices": Command(DEVICES, "", lambda command: None, devices, programs=True),
+    "info": Command(INFO, INFO_EPILOG, info_options, info),
+    "devices": Command(DEVICES, "", lambda command: None, devices),
 }

@@ -9,7 +9,7 @@ import numpy as np
 import lfcore
 from lfcore.cli import planes as plane_options
 from lfcore.cli.command import Command, open_field
-from lfcore.cli.options import add_device, add_lightfield, add_output
+from lfcore.cli.options import Options, add_device, add_lightfield, add_output, add_pixels
 from lfcore.cli.progress import progress
 from lfcore.optics.planes import SensorPlane
 from lfcore.pictures import check_bits, check_suffix
@@ -21,18 +21,18 @@ EPILOG = """\
 examples:
   lfcore refocus bike.mkv -o bike.png
       as recorded
-  lfcore refocus bike.mkv --focus 3.2 --f-number 2.8 --aperture polygon --blades 5 -o bike.png
-  lfcore refocus bike.mkv --plane focus=2,f=2 --plane focus=6,f=8 -o bike.png
+  lfcore refocus bike.mkv --focus 3.2 --f-number 2.8 --aperture polygon:5 -o bike.png
+  lfcore refocus bike.mkv --plane focus=2,f_number=2 --plane focus=6,f_number=8 -o bike.png
       two pictures from one pass, named bike_00_focus2m_f2_circle.png and so on
-  lfcore refocus bike.mkv --planes planes.csv -o bike.exr
-      with planes.csv:  focus,f,aperture
+  lfcore refocus bike.mkv --plane planes.csv -o bike.exr
+      with planes.csv:  focus,f_number,aperture
                         2.0,2.8,circle
                         4.0,5.6,square
   lfcore refocus bike.mkv --focus 3.2 --filter bilinear -o bike.npy
       smoother, by shift-sum; linear light, float32
-  lfcore refocus few.mkv --focus 3.2 --size 512 -o large.png
-      by depth, of a file that 'lfcore trace --depth' made
-  lfcore refocus chess.mkv --disparity 1.5 --aperture-views 7 -o chess.png
+  lfcore refocus few.mkv --focus 3.2 --pixels 512 -o large.png
+      from a file with depth
+  lfcore refocus chess.mkv --focus 1.5px --f-number 7views -o chess.png
       an imported light field whose cameras are not known
 
 PNG, PPM, JPEG and WebP hold 8-bit sRGB, PNG 16 bits with --bits 16; EXR and NPY linear light in
@@ -43,26 +43,24 @@ float32. Several planes go to one NPY.
 def options(command: argparse.ArgumentParser) -> None:
     add_lightfield(command)
     add_output(command, "picture to write")
-    plane_options.add_options(command)
-    plane_options.add_by_views(command.add_argument_group("without metres"))
-    add_method(command)
+    plane_options.add_options(command, of_file=True)
+    add_method(command, ("slicing", "shift-sum"))
 
 
-def add_method(command: argparse.ArgumentParser) -> None:
-    """Options on how pictures are made from a file."""
+def add_method(
+    command: argparse.ArgumentParser, methods: tuple[str, ...], more: str = ""
+) -> Options:
+    """Options of how pictures are made from a file."""
     how = command.add_argument_group("method")
-    how.add_argument("--method", choices=("slicing", "shift-sum"), help="default: by the filter")
+    how.add_argument("--method", choices=methods, help=f"default: by the filter{more}")
     how.add_argument(
         "--filter", choices=("depth", "nearest", "bilinear"),
-        help="depth, of files that hold it (their default), nearest (slicing or shift-sum; the "
-        "default else) or bilinear (shift-sum)",
+        help="depth (default for files with depth), nearest (slicing or shift-sum; else the "
+        "default) or bilinear (shift-sum)",
     )  # fmt: skip
-    how.add_argument(
-        "--size", type=int, metavar="M",
-        help="M x M pixels (default: what the file was traced for); by slicing no more than of its "
-        "views",
-    )  # fmt: skip
+    add_pixels(how, "M x M pixels (as recorded); by slicing no more than its views have")
     add_device(how)
+    return how
 
 
 def make_pictures(
@@ -71,7 +69,7 @@ def make_pictures(
     """(P, M, M, 3) of the planes, with a line of progress."""
     with progress(f"refocusing {len(planes)} planes", "frames") as report:
         return field.refocus_many(
-            planes, method=arguments.method, filter=arguments.filter, pixels=arguments.size,
+            planes, method=arguments.method, filter=arguments.filter, pixels=arguments.pixels,
             device=arguments.device, progress=report,
         )  # fmt: skip
 
@@ -85,4 +83,4 @@ def run(arguments: argparse.Namespace) -> None:
     plane_options.save(arguments.output, planes, pictures, arguments.bits, field)
 
 
-COMMANDS = {"refocus": Command(DESCRIPTION, EPILOG, options, run, programs=True)}
+COMMANDS = {"refocus": Command(DESCRIPTION, EPILOG, options, run)}

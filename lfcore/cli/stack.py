@@ -5,13 +5,15 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import lfcore
 from lfcore.cli import planes as plane_options
-from lfcore.cli.command import Command, exclude, open_field, refuse
-from lfcore.cli.options import add_lightfield, distance
+from lfcore.cli import values
+from lfcore.cli.command import Command, open_field, refuse
+from lfcore.cli.options import add_bits, add_lightfield
 from lfcore.cli.progress import progress, wrote
 from lfcore.cli.refocus import add_method, make_pictures
 from lfcore.errors import OpticsError
@@ -20,55 +22,66 @@ from lfcore.pictures import CODED, SUFFIXES, check_bits, check_suffix, contact_s
 
 DESCRIPTION = """\
 Make a focal stack (one aperture, several focus distances) or an aperture stack (one focus,
-several f-numbers) from a light field file, all from one pass over it. Without distances a focal
-stack goes from the nearest to the farthest depth that the file knows of, evenly in dioptres."""
+several f-numbers) from a light field file, all from one pass over it."""
 EPILOG = """\
 examples:
   lfcore stack bike.mkv --sheet
       from near to far, in one picture: bike_stack.png
   lfcore stack bike.mkv --focus 2 3 4 6 -o focal.png
       focal_00_focus2m_f2_circle.png and so on
-  lfcore stack bike.mkv --focus-from 1.5 --focus-to 8 --count 60 -o focal.mp4
+  lfcore stack bike.mkv --focus near:far:60 -o focal.mp4
       a film through the scene, evenly in dioptres
-  lfcore stack bike.mkv --f-numbers 2 2.8 4 5.6 --focus 3 --no-normalise --sheet -o stops.png
-      one picture with all of them side by side, which dim as the lens stops down
-
-  lfcore stack chess.mkv --disparity-from -2 --disparity-to 2 --count 9 --sheet
-      of an imported light field whose cameras are not known
+  lfcore stack bike.mkv --f-number 2 2.8 4 5.6 --focus 3 --no-normalise --sheet -o stops.png
+      side by side in one picture; they dim as the lens stops down
+  lfcore stack chess.mkv --focus -2px:2px:9 --sheet
+      from an imported light field whose cameras are not known
 
 A name that ends in .mp4 gives a film, --sheet a contact sheet, else each picture has a file.
 """
 SHEET_WIDTH, GAP_PX = 4, 4
+STEPS, SHEET_STEPS = 10, 8
+"""The number of pictures of a focal stack, and of one on a contact sheet."""
+Focus = dict[str, Any]
+"""One focus distance (``focus_m`` or ``disparity_px``), or a range: ``ends`` and ``steps``."""
+
+
+def focus(text: str) -> Focus:
+    """A focus, or ``NEAR:FAR:COUNT``, in which ``near`` and ``far`` are the scene's own ends."""
+    if ":" not in text:
+        return values.focus(text)
+    parts = text.split(":")
+    if len(parts) != 3:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a range like 1.5:8:60")
+    ends = [end if end in ("near", "far") else values.focus(end) for end in parts[:2]]
+    if len({key for end in ends for key in (end if isinstance(end, dict) else ("focus_m",))}) > 1:
+        raise argparse.ArgumentTypeError(f"{text!r} mixes metres and pixels")
+    return {"ends": ends, "steps": values.count(2, plane_options.MOST_PLANES)(parts[2])}
 
 
 def options(command: argparse.ArgumentParser) -> None:
     add_lightfield(command)
     command.add_argument(
-        "-o", "--output", type=Path,
-        help="picture or .mp4 (default: the file's name and _stack.png)",
-    )  # fmt: skip
+        "-o", "--output", type=Path, help="picture or .mp4 (the file's name and _stack.png)"
+    )
     what = command.add_argument_group("the stack")
-    what.add_argument("--focus", nargs="+", type=distance, metavar="M",
-                      help="focus distances, metres, or 'inf'")  # fmt: skip
-    what.add_argument("--focus-from", type=distance, metavar="M")
-    what.add_argument("--focus-to", type=distance, metavar="M")
-    what.add_argument("--disparity-from", type=float, metavar="PX", help="pixels from view to view")
-    what.add_argument("--disparity-to", type=float, metavar="PX")
-    what.add_argument("--count", type=int, metavar="K",
-                      help="pictures from one to the other (10, of a sheet 8)")  # fmt: skip
-    what.add_argument("--f-numbers", nargs="+", type=float, metavar="F",
-                      help="default: the whole lens")  # fmt: skip
-    what.add_argument("--aperture-views", nargs="+", type=float, metavar="N",
-                      help="instead of f-numbers: views across")  # fmt: skip
+    what.add_argument(
+        "--focus", nargs="+", type=focus, metavar="M", default=[],
+        help="metres, 'inf', pixels of disparity (1.5px), or a range NEAR:FAR:COUNT, evenly in "
+        f"dioptres (near:far:{STEPS}, with --sheet near:far:{SHEET_STEPS})",
+    )  # fmt: skip
+    what.add_argument(
+        "--f-number", nargs="+", type=values.f_number, metavar="F", default=[],
+        help="f-numbers, or widths in views: 7views (the whole lens)",
+    )  # fmt: skip
     plane_options.add_aperture(what)
     form = command.add_argument_group("form")
     form.add_argument("--sheet", action="store_true", help="all pictures in one")
-    form.add_argument("--fps", type=int, default=12, help="pictures a second of a film (12)")
-    plane_options.add_bits(form)
-    add_method(command)
-    form.add_argument("--fast", action="store_true",
-                      help="a focal stack by adding views in blocks first: a little blur, and "
-                      "many pictures for the price of a few")  # fmt: skip
+    form.add_argument(
+        "--fps", type=values.count(1, 240), default=12, help="pictures per second of a film (12)"
+    )
+    add_bits(form)
+    add_method(command, ("slicing", "shift-sum", "blocks"),
+               "; blocks is fast for many pictures, with a little blur")  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -79,11 +92,9 @@ def run(arguments: argparse.Namespace) -> None:
         check_bits(path, arguments.bits)
     if film and arguments.sheet:
         refuse("--sheet", "a contact sheet is no film", "Write a .png")
-    if not 1 <= arguments.fps <= 240:
-        refuse("--fps", f"must be from 1 to 240, not {arguments.fps}")
     field = open_field(arguments)
     planes = stack_planes(arguments, field)
-    make = _make_fast if arguments.fast else make_pictures
+    make = _make_in_blocks if arguments.method == "blocks" else make_pictures
     pictures = make(arguments, field, planes)
     if film:
         from lfcore.film import write_film
@@ -98,14 +109,13 @@ def run(arguments: argparse.Namespace) -> None:
     wrote(path, f": {len(planes)} pictures")
 
 
-def _make_fast(
+def _make_in_blocks(
     arguments: argparse.Namespace, field: lfcore.LightField, planes: list[SensorPlane]
 ) -> np.ndarray:
     from lfcore.refocus.focal_stack import focal_stack
 
-    filtered = arguments.filter not in (None, "nearest") or arguments.size
-    if arguments.method or filtered or arguments.salvage:
-        exclude("--fast", "--method, --filter, --size and --salvage")
+    if arguments.filter not in (None, "nearest") or arguments.pixels or arguments.salvage:
+        refuse("--method", "blocks excludes --filter, --pixels and --salvage", "Leave them out")
     with progress(f"refocusing {len(planes)} planes", "frames") as report:
         return focal_stack(field, planes, device=arguments.device, progress=report)
 
@@ -113,65 +123,37 @@ def _make_fast(
 def stack_planes(arguments: argparse.Namespace, field: lfcore.LightField) -> list[SensorPlane]:
     """Every focus distance at every f-number.
 
-    Raises :class:`OpticsError` for options that contradict each other or too many planes, and
-    where the range of depths is needed and not known.
+    Raises :class:`OpticsError` for too many planes, and where the range of depths is not known.
     """
-    lens, focus = apertures(arguments), focus_settings(arguments, field)
-    if len(lens) * len(focus) > plane_options.MOST_PLANES:
-        raise OpticsError(
-            f"{len(lens) * len(focus)} pictures were asked for",
-            remedy=f"Ask for {plane_options.MOST_PLANES} at a time",
-        )
-    same = plane_options.settings(arguments, plane_options.APERTURE)
-    return [plane_options.make_plane(field, same | one | other) for one in focus for other in lens]
+    lens = arguments.f_number or [{}]
+    steps = SHEET_STEPS if arguments.sheet else STEPS
+    # Without distances: through the whole scene, or as recorded for a stack of apertures.
+    asked = arguments.focus or (
+        [{}] if arguments.f_number else [{"ends": ["near", "far"], "steps": steps}]
+    )
+    focus = [one for each in asked for one in _evenly(each, field)]
+    plane_options.check_count(len(lens) * len(focus))
+    same = plane_options.settings(arguments, "aperture", "normalise")
+    return [
+        plane_options.make_plane(field, {**same, "focus": one, "f_number": other})
+        for one in focus for other in lens
+    ]  # fmt: skip
 
 
-def apertures(arguments: argparse.Namespace) -> list[dict[str, float]]:
-    """Those given, as f-numbers or views across; the whole lens where none are."""
-    if arguments.f_numbers and arguments.aperture_views:
-        exclude("--aperture-views", "--f-numbers")
-    if arguments.f_numbers:
-        return [{"f_number": number} for number in arguments.f_numbers]
-    return [{"aperture_views": across} for across in arguments.aperture_views or ()] or [{}]
-
-
-def focus_settings(
-    arguments: argparse.Namespace, field: lfcore.LightField
-) -> list[dict[str, float]]:
-    """Those given, or evenly in dioptres from one end to the other, or through the whole scene.
-
-    As recorded for a stack of apertures alone.
-    """
-    metres = _ends("focus", arguments.focus_from, arguments.focus_to)
-    moved = _ends("disparity", arguments.disparity_from, arguments.disparity_to)
-    if sum(bool(way) for way in (arguments.focus, metres, moved)) > 1:
-        refuse("--focus", "there is one way to say where to focus", "Give distances, or ends")
-    if arguments.focus:
-        if arguments.count is not None:
-            refuse("--count", "belongs to --focus-from and --focus-to")
-        return [{"focus_m": metres} for metres in arguments.focus]
-    steps = arguments.count
-    if steps is None:
-        if (arguments.f_numbers or arguments.aperture_views) and not (metres or moved):
-            return [{}]
-        steps = 8 if arguments.sheet else 10
-    if steps < 2:
-        refuse("--count", f"must be at least 2, not {steps}")
-    if moved:  # evenly in pixels is evenly in dioptres
-        return [{"disparity_px": pixels} for pixels in np.linspace(*moved, steps).tolist()]
-    near, far = metres or whole_scene(field)
-    if not (near > 0 and far > 0):
-        refuse("--focus-from", "focus distances are positive")
-    dioptres = np.linspace(1 / near, 1 / far, steps).tolist()
-    return [{"focus_m": 1 / delta if delta else math.inf} for delta in dioptres]
-
-
-def _ends(what: str, first: float | None, last: float | None) -> tuple[float, float] | None:
-    if first is not None and last is not None:
-        return first, last
-    if (first, last) != (None, None):
-        refuse(f"--{what}-from", f"goes with --{what}-to", "Give both")
-    return None
+def _evenly(asked: Focus, field: lfcore.LightField) -> list[Focus]:
+    """The distances of a range, evenly in dioptres; a single distance as it is."""
+    if "ends" not in asked:
+        return [asked]
+    ends = [
+        {"focus_m": whole_scene(field)[end == "far"]} if isinstance(end, str) else end
+        for end in asked["ends"]
+    ]
+    if "disparity_px" in ends[0]:  # evenly in pixels is evenly in dioptres
+        first, last = (end["disparity_px"] for end in ends)
+        return [{"disparity_px": px} for px in np.linspace(first, last, asked["steps"]).tolist()]
+    first, last = (1 / end["focus_m"] for end in ends)
+    dioptres = np.linspace(first, last, asked["steps"])
+    return [{"focus_m": 1 / each if each else math.inf} for each in dioptres.tolist()]
 
 
 def whole_scene(field: lfcore.LightField) -> tuple[float, float]:
@@ -180,14 +162,14 @@ def whole_scene(field: lfcore.LightField) -> tuple[float, float]:
     Raises :class:`OpticsError` where the file does not say.
     """
     if field.depth_range is None:
-        what = "focus" if field.metric else "disparity"
+        example = "1.5:8:10" if field.metric else "-2px:2px:10"
         raise OpticsError(
             "does not say how near and far its scene is", file=field.path,
-            remedy=f"Give --{what}-from and --{what}-to",
+            remedy=f"Give --focus, e.g. --focus {example}",
         )  # fmt: skip
     near, far = field.depth_range
     closest = 1.01 * field.require_slab().camera.focal_length_m
     return max(near, closest), max(far, closest)
 
 
-COMMANDS = {"stack": Command(DESCRIPTION, EPILOG, options, run, programs=True)}
+COMMANDS = {"stack": Command(DESCRIPTION, EPILOG, options, run)}

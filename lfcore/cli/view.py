@@ -9,75 +9,76 @@ from pathlib import Path
 import numpy as np
 
 import lfcore
-from lfcore.cli.command import Command, asked, open_field, refuse
-from lfcore.cli.options import add_device, add_lightfield
+from lfcore.cli import values
+from lfcore.cli.command import Command, flags, open_field, refuse
+from lfcore.cli.options import add_device, add_lightfield, add_pixels, given
 from lfcore.cli.progress import progress, say, wrote
 from lfcore.pictures import SUFFIXES, check_suffix, contact_sheet, write_picture
 
 DESCRIPTION = """\
 Look at a light field file in the browser, or write a page for it (-o NAME.html): look around,
-focus, stop down and tilt the focal plane. Or write one view (what is seen from one point of the
-lens) or one macropixel (what one pixel sees through the whole lens) as a picture. The page is one
-file, needs no server and asks no other host. Of a picture, only what is needed is decoded."""
+focus, stop down and tilt the focal plane. Or write one view (the scene from one point of the lens)
+or one macropixel (one pixel through the whole lens) as a picture. The page is one file, needs no
+server and contacts no other host. A picture decodes only the frames that it needs."""
 EPILOG = """\
 examples:
   lfcore view bike.mkv                               in the browser: drag, click, slide
-  lfcore view https://example.org/bike.mkv           of a URL, of which it reads what it needs
-  lfcore view bike.mkv -o bike.html                  the page as a file of its own
-  lfcore view bike.mkv -o bike.html --views 9 --size 256   a small one
-  lfcore view bike.mkv --serve 8000                  hand the page out at http://127.0.0.1:8000/
+  lfcore view https://example.org/bike.mkv           from a URL
+  lfcore view bike.mkv -o bike.html                  the page as a file
+  lfcore view bike.mkv -o bike.html --grid 9 --pixels 256   a small one
+  lfcore view bike.mkv --serve 8000                  at http://127.0.0.1:8000/
   lfcore view bike.mkv -o centre.png                 the central view
   lfcore view bike.mkv --view 0 15 -o corner.png     lens column 0, row 15
   lfcore view few.mkv --at 12.5 -40 -o between.png   any point of the lens, of a file with depth
-  lfcore view bike.mkv --macropixel 64 32 -o lens.png  of pixel column 64, row 32
+  lfcore view bike.mkv --macropixel 64 32 -o lens.png  pixel column 64, row 32
   lfcore view bike.mkv --grid 5 -o sheet.png         5 x 5 views, evenly from the whole lens
 """
 PAGES = (".html", ".htm")
-OF_PICTURES = ("view", "at", "macropixel", "grid")
-OF_PAGES = ("views", "size", "format", "quality", "open", "serve")
+OF_PICTURES = ("view", "at", "macropixel")
+OF_PAGES = ("pixels", "format", "jpeg_quality", "serve")
 
 
 def options(command: argparse.ArgumentParser) -> None:
     add_lightfield(command)
     command.add_argument("-o", "--output", type=Path, help="page (.html) or picture to write")
-    picture = command.add_argument_group("a picture")
-    what = picture.add_mutually_exclusive_group()
-    what.add_argument("--view", nargs=2, type=int, metavar=("I", "J"), help="lens column and row")
+    what = command.add_argument_group("which views").add_mutually_exclusive_group()
     what.add_argument(
-        "--at", nargs=2, type=float, metavar=("S", "T"),
-        help="mm to the right and down of the middle of the lens, of a file with depth",
+        "--grid", type=values.views, metavar="K",
+        help="K x K views: side by side in a picture, or 9 to 33 in a page (17, or 9 by depth)",
     )  # fmt: skip
-    what.add_argument("--macropixel", nargs=2, type=int, metavar=("U", "V"), help="column, row")
-    what.add_argument("--grid", type=int, metavar="K", help="K x K views side by side")
+    index = values.count(0)
+    what.add_argument("--view", nargs=2, type=index, metavar=("I", "J"), help="lens column and row")
+    what.add_argument(
+        "--at", nargs=2, type=values.number(), metavar=("S", "T"),
+        help="mm right of and below the middle of the lens, of a file with depth",
+    )  # fmt: skip
+    what.add_argument("--macropixel", nargs=2, type=index, metavar=("U", "V"), help="column, row")
     page = command.add_argument_group("a page")
+    add_pixels(page, "pixels of a view's longer side (at most 512)")
     page.add_argument(
-        "--views", type=int, metavar="K", help="K x K views, 9 to 33 (17, or 9 made by depth)"
-    )
-    page.add_argument("--size", type=int, metavar="PX", help="pixels of a view (at most 512)")
-    page.add_argument(
-        "--format",
-        choices=("avif", "webp"),
-        help="of the views: avif (default), or webp for browsers before 2024, which blurs colours",
-    )
-    page.add_argument("--quality", type=int, metavar="Q", help="of these, 1 to 100 (90)")
-    page.add_argument("--open", action="store_true", help="open the page in the browser")
-    page.add_argument(
-        "--serve", type=int, nargs="?", const=0, metavar="PORT",
-        help="hand the page out on this machine until interrupted",
+        "--format", choices=("avif", "webp"),
+        help="of its views: avif (default), or webp for browsers before 2024, which blurs colours",
     )  # fmt: skip
-    add_device(page)
+    page.add_argument(
+        "--jpeg-quality", type=values.count(1, 100), metavar="Q", help="of its views (90)"
+    )
+    page.add_argument(
+        "--serve", type=values.count(0, 65535), nargs="?", const=0, metavar="PORT",
+        help="serve the page on this machine until interrupted",
+    )  # fmt: skip
+    add_device(command)
 
 
 def run(arguments: argparse.Namespace) -> None:
     output = arguments.output
-    if output is None and asked(arguments, OF_PICTURES):
+    if output is None and flags(arguments, OF_PICTURES):
         refuse("--output", "is missing", "Name a picture to write")
-    if output is None and arguments.serve is None:
-        arguments.serve, arguments.open = 0, True
+    if arguments.json and (output is None or arguments.serve is not None):
+        refuse("--json", "reports on a file", "Give --output, and no --serve")
     is_page = output is None or output.suffix.lower() in PAGES
     if not is_page:
         check_suffix(output, (*SUFFIXES, *PAGES))
-    if wrong := asked(arguments, OF_PICTURES if is_page else OF_PAGES):
+    if wrong := flags(arguments, OF_PICTURES if is_page else OF_PAGES):
         kind, name = ("picture", ".png") if is_page else ("page", ".html")
         refuse(wrong[0], f"belongs to a {kind}", f"Write a {name}, or leave it out")
     (_page if is_page else _picture)(arguments)
@@ -87,22 +88,20 @@ def _page(arguments: argparse.Namespace) -> None:
     field = open_field(arguments)
     with progress("reading views", "frames") as report:
         page = field.viewer(
-            views=arguments.views, size=arguments.size, form=arguments.format or "avif",
-            quality=90 if arguments.quality is None else arguments.quality,
-            device=lfcore.open_device(arguments.device), progress=report,
-        )  # fmt: skip
+            **given(arguments, "grid", "pixels", "format", "jpeg_quality", "device"),
+            progress=report,
+        )
     if arguments.output is not None:
         page.save(arguments.output)
         wrote(arguments.output, f", {len(page.html):,} bytes")
-        if arguments.open and arguments.serve is None:
-            webbrowser.open(arguments.output.resolve().as_uri())
-    if arguments.serve is not None:
-        with page.server(arguments.serve) as server:
-            address = f"http://127.0.0.1:{server.server_address[1]}/"
-            say(f"the page is at {address} until you interrupt this (Ctrl+C)")
-            if arguments.open:
-                webbrowser.open(address)
-            server.serve_forever()
+        if arguments.serve is None:
+            return
+    with page.server(arguments.serve or 0) as server:
+        address = f"http://127.0.0.1:{server.server_address[1]}/"
+        say(f"the page is at {address} until you interrupt this (Ctrl+C)")
+        if arguments.serve is None:
+            webbrowser.open(address)
+        server.serve_forever()
 
 
 def _picture(arguments: argparse.Namespace) -> None:
@@ -110,28 +109,30 @@ def _picture(arguments: argparse.Namespace) -> None:
     if arguments.macropixel:
         picture = field.macropixel(*arguments.macropixel)
     elif arguments.grid:
-        picture = _grid(field, arguments.grid)
+        picture = _grid(field, arguments)
     elif arguments.at:
-        picture = field.views_at(np.array([arguments.at]) / 1000)[0]
+        picture = field.views_at(np.array([arguments.at]) / 1000, device=arguments.device)[0]
     else:
         picture = field.view(*(arguments.view or (side // 2 for side in field.grid)))
     write_picture(arguments.output, picture)
     wrote(arguments.output, f"; {field.count.frames} frames were decoded")
 
 
-def _grid(field: lfcore.LightField, count: int) -> np.ndarray:
-    """``count`` x ``count`` views side by side, from corner to corner of the lens."""
+def _grid(field: lfcore.LightField, arguments: argparse.Namespace) -> np.ndarray:
+    """K x K views side by side, from corner to corner of the lens."""
     from lfcore.refocus.views import read_views
 
+    count = arguments.grid
     columns, rows = (_spread(count, there) for there in field.grid)
     samples = np.array([(i, j) for j in rows for i in columns])
     with progress("reading views", "frames") as report:
-        return contact_sheet(read_views(field, samples, progress=report), count)
+        views = read_views(field, samples, device=arguments.device, progress=report)
+    return contact_sheet(views, count)
 
 
 def _spread(count: int, views: int) -> np.ndarray:
     """``count`` of ``views`` columns or rows, from end to end."""
-    if not 1 <= count <= views:
+    if count > views:
         refuse("--grid", f"must be from 1 to {views}, not {count}")
     if count == 1:
         return np.array([views // 2])

@@ -32,11 +32,11 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
         raise ExchangeError(
             f"is {width} x {height} pixels, which macropixels of {columns} x {rows} do not divide",
             file=path,
-            key="--grid",
-            remedy="Give the number of views with --grid COLUMNSxROWS",
+            key="--views",
+            remedy="Give the number of views with --views COLUMNSxROWS",
         )
     whole = cache(lambda: pictures.read(path, (width, height)))
-    notes = () if options.grid else (f"taken for {LYTRO} x {LYTRO} views, as Lytro's; else --grid",)
+    notes = () if options.grid else (f"taken for Lytro's {LYTRO} x {LYTRO} views; else --views",)
     name = path.name[: path.name.lower().find(".eslf.")] if ".eslf." in path.name else path.stem
     return ViewGrid(
         columns, rows, width // columns, height // rows,

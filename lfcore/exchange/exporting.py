@@ -12,7 +12,7 @@ from lfcore.exchange.grid import ExchangeError, Order
 from lfcore.exchange.source import Selection, Source, Truth
 from lfcore.files import draft_folder
 from lfcore.lightfield import LightField
-from lfcore.opencl.device import Device
+from lfcore.opencl.device import Device, open_device
 from lfcore.scene.model import Scene
 from lfcore.storage.segment import named_errors
 
@@ -59,7 +59,8 @@ def export_lightfield(
     folder, options = Path(folder), options or WriteOptions()
     opened = lightfield if isinstance(lightfield, LightField) else LightField.open(lightfield)
     _check_folder(folder)
-    source = Source(opened, selection or Selection())
+    device = open_device(device) if isinstance(device, str) else device
+    source = Source(opened, selection or Selection(), device=device)
     if scene is not None:
         if source.geometry is None:
             source.require_geometry("its scene's depth")

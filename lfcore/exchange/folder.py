@@ -83,7 +83,7 @@ def in_order(
                 f"holds {len(files)} pictures, which is no square number, and their names do not "
                 "number rows and columns",
                 file=folder,
-                remedy="Give --grid COLUMNSxROWS",
+                remedy="Give --views COLUMNSxROWS",
             )
         grid = side, side
     columns, rows = grid
@@ -91,7 +91,7 @@ def in_order(
         raise ExchangeError(
             f"holds {len(files)} pictures; {columns} x {rows} views were asked for",
             file=folder,
-            key="--grid",
+            key="--views",
         )
     out = [[files[0]] * columns for _ in range(rows)]
     for index, file in enumerate(files):

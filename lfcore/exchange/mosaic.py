@@ -26,7 +26,7 @@ def of_tiles(path: Path, columns: int, rows: int) -> ViewGrid:
         raise ExchangeError(
             f"is {width} x {height} pixels, which {columns} x {rows} views do not divide",
             file=path,
-            key="--grid",
+            key="--views",
         )
     w, h = width // columns, height // rows
     whole = cache(lambda: pictures.read(path, (width, height)))
@@ -41,7 +41,7 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
     if not options.grid:
         raise ExchangeError(
             "a mosaic does not hold its number of views", file=path,
-            remedy="Give --grid COLUMNSxROWS",
+            remedy="Give --views COLUMNSxROWS",
         )  # fmt: skip
     return of_tiles(path, *options.grid)
 

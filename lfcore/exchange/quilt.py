@@ -35,7 +35,7 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
     else:
         raise ExchangeError(
             "its name does not hold columns and rows, as in name_qs8x6a0.75.png", file=path,
-            remedy="Give --grid COLUMNSxROWS",
+            remedy="Give --views COLUMNSxROWS",
         )  # fmt: skip
     tiles = of_tiles(path, columns, rows)
 

@@ -80,14 +80,17 @@ class Source:
         corner of the top left pixel.
     """
 
-    def __init__(self, field: LightField, selection: Selection, truth: Truth | None = None):
+    def __init__(
+        self, field: LightField, selection: Selection, truth: Truth | None = None,
+        device: Device | None = None,
+    ):  # fmt: skip
         slab = field.slab
         if slab is None:
             raise ExchangeError(
                 "holds a camera array that is no slab", file=field.path,
                 remedy="Write its pictures with lfcore imgtool tiles",
             )  # fmt: skip
-        self.field, self.slab, self.truth = field, slab, truth
+        self.field, self.slab, self.truth, self.device = field, slab, truth, device
         across, down = field.grid
         self._i = _chosen(selection, 0, across, slab, field)
         self._j = _chosen(selection, 1, down, slab, field)
@@ -168,9 +171,9 @@ class Source:
             part = samples[start : start + step]
             if self.field.displaced:
                 points = (part - (slab.views - 1) / 2) * slab.lens_pitch_m
-                light = views_at(self.field, points, slab.pixels)
+                light = views_at(self.field, points, slab.pixels, device=self.device)
             else:
-                light = read_views(self.field, part)
+                light = read_views(self.field, part, device=self.device)
             for k, picture in enumerate(light, start):
                 row, column = divmod(k, self.columns)
                 yield column, row, srgb_codes(picture)
@@ -203,7 +206,7 @@ class Source:
             raise ExchangeError(
                 f"does not hold its range of depths, which {what} needs",
                 file=self.field.path,
-                remedy="Give --near and --far, metres",
+                remedy="Give --depth-range, metres",
             )
         return self.field.depth_range
 

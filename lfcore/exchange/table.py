@@ -78,5 +78,5 @@ def recognise(path: Path) -> Format:
     raise ExchangeError(
         f"is not a {what} of a known format",
         file=path,
-        remedy="Name it with --format, and the grid with --grid COLUMNSxROWS",
+        remedy="Name it with --format, and the grid with --views COLUMNSxROWS",
     )

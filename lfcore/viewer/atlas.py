@@ -15,17 +15,17 @@ import numpy as np
 
 from lfcore.colour import srgb_encode, to_uint8
 from lfcore.errors import StorageError
-from lfcore.opencl.device import Device, open_device
+from lfcore.opencl.device import Device
 from lfcore.refocus.free_views import views_at
 from lfcore.refocus.views import read_views
 from lfcore.storage.lightfield import LightFieldFile
 
 PAGE_SIDE = 4096
-"""Pixels a side of a page at most: what graphics cards of the last ten years take."""
+"""The most pixels per side of a page: graphics cards of the last ten years take them."""
 MOST_PIXELS = 80 << 20
-"""Of all views together: 4 bytes each on the graphics card."""
+"""The most pixels of all views together: 4 bytes each on the graphics card."""
 READ_BYTES = 256 << 20
-"""Of linear light that is held at a time."""
+"""The bytes of linear light in memory at a time."""
 VIEWS, LEAST, MOST = 17, 9, 33
 FORMATS = {"avif": "image/avif", "webp": "image/webp"}
 AVIF_SPEED = 9
@@ -33,11 +33,16 @@ AVIF_SPEED = 9
 
 @dataclass(frozen=True)
 class Choice:
-    """Which views are taken, and how large.
+    """The chosen views and their size.
 
-    columns, rows : of the views that are there, ascending; of a file with depth, from which any
-        view can be made, also between them.
-    width, height : of a view as stored in the atlas; ``scale`` is that over the file's.
+    Attributes
+    ----------
+    columns, rows : ndarray
+        Indices of views, ascending; in a file with depth also between the stored views.
+    width, height : int
+        Pixels of a view in the atlas.
+    scale : float
+        The same over the file's.
     """
 
     columns: np.ndarray
@@ -63,40 +68,49 @@ class Atlas:
     down: int
 
 
-def choose(field: LightFieldFile, views: int | None = None, size: int | None = None) -> Choice:
+def choose(field: LightFieldFile, grid: int | None = None, pixels: int | None = None) -> Choice:
     """The views that a page shows.
 
     Parameters
     ----------
-    views : a side, 9 to 33; fewer where the file has fewer and no depth.  Default 17, or as many
-        as there are, and 9 of a file with depth.
-    size : pixels of a view's longer side; default the file's own, or of the pictures that a file
-        with depth was traced for, at most 512.
+    grid : int, optional
+        Views per side, 9 to 33; fewer where the file has fewer and no depth.  By default 17, or as
+        many as there are, and 9 of a file with depth.
+    pixels : int, optional
+        Pixels of a view's longer side; by default as recorded, or of the pictures for which a file
+        with depth was traced, at most 512.
 
-    Views lie in the middle of equal cells of the whole lens, so that they stand for all of it.
-    Raises :class:`StorageError` for numbers out of range, or more than a graphics card holds.
+    Returns
+    -------
+    Choice
+        Views in the middle of equal cells of the whole lens, so that they represent all of it.
+
+    Raises
+    ------
+    StorageError
+        A number is out of range, or the views are more than a graphics card holds.
     """
     stored = field.metadata.depth
-    count = (LEAST if stored else VIEWS) if views is None else views
+    count = (LEAST if stored else VIEWS) if grid is None else grid
     if not LEAST <= count <= MOST:
-        raise StorageError(f"must be from {LEAST} to {MOST}, not {count}", key="views")
+        raise StorageError(f"must be from {LEAST} to {MOST}, not {count}", key="grid")
     columns, rows = (
         _middles(count, there) if stored else _cells(min(count, there), there)
         for there in field.grid
     )
     width, height = field.picture_size
     longest = max(width, height)
-    side = min(stored.pixels if stored else longest, longest, 512) if size is None else size
+    side = min(stored.pixels if stored else longest, longest, 512) if pixels is None else pixels
     if not 1 <= side <= min(longest, PAGE_SIDE):
         raise StorageError(
-            f"must be from 1 to {min(longest, PAGE_SIDE)} pixels, not {side}", key="size"
+            f"must be from 1 to {min(longest, PAGE_SIDE)} pixels, not {side}", key="pixels"
         )
     scale = side / longest
     width, height = max(1, round(width * scale)), max(1, round(height * scale))
     if len(columns) * len(rows) * width * height > MOST_PIXELS:
         raise StorageError(
             f"{len(columns)} x {len(rows)} views of {width} x {height} are more than a browser "
-            "holds", file=field.path, key="size", remedy="Take fewer views, or smaller ones",
+            "holds", file=field.path, key="pixels", remedy="Take fewer views, or smaller ones",
         )  # fmt: skip
     return Choice(columns, rows, width, height, scale)
 
@@ -118,7 +132,6 @@ def read(
 ) -> np.ndarray:
     """(K, height, width, 3) uint8 sRGB of the chosen views; sizes change in linear light."""
     samples, (width, height) = choice.samples, field.picture_size
-    device = device or open_device()
     if field.metadata.depth:
         slab = field.require_slab()
         points = (samples - (slab.views - 1) / 2) * slab.lens_pitch_m
@@ -147,33 +160,38 @@ def _resized(light: np.ndarray, choice: Choice) -> np.ndarray:
     return cv2.resize(light, (choice.width, choice.height), interpolation=cv2.INTER_AREA)
 
 
-def encode(pictures: np.ndarray, form: str = "avif", quality: int = 90) -> Atlas:
+def encode(pictures: np.ndarray, format: str = "avif", jpeg_quality: int = 90) -> Atlas:
     """Pages of the pictures (K, height, width, 3) uint8.
 
     Parameters
     ----------
-    form : ``avif``, which keeps chroma whole, or ``webp``, which halves it: of views with coloured
-        edges it comes no nearer than 30 dB, whatever the quality but 100; any browser reads it.
-    quality : of the coder, 1 to 100; at 100 WebP is lossless.
+    format : {"avif", "webp"}
+        AVIF keeps the resolution of colours.  WebP, which any browser reads, halves it: views with
+        coloured edges then reach 30 dB at most, unless the quality is 100.
+    jpeg_quality : int
+        The encoder's quality, 1 to 100; at 100 WebP is lossless.
 
-    Raises :class:`StorageError` for an unknown format or quality.
+    Raises
+    ------
+    StorageError
+        The format or quality is unknown.
     """
     from PIL import Image
 
-    if form not in FORMATS:
+    if format not in FORMATS:
         raise StorageError(
-            f"unknown format {form!r}", key="format", remedy=f"Use one of {', '.join(FORMATS)}"
+            f"unknown format {format!r}", key="format", remedy=f"Use one of {', '.join(FORMATS)}"
         )
-    if not 1 <= quality <= 100:
-        raise StorageError(f"must be from 1 to 100, not {quality}", key="quality")
+    if not 1 <= jpeg_quality <= 100:
+        raise StorageError(f"must be from 1 to 100, not {jpeg_quality}", key="jpeg_quality")
     count, height, width, _ = pictures.shape
     across = min(PAGE_SIDE // width, math.ceil(math.sqrt(count * height / width)), count)
     across = max(1, across)
     down = min(PAGE_SIDE // height, math.ceil(count / across))
     # At this speed AVIF takes no longer than WebP, and half a dB more than at the slow default.
     own = {"subsampling": "4:4:4", "speed": AVIF_SPEED}
-    if form == "webp":
-        own = {"lossless": quality == 100}
+    if format == "webp":
+        own = {"lossless": jpeg_quality == 100}
     pages = []
     for start in range(0, count, across * down):
         part = pictures[start : start + across * down]
@@ -182,6 +200,6 @@ def encode(pictures: np.ndarray, form: str = "avif", quality: int = 90) -> Atlas
         cells = cells.reshape(down, across, height, width, 3).transpose(0, 2, 1, 3, 4)
         data = io.BytesIO()
         image = Image.fromarray(cells.reshape(down * height, across * width, 3))
-        image.save(data, form.upper(), quality=quality, **own)
+        image.save(data, format.upper(), quality=jpeg_quality, **own)
         pages.append(data.getvalue())
-    return Atlas(pages, FORMATS[form], across, down)
+    return Atlas(pages, FORMATS[format], across, down)

@@ -24,7 +24,7 @@
  * @property {number} x  Viewpoint, views to the right of the middle.
  * @property {number} y  Viewpoint, views below the middle.
  * @property {number} d  Disparity in focus, pixels from one view to the next.
- * @property {number} a  Diameter of the opening, views.
+ * @property {number} a  Diameter of the aperture, views.
  * @property {string} shape
  * @property {number} blades  Corners of a polygon.
  * @property {number} turn  Of a polygon, degrees.
@@ -108,7 +108,7 @@ function fromHash(field, hash) {
 }
 
 /**
- * Whether (s, t), from the middle of the opening, lies within it: lfcore.optics.planes.Aperture.
+ * Whether (s, t), from the middle of the aperture, is within it: lfcore.optics.planes.Aperture.
  * @param {State} state @param {number} s @param {number} t
  */
 function within(state, s, t) {
@@ -125,7 +125,7 @@ function within(state, s, t) {
 }
 
 /**
- * The views that add up to the picture, at least one: those in the opening about the viewpoint, or
+ * The views that add up to the picture, at least one: those in the aperture about the viewpoint, or
  * of a single view its neighbours, by how near they are.
  * @param {Field} field @param {State} state @returns {Entry[]}
  */
@@ -170,7 +170,7 @@ function distance(field, d) {
   return delta > 1e-9 * field.metric.step ? 1 / delta : Infinity;
 }
 
-/** F-number of an opening so many views across. @param {Field} field @param {number} a */
+/** F-number of an aperture so many views across. @param {Field} field @param {number} a */
 function fNumber(field, a) {
   return field.metric && field.metric.focal / (a * field.metric.pitch);
 }
@@ -180,9 +180,9 @@ function command(field, state) {
   if (state.single || state.depth || state.x || state.y || state.tx || state.ty) return "";
   const number = (/** @type {number} */ value) => String(+value.toPrecision(7));
   const words = ["lfcore refocus", /^[\w./-]+$/.test(field.file) ? field.file : `'${field.file}'`,
-    `--disparity=${number(state.d)}`, `--aperture-views ${number(state.a)}`,
-    `--aperture ${state.shape}`];
-  if (state.shape === "polygon") words.push(`--blades ${state.blades}`, `--rotation=${number(state.turn)}`);
+    `--focus ${number(state.d)}px`, `--f-number ${number(state.a)}views`];
+  const corners = state.shape === "polygon" ? `:${state.blades}:${number(state.turn)}` : "";
+  words.push(`--aperture ${state.shape}${corners}`);
   if (!field.by_depth) words.push(`--filter ${state.filter}`);
   return [...words, "-o picture.png"].join(" ");
 }

@@ -1,4 +1,4 @@
-"""The page: one HTML file that holds the views, its program and its style, and works from disk."""
+"""The page: one HTML file with the views, its program and its style, which works from disk."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from lfcore.errors import StorageError
 from lfcore.files import write_text
-from lfcore.opencl.device import Device
+from lfcore.opencl.device import Device, open_device
 from lfcore.optics.slab import Slab
 from lfcore.refocus.free_views import inverse_depth
 from lfcore.storage.lightfield import LightFieldFile
@@ -25,11 +25,11 @@ from lfcore.viewer.disparity import estimate
 HERE = Path(__file__).parent
 SCRIPTS = ("optics.js", "drawing.js", "viewer.js")
 MOST_PARALLAX = 0.08
-"""Of the picture's width, over the whole lens, where the range of depths is not known."""
+"""The parallax over the whole lens, of the picture's width, where depths are not known."""
 MAP_SIDE = 256
-"""Of a map of stored depth, at most: a click is no finer."""
+"""The most pixels per side of a map of stored depth: a click is no finer."""
 MARGIN = 0.1
-"""Of the range of disparities that is seen, on either side of it."""
+"""The margin on either side of the seen range of disparities, of that range."""
 ESTIMATED = (
     "The file holds no map of depth: a click focuses by an estimate from the views. "
     "The focus slider is exact."
@@ -49,7 +49,7 @@ class ViewerPage:
         write_text(path, self.html)
 
     def server(self, port: int = 0) -> http.server.ThreadingHTTPServer:
-        """A server that hands the page out, to this machine alone; port 0 takes a free one.
+        """A server of the page, for this machine alone; port 0 takes a free one.
 
         Raises :class:`StorageError` for a port that cannot be used.
         """
@@ -85,35 +85,52 @@ class ViewerPage:
 def viewer_page(
     field: LightFieldFile,
     *,
-    views: int | None = None,
-    size: int | None = None,
-    form: str = "avif",
-    quality: int = 90,
-    device: Device | None = None,
+    grid: int | None = None,
+    pixels: int | None = None,
+    format: str = "avif",
+    jpeg_quality: int = 90,
+    device: Device | str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> ViewerPage:
     """The page of a light field.
 
     Parameters
     ----------
-    views, size : how many views a side (9 to 33) and pixels of each; see
-        :func:`lfcore.viewer.atlas.choose`.
-    form, quality : of the pictures in it; see :func:`lfcore.viewer.atlas.encode`.
-    progress : called with (frames done, frames in all) while views are read.
+    grid : int, optional
+        The number of views per side that the page holds, 9 to 33; by default 17, or 9 of a file
+        with depth.
+    pixels : int, optional
+        The pixels of a view's longer side; by default as recorded, at most 512.
+    format : {"avif", "webp"}
+        The format of the views; see :func:`lfcore.viewer.atlas.encode`.
+    jpeg_quality : int
+        The quality of their encoder, 1 to 100.
+    device : Device or str, optional
+        An open device, or part of its name.
+    progress : callable, optional
+        Called with (frames done, frames in all) while views are read.
 
-    Where the file holds depth, a click focuses by it, else by an estimate from the views.
+    Returns
+    -------
+    ViewerPage
+        The page.  A click focuses by the file's depth, or by an estimate from the views.
 
-    Raises :class:`OpticsError` for a camera array that is no slab, :class:`StorageError` for
-    numbers out of range and for a damaged file.
+    Raises
+    ------
+    OpticsError
+        The file holds a camera array that is no slab.
+    StorageError
+        A number is out of range, or the file is damaged.
     """
+    device = device if isinstance(device, Device) else open_device(device)
     slab = field.require_slab()
-    choice = choose(field, views, size)
+    choice = choose(field, grid, pixels)
     pictures = read(field, choice, device=device, progress=progress)
     seen = _range(field, slab)
     stored = _stored(field, slab)
     found = _estimated(slab, choice, pictures, seen) if stored is None else stored
     disparities = None if found is None else _map(found, seen)
-    data = _describe(field, slab, choice, encode(pictures, form, quality))
+    data = _describe(field, slab, choice, encode(pictures, format, jpeg_quality))
     data |= {"range": _widened(seen), "map": disparities}
     parts = {
         "title": html.escape(data["name"]),
@@ -130,7 +147,7 @@ def viewer_page(
 
 
 def _places(slab: Slab, choice: Choice) -> tuple[np.ndarray, np.ndarray]:
-    """Where view columns and rows stand, in views from the middle of the lens."""
+    """Positions of view columns and rows, in views from the middle of the lens."""
     column, row, *_ = slab.held.views
     middle = (slab.views - 1) / 2
     return choice.columns + column - middle, choice.rows + row - middle
@@ -163,7 +180,7 @@ def _describe(field: LightFieldFile, slab: Slab, choice: Choice, atlas: Atlas) -
 
 
 def _range(field: LightFieldFile, slab: Slab) -> tuple[float, float]:
-    """Disparities that may be seen, pixels of the file from one view to the next."""
+    """The range of visible disparities, pixels of the file between neighbouring views."""
     step, delta = slab.pixel_pitch / slab.lens_pitch_m, slab.camera.delta
     if field.metric and field.depth_range:
         near, far = field.depth_range
@@ -180,7 +197,7 @@ def _widened(seen: tuple[float, float]) -> list[float]:
 
 
 def _stored(field: LightFieldFile, slab: Slab) -> np.ndarray | None:
-    """(h, w) disparities seen from the middle of the lens, by the depth that the file holds."""
+    """(h, w) disparities from the middle of the lens, by the file's depth."""
     if field.metadata.depth is None:
         return None
     inverse = inverse_depth(field, min(slab.pixels, MAP_SIDE))
@@ -190,7 +207,7 @@ def _stored(field: LightFieldFile, slab: Slab) -> np.ndarray | None:
 def _estimated(
     slab: Slab, choice: Choice, pictures: np.ndarray, seen: tuple[float, float]
 ) -> np.ndarray | None:
-    """(h, w) disparities by what views have in common; None of too few."""
+    """(h, w) disparities estimated from the views; None from too few."""
     columns, rows = _places(slab, choice)
     places = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
     found = estimate(pictures, places, seen[0] * choice.scale, seen[1] * choice.scale)

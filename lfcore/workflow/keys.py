@@ -230,7 +230,7 @@ class TruePicture(Keys):
         [[4, 1], [4, 1.25], [4, 1.5], [4, 2], [6, 2], [8, 2], [8, 3]],
     )
     qualities_db: several(real(10, 80), 0, 12) = key(
-        "PSNR in dB that is asked for, as of `lfcore render --quality`", [35, 40, 45, 50]
+        "PSNR in dB that is asked for, as of `lfcore render --quality-db`", [35, 40, 45, 50]
     )
     peers_db: several(real(10, 80), 0, 4) = key(
         "PSNR in dB to which Mitsuba 3 and POV-Ray are timed where they are installed; those of "

@@ -26,23 +26,24 @@ COMMANDS = (
     "info store.mkv", "info store.mkv --verify --json", "info store.mkv --salvage",
     "view store.mkv -o out/v.png", "view store.mkv --view 0 1 -o out/v.exr",
     "view store.mkv --macropixel 1 2 -o out/v.npy", "view store.mkv --grid 2 -o out/v.ppm",
-    "refocus store.mkv -o out/r.png --focus 3 --f-number 4 --aperture polygon --blades 5",
-    "refocus store.mkv -o out/r.npy --plane focus=2,f=2 --plane focus=6,f=8 --filter bilinear",
-    "refocus store.mkv -o out/r.exr --planes planes.csv --method slicing",
+    "refocus store.mkv -o out/r.png --focus 3 --f-number 4 --aperture polygon:5",
+    "refocus store.mkv -o out/r.npy --plane focus=2,f_number=2 --plane focus=6 --filter bilinear",
+    "refocus store.mkv -o out/r.exr --plane planes.csv --method slicing",
     "stack store.mkv --focus 2 3 4 -o out/s.mp4", "stack store.mkv --focus 2 3 -o out/s.png",
-    "render scene.yaml -o out/p.png --size 16 --views 2 --focus 2.5 --f-number 1.4",
-    "render scene.pbrt -o out/p.exr", "render mesh.obj -o out/p.png --size 8 --pinhole",
-    "trace scene.yaml -o out/t.mkv --size 16 --views 4 --layout views --crf 18 --codec libx264",
-    "trace mesh.ply -o out/t.mkv --size 16 --views 4 --codec ffv1 --pixel-format gbrp",
-    "plenoptic scene.yaml -o out/p.png", "depth scene.yaml -o out/d.npz --size 16",
-    "render scene.yaml -o out/p.png --quality 40 --size 16 --bits 16",
-    "render scene.pbrt -o out/p.exr --samples 2 --instants 2 --light-points 4",
-    "refocus store.mkv -o out/r.png --planes planes.yaml --rotation 10 --no-normalise",
+    "render scene.yaml -o out/p.png --pixels 16 --views 2 --focus 2.5 --f-number 1.4",
+    "render scene.pbrt -o out/p.exr",
+    "render mesh.obj -o out/p.png --pixels 8 --views 1 --filter nearest",
+    "record scene.yaml -o out/t.mkv --pixels 16 --views 4 --layout views --crf 18 --codec libx264",
+    "record mesh.ply -o out/t.mkv --pixels 16 --views 4 --codec ffv1 --pixel-format gbrp",
+    "plenoptic scene.yaml -o out/p.png", "depth scene.yaml -o out/d.npz --pixels 16",
+    "render scene.yaml -o out/p.png --quality-db 40 --pixels 16 --bits 16",
+    "render scene.pbrt -o out/p.exr --samples 2:2 --light-points 4",
+    "refocus store.mkv -o out/r.png --plane planes.yaml --aperture polygon:6:10 --no-normalise",
     "export store.mkv --format hci -o out/h --views 2x2 --baseline 6.25mm --crop 4x4+1+1",
     "export store.mkv --format quilt --tiles 2x2 -o out/q",
     "export store.mkv --format nerfstudio -o out/n",
-    "import views -o out/i.mkv --grid 2x2 --order rows-up --codec ffv1",
-    "import views -o out/i.mkv --grid 2x2 --baseline 6mm --field-of-view 40 --focus 1.2",
+    "import views -o out/i.mkv --views 2x2 --order rows-up --codec ffv1",
+    "import views -o out/i.mkv --views 2x2 --baseline 6mm --field-of-view 40 --focus 1.2",
     "imgtool convert in.exr out/c.png", "imgtool convert --scale 2 --tonemap in.exr out/c.jpg",
     "imgtool store --camsperdim 2 2 --griddim -1 1 -1 1 --inputfov 40 in.exr out/i.mkv",
     "imgtool tiles store.mkv out/t.exr",
@@ -90,9 +91,9 @@ def write_all_sides(home: Path, folder: Path) -> None:
     (folder / "fifo").unlink()  # a command may read a pipe that it is given, and wait for it
     (folder / "scene.yaml").write_text(PLAIN)
     (folder / "scene.pbrt").write_text(PBRT_SPHERE)
-    (folder / "planes.csv").write_text("focus,f,aperture\n2.0,2.8,circle\n4.0,5.6,square\n")
+    (folder / "planes.csv").write_text("focus,f_number,aperture\n2.0,2.8,circle\n4.0,5.6,square\n")
     (folder / "lens.dat").write_text("50 5 1.5 20\n-50 40 1 20\n")
-    (folder / "planes.yaml").write_text("[{focus: 2, f: 2.8}, {focus: 4, aperture: square}]")
+    (folder / "planes.yaml").write_text("[{focus: 2, f_number: 2.8}, {focus: 4, aperture: square}]")
     (folder / "views").mkdir()
     for index in range(4):
         codes = np.full((16, 16, 3), 40 * index, np.uint8)

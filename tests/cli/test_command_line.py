@@ -28,8 +28,8 @@ SIZE, VIEWS = 24, 4
 def recorded(tmp_path_factory):
     """A light field file of the chart."""
     path = tmp_path_factory.mktemp("cli") / "chart.mkv"
-    options = ["--size", str(SIZE), "--views", str(VIEWS), "--codec", "ffv1"]
-    assert main(["trace", str(CHART), "-o", str(path), *options]) == 0
+    options = ["--pixels", str(SIZE), "--views", str(VIEWS), "--codec", "ffv1"]
+    assert main(["record", str(CHART), "-o", str(path), *options]) == 0
     return path
 
 
@@ -37,7 +37,7 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_trace_leaves_the_file_alone_in_its_folder(recorded):
+def test_record_leaves_the_file_alone_in_its_folder(recorded):
     assert names(recorded.parent) == ["chart.mkv"]
 
 
@@ -73,7 +73,7 @@ def test_errors_of_every_command_are_one_line(tmp_path, capsys):
         ("imgtool", "tiles", tmp_path / "folder.mkv", tmp_path / "a.exr"),
         ("imgtool", "convert", tmp_path / "none.exr", "/proc/none/a.png"),
         ("info", tmp_path / "folder.mkv"),
-        ("render", CHART, "-o", "/proc/none/a.png", "--size", "16", "--views", "2"),
+        ("render", CHART, "-o", "/proc/none/a.png", "--pixels", "16", "--views", "2"),
     ):
         assert main([str(word) for word in words]) == 1
         said = capsys.readouterr().err.splitlines()
@@ -94,20 +94,20 @@ def test_methods_and_filters(recorded, tmp_path):
 
 def test_many_planes_from_options_and_files(recorded, tmp_path):
     assert main(
-        ["refocus", str(recorded), "--plane", "focus=1,aperture=square", "-o"]
-        + [str(tmp_path / "a.png"), "--plane", "focus=2,f=4,normalise=no", "--blades", "5"]
+        ["refocus", str(recorded), "--plane", "focus=1,aperture=square", "--aperture", "polygon:5"]
+        + ["--plane", "focus=2,f_number=4,normalise=no", "-o", str(tmp_path / "a.png")]
     ) == 0  # fmt: skip
-    assert names(tmp_path) == ["a_00_focus1m_f1_square.png", "a_01_focus2m_f4_circle.png"]
+    assert names(tmp_path) == ["a_00_focus1m_f1_square.png", "a_01_focus2m_f4_polygon.png"]
     bright, dim = (np.asarray(Image.open(tmp_path / name)).mean() for name in names(tmp_path))
     assert dim < 0.6 * bright
     rows = tmp_path / "planes.csv"
-    rows.write_text("focus,f,aperture\n1.0,1,circle\n1.5,,diamond\ninf,2,square\n")
+    rows.write_text("focus,f_number,aperture\n1.0,1,circle\n1.5,,diamond\ninf,2,square\n")
     out = tmp_path / "b.npy"
-    assert main(["refocus", str(recorded), "--planes", str(rows), "-o", str(out)]) == 0
+    assert main(["refocus", str(recorded), "--plane", str(rows), "-o", str(out)]) == 0
     assert np.load(out).shape == (3, SIZE, SIZE, 3)
     rows = tmp_path / "planes.yaml"
-    rows.write_text("- {focus: 1.0, f: 1.4}\n- {focus: 2, keep_magnification: true}\n")
-    assert main(["refocus", str(recorded), "--planes", str(rows), "-o", str(out)]) == 0
+    rows.write_text("- {focus: 1.0, f_number: 1.4}\n- {focus: 2, keep_magnification: true}\n")
+    assert main(["refocus", str(recorded), "--plane", str(rows), "-o", str(out)]) == 0
     assert np.load(out).shape == (2, SIZE, SIZE, 3)
 
 
@@ -127,10 +127,10 @@ def test_info_and_devices(recorded, capsys):
 def test_programs_are_told_in_one_line_of_json(recorded, tmp_path, capsys):
     """With ``--json`` there is one object on standard output and nothing on standard error."""
     picture, depth = tmp_path / "a.png", tmp_path / "d.npz"
-    small = ["--size", "16", "--views", "2"]
+    small = ["--pixels", "16", "--views", "2"]
     for command, files, rays in (
         (["render", CHART, *small, "-o", picture], [picture], (2 * 2 * 16) ** 2),
-        (["trace", CHART, *small, "-o", tmp_path / "t.mkv"], [tmp_path / "t.mkv"], (2 * 16) ** 2),
+        (["record", CHART, *small, "-o", tmp_path / "t.mkv"], [tmp_path / "t.mkv"], (2 * 16) ** 2),
         (["depth", CHART, *small, "-o", depth], [depth], (2 * 16) ** 2),
         (["stack", recorded, "--focus", "1", "2", "--sheet", "-o", picture], [picture], None),
         (["refocus", recorded, "-o", picture], [picture], None),
@@ -159,7 +159,7 @@ def test_a_program_is_told_of_an_error_as_people_are(tmp_path, capsys):
 
 def test_what_is_infinite_is_text(tmp_path, capsys):
     path = tmp_path / "far.mkv"
-    words = ["trace", CHART, "--size", "16", "--views", "2", "--focus", "inf", "-o", path]
+    words = ["record", CHART, "--pixels", "16", "--views", "2", "--focus", "inf", "-o", path]
     assert main([str(word) for word in words]) == 0
     assert main(["info", str(path), "--json"]) == 0
     told = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
@@ -180,11 +180,11 @@ def test_view_macropixel_and_grid(recorded, tmp_path):
 
 def test_stacks(recorded, tmp_path):
     film, sheet = tmp_path / "film.mp4", tmp_path / "sheet.png"
-    focus = ["--focus-from", "1", "--focus-to", "2", "--count", "7"]
+    focus = ["--focus", "1:2:7"]
     assert main(["stack", str(recorded), *focus, "-o", str(film)]) == 0
     with av.open(str(film)) as container:
         assert sum(1 for _ in container.decode(video=0)) == 7
-    lens = ["--f-numbers", "1", "2", "4", "8", "16", "--no-normalise", "--sheet"]
+    lens = ["--f-number", "1", "2", "4", "8", "16", "--no-normalise", "--sheet"]
     assert main(["stack", str(recorded), *lens, "-o", str(sheet)]) == 0
     assert Image.open(sheet).size == (4 * SIZE + 12, 2 * SIZE + 4)
     assert main(["stack", str(recorded), "--focus", "1", "2", "-o", str(tmp_path / "s.png")]) == 0
@@ -192,9 +192,9 @@ def test_stacks(recorded, tmp_path):
 
 
 def test_render_equals_refocusing_what_was_traced(recorded, tmp_path):
-    """Several planes of a render are formed from the very rays that ``trace`` stores."""
+    """Several planes of a render are formed from the very rays that ``record`` stores."""
     planes = ["--plane", "focus=1", "--plane", "focus=1.33"]
-    size = ["--size", str(SIZE), "--views", str(VIEWS)]
+    size = ["--pixels", str(SIZE), "--views", str(VIEWS)]
     traced, stored = tmp_path / "traced.npy", tmp_path / "stored.npy"
     same = [*size, "--filter", "nearest"]
     assert main(["render", str(CHART), *same, *planes, "-o", str(traced)]) == 0
@@ -214,9 +214,9 @@ def test_render_equals_refocusing_what_was_traced(recorded, tmp_path):
 )  # fmt: skip
 def test_every_pixel_format_is_traced_and_refocused(tmp_path, capsys, codec, form, most):
     file, direct, stored = (tmp_path / name for name in ("a.mkv", "direct.npy", "stored.npy"))
-    size = ["--size", str(SIZE), "--views", str(VIEWS)]
+    size = ["--pixels", str(SIZE), "--views", str(VIEWS)]
     how = ["--codec", codec, "--pixel-format", form, "--crf", "4"]
-    assert main(["trace", str(CHART), "-o", str(file), *size, *how]) == 0
+    assert main(["record", str(CHART), "-o", str(file), *size, *how]) == 0
     assert main(["info", str(file), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["metadata"]["layout"]["pixel_format"] == form
     assert main(["info", str(file)]) == 0
@@ -230,23 +230,22 @@ def test_every_pixel_format_is_traced_and_refocused(tmp_path, capsys, codec, for
 
 @pytest.mark.kernels
 def test_rays_that_do_not_go_together_are_refused(tmp_path, capsys):
-    out = ["-o", str(tmp_path / "a.png"), "--size", "16"]
+    out = ["-o", str(tmp_path / "a.png"), "--pixels", "16"]
     for options, key in (
-        (["--quality", "40", "--views", "4"], "--quality: chooses the rays itself"),
-        (["--quality", "40", "--filter", "nearest"], "--quality: chooses the rays itself"),
-        (["--pinhole", "--subpixels", "2"], "--pinhole: has neither"),
+        (["--quality-db", "40", "--views", "4"], "--quality-db: chooses the rays itself"),
+        (["--quality-db", "40", "--filter", "nearest"], "--quality-db: chooses the rays itself"),
+        (["--most-rays", "9"], "--quality-db: is what"),
         (["--filter", "nearest", "--subpixels", "0.5"], "a picture of 16 pixels is finer"),
-        (["--subpixels", "-1"], "subpixels: must be above 0"),
     ):
         assert main(["render", str(CHART), *options, *out]) == 1
         assert key in capsys.readouterr().err
     assert main(["render", str(CHART), "--filter", "nearest", "--subpixels", "2", *out]) == 0
     assert "wrote" in capsys.readouterr().err
     said = argparse.Namespace(
-        quality=None, pinhole=False, filter="nearest", views=None, subpixels=2.0
+        quality_db=None, filter="nearest", views=None, subpixels=2.0
     )
     assert _rays(said, 16) == (16 * 32) ** 2  # 16 x 16 lens samples by 32 x 32 pixels
-    assert main(["render", str(CHART), "--quality", "30", *out]) == 0
+    assert main(["render", str(CHART), "--quality-db", "30", *out]) == 0
     assert "dB expected" in capsys.readouterr().err
 
 
@@ -255,14 +254,13 @@ def test_a_pinhole_has_no_focus(tmp_path):
     made = []
     for focus in ("1", "2"):
         out = tmp_path / f"{focus}.exr"
-        options = ["--pinhole", "--focus", focus, "--size", "16", "-o", str(out)]
-        assert main(["render", str(CHART), *options]) == 0
+        options = ["--views", "1", "--filter", "nearest", "--focus", focus, "--pixels", "16"]
+        assert main(["render", str(CHART), *options, "-o", str(out)]) == 0
         made.append(read_exr_picture(out))
     np.testing.assert_allclose(made[0], made[1], atol=1e-4)
     out = tmp_path / "lens.exr"
-    assert main(["render", str(CHART), "--focus", "1", "--size", "16", "-o", str(out)]) == 0
+    assert main(["render", str(CHART), "--focus", "1", "--pixels", "16", "-o", str(out)]) == 0
     assert np.abs(read_exr_picture(out) - made[0]).max() > 0.03
-    assert main(["render", str(CHART), "--pinhole", "--views", "4", "-o", str(out)]) == 1
 
 
 @pytest.mark.parametrize(
@@ -271,10 +269,9 @@ def test_a_pinhole_has_no_focus(tmp_path):
         (["--f-number", "0.5"], "wider than the lens"),
         (["--focus", "0.05"], "inside the focal length"),
         (["--plane", "focus=1,colour=red"], "unknown key 'colour'"),
-        (["--plane", "focus=near"], "focus cannot be 'near'"),
-        (["--aperture", "polygon", "--blades", "2"], "at least 3 blades"),
+        (["--plane", "focus=near"], "--plane: focus: 'near' is not a number above 0"),
         (["--method", "slicing", "--filter", "bilinear"], "no bilinear filter"),
-        (["--planes", "missing.csv"], "missing.csv: No such file"),
+        (["--plane", "missing.csv"], "missing.csv: No such file"),
         (["--device", "abacus"], "abacus"),
     ],
 )
@@ -295,15 +292,83 @@ def test_bad_files_leave_no_file(recorded, tmp_path, capsys):
         for command in ("refocus", "stack", "view"):
             assert main([command, str(source), "-o", str(out)]) == 1
             assert source.name in capsys.readouterr().err
-    for command in ("trace", "render"):
-        target = tmp_path / ("x.mkv" if command == "trace" else "x.png")
+    for command in ("record", "render"):
+        target = tmp_path / ("x.mkv" if command == "record" else "x.png")
         assert main([command, str(tmp_path / "none.glb"), "-o", str(target)]) == 1
         assert "none.glb" in capsys.readouterr().err
     assert main(["refocus", str(recorded), "-o", str(tmp_path / "out.gif")]) == 1
     assert ".png" in capsys.readouterr().err
-    assert main(["trace", str(CHART), "--views", "0", "-o", str(tmp_path / "x.mkv")]) == 1
-    assert "views" in capsys.readouterr().err
     assert names(tmp_path) == ["cut.mkv"]
+
+
+@pytest.mark.parametrize(
+    ("words", "flag"),
+    [
+        (["render", CHART, "--views", "0"], "--views"),
+        (["render", CHART, "--pixels", "0"], "--pixels"),
+        (["render", CHART, "--pixels", "-4"], "--pixels"),
+        (["render", CHART, "--subpixels", "-1"], "--subpixels"),
+        (["render", CHART, "--quality-db", "nan"], "--quality-db"),
+        (["render", CHART, "--focus", "0"], "--focus"),
+        (["render", CHART, "--samples", "0"], "--samples"),
+        (["render", CHART, "--samples", "4:0"], "--samples"),
+        (["record", CHART, "--pixels", "0"], "--pixels"),
+        (["record", CHART, "--views", "1.5"], "--views"),
+        (["record", CHART, "--focus-range", "1", "-2"], "--focus-range"),
+        (["record", CHART, "--crf", "99"], "--crf"),
+        (["depth", CHART, "--pixels", "0"], "--pixels"),
+        (["plenoptic", CHART, "--views", "0"], "--views"),
+        (["view", "x.mkv", "--grid", "0"], "--grid"),
+        (["view", "x.mkv", "--jpeg-quality", "101"], "--jpeg-quality"),
+        (["refocus", "x.mkv", "--f-number", "0views"], "--f-number"),
+        (["refocus", "x.mkv", "--aperture", "polygon:2"], "--aperture"),
+        (["stack", "x.mkv", "--focus", "1:2:1"], "--focus"),
+        (["stack", "x.mkv", "--focus", "1:2px:3"], "--focus"),
+        (["stack", "x.mkv", "--fps", "0"], "--fps"),
+        (["export", "x.mkv", "--format", "hci", "--depth-range", "0", "1"], "--depth-range"),
+        (["import", "x", "--baseline", "-6mm"], "--baseline"),
+    ],
+)
+def test_a_number_out_of_range_is_refused_in_one_line(tmp_path, capsys, words, flag):
+    with pytest.raises(SystemExit) as stop:
+        main([*map(str, words), "-o", str(tmp_path / "a.png")])
+    said = capsys.readouterr().err
+    assert stop.value.code == 2 and said.count("\n") == 1
+    assert f"argument {flag}: " in said and names(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["view", "-o", "a.png"], ["view", "--grid", "2", "-o", "a.png"], ["view", "-o", "a.html"],
+        ["export", "--format", "nerfstudio", "-o", "a"], ["stack", "-o", "a.mp4"],
+    ],
+)  # fmt: skip
+def test_a_device_that_is_not_there_is_an_error(recorded, tmp_path, capsys, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    assert main([*words[:1], str(recorded), *words[1:], "--device", "nosuch"]) == 1
+    assert "no OpenCL device is named like 'nosuch'" in capsys.readouterr().err
+    assert names(tmp_path) == []
+
+
+def test_export_reads_views_on_the_device_that_is_named(recorded, tmp_path, monkeypatch):
+    """In Python, too, and without a scene to trace."""
+    with pytest.raises(lfcore.DeviceError, match="nosuch"):
+        lfcore.export_lightfield(recorded, "nerfstudio", tmp_path / "a", device="nosuch")
+    import lfcore.exchange.source as source
+
+    device, used, file = lfcore.open_device(), [], tmp_path / "chart.mkv"
+    words = ["--pixels", "8", "--views", "2", "--layout", "macropixels", "-o", str(file)]
+    assert main(["record", str(CHART), *words]) == 0
+
+    def read_views(*_, device=None, **__):
+        used.append(device)
+        raise lfcore.StorageError("far enough")
+
+    monkeypatch.setattr(source, "read_views", read_views)
+    with pytest.raises(lfcore.StorageError, match="far enough"):
+        lfcore.export_lightfield(file, "nerfstudio", tmp_path / "a", device=device)
+    assert used == [device]
 
 
 def test_salvage_reads_what_is_whole(recorded, tmp_path, capsys):
@@ -344,7 +409,7 @@ def test_a_mesh_alone_is_a_scene(tmp_path):
 
     mesh, out = tmp_path / "ball.glb", tmp_path / "ball.npy"
     trimesh.creation.icosphere(subdivisions=2).export(mesh)
-    assert main(["render", str(mesh), "-o", str(out), "--size", "24", "--views", "2"]) == 0
+    assert main(["render", str(mesh), "-o", str(out), "--pixels", "24", "--views", "2"]) == 0
     picture = np.load(out)
     assert picture[12, 12].mean() > picture[0, 0].mean() + 0.05
 
@@ -360,11 +425,11 @@ def test_a_pbrt_file_is_a_scene(tmp_path):
         'Translate 0 0 5\nMaterial "diffuse" "rgb reflectance" [0.8 0.2 0.2]\n'
         'Shape "sphere" "float radius" 1\n'
     )
-    assert main(["render", str(scene), "-o", str(out), "--size", "24", "--views", "2"]) == 0
+    assert main(["render", str(scene), "-o", str(out), "--pixels", "24", "--views", "2"]) == 0
     picture = read_exr_picture(out)
     assert picture[12, 12, 0] > 2 * picture[12, 12, 1] > 0
     pinhole = tmp_path / "pinhole.exr"
-    assert main(["render", str(scene), "-o", str(pinhole), "--size", "24", "--pinhole"]) == 0
+    assert main(["render", str(scene), "-o", str(pinhole), "--pixels", "24", "--views", "1"]) == 0
 
 
 def test_a_stack_without_a_number(recorded, tmp_path, monkeypatch, capsys):
@@ -377,23 +442,21 @@ def test_a_stack_without_a_number(recorded, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["stack", str(recorded), "--sheet"]) == 0
     assert Image.open("chart_stack.png").size == (4 * SIZE + 12, 2 * SIZE + 4)
-    assert main(["stack", str(recorded), "--count", "4", "-o", "s.npy"]) == 0
+    assert main(["stack", str(recorded), "--focus", "near:far:4", "-o", "s.npy"]) == 0
     expected = [field.refocus(1 / d) for d in np.linspace(1 / near, 1 / far, 4)]
     np.testing.assert_array_equal(np.load("s.npy"), expected)
 
 
-def test_focus_by_disparity(recorded, tmp_path, capsys):
+def test_focus_by_disparity(recorded, tmp_path):
     field = lfcore.LightField.open(recorded)
     out = tmp_path / "a.npy"
-    options = ["--disparity", "-0.5", "--aperture-views", "3", "-o", str(out)]
+    options = ["--focus", "-0.5px", "--f-number", "3views", "-o", str(out)]
     assert main(["refocus", str(recorded), *options]) == 0
     distance = field.distance_of(-0.5)
     assert (1 / distance - field.slab.camera.delta) < 0
     expected = field.refocus(distance, field.f_number_of(3))
     np.testing.assert_array_equal(np.load(out), expected)
-    assert main(["refocus", str(recorded), *options, "--focus", "1"]) == 1
-    assert "--disparity: excludes --focus" in capsys.readouterr().err
-    plane = ["--plane", "disparity=-0.5,aperture_views=3"]
+    plane = ["--plane", "focus=-0.5px,f_number=3views"]
     assert main(["refocus", str(recorded), *plane, "-o", str(out)]) == 0
     np.testing.assert_array_equal(np.load(out), expected)
 
@@ -413,7 +476,7 @@ def test_pictures_of_other_formats(recorded, tmp_path):
 
 
 def test_depth_to_look_at(tmp_path):
-    command = ["depth", str(CHART), "--size", str(SIZE), "-o"]
+    command = ["depth", str(CHART), "--pixels", str(SIZE), "-o"]
     for name in ("d.pfm", "d.exr", "d.png"):
         assert main([*command, str(tmp_path / name)]) == 0
     depth = read_pfm(tmp_path / "d.pfm")

@@ -51,7 +51,7 @@ def wait_for(condition, process, seconds=60.0):
     [(signal.SIGINT, 130), (signal.SIGTERM, 143)],
 )
 def test_trace_ends_at_once_and_leaves_nothing(tmp_path, number, status):
-    words = ("trace", SCENES / "chart", "-o", "out.mkv", "--size", 1024, "--views", 64)
+    words = ("record", SCENES / "chart", "-o", "out.mkv", "--pixels", 1024, "--views", 64)
     with start(tmp_path, "-m", "lfcore.cli", *words) as process:
         wait_for(lambda: list(tmp_path.glob(".out.mkv.*/*")), process)
         time.sleep(0.3)  # into the first tile

@@ -94,7 +94,7 @@ def test_llff_has_its_axes_in_the_middle(tmp_path):
     assert field.slab.pixel_pitch == pytest.approx(0.02)
     assert field.depth_range == (1, 4)
     np.testing.assert_array_equal(field.view(1, 2), stored.views[2, 1, 2:16, 1:15])
-    with pytest.raises(ExchangeError, match="--near and --far"):
+    with pytest.raises(ExchangeError, match="--depth-range"):
         export_lightfield(stored.path, "llff", tmp_path / "b")
 
 

@@ -98,7 +98,7 @@ def test_photograph_and_what_is_made_of_it(tracer):
 
 def test_command(tmp_path):
     names = [str(tmp_path / name) for name in ("photo.png", "near.exr", "corner.ppm")]
-    command = ["plenoptic", str(CHART), "-o", names[0], "--lenses", "32", "--samples", "4"]
+    command = ["plenoptic", str(CHART), "-o", names[0], "--pixels", "32", "--views", "4"]
     more = ["--refocus", "1.0", names[1], "--view", "0", "3", names[2]]
     assert main([*command, *more]) == 0
     assert len(list(tmp_path.iterdir())) == 3

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr
 
 import numpy as np
 import pytest
@@ -123,9 +123,9 @@ def test_bad_light_is_refused(array, image, tmp_path):
 
 
 def run(*words):
-    with redirect_stdout(io.StringIO()) as said:
+    with redirect_stderr(io.StringIO()) as said:
         status = main(["imgtool", *(str(word) for word in words)])
-    return status, said.getvalue().splitlines()
+    return status, said.getvalue()
 
 
 def test_store_tiles_and_synthesis_on_the_command_line(array, image, tmp_path, capsys):
@@ -143,15 +143,15 @@ def test_store_tiles_and_synthesis_on_the_command_line(array, image, tmp_path, c
     assert np.abs(a - b).max() < CODE
     assert main(["info", str(mkv)]) == 0
     assert "camera array, 5 x 5" in capsys.readouterr().out
-    status, lines = run("store", exr, mkv, "--codec", "ffv1", "--white", 1)
-    assert status == 0 and "clipped" in lines[0]
+    status, said = run("store", exr, mkv, "--codec", "ffv1", "--white", 1)
+    assert status == 0 and "clipped" in said
     assert run("store", exr, tmp_path / "a.mp4")[0] == 1
     assert run("tiles", exr, again)[0] == 1
 
 
 def test_a_slabs_views_become_a_tiled_exr(tmp_path):
     mkv, exr = tmp_path / "slab.mkv", tmp_path / "slab.exr"
-    words = ["trace", "scenes/chart", "-o", str(mkv), "--size", "16", "--views", "3"]
+    words = ["record", "scenes/chart", "-o", str(mkv), "--pixels", "16", "--views", "3"]
     assert main([*words, "--codec", "ffv1"]) == 0
     assert run("tiles", mkv, exr)[0] == 0
     found, field = read_array(exr), LightField.open(mkv)
@@ -170,7 +170,7 @@ def test_a_light_field_camera_is_traced_into_the_store(tmp_path):
         "WorldEnd\n"
     )
     (tmp_path / "s.pbrt").write_text(text)
-    for what, out in (("trace", "s.mkv"), ("render", "s.exr")):
+    for what, out in (("record", "s.mkv"), ("render", "s.exr")):
         assert main([what, str(tmp_path / "s.pbrt"), "-o", str(tmp_path / out)]) == 0
     field, found = LightField.open(tmp_path / "s.mkv"), read_array(tmp_path / "s.exr")
     assert field.array == found.array and field.white == pytest.approx(3.0)

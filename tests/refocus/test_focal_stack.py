@@ -123,8 +123,8 @@ def test_what_it_cannot_do_is_refused(slab):
 @pytest.mark.parametrize("kind", ["macropixels", "views"])
 def test_from_a_file(tmp_path, kind):
     path = tmp_path / "chart.mkv"
-    options = ["--size", "96", "--views", "4", "--layout", kind, "--codec", "ffv1"]
-    assert main(["trace", str(CHART), "-o", str(path), *options]) == 0
+    options = ["--pixels", "96", "--views", "4", "--layout", kind, "--codec", "ffv1"]
+    assert main(["record", str(CHART), "-o", str(path), *options]) == 0
     planes = [SensorPlane(d, 1.0) for d in (1.0, 1.33, 2.0)]
     fast = focal_stack(path, planes)
     from lfcore.refocus.shift_sum import shift_sum
@@ -132,7 +132,18 @@ def test_from_a_file(tmp_path, kind):
     exact = shift_sum(path, planes)
     assert np.abs(fast - exact).mean() < 0.02
     film = tmp_path / "film.mp4"
-    command = ["stack", str(path), "--focus", "1", "1.33", "2", "--fast", "-o", str(film)]
+    command = [
+        "stack",
+        str(path),
+        "--focus",
+        "1",
+        "1.33",
+        "2",
+        "--method",
+        "blocks",
+        "-o",
+        str(film),
+    ]
     assert main(command) == 0
     with av.open(str(film)) as container:
         frames = [

@@ -150,22 +150,22 @@ def test_displaced_views_serve_slicing_by_depth_alone(tmp_path, tracer):
 def test_a_file_without_depth_says_how_to_trace_one(tmp_path, capsys):
     chart = str(main.__globals__["__file__"]).replace("lfcore/cli/__init__.py", "scenes/chart")
     run = [str(tmp_path / name) for name in ("plain.mkv", "depth.mkv", "a.png", "b.png")]
-    assert main(["trace", chart, "--size", "16", "--views", "2", "-o", run[0]]) == 0
+    assert main(["record", chart, "--pixels", "16", "--views", "2", "-o", run[0]]) == 0
     assert main(["refocus", run[0], "--filter", "depth", "-o", run[2]]) == 1
     said = capsys.readouterr().err.strip().splitlines()[-1]
     assert said.startswith(run[0]) and "holds no depth" in said and "with depth" in said
-    assert main(["refocus", run[0], "--size", "17", "-o", run[2]]) == 1
+    assert main(["refocus", run[0], "--pixels", "17", "-o", run[2]]) == 1
     assert "finer than the slab's 16. Ask for 16 at most" in capsys.readouterr().err
-    assert main(["refocus", run[0], "--size", "8", "-o", run[2]]) == 0
-    words = ["trace", chart, "--size", "16", "-o", run[1]]
+    assert main(["refocus", run[0], "--pixels", "8", "-o", run[2]]) == 0
+    words = ["record", chart, "--pixels", "16", "-o", run[1]]
     assert main([*words, "--subpixels", "1.5"]) == 0
     assert main(["info", run[1]]) == 0
     said = capsys.readouterr().out
     assert "24 x 24 pixels, 4 x 4 views" in said and "of the video" in said
     assert "pictures of 16 x 16 pixels, views displaced" in said
-    assert main(["refocus", run[1], "--size", "20", "-o", run[2]]) == 0
+    assert main(["refocus", run[1], "--pixels", "20", "-o", run[2]]) == 0
     assert main(["stack", run[1], "--sheet", "-o", run[3]]) == 0
-    words = ["trace", chart, "--views", "3", "--subpixels", "2", "-o", run[0]]
+    words = ["record", chart, "--views", "3", "--subpixels", "2", "-o", run[0]]
     assert main(words) == 1
     assert "belong to a depth stream" in capsys.readouterr().err
 

@@ -122,7 +122,7 @@ def test_a_run_that_hangs_is_told_from_one_that_works(monkeypatch, program, said
 @pytest.mark.slow
 def test_a_render_that_is_killed_goes_on_and_is_identical(tmp_path):
     (render,) = (job for job in kills.jobs() if job.name == "render")
-    small = replace(render, command=(*render.command[:-4], "--size", "16", "--views", "4"))
+    small = replace(render, command=(*render.command[:-4], "--pixels", "16", "--views", "4"))
     killed, tally, draw = kills.Killed(small, tmp_path / "run"), kills.Tally(), Random(5)
     for way in ("KILL", "TERM"):
         killed.disturb(draw, way, tally)

@@ -131,7 +131,7 @@ def test_stacks_and_depth_of_a_url_are_those_of_the_file(stored, tmp_path):
         for name in (str(stored.path), f"{server.url}?version=1"):
             focus = ["--focus", "2", "4", "--sheet"]
             assert main(["stack", name, *focus]) == 0
-            assert main(["stack", name, *focus, "--fast", "-o", "fast.png"]) == 0
+            assert main(["stack", name, *focus, "--method", "blocks", "-o", "fast.png"]) == 0
             depth = ["--all-in-focus", "sharp.png", "-o", "depth.npz"]
             assert main(["depth", chart, "--lightfield", name, *depth]) == 0
             files = [f"{stored.path.stem}_stack.png", "fast.png", "depth.npz", "sharp.png"]

@@ -29,5 +29,5 @@ def field(tmp_path_factory):
 def page(field, tmp_path_factory):
     """Path of the page; its views are stored without loss."""
     path = tmp_path_factory.mktemp("page") / "lf.html"
-    field.viewer(form="webp", quality=100).save(path)
+    field.viewer(format="webp", jpeg_quality=100).save(path)
     return path

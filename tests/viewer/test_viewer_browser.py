@@ -59,7 +59,7 @@ def test_the_canvas_shows_what_refocus_makes(opened, field, filter):
 
 @pytest.mark.parametrize("form", ["webp", "avif"])
 def test_a_lossy_page_is_near_refocusing(browser, field, tmp_path, form):
-    field.viewer(form=form).save(tmp_path / "lossy.html")
+    field.viewer(format=form).save(tmp_path / "lossy.html")
     visit(browser, tmp_path / "lossy.html")
     choose(browser, d=NEAR, a=7)
     picture = field.refocus(disparity_px=NEAR, aperture_views=7, filter="bilinear")
@@ -198,7 +198,7 @@ def test_controls_say_what_the_state_is(opened, field):
     words = {key: opened.find_element("id", key).text for key in ("d-text", "f-text", "command")}
     assert words["d-text"] == f"0.50 px, {field.distance_of(0.5):.3g} m"
     assert words["f-text"] == "f/4.00"
-    assert "--disparity=0.5 --aperture-views 4.5 --aperture circle" in words["command"]
+    assert "--focus 0.5px --f-number 4.5views --aperture circle" in words["command"]
 
 
 def test_a_browser_without_webgl2_shows_single_views(browser, page, field):

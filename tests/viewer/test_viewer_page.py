@@ -70,16 +70,16 @@ def test_a_smaller_page_has_smaller_views(field):
 
 @pytest.mark.parametrize(
     ("given", "said"),
-    [({"views": 8}, "from 9 to 33"), ({"views": 34}, "from 9 to 33"), ({"size": 65}, "to 64")],
+    [({"grid": 8}, "from 9 to 33"), ({"grid": 34}, "from 9 to 33"), ({"pixels": 65}, "to 64")],
 )
 def test_a_page_that_cannot_be_is_refused(field, given, said):
     with pytest.raises(StorageError, match=said):
         choose(field, **given)
 
 
-@pytest.mark.parametrize("given", [{"form": "gif"}, {"quality": 0}])
+@pytest.mark.parametrize("given", [{"format": "gif"}, {"jpeg_quality": 0}])
 def test_an_unknown_coding_is_refused(given):
-    with pytest.raises(StorageError, match=next(iter(given)).replace("form", "format")):
+    with pytest.raises(StorageError, match=next(iter(given))):
         encode(np.zeros((1, 4, 4, 3), np.uint8), **given)
 
 
@@ -144,25 +144,25 @@ def test_a_page_asks_no_other_host(page):
 
 
 def test_a_notebook_shows_a_frame(field):
-    shown = field.viewer(size=16)._repr_html_()
+    shown = field.viewer(pixels=16)._repr_html_()
     assert shown.startswith("<iframe srcdoc=") and shown.count("<") == 2
 
 
 def test_the_command_writes_a_page_or_a_picture(field, tmp_path, capsys):
     page, picture = tmp_path / "lf.html", tmp_path / "lf.png"
     words = ["view", str(field.path)]
-    assert main([*words, "-o", str(page), "--size", "32", "--format", "avif"]) == 0
+    assert main([*words, "-o", str(page), "--pixels", "32", "--format", "avif"]) == 0
     assert described(page.read_text())["atlas"]["pages"][0].startswith("data:image/avif;base64,")
     assert main([*words, "-o", str(picture), "--view", "0", "8"]) == 0
     np.testing.assert_array_equal(np.array(Image.open(picture)), field.view(0, 8))
     capsys.readouterr()
     for more, said in (
-        (["-o", str(picture), "--size", "9"], "--size: belongs to a page"),
+        (["-o", str(picture), "--pixels", "9"], "--pixels: belongs to a page"),
         (["-o", str(picture), "--serve"], "--serve: belongs to a page"),
-        (["-o", str(page), "--grid", "2"], "--grid: belongs to a picture"),
-        (["-o", str(page), "--views", "3"], "views: must be from 9 to 33"),
-        (["--grid", "2"], "--output: is missing"),
-        (["--serve", "70000"], "--serve: port 70000 cannot be used"),
+        (["-o", str(page), "--at", "2", "1"], "--at: belongs to a picture"),
+        (["-o", str(page), "--grid", "3"], "grid: must be from 9 to 33"),
+        (["--view", "2", "1"], "--output: is missing"),
+        (["--json"], "--json: reports on a file"),
     ):
         assert main([*words, *more]) == 1
         assert said in capsys.readouterr().err.splitlines()[-1]
@@ -180,7 +180,7 @@ def test_the_command_alone_hands_the_page_to_the_browser(field, monkeypatch, cap
         threading.Thread(target=read).start()
 
     monkeypatch.setattr(webbrowser, "open", visit)
-    assert main(["view", str(field.path), "--size", "32"]) == 130
+    assert main(["view", str(field.path), "--pixels", "32"]) == 130
     assert described(got[0])["views"] == VIEWS
     assert "http://127.0.0.1:" in capsys.readouterr().err
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lfcore.cli import parser
-from lfcore.cli.command import encoder
+from lfcore.cli.options import encoder
 from lfcore.errors import SettingsError, StorageError
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
@@ -80,7 +80,7 @@ def test_other_codecs_have_their_own_presets(codec, preset, crf, pixel_format):
     assert (spec.codec, spec.preset, spec.crf) == (codec, preset, crf)
     assert (spec.pixel_format, spec.gop) == (pixel_format, defaults.KEY_EVERY)
     assert spec == defaults.chosen_encoding(64, Encoding(codec))
-    words = ["trace", "scene", "-o", "x.mkv", "--codec", codec]
+    words = ["record", "scene", "-o", "x.mkv", "--codec", codec]
     assert spec == defaults.chosen_encoding(64, encoder(parser(words).parse_args(words)))
 
 

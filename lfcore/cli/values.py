@@ -1,0 +1,136 @@
+"""Values of options: each function reads one, checks its range and names what is allowed."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from collections.abc import Callable
+from typing import Any
+
+from lfcore.optics.planes import SHAPES
+
+MOST_PIXELS = 65536
+"""The most pixels per side that a light field may have."""
+MOST_VIEWS = 4096
+"""The most views per side that a light field may have."""
+
+
+def count(least: int = 1, most: int | None = None) -> Callable[[str], int]:
+    """A type for argparse: a whole number in a range."""
+    allowed = f"from {least} to {most}" if most is not None else f"of at least {least}"
+
+    def read(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            value = least - 1
+        if value < least or (most is not None and value > most):
+            raise argparse.ArgumentTypeError(f"{text!r} is not a whole number {allowed}")
+        return value
+
+    return read
+
+
+def number(
+    least: float = -math.inf, most: float = math.inf, *, above: bool = False
+) -> Callable[[str], float]:
+    """A type for argparse: a finite number in a range; ``above`` excludes the lower end."""
+    low = f" above {least:g}" if above else f" from {least:g}" if least > -math.inf else ""
+    high = f" to {most:g}" if most < math.inf else ""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not (least <= value <= most and math.isfinite(value)) or (above and value == least):
+            raise argparse.ArgumentTypeError(f"{text!r} is not a number{low}{high}")
+        return value
+
+    return read
+
+
+positive = number(0, above=True)
+angle = number(0, 179, above=True)
+views = count(1, MOST_VIEWS)
+pixels = count(1, MOST_PIXELS)
+
+
+def distance(text: str) -> float:
+    """Metres above 0; ``inf`` is infinity."""
+    return math.inf if text.lower() in ("inf", "infinity") else positive(text)
+
+
+def pair(text: str) -> tuple[int, int]:
+    """Two counts: ``9x9``."""
+    match = re.fullmatch(r"(\d+)[x\u00d7](\d+)", text)
+    if not match or not all(int(part) for part in match.groups()):
+        raise argparse.ArgumentTypeError(f"{text!r} is not two counts like 9x9")
+    return int(match[1]), int(match[2])
+
+
+def window(text: str) -> tuple[int, int, int, int]:
+    """Left, top, width and height of ``WxH+X+Y``."""
+    match = re.fullmatch(r"(\d+)x(\d+)\+(\d+)\+(\d+)", text)
+    if not match:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a window like 512x512+0+0")
+    width, height, left, top = (int(part) for part in match.groups())
+    return left, top, width, height
+
+
+def length(text: str) -> float:
+    """Metres of ``6mm``, ``0.6cm``, ``0.006m`` or ``0.006``."""
+    units = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+    for unit, metres in units.items():
+        if text.endswith(unit):
+            return positive(text.removesuffix(unit)) * metres
+    return positive(text)
+
+
+def rays(text: str) -> tuple[int | None, int | None]:
+    """Rays per pixel and instants of the shutter: ``64``, ``64:4`` or ``:4``."""
+    samples, _, instants = text.partition(":")
+    read = count()
+    return read(samples) if samples else None, read(instants) if instants else None
+
+
+# Settings of a sensor plane: keys are those of :meth:`lfcore.LightField.plane`.
+
+
+def focus(text: str) -> dict[str, float]:
+    """A focus distance: metres, ``inf``, or ``1.5px``, the disparity of neighbouring views."""
+    if text.endswith("px"):
+        return {"disparity_px": number()(text.removesuffix("px"))}
+    return {"focus_m": distance(text)}
+
+
+def f_number(text: str) -> dict[str, float]:
+    """An f-number, or ``7views``, the aperture's diameter in views."""
+    if text.endswith("views"):
+        return {"aperture_views": positive(text.removesuffix("views"))}
+    return {"f_number": positive(text)}
+
+
+def aperture(text: str) -> dict[str, Any]:
+    """``circle``, ``square``, ``diamond``, or ``polygon:BLADES:DEGREES``."""
+    shape, *more = text.split(":")
+    if shape not in SHAPES or len(more) > 2 or (more and shape != "polygon"):
+        known = ", ".join(SHAPES)
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not one of {known}; a polygon may be polygon:5 or polygon:5:18"
+        )
+    found: dict[str, Any] = {"aperture": shape}
+    if more:
+        found["blades"] = count(3)(more[0])
+    if more[1:]:
+        found["rotation_deg"] = number()(more[1])
+    return found
+
+
+def truth(text: str) -> bool:
+    """``yes``, ``true``, ``1``; ``no``, ``false``, ``0``."""
+    known = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+    if text.lower() not in known:
+        raise argparse.ArgumentTypeError(f"{text!r} is neither yes nor no")
+    return known[text.lower()]
