@@ -86,6 +86,8 @@ def run(arguments: argparse.Namespace) -> None:
         return
     pixels = arguments.pixels or 256
     depth, lattice = lattice_to_store(DEPTHS[arguments.depth], arguments.views)
+    if arguments.subpixels and not depth:
+        refuse("--subpixels", "belongs to views with depth", "Add --depth displaced")
     lattice = with_subpixels(lattice, arguments)
     if arguments.depth == "plain":
         lattice = replace(lattice, displaced=False)

@@ -1,6 +1,5 @@
 """The ``lfcore`` command: what it writes, what it says, what it leaves behind when it fails."""
 
-import argparse
 import json
 import os
 import subprocess
@@ -14,7 +13,6 @@ from PIL import Image
 
 import lfcore
 from lfcore.cli import COMMANDS, main
-from lfcore.cli.render import _rays
 from lfcore.colour import srgb_encode
 from lfcore.exchange.pictures import read_pfm
 from lfcore.exr import read_exr_picture
@@ -239,12 +237,10 @@ def test_rays_that_do_not_go_together_are_refused(tmp_path, capsys):
     ):
         assert main(["render", str(CHART), *options, *out]) == 1
         assert key in capsys.readouterr().err
-    assert main(["render", str(CHART), "--filter", "nearest", "--subpixels", "2", *out]) == 0
-    assert "wrote" in capsys.readouterr().err
-    said = argparse.Namespace(
-        quality_db=None, filter="nearest", views=None, subpixels=2.0
-    )
-    assert _rays(said, 16) == (16 * 32) ** 2  # 16 x 16 lens samples by 32 x 32 pixels
+    words = ["render", str(CHART), "--filter", "nearest", "--subpixels", "2", *out, "--json"]
+    assert main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["steps"][0]["rays"] == (16 * 32) ** 2  # 16 x 16 lens samples by 32 x 32 pixels
     assert main(["render", str(CHART), "--quality-db", "30", *out]) == 0
     assert "dB expected" in capsys.readouterr().err
 

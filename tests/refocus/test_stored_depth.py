@@ -167,7 +167,7 @@ def test_a_file_without_depth_says_how_to_trace_one(tmp_path, capsys):
     assert main(["stack", run[1], "--sheet", "-o", run[3]]) == 0
     words = ["record", chart, "--views", "3", "--subpixels", "2", "-o", run[0]]
     assert main(words) == 1
-    assert "belong to a depth stream" in capsys.readouterr().err
+    assert "--subpixels: belongs to views with depth" in capsys.readouterr().err
 
 
 def test_too_many_macropixels_are_refused(tmp_path, tracer, monkeypatch):
