@@ -6,9 +6,8 @@
 #   make fuzz SECONDS=600    hostile inputs for ten minutes: a table of what came of them
 #   make faults KILLS=100      kills, full disks, missing folders: the same results afterwards
 #   make cluster   the smoke pipeline on a throw-away SLURM, once with jobs cancelled
-#   make cluster FAULTS=all    nodes that die, are full, have no home, are of two kinds: docs/robustness.md
+#   make cluster FAULTS=all    nodes that die or are full: docs/robustness.md
 #   make s3        the pipeline with its results in object storage, killed in between
-#   make pods      a small pipeline through profiles/kubernetes, its pods as processes
 #   make bare      the smoke pipeline in a bare Debian: python3, python3-venv and make
 #   make bare SUITE=trixie STEPS="wheel try"    other targets, in another Debian; STEPS=container: as in a container
 #   make smoke     the same pipeline, tiny: what continuous integration runs
@@ -18,6 +17,7 @@
 #   make wheel     the wheel, installed and tried in an empty environment
 #   make digests   the table of bits that every processor is held to: after a change that means to change bits
 #   make micro     every rule, script and caption, as small as they go, and Snakemake's report: build/micro
+#   make run ARGS="--configfile my.yaml -- results/tables/" DIRECTORY=there    any other run of Snakemake
 #   make sweep SWEEP=config/sweeps/crf.tsv    a light field for each row: one table, one figure
 #   make settings  what is made from the configuration's keys: schema, defaults, table
 #   make clean     forget results; make distclean forgets the environment, too
@@ -30,33 +30,48 @@ BIN := $(VENV)/bin
 CORES ?= 2
 SECONDS ?= 60
 KILLS ?= 20
+DIRECTORY ?= .
 # One process runs a whole file; tests/conftest.py puts the costly files first.
 TRIED := tests/optics tests/opencl tests/storage tests/test_api.py -m "not slow and not workflow and not browser"
 XDIST := -n $(CORES) --dist loadfile --no-loadscope-reorder
-MICRO := --directory build/micro --configfile config/micro.yaml -- results/tables/ results/assignment/
+MICRO := --configfile config/micro.yaml -- results/tables/ results/assignment/
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 # A run of ours must not see packages of the user's home, nor of another checkout.
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: tables test quick fuzz faults smoke cluster s3 pods bare try micro sweep settings count lint docs \
+.PHONY: tables run test quick fuzz faults smoke cluster s3 bare try micro sweep settings count lint docs \
 	wheel format digests clean distclean \
 	pins
 .DELETE_ON_ERROR:
 
+# Snakemake in the folder $(1). Runs of a folder wait for one another. A killed one leaves Snakemake's lock, which is
+# freed unless a process has a log of Snakemake open there. Without flock (macOS): `snakemake --unlock`, by hand.
+define run
+@mkdir -p $(1)/.snakemake && if command -v flock >/dev/null; then \
+	flock -n $(1)/.snakemake/make.lock true || echo "Waiting for the run in $(1) to end."; \
+	exec flock -F $(1)/.snakemake/make.lock sh -c 'if ls $(1)/.snakemake/locks/*.lock && \
+	! ls -l /proc/[0-9]*/fd | grep -F "$$(cd $(1) && pwd -P)/.snakemake/log/"; then "$$0" --unlock "$$@"; fi \
+	>/dev/null 2>&1; exec "$$0" "$$@"' $(SNAKEMAKE) --directory $(1) $(2); else exec $(SNAKEMAKE) --directory $(1) $(2); fi
+endef
+SNAKEMAKE = $(BIN)/snakemake --cores $(CORES) $(if $(wildcard $(VENV)/lib/*/*/snakemake_logger_plugin_rich),--logger rich)
+
 tables: $(VENV)/installed
-	$(BIN)/python -m lfcore.workflow.run --cores $(CORES) results/tables/
+	$(call run,.,results/tables/)
 
 smoke: $(VENV)/installed
-	$(BIN)/python -m lfcore.workflow.run --cores $(CORES) --configfile config/smoke.yaml -- results/tables/
+	$(call run,.,--configfile config/smoke.yaml -- results/tables/)
 
 micro: $(VENV)/installed
-	$(BIN)/python -m lfcore.workflow.run --cores $(CORES) $(MICRO)
-	$(BIN)/snakemake --report report.zip $(MICRO)
+	$(call run,build/micro,$(MICRO))
+	$(BIN)/snakemake --report report.zip --directory build/micro $(MICRO)
+
+run: $(VENV)/installed
+	$(call run,$(DIRECTORY),$(ARGS))
 
 sweep: $(VENV)/installed
-	$(BIN)/python -m lfcore.workflow.run --cores $(CORES) --config sweep=$(SWEEP) -- sweep
+	$(call run,.,--config sweep=$(SWEEP) -- sweep)
 
 test: $(VENV)/installed-dev
 	$(BIN)/python -m pytest $(XDIST)
@@ -76,9 +91,6 @@ cluster: $(VENV)/installed-dev
 s3: $(VENV)/installed-dev
 	$(BIN)/python -m robustness.object_storage
 
-pods: $(VENV)/installed-dev
-	$(BIN)/python -m robustness.kubernetes_pods
-
 bare:
 	SUITE="$(SUITE)" STEPS="$(STEPS)" sh .ci/bare.sh
 
@@ -97,6 +109,7 @@ lint: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks.publish --check
 	$(BIN)/mypy
 	$(BIN)/snakemake --lint
+	$(BIN)/python -m lfcore.workflow.settings --check
 
 # Pages are run at full size the first time, and where they or the library changed.
 docs: $(VENV)/installed-docs
@@ -138,7 +151,7 @@ $(VENV)/installed-docs: $(VENV)/installed
 digests: $(VENV)/installed-dev
 	PYTHONPATH=tests $(BIN)/python tests/tracing/digests.py --write
 
-# Files that are made from the configuration's keys: run it after lfcore/workflow/keys.py was edited.
+# Files that are made from the configuration's keys: run it after an edit of lfcore/workflow/keys.py or studies.py.
 settings: $(VENV)/installed
 	$(BIN)/python -m lfcore.workflow.settings
 

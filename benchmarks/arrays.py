@@ -32,7 +32,7 @@ from lfcore.scene.build import build_scene
 from lfcore.timing import machine
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
-from lfcore.workflow.keys import ARRAYS
+from lfcore.workflow.studies import ARRAYS
 
 ROOT = Path(__file__).resolve().parents[1]
 LENS_M, FILTER_M = 0.15, 0.3  # of the assignment's command line, see workflow/scripts

@@ -27,9 +27,13 @@ from lfcore.evaluation.figures import THESIS_PIXELS, log_ticks, save_figure, vie
 from lfcore.evaluation.table_files import human_bytes
 from lfcore.files import make_folder, whole_file, write_text
 from lfcore.optics.plane_pictures import load_stack
-from lfcore.workflow.reports import THESIS
 
 FOLDER = ROOT / "docs" / "results"
+THESIS = {
+    "table_7_1": "Table 7.1: angular resolution",
+    "table_7_2": "Table 7.2: encoding",
+    "table_7_3": "Table 7.3: retrieval",
+}
 SETTINGS = "settings.yaml"
 FIGURE = "against_thesis.png"
 QUALITY = 92
@@ -146,9 +150,9 @@ def publish(
     settings : the checked configuration that it was made with.
     """
     run = read_run(results)
-    asked = {(scene, n) for scene in settings["scenes"] for n in settings["angular_resolutions"]}
+    asked = {(scene, n) for scene in settings["scenes"] for n in settings["views"]}
     there = set(zip(run.first.scene, run.first.N, strict=True))
-    if asked != there or set(run.first.M) != {settings["spatial_resolution"]}:
+    if asked != there or set(run.first.M) != {settings["pixels"]}:
         raise FullSizeError(
             "holds other scenes, N or M than the configuration asks for",
             file=results / "tables" / "table_7_1.csv", remedy="Name the run's own --configfile",

@@ -51,7 +51,7 @@ DOCUMENTS = (
     "docs/performance.md",
     "docs/robustness.md",
 )
-RECOMMENDED = ROOT / "config" / "recommended.csv"
+RECOMMENDED = ROOT / "docs" / "results" / "recommended.csv"
 PLACE = re.compile(
     r"(<!-- published: (\w+)(?:: ([^>\n]*?))?(?: where ([^>\n]*?))? -->\n)"
     r".*?(<!-- end of \2 -->)",

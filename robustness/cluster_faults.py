@@ -20,7 +20,7 @@ from robustness.local_slurm import LocalSlurm, local_slurm
 TABLES = tuple(f"results/tables/table_7_{number}.csv" for number in (1, 2, 3))
 SMALL = (
     "--configfile", str(ROOT / "config" / "micro.yaml"),
-    "--config", "scenes=[bike]", "angular_resolutions=[16,64]", "spatial_resolution=64",
+    "--config", "scenes=[bike]", "views=[16,64]", "pixels=64", "reports=[]",
     "tile_mib=8", "job_minutes=0.01", "--", *TABLES,
 )  # fmt: skip
 """A scene whose tracing is several submissions of seconds."""

@@ -91,7 +91,7 @@ class Killed:
 
     def start(self) -> subprocess.Popen:
         return subprocess.Popen(
-            [sys.executable, *self.job.command],
+            self.job.command,
             cwd=self.folder,
             env=os.environ | {"PYTHONPATH": str(self._package())},
             stdin=subprocess.DEVNULL,
@@ -226,14 +226,11 @@ def descendants(process: int) -> list[int]:
 
 MICRO = {
     "scenes": ["sphere"],
-    "angular_resolutions": [2, 4],
-    "spatial_resolution": 16,
-    "figures": {"make": []},
-    "storage": {"make": []},
-    "analysis": {"make": []},
-    "assignment": {"in_tables": False},
+    "views": [2, 4],
+    "pixels": 16,
+    "reports": [],
 }
-PARTS = ("Snakefile", "config", "lfcore", "profiles", "scenes", "workflow")
+PARTS = ("Makefile", "Snakefile", "config", "lfcore", "profiles", "scenes", "workflow")
 
 
 def copy_project(folder: Path) -> None:
@@ -247,22 +244,31 @@ def copy_project(folder: Path) -> None:
     (folder / "micro.yaml").write_text(json.dumps(MICRO))
 
 
+def make_run(arguments: str, directory: str = ".") -> tuple[str, ...]:
+    """The command of ``make run`` with this environment, without make itself between it and us."""
+    said = subprocess.run(
+        ["make", "--no-print-directory", "-n", "-o", f"{sys.prefix}/installed", "run",
+         f"VENV={sys.prefix}", f"ARGS={arguments}", f"DIRECTORY={directory}"],
+        cwd=ROOT, check=True, capture_output=True, text=True,
+    )  # fmt: skip
+    return ("sh", "-c", said.stdout)
+
+
 def nothing(folder: Path) -> None:
     """Commands work on the project's own scenes."""
 
 
 def jobs() -> list[Job]:
     scene = str(ROOT / "scenes/sphere")
-    lfcore = ("-m", "lfcore.cli")
+    lfcore = (sys.executable, "-m", "lfcore.cli")
     size = ("--pixels", "96", "--views", "32")  # some seconds of tracing
-    workflow = ("-m", "lfcore.workflow.run", "--cores", "2", "--configfile", "micro.yaml", "--")
-    made = ("results/sphere/M16/N4/planes/from_video", "results/sphere/M16/N2/planes/on_the_fly")
+    made = "results/sphere/M16/N4/planes/from_video results/sphere/M16/N2/planes/on_the_fly"
     commands = ("KILL", "TERM", "INT group")
     return [
         Job("trace", (*lfcore, "record", scene, "-o", "out/a.mkv", *size), ("out/*",), nothing,
             commands),
         Job("render", (*lfcore, "render", scene, "-o", "out/a.ppm", *size), ("out/*",), nothing,
             commands),
-        Job("workflow", (*workflow, *made), ("results/**/*.npz", "results/**/*.png",
-            "results/**/*.mkv"), copy_project, statuses=False),
+        Job("workflow", make_run(f"--configfile micro.yaml -- {made}"), ("results/**/*.npz",
+            "results/**/*.png", "results/**/*.mkv"), copy_project, statuses=False),
     ]  # fmt: skip

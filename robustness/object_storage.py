@@ -22,6 +22,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from robustness.kills import make_run
 from robustness.outcome import ROOT
 
 PACKAGES = ("moto", "boto3", "s3fs", "snakemake_storage_plugin_s3")
@@ -29,9 +30,7 @@ KEPT = (".mkv", "on_the_fly.npz", "from_video.npz", "scene.npz", "bvh.npz")
 """Objects without seconds, which must be the same to the last bit."""
 KEYS = {"SNAKEMAKE_STORAGE_S3_ACCESS_KEY": "any", "SNAKEMAKE_STORAGE_S3_SECRET_KEY": "any"}
 SMALL = (
-    "scenes=[chart]", "angular_resolutions=[4,8]", "spatial_resolution=32",
-    "figures={make: []}", "storage={make: []}", "analysis={make: []}",
-    "assignment={in_tables: false}",
+    "scenes=[chart]", "views=[4,8]", "pixels=32", "reports=[]",
 )  # fmt: skip
 
 
@@ -73,16 +72,18 @@ def start(url: str, folder: Path, prefix: str) -> subprocess.Popen:
     folder.mkdir(exist_ok=True)
     with (folder / "terminal").open("ab") as terminal:
         return subprocess.Popen(
-            [
-                sys.executable, "-m", "lfcore.workflow.run",
-                "--workflow-profile", "profiles/s3", "--storage-s3-endpoint-url", url,
-                "--default-storage-prefix", prefix, "--directory", str(folder),
-                "--configfile", "config/micro.yaml", "--config", *SMALL,
-                "--", "results/tables/index.html",
-            ],
-            cwd=ROOT, env=os.environ | KEYS, stdout=terminal, stderr=subprocess.STDOUT,
+            make_run(
+                f"--workflow-profile profiles/s3 --storage-s3-endpoint-url {url} "
+                f"--default-storage-prefix {prefix} --configfile config/micro.yaml "
+                f"--config {' '.join(SMALL)} -- results/tables/index.html",
+                str(folder),
+            ),
+            cwd=ROOT,
+            env=os.environ | KEYS,
+            stdout=terminal,
+            stderr=subprocess.STDOUT,
             start_new_session=True,
-        )  # fmt: skip
+        )
 
 
 def objects(client, bucket: str) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""What a checked configuration asks for: scenes, tiles, layouts, encoders, sensor planes."""
+"""The scenes, tiles, layouts, encoders and sensor planes of a checked configuration."""
 
 from __future__ import annotations
 
@@ -18,16 +18,18 @@ from lfcore.storage import defaults
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import FrameLayout, Tile
 
+ROOT = Path(__file__).resolve().parents[2]
+"""The project's folder, where its own scenes are."""
 MIB = 2**20
 BYTES_OF_A_RAY = 3
 NAME = re.compile(r"[\w+-][\w.+-]{0,99}")
-"""What a scene may be called: its results have this folder, and rules a pattern of all names."""
+"""The names that a scene may have: they name its folder of results."""
 RESERVED = {"tables", "assignment", "sweeps"}
 OWN = {"chart", "book", "sphere", "ecosys"}
-"""Scenes that figures and the assignment show, whatever scenes are in the tables."""
+"""The scenes of figures and of the assignment, whatever scenes are in the tables."""
 
 
-def scene_files(entries: Iterable[str], root: Path) -> dict[str, str]:
+def scene_files(entries: Iterable[str], root: Path = ROOT) -> dict[str, str]:
     """Name and file of each scene: a folder below ``scenes/``, or a path to a file.
 
     Paths are relative to the working folder; names to ``root``.  Raises :class:`SettingsError`
@@ -66,30 +68,30 @@ def _scene_name(file: Path, root: Path, taken: Iterable[str]) -> str:
     raise SettingsError(problem, file=file, key="configuration: scenes", remedy=rename)
 
 
-def is_procedural(file: str | Path) -> bool:
-    """Whether a scene may name a builder of procedural models: then it depends on their sources."""
-    try:
-        return "builder" in Path(file).read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return False  # parsing says what is wrong with it
+def scene_file(name: str, *wanted: Iterable[str]) -> str:
+    """The file of the scene ``name``: an entry of the lists ``wanted``, or one of the project's
+    own scenes.
+
+    Raises :class:`SettingsError` as :func:`scene_files`.
+    """
+    for entries in (*wanted, [name]):
+        found = scene_files(entries)
+        if name in found:
+            return found[name]
+    raise AssertionError(name)
 
 
 def frame_layout(settings: Mapping, views: int) -> FrameLayout:
-    """How the rays of N = ``views`` are laid out in frames; null is what measured best.
+    """The layout of rays in frames for ``views`` per side.
 
     Raises :class:`StorageError` for frames too small for the encoder.
     """
     spec = encoding(settings, views)
     layout = defaults.frame_layout(
-        views, settings["spatial_resolution"], spec.stored_format, **nulls(settings["layout"])
+        views, settings["pixels"], spec.stored_format, **given(settings["layout"])
     )
     spec.check_frame(layout.frame_width, layout.frame_height)
     return layout
-
-
-def nulls(keys: Mapping) -> dict:
-    """Keys whose "auto" is None, as the library has it."""
-    return {key: None if value == "auto" else value for key, value in keys.items()}
 
 
 def tiles(settings: Mapping, views: int) -> list[Tile]:
@@ -98,11 +100,18 @@ def tiles(settings: Mapping, views: int) -> list[Tile]:
 
 
 def encoding(settings: Mapping, views: int) -> Encoding:
-    """Settings of the encoder at N = ``views``; one thread, so that a stream is reproducible.
+    """Settings of the encoder for ``views`` per side; one thread, so that a stream is
+    reproducible."""
+    return defaults.chosen_encoding(views, Encoding(**given(settings["encoding"])))
 
-    null is what measured best for H.264 at that N, or goes by that for other codecs.
-    """
-    return defaults.chosen_encoding(views, Encoding(**nulls(settings["encoder"])))
+
+def given(settings: Mapping) -> dict:
+    """Settings as the library takes them: null leaves the choice to it."""
+    return {
+        key: str(value) if key == "preset" else value
+        for key, value in settings.items()
+        if value is not None or key == "tune"
+    }
 
 
 def sensor_planes(
@@ -116,7 +125,8 @@ def sensor_planes(
         return [SensorPlane(distance, camera.f_number) for distance in focus_distances_m]
     made = []
     for index, given in enumerate(planes):
-        settings: dict[str, Any] = {"f_number": camera.f_number, **given}
+        wanted = {key: value for key, value in given.items() if value is not None}
+        settings: dict[str, Any] = {"f_number": camera.f_number, **wanted}
         plane = SensorPlane(**settings)
         try:
             plane.check(Slab(camera, 2, 2))

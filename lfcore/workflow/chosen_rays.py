@@ -1,4 +1,4 @@
-"""``angular_resolution: auto``: a light field of the rays that a quality takes, and its error.
+"""A light field of the rays that a quality takes, and its error.
 
 A pilot of about a tenth of the rays picks lens samples and rays of a pixel for the worst of the
 planes that the configuration asks for; nothing else is chosen here.
@@ -24,7 +24,7 @@ from lfcore.storage import defaults
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.tracer import Tracer
-from lfcore.workflow.cases import nulls
+from lfcore.workflow.cases import given
 
 COLUMNS = (
     "scene", "M", "quality_db", "lattice", "rays_per_pixel", "pilot_rays_per_pixel", "rays",
@@ -49,16 +49,15 @@ class ChosenRays:
         made = pictures_by_depth(tracer, self.camera, planes, self.pixels, count)
         return made[: len(self.planes)]
 
-    def record(self, path: str | Path, tracer: Tracer, encoder: Mapping, layout: Mapping) -> int:
+    def record(self, path: str | Path, tracer: Tracer, encoding: Mapping, layout: Mapping) -> int:
         """Store the rays with their depths; the file says what is expected of its pictures.
 
-        ``encoder`` and ``layout`` are the configuration's.  Returns the bytes of the file.
+        ``encoding`` and ``layout`` are the configuration's.  Returns the bytes of the file.
         """
         spec = defaults.chosen_encoding(
-            self.planned.lattice.views, Encoding(**nulls(encoder)), by_depth=True
+            self.planned.lattice.views, Encoding(**given(encoding)), by_depth=True
         )
-        settings = nulls(layout)
-        settings["kind"] = settings["kind"] or "views"
+        settings = {"kind": "views", **given(layout)}
         slab, store = depth_store(self.lens, self.planned.lattice, self.pixels, spec, **settings)
         focus = sorted(plane.focus_m for plane in self.planes)
         expected = {"db": round(self.planned.expected_db, 2), "focus_m": [focus[0], focus[-1]]}
@@ -116,7 +115,7 @@ def choose_rays(
             raise
         raise SettingsError(
             f"{tracer.scene.name}: {error.problem}",
-            key="configuration: quality_db",
+            key="configuration: analysis.chosen_rays.quality_db",
             remedy=error.remedy,
         ) from None
     return ChosenRays(planned, camera, lens, planes, pixels)

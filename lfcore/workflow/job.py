@@ -2,40 +2,32 @@
 
 from __future__ import annotations
 
-import atexit
+import ctypes
 import io
 import logging
 import os
-import resource
-import socket
+import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from lfcore.errors import LfcoreError
 
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
-
-VARIABLE = "LFCORE_RUN"
-"""Environment variable that tells a job its run: host, a colon, and the path of its lock."""
+PR_SET_PDEATHSIG = 1
+RUN = "LFCORE_RUN"
+"""The environment variable with the process number of the run's Snakemake."""
 
 
 @contextmanager
 def job(log: str, threads: int) -> Iterator[None]:
     """Send all output of this process to the rule's ``log``; a user's error is one line.
 
-    The process ends with the block: nothing of a script comes after it.
-
     Also what libraries in C print goes to the log.  An :class:`LfcoreError`, and an OSError such
     as a full disk, end the process with status 1 after one line, in the log and on the terminal;
     any other exception is a mistake of ours, and its traceback is in the log.
     """
-    terminal, begun = os.dup(2), time.monotonic()
+    terminal = os.dup(2)
     end_with_run()
     try:
         file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
@@ -47,8 +39,6 @@ def job(log: str, threads: int) -> Iterator[None]:
         # The drivers' thread pools, and those of numpy's libraries, keep to the job's share.
         os.environ["LFCORE_THREADS"] = str(threads)
         yield
-        print(usage(time.monotonic() - begun))
-        _end()
     except LfcoreError as error:
         _fail(terminal, str(error))
     except OSError as error:
@@ -57,43 +47,17 @@ def job(log: str, threads: int) -> Iterator[None]:
 
 
 def end_with_run() -> None:
-    """In a job: end this process as soon as its run has died, wherever it is then."""
-    host, _, path = os.environ.get(VARIABLE, "").partition(":")
-    if fcntl is None or host != socket.gethostname():
-        return
-    threading.Thread(target=_outlive, args=(path,), daemon=True, name="end with run").start()
-
-
-def _outlive(path: str) -> None:
-    try:
-        with open(path, "rb") as file:
-            fcntl.flock(file, fcntl.LOCK_SH)  # granted when the run is no more
-    except FileNotFoundError:
-        pass
-    except OSError:
-        return  # no locks here, so nothing is known
-    os._exit(1)
-
-
-def usage(seconds: float) -> str:
-    """What this process and its children took: the last line of a job's log, which
-    benchmarks/job_costs.py reads."""
-    parts = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    core = sum(part.ru_utime + part.ru_stime for part in parts)
-    peak = max(part.ru_maxrss for part in parts) / 1024
-    return f"took {seconds:.1f} s, {core:.1f} core s, {peak:.0f} MiB"
-
-
-def _end() -> None:
-    """End this process well, and at once: to take its modules and drivers apart, which serves
-    nobody, takes 0.05 s of a core, and 0.25 s where figures were drawn."""
-    atexit._run_exitfuncs()
-    sys.stdout.flush()
-    os._exit(0)
+    """On Linux: end this process as soon as the Snakemake that has started it is killed."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        try:
+            os.kill(int(os.environ.get(RUN, os.getppid())), 0)
+        except ProcessLookupError:  # killed while this process began
+            os.kill(os.getpid(), signal.SIGKILL)
 
 
 def _fail(terminal: int, message: str) -> None:
-    """End this process; a disk that is full takes no line of the log, nor what is buffered."""
+    """End this process with status 1; a full disk takes neither the log's line nor its buffer."""
     for stream in {1, terminal}:
         with suppress(OSError):
             os.write(stream, f"{message}\n".encode())

@@ -1,7 +1,7 @@
 """Sweeps: tables of light fields to make, a row a case, whose keys are the configuration's.
 
 A sweep is a table of tab-separated values: the column ``case`` names a case, every other column is
-a key of the configuration (``encoder.crf`` for a key within a key) and every cell its value, in
+a key of the configuration (``encoding.crf`` for a key within a key) and every cell its value, in
 YAML.  All cases are in one job graph: what they share is made once.  That is the scene with its
 tree, and the tracing of cases that differ in nothing but the encoder.
 """
@@ -20,8 +20,7 @@ from lfcore.workflow import cases
 from lfcore.workflow.settings import check_settings
 
 SWEPT = (
-    "scenes", "angular_resolutions", "spatial_resolution", "planes", "layout", "encoder",
-    "tile_mib",
+    "scenes", "views", "pixels", "planes", "layout", "encoding", "tile_mib",
 )  # fmt: skip
 """What a light field is made of: the keys that a sweep may vary."""
 
@@ -61,7 +60,7 @@ def _cell(path: Path, key: str, text: str) -> object:
 
 
 def nested(flat: Mapping[str, object]) -> dict:
-    """``{"encoder.crf": 20}`` as ``{"encoder": {"crf": 20}}``."""
+    """``{"encoding.crf": 20}`` as ``{"encoding": {"crf": 20}}``."""
     result: dict = {}
     for key, value in flat.items():
         *above, last = key.split(".")
@@ -83,25 +82,18 @@ def merged(base: Mapping, overrides: Mapping) -> dict:
 
 @dataclass(frozen=True)
 class Sweep:
-    """What a table of cases asks for.
+    """The light fields of a table of cases.
 
     Attributes
     ----------
-    name : of the folder of results.
-    overrides : of each case, as it stands in the table.
-    settings : of each case, checked and complete.
-    members : by group, scene and N the cases that share that tracing.
+    overrides : the keys of each case, as in the table.
+    settings : the checked and complete configuration of each case.
+    members : the cases that share a tracing, by group, scene and views per side.
     """
 
-    name: str
     overrides: dict[str, dict[str, object]]
     settings: dict[str, dict]
     members: dict[tuple[str, str, int], list[str]]
-
-    @property
-    def points(self) -> pd.DataFrame:
-        """Columns ``group``, ``scene``, ``n``: a row a tracing."""
-        return pd.DataFrame(list(self.members), columns=["group", "scene", "n"])
 
     @property
     def scenes(self) -> list[str]:
@@ -117,7 +109,7 @@ class Sweep:
         }
 
 
-def plan(path: Path, base: Mapping, root: Path) -> Sweep:
+def plan(path: Path, base: Mapping, root: Path = cases.ROOT) -> Sweep:
     """The sweep of a table over a configuration; scenes are looked up below ``root``.
 
     Raises :class:`SettingsError` for a case that names no run.
@@ -128,19 +120,19 @@ def plan(path: Path, base: Mapping, root: Path) -> Sweep:
     groups: dict[str, str] = {}
     for case, one in settings.items():
         for scene in cases.scene_files(one["scenes"], root):
-            for n in one["angular_resolutions"]:
+            for n in one["views"]:
                 same = repr((cases.frame_layout(one, n), one["planes"], one["tile_mib"]))
                 group = groups.setdefault(same, f"{len(groups):02d}")
                 members.setdefault((group, scene, n), []).append(case)
-    return Sweep(path.stem, overrides, settings, members)
+    return Sweep(overrides, settings, members)
 
 
-def joined(sweep: Sweep, rows: list[dict]) -> pd.DataFrame:
-    """Rows of all cases in the sweep's order, with its columns in front."""
-    order, hidden = list(sweep.overrides), ("scenes", "angular_resolutions")
+def joined(overrides: Mapping[str, Mapping], rows: list[dict]) -> pd.DataFrame:
+    """Rows of all cases in the sweep's order, with the keys of their ``overrides`` in front."""
+    order, hidden = list(overrides), ("scenes", "views")
     varied = {
         case: {key: str(value) for key, value in keys.items() if key not in hidden}
-        for case, keys in sweep.overrides.items()
+        for case, keys in overrides.items()
     }
     rows = sorted(rows, key=lambda row: (order.index(row["case"]), row["scene"], row["N"]))
     return pd.DataFrame([{"case": row["case"], **varied[row["case"]], **row} for row in rows])

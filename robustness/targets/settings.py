@@ -48,7 +48,7 @@ def judge(data: bytes, folder: Path) -> Outcome:
     def work() -> None:
         settings = check_settings(config)
         cases.scene_files(settings["scenes"], ROOT)
-        for views in settings["angular_resolutions"]:
+        for views in settings["views"]:
             costs.named_batches(settings, views)
             cases.encoding(settings, views)
         cases.sensor_planes(settings["planes"], CAMERA, (3.0,))

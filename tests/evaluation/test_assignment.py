@@ -14,8 +14,6 @@ from lfcore.evaluation.assignment.arrays import array_of
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.optics.lens_system import LensSystem
 from lfcore.scene.view import lightfield_view
-from lfcore.workflow.reports import assignment_records, assignment_sections
-from lfcore.workflow.settings import check_settings
 
 GRID = {"bounds_m": [-1, 1, -2, 2], "fov_deg": 40}
 LENS = Path(__file__).parents[2] / "scenes" / "lenses" / "double_gauss.dat"
@@ -41,20 +39,6 @@ def test_a_scene_s_own_array_goes_first():
 def test_no_array_at_all():
     with pytest.raises(SceneError, match=r"has no camera array.*assignment\.arrays"):
         array_of(scene(), None, 16, 64)
-
-
-def test_the_page_has_what_its_scenes_allow():
-    def names(*scenes):
-        settings = check_settings({"scenes": ["bike"], "assignment": {"scenes": scenes}})
-        return [section.name for section in assignment_sections(settings)]
-
-    assert len(names("book", "sphere", "ecosys")) == 11
-    assert names("mine", "ecosys") == ["light_fields", "see_through", "time"]
-    assert names("mine") == ["light_fields", "time"]
-    sections = assignment_sections(check_settings({"scenes": ["bike"]}))
-    assert assignment_records(sections) == [
-        "book", "see_through", "sampling", "time", "reconstruction",
-    ]  # fmt: skip
 
 
 def test_a_lens_focused_at_infinity_is_its_focal_length_from_the_film():

@@ -255,7 +255,7 @@ def test_rows_survive_a_file(tmp_path):
 def test_every_curve_of_a_configuration_has_frames_that_its_encoder_takes(name):
     said = yaml.safe_load((CONFIGURATIONS / f"{name}.yaml").read_text(encoding="utf-8"))
     settings = check_settings({"scenes": ["chart"], **said})
-    pixels, study = settings["spatial_resolution"], settings["storage"]["rate_distortion"]
+    pixels, study = settings["pixels"], settings["storage"]["rate_distortion"]
     for views in study["views"]:
         window = window_side(views, pixels, study["rays"])
         kind, pack = default_kind(views, pixels), min(default_pack(views, pixels), window)

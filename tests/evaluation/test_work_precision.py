@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 from matplotlib.figure import Figure
 
 from lfcore.errors import DeviceError, OpticsError, StorageError
@@ -44,6 +43,7 @@ from lfcore.scene.appearance import POINT, Light, Material
 from lfcore.storage.defaults import chosen_encoding
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
+from lfcore.workflow.settings import check_settings
 
 TRIANGLES = [[[-1, -1, 2], [1, -1, 2.5], [0, 1, 2]], [[-2, -2, 4], [2, -2, 4], [0, 2, 4]]]
 
@@ -367,9 +367,9 @@ def test_labels_cover_neither_one_another_nor_points():
 
 def test_the_default_encoder_s_setting_is_the_recommended_one():
     """The CRF that the measured table recommends for 45 dB in the most demanding scene."""
-    root = Path(__file__).parents[2] / "config"
-    table = pd.read_csv(root / "recommended.csv", comment="#")
-    study = yaml.safe_load((root / "config.yaml").read_text(encoding="utf-8"))["analysis"]
+    root = Path(__file__).parents[2]
+    table = pd.read_csv(root / "docs" / "results" / "recommended.csv", comment="#")
+    study = check_settings({})["analysis"]
     rows = table[(table.task == DEFAULT_TASK) & (table.target_db == 45)]
     assert set(rows.scene) == {"bike", "cabin", "bedroom"} and (rows.psnr_db >= 45).all()
     needed = min(float(setting.removeprefix("CRF ")) for setting in rows.setting)

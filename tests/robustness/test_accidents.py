@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from random import Random
@@ -12,9 +11,7 @@ from random import Random
 import pytest
 
 from robustness import disks, folders, kills
-from robustness.children import apart
-from robustness.disks import PAGE, Writer, small_disk
-from robustness.outcome import ROOT
+from robustness.disks import Writer
 
 pytestmark = pytest.mark.slow
 
@@ -66,35 +63,11 @@ def test_every_file_is_whole_or_refused_on_a_full_disk(home):
         assert {outcome.kind for _, outcome in outcomes} == {"ok", "refused"}, writer.name
 
 
-@pytest.mark.workflow
-@pytest.mark.parametrize("module", ["snakemake", "lfcore.workflow.run"])
-def test_a_run_in_a_folder_that_is_full_is_one_line(home, module):
-    folder = home / "full"
-    folder.mkdir(exist_ok=True)
-
-    def run():
-        with small_disk(folder, 64 * PAGE):
-            with (folder / "filler").open("wb", buffering=0) as filler, suppress(OSError):
-                while filler.write(bytes(PAGE)):
-                    pass
-            done = subprocess.run(
-                [sys.executable, "-m", module, "--cores", "1", "--directory", str(folder),
-                 "--", "results/tables/"],
-                cwd=ROOT, capture_output=True, check=False,
-            )  # fmt: skip
-        return [bytes([done.returncode]), done.stdout + done.stderr]
-
-    status, said = apart(run)
-    words = said.decode()
-    assert status == b"\1" and "Traceback" not in words, words
-    assert words.count("No space left on device. Free space") == 1 and str(folder) in words
-
-
 @pytest.mark.parametrize("careless", [False, True])
 def test_what_a_kill_changes_is_found(tmp_path, careless):
     program = tmp_path / "program.py"
     program.write_text(PROGRAM.format(careless=careless))
-    job = kills.Job("program", (str(program),), ("out/*",), kills.nothing)
+    job = kills.Job("program", (sys.executable, str(program)), ("out/*",), kills.nothing)
     killed, tally, draw = kills.Killed(job, tmp_path / "run"), kills.Tally(), Random(3)
     while tally.kills < 2:
         # Late enough that the program has begun.

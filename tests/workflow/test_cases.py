@@ -51,19 +51,19 @@ def test_what_is_said_goes_before_what_measured_best():
     macropixels = {"kind": "macropixels"}
     assert cases.frame_layout(settings(layout=macropixels), 16).pack == 8
     assert cases.frame_layout(settings(layout=macropixels | {"pack": 3}), 16).pack == 3
-    assert cases.frame_layout(settings(layout=macropixels, spatial_resolution=16), 2).pack == 8
-    spec = cases.encoding(settings(encoder={"crf": 12, "pixel_format": "yuv444p"}), 512)
+    assert cases.frame_layout(settings(layout=macropixels, pixels=16), 2).pack == 8
+    spec = cases.encoding(settings(encoding={"crf": 12, "pixel_format": "yuv444p"}), 512)
     assert (spec.crf, spec.pixel_format) == (12, "yuv444p")
     assert spec.preset == defaults.chosen_encoding(512).preset
-    slow = cases.encoding(settings(encoder={"preset": "slow"}), 512)
+    slow = cases.encoding(settings(encoding={"preset": "slow"}), 512)
     assert (slow.preset, slow.bframes, slow.refs) == ("slow", None, None)
     assert slow.lookahead is None and spec.lookahead == defaults.chosen_encoding(512).lookahead
 
 
 @pytest.mark.parametrize("name", sorted(PIXEL_FORMATS))
 def test_every_pixel_format_of_the_store_can_be_said(name):
-    encoder = {"codec": "ffv1", "pixel_format": name}
-    assert cases.frame_layout(settings(encoder=encoder), 16).pixel_format == name
+    encoding = {"codec": "ffv1", "pixel_format": name}
+    assert cases.frame_layout(settings(encoding=encoding), 16).pixel_format == name
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_every_pixel_format_of_the_store_can_be_said(name):
 )
 def test_other_codecs_have_their_own_presets(codec, preset, crf, pixel_format):
     """The same, whether the workflow or the command line asks."""
-    spec = cases.encoding(settings(encoder={"codec": codec}), 64)
+    spec = cases.encoding(settings(encoding={"codec": codec}), 64)
     assert (spec.codec, spec.preset, spec.crf) == (codec, preset, crf)
     assert (spec.pixel_format, spec.gop) == (pixel_format, defaults.KEY_EVERY)
     assert spec == defaults.chosen_encoding(64, Encoding(codec))
@@ -85,7 +85,7 @@ def test_other_codecs_have_their_own_presets(codec, preset, crf, pixel_format):
 
 
 def test_frames_too_small_for_the_encoder_are_refused_before_a_run():
-    small = {"encoder": {"codec": "libx265"}, "layout": {"kind": "macropixels", "pack": 4}}
+    small = {"encoding": {"codec": "libx265"}, "layout": {"kind": "macropixels", "pack": 4}}
     with pytest.raises(StorageError, match=r"codec: libx265 .* frames of 64 x 64"):
         cases.tiles(settings(**small), 16)
     small["layout"]["pack"] = 5
@@ -180,12 +180,5 @@ def test_an_aperture_stack_closes_by_stops():
 
 
 def test_lossless_storage_takes_no_preset():
-    spec = cases.encoding(settings(encoder={"codec": "ffv1"}), 16)
+    spec = cases.encoding(settings(encoding={"codec": "ffv1"}), 16)
     assert spec.lossless and spec.preset is None and spec.threads == 1
-
-
-def test_scenes_of_builders_depend_on_the_builders(tmp_path):
-    assert cases.is_procedural(ROOT / "scenes/bike/scene.yaml")
-    (tmp_path / "mesh.obj").write_text("v 0 0 0")
-    assert not cases.is_procedural(tmp_path / "mesh.obj")
-    assert not cases.is_procedural(tmp_path / "absent.yaml")

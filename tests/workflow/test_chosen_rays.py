@@ -1,4 +1,4 @@
-"""Light fields of ``angular_resolution: auto``: what a pilot chose, stored, and judged."""
+"""Light fields whose rays a pilot chooses: stored and judged."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from lfcore.scene.build import build_scene
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 from lfcore.workflow.chosen_rays import COLUMNS, choose_rays
-from lfcore.workflow.settings import defaults
+from lfcore.workflow.settings import check_settings
 
 pytestmark = pytest.mark.kernels
 
@@ -27,7 +27,7 @@ def tracer():
 
 
 def test_a_pilot_chooses_what_the_worst_plane_takes(tracer, tmp_path):
-    camera, settings = tracer.scene.camera, defaults()
+    camera, settings = tracer.scene.camera, check_settings({})
     planes = [SensorPlane(focus, 2 * camera.f_number) for focus in (1.0, 1.6)]
     chosen = choose_rays(tracer, planes, PIXELS, 32.0)
     more = choose_rays(tracer, planes, PIXELS, 38.0)
@@ -40,7 +40,7 @@ def test_a_pilot_chooses_what_the_worst_plane_takes(tracer, tmp_path):
 
     pictures = chosen.pictures(tracer)
     file = tmp_path / "auto.mkv"
-    size = chosen.record(file, tracer, settings["encoder"], settings["layout"])
+    size = chosen.record(file, tracer, settings["encoding"], settings["layout"])
     stored = chosen.stored_pictures(file, tracer)
     truth = true_pictures(tracer, planes, PIXELS, (Lattice(10, 3), Lattice(8, 4)))
     row = chosen.row(truth, pictures, stored, scene="chart", quality_db=32.0, bytes=size)
@@ -69,10 +69,10 @@ def test_one_plane_is_of_a_recording_like_several(tracer):
 
 
 def test_what_is_dimmed_on_the_fly_is_dimmed_from_the_file(tracer, tmp_path):
-    settings, f_number = defaults(), 2 * tracer.scene.camera.f_number
+    settings, f_number = check_settings({}), 2 * tracer.scene.camera.f_number
     planes = [SensorPlane(1.0, f_number, normalise=how) for how in ("lens", "aperture")]
     chosen = choose_rays(tracer, planes, PIXELS, 25.0)
-    chosen.record(tmp_path / "a.mkv", tracer, settings["encoder"], settings["layout"])
+    chosen.record(tmp_path / "a.mkv", tracer, settings["encoding"], settings["layout"])
     for dim, whole in (chosen.pictures(tracer), chosen.stored_pictures(tmp_path / "a.mkv", tracer)):
         # The disk of half the diameter, of the square that all lens samples fill.
         assert dim.mean() == pytest.approx(whole.mean() * np.pi / 16, rel=0.02)

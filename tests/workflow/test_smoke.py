@@ -139,7 +139,7 @@ def test_a_deleted_table_is_made_again_and_nothing_before_it(smoke):
     content = path.read_bytes()
     path.unlink()
     jobs = smoke.made(*SMOKE)
-    assert jobs["tables"] == 1 and not {"parse", "trace", "evaluate"} & set(jobs)
+    assert jobs["thesis_tables"] == 1 and not {"parse", "trace", "evaluate"} & set(jobs)
     assert path.read_bytes() == content
 
 
@@ -148,11 +148,11 @@ def test_a_deleted_table_is_made_again_and_nothing_before_it(smoke):
     [
         (
             "lfcore/tracing/kernels/entry/slab.cl",
-            {"trace", "join", "page"},
-            {"parse", "build"},
+            {"build", "trace", "join", "page"},
+            {"parse"},
         ),
-        ("lfcore/evaluation/metrics.py", {"evaluate", "tables"}, {"parse", "build", "trace"}),
-        ("lfcore/evaluation/page.css", {"page"}, {"parse", "build", "trace", "evaluate"}),
+        ("lfcore/evaluation/metrics.py", {"evaluate", "page"}, {"parse", "build", "trace"}),
+        ("lfcore/refocus/slicing.py", {"retrieve"}, {"parse", "build", "trace", "join"}),
     ],
 )
 def test_an_edit_runs_again_what_depends_on_it(smoke, edited, again, kept):

@@ -34,11 +34,11 @@ def test_the_sweeps_of_the_project(name):
     sweep = plan(ROOT / "config" / "sweeps" / f"{name}.tsv", BASE, ROOT)
     assert len(sweep.settings) >= 4
     # Five rate factors share one tracing; layouts and pixel formats share none.
-    assert len(sweep.points) == {"crf": 1, "layout": 16}[name]
+    assert len(sweep.members) == {"crf": 1, "layout": 16}[name]
 
 
 def test_cases_share_a_tracing_when_they_differ_in_the_encoder_alone(tmp_path):
-    text = """case\tscenes\tangular_resolutions\tencoder.crf\tspatial_resolution
+    text = """case\tscenes\tviews\tencoding.crf\tpixels
 a\t[chart]\t[4, 8]\t20\t16
 b\t[chart]\t[4]\t30\t16
 c\t[chart]\t[4]\t20\t32
@@ -48,11 +48,11 @@ c\t[chart]\t[4]\t20\t32
     assert members["chart", 4] == ["a", "b"]
     assert sorted(case for one in sweep.members.values() for case in one) == ["a", "a", "b", "c"]
     assert sweep.scenes == ["chart"]
-    assert [one["encoder"]["crf"] for one in sweep.study("00", "chart", 4).values()] == [20, 30]
+    assert [one["encoding"]["crf"] for one in sweep.study("00", "chart", 4).values()] == [20, 30]
 
 
 def test_a_sweep_is_measured_and_joined(tmp_path):
-    text = "case\tscenes\tangular_resolutions\tspatial_resolution\tencoder.crf\n"
+    text = "case\tscenes\tviews\tpixels\tencoding.crf\n"
     text += "fine\t[chart]\t[4]\t16\t10\ncoarse\t[chart]\t[4]\t16\t45\n"
     sweep = sweep_of(tmp_path, text)
     triangles = [[[-1, -1, 2], [1, -1, 2.5], [0, 1, 2]], [[-2, -2, 4], [2, -2, 4], [0, 2, 4]]]
@@ -68,9 +68,9 @@ def test_a_sweep_is_measured_and_joined(tmp_path):
         {case: cases.encoding(settings, 4) for case, settings in study.items()},
         tmp_path,
     )
-    table = joined(sweep, rows[::-1])
+    table = joined(sweep.overrides, rows[::-1])
     assert table.case.tolist() == ["fine", "coarse"]
-    assert table.columns[:4].tolist() == ["case", "spatial_resolution", "encoder.crf", "scene"]
+    assert table.columns[:4].tolist() == ["case", "pixels", "encoding.crf", "scene"]
     assert table.video_bytes[0] > table.video_bytes[1] and table.psnr_db[0] > table.psnr_db[1]
     assert [path.name for path in tmp_path.iterdir()] == ["s.tsv"]
     axis = sweep_figure(table).axes[0]
@@ -81,9 +81,9 @@ def test_a_sweep_is_measured_and_joined(tmp_path):
     ("text", "words"),
     [
         ("name\tcrf\na\t1\n", "column 'case'"),
-        ("case\tencoder.crf\na\t1\na\t2\n", "two cases are called 'a'"),
+        ("case\tencoding.crf\na\t1\na\t2\n", "two cases are called 'a'"),
         ("case\tfigures.make\na\t[]\n", "figures.make: is not varied by a sweep. Vary scenes"),
-        ("case\tencoder.crf\na\t[1\n", "encoder.crf: '\\[1' is no YAML"),
+        ("case\tencoding.crf\na\t[1\n", "encoding.crf: '\\[1' is no YAML"),
     ],
 )
 def test_sweeps_say_what_is_wrong(tmp_path, text, words):

@@ -1,5 +1,5 @@
 # Three reports on the program itself: error against run time, stiff cases, what scenes leave out.
-ANALYSIS = SETTINGS["analysis"]
+ANALYSIS = config["analysis"]
 
 
 rule work_precision_scene:
@@ -14,17 +14,9 @@ rule work_precision_scene:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(
-            *sources.READING,
-            *sources.MEASURING,
-            "evaluation/work_precision",
-            "evaluation/true_picture/reference.py",
-            "oracle",
-            "evaluation/renderers.py",
-            "evaluation/figures.py",
-        ),
+        version=version("report"),
         study=ANALYSIS["work_precision"],
-        device=SETTINGS["device"],
+        device=DEVICE,
     script:
         "../scripts/work_precision_scene.py"
 
@@ -37,7 +29,7 @@ rule work_precision:
         convergence="results/tables/convergence.csv",
         figures=expand(
             "results/tables/figures/work_precision_{panel}.png",
-            panel=reports.PANELS["work_precision"],
+            panel=PANELS["work_precision"],
         ),
     log:
         "logs/work_precision.log",
@@ -46,14 +38,8 @@ rule work_precision:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(
-            *sources.READING,
-            *sources.TABLES,
-            "evaluation/work_precision",
-            "evaluation/true_picture/reference.py",
-            "oracle",
-        ),
-        panels=reports.PANELS["work_precision"],
+        version=version("report"),
+        panels=PANELS["work_precision"],
     script:
         "../scripts/work_precision.py"
 
@@ -70,7 +56,7 @@ rule recommendation:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest("evaluation/recommendation.py", "evaluation/table_files.py"),
+        version=version("report"),
         targets_db=ANALYSIS["targets_db"],
     script:
         "../scripts/recommendation.py"
@@ -89,17 +75,10 @@ rule stability:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(
-            *sources.STORING,
-            *sources.PARSING,
-            *sources.MEASURING,
-            "oracle",
-            "evaluation/stability",
-            "evaluation/figures.py",
-        ),
+        version=version("report"),
         rays=ANALYSIS["stability_rays"],
         cases=ANALYSIS["stability_cases"],
-        device=SETTINGS["device"],
+        device=DEVICE,
     script:
         "../scripts/stability.py"
 
@@ -115,13 +94,8 @@ rule left_out_scene:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(
-            *sources.STORING,
-            *sources.MEASURING,
-            "evaluation/left_out",
-            "evaluation/stability/tested_tracer.py",
-        ),
+        version=version("report"),
         measured=ANALYSIS["left_out"],
-        device=SETTINGS["device"],
+        device=DEVICE,
     script:
         "../scripts/left_out_scene.py"

@@ -1,19 +1,12 @@
 # The light field camera of the assignment (CS348b, assignment 3): camera arrays as tiled EXR, and
 # pictures, measurements and tables from them. `snakemake --cores 2 results/assignment/`
-ARRAY = SETTINGS["assignment"]
+ARRAY = config["assignment"]
 ARRAYS = "results/assignment/arrays"
 RECORDS = "results/assignment/records"
-ASSIGNMENT_SECTIONS = reports.assignment_sections(SETTINGS)
-ASSIGNMENT_FILES = [file for section in ASSIGNMENT_SECTIONS for file in section.files]
+ASSIGNMENT_SCENES = list(map(scene_name, ARRAY["scenes"]))
 # What results/tables/ shows of it: the quick ones of its scenes.
 QUICK_SCENES = [scene for scene in ASSIGNMENT_SCENES if scene in ("book", "sphere")]
-QUICK_TABLES = [
-    f"results/tables/{name}.csv" for name in reports.ARRAY_TABLES if "book" in ASSIGNMENT_SCENES
-]
 SEEN_THROUGH = ARRAY["see_through"]["scene"]
-MOVING_SPHERE = ROOT / "scenes" / "sphere" / "moving.pbrt"
-ARRAY_SOURCES = digest(*sources.READING, *sources.TABLES, "evaluation/assignment")
-STUDY_SOURCES = digest(*sources.PARSING, *sources.READING, *sources.TABLES, "evaluation/assignment")
 
 
 rule assignment_trace:
@@ -30,12 +23,12 @@ rule assignment_trace:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=ARRAY_SOURCES,
+        version=version("report"),
         cameras_per_dim=ARRAY["cameras_per_dim"],
         grid=lambda wildcards: ARRAY["arrays"].get(wildcards.scene),
         tile_px=lambda wildcards: ARRAY["tile_px"].get(wildcards.scene),
         samples_per_pixel=lambda wildcards: ARRAY["samples_per_pixel"].get(wildcards.scene, 1),
-        device=SETTINGS["device"],
+        device=DEVICE,
     script:
         "../scripts/assignment_trace.py"
 
@@ -50,8 +43,8 @@ rule assignment_light_fields:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=ARRAY_SOURCES,
-        scenes=list(ASSIGNMENT_SCENES),
+        version=version("report"),
+        scenes=ASSIGNMENT_SCENES,
     script:
         "../scripts/assignment_light_fields.py"
 
@@ -61,9 +54,9 @@ STUDIES = {
     "book": (
         {
             "light_field": f"{ARRAYS}/book.exr",
-            "lens": local(str(ROOT / "scenes" / "lenses" / "double_gauss.dat")),
+            "lens": book_lens,
         },
-        reports.BOOK_FIGURES,
+        BOOK_FIGURES,
         {"picture_px": ARRAY["picture_px"]},
     ),
     "see_through": (
@@ -77,7 +70,7 @@ STUDIES = {
     ),
     "sampling": (
         of_scene("book"),
-        reports.SAMPLING_FIGURES,
+        SAMPLING_FIGURES,
         {
             "grid": ARRAY["arrays"].get("book"),
             "picture_px": ARRAY["picture_px"],
@@ -87,7 +80,7 @@ STUDIES = {
         },
     ),
     "time": (
-        {"files": [local(str(file)) for file in files_of_scene(MOVING_SPHERE)]},
+        {"files": moving_sphere},
         ["time"],
         {"picture_px": ARRAY["picture_px"], "instants": ARRAY["instants"]},
     ),
@@ -108,10 +101,10 @@ for name, (files, figures, settings) in STUDIES.items():
         conda:
             "../envs/lfcore.yaml"
         params:
-            sources=STUDY_SOURCES,
+            version=version("report"),
             study=name,
             settings=settings,
-            device=SETTINGS["device"],
+            device=DEVICE,
         script:
             "../scripts/assignment_study.py"
 
@@ -127,7 +120,7 @@ rule assignment_reconstruction:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=ARRAY_SOURCES,
+        version=version("report"),
         grid=ARRAY["arrays"].get("book"),
         study={
             "picture_px": ARRAY["picture_px"],
@@ -137,7 +130,7 @@ rule assignment_reconstruction:
             "convergence_samples": ARRAY["convergence_samples"],
             "reference_samples": ARRAY["reference_samples"].get("book", 64),
         },
-        device=SETTINGS["device"],
+        device=DEVICE,
     script:
         "../scripts/assignment_reconstruction.py"
 
@@ -154,7 +147,7 @@ rule assignment_tables:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=ARRAY_SOURCES,
+        version=version("report"),
     script:
         "../scripts/assignment_tables.py"
 

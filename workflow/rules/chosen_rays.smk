@@ -1,4 +1,4 @@
-# angular_resolution: auto -- light fields whose rays a pilot chooses for a quality.
+# Light fields whose rays a pilot chooses for a quality.
 CHOSEN = f"results/{{scene}}/M{PIXELS}/auto"
 CHOSEN_FILES = {
     "rows": f"{CHOSEN}/chosen_rays.json",
@@ -20,13 +20,8 @@ rule chosen_rays_scene:
     conda:
         "../envs/lfcore.yaml"
     params:
-        **of_settings("quality_db", "spatial_resolution", "planes", "picture_format"),
-        **of_settings("encoder", "layout", "device"),
-        sources=digest(
-            *sources.READING,
-            *sources.MEASURING,
-            "workflow/chosen_rays.py",
-            "evaluation/true_picture/reference.py",
-        ),
+        **of_settings("pixels", "planes", "picture_format", "encoding", "layout", "device"),
+        quality_db=ANALYSIS["chosen_rays"]["quality_db"],
+        version=version("report"),
     script:
         "../scripts/chosen_rays_scene.py"

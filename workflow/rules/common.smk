@@ -1,106 +1,173 @@
-# The checked configuration, and what all stages ask of it. Rules are in the other files.
+# The checked configuration, and functions of all stages. The library is imported where jobs are
+# planned, so that the workflow can be parsed without it.
+import json
 import os
 import re
+from functools import cache
+from pathlib import Path
 
-from snakemake.settings.types import SharedFSUsage
+from snakemake.exceptions import WorkflowError
 
-from lfcore.scene.sources import files_of_scene
-from lfcore.workflow import cases, costs, reports, sources, sweep
-from lfcore.workflow.settings import check_settings
-from lfcore.workflow.sources import digest
-
-# Where a rule's own environment finds the library; see workflow/envs/lfcore.post-deploy.sh.
-os.environ.update(LFCORE_ROOT=str(ROOT))
-# Jobs keep to their threads: those of BLAS would wait for one another by spinning.
+# Jobs end with this process; see lfcore/workflow/job.py.
+os.environ.update(LFCORE_RUN=str(os.getpid()))
+# Jobs keep to their threads: those of BLAS would spin while they wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# What the plenoptic photograph and other renderers show, whatever scenes are in tables.
-CHART = "chart"
+CHART = "chart"  # the scene of the plenoptic photograph and of other renderers
 
+
+def read(value):
+    """Numbers within lists and mappings of --config, which Snakemake leaves as text."""
+    if isinstance(value, dict):
+        return {name: read(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [read(one) for one in value]
+    try:
+        return json.loads(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
+
+
+config.update(read(config))
 try:
-    SETTINGS = check_settings(config)
-    SCENES = cases.scene_files(SETTINGS["scenes"], ROOT)
-    SWEEP = sweep.plan(Path(SETTINGS["sweep"]), config, ROOT) if SETTINGS["sweep"] else None
-    FIGURE_SCENES = cases.scene_files([CHART], ROOT)
-    ASSIGNMENT_SCENES = cases.scene_files(SETTINGS["assignment"]["scenes"], ROOT)
-    BATCHES = {
-        views: costs.named_batches(SETTINGS, views) for views in SETTINGS["angular_resolutions"]
-    }
-except LfcoreError as error:
-    raise WorkflowError(str(error)) from None
+    validate(config, "../schemas/config.schema.yaml")
+except WorkflowError as error:
+    wrong = error.__context__
+    meaning = wrong.schema.get("description", "the keys are in config/README.md")
+    place = wrong.json_path.removeprefix("$").removeprefix(".") or "configuration"
+    raise WorkflowError(f"{place}: {wrong.message[:200]} ({meaning})") from None
 
-# What can be parsed: the tables' scenes, and figures' and the assignment's whether in tables or not.
-PARSED = {**FIGURE_SCENES, **ASSIGNMENT_SCENES, **SCENES}
-if SWEEP:
-    PARSED |= cases.scene_files(SWEEP.scenes, ROOT)
-STORE = SETTINGS["store"]
-PIXELS = SETTINGS["spatial_resolution"]
-RESOLUTIONS = sorted(SETTINGS["angular_resolutions"])
-# A folder of its own for each size: runs of unlike M lie side by side.
+
+def scene_name(entry):
+    """The name of a scene's folder of results: of its folder, or of its file."""
+    file = Path(entry)
+    if file.name == "scene.yaml":
+        return file.resolve().parent.name
+    return file.stem if file.is_file() else file.name
+
+
+SCENES = list(map(scene_name, config["scenes"]))
+PIXELS = config["pixels"]
+VIEWS = sorted(config["views"])
+STORE = config["store"]
+REPORTS = set(config["reports"])
+DEVICE = config["device"]
+# A folder for each number of pixels: runs of different sizes are side by side.
 SLAB = f"results/{{scene}}/M{PIXELS}/N{{n}}"
-TABLE_SECTIONS = reports.table_sections(SETTINGS, SCENES)
+# Light fields whose tracing takes less than a job, at 100 ns per ray, are one submission to a
+# cluster per scene. On one machine groups mean nothing.
+SMALL = sum(n**2 for n in VIEWS) * PIXELS**2 * 100e-9 <= 60 * config["job_minutes"]
+TRACE_GROUP = "scene_{scene}" if SMALL else None
+REPORT_GROUP = "report"
 
 
 wildcard_constraints:
-    scene="|".join(map(re.escape, PARSED)),
+    scene=r"[\w+-][\w.+-]*",
     n=r"\d+",
     batch=r"\d{4}",
 
 
+def version(stage):
+    """The version of a stage's code, as a param: an edit runs the stage again."""
+
+    def planned(wildcards):
+        from lfcore.workflow.versions import version
+
+        return version(stage)
+
+    return planned
+
+
 def of_settings(*keys):
-    """Keys of the configuration as params: a rule has those alone that it reads."""
-    return {key: SETTINGS[key] for key in keys}
+    """Keys of the configuration as params: each rule has those alone that it reads."""
+    return {key: config[key] for key in keys}
 
 
 def scene_inputs(wildcards):
-    """The scene's file, and all that it is made from: an edit of any parses it anew."""
-    return [local(str(file)) for file in files_of_scene(PARSED[wildcards.scene])]
+    """The scene's file, and all files that it names: an edit of any parses it anew."""
+    from lfcore.scene.sources import files_of_scene
+    from lfcore.workflow.cases import scene_file
+
+    entries = [config["scenes"], config["assignment"]["scenes"]]
+    if config["sweep"]:
+        entries.append(planned_sweep().scenes)
+    return [local(str(file)) for file in files_of_scene(scene_file(wildcards.scene, *entries))]
 
 
-def scene_sources(wildcards):
-    procedural = ["scene/procedural"] if cases.is_procedural(PARSED[wildcards.scene]) else []
-    return digest(*sources.PARSING, *procedural)
+def moving_sphere(wildcards):
+    from lfcore.scene.sources import files_of_scene
+    from lfcore.workflow.cases import ROOT
+
+    return [local(str(file)) for file in files_of_scene(ROOT / "scenes/sphere/moving.pbrt")]
 
 
-# Where all tracing of a scene is less than a job, the scene is one submission to a cluster; else its
-# stages are, and each batch of tiles.  On one machine groups mean nothing.
-SMALL = costs.small(SETTINGS["job_minutes"], BATCHES)
-TRACE_GROUP = "scene_{scene}" if SMALL else None
-REPORT_GROUP = "report"
-SHARED = workflow.storage_settings.shared_fs_usage
+def book_lens(wildcards):
+    from lfcore.workflow.cases import ROOT
+
+    return local(str(ROOT / "scenes/lenses/double_gauss.dat"))
 
 
 def grouped(stage):
     return "scene_{scene}" if SMALL else f"{stage}_{{scene}}"
 
 
-def at_home(group):
-    """The group of jobs that read files of the project.  Nodes that share no folder lack them:
-    then these run where the workflow was started, and so would all of their group."""
-    return group if SharedFSUsage.INPUT_OUTPUT in SHARED else None
+def batches(wildcards):
+    """The tracing jobs of a light field by name."""
+    from lfcore.workflow.costs import named_batches
+
+    return named_batches(config, int(wildcards.n))
 
 
 def batch_of(wildcards):
-    return BATCHES[int(wildcards.n)][wildcards.batch]
-
-
-def traced_before(wildcards):
-    return costs.traced_before("results", wildcards.scene, int(wildcards.n))
+    return batches(wildcards)[wildcards.batch]
 
 
 def of_batches(suffix):
-    """Input function: one file with this suffix for each batch of tiles of a scene and N."""
+    """Input function: the file with this suffix of each batch of tiles of a light field."""
     return lambda wildcards: expand(
         f"{SLAB}/tiles/{{batch}}{suffix}",
         scene=wildcards.scene,
         n=wildcards.n,
-        batch=BATCHES[int(wildcards.n)],
+        batch=batches(wildcards),
     )
 
 
+def trace_minutes(wildcards, attempt):
+    from lfcore.workflow import costs
+
+    return costs.trace_minutes(batch_of(wildcards).rays, int(wildcards.n)) * attempt
+
+
+def trace_mib(wildcards, input, attempt):
+    from lfcore.workflow import costs
+
+    return costs.trace_mib(input.size_mb, PIXELS) * attempt
+
+
+def sums_mib(wildcards, attempt):
+    from lfcore.workflow import costs
+
+    return costs.sums_mib(PIXELS) * attempt
+
+
+@cache
+def planned_sweep():
+    """The light fields of the table that the configuration names."""
+    from lfcore.workflow.sweep import plan
+
+    return plan(Path(config["sweep"]), config)
+
+
+def sweep_files(pattern):
+    """Input function: this file of every tracing of the sweep."""
+    return lambda wildcards: [
+        pattern.format(group=group, scene=scene, n=n) for group, scene, n in planned_sweep().members
+    ]
+
+
 def of_resolutions(file):
-    """This file of a scene at every N, ascending."""
-    return expand(f"{SLAB}/{file}", n=RESOLUTIONS, allow_missing=True)
+    """This file of a scene for every number of views, ascending."""
+    return expand(f"{SLAB}/{file}", n=VIEWS, allow_missing=True)
 
 
 def of_scenes(file):
@@ -109,12 +176,14 @@ def of_scenes(file):
 
 
 def of_scene(name):
-    """Files of a scene's arrays in camera space and its tree."""
+    """The files with a scene's arrays in camera space and its tree."""
     return {"scene": f"results/{name}/scene.npz", "bvh": f"results/{name}/bvh.npz"}
 
 
-def caption_of(name):
-    return local(str(ROOT / "workflow" / "report" / f"{name}.rst"))
+def captions(*names):
+    """The texts of captions, as a param: a function, since texts with braces are no patterns."""
+    texts = [Path(workflow.source_path(f"../report/{one}.rst")).read_text("utf-8") for one in names]
+    return lambda wildcards: texts
 
 
 def shown(file, caption, category, **labels):

@@ -5,7 +5,6 @@ MEASURED = {
     "trace": of_resolutions("trace.json"),
     "truth": "results/{scene}/analysis/truth_wide.npz",
 }
-TABLES = reports.thesis_tables(SETTINGS)
 if STORE:
     MEASURED["from_video"] = of_resolutions("planes/from_video.npz")
     MEASURED["store"] = of_resolutions("store.json")
@@ -24,26 +23,26 @@ rule evaluate:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(*sources.READING, *sources.TABLES, "evaluation/true_picture/reference.py"),
-        angular_resolutions=RESOLUTIONS,
-        spatial_resolution=PIXELS,
+        version=version("report"),
+        views=VIEWS,
+        pixels=PIXELS,
     script:
         "../scripts/evaluate.py"
 
 
-rule tables:
+rule thesis_tables:
     input:
         of_scenes("evaluation.json"),
     output:
-        [table(name) for name in TABLES],
+        [table(name) for name in THESIS_TABLES],
     log:
-        "logs/tables.log",
+        "logs/thesis_tables.log",
     group:
         REPORT_GROUP
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest("evaluation/table*.py", "evaluation/thesis_tables.csv"),
-        tables=TABLES,
+        version=version("report"),
+        tables=THESIS_TABLES,
     script:
         "../scripts/tables.py"

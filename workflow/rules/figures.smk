@@ -9,7 +9,7 @@ STACKS = {
     "aperture_stack": "results/{scene}/figures/aperture_stack.npz",
     "sub_aperture_views": "results/{scene}/figures/sub_aperture_views.npz",
 }
-WANTED_STACKS = {name: STACKS[name] for name in STACKS if name in SETTINGS["figures"]["make"]}
+WANTED_STACKS = {name: STACKS[name] for name in STACKS if name in REPORTS}
 TRACED_STACKS = {name: file for name, file in WANTED_STACKS.items() if name != "focal_stack"}
 
 if TRACED_STACKS:
@@ -26,11 +26,11 @@ if TRACED_STACKS:
         conda:
             "../envs/lfcore.yaml"
         params:
-            sources=digest(*sources.STORING),
-            spatial_resolution=PIXELS,
-            angular_resolution=SETTINGS["figures"]["angular_resolution"],
-            stops=SETTINGS["figures"]["aperture_stops"],
-            device=SETTINGS["device"],
+            version=version("picture"),
+            pixels=PIXELS,
+            views=config["figures"]["views"],
+            stops=config["figures"]["aperture_stops"],
+            device=DEVICE,
         script:
             "../scripts/trace_stacks.py"
 
@@ -49,16 +49,16 @@ if WANTED_STACKS:
         conda:
             "../envs/lfcore.yaml"
         params:
-            sources=digest("optics", "evaluation/figures.py"),
+            version=version("report"),
         script:
             "../scripts/contact_sheets.py"
 
 
 rule curves:
     input:
-        [f"results/tables/{name}.csv" for name in TABLES],
+        [f"results/tables/{name}.csv" for name in THESIS_TABLES],
     output:
-        [f"results/tables/figures/{name}_curves.png" for name in TABLES],
+        [f"results/tables/figures/{name}_curves.png" for name in THESIS_TABLES],
     log:
         "logs/curves.log",
     group:
@@ -66,8 +66,8 @@ rule curves:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest("evaluation/figures.py"),
-        tables=TABLES,
+        version=version("report"),
+        tables=THESIS_TABLES,
     script:
         "../scripts/curves.py"
 
@@ -86,9 +86,9 @@ rule plenoptic_photograph:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(*sources.READING, "evaluation/figures.py", "evaluation/plenoptic_figure.py"),
-        camera=SETTINGS["figures"]["plenoptic"],
-        device=SETTINGS["device"],
+        version=version("report"),
+        camera=config["figures"]["plenoptic"],
+        device=DEVICE,
     script:
         "../scripts/plenoptic_photograph.py"
 
@@ -104,10 +104,10 @@ rule other_renderers:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(*sources.READING, *sources.TABLES),
+        version=version("report"),
         # Installing a renderer makes the figure anew.
         installed=[bool(shutil.which("povray")), bool(importlib.util.find_spec("mitsuba"))],
-        study=SETTINGS["figures"]["renderers"],
-        device=SETTINGS["device"],
+        study=config["figures"]["renderers"],
+        device=DEVICE,
     script:
         "../scripts/other_renderers.py"

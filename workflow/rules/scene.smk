@@ -9,11 +9,11 @@ rule parse:
     log:
         "logs/parse/{scene}.log",
     group:
-        at_home(grouped("prepare"))
+        grouped("prepare")
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=scene_sources,
+        version=version("scene"),
     script:
         "../scripts/parse.py"
 
@@ -30,6 +30,6 @@ rule build:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(*sources.TREE),
+        version=version("tree"),
     script:
         "../scripts/build.py"

@@ -1,5 +1,5 @@
 # Four reports on the store: its layouts, rate against distortion, ways to one picture, reading it.
-STORAGE = SETTINGS["storage"]
+STORAGE = config["storage"]
 
 
 for name in ("storage_layouts", "rate_distortion"):
@@ -17,8 +17,8 @@ for name in ("storage_layouts", "rate_distortion"):
         conda:
             "../envs/lfcore.yaml"
         params:
-            **of_settings("spatial_resolution", "device"),
-            sources=digest(*sources.READING, *sources.MEASURING, "evaluation/storage"),
+            **of_settings("pixels", "device"),
+            version=version("report"),
             report=name,
             study=STORAGE[name],
         script:
@@ -36,15 +36,9 @@ rule equivalence_scene:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(
-            *sources.READING,
-            *sources.MEASURING,
-            "evaluation/storage",
-            "evaluation/equivalence.py",
-            "evaluation/figures.py",
-        ),
+        version=version("report"),
         study=STORAGE["equivalence"],
-        device=SETTINGS["device"],
+        device=DEVICE,
     script:
         "../scripts/equivalence_scene.py"
 
@@ -62,9 +56,9 @@ if STORE:
         conda:
             "../envs/lfcore.yaml"
         params:
-            sources=digest(*sources.READING, *sources.MEASURING, "evaluation/storage"),
+            version=version("report"),
             study=STORAGE["retrieval"],
-            device=SETTINGS["device"],
+            device=DEVICE,
         script:
             "../scripts/retrieval_scene.py"
 
@@ -93,7 +87,7 @@ for folder, name, figures in (
         conda:
             "../envs/lfcore.yaml"
         params:
-            sources=digest(*sources.READING, *sources.TABLES, "evaluation/storage"),
+            version=version("report"),
             table=name,
         script:
             "../scripts/table_of_rows.py"
@@ -113,7 +107,7 @@ rule rate_distortion:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(*sources.READING, *sources.TABLES, "evaluation/storage"),
+        version=version("report"),
         scenes=list(SCENES),
     script:
         "../scripts/rate_distortion.py"

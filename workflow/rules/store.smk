@@ -1,7 +1,7 @@
 # What is made from the stored light field: only where the configuration stores it.
 if STORE:
     # The page shows a few hundred views: more are decoded for nothing, for minutes at N = 512.
-    VIEWED = max((n for n in RESOLUTIONS if n <= 128), default=RESOLUTIONS[0])
+    VIEWED = max((n for n in VIEWS if n <= 128), default=VIEWS[0])
 
     rule viewer:
         input:
@@ -15,8 +15,8 @@ if STORE:
         conda:
             "../envs/lfcore.yaml"
         params:
-            sources=digest(*sources.READING, "viewer"),
-            device=SETTINGS["device"],
+            version=version("picture"),
+            device=DEVICE,
         script:
             "../scripts/viewer.py"
 
@@ -36,9 +36,9 @@ if STORE:
             "../envs/lfcore.yaml"
         threads: 2
         resources:
-            mem_mb=lambda wildcards, attempt: costs.sums_mib(PIXELS, attempt),
+            mem_mb=sums_mib,
         params:
             **of_settings("planes", "picture_format", "device"),
-            sources=digest(*sources.READING),
+            version=version("picture"),
         script:
             "../scripts/retrieve.py"

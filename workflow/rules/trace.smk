@@ -1,6 +1,6 @@
 # Algorithms 1 and 3: rays of a batch of tiles -> their part of the sensor planes and, where stored,
 # a video segment a tile.
-STORED_AS = ("layout", "tile_mib", "encoder")
+STORED_AS = ("layout", "tile_mib", "encoding")
 TRACED = {
     "planes": temp(f"{SLAB}/tiles/{{batch}}.planes.npz"),
     "seconds": f"{SLAB}/tiles/{{batch}}.json",
@@ -23,15 +23,11 @@ rule trace:
     conda:
         "../envs/lfcore.yaml"
     resources:
-        runtime=lambda wildcards, attempt: costs.trace_minutes(
-            batch_of(wildcards).rays, int(wildcards.n), traced_before(wildcards), attempt
-        ),
-        mem_mb=lambda wildcards, input, attempt: costs.trace_mib(
-            input.size_mb, PIXELS, traced_before(wildcards), attempt
-        ),
+        runtime=trace_minutes,
+        mem_mb=trace_mib,
     params:
-        **of_settings("spatial_resolution", "planes", *STORED_AS, "device", "store"),
-        sources=digest(*sources.STORING, "workflow/batch.py"),
+        **of_settings("pixels", "planes", *STORED_AS, "device", "store"),
+        version=version("trace"),
         batch=lambda wildcards: [batch_of(wildcards).start, batch_of(wildcards).stop],
     script:
         "../scripts/trace.py"
@@ -62,14 +58,9 @@ rule join:
     conda:
         "../envs/lfcore.yaml"
     resources:
-        mem_mb=lambda wildcards, attempt: costs.sums_mib(PIXELS, attempt),
+        mem_mb=sums_mib,
     params:
-        **of_settings("spatial_resolution", "planes", "picture_format", *STORED_AS),
-        sources=digest(
-            *sources.SCENE,
-            "storage",
-            "workflow/cases.py",
-            "workflow/joining.py",
-        ),
+        **of_settings("pixels", "planes", "picture_format", *STORED_AS),
+        version=version("store"),
     script:
         "../scripts/join.py"

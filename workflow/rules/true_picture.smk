@@ -22,12 +22,12 @@ rule truth:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(*sources.READING, *sources.MEASURING, "evaluation/true_picture/reference.py"),
+        version=version("report"),
         counts=TRUE_PICTURE["truth"],
         stops=lambda wildcards: TRUE_PICTURE["stops"] if wildcards.lens == "stopped" else 0,
-        planes=SETTINGS["planes"],
+        planes=config["planes"],
         pixels=PIXELS,
-        device=SETTINGS["device"],
+        device=DEVICE,
     script:
         "../scripts/truth.py"
 
@@ -45,16 +45,10 @@ rule true_picture_scene:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(
-            *sources.READING,
-            *sources.MEASURING,
-            "evaluation/true_picture",
-            "evaluation/renderers.py",
-            "evaluation/figures.py",
-        ),
+        version=version("report"),
         study=TRUE_PICTURE,
-        angular_resolutions=RESOLUTIONS,
-        device=SETTINGS["device"],
+        views=VIEWS,
+        device=DEVICE,
     script:
         "../scripts/true_picture_scene.py"
 
@@ -72,7 +66,7 @@ rule true_picture:
     conda:
         "../envs/lfcore.yaml"
     params:
-        sources=digest(*sources.READING, *sources.TABLES, "evaluation/true_picture"),
+        version=version("report"),
     script:
         "../scripts/true_picture.py"
 
@@ -97,9 +91,9 @@ if STORE:
         conda:
             "../envs/lfcore.yaml"
         params:
-            sources=digest(*sources.READING, *sources.MEASURING, "evaluation/true_picture"),
-            views=RESOLUTIONS[-1],
-            device=SETTINGS["device"],
+            version=version("report"),
+            views=VIEWS[-1],
+            device=DEVICE,
         script:
             "../scripts/our_choice_scene.py"
 
@@ -115,6 +109,6 @@ if STORE:
         conda:
             "../envs/lfcore.yaml"
         params:
-            sources=digest(*sources.READING, *sources.MEASURING, "evaluation/true_picture"),
+            version=version("report"),
         script:
             "../scripts/our_choice.py"

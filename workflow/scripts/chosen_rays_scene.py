@@ -15,7 +15,7 @@ with job(snakemake.log[0], snakemake.threads):
     scene = tracer.scene
     planes = cases.sensor_planes(params.planes, scene.camera, scene.focus_distances_m)
     with watch.part("pilot"):
-        chosen = choose_rays(tracer, planes, params.spatial_resolution, params.quality_db)
+        chosen = choose_rays(tracer, planes, params.pixels, params.quality_db)
     with watch.part("trace"):
         pictures = chosen.pictures(tracer)
     write_plane_pictures(output.pictures, pictures, planes, suffix=params.picture_format)
@@ -23,7 +23,7 @@ with job(snakemake.log[0], snakemake.threads):
     measured = {f"{part}_seconds": seconds for part, seconds in watch.seconds.items()}
     if "light_field" in output.keys():
         with watch.part("store"):
-            size = chosen.record(output.light_field, tracer, params.encoder, params.layout)
+            size = chosen.record(output.light_field, tracer, params.encoding, params.layout)
         stored = chosen.stored_pictures(output.light_field, tracer)
         measured |= {"store_seconds": watch.seconds["store"], "bytes": size}
     row = chosen.row(

@@ -9,7 +9,7 @@ with job(snakemake.log[0], snakemake.threads):
     parts = [given.on_the_fly, given.trace]
     if "store" in given.keys():
         parts += [given.from_video, given.store, given.retrieve]
-    files = map(Resolution, params.angular_resolutions, *parts)
-    scene, pixels = snakemake.wildcards.scene, params.spatial_resolution
+    files = map(Resolution, params.views, *parts)
+    scene, pixels = snakemake.wildcards.scene, params.pixels
     records = scene_records(scene, pixels, list(files), given.truth)
     write_json(snakemake.output[0], records)

@@ -3,16 +3,24 @@
 from pathlib import Path
 
 from lfcore import __version__
-from lfcore.evaluation.page import write_markdown_tables, write_page
+from lfcore.evaluation.page import Section, write_markdown_tables, write_page
 from lfcore.files import read_json
 from lfcore.timing import machine
 from lfcore.workflow.job import job
-from lfcore.workflow.reports import captioned
 
 with job(snakemake.log[0], snakemake.threads):
     given, params, here = snakemake.input, snakemake.params, machine()
-    introduction, *captions = (Path(f).read_text("utf-8") for f in given.captions)
-    sections = captioned(params.sections, captions, given.reported)
+    introduction, *captions = params.captions
+    # From object storage files come to another folder.
+    tables = iter(given.reported[: len(snakemake.output.markdown)])
+    figures = iter(given.reported[len(snakemake.output.markdown) :])
+    sections = [
+        Section(
+            one["name"], one["title"], caption, Path(next(tables)) if one["table"] else None,
+            {label: Path(next(figures)) for label in one["figures"]},
+        )
+        for one, caption in zip(params.sections, captions, strict=True)
+    ]  # fmt: skip
     measured = {k: read_json(v) for k, v in zip(params.records, given.records, strict=True)}
     config = {**params.config, "measured": measured}
     devices = sorted({read_json(file)["device"] for file in given.traced})

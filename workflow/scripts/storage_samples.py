@@ -12,5 +12,5 @@ with job(snakemake.log[0], snakemake.threads):
     params, progress = snakemake.params, log_progress("samples")
     tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
     rows_of = ROWS[params.report]
-    rows = rows_of(tracer, params.spatial_resolution, **params.study, progress=progress)
+    rows = rows_of(tracer, params.pixels, **params.study, progress=progress)
     write_rows(snakemake.output[0], rows)

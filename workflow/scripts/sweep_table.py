@@ -7,6 +7,6 @@ from lfcore.workflow.job import job
 from lfcore.workflow.sweep import joined
 
 with job(snakemake.log[0], snakemake.threads):
-    table = joined(snakemake.params.sweep, read_rows(snakemake.input))
+    table = joined(snakemake.params.overrides, read_rows(snakemake.input))
     write_csv(snakemake.output.csv, table)
     save_figure(snakemake.output.figure, sweep_figure(table))

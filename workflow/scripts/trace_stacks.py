@@ -15,7 +15,7 @@ with job(snakemake.log[0], snakemake.threads):
     params, output = snakemake.params, snakemake.output
     tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
     camera = tracer.scene.camera
-    slab = Slab(camera, params.angular_resolution, params.spatial_resolution)
+    slab = Slab(camera, params.views, params.pixels)
     if "aperture_stack" in output.keys():  # thesis figures 4.3 (dimmed) and 4.4 (normalised)
         planes = cases.aperture_stack(params.stops, camera, camera.focus_m)
         pictures = trace_planes(tracer, slab, planes, progress=log_progress("pixels"))

@@ -14,9 +14,7 @@ with job(snakemake.log[0], snakemake.threads):
     wide, stopped = load_reference(given.wide), load_reference(given.stopped)
     tracer, rows = open_tracer(given, params.device, snakemake.threads), []
     # The thesis's recipe was traced for its tables: its pictures are judged as they are.
-    for views, stack, trace in zip(
-        params.angular_resolutions, given.on_the_fly, given.trace, strict=True
-    ):
+    for views, stack, trace in zip(params.views, given.on_the_fly, given.trace, strict=True):
         traced = read_json(trace)
         rows += plane_rows(
             wide, load_stack(stack)[0], scene=tracer.scene.name, method=NEAREST,

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -78,7 +79,8 @@ def storage(tracer: Tracer, study: Study) -> Iterator[dict]:
 
 def _spec(codec: Mapping, views: int, crf: float) -> Encoding:
     """A codec of the configuration: what it does not say is the default's."""
-    given = {key: value for key, value in codec.items() if key not in ("name", "crf_offset")}
+    names = ("codec", "pixel_format", "preset")
+    given: dict[str, Any] = {key: str(codec[key]) for key in names if codec.get(key) is not None}
     crf = float(crf + codec.get("crf_offset", 0))
     return defaults.chosen_encoding(views, Encoding(crf=crf, **given), by_depth=True)
 
