@@ -189,10 +189,16 @@ class LightField(LightFieldFile):
         """
         planes = [
             self.plane(distance, number, aperture, **more)
-            for distance in (focus_m or (None,))
-            for number in (f_numbers or (None,))
+            for distance in _numbers(focus_m)
+            for number in _numbers(f_numbers)
         ]
         if fast:
+            for key, value in (("filter", filter), ("pixels", pixels)):
+                if value is not None:
+                    raise OpticsError(
+                        "a fast stack has its own filter, and the views' pixels", file=self.path,
+                        key=key, remedy="Leave it out, or leave out fast",
+                    )  # fmt: skip
             return focal_stack(self, planes, device=device, progress=progress)
         return self.refocus_many(
             planes, filter=filter, pixels=pixels, device=device, progress=progress
@@ -261,7 +267,8 @@ class LightField(LightFieldFile):
                 if progress:
                     progress(start + len(samples), len(everything))
 
-        return all_in_focus(slab, centre, groups())
+        picture = all_in_focus(slab, centre, groups())
+        return picture if self.white == 1.0 else picture * np.float32(self.white)
 
     def viewer(
         self,
@@ -354,6 +361,12 @@ class LightField(LightFieldFile):
         if method == "shift-sum":
             return shift_sum(self, planes, filter=filter, device=device, progress=progress)
         return form_planes(self, planes, device=device, progress=progress).sums.pictures()
+
+
+def _numbers(given: Sequence[float] | np.ndarray | None) -> list[float] | list[None]:
+    """The numbers of a stack; None for the one that is recorded."""
+    found = [] if given is None else np.ravel(given).tolist()
+    return found or [None]
 
 
 def check_method(method: str | None, filter: str) -> str:

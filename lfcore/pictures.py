@@ -101,6 +101,9 @@ def _writer(path: Path, half: bool, bits: int) -> Callable[[WholeFile, np.ndarra
 
 
 def _linear(picture: np.ndarray) -> np.ndarray:
+    """Linear light of codes, which integers are; floats are linear light."""
+    if picture.dtype == np.uint16:
+        return srgb_decode(picture / np.float32(65535))
     return srgb_decode(picture) if picture.dtype == np.uint8 else picture
 
 

@@ -134,7 +134,7 @@ def where_it_lies(url: str) -> list[str]:
     program = (
         "from lfcore import LightField\n"
         "field = LightField.open('s3://killed/run/results/chart/M32/N8/lightfield.mkv')\n"
-        "print('view of s3://...:', field.view(3, 4).shape)\n"
+        "print('view of s3://...:', field.view(3, 4, codes=True).shape)\n"
     )
     keys = {"AWS_ENDPOINT_URL": url, "AWS_ACCESS_KEY_ID": "any", "AWS_SECRET_ACCESS_KEY": "any"}
     done = subprocess.run(

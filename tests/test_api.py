@@ -12,6 +12,7 @@ import trimesh
 
 import lfcore
 from lfcore.cli import main
+from lfcore.colour import srgb_encode
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +43,9 @@ def test_a_light_field_of_a_model(recorded, tmp_path):
     traced = lfcore.render(scene, focus_m=focus, f_number=2, **same_rays)
     assert np.abs(picture - traced).max() < 0.02  # colours pass as 8-bit YCbCr
     assert traced[16, 16].mean() > traced[0, 0].mean() + 0.05
-    assert lf.view(1, 2).shape == (32, 32, 3) and lf.macropixel(16, 16).shape == (4, 4, 3)
+    assert lf.view(1, 2, codes=True).shape == (32, 32, 3) and lf.macropixel(
+        16, 16, codes=True
+    ).shape == (4, 4, 3)
     stack = lf.stack([0.8 * focus, focus], [2.0, 4.0])
     assert stack.shape == (4, 32, 32, 3)
     np.testing.assert_array_equal(stack[2], picture)
@@ -212,3 +215,51 @@ def test_the_commands_in_the_readme_run(model, tmp_path, monkeypatch):
             words += ["-o", "page.html"]
         assert main(words) == 0, line
         assert (tmp_path / words[words.index("-o") + 1]).is_file()
+
+
+def test_focal_stacks_take_arrays(recorded):
+    scene, field = recorded
+    focus, stops = np.array([0.8, 1.2]) * scene.camera.focus_m, np.array([2.0, 4.0])
+    made = field.stack(focus, stops, filter="nearest", pixels=16)
+    same = field.stack(focus.tolist(), stops.tolist(), filter="nearest", pixels=16)
+    assert made.shape == (4, 16, 16, 3)
+    np.testing.assert_array_equal(made, same)
+    assert field.stack(focus, fast=True).shape == (2, 32, 32, 3)
+    for key, value in (("filter", "nonsense"), ("pixels", 16)):
+        with pytest.raises(lfcore.OpticsError, match=f"{key}: a fast stack has its own"):
+            field.stack(focus, fast=True, **{key: value})
+
+
+def test_numbers_of_numpy_are_numbers(recorded, tmp_path):
+    scene, _ = recorded
+    n, m = np.int64(3), np.int32(16)
+    slab = lfcore.Slab(scene.camera, n, m)
+    assert (slab.views, slab.pixels) == (3, 16) and type(slab.views) is int
+    same = lfcore.render(scene, views=3, pixels=16)
+    np.testing.assert_array_equal(lfcore.render(scene, views=n, pixels=m), same)
+    assert lfcore.record(scene, tmp_path / "a.mkv", views=n, pixels=m).slab.views == 3
+
+
+@pytest.mark.parametrize("wrong", [{"views": 0}, {"pixels": 0}, {"pixels": -4}, {"views": 2.5}])
+def test_no_views_and_no_pixels_are_refused(recorded, tmp_path, wrong):
+    scene, _ = recorded
+    for make in (
+        lambda: lfcore.render(scene, **wrong),
+        lambda: lfcore.render(scene, filter="nearest", **wrong),
+        lambda: lfcore.record(scene, tmp_path / "a.mkv", **wrong),
+    ):
+        with pytest.raises(lfcore.OpticsError, match=f"{next(iter(wrong))}: must be a whole"):
+            make()
+    assert not list(tmp_path.iterdir())
+
+
+def test_pictures_come_out_as_linear_light(recorded):
+    _, field = recorded
+    for linear, codes in (
+        (field.view(1, 2, codes=True), field.view(1, 2, codes=True)),
+        (field.macropixel(16, 16, codes=True), field.macropixel(16, 16, codes=True)),
+        (field.views(0, 1, 2, 3, codes=True), field.views(0, 1, 2, 3, codes=True)),
+        (field.rectangle(3, 4, 6, 9, codes=True), field.rectangle(3, 4, 6, 9, codes=True)),
+    ):
+        assert (linear.dtype, codes.dtype) == (np.float32, np.uint8)
+        assert np.abs(srgb_encode(linear) * 255 - codes).max() <= 0.51

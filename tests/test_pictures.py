@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lfcore.colour import srgb_codes
+from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.errors import LfcoreError
+from lfcore.exchange.pictures import read_pfm
 from lfcore.exr import read_exr_picture
 from lfcore.pictures import read_codes, write_picture
 
@@ -73,3 +74,12 @@ def test_what_is_not_there_is_said(tmp_path):
     with pytest.raises(LfcoreError, match=r"cannot be written as \.jpg"):
         write_picture(tmp_path / "a.jpg", np.zeros((2, 2, 7), np.uint8))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".pfm"])
+def test_codes_of_16_bits_become_linear_light(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    codes = np.full((4, 4, 3), 32768, np.uint16)
+    write_picture(path, codes)
+    read = read_exr_picture(path) if suffix == ".exr" else read_pfm(path)
+    np.testing.assert_allclose(read, srgb_decode(np.float32(32768 / 65535)), rtol=1e-6)

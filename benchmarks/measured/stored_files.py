@@ -105,9 +105,9 @@ def _reads(field: LightFieldFile) -> list[tuple]:
     u, v = size * 3 // 5, size * 2 // 3
     side = max(1, size // 8)
     return [
-        ("macropixel", lambda f: f.macropixel(u, v)),
-        (f"rectangle {side} x {side}", lambda f: f.rectangle(u, v, u + side, v + side)),
-        ("view", lambda f: f.view(views // 3, views // 2)),
+        ("macropixel", lambda f: f.macropixel(u, v, codes=True)),
+        (f"rectangle {side} x {side}", lambda f: f.rectangle(u, v, u + side, v + side, codes=True)),
+        ("view", lambda f: f.view(views // 3, views // 2, codes=True)),
     ]
 
 

@@ -107,13 +107,13 @@ def _page(arguments: argparse.Namespace) -> None:
 def _picture(arguments: argparse.Namespace) -> None:
     field = open_field(arguments)
     if arguments.macropixel:
-        picture = field.macropixel(*arguments.macropixel)
+        picture = field.macropixel(*arguments.macropixel, codes=True)
     elif arguments.grid:
         picture = _grid(field, arguments)
     elif arguments.at:
         picture = field.views_at(np.array([arguments.at]) / 1000, device=arguments.device)[0]
     else:
-        picture = field.view(*(arguments.view or (side // 2 for side in field.grid)))
+        picture = field.view(*(arguments.view or (side // 2 for side in field.grid)), codes=True)
     write_picture(arguments.output, picture)
     wrote(arguments.output, f"; {field.count.frames} frames were decoded")
 

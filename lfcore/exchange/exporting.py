@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from lfcore.exchange import table
@@ -31,7 +31,7 @@ class WriteOptions:
     far_m: float | None = None
     bits: int | None = None
     progress: Callable[[int, int], None] | None = None
-    notes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list, init=False)
 
 
 def export_lightfield(
@@ -56,7 +56,7 @@ def export_lightfield(
     then.
     """
     row = table.find(format)
-    folder, options = Path(folder), options or WriteOptions()
+    folder, options = Path(folder), replace(options or WriteOptions())  # without its notes
     opened = lightfield if isinstance(lightfield, LightField) else LightField.open(lightfield)
     _check_folder(folder)
     device = open_device(device) if isinstance(device, str) else device

@@ -56,7 +56,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
         )
     crop = (source.left, source.top, source.width, source.height)
     baseline = source.geometry.pitch_m if source.geometry and source.stride > 1 else None
-    row = Source(source.field, Selection((across * down, 1), baseline, crop))
+    row = Source(source.field, Selection((across * down, 1), baseline, crop), device=source.device)
     height, width = source.height, source.width
     quilt = np.empty((down * height, across * width, 3), np.uint8)
     for index, _, picture in row.views(options.progress):

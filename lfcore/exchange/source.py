@@ -156,7 +156,7 @@ class Source:
         step = max(1, BAND_BYTES // (across * self.stride))
         for start in range(0, self.rows, step):
             rows = self._j[start : start + step]
-            part = self.field.views(first, int(rows[0]), last + 1, int(rows[-1]) + 1)
+            part = self.field.views(first, int(rows[0]), last + 1, int(rows[-1]) + 1, codes=True)
             for k, line in enumerate(part[rows - rows[0]]):
                 for column, picture in enumerate(line[self._i - first]):
                     yield column, start + k, picture

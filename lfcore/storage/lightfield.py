@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.colour import to_uint8
+from lfcore.colour import srgb_decode, to_uint8
 from lfcore.errors import OpticsError, StorageError
 from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Extent, Slab
@@ -132,30 +132,90 @@ class LightFieldFile(StoredVideo):
         """Whether lens, focus and distances are known; else only disparities mean something."""
         return bool(self.content.get("metric", True))
 
-    def macropixel(self, u: int, v: int) -> np.ndarray:
-        """(N, N, 3) uint8 sRGB, indexed [j, i]: what pixel (u, v) sees through the lens."""
-        return self.rectangle(u, v, u + 1, v + 1)[0, 0]
+    def macropixel(self, u: int, v: int, *, codes: bool = False) -> np.ndarray:
+        """Read the rays of one pixel, through all lens samples.
 
-    def view(self, i: int, j: int) -> np.ndarray:
-        """(M, M, 3) uint8 sRGB, indexed [v, u]: the picture from lens sample (i, j)."""
-        return self.views(i, j, i + 1, j + 1)[0, 0]
+        Parameters
+        ----------
+        u, v : int
+            Column and row of the pixel.
+        codes : bool
+            Return the stored sRGB codes.
 
-    def views(self, i0: int, j0: int, i1: int, j1: int) -> np.ndarray:
-        """(j1 - j0, i1 - i0, M, M, 3) uint8 sRGB, indexed [j, i, v, u], half open."""
+        Returns
+        -------
+        ndarray
+            (N, N, 3), indexed [j, i]: float32 linear light, or uint8 codes.
+        """
+        return self.rectangle(u, v, u + 1, v + 1, codes=codes)[0, 0]
+
+    def view(self, i: int, j: int, *, codes: bool = False) -> np.ndarray:
+        """Read the picture from one lens sample.
+
+        Parameters
+        ----------
+        i, j : int
+            Column and row of the lens sample.
+        codes : bool
+            Return the stored sRGB codes.
+
+        Returns
+        -------
+        ndarray
+            (M, M, 3), indexed [v, u]: float32 linear light, or uint8 codes.
+        """
+        return self.views(i, j, i + 1, j + 1, codes=codes)[0, 0]
+
+    def views(self, i0: int, j0: int, i1: int, j1: int, *, codes: bool = False) -> np.ndarray:
+        """Read a rectangle of views.
+
+        Parameters
+        ----------
+        i0, j0, i1, j1 : int
+            First column and row, and the column and row after the last.
+        codes : bool
+            Return the stored sRGB codes.
+
+        Returns
+        -------
+        ndarray
+            (j1 - j0, i1 - i0, M, M, 3), indexed [j, i, v, u]: float32 linear light, or uint8 codes.
+
+        Raises
+        ------
+        StorageError
+            The file does not hold these views, or is damaged.
+        """
         *_, width, height = self.extent.pixels
-        return self._rays((i0, j0, i1, j1), (0, 0, width, height))
+        return self._rays((i0, j0, i1, j1), (0, 0, width, height), codes)
 
-    def rectangle(self, u0: int, v0: int, u1: int, v1: int) -> np.ndarray:
-        """(v1 - v0, u1 - u0, N, N, 3) uint8 sRGB, indexed [v, u, j, i], half open.
+    def rectangle(self, u0: int, v0: int, u1: int, v1: int, *, codes: bool = False) -> np.ndarray:
+        """Read the rays of a rectangle of pixels, through all lens samples.
 
-        Pixels of segments that are damaged are black if the file was opened to salvage.
+        Parameters
+        ----------
+        u0, v0, u1, v1 : int
+            First column and row, and the column and row after the last.
+        codes : bool
+            Return the stored sRGB codes.
+
+        Returns
+        -------
+        ndarray
+            (v1 - v0, u1 - u0, N, N, 3), indexed [v, u, j, i]: float32 linear light, or uint8 codes.
+            Damaged segments are black if the file was opened to salvage.
+
+        Raises
+        ------
+        StorageError
+            The file does not hold these pixels, or is damaged.
         """
         *_, columns, rows = self.extent.views
-        rays = self._rays((0, 0, columns, rows), (u0, v0, u1, v1))
+        rays = self._rays((0, 0, columns, rows), (u0, v0, u1, v1), codes)
         return np.ascontiguousarray(rays.transpose(2, 3, 0, 1, 4))
 
-    def _rays(self, lens: tuple, film: tuple) -> np.ndarray:
-        """uint8 [j, i, v, u] of rectangles that count from the first view and pixel there are."""
+    def _rays(self, lens: tuple, film: tuple, codes: bool) -> np.ndarray:
+        """[j, i, v, u] of rectangles that count from the first view and pixel there are."""
         moved = []
         for asked, held in ((lens, self.extent.views), (film, self.extent.pixels)):
             (a, b, c, d), (column, row, columns, rows) = asked, held
@@ -166,16 +226,16 @@ class LightFieldFile(StoredVideo):
                 )
             moved.append((a + column, b + row, c + column, d + row))
         if self.layout.kind == "views":
-            return self._read(*moved)
-        return self._read(*moved[::-1]).transpose(2, 3, 0, 1, 4)
+            return self._read(*moved, codes=codes)
+        return self._read(*moved[::-1], codes=codes).transpose(2, 3, 0, 1, 4)
 
-    def _read(self, outer: tuple, inner: tuple) -> np.ndarray:
-        """uint8 (outer rows, outer columns, inner rows, inner columns, 3) of two rectangles.
+    def _read(self, outer: tuple, inner: tuple, *, codes: bool) -> np.ndarray:
+        """(outer rows, outer columns, inner rows, inner columns, 3) of two rectangles.
 
         Rectangles are (column0, row0, column1, row1), half open.
         """
         shape = (outer[3] - outer[1], outer[2] - outer[0], inner[3] - inner[1], inner[2] - inner[0])
-        out = np.zeros((*shape, 3), np.uint8)
+        out = np.zeros((*shape, 3), np.uint8 if codes else np.float32)
         corner = np.array(outer[:2], np.int32)
         damaged = {damage.segment.index for damage in self.damage}
         for index in self.metadata.segments.meeting(*outer):
@@ -191,8 +251,8 @@ class LightFieldFile(StoredVideo):
             for frames, places_of, which in self._needed(part, places[:, 0]):
                 column, line = (elements[which] - corner).T
                 found = windows(self.layout, frames, places_of, places[which, 1:], inner)
-                out[line, column] = found
-        return out
+                out[line, column] = to_uint8(found) if codes else srgb_decode(found)
+        return out if codes or self.white == 1.0 else out * np.float32(self.white)
 
     def _needed(
         self, part: Segment, numbers: np.ndarray
@@ -230,7 +290,7 @@ def windows(
     corners: np.ndarray,
     inner: tuple[int, int, int, int],
 ) -> np.ndarray:
-    """uint8 (E, rows, columns, 3) sRGB: the same rectangle of each of E elements.
+    """(E, rows, columns, 3) float32 sRGB in [0, 1]: the same rectangle of each of E elements.
 
     Parameters
     ----------
@@ -249,7 +309,7 @@ def windows(
         rows = (y[:, None] + np.arange(inner[1], inner[3])) // step
         pictures.append(plane[which[:, None, None], rows[:, :, None], columns[:, None, :]])
     whole = pixel_format(FULL[form.bits]) if form.subsampling > 1 else form
-    return to_uint8(rgb_from_planes(pictures, whole))
+    return rgb_from_planes(pictures, whole)
 
 
 __all__ = ["Damage", "LightFieldFile", "windows"]

@@ -8,6 +8,7 @@ geometry must then come from elsewhere.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,11 @@ ATTRIBUTE = "lightfield"
 FORMAT = "lfcore camera array"
 VERSION = 1
 _TILE_LIMIT = 4096  # larger tiles help nobody's reader
+
+
+def _digest(description: dict) -> str:
+    """SHA-256 of a description without its digest."""
+    return hashlib.sha256(json.dumps(description, sort_keys=True).encode()).hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +63,10 @@ def write_array(
     StorageError : the file cannot be written.
     """
     array.tiles(image)
-    description = {"format": FORMAT, "version": VERSION, "array": array.to_json()}
-    header = {ATTRIBUTE: json.dumps({**description, "extra": extra or {}})}
+    description = {
+        "format": FORMAT, "version": VERSION, "array": array.to_json(), "extra": extra or {}
+    }  # fmt: skip
+    header: dict = {ATTRIBUTE: json.dumps(description | {"digest": _digest(description)})}
     if max(array.tile) <= _TILE_LIMIT and min(array.tile) >= 16:
         tiles = OpenEXR.TileDescription()
         tiles.xSize, tiles.ySize = array.tile
@@ -80,13 +88,18 @@ def read_array(path: str | Path) -> TiledPicture:
         return TiledPicture(image, None, {})
     try:
         description = json.loads(text)
+        digest = description.pop("digest", None)  # older files have none
+        if digest not in (None, _digest(description)):
+            raise ValueError("it is damaged")
         if description["format"] != FORMAT:
             raise ValueError(f"format {description['format']!r}")
         if description["version"] > VERSION:
             raise ValueError(f"version {description['version']} is newer than {VERSION}")
         array = CameraArray.from_json(description["array"])
         array.tiles(image)
-    except (ValueError, KeyError, TypeError, RecursionError, OpticsError) as error:
+    except (
+        ValueError, KeyError, TypeError, AttributeError, RecursionError, OpticsError
+    ) as error:  # fmt: skip
         raise StorageError(
             f"the geometry in its header does not fit: {error}",
             file=path,

@@ -89,7 +89,7 @@ def _geometry(kind: str, layout: FrameLayout) -> Slab | dict:
 
 
 def pixels_of(field: LightFieldFile) -> bytes:
-    light = field.rectangle(0, 0, field.layout.pixels, field.layout.pixels).tobytes()
+    light = field.rectangle(0, 0, field.layout.pixels, field.layout.pixels, codes=True).tobytes()
     return light + b"".join(map(depths_of, [field] * len(field.segments), field.segments))
 
 
@@ -116,7 +116,7 @@ def _read_all(file: Path, same: bool, right: bytes) -> None:
     field = LightFieldFile.open(file)
     if pixels_of(field) != right:
         raise SilentlyWrong("other pixels than were stored")
-    field.view(1, 1)
+    field.view(1, 1, codes=True)
     field.verify()
     if not same:
         raise SilentlyWrong("verify() finds no damage in a file that differs")
@@ -138,7 +138,7 @@ def _salvage(file: Path, right: bytes) -> None:
             raise SilentlyWrong("other depths than were stored, when salvaged")
         tile = part.tile
         known[tile.row : tile.row + tile.rows, tile.column : tile.column + tile.columns] = True
-    found = field.rectangle(0, 0, size, size)
+    found = field.rectangle(0, 0, size, size, codes=True)
     if (found[known] != whole[known]).any() or found[~known].any():
         raise SilentlyWrong("other pixels than were stored, when salvaged")
 
@@ -185,8 +185,8 @@ def judge_metadata(home: Path, data: bytes, folder: Path) -> Outcome:
         field = Refocusable.open(file)
         facts(field)
         json.loads(field.metadata.to_text())
-        field.view(0, 0)
-        field.macropixel(0, 0)
+        field.view(0, 0, codes=True)
+        field.macropixel(0, 0, codes=True)
         field.verify()
         for part in field.segments:
             depths_of(field, part)

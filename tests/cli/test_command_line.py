@@ -168,12 +168,12 @@ def test_view_macropixel_and_grid(recorded, tmp_path):
     field = lfcore.LightField.open(recorded)
     one, lens, grid = (tmp_path / name for name in ("one.png", "lens.ppm", "grid.png"))
     assert main(["view", str(recorded), "--view", "3", "0", "-o", str(one)]) == 0
-    np.testing.assert_array_equal(np.asarray(Image.open(one)), field.view(3, 0))
+    np.testing.assert_array_equal(np.asarray(Image.open(one)), field.view(3, 0, codes=True))
     assert main(["view", str(recorded), "--macropixel", "5", "7", "-o", str(lens)]) == 0
-    np.testing.assert_array_equal(np.asarray(Image.open(lens)), field.macropixel(5, 7))
+    np.testing.assert_array_equal(np.asarray(Image.open(lens)), field.macropixel(5, 7, codes=True))
     assert main(["view", str(recorded), "--grid", "2", "-o", str(grid)]) == 0
     sheet = np.asarray(Image.open(grid))
-    np.testing.assert_array_equal(sheet[:SIZE, SIZE:], field.view(3, 0))
+    np.testing.assert_array_equal(sheet[:SIZE, SIZE:], field.view(3, 0, codes=True))
 
 
 def test_stacks(recorded, tmp_path):

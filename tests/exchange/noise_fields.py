@@ -47,4 +47,4 @@ def taken_back(source, folder, **more):
 
 def all_views(field):
     columns, rows = field.grid
-    return field.views(0, 0, columns, rows)
+    return field.views(0, 0, columns, rows, codes=True)

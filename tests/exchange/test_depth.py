@@ -72,7 +72,9 @@ def test_what_disparity_says_is_where_points_are(chart, traced, tmp_path):
     export_lightfield(traced, "hci", tmp_path / "out", scene=chart)
     field = LightField.open(traced)
     moved = read_pfm(tmp_path / "out" / "gt_disp_lowres_Cam012.pfm")
-    middle, right, below = (field.view(*at).astype(int) for at in ((2, 2), (4, 2), (2, 4)))
+    middle, right, below = (
+        field.view(*at, codes=True).astype(int) for at in ((2, 2), (4, 2), (2, 4))
+    )
     v, u = np.float32(np.mgrid[4:28, 4:28])
     moved = 2 * moved[4:28, 4:28]  # two views on
 

@@ -93,7 +93,7 @@ def test_llff_has_its_axes_in_the_middle(tmp_path):
     assert field.slab.lens_pitch_m == pytest.approx(0.04)
     assert field.slab.pixel_pitch == pytest.approx(0.02)
     assert field.depth_range == (1, 4)
-    np.testing.assert_array_equal(field.view(1, 2), stored.views[2, 1, 2:16, 1:15])
+    np.testing.assert_array_equal(field.view(1, 2, codes=True), stored.views[2, 1, 2:16, 1:15])
     with pytest.raises(ExchangeError, match="--depth-range"):
         export_lightfield(stored.path, "llff", tmp_path / "b")
 
@@ -191,7 +191,7 @@ def test_a_plane_of_blenders_is_taken_back(tmp_path):
     assert (grid.format, field.slab.camera.delta) == ("blender", 0)
     assert field.slab.lens_pitch_m == pytest.approx(0.04)
     assert field.slab.pixel_pitch == pytest.approx(0.02)
-    np.testing.assert_array_equal(field.view(1, 2), stored.views[2, 1, 2:16, 1:15])
+    np.testing.assert_array_equal(field.view(1, 2, codes=True), stored.views[2, 1, 2:16, 1:15])
 
 
 @pytest.mark.parametrize("matrices", [True, False])
@@ -234,9 +234,9 @@ def test_sixteen_bits_grey_and_alpha(tmp_path):
     Image.fromarray(clear, "RGBA").save(tmp_path / "in" / "2.png")
     Image.fromarray((codes >> 8).astype(np.uint8)).save(tmp_path / "in" / "3.png")
     _, field = taken_back(tmp_path / "in", tmp_path)
-    np.testing.assert_array_equal(field.view(0, 0), codes >> 8)
-    np.testing.assert_array_equal(field.view(1, 0)[..., 1], np.asarray(grey))
-    np.testing.assert_array_equal(field.view(0, 1), codes >> 8)
+    np.testing.assert_array_equal(field.view(0, 0, codes=True), codes >> 8)
+    np.testing.assert_array_equal(field.view(1, 0, codes=True)[..., 1], np.asarray(grey))
+    np.testing.assert_array_equal(field.view(0, 1, codes=True), codes >> 8)
 
 
 def test_macropixels_are_exported_as_their_views(tmp_path):
@@ -257,7 +257,9 @@ def test_macropixels_are_exported_as_their_views(tmp_path):
             writer.write(frames_from_rgb(square[None], "gbrp"))
     join_segments(tmp_path / "lf.mkv", [tmp_path / "0.mp4"], [tile], layout,
                   geometry=KNOWN.slab(4, 4, 16, 16), scene={"name": "a", "digest": ""})  # fmt: skip
-    np.testing.assert_array_equal(LightField.open(tmp_path / "lf.mkv").view(1, 2), views[2, 1])
+    np.testing.assert_array_equal(
+        LightField.open(tmp_path / "lf.mkv").view(1, 2, codes=True), views[2, 1]
+    )
     export_lightfield(
         tmp_path / "lf.mkv", "json", tmp_path / "out", selection=Selection((2, 2), 0.008)
     )

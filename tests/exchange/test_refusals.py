@@ -10,8 +10,8 @@ from PIL import Image
 
 from lfcore.api import load_scene
 from lfcore.cli import main
-from lfcore.errors import LfcoreError
-from lfcore.exchange import export_lightfield, import_lightfield
+from lfcore.errors import DeviceError, LfcoreError
+from lfcore.exchange import FORMATS, export_lightfield, import_lightfield
 from lfcore.exchange.exporting import WriteOptions
 from lfcore.exchange.grid import Geometry
 from lfcore.exchange.importing import ReadOptions
@@ -220,3 +220,20 @@ def test_poses_of_others(square, tmp_path):
     refused(tmp_path / "llff", "not finite")
     poses.write_bytes(b"no array")
     refused(tmp_path / "llff", "poses_bounds.npy")
+
+
+def test_an_unknown_device_is_refused_by_every_format(square, tmp_path):
+    for name in FORMATS:
+        if FORMATS[name].exports:
+            with pytest.raises(DeviceError, match="nosuch"):
+                export_lightfield(square.path, name, tmp_path / "out", device="nosuch")
+    assert not list(tmp_path.iterdir())
+
+
+def test_notes_are_those_of_one_export(square, tmp_path):
+    options = WriteOptions()
+    first, second = (
+        list(export_lightfield(square.path, "quilt", tmp_path / name, options=options))
+        for name in "ab"
+    )
+    assert first and first == second

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from contextlib import redirect_stderr
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 from lfcore.refocus.array.stored import read_stored, store_array
 from lfcore.refocus.shift_sum import shift_sum_views
+from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.tiled_exr import read_array, write_array
 
@@ -63,7 +65,7 @@ def test_what_comes_back_is_the_array(stored, array, image):
     assert again == array
     assert np.abs(codes(found, field.white) - codes(image, field.white)).max() < CODE
     tile = array.tiles(image)[3, 1]
-    assert np.abs(field.view(1, 3) / 255 - codes(tile, field.white)).max() < CODE
+    assert np.abs(field.view(1, 3, codes=True) / 255 - codes(tile, field.white)).max() < CODE
 
 
 @pytest.mark.parametrize("filter", ["nearest", "bilinear"])
@@ -158,7 +160,7 @@ def test_a_slabs_views_become_a_tiled_exr(tmp_path):
     assert found.array == CameraArray.from_slab(field.slab)
     tiles = found.array.tiles(found.image)
     for i, j in ((0, 0), (2, 1)):
-        assert np.abs(srgb_encode(tiles[j, i]) - field.view(i, j) / 255).max() < CODE
+        assert np.abs(srgb_encode(tiles[j, i]) - field.view(i, j, codes=True) / 255).max() < CODE
 
 
 def test_a_light_field_camera_is_traced_into_the_store(tmp_path):
@@ -176,3 +178,20 @@ def test_a_light_field_camera_is_traced_into_the_store(tmp_path):
     assert field.array == found.array and field.white == pytest.approx(3.0)
     assert psnr(codes(read_stored(field)[0], 3), codes(found.image, 3), peak=1.0) > 30
     assert field.refocus(focus_m=5.0).max() == pytest.approx(3.0, rel=0.05)
+
+
+def test_what_is_in_focus_everywhere_is_as_bright_as_the_scene(tmp_path):
+    """A white above 1 is taken back in every picture."""
+    wall = [[[-9, -9, 2], [9, -9, 2], [0, 18, 2]]]
+    scene = replace(
+        Scene.from_triangles(np.float32(wall), camera=Camera(0.05, 0.036, 2.0, 2.0)),
+        lights=[], ambient=(0.5, 0.5, 0.5),
+    )  # fmt: skip
+    slab = Slab(scene.camera, 3, 16)
+    array = CameraArray.from_slab(slab)
+    image = np.full((*array.image_size[::-1], 3), 0.4, np.float32)
+    store_array(tmp_path / "a.mkv", image, array, LOSSLESS, scene=SCENE, white=4.0)
+    field = LightField.open(tmp_path / "a.mkv")
+    assert field.white == 4
+    for made in (field.all_in_focus(scene), field.view(1, 1, codes=True), field.refocus()):
+        np.testing.assert_allclose(made, 0.4, rtol=0.03)

@@ -66,11 +66,11 @@ def test_views_and_pixels_count_from_the_first_there_is(path, pictures, device):
     field = LightField.open(path)
     assert (field.grid, field.picture_size) == ((COLUMNS, ROWS), (WIDTH, HEIGHT))
     for j, i in ((0, 0), (2, 4), (1, 3)):
-        np.testing.assert_array_equal(field.view(i, j), pictures[j, i])
-    np.testing.assert_array_equal(field.macropixel(21, 15), pictures[:, :, 15, 21])
-    np.testing.assert_array_equal(field.views(1, 0, 3, 3), pictures[0:3, 1:3])
+        np.testing.assert_array_equal(field.view(i, j, codes=True), pictures[j, i])
+    np.testing.assert_array_equal(field.macropixel(21, 15, codes=True), pictures[:, :, 15, 21])
+    np.testing.assert_array_equal(field.views(1, 0, 3, 3, codes=True), pictures[0:3, 1:3])
     with pytest.raises(StorageError, match="5 x 3 recorded"):
-        field.view(0, 3)
+        field.view(0, 3, codes=True)
     light = read_views(field, np.array([[4, 2], [0, 0]]), device=device)
     np.testing.assert_allclose(light[0], srgb_decode(pictures[2, 4]), atol=4e-6)
     with pytest.raises(OpticsError, match=r"\(4, 2\)"):

@@ -82,7 +82,7 @@ def test_without_loss_the_store_gives_what_is_made_on_the_fly(tmp_path, tracer, 
     views, pictures = views_of(SLAB, displaced=displaced), []
     for kind, pack in (("views", 1), ("views", 2), ("macropixels", 4)):
         field = stored(tmp_path / f"{kind}{pack}.mkv", tracer, kind, displaced, pack=pack)
-        there = field.views(0, 0, 3, 3).reshape(light.shape)
+        there = field.views(0, 0, 3, 3, codes=True).reshape(light.shape)
         np.testing.assert_array_equal(there, srgb_codes(light))
         pictures.append(field.refocus_many(PLANES))
         assert pictures[-1].shape == (4, PIXELS, PIXELS, 3)

@@ -70,6 +70,10 @@ BAD = {
         "objects: [{builder: chart, parameters: {size: 3}}]",
         "objects[0].parameters.size", "foreground_m",
     ),
+    "parameter that is a number": (
+        "objects: [{builder: sphere, parameters: {1: 2}}]",
+        "objects[0].parameters.1", "no such parameter",
+    ),
     "parameter type": (
         "objects: [{builder: bike, parameters: {triangles: 9.5}}]",
         "objects[0].parameters.triangles", "int",

@@ -18,7 +18,9 @@ from lfcore.storage.metadata import TAG, Metadata
 @pytest.fixture(scope="module")
 def whole(stored):
     """(bytes of the file, all of its pixels)."""
-    return stored.path.read_bytes(), LightFieldFile.open(stored.path).rectangle(0, 0, 12, 12)
+    return stored.path.read_bytes(), LightFieldFile.open(stored.path).rectangle(
+        0, 0, 12, 12, codes=True
+    )
 
 
 def salvaged(path, pixels) -> LightFieldFile | None:
@@ -27,7 +29,7 @@ def salvaged(path, pixels) -> LightFieldFile | None:
         light_field = LightFieldFile.open(path, salvage=True)
     except StorageError:
         return None
-    found, known = light_field.rectangle(0, 0, 12, 12), np.zeros((12, 12), bool)
+    found, known = light_field.rectangle(0, 0, 12, 12, codes=True), np.zeros((12, 12), bool)
     for part in light_field.segments:
         tile = part.tile
         known[tile.row : tile.row + tile.rows, tile.column : tile.column + tile.columns] = True
@@ -45,7 +47,7 @@ def refused(path, pixels) -> str:
     with pytest.raises(StorageError) as found:
         light_field.verify()
     try:
-        assert (light_field.rectangle(0, 0, 12, 12) == pixels).all()
+        assert (light_field.rectangle(0, 0, 12, 12, codes=True) == pixels).all()
     except StorageError:
         pass
     return str(found.value)
@@ -118,10 +120,10 @@ def test_a_damaged_segment_is_named_before_any_frame(tmp_path, stored, whole):
     light_field = LightFieldFile.open(path)
     with pytest.raises(StorageError, match=r"segment 2 .*check sum"):
         next(light_field.frames(2))
-    assert (light_field.macropixel(0, 0) == pixels[0, 0]).all()
+    assert (light_field.macropixel(0, 0, codes=True) == pixels[0, 0]).all()
     tile = middle.segments[2].tile
     with pytest.raises(StorageError, match="segment 2"):
-        light_field.macropixel(tile.column, tile.row)
+        light_field.macropixel(tile.column, tile.row, codes=True)
     with pytest.raises(StorageError, match=r"3 of 4 segments can still be read, not 2"):
         light_field.verify()
     assert [damage.segment.index for damage in salvaged(path, pixels).damage] == [2]
@@ -146,7 +148,7 @@ def test_a_remuxed_copy_still_opens(tmp_path, stored, whole):
     remux(stored.path, tmp_path / "copy.mkv")
     light_field = LightFieldFile.open(tmp_path / "copy.mkv")
     light_field.verify()
-    assert (light_field.rectangle(0, 0, 12, 12) == whole[1]).all()
+    assert (light_field.rectangle(0, 0, 12, 12, codes=True) == whole[1]).all()
 
 
 @pytest.mark.parametrize("missing", [1, 3])

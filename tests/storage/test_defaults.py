@@ -39,6 +39,6 @@ def test_a_smooth_light_field_keeps_its_colours(tmp_path, make_store, views, pix
     spec = chosen_encoding(views)
     layout = FrameLayout(default_kind(views, pixels), views, pixels, pixel_format=spec.pixel_format)
     stored = make_store(tmp_path, layout, spec)
-    found = LightFieldFile.open(stored.path).rectangle(0, 0, pixels, pixels) / 255
+    found = LightFieldFile.open(stored.path).rectangle(0, 0, pixels, pixels, codes=True) / 255
     means = found.mean((2, 3)) - stored.field.mean((0, 1))
     assert -10 * np.log10(np.mean(means**2)) > 40

@@ -25,7 +25,7 @@ def truth(field: np.ndarray) -> np.ndarray:
 
 def everything(light_field: LightFieldFile) -> np.ndarray:
     size = light_field.layout.pixels
-    return light_field.rectangle(0, 0, size, size)
+    return light_field.rectangle(0, 0, size, size, codes=True)
 
 
 def macropixels(codec: str, views: int, pixels: int, name: str = "yuv420p") -> FrameLayout:
@@ -78,9 +78,9 @@ def test_parts_equal_the_whole(tmp_path, make_store, kind, views, pixels, pack, 
     error = np.abs(whole / 255 - truth(stored.field)).max()
     assert error <= (0.03 if name == "yuv420p10le" else 0.0041)
     middle, lens = pixels // 2, views // 2
-    assert (light_field.macropixel(middle, 0) == whole[0, middle]).all()
-    assert (light_field.view(lens, views - 1) == whole[:, :, views - 1, lens]).all()
-    part = light_field.rectangle(middle, 0, pixels, middle + 1)
+    assert (light_field.macropixel(middle, 0, codes=True) == whole[0, middle]).all()
+    assert (light_field.view(lens, views - 1, codes=True) == whole[:, :, views - 1, lens]).all()
+    part = light_field.rectangle(middle, 0, pixels, middle + 1, codes=True)
     assert (part == whole[: middle + 1, middle:]).all()
 
 
@@ -98,22 +98,22 @@ def test_subsampled_colour_does_not_leak_between_neighbours(tmp_path, make_store
 def test_only_what_is_needed_is_decoded(stored):
     light_field = LightFieldFile.open(stored.path)
     tile = light_field.segments[1].tile
-    light_field.macropixel(tile.column, tile.row)
+    light_field.macropixel(tile.column, tile.row, codes=True)
     assert light_field.count.frames <= 3  # the first frame, and what the decoder runs ahead
     light_field = LightFieldFile.open(stored.path)
-    light_field.rectangle(0, tile.row, 4, tile.row + 1)
+    light_field.rectangle(0, tile.row, 4, tile.row + 1, codes=True)
     assert 4 <= light_field.count.frames <= 12  # of the 36 of its segment and 144 of the file
     light_field = LightFieldFile.open(stored.path)
-    light_field.view(0, 0)
+    light_field.view(0, 0, codes=True)
     assert light_field.count.frames == 144
 
 
 def test_outside_is_refused(stored):
     light_field = LightFieldFile.open(stored.path)
     for wrong in [
-        lambda: light_field.macropixel(12, 0),
-        lambda: light_field.view(0, -1),
-        lambda: light_field.rectangle(3, 3, 3, 5),
+        lambda: light_field.macropixel(12, 0, codes=True),
+        lambda: light_field.view(0, -1, codes=True),
+        lambda: light_field.rectangle(3, 3, 3, 5, codes=True),
         lambda: list(light_field.frames(4)),
         lambda: list(light_field.frames(0, 3, 99)),
     ]:
@@ -199,20 +199,20 @@ def test_a_file_stays_open_and_its_decoders_have_the_threads_asked_for(
     monkeypatch.setattr(stored_video, "open_video", counted)
     with LightFieldFile.open(made.path, threads=3) as field:
         assert len(opened) == 1  # for the metadata
-        first = field.rectangle(0, 0, 20, 20)
+        first = field.rectangle(0, 0, 20, 20, codes=True)
         assert len(opened) == 2
         for corner in (3, 0, 7):
-            part = field.rectangle(corner, corner, corner + 2, corner + 2)
+            part = field.rectangle(corner, corner, corner + 2, corner + 2, codes=True)
             assert (part == first[corner : corner + 2, corner : corner + 2]).all()
         assert len(opened) == 2
         assert opened[1].streams.video[0].codec_context.thread_count == 3
         with ThreadPoolExecutor(4) as pool:
-            views = list(pool.map(lambda k: field.view(k % 4, k // 4), range(16)))
+            views = list(pool.map(lambda k: field.view(k % 4, k // 4, codes=True), range(16)))
         for k, view in enumerate(views):
             assert (view == first[:, :, k // 4, k % 4]).all()
         assert len(opened) <= 1 + 4
         made.path.unlink()  # what is open can be read still
-        assert (field.view(1, 2) == first[:, :, 2, 1]).all()
+        assert (field.view(1, 2, codes=True) == first[:, :, 2, 1]).all()
 
 
 @pytest.mark.parametrize("codec", ["libx264", "libx265", "libsvtav1", "ffv1"])

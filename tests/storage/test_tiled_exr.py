@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import OpenEXR
 import pytest
@@ -10,7 +12,7 @@ from lfcore.errors import OpticsError, StorageError
 from lfcore.exr import read_exr_picture
 from lfcore.optics.array import CameraArray
 from lfcore.pictures import write_picture
-from lfcore.storage.tiled_exr import ATTRIBUTE, read_array, write_array
+from lfcore.storage.tiled_exr import ATTRIBUTE, FORMAT, VERSION, read_array, write_array
 
 
 @pytest.fixture
@@ -98,3 +100,31 @@ def test_nothing_is_left_when_writing_fails(tmp_path, array, image):
     with pytest.raises(StorageError, match="picture"):
         write_picture(tmp_path / "a.exr", image[..., :2])
     assert not list(tmp_path.iterdir())
+
+
+def test_a_damaged_geometry_is_refused(tmp_path, array, image):
+    """Each digit of the geometry in turn, but the last of long numbers, which change nothing."""
+    path = tmp_path / "field.exr"
+    write_array(path, image, array)
+    whole, unlike = path.read_bytes(), 0
+    start = whole.index(b'{"format"')
+    for place in range(start, whole.index(b'"extra"', start)):
+        if not chr(whole[place]).isdigit():
+            continue
+        flipped = bytearray(whole)
+        flipped[place] ^= 1
+        path.write_bytes(flipped)
+        try:
+            assert read_array(path).array == array
+        except StorageError as error:
+            assert "field.exr" in str(error)
+            unlike += 1
+    assert unlike > 20
+
+
+def test_a_geometry_without_digest_is_read(tmp_path, array, image):
+    """As files were written before."""
+    path = tmp_path / "field.exr"
+    text = json.dumps({"format": FORMAT, "version": VERSION, "array": array.to_json()})
+    OpenEXR.File({ATTRIBUTE: text}, {"RGB": image}).write(str(path))
+    assert read_array(path).array == array

@@ -78,7 +78,7 @@ def test_coloured_edges_keep_their_colour(browser, tmp_path):
         picture = field.refocus(disparity_px=d, aperture_views=a, filter="bilinear")
         assert psnr(pixels(browser), srgb_codes(picture)) > 40, (distance, a)
     choose(browser, single=True, x=1, y=-2, d=0)
-    assert psnr(pixels(browser), field.view(5, 2)) > 37
+    assert psnr(pixels(browser), field.view(5, 2, codes=True)) > 37
     assert complaints(browser) == []
 
 
@@ -130,7 +130,7 @@ def test_a_tilted_plane_is_sharp_near_on_one_side_and_far_on_the_other(opened, f
 
 def test_a_single_view_is_that_view(opened, field):
     choose(opened, single=True, x=2, y=-3, d=0)
-    np.testing.assert_allclose(pixels(opened), field.view(6, 1), atol=1)
+    np.testing.assert_allclose(pixels(opened), field.view(6, 1, codes=True), atol=1)
 
 
 def test_epipolar_slices_are_rows_of_all_views(opened, field):
@@ -140,7 +140,7 @@ def test_epipolar_slices_are_rows_of_all_views(opened, field):
     assert shown.shape == (PIXELS + high, PIXELS + high, 3)
     for i in range(9):
         row = shown[PIXELS + int((i + 0.5) * high / 9), :PIXELS]
-        both = field.view(i, 4)[31:33].astype(float).mean(0)
+        both = field.view(i, 4, codes=True)[31:33].astype(float).mean(0)
         assert psnr(row, both) > 25
 
 
@@ -209,7 +209,7 @@ def test_a_browser_without_webgl2_shows_single_views(browser, page, field):
         said = browser.find_element("id", "status").text
         assert "no WebGL2: only single views are shown" in said and "lfcore refocus" in said
         choose(browser, x=-4, y=4)
-        np.testing.assert_array_equal(pixels(browser), field.view(0, 8))
+        np.testing.assert_array_equal(pixels(browser), field.view(0, 8, codes=True))
         assert complaints(browser) == []
     finally:
         remove = "Page.removeScriptToEvaluateOnNewDocument"

@@ -166,9 +166,9 @@ def _pieces(field: LightFieldFile) -> Iterator[Measurement]:
         left = top = (layout.pixels - size) // 2
     area = left, top, left + size, top + size
     rectangle = f"a rectangle of {size} x {size} (u, v)"
-    yield _piece(field, "a view", lambda f: f.view(*view), in_all)
-    yield _piece(field, "a macropixel", lambda f: f.macropixel(*pixel), not in_all)
-    yield _piece(field, rectangle, lambda f: f.rectangle(*area), not in_all)
+    yield _piece(field, "a view", lambda f: f.view(*view, codes=True), in_all)
+    yield _piece(field, "a macropixel", lambda f: f.macropixel(*pixel, codes=True), not in_all)
+    yield _piece(field, rectangle, lambda f: f.rectangle(*area, codes=True), not in_all)
 
 
 def _piece(

@@ -42,7 +42,7 @@ def build(
         if parameter not in known:
             raise SceneError(
                 f"builder {name!r} has no such parameter", file=file, key=place,
-                remedy=did_you_mean(parameter, known),
+                remedy=did_you_mean(str(parameter), known),
             )  # fmt: skip
         _check_type(value, known[parameter], file, place)
     try:
