@@ -91,10 +91,12 @@ class Device:
 
     @contextmanager
     def mapped(
-        self, buffer: cl.Buffer, shape: tuple[int, ...], dtype: type
+        self, buffer: cl.Buffer, shape: tuple[int, ...], dtype: type, *, write: bool = False
     ) -> Iterator[np.ndarray]:
-        """What a buffer holds when the queue is done, within a ``with`` block; no copy on a CPU."""
-        where = cl.map_flags.READ, 0, shape, np.dtype(dtype)
+        """The content of a buffer when the queue is done, within a ``with`` block; no copy on a
+        CPU.  With ``write`` the host may change it, and kernels see the change."""
+        access = cl.map_flags.READ | (cl.map_flags.WRITE if write else 0)
+        where = access, 0, shape, np.dtype(dtype)
         view, _ = cl.enqueue_map_buffer(self.queue, buffer, *where)
         try:
             yield view
@@ -155,8 +157,11 @@ def open_device(
 
     Raises
     ------
-    DeviceError : no driver, none whose name fits, or an ``LFCORE_THREADS`` that is no number.
+    DeviceError : no driver, none whose name fits, an ``LFCORE_THREADS`` that is no number, or fewer
+        than one thread.
     """
+    if threads is not None and threads < 1:
+        raise DeviceError(f"must be at least 1, not {threads}", key="threads")
     name = name or os.environ.get("LFCORE_DEVICE")
     device = _choose(name)
     is_cpu = bool(device.type & cl.device_type.CPU)
@@ -164,6 +169,8 @@ def open_device(
         lanes = min(16, max(4, device.native_vector_width_float)) if is_cpu else 1
     if lanes not in (1, 4, 8, 16):
         raise DeviceError(f"lanes must be 1, 4, 8 or 16, not {lanes}")
+    if not device.double_fp_config:
+        log.warning("%s has no float64: single rays may pass between triangles", device.name)
     available = _processors() if is_cpu else 64 * device.max_compute_units
     threads = threads or _asked_threads() or available
     context = _context(device)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,8 @@ from lfcore.tracing.surfaces import CUT_OUTS, pack_surfaces
 FOLDER = "tracing/kernels/entry"
 MOST_LEVELS = 64
 """Levels of a hierarchy that the kernels' stacks hold, as in traversal/walk.cl."""
+MOST_NUMBERS = 2**31 - 1
+"""The largest array that the kernels' indices, 32-bit integers, reach the end of."""
 
 # Structs of the kernels.  Every member is four bytes, so there is no padding.
 RAY_ARGUMENTS = np.dtype(
@@ -85,6 +87,16 @@ class EntryKernel:
         self.kernel(self.device.queue, (workers,), (1,), *arguments)
 
 
+def check_indices(arrays: Iterable[np.ndarray]) -> None:
+    """Raise :class:`SceneError` for an array larger than :data:`MOST_NUMBERS`."""
+    largest = max(array.size for array in arrays)
+    if largest > MOST_NUMBERS:
+        raise SceneError(
+            f"is too large: {largest} numbers in one array, of {MOST_NUMBERS} at most",
+            remedy="Simplify its meshes (about 200 million triangles fit) or shrink its textures",
+        )
+
+
 class DeviceScene:
     """Buffers of a scene and its hierarchy.
 
@@ -95,7 +107,7 @@ class DeviceScene:
 
     Raises
     ------
-    SceneError : the hierarchy is deeper than the kernels' stacks.
+    SceneError : the hierarchy is deeper than the kernels' stacks, or larger than their indices.
     """
 
     def __init__(self, scene: Scene, bvh: Bvh, device: Device, needs: Needs, *, mipmaps: bool):
@@ -107,10 +119,12 @@ class DeviceScene:
         self.device = device
         s = pack_surfaces(scene, needs, mipmaps=mipmaps)
         self._defines, self.shadow_lights = s.defines, s.shadow_lights
-        buffer = device.buffer
         tree = (bvh.boxes, bvh.children, bvh.leaves, bvh.leaf_ids)
-        self.tree = [buffer(a) for a in (*tree, *vars(pack_cut_outs(scene, needs)).values())]
+        tree = (*tree, *vars(pack_cut_outs(scene, needs)).values())
         arrays = (s.corners, s.attributes, s.material_ids, s.materials, s.lights, s.images)
+        check_indices([*tree, *arrays, s.texels])
+        buffer = device.buffer
+        self.tree = [buffer(a) for a in tree]
         numbers = np.zeros((), SCENE_ARGUMENTS)
         numbers["ambient"], numbers["background"] = s.ambient, s.background
         numbers["open_lights"] = len(s.lights) - s.shadow_lights

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lfcore.errors import OpticsError
 from lfcore.optics.bundles import Bundles
 
 BLOCK = 16
@@ -81,7 +82,14 @@ class Groups:
         Cells lie at multiples of ``group``: which elements are there does not change where a
         block's rays are.  ``tall`` cells one below the other follow each other, also those that
         hold nothing; such strips are sorted by row, then column.
+
+        Raises :class:`OpticsError` for coordinates of another shape, or that repeat.
         """
+        if coordinates is not None and np.shape(coordinates) != (len(bundles.elements), 2):
+            raise OpticsError(
+                f"must have the shape {(len(bundles.elements), 2)}, not {np.shape(coordinates)}",
+                key="coordinates",
+            )
         group = shape.group
         if coordinates is None or group == tall == 1:
             return cls(np.arange(len(bundles.elements), dtype=np.int32)[:, None], bundles.elements)
@@ -92,6 +100,11 @@ class Groups:
         key, strip = ranks(row << 32 | column)
         members = np.full((len(key), group * size[1]), -1, np.int32)
         members[strip, slots[:, 1] * group + slots[:, 0]] = np.arange(len(strips), dtype=np.int32)
+        if np.count_nonzero(members >= 0) != len(strips):
+            raise OpticsError(
+                "two elements have the same place", key="coordinates",
+                remedy="Give each place once, or no coordinates",
+            )  # fmt: skip
         members = members.reshape(-1, group**2)
         if shape.outer == 1:
             return cls(members, bundles.elements)

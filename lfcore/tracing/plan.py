@@ -7,12 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from lfcore.errors import OpticsError
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.packets import BLOCK, PacketShape
 
 SINGLE_RAY_LEAVES = 2.5
 """Leaves in the way of a block, a ray, above which single rays are faster: measured."""
 PROBED_BLOCKS = 16
+OUTER = (1, 2, 4)
+"""The numbers of elements along each axis that a block can span."""
 
 
 def probed_elements(bundles: Bundles) -> np.ndarray:
@@ -94,7 +97,7 @@ def best_outer(
     decides, and not how it is sorted.
     """
     least, best = np.inf, 1
-    for outer in (1, 2, 4):
+    for outer in OUTER:
         if min(bundles.columns, bundles.rows) < BLOCK // outer and outer > 1:
             continue
         cost = SPANNING_COST[work] if outer > 1 else 0.0
@@ -110,6 +113,12 @@ def best_outer(
     return best
 
 
+def _seen(bundles: Bundles) -> tuple:
+    """Everything about the bundles that a decision depends on: equal bundles have equal plans."""
+    grid = bundles.columns, bundles.rows, bundles.lattice, bundles.step.tobytes()
+    return *grid, probed_elements(bundles).tobytes()
+
+
 class Plan:
     """How the rays of one scene are cut into packets.
 
@@ -118,6 +127,10 @@ class Plan:
     leaf_boxes : (L, 6) of the scene's hierarchy.
     closest_hit : what rays (R, 3) meet, of :meth:`Tracer.closest_hit`.
     outer, single_rays : answers given before they are asked for.
+
+    Raises
+    ------
+    OpticsError : ``outer`` is none of :data:`OUTER`.
     """
 
     def __init__(
@@ -128,6 +141,8 @@ class Plan:
         outer: int | None = None,
         single_rays: bool | None = None,
     ):
+        if outer is not None and outer not in OUTER:
+            raise OpticsError(f"must be one of {OUTER}, not {outer!r}", key="outer")
         self._leaf_boxes, self._closest_hit = leaf_boxes, closest_hit
         self._forced_outer, self._forced_single = outer, single_rays
         self._outer: dict[tuple, int] = {}
@@ -152,7 +167,7 @@ class Plan:
             return self._forced_outer
         if bundles.lattice is None:
             return 1
-        key = work, bundles.columns, bundles.rows, bundles.lattice, bundles.step.tobytes()
+        key = work, *_seen(bundles)
         if key not in self._outer:
             self._outer[key] = best_outer(self._closest_hit, bundles, work)
         return self._outer[key]
@@ -167,8 +182,7 @@ class Plan:
             return self._forced_single
         if bundles.columns * bundles.rows == 1:
             return False
-        grid = outer, bundles.columns, bundles.rows, bundles.lattice, bundles.step.tobytes()
-        key = *grid, probed_elements(bundles).tobytes()
+        key = outer, *_seen(bundles)
         if key not in self._single:
             leaves = leaves_a_ray(self._leaf_boxes, bundles, outer)
             self._single[key] = leaves > SINGLE_RAY_LEAVES

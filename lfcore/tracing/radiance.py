@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from lfcore.errors import OpticsError
 from lfcore.opencl.device import cl
-from lfcore.opencl.host_memory import collect, target_buffer
+from lfcore.opencl.host_memory import check_target, collect, target_buffer
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.device_scene import RAY_ARGUMENTS, SCENE_ARGUMENTS, DeviceScene
 from lfcore.tracing.packets import Groups, PacketShape
@@ -33,6 +34,10 @@ class TraceRadiance:
     sets : bundles of as many elements and equal inner grids, whose radiance is added up.
     coordinates : of the elements, as for :meth:`Tracer.bundle_hits`.
     across : element e is tile (e // across, e % across).
+
+    Raises
+    ------
+    OpticsError : sets that differ in shape, or elements that are no whole rows of tiles.
     """
 
     def __init__(
@@ -43,6 +48,14 @@ class TraceRadiance:
         coordinates: np.ndarray | None,
         across: int,
     ):
+        inner = {(len(one.elements), one.rows, one.columns) for one in sets}
+        if len(inner) != 1:
+            raise OpticsError(f"differ in their elements or inner grids: {inner}", key="sets")
+        if across < 1 or len(sets[0].elements) % across:
+            raise OpticsError(
+                f"{len(sets[0].elements)} elements are no whole rows of {across} tiles",
+                key="across", remedy="Give a divisor of the number of elements",
+            )  # fmt: skip
         self.scene, self.shape = scene, shape
         self.sets, self.coordinates, self.across = list(sets), coordinates, across
         structs = SCENE_ARGUMENTS, RAY_ARGUMENTS, IMAGE_ARGUMENTS
@@ -58,12 +71,16 @@ class TraceRadiance:
         """Write ``image``, (E / across rows, across columns, 3) float32 contiguous.
 
         ``depth`` (E, rows, columns) float32 contiguous receives those of the rays, of one set.
+        The first axes of both may be split: only their sizes are checked.
+
+        Raises :class:`OpticsError` for arrays that do not hold exactly that.
         """
-        for array in (image,) if depth is None else (image, depth):
-            if not array.flags.c_contiguous or array.dtype != np.float32:
-                raise ValueError("radiance needs contiguous memory of float32")
         first, device = self.sets[0], self.scene.device
         count = len(first.elements)
+        rays = count * first.rows * first.columns
+        check_target(image, 3 * rays, "out")
+        if depth is not None:
+            check_target(depth, rays, "depth")
         row_of_tiles = self.across * first.rows * first.columns
         # A CPU writes the host's own memory; nothing is copied, so nothing need be cut.
         rows = max(1, count if device.is_cpu else CHUNK_RAYS // max(1, row_of_tiles))

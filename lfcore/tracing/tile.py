@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -144,14 +145,16 @@ class TraceSlab:
                 first = int(places[start, 0])
                 count = int(places[stop - 1, 0]) + 1 - first if self.frames else 0
                 places[start:stop, 0] -= first
+                if stop - start < count * self.layout.elements_per_frame:
+                    hosts.blank(count)
                 self._launch(slice(start, stop), places[start:stop], hosts.buffer)
-                frames = hosts.read(count) if self.frames else np.empty((0, 0), np.uint8)
                 self.scene.device.queue.finish()
             tracing.seconds = watch.seconds["trace"]
             if progress:
                 progress(stop, len(self.elements))
             if self.frames:
-                yield Chunk(frames, first)
+                with hosts.frames(count) as frames:
+                    yield Chunk(frames, first)
         tracing.plane_sums = self.sums.collect()
 
     def _frames_per_chunk(self) -> int:
@@ -233,25 +236,23 @@ class _FrameHost:
     """Page-aligned host memory that the device writes frames into, without a copy on a CPU."""
 
     def __init__(self, device: Device, layout: FrameLayout, frames: int):
-        self.device, self.size = device, layout.frame_bytes
-        size = max(frames * self.size, PAGE)
+        self.device, self.layout = device, layout
+        size = max(frames * layout.frame_bytes, PAGE)
         self.memory = page_aligned((-(-size // 64) * 64,), np.uint8)
-        if frames:
-            self._blank(layout, frames)
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
         self.buffer = cl.Buffer(device.context, flags, hostbuf=self.memory)
+        if frames:
+            self.blank(frames)
 
-    def _blank(self, layout: FrameLayout, frames: int) -> None:
-        """Padding and empty slots of a frame are black, not what memory held."""
-        view = self.memory[: frames * self.size].reshape(frames, self.size)
-        planes = layout.format.views(view, layout.frame_width, layout.frame_height)
-        for plane, code in zip(planes, layout.format.black, strict=True):
-            plane[...] = code
+    def blank(self, count: int) -> None:
+        """Make padding and empty slots of the first frames black, whatever memory held."""
+        layout = self.layout
+        with self.frames(count, write=True) as view:
+            planes = layout.format.views(view, layout.frame_width, layout.frame_height)
+            for plane, code in zip(planes, layout.format.black, strict=True):
+                plane[...] = code
 
-    def read(self, count: int) -> np.ndarray:
-        """(count, frame_bytes) uint8 of what was written; waits for the queue."""
-        shape = (count, self.size)
-        view, _ = cl.enqueue_map_buffer(
-            self.device.queue, self.buffer, cl.map_flags.READ, 0, shape, np.dtype(np.uint8)
-        )
-        return view
+    def frames(self, count: int, *, write: bool = False) -> AbstractContextManager[np.ndarray]:
+        """(count, frame_bytes) uint8 within a ``with`` block, in which no kernel may run."""
+        shape = count, self.layout.frame_bytes
+        return self.device.mapped(self.buffer, shape, np.uint8, write=write)

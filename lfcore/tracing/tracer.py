@@ -156,11 +156,11 @@ class Tracer:
         -------
         (E / across rows, across columns, 3) float32, linear RGB, not clamped.
         """
-        first = sets[0]
+        job, first = self._radiance(sets, coordinates, across), sets[0]
         if out is None:
             down = len(first.elements) // across
             out = page_aligned((down * first.rows, across * first.columns, 3))
-        self._radiance(sets, coordinates, across).run(out, progress)
+        job.run(out, progress)
         return out
 
     def closest_hit(

@@ -57,7 +57,7 @@ inline void write_cells(const Planes *planes, const Frames *out, const Packet *p
         if (element < 0) continue;
         const int2 where = cell_position(packet, cell);
         const int place = out->places[element].w;
-        if (PLANES == 2) add_view(planes, (int2)(place & 0xffff, place >> 16), where, cells);
+        if (PLANES == 2) add_view(planes, (int2)(place & 0xffff, place >> 16 & 0xffff), where, cells);
         if (BITS) write_frames(out, element, where, min(grid - where, BLOCK), cells);
     }
 }
@@ -103,7 +103,7 @@ KERNEL void trace_slab(TREE_PARAMETERS,
             if (PLANES == 1 && !BITS) drop_closed_blocks(&planes, &packet);
             colour_packet(&packet, &pipeline, cells);
             u = (places[first].w & 0xffff) / rays.group * rays.group;
-            const int v = (places[first].w >> 16) / rays.group * rays.group;
+            const int v = (places[first].w >> 16 & 0xffff) / rays.group * rays.group;
             if (PLANES == 1) add_to_strip(&planes, &packet, v, cells, memory->prefix, &strip);
             write_cells(&planes, &out, &packet, cells);
         }
