@@ -18,7 +18,7 @@ import pandas as pd
 from benchmarks.publish import Result, of_this_run
 from lfcore.api import load_scene
 from lfcore.errors import OpticsError
-from lfcore.evaluation.true_picture.reference import Reference, true_pictures
+from lfcore.evaluation.true_picture import Reference, true_pictures
 from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.rendering.by_depth import pictures_by_depth

@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks.publish import RESULTS, Result, of_this_run, read_result
 from lfcore.api import load_scene
-from lfcore.evaluation.true_picture.reference import Reference, true_pictures
+from lfcore.evaluation.true_picture import Reference, true_pictures
 from lfcore.lightfield import LightField
 from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane

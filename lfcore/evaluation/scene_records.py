@@ -10,7 +10,7 @@ import numpy as np
 
 from lfcore.evaluation.metrics import picture_quality
 from lfcore.evaluation.tables import TableError, sizes
-from lfcore.evaluation.true_picture.reference import Reference, load_reference
+from lfcore.evaluation.true_picture import Reference, load_reference
 from lfcore.files import read_json
 from lfcore.optics.plane_pictures import load_stack
 

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from lfcore.evaluation.true_picture import true_pictures
 from lfcore.opencl.device import open_device
+from lfcore.optics.planes import SensorPlane
+from lfcore.rendering.by_depth import RayCount
 from lfcore.scene.build import build_scene
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
@@ -19,6 +22,14 @@ def chart():
     """The chart's tracer, of one thread."""
     scene = build_scene(CHART)
     return Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
+
+
+@pytest.fixture(scope="session")
+def reference(chart):
+    """The true pictures of two planes of the chart, 24 pixels per side."""
+    camera = chart.scene.camera
+    planes = [SensorPlane(focus, camera.f_number) for focus in (1.0, camera.focus_m)]
+    return true_pictures(chart, planes, 24, (RayCount(10, 3), RayCount(8, 4)))
 
 
 @pytest.fixture

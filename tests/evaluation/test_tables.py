@@ -17,7 +17,7 @@ from lfcore.evaluation.tables import (
     sizes,
     thesis_figures,
 )
-from lfcore.evaluation.true_picture.reference import Reference, save_reference
+from lfcore.evaluation.true_picture import Reference, save_reference
 from lfcore.files import write_json
 from lfcore.optics.plane_pictures import save_stack
 from lfcore.optics.planes import SensorPlane

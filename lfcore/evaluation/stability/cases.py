@@ -5,21 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from lfcore.errors import did_you_mean
-from lfcore.evaluation.stability import codecs, extents, hostile, lenses, primitives, shadows
+from lfcore.evaluation.stability import codecs, extents, lenses, primitives, shadows
 from lfcore.evaluation.stability.measurement import Case, Measurement, StabilityError
 from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
 from lfcore.progress import Progress, silent
 
 CASES: tuple[Case, ...] = (
     primitives.edge_rays, primitives.vertex_rays, primitives.any_vertex_rays,
-    primitives.lens_on_a_vertex,
     extents.triangle_sizes, extents.lens_samples, extents.far_from_the_origin, extents.long_rays,
     extents.tiny_triangles, extents.large_triangles, extents.scaled_scene, extents.far_sphere,
-    primitives.needles, primitives.no_area, primitives.nearly_coplanar, primitives.grazing,
-    primitives.axes, primitives.any_axes, primitives.flat_boxes, primitives.coplanar,
-    hostile.invalid_rays, hostile.invalid_rays_time, hostile.invalid_triangles,
+    primitives.needles, primitives.nearly_coplanar, primitives.grazing,
+    primitives.axes, primitives.any_axes, primitives.flat_boxes,
     shadows.self_shadow, shadows.far_self_shadow, shadows.thin_gap, shadows.thin_gap_far,
-    lenses.beyond_the_slab, lenses.near_the_focal_length, lenses.focus_to_infinity,
+    lenses.near_the_focal_length, lenses.focus_to_infinity,
     lenses.apertures, lenses.refocus_shifts, lenses.accumulation,
     codecs.hard_pictures,
 )  # fmt: skip

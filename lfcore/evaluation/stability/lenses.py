@@ -115,42 +115,6 @@ def refocus_shifts(tracer: TracerUnderTest, change: float) -> Measurement:
     return measured("refocus shifts", bound, by_naive, ours)
 
 
-@sweep("18", "aperture / lens", (0.0, 0.25, 0.5, 1.0, 1.0001, 2.0, 1e3))
-def beyond_the_slab(tracer: TracerUnderTest, share: float) -> Measurement:
-    """Apertures up to and wider than the recorded lens, as shares of it; 64 x 64 lens samples.
-
-    Error: samples let through too many or too few, by a count in whole numbers of all samples
-    of that spacing, recorded or not.  Naive: a mask in float32, which knows no limit and
-    pretends that what was not recorded is dark.
-    """
-    slab = Slab(CAMERA, 64, 16)
-    odd = 2 * np.arange(64) - 63  # lens positions in units of R / 64
-    # A pinhole is the view in the middle, of which an even number of samples has four.
-    exact = _samples_within(64 * Fraction(share)) or 4
-    number = math.inf if share == 0 else CAMERA.f_number / share
-
-    def by_naive() -> float:
-        s = (odd / np.float32(64)).astype(np.float32)
-        inside = (s[:, None] ** 2 + s[None, :] ** 2 <= np.float32(share) ** 2).sum()
-        return abs(int(inside) - exact)
-
-    def ours() -> float:
-        plane = SensorPlane(CAMERA.focus_m, number)
-        plane.check(slab)
-        return abs(int(plane.mask(slab).sum()) - exact)
-
-    limit = "apertures" if share > 1 else ""
-    bound = Bound(0, "lens samples", "a whole number")
-    return measured("beyond the slab", bound, by_naive, ours, limit=limit)
-
-
-def _samples_within(radius: Fraction) -> int:
-    """Points with two odd coordinates in a disk about 0, counted column by column."""
-    square = math.floor(radius * radius)
-    columns = range(1, math.isqrt(square) + 1, 2)
-    return 4 * sum((math.isqrt(square - x * x) + 1) // 2 for x in columns)
-
-
 @sweep("20", "N", (1, 2, 16, 64, 256, 512))
 def accumulation(tracer: TracerUnderTest, views: int) -> Iterator[Measurement]:
     """The mean of up to 512 x 512 lens samples of one colour must be that colour.

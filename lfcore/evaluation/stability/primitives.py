@@ -22,10 +22,8 @@ from lfcore.evaluation.stability.measurement import (
     sweep,
 )
 from lfcore.evaluation.stability.shapes import Rays, single
-from lfcore.evaluation.stability.tested_tracer import CAMERA, ClosestHit, TracerUnderTest
-from lfcore.optics.slab import Slab
+from lfcore.evaluation.stability.tested_tracer import ClosestHit, TracerUnderTest
 from lfcore.oracle.intersect import Hits
-from lfcore.oracle.slab import slab_rays
 
 LEAKING = "share of rays that leak"
 NO_GAPS = Bound(0, LEAKING, "a closed mesh has no gaps")
@@ -75,27 +73,6 @@ def _leaks(
     if (hits.triangle < 0).any():
         raise AssertionError(f"the oracle leaks in {case}")
     return compared(case, bound, lambda find: leaks(find(mesh, *rays), hits), closest)
-
-
-@sweep("2", "N", (4, 16, 64))
-def lens_on_a_vertex(tracer: TracerUnderTest, views: int) -> Measurement:
-    """A wall in focus whose vertices lie where the pixels' rays meet: all N^2 aim at one."""
-    slab = Slab(CAMERA, views, 16)
-    edge = slab.pixel_tangents()[[0, -1]] * CAMERA.focus_m
-    size = edge[1] - edge[0]
-    cell = size / 15
-    corner = [edge[0] - cell, edge[0] - cell, CAMERA.focus_m]
-    side = size + 2 * cell
-    wall = single(shapes.grid(17, 17, corner, [side, 0, 0], [0, side, 0]))
-    pixels = np.stack(np.meshgrid(np.arange(16), np.arange(16)), -1).reshape(-1, 2)
-    pixels = pixels[:: max(1, views // 8)]
-    rays = shapes.one_by_one(slab_rays(slab, pixels))
-    return measured(
-        "lens on a vertex",
-        Bound(0, LEAKING, "a wall has no gaps"),
-        lambda: (naive.moeller_trumbore(wall, *rays)[0] < 0).mean(),
-        lambda: (tracer.slab_hits(wall, slab, pixels)[0] < 0).mean(),
-    )
 
 
 @sweep("7", "aspect", 10.0 ** np.arange(0, 9))
@@ -208,22 +185,6 @@ def _through_a_corner(seed: int) -> Rays:
     return shapes.rays_at(shapes.at_depth(points, 2.0), (0.01, 0.0))
 
 
-@sweep("15", "copies", (2, 16, 17, 256, 1024))
-def coplanar(tracer: TracerUnderTest, copies: int) -> Measurement:
-    """Copies of one triangle, in an order of its own each: the lowest number must win.
-
-    Naive: the first in the order that a tree happens to visit, here the last.
-    """
-    rays = _through_a_corner(15)
-    mesh = np.tile(_corner(2.0), (copies, 1, 1))
-    return measured(
-        "coplanar copies",
-        Bound(0, CHOICE, "of equal depths the lowest number wins"),
-        lambda: (copies - 1 - naive.moeller_trumbore(mesh[::-1], *rays)[0] != 0).mean(),
-        lambda: (tracer.closest(mesh, *rays)[0] != 0).mean(),
-    )
-
-
 @sweep("15", "separation ulp", (0, 1, 2, 4, 8, 16, 32, 64))
 def nearly_coplanar(tracer: TracerUnderTest, ulp: int) -> Measurement:
     """Two triangles that part by some ulp of their depth: the nearer must win from 16 on.
@@ -243,28 +204,3 @@ def nearly_coplanar(tracer: TracerUnderTest, ulp: int) -> Measurement:
     kappa = np.inf if ulp == 0 else 2.0**23 / ulp
     bound = Bound(0, CHOICE, "16 ulp, the bound of a depth, part two of them")
     return compared("nearly coplanar", bound, wrong, tracer.closest, condition=kappa)
-
-
-@sweep("7", "share", (0.1, 0.5, 0.9))
-def no_area(tracer: TracerUnderTest, share: float) -> Measurement:
-    """Points, repeated corners and collinear ones among sound triangles, rays aimed at them.
-
-    Error: share of the rays that name one of them or whose answer they change.
-    """
-    rng = np.random.default_rng(17)
-    base = single(rng.uniform(-1, 1, (200, 1, 3)) + [0, 0, 3] + rng.normal(0, 0.1, (200, 3, 3)))
-    count = round(200 * share / (1 - share))
-    # Multiples of 2^-12, so that collinear corners are exactly so.
-    flat = np.round(base[rng.integers(0, 200, count)] * 4096) / 4096
-    flat[0::3, 1:] = flat[0::3, :1]
-    flat[1::3, 2] = flat[1::3, 1]
-    flat[2::3, 2] = 2 * flat[2::3, 1] - flat[2::3, 0]
-    rays = shapes.rays_at(flat.mean(1, dtype=float), (0.01, -0.01))
-    mesh, hits = np.concatenate([base, flat]), oracle_hits(base, rays)
-
-    def wrong(closest: ClosestHit) -> float:
-        ids, t = closest(mesh, *rays)
-        return ((ids >= 200) | ((ids != hits.triangle) & hits.clear()) | np.isnan(t)).mean()
-
-    bound = Bound(0, CHOICE, "what has no area is never met")
-    return compared("no area", bound, wrong, tracer.closest)

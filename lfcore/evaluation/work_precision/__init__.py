@@ -1,1 +1,1 @@
-"""Error against run time: what accuracy costs, by lens sampling, by method, by arithmetic."""
+"""Error against run time: dB against the true picture over core seconds, for all methods."""

@@ -1,60 +1,84 @@
-"""Mitsuba 3 and POV-Ray, where they are installed: each against its own picture of far more rays.
+"""The seconds that Mitsuba 3 and POV-Ray need for a quality, each against its own true picture.
 
-Their shading is not ours (no ambient light in Mitsuba, no Blinn-Phong), so a common reference would
-show that and not the error of their sampling.  Where one is missing its row says so.
+Their shading is not ours (no ambient light in Mitsuba, no Blinn-Phong), so a common truth would
+show that difference and not the error of their sampling.  They trace every picture separately, with
+independent samples over pixel and lens: squared error falls with the number of samples.  A small
+picture with few samples therefore predicts the cost of a large picture with many.
 """
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from lfcore.colour import display_values
 from lfcore.evaluation import renderers
-from lfcore.evaluation.metrics import psnr
-from lfcore.evaluation.work_precision.measured_point import COLUMNS, judged, rmse
-from lfcore.evaluation.work_precision.study import Study
+from lfcore.evaluation.renderers import Rendered
+from lfcore.evaluation.true_picture import inner_psnr
+from lfcore.evaluation.work_precision.points import COLUMNS, ON_THE_FLY
 from lfcore.optics.planes import SensorPlane
 from lfcore.scene.model import Scene
 
-LOG = logging.getLogger(__name__)
-VIEWS, REFERENCE_VIEWS = (2, 4, 6), 64
+PEERS = {"Mitsuba 3": renderers.mitsuba, "POV-Ray": renderers.povray}
+PIXELS = 24
+"""The side of the pictures that are rendered; time is proportional to the number of pixels."""
+SAMPLES, TRUE_SAMPLES = 4, 16
+"""Samples per side of a pixel: the truth has 16 times as many, so its error is 12 dB lower."""
 
 
-def peers(scene: Scene, study: Study) -> Iterator[dict]:
-    """The picture at the camera's own focus, without ambient light, by samples a pixel."""
+def peer_rows(
+    scene: Scene,
+    planes: Sequence[SensorPlane],
+    pixels: int,
+    targets_db: Sequence[float],
+    *,
+    peers: dict[str, Callable[..., Rendered]] = PEERS,
+) -> Iterator[dict]:
+    """A row per renderer and target: predicted samples and seconds for all planes together.
+
+    ``expected_db`` is the target.  A renderer that is not installed, or cannot show the scene, has
+    one row whose ``note`` says why.
+    """
     dark = replace(scene, ambient=(0.0, 0.0, 0.0))
-    plane = SensorPlane(scene.camera.focus_m, scene.camera.f_number)
-    for name, renderer in (("Mitsuba 3", renderers.mitsuba), ("POV-Ray", renderers.povray)):
-        context = dict.fromkeys(COLUMNS) | {
-            "panel": "tracing", "f_number": plane.f_number, "method": name,
-        }  # fmt: skip
-        reference = renderer(dark, plane, study.pixels, REFERENCE_VIEWS)
-        if reference.picture is None:
-            LOG.warning("%s: %s", name, reference.note)
-            yield context | {"knob": "", "note": reference.note}
+    for method, renderer in peers.items():
+        context = {"panel": ON_THE_FLY, "f_number": planes[0].f_number, "method": method}
+        sampled, note = _sampled(renderer, dark, planes)
+        if note:
+            yield dict.fromkeys(COLUMNS) | context | {"note": note}
             continue
-        truth = np.asarray(reference.picture, float)
-        made = [renderer(dark, plane, study.pixels, views) for views in VIEWS]
-        pictures = [np.asarray(one.picture) for one in made]
-        errors = [rmse([picture], truth) for picture in pictures]
-        # Independent samples: the error falls with the square root of their number.
-        context["reference_rmse"] = errors[-1] * VIEWS[-1] / REFERENCE_VIEWS
-        for views, one, picture, error in zip(VIEWS, made, pictures, errors, strict=True):
-            quality = psnr(display_values(picture), display_values(truth), peak=255)
-            yield judged(
-                context
+        for target in targets_db:
+            samples = [
+                math.ceil(SAMPLES**2 * 10 ** ((target - psnr_db) / 10)) for psnr_db, _ in sampled
+            ]
+            per_sample = [seconds * pixels**2 for _, seconds in sampled]
+            yield (
+                dict.fromkeys(COLUMNS)
+                | context
                 | {
-                    "knob": f"{views**2} samples",
-                    "rays_per_pixel": views**2,
-                    "rmse": error,
-                    "psnr_db": quality if error else None,
-                    "seconds": one.seconds,
-                    "quartile_1_seconds": one.seconds,
-                    "quartile_3_seconds": one.seconds,
-                    "repeats": 1,
+                    "setting": f"{target:g} dB",
+                    "rays_per_pixel": sum(samples),
+                    "rays": sum(samples) * pixels**2,
+                    "seconds": float(np.dot(samples, per_sample)),
+                    "expected_db": target,
                 }
             )
+
+
+def _sampled(
+    renderer: Callable[..., Rendered], scene: Scene, planes: Sequence[SensorPlane]
+) -> tuple[list[tuple[float, float]], str]:
+    """For each plane the PSNR in dB of a few samples, and the seconds per pixel and sample; or
+    nothing, and the reason."""
+    found = []
+    for plane in planes:
+        few, true = (renderer(scene, plane, PIXELS, side) for side in (SAMPLES, TRUE_SAMPLES))
+        for one in (few, true):
+            if one.picture is None:
+                return [], one.note
+        # The measured difference includes the truth's own error, of 16 times as many samples.
+        apart = inner_psnr(*(np.asarray(one.picture, float) for one in (few, true)))
+        own = apart + 10 * math.log10(1 + (SAMPLES / TRUE_SAMPLES) ** 2)
+        found.append((own, true.seconds / TRUE_SAMPLES**2 / PIXELS**2))
+    return found, ""

@@ -1,1 +1,0 @@
-"""Pictures against the average over their pixels and the lens."""

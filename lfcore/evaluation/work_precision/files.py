@@ -1,0 +1,100 @@
+"""Pictures from light field files: what recording, reading and forming all planes costs."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import lfcore
+from lfcore.evaluation.true_picture import Reference
+from lfcore.evaluation.work_precision.on_the_fly import BY_DEPTH, NEAREST
+from lfcore.evaluation.work_precision.points import FROM_FILE, core_clock, point, timed_point
+from lfcore.opencl.device import Device, programs_made
+from lfcore.rendering.by_depth import RayCount
+from lfcore.rendering.prepared import hierarchy_of
+from lfcore.scene.model import Scene
+from lfcore.timing import clocked_warm
+
+
+def recorded_row(
+    scene: Scene,
+    reference: Reference,
+    count: RayCount,
+    device: Device,
+    *,
+    method: str = BY_DEPTH,
+    setting: str = "",
+    **encoder: Any,
+) -> dict:
+    """A row of the rays ``count`` with their depths, recorded to a file and read again.
+
+    Parameters
+    ----------
+    setting : str
+        The name of the point; default is ``count``.
+    **encoder : Any
+        The codec settings that are not the default's, as :func:`lfcore.record` takes them.
+    """
+    hierarchy_of(scene)  # the clock counts rays and frames, not the tree
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "lightfield.mkv"
+
+        def record() -> None:
+            lfcore.record(
+                scene, file, views=count.views, subpixels=count.subpixels,
+                pixels=reference.pixels, depth_stream=True, device=device, **encoder,
+            ).close()  # fmt: skip
+
+        def read() -> np.ndarray:
+            with lfcore.LightField.open(file) as field:
+                return field.refocus_many(reference.planes, device=device)
+
+        _, seconds = clocked_warm(record, programs_made, clock=core_clock(device))
+        return timed_point(
+            reference, read, device, panel=FROM_FILE, method=method, setting=setting or str(count),
+            rays=count.rays(reference.pixels), record_seconds=seconds, bytes=file.stat().st_size,
+        )  # fmt: skip
+
+
+def codec_rows(
+    scene: Scene,
+    reference: Reference,
+    count: RayCount,
+    codecs: Sequence[Mapping],
+    crfs: Sequence[float],
+    device: Device,
+) -> Iterator[dict]:
+    """Rows of the same rays by codec and CRF; ``crf_offset`` of a codec is added to its CRF."""
+    for codec in codecs:
+        settings = {key: codec[key] for key in codec if key not in ("name", "crf_offset")}
+        for crf in crfs:
+            crf = float(crf + codec.get("crf_offset", 0))
+            yield recorded_row(
+                scene, reference, count, device, method=f"{count}, {codec['name']}",
+                setting=f"CRF {crf:g}", crf=crf, **settings,
+            )  # fmt: skip
+
+
+def grid_row(
+    reference: Reference, views: int, pictures: np.ndarray, jobs: Sequence[Mapping]
+) -> dict:
+    """The row of the workflow's own light field of N = ``views`` without depth.
+
+    Parameters
+    ----------
+    pictures : ndarray
+        (P, M, M, 3), formed from the file.
+    jobs : sequence of mapping
+        The records of tracing, storing and retrieving it.
+    """
+    traced, stored, retrieved = jobs
+    return point(
+        reference, pictures, panel=FROM_FILE, method=NEAREST, setting=f"{views} x 1",
+        rays=traced["rays"], seconds=retrieved["seconds"] * retrieved["threads"],
+        record_seconds=traced["seconds"] + stored["encode_seconds"] + stored["join_seconds"],
+        bytes=stored["video_bytes"],
+    )  # fmt: skip

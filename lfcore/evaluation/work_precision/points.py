@@ -1,0 +1,99 @@
+"""The points of the diagrams: a method at a setting, its seconds, and its error."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from lfcore.errors import OpticsError, SceneError
+from lfcore.evaluation.true_picture import BELOW_DB, Reference
+from lfcore.opencl.device import Device, programs_made
+from lfcore.timing import measure_within
+
+COLUMNS = (
+    "scene", "panel", "f_number", "method", "setting", "rays_per_pixel", "rays", "seconds",
+    "quartile_1_seconds", "quartile_3_seconds", "record_seconds", "bytes", "psnr_true_db",
+    "worst_plane_m", "mean_psnr_true_db", "expected_db", "truth_known_db", "note",
+)  # fmt: skip
+ON_THE_FLY, FROM_FILE, IN_MEMORY = "on the fly", "from a file", "from memory"
+"""The panels: where the rays are when the clock starts."""
+NOT_JUDGED = f"not judged: within {BELOW_DB:g} dB of the error of the true picture"
+REPEATS, BUDGET_SECONDS = 5, 0.5
+"""The runs of short work, and the seconds that the runs of longer work may take together."""
+
+
+def core_clock(device: Device) -> Callable[[], float]:
+    """The clock of core seconds: all threads of the process; wall seconds for another device."""
+    return time.process_time if device.is_cpu else time.perf_counter
+
+
+def point(reference: Reference, pictures: np.ndarray, *, rays: int, **context: Any) -> dict:
+    """A row with :data:`COLUMNS` of the pictures of all planes.
+
+    Parameters
+    ----------
+    reference : Reference
+        The true pictures.
+    pictures : ndarray
+        (P, M, M, 3), linear light.
+    rays : int
+        The rays behind all of them.
+    **context : Any
+        The other columns.
+    """
+    found = reference.psnr(pictures)
+    worst = int(np.argmin(found))
+    known = float(reference.known_db[worst])
+    return dict.fromkeys(COLUMNS) | {
+        "f_number": reference.planes[0].f_number,
+        "rays": rays,
+        "rays_per_pixel": rays / reference.pixels**2,
+        "psnr_true_db": found[worst],
+        "worst_plane_m": reference.planes[worst].focus_m,
+        "mean_psnr_true_db": float(np.mean(found)),
+        "truth_known_db": known,
+        "note": NOT_JUDGED if found[worst] > known - BELOW_DB else None,
+        **context,
+    }
+
+
+def timed_point(
+    reference: Reference,
+    work: Callable[[], np.ndarray],
+    device: Device,
+    *,
+    rays: int,
+    **context: Any,
+) -> dict:
+    """A row as :func:`point` makes it, with the seconds of ``work``, which makes the pictures.
+
+    A method that refuses the lens or the scene is a row without seconds, whose ``note`` says why.
+    Any other error passes through.
+    """
+    try:
+        results, timing = measure_within(
+            lambda _: work(), BUDGET_SECONDS, programs_made, repeats=REPEATS,
+            clock=core_clock(device),
+        )  # fmt: skip
+    except (OpticsError, SceneError) as error:
+        stop = reference.planes[0].f_number
+        note = {"note": f"refused: {error.problem}"}
+        return dict.fromkeys(COLUMNS) | {"f_number": stop, "rays": rays} | context | note
+    low, high = timing.quartiles
+    seconds = {"seconds": timing.median, "quartile_1_seconds": low, "quartile_3_seconds": high}
+    return point(reference, results[0], rays=rays, **seconds, **context)
+
+
+def table(rows: pd.DataFrame) -> pd.DataFrame:
+    """``rows`` with the digits that are published."""
+    rows = rows[list(COLUMNS)].astype({"rays": "Int64", "bytes": "Int64"})
+    decibels = [name for name in COLUMNS if name.endswith("_db")]
+    rows = rows.round(dict.fromkeys(decibels, 1) | {"rays_per_pixel": 1, "f_number": 2})
+    for name in COLUMNS:
+        if name.endswith("seconds"):
+            rows[name] = [float(f"{value:.3g}") for value in rows[name].astype(float)]
+    return rows.round({"worst_plane_m": 3})
