@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.evaluation.stability.cases import CASES
 from lfcore.evaluation.stability.measurement import COLUMNS, LIMITS, Measurement
 from lfcore.evaluation.stability.report import (
     cases_table,
@@ -19,11 +18,6 @@ from lfcore.tracing.tracer import SMALLEST_SCENE
 
 REFUSED = "coordinates", "1 triangle is out of range"
 DOCUMENT = Path(__file__).parents[2] / "docs" / "stability.md"
-
-
-def test_the_twenty_cases_of_the_specification_are_all_there():
-    numbers = {number for case in CASES for number in case.number.split(", ")}
-    assert numbers - {"codec"} == {str(k) for k in range(1, 21)}
 
 
 def test_cases_table():

@@ -30,7 +30,6 @@ LIMITS = {
     "coordinates": "out of range",
     "small triangles": "too small",
     "focus": "inside the focal length",
-    "apertures": "wider than the lens",
 }
 """The documented limits (``docs/stability.md``), and what the program says beyond each."""
 NO_ANSWER = math.inf
