@@ -9,7 +9,6 @@ import pytest
 
 from lfcore.errors import DeviceError, SceneError, StorageError
 from lfcore.evaluation.stability import (
-    codecs,
     extents,
     lenses,
     measurement,
@@ -198,13 +197,6 @@ def test_the_tracer_holds(case, tracer):
 def test_shadows_are_not_tested_where_nothing_is_stiff(tracer):
     for case in (shadows.thin_gap, shadows.thin_gap_far):
         assert max(row.naive_error for row in case(ORACLE)) > 0.1
-
-
-def test_hard_pictures_reach_what_the_library_refuses():
-    rows = list(codecs.hard_pictures(ORACLE))
-    assert {1.0, 15.0, 16.0} <= {row.value for row in rows}
-    # Odd sides are what the library's own defaults refuse in 4:2:0.
-    assert {row.value % 2 for row in rows if row.naive_error == NO_ANSWER} == {1.0}
 
 
 def test_scenes_beyond_the_range_of_float32_are_refused(tracer):

@@ -113,7 +113,7 @@ class Case:
     """A sweep: ``measure(tracer, value)`` makes one measurement at a value, or several.
 
     ``parameter`` is the name of the values, with their unit; ``number`` counts among the twenty
-    cases of the specification, or is ``codec``.
+    cases of the specification.
     """
 
     measure: Callable
