@@ -110,12 +110,12 @@ class Encoding(Keys):
 
 
 FIGURES = (
-    "focal_stack", "aperture_stack", "sub_aperture_views", "plenoptic_photograph",
+    "focal_stack", "aperture_stack", "sub_aperture_views", "recipes", "plenoptic_photograph",
     "other_renderers", "quality",
 )  # fmt: skip
 STORAGE = ("storage_layouts", "rate_distortion", "equivalence", "retrieval")
-ANALYSES = ("true_picture", "work_precision", "recommendation", "stability", "left_out")
-REPORTS = (*FIGURES, *STORAGE, *ANALYSES, "chosen_rays", "camera_arrays")
+ANALYSES = ("chosen_rays", "work_precision", "stability", "left_out")
+REPORTS = (*FIGURES, *STORAGE, *ANALYSES, "camera_arrays")
 """The reports beside the thesis's tables."""
 DEFAULT_SCENES = ["bike", "cabin", "bedroom"]
 
@@ -148,5 +148,5 @@ class Configuration(Keys):
     device: str = key("part of an OpenCL device's or platform's name; empty: the processor", "")
     sweep: str = key("a table of cases for `make sweep`; empty: none", "")
     reports: several(Literal[REPORTS], 0) = key(
-        "reports beside the thesis's tables", [one for one in REPORTS if one != "chosen_rays"]
+        "reports beside the thesis's tables", list(REPORTS)
     )

@@ -85,7 +85,7 @@ def table(model: type[keys.Keys]) -> str:
 
 
 def _shown(default: Any) -> str:
-    return "all but `chosen_rays`" if default and len(str(default)) > 200 else f"`{_flow(default)}`"
+    return "all" if default and len(str(default)) > 200 else f"`{_flow(default)}`"
 
 
 def _flow(value: Any) -> str:

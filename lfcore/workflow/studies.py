@@ -24,7 +24,7 @@ class Renderers(Keys):
 
 class Figures(Keys):
     views: whole(2, 1024) = key(
-        "lens samples per side of the aperture stack and the sub-aperture views", 64
+        "lens samples per side of the sub-aperture views", 64
     )
     aperture_stops: listed(number(0, 20), 1, 12) = key(
         "stops by which the lens is closed in the aperture stack", [0, 1, 2, 3]
@@ -86,68 +86,48 @@ LATTICE = listed(number(1, 64), 2, 2)
 
 
 class WorkPrecision(Keys):
-    pixels: whole(16, 512) = key("pixels per side of the diagrams' pictures", 24)
-    views: several(whole(2, 256), 2) = key(
-        "lens samples per side of the points, ascending", [4, 8, 16, 32, 64, 128]
-    )
-    window_picture: whole(64, 1024) = key(
-        "pixels per side of the picture with the windows of the quadrature study", 128
-    )
-    window_truth: several(listed(whole(1, 256), 2, 2), 2, 2) = key(
-        "two lattices of the true windows: lens samples and rays per pixel, per side",
-        [[48, 4], [40, 5]],
-    )
     truth: several(LATTICE, 2, 2) = key(
-        "two lattices of the true refocused picture", [[10, 8], [8, 10]]
+        "two unlike lattices of the true picture: lens samples and rays per pixel, per side",
+        [[10, 5], [8, 6]],
     )
-    f_stops: listed(number(0, 12), 1, 4) = key(
-        "stops by which the lens is closed, one diagram each", [0, 2, 4]
+    stops: above(0, 12) = key("stops by which the stopped-down lens is closed", 4)
+    nearest_views: several(whole(2, 1024), 1, 8) = key(
+        "lens samples per side of the thesis's recipe through the stopped-down lens", [16, 64]
     )
-    stored_pixels: whole(16, 512) = key("pixels per side of stored light fields", 64)
-    stored_lattice: LATTICE = key(
-        "lattice that is stored with depth: lens samples and rays per pixel, per side", [4, 2]
+    lattices: several(LATTICE, 1, 12) = key(
+        "lattices that are sliced by depth, on the fly and from files",
+        [[4, 1], [4, 1.5], [4, 2], [8, 2], [8, 3]],
     )
-    video_views: whole(2, 256) = key("lens samples per side of the grid without depth", 32)
-    crfs: listed(number(0, 51), 1, 12) = key(
-        "constant rate factors of the storage diagram", [14, 20, 26, 30, 34, 40]
+    qualities_db: several(number(10, 80), 0, 12) = key(
+        "PSNR in dB, as `lfcore render` takes it", [35, 40, 45]
     )
+    peers_db: several(number(10, 80), 0, 4) = key(
+        "PSNR in dB to which Mitsuba 3 and POV-Ray are timed, where they are installed", [40, 45]
+    )
+    codec_lattice: LATTICE = key("lattice that is stored by every codec", [4, 2])
+    crfs: listed(number(0, 51), 0, 12) = key("constant rate factors per codec", [14, 20, 26, 32])
     codecs: listed(Codec, 1, 5) = key(
-        "encoders of the storage diagram",
+        "encoders of stored light fields",
         [
             {"name": "default"},
             {"name": "x264 ultrafast", "preset": "ultrafast"},
-            {"name": "x264 veryfast 4:2:0", "preset": "veryfast", "pixel_format": "yuv420p"},
             {"name": "x265 fast", "codec": "libx265", "preset": "fast", "pixel_format": "yuv444p"},
             {"name": "SVT-AV1 10", "codec": "libsvtav1", "preset": "10", "pixel_format": "yuv420p",
              "crf_offset": 10},
         ],
     )  # fmt: skip
+    memory_views: several(whole(2, 256), 1) = key(
+        "lens samples per side of light fields in memory", [8, 16, 32]
+    )
     monte_carlo_samples: listed(whole(1, 16384), 1, 8) = key(
         "samples per pixel of the Monte Carlo curve", [4, 16, 64, 256]
     )
-    oracle_pixels: whole(1, 64) = key("pixels whose rays the oracle traces", 4)
-    oracle_views: whole(1, 32) = key("lens samples per side that the oracle traces", 8)
 
 
-class TruePicture(Keys):
-    truth: several(LATTICE, 2, 2) = key(
-        "two lattices of the true picture: lens samples and rays per pixel, per side",
-        [[10, 5], [8, 6]],
+class ChosenRays(Keys):
+    qualities_db: several(number(10, 80), 1, 8) = key(
+        "PSNR in dB against the true picture for which a light field is recorded", [35, 40, 45]
     )
-    lattices: several(LATTICE, 1, 12) = key(
-        "lattices that are sliced by depth",
-        [[4, 1], [4, 1.25], [4, 1.5], [4, 2], [6, 2], [8, 2], [8, 3]],
-    )
-    qualities_db: several(number(10, 80), 0, 12) = key(
-        "PSNR in dB, as of `lfcore render --quality-db`", [35, 40, 45, 50]
-    )
-    peers_db: several(number(10, 80), 0, 4) = key(
-        "PSNR in dB to which Mitsuba 3 and POV-Ray are timed, where they are installed", [40, 45]
-    )
-    nearest_views: several(whole(2, 1024), 1, 8) = key(
-        "lens samples per side of the thesis's recipe through the stopped-down lens", [16, 64]
-    )
-    stops: above(0, 12) = key("stops by which the stopped-down lens is closed", 4)
 
 
 class LeftOut(Keys):
@@ -159,22 +139,12 @@ class LeftOut(Keys):
     ) = key("features that the scene lacks and that are compiled in to compare", "all")
 
 
-class ChosenRays(Keys):
-    quality_db: number(10, 80) = key(
-        "PSNR in dB against the true picture for the worst plane, before the codec", 45
-    )
-
-
 class Analysis(Keys):
-    targets_db: listed(number(1, 100), 1, 12) = key(
-        "PSNR in dB for which settings are recommended", [35, 40, 45, 50]
-    )
     stability_rays: whole(100, 1000000) = key("rays per step of a stability sweep", 400)
     stability_cases: Literal["all"] | several(str) = key("stability sweeps to run", "all")
-    true_picture: group(TruePicture, "pictures against their average over pixel and lens")
-    work_precision: group(WorkPrecision, "diagrams of error against run time")
+    work_precision: group(WorkPrecision, "error against run time")
+    chosen_rays: group(ChosenRays, "light fields whose rays a pilot chooses")
     left_out: group(LeftOut, "runs of the complete program for comparison")
-    chosen_rays: group(ChosenRays, "a light field whose rays a pilot chooses")
 
 
 class Array(Keys):

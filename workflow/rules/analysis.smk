@@ -1,21 +1,65 @@
-# Three reports on the program itself: error against run time, stiff cases, what scenes leave out.
+# Reports on the program itself: error against run time, chosen rays, stiff cases, what scenes leave out.
 ANALYSIS = config["analysis"]
+STUDY = ANALYSIS["work_precision"]
+TRUTHS = {
+    "wide": "results/{scene}/analysis/truth_wide.npz",
+    "stopped": "results/{scene}/analysis/truth_stopped.npz",
+}
+TRACED = {
+    "on_the_fly": of_resolutions("planes/on_the_fly.npz"),
+    "trace": of_resolutions("trace.json"),
+}
+# The light fields of the thesis's recipe, where they are stored.
+STORED = {
+    "from_video": of_resolutions("planes/from_video.npz"),
+    "store": of_resolutions("store.json"),
+    "retrieve": of_resolutions("retrieve.json"),
+}
+CHOSEN = f"results/{{scene}}/M{PIXELS}/chosen"
 
 
-rule work_precision_scene:
+# Pictures averaged over pixel and lens, made once per scene.
+rule truth:
     input:
         **of_scene("{scene}"),
     output:
-        "results/{scene}/analysis/work_precision.json",
+        "results/{scene}/analysis/truth_{lens}.npz",
     log:
-        "logs/work_precision/{scene}.log",
-    # As tracing: long jobs first, so that the cores finish together.
+        "logs/truth/{scene}/{lens}.log",
+    wildcard_constraints:
+        lens="|".join(TRUTHS),
     priority: 10
+    group:
+        grouped("figures")
     conda:
         "../envs/lfcore.yaml"
     params:
         version=version("report"),
-        study=ANALYSIS["work_precision"],
+        counts=STUDY["truth"],
+        stops=lambda wildcards: STUDY["stops"] if wildcards.lens == "stopped" else 0,
+        planes=config["planes"],
+        pixels=PIXELS,
+        device=DEVICE,
+    script:
+        "../scripts/truth.py"
+
+
+rule work_precision_scene:
+    input:
+        **TRUTHS,
+        **of_scene("{scene}"),
+        **TRACED,
+        **(STORED if STORE else {}),
+    output:
+        "results/{scene}/analysis/work_precision.json",
+    log:
+        "logs/work_precision/{scene}.log",
+    conda:
+        "../envs/lfcore.yaml"
+    params:
+        version=version("report"),
+        study=STUDY,
+        views=VIEWS,
         device=DEVICE,
     script:
         "../scripts/work_precision_scene.py"
@@ -26,11 +70,8 @@ rule work_precision:
         of_scenes("analysis/work_precision.json"),
     output:
         csv=table("work_precision"),
-        convergence="results/tables/convergence.csv",
-        figures=expand(
-            "results/tables/figures/work_precision_{panel}.png",
-            panel=PANELS["work_precision"],
-        ),
+        on_the_fly="results/tables/figures/work_precision_on_the_fly.png",
+        stored="results/tables/figures/work_precision_stored.png",
     log:
         "logs/work_precision.log",
     group:
@@ -39,27 +80,51 @@ rule work_precision:
         "../envs/lfcore.yaml"
     params:
         version=version("report"),
-        panels=PANELS["work_precision"],
     script:
         "../scripts/work_precision.py"
 
 
-rule recommendation:
-    input:
-        "results/tables/work_precision.csv",
-    output:
-        table("recommendation"),
-    log:
-        "logs/recommendation.log",
-    group:
-        REPORT_GROUP
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        version=version("report"),
-        targets_db=ANALYSIS["targets_db"],
-    script:
-        "../scripts/recommendation.py"
+if STORE:
+
+    rule chosen_rays_scene:
+        input:
+            **of_scene("{scene}"),
+            truth=TRUTHS["wide"],
+            **{name: files[-1] for name, files in (TRACED | STORED).items()},
+        output:
+            rows=f"{CHOSEN}/chosen_rays.json",
+            light_fields=expand(
+                f"{CHOSEN}/{{db}}dB.mkv",
+                db=ANALYSIS["chosen_rays"]["qualities_db"],
+                allow_missing=True,
+            ),
+        log:
+            "logs/chosen_rays/{scene}.log",
+        conda:
+            "../envs/lfcore.yaml"
+        params:
+            version=version("report"),
+            views=VIEWS[-1],
+            qualities_db=ANALYSIS["chosen_rays"]["qualities_db"],
+            device=DEVICE,
+        script:
+            "../scripts/chosen_rays_scene.py"
+
+    rule chosen_rays:
+        input:
+            of_scenes(f"M{PIXELS}/chosen/chosen_rays.json"),
+        output:
+            csv=table("chosen_rays"),
+        log:
+            "logs/chosen_rays.log",
+        group:
+            REPORT_GROUP
+        conda:
+            "../envs/lfcore.yaml"
+        params:
+            version=version("report"),
+        script:
+            "../scripts/chosen_rays.py"
 
 
 rule stability:

@@ -1,16 +1,21 @@
 # Pictures of the thesis: focal stack (4.2), aperture stack (4.3, 4.4), corner views (6.3), the
-# plenoptic photograph (4.6), other ray tracers beside ours (4.5), and quality over N.
+# plenoptic photograph (4.6), other ray tracers beside ours (4.5), and quality over N. Stacks are
+# sliced by depth.
 import importlib.util
 import shutil
 
-# The focal stack is there already: the planes of the largest N.
-STACKS = {
-    "focal_stack": of_resolutions("planes/on_the_fly.npz")[-1],
-    "aperture_stack": "results/{scene}/figures/aperture_stack.npz",
-    "sub_aperture_views": "results/{scene}/figures/sub_aperture_views.npz",
+STACKS = ["focal_stack", "aperture_stack", "sub_aperture_views"]
+# Stacks by file; the figure of recipes shows the focal stack beside the thesis's and the true one.
+TRACED_STACKS = {
+    name: f"results/{{scene}}/figures/{name}.npz"
+    for name in STACKS
+    if name in REPORTS or (name == "focal_stack" and "recipes" in REPORTS)
 }
-WANTED_STACKS = {name: STACKS[name] for name in STACKS if name in REPORTS}
-TRACED_STACKS = {name: file for name, file in WANTED_STACKS.items() if name != "focal_stack"}
+RECIPES = {
+    "thesis": of_resolutions("planes/on_the_fly.npz")[-1],
+    "truth": "results/{scene}/analysis/truth_wide.npz",
+}
+WANTED_SHEETS = [name for name in [*STACKS, "recipes"] if name in REPORTS]
 
 if TRACED_STACKS:
 
@@ -28,20 +33,19 @@ if TRACED_STACKS:
         params:
             version=version("picture"),
             pixels=PIXELS,
+            planes=config["planes"],
             views=config["figures"]["views"],
             stops=config["figures"]["aperture_stops"],
             device=DEVICE,
         script:
             "../scripts/trace_stacks.py"
 
-
-if WANTED_STACKS:
-
     rule contact_sheets:
         input:
-            **WANTED_STACKS,
+            **TRACED_STACKS,
+            **(RECIPES if "recipes" in REPORTS else {}),
         output:
-            **{name: figure(name, f"{name}_{{scene}}", "{scene}") for name in WANTED_STACKS},
+            **{name: figure(name, f"{name}_{{scene}}", "{scene}") for name in WANTED_SHEETS},
         log:
             "logs/contact_sheets/{scene}.log",
         group:
@@ -50,6 +54,7 @@ if WANTED_STACKS:
             "../envs/lfcore.yaml"
         params:
             version=version("report"),
+            views=VIEWS[-1],
         script:
             "../scripts/contact_sheets.py"
 

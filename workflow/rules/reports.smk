@@ -8,6 +8,7 @@ SHEETS = {
     "focal_stack": "Focal stack",
     "aperture_stack": "Aperture stack",
     "sub_aperture_views": "Sub-aperture views",
+    "recipes": "The thesis's recipe and slicing by depth",
 }
 PLENOPTIC = {"plenoptic_photograph": "Photographs of a plenoptic camera"}
 RENDERERS = {"other_renderers": "Other ray tracers"}
@@ -18,22 +19,12 @@ STORAGE_REPORTS = {
     "retrieval": "What it costs to read a stored light field",
 }
 ANALYSES = {
-    "true_picture": "The true picture",
     "work_precision": "Error against run time",
-    "recommendation": "Recommended settings",
     "stability": "Stiff and extreme cases",
     "left_out": "Nothing a scene does not need",
 }
 PANELS = {
-    "true_picture": ["run_time"],
-    "work_precision": [
-        "quadrature",
-        "convergence",
-        "tracing",
-        "recorded",
-        "storage",
-        "arithmetic",
-    ],
+    "work_precision": ["on_the_fly", "stored"],
     "stability": ["heat_map", "error_growth"],
 }
 ARRAY_TABLES = {"camera_array": "Camera arrays", "reconstruction": "Pictures from camera arrays"}
@@ -86,8 +77,8 @@ def table_sections():
     for name in THESIS_TABLES:
         curves = {"": tables_figure(f"{name}_curves")} if "quality" in REPORTS else {}
         yield made(name, THESIS[name], curves)
-    if "chosen_rays" in REPORTS:
-        yield made("chosen_rays", "Rays chosen for a quality")
+    if "chosen_rays" in REPORTS and STORE:
+        yield made("chosen_rays", "Which rays should I choose?")
     for name, title in SHEETS.items():
         if name in REPORTS:
             yield section(name, title, figures=of_scenes_figures(name))
@@ -112,8 +103,6 @@ def table_sections():
                 panel.replace("_", " "): tables_figure(f"{name}_{panel}") for panel in panels
             }
             yield made(name, title, figures)
-            if name == "true_picture" and STORE:
-                yield made("our_choice", "What we would do")
     if "camera_arrays" in REPORTS:
         yield made("camera_array", ARRAY_TABLES["camera_array"])
         yield made(

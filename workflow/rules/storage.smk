@@ -69,7 +69,6 @@ for folder, name, figures in (
     ("storage", "retrieval", ["results/tables/figures/retrieval.png"]),
     ("storage", "equivalence", []),
     ("analysis", "left_out", []),
-    (f"M{PIXELS}/auto", "chosen_rays", []),
 ):
 
     rule:

@@ -1,34 +1,22 @@
-"""A light field of one scene whose rays a pilot chooses: pictures, a file, and their errors."""
+"""Light fields of one scene for wanted qualities, and their rows beside the thesis's recipe."""
 
+from lfcore.evaluation.chosen_rays import chosen_row, thesis_row
 from lfcore.evaluation.table_files import write_rows
-from lfcore.evaluation.true_picture.reference import load_reference
-from lfcore.optics.plane_pictures import save_stack, write_plane_pictures
-from lfcore.timing import Stopwatch
-from lfcore.workflow import cases
-from lfcore.workflow.chosen_rays import choose_rays
+from lfcore.evaluation.true_picture import load_reference
+from lfcore.files import read_json
+from lfcore.opencl.device import open_device
+from lfcore.optics.plane_pictures import load_stack
+from lfcore.scene.files import load_scene
 from lfcore.workflow.job import job
-from lfcore.workflow.tracers import open_tracer
 
 with job(snakemake.log[0], snakemake.threads):
-    given, params, output, watch = snakemake.input, snakemake.params, snakemake.output, Stopwatch()
-    tracer, stored = open_tracer(given, params.device, snakemake.threads), None
-    scene = tracer.scene
-    planes = cases.sensor_planes(params.planes, scene.camera, scene.focus_distances_m)
-    with watch.part("pilot"):
-        chosen = choose_rays(tracer, planes, params.pixels, params.quality_db)
-    with watch.part("trace"):
-        pictures = chosen.pictures(tracer)
-    write_plane_pictures(output.pictures, pictures, planes, suffix=params.picture_format)
-    save_stack(output.stack, pictures, planes)
-    measured = {f"{part}_seconds": seconds for part, seconds in watch.seconds.items()}
-    if "light_field" in output.keys():
-        with watch.part("store"):
-            size = chosen.record(output.light_field, tracer, params.encoding, params.layout)
-        stored = chosen.stored_pictures(output.light_field, tracer)
-        measured |= {"store_seconds": watch.seconds["store"], "bytes": size}
-    row = chosen.row(
-        load_reference(given.truth), pictures, stored, scene=scene.name,
-        quality_db=params.quality_db, **measured,
-    )  # fmt: skip
-    write_rows(output.rows, [row])
-    print(f"{row['lattice']} rays of a pixel are expected to reach {row['expected_db']:.1f} dB")
+    given, params, output = snakemake.input, snakemake.params, snakemake.output
+    scene, reference = load_scene(given.scene), load_reference(given.truth)
+    device = open_device(params.device or None, threads=snakemake.threads)
+    jobs = [read_json(file) for file in (given.trace, given.store, given.retrieve)]
+    pictures = [load_stack(file)[0] for file in (given.on_the_fly, given.from_video)]
+    rows = [thesis_row(scene.name, reference, params.views, jobs, *pictures)]
+    for quality_db, file in zip(params.qualities_db, output.light_fields, strict=True):
+        rows.append(chosen_row(file, scene, device, reference, quality_db))
+        print(f"{rows[-1]['lattice']} rays per pixel for {quality_db:g} dB")
+    write_rows(output.rows, rows)

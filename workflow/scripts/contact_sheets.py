@@ -1,6 +1,7 @@
-"""Pictures of a scene's stacks side by side, each with what tells it from the others."""
+"""Stacks of a scene's pictures side by side, each above its label."""
 
 from lfcore.evaluation.figures import contact_sheet
+from lfcore.evaluation.true_picture import load_reference
 from lfcore.optics.plane_pictures import load_stack
 from lfcore.workflow.job import job
 
@@ -16,14 +17,30 @@ def aperture_label(plane):
     return f"f/{plane.f_number:.2g}, {DIMMING[plane.normalise]}"
 
 
+def recipes(path, by_depth, thesis, truth, views):
+    """The thesis's recipe, slicing by depth and the true picture, a row each."""
+    true = load_reference(truth)
+    ways = {f"N = {views}": load_stack(thesis)[0], "by depth": load_stack(by_depth)[0]}
+    pictures, labels = [], []
+    for name, stack in ways.items():
+        pictures += list(stack)
+        labels += [f"{name}: {db:.1f} dB" for db in true.psnr(stack)]
+    pictures += list(true.pictures)
+    labels += [f"true, focus {plane.focus_m:.3g} m" for plane in true.planes]
+    contact_sheet(path, pictures, labels, columns=len(true.planes))
+
+
 with job(snakemake.log[0], snakemake.threads):
     given, output = snakemake.input, snakemake.output
-    for figure, file, sheet in zip(given.keys(), given, output, strict=True):
-        pictures, planes = load_stack(file)
+    for name, sheet in output.items():
+        if name == "recipes":
+            recipes(sheet, given.focal_stack, given.thesis, given.truth, snakemake.params.views)
+            continue
+        pictures, planes = load_stack(given[name])
         columns = 5
-        if figure == "focal_stack":
+        if name == "focal_stack":
             labels = [focus_label(plane) for plane in planes]
-        elif figure == "aperture_stack":
+        elif name == "aperture_stack":
             labels, columns = [aperture_label(plane) for plane in planes], len(planes) // 2
         else:
             labels = CORNERS

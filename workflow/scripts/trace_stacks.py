@@ -1,4 +1,4 @@
-"""Stacks that figures show: a closing lens, and views from five places of the lens."""
+"""The stacks of the figures: focus and aperture by depth, and views from five lens positions."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from lfcore.optics import bundles
 from lfcore.optics.plane_pictures import save_stack
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.rendering.direct import trace_planes
+from lfcore.rendering.by_depth import DEFAULT_COUNT, pictures_by_depth
 from lfcore.workflow import cases
 from lfcore.workflow.job import job, log_progress
 from lfcore.workflow.tracers import open_tracer
@@ -14,13 +14,20 @@ from lfcore.workflow.tracers import open_tracer
 with job(snakemake.log[0], snakemake.threads):
     params, output = snakemake.params, snakemake.output
     tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
-    camera = tracer.scene.camera
-    slab = Slab(camera, params.views, params.pixels)
-    if "aperture_stack" in output.keys():  # thesis figures 4.3 (dimmed) and 4.4 (normalised)
-        planes = cases.aperture_stack(params.stops, camera, camera.focus_m)
-        pictures = trace_planes(tracer, slab, planes, progress=log_progress("pixels"))
-        save_stack(output.aperture_stack, pictures, planes)
+    scene, camera = tracer.scene, tracer.scene.camera
+    stacks = {
+        "focal_stack": cases.sensor_planes(params.planes, camera, scene.focus_distances_m),
+        # Thesis figures 4.3 (dimmed) and 4.4 (normalised).
+        "aperture_stack": cases.aperture_stack(params.stops, camera, camera.focus_m),
+    }
+    for name, planes in stacks.items():
+        if name in output.keys():
+            pictures = pictures_by_depth(
+                tracer, camera, planes, params.pixels, DEFAULT_COUNT, progress=log_progress(name)
+            )
+            save_stack(output[name], pictures, planes)
     if "sub_aperture_views" in output.keys():  # the four corners and the middle: figure 6.3
+        slab = Slab(camera, params.views, params.pixels)
         last, middle = slab.views - 1, (slab.views - 1) // 2
         samples = np.array([(0, 0), (last, 0), (0, last), (last, last), (middle, middle)])
         pictures = tracer.bundle_radiance(bundles.views(slab, samples), samples).clip(0, 1)

@@ -1,19 +1,24 @@
-"""Points of one scene's work-precision diagrams."""
+"""Error against run time: the points of one scene."""
 
-from lfcore.evaluation.work_precision.curves import scene_rows
-from lfcore.evaluation.work_precision.study import Study
-from lfcore.files import write_json
-from lfcore.opencl.device import open_device
-from lfcore.scene.files import load_scene
-from lfcore.tracing.bvh import load_bvh
-from lfcore.tracing.tracer import Tracer
+from lfcore.evaluation.true_picture import load_reference
+from lfcore.evaluation.work_precision import files, study
+from lfcore.files import read_json, write_json
+from lfcore.optics.plane_pictures import load_stack
 from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.tracers import open_tracer
 
 with job(snakemake.log[0], snakemake.threads):
-    scene, bvh = load_scene(snakemake.input.scene), load_bvh(snakemake.input.bvh)
-    device = open_device(snakemake.params.device or None, threads=snakemake.threads)
-    study = Study(**snakemake.params.study)
-    rows = scene_rows(Tracer(scene, bvh, device), bvh, study, progress=log_progress("diagrams"))
-    write_json(
-        snakemake.output[0], {"device": device.name, "threads": device.threads, "rows": rows}
+    given, params = snakemake.input, snakemake.params
+    wide, stopped = load_reference(given.wide), load_reference(given.stopped)
+    tracer = open_tracer(given, params.device, snakemake.threads)
+    grids = []
+    for at, views in enumerate(params.views):
+        traced = read_json(given.trace[at])
+        grids.append(files.traced_grid(wide, views, load_stack(given.on_the_fly[at])[0], traced))
+        if "from_video" in given.keys():
+            jobs = traced, read_json(given.store[at]), read_json(given.retrieve[at])
+            grids.append(files.grid_row(wide, views, load_stack(given.from_video[at])[0], jobs))
+    rows = study.scene_rows(
+        tracer, wide, stopped, grids, params.study, progress=log_progress("parts")
     )
+    write_json(snakemake.output[0], {"device": tracer.device.name, "rows": rows})

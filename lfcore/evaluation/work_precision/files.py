@@ -12,7 +12,13 @@ import numpy as np
 import lfcore
 from lfcore.evaluation.true_picture import Reference
 from lfcore.evaluation.work_precision.on_the_fly import BY_DEPTH, NEAREST
-from lfcore.evaluation.work_precision.points import FROM_FILE, core_clock, point, timed_point
+from lfcore.evaluation.work_precision.points import (
+    FROM_FILE,
+    ON_THE_FLY,
+    core_clock,
+    point,
+    timed_point,
+)
 from lfcore.opencl.device import Device, programs_made
 from lfcore.rendering.by_depth import RayCount
 from lfcore.rendering.prepared import hierarchy_of
@@ -70,13 +76,25 @@ def codec_rows(
 ) -> Iterator[dict]:
     """Rows of the same rays by codec and CRF; ``crf_offset`` of a codec is added to its CRF."""
     for codec in codecs:
-        settings = {key: codec[key] for key in codec if key not in ("name", "crf_offset")}
+        own = ("codec", "preset", "pixel_format")
+        settings = {key: codec[key] for key in own if codec.get(key) is not None}
         for crf in crfs:
             crf = float(crf + codec.get("crf_offset", 0))
             yield recorded_row(
                 scene, reference, count, device, method=f"{count}, {codec['name']}",
                 setting=f"CRF {crf:g}", crf=crf, **settings,
             )  # fmt: skip
+
+
+def traced_grid(reference: Reference, views: int, pictures: np.ndarray, traced: Mapping) -> dict:
+    """The row of the workflow's own pictures of N = ``views``, formed while tracing.
+
+    ``traced`` is the record of the tracing.
+    """
+    return point(
+        reference, pictures, panel=ON_THE_FLY, method=NEAREST, setting=f"{views} x 1",
+        rays=traced["rays"], seconds=traced["seconds"],
+    )  # fmt: skip
 
 
 def grid_row(

@@ -1,0 +1,57 @@
+"""All points of one scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from lfcore.evaluation.true_picture import Reference
+from lfcore.evaluation.work_precision.files import codec_rows, recorded_row
+from lfcore.evaluation.work_precision.in_memory import memory_rows
+from lfcore.evaluation.work_precision.on_the_fly import by_depth_rows, nearest_rows, quality_rows
+from lfcore.evaluation.work_precision.peers import peer_rows
+from lfcore.progress import Progress, silent
+from lfcore.rendering.by_depth import RayCount
+from lfcore.tracing.tracer import Tracer
+
+
+def scene_rows(
+    tracer: Tracer,
+    wide: Reference,
+    stopped: Reference,
+    grids: Iterable[dict],
+    study: Mapping,
+    *,
+    progress: Progress = silent,
+) -> list[dict]:
+    """The rows of a scene, with the columns of :mod:`~lfcore.evaluation.work_precision.points`.
+
+    Parameters
+    ----------
+    wide, stopped : Reference
+        The true pictures through the open lens and through the stopped-down one.
+    grids : iterable of dict
+        The rows of the workflow's own light fields.
+    study : mapping
+        The keys of ``analysis.work_precision``.
+    progress : callable
+        Called with the number of parts done and of all parts.
+    """
+    scene, device = tracer.scene, tracer.device
+    counts = [RayCount(int(views), subpixels) for views, subpixels in study["lattices"]]
+    views, subpixels = study["codec_lattice"]
+    stored = RayCount(int(views), subpixels)
+    parts: list[Iterator[dict]] = [
+        iter(grids),
+        nearest_rows(tracer, stopped, study["nearest_views"]),
+        *(by_depth_rows(tracer, reference, counts) for reference in (wide, stopped)),
+        *(quality_rows(tracer, reference, study["qualities_db"]) for reference in (wide, stopped)),
+        peer_rows(scene, wide.planes, wide.pixels, study["peers_db"]),
+        (recorded_row(scene, wide, count, device) for count in counts),
+        codec_rows(scene, wide, stored, study["codecs"], study["crfs"], device),
+        memory_rows(tracer, wide, study["memory_views"], study["monte_carlo_samples"]),
+    ]
+    rows: list[dict] = []
+    for done, part in enumerate(parts, 1):
+        rows += [{**row, "scene": scene.name} for row in part]
+        progress(done, len(parts))
+    return rows
