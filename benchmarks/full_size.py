@@ -135,7 +135,7 @@ def read_run(results: Path) -> FullRun:
     keys = [list(zip(table.scene, table.N, table.M, strict=True)) for table in made.values()]
     if not keys[0] or any(each != keys[0] for each in keys):
         raise FullSizeError("have not the same cells", file=results / "tables")
-    choice = results / "tables" / "our_choice.csv"
+    choice = results / "tables" / "chosen_rays.csv"
     return FullRun(made, pd.read_csv(choice) if choice.is_file() else None)
 
 
@@ -159,7 +159,7 @@ def publish(
         )  # fmt: skip
     written = dict(run.tables)
     if run.choice is not None:
-        written["our_choice"] = run.choice
+        written["chosen_rays"] = run.choice
     make_folder(to)
     for name, table in written.items():
         Result(provenance, table).write(to / f"{name}.csv")
@@ -172,15 +172,9 @@ def publish(
 
 def _stacks(results: Path, run: FullRun, to: Path) -> Iterator[tuple[str, str]]:
     """Write the focal and aperture stack of each scene, pixel for pixel; titles and files."""
-    for scene, rows in run.first.groupby("scene", sort=False):
-        largest = rows.loc[rows.N.idxmax()]
-        for name, stack in (
-            (
-                "focal",
-                results / scene / f"M{largest.M}" / f"N{largest.N}" / "planes/on_the_fly.npz",
-            ),
-            ("aperture", results / scene / "figures" / "aperture_stack.npz"),
-        ):
+    for scene in run.first.scene.unique():
+        for name in ("focal", "aperture"):
+            stack = results / scene / "figures" / f"{name}_stack.npz"
             if not stack.is_file():
                 raise FullSizeError(f"is not there, of which the {name} stack is made", file=stack)
             pictures, planes = load_stack(stack)

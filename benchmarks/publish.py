@@ -4,7 +4,6 @@
     python -m benchmarks.publish --check                  # say which are stale, status 1
     python -m benchmarks.publish --take tables_m128 --command "make tables" results/tables
     python -m benchmarks.publish --take true_picture --command "make tables" results/tables
-    python -m benchmarks.publish --take recommended --command "make tables" results/tables
     python -m benchmarks.publish --take full --command "snakemake ..." results    # docs/results/
     python -m benchmarks.publish --take peers --command "python benchmarks/tracer.py ..." tracer.csv
     python -m benchmarks.publish --take against --command "..." against.csv
@@ -35,10 +34,10 @@ from pathlib import Path
 import pandas as pd
 
 from lfcore.errors import LfcoreError
-from lfcore.evaluation.recommendation import DEFAULT_TASK, TASKS
+from lfcore.evaluation.work_precision.on_the_fly import BY_DEPTH, NEAREST, TO_QUALITY
+from lfcore.evaluation.work_precision.points import ON_THE_FLY
 from lfcore.files import write_text
 from lfcore.scene.reading import read_yaml
-from lfcore.storage.defaults import chosen_encoding
 from lfcore.timing import machine
 from lfcore.workflow.keys import DEFAULT_SCENES
 from lfcore.workflow.settings import check_settings
@@ -51,7 +50,6 @@ DOCUMENTS = (
     "docs/performance.md",
     "docs/robustness.md",
 )
-RECOMMENDED = ROOT / "docs" / "results" / "recommended.csv"
 PLACE = re.compile(
     r"(<!-- published: (\w+)(?:: ([^>\n]*?))?(?: where ([^>\n]*?))? -->\n)"
     r".*?(<!-- end of \2 -->)",
@@ -157,12 +155,6 @@ def tables(folder: Path) -> pd.DataFrame:
     return both
 
 
-def recommended(folder: Path) -> pd.DataFrame:
-    """Rows on storing of a run's recommendations."""
-    table = pd.read_csv(folder / "recommendation.csv")
-    return table[table.task.isin([TASKS["storage"][0], DEFAULT_TASK])]
-
-
 def peers(file: Path) -> pd.DataFrame:
     """Of a run of ``benchmarks/tracer.py`` by scene and N: visibility beside Embree's, the better
     of its packets, and pictures beside Mitsuba's where it took part."""
@@ -192,30 +184,21 @@ def _three_digits(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def true_picture(folder: Path) -> pd.DataFrame:
-    """Of a run's table of true errors the worst plane of each way, and its share of the seconds
-    that N = 512 takes through the open lens; what its truth cannot judge is left out."""
-    table = pd.read_csv(folder / "true_picture.csv")
-    recipe = (table.method == "nearest pixel") & (table.lattice == "512 x 1")
-    ours = table.method.isin(["by depth", "to a quality"])
-    together = table.pictures == table.groupby("scene").pictures.transform("max")
-    keys = ["scene", "f_number", "method", "lattice"]
-    table = table[(recipe | ours) & together].reset_index(drop=True)
-    worst = table.loc[table.groupby(keys, sort=False).psnr_true_db.idxmin()]
-    worst = worst[worst.note.isna()]
-    whole = worst[worst.lattice == "512 x 1"].groupby("scene").seconds.max()
+    """The points of a run that are traced on the fly, by depth and at N = 512: the PSNR of the
+    worst plane, and the fraction of the seconds that N = 512 takes.  Points that the truth cannot
+    judge are left out."""
+    table = pd.read_csv(folder / "work_precision.csv")
+    table = table[(table.panel == ON_THE_FLY) & table.note.isna()]
+    recipe = (table.method == NEAREST) & (table.setting == "512 x 1")
+    shown = table[recipe | table.method.isin([BY_DEPTH, TO_QUALITY])]
+    whole = shown[shown.setting == "512 x 1"].groupby("scene").seconds.max()
     return pd.DataFrame({
-        "scene": worst.scene, "f-number": worst.f_number, "method": worst.method,
-        "lattice": worst.lattice, "rays per pixel": worst.rays_per_pixel.map("{:.0f}".format),
-        "core s": worst.seconds.map("{:.2f}".format),
-        "worst dB": worst.psnr_true_db.map("{:.1f}".format),
-        "of N = 512": (worst.scene.map(whole) / worst.seconds).map("1/{:.0f}".format),
+        "scene": shown.scene, "f-number": shown.f_number, "method": shown.method,
+        "lattice": shown.setting, "rays per pixel": shown.rays_per_pixel.map("{:.0f}".format),
+        "core s": shown.seconds.map("{:.2f}".format),
+        "worst dB": shown.psnr_true_db.map("{:.1f}".format),
+        "of N = 512": (shown.scene.map(whole) / shown.seconds).map("1/{:.0f}".format),
     })  # fmt: skip
-
-
-def default_encoder() -> str:
-    """The default encoder as it is now, but for the CRF, which is what is recommended."""
-    spec = chosen_encoding(32)
-    return f"{spec.codec} {spec.preset} {spec.pixel_format} {spec.bframes} {spec.refs} {spec.gop}"
 
 
 def published(text: str) -> str:
@@ -291,21 +274,13 @@ def main(argv: list[str] | None = None) -> int:
         if options.take:
             note = {"note": options.note} if options.note else {}
             provenance = of_this_run(options.command, options.commit, **note)
-        if options.take == "recommended":
-            provenance |= {"encoder": default_encoder()}
-            Result(provenance, recommended(options.folder)).write(RECOMMENDED)
-        elif options.take == "full":
+        if options.take == "full":
             take_full(options.folder, options.configfile, provenance)
         elif options.take:
             takers = {"peers": peers, "true_picture": true_picture, "against": against}
             rows = takers.get(options.take, tables)(options.folder)
             Result(provenance, rows).write(RESULTS / f"{options.take}.csv")
         stale = [path for path, text in documents().items() if path.read_text("utf-8") != text]
-        if read_result(RECOMMENDED).provenance["encoder"] != default_encoder():
-            raise PublishError(
-                "recommends the settings of another default encoder", file=RECOMMENDED,
-                remedy="make tables, then: python -m benchmarks.publish --take recommended",
-            )  # fmt: skip
         for path in stale:
             print(f"{path.relative_to(ROOT)} {'is stale' if options.check else 'written'}")
             if not options.check:

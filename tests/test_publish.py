@@ -45,20 +45,17 @@ def test_a_part_of_a_result_is_made_anew(results):
     assert list(found.columns) == ["N", "s", "commit"]
 
 
-def test_the_worst_plane_of_what_the_truth_can_judge_is_published(tmp_path):
-    rows = [  # plane, pictures, method, lattice, seconds, dB, note
-        (1, 2, "nearest pixel", "512 x 1", 8.0, 31, None),
-        (2, 2, "nearest pixel", "512 x 1", 8.0, 30, None),
-        (1, 2, "by depth", "4 x 2", 0.5, 44, None),
-        (2, 2, "by depth", "4 x 2", 0.5, 60, "not judged"),
-        (1, 2, "by depth", "8 x 3", 1.0, 58, "not judged"),
-        (2, 2, "by depth", "8 x 3", 1.0, 70, "not judged"),
-        (1, 1, "to a quality", "40 dB", 0.1, 20, None),
-        (1, 2, "nearest pixel", "16 x 1", 0.1, 29, None),
+def test_errors_that_the_truth_can_judge_are_published(tmp_path):
+    rows = [  # panel, method, setting, seconds, dB, note
+        ("on the fly", "nearest pixel", "512 x 1", 8.0, 30, None),
+        ("on the fly", "by depth", "4 x 2", 0.5, 44, None),
+        ("on the fly", "by depth", "8 x 3", 1.0, 58, "not judged"),
+        ("on the fly", "nearest pixel", "16 x 1", 0.1, 29, None),
+        ("from a file", "by depth", "4 x 2", 0.1, 43, None),
     ]
-    names = ["plane_m", "pictures", "method", "lattice", "seconds", "psnr_true_db", "note"]
+    names = ["panel", "method", "setting", "seconds", "psnr_true_db", "note"]
     table = pd.DataFrame(rows, columns=names).assign(scene="a", f_number=1.0, rays_per_pixel=64)
-    table.to_csv(tmp_path / "true_picture.csv", index=False)
+    table.to_csv(tmp_path / "work_precision.csv", index=False)
     found = publish.true_picture(tmp_path)
     assert list(found.lattice) == ["512 x 1", "4 x 2"]
     assert list(found["worst dB"]) == ["30.0", "44.0"]
