@@ -32,7 +32,7 @@ def test_smoke(checkout):
 
 def test_the_default_run_has_a_row_for_each_scene_and_resolution(default_jobs):
     jobs = default_jobs
-    assert jobs["join"] == 18 and "chosen_rays" not in jobs
+    assert jobs["join"] == 18 and jobs["chosen_rays_scene"] == jobs["work_precision_scene"] == 3
     # Large light fields are several jobs, so that two cores share them.
     assert jobs["trace"] > jobs["join"]
     assert set(jobs) >= STORE_REPORTS and jobs["retrieval_scene"] == jobs["equivalence_scene"] == 3

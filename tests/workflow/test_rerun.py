@@ -60,7 +60,7 @@ def test_the_smallest_run_has_every_rule_and_script(made):
     assert set(re.findall(r"scripts/(\w+)\.py", text)) == scripts
     rules = set(re.findall(r"^ *(?:use )?rule (?:\w+ as )?(\w+)(?: with)?:", text, re.M))
     rules |= {"storage_layouts_scene", "rate_distortion_scene", "storage_layouts"}
-    rules |= {"equivalence", "retrieval", "left_out", "chosen_rays"}
+    rules |= {"equivalence", "retrieval", "left_out"}
     rules |= {f"assignment_{name}" for name in ("book", "see_through", "sampling", "time")}
     assert rules - {"sweep", "sweep_group"} <= made.scripts
 
@@ -68,7 +68,10 @@ def test_the_smallest_run_has_every_rule_and_script(made):
 @pytest.mark.parametrize(
     ("override", "rules"),
     [
-        ("analysis={targets_db: [25]}", {"recommendation": 1, "page": 1}),
+        (
+            "analysis={chosen_rays: {qualities_db: [30]}}",
+            {"chosen_rays_scene": 1, "chosen_rays": 1, "page": 1},
+        ),
         ("analysis={stability_rays: 500}", {"stability": 1, "page": 1}),
         ("figures={renderers: {views: 3}}", {"other_renderers": 1, "page": 1}),
         ("assignment={instants: 3}", {"page": 1}),

@@ -82,7 +82,7 @@ REFUSED = [
     ({"planes": [{"focus_m": 1, "colour": 1}]}, r"planes.*0\.colour"),
     ({"reports": ["portrait"]}, r"reports\.0"),
     ({"device": 1}, "device"),
-    ({"analysis": {"targets_db": [35, "x"]}}, r"analysis\.targets_db\.1: 'x'"),
+    ({"analysis": {"chosen_rays": {"qualities_db": [35, "x"]}}}, r"qualities_db\.1: 'x'"),
 ]
 
 
