@@ -16,6 +16,7 @@ STORED = {
     "retrieve": of_resolutions("retrieve.json"),
 }
 CHOSEN = f"results/{{scene}}/M{PIXELS}/chosen"
+CHOSEN_FIELDS = [f"{CHOSEN}/{db}dB.mkv" for db in ANALYSIS["chosen_rays"]["qualities_db"]]
 
 
 # Pictures averaged over pixel and lens, made once per scene.
@@ -93,11 +94,7 @@ if STORE:
             **{name: files[-1] for name, files in (TRACED | STORED).items()},
         output:
             rows=f"{CHOSEN}/chosen_rays.json",
-            light_fields=expand(
-                f"{CHOSEN}/{{db}}dB.mkv",
-                db=ANALYSIS["chosen_rays"]["qualities_db"],
-                allow_missing=True,
-            ),
+            light_fields=CHOSEN_FIELDS,
         log:
             "logs/chosen_rays/{scene}.log",
         conda:
@@ -112,7 +109,9 @@ if STORE:
 
     rule chosen_rays:
         input:
-            of_scenes(f"M{PIXELS}/chosen/chosen_rays.json"),
+            rows=of_scenes(f"M{PIXELS}/chosen/chosen_rays.json"),
+            # A new quality lacks its file: that runs the job above again.
+            light_fields=expand(CHOSEN_FIELDS, scene=SCENES),
         output:
             csv=table("chosen_rays"),
         log:

@@ -5,4 +5,4 @@ from lfcore.evaluation.table_files import read_rows, write_csv
 from lfcore.workflow.job import job
 
 with job(snakemake.log[0], snakemake.threads):
-    write_csv(snakemake.output.csv, chosen_rays_table(read_rows(snakemake.input)))
+    write_csv(snakemake.output.csv, chosen_rays_table(read_rows(snakemake.input.rows)))
