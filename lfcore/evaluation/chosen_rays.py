@@ -18,8 +18,10 @@ from lfcore.errors import OpticsError, SettingsError
 from lfcore.evaluation.true_picture import Reference
 from lfcore.evaluation.work_precision.points import core_clock
 from lfcore.opencl.device import Device, programs_made
-from lfcore.rendering.by_depth import RayCount, pictures_by_depth
+from lfcore.optics.lattice import Lattice
+from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.prepared import hierarchy_of, open_tracer
+from lfcore.rendering.quality import Quality
 from lfcore.scene.model import Scene
 from lfcore.timing import clocked_warm
 
@@ -52,7 +54,7 @@ def thesis_row(
     """
     trace, store, retrieve = jobs
     return _row(
-        scene, reference, traced, retrieved, method=THESIS, lattice=RayCount(views, 1.0),
+        scene, reference, traced, retrieved, method=THESIS, lattice=Lattice(views, 1.0),
         seconds=trace["seconds"] + store["encode_seconds"] + store["join_seconds"],
         bytes=store["video_bytes"], read_seconds=retrieve["seconds"] * retrieve["threads"],
     )  # fmt: skip
@@ -70,18 +72,18 @@ def chosen_row(
     """
     clock, planes, pixels = core_clock(device), reference.planes, reference.pixels
     focus = sorted(plane.focus_m for plane in planes)
+    quality = Quality(quality_db, focus_range_m=(focus[0], focus[-1]))
     hierarchy_of(scene)  # the clock counts rays and frames, not the tree
 
     def record() -> None:
         lfcore.record(
-            scene, path, pixels=pixels, quality_db=quality_db,
-            focus_range_m=(focus[0], focus[-1]), device=device,
+            scene, path, pixels=pixels, quality=quality, device=device,
         ).close()  # fmt: skip
 
     try:
         _, seconds = clocked_warm(record, programs_made, clock=clock)
     except OpticsError as error:
-        if error.key != "quality":
+        if error.key != "quality_db":
             raise
         key = "configuration: analysis.chosen_rays.qualities_db"
         problem = f"{scene.name}: {error.problem}"
@@ -90,7 +92,7 @@ def chosen_row(
         read = partial(field.refocus_many, planes, device=device)
         retrieved, read_seconds = clocked_warm(read, programs_made, clock=clock)
         slab, content = field.metadata.slab, field.metadata.content
-    lattice = RayCount(slab.views, slab.pixels / pixels)
+    lattice = Lattice(slab.views, slab.pixels / pixels)
     tracer = open_tracer(scene, device)
     traced = pictures_by_depth(tracer, scene.camera, planes, pixels, lattice)
     return _row(
@@ -106,7 +108,7 @@ def _row(
     traced: np.ndarray,
     retrieved: np.ndarray,
     *,
-    lattice: RayCount,
+    lattice: Lattice,
     **measured: object,
 ) -> dict:
     found = reference.psnr(retrieved)
@@ -115,7 +117,7 @@ def _row(
         "scene": scene,
         "M": reference.pixels,
         "lattice": str(lattice),
-        "rays_per_pixel": lattice.rays_a_pixel,
+        "rays_per_pixel": lattice.rays_per_pixel,
         "rays": lattice.rays(reference.pixels),
         "psnr_traced_db": min(reference.psnr(traced)),
         "psnr_true_db": found[worst],

@@ -20,18 +20,18 @@ from lfcore.rendering.quality import BORDER
 from lfcore.tracing.tracer import Tracer
 
 BELOW_DB = 10.0
-"""How far below an error that it judges a reference's own must be.  Where the two are independent,
-mean squares add up, and the error that is measured is right to 0.5 dB."""
+"""How far a reference's own error must be below an error that it judges.  Independent mean squares
+add up, so the measured error is then right to 0.5 dB."""
 
 
 @dataclass(frozen=True)
 class Reference:
     """True pictures of ``planes``: (P, M, M, 3) float32, linear light, and their own error.
 
-    ``known_db`` is (P,): the PSNR at which the mean of two unlike lattices is known, from what
-    they disagree by.  Held against rays that each count in their own pixel alone, it was right to
-    1.5 dB: docs/notebook/true-picture.md.  ``square_error`` is (P, M, M) float32: the same of each
-    pixel, the mean over channels in linear light, which pixels are to be pooled of.
+    ``known_db`` is (P,): the PSNR to which the mean of two unlike lattices is known, estimated by
+    their difference; right to 1.5 dB where it was checked (docs/notebook/true-picture.md).
+    ``square_error`` is (P, M, M) float32: the squared error per pixel, the mean over channels in
+    linear light.
     """
 
     planes: list[SensorPlane]
@@ -48,13 +48,6 @@ class Reference:
         """dB of ``pictures`` (P, M, M, 3) of the planes, linear light, as :func:`inner_psnr`."""
         return [inner_psnr(*pair) for pair in zip(pictures, self.pictures, strict=True)]
 
-    def of_plane(self, number: int) -> Reference:
-        """The true picture of one of the planes."""
-        one = slice(number, number + 1)
-        return Reference(
-            self.planes[one], self.pictures[one], self.known_db[one], self.square_error[one]
-        )
-
 
 def inner_psnr(picture: np.ndarray, truth: np.ndarray) -> float:
     """dB of sRGB pictures (M, M, 3) without the border that not all of the lens sees."""
@@ -68,28 +61,47 @@ def true_pictures(
     tracer: Tracer,
     planes: Sequence[SensorPlane],
     pixels: int,
-    counts: Sequence[Lattice],
+    lattices: Sequence[Lattice],
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> Reference:
     """Trace every plane at its own focus, through its own aperture, by two lattices.
 
-    ``counts`` are the two, of unlike numbers of views and sub-pixels.  ``progress`` is called with
-    (pictures done, of all).
+    Parameters
+    ----------
+    tracer : Tracer
+        The tracer of the scene.
+    planes : sequence of SensorPlane
+        The planes of the pictures.
+    pixels : int
+        The side of the pictures.
+    lattices : sequence of Lattice
+        Two, with different numbers of views and of sub-pixels.
+    progress : callable, optional
+        Called with the number of pictures done and of all pictures.
 
-    Raises :class:`OpticsError` for lattices too alike.
+    Raises
+    ------
+    OpticsError
+        The lattices are too alike to tell each other's error.
     """
-    check_unlike(counts)
+    one, two = lattices
+    if one.views == two.views or one.subpixels == two.subpixels:
+        raise OpticsError(
+            f"{one} and {two} are too alike to tell each other's error",
+            key="truth",
+            remedy="Give lattices of unlike lens samples and unlike rays per pixel",
+        )
     pictures, known, square_error = [], [], []
     for number, plane in enumerate(planes):
         pair = [
-            pictures_by_depth(tracer, tracer.scene.camera, [plane], pixels, count)[0]
-            for count in counts
+            pictures_by_depth(tracer, tracer.scene.camera, [plane], pixels, lattice)[0]
+            for lattice in lattices
         ]
-        weights = [count.rays_per_pixel for count in counts]
+        weights = [lattice.rays_per_pixel for lattice in lattices]
         pictures.append(np.average(pair, axis=0, weights=weights).astype(np.float32))
-        # Independent errors of e and e are 2 e apart in mean squares, and their mean errs by e / 2;
-        # what both spread alike is no disagreement, and was found to be as much again.
+        # Two independent errors e differ by 2 e in mean squares, and their mean errs by e / 2.
+        # Errors that both have alike do not differ; they were found to be as large again.
         known.append(inner_psnr(*pair) + 10 * np.log10(2))
         square_error.append(np.square(pair[0] - pair[1]).mean(axis=-1) / 2)
         if progress:
@@ -97,19 +109,8 @@ def true_pictures(
     return Reference(list(planes), np.stack(pictures), np.array(known), np.stack(square_error))
 
 
-def check_unlike(counts: Sequence[Lattice]) -> None:
-    """Raise :class:`OpticsError` for two lattices that would err alike."""
-    one, two = counts
-    if one.views == two.views or one.subpixels == two.subpixels:
-        raise OpticsError(
-            f"{one} and {two} are too alike to tell each other's error",
-            key="truth",
-            remedy="Give lattices of unlike lens samples and unlike rays of a pixel",
-        )
-
-
 def save_reference(path: str | Path, reference: Reference) -> None:
-    """Write it as npz: a stack of planes, and what is known of its error."""
+    """Write it as npz: a stack of planes, and its error."""
     save_stack(
         path, reference.pictures, reference.planes,
         known_db=reference.known_db, square_error=reference.square_error,
@@ -117,7 +118,7 @@ def save_reference(path: str | Path, reference: Reference) -> None:
 
 
 def load_reference(path: str | Path) -> Reference:
-    """What :func:`save_reference` wrote; raises :class:`LfcoreError` for what it did not."""
+    """Read a file of :func:`save_reference`; raises :class:`LfcoreError` for any other file."""
     try:
         pictures, planes = load_stack(path)
         with np.load(path, allow_pickle=False) as archive:

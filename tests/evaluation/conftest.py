@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from lfcore.evaluation.true_picture import true_pictures
 from lfcore.opencl.device import open_device
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
-from lfcore.rendering.by_depth import RayCount
 from lfcore.scene.build import build_scene
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
@@ -29,7 +29,7 @@ def reference(chart):
     """The true pictures of two planes of the chart, 24 pixels per side."""
     camera = chart.scene.camera
     planes = [SensorPlane(focus, camera.f_number) for focus in (1.0, camera.focus_m)]
-    return true_pictures(chart, planes, 24, (RayCount(10, 3), RayCount(8, 4)))
+    return true_pictures(chart, planes, 24, (Lattice(10, 3), Lattice(8, 4)))
 
 
 @pytest.fixture

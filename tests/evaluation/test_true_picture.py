@@ -10,9 +10,9 @@ from lfcore.evaluation.true_picture import (
     save_reference,
     true_pictures,
 )
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.ray_cells import crossed_views
 from lfcore.optics.slab import Slab
-from lfcore.rendering.by_depth import RayCount
 from lfcore.rendering.direct import focused_camera
 
 pytestmark = pytest.mark.kernels
@@ -36,7 +36,7 @@ def test_the_truth_does_not_depend_on_how_it_is_traced(chart, reference):
 
 def test_alike_lattices_are_no_reference(chart, reference):
     with pytest.raises(OpticsError, match="too alike"):
-        true_pictures(chart, reference.planes, 24, (RayCount(8, 3), RayCount(8, 4)))
+        true_pictures(chart, reference.planes, 24, (Lattice(8, 3), Lattice(8, 4)))
 
 
 def test_a_reference_is_kept(reference, tmp_path):

@@ -19,10 +19,10 @@ from lfcore.evaluation.true_picture import Reference
 from lfcore.evaluation.work_precision import figure, files, in_memory, on_the_fly, points
 from lfcore.evaluation.work_precision.peers import peer_rows
 from lfcore.evaluation.work_precision.points import COLUMNS, NOT_JUDGED, point, timed_point
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.resampling import coverage
-from lfcore.rendering.by_depth import RayCount
 from lfcore.rendering.direct import trace_planes
 
 kernels = pytest.mark.kernels
@@ -78,7 +78,7 @@ def test_seconds_are_medians_between_their_quartiles(grey):
 @kernels
 def test_few_rays_by_depth_beat_many_that_miss_the_pixel(chart, reference):
     nearest = pd.DataFrame(on_the_fly.nearest_rows(chart, reference, [8, 16]))
-    rows = on_the_fly.by_depth_rows(chart, reference, [RayCount(4, 1), RayCount(4, 2)])
+    rows = on_the_fly.by_depth_rows(chart, reference, [Lattice(4, 1), Lattice(4, 2)])
     depth = pd.DataFrame(rows).set_index(["method", "setting"])
     together = depth.loc[on_the_fly.BY_DEPTH]
     assert together.psnr_true_db["4 x 2"] > together.psnr_true_db["4 x 1"]
@@ -98,8 +98,8 @@ def test_a_wanted_quality_is_reached(chart, reference):
 
 @kernels
 def test_a_file_costs_bytes_and_errs_by_its_rays_and_its_codec(chart, reference):
-    scene, device, count = chart.scene, chart.device, RayCount(4, 2)
-    few = files.recorded_row(scene, reference, RayCount(4, 1), device)
+    scene, device, count = chart.scene, chart.device, Lattice(4, 2)
+    few = files.recorded_row(scene, reference, Lattice(4, 1), device)
     row = files.recorded_row(scene, reference, count, device)
     assert row["bytes"] > few["bytes"] and row["psnr_true_db"] > few["psnr_true_db"]
     assert row["seconds"] > 0 and row["record_seconds"] > 0

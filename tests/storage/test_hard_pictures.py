@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from lfcore.storage.codecs import CodecSpec
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
 
 SIDES = (1, 2, 15, 16, 33, 64)
-LOSSLESS = CodecSpec("ffv1", "yuv444p", preset=None, tune=None)
-LOSSY = CodecSpec("libx264", "yuv420p", crf=22.0)
+LOSSLESS = Encoding("ffv1", "yuv444p", preset=None, tune=None)
+LOSSY = Encoding("libx264", "yuv420p", crf=22.0)
 
 
 def patterns(side):

@@ -36,7 +36,7 @@ rule truth:
         "../envs/lfcore.yaml"
     params:
         version=version("report"),
-        counts=STUDY["truth"],
+        lattices=STUDY["truth"],
         stops=lambda wildcards: STUDY["stops"] if wildcards.lens == "stopped" else 0,
         planes=config["planes"],
         pixels=PIXELS,

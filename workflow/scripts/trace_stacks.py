@@ -3,13 +3,16 @@
 import numpy as np
 
 from lfcore.optics import bundles
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.plane_pictures import save_stack
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.rendering.by_depth import DEFAULT_COUNT, pictures_by_depth
+from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.workflow import cases
 from lfcore.workflow.job import job, log_progress
 from lfcore.workflow.tracers import open_tracer
+
+LATTICE = Lattice(8, 2)
 
 with job(snakemake.log[0], snakemake.threads):
     params, output = snakemake.params, snakemake.output
@@ -23,7 +26,7 @@ with job(snakemake.log[0], snakemake.threads):
     for name, planes in stacks.items():
         if name in output.keys():
             pictures = pictures_by_depth(
-                tracer, camera, planes, params.pixels, DEFAULT_COUNT, progress=log_progress(name)
+                tracer, camera, planes, params.pixels, LATTICE, progress=log_progress(name)
             )
             save_stack(output[name], pictures, planes)
     if "sub_aperture_views" in output.keys():  # the four corners and the middle: figure 6.3

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from lfcore.evaluation.true_picture import save_reference, true_pictures
-from lfcore.rendering.by_depth import RayCount
+from lfcore.optics.lattice import Lattice
 from lfcore.workflow import cases
 from lfcore.workflow.job import job, log_progress
 from lfcore.workflow.tracers import open_tracer
@@ -14,8 +14,8 @@ with job(snakemake.log[0], snakemake.threads):
     scene, closed = tracer.scene, 2 ** (params.stops / 2)
     planes = cases.sensor_planes(params.planes, scene.camera, scene.focus_distances_m)
     planes = [replace(plane, f_number=plane.f_number * closed) for plane in planes]
-    counts = [RayCount(int(views), subpixels) for views, subpixels in params.counts]
+    lattices = [Lattice(int(views), subpixels) for views, subpixels in params.lattices]
     made = true_pictures(
-        tracer, planes, params.pixels, counts, progress=log_progress("true pictures")
+        tracer, planes, params.pixels, lattices, progress=log_progress("true pictures")
     )
     save_reference(snakemake.output[0], made)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -20,30 +19,31 @@ from lfcore.evaluation.work_precision.points import (
     timed_point,
 )
 from lfcore.opencl.device import Device, programs_made
-from lfcore.rendering.by_depth import RayCount
+from lfcore.optics.lattice import Lattice
 from lfcore.rendering.prepared import hierarchy_of
 from lfcore.scene.model import Scene
+from lfcore.storage.codecs import Encoding
 from lfcore.timing import clocked_warm
 
 
 def recorded_row(
     scene: Scene,
     reference: Reference,
-    count: RayCount,
+    lattice: Lattice,
     device: Device,
     *,
     method: str = BY_DEPTH,
     setting: str = "",
-    **encoder: Any,
+    encoding: Encoding | None = None,
 ) -> dict:
-    """A row of the rays ``count`` with their depths, recorded to a file and read again.
+    """A row of the rays ``lattice`` with their depths, recorded to a file and read again.
 
     Parameters
     ----------
     setting : str
-        The name of the point; default is ``count``.
-    **encoder : Any
-        The codec settings that are not the default's, as :func:`lfcore.record` takes them.
+        The name of the point; default is ``lattice``.
+    encoding : Encoding, optional
+        The codec; default is that of :func:`lfcore.record`.
     """
     hierarchy_of(scene)  # the clock counts rays and frames, not the tree
     with tempfile.TemporaryDirectory() as folder:
@@ -51,8 +51,8 @@ def recorded_row(
 
         def record() -> None:
             lfcore.record(
-                scene, file, views=count.views, subpixels=count.subpixels,
-                pixels=reference.pixels, depth_stream=True, device=device, **encoder,
+                scene, file, views=lattice, pixels=reference.pixels, encoding=encoding,
+                device=device,
             ).close()  # fmt: skip
 
         def read() -> np.ndarray:
@@ -61,15 +61,15 @@ def recorded_row(
 
         _, seconds = clocked_warm(record, programs_made, clock=core_clock(device))
         return timed_point(
-            reference, read, device, panel=FROM_FILE, method=method, setting=setting or str(count),
-            rays=count.rays(reference.pixels), record_seconds=seconds, bytes=file.stat().st_size,
+            reference, read, device, panel=FROM_FILE, method=method, setting=setting or str(lattice),
+            rays=lattice.rays(reference.pixels), record_seconds=seconds, bytes=file.stat().st_size,
         )  # fmt: skip
 
 
 def codec_rows(
     scene: Scene,
     reference: Reference,
-    count: RayCount,
+    lattice: Lattice,
     codecs: Sequence[Mapping],
     crfs: Sequence[float],
     device: Device,
@@ -81,8 +81,8 @@ def codec_rows(
         for crf in crfs:
             crf = float(crf + codec.get("crf_offset", 0))
             yield recorded_row(
-                scene, reference, count, device, method=f"{count}, {codec['name']}",
-                setting=f"CRF {crf:g}", crf=crf, **settings,
+                scene, reference, lattice, device, method=f"{lattice}, {codec['name']}",
+                setting=f"CRF {crf:g}", encoding=Encoding(crf=crf, **settings),
             )  # fmt: skip
 
 

@@ -10,10 +10,11 @@ import numpy as np
 from lfcore.evaluation.true_picture import Reference
 from lfcore.evaluation.work_precision.points import ON_THE_FLY, core_clock, point, timed_point
 from lfcore.opencl.device import programs_made
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.slab import Slab
-from lfcore.rendering.by_depth import RayCount, pictures_by_depth
+from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import trace_planes
-from lfcore.rendering.quality import WantedQuality
+from lfcore.rendering.quality import Quality, QualitySearch
 from lfcore.timing import clocked_warm
 from lfcore.tracing.tracer import Tracer
 
@@ -33,22 +34,22 @@ def nearest_rows(tracer: Tracer, reference: Reference, views: Sequence[int]) -> 
 
 
 def by_depth_rows(
-    tracer: Tracer, reference: Reference, counts: Sequence[RayCount]
+    tracer: Tracer, reference: Reference, lattices: Sequence[Lattice]
 ) -> Iterator[dict]:
     """Few rays, each spread by its depth: traced once for all planes, and once per plane."""
     camera, planes, pixels = tracer.scene.camera, reference.planes, reference.pixels
 
-    def one_by_one(count: RayCount) -> np.ndarray:
-        made = [pictures_by_depth(tracer, camera, [plane], pixels, count) for plane in planes]
+    def one_by_one(lattice: Lattice) -> np.ndarray:
+        made = [pictures_by_depth(tracer, camera, [plane], pixels, lattice) for plane in planes]
         return np.concatenate(made)
 
-    for count in counts:
-        together = partial(pictures_by_depth, tracer, camera, planes, pixels, count)
-        alone = partial(one_by_one, count)
+    for lattice in lattices:
+        together = partial(pictures_by_depth, tracer, camera, planes, pixels, lattice)
+        alone = partial(one_by_one, lattice)
         for method, work, times in ((BY_DEPTH, together, 1), (ONE_BY_ONE, alone, len(planes))):
             yield timed_point(
                 reference, work, tracer.device, panel=ON_THE_FLY, method=method,
-                setting=str(count), rays=times * count.rays(pixels),
+                setting=str(lattice), rays=times * lattice.rays(pixels),
             )  # fmt: skip
 
 
@@ -58,10 +59,11 @@ def quality_rows(
     """As many rays as the wanted quality takes."""
     planes, pixels = reference.planes, reference.pixels
     for wanted in qualities_db:
-        job = WantedQuality(tracer, tracer.scene.camera, planes, pixels, wanted)
+        quality = Quality(wanted)
+        job = QualitySearch(tracer, tracer.scene.camera, planes, pixels, quality)
         made, seconds = clocked_warm(job.pictures, programs_made, clock=core_clock(tracer.device))
         yield point(
             reference, made.pictures, panel=ON_THE_FLY, method=TO_QUALITY,
-            setting=f"{wanted:g} dB", rays=sum(count.rays(pixels) for count in made.counts),
+            setting=f"{wanted:g} dB", rays=sum(lattice.rays(pixels) for lattice in made.lattices),
             seconds=seconds, expected_db=float(made.expected_db.min()),
         )  # fmt: skip

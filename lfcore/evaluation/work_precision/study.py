@@ -9,8 +9,8 @@ from lfcore.evaluation.work_precision.files import codec_rows, recorded_row
 from lfcore.evaluation.work_precision.in_memory import memory_rows
 from lfcore.evaluation.work_precision.on_the_fly import by_depth_rows, nearest_rows, quality_rows
 from lfcore.evaluation.work_precision.peers import peer_rows
+from lfcore.optics.lattice import Lattice
 from lfcore.progress import Progress, silent
-from lfcore.rendering.by_depth import RayCount
 from lfcore.tracing.tracer import Tracer
 
 
@@ -37,16 +37,16 @@ def scene_rows(
         Called with the number of parts done and of all parts.
     """
     scene, device = tracer.scene, tracer.device
-    counts = [RayCount(int(views), subpixels) for views, subpixels in study["lattices"]]
+    lattices = [Lattice(int(views), subpixels) for views, subpixels in study["lattices"]]
     views, subpixels = study["codec_lattice"]
-    stored = RayCount(int(views), subpixels)
+    stored = Lattice(int(views), subpixels)
     parts: list[Iterator[dict]] = [
         iter(grids),
         nearest_rows(tracer, stopped, study["nearest_views"]),
-        *(by_depth_rows(tracer, reference, counts) for reference in (wide, stopped)),
+        *(by_depth_rows(tracer, reference, lattices) for reference in (wide, stopped)),
         *(quality_rows(tracer, reference, study["qualities_db"]) for reference in (wide, stopped)),
         peer_rows(scene, wide.planes, wide.pixels, study["peers_db"]),
-        (recorded_row(scene, wide, count, device) for count in counts),
+        (recorded_row(scene, wide, lattice, device) for lattice in lattices),
         codec_rows(scene, wide, stored, study["codecs"], study["crfs"], device),
         memory_rows(tracer, wide, study["memory_views"], study["monte_carlo_samples"]),
     ]
