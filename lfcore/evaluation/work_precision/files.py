@@ -61,8 +61,9 @@ def recorded_row(
 
         _, seconds = clocked_warm(record, programs_made, clock=core_clock(device))
         return timed_point(
-            reference, read, device, panel=FROM_FILE, method=method, setting=setting or str(lattice),
-            rays=lattice.rays(reference.pixels), record_seconds=seconds, bytes=file.stat().st_size,
+            reference, read, device, panel=FROM_FILE, method=method,
+            setting=setting or str(lattice), rays=lattice.rays(reference.pixels),
+            record_seconds=seconds, bytes=file.stat().st_size,
         )  # fmt: skip
 
 
