@@ -16,7 +16,7 @@ from lfcore.pictures import write_picture
 
 
 def recognise(path: Path) -> bool:
-    return False  # a mosaic looks like any picture: --format mosaic or --grid
+    return False  # a mosaic looks like any picture: --format mosaic or --views
 
 
 def of_tiles(path: Path, columns: int, rows: int) -> ViewGrid:
