@@ -8,6 +8,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -33,35 +34,40 @@ class Parser(argparse.ArgumentParser):
 
 @dataclass(frozen=True)
 class Command:
-    """One command: its texts for ``--help``, and functions that add its options and run it."""
+    """One command: texts for ``--help``, and functions that add its options and run it.
+
+    One without ``run`` has commands of its own.
+    """
 
     description: str
     examples: str
     options: Callable[[argparse.ArgumentParser], None]
-    run: Callable[[argparse.Namespace], None]
+    run: Callable[[argparse.Namespace], None] | None = None
 
     def add_to(self, commands: argparse._SubParsersAction[Any], name: str, help: str) -> None:
         """Add it to the commands of a parser."""
         parser = commands.add_parser(
             name, help=help, description=self.description, epilog=self.examples
         )
-        parser.set_defaults(run=self._run, command=name)
         self.options(parser)
-        parser.add_argument(
-            "--json", action="store_true", help="print one JSON object for programs, and no words"
-        )
+        if self.run is not None:
+            parser.set_defaults(run=partial(_run, self.run), command=name)
+            parser.add_argument(
+                "--json", action="store_true", help="print one JSON object for programs, no words"
+            )
 
-    def _run(self, arguments: argparse.Namespace) -> None:
-        """Run; with ``--json``, print the record as one line when all is done."""
-        # First of all: a device that is not there is an error also where it has nothing to do.
-        if getattr(arguments, "device", None) is not None:
-            arguments.device = lfcore.open_device(arguments.device)
-        if not arguments.json:
-            self.run(arguments)
-            return
-        with recorded(arguments.command) as record:
-            self.run(arguments)
-        print(json.dumps(_finite(record), allow_nan=False))
+
+def _run(run: Callable[[argparse.Namespace], None], arguments: argparse.Namespace) -> None:
+    """Run a command; with ``--json``, print the record as one line when all is done."""
+    # First of all: a device that is not there is an error also where it has nothing to do.
+    if getattr(arguments, "device", None) is not None:
+        arguments.device = lfcore.open_device(arguments.device)
+    if not arguments.json:
+        run(arguments)
+        return
+    with recorded(arguments.command) as record:
+        run(arguments)
+    print(json.dumps(_finite(record), allow_nan=False))
 
 
 def _finite(value: Any) -> Any:
@@ -91,12 +97,6 @@ def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
     for reason, count in scene.dropped.items():
         say(f"{count} triangles were left out: {reason}")
     return scene
-
-
-def flags(arguments: argparse.Namespace, names: Sequence[str]) -> list[str]:
-    """The flags of these names that were given, as they are typed."""
-    found = {f"--{name.replace('_', '-')}": getattr(arguments, name, None) for name in names}
-    return [flag for flag, value in found.items() if value not in (None, []) and value is not False]
 
 
 def refuse(key: str, problem: str, remedy: str | None = None) -> NoReturn:

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 import lfcore
-from lfcore.cli import values
 from lfcore.cli.command import Command, open_scene, refuse, write_named
-from lfcore.cli.options import add_pixels, add_scene, add_views
+from lfcore.cli.options import add, add_output, add_scene
 from lfcore.cli.progress import progress, wrote
 from lfcore.pictures import CODED, check_suffix
 
@@ -21,27 +20,23 @@ EPILOG = """\
 examples:
   lfcore depth scenes/bike --lightfield bike.mkv -o bike_depth.npz
       depth_m and disparity_px, (views, rows, columns), of the light field's views
-  lfcore depth scenes/bike --pixels 512 -o centre.pfm
-      the view through the middle of the lens, as a float map
   lfcore depth scenes/bike --pixels 512 -o centre.png
-      the same to look at: near is warm, far is cold
+      from the middle of the lens, to look at: near is warm, far is cold
   lfcore depth scenes/bike --lightfield bike.mkv --all-in-focus sharp.png
 """
 
 
 def options(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
     add_scene(command)
-    add("-o", "--output", type=Path,
-        help=".npz (every view); .pfm, .exr, or .png to look at (one view)")  # fmt: skip
-    add("--all-in-focus", type=Path, metavar="PICTURE", help="all-in-focus picture to write")
-    add("--lightfield", metavar="FILE", help="light field file or URL with the lens and views")
-    add_pixels(command)
-    add_views(command, "N x N views (1)")
-    add("--view", nargs=2, type=values.count(0), metavar=("I", "J"),
-        help="lens column and row, for output of one view (the middle)")  # fmt: skip
-    add("--format", choices=("depth", "disparity"), default="depth",
-        help="of one view: depth (default), or disparity in .pfm or .exr")  # fmt: skip
+    add_output(command, ".npz (every view); .pfm, .exr, or .png to look at (one view)",
+               required=False)  # fmt: skip
+    one = "lens column and row, for output of one view (the middle)"
+    add(command, "pixels", views="N x N views (1)", view=one)
+    more = command.add_argument
+    more("--all-in-focus", type=Path, metavar="PICTURE", help="all-in-focus picture to write")
+    more("--lightfield", metavar="FILE", help="light field file or URL with the lens and views")
+    more("--format", choices=("depth", "disparity"), default="depth",
+         help="of one view: depth (default), or disparity in .pfm or .exr")  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import lfcore
 from lfcore.cli import values
 from lfcore.cli.command import Command, open_scene
-from lfcore.cli.options import add_encoder, add_output, add_scene, encoder
+from lfcore.cli.options import add, add_encoder, add_output, add_scene, encoder
 from lfcore.cli.progress import progress, say, wrote
 from lfcore.exchange.table import FORMATS
 from lfcore.pictures import check_suffix
@@ -52,14 +52,13 @@ def import_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("source", type=Path, help="folder or file")
     add_output(command, "file to write (.mkv)")
     command.add_argument("--format", metavar="NAME", help="see below (recognised)")
-    add = command.add_argument_group("what the format does not hold").add_argument
-    add("--views", type=values.pair, metavar="CxR", help="columns and rows of views")
-    add("--order", metavar="ORDER", help="rows or columns, then -left, -up, -snake: rows-up")
-    add("--variable", help="of a .mat or .h5 file (LF)")
-    add("--baseline", type=values.length, metavar="L", help="between views: 6mm, 0.006m")
-    add("--field-of-view", type=values.angle, metavar="DEG", help="of a view's width")
-    add("--focus", type=values.distance, metavar="M",
-        help="metres at which the views coincide; 'inf' for parallel ones")  # fmt: skip
+    group = command.add_argument_group("what the format does not hold")
+    more = group.add_argument
+    more("--views", type=values.pair, metavar="CxR", help="columns and rows of views")
+    more("--order", metavar="ORDER", help="rows or columns, then -left, -up, -snake: rows-up")
+    more("--variable", help="of a .mat or .h5 file (LF)")
+    more("--field-of-view", type=values.angle, metavar="DEG", help="of a view's width")
+    add(group, "baseline", focus="metres at which the views coincide; 'inf' for parallel ones")
     add_encoder(command)
 
 
@@ -67,17 +66,17 @@ def export_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("lightfield", help="light field file (.mkv), or its URL")
     add_output(command, "folder to write")
     command.add_argument("--format", required=True, metavar="NAME", help="see below")
-    add = command.add_argument_group("a part of it").add_argument
-    add("--views", type=values.pair, metavar="CxR", help="columns and rows of views")
-    add("--baseline", type=values.length, metavar="L", help="between views: 6mm, 0.006m")
-    add("--crop", type=values.window, metavar="WxH+X+Y", help="pixels of every view")
-    more = command.add_argument_group("more")
-    add_scene(more, "--scene", "the scene that was recorded: traces depth of every view")
-    add = more.add_argument
-    add("--order", metavar="ORDER", help="of JPEG Pleno's names: columns or rows")
-    add("--tiles", type=values.pair, metavar="CxR", help="of a quilt")
-    add("--depth-range", type=values.positive, nargs=2, metavar=("NEAR", "FAR"),
-        help="metres, where the file does not hold them")  # fmt: skip
+    part = command.add_argument_group("a part of it")
+    part.add_argument("--views", type=values.pair, metavar="CxR", help="columns and rows of views")
+    add(part, "baseline")
+    part.add_argument("--crop", type=values.window, metavar="WxH+X+Y", help="pixels of every view")
+    group = command.add_argument_group("more")
+    add_scene(group, "--scene", "the scene that was recorded: traces depth of every view")
+    more = group.add_argument
+    more("--order", metavar="ORDER", help="of JPEG Pleno's names: columns or rows")
+    more("--tiles", type=values.pair, metavar="CxR", help="of a quilt")
+    more("--depth-range", type=values.positive, nargs=2, metavar=("NEAR", "FAR"),
+         help="metres, where the file does not hold them")  # fmt: skip
 
 
 def run_import(arguments: argparse.Namespace) -> None:

@@ -8,9 +8,8 @@ import argparse
 import numpy as np
 
 import lfcore
-from lfcore.cli import values
-from lfcore.cli.command import flags, refuse, write_named
-from lfcore.cli.options import encoder
+from lfcore.cli.command import refuse, write_named
+from lfcore.cli.options import add, encoder, flags
 from lfcore.cli.progress import progress, wrote
 from lfcore.files import make_folder
 from lfcore.pictures import check_suffix
@@ -25,14 +24,8 @@ FILM_OPTIONS = ("samples", "white")
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
-    own = command.add_argument_group(
-        "the scene's own film", "of a .pbrt file or a lightfield camera, unless asked otherwise"
-    )
-    own.add_argument(
-        "--samples", type=values.rays, metavar="S[:T]",
-        help="rays per pixel, and instants of the shutter while objects move, e.g. 64:4 (the "
-        "scene's; up to 16 instants)",
-    )  # fmt: skip
+    text = "of a .pbrt file or a lightfield camera, unless asked otherwise"
+    add(command.add_argument_group("the scene's own film", text), "samples")
 
 
 def wanted(arguments: argparse.Namespace, scene: lfcore.Scene) -> bool:
@@ -40,7 +33,7 @@ def wanted(arguments: argparse.Namespace, scene: lfcore.Scene) -> bool:
 
     Raises :class:`OpticsError` for options of the film where there is none, or of both.
     """
-    slab, film = flags(arguments, SLAB_OPTIONS), flags(arguments, FILM_OPTIONS)
+    slab, film = flags(arguments, *SLAB_OPTIONS), flags(arguments, *FILM_OPTIONS)
     if film and (slab or scene.view is None):
         what = f"excludes {slab[0]}" if slab else "belongs to a scene with a film"
         refuse(film[0], what, "Leave it out, or use --views")

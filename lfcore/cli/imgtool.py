@@ -18,7 +18,8 @@ import lfcore
 from lfcore.cli import imgtool_store as arrays
 from lfcore.cli import values
 from lfcore.cli.command import Command, refuse
-from lfcore.cli.options import add_device
+from lfcore.cli.options import add as add_option
+from lfcore.cli.options import flags
 from lfcore.cli.progress import wrote
 from lfcore.errors import OpticsError
 
@@ -62,7 +63,7 @@ def _lightfield_options(command: argparse.ArgumentParser) -> None:
         help="pixels of its picture (256 256)")  # fmt: skip
     _focus_options(command)
     _method_options(command)
-    add_device(command)
+    add_option(command, "device")
     arrays.add_bits(command)
 
 
@@ -141,7 +142,7 @@ def lightfield(arguments: argparse.Namespace) -> None:
         arguments.camerapos, arguments.camerarot or (0.0, 0.0, 0.0), arguments.outputfov,
         arguments.outputdim, arguments.lensradius or 0.0,
     )  # fmt: skip
-    field = DeviceField(lfcore.open_device(arguments.device), image, array)
+    field = DeviceField(arguments.device or lfcore.open_device(), image, array)
     result = _synthesise(method, arguments, field, camera)
     if not result.coverage.any():
         raise OpticsError(
@@ -165,16 +166,9 @@ def chosen_method(arguments: argparse.Namespace) -> str:
     chosen = [name for name, given in asked.items() if given]
     if len(chosen) > 1:
         raise OpticsError(f"{' and '.join(chosen)} exclude each other", remedy="Choose one")
-    later = any(
-        given is not None
-        for given in (arguments.focaldistance, arguments.camerarot, arguments.sampler)
-    )
-    if not chosen and not later:
-        if arguments.lensradius is not None or arguments.samplesperpixel is not None:
-            refuse(
-                "--lensradius and --samplesperpixel", "belong to a lens",
-                "Add --montecarlo, or use --filterwidth",
-            )  # fmt: skip
+    if not chosen and not flags(arguments, "focaldistance", "camerarot", "sampler"):
+        if wrong := flags(arguments, "lensradius", "samplesperpixel"):
+            refuse(wrong[0], "belongs to a lens", "Add --montecarlo, or use --filterwidth")
         return "isaksen"
     if arguments.filterwidth is not None and not arguments.montecarlo:
         # With --montecarlo the assignment itself calls the filter width useless, not wrong.
@@ -252,4 +246,4 @@ TOOLS = {
     **arrays.TOOLS,
 }
 """The tools by name, each with its line in the list of tools."""
-COMMANDS = {"imgtool": Command(DESCRIPTION, "", options, lambda arguments: None)}
+COMMANDS = {"imgtool": Command(DESCRIPTION, "", options)}

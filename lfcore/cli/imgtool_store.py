@@ -12,7 +12,7 @@ import numpy as np
 from lfcore.cli import values
 from lfcore.cli.command import Command, refuse
 from lfcore.cli.film import save_video
-from lfcore.cli.options import add_encoder, add_white, given
+from lfcore.cli.options import add, add_encoder, given
 from lfcore.cli.progress import progress, wrote
 from lfcore.colour import tonemap
 from lfcore.errors import OpticsError
@@ -82,22 +82,16 @@ def geometry(
 
 def _check_agreement(flags: dict[str, Any], recorded: CameraArray, file: Path) -> None:
     low_x, high_x, low_y, high_y = recorded.bounds()
-    bounds = low_x, high_x, -high_y, -low_y
-    spacing = flags.get("spacing") or ("cells" if any(recorded.margin_m) else "ends")
-    same = CameraArray.on_grid(recorded.cameras, bounds, recorded.fov_deg, recorded.tile, spacing)
-    facts: dict[str, tuple[float, ...]] = {
-        "camsperdim": recorded.cameras, "griddim": bounds, "inputfov": (recorded.fov_deg,)
+    facts: dict[str, Any] = {
+        "camsperdim": recorded.cameras, "griddim": (low_x, high_x, -high_y, -low_y),
+        "inputfov": recorded.fov_deg, "spacing": "cells" if any(recorded.margin_m) else "ends",
     }  # fmt: skip
     for name, value in flags.items():
-        if name == "spacing":
-            agrees = np.allclose(same.columns_m, recorded.columns_m)
-            agrees, said = agrees and np.allclose(same.rows_m, recorded.rows_m), "other positions"
-        else:
-            agrees = np.allclose(value, facts[name], rtol=1e-5, atol=1e-9)
-            said = " ".join(f"{number:g}" for number in facts[name])
-        if not agrees:
+        fact = facts[name]
+        same = value == fact if name == "spacing" else np.allclose(value, fact, 1e-5, 1e-9)
+        if not same:
             raise OpticsError(
-                f"contradicts the header, which says {said}", file=file, key=f"--{name}",
+                f"contradicts the header, which says {fact}", file=file, key=f"--{name}",
                 remedy="Leave the flag out",
             )  # fmt: skip
 
@@ -157,16 +151,16 @@ def convert(arguments: argparse.Namespace) -> None:
 
 def _convert_options(command: argparse.ArgumentParser) -> None:
     add_files(command, "EXR to read", "picture")
-    add = command.add_argument
-    add("--tonemap", action="store_true",
-        help="Reinhard's global operator on luminance, scaled by the brightest pixel")  # fmt: skip
-    add("--scale", type=values.number(), default=1.0, metavar="X", help="multiply radiance first")
+    more = command.add_argument
+    more("--tonemap", action="store_true",
+         help="Reinhard's global operator on luminance, scaled by the brightest pixel")  # fmt: skip
+    more("--scale", type=values.number(), default=1.0, metavar="X", help="multiply radiance first")
 
 
 def _store_options(command: argparse.ArgumentParser) -> None:
     add_files(command, "EXR that holds all data cameras", "light field file (.mkv)")
     add_geometry(command)
-    add_white(add_encoder(command))
+    add(add_encoder(command), "white")
 
 
 def _tiles_options(command: argparse.ArgumentParser) -> None:

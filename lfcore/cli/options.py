@@ -1,4 +1,4 @@
-"""Options that several commands have, each declared once."""
+"""All options that more than one command has, and how each reads its value."""
 
 from __future__ import annotations
 
@@ -14,101 +14,91 @@ from lfcore.storage.pixels import PIXEL_FORMATS
 
 Options = argparse._ActionsContainer
 """A parser, or a group of its options."""
+KINDS: dict[str, dict[str, Any]] = {
+    "salvage": {"action": "store_true", "help": "leave out damaged segments instead of refusing"},
+    "device": {"metavar": "NAME", "help": "part of an OpenCL device's name; see 'lfcore devices'"},
+    "light_points": {"type": values.count(), "default": POINTS, "metavar": "P",
+                     "help": f"points per area light of a pbrt scene ({POINTS})"},
+    "up": {"choices": ("y", "z"), "default": "y", "help": "axis of a mesh that points up (y)"},
+    "views": {"type": values.views, "metavar": "N"},
+    "pixels": {"type": values.pixels, "metavar": "M", "help": "M x M pixels (256)"},
+    "subpixels": {"type": values.positive, "metavar": "Q"},
+    "focus": {"type": values.distance, "metavar": "M", "help": "focus distance: metres, or 'inf'"},
+    "f_number": {"type": values.positive, "metavar": "F", "help": "f-number"},
+    "quality_db": {"type": values.positive, "metavar": "DB"},
+    "most_rays": {"type": values.positive, "metavar": "R",
+                  "help": "rays per pixel that --quality-db may use (4096)"},
+    "samples": {"type": values.rays, "metavar": "S[:T]",
+                "help": "rays per pixel, and instants of the shutter while objects move, e.g. 64:4 "
+                "(the scene's; up to 16 instants)"},
+    "bits": {"type": int, "choices": (8, 16), "default": 8, "help": "bits per sample of a PNG (8)"},
+    "aperture": {"type": values.aperture, "metavar": "SHAPE",
+                 "help": "circle, square, diamond, or polygon[:BLADES[:DEGREES]] (circle)"},
+    "normalise": {"action": argparse.BooleanOptionalAction,
+                  "help": "same brightness at every aperture (default), or dims as the lens stops "
+                  "down"},
+    "codec": {"choices": tuple(CODECS), "help": "default: libx264; ffv1 is lossless"},
+    "crf": {"type": values.number(0, 63),
+            "help": "constant rate factor; lower is better and larger"},
+    "preset": {"help": "the encoder's preset"},
+    "pixel_format": {"choices": tuple(PIXEL_FORMATS), "help": "default: by the codec"},
+    "white": {"type": values.positive, "metavar": "L",
+              "help": "camera arrays: radiance of the brightest code (default: the brightest, at "
+              "least 1)"},
+    "baseline": {"type": values.length, "metavar": "L", "help": "between views: 6mm, 0.006m"},
+    "view": {"nargs": 2, "type": values.count(0), "metavar": ("I", "J")},
+}  # fmt: skip
+"""The options by name, as argparse takes them."""
+
+
+def add(group: Options, *names: str, **helps: str) -> None:
+    """Add options to a parser or group: by name, or by name with a help text of their own."""
+    for name in (*names, *helps):
+        own = {"help": helps[name]} if name in helps else {}
+        group.add_argument(flag(name), **(KINDS[name] | own))
+
+
+def flag(name: str) -> str:
+    """The option of an argument's name."""
+    return f"--{name.replace('_', '-')}"
 
 
 def add_lightfield(command: Options) -> None:
     """The light field file that a command reads, for :func:`lfcore.cli.command.open_field`."""
     command.add_argument("lightfield", help="light field file (.mkv), or its URL")
-    command.add_argument(
-        "--salvage", action="store_true", help="leave out damaged segments instead of refusing"
-    )
+    add(command, "salvage")
 
 
-def add_output(command: Options, help: str) -> None:
-    command.add_argument("-o", "--output", type=Path, required=True, help=help)
+def add_output(command: Options, help: str, *, required: bool = True) -> None:
+    command.add_argument("-o", "--output", type=Path, required=required, help=help)
 
 
-def add_device(command: Options) -> None:
-    command.add_argument(
-        "--device", metavar="NAME", help="part of an OpenCL device's name; see 'lfcore devices'"
-    )
-
-
-def add_scene(
-    command: Options,
-    name: str = "scene",
-    help: str = "scene.yaml, its folder, a mesh or a .pbrt file",
-) -> None:
+def add_scene(command: Options, name: str = "scene", help: str | None = None) -> None:
     """The scene that a command traces, and the device that traces it."""
-    command.add_argument(name, type=Path, help=help)
-    command.add_argument(
-        "--light-points", type=values.count(), default=POINTS, metavar="P",
-        help=f"points per area light of a pbrt scene ({POINTS})",
-    )  # fmt: skip
-    command.add_argument(
-        "--up", choices=("y", "z"), default="y", help="axis of a mesh that points up (y)"
-    )
-    add_device(command)
-
-
-def add_views(command: Options, help: str) -> None:
-    command.add_argument("--views", type=values.views, metavar="N", help=help)
-
-
-def add_pixels(command: Options, help: str = "M x M pixels (256)") -> None:
-    # The default is None: a scene with a film of its own has its own number of pixels.
-    command.add_argument("--pixels", type=values.pixels, metavar="M", help=help)
-
-
-def add_lens(group: Options) -> None:
-    """Focus and f-number of the lens that traces."""
-    group.add_argument(
-        "--focus", type=values.distance, metavar="M", help="focus distance: metres, or 'inf'"
-    )
-    group.add_argument("--f-number", type=values.positive, metavar="F", help="f-number")
-
-
-def add_quality(group: Options, help: str) -> None:
-    """A quality instead of a number of rays."""
-    group.add_argument("--quality-db", type=values.positive, metavar="DB", help=help)
-    group.add_argument(
-        "--most-rays", type=values.positive, metavar="R",
-        help="rays per pixel that --quality-db may use (4096)",
-    )  # fmt: skip
-
-
-def add_bits(group: Options) -> None:
-    group.add_argument(
-        "--bits", type=int, choices=(8, 16), default=8, help="bits per sample of a PNG (8)"
-    )
+    usual = "scene.yaml, its folder, a mesh or a .pbrt file"
+    command.add_argument(name, type=Path, help=help or usual)
+    add(command, "light_points", "up", "device")
 
 
 def add_encoder(command: argparse.ArgumentParser) -> Options:
     """Options of the video in which a light field is stored; returns their group."""
     how = command.add_argument_group("storage")
-    how.add_argument("--codec", choices=tuple(CODECS), help="default: libx264; ffv1 is lossless")
-    how.add_argument(
-        "--crf", type=values.number(0, 63), help="constant rate factor; lower is better and larger"
-    )
-    how.add_argument("--preset", help="the encoder's preset")
-    how.add_argument("--pixel-format", choices=tuple(PIXEL_FORMATS), help="default: by the codec")
+    add(how, "codec", "crf", "preset", "pixel_format")
     return how
-
-
-def add_white(group: Options) -> None:
-    group.add_argument(
-        "--white", type=values.positive, metavar="L",
-        help="camera arrays: radiance of the brightest code (default: the brightest, at least 1)",
-    )  # fmt: skip
 
 
 def encoder(arguments: argparse.Namespace) -> lfcore.Encoding:
     """The encoding of the options of :func:`add_encoder`."""
-    names = ("codec", "pixel_format", "crf", "preset", "layout")
-    return lfcore.Encoding(**given(arguments, *names))
+    return lfcore.Encoding(**given(arguments, "codec", "pixel_format", "crf", "preset", "layout"))
 
 
 def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
     """The arguments of these names that were given or have a default."""
     found = {name: getattr(arguments, name, None) for name in names}
     return {name: value for name, value in found.items() if value is not None}
+
+
+def flags(arguments: argparse.Namespace, *names: str) -> list[str]:
+    """The flags of these names that were given."""
+    found = given(arguments, *names)
+    return [flag(name) for name, value in found.items() if value is not False and value != []]

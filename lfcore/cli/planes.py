@@ -15,7 +15,7 @@ import yaml
 import lfcore
 from lfcore.cli import values
 from lfcore.cli.command import refuse, write_named
-from lfcore.cli.options import Options, add_bits
+from lfcore.cli.options import add, given
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
@@ -40,9 +40,14 @@ FLAGS = {
 def add_options(command: argparse.ArgumentParser, *, of_file: bool) -> None:
     """Options of the pictures that a command makes, of a light field file or of a scene."""
     one = command.add_argument_group("the picture")
-    add_focus(one, of_file=of_file)
-    add_aperture(one)
-    add_bits(one)
+    px, views = (", or disparity: 1.5px", ", or width: 7views") if of_file else ("", "")
+    one.add_argument(
+        "--focus", type=values.focus, metavar="M", help=f"metres, or 'inf'{px} (as recorded)"
+    )
+    one.add_argument(
+        "--f-number", type=values.f_number, metavar="F", help=f"f-number{views} (the whole lens)"
+    )
+    add(one, "aperture", "normalise", "bits")
     many = command.add_argument_group(f"many pictures (up to {MOST_PLANES}) from one pass")
     many.add_argument(
         "--plane", action="append", default=[], metavar="KEY=VALUE,...",
@@ -52,38 +57,12 @@ def add_options(command: argparse.ArgumentParser, *, of_file: bool) -> None:
     )  # fmt: skip
 
 
-def add_focus(group: Options, *, of_file: bool, **more: Any) -> None:
-    """Focus and f-number of pictures."""
-    by_views = ", or pixels of disparity: 1.5px" if of_file else ""
-    group.add_argument(
-        "--focus", type=values.focus, metavar="M", help=f"metres, or 'inf'{by_views} (the recorded)"
-    )
-    across = ", or the aperture's width in views: 7views" if of_file else ""
-    group.add_argument(
-        "--f-number", type=values.f_number, metavar="F", help=f"f-number{across} (the whole lens)"
-    )
-
-
-def add_aperture(group: Options) -> None:
-    """Options of the aperture, and of its pictures' brightness."""
-    group.add_argument(
-        "--aperture", type=values.aperture, metavar="SHAPE",
-        help="circle, square, diamond, or polygon[:BLADES[:DEGREES]] (circle)",
-    )  # fmt: skip
-    group.add_argument(
-        "--normalise", action=argparse.BooleanOptionalAction,
-        help="same brightness at every aperture (default), or dims as the lens stops down",
-    )  # fmt: skip
-
-
 def settings(arguments: argparse.Namespace, *names: str) -> dict[str, dict[str, Any]]:
     """The settings of the flags that were given, by flag."""
-    found = {}
-    for name in names or READ:
-        value = getattr(arguments, name, None)
-        if value is not None:
-            found[name] = value if isinstance(value, dict) else {name: value}
-    return found
+    found = given(arguments, *(names or READ))
+    return {
+        name: value if isinstance(value, dict) else {name: value} for name, value in found.items()
+    }
 
 
 def read_planes(
@@ -145,24 +124,17 @@ def _words(text: str) -> dict[str, Any]:
 def _rows(path: Path) -> list[dict[str, Any]]:
     try:
         text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise LfcoreError("is no text", file=path, key="--plane") from None
-    if path.suffix.lower() == ".csv":
-        return [
-            {key: value for key, value in row.items() if key and value}
-            for row in csv.DictReader(text.splitlines())
-        ]
-    try:
-        rows = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+        rows = list(csv.DictReader(text.splitlines())) if path.suffix.lower() == ".csv" else None
+        rows = yaml.safe_load(text) if rows is None else rows
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
         problem = " ".join(str(error).split())
-        raise LfcoreError(f"is no YAML: {problem}", file=path, key="--plane") from None
+        raise LfcoreError(f"cannot be read: {problem}", file=path, key="--plane") from None
     if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
         raise LfcoreError(
             "holds no list of planes", file=path, key="--plane",
             remedy="Write one '- {focus: 3.2, f_number: 2.8}' per line",
         )  # fmt: skip
-    return rows
+    return [{key: value for key, value in row.items() if value != ""} for row in rows]
 
 
 def _read(row: Mapping[str, Any], key: str | None, file: Path | None) -> dict[str, Any]:
@@ -198,12 +170,10 @@ def output_names(
     """A numbered name per plane with its settings; disparities where distances are not known."""
     from lfcore.optics.plane_pictures import plane_label
 
-    if field is None or field.metric:
-        labels = [plane_label(k, plane) for k, plane in enumerate(planes)]
-    else:
-        moved = [field.disparity_of(plane.focus_m) for plane in planes]
+    labels = [plane_label(k, plane) for k, plane in enumerate(planes)]
+    if field is not None and not field.metric:
         labels = [
-            f"{k:02d}_disparity{px:.3g}_{plane.aperture}"
-            for k, (px, plane) in enumerate(zip(moved, planes, strict=True))
+            f"{k:02d}_disparity{field.disparity_of(plane.focus_m):.3g}_{plane.aperture}"
+            for k, plane in enumerate(planes)
         ]
     return [path.with_name(f"{path.stem}_{label}{path.suffix}") for label in labels]

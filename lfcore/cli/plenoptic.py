@@ -11,7 +11,7 @@ import numpy as np
 
 from lfcore.cli import values
 from lfcore.cli.command import Command, open_scene, refuse, write_named
-from lfcore.cli.options import add_lens, add_output, add_pixels, add_scene, add_views
+from lfcore.cli.options import add, add_output, add_scene
 from lfcore.cli.progress import progress, say
 from lfcore.pictures import check_suffix
 
@@ -29,16 +29,18 @@ examples:
 
 
 def options(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
     add_scene(command)
     add_output(command, "the photograph")
-    add_pixels(command, "M x M microlenses (128)")
-    add_views(command, "N x N photosensor pixels behind each microlens (16)")
-    add_lens(command)
-    add("--refocus", nargs=2, action="append", default=[], metavar=("M", "PICTURE"),
-        help="refocus digitally, metres; repeat for more")  # fmt: skip
-    add("--view", nargs=3, action="append", default=[], metavar=("I", "J", "PICTURE"),
-        help="extract a sub-aperture view; repeat for more")  # fmt: skip
+    add(
+        command, "focus", "f_number",
+        pixels="M x M microlenses (128)",
+        views="N x N photosensor pixels behind each microlens (16)",
+    )  # fmt: skip
+    repeat: dict[str, Any] = {"action": "append", "default": []}
+    command.add_argument("--refocus", nargs=2, metavar=("M", "PICTURE"), **repeat,
+                         help="refocus digitally, metres; repeat for more")  # fmt: skip
+    command.add_argument("--view", nargs=3, metavar=("I", "J", "PICTURE"), **repeat,
+                         help="extract a sub-aperture view; repeat for more")  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> None:

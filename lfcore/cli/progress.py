@@ -94,7 +94,9 @@ def say(text: str) -> None:
 def wrote(path: Path, more: str = "") -> None:
     """Say that a file was written."""
     if _records:
-        _records[-1]["files"].append({"file": str(path), "bytes": path.stat().st_size})
+        parts = [part for part in path.rglob("*") if part.is_file()] if path.is_dir() else [path]
+        size = sum(part.stat().st_size for part in parts)
+        _records[-1]["files"].append({"file": str(path), "bytes": size})
     else:
         say(f"wrote {path}{more}")
 

@@ -8,19 +8,8 @@ from dataclasses import replace
 
 import lfcore
 from lfcore.cli import film, values
-from lfcore.cli.command import Command, flags, open_scene, refuse
-from lfcore.cli.options import (
-    add_encoder,
-    add_lens,
-    add_output,
-    add_pixels,
-    add_quality,
-    add_scene,
-    add_views,
-    add_white,
-    encoder,
-    given,
-)
+from lfcore.cli.command import Command, open_scene, refuse
+from lfcore.cli.options import add, add_encoder, add_output, add_scene, encoder, flags, given
 from lfcore.cli.progress import note, progress, say, wrote
 from lfcore.cli.render import named_file, with_subpixels
 from lfcore.pictures import check_suffix
@@ -31,14 +20,12 @@ holds few views and the depth of every ray; with --views N it holds N x N views 
 any program. SCENE is as for 'lfcore render'."""
 EPILOG = """\
 examples:
-  lfcore record scenes/bike -o bike.mkv --pixels 256
+  lfcore record scenes/bike -o bike.mkv
       4 x 4 views of 512 x 512 with depth, for pictures of 256 x 256
   lfcore record scenes/bike -o bike.mkv --pixels 128 --quality-db 45 --focus-range 2 10
       as many views and pixels as pictures focused there need
-  lfcore record scenes/bike -o bike.mkv --pixels 256 --views 32
-      32 x 32 views of 256 x 256, without depth
-  lfcore record table.glb -o table.mkv --pixels 512 --views 16 --layout views --crf 18
-  lfcore record table.glb -o table.mkv --pixels 128 --views 16 --codec ffv1     lossless video
+  lfcore record table.glb -o table.mkv --views 16 --codec ffv1
+      16 x 16 views without depth, as lossless video
   lfcore record scene.pbrt -o scene.mkv
       a scene with Camera "lightfield": its own cameras, rays per pixel and shutter
 """
@@ -49,28 +36,26 @@ DEPTHS = {None: None, "displaced": True, "plain": True, "none": False}
 def options(command: argparse.ArgumentParser) -> None:
     add_scene(command)
     add_output(command, "file to write (.mkv)")
-    add_pixels(command)
-    add_views(command, "N x N views (4, or 16 with --depth none)")
+    add(command, "pixels", views="N x N views (4, or 16 with --depth none)")
     by_depth = command.add_argument_group("for pictures by depth")
     by_depth.add_argument(
         "--depth", choices=[name for name in DEPTHS if name],
         help="store every ray's depth: with views displaced within a pixel against one another "
         "(default without --views), with plain views (for other filters), or not at all",
     )  # fmt: skip
-    by_depth.add_argument(
-        "--subpixels", type=values.positive, metavar="Q", help="views of Q*M x Q*M pixels (2)"
-    )
-    add_quality(
-        by_depth, "as many views and pixels as pictures need for this PSNR against the average "
-        "over pixel and lens, before the codec's loss"
+    add(
+        by_depth, "most_rays",
+        subpixels="views of Q*M x Q*M pixels (2)",
+        quality_db="as many views and pixels as pictures need for this PSNR against the average "
+        "over pixel and lens, before the codec's loss",
     )  # fmt: skip
     by_depth.add_argument(
         "--focus-range", type=values.distance, nargs=2, metavar=("NEAR", "FAR"),
         help="metres between which those pictures are focused (default: all that is seen)",
     )  # fmt: skip
-    add_lens(command.add_argument_group("the lens (default: the scene's)"))
+    add(command.add_argument_group("the lens (default: the scene's)"), "focus", "f_number")
     how = add_encoder(command)
-    add_white(how)
+    add(how, "white")
     how.add_argument("--layout", choices=("macropixels", "views"), help="default: by N and M")
     film.add_options(command)
 
@@ -109,11 +94,11 @@ def run(arguments: argparse.Namespace) -> None:
 def _quality(arguments: argparse.Namespace) -> lfcore.Quality | None:
     """The quality for which the rays are chosen, if any."""
     if arguments.quality_db is None:
-        if flags(arguments, ("focus_range", "most_rays")):
+        if flags(arguments, "focus_range", "most_rays"):
             remedy = "Give it, too"
             refuse("--quality-db", "is what --focus-range and --most-rays belong to", remedy)
         return None
-    if flags(arguments, ("views", "subpixels", "depth")):
+    if flags(arguments, "views", "subpixels", "depth"):
         remedy = "Leave out --views, --subpixels and --depth"
         refuse("--quality-db", "chooses the rays itself, and stores their depths", remedy)
     found = given(arguments, "most_rays")

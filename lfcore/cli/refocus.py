@@ -9,7 +9,7 @@ import numpy as np
 import lfcore
 from lfcore.cli import planes as plane_options
 from lfcore.cli.command import Command, open_field
-from lfcore.cli.options import Options, add_device, add_lightfield, add_output, add_pixels
+from lfcore.cli.options import add, add_lightfield, add_output
 from lfcore.cli.progress import progress
 from lfcore.optics.planes import SensorPlane
 from lfcore.pictures import check_bits, check_suffix
@@ -19,20 +19,14 @@ Make pictures from a light field file: focused at any distance, through any aper
 wider than the lens it was recorded with. The file alone is enough."""
 EPILOG = """\
 examples:
-  lfcore refocus bike.mkv -o bike.png
-      as recorded
-  lfcore refocus bike.mkv --focus 3.2 --f-number 2.8 --aperture polygon:5 -o bike.png
-  lfcore refocus bike.mkv --plane focus=2,f_number=2 --plane focus=6,f_number=8 -o bike.png
+  lfcore refocus bike.mkv -o bike.png --focus 3.2 --f-number 2.8 --aperture polygon:5
+  lfcore refocus bike.mkv -o bike.png --plane focus=2,f_number=2 --plane focus=6,f_number=8
       two pictures from one pass, named bike_00_focus2m_f2_circle.png and so on
-  lfcore refocus bike.mkv --plane planes.csv -o bike.exr
+  lfcore refocus bike.mkv -o bike.exr --plane planes.csv
       with planes.csv:  focus,f_number,aperture
                         2.0,2.8,circle
                         4.0,5.6,square
-  lfcore refocus bike.mkv --focus 3.2 --filter bilinear -o bike.npy
-      smoother, by shift-sum; linear light, float32
-  lfcore refocus few.mkv --focus 3.2 --pixels 512 -o large.png
-      from a file with depth
-  lfcore refocus chess.mkv --focus 1.5px --f-number 7views -o chess.png
+  lfcore refocus chess.mkv -o chess.png --focus 1.5px --f-number 7views
       an imported light field whose cameras are not known
 
 PNG, PPM, JPEG and WebP hold 8-bit sRGB, PNG 16 bits with --bits 16; EXR and NPY linear light in
@@ -44,23 +38,20 @@ def options(command: argparse.ArgumentParser) -> None:
     add_lightfield(command)
     add_output(command, "picture to write")
     plane_options.add_options(command, of_file=True)
-    add_method(command, ("slicing", "shift-sum"))
+    add_method(command)
 
 
-def add_method(
-    command: argparse.ArgumentParser, methods: tuple[str, ...], more: str = ""
-) -> Options:
+def add_method(command: argparse.ArgumentParser, *more: str, help: str = "") -> None:
     """Options of how pictures are made from a file."""
     how = command.add_argument_group("method")
-    how.add_argument("--method", choices=methods, help=f"default: by the filter{more}")
+    methods = ("slicing", "shift-sum", *more)
+    how.add_argument("--method", choices=methods, help=f"default: by the filter{help}")
     how.add_argument(
         "--filter", choices=("depth", "nearest", "bilinear"),
         help="depth (default for files with depth), nearest (slicing or shift-sum; else the "
         "default) or bilinear (shift-sum)",
     )  # fmt: skip
-    add_pixels(how, "M x M pixels (as recorded); by slicing no more than its views have")
-    add_device(how)
-    return how
+    add(how, "device", pixels="M x M pixels (as recorded); by slicing no more than its views have")
 
 
 def make_pictures(

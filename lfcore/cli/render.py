@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import lfcore
-from lfcore.cli import film, values
+from lfcore.cli import film
 from lfcore.cli import planes as plane_options
-from lfcore.cli.command import Command, flags, open_scene, refuse
-from lfcore.cli.options import add_output, add_pixels, add_quality, add_scene, add_views, given
+from lfcore.cli.command import Command, open_scene, refuse
+from lfcore.cli.options import add, add_output, add_scene, flags, given
 from lfcore.cli.progress import note, progress, say
 from lfcore.errors import OpticsError
 from lfcore.pictures import check_bits, check_suffix
@@ -29,35 +29,36 @@ examples:
   lfcore render scenes/bike -o bike.png --pixels 512
       8 x 8 lens samples by 2 x 2 rays per pixel, each spread by its depth
   lfcore render table.glb -o table.png --focus 2.5 --f-number 1.4
-      a single picture is traced at its own focus
   lfcore render scenes/bike -o bike.png --quality-db 45
-      with as few rays as that takes, found from the rays' own disagreement
+      with as few rays as that takes
   lfcore render scene.pbrt -o scene.exr
       as the file says: film, rays per pixel, lens or Camera "lightfield", shutter
-  lfcore render scene.pbrt -o square.exr --pixels 256 --views 1 --filter nearest
+  lfcore render scenes/bike -o pinhole.png --views 1 --filter nearest
       a pinhole: one ray per pixel, all in focus
   lfcore render scenes/bike -o bike.png --plane focus=2 --plane focus=6
       several pictures from the same rays
-  lfcore render scenes/bike -o bike.png --focus 2 --filter nearest --views 64
-      the thesis's Algorithm 1: a ray counts in the pixel that it falls on
 """
 
 
 def options(command: argparse.ArgumentParser) -> None:
     add_scene(command)
     add_output(command, "picture to write")
-    add_pixels(command)
-    add_views(command, "N x N lens samples (8, or 16 with --filter nearest)")
-    add = command.add_argument
-    add("--subpixels", type=values.positive, metavar="Q",
-        help="Q x Q rays per pixel and lens sample (2, or 1 with --filter nearest)")  # fmt: skip
-    add("--filter", choices=("depth", "nearest"), default="depth",
+    add(
+        command, "pixels", "most_rays",
+        views="N x N lens samples (8, or 16 with --filter nearest)",
+        subpixels="Q x Q rays per pixel and lens sample (2, or 1 with --filter nearest)",
+        quality_db="as few rays as every picture needs for this PSNR against the average over its "
+        "pixels and the lens",
+    )  # fmt: skip
+    command.add_argument(
+        "--filter", choices=("depth", "nearest"), default="depth",
         help="spread each ray over what its part of lens and pixel covers at its depth "
-        "(default), or count it in the pixel that it falls on")  # fmt: skip
-    add_quality(command, "as few rays as every picture needs for this PSNR against the average "
-                "over its pixels and the lens")  # fmt: skip
-    add("--error-map", type=Path, metavar="FILE",
-        help="with --quality-db: picture of each pixel's expected error, sRGB")  # fmt: skip
+        "(default), or count it in the pixel that it falls on",
+    )  # fmt: skip
+    command.add_argument(
+        "--error-map", type=Path, metavar="FILE",
+        help="with --quality-db: picture of each pixel's expected error, sRGB",
+    )  # fmt: skip
     plane_options.add_options(command, of_file=False)
     film.add_options(command)
 
@@ -109,9 +110,9 @@ def _report_quality(arguments: argparse.Namespace, made: Rendering, planes: list
 def _check_rays(arguments: argparse.Namespace) -> None:
     """Refuse options on rays that exclude each other."""
     if arguments.quality_db is None:
-        if flags(arguments, ("most_rays", "error_map")):
+        if flags(arguments, "most_rays", "error_map"):
             refuse("--quality-db", "is what --most-rays and --error-map belong to", "Give it, too")
-    elif flags(arguments, ("views", "subpixels")) or arguments.filter == "nearest":
+    elif flags(arguments, "views", "subpixels") or arguments.filter == "nearest":
         remedy = "Leave out --views, --subpixels and --filter nearest"
         refuse("--quality-db", "chooses the rays itself", remedy)
 

@@ -13,7 +13,7 @@ import lfcore
 from lfcore.cli import planes as plane_options
 from lfcore.cli import values
 from lfcore.cli.command import Command, open_field, refuse
-from lfcore.cli.options import add_bits, add_lightfield
+from lfcore.cli.options import add, add_lightfield, add_output
 from lfcore.cli.progress import progress, wrote
 from lfcore.cli.refocus import add_method, make_pictures
 from lfcore.errors import OpticsError
@@ -27,16 +27,14 @@ EPILOG = """\
 examples:
   lfcore stack bike.mkv --sheet
       from near to far, in one picture: bike_stack.png
-  lfcore stack bike.mkv --focus 2 3 4 6 -o focal.png
-      focal_00_focus2m_f2_circle.png and so on
   lfcore stack bike.mkv --focus near:far:60 -o focal.mp4
       a film through the scene, evenly in dioptres
+  lfcore stack bike.mkv --focus 2 3 4 6 -o focal.png
+      focal_00_focus2m_f2_circle.png and so on
   lfcore stack bike.mkv --f-number 2 2.8 4 5.6 --focus 3 --no-normalise --sheet -o stops.png
       side by side in one picture; they dim as the lens stops down
   lfcore stack chess.mkv --focus -2px:2px:9 --sheet
       from an imported light field whose cameras are not known
-
-A name that ends in .mp4 gives a film, --sheet a contact sheet, else each picture has a file.
 """
 SHEET_WIDTH, GAP_PX = 4, 4
 STEPS, SHEET_STEPS = 10, 8
@@ -60,9 +58,7 @@ def focus(text: str) -> Focus:
 
 def options(command: argparse.ArgumentParser) -> None:
     add_lightfield(command)
-    command.add_argument(
-        "-o", "--output", type=Path, help="picture or .mp4 (the file's name and _stack.png)"
-    )
+    add_output(command, "picture or .mp4 (the file's name and _stack.png)", required=False)
     what = command.add_argument_group("the stack")
     what.add_argument(
         "--focus", nargs="+", type=focus, metavar="M", default=[],
@@ -73,15 +69,14 @@ def options(command: argparse.ArgumentParser) -> None:
         "--f-number", nargs="+", type=values.f_number, metavar="F", default=[],
         help="f-numbers, or widths in views: 7views (the whole lens)",
     )  # fmt: skip
-    plane_options.add_aperture(what)
+    add(what, "aperture", "normalise")
     form = command.add_argument_group("form")
     form.add_argument("--sheet", action="store_true", help="all pictures in one")
     form.add_argument(
         "--fps", type=values.count(1, 240), default=12, help="pictures per second of a film (12)"
     )
-    add_bits(form)
-    add_method(command, ("slicing", "shift-sum", "blocks"),
-               "; blocks is fast for many pictures, with a little blur")  # fmt: skip
+    add(form, "bits")
+    add_method(command, "blocks", help="; blocks is fast for many pictures, with a little blur")
 
 
 def run(arguments: argparse.Namespace) -> None:

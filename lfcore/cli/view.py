@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import webbrowser
-from pathlib import Path
 
 import numpy as np
 
 import lfcore
 from lfcore.cli import values
-from lfcore.cli.command import Command, flags, open_field, refuse
-from lfcore.cli.options import add_device, add_lightfield, add_pixels, given
+from lfcore.cli.command import Command, open_field, refuse
+from lfcore.cli.options import add, add_lightfield, add_output, flags, given
 from lfcore.cli.progress import progress, say, wrote
 from lfcore.pictures import SUFFIXES, check_suffix, contact_sheet, write_picture
 
@@ -22,16 +21,14 @@ or one macropixel (one pixel through the whole lens) as a picture. The page is o
 server and contacts no other host. A picture decodes only the frames that it needs."""
 EPILOG = """\
 examples:
-  lfcore view bike.mkv                               in the browser: drag, click, slide
-  lfcore view https://example.org/bike.mkv           from a URL
-  lfcore view bike.mkv -o bike.html                  the page as a file
-  lfcore view bike.mkv -o bike.html --grid 9 --pixels 256   a small one
-  lfcore view bike.mkv --serve 8000                  at http://127.0.0.1:8000/
-  lfcore view bike.mkv -o centre.png                 the central view
-  lfcore view bike.mkv --view 0 15 -o corner.png     lens column 0, row 15
-  lfcore view few.mkv --at 12.5 -40 -o between.png   any point of the lens, of a file with depth
-  lfcore view bike.mkv --macropixel 64 32 -o lens.png  pixel column 64, row 32
-  lfcore view bike.mkv --grid 5 -o sheet.png         5 x 5 views, evenly from the whole lens
+  lfcore view bike.mkv                                in the browser: drag, click, slide
+  lfcore view https://example.org/bike.mkv            from a URL
+  lfcore view bike.mkv -o bike.html --grid 9          the page as a file, a small one
+  lfcore view bike.mkv --serve 8000                   at http://127.0.0.1:8000/
+  lfcore view bike.mkv -o corner.png --view 0 3       lens column 0, row 3
+  lfcore view bike.mkv -o between.png --at 12.5 -40   any point of the lens, of a file with depth
+  lfcore view bike.mkv -o lens.png --macropixel 64 32
+  lfcore view bike.mkv -o sheet.png --grid 3          3 x 3 views, evenly from the whole lens
 """
 PAGES = (".html", ".htm")
 OF_PICTURES = ("view", "at", "macropixel")
@@ -40,21 +37,22 @@ OF_PAGES = ("pixels", "format", "jpeg_quality", "serve")
 
 def options(command: argparse.ArgumentParser) -> None:
     add_lightfield(command)
-    command.add_argument("-o", "--output", type=Path, help="page (.html) or picture to write")
+    add_output(command, "page (.html) or picture to write", required=False)
     what = command.add_argument_group("which views").add_mutually_exclusive_group()
     what.add_argument(
         "--grid", type=values.views, metavar="K",
         help="K x K views: side by side in a picture, or 9 to 33 in a page (17, or 9 by depth)",
     )  # fmt: skip
-    index = values.count(0)
-    what.add_argument("--view", nargs=2, type=index, metavar=("I", "J"), help="lens column and row")
+    add(what, view="lens column and row")
     what.add_argument(
         "--at", nargs=2, type=values.number(), metavar=("S", "T"),
         help="mm right of and below the middle of the lens, of a file with depth",
     )  # fmt: skip
-    what.add_argument("--macropixel", nargs=2, type=index, metavar=("U", "V"), help="column, row")
+    what.add_argument(
+        "--macropixel", nargs=2, type=values.count(0), metavar=("U", "V"), help="column, row"
+    )
     page = command.add_argument_group("a page")
-    add_pixels(page, "pixels of a view's longer side (at most 512)")
+    add(page, pixels="pixels of a view's longer side (at most 512)")
     page.add_argument(
         "--format", choices=("avif", "webp"),
         help="of its views: avif (default), or webp for browsers before 2024, which blurs colours",
@@ -66,19 +64,19 @@ def options(command: argparse.ArgumentParser) -> None:
         "--serve", type=values.count(0, 65535), nargs="?", const=0, metavar="PORT",
         help="serve the page on this machine until interrupted",
     )  # fmt: skip
-    add_device(command)
+    add(command, "device")
 
 
 def run(arguments: argparse.Namespace) -> None:
     output = arguments.output
-    if output is None and flags(arguments, OF_PICTURES):
+    if output is None and flags(arguments, *OF_PICTURES):
         refuse("--output", "is missing", "Name a picture to write")
     if arguments.json and (output is None or arguments.serve is not None):
         refuse("--json", "reports on a file", "Give --output, and no --serve")
     is_page = output is None or output.suffix.lower() in PAGES
     if not is_page:
         check_suffix(output, (*SUFFIXES, *PAGES))
-    if wrong := flags(arguments, OF_PICTURES if is_page else OF_PAGES):
+    if wrong := flags(arguments, *(OF_PICTURES if is_page else OF_PAGES)):
         kind, name = ("picture", ".png") if is_page else ("page", ".html")
         refuse(wrong[0], f"belongs to a {kind}", f"Write a {name}, or leave it out")
     (_page if is_page else _picture)(arguments)
