@@ -53,6 +53,8 @@ CHOICE = {
     "bytes": "bytes", "psnr_true_db": "true PSNR dB",
 }  # fmt: skip
 """The published columns of the table on chosen rays, and their names."""
+SHOWN = (16, 64, 512)
+"""The N whose rows are on the page; the CSV files have all."""
 DIGITS = {"seconds": 1, "psnr_db": 1, "psnr_true_db": 1, "ssim": 4, "ratio_float32": 0}
 
 
@@ -246,7 +248,7 @@ def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]
     lines += ["## Pictures", ""]
     for title, file in stacks:
         lines += [f"![{title.partition(':')[0]}]({file})", "", f"{title}.", ""]
-    more = f"More columns: the CSV files in this folder. Configuration: [{SETTINGS}]({SETTINGS})."
+    more = f"All N: the CSV files in this folder. Configuration: [{SETTINGS}]({SETTINGS})."
     lines += [*wrapped(Result(provenance, run.first).source()), "", more, ""]
     return "\n".join(lines)
 
@@ -255,6 +257,7 @@ def _markdown(table: pd.DataFrame, columns: dict[str, bool]) -> Iterator[str]:
     names = list(columns)
     if "psnr_true_db" in table:
         names.insert(2, "psnr_true_db")
+    table = table[table.N.isin(SHOWN)]
     yield f"| scene | N | {' | '.join(LABELS[name] for name in names)} |"
     yield "|" + "---|" * (len(names) + 2)
     for row in table.to_dict("records"):
