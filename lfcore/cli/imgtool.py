@@ -57,8 +57,9 @@ def _lightfield_options(command: argparse.ArgumentParser) -> None:
         metavar=("X", "Y", "Z"), help="virtual camera's position, y up (0 0 -0.02)")  # fmt: skip
     add("--camerarot", nargs=3, type=values.number(), metavar=("X", "Y", "Z"),
         help="its rotation about x, y and z, degrees: Rx Ry Rz (0 0 0)")  # fmt: skip
-    add("--outputfov", type=values.angle, default=45.0, metavar="DEG",
-        help="its field of view, degrees (45)")  # fmt: skip
+    add(
+        "--outputfov", type=values.angle, default=45.0, metavar="DEG", help="its field of view (45)"
+    )
     add("--outputdim", nargs=2, type=values.pixels, default=(256, 256), metavar=("W", "H"),
         help="pixels of its picture (256 256)")  # fmt: skip
     _focus_options(command)
@@ -69,10 +70,8 @@ def _lightfield_options(command: argparse.ArgumentParser) -> None:
 
 def _focus_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument_group("focus (one of)").add_mutually_exclusive_group().add_argument
-    add("--focalplanez", type=values.number(), metavar="Z",
-        help="plane before the data cameras (10)")  # fmt: skip
-    add("--focaldistance", type=values.positive, metavar="D",
-        help="along the virtual camera's axis (10)")  # fmt: skip
+    add("--focalplanez", type=values.number(), metavar="Z", help="plane before data cameras (10)")
+    add("--focaldistance", type=values.positive, metavar="D", help="along the camera's axis (10)")
     add("--focalsurface", type=surface, metavar="SURFACE",
         help="plane:X,Y,Z,NX,NY,NZ (point and normal, y up), sphere:X,Y,Z,R (its far side), or an "
         "EXR of depths along the virtual camera's axis")  # fmt: skip
@@ -80,8 +79,7 @@ def _focus_options(command: argparse.ArgumentParser) -> None:
 
 def _method_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument_group("method").add_argument
-    add("--filterwidth", type=values.positive, metavar="R",
-        help="radius of Isaksen's cone, metres (0.05)")  # fmt: skip
+    add("--filterwidth", type=values.positive, metavar="R", help="Isaksen's radius, metres (0.05)")
     add("--montecarlo", action="store_true", help="integrate over a thin lens")
     add("--lensradius", type=values.number(0), metavar="R", help="of the thin lens, metres (0)")
     add("--samplesperpixel", type=values.count(), metavar="S", help="rays per pixel (1)")

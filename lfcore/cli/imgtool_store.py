@@ -44,11 +44,8 @@ def add_bits(command: argparse.ArgumentParser) -> None:
 
 
 def add_geometry(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument_group(
-        "the light field (from the header where it has one)"
-    ).add_argument
-    add("--camsperdim", nargs=2, type=values.count(), metavar=("X", "Y"),
-        help="data cameras (1 1)")  # fmt: skip
+    add = command.add_argument_group("the light field (default: by its header)").add_argument
+    add("--camsperdim", nargs=2, type=values.count(), metavar=("X", "Y"), help="cameras (1 1)")
     add("--griddim", nargs=4, type=values.number(), metavar=("XMIN", "XMAX", "YMIN", "YMAX"),
         help="bounding box of the data cameras, metres (0 0 0 0)")  # fmt: skip
     add("--inputfov", type=values.angle, metavar="DEG", help="field of view of data cameras (90)")

@@ -10,11 +10,6 @@ from typing import Any
 
 from lfcore.optics.planes import SHAPES
 
-MOST_PIXELS = 65536
-"""The most pixels per side that a light field may have."""
-MOST_VIEWS = 4096
-"""The most views per side that a light field may have."""
-
 
 def count(least: int = 1, most: int | None = None) -> Callable[[str], int]:
     """A type for argparse: a whole number in a range."""
@@ -53,8 +48,8 @@ def number(
 
 positive = number(0, above=True)
 angle = number(0, 179, above=True)
-views = count(1, MOST_VIEWS)
-pixels = count(1, MOST_PIXELS)
+views = count(1, 4096)
+pixels = count(1, 65536)
 
 
 def distance(text: str) -> float:
