@@ -1,1 +1,1 @@
-"""A light field as one page for the browser: look around, focus, stop down, without a program."""
+"""A light field as one page for the browser: look around, focus, stop down."""

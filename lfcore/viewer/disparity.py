@@ -1,4 +1,4 @@
-"""A coarse map of disparity from the views alone, so that a click finds what to focus on.
+"""A coarse map of disparity from the views alone, so that a click can focus.
 
 Plane sweep (Collins, "A space-sweep approach to true multi-image matching", CVPR 1996): each view
 is shifted to a candidate plane; where that plane holds the surface, all agree with the central one.
@@ -9,25 +9,31 @@ from __future__ import annotations
 import numpy as np
 
 SIDE = 128
-"""Pixels of the map's longer side at most."""
+"""The most pixels of the map's longer side."""
 CANDIDATES = 64
 MOST_VIEWS = 25
 SMOOTH = 1.5
-"""Pixels of the map over which disagreement is averaged, standard deviation."""
+"""The standard deviation of the blur of disagreement, pixels of the map."""
 
 
 def estimate(
     pictures: np.ndarray, places: np.ndarray, low: float, high: float
 ) -> np.ndarray | None:
-    """(h, w) float32 disparities, pixels of the pictures from one step of ``places`` to the next.
+    """Estimate disparities; where there is no texture they mean little.
 
     Parameters
     ----------
-    pictures : (K, height, width, 3) uint8.
-    places : (K, 2) where each stands on the lens (right, down), in views from its middle.
-    low, high : the disparities between which to look.
+    pictures : ndarray
+        (K, height, width, 3) uint8 views.
+    places : ndarray
+        (K, 2) positions on the lens (right, down), in views from its middle.
+    low, high : float
+        The range of disparities to search.
 
-    None where there is no second view.  Of a textureless area the map says little.
+    Returns
+    -------
+    ndarray or None
+        (h, w) float32, pixels of the pictures per step of ``places``; None for a single view.
     """
     import cv2
 
@@ -51,7 +57,7 @@ def estimate(
             x, y = (places[centre] - places[k]) * disparity * scale
             move = np.array([[1, 0, -x], [0, 1, -y]], np.float32)
             moved = cv2.warpAffine(picture, move, size, borderMode=cv2.BORDER_REPLICATE)
-            # What is hidden in some views disagrees without bound: beyond this it counts no more.
+            # Occluded pixels disagree without bound, so the cost is clamped.
             cost += np.minimum(np.abs(moved - small[0]).sum(2), 60.0)
         cost = cv2.GaussianBlur(cost, (0, 0), SMOOTH)
         better = cost < best

@@ -1,5 +1,5 @@
 // Draws by WebGL2: views are shifted and added in linear light (equation 6.1 of the thesis), as
-// lfcore.refocus.shift_sum does. Textures are sRGB, so that what is read of them is linear light.
+// in lfcore.refocus.shift_sum. Textures are sRGB, so that reads give linear light.
 
 const VERTEX = `#version 300 es
 void main() {
@@ -20,7 +20,7 @@ uniform float gain;
 uniform bool nearest;
 out vec4 colour;
 
-// Light at pixel p of a view, and in w how much of that place the view holds.
+// Light at pixel p of a view, and in w the share of the pixel that the view covers.
 vec4 light(float number, vec2 p) {
   if (nearest) p = ceil(p - 0.5 - 1e-4);
   vec2 held = clamp(min(p + 1.0, size - p), 0.0, 1.0);
@@ -98,7 +98,7 @@ class Drawing {
     if (!gl) throw new CannotDraw("This browser has no WebGL2");
     const most = gl.getParameter(gl.MAX_TEXTURE_SIZE);
     if (Math.max(pages[0].width, pages[0].height) > most) {
-      throw new CannotDraw(`This browser's textures have at most ${most} pixels a side`);
+      throw new CannotDraw(`This browser's textures have at most ${most} pixels per side`);
     }
     /** @type {WebGL2RenderingContext} */ this.gl = gl;
     this.canvas = canvas;

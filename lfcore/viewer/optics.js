@@ -1,19 +1,19 @@
-// What a state of the viewer means: which views add up, and how they are shifted. No browser here.
+// The optics of the viewer's state: the views that add up, and their shifts. No browser here.
 // Lengths on the lens are in views from its middle, in the picture in pixels of the file.
 
 /**
- * @typedef {object} Field  What page.py writes about the light field.
+ * @typedef {object} Field  The light field, as page.py writes it.
  * @property {string} name
  * @property {string} file
- * @property {number[]} columns  Where view columns stand, in views from the middle, ascending.
+ * @property {number[]} columns  Positions of view columns, in views from the middle, ascending.
  * @property {number[]} rows
- * @property {number} views  A side, of the whole lens in the file.
- * @property {number} width  Of a view in the atlas, pixels.
+ * @property {number} views  Views per side of the whole lens in the file.
+ * @property {number} width  Pixels of a view in the atlas.
  * @property {number} height
- * @property {number} scale  Pixels of the atlas over those of the file.
- * @property {boolean} by_depth  Whether views were made by depth, and pictures of the file are.
+ * @property {number} scale  Pixels of the atlas per pixel of the file.
+ * @property {boolean} by_depth  Whether the file has depth, from which its views and pictures are made.
  * @property {number} white  Linear light of the brightest code.
- * @property {[number, number]} range  Disparities that the slider spans.
+ * @property {[number, number]} range  Range of the slider of disparities.
  * @property {{delta: number, step: number, focal: number, pitch: number} | null} metric
  * @property {{data: string, width: number, height: number, low: number, high: number} | null} map
  * @property {{pages: string[], across: number, down: number}} atlas
@@ -23,19 +23,19 @@
  * @typedef {object} State
  * @property {number} x  Viewpoint, views to the right of the middle.
  * @property {number} y  Viewpoint, views below the middle.
- * @property {number} d  Disparity in focus, pixels from one view to the next.
+ * @property {number} d  Disparity in focus, pixels between neighbouring views.
  * @property {number} a  Diameter of the aperture, views.
  * @property {string} shape
  * @property {number} blades  Corners of a polygon.
- * @property {number} turn  Of a polygon, degrees.
+ * @property {number} turn  Rotation of a polygon, degrees.
  * @property {number} tx  Change of the disparity in focus from the left edge to the right one.
  * @property {number} ty  The same from the upper edge to the lower one.
  * @property {string} filter
  * @property {boolean} single
  * @property {boolean} depth
  * @property {boolean} epi
- * @property {number} u  Where epipolar slices are taken, share of the width.
- * @property {number} v  Share of the height.
+ * @property {number} u  Column of the epipolar slice, share of the width.
+ * @property {number} v  Row of the epipolar slice, share of the height.
  */
 
 /** @typedef {{view: number, s: number, t: number, weight: number}} Entry */

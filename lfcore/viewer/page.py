@@ -31,11 +31,11 @@ MAP_SIDE = 256
 MARGIN = 0.1
 """The margin on either side of the seen range of disparities, of that range."""
 ESTIMATED = (
-    "The file holds no map of depth: a click focuses by an estimate from the views. "
-    "The focus slider is exact."
+    "The file has no depth: a click focuses by an estimate from the views. The focus slider is "
+    "exact."
 )
-STORED = "A click focuses on what is there: the file holds depth."
-NO_MAP = "The file holds no map of depth, and too few views to estimate one: focus with the slider."
+STORED = "The file has depth: a click focuses exactly."
+NO_MAP = "The file has no depth, and too few views to estimate it: focus with the slider."
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def viewer_page(
         "title": html.escape(data["name"]),
         "style": (HERE / "viewer.css").read_text(encoding="utf-8"),
         "status": NO_MAP if disparities is None else ESTIMATED if stored is None else STORED,
-        # "<" would end the element that it stands in.
+        # "<" would end the script element.
         "field": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
         "script": "\n".join((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS),
     }

@@ -1,4 +1,4 @@
-// The page: what is dragged, clicked, typed and linked becomes a state, and the state a picture.
+// The page: mouse, touch, keys and link change a state, and the state gives a picture.
 
 const BUDGET_MS = 70;         // of a picture while something moves
 const SETTLE_MS = 150;        // from the last movement to the whole picture
@@ -54,7 +54,7 @@ class Viewer {
     this.settle();
   }
 
-  /** How long a sample takes here; the second picture counts, the first may compile. */
+  /** Measure milliseconds per sample, with the second picture: the first may compile. */
   measure() {
     const drawing = /** @type {Drawing} */ (this.drawing), {field} = this;
     const entries = openViews(field, initial(field)).slice(0, 16), divisor = 4;
@@ -82,7 +82,7 @@ class Viewer {
     this.timer = setTimeout(() => this.settle(), SETTLE_MS);
   }
 
-  /** A picture within the budget: coarser where need be, and of fewer views. */
+  /** Draw within the budget of time: coarser and from fewer views if necessary. */
   quick() {
     const job = ++this.job;
     this.whole = false;
@@ -111,7 +111,7 @@ class Viewer {
     if (this.state.epi) drawing.slices(this.state, divisor);
   }
 
-  /** The whole picture, in bands that leave time to answer; resolves when it is there. */
+  /** Draw the whole picture in bands, which leave time for input; resolves when it is drawn. */
   async settle() {
     const job = ++this.job, drawing = this.drawing;
     if (!drawing) { this.single(); this.whole = true; return; }
@@ -148,7 +148,7 @@ class Viewer {
   /** @param {string} text */
   say(text) { element("status").textContent = text; }
 
-  /** Controls, words and link as the state is. */
+  /** Show the state in controls, words and link. */
   show() {
     const {field, state} = this;
     for (const key of ["d", "a", "blades", "turn", "tx", "ty"]) {
@@ -170,7 +170,7 @@ class Viewer {
     } catch { /* A page inside another one may have no address; nothing else depends on it. */ }
   }
 
-  /** The disparity of what is seen at a share of the picture. @param {number} u @param {number} v */
+  /** The disparity at a place of the picture, a share of its size. @param {number} u @param {number} v */
   disparityAt(u, v) {
     const {map} = this.field;
     if (!map || !this.map) return null;
@@ -179,11 +179,11 @@ class Viewer {
     return map.low + (map.high - map.low) * this.map[row * map.width + column] / 255;
   }
 
-  /** Focus on what is at a share of the picture. @param {number} u @param {number} v */
+  /** Focus on a place of the picture, a share of its size. @param {number} u @param {number} v */
   focus(u, v) {
     const {state} = this, found = this.disparityAt(u, v);
     if (found === null) this.say("There is no map of depth: focus with the slider.");
-    // A tilted plane goes through what was clicked.
+    // A tilted plane goes through the clicked point.
     const tilted = state.tx * (u - 0.5) + state.ty * (v - 0.5);
     this.set({u, v, ...(found === null ? {} : {d: found - tilted})});
   }
@@ -236,7 +236,7 @@ class Viewer {
         if (apart > 0 && now > 0) this.set({a: this.state.a * now / apart});
         apart = now;
       } else if (held.size === 1 && moved > 4 && !pinched) {
-        // Half the picture's width goes over the whole lens; what is seen follows the hand.
+        // Half the picture's width is the whole lens; objects follow the hand.
         const step = 2 * (field.views - 1) / canvas.clientWidth;
         this.set({x: this.state.x - dx * step, y: this.state.y - dy * step});
       }
@@ -246,7 +246,7 @@ class Viewer {
       if (event.type !== "pointerup") return;
       const {left, top, width, height} = canvas.getBoundingClientRect();
       const beside = this.state.epi && this.drawing ? STRIP : 0;
-      // Of the picture alone: slices lie beside it.
+      // In the picture only, not in the slices beside it.
       const u = (event.clientX - left) / width * canvas.width / (canvas.width - beside);
       const v = (event.clientY - top) / height * canvas.height / (canvas.height - beside);
       if (u >= 0 && v >= 0 && u < 1 && v < 1) this.focus(u, v);

@@ -229,7 +229,7 @@ def test_the_browsers_page_is_made_of_views_by_depth(tmp_path, tracer):
     page = field.viewer()
     assert '"columns": [-1.333' in page.html  # nine, from the middles of ninths of the lens
     assert f'"width": {PIXELS}' in page.html
-    assert "the file holds depth" in page.html and '"by_depth": true' in page.html
+    assert "The file has depth" in page.html and '"by_depth": true' in page.html
 
 
 def test_a_disk_that_fails_leaves_no_file(tmp_path, tracer, monkeypatch):

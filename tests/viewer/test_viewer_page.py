@@ -108,7 +108,7 @@ def test_the_map_is_the_depth_that_the_file_holds(tmp_path):
     field = record(scene, tmp_path / "d.mkv", views=Lattice(3, displaced=False), pixels=24)
     html = field.viewer().html
     data = described(html)["map"]
-    assert "the file holds depth" in html and "estimate" not in re.sub("<script.*", "", html)
+    assert "The file has depth" in html and "estimate" not in re.sub("<script.*", "", html)
     size = data["width"], data["height"]
     assert size == (48, 48)  # views of a file with depth have two pixels for one of a picture
     codes = np.frombuffer(base64.b64decode(data["data"]), np.uint8).reshape(size)
