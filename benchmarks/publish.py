@@ -27,6 +27,7 @@ import io
 import re
 import subprocess
 import sys
+import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -232,16 +233,9 @@ def markdown(rows: pd.DataFrame) -> Iterator[str]:
         yield f"| {' | '.join(map(str, row))} |"
 
 
-def wrapped(text: str, width: int = 118) -> Iterator[str]:
-    """Lines of a paragraph."""
-    line = ""
-    for word in text.split():
-        if line and len(line) + 1 + len(word) > width:
-            yield line
-            line = word
-        else:
-            line = f"{line} {word}".strip()
-    yield line
+def wrapped(text: str) -> list[str]:
+    """The lines of a paragraph."""
+    return textwrap.wrap(text, 118, break_long_words=False, break_on_hyphens=False)
 
 
 def documents() -> dict[Path, str]:

@@ -117,10 +117,5 @@ class MitsubaPicture:
         parts = (f"Mitsuba {version}", f"{self._threads} threads", note, Path(self.llvm or "").name)
         return Method(NAME, work, run, ", ".join(parts))
 
-    def picture(self, slab, samples: int) -> np.ndarray:
-        """(M, M, 3) float32 linear, to look at."""
-        self._pool.submit(_load, slab).result()
-        return self._pool.submit(_render, samples, 0).result()[2]
-
     def close(self) -> None:
         self._pool.shutdown()
