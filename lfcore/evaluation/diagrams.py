@@ -1,4 +1,4 @@
-"""Diagrams of what accuracy costs: Pareto fronts, and labels at points that cover nothing else."""
+"""Diagrams of error against cost: Pareto fronts, and labels that cover nothing else."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from lfcore.evaluation.figures import save_figure
 
 MARKERS = "osD^vP*X"
 FRONT: dict[str, Any] = {"color": "0.75", "linewidth": 7, "alpha": 0.6, "zorder": 1}
-"""How the line looks that joins a Pareto front."""
+"""The style of the line that joins a Pareto front."""
 DISTANCES_PT = (4, 8, 13, 19, 26)
 SIZE_PT = 6
 MARKER_PT = 3.0
-"""Half the side of what a point takes."""
+"""Half the side of a marker, in points."""
 PIXELS_OF_A_GAP, BETWEEN_PIXELS = 1.0, 3.0
 DIRECTIONS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 NOT_DRAWN = ("None", "", " ")
-"""Line styles and markers."""
+"""The line styles and markers that draw nothing."""
 
 
 class PointLabel(NamedTuple):
@@ -62,14 +62,14 @@ def save_diagrams(
 
 
 def label_points(figure: Figure, labels: Iterable[PointLabel]) -> list[Annotation]:
-    """Write each label as near to its point as there is room; those that have none are left out.
+    """Write each label as near to its point as there is room; labels without room are left out.
 
-    All else must be drawn before: places are found in pixels of the figure as it stands.  Returns
-    what was written.
+    Everything else must be drawn before, since the layout is then fixed.  Returns the labels
+    written.
     """
-    FigureCanvasAgg(figure)  # has a renderer; without one each box that is asked for makes another
+    FigureCanvasAgg(figure)  # one renderer for all boxes
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # what was laid out stays
+    figure.set_layout_engine("none")  # the layout stays
     written: list[Annotation] = []
     occupied: dict[Axes, tuple[list[Bbox], np.ndarray]] = {}
     for label in labels:
@@ -84,8 +84,7 @@ def label_points(figure: Figure, labels: Iterable[PointLabel]) -> list[Annotatio
 
 
 def _occupied(axis: Axes) -> tuple[list[Bbox], np.ndarray]:
-    """Boxes of all points, of texts and of the legend; and (K, 2) points along all curves and
-    bars, a few pixels apart.  All are in pixels."""
+    """Boxes of points, texts and legend, and (K, 2) points along curves and bars, in pixels."""
     half = MARKER_PT * axis.figure.dpi / 72
     boxes = [text.get_window_extent() for text in axis.texts if text.get_text()]
     if (legend := axis.get_legend()) is not None:
@@ -110,8 +109,7 @@ def _occupied(axis: Axes) -> tuple[list[Bbox], np.ndarray]:
 
 
 def _placed(label: PointLabel, taken: list[Bbox], curves: np.ndarray) -> Annotation | None:
-    """The label at the first free place around its point, nearest first; where curves pass all of
-    them, on a curve."""
+    """The label at the nearest free place around its point, on a curve if there is no other."""
     room = label.axis.get_window_extent()
     note = label.axis.annotate(
         label.text, (label.x, label.y), xytext=(0, 0), textcoords="offset points",

@@ -1,8 +1,7 @@
-"""How far the ways to one refocused picture part (thesis sections 3.3, 4.3 and 6.3).
+"""One refocused picture in four ways (thesis sections 3.3, 4.3 and 6.3).
 
-The same focus and aperture by slicing the slab while it is traced, by shift-sum on views of the
-slab, by shift-sum on the photograph of a plenoptic camera, against the picture traced directly,
-with 4096 rays a pixel, at its own focus.
+Slicing while tracing, shift-sum of views and shift-sum of a plenoptic photograph, against the
+picture traced directly at its own focus with 4096 rays per pixel.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ WARM_UP_PIXELS = 16
 class Made(NamedTuple):
     """Pictures (P, M, M, 3) of linear light by one method, and the seconds of its parts.
 
-    Seconds are of all planes together; ``trace`` is 0 where tracing cannot be told apart.
+    Seconds are of all planes together; ``trace`` is 0 where tracing is not timed separately.
     """
 
     method: str
@@ -50,8 +49,7 @@ class Made(NamedTuple):
 
 @dataclass
 class Equivalence:
-    """``rows`` are one a plane and method; ``made`` holds the pictures behind them, the reference
-    first."""
+    """``rows`` has one per plane and method; ``made`` has their pictures, the reference first."""
 
     rows: list[dict]
     made: list[Made]
@@ -78,17 +76,16 @@ def equivalence(
     ----------
     tracer : of the scene, whose camera records the light field.
     planes : refocused from it.
-    views, pixels : N and M, of the slab and of the plenoptic camera's N x N pixels a microlens.
-    reference_views : side of the grid of rays a pixel of the reference: 64 are 4096.
+    views, pixels : N and M of the slab; the plenoptic camera has N x N pixels per microlens.
+    reference_views : rays per pixel of the reference, per side: 64 are 4096 rays.
     progress : called with (steps done, of all).
 
     Returns
     -------
     The rows, the reference's own last, and the pictures.  PSNR and SSIM are of sRGB codes that are
     not rounded, peak 255.  ``psnr_inside_db`` leaves out pixels for which the light field lacks
-    rays, beyond its border; ``error_at_edges`` is the share of the squared error in the tenth of
-    the picture where the reference has the steepest edges (a tenth, if errors were everywhere
-    alike).  ``seconds`` are those of one picture: of all planes, over their number.
+    rays; ``error_at_edges`` is the share of the squared error in the steepest tenth of the
+    reference (0.1 for uniform errors).  ``seconds`` are per picture.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Figures of the report: contact sheets of pictures, and curves over N.
 
-Pictures come as float arrays in linear light; they are encoded to sRGB here, once.
+Pictures are float arrays in linear light, encoded to sRGB here.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ matplotlib.rcParams.update({
 
 
 class Sheet(NamedTuple):
-    """Pictures of linear light, a label each, and how many stand in a row (None: all)."""
+    """Pictures in linear light, their labels, and the number per row (None: all)."""
 
     pictures: list[np.ndarray]
     labels: list[str]
@@ -59,14 +59,14 @@ def contact_sheet(
     Parameters
     ----------
     pictures : (P, H, W, 3) float array, or P of (H, W, 3); linear light in [0, 1].
-    labels : one a picture, such as ``"1.2 m"``.
-    columns : pictures in a row; default is all.
-    panel_px : a smaller picture is enlarged to this width; a larger one is left as it is.
+    labels : one per picture, such as ``"1.2 m"``.
+    columns : pictures per row; default is all.
+    panel_px : smaller pictures are enlarged to this width.
 
     Raises
     ------
     ValueError
-        when there is no picture, or not one label a picture.
+        when there is no picture, or not one label per picture.
     """
     if not len(pictures) or len(pictures) != len(labels):
         raise ValueError(f"{len(pictures)} pictures and {len(labels)} labels make no sheet")
@@ -95,15 +95,15 @@ def _panel(codes: np.ndarray, panel_px: int) -> Image.Image:
 
 
 THESIS_PIXELS = 512
-"""M of all that the thesis measured."""
+"""M of the thesis's measurements."""
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A column of one of the thesis's tables over N: of ours, and of the thesis.
+    """A column of one of the thesis's tables over N: ours, and the thesis's.
 
     ``per_ray`` is None, or the factor of the value divided by the rays N^2 M^2: only such values
-    compare across M.  ``of_thesis`` is whether the thesis has the column, too.
+    are comparable across M.  ``of_thesis`` is whether the thesis has the column.
     """
 
     label: str
@@ -116,7 +116,7 @@ class Panel:
         return f"thesis_{self.column}"
 
     def values(self, rows: pd.DataFrame, column: str, pixels: pd.Series | int) -> np.ndarray:
-        """(R,) float64 of a column, per ray of M = ``pixels`` where that is asked for."""
+        """(R,) float64 of a column, divided by the rays of M = ``pixels`` if ``per_ray``."""
         values = pd.to_numeric(rows[column], errors="coerce").to_numpy(np.float64)
         if self.per_ray is None:
             return values
@@ -124,27 +124,27 @@ class Panel:
 
 
 QUALITY = (
-    Panel("PSNR, dB, of the thesis's kind", "psnr_db"),
+    Panel("PSNR against the largest N, dB", "psnr_db"),
     Panel("PSNR against the true picture, dB", "psnr_true_db", of_thesis=False),
     Panel("SSIM", "ssim"),
 )
-TIME = Panel("nanoseconds a ray", "seconds", 1e9)
-SIZE = Panel("bits a ray", "video_bytes", 8)
+TIME = Panel("nanoseconds per ray", "seconds", 1e9)
+SIZE = Panel("bits per ray", "video_bytes", 8)
 PANELS = {
     "table_7_1": (*QUALITY, TIME), "table_7_2": (SIZE, TIME), "table_7_3": (*QUALITY, TIME),
 }  # fmt: skip
 
 
 def curves_over_n(table: pd.DataFrame, panels: Sequence[Panel]) -> Figure:
-    """Columns of a table over N, one curve a scene, the thesis's dashed.
+    """Columns of a table over N, one curve per scene, the thesis's dashed.
 
-    What is not per ray depends on M, so where M is not the thesis's 512 its curves have axes of
-    their own: no axis shows two values of M.
+    Values that are not per ray depend on M: where M is not the thesis's 512, its curves have axes
+    of their own.
 
     Parameters
     ----------
-    table : with ``scene``, ``N``, ``M`` and the panels' columns; points that are missing or
-        infinite are left out.
+    table : with ``scene``, ``N``, ``M`` and the panels' columns; missing and
+        infinite points are left out.
     """
     (pixels,) = table.M.unique()
     drawn: list[tuple[Panel, str]] = []
@@ -177,7 +177,7 @@ def curves_over_n(table: pd.DataFrame, panels: Sequence[Panel]) -> Figure:
 
 
 def views_axis(axis: Axes, views: pd.Series) -> None:
-    """Make the x axis one of these N, each twice the one before."""
+    """Make the x axis logarithmic with ticks at these N."""
     axis.set_xscale("log", base=2)
     axis.set_xticks(sorted(views.unique()))
     axis.xaxis.set_major_formatter("{x:.0f}")

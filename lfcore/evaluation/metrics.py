@@ -1,4 +1,4 @@
-"""How far a picture is from its reference: PSNR and SSIM.
+"""The error of a picture against its reference: PSNR and SSIM.
 
 Convention of all published tables: pictures are sRGB-encoded, on the scale of 8-bit codes
 (``peak=255``), but not rounded to codes -- rounding two pictures alone would cap PSNR at
@@ -132,7 +132,7 @@ def _pair(image: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndar
     if image.size == 0:
         raise MetricError("an empty picture does not compare")
     if not (np.isfinite(image).all() and np.isfinite(reference).all()):
-        raise MetricError("a picture holds values that are not finite")
+        raise MetricError("a picture has values that are not finite")
     return image, reference
 
 

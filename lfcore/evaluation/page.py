@@ -1,7 +1,7 @@
 """One page over all tables and figures, self-contained: it opens from disk and can be mailed.
 
-Sections are whatever the workflow made; the page knows none of them by name.  Captions are
-reStructuredText with Jinja expressions, the form that Snakemake's own reports take.
+The page knows no section by name.  Captions are reStructuredText with Jinja expressions, as in
+Snakemake's reports.
 """
 
 from __future__ import annotations
@@ -59,9 +59,9 @@ def write_page(
     Parameters
     ----------
     introduction : reStructuredText above everything.
-    facts : name and value of what stands at the top: machine, device, versions.
+    facts : names and values at the top: machine, device, versions.
     viewers : pages of light fields, in this page's folder or below, named for their scenes.
-    config : what captions see as ``snakemake.config``.
+    config : ``snakemake.config`` in captions.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def write_markdown_tables(
 
 
 def _shown(section: Section, folder: Path, config: Mapping[str, object]) -> dict[str, Any]:
-    """What the template takes of a section; columns are (name, classes of its cells)."""
+    """A section for the template; columns are (name, classes of the cells)."""
     shown: dict[str, Any] = {
         "name": section.name,
         "title": section.title,
@@ -138,7 +138,7 @@ def fill(text: str, config: Mapping[str, object]) -> str:
     Raises
     ------
     jinja2.UndefinedError
-        for a name that is not there.
+        for an unknown name.
     """
     template = jinja2.Template(text, undefined=jinja2.StrictUndefined)
     return template.render(snakemake=SimpleNamespace(config=config))

@@ -1,4 +1,4 @@
-"""The plenoptic photograph in focus and out of focus, and what can be made of it (figure 4.6)."""
+"""The plenoptic photograph, in focus and out of focus, and pictures from it (figure 4.6)."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from lfcore.tracing.tracer import Tracer
 
 PANEL_PX = 384
 LENSES_SHOWN = 24
-"""Along a side of the detail, so that single microlenses are seen."""
+"""Microlenses per side of the detail, in which each is visible."""
 INSET = 2
-"""Views are shown from this many samples within the left and right end of the lens."""
+"""The distance of the two views from the left and right end of the lens, in samples."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def panels(
 ) -> tuple[list[np.ndarray], list[str]]:
     """Pictures (linear light) and labels of one row of the sheet.
 
-    The photograph reduced to a pixel a microlens, a detail of it around the middle with its
+    The photograph reduced to one pixel per microlens, a detail of it around the middle with its
     microlenses, views from the left and right of the lens, and the photograph refocused at each
     of ``focus_m``, through the round lens.
     """
@@ -88,7 +88,7 @@ def reduced(pixels: np.ndarray, samples: int) -> np.ndarray:
 
 
 def detail(pixels: np.ndarray, samples: int) -> np.ndarray:
-    """Some microlenses around the middle, linear light, a pixel of theirs a pixel or more."""
+    """Some microlenses around the middle, enlarged by a whole factor; linear light."""
     lenses = len(pixels) // samples
     part = min(LENSES_SHOWN, lenses)
     start = (lenses - part) // 2 * samples
@@ -98,7 +98,7 @@ def detail(pixels: np.ndarray, samples: int) -> np.ndarray:
 
 
 def plenoptic_sheet(path: str | Path, rows: Sequence[tuple[list[np.ndarray], list[str]]]) -> None:
-    """A row each photograph, as :func:`panels` gives them; all panels of one size."""
+    """A row per photograph, as :func:`panels` gives them; all panels of one size."""
     pictures = [_fitted(picture) for shown, _ in rows for picture in shown]
     labels = [label for _, names in rows for label in names]
     contact_sheet(path, pictures, labels, columns=len(rows[0][0]), panel_px=PANEL_PX)

@@ -1,9 +1,9 @@
 """The same picture by other ray tracers: POV-Ray and Mitsuba 3 (thesis figure 4.5).
 
-Each renders the exported scene through the same lens with the same number of rays a pixel, on one
-thread; ours once more with rays spread over the pixels, as theirs are, and more of them.  Errors
-are against a reference of ours with far more rays, spread over the pixels as well as over the
-lens.  A renderer that is not installed is left out, and its row says why.
+Each renders the exported scene through the same lens with the same number of rays per pixel, on
+one thread; lfcore also with more rays, spread over the pixels.  Errors are against a reference of
+lfcore with far more rays, spread over pixel and lens.  A renderer that is not installed has a row
+with the reason.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ COLUMNS = [
     "mrays_per_second", "note",
 ]  # fmt: skip
 REFERENCE_VIEWS, REFERENCE_PLACES = 20, 4
-"""Of the reference: lens samples a side, and places a side of each pixel: 6400 rays."""
+"""The reference's lens samples, and places per pixel, per side: 6400 rays."""
 PLACES = 3
 TIMEOUT_S = 600
 ZOOM = 4
-"""The detail shown is a square of 1/4 of the picture's side."""
+"""The detail is a square of 1/4 of the picture's side."""
 
 
 @dataclass(frozen=True)
 class Rendered:
-    """A picture (M, M, 3), linear light, its rays a pixel and the seconds that rendering alone
-    took; or, where ``picture`` is None, why there is none."""
+    """A picture (M, M, 3), linear light, its rays per pixel and the seconds of rendering; or, where
+    ``picture`` is None, the reason."""
 
     method: str
     picture: np.ndarray | None
@@ -77,7 +77,7 @@ def compare(
 ) -> tuple[list[dict], list[list[Rendered]]]:
     """Rows (columns :data:`COLUMNS`), and all pictures of each focus distance.
 
-    ``views`` squared are the rays a pixel.  ``tracer`` should have one thread, as the
+    ``views`` squared is the number of rays per pixel.  ``tracer`` should have one thread, as the
     others have.  PSNR and SSIM are of sRGB codes that are not rounded, peak 255.
     """
     rows, all_rendered = [], []
@@ -127,17 +127,17 @@ def _timed(work: Callable[[], np.ndarray], method: str, rays: int, note: str) ->
 def _ours(tracer: Tracer, plane: SensorPlane, pixels: int, views: int) -> Rendered:
     camera = tracer.scene.camera
     work = functools.partial(trace_picture, tracer, camera, pixels, plane, views=views)
-    return _timed(work, "lfcore", views**2, "one place a pixel, a grid over the lens")
+    return _timed(work, "lfcore", views**2, "one place per pixel, a grid over the lens")
 
 
 def _ours_spread(tracer: Tracer, plane: SensorPlane, pixels: int, views: int) -> Rendered:
     work = functools.partial(spread_picture, tracer, plane, pixels, views, PLACES)
-    method = f"lfcore, {PLACES} x {PLACES} places a pixel"
+    method = f"lfcore, {PLACES} x {PLACES} places per pixel"
     return _timed(work, method, (PLACES * views) ** 2, "the same grid at each place")
 
 
 def povray(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendered:
-    """POV-Ray's picture, or why there is none.  Seconds are its own of tracing, without parsing."""
+    """POV-Ray's picture, or the reason why not.  Seconds are its own, without parsing."""
     try:
         return _run_povray(scene, focused_camera(scene.camera, plane), pixels, views**2)
     except (NotRenderedError, SceneError) as error:
@@ -145,7 +145,7 @@ def povray(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendere
 
 
 _exported: list[tuple[Scene, tempfile.TemporaryDirectory]] = []
-"""The scene whose mesh was written last, which is deleted with the process."""
+"""The last exported scene and its folder, which is deleted with the process."""
 
 
 def _mesh_folder(scene: Scene) -> str:
@@ -188,8 +188,8 @@ def _run_povray(scene: Scene, camera: Camera, pixels: int, rays: int) -> Rendere
 
 
 def mitsuba(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendered:
-    """Mitsuba 3's picture by its scalar variant, which runs on every processor, or why there is
-    none."""
+    """Mitsuba 3's picture by its scalar variant, which runs on every processor, or the reason why
+    not."""
     name = "Mitsuba 3"
     try:
         module = _import_mitsuba()
@@ -219,7 +219,7 @@ def _import_mitsuba() -> ModuleType:
 def renderers_sheet(
     path: str | Path, rendered: Sequence[Sequence[Rendered]], focus_m: Sequence[float]
 ) -> None:
-    """What there is, a row each focus distance, above enlarged details."""
+    """All pictures, a row per focus distance, above enlarged details."""
     pictures: list[np.ndarray] = []
     labels: list[str] = []
     for focus, row in zip(focus_m, rendered, strict=True):

@@ -17,7 +17,7 @@ from lfcore.optics.plane_pictures import load_stack
 
 @dataclass(frozen=True)
 class Resolution:
-    """What was made at one N: pictures (.npz) and measurements (.json); none where not stored."""
+    """The files of one N: pictures (.npz), measurements (.json); None where nothing is stored."""
 
     views: int
     on_the_fly: str | Path
@@ -55,7 +55,7 @@ def scene_records(
 
 
 def _quality(stack_file: str | Path, reference: np.ndarray, true: Reference) -> dict:
-    """Of pictures against others, and in dB against the true ones: averages over the planes.
+    """Quality of pictures against others, and in dB against the true ones, averaged over planes.
 
     JSON knows no infinity: the quality of a picture against itself is null.
     """

@@ -1,4 +1,4 @@
-"""One tracing, stored by several encoders: what each costs, and what its pictures lose."""
+"""One tracing, stored by several encoders: time, size, and the loss of the pictures."""
 
 from __future__ import annotations
 
@@ -122,10 +122,10 @@ def _retrieved(
 
 
 def sweep_figure(table: pd.DataFrame) -> Figure:
-    """PSNR of pictures from the file over bits a ray, and encoding time; a curve a scene and N."""
+    """PSNR of pictures from the file over bits per ray and encoding time; a curve per case."""
     figure = Figure(figsize=(10, 4.2))
     axes = figure.subplots(1, 2)
-    columns = (("bits_per_ray", "bits a ray"), ("encode_seconds", "seconds of encoding"))
+    columns = (("bits_per_ray", "bits per ray"), ("encode_seconds", "seconds of encoding"))
     for axis, (column, label) in zip(axes, columns, strict=True):
         for number, ((scene, n, m), rows) in enumerate(table.groupby(["scene", "N", "M"])):
             rows = rows.sort_values(column)

@@ -13,11 +13,11 @@ from lfcore.errors import LfcoreError
 from lfcore.files import read_json, write_json, write_text
 
 DIGITS = 5
-"""Significant digits that are published: more than any measurement carries."""
+"""The significant digits of published numbers."""
 
 
 class TableError(LfcoreError):
-    """Rows that do not make the table asked for."""
+    """Rows that do not fit their table."""
 
 
 def table_of(

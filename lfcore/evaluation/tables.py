@@ -1,7 +1,7 @@
-"""Tables 7.1, 7.2 and 7.3 of the thesis, each row beside the thesis's own figures.
+"""Tables 7.1, 7.2 and 7.3 of the thesis, each row beside the thesis's own values.
 
-A table is made from records: one dictionary a row, with the measured columns.  Figures of the
-thesis are joined by scene and N; a scene that the thesis does not know has empty cells there.
+Each row is a record, a dictionary with the measured columns.  The thesis's values are joined by
+scene and N; other scenes have empty cells.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ THESIS_FILE = Path(__file__).with_name("thesis_tables.csv")
 MIB = 2**20
 KEY = ("scene", "N")
 CONTEXT = ("triangles", "M", "device", "threads")
-# Decimals kept in CSV: what the measurement carries, no more.
+# Decimals in CSV: the precision of the measurement.
 DECIMALS = {
     "seconds": 3, "psnr_db": 3, "psnr_true_db": 2, "ssim": 5, "ratio_float32": 2, "ratio_uint8": 2,
 }  # fmt: skip
@@ -42,14 +42,14 @@ OF_THESIS = {
     },
     "table_7_3": {f"thesis_{name}": f"decode_{name}" for name in ("seconds", "psnr_db", "ssim")},
 }
-"""What stands beside them, by the table's column: that of :func:`thesis_figures`."""
+"""The thesis's columns: the name in the table, and in :func:`thesis_figures`."""
 
 
 @functools.cache
 def thesis_figures() -> pd.DataFrame:
     """The thesis's tables 7.1 to 7.3, indexed by (scene, N); M = 512 on a GTX 1080 Ti.
 
-    Its sizes are in MiB of float32 RGB (12 bytes a ray); ``ratio_uint8`` is its compression
+    Its sizes are in MiB of float32 RGB (12 bytes per ray); ``ratio_uint8`` is its compression
     ratio against the 3 bytes of 8-bit RGB.
     """
     figures = pd.read_csv(THESIS_FILE).rename(columns={"angular_resolution": "N"})
@@ -60,12 +60,12 @@ def thesis_figures() -> pd.DataFrame:
 
 
 def columns(name: str) -> tuple[str, ...]:
-    """Of the table ``name``, a key of :data:`MEASURED`."""
+    """The columns of the table ``name``, a key of :data:`MEASURED`."""
     return (*KEY, *MEASURED[name], *CONTEXT, *OF_THESIS[name])
 
 
 def make_table(name: str, records: Iterable[Mapping]) -> pd.DataFrame:
-    """The table ``name`` (a key of :data:`MEASURED`) with rows sorted as the records come.
+    """The table ``name`` (a key of :data:`MEASURED`) with rows in the order of the records.
 
     Raises
     ------
@@ -92,9 +92,9 @@ def read_records(scenes: Iterable[Mapping], name: str) -> list[dict]:
 
 
 def sizes(*, rays: int, video_bytes: int) -> dict[str, float]:
-    """Raw sizes and compression ratios in both conventions: 12 and 3 bytes a ray.
+    """Raw sizes and compression ratios in both conventions: 12 and 3 bytes per ray.
 
-    The thesis's "expected size" counts float32 RGB; its chapter 5 speaks of 8-bit RGB.
+    The thesis's "expected size" counts float32 RGB; its chapter 5 counts 8-bit RGB.
     """
     found = 12 * rays, 3 * rays, video_bytes, 12 * rays / video_bytes, 3 * rays / video_bytes
     return dict(zip(SIZES, found, strict=True))

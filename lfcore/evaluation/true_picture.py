@@ -41,7 +41,7 @@ class Reference:
 
     @property
     def pixels(self) -> int:
-        """Along a side of the pictures."""
+        """The side of the pictures."""
         return self.pictures.shape[1]
 
     def psnr(self, pictures: np.ndarray) -> list[float]:

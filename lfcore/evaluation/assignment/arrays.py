@@ -48,8 +48,8 @@ def array_of(
     Parameters
     ----------
     grid : ``bounds_m`` and ``fov_deg`` for a scene without an array of its own.
-    cameras_per_dim : data cameras a side of such a grid.
-    tile_px : pixels a side of each; None is the film's, or 64.
+    cameras_per_dim : data cameras per side of such a grid.
+    tile_px : pixels per side of each; None is the film's, or 64.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def overview(image: np.ndarray, width: int) -> np.ndarray:
 
 
 def merged_arrays(swept: Iterable[Mapping], whole: Iterable[Mapping]) -> list[Mapping]:
-    """Rows of arrays: of a sweep, but for those that are in ``whole``, too; then these."""
+    """Rows of a sweep that are not in ``whole``, then the rows of ``whole``."""
     whole = list(whole)
     size = itemgetter("scene", "cameras", "pixels")
     known = {size(row) for row in whole}

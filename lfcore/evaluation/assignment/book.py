@@ -1,6 +1,6 @@
 """Pictures from the book's light field: steps 3, 4 and 5 of the assignment.
 
-Each study returns a sheet of pictures (size, size, 3) and what was measured.
+Each study returns a sheet of pictures (size, size, 3) and the measurements.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ BOOK_FOCUS_M = 6.8
 AUTHORS_FOCUS_M = 6.2
 # The book's cover in camera space (y down): a point on it and its normal.
 BOOK_COVER = {"point": (0.160, -0.398, 7.181), "normal": (0.2669, -0.6641, -0.6984)}
-# The book's lens in measurements; its rays and those of its filter all meet the camera grid.
+# The book's lens in measurements; all its rays, and those of its filter, meet the camera grid.
 BOOK_LENS_M = 0.2
 FILTER_M = 0.3  # of the assignment's command line
 LENS_M = 0.15  # the disk that blurs about as that cone does
@@ -56,7 +56,7 @@ def book(
     picture_px: int,
     progress: Progress = silent,
 ) -> tuple[list[Sheet], dict]:
-    """Sheets of the three steps, and what was measured in two of them.
+    """Sheets of the three steps, and measurements of two.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def bent(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def focal_surfaces(field: DeviceField, size: int) -> Sheet:
     """One light field, four surfaces: the first bonus."""
     camera = VirtualCamera(np.array([0.0, 0.0, 0.0]), np.eye(3), 44.0, (size, size), 0.35)
-    # Both planes go through one point of the cover; only the tilted one lies in it.
+    # Both planes go through one point of the cover; only the tilted one is in it.
     point, normal = np.array(BOOK_COVER["point"]), np.array(BOOK_COVER["normal"])
     chosen: dict[str, surfaces.FocalSurface] = {
         "plane, parallel": surfaces.parallel(float(point[2])),
@@ -122,7 +122,7 @@ def realistic_lens(field: DeviceField, size: int, file: str | Path) -> tuple[She
     lens = LensSystem.read(file)
     length = float(lens.focal_length_m)
     diagonal = 0.9 * length
-    # The front of the glass stands in the data cameras' plane; the film behind it.
+    # The front of the glass is in the data cameras' plane; the film is behind it.
     film_z = -float(lens.focused(BOOK_FOCUS_M + 2.0).positions_m[0])
     sharp = lens.focused(AUTHORS_FOCUS_M - film_z)
     camera = VirtualCamera(np.array([0.0, 0.0, film_z]), np.eye(3), 40.0, (size, size))
@@ -137,7 +137,7 @@ def realistic_lens(field: DeviceField, size: int, file: str | Path) -> tuple[She
     f_number = lens.focused(math.inf).working_f_number
     radius = length / f_number / 2
     image_m = sharp.image_distance_m
-    # The thin lens stands in the front principal plane: film and focus are conjugate about it.
+    # The thin lens is in the front principal plane: film and focus are conjugate about it.
     place = np.array([0.0, 0.0, AUTHORS_FOCUS_M - length * image_m / (image_m - length)])
     fov_deg = math.degrees(2 * math.atan(diagonal / math.sqrt(8) / image_m))
     thin = VirtualCamera(place, np.eye(3), fov_deg, (size, size), radius)

@@ -1,4 +1,4 @@
-"""All methods over cameras a side against a directly traced thin lens, and Monte Carlo's slope.
+"""All methods over cameras per side against a directly traced thin lens, and Monte Carlo's slope.
 
 Source: CS348b assignment 3, steps 4 and 6.
 """
@@ -31,7 +31,7 @@ FILTERS = (1.0, 2.0)
 """Isaksen's filter over the lens radius.  The cone of twice the radius spreads about as the disk of
 the lens does; that of one radius has its support."""
 LENS_POINTS = 8
-"""A side of the quadrature's lens rule; 2 x 2 points on the film."""
+"""Points per side of the quadrature's lens rule; 2 x 2 points on the film."""
 FINE_LENS, FINE_FILM = 24, 8
 SAMPLES = 4
 SAMPLERS = ("independent", "stratified", "halton")
@@ -55,12 +55,12 @@ def reconstruction(
     Parameters
     ----------
     grid : ``bounds_m`` and ``fov_deg`` of the cameras.
-    reference_samples : rays a pixel of the picture that is traced directly.
+    reference_samples : rays per pixel of the picture that is traced directly.
     """
     bounds, fov_deg = grid["bounds_m"], grid["fov_deg"]
     camera = measured_camera(picture_px)
     reference = direct_thin_lens(tracer, camera, BOOK_FOCUS_M, reference_samples)
-    # A reference of half the rays says how far the reference itself can be trusted.
+    # A reference with half the rays estimates the reference's own error.
     half = direct_thin_lens(tracer, camera, BOOK_FOCUS_M, max(1, reference_samples // 2))
     rows, arrays = [], []
     # Kernels are built for the size of a tile: unseen by the clock.
@@ -90,7 +90,7 @@ def reconstructions(
 ) -> list[dict]:
     """Every method on one array against a reference: rows of the ``reconstruction`` table.
 
-    ``samples`` are Monte Carlo's rays a pixel (Halton).
+    ``samples`` are Monte Carlo's rays per pixel (Halton).
     """
     given = field, camera, parallel(focus_z)
     radii = [factor * camera.lens_radius_m for factor in FILTERS]
@@ -157,14 +157,14 @@ def reconstruction_figure(rows: Sequence[Mapping], slopes: Mapping[str, Mapping]
             line = "-" if method == "monte_carlo" else ""
             times, values = [r["seconds"] for r in part], [r["rmse"] for r in part]
             left.plot(times, values, mark + line, color=f"C{index}", markersize=5)
-        left.plot([], [], "-", color=f"C{index}", label=f"{cameras} cameras a side")
+        left.plot([], [], "-", color=f"C{index}", label=f"{cameras} cameras per side")
     for method, mark in (("Isaksen", "s"), ("Monte Carlo", "o"), ("quadrature", "^")):
         left.plot([], [], mark, color="0.4", label=method)
     left.set(xlabel="seconds", ylabel="RMSE against the traced thin lens")
     for sampler, found in slopes.items():
         label = f"{sampler}, slope {found['slope']:.2f}"
         right.plot(found["counts"], found["rmse"], "o-", label=label)
-    right.set(xlabel="rays a pixel", ylabel="RMSE against the fine quadrature")
+    right.set(xlabel="rays per pixel", ylabel="RMSE against the fine quadrature")
     for axis in (left, right):
         axis.set_xscale("log")
         axis.set_yscale("log")

@@ -1,6 +1,6 @@
 """Studies on camera arrays: seeing through, few and many cameras, a shutter sampled in time.
 
-Each returns sheets of pictures and what was measured.
+Each returns sheets of pictures and the measurements.
 """
 
 from __future__ import annotations
@@ -46,16 +46,16 @@ def see_through(
     reference_samples: int,
     progress: Progress = silent,
 ) -> tuple[list[Sheet], dict]:
-    """Step 4: what stands in front vanishes through a wide lens focused behind it.
+    """Step 4: a wide lens, focused on the background, sees through nearer objects.
 
-    From the light field, and what is behind directly.
+    From the light field, and the background directly.
 
     Parameters
     ----------
     light_field : of the tracer's scene, a tiled EXR.
-    study : ``focus_m`` of what is behind and of what stands in front, nearest first; ``lens_m``,
+    study : ``focus_m`` of the background and of nearer objects, nearest first; ``lens_m``,
         radius of the lens at each; ``names``.
-    reference_samples : rays a pixel of the picture that is traced directly.
+    reference_samples : rays per pixel of the picture that is traced directly.
     progress : called with (samples done, of all).
     """
     field = read_field(tracer.device, light_field)
@@ -94,7 +94,7 @@ def see_through(
         "lens_m": dict(zip(study["names"], study["lens_m"], strict=True)),
         "focus_m": dict(zip(study["names"], study["focus_m"], strict=True)),
         "spacing_m": spacing,
-        # Where neighbouring cameras see what is nearest, aimed at what is behind, in pixels.
+        # Disparity of the nearest object between neighbouring cameras aimed at the background.
         "jump_px": spacing * abs(1 / near[0][1] - 1 / focus) / field.array.pixel_pitch,
     }
     return [Sheet(pictures, labels, 3)], measured
@@ -110,14 +110,14 @@ def sampling(
     reference_samples: int,
     progress: Progress = silent,
 ) -> tuple[list[Sheet], dict]:
-    """Step 6: few cameras of ``tile_px``; many that share a picture of ``storage_px`` a side.
+    """Step 6: few cameras of ``tile_px``; many that share ``storage_px`` pixels per side.
 
     The picture traced directly is last on each sheet.
 
     Parameters
     ----------
     grid : ``bounds_m`` and ``fov_deg`` of the cameras.
-    reference_samples : rays a pixel of the picture that is traced directly.
+    reference_samples : rays per pixel of the picture that is traced directly.
     progress : called with (sheets done, of all).
     """
     camera = measured_camera(picture_px)
@@ -138,7 +138,7 @@ def _compared(
     reference: np.ndarray,
     sizes: Sequence[tuple[int, int]],
 ) -> tuple[Sheet, list[dict]]:
-    """Arrays of so many cameras a side with so many pixels each, but for tiny pictures."""
+    """Arrays by cameras per side and pixels per camera; tiny pictures are skipped."""
     pictures, labels, records = [], [], []
     for cameras, tile in sizes:
         if tile < SMALLEST_TILE:
@@ -161,7 +161,7 @@ def time(
     instants: int,
     progress: Progress = silent,
 ) -> tuple[list[Sheet], dict]:
-    """Step 6: an open shutter before what moves, sampled at more and more instants.
+    """Step 6: an open shutter before moving objects, sampled at more and more instants.
 
     Errors are against the most instants.  ``files`` are those of a pbrt scene with a camera array,
     its own first; ``progress`` is called with (instants done, of all).

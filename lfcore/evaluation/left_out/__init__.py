@@ -1,1 +1,1 @@
-"""What scenes do not need, and what leaving it out saves, against the program with it."""
+"""Features that a scene lacks: the savings of leaving them out of the program."""

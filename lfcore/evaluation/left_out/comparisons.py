@@ -1,7 +1,7 @@
-"""All that is left out for a scene, measured against the program with it.
+"""The program without the features that a scene lacks, against the program with them.
 
-Both programs run on the same rays in turn, and ``identical`` says whether frames and plane sums
-agree to the last bit.
+Both run on the same rays in turn; ``identical`` is whether frames and plane sums agree to the last
+bit.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ COLUMNS = (
 
 
 class LeftOutError(LfcoreError):
-    """What a scene does not need changes its picture when it is left out."""
+    """A picture changes when an unneeded feature is left out."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Program:
 
     @property
     def bytes(self) -> int:
-        """Of the scene's buffers on the device, surfaces and hierarchy, and of all workers."""
+        """The memory of the scene's buffers on the device and of all workers."""
         s, bvh = pack_surfaces(self.tracer.scene, self.tracer.needs), self.bvh
         arrays = (s.corners, s.attributes, s.material_ids, s.materials, s.lights, s.images)
         tree = (bvh.boxes, bvh.children, bvh.leaves, bvh.leaf_ids)
@@ -102,7 +102,7 @@ class Storing(Program):
 
     @property
     def bytes(self) -> int:
-        """And of the file, once it is made."""
+        """The same, and the file, once it is made."""
         return super().bytes + self.file.stat().st_size
 
     def run(self) -> TileTracing:
@@ -118,10 +118,10 @@ class Storing(Program):
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two programs, of which ``lean`` leaves out what ``what`` says.
+    """Two programs; ``lean`` lacks the feature that ``what`` describes.
 
-    ``saved`` are the bytes that this saves, default by their own account; ``identical`` is whether
-    they agree, default in the frames, and in the planes, that both of them make.
+    ``saved`` are the bytes saved; default is the difference of ``bytes``.  ``identical`` is whether
+    they agree; default compares the frames and the planes that both make.
     """
 
     feature: str
@@ -132,7 +132,7 @@ class Comparison:
     identical: bool | None = None
 
     def row(self, repeats: int) -> dict:
-        """Of the report; the programs take turns under the clock, once they have been compared."""
+        """The row of the report; the programs take turns under the clock."""
         full, lean, identical = self.full, self.lean, self.identical
         (frames, sums), (lean_frames, lean_sums) = full.made, lean.made
         if identical is None:
@@ -160,8 +160,8 @@ def check_identical(rows: Iterable[dict]) -> None:
     differ = [f"{row['scene']}, {row['feature']}" for row in rows if not row["identical"]]
     if differ:
         raise LeftOutError(
-            f"frames or plane sums change when what is not needed is left out: {'; '.join(differ)}",
-            remedy="lfcore/evaluation/left_out/features.py says what each feature switches",
+            f"frames or plane sums change when unneeded features are left out: {'; '.join(differ)}",
+            remedy="lfcore/evaluation/left_out/features.py has the switches of each feature",
         )
 
 
@@ -217,7 +217,7 @@ def lacking(
 
 
 def beyond_reach(scene: Scene, bvh: Bvh, program: Callable[..., Program]) -> Iterator[Comparison]:
-    """Triangles that no ray meets and none of whose shadows is seen; lights that light nothing."""
+    """Triangles that no ray meets and whose shadows are invisible; lights without effect."""
     met, leaves = reach.lean(scene, bvh, scene.camera)
     what = (
         f"{scene.triangle_count - met.triangle_count} of {scene.triangle_count} triangles and "
@@ -230,12 +230,12 @@ def beyond_reach(scene: Scene, bvh: Bvh, program: Callable[..., Program]) -> Ite
         light = Light(DIRECTIONAL, (0.0, -1.0, 0.0), (strength,) * 3)
         return program(replace(scene, lights=[*scene.lights, light]))
 
-    what = "a light of no strength, its shadow rays, and lights on the far side of all that is seen"
+    what = "a light of no strength, its shadow rays, and lights behind all visible surfaces"
     yield Comparison("dark_lights", what, with_light(NO_LIGHT), with_light(0.0))
 
 
 def unwanted(program: Callable[..., Program]) -> Iterator[Comparison]:
-    """Frames that nobody stores, planes that nobody looks at, lens blocks that no ray needs."""
+    """Frames that are not stored, planes that are not wanted, lens blocks outside the aperture."""
     only_frames = program(planes=[])
     slab, tile, camera = only_frames.slab, only_frames.tile(), only_frames.slab.camera
     whole = SensorPlane(camera.focus_m, camera.f_number, aperture="square")
@@ -255,7 +255,7 @@ def unwanted(program: Callable[..., Program]) -> Iterator[Comparison]:
 
 
 def stored(alone: Program) -> Iterator[Comparison]:
-    """Encoding and joining, against forming planes alone: what ``store: false`` saves."""
+    """Encoding and joining, against forming planes alone: the savings of ``store: false``."""
     what = (
         "jobs that encode, join and retrieve, where only pictures are wanted (store: false); "
         "bytes are of the file"

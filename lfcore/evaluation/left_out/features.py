@@ -1,7 +1,7 @@
-"""What the kernels can leave out: every field of :class:`Needs` has its place in :data:`FEATURES`.
+"""Features that the kernels can leave out, one for each field of :class:`Needs`.
 
-The *full* program has the feature compiled in and its buffers filled with what changes nothing:
-white vertex colours, a light of no strength, black highlights.
+The *full* program has the feature compiled in and its buffers filled with neutral data: white
+vertex colours, a light of no strength, black highlights.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 
 NO_LIGHT = 1e-30
-"""Strength of the light that a full program has too many: not black, and adds nothing."""
+"""The strength of the additional light: not black, and adds nothing."""
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class Feature:
     Attributes
     ----------
     field : of :class:`Needs`.
-    defines : of the kernels that it switches; none where they look at the scene's own numbers.
-    what : what is left out without it.
-    fill : the same scene with data of the feature that change nothing, to run it in full.
-    part : what of the scene both programs trace.
+    defines : macros of the kernels; none where they test the scene's own values.
+    what : the code and data that are left out.
+    fill : adds neutral data of the feature, for the full program.
+    part : the part of the scene that both programs trace.
     """
 
     field: str
@@ -81,11 +81,11 @@ FEATURES = (
     Feature("vertex_colours", ("VERTEX_COLOURS",), "corner colours and their interpolation",
             _white_corners),
     Feature("specular", (), "highlights: half vector and power"),
-    Feature("emission", (), "glow of materials"),
+    Feature("emission", (), "emission of materials"),
     Feature("ambient", (), "ambient light"),
-    Feature("background", (), "colour of rays that meet nothing"),
+    Feature("background", (), "colour of rays without a hit"),
     Feature("shadows", ("SHADOWS",),
-            "shadow rays, hit points and what is lit while nothing is in between",
+            "shadow rays, hit points and unshadowed light",
             _idle_light(shadows=True)),
     Feature("directional_lights", (),
             "a directional light without shadows, and the question of each light's kind",
@@ -93,7 +93,7 @@ FEATURES = (
     Feature("point_lights", (), "the question of each light's kind"),
     Feature("falloff", (), "fall-off with the distance of the light"),
     Feature("coloured_lights", (), "two of the three factors of a grey light"),
-    Feature("emitters", (), "cosines at surfaces that glow, and what is their own"),
+    Feature("emitters", (), "cosines at emitting surfaces, and their emission"),
     Feature("spots", (), "cones of lights"),
 )  # fmt: skip
 

@@ -1,6 +1,6 @@
 """Packages that a job does not load: seconds and memory of a process with and without them.
 
-The process is the least that is traced: two triangles, no texture, no file.
+The process traces two triangles, without a texture or a file.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ print(json.dumps([seconds, memory, digest, unwanted]))
 
 
 def picture() -> np.ndarray:
-    """(16, 16, 3) float32 of 8 x 8 rays a pixel."""
+    """(16, 16, 3) float32 with 8 x 8 rays per pixel."""
     scene = bare_scene(TRIANGLES, ambient=(0.5, 0.4, 0.3))
     tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
     plane = SensorPlane(CAMERA.focus_m, CAMERA.f_number)

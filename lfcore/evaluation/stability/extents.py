@@ -1,6 +1,6 @@
-"""Cases 3, 4, 8, 12, 13, 16 and 18: where a scene is and how large, by lone rays and by blocks.
+"""Cases 3, 4, 8, 12, 13, 16 and 18: place and size of a scene, by single rays and by blocks.
 
-Error, unless a case says otherwise: share of rays that name another triangle than the oracle
+Error, by default: share of rays that name another triangle than the oracle
 outside 16 ulp of an edge or tie (bound 0), or the error of the depth in ulp over the condition
 number (bound 16).
 """
@@ -111,7 +111,7 @@ def tiny_triangles(tracer: TracerUnderTest, size: float) -> Iterator[Measurement
 def large_triangles(tracer: TracerUnderTest, reach: float) -> Iterator[Measurement]:
     """Triangles with two corners about 1 m away, the third ``reach`` times as far, any direction.
 
-    Beyond ``reach`` = 100 a share of the rays that grows to all of them is wrong today.
+    Beyond ``reach`` = 100 more and more rays are wrong, finally all.
     """
     rng = np.random.default_rng(8)
     mesh = rng.uniform(-0.5, 0.5, (50, 3, 3)) + [0, 0, 1.5]

@@ -111,7 +111,7 @@ def refocus_shifts(tracer: TracerUnderTest, change: float) -> Measurement:
     def ours() -> float:
         return np.abs(SensorPlane(focus, 2.0).shifts(slab) - exact).max()
 
-    bound = Bound(1e-3, "pixels", "a thousandth of a pixel is nowhere seen")
+    bound = Bound(1e-3, "pixels", "a thousandth of a pixel is invisible")
     return measured("refocus shifts", bound, by_naive, ours)
 
 

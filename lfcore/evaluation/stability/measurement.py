@@ -1,4 +1,4 @@
-"""One measurement of a stability sweep, what its verdict follows from, and how cases make them.
+"""One measurement of a stability sweep, its verdict, and functions for cases.
 
 Errors of hits are against the oracle's, of the same float32 numbers.
 """
@@ -31,9 +31,9 @@ LIMITS = {
     "small triangles": "too small",
     "focus": "inside the focal length",
 }
-"""The documented limits (``docs/stability.md``), and what the program says beyond each."""
+"""The documented limits (``docs/stability.md``), and the program's words beyond each."""
 NO_ANSWER = math.inf
-"""Error of a method that gives no number, or no picture: larger than any that can be measured."""
+"""The error of a method that gives no number."""
 
 
 class StabilityError(LfcoreError):
@@ -61,14 +61,13 @@ DEPTH = Bound(
 
 @dataclass(frozen=True)
 class Measurement:
-    """``error`` of lfcore and ``naive_error`` of a textbook float32 method beside it.
+    """``error`` of lfcore, and ``naive_error`` of a textbook float32 method.
 
-    The bound is set before the measurement, with its ``unit`` and ``bound_from``, its reason.  So
-    is ``limit``: the name in :data:`LIMITS` of the documented limit beyond which the value lies, or
-    nothing.  ``said`` is the program's refusal, where it refused; then ``error`` is NaN.
-    ``condition`` is the largest condition number of the problem at this value, relative change of
-    the answer over that of the input; NaN where the answer is a choice and has none.  ``number`` is
-    that of the :class:`Case`.
+    ``bound`` has a ``unit`` and an origin, ``bound_from``.  ``limit`` is the name in :data:`LIMITS`
+    of the documented limit that the value exceeds, or empty.  ``said`` is the program's refusal;
+    ``error`` is then NaN.  ``condition`` is the largest condition number of the problem at this
+    value, the relative change of the answer over that of the input; NaN where the answer is a
+    choice.  ``number`` is that of the :class:`Case`.
     """
 
     case: str
@@ -147,9 +146,9 @@ def measured(
     limit: str = "",
     condition: float = math.nan,
 ) -> Measurement:
-    """Of two callables that give an error each; ``ours`` may refuse a scene or a lens.
+    """The measurement of two callables that return errors; ``ours`` may refuse a scene or a lens.
 
-    Any other error, such as a device's or a file's, is no refusal and passes through.
+    Other exceptions, such as a device's or a file's, pass through.
     """
     with np.errstate(all="ignore"):
         naive_error, error, said = float(by_naive()), math.nan, ""
@@ -222,10 +221,9 @@ def choice_and_depth(
     epsilon: float = 0.0,
     limit: str = "",
 ) -> Iterator[Measurement]:
-    """Two measurements of the hits that ``closest`` finds: the share of wrong triangles, none
-    admitted, and the depth.
+    """Two measurements of the hits of ``closest``: the share of wrong triangles, and the depth.
 
-    ``epsilon`` is Moeller and Trumbore's; ``limit`` is the one beyond which the mesh lies.
+    ``epsilon`` is Moeller and Trumbore's; ``limit`` is the one that the mesh exceeds.
     """
     hits = oracle_hits(mesh, rays)
     naive_found = naive.moeller_trumbore(mesh, *rays, epsilon=epsilon)
@@ -255,5 +253,5 @@ def check_passed(measurements: Iterable[Measurement]) -> None:
     if failed:
         raise StabilityError(
             f"{len(failed)} rows of the stability sweeps fail: {'; '.join(failed[:20])}",
-            remedy="What they test, and where their bounds come from, is in docs/stability.md",
+            remedy="The cases and the origin of their bounds are in docs/stability.md",
         )

@@ -1,4 +1,4 @@
-"""Textbook methods in float32, as they are usually written: what the cases compare with."""
+"""Textbook methods in float32, as they are usually written, for comparison."""
 
 from __future__ import annotations
 

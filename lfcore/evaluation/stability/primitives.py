@@ -1,4 +1,4 @@
-"""Cases 1, 2, 7, 9, 10, 11 and 15: rays that are hard on a triangle or a box, whatever its size.
+"""Cases 1, 2, 7, 9, 10, 11 and 15: rays that are hard for a triangle or a box of any size.
 
 Edges and vertices of closed meshes, needles, grazing rays, axes, flat boxes, coplanar triangles.
 """
@@ -104,7 +104,7 @@ def grazing(tracer: TracerUnderTest, theta: float) -> Iterator[Measurement]:
 
 @sweep("10", "origin on face", (0, 1))
 def axes(tracer: TracerUnderTest, on_face: int) -> Measurement:
-    """Rays with directions of 0, -0 and +-1 whose origins lie on the faces of a cube's box."""
+    """Rays with directions of 0, -0 and +-1 whose origins are on the faces of a cube's box."""
     mesh = single(_cube() + [0, 0, 3])
     slopes = single([-1, -0.0, 0.0, 1]) * np.float32(0.25)
     starts = single([-1, 0, 1] if on_face else [-0.7, 0.1, 0.6])

@@ -16,7 +16,7 @@ from lfcore.evaluation.figures import save_figure
 from lfcore.evaluation.stability.measurement import COLUMNS, Measurement
 
 DECADES = 3
-"""Decades over and under its bound at which an error's colour saturates."""
+"""The decades from its bound at which an error's colour saturates."""
 SIGNS = {"refused": "r", "fail": "×"}
 OURS, NAIVE = "#1f6f8b", "#c8553d"
 COLOURS = LinearSegmentedColormap.from_list("bound", [OURS, "#e8f1f2", "#f6e3c5", "#b3261e"])
@@ -28,7 +28,7 @@ def stability_table(measurements: Iterable[Measurement]) -> pd.DataFrame:
 
 
 def cases_table(measurements: Iterable[Measurement]) -> pd.DataFrame:
-    """A row a case: its sweep, largest condition number, bound and where that comes from."""
+    """A row per case: its sweep, largest condition number, bound and origin of the bound."""
     table = pd.DataFrame([one.as_dict() for one in measurements])
     verdict = {name: table.verdict == name for name in ("pass", "refused", "fail")}
     grouped = table.assign(**verdict).groupby("case", sort=False)
@@ -56,7 +56,7 @@ def summary(table: pd.DataFrame) -> str:
 
 
 def _excess(error: pd.Series, bound: pd.Series) -> np.ndarray:
-    """Decades by which the error is over its bound, saturated; a bound of 0 admits none."""
+    """The error over its bound in decades, saturated; a bound of 0 admits no error."""
     with np.errstate(divide="ignore", invalid="ignore"):
         decades = np.log10(error.to_numpy(float) / bound.to_numpy(float))
     return np.where(error == 0, -DECADES, np.clip(decades, -DECADES, DECADES))

@@ -67,7 +67,7 @@ class TracerUnderTest:
 
     Attributes
     ----------
-    device : what it runs on.
+    device : the OpenCL device.
     rays : how many of them a step of a sweep has, where a case draws them at random.
     """
 
@@ -75,9 +75,9 @@ class TracerUnderTest:
     rays: int = 1500
 
     def closest(self, triangles: np.ndarray, origins: np.ndarray, directions: np.ndarray) -> Found:
-        """Of triangles (T, 3, 3) and rays (R, 3), (R, 3), all float32: the triangle (R,), -1 for a
-        miss, and t (R,).  Origins have z = 0 and directions z = 1, as in a slab, through whose
-        kernel they go, each a bundle of its own."""
+        """The triangle (R,), -1 for a miss, and t (R,) for triangles (T, 3, 3) and rays (R, 3),
+        (R, 3), all float32.  Origins have z = 0 and directions z = 1: each ray is a bundle of the
+        kernel for slabs."""
         keep = np.flatnonzero(kept(triangles))
         elements = np.concatenate([origins[:, :2], directions[:, :2]], axis=1)
         bundles = Bundles(elements.astype(np.float32), np.zeros(4, np.float32), 1, 1, 0.0)
@@ -87,13 +87,13 @@ class TracerUnderTest:
     def any_closest(
         self, triangles: np.ndarray, origins: np.ndarray, directions: np.ndarray
     ) -> Found:
-        """The same for any origins and directions, through the kernel for such rays."""
+        """The same for any origins and directions, by the kernel for single rays."""
         keep = np.flatnonzero(kept(triangles))
         found = self._tracer(bare_scene(triangles[keep])).closest_hit(origins, directions)
         return np.append(keep, -1)[found[0]], found[1]
 
     def slab_hits(self, triangles: np.ndarray, slab: Slab, pixels: np.ndarray) -> Found:
-        """Of triangles, a slab and pixels (P, 2): triangle and depth, (P, N, N)."""
+        """Triangle and depth, (P, N, N), for triangles, a slab and pixels (P, 2)."""
         return self._tracer(bare_scene(triangles)).slab_hits(slab, pixels)
 
     def picture(self, scene: Scene, slab: Slab, plane: SensorPlane) -> np.ndarray:

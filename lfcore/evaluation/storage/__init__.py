@@ -1,1 +1,1 @@
-"""Tables of the store: layouts, rate and distortion, what it costs to read."""
+"""Tables of the store: layouts, rate and distortion, the cost of reading."""

@@ -23,11 +23,11 @@ CODECS = {"x264": "libx264", "x265": "libx265", "AV1": "libsvtav1"}
 COLOURS = matplotlib.colormaps["tab20"]
 Colour = str | tuple[float, float, float, float]
 ERROR_GAIN = 8
-"""Error maps are shown this much brighter: 255 / 8 codes are white."""
+"""The brightness of error maps: 255 / 8 codes are white."""
 
 
 def layouts_figure(path: str | Path, table: pd.DataFrame) -> None:
-    """Bits a ray against PSNR of the refocused pictures: a row each N, a column each scene.
+    """Bits per ray against PSNR of the refocused pictures: a row per N, a column per scene.
 
     ``table`` is that of :mod:`lfcore.evaluation.storage.layouts`.
     """
@@ -59,8 +59,8 @@ def layouts_figure(path: str | Path, table: pd.DataFrame) -> None:
 
 
 def rate_distortion_figure(path: str | Path, points: pd.DataFrame, deltas: pd.DataFrame) -> None:
-    """One scene: a row each N of bits against PSNR of frames and of pictures, and speed against
-    the delta rate.
+    """One scene, a row per N: bits against PSNR of frames and of pictures, and speed against the
+    delta rate.
 
     ``points`` and ``deltas`` are the tables of :mod:`lfcore.evaluation.storage.rate_distortion`.
     """
@@ -80,7 +80,7 @@ def rate_distortion_figure(path: str | Path, points: pd.DataFrame, deltas: pd.Da
 
 
 def _rates(axis: Axes, points: pd.DataFrame, quality: str, colours: Mapping[str, Colour]) -> None:
-    """Curves of lossy codecs; lossless ones lie far off, and are named with their numbers."""
+    """Curves of lossy codecs; lossless ones are far off and listed as text."""
     log_ticks(axis.xaxis)
     lossless = points.codec == "ffv1"
     for name, curve in points[~lossless].groupby("curve", sort=False):
@@ -110,12 +110,12 @@ def _speeds(axis: Axes, deltas: pd.DataFrame, colours: Mapping[str, Colour]) -> 
             color=colours[row.curve], markersize=9,
         )  # fmt: skip
     axis.axhline(0, color="0.6", linewidth=0.8)
-    axis.set_xlabel("million rays a CPU second, encoding")
+    axis.set_xlabel("million rays per CPU second, encoding")
     axis.set_ylabel("BD-rate of pictures (%), less is better")
 
 
 def retrieval_figure(path: str | Path, table: pd.DataFrame) -> None:
-    """Seconds against N, a panel a scene, decoding alone in black.
+    """Seconds against N, a panel per scene, decoding alone in black.
 
     ``table`` is that of :mod:`lfcore.evaluation.storage.retrieval`.
     """
@@ -136,13 +136,13 @@ def retrieval_figure(path: str | Path, table: pd.DataFrame) -> None:
 
 
 def _legend(figure: Figure, axis: Axes) -> None:
-    """What stands in one axis, beside all of them."""
+    """The legend of one axis, beside all of them."""
     handles, labels = axis.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside right upper", fontsize=9)
 
 
 def equivalence_sheet(path: str | Path, found: Equivalence, focus_m: Sequence[float]) -> None:
-    """Pictures by each method, above their error maps; a block of two rows each focus distance.
+    """Pictures by each method, above their error maps; a block of two rows per focus distance.
 
     The first column is the reference; its map is empty.
     """

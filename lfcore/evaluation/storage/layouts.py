@@ -53,7 +53,7 @@ def layout_rows(
     pixels : M of the picture that samples are windows of.
     views : each N.
     rays : the most of a sample.
-    packs : macropixels a side of a frame, beside the default.
+    packs : macropixels per side of a frame, beside the default.
     progress : called with (layouts done, of all).
     """
     planes, rows = own_planes(tracer.scene), []

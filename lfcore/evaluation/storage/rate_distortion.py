@@ -1,4 +1,4 @@
-"""Rate and distortion: bits a ray against the error of frames and of refocused pictures.
+"""Rate and distortion: bits per ray against the error of frames and of refocused pictures.
 
 A curve is one encoder setting at several constant rate factors.  Curves are compared by the
 Bjontegaard delta rate (G. Bjontegaard, VCEG-M33, 2001): how many more or fewer bits a curve
@@ -32,7 +32,7 @@ BD_COLUMNS = [
 ]  # fmt: skip
 ANCHOR = "x264 medium 4:2:0"
 LEAST_OVERLAP = 0.5
-"""Share of the anchor's range of PSNR below which a delta rate would say nothing."""
+"""The least share of the anchor's range of PSNR for which a delta rate is meaningful."""
 PLAIN: dict = {"pixel_format": "yuv420p", "preset": "veryfast"}
 FFV1 = {"codec": "ffv1", "preset": None, "tune": None}
 SVT = {"codec": "libsvtav1", "pixel_format": "yuv420p"}

@@ -1,7 +1,7 @@
-"""What it costs to read a stored light field: one view, macropixel, rectangle, 1 to 100 planes.
+"""The cost of reading a stored light field: one view, macropixel, rectangle, 1 to 100 planes.
 
-Each against decoding alone.  A long light field is measured on its first segment, or the first
-frames of it, and the seconds are scaled to the whole; the share that was measured is reported.
+Each is compared with decoding alone.  Long light fields are measured on the first segment, or its
+first frames, and scaled to the whole; the measured share is reported.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ COLUMNS = [
     "measured_share", "decoded_frames_share", "seconds", "ratio_to_decoding",
 ]  # fmt: skip
 RECTANGLE = 8
-"""Pixels along a side of the rectangle of (u, v)."""
+"""The side of the rectangle of (u, v), in pixels."""
 DECODING = "decoding alone"
 
 
@@ -176,7 +176,7 @@ def _piece(
 ) -> Measurement:
     def read_anew() -> float:
         reach = LightFieldFile.open(field.path)
-        if in_all:  # only the first is in reach: what lies in others reads as black
+        if in_all:  # only the first is in reach; the others read as black
             reach.metadata = replace(reach.metadata, segments=reach.metadata.segments[:1])
         read(reach)
         return reach.count.frames / sum(part.frames for part in reach.segments)

@@ -1,8 +1,7 @@
 """A bounded sample of a light field, stored and read back: sizes, errors and seconds.
 
-The sample is whole in the angles: all N x N lens samples of a square window of pixels in the
-middle of the M x M picture.  It is stored as any light field is (one segment, joined into a file),
-and read from that file.
+The sample has all N x N lens samples of a square window in the middle of the M x M picture.  It is
+stored and read like any light field, as one segment.
 """
 
 from __future__ import annotations
@@ -39,11 +38,11 @@ from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
 
 SSIM_PX = 1 << 18
-"""Pixels of frames whose SSIM is taken: frames spread evenly over the segment."""
+"""The pixels for which SSIM is computed, in frames spread evenly over the segment."""
 CACHED_PX = 1 << 16
-"""Pixels of frames that are compared at a time, whose float64 colours a core's cache holds."""
+"""The pixels compared at a time; their float64 colours fit a core's cache."""
 WINDOW_STEP = 8
-"""Windows are multiples of this, so that whole frames of 8 x 8 macropixels fill them."""
+"""The step of window sides, so that whole frames of 8 x 8 macropixels fill them."""
 LEAST_WINDOW = 16
 
 
@@ -74,8 +73,8 @@ def own_planes(scene: Scene) -> list[SensorPlane]:
 
 
 def window_side(views: int, pixels: int, most_rays: int) -> int:
-    """Pixels a side of the largest window of at most ``most_rays`` rays: a multiple of 8, 16 at
-    least."""
+    """The side in pixels of the largest window of at most ``most_rays`` rays: a multiple of 8, at
+    least 16."""
     fit = int(np.sqrt(most_rays)) // views // WINDOW_STEP * WINDOW_STEP
     return max(LEAST_WINDOW, min(fit, pixels // WINDOW_STEP * WINDOW_STEP))
 
@@ -88,7 +87,7 @@ def trace_sample(
     pixels: int,
     most_rays: int,
 ) -> Sample:
-    """Trace the window of the scene's picture of M = ``pixels`` that :func:`window_side` says.
+    """Trace the window of :func:`window_side` of the scene's picture with M = ``pixels``.
 
     Raises :class:`OpticsError` for a plane that the camera does not record.
     """
@@ -105,7 +104,7 @@ def trace_sample(
 
 
 class Frames:
-    """A sample in the frames of one layout: what encoders are fed, and compared with.
+    """A sample in the frames of one layout, for encoders and for comparison.
 
     ``rgb`` (F, height, width, 3) float32 is sRGB-encoded, and black beside the rays; of every
     frame the pixels ``used`` (height, width), bool, are rays.  ``codes`` (F, frame_bytes) uint8 are
@@ -134,10 +133,9 @@ class Frames:
 def store(frames: Frames, spec: Encoding, device: Device) -> dict:
     """Encode, join, open and decode a sample, and compare: columns of the tables.
 
-    Sizes are those of the file without its metadata, which are about as long in a large file and
-    would weigh too much in a sample.  Seconds are CPU seconds of this process, one thread asked
-    for.  PSNR (dB, peak 255, sRGB codes that are not rounded) and SSIM are of the frames, and means
-    over the refocused pictures.
+    Sizes are those of the file without its metadata, which are as long in a large file.  Seconds
+    are CPU seconds of this process with one encoder thread.  PSNR (dB, peak 255, sRGB codes that
+    are not rounded) and SSIM are of the frames, and means over the refocused pictures.
 
     Raises :class:`StorageError` when the encoder refuses its settings or frames.
     """
@@ -163,8 +161,7 @@ def store(frames: Frames, spec: Encoding, device: Device) -> dict:
 
 
 def _quality(frames: Frames, decoded: np.ndarray, device: Device) -> dict[str, float]:
-    """How far decoded frames (F, frame_bytes), and the pictures formed from them, are from the
-    sample's own."""
+    """The quality of decoded frames (F, frame_bytes), and of the pictures formed from them."""
     sample = frames.sample
     former = PlaneFormer(sample.slab, frames.tile, sample.planes, device)
     former.add(decoded, 0)
@@ -178,8 +175,8 @@ def _quality(frames: Frames, decoded: np.ndarray, device: Device) -> dict[str, f
 
 
 def frame_quality(frames: Frames, decoded: np.ndarray) -> dict[str, float]:
-    """How far decoded frames (F, frame_bytes) are from the sample's: a few at a time, which stay in
-    the cache from their conversion to their errors."""
+    """The quality of decoded frames (F, frame_bytes), compared a few at a time, to stay in the
+    cache."""
     layout, square, similar = frames.layout, 0.0, []
     size = layout.frame_width, layout.frame_height
     every = max(1, len(decoded) * math.prod(size) // SSIM_PX)

@@ -1,4 +1,4 @@
-"""Pictures from light field files: what recording, reading and forming all planes costs."""
+"""Pictures from light field files: the cost of recording, reading and forming all planes."""
 
 from __future__ import annotations
 
