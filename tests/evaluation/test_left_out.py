@@ -1,13 +1,10 @@
 """What is left out changes nothing, and every feature has its place in the registry."""
 
 import dataclasses
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import lfcore.tracing
 from lfcore.evaluation.left_out import comparisons, packages
 from lfcore.evaluation.left_out.comparisons import COLUMNS, LeftOutError, check_identical, same
 from lfcore.evaluation.left_out.features import FEATURES, full_needs
@@ -15,44 +12,11 @@ from lfcore.evaluation.left_out.packages import TRIANGLES
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.opencl.device import open_device
 from lfcore.scene.appearance import DIRECTIONAL, Light, Material
-from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.surfaces import pack_surfaces
 
 BEHIND = [[[-1, -1, -2], [1, -1, -2], [0, 1, -2]]]
-KERNELS = Path(lfcore.tracing.__file__).parent / "kernels"
-
-# What kernels are built for besides a scene's needs: device, job, and include guards.
-OF_THE_JOB = {
-    "LANES": "width of the device's vectors",
-    "BLOCK": "side of a block, compared with that width",
-    "VSTREAM": "stores past the caches, where the compiler has them",
-    "PLANES": "whether planes are formed, of macropixels or of views: row planes",
-    "BITS": "whether frames are written, and of how many bits: row frames",
-    "SHADOWS": "whether a light casts shadows",
-}
-# Where each part of a scene has its place in Needs; "" with the reason why there is none.
-PLACES = {
-    "Scene": {
-        "name": "", "camera": "", "triangles": "", "dropped": "", "focus_distances_m": "",
-        "notes": "", "view": "", "motions": "",
-        "normals": "smooth_normals", "uvs": "textures", "textures": "textures",
-        "colours": "vertex_colours", "material_ids": "", "materials": "", "lights": "point_lights",
-        "ambient": "ambient", "background": "background",
-    },
-    "Material": {
-        "name": "", "diffuse": "", "specular": "specular", "shininess": "specular",
-        "emission": "emission", "texture": "textures", "alpha_cutoff": "cut_outs",
-        "metallic": "physical", "roughness": "physical", "metal_texture": "physical",
-        "normal_texture": "physical", "normal_scale": "physical", "emission_texture": "physical",
-    },
-    "Light": {
-        "kind": "directional_lights", "vector": "", "colour": "coloured_lights",
-        "reference_distance_m": "falloff", "casts_shadows": "shadows", "normal": "emitters",
-        "own": "emitters", "cone": "spots",
-    },
-}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -73,25 +37,6 @@ def test_every_feature_has_its_place():
     assert {feature.field for feature in FEATURES} == {f.name for f in dataclasses.fields(Needs)}
     defines = {define for feature in FEATURES for define in feature.defines}
     assert defines == set(pack_surfaces(scene, Needs.of(scene)).defines)
-
-
-def test_every_switch_of_the_kernels_is_known():
-    """A new #if fails here until it follows from needs, or stands among what a job decides."""
-    text = "\n".join(path.read_text(encoding="ascii") for path in sorted(KERNELS.rglob("*.cl")))
-    lines = re.findall(r"^\s*#\s*(?:if|elif|ifdef|ifndef)\b(.*)$", text, re.MULTILINE)
-    names = {name for line in lines for name in re.findall(r"[A-Z][A-Z0-9_]+", line)}
-    guards = {name for name in names if name.startswith("LFCORE_")}
-    defines = {define for feature in FEATURES for define in feature.defines}
-    assert names - guards - defines <= set(OF_THE_JOB)
-    assert defines <= set(re.findall(r"[A-Z][A-Z0-9_]+", text))
-
-
-@pytest.mark.parametrize("part", [Scene, Material, Light], ids=lambda part: part.__name__)
-def test_every_part_of_a_scene_has_its_place_in_needs(part):
-    """A new field of a scene fails here until Needs, or this table, says what it is for."""
-    places = PLACES[part.__name__]
-    assert {field.name for field in dataclasses.fields(part)} <= set(places)
-    assert set(places.values()) - {""} <= {field.name for field in dataclasses.fields(Needs)}
 
 
 @pytest.mark.parametrize("feature", FEATURES, ids=lambda feature: feature.field)

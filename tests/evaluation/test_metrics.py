@@ -106,8 +106,3 @@ def test_what_does_not_compare_is_refused(image, reference, peak, words):
 def test_ssim_refuses_pictures_smaller_than_its_window():
     with pytest.raises(MetricError, match="at least 11"):
         ssim(np.zeros((10, 20)), np.zeros((10, 20)), peak=255)
-
-
-def test_the_peak_must_be_said():
-    with pytest.raises(TypeError):
-        psnr(np.zeros((2, 2)), np.zeros((2, 2)))

@@ -10,35 +10,13 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from lfcore.colour import srgb_codes
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.figures import PANELS, QUALITY, TIME, contact_sheet, curves_over_n
 from lfcore.evaluation.page import Section, to_html, write_page
 from lfcore.evaluation.tables import columns
-from lfcore.files import whole_file, write_json
 from lfcore.optics.plane_pictures import load_stack, save_stack
 from lfcore.optics.planes import SensorPlane
 from lfcore.pictures import write_picture
-
-
-def test_srgb_codes():
-    # Linear 0.5 is 0.735 in sRGB: code 188; 0.2140 is the middle code.
-    linear = np.array([0.0, 0.5, 1.0, 2.0, -1.0, 0.21404])
-    assert srgb_codes(linear).tolist() == [0, 188, 255, 255, 0, 127]
-
-
-@pytest.mark.parametrize("suffix", ["png", "ppm"])
-def test_pictures_round_trip(tmp_path, suffix):
-    picture = np.random.default_rng(3).uniform(0, 1, (5, 7, 3))
-    write_picture(tmp_path / f"p.{suffix}", picture)
-    with Image.open(tmp_path / f"p.{suffix}") as image:
-        assert np.array_equal(np.asarray(image), srgb_codes(picture))
-
-
-def test_a_picture_of_another_format_is_refused(tmp_path):
-    with pytest.raises(LfcoreError, match="unknown format"):
-        write_picture(tmp_path / "p.gif", np.zeros((2, 2, 3)))
-    assert not list(tmp_path.iterdir())
 
 
 def test_stacks_round_trip(tmp_path):
@@ -56,18 +34,6 @@ def test_a_cut_stack_is_refused(tmp_path, kept):
     path.write_bytes(path.read_bytes()[:kept])
     with pytest.raises(LfcoreError, match="not a whole stack"):
         load_stack(path)
-
-
-def test_a_failed_write_leaves_the_old_file(tmp_path):
-    path = tmp_path / "f.json"
-    write_json(path, {"a": 1})
-    with pytest.raises(ValueError, match="JSON"):
-        write_json(path, {"a": math.nan})
-    with pytest.raises(RuntimeError), whole_file(path) as file:
-        file.write(b"half")
-        raise RuntimeError
-    assert path.read_text() == '{\n  "a": 1\n}\n'
-    assert [p.name for p in tmp_path.iterdir()] == ["f.json"]
 
 
 def test_contact_sheet_holds_every_picture(tmp_path):
