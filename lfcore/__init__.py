@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from lfcore.optics.planes import SensorPlane
     from lfcore.optics.slab import Slab
     from lfcore.pictures import write_picture
-    from lfcore.refocus.array.stored import store_array
     from lfcore.rendering.quality import Quality, Rendering
     from lfcore.scene.appearance import Light
     from lfcore.scene.model import Scene
@@ -41,7 +40,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "load_scene", "render", "render_to_quality", "record", "trace_array", "store_array",
+    "load_scene", "render", "render_to_quality", "record", "trace_array",
     "import_lightfield", "export_lightfield",
     "write_picture", "open_device",
     "LightField", "Scene", "Surface", "Light", "Camera", "CameraArray", "SensorPlane", "Slab",
@@ -61,7 +60,6 @@ _HOMES = {
     "optics.planes": ("SensorPlane",),
     "optics.slab": ("Slab",),
     "pictures": ("write_picture",),
-    "refocus.array.stored": ("store_array",),
     "scene.appearance": ("Light",),
     "scene.model": ("Scene",),
     "scene.surface_mesh": ("Surface",),

@@ -9,16 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, Unpack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device
+from lfcore.optics.array import CameraArray
+from lfcore.optics.camera import Camera
 from lfcore.optics.planes import PlaneOptions, SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.focal_stack import focal_stack
 from lfcore.refocus.free_views import views_at
+from lfcore.refocus.from_views import store_arrays
 from lfcore.refocus.resampling import check_filter
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
@@ -27,8 +31,13 @@ from lfcore.refocus.views import read_views
 from lfcore.rendering.depth import all_in_focus, all_samples, depth_of_views
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.model import Scene
+from lfcore.storage.codecs import Encoding
+from lfcore.storage.labelled import labelled_views
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.viewer.page import ViewerPage, viewer_page
+
+if TYPE_CHECKING:
+    import xarray
 
 Progress = Callable[[int, int], None]
 
@@ -37,7 +46,88 @@ MOST_PLANES = 100
 
 
 class LightField(LightFieldFile):
-    """A light field file with :meth:`refocus`; everything else is of the class below."""
+    """A light field file: its geometry, its rays, and pictures made of them.
+
+    Made by :meth:`open`, :meth:`from_views`, :func:`lfcore.record` and
+    :func:`lfcore.import_lightfield`.  It pickles by path.
+    """
+
+    @classmethod
+    def from_views(
+        cls,
+        views: np.ndarray,
+        geometry: Camera | CameraArray | float,
+        path: str | Path,
+        *,
+        encoding: Encoding | None = None,
+        scene: Scene | None = None,
+        name: str | None = None,
+        white: float | None = None,
+        progress: Progress | None = None,
+    ) -> LightField:
+        """Store views as a light field file.
+
+        Parameters
+        ----------
+        views : ndarray
+            (rows, columns, height, width, 3): floats are linear light, uint8 and uint16 sRGB codes.
+            Row 0 is the top camera, column 0 the leftmost.  Of a :class:`CameraArray` also the
+            mosaic that :func:`lfcore.trace_array` returns.
+        geometry : Camera, CameraArray or float
+            A lens whose samples the views are; parallel cameras; or the metres between neighbouring
+            views, where nothing else is known: then refocus by disparity.
+        path : str or Path
+            The file to write, ``.mkv``.
+        encoding : Encoding, optional
+            How the views are stored; with ``ffv1``, uint8 codes are kept exactly.
+        scene : Scene, optional
+            The scene that the views show, for :meth:`depth` and exports with depth.
+        name : str, optional
+            Default: the scene's, else the file's.
+        white : float, optional
+            Of a :class:`CameraArray`: light that the brightest code stands for; more is clipped.
+            Default: the brightest of the views, and at least 1.
+        progress : callable, optional
+            Called with (views done, of all).
+
+        Returns
+        -------
+        LightField
+            The file, opened.
+
+        Raises
+        ------
+        OpticsError
+            Views of another shape, or light that the file cannot hold.
+        StorageError
+            The codec does not take the settings, or the file cannot be written.
+        """
+        store_arrays(
+            Path(path), views, geometry, encoding, scene=scene, name=name, white=white,
+            progress=progress,
+        )  # fmt: skip
+        return cls.open(path)
+
+    def to_xarray(self, *, codes: bool = False) -> xarray.DataArray:
+        """All views as a lazy array with named dimensions.
+
+        Parameters
+        ----------
+        codes : bool
+            Give the stored sRGB codes.
+
+        Returns
+        -------
+        xarray.DataArray
+            Dimensions ``row``, ``column``, ``y``, ``x``, ``channel``: float32 linear light, or
+            uint8 codes.  One dask chunk per segment of the file, which is decoded when computed.
+
+        Raises
+        ------
+        LfcoreError
+            xarray or dask is not installed.
+        """
+        return labelled_views(self, codes=codes)
 
     def plane(
         self,

@@ -61,29 +61,26 @@ def render(arguments: argparse.Namespace, scene: lfcore.Scene) -> None:
 
 def record(arguments: argparse.Namespace, scene: lfcore.Scene) -> None:
     """Expose a light field camera's film and store it as a light field file."""
-    from lfcore.scene.files import scene_digest
-
-    source = {"name": scene.name, "digest": scene_digest(scene)}
     image, view = _expose(arguments, scene)
-    save_video(arguments, image, view.array, source)
+    save_video(arguments, image, view.array, scene=scene)
 
 
 def save_video(
     arguments: argparse.Namespace,
     image: np.ndarray,
     array: lfcore.CameraArray,
-    scene: dict[str, str],
+    *,
+    scene: lfcore.Scene | None = None,
+    name: str | None = None,
 ) -> None:
     """Store an array with the encoder's options, and report its size and clipped pixels."""
-    from lfcore.storage.defaults import chosen_encoding
-
     output = arguments.output
     check_suffix(output, (".mkv",))
-    spec = chosen_encoding(array.cameras[0], encoder(arguments))
     with progress("encoding", "cameras") as report:
-        white = lfcore.store_array(
-            output, image, array, spec, scene=scene, white=arguments.white, progress=report
-        ).white
+        white = lfcore.LightField.from_views(
+            image, array, output, encoding=encoder(arguments), scene=scene, name=name,
+            white=arguments.white, progress=report,
+        ).white  # fmt: skip
     clipped = float((image > white).any(-1).mean())
     said = f": {array.cameras[0]} x {array.cameras[1]} cameras, "
     said += f"{output.stat().st_size:,} bytes, white at {white:g}"

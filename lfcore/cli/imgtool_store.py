@@ -16,7 +16,6 @@ from lfcore.cli.options import add, add_encoder, given
 from lfcore.cli.progress import progress, wrote
 from lfcore.colour import tonemap
 from lfcore.errors import OpticsError
-from lfcore.files import file_digest
 from lfcore.optics.array import CameraArray
 from lfcore.pictures import ALL_CODED, check_suffix, write_picture
 
@@ -116,7 +115,7 @@ def store(arguments: argparse.Namespace) -> None:
     image, recorded, extra = read_lightfield(arguments.input)
     array = geometry(arguments, recorded, image.shape)
     name = str(extra.get("scene", arguments.input.stem))
-    save_video(arguments, image, array, {"name": name, "digest": file_digest(arguments.input)})
+    save_video(arguments, image, array, name=name)
 
 
 def tiles(arguments: argparse.Namespace) -> None:

@@ -16,10 +16,11 @@ import numpy as np
 
 from lfcore.exchange import pictures
 from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, Geometry, KnownGeometry, ViewGrid, unreadable
+from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid, unreadable
 from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.source import Source
 from lfcore.files import write_text
+from lfcore.optics.grid_geometry import KnownGeometry
 from lfcore.pictures import write_picture
 
 CONFIG = "parameters.cfg"

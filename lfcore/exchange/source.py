@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lfcore.colour import srgb_codes
-from lfcore.exchange.grid import ExchangeError, KnownGeometry
+from lfcore.exchange.grid import ExchangeError
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import Device
 from lfcore.optics import bundles
+from lfcore.optics.grid_geometry import KnownGeometry
 from lfcore.optics.slab import Slab
 from lfcore.refocus.free_views import views_at
 from lfcore.refocus.views import read_views

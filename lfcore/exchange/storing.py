@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from lfcore.exchange.grid import ExchangeError, ViewGrid
-from lfcore.files import draft_folder
 from lfcore.storage.codecs import Encoding
-from lfcore.storage.container import join_segments
-from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
-from lfcore.storage.segment import SegmentWriter
-from lfcore.storage.ycbcr import frames_from_rgb
-
-SEGMENT_RAYS = 1 << 27
+from lfcore.storage.views_store import store_views
 
 
 def store_grid(
@@ -33,34 +27,10 @@ def store_grid(
     Raises :class:`StorageError` when a view or the file fails; no file is left then.
     """
     slab = grid.geometry.slab(grid.columns, grid.rows, grid.width, grid.height)
-    layout = FrameLayout("views", slab.views, slab.pixels, pixel_format=spec.stored_format)
-    tiles = _tiles(layout, slab.held.views)
-    digest, done = hashlib.sha256(), 0
-    with draft_folder(path) as folder:
-        segments = [folder / f"{tile.index:04d}.mp4" for tile in tiles]
-        for tile, segment in zip(tiles, segments, strict=True):
-            with SegmentWriter(segment, spec, layout.frame_width, layout.frame_height) as writer:
-                for column, row in tile.elements() - np.array(slab.held.views[:2], np.int32):
-                    picture = _checked(grid, int(column), int(row))
-                    digest.update(np.ascontiguousarray(picture).data)
-                    writer.write(_frame(picture, slab.held.pixels, layout))
-                    done += 1
-                    if progress:
-                        progress(done, grid.columns * grid.rows)
-        return join_segments(
-            path, segments, tiles, layout, geometry=slab, spec=spec, content=_content(grid),
-            scene={"name": grid.name, "digest": digest.hexdigest()},
-        )  # fmt: skip
-
-
-def _tiles(layout: FrameLayout, held: tuple[int, int, int, int]) -> list[Tile]:
-    column, row, columns, rows = held
-    step = max(1, SEGMENT_RAYS // (columns * layout.pixels**2))
-    starts = range(0, rows, step)
-    return [
-        layout.tile(column, row + start, columns, min(step, rows - start), index)
-        for index, start in enumerate(starts)
-    ]
+    read = partial(_checked, grid)
+    return store_views(
+        path, slab, read, spec, name=grid.name, content=_content(grid), progress=progress
+    )
 
 
 def _checked(grid: ViewGrid, column: int, row: int) -> np.ndarray:
@@ -71,19 +41,6 @@ def _checked(grid: ViewGrid, column: int, row: int) -> np.ndarray:
             file=grid.name,
         )
     return picture
-
-
-def _frame(picture: np.ndarray, held: tuple[int, int, int, int], layout: FrameLayout) -> np.ndarray:
-    """One planar frame; beside the picture its last pixels are repeated."""
-    left, top, width, height = held
-    size = layout.pixels
-    around = ((top, size - height - top), (left, size - width - left), (0, 0))
-    if picture.dtype == np.uint16:
-        picture = picture / np.float32(65535)
-    square = np.pad(picture, around, mode="edge")
-    return frames_from_rgb(
-        square[None], layout.pixel_format, layout.frame_width, layout.frame_height
-    )
 
 
 def _content(grid: ViewGrid) -> dict:

@@ -36,6 +36,17 @@ class LightFieldFile(StoredVideo):
         """``source`` itself where it is open, else opened."""
         return source if isinstance(source, LightFieldFile) else cls.open(source)
 
+    def __repr__(self) -> str:
+        (columns, rows), (width, height) = self.grid, self.picture_size
+        size = f"{columns} x {rows} views of {width} x {height}"
+        depth = ", with depth" if self.metadata.depth else ""
+        return f"<{type(self).__name__} {str(self.path)!r}: {size}{depth}>"
+
+    def __reduce__(self) -> tuple:
+        """Pickled by path: the file is opened again where the pickle is loaded."""
+        path = self.path.absolute() if isinstance(self.path, Path) else self.path
+        return _reopened, (type(self), str(path), self._salvage, self.threads)
+
     @property
     def geometry(self) -> str:
         """``slab`` or ``array``."""
@@ -187,7 +198,7 @@ class LightFieldFile(StoredVideo):
             The file does not hold these views, or is damaged.
         """
         *_, width, height = self.extent.pixels
-        return self._rays((i0, j0, i1, j1), (0, 0, width, height), codes)
+        return self.block((i0, j0, i1, j1), (0, 0, width, height), codes=codes)
 
     def rectangle(self, u0: int, v0: int, u1: int, v1: int, *, codes: bool = False) -> np.ndarray:
         """Read the rays of a rectangle of pixels, through all lens samples.
@@ -211,11 +222,25 @@ class LightFieldFile(StoredVideo):
             The file does not hold these pixels, or is damaged.
         """
         *_, columns, rows = self.extent.views
-        rays = self._rays((0, 0, columns, rows), (u0, v0, u1, v1), codes)
+        rays = self.block((0, 0, columns, rows), (u0, v0, u1, v1), codes=codes)
         return np.ascontiguousarray(rays.transpose(2, 3, 0, 1, 4))
 
-    def _rays(self, lens: tuple, film: tuple, codes: bool) -> np.ndarray:
-        """[j, i, v, u] of rectangles that count from the first view and pixel there are."""
+    def block(self, lens: tuple, film: tuple, *, codes: bool = False) -> np.ndarray:
+        """Read a rectangle of views by a rectangle of pixels.
+
+        Parameters
+        ----------
+        lens, film : (int, int, int, int)
+            First column and row, and the column and row after the last, from the first view and
+            pixel that the file holds.
+        codes : bool
+            Return the stored sRGB codes.
+
+        Returns
+        -------
+        ndarray
+            Indexed [j, i, v, u]: float32 linear light, or uint8 codes.
+        """
         moved = []
         for asked, held in ((lens, self.extent.views), (film, self.extent.pixels)):
             (a, b, c, d), (column, row, columns, rows) = asked, held
@@ -281,6 +306,10 @@ class LightFieldFile(StoredVideo):
                     yield chunk, numbers[low:high] - first, slice(low, high)
                 first += len(chunk)
             start = stop
+
+
+def _reopened(kind: type[LightFieldFile], path: str, salvage: bool, threads: int) -> LightFieldFile:
+    return kind.open(path, salvage=salvage, threads=threads)
 
 
 def windows(

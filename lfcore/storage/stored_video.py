@@ -55,7 +55,7 @@ class StoredVideo:
         self.depth_video: StoredVideo | None = None
         if metadata.depth:
             self.depth_video = StoredVideo(path, metadata.of_depth(), keys, threads, track + 1)
-        self._track = track
+        self._track, self._salvage = track, False
         self.count = DecodeCount()
         self.decoded_segments: set[int] = set()
         self.damage: list[Damage] = []
@@ -78,6 +78,7 @@ class StoredVideo:
         structure = scan(path, clusters=False)
         metadata = _read_metadata(path, structure)
         field = cls(path, metadata, [key // FRAME_MS for key in structure.keys], threads)
+        field._salvage = salvage
         if salvage:
             field._find_damage()
         else:

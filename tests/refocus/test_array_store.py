@@ -49,7 +49,7 @@ def image(array):
 @pytest.fixture(scope="module")
 def stored(array, image, tmp_path_factory):
     path = tmp_path_factory.mktemp("array") / "lightfield.mkv"
-    store_array(path, image, array, LOSSLESS, scene=SCENE)
+    store_array(path, array.tiles(image), array, LOSSLESS, **SCENE)
     return path
 
 
@@ -107,9 +107,9 @@ def test_what_is_no_slab_says_so(array, tmp_path):
     path = tmp_path / "lightfield.mkv"
     if array.cameras[0] != array.cameras[1] or array.tile[0] != array.tile[1]:
         with pytest.raises(OpticsError, match="square"):
-            store_array(path, image, array, LOSSLESS, scene=SCENE)
+            store_array(path, array.tiles(image), array, LOSSLESS, **SCENE)
         return
-    store_array(path, image, array, LOSSLESS, scene=SCENE)
+    store_array(path, array.tiles(image), array, LOSSLESS, **SCENE)
     with pytest.raises(OpticsError, match="imgtool"):
         LightField.open(path).refocus(focus_m=2.0)
     assert read_stored(LightField.open(path))[1] == array
@@ -120,7 +120,9 @@ def test_bad_light_is_refused(array, image, tmp_path):
         wrong = image.copy()
         wrong[3, 3] = bad
         with pytest.raises(OpticsError):
-            store_array(tmp_path / "x.mkv", wrong, array, LOSSLESS, scene=SCENE, white=white)
+            store_array(
+                tmp_path / "x.mkv", array.tiles(wrong), array, LOSSLESS, **SCENE, white=white
+            )
     assert not list(tmp_path.iterdir())
 
 
@@ -190,7 +192,7 @@ def test_what_is_in_focus_everywhere_is_as_bright_as_the_scene(tmp_path):
     slab = Slab(scene.camera, 3, 16)
     array = CameraArray.from_slab(slab)
     image = np.full((*array.image_size[::-1], 3), 0.4, np.float32)
-    store_array(tmp_path / "a.mkv", image, array, LOSSLESS, scene=SCENE, white=4.0)
+    store_array(tmp_path / "a.mkv", array.tiles(image), array, LOSSLESS, **SCENE, white=4.0)
     field = LightField.open(tmp_path / "a.mkv")
     assert field.white == 4
     for made in (field.all_in_focus(scene), field.view(1, 1), field.refocus()):

@@ -13,28 +13,23 @@ import numpy as np
 
 from lfcore.colour import srgb_encode
 from lfcore.errors import OpticsError
-from lfcore.files import draft_folder
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.refocus.views import read_views
 from lfcore.storage.codecs import Encoding
-from lfcore.storage.container import join_segments
-from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.metadata import Metadata
-from lfcore.storage.segment import SegmentWriter
-from lfcore.storage.ycbcr import frames_from_rgb
-
-_CHUNK_PIXELS = 1 << 22
+from lfcore.storage.views_store import store_views
 
 
 def store_array(
     path: str | Path,
-    image: np.ndarray,
+    tiles: np.ndarray,
     array: CameraArray,
-    spec: Encoding,
+    encoding: Encoding,
     *,
-    scene: dict,
+    name: str,
+    digest: str | None = None,
     white: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Metadata:
@@ -42,40 +37,40 @@ def store_array(
 
     Parameters
     ----------
-    image : (Ny h, Nx w, 3) float, linear radiance, as :class:`CameraArray` lays tiles out.
-    scene : JSON object with at least ``name`` and ``digest``.
-    white : radiance that the brightest code stands for; more is clipped.  Default the brightest
-        of the image, and at least 1.
-    progress : called with (cameras done, cameras).
+    tiles : ndarray
+        (Ny, Nx, h, w, 3) float, linear radiance.
+    array : CameraArray
+        The data cameras.
+    encoding : Encoding
+        With its pixel format chosen.
+    name, digest : str
+        Of the scene; default of the digest is that of the pictures.
+    white : float, optional
+        Radiance that the brightest code stands for; more is clipped.  Default the brightest of the
+        pictures, and at least 1.
+    progress : callable, optional
+        Called with (cameras done, of all).
 
     Raises
     ------
-    OpticsError : an image that is not the array's, is not finite or is negative; an array that
-        has other than as many columns as rows of square pictures; a white that is not positive.
-    StorageError : the file cannot be written, or the codec does not take the settings.
+    OpticsError
+        Pictures that are not the array's, not finite or negative; other than as many columns as
+        rows of square pictures; a white that is not positive.
+    StorageError
+        The file cannot be written, or the codec does not take the settings.
     """
-    tiles, path = array.tiles(image), Path(path)
-    _check(image, array, path)
-    white = max(1.0, float(image.max())) if white is None else float(white)
+    _check(tiles, array, Path(path))
+    white = max(1.0, float(tiles.max())) if white is None else float(white)
     if not (white > 0 and np.isfinite(white)):
         raise OpticsError(f"must be positive and finite, not {white}", key="white")
-    layout = FrameLayout("views", array.cameras[0], array.tile[0], pixel_format=spec.stored_format)
-    whole = layout.tile(0, 0, layout.views, layout.views)
-    size, cameras = (layout.frame_width, layout.frame_height), whole.elements()
-    step = max(1, _CHUNK_PIXELS // layout.pixels**2)
-    with draft_folder(path) as folder:
-        segment = folder / "array.mp4"
-        with SegmentWriter(segment, spec, *size) as writer:
-            for start in range(0, len(cameras), step):
-                column, row = cameras[start : start + step].T
-                light = tiles[row, column].astype(np.float32) / np.float32(white)
-                writer.write(frames_from_rgb(srgb_encode(light), spec.stored_format, *size))
-                if progress is not None:
-                    progress(min(start + step, len(cameras)), len(cameras))
-        geometry = {**array.to_json(), "white": white}
-        return join_segments(
-            path, [segment], [whole], layout, geometry=geometry, scene=scene, spec=spec
-        )
+
+    def view(column: int, row: int) -> np.ndarray:
+        return srgb_encode(tiles[row, column].astype(np.float32) / np.float32(white))
+
+    return store_views(
+        Path(path), array, view, encoding, name=name, digest=digest, white=white,
+        progress=progress,
+    )  # fmt: skip
 
 
 def read_stored(
@@ -111,8 +106,13 @@ def read_stored(
     return image, array
 
 
-def _check(image: np.ndarray, array: CameraArray, path: Path) -> None:
+def _check(tiles: np.ndarray, array: CameraArray, path: Path) -> None:
     (nx, ny), (w, h) = array.cameras, array.tile
+    if tiles.shape != (ny, nx, h, w, 3):
+        raise OpticsError(
+            f"views of shape {tiles.shape} are not {ny} x {nx} x {h} x {w} x 3", file=path,
+            key="views", remedy="Check the cameras",
+        )  # fmt: skip
     if nx != ny or w != h:
         raise OpticsError(
             f"{nx} x {ny} cameras of {w} x {h} pixels: a file holds as many columns as rows, of "
@@ -120,7 +120,7 @@ def _check(image: np.ndarray, array: CameraArray, path: Path) -> None:
             file=path,
             remedy="Keep it as EXR, or trace a square array",
         )
-    low, high = float(image.min()), float(image.max())
+    low, high = float(tiles.min()), float(tiles.max())
     if not (low >= 0 and np.isfinite(high)):
         raise OpticsError(
             f"has radiance from {low:g} to {high:g}",

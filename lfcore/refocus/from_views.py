@@ -1,0 +1,103 @@
+"""A light field file of views in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.colour import srgb_encode
+from lfcore.errors import OpticsError, StorageError
+from lfcore.files import make_folder
+from lfcore.optics.array import CameraArray
+from lfcore.optics.camera import Camera
+from lfcore.optics.grid_geometry import Geometry
+from lfcore.optics.slab import Extent, Slab
+from lfcore.refocus.array.stored import store_array
+from lfcore.scene.files import scene_digest
+from lfcore.scene.model import Scene
+from lfcore.storage.codecs import Encoding
+from lfcore.storage.defaults import chosen_encoding
+from lfcore.storage.views_store import store_views
+
+CODES = (np.uint8, np.uint16)
+
+
+def store_arrays(
+    path: Path,
+    views: np.ndarray,
+    geometry: Camera | CameraArray | float,
+    encoding: Encoding | None,
+    *,
+    scene: Scene | None,
+    name: str | None,
+    white: float | None,
+    progress: Callable[[int, int], None] | None,
+) -> None:
+    """Write ``views`` to ``path``; parameters and errors as of :meth:`LightField.from_views`."""
+    views, encoding = np.asarray(views), encoding or Encoding()
+    if isinstance(geometry, CameraArray) and views.ndim == 3:
+        views = geometry.tiles(views)
+    if views.ndim != 5 or views.shape[-1] != 3 or 0 in views.shape:
+        raise OpticsError(
+            f"must be (rows, columns, height, width, 3), not {views.shape}", key="views"
+        )
+    if encoding.depth or encoding.layout == "macropixels":
+        raise StorageError("views are stored as views, without depth", key="encoding")
+    name = name or (scene.name if scene else path.stem)
+    digest = scene_digest(scene) if scene else None
+    make_folder(path.parent)
+    rows, columns = views.shape[:2]
+    if isinstance(geometry, CameraArray):
+        if views.dtype in CODES:
+            raise OpticsError("of a camera array are linear light, not codes", key="views")
+        spec = chosen_encoding(columns, encoding)
+        store_array(
+            path, views, geometry, spec, name=name, digest=digest, white=white, progress=progress
+        )
+        return
+    if views.dtype == np.uint8 and encoding.codec == "ffv1" and encoding.pixel_format is None:
+        encoding = replace(encoding, pixel_format="gbrp")  # exact
+    slab, content = _slab(views, geometry)
+    _check_light(views, white, path)
+    store_views(
+        path, slab, lambda column, row: _shown(views[row, column]),
+        chosen_encoding(max(rows, columns), encoding),
+        name=name, digest=digest, content=content, progress=progress,
+    )  # fmt: skip
+
+
+def _slab(views: np.ndarray, geometry: Camera | float) -> tuple[Slab, dict]:
+    """The slab of the views, and what the file says of its geometry."""
+    rows, columns, height, width, _ = views.shape
+    if isinstance(geometry, Camera):
+        extent = Extent.centred(columns, rows, width, height)
+        whole = rows == columns and height == width
+        slab = Slab(geometry, max(rows, columns), max(height, width), None if whole else extent)
+        return slab, {}
+    spacing = float(geometry)
+    if not (spacing > 0 and np.isfinite(spacing)):
+        raise OpticsError(f"must be positive and finite, not {spacing}", key="spacing")
+    known = Geometry(spacing)
+    content = {"metric": False, "source": {"format": "views", "pitch_m": spacing}}
+    return known.slab(columns, rows, width, height), content
+
+
+def _check_light(views: np.ndarray, white: float | None, path: Path) -> None:
+    if white is not None:
+        raise OpticsError("belongs to a camera array", key="white", remedy="Give a CameraArray")
+    if views.dtype in CODES:
+        return
+    low, high = float(views.min()), float(views.max())
+    if not (low >= 0 and high <= 1):
+        raise OpticsError(
+            f"have light from {low:g} to {high:g}, and the file holds 0 to 1", file=path,
+            key="views", remedy="Clip it, or give a CameraArray, whose file holds brighter light",
+        )  # fmt: skip
+
+
+def _shown(picture: np.ndarray) -> np.ndarray:
+    """sRGB of one view: codes as they are, light encoded."""
+    return picture if picture.dtype in CODES else srgb_encode(picture.astype(np.float32))

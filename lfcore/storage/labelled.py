@@ -1,0 +1,67 @@
+"""Views of a light field file as a lazy xarray.DataArray."""
+
+from __future__ import annotations
+
+import itertools
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lfcore.errors import LfcoreError
+from lfcore.storage.lightfield import LightFieldFile
+
+if TYPE_CHECKING:
+    import xarray
+
+DIMENSIONS = ("row", "column", "y", "x", "channel")
+
+
+def labelled_views(field: LightFieldFile, *, codes: bool = False) -> xarray.DataArray:
+    """As :meth:`lfcore.LightField.to_xarray`."""
+    try:
+        import dask.array
+        import xarray
+    except ImportError as error:
+        raise LfcoreError(
+            f"an array with named dimensions cannot be made: {error}", file=field.path,
+            remedy="pip install 'lfcore[xarray]'",
+        ) from None  # fmt: skip
+    kind = np.uint8 if codes else np.float32
+    lazy = dask.array.map_blocks(
+        partial(_block, field, codes), chunks=_chunks(field), dtype=kind,
+        meta=np.empty((0,) * len(DIMENSIONS), kind),
+    )  # fmt: skip
+    coordinates: dict = {"channel": ["red", "green", "blue"]}
+    slab = field.slab
+    if slab is not None and field.metric:
+        lens, (column, row, columns, rows) = slab.lens_positions(), field.extent.views
+        coordinates["s_m"] = ("column", lens[column : column + columns])
+        coordinates["t_m"] = ("row", lens[row : row + rows])
+    name = field.metadata.scene.get("name") or field.path.stem
+    return xarray.DataArray(lazy, coordinates, DIMENSIONS, name=name)
+
+
+def _chunks(field: LightFieldFile) -> tuple[tuple[int, ...], ...]:
+    """Sides of the blocks along each dimension: between the edges of segments."""
+    by_views = field.layout.kind == "views"
+    held = field.extent.views if by_views else field.extent.pixels
+    edges: list[set[int]] = [set(), set()]  # of columns, and of rows
+    for part in field.metadata.segments:
+        tile = part.tile
+        edges[0] |= {tile.column, tile.column + tile.columns}
+        edges[1] |= {tile.row, tile.row + tile.rows}
+    sides = []
+    for axis, count in ((1, held[3]), (0, held[2])):
+        low = held[axis]
+        inside = sorted({min(max(edge - low, 0), count) for edge in edges[axis]} | {0, count})
+        sides.append(tuple(stop - start for start, stop in itertools.pairwise(inside)))
+    columns, rows = field.grid
+    width, height = field.picture_size
+    whole = ((height,), (width,)) if by_views else ((rows,), (columns,))
+    return (*sides, *whole, (3,)) if by_views else (*whole, *sides, (3,))
+
+
+def _block(field: LightFieldFile, codes: bool, block_info: dict | None = None) -> np.ndarray:
+    (j0, j1), (i0, i1), (v0, v1), (u0, u1), _ = (block_info or {})[None]["array-location"]
+    return field.block((i0, j0, i1, j1), (u0, v0, u1, v1), codes=codes)

@@ -1,0 +1,115 @@
+"""Views into a light field file, one a frame."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.files import draft_folder
+from lfcore.optics.array import CameraArray
+from lfcore.optics.slab import Extent, Slab
+from lfcore.storage.codecs import Encoding
+from lfcore.storage.container import join_segments
+from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.storage.metadata import Metadata
+from lfcore.storage.segment import SegmentWriter
+from lfcore.storage.ycbcr import frames_from_rgb
+
+SEGMENT_RAYS = 1 << 27
+
+
+def store_views(
+    path: Path,
+    geometry: Slab | CameraArray,
+    view: Callable[[int, int], np.ndarray],
+    encoding: Encoding,
+    *,
+    name: str,
+    digest: str | None = None,
+    white: float = 1.0,
+    content: dict | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Metadata:
+    """Encode all views into the light field file ``path``; each is read once.
+
+    Parameters
+    ----------
+    geometry : Slab or CameraArray
+        Of the views that there are; an array has as many columns as rows of square pictures.
+    view : callable
+        ``view(column, row)`` returns (height, width, 3): sRGB codes, uint8 or uint16, or
+        sRGB-encoded values in [0, 1], float.
+    encoding : Encoding
+        With its pixel format chosen.
+    name, digest : str
+        Of the scene; default of the digest is that of the views.
+    white : float
+        Of an array: the linear light of the brightest code.
+    content : dict, optional
+        What else is known, as :class:`Metadata` has it.
+    progress : callable, optional
+        Called with (views done, of all).
+
+    Raises
+    ------
+    StorageError
+        A view or the file fails; no file is left.
+    """
+    recorded: Slab | dict = geometry if isinstance(geometry, Slab) else _described(geometry, white)
+    held, size = _held(geometry)
+    layout = FrameLayout("views", *size, pixel_format=encoding.stored_format)
+    tiles, hashed, done = _tiles(layout, held), hashlib.sha256(), 0
+    with draft_folder(path) as folder:
+        segments = [folder / f"{tile.index:04d}.mp4" for tile in tiles]
+        for tile, segment in zip(tiles, segments, strict=True):
+            frame_size = layout.frame_width, layout.frame_height
+            with SegmentWriter(segment, encoding, *frame_size) as writer:
+                for column, row in tile.elements() - np.array(held.views[:2], np.int32):
+                    picture = view(int(column), int(row))
+                    hashed.update(np.ascontiguousarray(picture).data)
+                    writer.write(_frame(picture, held, layout))
+                    done += 1
+                    if progress:
+                        progress(done, held.views[2] * held.views[3])
+        return join_segments(
+            path, segments, tiles, layout, geometry=recorded, spec=encoding, content=content,
+            scene={"name": name, "digest": digest or hashed.hexdigest()},
+        )  # fmt: skip
+
+
+def _described(array: CameraArray, white: float) -> dict:
+    return {**array.to_json(), "white": white}
+
+
+def _held(geometry: Slab | CameraArray) -> tuple[Extent, tuple[int, int]]:
+    """The views and pixels that there are; N and M."""
+    if isinstance(geometry, Slab):
+        return geometry.held, (geometry.views, geometry.pixels)
+    n, m = geometry.cameras[0], geometry.tile[0]
+    return Extent((0, 0, n, n), (0, 0, m, m)), (n, m)
+
+
+def _tiles(layout: FrameLayout, held: Extent) -> list[Tile]:
+    column, row, columns, rows = held.views
+    step = max(1, SEGMENT_RAYS // (columns * layout.pixels**2))
+    starts = range(0, rows, step)
+    return [
+        layout.tile(column, row + start, columns, min(step, rows - start), index)
+        for index, start in enumerate(starts)
+    ]
+
+
+def _frame(picture: np.ndarray, held: Extent, layout: FrameLayout) -> np.ndarray:
+    """One planar frame; beside the picture its last pixels are repeated."""
+    left, top, width, height = held.pixels
+    size = layout.pixels
+    around = ((top, size - height - top), (left, size - width - left), (0, 0))
+    if picture.dtype == np.uint16:
+        picture = picture / np.float32(65535)
+    square = np.pad(picture, around, mode="edge")
+    return frames_from_rgb(
+        square[None], layout.pixel_format, layout.frame_width, layout.frame_height
+    )
