@@ -9,7 +9,6 @@ from __future__ import annotations
 import io
 import os
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -52,15 +51,30 @@ def load_mesh(
         names a texture which cannot be found.  Without its MTL an OBJ has the default material,
         which is noted.
     """
-    import trimesh  # the heaviest import of the package, not needed by procedural scenes
-
     path = Path(path)
     notebook = Notebook() if notebook is None else notebook
     gltf = None
     if path.suffix.lower() in SUFFIXES and os.path.isfile(path):
         gltf = GltfSurfaces(Document(path), notebook)
         gltf.document.note_what_is_left_out(notebook)
-    scene = _load(trimesh, path, gltf.document if gltf else None, notebook)
+    scene = _load(path, gltf.document if gltf else None, notebook)
+    return parts_of(scene, path, shading=shading, crease_deg=crease_deg, gltf=gltf)
+
+
+def parts_of(
+    scene: Any,
+    path: Path,
+    *,
+    shading: str = "auto",
+    crease_deg: float = 40.0,
+    gltf: GltfSurfaces | None = None,
+) -> list[SurfaceMesh]:
+    """The parts of a ``trimesh.Scene``; parameters and errors as of :func:`load_mesh`.
+
+    ``path`` names the scene in errors.
+    """
+    import trimesh  # the heaviest import of the package, not needed by procedural scenes
+
     parts, empty = [], True
     for matrix, placed in _placed(scene, path):
         mesh = _with_strips(placed, path)
@@ -97,7 +111,8 @@ def _with_strips(mesh: Any, path: Path) -> Any:
         raise SceneError(str(error), file=path, remedy="Export the mesh again") from None
 
 
-def _load(trimesh: ModuleType, path: Path, document: Document | None, notebook: Notebook) -> Any:
+def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
+    import trimesh
     from trimesh.resolvers import FilePathResolver
 
     class Resolver(FilePathResolver):
@@ -218,7 +233,10 @@ def _surface(
     elif isinstance(material, PBRMaterial):
         made = surface_of_pbr(material, path)
     elif isinstance(material, SimpleMaterial):
-        made = _surface_of_simple(material, path)
+        bare = not material.kwargs and not path.suffix  # made in memory: it has no MTL's keys
+        made = (
+            surface_of_pbr(material.to_pbr(), path) if bare else _surface_of_simple(material, path)
+        )
     else:
         made = Surface(path.stem)
     if made is not None:

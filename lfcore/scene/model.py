@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Unpack
+from pathlib import Path
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +27,9 @@ from lfcore.scene.seen import depth_range
 from lfcore.scene.seen import focus_at as focus_at_place
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 from lfcore.scene.view import View
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,10 +136,6 @@ class Scene:
         ------
         SceneError : arrays of other shapes, or no triangle that can be traced.
         """
-        # Seldom needed, and what reads scene files is slow to import.
-        from lfcore.scene import framing
-        from lfcore.scene.description import complete
-
         corners = _checked("triangles", triangles, None, 3)
         if not len(corners):
             raise SceneError("the scene is empty: no triangles were given", key="triangles")
@@ -146,11 +146,63 @@ class Scene:
             _checked("uvs", uvs, len(corners), 2) if uvs is not None else None,
             _checked("colours", colours, len(corners), 3) if colours is not None else None,
         )
+        return cls._of_parts([part], camera, lights, ambient, background, name)
+
+    @classmethod
+    def from_trimesh(
+        cls,
+        scene: trimesh.Scene | trimesh.Trimesh,
+        *,
+        camera: Camera | None = None,
+        lights: Sequence[Light] | None = None,
+        ambient: tuple[float, float, float] | None = None,
+        background: tuple[float, float, float] | None = None,
+        name: str = "trimesh",
+    ) -> Scene:
+        """A scene of trimesh's, with its materials, textures and colours.
+
+        Parameters
+        ----------
+        scene : trimesh.Scene or trimesh.Trimesh
+            Its camera and lights are not taken over.
+        camera, lights, ambient, background, name
+            As in :meth:`from_triangles`.
+
+        Returns
+        -------
+        Scene
+            As :func:`lfcore.load_scene` makes one of a mesh file.
+
+        Raises
+        ------
+        SceneError
+            The scene has no triangle that can be traced, or a damaged material.
+        """
+        from lfcore.scene.meshes import parts_of
+
+        meshes = scene if hasattr(scene, "geometry") else scene.scene()
+        parts = parts_of(meshes, Path("trimesh"))
+        return cls._of_parts(parts, camera, lights, ambient, background, name)
+
+    @classmethod
+    def _of_parts(
+        cls,
+        parts: list[SurfaceMesh],
+        camera: Camera | None,
+        lights: Sequence[Light] | None,
+        ambient: tuple[float, float, float] | None,
+        background: tuple[float, float, float] | None,
+        name: str,
+    ) -> Scene:
+        # Seldom needed, and what reads scene files is slow to import.
+        from lfcore.scene import framing
+        from lfcore.scene.description import complete
+
         defaults = complete({"objects": []})
         to_camera = np.eye(4)
         if camera is None:
-            camera, to_camera = framing.place_camera(defaults["camera"], [part], file=name)
-        geometry = assemble([part], to_camera)
+            camera, to_camera = framing.place_camera(defaults["camera"], parts, file=name)
+        geometry = assemble(parts, to_camera)
         if not len(geometry.triangles):
             raise SceneError(
                 f"the scene is empty: every triangle was dropped ({geometry.dropped})",
@@ -165,6 +217,11 @@ class Scene:
             focus_distances_m=framing.default_focus_distances(camera, geometry.triangles),
             **vars(geometry),
         )
+
+    def __repr__(self) -> str:
+        materials, lights = len(self.materials), len(self.lights)
+        what = f"{self.triangle_count} triangles, {materials} materials, {lights} lights"
+        return f"<Scene {self.name!r}: {what}>"
 
     @property
     def triangle_count(self) -> int:
