@@ -140,9 +140,19 @@ def test_other_objects_pickle(field):
     np.testing.assert_array_equal(again.triangles, scene.triangles)
 
 
+def test_devices_pickle_by_name():
+    device = lfcore.open_device(threads=1)
+    again = pickle.loads(pickle.dumps(device))
+    assert (again.name, again.threads, again.lanes) == (device.name, 1, device.lanes)
+
+
 def test_reprs_are_short(field):
     scene = lfcore.Scene.from_trimesh(trimesh.creation.icosphere())
-    for thing in (field, scene, field.slab, replace(CAMERA, f_number=4), lfcore.Lattice(8)):
+    things = (
+        field, scene, field.slab, replace(CAMERA, f_number=4), lfcore.Lattice(8),
+        lfcore.open_device(), field.viewer(),
+    )  # fmt: skip
+    for thing in things:
         said = repr(thing)
         assert type(thing).__name__ in said and len(said) < 300 and "\n" not in said
 

@@ -54,6 +54,13 @@ class Device:
     lanes: int
     threads: int
 
+    def __repr__(self) -> str:
+        return f"<Device {self.name!r}: {self.threads} threads, {self.lanes} lanes>"
+
+    def __reduce__(self) -> tuple:
+        """Pickled by name: the device is opened again where the pickle is loaded."""
+        return _reopened, (self.device.name.strip(), self.threads, self.lanes)
+
     @property
     def name(self) -> str:
         return f"{self.device.name.strip()} ({self.device.platform.name.strip()})"
@@ -175,6 +182,10 @@ def open_device(
     threads = threads or _asked_threads() or available
     context = _context(device)
     return Device(device, context, cl.CommandQueue(context), lanes, min(threads, available))
+
+
+def _reopened(name: str, threads: int, lanes: int) -> Device:
+    return open_device(name, threads=threads, lanes=lanes)
 
 
 def _processors() -> int:

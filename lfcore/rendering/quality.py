@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -96,10 +96,10 @@ class Rendering:
         square over channels.  Of one pixel it is itself as uncertain; smooth it to compare places.
     """
 
-    pictures: np.ndarray
+    pictures: np.ndarray = field(repr=False)
     lattices: tuple[Lattice, ...]
     expected_db: np.ndarray
-    error: np.ndarray
+    error: np.ndarray = field(repr=False)
 
     @property
     def rays_per_pixel(self) -> float:

@@ -69,6 +69,9 @@ class SegmentIndex(Sequence[Segment]):
                 raise StorageError("must be eight whole numbers", key=f"segments[{index}]")
         raise StorageError("must be lists of eight whole numbers", key="segments")
 
+    def __repr__(self) -> str:
+        return f"<{len(self)} segments>"
+
     def to_json(self) -> list[list[int]]:
         return self.numbers.tolist()
 

@@ -85,6 +85,11 @@ class StoredVideo:
             field._refuse_faults(structure)
         return field
 
+    def __repr__(self) -> str:
+        return (
+            f"<{type(self).__name__} of {str(self.path)!r}: {len(self.metadata.segments)} segments>"
+        )
+
     @property
     def layout(self) -> FrameLayout:
         return self.metadata.layout

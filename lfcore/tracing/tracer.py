@@ -67,6 +67,9 @@ class Tracer:
         self._closest_hits = ClosestHits(self._on_device)
         self.plan = Plan(bvh.leaf_boxes, self.closest_hit, outer=outer, single_rays=single_rays)
 
+    def __repr__(self) -> str:
+        return f"<Tracer of {self.scene!r} on {self.device!r}>"
+
     # -- visibility ---------------------------------------------------------------------------
 
     def slab_hits(self, slab: Slab, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

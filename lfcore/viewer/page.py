@@ -7,7 +7,7 @@ import html
 import http.server
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +42,7 @@ NO_MAP = "The file has no depth, and too few views to estimate it: focus with th
 class ViewerPage:
     """A page for the browser; a notebook shows it in a frame."""
 
-    html: str
+    html: str = field(repr=False)
 
     def save(self, path: str | Path) -> None:
         """Write the page; raises :class:`StorageError` when it cannot be written."""
