@@ -99,7 +99,7 @@ def apertures(figure) -> None:
 
 
 def blur(axes) -> None:
-    """Diameter of a point's blur over its depth, for three openings, and the gap between views."""
+    """Diameter of a point's blur over its depth, for three apertures, and the gap between views."""
     one = Slab(Camera(0.085, 0.036, 1.2, 3.0), 16, 512)
     z = np.linspace(1.5, 9.0, 300)
     for number, colour in ((1.2, RED), (2.8, BLUE), (8.0, GREEN)):

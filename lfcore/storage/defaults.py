@@ -1,6 +1,6 @@
 """Layout and encoder settings that measured best, by the number of views a side.
 
-``docs/encoders.md`` has the measurements.
+``docs/notebook/store.md`` has the measurements.
 
 What follows from it:
 
