@@ -1,9 +1,9 @@
-"""Pictures of a wanted quality: rounds of rays, until their disagreement says it is reached.
+"""Pictures of a requested quality: rounds of rays, until their difference shows that it is reached.
 
-Two lattices of unlike views and sub-pixels err independently, by mean squares that fall as their
-rays rise.  So what they disagree by tells their error, and how many more rays a quality takes.  The
-mean of all rounds, in which those of many rays weigh more than by their rays, is about as good as
-one lattice of as many: few rays of the pilot are lost (docs/notebook/true-picture.md).
+Two lattices with unlike views and sub-pixels have independent errors, whose mean squares fall as
+the number of rays rises.  So their difference gives the error, and the rays that a quality needs.
+The picture is the mean of all rounds.  The weights grow faster than the number of rays, so the mean
+is about as good as one lattice with as many rays (docs/notebook/true-picture.md).
 """
 
 from __future__ import annotations

@@ -25,10 +25,11 @@ def probed_elements(bundles: Bundles) -> np.ndarray:
 
 
 def leaves_a_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1) -> float:
-    """Leaves, boxes (L, 6), in the way of a mean block of 256 rays or fewer, a ray.
+    """The mean number of leaves per ray that a block of at most 256 rays meets.
 
-    Counted for PROBED_BLOCKS blocks of ``outer`` x ``outer`` elements, spread evenly over elements
-    and inner grid, whatever stands in front of what: the same bundles always give the same number.
+    ``leaf_boxes`` is (L, 6).  PROBED_BLOCKS blocks of ``outer`` x ``outer`` elements are counted,
+    spread evenly over elements and inner grid, without occlusion, so that the same bundles always
+    give the same number.
     """
     lo, hi = leaf_boxes[:, :3], leaf_boxes[:, 3:]
     depths = np.maximum(np.stack([lo[:, 2], hi[:, 2]]), 0)
