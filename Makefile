@@ -1,7 +1,7 @@
 # Everything a newcomer types. Python 3.11 or later and make are all that must be there.
 #
 #   make tables    the thesis's tables and figures for three scenes: results/tables/index.html
-#   make test      the whole test suite
+#   make test      the whole test suite; the viewer's part wants a browser: apt-get install chromium chromium-driver
 #   make quick     the tests for daily work, in under a minute: no Snakemake, no browser, few kernels
 #   make fuzz SECONDS=600    hostile inputs for ten minutes: a table of what came of them
 #   make faults KILLS=100      kills, full disks, missing folders: the same results afterwards
@@ -110,6 +110,7 @@ lint: $(VENV)/installed-dev
 	$(BIN)/mypy
 	$(BIN)/snakemake --lint
 	$(BIN)/python -m lfcore.workflow.settings --check
+	$(BIN)/python -m workflow.pins --check
 
 # Pages are run at full size the first time, and where they or the library changed.
 docs: $(VENV)/installed-docs

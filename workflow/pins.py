@@ -1,6 +1,6 @@
 """Write constraints.txt and the conda environment of the rules.
 
-    python -m workflow.pins
+    python -m workflow.pins             (make pins; --check: whether the environment is stale)
 
 constraints.txt has exact pins of what is installed now, without any address of an index.  The
 environment has the ranges of pyproject.toml: packages of conda-forge where there are such, wheels
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import re
+import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -92,6 +93,9 @@ def _conda_lines(requirements: list[str]) -> Iterator[str]:
 
 
 def main() -> None:
+    if sys.argv[1:] == ["--check"]:
+        made = (ROOT / "workflow" / "envs" / "lfcore.yaml").read_text(encoding="utf-8")
+        sys.exit(made != conda_environment() and "workflow/envs/lfcore.yaml: run `make pins`")
     pins = sorted([*installed(), BUILD_BACKEND], key=str.lower)
     write_text(ROOT / "constraints.txt", CONSTRAINTS_HEAD + "\n".join(pins) + "\n")
     write_text(ROOT / "workflow" / "envs" / "lfcore.yaml", conda_environment())

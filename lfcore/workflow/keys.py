@@ -147,6 +147,4 @@ class Configuration(Keys):
     )
     device: str = key("part of an OpenCL device's or platform's name; empty: the processor", "")
     sweep: str = key("a table of cases for `make sweep`; empty: none", "")
-    reports: several(Literal[REPORTS], 0) = key(
-        "reports beside the thesis's tables", list(REPORTS)
-    )
+    reports: several(Literal[REPORTS], 0) = key("reports beside the thesis's tables", list(REPORTS))

@@ -110,7 +110,8 @@ def documents(root: Path) -> dict[Path, str]:
     made = {root / "config/config.yaml": "\n".join(commented(keys.Configuration)) + "\n"}
     for name in STUDIES:
         field = Configuration.model_fields[name]
-        lines = [f"# {field.description}", f"{name}:"]
+        lines = [f"# {field.description}. For a deployed workflow, its Snakefile needs the line"]
+        lines += [f'# configfile: "config/studies/{name}.yaml"', f"{name}:"]
         lines += commented(type(field.get_default(call_default_factory=True)), "  ")
         made[root / "config/studies" / f"{name}.yaml"] = "\n".join(lines) + "\n"
     text = yaml.safe_dump(

@@ -23,9 +23,7 @@ class Renderers(Keys):
 
 
 class Figures(Keys):
-    views: whole(2, 1024) = key(
-        "lens samples per side of the sub-aperture views", 64
-    )
+    views: whole(2, 1024) = key("lens samples per side of the sub-aperture views", 64)
     aperture_stops: listed(number(0, 20), 1, 12) = key(
         "stops by which the lens is closed in the aperture stack", [0, 1, 2, 3]
     )

@@ -38,7 +38,8 @@ def test_a_deployed_workflow_runs_smoke(checkout, tmp_path):
     done = subprocess.run(
         [sys.executable, "-m", "snakemake", "--cores", "2", "--configfile", "config/smoke.yaml",
          "--config", "scenes=[bike]"],
-        cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(checkout.folder)}, capture_output=True, text=True,
+        cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(checkout.folder)},
+        capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     for name in ("index.html", "table_7_1.csv", "figures/focal_stack_bike.png"):
