@@ -1,10 +1,10 @@
-"""Area lights of pbrt scenes: the light of a floor below them, traced, against closed forms.
+"""Area lights of pbrt scenes: the light on a floor below them, traced, against closed forms.
 
     python benchmarks/area_lights.py
     python benchmarks/area_lights.py --points 4 12 48 --figure area_lights.png
 
-The emitter, 1 m across, hangs 1 m above a diffuse floor 8 m wide (a sphere by its middle), which is
-seen from beside it.  A row says how far the worst pixel, and the worst of 99 in 100, is off.
+The emitter is 1 m wide, 1 m above a diffuse floor of 8 m (a sphere's centre is), which the camera
+sees from the side.  A row has the relative error of the worst pixel, and the 99th percentile.
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
     python benchmarks/arrays.py --out arrays.csv
     python benchmarks/arrays.py --scenes book --cameras 8 --tile 128 --peers none --out arrays.csv
 
-Tracing (work ``array``): 16 x 16 data cameras of 512 x 512 pixels, one ray each, shaded with
-shadows, into host memory that is used again, or new; ours and Mitsuba's in turn.  Synthesis (work
-``synthesis``): a picture of 600 x 600 at 64 rays a pixel from that array, by every method; see
+Tracing (work ``array``): 16 x 16 data cameras of 512 x 512 pixels, one ray per pixel, shaded with
+shadows, into host memory that is reused, or new; ours and Mitsuba's in turn.  Synthesis (work
+``synthesis``): a picture of 600 x 600 with 64 rays per pixel from that array, by every method; see
 benchmarks/README.md.
 """
 
@@ -35,16 +35,18 @@ from lfcore.tracing.tracer import Tracer
 from lfcore.workflow.studies import ARRAYS
 
 ROOT = Path(__file__).resolve().parents[1]
-LENS_M, FILTER_M = 0.15, 0.3  # of the assignment's command line, see workflow/scripts
+LENS_M, FILTER_M = 0.15, 0.3  # as in the assignment's command line, see workflow/scripts
 
 
 def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenes", nargs="+", default=["book", "sphere"], choices=list(ARRAYS))
-    parser.add_argument("--cameras", type=int, default=16, help="a side; default 16")
-    parser.add_argument("--tile", type=int, default=512, help="pixels a side; default 512")
-    parser.add_argument("--picture", type=int, default=600, help="of the synthesis; default 600")
-    parser.add_argument("--samples", type=int, default=64, help="rays a pixel of it; default 64")
+    parser.add_argument("--cameras", type=int, default=16, help="per side; default 16")
+    parser.add_argument("--tile", type=int, default=512, help="pixels per side; default 512")
+    parser.add_argument(
+        "--picture", type=int, default=600, help="pixels per side of the synthesis; default 600"
+    )
+    parser.add_argument("--samples", type=int, default=64, help="rays per pixel of it; default 64")
     parser.add_argument("--peers", nargs="*", default=["mitsuba"], choices=["mitsuba", "none"])
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--out", type=Path, required=True, help="CSV file")
@@ -64,7 +66,7 @@ def traced(options: argparse.Namespace, name: str, device) -> tuple[list[dict], 
     made: dict = {}
 
     def ours():
-        # Into the memory of the turn before, as Mitsuba's own allocator does.
+        # Into the memory of the previous turn, as Mitsuba's allocator does.
         made["image"] = trace_array(tracer, array, out=made.get("image"))
 
     methods = [
@@ -73,7 +75,7 @@ def traced(options: argparse.Namespace, name: str, device) -> tuple[list[dict], 
             "lfcore, new memory",
             "array",
             lambda: clocked(lambda: trace_array(tracer, array), array.rays),
-            "pages from the system every time",
+            "the system gives new pages every time",
             ours=True,
         ),
     ]
@@ -106,7 +108,7 @@ def traced(options: argparse.Namespace, name: str, device) -> tuple[list[dict], 
 
 
 def synthesised(options: argparse.Namespace, name: str, field: DeviceField) -> list[dict]:
-    """Rows of pictures from one array; rates are of samples, Isaksen's of pixels."""
+    """Rows of pictures from one array; rates count samples, Isaksen's rate counts pixels."""
     camera, count = assignment_camera(options.picture, LENS_M), options.samples
     surface, pixels = parallel(BOOK_FOCUS_M), options.picture**2
     points = max(1, round((count / 4) ** 0.5))

@@ -140,7 +140,7 @@ def with_kept(found: pd.DataFrame, name: str, key: str) -> pd.DataFrame:
 
 
 def tables(folder: Path) -> pd.DataFrame:
-    """The thesis's three tables of a run side by side, a row a scene and N."""
+    """The thesis's three tables of a run side by side, a row per scene and N."""
     parts = []
     for name, columns in (
         ("table_7_1", TRACED),

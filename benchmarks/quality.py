@@ -1,6 +1,6 @@
-"""Qualities that are asked for, and what comes: python -m benchmarks.quality --out FILE.csv
+"""Requested and reached quality: python -m benchmarks.quality --out FILE.csv
 
-For each scene, open and stopped down, five planes of its focal stack are asked for at several
+For each scene, open and stopped down, we request five planes of its focal stack at several
 qualities (as by ``lfcore render --quality``).  A row says what the worst plane has against the
 average over pixel and lens, what was expected of it, the rays that it took, and the fewest that
 reach as much: between single lattices of slicing by depth, by the logarithm of their rays.

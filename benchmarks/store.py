@@ -1,4 +1,4 @@
-"""What storing a light field costs beside its parts: python benchmarks/store.py --out FILE.csv
+"""The cost of storing a light field, beside its parts: python benchmarks/store.py --out FILE.csv
 
 Tracing and encoding against the encoder alone, retrieval of 10 and 100 planes against decoding
 alone, memory over N, and random access.  Every row that has a ``limit`` says whether it ``holds``.
@@ -24,7 +24,7 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom"])
     parser.add_argument("--angular", nargs="+", type=int, default=[512], help="N of the speeds")
     parser.add_argument("--size", type=int, default=512, help="M of the speeds; default 512")
-    parser.add_argument("--frames", type=int, default=256, help="of each of the four tiles")
+    parser.add_argument("--frames", type=int, default=256, help="frames of each of the four tiles")
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--parts", nargs="+", default=PARTS, choices=PARTS)
     parser.add_argument(
@@ -33,7 +33,7 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     )  # fmt: skip
     parser.add_argument(
         "--memory-log-rays", type=int, default=14,
-        help="M N of those is 2 to this power, so that each N has as many rays; default 14",
+        help="M N is 2 to this power there, so that each N has as many rays; default 14",
     )  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, help="CSV file")
     options = parser.parse_args(arguments)

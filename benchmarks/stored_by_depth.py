@@ -2,11 +2,11 @@
 
 The thesis's recipe, N = 512 lens samples and pictures of as many pixels as its views, against few
 lens samples of more pixels with the depth of every ray, as views and as macropixels: bytes, the
-encoder's seconds of processor and the PSNR of the worst of five planes, whole lens, square, against
-the average over pixel and lens.
+encoder's processor seconds and the PSNR of the worst of five planes, through the whole square lens,
+against the average over pixel and lens.
 
 N = 512 is taken from the published run of the tables (benchmarks/published/tables_m128.csv), or
-measured beside the others, which takes minutes a scene: --thesis.
+measured with the others by --thesis, which takes minutes per scene.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ SCENES = Path(__file__).resolve().parents[1] / "scenes"
 TRUTH = Lattice(8, 4), Lattice(6, 5)
 VIEWS, MACROPIXELS = "views", "macropixels"
 CASES = [
-    # lens samples, rays of a pixel a side, layout, displaced, CRFs
+    # lens samples and rays per pixel, both per side; layout; displaced; CRFs
     (4, 1.5, VIEWS, True, (16, 20)),
     (4, 2, VIEWS, True, (16, 20, 24)),
     (4, 2, VIEWS, False, (20,)),
@@ -59,7 +59,7 @@ THESIS_VIEWS = 512
 
 
 class Encoder:
-    """Segments of one stream, and the seconds of processor that they took."""
+    """Segments of one stream, and the processor seconds that they took."""
 
     def __init__(self, folder: Path, name: str, layout: FrameLayout, spec: Encoding):
         self.folder, self.name, self.layout, self.spec = folder, name, layout, spec
@@ -67,7 +67,7 @@ class Encoder:
         self._watch = Stopwatch(clock=time.process_time)
 
     def tile(self, frames: Iterable[np.ndarray]) -> None:
-        """Encode a tile; what ``frames`` takes to make is not counted."""
+        """Encode a tile; the time to make ``frames`` is not counted."""
         self.files.append(self.folder / f"{self.name}{len(self.files)}.mp4")
         size = self.layout.frame_width, self.layout.frame_height
         with self._watch.part("encode"), SegmentWriter(self.files[-1], self.spec, *size) as writer:
@@ -96,7 +96,7 @@ def thesis(tracer: Tracer, reference: Reference) -> Iterator[dict]:
 
 
 def published(name: str, pixels: int) -> Iterator[dict]:
-    """The same from the published run of the tables, where there is one of this size."""
+    """The same from the published tables, if they have this size."""
     file = RESULTS / f"tables_m{pixels}.csv"
     if not file.exists():
         return
@@ -106,13 +106,13 @@ def published(name: str, pixels: int) -> Iterator[dict]:
         yield {
             "scene": name, "layout": MACROPIXELS, "lattice": f"{THESIS_VIEWS} x 1",
             "views": "plain", "CRF": f"{chosen_encoding(THESIS_VIEWS).crf:g}",
-            "bytes": round(12 * rays / float(row["ratio, 12 bytes a ray"])), "of depth": 0,
+            "bytes": round(12 * rays / float(row["ratio to 12 bytes per ray"])), "of depth": 0,
             "encode s": float(row["encode s"]), "worst dB": None, "planes dB": "",
         }  # fmt: skip
 
 
 def few(tracer: Tracer, reference: Reference, cases: list) -> Iterator[dict]:
-    """Lattices with depth: each is traced once, and encoded at every CRF."""
+    """Lattices with depth: each is traced once and encoded at every CRF."""
     pixels = reference.pictures.shape[1]
     for views, subpixels, kind, displaced, crfs in cases:
         count = Lattice(views, subpixels)
@@ -166,7 +166,7 @@ def _row(tracer, reference, layout, tiles, slab, encoders, crf, lattice, depth=N
 
 
 def compared(rows: list[dict]) -> list[dict]:
-    """Rows as they are published, beside the thesis's recipe of their scene."""
+    """The published rows, with ratios to the thesis's recipe for their scene."""
     base = {row["scene"]: row for row in rows if row["lattice"] == f"{THESIS_VIEWS} x 1"}
     out = []
     for row in rows:

@@ -1,12 +1,12 @@
-"""Do the readers of others take what ``lfcore export`` writes?  Each is run on it and compared.
+"""Run other programs' readers on the output of ``lfcore export``, and compare what they read.
 
     python benchmarks/interop/run.py --work /tmp/interop [--only plenpy,...]
         [--source lftoolbox=FOLDER] [--source hci-tools=FOLDER] [--source jpeg-pleno=FOLDER]
         [--source nerf=FOLDER] [--out table.md]
 
-Packages are installed into environments of their own under ``--work``; programs without a package
-are looked for in the folders of ``--source``, checkouts of their repositories.  A reader that
-cannot be had is a row that says so.  Nothing of theirs is kept here.
+Each package is installed into an environment of its own under ``--work``; for a program without a
+package, ``--source`` names a checkout of its repository.  A reader that is not available is a row
+that says so.  None of their code is kept here.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ DEPTH_M = (1.0, 4.0)
 FORMATS = ("hci", "json", "stanford", "eslf", "mosaic", "mat", "jpeg-pleno", "nerfstudio", "llff",
            "colmap")  # fmt: skip
 POINTS = np.array([[0.05, -0.04, 1.3], [-0.2, 0.1, 2.0], [0.3, 0.2, 3.7]])
-"""Camera space, x right, y down, metres: projected by readers of poses."""
+"""Points in camera space, x right, y down, metres, which readers of poses project."""
 
 
 class Missing(Exception):
-    """The reader cannot be had here."""
+    """The reader is not available."""
 
 
 @dataclass
 class Bench:
-    """What readers are given: folders of exports by format, and the truth."""
+    """The input of readers: folders of exports by format, and the truth."""
 
     work: Path
     sources: dict[str, Path]
@@ -74,7 +74,7 @@ class Bench:
         return self.sources[name].resolve()
 
     def read(self, python: Path | str, script: str, *words: object) -> dict[str, np.ndarray]:
-        """Run a reader's script; it writes one npz of what it read."""
+        """Run a reader's script, which writes what it read to one npz file."""
         out = self.work / f"{Path(script).stem}.npz"
         out.unlink(missing_ok=True)
         run([str(python), str(READERS / script), *map(str, words), str(out)])
@@ -82,7 +82,7 @@ class Bench:
             return dict(data)
 
     def projected(self) -> np.ndarray:
-        """(rows, columns, points, 2): where the slab sees the points, from the pixels' corner."""
+        """(rows, columns, points, 2): the points' pixel coordinates, from the corner."""
         slab = self.field.require_slab()
         column, row, columns, rows = slab.held.views
         place = slab.lens_positions()

@@ -1,1 +1,1 @@
-"""What benchmarks/tracer.py measures: the sampled rays, our own methods, one module a mode."""
+"""The measurements of tracer.py and store.py: sampled rays, our own methods, a module per mode."""

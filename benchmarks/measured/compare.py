@@ -1,4 +1,4 @@
-"""Ours against every peer, in turn in one run; and whole pictures estimated from it."""
+"""Our tracer against every peer, in turn in one run; and estimates for whole pictures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TILE_RAYS = 1 << 30
 
 
 class Peers:
-    """The wanted peers of one scene; those that cannot run are skipped aloud."""
+    """The chosen peers with one scene; one that cannot run is skipped, and a line says so."""
 
     def __init__(self, loaded: Loaded, wanted: Sequence[str], threads: int):
         scene = loaded.scene
@@ -115,7 +115,7 @@ def _measured(methods: list[Method], repeats: int):
 
 
 def _tile_seconds(method: Method) -> float | None:
-    """What one tile costs beyond its rays: accumulators made and read back."""
+    """The cost of a tile beyond its rays: accumulators are made and read back."""
     seconds = method.extra.get("tile_seconds")
     return float(np.median(seconds)) if seconds else None
 
@@ -123,8 +123,8 @@ def _tile_seconds(method: Method) -> float | None:
 def estimate(rows: list[dict]) -> list[dict]:
     """Whole-picture seconds of Algorithm 1 from the sampled rate, beside the thesis's.
 
-    The picture is taken to be cut into tiles of TILE_RAYS rays, each of which pays once for its
-    accumulators.  ``seconds_free_cores`` is what CPU time says that unshared cores would take.
+    We assume tiles of TILE_RAYS rays, each of which pays once for its accumulators.
+    ``seconds_free_cores`` is the estimate for unshared cores, from CPU time.
     """
     out = []
     for row in rows:

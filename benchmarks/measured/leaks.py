@@ -1,4 +1,4 @@
-"""Rays aimed at the edges and vertices of closed surfaces: none may get through."""
+"""Rays aimed at the edges and vertices of closed surfaces: none may pass."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=1.0, focus_m
 CHUNK_RAYS = 1 << 21
 WALL_RAYS = 1 << 20
 WALLS = (32, None), (64, 1)
-"""Lens samples along a side, and elements that a block spans (None: as is best): packets of several
-elements, and of one, which pack their triangles."""
+"""Lens samples per side, and elements per block (None: chosen): packets of several elements, and of
+one, which pack their triangles."""
 
 
 def tracer_of(triangles: np.ndarray, outer: int | None = None) -> Tracer:
@@ -58,7 +58,7 @@ def aimed(triangles: np.ndarray, count: int) -> int:
 
 
 def rough_wall(slab: Slab, seed: int) -> np.ndarray:
-    """A wall right across the slab whose corners lie on rays of the slab, at random depths."""
+    """A wall across the slab whose corners are on rays of the slab, at random depths."""
     rng, size, lens = np.random.default_rng(seed), slab.pixels, slab.views
     pixels = rng.integers(0, size, (6000, 2))
     origins, directions = macropixels(slab, pixels).rays()
@@ -71,7 +71,7 @@ def rough_wall(slab: Slab, seed: int) -> np.ndarray:
 
 
 def through_wall(count: int) -> tuple[int, int]:
-    """(rays, misses) of whole slabs before walls whose corners they hit, ``count`` rays or more."""
+    """(rays, misses) of whole slabs before walls whose corners they hit; ``count`` rays or more."""
     traced = missed = seed = 0
     while traced < count:
         lens, outer = WALLS[seed % len(WALLS)]
@@ -84,7 +84,7 @@ def through_wall(count: int) -> tuple[int, int]:
 
 
 def leaks(options) -> list[dict]:
-    """Misses among ``options.mrays`` million single rays, and as many of slabs."""
+    """Misses among ``options.mrays`` million single rays, and as many rays of slabs."""
     rows, meshes = [], list(closed_meshes())
     share = -(-int(options.mrays * 1e6) // len(meshes))
     for name, triangles in meshes:

@@ -17,8 +17,8 @@ CHECKED_RAYS = 1 << 22
 
 
 def visibility(tracer: Tracer, sample: Sample) -> Method:
-    """Closest triangle and depth of every ray, left in the device's memory: of what
-    ``Tracer.slab_hits`` does, all but the copy to numpy arrays."""
+    """Closest triangle and depth of every ray, left in the device's memory: ``Tracer.slab_hits``
+    without the copy to numpy arrays."""
     device, bundles = tracer.device, macropixels(sample.slab, sample.pixels)
     hits = tracer.hits(probe(sample.slab))
     outputs = device.empty(4 * sample.rays), device.empty(4 * sample.rays)
@@ -38,7 +38,7 @@ def visibility(tracer: Tracer, sample: Sample) -> Method:
 
 
 def check_hits(tracer: Tracer, sample: Sample) -> tuple[float, float]:
-    """(share of rays that hit, mean depth of those), from what ``slab_hits`` returns."""
+    """(share of rays that hit, their mean depth), from ``slab_hits``."""
     pixels, hits, depth = sample.pixels, 0, 0.0
     step = max(1, CHECKED_RAYS // sample.slab.views**2)
     for start in range(0, len(pixels), step):
@@ -63,10 +63,10 @@ def planes_of(scene) -> list[SensorPlane]:
 
 
 def algorithm1(tracer: Tracer, sample: Sample, planes: list[SensorPlane]) -> Method:
-    """See, shade, cast shadows and add to ``planes``; seconds are of the kernels' queue.
+    """Trace, shade, cast shadows and add to ``planes``; seconds are those of the kernels' queue.
 
-    What a tile costs once, whatever its rays (accumulators made and read back), is kept apart in
-    ``extra["tile_seconds"]``: the sample stands for a small part of a real tile.
+    The fixed cost of a tile (accumulators are made and read back) is apart, in
+    ``extra["tile_seconds"]``: the sample is a small part of a real tile.
     """
     tile, extra = SampledTile.of(sample), dict[str, list[float]](tile_seconds=[])
 

@@ -1,7 +1,7 @@
-"""Where a ray's cycles go, and what the chip could do.
+"""Cycles per ray of each part of Algorithm 1, and the processor's peaks.
 
-Parts of Algorithm 1 are told apart by leaving them out.  Cycles are of CPU
-time, so that other programs on the machine disturb them little.
+A part's cycles are the difference to a run without it.  Cycles are CPU time, which other programs
+on the machine disturb little.
 """
 
 from __future__ import annotations
@@ -56,11 +56,11 @@ void stream(global const float *restrict data, global float *x, const int words,
 }
 """
 CHAIN_LATENCY = 4
-"""Cycles of a dependent fused multiply-add on Intel since Skylake and AMD since Zen 2."""
+"""The cycles of a dependent fused multiply-add on Intel since Skylake and AMD since Zen 2."""
 
 
 def _best(device: Device, launch, repeats: int) -> tuple[float, float]:
-    """Least wall and CPU seconds of a launch."""
+    """The least wall and CPU seconds of a launch."""
 
     def work() -> None:
         launch()
@@ -71,7 +71,7 @@ def _best(device: Device, launch, repeats: int) -> tuple[float, float]:
 
 
 def peaks(device: Device, repeats: int) -> dict[str, float]:
-    """What the device reaches at best: clock, flops, bytes a second; per core from CPU time."""
+    """The device's peaks: clock, flops and bytes per second; per core from CPU time."""
     program = cl.Program(device.context, PEAKS).build()
     chain, flops, stream = (cl.Kernel(program, name) for name in ("chain", "flops", "stream"))
     size = (device.threads,)
@@ -101,7 +101,7 @@ def peaks(device: Device, repeats: int) -> dict[str, float]:
 
 
 def _measured(loaded, sample, repeats: int, ghz: float) -> dict[str, float]:
-    """Cycles per ray of every program variant."""
+    """The cycles per ray of every variant of the program."""
     tracer, planes = loaded.tracer, ours.planes_of(loaded.scene)
     dark = [replace(light, casts_shadows=False) for light in loaded.scene.lights]
     methods = {"visibility": ours.visibility(tracer, sample)}

@@ -1,4 +1,4 @@
-"""Methods measured in turn, and the rows that come of it."""
+"""Methods measured in turn, and their rows."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from lfcore.files import write_text
 
 
 def say(text: str) -> None:
-    """Progress, apart from the tables on standard output."""
+    """Print progress on standard error; tables go to standard output."""
     print(text, file=sys.stderr, flush=True)
 
 
 def in_turn(methods: Sequence[Method], repeats: int) -> dict[str, list[Run]]:
-    """``repeats`` rounds over all methods after one unseen; a disturbance meets all alike."""
+    """``repeats`` rounds over all methods, after one round that is not counted."""
     runs: dict[str, list[Run]] = {method.name: [] for method in methods}
     for turn in range(repeats + 1):
         for method in methods:
@@ -31,7 +31,7 @@ def in_turn(methods: Sequence[Method], repeats: int) -> dict[str, list[Run]]:
 
 
 def rates(runs: list[Run]) -> dict[str, float]:
-    """Median million rays a second by the wall clock and per core-second, and their spread."""
+    """Median million rays per wall second and per core second, and their spread."""
     wall = np.array([run.rays / run.seconds for run in runs]) / 1e6
     core = np.array([run.rays / max(run.cpu_seconds, 1e-9) for run in runs]) / 1e6
     low, high = np.percentile(wall, (25, 75))

@@ -1,9 +1,9 @@
 """The rays that every method traces: a fair, deterministic sample of a light slab.
 
-The picture is cut into CELLS x CELLS equal cells; within each, a square of pixels at a place drawn
-from a fixed seed takes part with all of its N x N rays.  The squares grow as N falls, so that
-every N has about as many rays, and begin at multiples of four pixels where they are that large, as
-tiles do.
+The picture is divided into CELLS x CELLS equal cells.  In each, a square of pixels at a place drawn
+from a fixed seed is traced with all N x N rays per pixel.  The squares grow as N falls, so that
+every N has about as many rays; squares of four pixels or more begin at multiples of four, as tiles
+do.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ def sample_slab(slab: Slab, mrays: float = 24.0) -> Sample:
 
 
 class SampledTile(Tile):
-    """The whole picture as one tile of which only a sample's pixels are traced.
+    """The whole picture as one tile, of which only the sample's pixels are traced.
 
-    Planes are as large as the picture, as they are for a real tile.
+    Planes are as large as the picture, as for a real tile.
     """
 
     _pixels: np.ndarray

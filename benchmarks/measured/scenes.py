@@ -1,4 +1,4 @@
-"""Scenes as the benchmarks want them: built once, with a tracer."""
+"""The benchmarks' scenes: built once, with a tracer."""
 
 from __future__ import annotations
 

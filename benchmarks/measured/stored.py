@@ -29,9 +29,9 @@ ENCODE_LIMIT, DECODE_LIMIT, PLANES_LIMIT = 1.35, 2.0, 3.0
 
 @dataclass(frozen=True)
 class SampledStore:
-    """Some tiles of a light field, at the default layout and encoder settings.
+    """Some tiles of a light field, with the default layout and encoder settings.
 
-    ``frames`` holds what the tracer made of each, in memory; ``segments`` are files, encoded.
+    ``frames`` holds the traced frames of each tile; ``segments`` are its encoded files.
     """
 
     slab: Slab
@@ -93,8 +93,8 @@ def encode(frames: np.ndarray, path: Path, spec: Encoding, layout: FrameLayout) 
 
 
 def side_by_side(count: int, jobs: Sequence, work: Callable) -> None:
-    """``work(worker, job)`` of every job by each of ``count`` workers, every other one from the
-    last on, so that none waits long for another when it is done."""
+    """Run ``work(worker, job)`` for every job in each of ``count`` workers; every second worker
+    begins with the last job, so that all end at about the same time."""
 
     def all_of(worker: int) -> None:
         for job in jobs[:: -1 if worker % 2 else 1]:
@@ -179,7 +179,7 @@ def _method(name: str, rays: int, work: Callable) -> Method:
 
 
 def _rows(loaded: Loaded, store: SampledStore, runs: dict, base: str, threads: int) -> list[dict]:
-    """Medians; ratios are medians of each round's, so that a disturbance meets both sides."""
+    """Medians; a ratio is the median over rounds, so that a disturbance meets both sides."""
     rows = []
     for name, found in runs.items():
         pairs = list(zip(found, runs[base], strict=True))
@@ -198,12 +198,12 @@ def _rows(loaded: Loaded, store: SampledStore, runs: dict, base: str, threads: i
         })  # fmt: skip
     say(f"{loaded.name} N = {store.slab.views}: " + ", ".join(
         f"{row['what']} {row['mrays_per_core_second']:.0f}" for row in rows
-    ) + " million rays a core-second")  # fmt: skip
+    ) + " million rays per core second")  # fmt: skip
     return rows
 
 
 def _judged(row: dict, limit: float) -> dict:
-    """By the clock that other programs disturb less: CPU time."""
+    """Judged by CPU time, which other programs disturb less."""
     return {"limit": limit, "holds": row["core_ratio"] <= limit}
 
 

@@ -1,4 +1,4 @@
-"""Memory of recording and retrieving at several N, and the cost of random access: whole files."""
+"""Memory to record and to retrieve whole files at several N, and the cost of random access."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ elif what == "retrieve":
     camera = scene_.camera
     planes = [SensorPlane(d, camera.f_number) for d in scene_.focus_distances_m]
     form_planes(path, (planes * 10)[:10])
-# Of this program alone: getrusage's peak is that of the process that started it, if larger.
+# Not getrusage: its peak is that of the parent process, if larger.
 status = Path("/proc/self/status").read_text().splitlines()
 print(next(int(line.split()[1]) for line in status if line.startswith("VmHWM")) / 1024)
 """
@@ -112,7 +112,7 @@ def _reads(field: LightFieldFile) -> list[tuple]:
 
 
 def _needed(field: LightFieldFile, what: str) -> int:
-    """Frames that hold a ray asked for: those that a store of single pictures would read."""
+    """The number of frames with a requested ray: a store of single pictures would read these."""
     layout = field.layout
     if (what == "view") == (layout.kind == "views"):
         return 1

@@ -1,1 +1,1 @@
-"""Other tracers on the same triangles: each is a :class:`Method` or says why it cannot be one."""
+"""Other tracers with the same triangles: each is a :class:`Method`, or says why it cannot run."""

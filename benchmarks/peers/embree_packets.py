@@ -13,11 +13,11 @@ from benchmarks.peers.method import Method, Run, SkippedError
 
 SOURCE = Path(__file__).with_suffix(".cpp")
 WAYS = {"lens": "4 x 4 lens samples", "pixels": "4 x 4 pixels"}
-"""What a packet holds: neighbouring lens samples of a pixel, or pixels through one lens sample."""
+"""The rays of a packet: neighbouring lens samples of a pixel, or pixels through one lens sample."""
 
 
 class EmbreePackets:
-    """The driver with one scene: a process that traces what it is told to, and says how long."""
+    """The driver with one scene: a process that traces on request and reports its seconds."""
 
     def __init__(self, triangles: np.ndarray):
         self._files = 0

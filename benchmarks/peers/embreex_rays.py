@@ -1,4 +1,4 @@
-"""Embree through ``embreex``: single rays, one process a core."""
+"""Embree through ``embreex``: single rays, one process per core."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class EmbreexRays:
         ]
 
     def method(self, sample) -> Method:
-        """Visibility of at most MOST_RAYS rays of ``sample``, whole pixels evenly taken."""
+        """Visibility of at most MOST_RAYS rays of ``sample``, by evenly chosen pixels."""
         from lfcore.optics.bundles import macropixels
 
         pixels = sample.thinned(MOST_RAYS)

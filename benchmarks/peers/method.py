@@ -1,4 +1,4 @@
-"""What every measured method has in common."""
+"""A measured method, and one run of it."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class Run:
 class Method:
     """A named piece of work that can be run again and again.
 
-    ``run`` does the work once; ``close`` frees what it holds.  ``note`` says what a reader must
-    know to compare: threads, instruction set, what does not match.  ``check`` returns (share of
-    rays that hit, mean depth of those), or None where that cannot be told.
+    ``run`` does the work once; ``close`` frees its resources.  ``note`` has what a reader needs to
+    compare: threads, instruction set, differences.  ``check`` returns (share of rays that hit,
+    their mean depth), or None if they are unknown.
     """
 
     name: str

@@ -1,8 +1,7 @@
 """Mitsuba 3: the pictures of a camera array, by its ``batch`` sensor and direct integrator.
 
-Data cameras are its perspective pinholes on one film, a row of the array at a time: all
-of them at once would not fit into memory.  What matches and what does not is as for
-``mitsuba_picture``.
+Data cameras are perspective pinholes on one film, a row of the array at a time: the whole array
+would not fit into memory.  For the differences to ours, see ``mitsuba_picture``.
 """
 
 from __future__ import annotations
@@ -50,6 +49,6 @@ class MitsubaArray(one.MitsubaPicture):
     """One scene in Mitsuba, in a process of its own."""
 
     def method(self, array: CameraArray) -> Method:
-        """The rate of one row of the array, one ray a pixel."""
+        """The rate of one row of the array, one ray per pixel."""
         rays = array.cameras[0] * array.tile[0] * array.tile[1]
-        return self.rendered("array", _load, array, 1, rays, f"{array.cameras[0]} cameras a run")
+        return self.rendered("array", _load, array, 1, rays, f"{array.cameras[0]} cameras per run")

@@ -1,11 +1,11 @@
-"""Mitsuba 3: the picture that a thin lens gives, by its direct integrator.
+"""Mitsuba 3: a picture through a thin lens, by its direct integrator.
 
-What matches: triangles, interpolated normals, texture coordinates and textures, diffuse colour,
-camera, lens and focus, lights that cast shadows, one shadow ray a camera ray.
-What does not: Mitsuba has no Blinn-Phong lobe (materials with a highlight are its rough plastic of
-about that width), no ambient light (none is added, which saves it a second ray) and no lights
-without shadows (left out); it filters no textures by their footprint and draws lens points of the
-round lens at random.
+The same: triangles, interpolated normals, texture coordinates and textures, diffuse colour, camera,
+lens and focus, lights that cast shadows, one shadow ray per camera ray.
+Different: Mitsuba has no Blinn-Phong lobe (materials with a highlight are rough plastic of about
+that width), no ambient light (we add none, which saves Mitsuba a second ray) and no lights without
+shadows (left out); it does not filter textures by their footprint, and draws points of the round
+lens at random.
 """
 
 from __future__ import annotations
@@ -85,21 +85,20 @@ class MitsubaPicture:
         self._pool = ProcessPoolExecutor(1, get_context("spawn"), _open, arguments)
 
     def method(self, slab) -> Method:
-        """The rate of one picture of ``slab.pixels`` a side, whole, SAMPLES rays a pixel a run.
+        """The rate of one whole picture of ``slab.pixels`` squared, SAMPLES rays per pixel and run.
 
-        The rate hardly depends on how many samples a pixel are taken; N x N of them would take
-        minutes at large N.
+        The rate hardly depends on the samples per pixel; N x N would take minutes at large N.
         """
         count = min(SAMPLES, slab.views**2)
-        rays, note = slab.pixels**2 * count, f"{count} samples a pixel"
+        rays, note = slab.pixels**2 * count, f"{count} samples per pixel"
         return self.rendered("algorithm1", _load, slab, count, rays, note)
 
     def rendered(
         self, work: str, load: Callable, what: object, samples: int, rays: int, note: str
     ) -> Method:
-        """The rate of pictures, ``rays`` in all, of what ``load(what)`` makes the scene.
+        """The rate of pictures of the scene that ``load(what)`` makes, with ``rays`` rays in all.
 
-        Raises :class:`SkippedError` where Mitsuba does not run.
+        Raises :class:`SkippedError` if Mitsuba does not run.
         """
         seeds = itertools.count(1)
         try:

@@ -1,9 +1,9 @@
-"""POV-Ray: the picture that a thin lens gives, by its focal blur.
+"""POV-Ray: a picture through a thin lens, by its focal blur.
 
-What matches: triangles, interpolated normals, textures, diffuse colour, highlights (its specular is
-Blinn's half vector), lights and shadows, camera and focus.  What does not: lens points are its own,
-the picture is smaller and has fewer samples a pixel (POV-Ray is slow; its rate does not depend on
-either), and its own report of seconds is used, which leaves out parsing.
+The same: triangles, interpolated normals, textures, diffuse colour, highlights (its specular term
+uses Blinn's half vector), lights and shadows, camera and focus.  Different: POV-Ray chooses its own
+lens points; the picture is smaller and has fewer samples per pixel (POV-Ray is slow; its rate does
+not depend on either); and seconds are POV-Ray's own report, which leaves out parsing.
 """
 
 from __future__ import annotations
