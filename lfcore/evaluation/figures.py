@@ -124,7 +124,7 @@ class Panel:
 
 
 QUALITY = (
-    Panel("PSNR against the largest N, dB", "psnr_db"),
+    Panel("PSNR, as in the thesis, dB", "psnr_db"),
     Panel("PSNR against the true picture, dB", "psnr_true_db", of_thesis=False),
     Panel("SSIM", "ssim"),
 )
@@ -182,7 +182,7 @@ def views_axis(axis: Axes, views: pd.Series) -> None:
     axis.set_xticks(sorted(views.unique()))
     axis.xaxis.set_major_formatter("{x:.0f}")
     axis.xaxis.minorticks_off()
-    axis.set_xlabel("angular resolution N")
+    axis.set_xlabel("views per side, N")
 
 
 def log_ticks(axis: Axis, unit: float = 1.0) -> None:

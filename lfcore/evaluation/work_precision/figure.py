@@ -88,6 +88,7 @@ def _panel(axis: Axes, rows: pd.DataFrame, time: str, methods: list[str]) -> lis
         axis.text(0.5, 0.5, "not measured", transform=axis.transAxes, ha="center")
         return []
     log_ticks(axis.xaxis)
+    axis.tick_params(labelsize=8)
     front = rows[pareto(-rows.shown_db, rows.x)].sort_values("x")
     axis.plot(front.x, front.shown_db, **FRONT)
     labels = []
