@@ -49,6 +49,7 @@ DOCUMENTS = (
     "README.md",
     "docs/measured.md",
     "docs/performance.md",
+    "docs/notebook/tracer.md",
     "docs/robustness.md",
 )
 PLACE = re.compile(
