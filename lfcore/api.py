@@ -16,7 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
+from lfcore.optics.focus import exclude_twice
 from lfcore.optics.lattice import Lattice, whole_number
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -50,7 +51,14 @@ VIEWS = 16
 # Video and exposure are imported by the functions that need them: a picture is there sooner.
 
 
-def load_scene(path: str | Path, *, light_points: int = POINTS, up: str = "y") -> Scene:
+def load_scene(
+    path: str | Path,
+    *,
+    light_points: int = POINTS,
+    up: str | None = None,
+    view_from: str | None = None,
+    zoom: float | None = None,
+) -> Scene:
     """The scene of any file that describes one.
 
     Parameters
@@ -59,7 +67,11 @@ def load_scene(path: str | Path, *, light_points: int = POINTS, up: str = "y") -
         gets a camera and a light, a ``.pbrt`` file, or a ``scene.npz`` of the workflow.  What a
         foreign format says and cannot be mapped exactly is in the scene's ``notes``.
     light_points : point lights that stand for each area light of a pbrt scene.
-    up : ``y`` or ``z``, the axis of a mesh that points up; glTF's is y.
+    up : ``y`` or ``z``, the axis of a mesh that points up; glTF's is y.  Default: y, with a note in
+        the scene where z seems to be up.
+    view_from : the side that a mesh is seen from: ``"front"`` (+z), ``"back"``, ``"left"``,
+        ``"right"``, ``"top"``, or azimuth and elevation in degrees such as ``"30,20"``.
+    zoom : above 1, a narrower field of view from the same place.
 
     Raises
     ------
@@ -68,14 +80,16 @@ def load_scene(path: str | Path, *, light_points: int = POINTS, up: str = "y") -
     path = Path(path)
     if path.suffix.lower() == ".npz":
         return load_prepared(path)
-    return build_scene(path, light_points=light_points, up=up)
+    return build_scene(path, light_points=light_points, up=up, view_from=view_from, zoom=zoom)
 
 
 def render(
     scene: Scene,
-    focus_m: float | None = None,
+    focus_m: float | str | None = None,
     f_number: float | None = None,
     *,
+    focus_at: Sequence[float] | None = None,
+    blur: float | str | None = None,
     planes: Sequence[SensorPlane] | None = None,
     pixels: int = 256,
     views: int | Lattice | None = None,
@@ -90,12 +104,20 @@ def render(
     ----------
     scene : Scene
         What :func:`load_scene` returns.
-    focus_m : float, optional
-        Focus distance in metres; ``math.inf`` is allowed.  Default: the scene's.
+    focus_m : float or str, optional
+        Focus distance in metres, ``math.inf`` allowed; ``"near"``, ``"middle"``, ``"far"`` or
+        ``"40%"`` of the depth that is seen.  Default: the scene's.
     f_number : float, optional
         Of a round aperture.  Default: the scene's.
+    focus_at : (float, float), optional
+        Instead of ``focus_m``, focus on what is seen at this place: x and y from 0 to 1, from the
+        picture's upper left corner.
+    blur : float or str, optional
+        Instead of ``f_number``, the diameter of the blur at the end of what is seen that is more
+        out of focus: a share of the picture's width, 0.03 or ``"3%"``.
     planes : sequence of SensorPlane, optional
-        Several pictures from the same rays, instead of ``focus_m`` and ``f_number``.
+        Several pictures from the same rays, instead of focus and aperture; see
+        :meth:`Scene.plane`.
     pixels : int
         M, the pictures' side.
     views : int or Lattice, optional
@@ -137,12 +159,13 @@ def render(
                 remedy="Leave out views and filter",
             )  # fmt: skip
         found = render_to_quality(
-            scene, quality, focus_m, f_number, planes=planes, pixels=pixels, device=device,
-            progress=progress,
+            scene, quality, focus_m, f_number, focus_at=focus_at, blur=blur, planes=planes,
+            pixels=pixels, device=device, progress=progress,
         ).pictures  # fmt: skip
         return found[0] if planes is None else found
     lattice = lattice_to_trace(filter, views)
-    wanted = _wanted_planes(scene, focus_m, f_number, planes)
+    asked = {"focus_m": focus_m, "f_number": f_number, "focus_at": focus_at, "blur": blur}
+    wanted = _wanted_planes(scene, planes, asked)
     camera = _lens_for(scene, wanted)
     tracer = open_tracer(scene, device)
     if filter == "depth":
@@ -177,9 +200,11 @@ def lattice_to_trace(filter: str, views: int | Lattice | None) -> Lattice:
 def render_to_quality(
     scene: Scene,
     quality: Quality,
-    focus_m: float | None = None,
+    focus_m: float | str | None = None,
     f_number: float | None = None,
     *,
+    focus_at: Sequence[float] | None = None,
+    blur: float | str | None = None,
     planes: Sequence[SensorPlane] | None = None,
     pixels: int = 256,
     device: Device | str | None = None,
@@ -196,7 +221,7 @@ def render_to_quality(
         What :func:`load_scene` returns.
     quality : Quality
         The PSNR and the budget.  Its ``focus_range_m`` belongs to :func:`record`.
-    focus_m, f_number, planes, pixels, device
+    focus_m, f_number, focus_at, blur, planes, pixels, device
         As in :func:`render`.
     progress : callable, optional
         Called with (rays per pixel done, of those expected to be needed).
@@ -220,22 +245,20 @@ def render_to_quality(
     if quality.focus_range_m is not None:
         raise OpticsError("belongs to a light field", key="focus_range_m", remedy="Give planes")
     pixels = whole_number("pixels", pixels, MOST_PIXELS)
-    wanted = _wanted_planes(scene, focus_m, f_number, planes)
+    asked = {"focus_m": focus_m, "f_number": f_number, "focus_at": focus_at, "blur": blur}
+    wanted = _wanted_planes(scene, planes, asked)
     camera = _lens_for(scene, wanted)
     tracer = open_tracer(scene, device)
     return QualitySearch(tracer, camera, wanted, pixels, quality).pictures(progress)
 
 
 def _wanted_planes(
-    scene: Scene,
-    focus_m: float | None,
-    f_number: float | None,
-    planes: Sequence[SensorPlane] | None,
+    scene: Scene, planes: Sequence[SensorPlane] | None, asked: dict[str, Any]
 ) -> list[SensorPlane]:
     if planes is None:
-        return [SensorPlane.of(scene.camera, focus_m, f_number)]
-    if focus_m is not None or f_number is not None:
-        raise OpticsError("excludes focus_m and f_number", key="planes", remedy="Give one of them")
+        return [scene.plane(**asked)]
+    for name, value in asked.items():
+        exclude_twice(**{name: value, "planes": planes})
     return list(planes)
 
 
@@ -270,8 +293,10 @@ def record(
     *,
     views: int | Lattice | None = None,
     pixels: int = 256,
-    focus_m: float | None = None,
+    focus_m: float | str | None = None,
     f_number: float | None = None,
+    focus_at: Sequence[float] | None = None,
+    blur: float | str | None = None,
     quality: Quality | None = None,
     encoding: Encoding | None = None,
     device: Device | str | None = None,
@@ -282,6 +307,9 @@ def record(
     With neither ``views`` nor ``quality``, the file holds 4 x 4 views of twice the pixels, and the
     inverse depth of every ray.  Pictures are then sliced by depth: at the bytes of 16 x 16 plain
     views they are 12 dB nearer to the true ones (docs/notebook/true-picture.md).
+
+    All views of a pinhole are the same.  Where the scene's camera is one, a lens is fitted as for a
+    mesh without a camera, and the file says so in ``content["lens"]``.
 
     Parameters
     ----------
@@ -295,10 +323,17 @@ def record(
         views are plain, 16 x 16 by default.
     pixels : int
         M, the side of the pictures that the file is for.
-    focus_m : float, optional
-        Focus distance in metres; ``math.inf`` is allowed.  Default: the scene's.
+    focus_m : float or str, optional
+        Focus distance in metres, ``math.inf`` allowed; ``"near"``, ``"middle"``, ``"far"`` or
+        ``"40%"`` of the depth that is seen.  Default: the scene's.
     f_number : float, optional
         The widest aperture that can be refocused later.  Default: the scene's.
+    focus_at : (float, float), optional
+        Instead of ``focus_m``, focus on what is seen at this place: x and y from 0 to 1, from the
+        picture's upper left corner.
+    blur : float or str, optional
+        Instead of ``f_number``, the diameter of the blur at the end of what is seen that is more
+        out of focus: a share of the picture's width, 0.03 or ``"3%"``.
     quality : Quality, optional
         Choose the rays for a quality of pictures through the whole lens, before the codec's loss,
         instead of ``views``.  A pilot of a tenth of the rays predicts how many are needed; the file
@@ -333,15 +368,18 @@ def record(
     from lfcore.rendering.record_depth import depth_store, record_by_depth
 
     pixels = whole_number("pixels", pixels, MOST_PIXELS)
-    camera = recorded_camera(scene.camera, focus_m, f_number)
-    encoding, content = encoding or Encoding(), None
+    scene, content = _with_lens(scene, f_number, blur)
+    plane = scene.plane(focus_m, f_number, focus_at=focus_at, blur=blur)
+    camera = recorded_camera(scene.camera, plane.focus_m, plane.f_number)
+    encoding = encoding or Encoding()
     if quality is not None:
         if encoding.depth is False or views is not None:
             raise OpticsError(
                 "chooses the rays itself, and stores their depths", key="quality",
                 remedy="Leave out views and depth",
             )  # fmt: skip
-        views, content = _planned(open_tracer(scene, device), camera, pixels, quality)
+        views, expected = _planned(open_tracer(scene, device), camera, pixels, quality)
+        content |= expected
     by_depth, lattice = lattice_to_store(encoding.depth, views)
     spec = chosen_encoding(lattice.views, encoding, by_depth=by_depth)
     if by_depth:
@@ -352,8 +390,21 @@ def record(
     else:
         slab = Slab(camera, lattice.views, lattice.side(pixels))
         frames = frame_layout(slab.views, slab.pixels, spec.stored_format, kind=encoding.layout)
-        record_slab(path, open_tracers(scene, device), slab, frames, spec, progress=progress)
+        tracers = open_tracers(scene, device)
+        record_slab(path, tracers, slab, frames, spec, content=content, progress=progress)
     return LightField.open(path)
+
+
+def _with_lens(
+    scene: Scene, f_number: float | None, blur: float | str | None
+) -> tuple[Scene, dict[str, Any]]:
+    """The scene, with a lens where its camera is a pinhole, and what the file says of it.
+
+    All views of a pinhole are the same.
+    """
+    if f_number is not None or blur is not None or not scene.is_pinhole:
+        return scene, {}
+    return scene.with_lens(), {"lens": "fitted: the scene's camera is a pinhole"}
 
 
 def _planned(tracer: Tracer, camera: Camera, pixels: int, quality: Quality) -> tuple[Lattice, dict]:

@@ -33,6 +33,7 @@ def record_slab(
     layout: FrameLayout,
     spec: Encoding,
     *,
+    content: dict | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Metadata:
     """Trace ``slab`` and write the light field file ``path``.
@@ -42,6 +43,7 @@ def record_slab(
 
     Parameters
     ----------
+    content : what else is known of it, as :class:`Metadata` has it.
     tracers : of one scene, on devices (queues) of their own.
     progress : called with (outer elements done, of all), from any thread but one at a time.
 
@@ -84,7 +86,7 @@ def record_slab(
             geometry=slab,
             scene={"name": scene.name, "digest": scene_digest(scene)},
             spec=spec,
-            content={"depth_m": list(seen)} if seen else None,
+            content=({"depth_m": list(seen)} if seen else {}) | (content or {}),
         )
 
 

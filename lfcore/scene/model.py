@@ -6,8 +6,9 @@ a :class:`Scene` moves the geometry there in float64 and rounds to float32 once.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.errors import SceneError
+from lfcore.optics.array import thin_lens
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import DepthRange, exclude_twice, f_number_of_blur, focus_distance
 from lfcore.optics.planes import PlaneOptions, SensorPlane
@@ -30,6 +32,11 @@ from lfcore.scene.view import View
 
 if TYPE_CHECKING:
     import trimesh
+
+LEAST_PINHOLE = 1000.0
+"""The least f-number of a pinhole."""
+PINHOLE_BLUR = 1e-5
+"""The blur of the nearest point through a pinhole, at most: a share of the picture's width."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,6 +240,26 @@ class Scene:
         percent of the picture; None where it sees nothing."""
         return depth_range(self.triangles, self.camera.field_width)
 
+    @cached_property
+    def is_pinhole(self) -> bool:
+        """Whether the lens is so small that nothing that is seen can be out of focus."""
+        camera = self.camera
+        if camera.f_number < LEAST_PINHOLE or self.depth_range is None:
+            return False
+        return camera.lens_radius_m < PINHOLE_BLUR * camera.field_width * self.depth_range.near_m
+
+    def with_lens(self) -> Scene:
+        """The scene with a lens fitted to the depths that are seen, as for a mesh without camera;
+        it is focused in their middle where the camera is focused at infinity."""
+        from lfcore.scene.framing import fitted_diameter
+
+        camera, seen = self.camera, self.depth_range
+        if seen is None:
+            return self
+        focus = camera.focus_m if math.isfinite(camera.focus_m) else seen.middle_m
+        radius = fitted_diameter(seen, camera.field_width) / 2
+        return replace(self, camera=thin_lens(camera.field_width, radius, focus))
+
     def plane(
         self,
         focus_m: float | str | None = None,
@@ -251,7 +278,7 @@ class Scene:
             Metres, ``math.inf`` allowed; ``"near"``, ``"middle"``, ``"far"``, or a share such as
             ``"40%"`` of the depth that is seen, even in dioptres.  Default is the camera's.
         f_number : float, optional
-            Default is the camera's.
+            Default is the camera's; of a pinhole, that of :meth:`with_lens` where a focus is given.
         aperture : str
             ``circle``, ``square``, ``diamond`` or ``polygon``.
         focus_at : (float, float), optional
@@ -271,6 +298,9 @@ class Scene:
         exclude_twice(focus_m=focus_m, focus_at=focus_at)
         exclude_twice(f_number=f_number, blur=blur)
         camera = self.camera
+        asked = focus_m is not None or focus_at is not None
+        if asked and f_number is None and blur is None and self.is_pinhole:
+            f_number = camera.focal_length_m / (2 * self.with_lens().camera.lens_radius_m)
         if focus_at is not None:
             focus_m = focus_at_place(self.triangles, camera.field_width, focus_at)
         elif isinstance(focus_m, str):
