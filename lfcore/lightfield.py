@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -18,10 +19,18 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
-from lfcore.optics.planes import PlaneOptions, SensorPlane
+from lfcore.optics.focus import (
+    DepthRange,
+    check_place,
+    ends_of,
+    exclude_twice,
+    f_number_of_blur,
+    focus_distance,
+)
+from lfcore.optics.planes import PlaneOptions, SensorPlane, check_keywords
 from lfcore.optics.slab import Slab
 from lfcore.refocus.focal_stack import focal_stack
-from lfcore.refocus.free_views import views_at
+from lfcore.refocus.free_views import inverse_depth, views_at
 from lfcore.refocus.from_views import store_arrays
 from lfcore.refocus.resampling import check_filter
 from lfcore.refocus.shift_sum import shift_sum
@@ -41,6 +50,10 @@ if TYPE_CHECKING:
 
 Progress = Callable[[int, int], None]
 
+PLANE_KEYWORDS = ("focus_at", "blur", "disparity_px", "aperture_views")
+"""The keywords of :meth:`LightField.plane` beside those of :class:`PlaneOptions`."""
+FARTHEST = 0.9
+"""The inverse depth that is a miss, at most: a share of that of the farthest surface."""
 METHODS = ("slicing", "shift-sum")
 MOST_PLANES = 100
 
@@ -131,10 +144,12 @@ class LightField(LightFieldFile):
 
     def plane(
         self,
-        focus_m: float | None = None,
+        focus_m: float | str | None = None,
         f_number: float | None = None,
         aperture: str = "circle",
         *,
+        focus_at: Sequence[float] | None = None,
+        blur: float | str | None = None,
         disparity_px: float | None = None,
         aperture_views: float | None = None,
         **options: Unpack[PlaneOptions],
@@ -144,8 +159,13 @@ class LightField(LightFieldFile):
         Parameters
         ----------
         focus_m : focus distance, metres; default the recorded one; ``math.inf`` allowed.
+            ``"near"``, ``"middle"``, ``"far"`` or ``"40%"`` of the depth that the file holds.
         f_number : no wider than the lens; default the whole lens.
         aperture : ``circle``, ``square``, ``diamond`` or ``polygon`` (of ``blades`` corners, 6).
+        focus_at : instead of a distance, a place (x, y) in the picture, from 0 to 1 from its upper
+            left corner, of a file with depth: what the middle view shows there is in focus.
+        blur : instead of an f-number, the diameter of the blur at the end of the file's depth that
+            is more out of focus, a share of the picture's width: 0.03 or ``"3%"``.
         disparity_px : instead of a distance, pixels by which what is in focus moves from one view
             to the next; 0 as recorded, more is nearer.
         aperture_views : instead of an f-number, the aperture's diameter in views.
@@ -157,37 +177,67 @@ class LightField(LightFieldFile):
         Raises :class:`OpticsError`, naming file and key, for what was not recorded.
         """
         slab = self.require_slab()
-        for key, given, other in (
-            ("disparity_px", disparity_px, focus_m), ("aperture_views", aperture_views, f_number)
-        ):  # fmt: skip
-            if given is not None and other is not None:
-                raise OpticsError(
-                    "excludes what it stands for, a focus_m or an f_number", file=self.path,
-                    key=key, remedy="Give one of them",
-                )  # fmt: skip
-        for key, asked in (
-            ("focus_m", focus_m is not None), ("f_number", f_number is not None),
-            ("keep_magnification", options.get("keep_magnification")),
-        ):  # fmt: skip
-            if asked:
-                self.require_metric(key)
+        check_keywords("LightField.plane", options)
         try:
-            plane = SensorPlane.of(
-                slab.camera,
-                focus_m if disparity_px is None else self.distance_of(disparity_px),
-                f_number if aperture_views is None else self.f_number_of(aperture_views),
-                aperture,
-                **options,
-            )
+            exclude_twice(focus_m=focus_m, focus_at=focus_at, disparity_px=disparity_px)
+            exclude_twice(f_number=f_number, blur=blur, aperture_views=aperture_views)
+            asked = {"focus_m": focus_m, "focus_at": focus_at, "f_number": f_number, "blur": blur}
+            asked["keep_magnification"] = options.get("keep_magnification") or None
+            for key, value in asked.items():
+                if value is not None:
+                    self.require_metric(key)
+            distance = self._focus(focus_m, focus_at)
+            if disparity_px is not None:
+                distance = self.distance_of(disparity_px)
+            if aperture_views is not None:
+                f_number = self.f_number_of(aperture_views)
+            elif blur is not None:
+                f_number = f_number_of_blur(
+                    blur, slab.camera.focal_length_m,
+                    slab.camera.focus_m if distance is None else distance,
+                    slab.camera.field_width, self._seen,
+                )  # fmt: skip
+            plane = SensorPlane.of(slab.camera, distance, f_number, aperture, **options)
             plane.check(slab)
             plane.lens_aperture(slab)
         except OpticsError as error:
             raise error.named(OpticsError, file=self.path) from None
         return plane
 
+    def _focus(self, focus_m: float | str | None, place: Sequence[float] | None) -> float | None:
+        """The focus distance in metres; None for the recorded one."""
+        if place is not None:
+            x, y = check_place(place)
+            depth = self._middle_depth
+            row, column = (min(int(share * len(depth)), len(depth) - 1) for share in (y, x))
+            if math.isinf(depth[row, column]):
+                raise OpticsError(
+                    f"there is nothing at {x:g},{y:g} of the picture", key="focus_at",
+                    remedy="Give a place where something is seen",
+                )  # fmt: skip
+            return float(depth[row, column])
+        return None if focus_m is None else focus_distance(focus_m, self._seen)
+
+    @cached_property
+    def _middle_depth(self) -> np.ndarray:
+        """(M, M) float64: the depth that the middle view shows, metres, infinity for a miss."""
+        inverse = inverse_depth(self)
+        # The codec leaves a little of the surfaces around in a miss.
+        least = FARTHEST / self.depth_range[1] if self.depth_range else 0.0
+        with np.errstate(divide="ignore"):
+            return np.where(inverse > least, 1.0 / inverse, np.inf)
+
+    @cached_property
+    def _seen(self) -> DepthRange | None:
+        """The ends of the depth that the middle view shows, as for a scene; of a file without
+        depth the ends that it states."""
+        if self.metadata.depth is not None:
+            return ends_of(self._middle_depth[np.isfinite(self._middle_depth)])
+        return DepthRange(*self.depth_range) if self.depth_range else None
+
     def refocus(
         self,
-        focus_m: float | None = None,
+        focus_m: float | str | None = None,
         f_number: float | None = None,
         aperture: str = "circle",
         *,
@@ -210,6 +260,7 @@ class LightField(LightFieldFile):
         OpticsError : the slab does not hold what is asked for.
         StorageError : the file is damaged.
         """
+        check_keywords("LightField.refocus", more, PLANE_KEYWORDS)
         plane = self.plane(focus_m, f_number, aperture, **more)
         return self.refocus_many(
             [plane], method=method, filter=filter, pixels=pixels, device=device,
@@ -277,6 +328,7 @@ class LightField(LightFieldFile):
         Raises as :meth:`refocus`.  Source: thesis, figures 4.2 to 4.4; for ``fast`` see
         :mod:`lfcore.refocus.focal_stack`.
         """
+        check_keywords("LightField.stack", more, PLANE_KEYWORDS)
         planes = [
             self.plane(distance, number, aperture, **more)
             for distance in _numbers(focus_m)

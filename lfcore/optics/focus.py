@@ -11,8 +11,12 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from lfcore.errors import OpticsError
 
+ENDS = (2.0, 98.0)
+"""The percentiles of the depths seen that are the near end and the far end."""
 SHARES = {"near": 0.0, "middle": 0.5, "far": 1.0}
 """The words for a focus, and their shares of the way from the near end to the far end."""
 REMEDY = "Give metres, inf, near, middle, far, or a share of the depth that is seen such as 40%"
@@ -51,6 +55,14 @@ class DepthRange(NamedTuple):
         names = ("near", "middle", "far")
         ends = zip(names, (self.near_m, self.middle_m, self.far_m), strict=True)
         return ", ".join(f"{name} {distance:.4g} m" for name, distance in ends)
+
+
+def ends_of(depths: np.ndarray) -> DepthRange | None:
+    """The ends of depths that are seen, metres, without the outermost 2 percent; None of none."""
+    if not len(depths):
+        return None
+    near, far = np.percentile(depths, ENDS).tolist()
+    return DepthRange(near, far)
 
 
 def exclude_twice(**settings: object) -> None:

@@ -11,12 +11,13 @@ the sensor's magnification kept, tangents are further multiplied by v'/v about t
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
-from lfcore.errors import OpticsError
+from lfcore.errors import OpticsError, did_you_mean
 from lfcore.optics.camera import Camera, check_focus, image_distance
 from lfcore.optics.lattice import whole_number
 from lfcore.optics.slab import Slab
@@ -78,6 +79,16 @@ class PlaneOptions(TypedDict, total=False):
     keep_magnification: bool
 
 
+def check_keywords(call: str, given: Mapping[str, object], more: Sequence[str] = ()) -> None:
+    """Raise :class:`TypeError` naming the public ``call`` for a keyword that is neither one of
+    :class:`PlaneOptions` nor of ``more``."""
+    known = [*PlaneOptions.__annotations__, *more]
+    for name in given:
+        if name not in known:
+            hint = did_you_mean(name, ["focus_m", "f_number", "aperture", *known])
+            raise TypeError(f"{call}() got an unexpected keyword argument {name!r}. {hint}")
+
+
 @dataclass(frozen=True)
 class SensorPlane:
     """One picture: where it is focused, through which aperture, how it is normalised.
@@ -119,6 +130,7 @@ class SensorPlane:
         ``normalise=False`` is the normalisation ``lens``, else it is ``aperture``.
         Not checked against what the camera can form: see :meth:`check`.
         """
+        check_keywords("SensorPlane.of", options)
         more: dict[str, Any] = {**options}
         more["normalise"] = "aperture" if more.get("normalise", True) else "lens"
         return cls(

@@ -20,7 +20,7 @@ from lfcore.errors import SceneError
 from lfcore.optics.array import thin_lens
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import DepthRange, exclude_twice, f_number_of_blur, focus_distance
-from lfcore.optics.planes import PlaneOptions, SensorPlane
+from lfcore.optics.planes import PlaneOptions, SensorPlane, check_keywords
 from lfcore.scene.appearance import Light, Material
 from lfcore.scene.assemble import assemble
 from lfcore.scene.colour import parse_colour
@@ -295,6 +295,7 @@ class Scene:
         OpticsError
             A setting is given in two ways, or cannot be met.
         """
+        check_keywords("Scene.plane", options)
         exclude_twice(focus_m=focus_m, focus_at=focus_at)
         exclude_twice(f_number=f_number, blur=blur)
         camera = self.camera

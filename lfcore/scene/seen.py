@@ -14,12 +14,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from lfcore.errors import OpticsError
-from lfcore.optics.focus import DepthRange, check_place
+from lfcore.optics.focus import DepthRange, check_place, ends_of
 
 SIDE = 64
 """The rays per side of the coarse picture."""
-ENDS = (2.0, 98.0)
-"""The percentiles of the depths seen that are the near end and the far end."""
 PAIRS_AT_A_TIME = 1 << 19
 
 
@@ -46,10 +44,7 @@ def depth_range(triangles: np.ndarray, width: float) -> DepthRange | None:
         z = points[:, 2]
         inside = (z > 0) & (np.abs(points[:, :2]).max(1, initial=0.0) <= width / 2 * z)
         depth = z[inside]
-    if not len(depth):
-        return None
-    near, far = np.percentile(depth, ENDS).tolist()
-    return DepthRange(near, far)
+    return ends_of(depth)
 
 
 def focus_at(triangles: np.ndarray, width: float, place: Sequence[float]) -> float:
