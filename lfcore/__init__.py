@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from lfcore.opencl.device import Device, open_device
     from lfcore.optics.array import CameraArray
     from lfcore.optics.camera import Camera
+    from lfcore.optics.focus import DepthRange
     from lfcore.optics.lattice import Lattice
     from lfcore.optics.planes import SensorPlane
     from lfcore.optics.slab import Slab
@@ -43,7 +44,8 @@ __all__ = [
     "load_scene", "render", "render_to_quality", "record", "trace_array",
     "import_lightfield", "export_lightfield",
     "write_picture", "open_device",
-    "LightField", "Scene", "Surface", "Light", "Camera", "CameraArray", "SensorPlane", "Slab",
+    "LightField", "Scene", "Surface", "Light", "Camera", "CameraArray", "DepthRange", "SensorPlane",
+    "Slab",
     "Encoding", "Lattice", "Quality", "Rendering", "Device", "Tracer",
     "LfcoreError", "SceneError", "OpticsError", "StorageError", "DeviceError",
 ]  # fmt: skip
@@ -56,6 +58,7 @@ _HOMES = {
     "opencl.device": ("Device", "open_device"),
     "optics.array": ("CameraArray",),
     "optics.camera": ("Camera",),
+    "optics.focus": ("DepthRange",),
     "optics.lattice": ("Lattice",),
     "optics.planes": ("SensorPlane",),
     "optics.slab": ("Slab",),

@@ -89,11 +89,17 @@ def open_field(arguments: argparse.Namespace) -> lfcore.LightField:
 
 def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
     """The scene of the command line; reports its size and what was approximated or left out."""
-    scene = lfcore.load_scene(arguments.scene, light_points=arguments.light_points, up=arguments.up)
+    scene = lfcore.load_scene(
+        arguments.scene, light_points=arguments.light_points, up=arguments.up,
+        view_from=arguments.view_from, zoom=arguments.zoom,
+    )  # fmt: skip
     if scene.notes:
         say(scene.summary())
-    say(f"{scene.name}: {scene.triangle_count} triangles")
+    seen = scene.depth_range
+    say(f"{scene.name}: {scene.triangle_count} triangles" + (f", {seen}" if seen else ""))
     note(scene={"name": scene.name, "triangles": scene.triangle_count, "left_out": scene.dropped})
+    if seen:
+        note(**{f"{end}_m": distance for end, distance in seen.ends().items()})
     for reason, count in scene.dropped.items():
         say(f"{count} triangles were left out: {reason}")
     return scene

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from typing import Any
 
 import lfcore
@@ -13,10 +14,12 @@ from lfcore.cli.progress import note, progress
 from lfcore.storage.codecs import LOSSLESS
 
 INFO = """\
-Report a light field file's lens, resolutions, layout, codec, segments and size."""
+Report a light field file's lens, resolutions, layout, codec, segments and size, or a scene's
+camera, and the distances that it sees."""
 INFO_EPILOG = """\
 examples:
   lfcore info bike.mkv
+  lfcore info model.glb             how far away is what is seen
   lfcore info bike.mkv --verify     read every byte and compare checksums
   lfcore info bike.mkv --json       the metadata and more, for programs
 """
@@ -26,7 +29,7 @@ DEVICES = "List the OpenCL devices that can be used. LFCORE_DEVICE or --device c
 
 
 def info_options(command: argparse.ArgumentParser) -> None:
-    add_lightfield(command)
+    add_lightfield(command, "light field file (.mkv), its URL, or a scene")
     command.add_argument("--verify", action="store_true", help="check every segment")
 
 
@@ -51,6 +54,9 @@ def devices(arguments: argparse.Namespace) -> None:
 
 
 def info(arguments: argparse.Namespace) -> None:
+    if is_scene(arguments.lightfield):
+        info_of_scene(arguments)
+        return
     field = open_field(arguments)
     if arguments.verify:
         with progress("checking", "segments") as report:
@@ -62,6 +68,41 @@ def info(arguments: argparse.Namespace) -> None:
     )  # fmt: skip
     for name, value in () if arguments.json else facts(field).items():
         print(f"{name:<15} {value}")
+
+
+def is_scene(name: str) -> bool:
+    """Whether a name is a scene's folder, or ends as a scene's file."""
+    from lfcore.scene.reading import SCENES
+
+    return name.lower().endswith(SCENES) or os.path.isfile(os.path.join(name, "scene.yaml"))
+
+
+def info_of_scene(arguments: argparse.Namespace) -> None:
+    scene = lfcore.load_scene(arguments.lightfield)
+    camera, seen = scene.camera, scene.depth_range
+    note(
+        file=arguments.lightfield, name=scene.name, triangles=scene.triangle_count,
+        camera=camera.to_json(), notes=[str(one) for one in scene.notes],
+        **({f"{end}_m": distance for end, distance in seen.ends().items()} if seen else {}),
+    )  # fmt: skip
+    view = f", film {scene.view.film[0]} x {scene.view.film[1]}" if scene.view else ""
+    found = {
+        "scene": scene.name, "triangles": f"{scene.triangle_count:,}",
+        "materials": f"{len(scene.materials)}, textures: {len(scene.textures)}",
+        "lights": str(len(scene.lights)),
+        "camera": ("a pinhole" if scene.is_pinhole else _lens(camera)) + view,
+        "focus": f"{camera.focus_m:g} m", "seen": str(seen or "nothing"),
+    }  # fmt: skip
+    found |= {"notes": scene.summary().replace("\n", "\n" + 16 * " ")} if scene.notes else {}
+    for name, value in () if arguments.json else found.items():
+        print(f"{name:<15} {value}")
+
+
+def _lens(camera: lfcore.Camera) -> str:
+    return (
+        f"{1e3 * camera.focal_length_m:g} mm f/{camera.f_number:g}, "
+        f"sensor {1e3 * camera.sensor_width_m:g} mm"
+    )
 
 
 def facts(field: lfcore.LightField) -> dict[str, str]:
@@ -125,8 +166,7 @@ def _optics(field: lfcore.LightField) -> dict[str, str]:
     if not field.metric:
         return found | {"geometry": "not known: refocus in pixels, --focus 1.5px"}
     found |= {
-        "lens": f"{1e3 * camera.focal_length_m:g} mm f/{camera.f_number:g}, "
-        f"sensor {1e3 * camera.sensor_width_m:g} mm",
+        "lens": _lens(camera),
         "focus": f"{camera.focus_m:g} m",
         "views": f"{1e3 * slab.lens_pitch_m:.4g} mm apart",
     }

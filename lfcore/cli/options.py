@@ -19,12 +19,15 @@ KINDS: dict[str, dict[str, Any]] = {
     "device": {"metavar": "NAME", "help": "part of an OpenCL device's name; see 'lfcore devices'"},
     "light_points": {"type": values.count(), "default": POINTS, "metavar": "P",
                      "help": f"points per area light of a pbrt scene ({POINTS})"},
-    "up": {"choices": ("y", "z"), "default": "y", "help": "axis of a mesh that points up (y)"},
+    "up": {"choices": ("y", "z"), "help": "axis of a mesh that points up (y)"},
+    "view_from": {"dest": "view_from", "metavar": "SIDE",
+                  "help": "see a mesh from front, back, left, right, top, or azimuth,elevation in "
+                  "degrees (24,18)"},
+    "zoom": {"type": values.positive, "metavar": "Z", "help": "narrow the field of view (1)"},
     "views": {"type": values.views, "metavar": "N"},
     "pixels": {"type": values.pixels, "metavar": "M", "help": "M x M pixels (256)"},
     "subpixels": {"type": values.positive, "metavar": "Q"},
-    "focus": {"type": values.distance, "metavar": "M", "help": "focus distance: metres, or 'inf'"},
-    "f_number": {"type": values.positive, "metavar": "F", "help": "f-number"},
+    "focus": {"type": values.distance, "metavar": "M"},
     "quality_db": {"type": values.positive, "metavar": "DB"},
     "most_rays": {"type": values.positive, "metavar": "R",
                   "help": "rays per pixel that --quality-db may use (4096)"},
@@ -60,12 +63,12 @@ def add(group: Options, *names: str, **helps: str) -> None:
 
 def flag(name: str) -> str:
     """The option of an argument's name."""
-    return f"--{name.replace('_', '-')}"
+    return "--from" if name == "view_from" else f"--{name.replace('_', '-')}"
 
 
-def add_lightfield(command: Options) -> None:
+def add_lightfield(command: Options, help: str = "light field file (.mkv), or its URL") -> None:
     """The light field file that a command reads, for :func:`lfcore.cli.command.open_field`."""
-    command.add_argument("lightfield", help="light field file (.mkv), or its URL")
+    command.add_argument("lightfield", help=help)
     add(command, "salvage")
 
 
@@ -77,7 +80,7 @@ def add_scene(command: Options, name: str = "scene", help: str | None = None) ->
     """The scene that a command traces, and the device that traces it."""
     usual = "scene.yaml, its folder, a mesh or a .pbrt file"
     command.add_argument(name, type=Path, help=help or usual)
-    add(command, "light_points", "up", "device")
+    add(command, "light_points", "up", "view_from", "zoom", "device")
 
 
 def add_encoder(command: argparse.ArgumentParser) -> Options:

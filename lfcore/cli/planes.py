@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import csv
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,22 +14,27 @@ import yaml
 import lfcore
 from lfcore.cli import values
 from lfcore.cli.command import refuse, write_named
-from lfcore.cli.options import add, given
+from lfcore.cli.options import Options, add, given
+from lfcore.cli.progress import note, say
 from lfcore.errors import LfcoreError, OpticsError
-from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 
 MOST_PLANES = 100
 """The most pictures from one pass."""
 READ = {
     "focus": values.focus,
+    "focus_at": values.place,
     "f_number": values.f_number,
+    "blur": values.blur,
     "aperture": values.aperture,
     "normalise": lambda text: {"normalise": values.truth(text)},
     "keep_magnification": lambda text: {"keep_magnification": values.truth(text)},
 }
 """The keys of ``--plane`` and of files of planes: text to settings of a plane."""
+INSTEAD = {"focus_at": "focus", "blur": "f_number"}
+"""The keys that stand for others."""
 FLAGS = {
+    "focus_at": "--focus-at", "blur": "--blur",
     "focus_m": "--focus", "disparity_px": "--focus", "f_number": "--f-number",
     "aperture_views": "--f-number", "blades": "--aperture", "rotation_deg": "--aperture",
 }  # fmt: skip
@@ -40,13 +44,7 @@ FLAGS = {
 def add_options(command: argparse.ArgumentParser, *, of_file: bool) -> None:
     """Options of the pictures that a command makes, of a light field file or of a scene."""
     one = command.add_argument_group("the picture")
-    px, views = (", or disparity: 1.5px", ", or width: 7views") if of_file else ("", "")
-    one.add_argument(
-        "--focus", type=values.focus, metavar="M", help=f"metres, or 'inf'{px} (as recorded)"
-    )
-    one.add_argument(
-        "--f-number", type=values.f_number, metavar="F", help=f"f-number{views} (the whole lens)"
-    )
+    add_focus(one, of_file=of_file)
     add(one, "aperture", "normalise", "bits")
     many = command.add_argument_group(f"many pictures (up to {MOST_PLANES}) from one pass")
     many.add_argument(
@@ -54,6 +52,28 @@ def add_options(command: argparse.ArgumentParser, *, of_file: bool) -> None:
         help="repeat for each picture, e.g. focus=3.2,f_number=2.8,aperture=polygon:5; or a file "
         "with such keys, a YAML list or CSV; keep_magnification=yes zooms with focus, as a sensor "
         "that moves does",
+    )  # fmt: skip
+
+
+def add_focus(group: Options, *, of_file: bool) -> None:
+    """Options of the focus and of the aperture's width."""
+    px, views = (", or disparity: 1.5px", ", or width: 7views") if of_file else ("", "")
+    focus, aperture = group.add_mutually_exclusive_group(), group.add_mutually_exclusive_group()
+    focus.add_argument(
+        "--focus", type=values.focus, metavar="M",
+        help=f"metres, inf, near, middle, far, 40%% of the depth that is seen{px}",
+    )  # fmt: skip
+    focus.add_argument(
+        "--focus-at", type=values.place, metavar="X,Y", dest="focus",
+        help="focus on a place of the picture: 0,0 is its upper left corner, 1,1 the lower right",
+    )  # fmt: skip
+    aperture.add_argument(
+        "--f-number", type=values.f_number, metavar="F", help=f"f-number{views} (the whole lens)"
+    )
+    aperture.add_argument(
+        "--blur", type=values.blur, metavar="SHARE", dest="f_number",
+        help="blur at the far end, of the picture's width: 3%% (at the near end, where the focus "
+        "is nearer to the far end)",
     )  # fmt: skip
 
 
@@ -66,9 +86,9 @@ def settings(arguments: argparse.Namespace, *names: str) -> dict[str, dict[str, 
 
 
 def read_planes(
-    arguments: argparse.Namespace, source: lfcore.LightField | Camera
+    arguments: argparse.Namespace, source: lfcore.LightField | lfcore.Scene
 ) -> list[SensorPlane]:
-    """The planes of the options, for a light field or for a camera whose scene is traced.
+    """The planes of the options, of a light field or of a scene.
 
     Raises :class:`LfcoreError` with the flag, or the file's row, of settings that make no plane.
     """
@@ -95,25 +115,43 @@ def check_count(pictures: int) -> None:
 
 
 def make_plane(
-    source: lfcore.LightField | Camera,
+    source: lfcore.LightField | lfcore.Scene,
     asked: Mapping[str, Mapping[str, Any]],
     key: str | None = None,
     file: Path | None = None,
 ) -> SensorPlane:
     """A plane of these settings; errors name the flag, or the file and its row."""
-    make = partial(SensorPlane.of, source) if isinstance(source, Camera) else source.plane
     merged: dict[str, Any] = {}
     for one in asked.values():
         merged |= one
-    if isinstance(source, Camera):
-        for name in {"disparity_px", "aperture_views"} & merged.keys():
-            refuse(key or FLAGS[name], "pixels and views belong to a light field file",
-                   "Give metres and an f-number")  # fmt: skip
+    if isinstance(source, lfcore.Scene):
+        _refuse_views(merged, key)
     try:
-        return make(**merged)
+        return source.plane(**merged)
     except OpticsError as error:
         place = key or (FLAGS.get(error.key, error.key) if error.key else None)
         raise error.named(OpticsError, file=file, key=place) from None
+
+
+def _refuse_views(settings: Mapping[str, Any], key: str | None = None) -> None:
+    """Raise :class:`OpticsError` for settings that a scene lacks."""
+    for name in settings.keys() & {"disparity_px", "aperture_views"}:
+        refuse(key or FLAGS[name], "pixels and views belong to a light field file",
+               "Give metres and an f-number")  # fmt: skip
+
+
+def of_scene(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The focus and the aperture of the lens that traces, as keywords of :func:`lfcore.record`."""
+    merged = (arguments.focus or {}) | (arguments.f_number or {})
+    _refuse_views(merged)
+    return merged
+
+
+def report(planes: list[SensorPlane]) -> None:
+    """Say the metres and the f-number of a picture; those of many are in their names."""
+    if len(planes) == 1:
+        say(f"focus {planes[0].focus_m:.4g} m, f/{planes[0].f_number:.3g}")
+    note(planes=[{"focus_m": plane.focus_m, "f_number": plane.f_number} for plane in planes])
 
 
 def _words(text: str) -> dict[str, Any]:
@@ -146,7 +184,7 @@ def _read(row: Mapping[str, Any], key: str | None, file: Path | None) -> dict[st
             remedy = f"Known: {', '.join(READ)}"
             raise OpticsError(f"unknown key {word!r}", file=file, key=key, remedy=remedy)
         try:
-            found[name] = READ[name](str(value))
+            found[INSTEAD.get(name, name)] = READ[name](str(value))
         except argparse.ArgumentTypeError as error:
             raise OpticsError(f"{word}: {error}", file=file, key=key) from None
     return found

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lfcore.cli import planes as plane_options
 from lfcore.cli import values
 from lfcore.cli.command import Command, open_scene, refuse, write_named
 from lfcore.cli.options import add, add_output, add_scene
@@ -32,10 +33,11 @@ def options(command: argparse.ArgumentParser) -> None:
     add_scene(command)
     add_output(command, "the photograph")
     add(
-        command, "focus", "f_number",
+        command,
         pixels="M x M microlenses (128)",
         views="N x N photosensor pixels behind each microlens (16)",
     )  # fmt: skip
+    plane_options.add_focus(command, of_file=False)
     repeat: dict[str, Any] = {"action": "append", "default": []}
     command.add_argument("--refocus", nargs=2, metavar=("M", "PICTURE"), **repeat,
                          help="refocus digitally, metres; repeat for more")  # fmt: skip
@@ -62,7 +64,8 @@ def run(arguments: argparse.Namespace) -> None:
     ]
     check_suffix(arguments.output)
     scene = open_scene(arguments)
-    lens = recorded_camera(scene.camera, arguments.focus, arguments.f_number)
+    plane = scene.plane(**plane_options.of_scene(arguments))
+    lens = recorded_camera(scene.camera, plane.focus_m, plane.f_number)
     camera = PlenopticCamera(lens, arguments.pixels or 128, samples)
     planes = [SensorPlane(metres, lens.f_number) for metres, _ in refocus]
     for plane in planes:

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import lfcore
 from lfcore.cli import film, values
+from lfcore.cli import planes as plane_options
 from lfcore.cli.command import Command, open_scene, refuse
 from lfcore.cli.options import add, add_encoder, add_output, add_scene, encoder, flags, given
 from lfcore.cli.progress import note, progress, say, wrote
@@ -53,7 +54,8 @@ def options(command: argparse.ArgumentParser) -> None:
         "--focus-range", type=values.distance, nargs=2, metavar=("NEAR", "FAR"),
         help="metres between which those pictures are focused (default: all that is seen)",
     )  # fmt: skip
-    add(command.add_argument_group("the lens (default: the scene's)"), "focus", "f_number")
+    lens = command.add_argument_group("the lens (default: the scene's)")
+    plane_options.add_focus(lens, of_file=False)
     how = add_encoder(command)
     add(how, "white")
     how.add_argument("--layout", choices=("macropixels", "views"), help="default: by N and M")
@@ -81,10 +83,13 @@ def run(arguments: argparse.Namespace) -> None:
     with named_file(arguments.scene), progress(what, rays=rays) as report:
         field = lfcore.record(
             scene, arguments.output, views=None if quality else lattice, pixels=pixels,
-            focus_m=arguments.focus, f_number=arguments.f_number, quality=quality,
-            encoding=replace(encoder(arguments), depth=depth), device=arguments.device,
-            progress=report,
+            quality=quality, encoding=replace(encoder(arguments), depth=depth),
+            device=arguments.device, progress=report, **plane_options.of_scene(arguments),
         )  # fmt: skip
+    if "lens" in field.content:
+        camera = field.require_slab().camera
+        say(f"lens {field.content['lens']}: {2e3 * camera.lens_radius_m:.4g} mm wide, focus "
+            f"{camera.focus_m:.4g} m; --f-number or --blur makes another")  # fmt: skip
     if quality:
         _report_quality(field)
     length = os.path.getsize(arguments.output)

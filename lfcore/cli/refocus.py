@@ -19,6 +19,8 @@ Make pictures from a light field file: focused at any distance, through any aper
 wider than the lens it was recorded with. The file alone is enough."""
 EPILOG = """\
 examples:
+  lfcore refocus bike.mkv -o near.png --focus near
+      or middle, far, 40% of the depth that is seen; or --focus-at 0.5,0.4, a place in the picture
   lfcore refocus bike.mkv -o bike.png --focus 3.2 --f-number 2.8 --aperture polygon:5
   lfcore refocus bike.mkv -o bike.png --plane focus=2,f_number=2 --plane focus=6,f_number=8
       two pictures from one pass, named bike_00_focus2m_f2_circle.png and so on
@@ -70,6 +72,8 @@ def run(arguments: argparse.Namespace) -> None:
     check_bits(arguments.output, arguments.bits)
     field = open_field(arguments)
     planes = plane_options.read_planes(arguments, field)
+    if field.metric:
+        plane_options.report(planes)
     pictures = make_pictures(arguments, field, planes)
     plane_options.save(arguments.output, planes, pictures, arguments.bits, field)
 

@@ -26,6 +26,10 @@ Trace a scene and make pictures from its rays at once, without storing a light f
 scene.yaml, a folder that holds one, a mesh (GLB, OBJ, PLY, STL, ...) or a .pbrt file."""
 EPILOG = """\
 examples:
+  lfcore render model.glb -o picture.png --focus near
+      any mesh: seen from the front left, with what is nearest in focus
+  lfcore render model.glb -o picture.png --from right --focus-at 0.5,0.4 --blur 4%
+      from the right, focused on a place of the picture, with twice the usual blur
   lfcore render scenes/bike -o bike.png --pixels 512
       8 x 8 lens samples by 2 x 2 rays per pixel, each spread by its depth
   lfcore render table.glb -o table.png --focus 2.5 --f-number 1.4
@@ -76,7 +80,8 @@ def run(arguments: argparse.Namespace) -> None:
         film.render(arguments, scene)
         return
     pixels = arguments.pixels or 256
-    planes = plane_options.read_planes(arguments, scene.camera)
+    planes = plane_options.read_planes(arguments, scene)
+    plane_options.report(planes)
     same = {"planes": planes, "pixels": pixels, "device": arguments.device}
     lattice = with_subpixels(lattice_to_trace(arguments.filter, arguments.views), arguments)
     rays = lattice.rays(pixels) if arguments.quality_db is None else 0

@@ -146,7 +146,7 @@ def _evenly(asked: Focus, field: lfcore.LightField) -> list[Focus]:
     if "disparity_px" in ends[0]:  # evenly in pixels is evenly in dioptres
         first, last = (end["disparity_px"] for end in ends)
         return [{"disparity_px": px} for px in np.linspace(first, last, asked["steps"]).tolist()]
-    first, last = (1 / end["focus_m"] for end in ends)
+    first, last = (1 / field.plane(**end).focus_m for end in ends)
     dioptres = np.linspace(first, last, asked["steps"])
     return [{"focus_m": 1 / each if each else math.inf} for each in dioptres.tolist()]
 

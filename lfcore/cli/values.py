@@ -8,6 +8,8 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+from lfcore.errors import OpticsError
+from lfcore.optics.focus import blur_share, check_place, check_words
 from lfcore.optics.planes import SHAPES
 
 
@@ -93,11 +95,32 @@ def rays(text: str) -> tuple[int | None, int | None]:
 # Settings of a sensor plane: keys are those of :meth:`lfcore.LightField.plane`.
 
 
-def focus(text: str) -> dict[str, float]:
-    """A focus distance: metres, ``inf``, or ``1.5px``, the disparity of neighbouring views."""
+def focus(text: str) -> dict[str, Any]:
+    """A focus: metres, ``inf``, ``near``, ``middle``, ``far``, ``40%`` of the depth that is seen,
+    or ``1.5px``, the disparity of neighbouring views."""
     if text.endswith("px"):
         return {"disparity_px": number()(text.removesuffix("px"))}
-    return {"focus_m": distance(text)}
+    try:
+        word = check_words(text)
+    except OpticsError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no focus. {error.remedy}") from None
+    return {"focus_m": word if isinstance(word, str) else distance(text)}
+
+
+def place(text: str) -> dict[str, Any]:
+    """What is in focus: a place ``0.5,0.4`` in the picture."""
+    try:
+        return {"focus_at": check_place(text.strip("[]()").split(","))}
+    except OpticsError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no place. {error.remedy}") from None
+
+
+def blur(text: str) -> dict[str, Any]:
+    """An aperture by its blur: ``3%`` of the picture's width."""
+    try:
+        return {"blur": blur_share(text)}
+    except OpticsError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no blur. {error.remedy}") from None
 
 
 def f_number(text: str) -> dict[str, float]:

@@ -51,10 +51,12 @@ class DepthRange(NamedTuple):
         """Dioptres between ``focus_m`` and the end of the range that is more out of focus."""
         return max(abs(1.0 / end - 1.0 / focus_m) for end in self)
 
+    def ends(self) -> dict[str, float]:
+        """The words for the ends and the middle, with their distances in metres."""
+        return {name: self.at(share) for name, share in SHARES.items()}
+
     def __str__(self) -> str:
-        names = ("near", "middle", "far")
-        ends = zip(names, (self.near_m, self.middle_m, self.far_m), strict=True)
-        return ", ".join(f"{name} {distance:.4g} m" for name, distance in ends)
+        return ", ".join(f"{name} {distance:.4g} m" for name, distance in self.ends().items())
 
 
 def ends_of(depths: np.ndarray) -> DepthRange | None:
@@ -125,7 +127,7 @@ def focus_distance(focus: float | str, seen: DepthRange | None) -> float:
     return seen.at(share_of(focus))
 
 
-def check_place(place: Sequence[float]) -> tuple[float, float]:
+def check_place(place: Sequence[float | str]) -> tuple[float, float]:
     """A place in the picture, (x, y) from 0 to 1; raises :class:`OpticsError` for another."""
     try:
         x, y = map(float, place)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.errors import SceneError
+from lfcore.errors import OpticsError, SceneError
 from lfcore.optics.array import thin_lens
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import DepthRange, exclude_twice, f_number_of_blur, focus_distance
@@ -310,6 +310,12 @@ class Scene:
             f_number = f_number_of_blur(
                 blur, camera.focal_length_m, camera.focus_m if focus_m is None else focus_m,
                 camera.field_width, self.depth_range,
+            )  # fmt: skip
+        if focus_m is not None and focus_m <= camera.focal_length_m and self.depth_range:
+            near, far = self.depth_range
+            raise OpticsError(
+                f"{focus_m:.4g} m is nearer than the lens can focus: what is seen is {near:.4g} to "
+                f"{far:.4g} m away", key="focus_m", remedy="Give a distance there, or near or far",
             )  # fmt: skip
         return SensorPlane.of(camera, focus_m, f_number, aperture, **options)
 

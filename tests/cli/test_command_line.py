@@ -277,7 +277,7 @@ def test_a_pinhole_has_no_focus(tmp_path):
         (["--f-number", "0.5"], "wider than the lens"),
         (["--focus", "0.05"], "inside the focal length"),
         (["--plane", "focus=1,colour=red"], "unknown key 'colour'"),
-        (["--plane", "focus=near"], "--plane: focus: 'near' is not a number above 0"),
+        (["--plane", "focus=nearest"], "--plane: focus: 'nearest' is no focus"),
         (["--method", "slicing", "--filter", "bilinear"], "no bilinear filter"),
         (["--plane", "missing.csv"], "missing.csv: No such file"),
         (["--device", "abacus"], "abacus"),
