@@ -99,7 +99,7 @@ def main() -> None:
     provenance = of_this_run(
         f"python -m benchmarks.quality --pixels {asked.pixels} --scenes {' '.join(asked.scenes)}",
         note=f"Reached in {reached:.0%} of {len(said)} cases, with at most twice the fewest rays "
-        f"in {thrift:.0%}; the others were refused with what they take.",
+        f"in {thrift:.0%}; the others were refused, with the rays that they need.",
     )
     Result(provenance, table.fillna("")).write(asked.out)
 
