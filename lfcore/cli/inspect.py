@@ -107,7 +107,7 @@ def _lens(camera: lfcore.Camera) -> str:
 
 def facts(field: lfcore.LightField) -> dict[str, str]:
     """The facts that ``lfcore info`` prints, by name."""
-    metadata, layout = field.metadata, field.layout
+    metadata, layout, depth = field.metadata, field.layout, field.metadata.depth
     size = field.path.stat().st_size
     (columns, rows), (width, height) = field.grid, field.picture_size
     rays = columns * rows * width * height
@@ -122,32 +122,24 @@ def facts(field: lfcore.LightField) -> dict[str, str]:
         f"1 : {3 * rays / size:.1f} of 8-bit RGB",
         "software": metadata.software,
     }
-    return found | _depth(field)
-
-
-def _depth(field: lfcore.LightField) -> dict[str, str]:
-    """The stream of depths: its codes, its size and its share of the video's bytes."""
-    depth, layout = field.metadata.depth, field.layout
     if field.depth_video is None or depth is None:
-        return {}
+        return found
     of_depth = sum(part.bytes for part in field.depth_video.metadata.segments)
-    of_light = sum(part.bytes for part in field.metadata.segments)
-    codes = depth.codes
-    return {
-        "depth stream": f"{depth.codec}, {codes.pixel_format}{_settings(depth.settings)}, "
-        f"{of_depth:,} bytes, {of_depth / (of_depth + of_light):.0%} of the video, "
-        f"{8 * of_depth / layout.rays:.4f} bits per ray",
-        "by depth": f"pictures of {depth.pixels} x {depth.pixels} pixels, "
-        f"views {'displaced' if depth.displaced else 'plain'}, "
-        f"{codes.far:.4g} to {codes.near:.4g} dioptres",
+    share = of_depth / (of_depth + sum(part.bytes for part in metadata.segments))
+    return found | {
+        "depth stream": f"{depth.codec}, {depth.codes.pixel_format}{_settings(depth.settings)}, "
+        f"{of_depth:,} bytes, {share:.0%} of the video, {8 * of_depth / layout.rays:.4f} bits "
+        "per ray",
+        "by depth": f"pictures of {depth.pixels} x {depth.pixels} pixels, views "
+        f"{'displaced' if depth.displaced else 'plain'}, {depth.codes.far:.4g} to "
+        f"{depth.codes.near:.4g} dioptres",
     }
 
 
 def _settings(settings: dict[str, Any]) -> str:
     """The encoder's settings; lossless ones ignore the rate factor that their files hold."""
     keys = ("preset",) if settings.get("codec") in LOSSLESS else ("crf", "preset")
-    said = [f"{key} {settings[key]}" for key in keys if settings.get(key) is not None]
-    return ", " + ", ".join(said) if said else ""
+    return "".join(f", {key} {settings[key]}" for key in keys if settings.get(key) is not None)
 
 
 def _optics(field: lfcore.LightField) -> dict[str, str]:

@@ -55,10 +55,9 @@ KINDS: dict[str, dict[str, Any]] = {
 
 
 def add(group: Options, *names: str, **helps: str) -> None:
-    """Add options to a parser or group: by name, or by name with a help text of their own."""
-    for name in (*names, *helps):
-        own = {"help": helps[name]} if name in helps else {}
-        group.add_argument(flag(name), **(KINDS[name] | own))
+    """Add options to a parser or group by name; those with another help text as keywords."""
+    for name, help in (dict.fromkeys(names) | helps).items():
+        group.add_argument(flag(name), **(KINDS[name] | ({"help": help} if help else {})))
 
 
 def flag(name: str) -> str:
@@ -73,7 +72,7 @@ def add_lightfield(command: Options, help: str = "light field file (.mkv), or it
 
 
 def add_output(command: Options, help: str, *, required: bool = True) -> None:
-    command.add_argument("-o", "--output", type=Path, required=required, help=help)
+    command.add_argument("-o", "--output", type=Path, required=required, metavar="FILE", help=help)
 
 
 def add_scene(command: Options, name: str = "scene", help: str | None = None) -> None:

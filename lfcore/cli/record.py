@@ -45,10 +45,9 @@ def options(command: argparse.ArgumentParser) -> None:
         "(default without --views), with plain views (for other filters), or not at all",
     )  # fmt: skip
     add(
-        by_depth, "most_rays",
-        subpixels="views of Q*M x Q*M pixels (2)",
+        by_depth, subpixels="views of Q*M x Q*M pixels (2)",
         quality_db="as many views and pixels as pictures need for this PSNR against the average "
-        "over pixel and lens, before the codec's loss",
+        "over pixel and lens, before the codec's loss", most_rays="",
     )  # fmt: skip
     by_depth.add_argument(
         "--focus-range", type=values.distance, nargs=2, metavar=("NEAR", "FAR"),

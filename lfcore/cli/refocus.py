@@ -50,8 +50,8 @@ def add_method(command: argparse.ArgumentParser, *more: str, help: str = "") -> 
     how.add_argument("--method", choices=methods, help=f"default: by the filter{help}")
     how.add_argument(
         "--filter", choices=("depth", "nearest", "bilinear"),
-        help="depth (default for files with depth), nearest (slicing or shift-sum; else the "
-        "default) or bilinear (shift-sum)",
+        help="depth (default for files with depth), nearest (default for others) or bilinear "
+        "(shift-sum only)",
     )  # fmt: skip
     add(how, "device", pixels="M x M pixels (as recorded); by slicing no more than its views have")
 

@@ -48,11 +48,11 @@ def options(command: argparse.ArgumentParser) -> None:
     add_scene(command)
     add_output(command, "picture to write")
     add(
-        command, "pixels", "most_rays",
+        command, "pixels",
         views="N x N lens samples (8, or 16 with --filter nearest)",
         subpixels="Q x Q rays per pixel and lens sample (2, or 1 with --filter nearest)",
         quality_db="as few rays as every picture needs for this PSNR against the average over its "
-        "pixels and the lens",
+        "pixels and the lens", most_rays="",
     )  # fmt: skip
     command.add_argument(
         "--filter", choices=("depth", "nearest"), default="depth",
