@@ -9,7 +9,7 @@ import numpy as np
 
 import lfcore
 from lfcore.cli.command import Command, open_scene, refuse, write_named
-from lfcore.cli.options import add, add_output, add_scene
+from lfcore.cli.options import add, add_output, add_scene, flags
 from lfcore.cli.progress import progress, wrote
 from lfcore.pictures import CODED, check_suffix
 
@@ -78,6 +78,10 @@ def _checked(arguments: argparse.Namespace) -> lfcore.LightField | None:
         refuse("--output", "nothing to write", "Give --output or --all-in-focus")
     if arguments.output:
         check_suffix(arguments.output, (".npz", ".pfm", ".exr", *CODED))
+        if arguments.format == "disparity" and arguments.output.suffix not in (".pfm", ".exr"):
+            refuse("--format", "disparity needs numbers", "Write a .pfm or .exr, or both in .npz")
+    if arguments.lightfield and (wrong := flags(arguments, "views", "pixels")):
+        refuse(wrong[0], "excludes --lightfield, whose views are used", "Leave one out")
     if arguments.all_in_focus:
         check_suffix(arguments.all_in_focus, key="--all-in-focus")
         if not arguments.lightfield:

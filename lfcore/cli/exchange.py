@@ -20,11 +20,9 @@ them the file can be refocused in pixels of disparity, but not in metres."""
 IMPORT_EPILOG = """\
 examples:
   lfcore import boxes/ -o boxes.mkv                       a scene of the HCI benchmark
-  lfcore import rectified/ -o chess.mkv                   the Stanford archive's names
   lfcore import shots/ -o shots.mkv --views 8x5 --order columns-up
-  lfcore import IMG_0001.eslf.png -o lytro.mkv --views 14x14
-  lfcore import views/ -o exact.mkv --codec ffv1          8-bit RGB to the last bit
   lfcore import views/ -o lf.mkv --baseline 6mm --field-of-view 40 --focus 1.2
+  lfcore import views/ -o exact.mkv --codec ffv1          8-bit RGB to the last bit
 
 formats:
 """
@@ -85,12 +83,10 @@ def run_import(arguments: argparse.Namespace) -> None:
 
     check_suffix(arguments.output, (".mkv",))
     focus = arguments.focus
+    geometry = Geometry(arguments.baseline, None, None if focus is None else 1 / focus)
+    order = Order.parse(arguments.order) if arguments.order else None
     options = ReadOptions(
-        arguments.views,
-        Order.parse(arguments.order) if arguments.order else None,
-        Geometry(arguments.baseline, None, None if focus is None else 1 / focus),
-        arguments.field_of_view,
-        arguments.variable,
+        arguments.views, order, geometry, arguments.field_of_view, arguments.variable
     )
     with progress("encoding", "views") as report:
         field = lfcore.import_lightfield(

@@ -485,6 +485,16 @@ def test_pictures_of_other_formats(recorded, tmp_path):
     assert not (tmp_path / "b.jpg").exists()
 
 
+@pytest.mark.parametrize(
+    ("words", "flag"),
+    [(["-o", "a.png", "--format", "disparity"], "--format"),
+     (["-o", "a.npz", "--lightfield", "x.mkv", "--views", "3"], "--views"), ([], "--output")],
+)  # fmt: skip
+def test_options_of_depth_that_would_be_ignored_are_refused(capsys, words, flag):
+    assert main(["depth", str(CHART), *words]) == 1
+    assert capsys.readouterr().err.startswith(f"{flag}: ")
+
+
 def test_depth_to_look_at(tmp_path):
     command = ["depth", str(CHART), "--pixels", str(SIZE), "-o"]
     for name in ("d.pfm", "d.exr", "d.png"):
