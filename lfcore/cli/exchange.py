@@ -49,12 +49,14 @@ def _formats(can: str) -> str:
 def import_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("source", type=Path, help="folder or file")
     add_output(command, "file to write (.mkv)")
-    command.add_argument("--format", metavar="NAME", help="see below (recognised)")
+    command.add_argument(
+        "--format", metavar="NAME[:VARIABLE]", default="",
+        help="see below (recognised), and the variable of a .mat or .h5 file (LF)",
+    )  # fmt: skip
     group = command.add_argument_group("what the format does not hold")
     more = group.add_argument
     more("--views", type=values.pair, metavar="CxR", help="columns and rows of views")
     more("--order", metavar="ORDER", help="rows or columns, then -left, -up, -snake: rows-up")
-    more("--variable", help="of a .mat or .h5 file (LF)")
     more("--field-of-view", type=values.angle, metavar="DEG", help="of a view's width")
     add(group, "baseline", focus="metres at which the views coincide; 'inf' for parallel ones")
     add_encoder(command)
@@ -85,12 +87,13 @@ def run_import(arguments: argparse.Namespace) -> None:
     focus = arguments.focus
     geometry = Geometry(arguments.baseline, None, None if focus is None else 1 / focus)
     order = Order.parse(arguments.order) if arguments.order else None
+    format, _, variable = arguments.format.partition(":")
     options = ReadOptions(
-        arguments.views, order, geometry, arguments.field_of_view, arguments.variable
+        arguments.views, order, geometry, arguments.field_of_view, variable or None
     )
     with progress("encoding", "views") as report:
         field = lfcore.import_lightfield(
-            arguments.source, arguments.output, format=arguments.format, options=options,
+            arguments.source, arguments.output, format=format or None, options=options,
             encoding=encoder(arguments), progress=report,
         )  # fmt: skip
     source = field.content["source"]

@@ -16,10 +16,7 @@ from lfcore.pictures import check_suffix
 from lfcore.scene.view import LIGHTFIELD, View
 
 # Options that ask for a square picture from a light slab instead of the scene's own film.
-SLAB_OPTIONS = (
-    "pixels", "views", "subpixels", "quality_db", "focus", "f_number", "plane", "layout",
-    "pixel_format",
-)  # fmt: skip
+SLAB_OPTIONS = ("pixels", "views", "subpixels", "quality_db", "focus", "f_number", "plane")
 FILM_OPTIONS = ("samples", "white")
 
 
@@ -34,6 +31,7 @@ def wanted(arguments: argparse.Namespace, scene: lfcore.Scene) -> bool:
     Raises :class:`OpticsError` for options of the film where there is none, or of both.
     """
     slab, film = flags(arguments, *SLAB_OPTIONS), flags(arguments, *FILM_OPTIONS)
+    slab += ["--codec"] if "layout" in getattr(arguments, "codec", {}) else []
     if film and (slab or scene.view is None):
         what = f"excludes {slab[0]}" if slab else "belongs to a scene with a film"
         refuse(film[0], what, "Leave it out, or use --views")

@@ -10,7 +10,6 @@ import lfcore
 from lfcore.cli import values
 from lfcore.scene.emitters import POINTS
 from lfcore.storage.codecs import CODECS
-from lfcore.storage.pixels import PIXEL_FORMATS
 
 Options = argparse._ActionsContainer
 """A parser, or a group of its options."""
@@ -40,11 +39,8 @@ KINDS: dict[str, dict[str, Any]] = {
     "normalise": {"action": argparse.BooleanOptionalAction,
                   "help": "same brightness at every aperture (default), or dims as the lens stops "
                   "down"},
-    "codec": {"choices": tuple(CODECS), "help": "default: libx264; ffv1 is lossless"},
     "crf": {"type": values.number(0, 63),
             "help": "constant rate factor; lower is better and larger"},
-    "preset": {"help": "the encoder's preset"},
-    "pixel_format": {"choices": tuple(PIXEL_FORMATS), "help": "default: by the codec"},
     "white": {"type": values.positive, "metavar": "L",
               "help": "camera arrays: radiance of the brightest code (default: the brightest, at "
               "least 1)"},
@@ -82,16 +78,21 @@ def add_scene(command: Options, name: str = "scene", help: str | None = None) ->
     add(command, "light_points", "up", "view_from", "zoom", "device")
 
 
-def add_encoder(command: argparse.ArgumentParser) -> Options:
+def add_encoder(command: argparse.ArgumentParser, *keys: str) -> Options:
     """Options of the video in which a light field is stored; returns their group."""
     how = command.add_argument_group("storage")
-    add(how, "codec", "crf", "preset", "pixel_format")
+    how.add_argument(
+        "--codec", type=values.codec(*keys), default={}, metavar="NAME[,KEY=VALUE...]",
+        help=f"{', '.join(CODECS)} (lossless); keys: {', '.join(('preset', 'pixel_format', *keys))}"
+        f" (libx264; all else by its number of views)",
+    )  # fmt: skip
+    add(how, "crf")
     return how
 
 
 def encoder(arguments: argparse.Namespace) -> lfcore.Encoding:
     """The encoding of the options of :func:`add_encoder`."""
-    return lfcore.Encoding(**given(arguments, "codec", "pixel_format", "crf", "preset", "layout"))
+    return lfcore.Encoding(**arguments.codec, **given(arguments, "crf"))
 
 
 def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:

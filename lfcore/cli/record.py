@@ -55,9 +55,7 @@ def options(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     lens = command.add_argument_group("the lens (default: the scene's)")
     plane_options.add_focus(lens, of_file=False)
-    how = add_encoder(command)
-    add(how, "white")
-    how.add_argument("--layout", choices=("macropixels", "views"), help="default: by N and M")
+    add(add_encoder(command, "layout"), "white")
     film.add_options(command)
 
 

@@ -11,6 +11,8 @@ from typing import Any
 from lfcore.errors import OpticsError
 from lfcore.optics.focus import blur_share, check_place, check_words
 from lfcore.optics.planes import SHAPES
+from lfcore.storage.codecs import CODECS
+from lfcore.storage.pixels import PIXEL_FORMATS
 
 
 def count(least: int = 1, most: int | None = None) -> Callable[[str], int]:
@@ -90,6 +92,29 @@ def rays(text: str) -> tuple[int | None, int | None]:
     samples, _, instants = text.partition(":")
     read = count()
     return read(samples) if samples else None, read(instants) if instants else None
+
+
+def codec(*keys: str) -> Callable[[str], dict[str, str]]:
+    """A type for argparse: ``libx265,preset=medium``, as keywords of :class:`lfcore.Encoding`.
+
+    ``keys`` are allowed beside ``preset`` and ``pixel_format``.
+    """
+    known = {"codec": tuple(CODECS), "preset": (), "pixel_format": tuple(PIXEL_FORMATS),
+             "layout": ("macropixels", "views")}  # fmt: skip
+
+    def read(text: str) -> dict[str, str]:
+        found = {}
+        for part in text.split(","):
+            key, value = part.split("=", 1) if "=" in part else ("codec", part)
+            if key not in ("codec", "preset", "pixel_format", *keys):
+                raise argparse.ArgumentTypeError(f"unknown key {key!r}")
+            if known[key] and value not in known[key]:
+                choices = ", ".join(known[key])
+                raise argparse.ArgumentTypeError(f"{key} {value!r} is not one of {choices}")
+            found[key] = value
+        return found
+
+    return read
 
 
 # Settings of a sensor plane: keys are those of :meth:`lfcore.LightField.plane`.

@@ -119,7 +119,8 @@ def grid_of_values(values: np.ndarray | None, name: str, path: Path) -> ViewGrid
     :class:`ExchangeError` for anything else.
     """
     if values is None:
-        raise ExchangeError(f"holds no variable {name}", file=path, remedy="Name it by --variable")
+        remedy = "Name it: --format mat:NAME, or hdf5:NAME"
+        raise ExchangeError(f"holds no variable {name}", file=path, remedy=remedy)
     if values.ndim == 4:
         values = values[..., None]
     if values.ndim != 5 or values.shape[-1] not in (1, 3, 4) or 0 in values.shape:

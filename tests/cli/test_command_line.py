@@ -225,7 +225,7 @@ def test_render_equals_refocusing_what_was_traced(recorded, tmp_path):
 def test_every_pixel_format_is_traced_and_refocused(tmp_path, capsys, codec, form, most):
     file, direct, stored = (tmp_path / name for name in ("a.mkv", "direct.npy", "stored.npy"))
     size = ["--pixels", str(SIZE), "--views", str(VIEWS)]
-    how = ["--codec", codec, "--pixel-format", form, "--crf", "4"]
+    how = ["--codec", f"{codec},pixel_format={form}", "--crf", "4"]
     assert main(["record", str(CHART), "-o", str(file), *size, *how]) == 0
     assert main(["info", str(file), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["metadata"]["layout"]["pixel_format"] == form
@@ -324,6 +324,9 @@ def test_bad_files_leave_no_file(recorded, tmp_path, capsys):
         (["record", CHART, "--views", "1.5"], "--views"),
         (["record", CHART, "--focus-range", "1", "-2"], "--focus-range"),
         (["record", CHART, "--crf", "99"], "--crf"),
+        (["record", CHART, "--codec", "ffv2"], "--codec"),
+        (["record", CHART, "--codec", "ffv1,pixel_format=rgb"], "--codec"),
+        (["import", "x", "--codec", "ffv1,layout=views"], "--codec"),
         (["depth", CHART, "--pixels", "0"], "--pixels"),
         (["plenoptic", CHART, "--views", "0"], "--views"),
         (["view", "x.mkv", "--grid", "0"], "--grid"),
@@ -366,7 +369,7 @@ def test_export_reads_views_on_the_device_that_is_named(recorded, tmp_path, monk
     import lfcore.exchange.source as source
 
     device, used, file = lfcore.open_device(), [], tmp_path / "chart.mkv"
-    words = ["--pixels", "8", "--views", "2", "--layout", "macropixels", "-o", str(file)]
+    words = ["--pixels", "8", "--views", "2", "--codec", "layout=macropixels", "-o", str(file)]
     assert main(["record", str(CHART), *words]) == 0
 
     def read_views(*_, device=None, **__):
