@@ -1,8 +1,8 @@
-"""Inputs run in forked children, many in a child, with limits of time and memory.
+"""Inputs run in forked children, many per child, with limits of time and memory.
 
-The parent has imported what the inputs need and forks; so a child costs milliseconds.  A child
-tells of each input when it is done with it.  When it dies, the input after the last one told of
-is at fault, and another child goes on behind it.
+The parent imports what the inputs need and then forks, so a child costs milliseconds.  A child
+reports each input when it has finished it.  When a child dies, the input after the last report is
+at fault, and another child continues after it.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from robustness.outcome import Outcome
 
 @dataclass(frozen=True)
 class Limits:
-    """Of one input: CPU and wall clock, seconds; of a child: address space and files, bytes.
+    """The limits of an input, CPU and wall seconds, and of a child, bytes of memory and per file.
 
-    ``memory`` is beyond what the parent takes; None: no limit.
+    ``memory`` is beyond the parent's memory; None is no limit.
     """
 
     cpu: float = 10.0
@@ -41,9 +41,9 @@ class Limits:
 def run_all(
     count: int, one: Callable[[int], Outcome], limits: Limits, crash_log: Path
 ) -> Iterator[tuple[int, Outcome]]:
-    """Outcomes of ``one(0) ... one(count - 1)``, which run in children, in order.
+    """The outcomes of ``one(0) ... one(count - 1)``, run in children, in order.
 
-    ``crash_log`` is a file for the stack of a child that dies.
+    The stack of a child that dies is written to ``crash_log``.
     """
     start = 0
     while start < count:
@@ -68,10 +68,10 @@ def run_all(
 
 
 def apart(work: Callable[[], list[bytes]]) -> list[bytes]:
-    """What ``work`` returns, done in a child: what it opens stays there.
+    """The result of ``work``, run in a child, so that this process opens nothing.
 
-    A parent that has opened an OpenCL device has threads that its children lack; they would wait
-    for them for ever.
+    A parent that has opened an OpenCL device has threads that its children lack, and would wait
+    for forever.
     """
     with tempfile.TemporaryFile() as results:
         child = os.fork()
@@ -90,7 +90,7 @@ def apart(work: Callable[[], list[bytes]]) -> list[bytes]:
 
 
 def _reports(pipe: int, patience: float) -> Iterator[Outcome]:
-    """What a child tells, until it ends.  :class:`TimeoutError` after ``patience`` of silence."""
+    """A child's reports until it ends; :class:`TimeoutError` after ``patience`` seconds of silence."""
     text, deadline = b"", time.monotonic() + patience
     while True:
         ready, _, _ = select.select([pipe], [], [], max(0.0, deadline - time.monotonic()))
@@ -118,7 +118,7 @@ def _fork(
         os.setsid()
         _restrain(limits, crash_log)
         for index in indices:
-            # CPU time: the wall clock of a busy machine says nothing of an input.
+            # CPU time, as the wall clock depends on other work of the machine.
             signal.setitimer(signal.ITIMER_PROF, limits.cpu)
             try:
                 outcome = one(index)

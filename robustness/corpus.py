@@ -1,4 +1,4 @@
-"""What was found once, kept as inputs that every later run begins with."""
+"""The corpus: inputs that once were findings. Every run begins with them."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ CORPUS = Path(__file__).with_name("corpus")
 
 
 def kept(target: str) -> list[Path]:
-    """Files of the inputs of a target, sorted."""
+    """The input files of a target, sorted."""
     folder = CORPUS / _slug(target)
     return sorted(path for path in folder.glob("*") if path.is_file()) if folder.is_dir() else []
 
 
 def keep(target: str, data: bytes, signature: str) -> Path:
-    """Write an input down; its name tells what it was found for."""
+    """Write an input to the corpus; its name says what was wrong."""
     folder = CORPUS / _slug(target)
     folder.mkdir(parents=True, exist_ok=True)
     digest = hashlib.sha256(data).hexdigest()[:8]
@@ -33,7 +33,7 @@ def _slug(text: str) -> str:
 
 
 def smaller(data: bytes, still: Callable[[bytes], Outcome], signature: str, tries: int) -> bytes:
-    """A shorter input with the same finding: pieces are left out while it stays.
+    """A shorter input with the same finding: we leave out pieces as long as the finding stays.
 
     Delta debugging without its complements: Zeller, Hildebrandt, "Simplifying and Isolating
     Failure-Inducing Input", IEEE TSE 2002.

@@ -1,4 +1,4 @@
-"""Values that programs stumble over."""
+"""Values that often break programs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ TEXTS = (
 
 
 def number(draw: Random) -> int | float:
-    """An extreme number, or one beside a power of two or ten."""
+    """An extreme number, or one near a power of two or ten."""
     if draw.random() < 0.7:
         return draw.choice(NUMBERS)
     base = draw.choice((2, 10)) ** draw.randrange(0, 64 if draw.random() < 0.5 else 20)
@@ -38,7 +38,7 @@ def number(draw: Random) -> int | float:
 
 
 def number_text(draw: Random) -> str:
-    """A number as it might stand in a file, or what looks like one."""
+    """The text of a number in a file, or a text that looks like one."""
     if draw.random() < 0.4:
         return draw.choice(NUMBER_TEXTS)
     value = number(draw)
@@ -46,12 +46,12 @@ def number_text(draw: Random) -> str:
 
 
 def text(draw: Random) -> str:
-    """A text that is special somewhere."""
+    """A text that is special to some program."""
     return draw.choice(TEXTS)
 
 
 def scalar(draw: Random) -> object:
-    """Anything that is no list and no mapping."""
+    """Any value but a list or a mapping."""
     kind = draw.random()
     if kind < 0.6:
         return number(draw)

@@ -1,4 +1,4 @@
-"""``python -m robustness.fuzz``: hostile inputs for a while; a table of what came of them."""
+"""``python -m robustness.fuzz``: hostile inputs for some time, and a table of their outcomes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MEMORY_DISK = Path("/dev/shm")
 
 @dataclass
 class Tally:
-    """What came of a target's inputs; ``findings``: signature to (kind, text, input, count)."""
+    """The outcomes of a target's inputs; ``findings`` maps signature to [outcome, input, count]."""
 
     counts: Counter = field(default_factory=Counter)
     findings: dict[str, list] = field(default_factory=dict)
@@ -45,7 +45,7 @@ class Tally:
 
 
 class Bench:
-    """A target with its seeds and the folder that its children work in."""
+    """A target with its seeds and the working folder of its children."""
 
     def __init__(self, target: Target, home: Path):
         self.target, self.tally, self.done = target, Tally(), 0
@@ -58,7 +58,7 @@ class Bench:
         target.sides(self.work)
 
     def run(self, inputs: Sequence[bytes]) -> list[Outcome]:
-        """Outcomes of inputs, in children."""
+        """The outcomes of inputs, run in children."""
 
         def one(index: int) -> Outcome:
             return self.target.judge(inputs[index], self.work)
@@ -83,12 +83,12 @@ class Bench:
             self.tally.add(outcome, data)
 
     def replay(self) -> None:
-        """What is kept in the corpus, and the seeds themselves."""
+        """Run the target's corpus and its seeds."""
         self.account([path.read_bytes() for path in corpus.kept(self.target.name)])
         self.account(self.seeds, are_seeds=self.target.takes_seeds)
 
     def keep(self) -> list[Path]:
-        """Write down one input of each finding, made shorter."""
+        """Write one input per finding to the corpus, shortened."""
         files: list[Path] = []
         if not self.target.portable:
             return files
@@ -102,10 +102,10 @@ class Bench:
 def fuzz(
     targets: Sequence[Target], home: Path, *, seed: int, seconds: float, most: int, each: int = 0
 ) -> list[Bench]:
-    """Benches of all targets: the corpus and the seeds, then what is drawn.
+    """The benches of all targets, after corpus, seeds and random inputs.
 
-    First ``each`` inputs of every target; then until ``seconds`` have passed or there were
-    ``most`` inputs, where each target has its share of the time.
+    First come ``each`` inputs of every target, then more until ``seconds`` have passed or ``most``
+    inputs were run; each target has its share of the time.
     """
     benches = [Bench(target, home) for target in targets]
     for bench in benches:
@@ -119,7 +119,7 @@ def fuzz(
 
 
 def table(benches: Sequence[Bench]) -> str:
-    """As Markdown: target, inputs, ok, refused, findings, inputs a second."""
+    """A Markdown table: target, inputs, ok, refused, findings, inputs per second."""
     lines = [
         "| target | inputs | ok | refused | findings | inputs/s |",
         "|---|--:|--:|--:|--:|--:|",
@@ -140,7 +140,7 @@ def _row(name: str, counts: Counter, seconds: float) -> str:
 
 
 def report(benches: Sequence[Bench]) -> str:
-    """Each finding once, with how often it came."""
+    """Each finding once, with its count."""
     lines = []
     for bench in benches:
         for signature, (outcome, data, count) in bench.tally.findings.items():
@@ -153,12 +153,16 @@ def report(benches: Sequence[Bench]) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Fuzz; status 1 when there are findings."""
     parser = argparse.ArgumentParser("robustness.fuzz", description=__doc__)
-    parser.add_argument("--seconds", type=float, default=60, help="for how long (60)")
-    parser.add_argument("--each", type=int, default=0, help="at least so many a target (0)")
-    parser.add_argument("--inputs", type=int, default=1 << 62, help="at most so many")
-    parser.add_argument("--seed", type=int, default=1, help="of the random numbers (1)")
-    parser.add_argument("--target", action="append", help="only this one; may be repeated")
-    parser.add_argument("--without", action="append", default=[], help="not this target")
+    parser.add_argument("--seconds", type=float, default=60, help="seconds of random inputs (60)")
+    parser.add_argument(
+        "--each", type=int, default=0, help="at least this many inputs per target (0)"
+    )
+    parser.add_argument("--inputs", type=int, default=1 << 62, help="at most this many inputs")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the random numbers (1)")
+    parser.add_argument("--target", action="append", help="only this target; may be repeated")
+    parser.add_argument(
+        "--without", action="append", default=[], help="without this target; may be repeated"
+    )
     parser.add_argument("--keep", action="store_true", help="write findings to the corpus")
     arguments = parser.parse_args(argv)
     known = all_targets()
@@ -187,7 +191,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _disk() -> Path | None:
-    """In memory where the system has such a folder: thousands of small files are written."""
+    """A folder in memory, if the system has one: the children write thousands of small files."""
     return MEMORY_DISK if MEMORY_DISK.is_dir() and os.access(MEMORY_DISK, os.W_OK) else None
 
 

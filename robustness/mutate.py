@@ -13,11 +13,11 @@ Mutation = Callable[[Random, bytes, Sequence[bytes]], bytes]
 _TOKEN = re.compile(r'"[^"\n]*"|[\w.+-]+|\s+|.', re.DOTALL)
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 MOST = 1 << 20
-"""Bytes of an input: larger ones find little and cost time."""
+"""The largest input in bytes: larger inputs cost time and find little."""
 
 
 def how_many(draw: Random) -> int:
-    """Mostly one change: several hide each other."""
+    """The number of changes, mostly one: several hide each other."""
     count = 1
     while count < 12 and draw.random() < 0.4:
         count += 1
@@ -58,7 +58,7 @@ def _damage(draw: Random, data: bytearray, seeds: Sequence[bytes]) -> None:
 
 
 def _word(draw: Random) -> bytes:
-    """A number as binary files hold it."""
+    """A number in binary form."""
     order = draw.choice("<>")
     if draw.random() < 0.5:
         form = draw.choice("BHIQ")

@@ -1,4 +1,4 @@
-"""Whether a scene that was taken can be traced: what no reader may hand on."""
+"""Checks of a scene that a reader accepted: whether it can be traced."""
 
 from __future__ import annotations
 
@@ -20,9 +20,8 @@ def check_scene(scene: Scene) -> None:
         array = getattr(scene, name)
         _must(len(array) in (0, count), f"{name} of {len(array)} of {count} triangles")
         _must(bool(np.isfinite(array).all()), f"{name} are not finite")
-    for name in ("normals",):
-        lengths = np.linalg.norm(scene.normals.astype(np.float64), axis=-1)
-        _must(bool((abs(lengths - 1) < 1e-3).all()), f"{name} are not unit vectors")
+    lengths = np.linalg.norm(scene.normals.astype(np.float64), axis=-1)
+    _must(bool((abs(lengths - 1) < 1e-3).all()), "normals are not unit vectors")
     ids = scene.material_ids
     _must(bool(((ids >= 0) & (ids < len(scene.materials))).all()), "material ids out of range")
     for material in scene.materials:
@@ -59,7 +58,7 @@ def _check_optics(scene: Scene) -> None:
     for motion in scene.motions:
         _must(bool(np.isfinite(motion.start).all() and np.isfinite(motion.end).all()), "a motion")
         inside = 0 <= motion.first <= motion.first + motion.count <= scene.triangle_count
-        _must(inside, "a motion of triangles that there are not")
+        _must(inside, "a motion of triangles that do not exist")
 
 
 def _storable(value: float) -> bool:

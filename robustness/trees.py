@@ -1,4 +1,4 @@
-"""Mutations of YAML and JSON that keep the syntax: of the tree that the text stands for."""
+"""Mutations of the tree that a YAML or JSON text describes; the syntax stays right."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DEPTHS = (3, 30, 300, 3000, 100_000)
 
 
 def damage_yaml(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """A changed tree as YAML; self-references come out as anchors and aliases."""
+    """A changed tree as YAML; self-references become anchors and aliases."""
     return _damage(draw, data, seeds, _load_yaml, _dump_yaml)
 
 
@@ -27,7 +27,7 @@ def damage_json(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
 
 
 def extreme_yaml(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """One number or two made extreme: most of these are legal, and go far."""
+    """The tree with one or two extreme numbers: most are legal, and pass many checks."""
     tree = [_load_yaml(data)]
     numbers = [
         (node, key) for node, key in places(tree)
@@ -125,7 +125,7 @@ _MARK = "deeply-nested"
 
 
 def _nested(draw: Random, text: str) -> str:
-    """Where the mark stands, a list within a list and so on: too deep for a writer's recursion."""
+    """Replace the mark by deeply nested lists, which a writer's recursion could not make."""
     depth = draw.choice(DEPTHS)
     opening, closing = draw.choice((("[", "]"), ('{"a": ', "}")))
     deep = opening * depth + "1" + closing * depth

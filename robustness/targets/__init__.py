@@ -1,4 +1,4 @@
-"""What is fuzzed: each target has seeds, mutations, and a judge of what comes of an input."""
+"""The targets of the fuzzer: each has seeds, mutations, and a judge of outcomes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WARM = (
     "lfcore.scene.pbrt", "trimesh.exchange.gltf", "scipy.spatial.transform", "scipy.stats", "cv2",
     "PIL.GifImagePlugin", "PIL.TiffImagePlugin", "PIL.WebPImagePlugin", "PIL.TgaImagePlugin",
 )  # fmt: skip
-"""What readers and commands import when they need it, imported once before the children."""
+"""Modules that readers and commands import late; the parent imports them before it forks."""
 MODULES = (
     "scenes", "meshes", "pictures", "exchange", "stores", "settings", "commands", "tracing",
 )  # fmt: skip
@@ -26,15 +26,22 @@ MODULES = (
 
 @dataclass(frozen=True)
 class Target:
-    """One way into the project.
+    """One way to feed input to the project.
 
-    seeds : called once with a folder of its own; whole inputs.
-    judge : (input, folder) to outcome; the folder holds the target's side files.
-    sides : writes the side files that inputs may name, into each folder of a child.
-    weight : share of the time.
-    batch : inputs of one child.
-    takes_seeds : each seed must be taken; else it may be refused (for want of a device).
-    portable : inputs mean the same on every machine, so that they can be kept.
+    seeds : callable
+        Called once with a folder of its own; returns valid inputs.
+    judge : callable
+        Maps (input, folder) to an outcome; the folder has the target's side files.
+    sides : callable
+        Writes the side files, which inputs may name, to each child's folder.
+    weight : float
+        The share of the time.
+    batch : int
+        The inputs per child.
+    takes_seeds : bool
+        Whether every seed must be accepted; else it may be refused (for lack of a device).
+    portable : bool
+        Whether inputs mean the same on every machine, so that they can be kept.
     """
 
     name: str
@@ -49,13 +56,13 @@ class Target:
     portable: bool = True
 
     def input(self, seed: int, index: int, seeds: Sequence[bytes]) -> bytes:
-        """Input ``index`` of the run ``seed``: always the same bytes."""
+        """Input ``index`` of the run with this seed: always the same bytes."""
         draw = Random(f"{seed}/{self.name}/{index}")
         return self.mutate(draw, draw.choice(seeds), seeds)
 
 
 def all_targets() -> dict[str, Target]:
-    """By name.  Imports the library: the parent of all children should be one that has."""
+    """All targets by name.  This imports the library, before the parent forks."""
     for name in WARM:
         import_module(name)
     modules = (import_module(f"robustness.targets.{name}") for name in MODULES)

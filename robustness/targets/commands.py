@@ -49,7 +49,7 @@ COMMANDS = (
     "imgtool tiles store.mkv out/t.exr",
     "imgtool lightfield --camsperdim 2 2 --griddim -1 1 -1 1 --focalplanez 4 in.exr out/l.exr",
     "imgtool lightfield --montecarlo --lensradius 0.1 --samplesperpixel 2 in.exr out/l.exr",
-    "imgtool lightfield --lens lens.dat --aperturediameter 3 in.exr out/l.exr",
+    "imgtool lightfield --lens lens.dat,stop=3 in.exr out/l.exr",
 )  # fmt: skip
 
 

@@ -7,8 +7,10 @@ import sys
 
 import pytest
 
+from lfcore.cli import parser
 from robustness import corpus
 from robustness.outcome import ROOT
+from robustness.targets.commands import COMMANDS
 
 pytestmark = pytest.mark.slow
 
@@ -26,3 +28,8 @@ def test_nothing_that_was_found_comes_back_and_nothing_new_in_a_few_hundred_inpu
     inputs, taken, refused, findings = (int(cell.replace(",", "")) for cell in row.split("|")[2:6])
     assert findings == 0 and taken > 0 and refused > 0
     assert inputs >= sum(len(corpus.kept(folder.name)) for folder in corpus.CORPUS.iterdir())
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_the_command_lines_that_are_damaged_are_whole(line):
+    parser(line.split()).parse_args(line.split())
