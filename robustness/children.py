@@ -90,7 +90,7 @@ def apart(work: Callable[[], list[bytes]]) -> list[bytes]:
 
 
 def _reports(pipe: int, patience: float) -> Iterator[Outcome]:
-    """A child's reports until it ends; :class:`TimeoutError` after ``patience`` seconds of silence."""
+    """A child's reports until it ends; :class:`TimeoutError` after ``patience`` silent seconds."""
     text, deadline = b"", time.monotonic() + patience
     while True:
         ready, _, _ = select.select([pipe], [], [], max(0.0, deadline - time.monotonic()))
