@@ -46,6 +46,7 @@ CONDA_NAMES = {
     "intel-opencl-rt": None,
     "intel-cmplr-lib-rt": None,
     "bjontegaard": None,
+    "dracopy": None,
 }
 
 

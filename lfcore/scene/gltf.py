@@ -1,15 +1,17 @@
 """What a glTF file says beside its meshes: lights, cameras, extensions, and what is not rendered.
 
 trimesh reads nodes, meshes, textures and factors; here is its JSON.  Source: Khronos, "glTF 2.0
-Specification", and the extensions KHR_lights_punctual, KHR_materials_unlit,
-KHR_materials_emissive_strength and KHR_texture_transform.
+Specification", and the extensions KHR_draco_mesh_compression, KHR_lights_punctual,
+KHR_materials_unlit, KHR_materials_emissive_strength and KHR_texture_transform.
 """
 
 from __future__ import annotations
 
+import base64
 import json
 import math
 import struct
+import urllib.parse
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import SceneError
+from lfcore.scene import draco
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.notes import LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.reading import LARGEST_MESH, read_bytes
@@ -28,12 +31,19 @@ SUFFIXES = (".glb", ".gltf")
 # Those that trimesh or this package knows; others may be used, but not required.
 KNOWN = (
     "EXT_texture_webp",
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_unlit",
     "KHR_texture_transform",
 )
+BASIS = "KHR_texture_basisu"
+REMEDIES = {
+    BASIS: "Convert its KTX2 textures to PNG, JPEG or WebP, e.g. with 'gltf-transform "
+    "ktxdecompress'",
+}
+"""What to do about a required extension; default: export the file without it."""
 DEEPEST_NODE = 200
 _HEAD, _CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
 _JSON = 0x4E4F534A
@@ -49,6 +59,11 @@ class FoundCamera:
 
     to_world: np.ndarray
     field_width: float
+
+
+def _has(entry: dict, extension: str) -> bool:
+    extensions = entry.get("extensions")
+    return isinstance(extensions, dict) and extension in extensions
 
 
 class Document:
@@ -72,18 +87,26 @@ class Document:
             raise self._broken("its JSON is no object")
         required = self.tree.get("extensionsRequired")
         unknown = set(map(str, required if isinstance(required, list) else ())) - set(KNOWN)
+        # Where KTX2 is optional there is another picture, but exporters forget to require it.
+        if any("source" not in texture and _has(texture, BASIS) for texture in self._textures()):
+            unknown = {BASIS}
         if unknown:
+            name = min(unknown)
             raise SceneError(
-                f"needs the extension {min(unknown)}, which is not known",
+                f"needs the extension {name}, which is not known",
                 file=self.path,
                 key="extensionsRequired",
-                remedy="Export the file without it",
+                remedy=REMEDIES.get(name, "Export the file without it"),
             )
 
     def _broken(self, problem: str) -> SceneError:
         return SceneError(
             f"mesh cannot be read: {problem}", file=self.path, remedy="Export it again"
         )
+
+    def _textures(self) -> list[dict]:
+        """The textures that EXT_texture_webp does not serve."""
+        return [each for each in self.objects("textures") if not _has(each, "EXT_texture_webp")]
 
     def _json_chunk(self) -> bytes:
         start = _HEAD.size + _CHUNK.size
@@ -101,22 +124,56 @@ class Document:
             value = value.get(key) if isinstance(value, dict) else None
         return [v if isinstance(v, dict) else {} for v in value] if isinstance(value, list) else []
 
-    def numbered(self) -> bytes:
-        """The file with the number of each material as its name, so that it can be found again."""
+    def view(self, number: int) -> bytes:
+        """The bytes of a bufferView; raises as :class:`Document`, or a LookupError or TypeError."""
+        view = self.tree["bufferViews"][number]
+        buffer = self.tree["buffers"][view["buffer"]]
+        start = view.get("byteOffset", 0)
+        uri = buffer.get("uri")
+        if uri is None:
+            data = self._raw[self._json_end + _CHUNK.size :]
+        elif uri.startswith("data:"):
+            data = base64.b64decode(uri.partition(",")[2])
+        else:
+            data = read_bytes(self.path.parent / urllib.parse.unquote(uri), LARGEST_MESH, "buffer")
+        found = data[start : start + view["byteLength"]]
+        if len(found) < view["byteLength"]:
+            raise self._broken("a buffer ends early")
+        return found
+
+    @property
+    def _json_end(self) -> int:
+        return _HEAD.size + _CHUNK.size + len(self._json_chunk())
+
+    def readable(self) -> bytes:
+        """The file with its meshes unpacked, and with the number of each material as its name, so
+        that the material can be found again."""
+        tree = self._unpacked() if draco.is_compressed(self.tree) else self.tree
         materials = [
             {**entry, "name": str(index)} for index, entry in enumerate(self.objects("materials"))
         ]
-        if not materials:
+        if not materials and tree is self.tree:
             return self._raw
-        text = json.dumps({**self.tree, "materials": materials}).encode()
+        text = json.dumps({**tree, **({"materials": materials} if materials else {})}).encode()
         if not self._binary:
             return text
         text += b" " * (-len(text) % 4)
-        rest = self._raw[_HEAD.size + _CHUNK.size + len(self._json_chunk()) :]
+        rest = self._raw[self._json_end :]
         size = _HEAD.size + _CHUNK.size + len(text) + len(rest)
         version = _HEAD.unpack_from(self._raw)[1]
         head = _HEAD.pack(b"glTF", version, size) + _CHUNK.pack(len(text), _JSON)
         return head + text + rest
+
+    def _unpacked(self) -> dict:
+        try:
+            return draco.unpacked(self.tree, self.view)
+        except ImportError:
+            raise SceneError(
+                "its meshes are compressed by Draco", file=self.path, key="extensionsUsed",
+                remedy="Install the package DracoPy, or export the file without compression",
+            ) from None  # fmt: skip
+        except (ValueError, LookupError, TypeError, AttributeError) as error:
+            raise self._broken(f"a mesh compressed by Draco is damaged: {error!r}") from None
 
     def material(self, number: str | None) -> dict:
         """The material of a name that :meth:`numbered` gave; empty for none."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import os
+import urllib.parse
 from pathlib import Path
 from typing import Any
 
@@ -124,7 +125,9 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
 
         def get(self, name: str) -> Any:
             try:
-                data = super().get(name)
+                # glTF's names are URIs: spaces and others are escaped.
+                escaped = document and not os.path.isfile(path.parent / name)
+                data = super().get(urllib.parse.unquote(name) if escaped else name)
             except (OSError, ValueError):
                 if name.strip().lower().endswith(".mtl"):
                     what = f"material library {name.strip()!r}, not found: the default material"
@@ -148,7 +151,7 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
         )
     resolver = Resolver(str(path), allow_anywhere=True)
     try:
-        with io.BytesIO(document.numbered()) if document else path.open("rb") as stream:
+        with io.BytesIO(document.readable()) if document else path.open("rb") as stream:
             scene = trimesh.load_scene(stream, file_type=kind, resolver=resolver, process=False)
     except Exception as error:  # trimesh's readers raise whatever they stumble over
         _check_found(resolver.trouble, path)
