@@ -28,6 +28,12 @@ class Parser(argparse.ArgumentParser):
         self.formatter_class, self.allow_abbrev = argparse.RawDescriptionHelpFormatter, False
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown and " " in self.prog:  # a command, which the whole program would not name
+            self.error(f"unknown: {' '.join(unknown)}")
+        return found, unknown
+
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{one_line(f'{self.prog}: {message}')}. See '{self.prog} --help'.\n")
 

@@ -348,6 +348,14 @@ def test_a_number_out_of_range_is_refused_in_one_line(tmp_path, capsys, words, f
     assert f"argument {flag}: " in said and names(tmp_path) == []
 
 
+@pytest.mark.parametrize("command", ["render", "imgtool tiles"])
+def test_an_unknown_option_names_its_command(capsys, command):
+    with pytest.raises(SystemExit):
+        main([*command.split(), "x", "-o", "y", "--sise", "4"])
+    said = capsys.readouterr().err
+    assert said.startswith(f"lfcore {command}: ") and "--sise" in said and said.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     "words",
     [
