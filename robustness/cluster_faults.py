@@ -11,8 +11,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
-import numpy as np
-
 from robustness.cluster_runs import ROOT, Run, run
 from robustness.disks import PAGE, small_disk
 from robustness.local_slurm import LocalSlurm, local_slurm
@@ -26,7 +24,6 @@ SMALL = (
 """A scene whose tracing is several submissions of seconds."""
 DISK_BYTES = 256 << 20
 """Of the disk that fills, which holds all that the run makes."""
-NO_HOME = "/nowhere/at/all"
 
 
 class Fault:
@@ -36,10 +33,6 @@ class Fault:
 
     def __init__(self, slurm: LocalSlurm, folder: Path):
         self.slurm, self.folder, self.happened = slurm, folder, False
-
-    def prolog(self) -> str:
-        """What the node's jobs are told before they begin; see :meth:`LocalSlurm.prolog`."""
-        return ""
 
     def beside(self) -> None:
         """Called now and then while the workflow runs."""
@@ -106,73 +99,7 @@ class Disk(Fault):
         yield from more_was_asked(done, failed)
 
 
-class Home(Fault):
-    """A node whose jobs have no home, nor a cache."""
-
-    name = "no home"
-
-    def prolog(self) -> str:
-        return f"echo unset XDG_CACHE_HOME\necho export HOME={NO_HOME}"
-
-    def beside(self) -> None:
-        """What runs on the node is looked at: that it was so in truth."""
-        if not self.happened:
-            self.happened = any(
-                f"HOME={NO_HOME}".encode() in environment for environment in self._environments()
-            )
-
-    def _environments(self) -> Iterator[bytes]:
-        for process in self.slurm.of_node():
-            try:
-                yield Path(f"/proc/{process}/environ").read_bytes()
-            except OSError:
-                continue
-
-    def missed(self, done: Run) -> Iterator[str]:
-        if not self.happened:
-            yield "every job had its home"
-
-
-class Processors(Home):
-    """Every second job runs on a processor without AVX-512, with the same cache of programs."""
-
-    name = "two kinds of processors"
-    kinds: frozenset[bool] = frozenset()
-
-    def prolog(self) -> str:
-        held = "\n".join(f"echo 'export {name}={value}'" for name, value in held_to_avx2().items())
-        cache = self.slurm.folder / "cache"
-        return (
-            f"echo export XDG_CACHE_HOME={cache}\n"
-            f"if [ $((SLURM_JOB_ID % 2)) = 0 ]; then\n{held}\nfi"
-        )
-
-    def beside(self) -> None:
-        """Whether jobs of both kinds were met."""
-        for environment in self._environments():
-            if b"XDG_CACHE_HOME=" in environment:
-                self.kinds |= {b"CL_CONFIG_CPU_TARGET_ARCH=core-avx2" in environment}
-        self.happened = self.kinds == {True, False}
-
-    def missed(self, done: Run) -> Iterator[str]:
-        if not self.happened:
-            yield f"not both kinds were met: {self.kinds}"
-        programs = [file for file in (self.slurm.folder / "cache").rglob("*") if file.is_file()]
-        if len(programs) < 2:
-            yield f"they share no cache: {programs}"
-
-
-FAULTS = {"node": Node, "disk": Disk, "home": Home, "processors": Processors}
-
-
-def held_to_avx2() -> dict[str, str]:
-    """Variables that hold OpenCL programs, numpy, its linear algebra and OpenCV to AVX2."""
-    found = np.show_config("dicts")["SIMD Extensions"]["found"]
-    wide = [name for name in found if name.startswith(("AVX512", "X86_V4"))]
-    return {
-        "CL_CONFIG_CPU_TARGET_ARCH": "core-avx2", "NPY_DISABLE_CPU_FEATURES": " ".join(wide),
-        "OPENBLAS_CORETYPE": "Haswell", "OPENCV_CPU_DISABLE": "AVX512-SKX",
-    }  # fmt: skip
+FAULTS = {"node": Node, "disk": Disk}
 
 
 def more_was_asked(done: Run, failed: list[dict[str, str]]) -> Iterator[str]:
@@ -214,8 +141,6 @@ def one_of(fault: type[Fault], folder: Path, cores: int, memory_mib: int) -> Run
             stack.enter_context(small_disk(place / "results", DISK_BYTES))
         slurm = stack.enter_context(local_slurm(slurm_folder, cores=cores, memory_mib=memory_mib))
         met = fault(slurm, place)
-        if lines := met.prolog():
-            slurm.prolog(lines)
         done = run(slurm, place, fault.name, SMALL, beside=met.beside)
         done.wrong += met.missed(done)
     return done

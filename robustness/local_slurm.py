@@ -34,7 +34,6 @@ CommunicationParameters=NoCtldInAddrAny,NoInAddrAny
 AuthType=auth/munge
 CryptoType=crypto/munge
 AuthInfo=socket={folder}/munge/socket
-TaskProlog={folder}/bin/prolog
 SlurmUser={user}
 SlurmdUser={user}
 StateSaveLocation={folder}/state
@@ -119,13 +118,6 @@ class LocalSlurm:
     def servers(self) -> list[int]:
         """Processes of the servers."""
         return [server.pid for server in self._servers]
-
-    def prolog(self, shell: str) -> None:
-        """What the node runs before each job: lines that it prints, ``export NAME=VALUE`` or
-        ``unset NAME``, are the job's."""
-        file = self.folder / "bin" / "prolog"
-        file.write_text(f"#!/bin/sh\n{shell}\n")
-        file.chmod(0o755)
 
     def start_node(self) -> None:
         """Start the server of the node, and wait until it takes jobs."""
@@ -258,7 +250,6 @@ def _start(slurm: LocalSlurm, folder: Path, conf: Path) -> None:
     slurm.start(program("slurmctld"), "-D", "-i", "-f", str(conf))
     log = folder / "slurmctld.log"
     _until(lambda: _succeeds(slurm, "scontrol", "ping"), 30, "slurmctld did not start", log)
-    slurm.prolog("")
     slurm.start_node()
 
 

@@ -1,4 +1,4 @@
-"""The throw-away SLURM, what a run says of a mistake there, and how runs are judged."""
+"""The throw-away SLURM, and how runs are judged."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from robustness import cluster, cluster_faults
-from robustness.cluster_runs import Run, digests, snakemake, working_seconds
+from robustness.cluster_runs import Run, digests, working_seconds
 from robustness.local_slurm import local_slurm, missing
 
 pytestmark = pytest.mark.slow
@@ -39,35 +39,6 @@ def slurm(tmp_path_factory):
         import shutil
 
         shutil.rmtree(folder, ignore_errors=True)
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("--default-resources", "slurm_partition=lnog"),
-        ("--set-resources", "parse:slurm_partition=main,lnog"),
-    ],
-)
-def test_a_partition_that_is_not_there_is_one_line_and_no_submission(slurm, tmp_path, words):
-    status, said = snakemake(
-        slurm, tmp_path / "run", "--configfile", "config/smoke.yaml", *words,
-        "--", "results/bike/scene.npz",
-    )  # fmt: skip
-    lines = [line for line in said.splitlines() if "'lnog'" in line]
-    assert status and len(lines) == 1 and "Traceback" not in said
-    assert "there is no partition 'lnog'. This cluster has main" in lines[0]
-    assert slurm.jobs() == []
-
-
-def test_what_slurm_refuses_is_one_line_with_its_reason(slurm, tmp_path):
-    status, said = snakemake(
-        slurm, tmp_path / "run", "--configfile", "config/smoke.yaml", "--retries", "0",
-        "--default-resources", "mem_mb=400000", "--", "results/bike/scene.npz",
-    )  # fmt: skip
-    lines = [line for line in said.splitlines() if "sbatch failed" in line]
-    assert status and len(lines) == 1 and "--wrap" not in lines[0]
-    assert "Memory specification can not be satisfied" in lines[0]
-    assert "COMPLETED" not in {one["state"] for one in slurm.jobs()}
 
 
 def test_a_node_dies_and_comes_back(slurm):
