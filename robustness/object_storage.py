@@ -3,8 +3,7 @@
     python -m robustness.object_storage           (make s3)
 
 The server is moto's, on the loopback interface.  Says whether the objects are those of a run that
-was not killed, reads a light field where it lies, and asks for a bucket that is not there.
-Skipped, aloud, where a package is missing.
+was not killed, and opens a light field by its name in the storage.  Skipped, aloud, where a package is missing.
 """
 
 from __future__ import annotations
@@ -122,7 +121,7 @@ def check(folder: Path, url: str, client) -> list[str]:
     print(f"killed after {before} objects, gone on with: status {status}, {len(found)} objects, "
           f"{'identical' if same else 'DIFFERENT'}", flush=True)  # fmt: skip
     wrong = [] if same and not status else [(folder / "killed" / "terminal").read_text()[-3000:]]
-    return wrong + where_it_lies(url) + no_bucket(url, folder)
+    return wrong + where_it_lies(url)
 
 
 def _names(client, bucket: str) -> list[str]:
@@ -143,16 +142,6 @@ def where_it_lies(url: str) -> list[str]:
     )  # fmt: skip
     print(done.stdout.strip(), flush=True)
     return [done.stderr[-1000:]] if done.returncode else []
-
-
-def no_bucket(url: str, folder: Path) -> list[str]:
-    """What a run says of a bucket that is not there."""
-    status = start(url, folder / "absent", "s3://absent/run").wait()
-    said = (folder / "absent" / "terminal").read_text()
-    lines = [line for line in said.splitlines() if "'absent'" in line]
-    print(f"a bucket that is not there: status {status}, {lines[-1:]}")
-    clear = status and lines and "Traceback" not in said
-    return [] if clear else [f"a bucket that is not there is not named: {said[-2000:]}"]
 
 
 def skipped(packages: Sequence[str], extras: str) -> bool:
