@@ -3,7 +3,8 @@
     python -m robustness.object_storage           (make s3)
 
 The server is moto's, on the loopback interface.  Says whether the objects are those of a run that
-was not killed, and opens a light field by its name in the storage.  Skipped, aloud, where a package is missing.
+was not killed, and opens a light field by its name in the storage.  Skipped, aloud, where a package
+is missing.
 """
 
 from __future__ import annotations
