@@ -59,23 +59,33 @@ def load_scene(
     view_from: str | None = None,
     zoom: float | None = None,
 ) -> Scene:
-    """The scene of any file that describes one.
+    """Load a scene from any file that describes one.
 
     Parameters
     ----------
-    path : a ``scene.yaml`` or the folder that holds one, a mesh (GLB, OBJ, PLY, STL, ...), which
-        gets a camera and a light, a ``.pbrt`` file, or a ``scene.npz`` of the workflow.  What a
-        foreign format says and cannot be mapped exactly is in the scene's ``notes``.
-    light_points : point lights that stand for each area light of a pbrt scene.
-    up : ``y`` or ``z``, the axis of a mesh that points up; glTF's is y.  Default: y, with a note in
-        the scene where z seems to be up.
-    view_from : the side that a mesh is seen from: ``"front"`` (+z), ``"back"``, ``"left"``,
-        ``"right"``, ``"top"``, or azimuth and elevation in degrees such as ``"30,20"``.
-    zoom : above 1, a narrower field of view from the same place.
+    path : str or Path
+        A ``scene.yaml`` or its folder; a mesh (GLB, OBJ, PLY, STL, ...), which gets a camera and a
+        light; a ``.pbrt`` file; or a ``scene.npz`` of the workflow.
+    light_points : int
+        Point lights that stand for each area light of a pbrt scene.
+    up : str, optional
+        ``y`` or ``z``: the upward axis of a mesh; glTF's is y.  Default: y, with a note in the
+        scene where z seems to be up.
+    view_from : str, optional
+        The side that a mesh is seen from: ``"front"`` (+z), ``"back"``, ``"left"``, ``"right"``,
+        ``"top"``, or azimuth and elevation in degrees such as ``"30,20"``.
+    zoom : float, optional
+        Above 1, a narrower field of view from the same place.
+
+    Returns
+    -------
+    Scene
+        Its ``notes`` say what a foreign format has that could not be mapped exactly.
 
     Raises
     ------
-    SceneError : the file is missing or damaged, or says what makes no scene.
+    SceneError
+        The file is missing or damaged, or describes no scene.
     """
     path = Path(path)
     if path.suffix.lower() == ".npz":
@@ -221,8 +231,20 @@ def render_to_quality(
         What :func:`load_scene` returns.
     quality : Quality
         The PSNR and the budget.  Its ``focus_range_m`` belongs to :func:`record`.
-    focus_m, f_number, focus_at, blur, planes, pixels, device
+    focus_m : float or str, optional
         As in :func:`render`.
+    f_number : float, optional
+        As in :func:`render`.
+    focus_at : (float, float), optional
+        As in :func:`render`.
+    blur : float or str, optional
+        As in :func:`render`.
+    planes : sequence of SensorPlane, optional
+        As in :func:`render`.
+    pixels : int
+        M, the pictures' side.
+    device : Device or str, optional
+        An open device, or part of its name.
     progress : callable, optional
         Called with (rays per pixel done, of those expected to be needed).
 
@@ -455,26 +477,39 @@ def trace_array(
     device: Device | str | None = None,
     progress: Progress | None = None,
 ) -> np.ndarray:
-    """Pictures of parallel pinhole cameras on a grid, side by side: the light field camera.
+    """Trace parallel pinhole cameras on a grid, side by side in one picture: a light field camera.
 
     Parameters
     ----------
-    array : the cameras, in the scene's camera space; default what the scene's own film asks for
+    scene : Scene
+        What :func:`load_scene` returns.
+    array : CameraArray, optional
+        The cameras, in the scene's camera space.  Default: those of the scene's own film
         (``Camera "lightfield"`` of pbrt, or ``camera.lightfield`` of a scene.yaml).
-    samples_per_pixel : rays a pixel; default the film's, or 1.
-    instants : of the shutter while objects move; default 1 at rest, else up to 16.
-    progress : called with (instants done, of all).
+    samples_per_pixel : int, optional
+        Rays per pixel.  Default: the film's, or 1.
+    instants : int, optional
+        Instants of the shutter while objects move.  Default: 1 at rest, else up to 16.
+    device : Device or str, optional
+        An open device, or part of its name.
+    progress : callable, optional
+        Called with (instants done, of all).
 
     Returns
     -------
-    (Ny h, Nx w, 3) float32, linear radiance, not clamped; the array of the scene's own film is
-    ``scene.view.array``.
+    ndarray
+        (Ny h, Nx w, 3) float32, linear radiance, not clamped; for
+        :meth:`LightField.from_views`.  The array of the scene's own film is ``scene.view.array``.
 
     Raises
     ------
-    OpticsError : neither an array nor a film, or no samples.
-    DeviceError : no device, or none whose name fits.
+    OpticsError
+        Neither an array nor a film, or no samples.
+    DeviceError
+        There is no device, or none of that name.
 
+    Notes
+    -----
     Source: CS348b's third assignment; pbrt's light field camera.
     """
     from lfcore.rendering.photograph import photograph

@@ -17,15 +17,19 @@ LONGEST_TEXT = 1000
 class LfcoreError(Exception):
     """Base of every error that lfcore raises on bad input.
 
-    The command line and the workflow scripts print ``str(error)`` alone, without a traceback,
-    and exit with status 1.
+    The command line and the workflow's scripts print ``str(error)`` alone, without a traceback, and
+    exit with status 1.
 
     Parameters
     ----------
-    problem : what is wrong, one sentence without a full stop.
-    file : the file it was found in.
-    key : the key, element or option within that file, e.g. ``camera.focus_m``.
-    remedy : what to do about it, one sentence without a full stop.
+    problem : str
+        What is wrong, one sentence without a full stop.
+    file : str or Path, optional
+        The file it was found in.
+    key : str, optional
+        The key, element or option within that file, such as ``camera.focus_m``.
+    remedy : str, optional
+        What to do about it, one sentence without a full stop.
     """
 
     def __init__(
@@ -45,7 +49,22 @@ class LfcoreError(Exception):
     def named(
         self, kind: type[Error], *, file: str | Path | None = None, key: str | None = None
     ) -> Error:
-        """The same problem and remedy as an error of ``kind``, of this file and key if given."""
+        """Make an error of another kind from this one.
+
+        Parameters
+        ----------
+        kind : type
+            The subclass of :class:`LfcoreError`.
+        file : str or Path, optional
+            The file to name.  Default: this error's.
+        key : str, optional
+            The key to name.  Default: this error's.
+
+        Returns
+        -------
+        LfcoreError
+            With the same problem and remedy.
+        """
         return kind(self.problem, file=file or self.file, key=key or self.key, remedy=self.remedy)
 
 

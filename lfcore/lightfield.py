@@ -6,12 +6,10 @@ picture = lfcore.LightField.open("lightfield.mkv").refocus(focus_m=3.2, f_number
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,18 +17,11 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
-from lfcore.optics.focus import (
-    DepthRange,
-    check_place,
-    ends_of,
-    exclude_twice,
-    f_number_of_blur,
-    focus_distance,
-)
-from lfcore.optics.planes import PlaneOptions, SensorPlane, check_keywords
+from lfcore.optics.planes import SensorPlane, check_keywords
 from lfcore.optics.slab import Slab
+from lfcore.refocus.field_planes import FieldPlanes
 from lfcore.refocus.focal_stack import focal_stack
-from lfcore.refocus.free_views import inverse_depth, views_at
+from lfcore.refocus.free_views import views_at
 from lfcore.refocus.from_views import store_arrays
 from lfcore.refocus.resampling import check_filter
 from lfcore.refocus.shift_sum import shift_sum
@@ -42,7 +33,6 @@ from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.labelled import labelled_views
-from lfcore.storage.lightfield import LightFieldFile
 from lfcore.viewer.page import ViewerPage, viewer_page
 
 if TYPE_CHECKING:
@@ -52,13 +42,11 @@ Progress = Callable[[int, int], None]
 
 PLANE_KEYWORDS = ("focus_at", "blur", "disparity_px", "aperture_views")
 """The keywords of :meth:`LightField.plane` beside those of :class:`PlaneOptions`."""
-FARTHEST = 0.9
-"""The inverse depth that is a miss, at most: a share of that of the farthest surface."""
 METHODS = ("slicing", "shift-sum")
 MOST_PLANES = 100
 
 
-class LightField(LightFieldFile):
+class LightField(FieldPlanes):
     """A light field file: its geometry, its rays, and pictures made of them.
 
     Made by :meth:`open`, :meth:`from_views`, :func:`lfcore.record` and
@@ -122,7 +110,7 @@ class LightField(LightFieldFile):
         return cls.open(path)
 
     def to_xarray(self, *, codes: bool = False) -> xarray.DataArray:
-        """All views as a lazy array with named dimensions.
+        """Label all views as a lazy array with named dimensions.
 
         Parameters
         ----------
@@ -138,102 +126,9 @@ class LightField(LightFieldFile):
         Raises
         ------
         LfcoreError
-            xarray or dask is not installed.
+            Package xarray or dask is not installed.
         """
         return labelled_views(self, codes=codes)
-
-    def plane(
-        self,
-        focus_m: float | str | None = None,
-        f_number: float | None = None,
-        aperture: str = "circle",
-        *,
-        focus_at: Sequence[float] | None = None,
-        blur: float | str | None = None,
-        disparity_px: float | None = None,
-        aperture_views: float | None = None,
-        **options: Unpack[PlaneOptions],
-    ) -> SensorPlane:
-        """The sensor plane of these settings.
-
-        Parameters
-        ----------
-        focus_m : focus distance, metres; default the recorded one; ``math.inf`` allowed.
-            ``"near"``, ``"middle"``, ``"far"`` or ``"40%"`` of the depth that the file holds.
-        f_number : no wider than the lens; default the whole lens.
-        aperture : ``circle``, ``square``, ``diamond`` or ``polygon`` (of ``blades`` corners, 6).
-        focus_at : instead of a distance, a place (x, y) in the picture, from 0 to 1 from its upper
-            left corner, of a file with depth: what the middle view shows there is in focus.
-        blur : instead of an f-number, the diameter of the blur at the end of the file's depth that
-            is more out of focus, a share of the picture's width: 0.03 or ``"3%"``.
-        disparity_px : instead of a distance, pixels by which what is in focus moves from one view
-            to the next; 0 as recorded, more is nearer.
-        aperture_views : instead of an f-number, the aperture's diameter in views.
-        rotation_deg : of a polygon, degrees.
-        normalise : divide by the open aperture (default); else the picture dims as the lens stops
-            down.
-        keep_magnification : of the physical sensor, which moves when it is focused; default not.
-
-        Raises :class:`OpticsError`, naming file and key, for what was not recorded.
-        """
-        slab = self.require_slab()
-        check_keywords("LightField.plane", options)
-        try:
-            exclude_twice(focus_m=focus_m, focus_at=focus_at, disparity_px=disparity_px)
-            exclude_twice(f_number=f_number, blur=blur, aperture_views=aperture_views)
-            asked = {"focus_m": focus_m, "focus_at": focus_at, "f_number": f_number, "blur": blur}
-            asked["keep_magnification"] = options.get("keep_magnification") or None
-            for key, value in asked.items():
-                if value is not None:
-                    self.require_metric(key)
-            distance = self._focus(focus_m, focus_at)
-            if disparity_px is not None:
-                distance = self.distance_of(disparity_px)
-            if aperture_views is not None:
-                f_number = self.f_number_of(aperture_views)
-            elif blur is not None:
-                f_number = f_number_of_blur(
-                    blur, slab.camera.focal_length_m,
-                    slab.camera.focus_m if distance is None else distance,
-                    slab.camera.field_width, self._seen,
-                )  # fmt: skip
-            plane = SensorPlane.of(slab.camera, distance, f_number, aperture, **options)
-            plane.check(slab)
-            plane.lens_aperture(slab)
-        except OpticsError as error:
-            raise error.named(OpticsError, file=self.path) from None
-        return plane
-
-    def _focus(self, focus_m: float | str | None, place: Sequence[float] | None) -> float | None:
-        """The focus distance in metres; None for the recorded one."""
-        if place is not None:
-            x, y = check_place(place)
-            depth = self._middle_depth
-            row, column = (min(int(share * len(depth)), len(depth) - 1) for share in (y, x))
-            if math.isinf(depth[row, column]):
-                raise OpticsError(
-                    f"there is nothing at {x:g},{y:g} of the picture", key="focus_at",
-                    remedy="Give a place where something is seen",
-                )  # fmt: skip
-            return float(depth[row, column])
-        return None if focus_m is None else focus_distance(focus_m, self._seen)
-
-    @cached_property
-    def _middle_depth(self) -> np.ndarray:
-        """(M, M) float64: the depth that the middle view shows, metres, infinity for a miss."""
-        inverse = inverse_depth(self)
-        # The codec leaves a little of the surfaces around in a miss.
-        least = FARTHEST / self.depth_range[1] if self.depth_range else 0.0
-        with np.errstate(divide="ignore"):
-            return np.where(inverse > least, 1.0 / inverse, np.inf)
-
-    @cached_property
-    def _seen(self) -> DepthRange | None:
-        """The ends of the depth that the middle view shows, as for a scene; of a file without
-        depth the ends that it states."""
-        if self.metadata.depth is not None:
-            return ends_of(self._middle_depth[np.isfinite(self._middle_depth)])
-        return DepthRange(*self.depth_range) if self.depth_range else None
 
     def refocus(
         self,
@@ -248,17 +143,36 @@ class LightField(LightFieldFile):
         progress: Progress | None = None,
         **more: Any,
     ) -> np.ndarray:
-        """One picture, (M, M, 3) float32, linear light.
+        """Make one picture.
 
         Parameters
         ----------
-        focus_m, f_number, aperture, more : what :meth:`plane` takes.
-        method, filter, pixels, device, progress : what :meth:`refocus_many` takes.
+        focus_m, f_number : float, optional
+            As in :meth:`plane`.
+        aperture : str
+            As in :meth:`plane`.
+        method, filter : str, optional
+            As in :meth:`refocus_many`.
+        pixels : int, optional
+            As in :meth:`refocus_many`.
+        device : Device or str, optional
+            An open device, or part of its name.
+        progress : callable, optional
+            Called with (frames done, of all).
+        **more
+            Other settings of :meth:`plane`.
+
+        Returns
+        -------
+        ndarray
+            (M, M, 3) float32, linear light.
 
         Raises
         ------
-        OpticsError : the slab does not hold what is asked for.
-        StorageError : the file is damaged.
+        OpticsError
+            The light field does not hold such a picture.
+        StorageError
+            The file is damaged.
         """
         check_keywords("LightField.refocus", more, PLANE_KEYWORDS)
         plane = self.plane(focus_m, f_number, aperture, **more)
@@ -277,18 +191,38 @@ class LightField(LightFieldFile):
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> np.ndarray:
-        """(P, M, M, 3) float32, linear light: up to 100 pictures from one pass over the file.
+        """Make up to 100 pictures from one pass over the file.
 
         Parameters
         ----------
-        method : ``slicing`` (Algorithm 4), which has the nearest filter only, or ``shift-sum``
-            (equation 6.1); default slicing where the filter is the nearest.
-        filter : ``depth`` spreads each ray over what its part of the lens sweeps, as
-            :func:`lfcore.render` does: the default where the file holds depth; ``nearest``, the
-            default else, or ``bilinear``.
-        pixels : M; default what the file was traced for by depth, and of its views else.  Slicing
-            adds rays to pictures coarser than the views by their exact place.
-        progress : called with (frames done, frames in all).
+        planes : sequence of SensorPlane
+            What :meth:`plane` returns, one per picture.
+        method : str, optional
+            ``slicing`` (Algorithm 4), which has the nearest filter only, or ``shift-sum``
+            (equation 6.1).  Default: slicing where the filter is the nearest.
+        filter : str, optional
+            ``depth`` spreads each ray over the part of the picture that its part of the lens
+            sweeps, as :func:`lfcore.render` does: the default where the file holds depth.
+            ``nearest``, the default else, or ``bilinear``.
+        pixels : int, optional
+            M.  Default: by depth the pixels that the file was traced for, else those of its views.
+            Slicing adds rays to pictures coarser than the views by their exact place.
+        device : Device or str, optional
+            An open device, or part of its name.
+        progress : callable, optional
+            Called with (frames done, of all).
+
+        Returns
+        -------
+        ndarray
+            (P, M, M, 3) float32, linear light.
+
+        Raises
+        ------
+        OpticsError
+            The light field does not hold such a picture, or the method lacks the filter.
+        StorageError
+            The file is damaged.
         """
         self.require_slab()
         if filter is None:
@@ -310,23 +244,45 @@ class LightField(LightFieldFile):
         progress: Progress | None = None,
         **more: Any,
     ) -> np.ndarray:
-        """A focal stack, an aperture stack or both, from one pass over the file.
+        """Make a focal stack, an aperture stack or both from one pass over the file.
 
         Parameters
         ----------
-        focus_m : focus distances, metres; default the recorded one.
-        f_numbers : default the whole lens.
-        aperture, more : what :meth:`plane` takes.
-        fast : a focal stack of one aperture whose views are first added in blocks: many pictures
-            for the price of a few, within half a pixel of blur at the rim of the lens.
-        filter, pixels : what :meth:`refocus_many` takes.
+        focus_m : sequence of float, optional
+            Focus distances in metres.  Default: as recorded.
+        f_numbers : sequence of float, optional
+            Default: the whole lens.
+        aperture : str
+            As in :meth:`plane`.
+        fast : bool
+            Add the views in blocks first: many pictures of one aperture at the cost of a few,
+            within half a pixel of blur at the rim of the lens.  Takes neither filter nor pixels.
+        filter : str, optional
+            As in :meth:`refocus_many`.
+        pixels : int, optional
+            As in :meth:`refocus_many`.
+        device : Device or str, optional
+            An open device, or part of its name.
+        progress : callable, optional
+            Called with (frames done, of all).
+        **more
+            Other settings of :meth:`plane`.
 
         Returns
         -------
-        (P, M, M, 3) float32, linear light: at each distance every f-number, in their order.
+        ndarray
+            (P, M, M, 3) float32, linear light: for each distance every f-number, in their order.
 
-        Raises as :meth:`refocus`.  Source: thesis, figures 4.2 to 4.4; for ``fast`` see
-        :mod:`lfcore.refocus.focal_stack`.
+        Raises
+        ------
+        OpticsError
+            The light field does not hold such a picture.
+        StorageError
+            The file is damaged.
+
+        Notes
+        -----
+        Source: thesis, figures 4.2 to 4.4; for ``fast`` :mod:`lfcore.refocus.focal_stack`.
         """
         check_keywords("LightField.stack", more, PLANE_KEYWORDS)
         planes = [
@@ -354,9 +310,30 @@ class LightField(LightFieldFile):
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> np.ndarray:
-        """Views from any points of the lens, between those that are stored, of a file with depth.
+        """Make views from any points of the lens, between the stored ones, of a file with depth.
 
-        Parameters, result and errors as of :func:`lfcore.refocus.free_views.views_at`.
+        Parameters
+        ----------
+        points_m : array_like
+            (K, 2) metres: s to the right and t down.
+        pixels : int, optional
+            The pictures' side.  Default: the pixels that the file was traced for.
+        device : Device or str, optional
+            An open device, or part of its name.
+        progress : callable, optional
+            Called with (views done, of all).
+
+        Returns
+        -------
+        ndarray
+            (K, pixels, pixels, 3) float32, linear light, all in focus.
+
+        Raises
+        ------
+        OpticsError
+            Points outside the lens, a file without depth, or too many rays to hold.
+        StorageError
+            The file is damaged.
         """
         return views_at(self, points_m, pixels, device=device, progress=progress)
 
@@ -368,20 +345,29 @@ class LightField(LightFieldFile):
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> np.ndarray:
-        """Exact depth of views, traced anew: a file holds colours alone, or depths of few bits.
+        """Trace the exact depth of views: a file holds no depth, or depths of few bits.
 
         Parameters
         ----------
-        scene : what was recorded; nothing here can tell whether it is another.
-        samples : (K, 2) integer, lens samples (i, j); default all, row by row.
-        progress : called with (views done, of all).
+        scene : Scene
+            The scene that was recorded; it is not compared.
+        samples : array_like, optional
+            (K, 2) integer lens samples (i, j).  Default: all, row by row.
+        device : Device or str, optional
+            An open device, or part of its name.
+        progress : callable, optional
+            Called with (views done, of all).
 
         Returns
         -------
-        (K, M, M) float32, metres along the axis, infinity for a miss; see
-        :func:`lfcore.rendering.depth.disparity` for pixels.
+        ndarray
+            (K, M, M) float32, metres along the axis, infinity for a miss; see
+            :func:`lfcore.rendering.depth.disparity` for pixels.
 
-        Raises :class:`OpticsError` for samples outside the lens.
+        Raises
+        ------
+        OpticsError
+            Samples outside the lens.
         """
         tracer = open_tracer(scene, device)
         return depth_of_views(tracer, self.require_grid(), samples, progress=progress)
@@ -393,8 +379,22 @@ class LightField(LightFieldFile):
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> np.ndarray:
-        """(M, M, 3) float32, linear light: every point in focus, averaged over all views that
-        see it.  Parameters as :meth:`depth`; see :func:`lfcore.rendering.depth.all_in_focus`."""
+        """Make a picture with every point in focus, averaged over all views that see it.
+
+        Parameters
+        ----------
+        scene : Scene
+            The scene that was recorded; it is not compared.
+        device : Device or str, optional
+            An open device, or part of its name.
+        progress : callable, optional
+            Called with (views done, of all).
+
+        Returns
+        -------
+        ndarray
+            (M, M, 3) float32, linear light; see :func:`lfcore.rendering.depth.all_in_focus`.
+        """
         slab, tracer = self.require_grid(), open_tracer(scene, device)
         centre = depth_of_views(tracer, Slab(slab.camera, 1, slab.pixels))[0]
         everything = all_samples(slab)
@@ -422,62 +422,30 @@ class LightField(LightFieldFile):
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> ViewerPage:
-        """A page for the browser in which one looks around, focuses and stops down.
+        """Make a page for the browser, to look around, focus and stop down.
 
-        A notebook shows it in a frame; ``save(path)`` writes it.  Parameters and errors as of
-        :func:`lfcore.viewer.page.viewer_page`.
+        Parameters
+        ----------
+        grid, pixels : int, optional
+            Views per side, and pixels of a view's longer side.
+        format : str
+            ``avif`` or ``webp``.
+        jpeg_quality : int
+            The quality of the pictures' encoder, 1 to 100.
+        device : Device or str, optional
+            An open device, or part of its name.
+        progress : callable, optional
+            Called with (frames done, of all).
+
+        Returns
+        -------
+        ViewerPage
+            A notebook shows it in a frame; ``save(path)`` writes it.
         """
         return viewer_page(
             self, grid=grid, pixels=pixels, format=format, jpeg_quality=jpeg_quality,
             device=device, progress=progress,
         )  # fmt: skip
-
-    def distance_of(self, disparity_px: float) -> float:
-        """Metres at which points move by that many pixels from one view to the next.
-
-        The metres of the file's own slab: see :attr:`metric`.  Raises :class:`OpticsError` for a
-        disparity beyond that of infinity.
-        """
-        slab = self.require_slab()
-        step = slab.pixel_pitch / slab.lens_pitch_m
-        delta = slab.camera.delta + disparity_px * step
-        if abs(delta) < 1e-12 * step:
-            return math.inf
-        if not delta > 0:
-            raise OpticsError(
-                f"nothing has a disparity of {disparity_px:g} pixels: infinity has "
-                f"{-slab.camera.delta / step:.4g}",
-                file=self.path,
-                key="disparity",
-            )
-        return 1.0 / delta
-
-    def disparity_of(self, distance_m: float) -> float:
-        """Pixels by which a point at that distance moves; see :meth:`distance_of`."""
-        slab = self.require_slab()
-        return (1.0 / distance_m - slab.camera.delta) * slab.lens_pitch_m / slab.pixel_pitch
-
-    def f_number_of(self, aperture_views: float) -> float:
-        """The f-number of an aperture that is so many views across."""
-        slab = self.require_slab()
-        if not 0 < aperture_views <= slab.views:
-            raise OpticsError(
-                f"must be more than 0 and at most {slab.views}, not {aperture_views:g}",
-                file=self.path,
-                key="aperture_views",
-            )
-        return slab.camera.focal_length_m / (aperture_views * slab.lens_pitch_m)
-
-    def require_metric(self, key: str) -> None:
-        """Raise :class:`OpticsError` where distances and f-numbers are not known."""
-        if not self.metric:
-            raise OpticsError(
-                "does not hold its geometry: there are neither distances nor f-numbers",
-                file=self.path,
-                key=key,
-                remedy="Focus by disparity, stop down by views, or import it again with "
-                "--baseline, --field-of-view and --focus",
-            )
 
     def _refocus(
         self,
@@ -505,9 +473,9 @@ class LightField(LightFieldFile):
         return form_planes(self, planes, device=device, progress=progress).sums.pictures()
 
 
-def _numbers(given: Sequence[float] | np.ndarray | None) -> list[float] | list[None]:
+def _numbers(given: Sequence | np.ndarray | None) -> list:
     """The numbers of a stack; None for the one that is recorded."""
-    found = [] if given is None else np.ravel(given).tolist()
+    found = [] if given is None else [given] if isinstance(given, str) else list(given)
     return found or [None]
 
 

@@ -53,19 +53,24 @@ def check_bits(path: str | Path, bits: int) -> None:
 def write_picture(
     path: str | Path, picture: np.ndarray, *, half: bool = False, bits: int = 8
 ) -> None:
-    """Write one picture; the name says the format.
+    """Write one picture; the suffix of the name is the format.
 
     Parameters
     ----------
-    picture : (H, W, 3), also (H, W) except in EXR; uint8 and (PNG, TIFF and PPM) uint16 are sRGB
-        codes, floats linear light.
-        Any array to ``.npy``.
-    half : 16-bit floats in EXR.
-    bits : 8, or 16 in PNG and TIFF: of the codes of linear light.
+    path : str or Path
+        The file; it appears when it is whole.
+    picture : ndarray
+        (H, W, 3), also (H, W) except in EXR; any array to ``.npy``.  Floats are linear light, uint8
+        and uint16 sRGB codes.
+    half : bool
+        Write 16-bit floats in EXR.
+    bits : int
+        8, or 16 in PNG and TIFF: of the codes of linear light.
 
     Raises
     ------
-    LfcoreError : a name of no known format, or a file that cannot be written; none is left then.
+    LfcoreError
+        A name of no known format, or a file that cannot be written; none is left.
     """
     write_pictures([(path, picture)], half=half, bits=bits)
 

@@ -44,16 +44,34 @@ def export_lightfield(
     device: Device | str | None = None,
     options: WriteOptions | None = None,
 ) -> list[str]:
-    """Write ``folder`` with the light field in that format; returns what there is to say of it.
+    """Write a light field in the format of another program.
 
     Parameters
     ----------
-    format : name in :data:`lfcore.exchange.table.FORMATS`.
-    selection : some of the views, a part of the picture; default all.
-    scene : what the light field was traced from, for the depth of every view.
+    lightfield : str, Path or LightField
+        The file, or an open one.
+    format : str
+        A name in :data:`lfcore.exchange.table.FORMATS`.
+    folder : str or Path
+        The folder to write; it appears when it is whole.
+    selection : Selection, optional
+        Some of the views, or a part of the picture.  Default: all.
+    scene : Scene, optional
+        The scene that was recorded, for the depth of every view.
+    device : Device or str, optional
+        An open device, or part of its name.
+    options : WriteOptions, optional
+        Settings of single formats.
 
-    Raises :class:`StorageError` for what the format or the file does not hold; no folder is left
-    then.
+    Returns
+    -------
+    list of str
+        Notes on what the format does not hold.
+
+    Raises
+    ------
+    StorageError
+        The format or the file lacks something; no folder is left.
     """
     row = table.find(format)
     folder, options = Path(folder), replace(options or WriteOptions())  # without its notes

@@ -153,19 +153,27 @@ def _is_usable(device: cl.Device) -> bool:
 def open_device(
     name: str | None = None, *, threads: int | None = None, lanes: int | None = None
 ) -> Device:
-    """Open a device.
+    """Open an OpenCL device.
 
     Parameters
     ----------
-    name : part of a device's or platform's name, upper or lower case; default the environment
+    name : str, optional
+        Part of a device's or platform's name, in upper or lower case.  Default: the environment
         variable ``LFCORE_DEVICE``, else the first CPU, else the first of all.
-    threads : CPU threads to use; default ``LFCORE_THREADS``, else all of them.
-    lanes : 1, 4, 8 or 16; default 1 on a GPU and the native float width on a CPU.
+    threads : int, optional
+        CPU threads to use.  Default: ``LFCORE_THREADS``, else all of them.
+    lanes : int, optional
+        1, 4, 8 or 16.  Default: 1 on a GPU, and the native float width on a CPU.
+
+    Returns
+    -------
+    Device
+        The device.
 
     Raises
     ------
-    DeviceError : no driver, none whose name fits, an ``LFCORE_THREADS`` that is no number, or fewer
-        than one thread.
+    DeviceError
+        No driver, none whose name fits, or an ``LFCORE_THREADS`` that is no number.
     """
     if threads is not None and threads < 1:
         raise DeviceError(f"must be at least 1, not {threads}", key="threads")

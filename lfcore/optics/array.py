@@ -37,21 +37,26 @@ _ON_GRID = 1e-6
 
 @dataclass(frozen=True)
 class CameraArray:
-    """Nx x Ny parallel pinholes of equal field and resolution.
+    """Parallel pinholes on a grid, Nx x Ny of equal field and resolution.
 
     Parameters
     ----------
-    columns_m, rows_m : strictly increasing x and y of the cameras, metres, camera space.
-    fov_deg : full field of view over the *shorter* side of a tile (as pbrt), degrees.
-    tile : (width, height) of each camera's picture in pixels.
-    margin_m : (x, y), how far beyond the outermost cameras rays still belong to the array: half a
-        spacing where the cameras stand in the middle of cells, else 0.
-    delta : inverse of the distance at which the pictures coincide, dioptres; 0 for parallel axes.
+    columns_m, rows_m : tuple of float
+        Strictly increasing x and y of the cameras, metres, camera space.
+    fov_deg : float
+        Full field of view over the *shorter* side of a tile (as pbrt), degrees.
+    tile : (int, int)
+        Width and height of each camera's picture, pixels.
+    margin_m : (float, float)
+        How far beyond the outermost cameras rays still belong to the array, in x and y: half a
+        spacing where the cameras are in the middle of cells, else 0.
+    delta : float
+        Inverse distance at which the pictures coincide, dioptres; 0 for parallel axes.
 
     Raises
     ------
-    OpticsError : positions that are not finite or not increasing, a field outside (0, 180), an
-        empty tile.
+    OpticsError
+        Positions that are not finite or not increasing, a field outside (0, 180), an empty tile.
     """
 
     columns_m: tuple[float, ...]
@@ -90,14 +95,26 @@ class CameraArray:
         tile: Sequence[int],
         spacing: str = "ends",
     ) -> CameraArray:
-        """Cameras equally spaced within the assignment's bounds.
+        """Space cameras equally within the assignment's bounds.
 
         Parameters
         ----------
-        cameras : (Nx, Ny).
-        bounds : minX maxX minY maxY, metres, **y up** as in pbrt's camera space.
-        spacing : ``ends`` puts the outermost cameras on the bounds (n - 1 gaps), ``cells`` puts
-            each camera in the middle of one of n cells.
+        cameras : (int, int)
+            Nx and Ny.
+        bounds : (float, float, float, float)
+            minX maxX minY maxY, metres, **y up** as in pbrt's camera space.
+        fov_deg : float
+            Full field of view over the shorter side of a tile, degrees.
+        tile : (int, int)
+            Width and height of each camera's picture, pixels.
+        spacing : str
+            ``ends`` puts the outermost cameras on the bounds (n - 1 gaps), ``cells`` puts each
+            camera in the middle of one of n cells.
+
+        Returns
+        -------
+        CameraArray
+            The cameras.
         """
         if spacing not in SPACINGS:
             raise OpticsError(f"unknown spacing {spacing!r}", remedy=f"Use one of {SPACINGS}")

@@ -14,18 +14,23 @@ from lfcore.errors import OpticsError
 
 @dataclass(frozen=True)
 class Camera:
-    """A thin lens of aperture ``f_number`` before a square sensor.
+    """A thin lens before a square sensor.
 
     Parameters
     ----------
-    focal_length_m, sensor_width_m : metres.
-    f_number : focal length over the diameter of the lens.
-    focus_m : from the lens to the plane in focus, metres; ``math.inf`` allowed.
+    focal_length_m : float
+        Focal length, metres.
+    sensor_width_m : float
+        Side of the sensor, metres.
+    f_number : float
+        Focal length over the diameter of the lens.
+    focus_m : float
+        Distance from the lens to the plane in focus, metres; ``math.inf`` is allowed.
 
     Raises
     ------
     OpticsError
-        for a value that is not positive, or a focus inside the focal length.
+        A value that is not positive, or a focus inside the focal length.
     """
 
     focal_length_m: float

@@ -31,11 +31,19 @@ NORMALISATIONS = ("aperture", "lens")
 
 @dataclass(frozen=True)
 class Aperture:
-    """An opening in the lens plane.
+    """An aperture in the lens plane.
 
-    ``shape`` is inscribed in the circle of radius ``radius_m`` -- except ``square``, whose half
-    side is ``radius_m`` so that the square of the whole lens grid is reachable.  ``polygon``
-    has ``blades`` corners, the first at ``rotation_deg`` from +x.
+    Parameters
+    ----------
+    shape : str
+        ``circle``, ``diamond``, ``polygon``, inscribed in the circle of the radius, or ``square``,
+        whose half side is the radius, so that the square of the whole lens grid can be had.
+    radius_m : float
+        Metres.
+    blades : int
+        Corners of a polygon.
+    rotation_deg : float
+        Angle of a polygon's first corner from +x, degrees.
     """
 
     shape: str
@@ -91,12 +99,28 @@ def check_keywords(call: str, given: Mapping[str, object], more: Sequence[str] =
 
 @dataclass(frozen=True)
 class SensorPlane:
-    """One picture: where it is focused, through which aperture, how it is normalised.
+    """One picture: its focus, its aperture and its normalisation.
 
-    ``normalise`` divides by the open lens samples (``aperture``, thesis figure 4.4) or by all
-    N^2 of them, so that the picture dims as the lens stops down (``lens``, figure 4.3).
-    ``keep_magnification`` keeps the physical sensor's v'/v.  ``pixels`` is the side of a picture
-    coarser than the slab, on which rays fall by their exact place; default is the slab's own.
+    Parameters
+    ----------
+    focus_m : float
+        Focus distance, metres.
+    f_number : float
+        Focal length over the diameter of the aperture.
+    aperture : str
+        ``circle``, ``square``, ``diamond`` or ``polygon``.
+    blades : int
+        Corners of a polygon.
+    rotation_deg : float
+        Rotation of a polygon, degrees.
+    normalise : str
+        ``aperture`` divides by the open lens samples (thesis figure 4.4); ``lens`` by all N^2, so
+        that the picture dims as the lens stops down (figure 4.3).
+    keep_magnification : bool
+        Keep the physical sensor's v'/v.
+    pixels : int, optional
+        Side of a picture coarser than the slab, on which rays fall by their exact place.  Default:
+        the slab's own.
     """
 
     focus_m: float

@@ -46,11 +46,19 @@ class Extent:
 
 @dataclass(frozen=True)
 class Slab:
-    """A light slab recorded by ``camera`` with ``views`` (N) and ``pixels`` (M) a side.
+    """A light slab: the rays from N x N lens samples through M x M pixels.
 
-    Lens samples are the centres of an N x N grid over the square that encloses the lens; index
-    ``i`` runs along +x (s), ``j`` along +y (t).  Pixel ``u`` is the column, ``v`` the row.
-    ``extent`` is None where all views and pixels are there.
+    Lens samples are the centres of an N x N grid over the square around the lens; index ``i`` runs
+    along +x (s), ``j`` along +y (t).  Pixel ``u`` is the column, ``v`` the row.
+
+    Parameters
+    ----------
+    camera : Camera
+        The lens and sensor.
+    views, pixels : int
+        N and M.
+    extent : Extent, optional
+        The views and pixels that there are.  Default: all.
     """
 
     camera: Camera

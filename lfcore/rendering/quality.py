@@ -25,26 +25,25 @@ from lfcore.tracing.tracer import Tracer
 
 PILOT = (Lattice(2, 1), Lattice(3, 0.75))
 FOOTPRINT_PX = 0.0625
-"""The widest tangent, in pixels, that a round's textures are filtered over.  A round of few rays
-must see the detail that many rays see, or it would say that they agree."""
+"""The widest filter of a round's textures, in pixels.  Rounds of few rays must see the detail that
+many rays see; else they would agree wrongly."""
 SHARED_DB = 1.5
-"""Both lattices of a pair get something wrong alike, which their disagreement does not tell: this
-is taken off (measured, docs/notebook/true-picture.md)."""
+"""The error in dB that both lattices of a pair share, so that their disagreement does not show it;
+it is subtracted (measured, docs/notebook/true-picture.md)."""
 WEIGHT = 1.5
-"""The power of its rays by which a round weighs in the mean.  Errors fall faster than rays rise, so
-that a pilot that weighed by its rays would spoil the mean (measured there)."""
+"""The exponent of a round's number of rays in its weight.  Errors fall faster than rays rise: with
+exponent 1 the pilot would spoil the mean (measured there)."""
 MOST_RAYS = 4096
-"""Rays of a pixel that a quality may take where no budget is given."""
+"""The default budget of a quality, in rays per pixel."""
 GROWTH, LAST_GROWTH = 8.0, 0.6
-"""A pair of rounds adds up to GROWTH times the rays so far.  Where no more than LAST_GROWTH times
-the rays so far are missing, one lattice ends it."""
+"""A pair of rounds adds at most GROWTH times the rays so far.  When at most LAST_GROWTH times the
+rays so far are missing, one lattice ends the search."""
 PAIR_SHARE = 0.7
-"""Share of the missing rays that a pair traces; its disagreement then says better how many miss."""
+"""The share of the missing rays that a pair traces; its disagreement improves the prediction."""
 PILOT_SHARE, PLANNED_PLANES = 0.1, 5
-"""Where rays are planned and not traced: the pilot's share of them, and how many planes stand for a
-range."""
+"""Of a plan: the pilot's share of the rays, and the number of planes that represent a range."""
 BORDER = 0.08
-"""Share of a picture's side that is left out at each rim, which not all of the lens sees."""
+"""The margin, as a share of the side, that is left out: not all of the lens sees it."""
 
 
 @dataclass(frozen=True)
@@ -85,15 +84,19 @@ class Quality:
 
 @dataclass(frozen=True)
 class Rendering:
-    """Pictures, and what is expected of them.
+    """Pictures, and their expected errors.
 
     Attributes
     ----------
-    pictures : (P, M, M, 3) float32, linear light.
-    lattices : the lattices of rays that they are the mean of.
-    expected_db : (P,) PSNR of each, sRGB, against the average over pixel and lens.
-    error : (P, M, M) float32: the error of each pixel to be expected, sRGB in [0, 1], root mean
-        square over channels.  Of one pixel it is itself as uncertain; smooth it to compare places.
+    pictures : ndarray
+        (P, M, M, 3) float32, linear light.
+    lattices : tuple of Lattice
+        The lattices of rays that they are the mean of.
+    expected_db : ndarray
+        (P,) PSNR of each, sRGB, against the average over pixel and lens.
+    error : ndarray
+        (P, M, M) float32: the expected error of each pixel, sRGB in [0, 1], root mean square over
+        channels.  It is uncertain itself; smooth it to compare places.
     """
 
     pictures: np.ndarray = field(repr=False)
@@ -108,9 +111,9 @@ class Rendering:
 
 @dataclass(frozen=True)
 class PlannedRays:
-    """A lattice for pictures between two distances, and the PSNR in dB to be expected of the worst.
+    """A lattice for pictures between two distances, and the expected PSNR in dB of the worst.
 
-    ``pilot_rays`` are the rays of a pixel that said so.
+    ``pilot_rays`` are the rays per pixel of the pilot.
     """
 
     lattice: Lattice
@@ -120,7 +123,7 @@ class PlannedRays:
 
 @dataclass(frozen=True)
 class QualitySearch:
-    """Pictures as of :func:`pictures_by_depth`, and the PSNR that the worst of them is to have.
+    """The search for the rays that pictures need for a quality.
 
     Attributes
     ----------
@@ -134,11 +137,10 @@ class QualitySearch:
     quality: Quality
 
     def pictures(self, progress: Callable[[int, int], None] | None = None) -> Rendering:
-        """Trace them with about as few rays as that takes.
+        """Trace the pictures with about as few rays as the quality needs.
 
-        ``progress`` is called with (rays a pixel done, of those wanted as far as is known).
-
-        Raises :class:`OpticsError` for a quality that is expected to take more than the budget.
+        ``progress`` is called with (rays per pixel done, of those expected to be needed).
+        Raises :class:`OpticsError` for a quality that needs more than the budget.
         """
         rounds = self._pilot()
         while True:
@@ -157,12 +159,11 @@ class QualitySearch:
                 self._add_pair(rounds, min(PAIR_SHARE * missing, GROWTH * rounds.rays))
 
     def plan(self) -> PlannedRays:
-        """The lattice that is to reach it alone, without tracing it.
+        """Predict the lattice that reaches the quality, without tracing it.
 
-        A pilot of a tenth of its rays, but of 9 a pixel at least, says how many it takes.  Views
-        are of a multiple of 8 pixels, as encoders like them.
-
-        Raises :class:`OpticsError` for a quality that is expected to take more than the budget.
+        The pilot traces a tenth of its rays, at least 9 per pixel.  The side of a view is a
+        multiple of 8 pixels, for encoders.
+        Raises :class:`OpticsError` for a quality that needs more than the budget.
         """
         rounds = self._pilot()
         while True:
@@ -211,15 +212,15 @@ def planes_between(camera: Camera, near_m: float, far_m: float) -> list[SensorPl
 
 
 def one_lattice(rays: float) -> Lattice:
-    """A lattice of so many rays a pixel, about as many views as its sub-pixels want."""
+    """A lattice of ``rays`` per pixel with balanced views and sub-pixels."""
     side = math.sqrt(rays)
     views = max(1, round(2 * math.sqrt(side)))
     return Lattice(views, side / views)
 
 
 def unlike_lattices(rays: float) -> tuple[Lattice, Lattice]:
-    """Two lattices of so many rays a pixel each; their numbers of views, and of sub-pixels, are a
-    third or more apart."""
+    """Two lattices of ``rays`` per pixel each, whose views and sub-pixels differ by a third or
+    more."""
     side = math.sqrt(rays)
     few = max(1, round(1.7 * math.sqrt(side)))
     many = max(few + 1, round(2.4 * math.sqrt(side)))
@@ -230,7 +231,7 @@ Round = tuple[Lattice, np.ndarray]
 
 
 class _Rounds:
-    """What was traced: the last pair of lattices tells the error of all together."""
+    """The rounds so far; the disagreement of the last pair predicts the error of their mean."""
 
     def __init__(self, pilot: Sequence[Round]):
         self.lattices: list[Lattice] = []
@@ -240,7 +241,7 @@ class _Rounds:
 
     @property
     def rays(self) -> float:
-        """Rays of a pixel that were traced."""
+        """Rays per pixel so far."""
         return sum(lattice.rays_per_pixel for lattice in self.lattices)
 
     def add(self, lattice: Lattice, pictures: np.ndarray) -> None:
@@ -251,45 +252,45 @@ class _Rounds:
         self._spread += spread
 
     def add_pair(self, pair: Sequence[Round]) -> None:
-        """Add two rounds, whose disagreement replaces what was known of the error."""
+        """Add two rounds, whose disagreement replaces the estimate of the error."""
         for lattice, pictures in pair:
             self.add(lattice, pictures)
         encoded = [srgb_encode(pictures.astype(np.float64)) for _, pictures in pair]
-        # Errors of k / n each are apart by k (1 / n1 + 1 / n2) in mean squares.
+        # Errors of k / n1 and k / n2 differ by k (1 / n1 + 1 / n2) in mean squares.
         apart = np.square(encoded[0] - encoded[1]).mean(axis=-1)
         self._of_one_ray = apart / sum(1 / lattice.rays_per_pixel for lattice, _ in pair)
 
     def _worth(self, more: float = 0.0) -> float:
-        """Rays a pixel of one lattice that err as little as the mean of the rounds, with one of
-        ``more`` rays added."""
+        """The rays per pixel of one lattice with the error of the mean, with a round of ``more``
+        rays added."""
         weight, spread = _weight_and_spread(more)
         return (self._weight + weight) ** 2 / (self._spread + spread)
 
     def expected_db(self, rays: float | None = None) -> np.ndarray:
-        """(P,) PSNR in dB to be expected of the mean of rounds, or of one lattice of ``rays``."""
+        """(P,) expected PSNR in dB of the mean of the rounds, or of one lattice of ``rays``."""
         side = self._of_one_ray.shape[1]
         inner = slice(int(BORDER * side), side - int(BORDER * side))
         found = self._of_one_ray[:, inner, inner].mean(axis=(1, 2)) / (rays or self._worth())
         return -10 * np.log10(np.maximum(found, 1e-12)) - SHARED_DB
 
     def db_of_one(self, rays: float) -> float:
-        """PSNR of the worst plane by one lattice of so many rays a pixel."""
+        """Expected PSNR of the worst plane with one lattice of ``rays`` per pixel."""
         return float(self.expected_db(rays).min())
 
     def rays_of_one(self, quality_db: float) -> float:
-        """Rays of a pixel that the quality takes of one lattice."""
+        """Rays per pixel that one lattice needs for the quality."""
         return 10 ** (min(quality_db - self.db_of_one(1.0), 200.0) / 10)
 
     def reachable_db(self, rays: float) -> float:
-        """PSNR of the worst plane with so many rays of a pixel in all."""
+        """Expected PSNR of the worst plane with ``rays`` per pixel in all."""
         return self.db_of_one(self._worth(max(rays - self.rays, 0.0)))
 
     def missing_rays(self, quality_db: float) -> float:
-        """Rays of a pixel by which one more lattice reaches the quality; 0 where it is reached."""
+        """Rays per pixel of one more lattice that reaches the quality; 0 where it is reached."""
         wanted = self.rays_of_one(quality_db)
         if wanted <= self._worth() * (1 + 1e-6):
             return 0.0
-        low, high = 0.0, wanted  # alone they would do
+        low, high = 0.0, wanted  # enough alone
         for _ in range(60):
             middle = (low + high) / 2
             low, high = (middle, high) if self._worth(middle) < wanted else (low, middle)
@@ -302,5 +303,5 @@ class _Rounds:
 
 
 def _weight_and_spread(rays: float) -> tuple[float, float]:
-    """What a round weighs in the mean, and its part of the mean's error, weight^2 / rays."""
+    """The weight of a round in the mean, and its part of the mean's error, weight^2 / rays."""
     return rays**WEIGHT, rays ** (2 * WEIGHT - 1)

@@ -125,23 +125,40 @@ class Scene:
         background: tuple[float, float, float] | None = None,
         name: str = "triangles",
     ) -> Scene:
-        """A scene of triangles in memory; what is not given is as for a mesh file.
+        """Make a scene of triangles in memory; defaults are those of a mesh file.
 
         Parameters
         ----------
-        triangles : (T, 3, 3), corners in metres.  Without ``camera`` they are in world space,
-            right-handed, y up, and a camera is placed so that all of them are seen; with one they
-            are in its space, x right, y down, z forward.
-        normals : (T, 3, 3), shading normals of the corners, of any length; else flat shaded.
-        uvs : (T, 3, 2), texture coordinates, v up.
-        colours : (T, 3, 3), linear RGB of the corners, which multiplies the surface's.
-        surface : material of all of them, with its texture (H, W, 3) uint8 sRGB.
-        lights : in camera space; else one over the camera's left shoulder.
-        ambient, background : linear RGB.
+        triangles : array_like
+            (T, 3, 3) corners in metres.  Without ``camera`` in world space, right-handed, y up, and
+            a camera is placed that sees all of them; with one in camera space, x right, y down,
+            z forward.
+        normals : array_like, optional
+            (T, 3, 3) shading normals of the corners, of any length.  Default: flat shaded.
+        uvs : array_like, optional
+            (T, 3, 2) texture coordinates, v up.
+        colours : array_like, optional
+            (T, 3, 3) linear RGB of the corners, which multiplies the surface's.
+        surface : Surface, optional
+            The material, with its texture.
+        camera : Camera, optional
+            See ``triangles``.
+        lights : sequence of Light, optional
+            In camera space.  Default: one over the camera's left shoulder.
+        ambient, background : (float, float, float), optional
+            Linear RGB.
+        name : str
+            The scene's name.
+
+        Returns
+        -------
+        Scene
+            The scene.
 
         Raises
         ------
-        SceneError : arrays of other shapes, or no triangle that can be traced.
+        SceneError
+            Arrays of other shapes, or no triangle that can be traced.
         """
         corners = _checked("triangles", triangles, None, 3)
         if not len(corners):
@@ -166,14 +183,20 @@ class Scene:
         background: tuple[float, float, float] | None = None,
         name: str = "trimesh",
     ) -> Scene:
-        """A scene of trimesh's, with its materials, textures and colours.
+        """Make a scene of trimesh's, with its materials, textures and colours.
 
         Parameters
         ----------
         scene : trimesh.Scene or trimesh.Trimesh
             Its camera and lights are not taken over.
-        camera, lights, ambient, background, name
+        camera : Camera, optional
             As in :meth:`from_triangles`.
+        lights : sequence of Light, optional
+            As in :meth:`from_triangles`.
+        ambient, background : (float, float, float), optional
+            Linear RGB.
+        name : str
+            The scene's name.
 
         Returns
         -------

@@ -17,10 +17,10 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What a part is made of: as :class:`~lfcore.scene.appearance.Material`, with its textures.
+    """The material of a part, with its textures; as :class:`~lfcore.scene.appearance.Material`.
 
-    Colours are linear RGB; ``texture`` is (H, W, 3) uint8, sRGB encoded, row 0 on top.  With a
-    fourth channel, alpha, it cuts holes where that is below ``alpha_cutoff`` of 1.
+    Colours are linear RGB; ``texture`` is (H, W, 3) uint8, sRGB encoded, row 0 on top.  A fourth
+    channel, alpha, cuts holes where it is below ``alpha_cutoff`` of 1.
     """
 
     name: str = "default"

@@ -40,12 +40,18 @@ class Damage:
 
 
 class StoredVideo:
-    """The segments of a light field file that was opened; see :meth:`open`.
+    """The segments of an open light field file; see :meth:`open`.
 
-    ``damage`` lists what was found unreadable (only with ``salvage``; else that is an error), and
-    ``count.frames`` adds up the frames decoded so far, those included that only led to others;
-    ``decoded_segments`` are the numbers of the segments that they were in.  ``depth_video`` is the
-    stream of inverse depths, where the file has one: a video of its own, the file's second.
+    Attributes
+    ----------
+    damage : list of Damage
+        Segments that cannot be read; only with ``salvage``, else damage is an error.
+    count : DecodeCount
+        ``count.frames`` are the frames decoded so far, with those that only led to others.
+    decoded_segments : set of int
+        The numbers of their segments.
+    depth_video : StoredVideo or None
+        The stream of inverse depths, the file's second video.
     """
 
     def __init__(
@@ -65,14 +71,28 @@ class StoredVideo:
 
     @classmethod
     def open(cls, path: str | Path, *, salvage: bool = False, threads: int = 1) -> Self:
-        """Open ``path``, or a URL that fsspec knows; ``threads`` are those of a decoder.
+        """Open a light field file.
 
-        Of a URL, only the ranges are fetched that hold what is read.
+        Parameters
+        ----------
+        path : str or Path
+            A file, or a URL that fsspec knows; of a URL, only the ranges that are read are fetched.
+        salvage : bool
+            Open a damaged file for its whole segments: all are checked, and ``damage`` lists those
+            that cannot be read.
+        threads : int
+            Threads of a decoder.
 
-        Raises :class:`StorageError`, saying what is damaged and what can still be read, for a
-        file that is missing, foreign, cut short, damaged outside the video, lacks segments or
-        contradicts itself.  With ``salvage``, segments that are whole can be read all the same:
-        all are checked at once, and what cannot be read is in ``damage``.
+        Returns
+        -------
+        LightField
+            The file, opened.
+
+        Raises
+        ------
+        StorageError
+            The file is missing, foreign, cut short, damaged outside the video, lacks segments or
+            contradicts itself; says what is damaged and what can still be read.
         """
         path = located(path)
         structure = scan(path, clusters=False)
@@ -92,6 +112,7 @@ class StoredVideo:
 
     @property
     def layout(self) -> FrameLayout:
+        """How rays lie in frames."""
         return self.metadata.layout
 
     @property
@@ -103,9 +124,17 @@ class StoredVideo:
         return tuple(part for part in self.metadata.segments if part.index not in bad)
 
     def check_segment(self, index: int) -> None:
-        """Read segment ``index`` without decoding it, and compare its packets with the index.
+        """Read a segment without decoding it, and compare its packets with the index.
 
-        Raises :class:`StorageError` when packets are missing, displaced or changed.
+        Parameters
+        ----------
+        index : int
+            The segment's number.
+
+        Raises
+        ------
+        StorageError
+            Packets are missing, displaced or changed.
         """
         part = self.metadata.segments[index]
         frames = size = crc = 0
@@ -125,8 +154,15 @@ class StoredVideo:
     def verify(self, progress: Callable[[int, int], None] | None = None) -> None:
         """Check every byte of the file and every segment, of colours and of depths.
 
-        ``progress(done, total)`` counts segments.  Raises :class:`StorageError` that names all
-        damaged segments and what can still be read.
+        Parameters
+        ----------
+        progress : callable, optional
+            Called with (segments done, of all).
+
+        Raises
+        ------
+        StorageError
+            Names all damaged segments and what can still be read.
         """
         structure = scan(self.path, clusters=True)
         bad = []
@@ -146,12 +182,28 @@ class StoredVideo:
         chunk: int = 64,
         reuse: bool = False,
     ) -> Iterator[np.ndarray]:
-        """Frames start ... stop - 1 of a segment, as arrays (up to ``chunk``, frame_bytes) uint8.
+        """Decode frames of a segment, from the last key frame at or before the first.
 
-        With ``reuse`` each is valid until the next one is asked for.
+        Parameters
+        ----------
+        segment : int
+            The segment's number.
+        start, stop : int
+            The first frame, and the one after the last.
+        chunk : int
+            The most frames of an array.
+        reuse : bool
+            Let each array be overwritten by the next.
 
-        Decoding begins at the last key frame at or before ``start``.  Raises
-        :class:`StorageError` for a damaged segment, before any frame is handed out.
+        Yields
+        ------
+        ndarray
+            (up to ``chunk``, frame_bytes) uint8.
+
+        Raises
+        ------
+        StorageError
+            The segment is damaged; raised before any frame.
         """
         if not 0 <= segment < len(self.metadata.segments):
             raise StorageError(f"there is no segment {segment}", file=self.path)
