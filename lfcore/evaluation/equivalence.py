@@ -6,7 +6,7 @@ picture traced directly at its own focus with 4096 rays per pixel.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -15,23 +15,21 @@ import numpy as np
 
 from lfcore.colour import display_values
 from lfcore.evaluation.metrics import PEAK, picture_quality, psnr
+from lfcore.evaluation.work_precision.in_memory import trace_views
+from lfcore.opencl.device import programs_made
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera
 from lfcore.optics.slab import Slab
 from lfcore.progress import Progress, silent
 from lfcore.refocus.resampling import FILTERS, coverage
-from lfcore.refocus.shift_sum import ViewSummer
-from lfcore.refocus.stored_views import FrameSummer
-from lfcore.rendering.direct import finished, trace_picture, trace_planes
+from lfcore.refocus.shift_sum import shift_sum_views
+from lfcore.rendering.direct import trace_picture, trace_planes
 from lfcore.rendering.plenoptic import photograph, refocus_photograph
-from lfcore.storage.layout import FrameLayout
-from lfcore.timing import Stopwatch, clocked
+from lfcore.timing import clocked_warm
 from lfcore.tracing.tracer import Tracer
 
 Planes = Sequence[SensorPlane]
 EDGE_SHARE = 0.1
-TILE_RAYS = 1 << 26
-WARM_UP_PIXELS = 16
 
 
 class Made(NamedTuple):
@@ -100,7 +98,6 @@ def equivalence(
         lambda: _views(tracer, slab, planes),
         lambda: _plenoptic(tracer, slab, planes),
     ]
-    _warm_up(tracer, slab, planes[:1], reference_views)
     made: list[Made] = []
     for done, step in enumerate(steps):
         made += step()
@@ -113,54 +110,35 @@ def equivalence(
     return Equivalence(rows, made)
 
 
-def _warm_up(tracer: Tracer, slab: Slab, planes: Planes, reference_views: int) -> None:
-    """Every kernel once, so that no method is charged for building programs."""
-    trace_picture(tracer, slab.camera, WARM_UP_PIXELS, planes[0], views=reference_views)
-    _slicing(tracer, slab, planes)
-    layout = FrameLayout("views", slab.views, slab.pixels, pixel_format="yuv444p")
-    finished(tracer.trace_tile(slab, layout.tile(0, 0, 1, 1)))
-    _plenoptic(tracer, slab, planes)
-
-
 def _reference(tracer: Tracer, slab: Slab, planes: Planes, views: int) -> Made:
     one = partial(trace_picture, tracer, slab.camera, slab.pixels, views=views)
-    pictures, seconds = clocked(lambda: list(map(one, planes)))
+    pictures, seconds = clocked_warm(lambda: list(map(one, planes)), programs_made)
     return Made("traced directly", "none", np.stack(pictures), seconds, 0.0)
 
 
 def _slicing(tracer: Tracer, slab: Slab, planes: Planes) -> Made:
-    pictures, seconds = clocked(lambda: trace_planes(tracer, slab, planes))
+    work = partial(trace_planes, tracer, slab, planes)
+    pictures, seconds = clocked_warm(work, programs_made)
     return Made("slicing the slab", "nearest", pictures, seconds, 0.0)
 
 
-def _views(tracer: Tracer, slab: Slab, planes: Planes) -> list[Made]:
-    """Both filters; views pass as 8-bit frames, as they would be stored, without a codec."""
-    layout = FrameLayout("views", slab.views, slab.pixels, pixel_format="yuv444p")
-    summers = [ViewSummer(slab, planes, filter=name, device=tracer.device) for name in FILTERS]
-    frames = [FrameSummer(summer, layout) for summer in summers]
-    trace, watch = 0.0, Stopwatch()
-    for tile in layout.tiles(TILE_RAYS):
-        tracing = tracer.trace_tile(slab, tile)
-        for chunk in tracing:
-            for name, summer in zip(FILTERS, frames, strict=True):
-                with watch.part(name):
-                    summer.add(chunk.frames, tile, chunk.first)
-        trace += tracing.seconds
-    return [
-        Made("shift-sum on views", name, summer.pictures(), trace, watch.seconds[name])
-        for name, summer in zip(FILTERS, summers, strict=True)
-    ]
+def _views(tracer: Tracer, slab: Slab, planes: Planes) -> Iterator[Made]:
+    field, trace = clocked_warm(partial(trace_views, tracer, slab), programs_made)
+    sum_views = partial(shift_sum_views, slab, field.light, planes, device=tracer.device)
+    return _by_filter("shift-sum on views", sum_views, trace)
 
 
-def _plenoptic(tracer: Tracer, slab: Slab, planes: Planes) -> list[Made]:
+def _plenoptic(tracer: Tracer, slab: Slab, planes: Planes) -> Iterator[Made]:
     camera = PlenopticCamera(slab.camera, slab.pixels, slab.views)
-    picture, trace = clocked(lambda: photograph(tracer, camera))
-    made = []
+    picture, trace = clocked_warm(partial(photograph, tracer, camera), programs_made)
+    refocus = partial(refocus_photograph, camera, picture, planes, device=tracer.device)
+    return _by_filter("shift-sum on the plenoptic photograph", refocus, trace)
+
+
+def _by_filter(method: str, refocus: Callable[..., np.ndarray], trace: float) -> Iterator[Made]:
     for name in FILTERS:
-        refocus = partial(refocus_photograph, camera, picture, planes, device=tracer.device)
-        refocused, seconds = clocked(partial(refocus, filter=name))
-        made.append(Made("shift-sum on the plenoptic photograph", name, refocused, trace, seconds))
-    return made
+        pictures, seconds = clocked_warm(partial(refocus, filter=name), programs_made)
+        yield Made(method, name, pictures, trace, seconds)
 
 
 def _rows(
