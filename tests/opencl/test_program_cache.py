@@ -45,12 +45,6 @@ def count_builds(monkeypatch):
     return built
 
 
-def test_a_program_is_built_once_and_read_afterwards(device, cache, monkeypatch):
-    built = count_builds(monkeypatch)
-    assert [twice(device) for _ in range(3)] == [42] * 3
-    assert len(built) == len(entries(cache)) == 1
-
-
 @pytest.mark.parametrize(
     "damage",
     [

@@ -95,12 +95,6 @@ def test_stopped_down_by_views_and_stacked_fast(path, pictures):
     np.testing.assert_allclose(dim, naive(pictures, 0.0), atol=4e-6)
 
 
-def test_bilinear_halves_lie_between(path, pictures):
-    field = LightField.open(path)
-    picture = field.refocus(disparity_px=0.0, aperture="square", filter="bilinear")
-    np.testing.assert_allclose(picture, naive(pictures, 0.0), atol=4e-6)
-
-
 def test_what_needs_a_geometry_is_refused(path):
     field = LightField.open(path)
     with pytest.raises(OpticsError, match="does not hold its geometry"):

@@ -6,7 +6,6 @@ import copy
 
 import jsonschema
 import pytest
-import yaml
 
 from lfcore.errors import SceneError
 from lfcore.scene.build import build_scene
@@ -178,12 +177,3 @@ def test_not_a_mapping_or_not_yaml(write_scene, text):
 def test_missing_scene_file(tmp_path):
     with pytest.raises(SceneError, match="not found"):
         build_scene(tmp_path / "nothing.yaml")
-
-
-def test_yaml_of_the_projects_scenes_is_valid():
-    from pathlib import Path
-
-    scenes = sorted(Path(__file__).parents[2].glob("scenes/*/scene.yaml"))
-    assert len(scenes) >= 4
-    for path in scenes:
-        check(yaml.safe_load(path.read_text()), file=path)

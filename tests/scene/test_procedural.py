@@ -10,7 +10,7 @@ import pytest
 from lfcore.errors import SceneError
 from lfcore.scene.build import build_scene
 from lfcore.scene.needs import Needs
-from lfcore.scene.procedural import build, foliage, primitives, textures
+from lfcore.scene.procedural import build, primitives, textures
 from lfcore.scene.surface_mesh import Surface, face_normals
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -139,14 +139,6 @@ def test_shading_normals_agree_with_the_faces(make):
         cosine = (part.normals * face_normals(part.triangles)[:, None]).sum(-1)
         assert np.abs(cosine).min() > 0.5
         assert len(set(np.sign(cosine).ravel())) == 1
-
-
-def test_leaves_have_the_counts_they_promise():
-    rng = np.random.default_rng(0)
-    assert foliage.blade(1, 0.5, PLAIN, pieces=3).count == 10
-    assert foliage.diamond(1, 0.5, PLAIN).count == 2
-    tree = foliage.conifer(rng, PLAIN, PLAIN, tiers=5, points=8)
-    assert sum(part.count for part in tree) == 6 * 8 * 5 + 12
 
 
 @pytest.mark.parametrize(

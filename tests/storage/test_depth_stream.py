@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from lfcore.errors import StorageError
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
-from lfcore.storage import depth_stream
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import DepthSegments, join_segments
 from lfcore.storage.depth_stream import DepthCodes, StoredDepth, sweep_step
@@ -192,11 +191,3 @@ def test_metadata_and_streams_must_agree(made, tmp_path):
         LightFieldFile.open(path)
     other = replace(whole, depth=replace(whole.depth, header_crc32=zlib.crc32(b"")))
     assert StoredDepth.from_json(other.depth.to_json()) == other.depth
-
-
-def test_the_document_describes_every_key():
-    from test_format_document import ROOT
-
-    text = (ROOT / "docs/format.md").read_text()
-    for key in (*depth_stream.KEYS, "gray", "gray10le", "plain", "crossed"):
-        assert f"`{key}`" in text, key

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from lfcore.lightfield import LightField
-from lfcore.storage import metadata
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import FrameLayout
 
@@ -40,9 +39,3 @@ def test_the_small_reader_reads_what_the_library_reads(tmp_path, make_store, lay
     assert rays.shape == (n, n, m, m, 3) and about["layout"] == layout.to_json()
     read = LightField.open(stored.path).views(0, 0, n, n, codes=True)
     assert np.abs(np.rint(255 * rays) - read).max() <= 1
-
-
-def test_the_document_names_every_key():
-    text = (ROOT / "docs/format.md").read_text()
-    for key in (*metadata.KEYS, *metadata.OPTIONAL_KEYS, "digest", metadata.TAG):
-        assert f"`{key}`" in text, key

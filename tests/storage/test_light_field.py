@@ -121,15 +121,6 @@ def test_outside_is_refused(stored):
             wrong()
 
 
-def test_the_same_segments_give_the_same_file(tmp_path, stored):
-    join_segments(
-        tmp_path / "again.mkv", stored.segments, stored.tiles, stored.layout,
-        geometry=stored.slab, scene={"name": "waves", "digest": "0123"},
-        spec=Encoding("libx264", "yuv444p", crf=6, preset="veryfast", gop=6),
-    )  # fmt: skip
-    assert (tmp_path / "again.mkv").read_bytes() == stored.path.read_bytes()
-
-
 def test_a_camera_array_can_be_stored(tmp_path, stored):
     array = CameraArray.on_grid((6, 6), (-1, 1, -1, 1), 40.0, (12, 12)).to_json()
     path = tmp_path / "array.mkv"
