@@ -11,6 +11,7 @@ from typing import Any
 
 from lfcore.errors import OpticsError, SettingsError
 from lfcore.optics.camera import Camera
+from lfcore.optics.focus import DepthRange, exclude_twice, f_number_of_blur, focus_distance
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.scene.files import read_header
@@ -119,6 +120,7 @@ def sensor_planes(
 ) -> list[SensorPlane]:
     """The planes of ``planes`` (the configuration's key) for one scene.
 
+    Words for a focus refer to the first and the last of ``focus_distances_m``.
     Raises :class:`SettingsError` that names the key for a plane the lens cannot form.
     """
     if isinstance(planes, str):  # "scene"
@@ -126,15 +128,28 @@ def sensor_planes(
     made = []
     for index, given in enumerate(planes):
         wanted = {key: value for key, value in given.items() if value is not None}
-        settings: dict[str, Any] = {"f_number": camera.f_number, **wanted}
-        plane = SensorPlane(**settings)
         try:
+            plane = _plane(wanted, camera, focus_distances_m)
             plane.check(Slab(camera, 2, 2))
         except OpticsError as error:
             key = f"configuration: planes.{index}.{error.key}"
             raise error.named(SettingsError, key=key) from None
         made.append(plane)
     return made
+
+
+def _plane(
+    wanted: dict[str, Any], camera: Camera, focus_distances_m: Sequence[float]
+) -> SensorPlane:
+    exclude_twice(f_number=wanted.get("f_number"), blur=wanted.get("blur"))
+    seen = DepthRange(focus_distances_m[0], focus_distances_m[-1]) if focus_distances_m else None
+    focus_m = focus_distance(wanted.pop("focus_m"), seen)
+    f_number = wanted.pop("f_number", camera.f_number)
+    if "blur" in wanted:
+        f_number = f_number_of_blur(
+            wanted.pop("blur"), camera.focal_length_m, focus_m, camera.field_width, seen
+        )
+    return SensorPlane(focus_m, f_number, **wanted)
 
 
 def read_camera(scene: str | Path) -> tuple[Camera, tuple[float, ...], int]:

@@ -37,6 +37,10 @@ def listed(item: Any, least: int = 1, most: int | None = None) -> Any:
     return Annotated[list[item], Field(min_length=least, max_length=most)]
 
 
+Share = Annotated[str, Field(pattern=r"^[0-9.]+%$")]
+"""A share such as ``40%``."""
+
+
 def _distinct(values: list) -> list:
     if any(value in values[:place] for place, value in enumerate(values)):
         raise ValueError("has an entry twice")
@@ -63,9 +67,17 @@ def group(model: type[Keys], meaning: str) -> Any:
 
 
 class Plane(Keys):
-    focus_m: above(0) = key("focus distance in metres, beyond the focal length")
+    focus_m: above(0) | Share | Literal["near", "middle", "far"] = key(
+        "focus distance in metres, beyond the focal length; or near, middle, far or a share such "
+        "as 40% of the way from the scene's first focus distance to its last, even in dioptres"
+    )
     f_number: above(0) | None = key(
         "focal length over the diameter of the aperture, no wider than the lens; null: the lens's",
+        None,
+    )
+    blur: Share | None = key(
+        "instead of f_number, the diameter of the blur at the focus distance that is more out of "
+        "focus, a share of the picture's width such as 3%",
         None,
     )
     aperture: Literal["circle", "square", "diamond", "polygon"] = key("its outline", "circle")
