@@ -31,10 +31,11 @@ inline Form slot_form(global const PlaneEquations *p, int slot)
     return f;
 }
 
-// An edge function of the weights, of corners sheared to the centre ray.
+// An edge function of the weights, of corners sheared to the centre ray; as in edge_forms, from
+// their sum and their difference, so that its error scales with the triangle's edge.
 inline Form weight_form(float3 p, float3 q, const Bundle *r)
 {
-    const float3 c = cross_product(p, q), g = p - q;
+    const float3 g = p - q, c = 0.5f * cross_product(q + p, -g);
     const Form along = stepped_form(c.z, c.x, c.y, r->tx, r->ty, r->b);
     Form e = stepped_form(0.0f, g.y, -g.x, r->sx, r->sy, r->a);
     for (int k = 0; k < EDGE_TERMS; ++k) e.of[k] += along.of[k];
