@@ -1,4 +1,4 @@
-"""Writes a glTF scene with every feature that lfcore renders, and some that it drops and names.
+"""Write a glTF scene with every feature that lfcore renders, and some that it reports as left out.
 
     python docs/examples/gltf_features.py features.glb
     lfcore render features.glb -o features.png --pixels 512
@@ -20,7 +20,7 @@ KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 
 class Glb:
-    """A glTF tree beside its binary chunk, filled piece by piece."""
+    """A glTF tree and its binary chunk, to which parts are added."""
 
     def __init__(self):
         self.data = b""
@@ -76,7 +76,7 @@ class Glb:
 
 
 def square(width, height, facing="z"):
-    """Upright in x and y, its foot at the origin, or lying in x and z about it."""
+    """A square upright in x and y, its foot at the origin, or flat in x and z about it."""
     x, y = width / 2, height
     corners = np.array([[-x, 0, 0], [x, 0, 0], [x, y, 0], [-x, y, 0]])
     normal = [0, 0, 1]
@@ -104,7 +104,7 @@ def ball(radius, rings):
 
 
 def grid(size):
-    """x and y of texels from 0 to 1, y down."""
+    """The texels' x and y from 0 to 1, y down."""
     at = (np.arange(size) + 0.5) / size
     return np.meshgrid(at, at)
 
@@ -120,7 +120,7 @@ def checks(low, high, count=2):
 
 
 def leaf():
-    """A leaf whose outline and gaps are alpha, as they are cut."""
+    """A leaf whose outline and gaps are in the alpha channel, as a mask."""
     x, y = grid(256)
     along = np.clip(1 - y, 0, 1)
     half = 0.42 * np.sin(np.pi * along**0.7) + 0.012
@@ -132,14 +132,14 @@ def leaf():
 
 
 def veil():
-    """Soft spots: more or less transparent."""
+    """Soft spots with different transparency."""
     x, y = grid(128)
     alpha = 0.5 + 0.5 * np.sin(2 * np.pi * 4 * x) * np.sin(2 * np.pi * 4 * y)
     return codes(0.75 + 0 * x, 0.3 + 0 * x, 0.35 + 0 * x, alpha)
 
 
 def bumps():
-    """Normals of half a wave's height, up to a slope of 0.9."""
+    """The normals of a wave, with slopes up to 0.9."""
     x, y = grid(256)
     dx = np.cos(2 * np.pi * 8 * x) * np.sin(2 * np.pi * 4 * y)
     dy = -np.sin(2 * np.pi * 8 * x) * np.cos(2 * np.pi * 4 * y)  # v points down, y up
@@ -149,7 +149,7 @@ def bumps():
 
 
 def metals():
-    """Green is roughness, blue metal: bands of polished metal and of dull paint."""
+    """Bands of polished metal and dull paint: green is roughness, blue is metal."""
     _, y = grid(64)
     metal = ((y * 6).astype(int) % 2).astype(float)
     return codes(0 * y, np.where(metal > 0, 0.25, 0.8), metal)
@@ -173,7 +173,7 @@ def pbr(metallic, roughness, **more):
 
 
 def add_things(glb, rings=32):
-    """What is looked at; balls are of so many rings."""
+    """Add the objects; balls have this number of rings."""
     material = glb.tree["materials"]
 
     def made(shape, entry, **node):
@@ -241,7 +241,7 @@ def add_things(glb, rings=32):
 
 
 def add_staging(glb):
-    """Lights, camera, and what is dropped."""
+    """Add lights, a camera, and features that lfcore leaves out."""
     lights = [
         {"type": "spot", "name": "lamp above", "color": [1, 0.95, 0.85], "intensity": 40,
          "spot": {"innerConeAngle": 0.3, "outerConeAngle": 0.45}},

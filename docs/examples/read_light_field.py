@@ -1,4 +1,4 @@
-"""Read every ray of a light field file with PyAV and numpy alone: docs/format.md as a program."""
+"""Read every ray of a light field file with PyAV and numpy alone, as docs/format.md describes."""
 
 import json
 
@@ -38,7 +38,7 @@ def rgb(frame, form):
 
 
 def read(path):
-    """(metadata, rays): float32 [j, i, v, u, channel] sRGB; NaN where nothing is recorded."""
+    """(metadata, rays): float32 [j, i, v, u, channel] sRGB; NaN for rays that are not recorded."""
     with av.open(str(path)) as file:
         about = json.loads(file.metadata["LIGHTFIELD"])
         layout, frames = about["layout"], file.decode(video=0)

@@ -1,4 +1,4 @@
-"""Draws the figures of docs/optics.md into docs/pictures/.
+"""Draw the figures of docs/optics.md into docs/pictures/.
 
 python -m docs.site.optics_figures
 """
@@ -23,12 +23,12 @@ VIEWS = PIXELS = 9
 
 
 def slab() -> Slab:
-    """A wide lens of few views, so that what is drawn can be seen; focused at 2 m."""
+    """A wide lens with few views, so that the drawing is clear; focused at 2 m."""
     return Slab(Camera(0.5, 0.4, 1.0, 2.0), VIEWS, PIXELS)
 
 
 def parametrisation(axes) -> None:
-    """Rays of three lens points and three pixels, through what is in focus."""
+    """Rays of three lens points and three pixels, which meet in the plane of focus."""
     one = slab()
     delta, z = one.camera.delta, np.array([0.0, 2.9])
     lens = (np.array([0, 4, 8]) - 4) * one.lens_pitch_m
@@ -52,7 +52,7 @@ def parametrisation(axes) -> None:
 
 
 def disparity(axes) -> None:
-    """Disparity of points over their depth, in pixels from view to view."""
+    """The disparity of points over their depth, in pixels per view."""
     one = slab()
     z = np.linspace(1.0, 8.0, 200)
     px = (1 / z - one.camera.delta) * one.lens_pitch_m / one.pixel_pitch
@@ -68,7 +68,7 @@ def disparity(axes) -> None:
 
 
 def epipolar(axes) -> None:
-    """Lines that points draw over views, and the shear that refocusing is."""
+    """Lines of points over views: refocusing is a shear."""
     views = np.arange(9) - 4
     for u, slope, colour, name in (
         (2.0, 0.45, RED, "near"), (4.5, 0.0, GREEN, "in focus"), (7.0, -0.3, BLUE, "far"),
@@ -99,7 +99,7 @@ def apertures(figure) -> None:
 
 
 def blur(axes) -> None:
-    """Diameter of a point's blur over its depth, for three apertures, and the gap between views."""
+    """The diameter of a point's blur over depth, for three apertures, and the gap between views."""
     one = Slab(Camera(0.085, 0.036, 1.2, 3.0), 16, 512)
     z = np.linspace(1.5, 9.0, 300)
     for number, colour in ((1.2, RED), (2.8, BLUE), (8.0, GREEN)):

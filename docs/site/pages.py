@@ -1,14 +1,14 @@
-"""Pages of the manual whose commands are run: by the site at full size, by tests at a small one.
+"""Pages of the manual whose commands are run: by the site at full size, by tests at a small size.
 
 A page is Markdown.  Its fenced blocks of ``bash`` and ``python`` are run in order, in one folder
-from which the project's scenes and workflow are reached as from its own; Python blocks share their
-names.  Comments say the rest:
+with links to the project's scenes and workflow; Python blocks share their names.  Comments control
+the rest:
 
     <!-- small: --pixels 256 = --pixels 24 | views=9 = views=3 -->   what tests put in place of what
     <!-- needs: sinfo --version -->   the next block is run only where this command succeeds
     <!-- not run: the reason -->      the next block is not
-    <!-- picture: near.png | what it shows -->   a picture that was made, shown here by the site
-    <!-- viewer: bike.html | what it shows -->   a page that was made, shown here in a frame
+    <!-- picture: near.png | caption -->   shows a picture that a block made
+    <!-- viewer: bike.html | caption -->   shows a page that a block made, in a frame
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ PAGES = {
     "cluster": "tutorials/cluster.md",
     "gallery": "gallery.md",
 }
-"""Pages that are run: paths below docs/."""
+"""The pages that are run, as paths below docs/."""
 LANGUAGES = ("bash", "python")
 REACHED = ("Snakefile", "config", "profiles", "scenes", "workflow")
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -44,18 +44,18 @@ SMALL = re.compile(r"^<!-- small: (.*?) -->$", re.MULTILINE)
 PICTURE = re.compile(r"^<!-- picture: (\S+) \| (.*?) -->$", re.MULTILINE)
 VIEWER = re.compile(r"^<!-- viewer: (\S+) \| (.*?) -->$", re.MULTILINE)
 BEYOND_WORDS = re.compile(r"[|<>;&$*`'\"]")
-"""What only a shell understands; other commands of ours are run in this process, much faster."""
+"""Characters that need a shell; other ``lfcore`` commands run in this process, which is faster."""
 
 
 class PageError(Exception):
-    """A block of a page failed; says which, and what it printed."""
+    """A block of a page failed; the message has its first line and its output."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """A block to run; ``end`` is where it ends in the page's text.
+    """A block to run; ``end`` is its end in the page's text.
 
-    ``skipped`` says why it is not run: by the page's word, or because something is ``missing``.
+    ``skipped`` says why it is not run: the page says so, or something is ``missing``.
     """
 
     language: str
@@ -71,7 +71,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Page:
-    """A page and its blocks; ``small`` is what tests put in place of what."""
+    """A page and its blocks; ``small`` maps texts to their replacements in tests."""
 
     name: str
     text: str
@@ -94,7 +94,7 @@ class Page:
 
 
 def _reason(said: re.Match) -> str:
-    """Why a block is not run; "" where it can be."""
+    """The reason not to run a block; "" if there is none."""
     if said[1] == "not run":
         return said[2]
     words = shlex.split(said[2])
@@ -103,7 +103,7 @@ def _reason(said: re.Match) -> str:
 
 
 def run(page: Page, folder: Path, *, small: bool = False) -> list[str]:
-    """Run the page's blocks in ``folder``; what each printed, "" for one that was skipped.
+    """Run the page's blocks in ``folder``; returns the output of each, "" if it was skipped.
 
     Raises :class:`PageError` for a block that fails.
     """

@@ -1,4 +1,4 @@
-"""The command line: options with hostile values, up to where a device would be opened."""
+"""The command line: hostile values of options, up to the point where a device would be opened."""
 
 from __future__ import annotations
 
@@ -81,14 +81,14 @@ def damage_words(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
 
 
 def _argument(word: str) -> str:
-    """As the system can hand it over: no NUL, no surrogates but those of bytes, and a limit."""
+    """A word that the system can pass: no NUL, no surrogates but those of bytes, limited length."""
     word = word.encode("utf-8", "surrogatepass").decode("utf-8", "surrogateescape")
     return word.replace("\0", "")[:100_000]
 
 
 def write_all_sides(home: Path, folder: Path) -> None:
     write_sides(folder)
-    (folder / "fifo").unlink()  # a command may read a pipe that it is given, and wait for it
+    (folder / "fifo").unlink()  # a command may wait for a pipe
     (folder / "scene.yaml").write_text(PLAIN)
     (folder / "scene.pbrt").write_text(PBRT_SPHERE)
     (folder / "planes.csv").write_text("focus,f_number,aperture\n2.0,2.8,circle\n4.0,5.6,square\n")
@@ -150,7 +150,7 @@ def _judged(status: object, said: str, left: list[str], words: list[str]) -> Out
         return Outcome("refused")
     if status != 1:
         return Outcome("status", f"status {status} of {words[0]}", said)
-    # Above the error may stand what was said on the way: notes on a scene, damage left out.
+    # Notes, as on a scene or on damage, may come before the error.
     return judge_message(said.strip("\n").rpartition("\n")[2], names=None)
 
 

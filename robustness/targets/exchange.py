@@ -1,4 +1,4 @@
-"""Light fields of other programs: one file of a folder damaged, or its name."""
+"""Light fields of other programs, with one damaged file, or file name."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MOST_PIXELS = 1 << 22
 
 
 def seeds(folder: Path) -> list[bytes]:
-    """Whole inputs: the name of a file below ``folder``, a line end, and what is in it."""
+    """Valid inputs: the name of a file below ``folder``, a line end, and the file's content."""
     shape = (*GRID, 16, 16, 3)
     noise = np.random.default_rng(1).integers(0, 256, shape, np.uint8)
     views = ViewGrid.of_array(noise, "noise", format="noise", geometry=KNOWN)
@@ -58,7 +58,7 @@ def seeds(folder: Path) -> list[bytes]:
 
 
 def write_blender(folder: Path, views: np.ndarray) -> None:
-    """As the add-on of IDLab writes it."""
+    """Write a light field as IDLab's add-on does."""
     from PIL import Image
 
     (folder / "png").mkdir(parents=True)
@@ -75,7 +75,7 @@ def write_blender(folder: Path, views: np.ndarray) -> None:
 
 
 def damage(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Of the contents mostly, by what they are; of the name sometimes."""
+    """Damage the contents, by their kind; sometimes the name."""
     name, _, contents = data.partition(b"\n")
     if draw.random() < 0.15:
         head, _, tail = name.partition(b"/")
@@ -89,7 +89,7 @@ def damage(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
 
 
 def judge(home: Path, data: bytes, folder: Path) -> Outcome:
-    """Read every view of the folder with that file in place of its own."""
+    """Read every view of the folder with this file in place of the original."""
     name, _, contents = data.partition(b"\n")
     format_name = name.partition(b"/")[0].decode("utf-8", "replace")
     if format_name not in FORMATS:

@@ -1,4 +1,4 @@
-"""Mesh files of the four formats that people have: OBJ with its MTL, PLY, STL, GLB."""
+"""Mesh files of the four common formats: OBJ with MTL, PLY, STL, GLB."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ endsolid one
 """
 FEATURES = Path(__file__).parents[2] / "docs/examples/gltf_features.py"
 MATERIALS = b"\n#### material library\n"
-"""In an input of the target ``obj``, what follows is the MTL."""
+"""The line in an input of the target ``obj`` after which the MTL begins."""
 
 
 def seeds_of(kind: str, folder: Path) -> list[bytes]:
@@ -47,7 +47,7 @@ def seeds_of(kind: str, folder: Path) -> list[bytes]:
 
 
 def every_feature(file: Path) -> bytes:
-    """The scene of the manual that has all that is read of glTF, its balls made coarse."""
+    """The manual's scene with every glTF feature that we read, with coarse balls."""
     module = runpy.run_path(str(FEATURES))
     glb = module["Glb"]()
     module["add_things"](glb, rings=3)
@@ -66,7 +66,7 @@ def judge(kind: str, data: bytes, folder: Path) -> Outcome:
 
 
 def damage_glb(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Bytes, or the JSON part's text with its length put right."""
+    """Damage bytes, or the text of the JSON part, whose length is then corrected."""
     if draw.random() < 0.4:
         return damage_bytes(draw, data, seeds)
     length = int.from_bytes(data[12:16], "little")

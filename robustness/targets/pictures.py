@@ -32,7 +32,7 @@ def exr_seeds(folder: Path) -> list[bytes]:
 
 
 def judge_exr(data: bytes, folder: Path) -> Outcome:
-    """Pixels carry no check sum in EXR: a picture that is read has a sound form, no more."""
+    """EXR pixels have no check sum: we can only check the form of the picture."""
     file = folder / "input.exr"
     file.write_bytes(data)
 
@@ -50,13 +50,13 @@ def judge_exr(data: bytes, folder: Path) -> Outcome:
 
 
 def damage_header(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Bytes, or the JSON of the geometry with its length put right."""
+    """Damage bytes, or the JSON of the geometry, whose length is then corrected."""
     start = data.find(b'{"format"')
     if start < 0 or draw.random() < 0.5:
         return damage_bytes(draw, data, seeds)
     length = int.from_bytes(data[start - 4 : start], "little")
     text = damage_json(draw, data[start : start + length], [data[start : start + length]])
-    # The table of offsets is wrong after this, as a careless editor leaves it; readers mend it.
+    # The table of offsets is then wrong; readers repair it.
     return data[: start - 4] + len(text).to_bytes(4, "little") + text + data[start + length :]
 
 
@@ -86,9 +86,9 @@ def lens_seeds(folder: Path) -> list[bytes]:
 
 
 def judge_lens(data: bytes, folder: Path) -> Outcome:
-    """Read, focus and send rays; of one lens in eight also those of the realistic camera.
+    """Read, focus and trace rays; for one lens in eight also those of the realistic camera.
 
-    Its search for the pupil costs a hundred times as much as all else.
+    Its search for the pupil costs a hundred times as much as the rest.
     """
     file = folder / "input.dat"
     file.write_bytes(data)

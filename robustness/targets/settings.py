@@ -1,4 +1,4 @@
-"""Configurations of the workflow: everything that is done with one before the first job."""
+"""Configurations of the workflow, up to the plan of the first job."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Light field files of four codecs, one with depths; metadata that contradict themselves under a
-true digest."""
+"""Light field files of four codecs, one with depths; and contradictory metadata with a right
+digest."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ CODECS = {
 DEPTHS = DepthCodes(0.0, 0.5)
 DEPTH_SPEC = Encoding("libx264", "gray", crf=10, preset="veryfast", gop=6)
 PACKS = {"av1": 8, "x265": 12}
-"""Elements a side of frames of 64 and 96 pixels, for encoders that want such."""
+"""The elements per side that give frames of 64 and 96 pixels, which some encoders need."""
 
 
 @cache
 def whole_store(name: str, folder: Path, geometry: str = "slab") -> tuple[bytes, bytes]:
-    """(the file, all its pixels) of a light field of noise-free waves in four segments or so."""
+    """(file, all its pixels) of a light field of noise-free waves in about four segments."""
     spec, pack = CODECS[name], PACKS.get(name, 1)
     pixels = 16 if pack > 1 else PIXELS
     layout = FrameLayout(
@@ -94,14 +94,14 @@ def pixels_of(field: LightFieldFile) -> bytes:
 
 
 def depths_of(field: LightFieldFile, part: Segment) -> bytes:
-    """The frames of depths of a segment, where the file holds any."""
+    """The depth frames of a segment, if the file has any."""
     if field.depth_video is None:
         return b""
     return b"".join(some.tobytes() for some in field.depth_video.frames(part.index))
 
 
 def judge_store(name: str, home: Path, data: bytes, folder: Path) -> Outcome:
-    """A damaged file gives right pixels or none, and whatever differs is found by verify()."""
+    """A damaged file gives right pixels or none, and verify() finds every difference."""
     original, right = whole_store(name, home)
     file = folder / "input.mkv"
     file.write_bytes(data)
@@ -144,7 +144,7 @@ def _salvage(file: Path, right: bytes) -> None:
 
 
 SEEDS = {"slab": ("x264", "slab"), "array": ("x264", "array"), "depth": ("depth", "slab")}
-"""Store and geometry of the metadata to be damaged."""
+"""The store and geometry whose metadata are damaged."""
 
 
 def metadata_seeds(home: Path) -> list[bytes]:
@@ -161,7 +161,7 @@ def metadata_seeds(home: Path) -> list[bytes]:
 
 
 def sealed(text: bytes) -> str:
-    """The metadata with a digest that is right, however wrong they are otherwise."""
+    """The metadata, wrong or not, with a right digest."""
     try:
         data = json.loads(text)
         canonical = json.dumps(data, sort_keys=True, separators=(",", ":"))
@@ -172,7 +172,7 @@ def sealed(text: bytes) -> str:
 
 
 def judge_metadata(home: Path, data: bytes, folder: Path) -> Outcome:
-    """Open, show and read a file with these metadata; the video is sound."""
+    """Open, show and read a file with these metadata and a sound video."""
     from lfcore.cli.inspect import facts
     from lfcore.lightfield import LightField as Refocusable
 
@@ -211,7 +211,7 @@ def _remux(source: Path, path: Path, text: str) -> None:
 
 
 def damage_store(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Mostly one flipped bit, where every byte of the file is as likely."""
+    """Mostly one flipped bit, anywhere in the file with equal probability."""
     if draw.random() < 0.5:
         changed = bytearray(data)
         for _ in range(draw.choice((1, 1, 1, 2, 8))):

@@ -1,4 +1,4 @@
-"""Scenes that were taken, traced by the device: no crash, and a picture of finite light."""
+"""Accepted scenes, traced by the device: no crash, and a picture of finite light."""
 
 from __future__ import annotations
 
