@@ -228,9 +228,12 @@ def _choose(name: str | None) -> cl.Device:
 
 
 def build_program(
-    device: Device, files: Sequence[str], defines: Mapping[str, object] | None = None
+    device: Device,
+    files: Sequence[str],
+    defines: Mapping[str, object] | None = None,
+    header: str = "",
 ) -> cl.Program:
-    """Build kernel ``files`` (paths below ``lfcore/``) with ``-D`` ``defines``.
+    """Build kernel ``files`` (paths below ``lfcore/``) with ``-D`` ``defines`` after a ``header``.
 
     Builds are kept on disk (:mod:`lfcore.opencl.program_cache`), so that a second job or run pays
     next to nothing, and within a process, so that a second tracer or refocusing pays nothing.
@@ -246,7 +249,7 @@ def build_program(
     if device.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
         options.append("-cl-fp32-correctly-rounded-divide-sqrt")
     source = "\n".join(f'#include "{Path(file).name}"' for file in files)
-    source = f"#pragma OPENCL FP_CONTRACT OFF\n{source}\n"
+    source = f"#pragma OPENCL FP_CONTRACT OFF\n{header}{source}\n"
     try:
         return _compile(device.context, source, tuple(options), tuple(sorted(folders)))
     except cl.Error as error:

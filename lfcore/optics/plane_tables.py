@@ -13,9 +13,15 @@ from lfcore.optics.slab import Slab
 
 BLOCK = 16
 BEAM_COLUMNS = 64
-RUN_WORDS = 1 + 2 * BEAM_COLUMNS
-"""A run record: count, then of each run of columns that share a target, sorted by target, that
-target relative to the beam's first pixel, and its start + 256 times its end."""
+RUN = np.dtype([("target", np.int32), ("start", np.uint16), ("end", np.uint16)])
+"""A run of columns of a beam, [start, end), and the target that they share, relative to the beam's
+first pixel."""
+RUNS = np.dtype([("count", np.int32), ("run", RUN, BEAM_COLUMNS)])
+"""The runs of a beam, sorted by target."""
+RUN_WORDS = RUNS.itemsize // 4
+PLANE = np.dtype([("mask", np.int32), ("runs", np.int32), ("stride", np.int32)])
+"""A plane: its mask, its offset into the tables' ``runs``, and RUNS per group of pixels (0: all
+pixels have the same)."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +32,8 @@ class PlaneTables:
     ----------
     order : (P,) int64: ``planes[order[k]]`` is the kernel's plane k; planes that share a mask are
         neighbours, so that a beam's prefix sums serve them all.
-    info : (P, 4) int32: mask, offset into ``runs``, records per group of pixels (0: the same for
-        all), 0.
-    runs : flat int32 records of RUN_WORDS.
+    info : (P,) PLANE.
+    runs : flat int32: records of RUNS, or, for views, targets.
     masks : (masks, N, N) uint8, 255 where open, indexed [j, i]; padded with 0 to whole beams.
     kinds : (masks, blocks, blocks) uint8: 0 closed, 1 partly, 2 wholly open.
     left, top, width, height : region of the planes that the tile's rays can reach.
@@ -68,14 +73,14 @@ def lens_tables(
     """
     masks, which = distinct_masks(slab, planes)
     order = np.argsort(which, kind="stable")
-    info = np.zeros((len(planes), 4), np.int32)
+    info = np.zeros(len(planes), PLANE)
     records, offset = [], 0
     moves_of = [offsets(slab, planes[plane]) for plane in order]
     for row, (plane, moves) in enumerate(zip(order, moves_of, strict=True)):
         table = run_records(moves, group, side * BLOCK)
-        info[row] = which[plane], offset, 0 if len(moves) == 1 else table.shape[1], 0
-        records.append(table.reshape(-1))
-        offset += table.size
+        info[row] = which[plane], offset, 0 if len(moves) == 1 else table.shape[1]
+        records.append(table.reshape(-1).view(np.int32))
+        offset += table.size * RUN_WORDS
     runs = np.concatenate(records) if records else np.zeros(0, np.int32)
     beside = -slab.views % (side * BLOCK)
     padded = np.pad(masks, ((0, 0), (0, beside), (0, beside)))
@@ -105,9 +110,9 @@ def view_tables(slab: Slab, planes: Sequence[SensorPlane]) -> PlaneTables:
     """Tables for views: ``runs`` holds, per plane and lens column, the target of every pixel."""
     masks, which = distinct_masks(slab, planes)
     order = np.argsort(which, kind="stable")
-    info = np.zeros((len(planes), 4), np.int32)
-    info[:, 0] = which[order]
-    info[:, 1] = np.arange(len(planes)) * (slab.views * slab.pixels)
+    info = np.zeros(len(planes), PLANE)
+    info["mask"] = which[order]
+    info["runs"] = np.arange(len(planes)) * (slab.views * slab.pixels)
     runs = [np.ascontiguousarray(targets(slab, planes[k]).T).reshape(-1) for k in order]
     flat = np.concatenate(runs) if runs else np.zeros(0, np.int32)
     return PlaneTables(order, info, flat, masks, block_kinds(masks), 0, 0, slab.pixels, slab.pixels)
@@ -154,7 +159,7 @@ def beam_targets(moves: np.ndarray, group: int, span: int) -> np.ndarray:
 
 
 def run_records(moves: np.ndarray, group: int, span: int) -> np.ndarray:
-    """Runs of equal target: (groups of pixels, spans of lens samples, RUN_WORDS) int32.
+    """Runs of equal target: (groups of pixels, spans of lens samples) RUNS.
 
     Column k * ``span`` + i of a beam is lens sample i of pixel k of its ``group``, as in
     :func:`beam_targets`.
@@ -170,8 +175,8 @@ def run_records(moves: np.ndarray, group: int, span: int) -> np.ndarray:
     target = cells[row, start]
     by_target = np.lexsort((start, target, row))
     slot = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    records = np.zeros((len(cells), RUN_WORDS), np.int32)
-    records[:, 0] = count
-    records[row, 1 + 2 * slot] = target[by_target]
-    records[row, 2 + 2 * slot] = (start + 256 * end)[by_target]
-    return records.reshape(*shape, RUN_WORDS)
+    records = np.zeros(len(cells), RUNS)
+    records["count"] = count
+    for name, values in (("target", target), ("start", start), ("end", end)):
+        records["run"][name][row, slot] = values[by_target]
+    return records.reshape(shape)

@@ -20,7 +20,9 @@ from lfcore.refocus.strip_tables import STRIP, StripTables, strip_tables, table_
 from lfcore.storage.layout import Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.timing import Stopwatch
+from lfcore.tracing.layouts import header
 from lfcore.tracing.plane_buffers import PlaneBuffers
+from lfcore.tracing.tile import slots_of
 
 CHUNK_BYTES = 64 << 20
 """Decoded frames that are added at a time: enough to keep the device busy, and still in cache."""
@@ -57,26 +59,25 @@ class PlaneFormer:
             # register even where they take two.
             defines |= {"STRIP": STRIP, "LANES": 16 if self.device.lanes > 1 else 1}
         file = "refocus/kernels/" + ("slicing_views.cl" if views else "slicing.cl")
-        self._kernel = cl.Kernel(build_program(self.device, [file], defines), "form_planes")
+        program = build_program(self.device, [file], defines, header())
+        self._kernel = cl.Kernel(program, "form_planes")
         planes = list(planes)
         tables = view_tables(slab, planes) if views else _strips(slab, planes, tile)
         self._sums = PlaneBuffers(self.device, slab, planes, tables)
         self._words = 3 * 256 if views else table_words(layout.inner)
         self._scratch = self.device.empty(4 * self._words * self._sums.workers)
         elements = tile.elements()
-        self._places = np.zeros((len(elements), 4), np.int32)
-        self._places[:, :3] = tile.placement(elements)
-        self._places[:, 3] = elements[:, 0] | elements[:, 1] << 16
+        self._slots = slots_of(tile, elements)
 
     def add(self, frames: np.ndarray, first: int) -> None:
         """Add consecutive frames of the tile: (F, frame_bytes) uint8, the first being number
         ``first``; returns when the device has done with them."""
         layout, device = self.tile.layout, self.device
-        start, stop = np.searchsorted(self._places[:, 0], [first, first + len(frames)])
+        start, stop = np.searchsorted(self._slots["frame"], [first, first + len(frames)])
         if start == stop:
             return
-        places = self._places[start:stop].copy()
-        places[:, 0] -= first
+        slots = self._slots[start:stop].copy()
+        slots["frame"] -= first
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
         host = np.ascontiguousarray(frames)
         self._kernel(
@@ -86,8 +87,8 @@ class PlaneFormer:
             cl.Buffer(device.context, flags, hostbuf=host),
             np.int32(layout.frame_width),
             np.int32(layout.frame_height),
-            device.buffer(places),
-            np.int32(len(places)),
+            device.buffer(slots),
+            np.int32(len(slots)),
             np.int32(layout.inner),
             device.buffer(np.zeros(1, np.int32)),
             self._scratch,

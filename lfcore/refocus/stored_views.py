@@ -15,6 +15,7 @@ from lfcore.optics.slab import Rectangle
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.stored_video import StoredVideo
+from lfcore.tracing.layouts import header
 
 CHUNK_BYTES = 64 << 20
 _SOURCE = "refocus/kernels/shift_sum.cl"
@@ -52,7 +53,8 @@ class FrameSummer:
             "RGB": int(layout.format.rgb),
             "VIEWS": int(layout.kind == "views"),
         }
-        self._kernel = cl.Kernel(build_program(summer.device, [_SOURCE], defines), "unpack_views")
+        program = build_program(summer.device, [_SOURCE], defines, header())
+        self._kernel = cl.Kernel(program, "unpack_views")
         self._open = summer.open_samples
         self._is_open = np.zeros((layout.views, layout.views), bool)
         self._is_open[self._open[:, 1], self._open[:, 0]] = True

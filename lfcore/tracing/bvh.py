@@ -25,14 +25,12 @@ from lfcore.errors import SceneError
 from lfcore.files import whole_file
 from lfcore.tracing.bvh_binary import build_binary
 from lfcore.tracing.bvh_tree import Bvh, shape_problem
-from lfcore.tracing.bvh_wide import FAR, UNUSED, WIDTH, collapse
+from lfcore.tracing.bvh_wide import LARGEST, UNUSED, WIDTH, collapse
 
 if TYPE_CHECKING:
     from lfcore.tracing.bvh_binary import BinaryTree
 
 LEAF_LANES = 16
-# Boxes beyond the sentinel of an unused child would be taken for one.
-LARGEST = float(FAR)
 
 
 def build_bvh(
@@ -96,7 +94,7 @@ def _checked(triangles: np.ndarray, leaf_size: int) -> np.ndarray:
 def _empty() -> Bvh:
     """One node whose children are all unused."""
     boxes = np.empty((1, 6, WIDTH), np.float32)
-    boxes[:, :3], boxes[:, 3:] = FAR, -FAR
+    boxes[:, :3], boxes[:, 3:] = LARGEST, -LARGEST
     return Bvh(
         boxes,
         np.full((1, WIDTH), UNUSED, np.int32),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.tracing.bvh_wide import FAR, UNUSED, WIDTH
+from lfcore.tracing.bvh_wide import LARGEST, UNUSED, WIDTH
 
 ROWS = {"boxes": (6, 16), "children": (16,), "leaves": (9, 16), "leaf_ids": (16,)}
 ROWS["leaf_boxes"] = (6,)
@@ -150,9 +150,9 @@ def _node_problem(bvh: Bvh) -> str | None:
     unused = child == UNUSED
     if (unused[:, :-1] & ~unused[:, 1:]).any():
         return "an unused child precedes a used one"
-    if not ((boxes[unused][:, :3] == FAR).all() and (boxes[unused][:, 3:] == -FAR).all()):
+    if not ((boxes[unused][:, :3] == LARGEST).all() and (boxes[unused][:, 3:] == -LARGEST).all()):
         return "an unused child has a box"
-    if (np.diff(np.where(unused, FAR, boxes[:, :, 2]), axis=1) < 0).any():
+    if (np.diff(np.where(unused, LARGEST, boxes[:, :, 2]), axis=1) < 0).any():
         return "children are not sorted by lo.z"
     if unused[1:].all(axis=1).any():
         return "a node other than the root has no children"

@@ -25,7 +25,8 @@ from lfcore.tracing.bvh_binary import BinaryTree
 
 WIDTH = 16
 UNUSED = 0x7FFFFFFF
-FAR = np.float32(1e30)
+LARGEST = np.float32(1e30)
+"""The bound of coordinates; the box of an unused child goes from it to its negative."""
 CHUNK = 1 << 13  # nodes whose costs are found together: 1 MB a table
 
 
@@ -192,6 +193,6 @@ def _sorted_by_depth(slots: np.ndarray, tree: BinaryTree) -> np.ndarray:
 def _child_boxes(slots: np.ndarray, tree: BinaryTree) -> np.ndarray:
     boxes = np.empty((len(slots), 6, WIDTH), np.float32)
     unused = (slots < 0)[:, None, :]
-    boxes[:, :3] = np.where(unused, FAR, tree.lo[slots].transpose(0, 2, 1))
-    boxes[:, 3:] = np.where(unused, -FAR, tree.hi[slots].transpose(0, 2, 1))
+    boxes[:, :3] = np.where(unused, LARGEST, tree.lo[slots].transpose(0, 2, 1))
+    boxes[:, 3:] = np.where(unused, -LARGEST, tree.hi[slots].transpose(0, 2, 1))
     return boxes

@@ -8,30 +8,29 @@ import numpy as np
 
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
+from lfcore.tracing.layouts import CUT_OUT
 
-RECORD_WORDS = 12
 SLACK = 0.01
 """Of an alpha's code: what interpolation between equal texels rounds is far less."""
 
 
 @dataclass(frozen=True)
 class CutOuts:
-    """Arrays in the layout that ``traversal/cut_outs.cl`` reads; all empty without cut-outs.
+    """Arrays for ``traversal/cut_outs.cl``; all empty without cut-outs.
 
-    ``of`` (T,) int32 is the record of a triangle, -1 without holes; ``records`` (C, 12) float32;
-    ``alpha`` (A,) uint8, the pictures one after the other.
+    ``cut_out_of`` (T,) int32 is the record of a triangle, -1 without holes; ``cut_outs`` (C,)
+    CUT_OUT; ``alpha`` (A,) uint8, the pictures one after the other.
     """
 
-    of: np.ndarray
-    records: np.ndarray
+    cut_out_of: np.ndarray
+    cut_outs: np.ndarray
     alpha: np.ndarray
 
 
 def pack_cut_outs(scene: Scene, needs: Needs) -> CutOuts:
     """What :func:`Needs.of` calls cut-outs."""
     if not needs.cut_outs:
-        nothing = np.zeros(0, np.int32), np.zeros((0, RECORD_WORDS), np.float32)
-        return CutOuts(*nothing, np.zeros(0, np.uint8))
+        return CutOuts(np.zeros(0, np.int32), np.zeros(0, CUT_OUT), np.zeros(0, np.uint8))
     cut = np.array([scene.is_cut_out(material) for material in scene.materials])
     numbers = np.flatnonzero(cut[scene.material_ids])
     of = np.full(scene.triangle_count, -1, np.int32)
@@ -43,20 +42,20 @@ def pack_cut_outs(scene: Scene, needs: Needs) -> CutOuts:
             offsets[material.texture] = at
             pictures.append(picture.ravel())
             at += picture.size
-    records = np.zeros((len(numbers), RECORD_WORDS), np.float32)
-    records[:, :8] = _coordinate_forms(scene.triangles[numbers], scene.uvs[numbers])
-    images = np.zeros((len(scene.materials), 4), np.int32)
-    for entry, material in zip(images, scene.materials, strict=True):
+    materials = np.zeros(len(scene.materials), CUT_OUT)
+    for record, material in zip(materials, scene.materials, strict=True):
         if scene.is_cut_out(material):
-            height, width = scene.textures[material.texture].shape[:2]
-            entry[:3] = offsets[material.texture], width, height
-            entry[3:].view(np.float32)[0] = 255 * material.alpha_cutoff - SLACK
-    records[:, 8:].view(np.int32)[:] = images[scene.material_ids[numbers]]
+            record["offset"] = offsets[material.texture]
+            record["height"], record["width"] = scene.textures[material.texture].shape[:2]
+            record["least"] = 255 * material.alpha_cutoff - SLACK
+    records = materials[scene.material_ids[numbers]]
+    u, v = _coordinates(scene.triangles[numbers], scene.uvs[numbers])
+    records["u"], records["v"] = u, v
     return CutOuts(of, records, np.concatenate([np.zeros(0, np.uint8), *pictures]))
 
 
-def _coordinate_forms(triangles: np.ndarray, uvs: np.ndarray) -> np.ndarray:
-    """(C, 8) float32: of a place P on each triangle u = n . P + c, as n and c, and v likewise.
+def _coordinates(triangles: np.ndarray, uvs: np.ndarray) -> list[np.ndarray]:
+    """For u, then v, (C, 4) float32 n and c: a point P on the triangle has u = n . P + c.
 
     Whole turns are taken off, so that c keeps its digits.
     """
@@ -65,12 +64,12 @@ def _coordinate_forms(triangles: np.ndarray, uvs: np.ndarray) -> np.ndarray:
     n = np.cross(a, b)
     along_a, along_b = np.cross(b, n), np.cross(n, a)
     area = (n**2).sum(1, keepdims=True)
-    forms = []
+    found, most = [], np.finfo(np.float32).max
     for k in (0, 1):
         corner = uvs[..., k].astype(np.float64)
         rise = corner[:, 1:] - corner[:, :1]
         gradient = (rise[:, :1] * along_a + rise[:, 1:] * along_b) / area
         constant = corner[:, 0] - np.floor(corner[:, 0]) - (gradient * p).sum(1)
-        forms += [gradient, constant[:, None]]
-    most = np.finfo(np.float32).max
-    return np.clip(np.concatenate(forms, 1), -most, most).astype(np.float32)
+        affine = np.concatenate([gradient, constant[:, None]], 1)
+        found.append(np.clip(affine, -most, most).astype(np.float32))
+    return found

@@ -7,84 +7,59 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.errors import DeviceError, SceneError
+from lfcore.errors import SceneError
 from lfcore.opencl.device import Device, build_program, cl
 from lfcore.optics.bundles import Bundles
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
+from lfcore.tracing import layouts
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.cut_outs import pack_cut_outs
+from lfcore.tracing.layouts import CUT_OUTS, MOST_LEVELS, record
 from lfcore.tracing.packets import Groups, PacketShape
-from lfcore.tracing.surfaces import CUT_OUTS, pack_surfaces
+from lfcore.tracing.surfaces import pack_surfaces
 
 FOLDER = "tracing/kernels/entry"
-MOST_LEVELS = 64
-"""Levels of a hierarchy that the kernels' stacks hold, as in traversal/walk.cl."""
 MOST_NUMBERS = 2**31 - 1
 """The largest array that the kernels' indices, 32-bit integers, reach the end of."""
 
-# Structs of the kernels.  Every member is four bytes, so there is no padding.
-RAY_ARGUMENTS = np.dtype(
-    [("step", np.float32, 4), ("outer", np.float32, 2)]
-    + [(name, np.int32) for name in ("columns", "rows", "packets")]
-    + [("pixel_tangent", np.float32), ("extent", np.float32)]
-    + [("group", np.int32), ("side", np.int32)]
-)
-SCENE_ARGUMENTS = np.dtype(
-    [("ambient", np.float32, 3), ("background", np.float32, 3)]
-    + [(name, np.int32) for name in ("open_lights", "shadow_lights")]
-)
-
 
 class EntryKernel:
-    """A kernel of ``entry/``, whose structs have the layouts that the host fills.
+    """A kernel of ``entry/``; its parameters are those of :data:`lfcore.tracing.layouts.KERNELS`.
 
     Parameters
     ----------
     file, name : in ``entry/``, and of the kernel.
-    defines : what the program is built with.
-    structs : layouts of the kernel's structs, in the order of its ``struct_sizes``.
+    defines : the program is built with these.
 
     Raises
     ------
-    DeviceError : it does not build, or the device lays a struct out in another way.
+    DeviceError : the program cannot be built.
     """
 
-    def __init__(
-        self,
-        device: Device,
-        file: str,
-        name: str,
-        defines: Mapping[str, object],
-        structs: tuple[np.dtype, ...] = (),
-    ):
-        self.device = device
+    def __init__(self, device: Device, file: str, name: str, defines: Mapping[str, object]):
+        self.device, self.parameters = device, layouts.KERNELS[name]
         # The wrapper of a kernel does not keep its program alive.
-        self._program = build_program(device, [f"{FOLDER}/{file}"], defines)
+        self._program = build_program(device, [f"{FOLDER}/{file}"], defines, layouts.header())
         self.kernel = cl.Kernel(self._program, name)
         self._words: dict[int, int] = {}
-        if not structs:
-            return
-        sizes = self._ask("struct_sizes", count=len(structs))
-        if sizes.tolist() != [struct.itemsize for struct in structs]:
-            raise DeviceError(f"{device.name} lays out the arguments of {name} in its own way")
-
-    def _ask(self, name: str, *arguments: Any, count: int) -> np.ndarray:
-        answer, buffer = np.zeros(count, np.int32), self.device.empty(4 * count)
-        cl.Kernel(self._program, name)(self.device.queue, (1,), None, *arguments, buffer)
-        cl.enqueue_copy(self.device.queue, answer, buffer)
-        return answer
 
     def scratch(self, shadow_lights: int = 0) -> cl.Buffer:
-        """Memory of all workers, of the size that the program says one needs."""
+        """Memory of all workers, of the size that the program reports for one."""
         if shadow_lights not in self._words:
-            words = self._ask("scratch_words", np.int32(shadow_lights), count=1)
-            self._words[shadow_lights] = int(words[0])
+            answer, buffer = np.zeros(1, np.int32), self.device.empty(4)
+            ask = cl.Kernel(self._program, "scratch_words")
+            ask(self.device.queue, (1,), None, np.int32(shadow_lights), buffer)
+            cl.enqueue_copy(self.device.queue, answer, buffer)
+            self._words[shadow_lights] = int(answer[0])
         return self.device.empty(4 * self._words[shadow_lights] * self.device.threads)
 
-    def __call__(self, workers: int, *arguments: Any) -> None:
-        """Launch so many workers."""
-        self.kernel(self.device.queue, (workers,), (1,), *arguments)
+    def __call__(self, workers: int, **arguments: Any) -> None:
+        """Launch so many workers; every parameter gets its argument by name."""
+        if arguments.keys() != self.parameters.keys():
+            raise TypeError(f"arguments {sorted(arguments.keys() ^ self.parameters.keys())}")
+        ordered = [arguments[name] for name in self.parameters]
+        self.kernel(self.device.queue, (workers,), (1,), *ordered)
 
 
 def check_indices(arrays: Iterable[np.ndarray]) -> None:
@@ -102,7 +77,7 @@ class DeviceScene:
 
     Attributes
     ----------
-    tree, surfaces : the kernels' first arguments.
+    tree, surfaces : arguments of kernels, by name.
     shadow_lights : how many lights cast shadows.
 
     Raises
@@ -119,17 +94,17 @@ class DeviceScene:
         self.device = device
         s = pack_surfaces(scene, needs, mipmaps=mipmaps)
         self._defines, self.shadow_lights = s.defines, s.shadow_lights
-        tree = (bvh.boxes, bvh.children, bvh.leaves, bvh.leaf_ids)
-        tree = (*tree, *vars(pack_cut_outs(scene, needs)).values())
-        arrays = (s.corners, s.attributes, s.material_ids, s.materials, s.lights, s.images)
-        check_indices([*tree, *arrays, s.texels])
-        buffer = device.buffer
-        self.tree = [buffer(a) for a in tree]
-        numbers = np.zeros((), SCENE_ARGUMENTS)
-        numbers["ambient"], numbers["background"] = s.ambient, s.background
-        numbers["open_lights"] = len(s.lights) - s.shadow_lights
-        numbers["shadow_lights"] = s.shadow_lights
-        self.surfaces = [*(buffer(a) for a in (*arrays, s.texels)), numbers]
+        arrays = {**vars(bvh), **vars(pack_cut_outs(scene, needs)), **vars(s)}
+        numbers = record(
+            layouts.SCENE_ARGUMENTS, ambient=s.ambient, background=s.background,
+            unshadowed_lights=len(s.lights) - s.shadow_lights, shadow_lights=s.shadow_lights,
+        )  # fmt: skip
+        shared = [name for name in (layouts.TREE | layouts.SURFACES) if name in arrays]
+        check_indices(arrays[name] for name in shared)
+        buffers: dict[str, Any] = {name: device.buffer(arrays[name]) for name in shared}
+        buffers["scene_numbers"] = numbers
+        self.tree = {name: buffers[name] for name in layouts.TREE}
+        self.surfaces = {name: buffers[name] for name in layouts.SURFACES}
         self._kernels: dict[tuple, EntryKernel] = {}
 
     @property
@@ -142,7 +117,6 @@ class DeviceScene:
         file: str,
         name: str,
         shape: PacketShape,
-        structs: tuple[np.dtype, ...],
         defines: Mapping[str, object] | None = None,
     ) -> EntryKernel:
         """A kernel for packets of ``shape``; with ``defines`` it knows surfaces, too."""
@@ -150,24 +124,36 @@ class DeviceScene:
         values = {**shape.defines, **known}
         key = (file, name, *sorted(values.items()))
         if key not in self._kernels:
-            self._kernels[key] = EntryKernel(self.device, file, name, values, structs)
+            self._kernels[key] = EntryKernel(self.device, file, name, values)
         return self._kernels[key]
 
-    def rays(self, bundles: Bundles, groups: Groups, shape: PacketShape) -> list:
-        """The kernels' arguments that say which rays: elements, groups and a struct."""
+    def rays(
+        self, bundles: Bundles, groups: Groups, shape: PacketShape, scratch: cl.Buffer
+    ) -> dict[str, Any]:
+        """The kernels' arguments RAYS; ``scratch`` is of :meth:`EntryKernel.scratch`."""
         lattice = bundles.lattice if shape.outer > 1 else None
-        numbers = np.zeros((), RAY_ARGUMENTS)
-        numbers["step"] = bundles.step
-        numbers["outer"] = (lattice.origin, lattice.direction) if lattice else 0
-        numbers["columns"], numbers["rows"] = bundles.columns, bundles.rows
-        numbers["packets"] = len(groups.members) * shape.squares(bundles.columns, bundles.rows)
-        numbers["pixel_tangent"] = bundles.pixel_pitch
-        numbers["extent"], numbers["group"], numbers["side"] = shape.extent, shape.group, shape.side
-        middles = np.ascontiguousarray(groups.middles)
-        return [self.device.buffer(middles), self.device.buffer(groups.members), numbers]
+        numbers = record(
+            layouts.RAY_ARGUMENTS,
+            step=bundles.step,
+            outer=(lattice.origin, lattice.direction) if lattice else 0,
+            columns=bundles.columns,
+            rows=bundles.rows,
+            packets=len(groups.members) * shape.squares(bundles.columns, bundles.rows),
+            pixel_tangent=bundles.pixel_pitch,
+            half_extent=shape.extent,
+            group=shape.group,
+            side=shape.side,
+        )
+        return {
+            "elements": self.device.buffer(np.ascontiguousarray(groups.middles)),
+            "groups": self.device.buffer(groups.members),
+            "ray_numbers": numbers,
+            "next": self.counter(),
+            "scratch": scratch,
+        }
 
     def counter(self) -> cl.Buffer:
-        """What workers take the next packet from."""
+        """The number of the next packet, which workers take from one another."""
         return self.device.buffer(np.zeros(1, np.int32))
 
     def workers(self, groups: int) -> int:

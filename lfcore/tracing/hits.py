@@ -7,7 +7,7 @@ import numpy as np
 from lfcore.opencl.device import cl
 from lfcore.opencl.host_memory import collect, page_aligned, target_buffer
 from lfcore.optics.bundles import Bundles
-from lfcore.tracing.device_scene import RAY_ARGUMENTS, DeviceScene
+from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.packets import Groups, PacketShape
 
 CHUNK_RAYS = 1 << 24
@@ -23,7 +23,7 @@ class SlabHits:
 
     def __init__(self, scene: DeviceScene, shape: PacketShape):
         self.scene, self.shape = scene, shape
-        self.kernel = scene.kernel("hits.cl", "slab_hits", shape, (RAY_ARGUMENTS,))
+        self.kernel = scene.kernel("hits.cl", "slab_hits", shape)
 
     def __call__(
         self, bundles: Bundles, coordinates: np.ndarray | None
@@ -52,9 +52,8 @@ class SlabHits:
         groups = Groups.of(self.shape, bundles, coordinates)
         self.kernel(
             scene.workers(len(groups.members)),
-            *scene.tree,
-            *scene.rays(bundles, groups, self.shape),
-            scene.counter(),
-            self.kernel.scratch(),
-            *outputs,
+            **scene.tree,
+            **scene.rays(bundles, groups, self.shape, self.kernel.scratch()),
+            depth=outputs[0],
+            triangle=outputs[1],
         )

@@ -8,10 +8,7 @@ import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.optics.bundles import Bundles
-
-BLOCK = 16
-CHUNKS = 4
-"""Cells of 16 x 16 rays along a side of a packet, at most, as in output/packet_sums.cl."""
+from lfcore.tracing.layouts import BLOCK
 
 
 @dataclass(frozen=True)

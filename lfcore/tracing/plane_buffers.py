@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -12,12 +13,9 @@ from lfcore.optics.plane_sums import PlaneSums, offsets
 from lfcore.optics.plane_tables import PlaneTables, beam_targets
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.tracing.packets import BLOCK, CHUNKS, PacketShape
+from lfcore.tracing.layouts import BLOCK, PACKET_COLUMNS, PLANE_ARGUMENTS, PLANES, record
+from lfcore.tracing.packets import PacketShape
 
-PLANE_ARGUMENTS = np.dtype(
-    [(name, np.int32) for name in ("left", "top", "width", "height", "size", "blocks", "views")]
-    + [(name, np.int32) for name in ("planes", "tall", "ring")]
-)
 MEMORY_SHARE = 4
 """Sums of one kind take at most one part in this many of a device's memory."""
 
@@ -58,22 +56,15 @@ class PlaneBuffers:
         self._sums = device.zeros(8 * math.prod(self._shape))
         self._tables = [device.buffer(a) for a in t.arrays]
 
-    def arguments(self) -> list:
-        """The kernels' last arguments, from ``n_planes`` on."""
+    def arguments(self, strip_height: int = 1, ring: int = 1) -> list:
+        """PLANE_ARGUMENTS, tables and sums: the last arguments of the kernels that form planes."""
         t, slab = self.tables, self.slab
-        region = [t.left, t.top, t.width, t.height, slab.pixels, t.blocks, slab.views, 0]
-        return [np.int32(len(self.planes)), np.array(region, np.int32), *self._tables, self._sums]
-
-    @property
-    def buffers(self) -> list:
-        """Tables and sums, the last arguments of ``trace_slab``."""
-        return [*self._tables, self._sums]
-
-    def numbers(self, tall: int = 1, ring: int = 1) -> np.ndarray:
-        """The kernels' struct of PLANE_ARGUMENTS."""
-        t, slab = self.tables, self.slab
-        region = t.left, t.top, t.width, t.height, slab.pixels, t.blocks, slab.views
-        return np.array((*region, len(self.planes), tall, ring), PLANE_ARGUMENTS)
+        numbers = record(
+            PLANE_ARGUMENTS, left=t.left, top=t.top, width=t.width, height=t.height,
+            size=slab.pixels, blocks=t.blocks, views=slab.views, planes=len(self.planes),
+            strip_height=strip_height, ring=ring,
+        )  # fmt: skip
+        return [numbers, *self._tables, self._sums]
 
     def collect(self) -> PlaneSums:
         """Read back what was added so far."""
@@ -98,7 +89,7 @@ class StripBuffers:
 
     Attributes
     ----------
-    tall : packets in a strip; 1 where there is nothing to sum, or for few ``elements``.
+    height : packets in a strip; 1 where there is nothing to sum, or for few ``elements``.
     ring : rows of a plane that are kept, a power of two.
     workers : how many may sum, at most as many as ``sums`` has room for.
     """
@@ -107,20 +98,21 @@ class StripBuffers:
         self._sums = sums
         device, planes = sums.device, len(sums.planes)
         packets = elements // shape.elements * shape.squares(views, views) if planes else 0
-        self.tall = min(max(1, packets // (sums.workers * ITEMS_A_WORKER)), STRIP_PACKETS)
+        self.height = min(max(1, packets // (sums.workers * ITEMS_A_WORKER)), STRIP_PACKETS)
         span = shape.cells * BLOCK
-        reached = strip_rows(sums.slab, sums.planes, self.tall * shape.group, span)
+        reached = strip_rows(sums.slab, sums.planes, self.height * shape.group, span)
         self.ring = 1 << (min(reached, sums.slab.pixels) - 1).bit_length()
-        row = planes, self.ring, 3, CHUNKS * BLOCK
+        row = planes, self.ring, 3, PACKET_COLUMNS
         self.workers = min(sums.workers, workers_that_fit(device, 4 * math.prod(row)))
         windows = np.empty((self.workers, planes, 2), np.int32)
         windows[:] = np.iinfo(np.int32).max, 0
         rows = np.zeros((self.workers, *row), np.uint32)
         self._buffers = [device.changed(a) for a in (windows, rows)]
 
-    def arguments(self) -> list:
-        """The last arguments of ``trace_slab``, from its struct of planes on."""
-        return [self._sums.numbers(self.tall, self.ring), *self._buffers, *self._sums.buffers]
+    def arguments(self) -> dict[str, Any]:
+        """The arguments PLANES of ``trace_slab``."""
+        values = *self._sums.arguments(self.height, self.ring), *self._buffers
+        return dict(zip(PLANES, values, strict=True))
 
 
 def strip_rows(slab: Slab, planes: list[SensorPlane], pixels: int, span: int) -> int:

@@ -10,7 +10,8 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import cl
 from lfcore.opencl.host_memory import check_target, collect, target_buffer
 from lfcore.optics.bundles import Bundles
-from lfcore.tracing.device_scene import RAY_ARGUMENTS, SCENE_ARGUMENTS, DeviceScene
+from lfcore.tracing.device_scene import DeviceScene
+from lfcore.tracing.layouts import ADD, DEPTHS, IMAGE_ARGUMENTS, STREAM, record
 from lfcore.tracing.packets import Groups, PacketShape
 
 CHUNK_RAYS = 1 << 24
@@ -19,9 +20,6 @@ LAUNCH_RAYS = 1 << 22
 """Rays of one launch: progress is told between launches."""
 STREAM_BYTES = 32 << 20
 """Results larger than this go past the caches, which would not hold them until they are read."""
-ADD, STREAM, DEPTHS = 1, 2, 4  # of the kernel's mode
-
-IMAGE_ARGUMENTS = np.dtype([("across", np.int32), ("mode", np.int32)])
 
 
 class TraceRadiance:
@@ -58,8 +56,7 @@ class TraceRadiance:
             )  # fmt: skip
         self.scene, self.shape = scene, shape
         self.sets, self.coordinates, self.across = list(sets), coordinates, across
-        structs = SCENE_ARGUMENTS, RAY_ARGUMENTS, IMAGE_ARGUMENTS
-        self.kernel = scene.kernel("radiance.cl", "trace_radiance", shape, structs, {})
+        self.kernel = scene.kernel("radiance.cl", "trace_radiance", shape, {})
         self.scratch = self.kernel.scratch(scene.shadow_lights)
 
     def run(
@@ -136,16 +133,13 @@ class TraceRadiance:
         depth: cl.Buffer,
         mode: int,
     ) -> None:
-        scene, image = self.scene, np.zeros((), IMAGE_ARGUMENTS)
-        image["across"], image["mode"] = self.across, mode
+        scene = self.scene
         self.kernel(
             scene.workers(len(groups.members)),
-            *scene.tree,
-            *scene.surfaces,
-            *scene.rays(bundles, groups, self.shape),
-            scene.counter(),
-            self.scratch,
-            image,
-            target,
-            depth,
+            **scene.tree,
+            **scene.surfaces,
+            **scene.rays(bundles, groups, self.shape, self.scratch),
+            image=record(IMAGE_ARGUMENTS, across=self.across, mode=mode),
+            radiance=target,
+            depth=depth,
         )

@@ -28,12 +28,14 @@ class ClosestHits:
         buffers = [target_buffer(device, a) for a in outputs]
         self.kernel(
             scene.workers(count),
-            *scene.tree,
-            device.buffer(origins),
-            device.buffer(directions),
-            np.int32(count),
-            scene.counter(),
-            *buffers,
+            **scene.tree,
+            origins=device.buffer(origins),
+            directions=device.buffer(directions),
+            ray_count=np.int32(count),
+            next=scene.counter(),
+            triangle=buffers[0],
+            distance=buffers[1],
+            weights=buffers[2],
         )
         for array, buffer in zip(outputs, buffers, strict=True):
             collect(device, buffer, array)

@@ -23,7 +23,7 @@ from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import Bvh
-from lfcore.tracing.bvh_wide import FAR, UNUSED
+from lfcore.tracing.bvh_wide import LARGEST, UNUSED
 
 SLACK = 1e-4
 """Relative slack of every test: float32 kernels may hit what lies beside their rays by 1e-6."""
@@ -196,7 +196,7 @@ def prune(bvh: Bvh, keep: np.ndarray) -> Bvh:
     lanes = _alive_lanes(bvh.children, leaves, nodes)[nodes]
     children = _renumbered(bvh.children, leaves, nodes)[nodes]
     children = np.where(lanes, children, UNUSED)
-    empty = np.array([FAR] * 3 + [-FAR] * 3, np.float32)[None, :, None]
+    empty = np.array([LARGEST] * 3 + [-LARGEST] * 3, np.float32)[None, :, None]
     boxes = np.where(lanes[:, None, :], bvh.boxes[nodes], empty)
     order = np.argsort(~lanes, axis=1, kind="stable")
     return Bvh(

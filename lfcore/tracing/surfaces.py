@@ -13,20 +13,23 @@ from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.limits import within_limits
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
+from lfcore.tracing.layouts import (
+    CUT_OUTS,
+    LEVEL,
+    LIGHT,
+    MATERIAL,
+    MIP_LEVELS,
+    PHYSICAL,
+    TEXEL_BITS,
+)
 
-MIP_LEVELS = 12
-CUT_OUTS, PHYSICAL = 2, 4
-"""Bits of the define TEXTURES: triangles with holes; what :class:`Needs` calls physical."""
-MATERIAL_WORDS = 20
-LIGHT_WORDS = 16
-TEXEL_ONE = 1023
-LEAST_GLOSS = 2.0**-24
-"""A highlight below this share of its strength is left out: it would change no float near 1."""
+LEAST_HIGHLIGHT = 2.0**-24
+"""A highlight below this share of its peak is left out: it would change no float near 1."""
 
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Arrays in the layout that ``surface/scene.cl`` reads, and the defines that go with them.
+    """Arrays of the records in :mod:`lfcore.tracing.layouts`, and the defines that go with them.
 
     ``lights`` are those without shadows, then the ``shadow_lights`` with.
     """
@@ -36,7 +39,7 @@ class Surfaces:
     material_ids: np.ndarray
     materials: np.ndarray
     lights: np.ndarray
-    images: np.ndarray
+    levels: np.ndarray
     texels: np.ndarray
     ambient: np.ndarray
     background: np.ndarray
@@ -63,7 +66,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
     used = [light for light in scene.lights if any(light.colour)]
     lights = sorted(used, key=lambda light: light.casts_shadows)
     data = {number for material in scene.materials for number in material.data_textures}
-    images, texels = pack_textures(
+    levels, texels = pack_textures(
         scene.textures if needs.textures else [], MIP_LEVELS if mipmaps else 1, data
     )
     shadows = sum(light.casts_shadows for light in lights)
@@ -79,7 +82,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         material_ids=np.ascontiguousarray(scene.material_ids, np.int32),
         materials=_pack_materials(scene),
         lights=_pack_lights(lights),
-        images=images,
+        levels=levels,
         texels=texels,
         ambient=np.array(scene.ambient, np.float32),
         background=np.array(scene.background, np.float32),
@@ -89,55 +92,54 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
 
 
 def _pack_materials(scene: Scene) -> np.ndarray:
-    packed = np.zeros((len(scene.materials), MATERIAL_WORDS), np.float32)
-    for row, material in zip(packed, scene.materials, strict=True):
-        row[0:3], row[3] = material.diffuse, material.shininess
-        row[4:7], row[8:11] = material.specular, material.emission
-        row[7:8].view(np.int32)[0] = material.texture
-        row[11] = LEAST_GLOSS ** (1 / material.shininess) if material.shininess > 0 else 0
-        row[12:15] = material.metallic, material.roughness, material.normal_scale
-        maps = material.normal_texture, material.metal_texture, material.emission_texture
-        row[15:18].view(np.int32)[:] = maps
+    packed = np.zeros(len(scene.materials), MATERIAL)
+    same = "diffuse", "specular", "shininess", "emission", "metallic", "roughness", "normal_scale"
+    for row, m in zip(packed, scene.materials, strict=True):
+        for name in same:
+            row[name] = getattr(m, name)
+        row["specular_cutoff"] = LEAST_HIGHLIGHT ** (1 / m.shininess) if m.shininess > 0 else 0
+        row["maps"] = m.texture, m.normal_texture, m.metal_texture, m.emission_texture
     return packed
 
 
 def _pack_lights(lights: list[Light]) -> np.ndarray:
-    packed = np.zeros((len(lights), LIGHT_WORDS), np.float32)
+    packed = np.zeros(len(lights), LIGHT)
     for row, light in zip(packed, lights, strict=True):
-        row[0:3], row[3] = light.vector, light.kind == POINT
-        row[4:7], row[7] = light.colour, light.reference_distance_m
-        row[8:11] = light.normal
-        row[12:14].view(np.int32)[:] = light.own
+        row["vector"], row["is_point"] = light.vector, light.kind == POINT
+        row["colour"], row["reference_distance"] = light.colour, light.reference_distance_m
+        row["normal"], row["triangles"] = light.normal, light.own
         if light.is_spot:
             inner, outer = light.cone
-            row[11] = 1 / max(inner - outer, 0.001)
-            row[14] = -outer * row[11]
+            slope = np.float32(1 / max(inner - outer, 0.001))
+            row["cone"] = slope, -outer * slope
     return packed
 
 
 def pack_textures(
-    textures: list[np.ndarray], most: int = MIP_LEVELS, data: Collection[int] = ()
+    textures: list[np.ndarray], limit: int = MIP_LEVELS, data: Collection[int] = ()
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mip chains of up to ``most`` levels of sRGB uint8 pictures (H, W, 3 or more) in one buffer.
+    """Mip chains of up to ``limit`` levels of sRGB uint8 pictures (H, W, 3 or more) in one buffer.
 
-    Returns ``images`` (textures, MIP_LEVELS, 4) int32 [offset, width, height, levels] and
-    ``texels`` uint32, the square roots of linear RGB in 10 bits each.  Levels are box-filtered
+    Returns the ``levels`` (textures, MIP_LEVELS) LEVEL and the ``texels`` uint32, the square roots
+    of linear RGB in TEXEL_BITS each.  Levels are box-filtered
     in linear light.  Codes of those numbered in ``data`` are linear.
     """
-    images = np.zeros((len(textures), MIP_LEVELS, 4), np.int32)
+    levels = np.zeros((len(textures), MIP_LEVELS), LEVEL)
     chunks, offset = [], 0
-    for number, (entry, texture) in enumerate(zip(images, textures, strict=True)):
+    for number, (entry, texture) in enumerate(zip(levels, textures, strict=True)):
         codes = np.arange(256) / 255.0
         linear = (codes if number in data else srgb_decode(codes)).astype(np.float32)
-        chain = list(itertools.islice(_mip_chain(linear[texture[..., :3]]), most))
+        chain = list(itertools.islice(_mip_chain(linear[texture[..., :3]]), limit))
         for level, linear in enumerate(chain):
             height, width = linear.shape[:2]
             entry[level] = offset, width, height, len(chain)
-            codes = np.rint(np.sqrt(np.clip(linear, 0, 1)) * TEXEL_ONE).astype(np.uint32)
-            chunks.append((codes[..., 0] | codes[..., 1] << 10 | codes[..., 2] << 20).ravel())
+            most = (1 << TEXEL_BITS) - 1
+            codes = np.rint(np.sqrt(np.clip(linear, 0, 1)) * most).astype(np.uint32)
+            codes <<= np.arange(3, dtype=np.uint32) * TEXEL_BITS
+            chunks.append(np.bitwise_or.reduce(codes, axis=-1).ravel())
             offset += width * height
         entry[len(chain) :] = entry[len(chain) - 1]
-    return images, np.concatenate(chunks) if chunks else np.zeros(0, np.uint32)
+    return levels, np.concatenate(chunks) if chunks else np.zeros(0, np.uint32)
 
 
 def _mip_chain(linear: np.ndarray) -> Iterator[np.ndarray]:

@@ -18,9 +18,10 @@ from lfcore.optics.plane_tables import PlaneTables, lens_tables, view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.timing import Stopwatch
-from lfcore.tracing.device_scene import RAY_ARGUMENTS, SCENE_ARGUMENTS, DeviceScene
+from lfcore.tracing.device_scene import DeviceScene
+from lfcore.tracing.layouts import FRAME_ARGUMENTS, SLOT, record
 from lfcore.tracing.packets import Groups, PacketShape, ranks
-from lfcore.tracing.plane_buffers import PLANE_ARGUMENTS, PlaneBuffers, StripBuffers
+from lfcore.tracing.plane_buffers import PlaneBuffers, StripBuffers
 
 if TYPE_CHECKING:
     from lfcore.storage.layout import FrameLayout
@@ -96,9 +97,6 @@ class TileTracing:
         return self.chunks
 
 
-FRAME_ARGUMENTS = np.dtype([(name, np.int32) for name in ("width", "height", "chroma", "rgb")])
-
-
 class TraceSlab:
     """Launches of ``trace_slab`` (entry/slab.cl) for one tile, and their buffers."""
 
@@ -121,8 +119,7 @@ class TraceSlab:
             "PLANES": 0 if not planes else 1 if self.macro else 2,
             "BITS": layout.format.bits if frames else 0,
         }
-        structs = SCENE_ARGUMENTS, RAY_ARGUMENTS, FRAME_ARGUMENTS, PLANE_ARGUMENTS
-        self.kernel = scene.kernel("slab.cl", "trace_slab", shape, structs, defines)
+        self.kernel = scene.kernel("slab.cl", "trace_slab", shape, defines)
         self.scratch = self.kernel.scratch(scene.shadow_lights)
         tables = _plane_tables(slab, planes, tile, shape)
         self.sums = PlaneBuffers(device, slab, list(planes), tables)
@@ -132,22 +129,20 @@ class TraceSlab:
     def run(
         self, tracing: TileTracing, progress: Callable[[int, int], None] | None
     ) -> Iterator[Chunk]:
-        places = np.zeros((len(self.elements), 4), np.int32)
-        if self.frames:
-            places[:, :3] = self.tile.placement(self.elements)
-        places[:, 3] = self.elements[:, 0] | self.elements[:, 1] << 16
-        cuts = self._cuts(places[:, 0])
-        ends = places[cuts[1:] - 1, 0] + 1 if self.frames else np.zeros(1, int)
+        slots = slots_of(self.tile, self.elements, frames=self.frames)
+        frame_of = slots["frame"].copy()
+        cuts = self._cuts(frame_of)
+        ends = frame_of[cuts[1:] - 1] + 1 if self.frames else np.zeros(1, int)
         hosts = _FrameHost(self.scene.device, self.layout, int(np.diff(ends, prepend=0).max()))
         watch = Stopwatch()
         for start, stop in itertools.pairwise(cuts):
             with watch.part("trace"):
-                first = int(places[start, 0])
-                count = int(places[stop - 1, 0]) + 1 - first if self.frames else 0
-                places[start:stop, 0] -= first
+                first = int(frame_of[start])
+                count = int(frame_of[stop - 1]) + 1 - first if self.frames else 0
+                slots["frame"][start:stop] -= first
                 if stop - start < count * self.layout.elements_per_frame:
                     hosts.blank(count)
-                self._launch(slice(start, stop), places[start:stop], hosts.buffer)
+                self._launch(slice(start, stop), slots[start:stop], hosts.buffer)
                 self.scene.device.queue.finish()
             tracing.seconds = watch.seconds["trace"]
             if progress:
@@ -189,26 +184,35 @@ class TraceSlab:
             at = int(np.searchsorted(starts, cuts[-1]))
         return np.array(cuts)
 
-    def _launch(self, part: slice, places: np.ndarray, frames: cl.Buffer) -> None:
+    def _launch(self, part: slice, slots: np.ndarray, frames: cl.Buffer) -> None:
         scene, layout = self.scene, self.layout
         make = rays.macropixels if self.macro else rays.views
         bundles = make(self.slab, self.elements[part])
-        groups = Groups.of(self.shape, bundles, self.elements[part], self.strips.tall)
-        numbers = np.zeros((), FRAME_ARGUMENTS)
-        numbers["width"], numbers["height"] = layout.frame_width, layout.frame_height
-        numbers["chroma"], numbers["rgb"] = layout.format.subsampling, layout.format.rgb
+        groups = Groups.of(self.shape, bundles, self.elements[part], self.strips.height)
+        numbers = record(
+            FRAME_ARGUMENTS, width=layout.frame_width, height=layout.frame_height,
+            chroma=layout.format.subsampling, rgb=layout.format.rgb,
+        )  # fmt: skip
         self.kernel(
             min(scene.workers(len(groups.members)), self.strips.workers),
-            *scene.tree,
-            *scene.surfaces,
-            *scene.rays(bundles, groups, self.shape),
-            scene.counter(),
-            self.scratch,
-            numbers,
-            scene.device.buffer(np.ascontiguousarray(places)),
-            frames,
-            *self.strips.arguments(),
+            **scene.tree,
+            **scene.surfaces,
+            **scene.rays(bundles, groups, self.shape, self.scratch),
+            frame_numbers=numbers,
+            slots=scene.device.buffer(slots),
+            frames=frames,
+            **self.strips.arguments(),
         )
+
+
+def slots_of(tile: Tile, elements: np.ndarray, *, frames: bool = True) -> np.ndarray:
+    """(E,) SLOT of a tile's elements (E, 2), frame after frame; without ``frames`` their places on
+    the outer grid alone."""
+    slots = np.zeros(len(elements), SLOT)
+    if frames:
+        slots["frame"], slots["x"], slots["y"] = tile.placement(elements).T
+    slots["column"], slots["row"] = elements.T
+    return slots
 
 
 def _parts_no_group(elements: np.ndarray, group: int) -> np.ndarray:

@@ -9,6 +9,7 @@ from lfcore.optics.plane_sums import targets
 from lfcore.optics.plane_tables import (
     BLOCK,
     RUN_WORDS,
+    RUNS,
     block_kinds,
     lens_tables,
     run_records,
@@ -23,8 +24,8 @@ CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
 def unpack(record: np.ndarray, columns: int) -> np.ndarray:
     """The targets of a beam's columns that one run record stands for."""
     out = np.full(columns, 1 << 30, np.int64)
-    for target, span in record[1 : 1 + 2 * record[0]].reshape(-1, 2):
-        part = out[span % 256 : span // 256]
+    for target, start, end in record["run"][: record["count"]]:
+        part = out[start:end]
         assert len(part) and (part == 1 << 30).all(), "runs do not overlap"
         part[:] = target
     return out
@@ -42,7 +43,7 @@ def test_run_records_reproduce_offsets(positions, views, spread, shape, random):
     group, span = shape[0], shape[1] * BLOCK
     records = run_records(offsets, group, span)
     cells = 1 if positions == 1 else -(-positions // group)
-    assert records.shape == (cells, -(-views // span), RUN_WORDS)
+    assert records.shape == (cells, -(-views // span))
     for cell in range(cells):
         found = np.stack([unpack(r, group * span).reshape(group, span) for r in records[cell]], 1)
         found = found.reshape(group, -1)[:, :views]
@@ -50,10 +51,10 @@ def test_run_records_reproduce_offsets(positions, views, spread, shape, random):
             pixel = 0 if positions == 1 else min(cell * group + k, positions - 1)
             np.testing.assert_array_equal(found[k], offsets[pixel] + k)
         for record in records[cell]:
-            runs = record[1 : 1 + 2 * record[0]].reshape(-1, 2)
-            assert (np.diff(runs[:, 0]) >= 0).all(), "sorted by target"
-            by_start = runs[np.argsort(runs[:, 1] % 256)]
-            assert (np.diff(by_start[:, 0]) != 0).all(), "runs are maximal"
+            runs = record["run"][: record["count"]]
+            assert (np.diff(runs["target"]) >= 0).all(), "sorted by target"
+            by_start = runs[np.argsort(runs["start"])]
+            assert (np.diff(by_start["target"]) != 0).all(), "runs are maximal"
 
 
 @given(st.integers(1, 40), st.floats(2.0, 40.0))
@@ -87,10 +88,10 @@ def test_lens_tables_reproduce_targets_and_masks(chosen, views, pixels, shape):
     u0, v0, u1, v1 = 0, pixels // 2, pixels // 2 + 1, pixels
     tables = lens_tables(slab, chosen, (u0, v0, u1, v1), group, side)
     assert sorted(tables.order.tolist()) == list(range(len(chosen)))
-    assert (np.diff(tables.info[:, 0]) >= 0).all(), "planes of one mask are neighbours"
+    assert (np.diff(tables.info["mask"]) >= 0).all(), "planes of one mask are neighbours"
     squares = -(-views // (side * BLOCK))
     for row, index in enumerate(tables.order):
-        plane, (mask, offset, per_cell, _) = chosen[index], tables.info[row]
+        plane, (mask, offset, per_cell) = chosen[index], tables.info[row]
         np.testing.assert_array_equal(tables.masks[mask, :views, :views] > 0, plane.mask(slab))
         assert tables.masks[mask].sum() == 255 * plane.mask(slab).sum(), "padded with closed"
         assert tables.masks.shape[1:] == (squares * side * BLOCK,) * 2
@@ -98,7 +99,7 @@ def test_lens_tables_reproduce_targets_and_masks(chosen, views, pixels, shape):
         for u in range(pixels):
             cell, within = divmod(u, group)
             start = offset + cell * per_cell * RUN_WORDS
-            records = tables.runs[start : start + squares * RUN_WORDS].reshape(-1, RUN_WORDS)
+            records = tables.runs[start : start + squares * RUN_WORDS].view(RUNS)
             found = [unpack(r, group * side * BLOCK).reshape(group, -1)[within] for r in records]
             np.testing.assert_array_equal(cell * group + np.concatenate(found)[:views], columns[u])
         for span, low, size in (
@@ -115,8 +116,8 @@ def test_view_tables_reproduce_targets(chosen, views, pixels):
     slab = Slab(CAMERA, views, pixels)
     tables = view_tables(slab, chosen)
     for row, index in enumerate(tables.order):
-        offset = tables.info[row, 1]
+        offset = tables.info[row]["runs"]
         table = tables.runs[offset : offset + views * pixels].reshape(views, pixels)
         np.testing.assert_array_equal(table.T, targets(slab, chosen[index]))
-        mask = tables.masks[tables.info[row, 0]]
+        mask = tables.masks[tables.info[row]["mask"]]
         np.testing.assert_array_equal(mask > 0, chosen[index].mask(slab))

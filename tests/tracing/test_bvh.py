@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 from lfcore.errors import SceneError
 from lfcore.tracing import bvh_binary, bvh_split, bvh_wide
 from lfcore.tracing.bvh import build_bvh, load_bvh, save_bvh
-from lfcore.tracing.bvh_wide import FAR, UNUSED
+from lfcore.tracing.bvh_wide import LARGEST, UNUSED
 
 FIELDS = ("boxes", "children", "leaves", "leaf_ids", "leaf_boxes")
 
@@ -96,7 +96,7 @@ def test_equal_input_gives_an_equal_tree():
 def test_an_empty_scene_is_one_node_without_children():
     bvh = build_bvh(CASES["none"])
     assert bvh.children.shape == (1, 16) and (bvh.children == UNUSED).all()
-    assert (bvh.boxes[:, :3] == FAR).all() and (bvh.boxes[:, 3:] == -FAR).all()
+    assert (bvh.boxes[:, :3] == LARGEST).all() and (bvh.boxes[:, 3:] == -LARGEST).all()
 
 
 def half_area(points):

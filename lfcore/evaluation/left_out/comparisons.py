@@ -80,7 +80,7 @@ class Program:
     def bytes(self) -> int:
         """The memory of the scene's buffers on the device and of all workers."""
         s, bvh = pack_surfaces(self.tracer.scene, self.tracer.needs), self.bvh
-        arrays = (s.corners, s.attributes, s.material_ids, s.materials, s.lights, s.images)
+        arrays = (s.corners, s.attributes, s.material_ids, s.materials, s.lights, s.levels)
         tree = (bvh.boxes, bvh.children, bvh.leaves, bvh.leaf_ids)
         return sum(array.nbytes for array in (*arrays, s.texels, *tree)) + (
             self.tracer.scratch_bytes(self.slab, self.tile(), self.planes, frames=self.frames)

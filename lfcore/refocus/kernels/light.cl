@@ -4,8 +4,6 @@
 #define LFCORE_LIGHT_CL
 #include "codes.cl"
 
-#define FIXED_ONE 1048576.0f
-
 #define SCALE (1.0f / CODES)
 
 // IEC 61966-2-1 decoding of sRGB-encoded values to fixed point; those outside [0, 1] are clamped.  Above

@@ -191,14 +191,13 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hi
 void form_planes(global const sample *restrict frames,
                  const int frame_width,
                  const int frame_height,
-                 global const int4 *restrict places,  // (E,) frame, x0, y0, pixel u + (v << 16)
+                 global const Slot *restrict slots,   // (E,)
                  const int n_elements,
                  const int inner,                     // side N of a macropixel
                  global int *restrict next,
                  global uint *restrict scratch,       // (workers, scratch_words): tables
                  const int scratch_words,
-                 const int n_planes,
-                 const int8 region,                   // left, top, width, height, size M, strips, views N, 0
+                 const PlaneArguments n,
                  global const int4 *restrict plane_info,
                  global const int *restrict pointers,
                  global const int2 *restrict runs,
@@ -207,9 +206,8 @@ void form_planes(global const sample *restrict frames,
                  global const int *restrict ends,
                  global ulong4 *restrict sums)
 {
-    const ulong own = get_global_id(0) * (ulong)n_planes * region.s2 * region.s3;
-    const Strips strips = {n_planes, region.s5, region.s0, region.s1, region.s2, region.s3,
-                           region.s4, inner, plane_info, pointers, runs, masks, kinds, ends,
+    const ulong own = get_global_id(0) * (ulong)n.planes * n.width * n.height;
+    const Strips strips = {n.planes, n.blocks, n.left, n.top, n.width, n.height, n.size, inner, plane_info, pointers, runs, masks, kinds, ends,
                            sums + own};
     global uint4 *table = (global uint4 *)(scratch + get_global_id(0) * (ulong)scratch_words);
     const int pitch = PITCH(inner);
@@ -220,10 +218,10 @@ void form_planes(global const sample *restrict frames,
     for (int group = atomic_inc(next) * GROUP; group < n_elements; group = atomic_inc(next) * GROUP)
         for (int strip = 0; strip < strips.strips; ++strip)
             for (int element = group; element < min(group + GROUP, n_elements); ++element) {
-                const int4 place = places[element];
-                global const sample *frame = frames + place.x * (pixels + 2 * small);
+                const Slot slot = slots[element];
+                global const sample *frame = frames + slot.frame * (pixels + 2 * small);
                 const Macropixel macropixel = {frame, frame + pixels, frame + pixels + small,
-                                               frame_width, place.y, place.z};
-                add_macropixel(&strips, &macropixel, strip, place.w & 0xffff, place.w >> 16, table);
+                                               frame_width, slot.x, slot.y};
+                add_macropixel(&strips, &macropixel, strip, slot.column, slot.row, table);
             }
 }

@@ -38,34 +38,31 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hi
 void form_planes(global const sample *restrict frames,
                  const int frame_width,
                  const int frame_height,
-                 global const int4 *restrict places,  // (E,) frame, x0, y0, lens column + (row << 16)
+                 global const Slot *restrict slots,   // (E,)
                  const int n_elements,
                  const int inner,                     // side of a view
                  global int *restrict next,
                  global uint *restrict scratch,       // (workers, 3 * BLOCK_RAYS)
                  const int scratch_words,
-                 const int n_planes,
-                 const int8 region,                   // left, top, width, height, size M, blocks, views N, 0
-                 global const int4 *restrict plane_info,
+                 const PlaneArguments numbers,
+                 global const PlaneRecord *restrict plane_records,
                  global const int *restrict runs,
                  global const uchar *restrict masks,
                  global const uchar *restrict kinds,
                  global ulong4 *restrict sums)
 {
-    const PlaneArguments numbers = {region.s0, region.s1, region.s2, region.s3, region.s4,
-                                    region.s5, region.s6, n_planes, 1, 1};
-    const ulong own = get_global_id(0) * (ulong)n_planes * region.s2 * region.s3;
-    const Planes planes = {&numbers, plane_info, runs, masks, kinds, sums + own};
+    const ulong own = get_global_id(0) * (ulong)numbers.planes * numbers.width * numbers.height;
+    const Planes planes = {&numbers, plane_records, runs, masks, kinds, sums + own};
     global float *colours = (global float *)(scratch + get_global_id(0) * (ulong)scratch_words);
     const ulong chroma = (ulong)(frame_width / CHROMA) * (frame_height / CHROMA);
     const ulong frame_samples = (ulong)frame_width * frame_height + 2 * chroma;
     for (int element = atomic_inc(next); element < n_elements; element = atomic_inc(next)) {
-        const int4 place = places[element];
-        global const sample *frame = frames + place.x * frame_samples;
+        const Slot slot = slots[element];
+        global const sample *frame = frames + slot.frame * frame_samples;
         for (int y = 0; y < inner; y += BLOCK)
             for (int x = 0; x < inner; x += BLOCK) {
-                load_block(frame, frame_width, frame_height, place.y + x, place.z + y, inner - x, inner - y, colours);
-                add_view(&planes, (int2)(place.w & 0xffff, place.w >> 16), (int2)(x, y), colours);
+                load_block(frame, frame_width, frame_height, slot.x + x, slot.y + y, inner - x, inner - y, colours);
+                add_view(&planes, (int2)(slot.column, slot.row), (int2)(x, y), colours);
             }
     }
 }

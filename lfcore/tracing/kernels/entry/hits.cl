@@ -1,10 +1,8 @@
 // Visibility alone: the closest triangle and its depth for every ray of a job.
 #include "hit_buffers.cl"
 
-KERNEL void slab_hits(TREE_PARAMETERS,
-                      RAY_PARAMETERS,
-                      global float *restrict depth,   // (E, rows, columns)
-                      global int *restrict triangle)  // (E, rows, columns)
+// `depth` and `triangle`: (E, rows, columns).
+KERNEL void slab_hits(SLAB_HITS_PARAMETERS)
 {
     const Tree tree = MAKE_TREE;
     const Rays rays = MAKE_RAYS;
@@ -25,4 +23,3 @@ kernel void scratch_words(const int lights, global int *words)
 {
     *words = sizeof(VisibilityMemory) / 4;
 }
-kernel void struct_sizes(global int *bytes) { bytes[0] = sizeof(RayArguments); }

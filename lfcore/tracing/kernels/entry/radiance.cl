@@ -8,22 +8,12 @@
 #include "radiance_image.cl"
 
 typedef struct {
-    int across;
-    int mode;  // ADD, STREAM, DEPTHS
-} ImageArguments;
-
-typedef struct {
     float colours[3 * BLOCK_RAYS];
     PipelineMemory pipeline;
 } Memory;
 
-KERNEL void trace_radiance(TREE_PARAMETERS,
-                           SCENE_PARAMETERS,
-                           RAY_PARAMETERS,
-                           const ImageArguments image,
-                           // (E / across * rows, across * columns, 3)
-                           global float *restrict radiance,
-                           global float *restrict depth)     // (E, rows, columns), if DEPTHS
+// `radiance`: (E / across * rows, across * columns, 3); `depth`, if DEPTHS: (E, rows, columns).
+KERNEL void trace_radiance(TRACE_RADIANCE_PARAMETERS)
 {
     const Tree tree = MAKE_TREE;
     const Scene scene = MAKE_SCENE;
@@ -53,9 +43,3 @@ KERNEL void trace_radiance(TREE_PARAMETERS,
 }
 
 kernel void scratch_words(const int lights, global int *words) { *words = SCRATCH_WORDS(lights); }
-kernel void struct_sizes(global int *bytes)
-{
-    bytes[0] = sizeof(SceneArguments);
-    bytes[1] = sizeof(RayArguments);
-    bytes[2] = sizeof(ImageArguments);
-}

@@ -1,19 +1,13 @@
 // Rays that are no bundle, one at a time.
 #include "walk.cl"
 
-KERNEL void closest_hits(TREE_PARAMETERS,
-                         global const float *restrict origins,     // (R, 3)
-                         global const float *restrict directions,  // (R, 3)
-                         const int n_rays,
-                         global int *restrict next,
-                         global int *restrict triangle,            // (R,)
-                         // (R,) parameter of the ray as given.
-                         global float *restrict distance,
-                         global float *restrict weights)           // (R, 3)
+// `origins`, `directions`, `weights`: (R, 3); `triangle`, `distance`: (R,).  Distance is the
+// parameter of the ray as given.
+KERNEL void closest_hits(CLOSEST_HITS_PARAMETERS)
 {
     const Tree tree = MAKE_TREE;
-    for (int first = 64 * atomic_inc(next); first < n_rays; first = 64 * atomic_inc(next))
-        for (int ray = first; ray < min(first + 64, n_rays); ++ray) {
+    for (int first = 64 * atomic_inc(next); first < ray_count; first = 64 * atomic_inc(next))
+        for (int ray = first; ray < min(first + 64, ray_count); ++ray) {
             const float3 o = vload3(ray, origins), d = vload3(ray, directions);
             Hit hit = {FAR, -1, (float3)(NAN)};
             int exponent = 0;

@@ -56,34 +56,22 @@ inline void write_cells(const Planes *planes, const Frames *out, const Packet *p
         const int element = cell_element(packet, cell);
         if (element < 0) continue;
         const int2 where = cell_position(packet, cell);
-        const int place = out->places[element].w;
-        if (PLANES == 2) add_view(planes, (int2)(place & 0xffff, place >> 16 & 0xffff), where, cells);
+        global const Slot *slot = out->slots + element;
+        if (PLANES == 2) add_view(planes, (int2)(slot->column, slot->row), where, cells);
         if (BITS) write_frames(out, element, where, min(grid - where, BLOCK), cells);
     }
 }
 
-KERNEL void trace_slab(TREE_PARAMETERS,
-                       SCENE_PARAMETERS,
-                       RAY_PARAMETERS,
-                       const FrameArguments frame_numbers,
-                       global const int4 *restrict places,  // (E,) see Frames
-                       global sample *restrict frames,
-                       const PlaneArguments plane_numbers,
-                       global int2 *restrict windows,       // (workers, planes), empty
-                       // (workers, planes, ring, PREFIX_PITCH), 0.
-                       global uint *restrict strips,
-                       global const int4 *restrict plane_info,
-                       global const int *restrict runs,
-                       global const uchar *restrict masks,
-                       global const uchar *restrict kinds,
-                       global ulong4 *restrict sums)        // (workers, planes, height, width)
+// For each worker `sums`: (planes, height, width), `windows`: (planes,) that are empty, `strips`:
+// (planes, ring, PREFIX_PITCH) of 0.
+KERNEL void trace_slab(TRACE_SLAB_PARAMETERS)
 {
     const Tree tree = MAKE_TREE;
     const Scene scene = MAKE_SCENE;
     const Rays rays = MAKE_RAYS;
-    const Frames out = {places, frames, &frame_numbers};
+    const Frames out = {slots, frames, &frame_numbers};
     const ulong worker = get_global_id(0), area = (ulong)plane_numbers.width * plane_numbers.height;
-    const Planes planes = {&plane_numbers, plane_info, runs, masks, kinds,
+    const Planes planes = {&plane_numbers, plane_records, runs, masks, kinds,
                            sums + worker * plane_numbers.planes * area};
     const ulong strip_words = (ulong)plane_numbers.ring * PREFIX_PITCH * plane_numbers.planes;
     const Strip strip = {windows + worker * plane_numbers.planes, strips + worker * strip_words};
@@ -92,18 +80,19 @@ KERNEL void trace_slab(TREE_PARAMETERS,
     global float *cells = memory->cells;
     Pipeline pipeline;
     start_pipeline(&tree, &scene, ray_numbers.pixel_tangent, &memory->pipeline, &pipeline);
-    const int squares = rays.squares, tall = plane_numbers.tall, items = ray_numbers.packets / tall;
+    const int squares = rays.squares, height = plane_numbers.strip_height;
+    const int items = ray_numbers.packets / height;
     for (int item = atomic_inc(next); item < items; item = atomic_inc(next)) {
         int u = 0;
-        for (int k = 0; k < tall; ++k) {
-            const int number = (item / squares * tall + k) * squares + item % squares;
+        for (int k = 0; k < height; ++k) {
+            const int number = (item / squares * height + k) * squares + item % squares;
             Packet packet = make_packet(&rays, number);
             const int first = first_element(&packet);
             if (first < 0) continue;
             if (PLANES == 1 && !BITS) drop_closed_blocks(&planes, &packet);
             colour_packet(&packet, &pipeline, cells);
-            u = (places[first].w & 0xffff) / rays.group * rays.group;
-            const int v = (places[first].w >> 16 & 0xffff) / rays.group * rays.group;
+            u = slots[first].column / rays.group * rays.group;
+            const int v = slots[first].row / rays.group * rays.group;
             if (PLANES == 1) add_to_strip(&planes, &packet, v, cells, memory->prefix, &strip);
             write_cells(&planes, &out, &packet, cells);
         }
@@ -112,10 +101,3 @@ KERNEL void trace_slab(TREE_PARAMETERS,
 }
 
 kernel void scratch_words(const int lights, global int *words) { *words = SCRATCH_WORDS(lights); }
-kernel void struct_sizes(global int *bytes)
-{
-    bytes[0] = sizeof(SceneArguments);
-    bytes[1] = sizeof(RayArguments);
-    bytes[2] = sizeof(FrameArguments);
-    bytes[3] = sizeof(PlaneArguments);
-}

@@ -4,15 +4,9 @@
 #define LFCORE_FRAMES_CL
 #include "srgb.cl"
 
-typedef struct {
-    int width, height;
-    int chroma;  // 1 (4:4:4) or 2 (4:2:0, means of 2 x 2)
-    int rgb;
-} FrameArguments;
-
 // Where inner grids go in planar frames.
 typedef struct {
-    global const int4 *places;  // (E,) frame, x0, y0, and the pixel u + (v << 16)
+    global const Slot *slots;   // (E,)
     global sample *frames;      // (F, 3 planes)
     const FrameArguments *numbers;
 } Frames;
@@ -99,10 +93,10 @@ inline void write_frames(const Frames *out, int element, int2 at, int2 inside,
                          global float *colours)
 {
     const FrameArguments *n = out->numbers;
-    const int4 place = out->places[element];
+    global const Slot *slot = out->slots + element;
     const ulong pixels = (ulong)n->width * n->height, chroma = pixels / (n->chroma * n->chroma);
-    global sample *frame = out->frames + place.x * (pixels + 2 * chroma);
-    const int x0 = place.y + at.x, y0 = place.z + at.y;
+    global sample *frame = out->frames + slot->frame * (pixels + 2 * chroma);
+    const int x0 = slot->x + at.x, y0 = slot->y + at.y;
     global sample *to = frame + (ulong)y0 * n->width + x0;
     CubicEncoding e;
     if (all(inside == BLOCK) && make_cubic(colours, &e))

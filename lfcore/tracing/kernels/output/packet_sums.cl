@@ -13,12 +13,8 @@
 #include "packet.cl"
 #include "plane_sums.cl"
 
-#define CHUNKS 4  // cells along a side of the picture, at most: nothing reads the columns beyond
-#define PACKET_COLUMNS (CHUNKS * BLOCK)
 #define PREFIX_PITCH (3 * PACKET_COLUMNS)
 #define PREFIX_WORDS ((PACKET_COLUMNS + 1) * PREFIX_PITCH)
-// Ints: runs, then of each its target and start + (end << 8).
-#define RECORD 129
 
 // The packet's cell in `row`, `column` of its picture.
 inline int cell_at(const Rays *r, int row, int column)
@@ -42,7 +38,7 @@ inline void drop_closed_blocks(const Planes *p, Packet *packet)
         if (!has_block(packet, block)) continue;
         int open = 0;
         for (int plane = 0; plane < p->numbers->planes; ++plane)
-            open |= openness(p, p->plane[plane].x, block_position(packet, block));
+            open |= openness(p, p->plane[plane].mask, block_position(packet, block));
         if (!open) packet->blocks &= ~(1u << block);
     }
 }
@@ -103,30 +99,28 @@ typedef struct {
 } Strip;
 
 // Add the packet's rows of the `count` runs from `run` on to a row of the strip.
-inline void add_rows(global const int *run, int count, global const uint *prefix, global uint *to)
+inline void add_rows(global const Run *run, int count, global const uint *prefix, global uint *to)
 {
     for (int channel = 0; channel < 3; ++channel, prefix += PACKET_COLUMNS, to += PACKET_COLUMNS) {
-        uint16 sum[CHUNKS];
+        uint16 sum[MOST_CELLS];
 #pragma unroll
-        for (int k = 0; k < CHUNKS; ++k) sum[k] = vload16(k, to);
+        for (int k = 0; k < MOST_CELLS; ++k) sum[k] = vload16(k, to);
         for (int at = 0; at < count; ++at) {
-            const int span = run[2 * at + 1];
-            global const uint *above = prefix + (span & 255) * PREFIX_PITCH;
-            global const uint *below = prefix + (span >> 8) * PREFIX_PITCH;
+            global const uint *above = prefix + run[at].start * PREFIX_PITCH;
+            global const uint *below = prefix + run[at].end * PREFIX_PITCH;
 #pragma unroll
-            for (int k = 0; k < CHUNKS; ++k) sum[k] += vload16(k, below) - vload16(k, above);
+            for (int k = 0; k < MOST_CELLS; ++k) sum[k] += vload16(k, below) - vload16(k, above);
         }
 #pragma unroll
-        for (int k = 0; k < CHUNKS; ++k) vstore16(sum[k], k, to);
+        for (int k = 0; k < MOST_CELLS; ++k) vstore16(sum[k], k, to);
     }
 }
 
-// Where the rays of a packet's rows, or columns, fall on a plane: runs, then of each its target and
-// start + (end << 8).
-inline global const int *runs_of(const Planes *p, int plane, int group, int pixel, int square)
+// Where the rays of a packet's rows, or columns, fall on a plane.
+inline global const Runs *runs_of(const Planes *p, int plane, int group, int pixel, int square)
 {
-    const int4 info = p->plane[plane];
-    return p->runs + info.y + (pixel / group * info.z + square) * RECORD;
+    const PlaneRecord info = p->plane[plane];
+    return (global const Runs *)(p->runs + info.runs) + pixel / group * info.stride + square;
 }
 
 // The row of a strip that holds row y of a plane.
@@ -146,20 +140,20 @@ inline void add_to_strip(const Planes *p, const Packet *packet, int v, global co
     const int square = packet->at.y / rays->packet_side;
     int have = -1, any = 0;
     for (int plane = 0; plane < n->planes; ++plane) {
-        const int mask = p->plane[plane].x;
+        const int mask = p->plane[plane].mask;
         if (mask != have) any = make_prefix(p, packet, mask, colours, prefix);
         have = mask;
         if (!any) continue;
-        global const int *down = runs_of(p, plane, rays->group, v, square);
-        global const int *run = down + 1, *end = run + 2 * down[0];
+        global const Runs *down = runs_of(p, plane, rays->group, v, square);
+        global const Run *run = down->run, *end = run + down->count;
         int2 window = strip->window[plane];
         while (run < end) {
-            global const int *first = run;
-            const int y = v + first[0];
-            do run += 2; while (run < end && run[0] == first[0]);
+            global const Run *first = run;
+            const int y = v + first->target;
+            do ++run; while (run < end && run->target == first->target);
             // Rows may lie beside the picture, or be of pixels beside the tile.
             if (y < n->top || y >= n->top + n->height) continue;
-            add_rows(first, (int)(run - first) / 2, prefix, strip_row(p, strip, plane, y));
+            add_rows(first, (int)(run - first), prefix, strip_row(p, strip, plane, y));
             window = (int2)(min(window.x, y), max(window.y, y + 1));
         }
         strip->window[plane] = window;
@@ -190,15 +184,15 @@ inline void take_row(global uint *row, private uint4 *line)
 }
 
 // Add runs of columns to a row of the plane; `sums` is at the pixel of target 0.
-inline void add_columns(global const int *run, global const int *end, const private uint4 *line,
+inline void add_columns(global const Run *run, global const Run *end, const private uint4 *line,
                         global ulong4 *sums)
 {
-    for (; run < end; run += 2) {
-        const int stop = run[1] >> 8;
-        int column = run[1] & 255;
+    for (; run < end; ++run) {
+        const int stop = run->end;
+        int column = run->start;
         ulong4 sum = convert_ulong4(line[column]);
         while (++column < stop) sum += convert_ulong4(line[column]);
-        sums[run[0]] += sum;
+        sums[run->target] += sum;
     }
 }
 
@@ -210,10 +204,10 @@ inline void finish_strip(const Planes *p, const Rays *rays, int u, int square, c
     private uint4 line[PACKET_COLUMNS];
     for (int plane = 0; plane < n->planes; ++plane) {
         const int2 window = strip->window[plane];
-        global const int *across = runs_of(p, plane, rays->group, u, square);
-        global const int *run = across + 1, *end = run + 2 * across[0];
-        while (run < end && u + run[0] < n->left) run += 2;
-        while (run < end && u + end[-2] >= n->left + n->width) end -= 2;
+        global const Runs *across = runs_of(p, plane, rays->group, u, square);
+        global const Run *run = across->run, *end = run + across->count;
+        while (run < end && u + run->target < n->left) ++run;
+        while (run < end && u + end[-1].target >= n->left + n->width) --end;
         for (int y = window.x; y < window.y; ++y) {
             global ulong4 *to = sums_of(p, plane) + (ulong)(y - n->top) * n->width;
             take_row(strip_row(p, strip, plane, y), line);

@@ -6,23 +6,10 @@
 #define LFCORE_PLANE_SUMS_CL
 #include "lanes.cl"
 
-#define FIXED_ONE 1048576.0f
-
-typedef struct {
-    int left, top, width, height;  // region of the accumulators in plane pixels
-    int size;                      // side M of a plane
-    int blocks;                    // blocks along a side of the lens grid
-    int views;                     // side N of the lens grid
-    int planes;                    // number of planes, sorted by mask
-    int tall;                      // packets in a strip
-    int ring;                      // rows of a plane that a strip keeps, a power of two
-} PlaneArguments;
-
 typedef struct {
     const PlaneArguments *numbers;
-    // (planes,) mask, runs offset, runs per pixel (0: the same for all), 0.
-    global const int4 *plane;
-    global const int *runs;     // where rays fall: see packet_sums.cl and add_view
+    global const PlaneRecord *plane;  // (planes,)
+    global const int *runs;     // where rays fall: Runs of packets, or targets of views
     global const uchar *masks;  // (masks, N, N) 255 where open; for packets, N in whole packets
     global const uchar *kinds;  // (masks, blocks, blocks) 0 closed, 1 partly, 2 wholly open
     global ulong4 *sums;        // (planes, height, width) of this worker: red, green, blue, 0
@@ -40,10 +27,10 @@ inline void add_view(const Planes *p, int2 view, int2 at, global const float *co
     const PlaneArguments *n = p->numbers;
     const int columns = min(BLOCK, n->size - at.x), rows = min(BLOCK, n->size - at.y);
     for (int plane = 0; plane < n->planes; ++plane) {
-        const int4 info = p->plane[plane];
-        if (!p->masks[((ulong)info.x * n->views + view.y) * n->views + view.x]) continue;
-        global const int *across = p->runs + info.y + view.x * n->size + at.x;
-        global const int *down = p->runs + info.y + view.y * n->size + at.y;
+        const PlaneRecord info = p->plane[plane];
+        if (!p->masks[((ulong)info.mask * n->views + view.y) * n->views + view.x]) continue;
+        global const int *across = p->runs + info.runs + view.x * n->size + at.x;
+        global const int *down = p->runs + info.runs + view.y * n->size + at.y;
         for (int y = 0; y < rows; ++y) {
             if (down[y] < 0 || down[y] >= n->size) continue;
             global ulong4 *line = sums_of(p, plane) + (ulong)down[y] * n->width;

@@ -1,12 +1,7 @@
 // Linear radiance as floats: nothing is clamped.
 #ifndef LFCORE_RADIANCE_CL
 #define LFCORE_RADIANCE_CL
-#include "lanes.cl"
-
-// How radiance is written.
-#define ADD 1     // to what is there already
-#define STREAM 2  // past the caches
-#define DEPTHS 4  // and depths beside it
+#include "block.cl"
 
 #if LANES == BLOCK
 #define LINE 64   // bytes of a row of lanes, and what stores past the caches must be aligned to

@@ -19,7 +19,7 @@ inline void read_tile(const Scene *scene, const Block *b, int key, const Materia
                       TexelTile *tile)
 {
     tile->columns = 0;
-    if (!TEXTURED || !m->image.z || OUTER > 1 || b->regions.count > TILED_REGIONS) return;
+    if (!TEXTURED || !m->base.height || OUTER > 1 || b->regions.count > TILED_REGIONS) return;
     float4 range = (float4)(FAR, FAR, -FAR, -FAR);
     for (int k = 0; k < b->regions.count; ++k) {
         global const PlaneEquations *p = b->planes + k;
@@ -30,7 +30,7 @@ inline void read_tile(const Scene *scene, const Block *b, int key, const Materia
         range.lo = min(range.lo, own.lo);
         range.hi = max(range.hi, own.hi);
     }
-    make_tile(scene->texels, m->image, range, tile);
+    make_tile(scene->texels, m->base, range, tile);
 }
 
 // Colours of the texture of a row of rays.
@@ -39,7 +39,7 @@ inline Vec texture_row(const Scene *scene, const TexelTile *tile, const Material
 {
     const vf u = VLOAD(samples->uv + at), v = VLOAD(samples->uv + BLOCK_RAYS + at);
     if (tile->columns) return sample_tile(tile, u, v);
-    return sample_texture(scene->texels, m->image, u, v);
+    return sample_texture(scene->texels, m->base, u, v);
 }
 
 // The material's own colour, times that of texture and corners.
@@ -47,7 +47,7 @@ inline Vec albedo_row(const Scene *scene, const TexelTile *tile, const Material 
                       global const Samples *samples, int at)
 {
     Vec c = spread3(m->diffuse);
-    if (TEXTURED && m->image.z) c = times3(c, texture_row(scene, tile, m, samples, at));
+    if (TEXTURED && m->base.height) c = times3(c, texture_row(scene, tile, m, samples, at));
     if (VERTEX_COLOURS) c = times3(c, load3(samples->tint, at));
     return c;
 }
@@ -56,13 +56,13 @@ inline Vec albedo_row(const Scene *scene, const TexelTile *tile, const Material 
 inline Vec light_row(const Scene *scene, const Block *b, const Surface *s, int at)
 {
     const SceneArguments *n = scene->numbers;
-    Vec sum = own_light(scene, s);
-    for (int k = 0; k < n->open_lights; ++k)
-        add_light(scene->lights + k * LIGHT, s, (vi)(-1), &sum);
+    Vec sum = unlit_light(scene, s);
+    for (int k = 0; k < n->unshadowed_lights; ++k)
+        add_light(scene->lights + k, s, (vi)(-1), &sum);
     for (int k = 0; SHADOWS && k < n->shadow_lights; ++k) {
         const int lit = b->lit[k * BLOCK + at / BLOCK] >> at % BLOCK;
         if (lit & ((1 << LANES) - 1))
-            add_light(scene->lights + (n->open_lights + k) * LIGHT, s, mask_of_bits(lit), &sum);
+            add_light(scene->lights + n->unshadowed_lights + k, s, mask_of_bits(lit), &sum);
     }
     return sum;
 }

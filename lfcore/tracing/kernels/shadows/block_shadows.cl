@@ -8,7 +8,7 @@
 #define SPAN 1.1f
 
 // Mark the rays that meet a side which faces the light, in `wanted`: masks.
-inline void find_facing(const Block *b, global const float *light, global int *wanted)
+inline void find_facing(const Block *b, global const LightRecord *light, global int *wanted)
 {
     for (int at = 0; at < BLOCK_RAYS; at += LANES)
         VSTORE(facing_row(b->samples, light, at), wanted + at);
@@ -52,7 +52,7 @@ inline void add_open(const Shadows *s, global int *lit)
 #define MANY_REGIONS (BLOCK_RAYS / 2)
 
 // Find the rays of a block that see a light.
-inline void light_block(const Shadows *s, const Block *b, global const float *light,
+inline void light_block(const Shadows *s, const Block *b, global const LightRecord *light,
                         global int *lit)
 {
     clear_lit(lit);

@@ -10,7 +10,7 @@ inline int few_regions(const Block *b)
     return OUTER == 1 && !SINGLE_RAYS && !CUT_OUTS && b->regions.count <= FEW_REGIONS;
 }
 
-inline int faces_light(const Block *b, global const Region *r, global const float *light)
+inline int faces_light(const Block *b, global const Region *r, global const LightRecord *light)
 {
     vi facing = 0;
     for (int at = 0; at < BLOCK_RAYS; at += LANES)

@@ -16,20 +16,20 @@ typedef struct {
     global PlaneEquations *element_planes;  // scratch: of one triangle
 } Shadows;
 
-inline global const float *shadow_light(const Scene *s, int number)
+inline global const LightRecord *shadow_light(const Scene *s, int number)
 {
-    return s->lights + (s->numbers->open_lights + number) * LIGHT;
+    return s->lights + s->numbers->unshadowed_lights + number;
 }
 
 // Mask of the rays that meet a side which faces the light, and before which the light shines, in
 // the row that begins with ray `at`.
-inline vi facing_row(global const Samples *s, global const float *light, int at)
+inline vi facing_row(global const Samples *s, global const LightRecord *light, int at)
 {
     const vi met = GE(VLOAD(s->key + at), (vi)(0));
-    Vec towards = spread3(light_vector(light));
-    if (is_point(light)) towards = minus3(towards, load3(s->point, at));
+    Vec towards = spread3(vload3(0, light->vector));
+    if (light->is_point) towards = minus3(towards, load3(s->point, at));
     const vi facing = met & GT(dot3(load3(s->normal, at), towards), (vf)(0.0f));
-    const float3 forward = emitter_normal(light);
+    const float3 forward = vload3(0, light->normal);
     if (!any(forward != 0.0f)) return facing;
     return facing & LT(dot3(spread3(forward), towards), (vf)(0.0f));
 }
@@ -52,15 +52,15 @@ typedef struct {
     Shaft shaft;            // around all of the rays
 } ShadowRays;
 
-inline ShadowRays make_shadow_rays(global const float *light, const Box *box)
+inline ShadowRays make_shadow_rays(global const LightRecord *light, const Box *box)
 {
-    const float vector[3] = {light[0], light[1], light[2]};
+    const float vector[3] = {light->vector[0], light->vector[1], light->vector[2]};
     const float3 low = vload3(0, box->lo), high = vload3(0, box->hi);
     ShadowRays r;
-    r.is_point = is_point(light);
-    r.towards = light_vector(light);
+    r.is_point = light->is_point;
+    r.towards = vload3(0, light->vector);
     r.apex = r.is_point ? r.towards : 0.5f * (low + high);
-    r.own = own_triangles(light);
+    r.own = vload2(0, light->triangles);
     r.centre = 0.5f * (low + high) - r.apex;
     r.extent = 0.5f * (high - low);
     r.size = max(fabs(low), fabs(high)) + fabs(r.centre) + r.extent;

@@ -49,19 +49,19 @@ inline int blocking_leaf(const Tree *tree, const Ray *r, float far, int own, int
 }
 
 // Take from s->open the rays of a block that cannot see a light.
-inline void cast_single_rays(const Shadows *s, const Block *b, global const float *light)
+inline void cast_single_rays(const Shadows *s, const Block *b, global const LightRecord *light)
 {
     global const float *point = b->samples->point;
-    const int2 own = own_triangles(light);
+    const int2 own = vload2(0, light->triangles);
     int last = -1;  // what darkened a neighbour is likely to darken the next
     for (int at = 0; at < BLOCK_RAYS; ++at) {
         if (!s->open[at]) continue;
         const float3 p = (float3)(point[at], point[BLOCK_RAYS + at], point[2 * BLOCK_RAYS + at]);
         const int triangle = b->samples->triangle[at];
         int exponent;
-        const Ray ray = scaled_ray(p, light_vector(light) - (is_point(light) ? p : 0.0f),
+        const Ray ray = scaled_ray(p, vload3(0, light->vector) - (light->is_point ? p : 0.0f),
                                    &exponent);
-        const float far = is_point(light) ? ldexp(1.0f, exponent) : FAR;
+        const float far = light->is_point ? ldexp(1.0f, exponent) : FAR;
         if (last < 0 || !leaf_blocks(s->tree, &ray, last, far, triangle, own))
             last = blocking_leaf(s->tree, &ray, far, triangle, own);
         if (last >= 0) s->open[at] = 0;

@@ -16,7 +16,19 @@
 
 #define INNER (BLOCK / OUTER)
 #define OUTER_HALF (0.5f * (OUTER - 1))
-#define FAR 3.0e38f
+
+// Three quantities of a block, (3, BLOCK_RAYS), for the row that begins with ray `at`.
+inline Vec load3(global const float *from, int at)
+{
+    from += at;
+    return (Vec){VLOAD(from), VLOAD(from + BLOCK_RAYS), VLOAD(from + 2 * BLOCK_RAYS)};
+}
+inline void store3(Vec a, global float *to, int at)
+{
+    VSTORE(a.x, to + at);
+    VSTORE(a.y, to + BLOCK_RAYS + at);
+    VSTORE(a.z, to + 2 * BLOCK_RAYS + at);
+}
 
 // Half the unit in the last place of 1: the relative error of one rounding.
 #define ROUNDING 5.9604645e-8f

@@ -14,10 +14,6 @@
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
 
-// Rays of a block: BLOCK rows of BLOCK.
-#define BLOCK 16
-#define BLOCK_RAYS (BLOCK * BLOCK)
-
 #if LANES == 1
 // What kernels hint at is the width that they are written for.  A compiler that vectorises over
 // work-items takes "float" as an invitation, though groups are of one: it spent three quarters of a
@@ -189,18 +185,5 @@ typedef struct { vf of[3]; } Triple;
 inline vf least3(Triple a) { return min(a.of[0], min(a.of[1], a.of[2])); }
 inline vf most3(Triple a) { return max(a.of[0], max(a.of[1], a.of[2])); }
 inline vf largest3(Triple a) { return max(fabs(least3(a)), fabs(most3(a))); }
-
-// Of three quantities of a block, (3, BLOCK_RAYS), the row that begins with ray `at`.
-inline Vec load3(global const float *from, int at)
-{
-    from += at;
-    return (Vec){VLOAD(from), VLOAD(from + BLOCK_RAYS), VLOAD(from + 2 * BLOCK_RAYS)};
-}
-inline void store3(Vec a, global float *to, int at)
-{
-    VSTORE(a.x, to + at);
-    VSTORE(a.y, to + BLOCK_RAYS + at);
-    VSTORE(a.z, to + 2 * BLOCK_RAYS + at);
-}
 
 #endif

@@ -69,17 +69,17 @@ inline float4 coordinate_edges(const Scene *s, int triangle)
 inline int choose_key(const Scene *s, int triangle, float weights, float footprint)
 {
     const int material = s->material_ids[triangle];
-    const int texture = leading_map(s->materials + material * MATERIAL);
+    const int texture = leading_map(s->materials + material);
     if (texture < 0) return material * MIP_LEVELS;
-    const int4 finest = s->images[texture * MIP_LEVELS];
+    const Level finest = level_of(s, texture, 0);
     const float4 edges = coordinate_edges(s, triangle);
     const float twice = fabs(edges.x * edges.w - edges.z * edges.y);
-    const float area = twice * finest.y * finest.z * footprint * footprint;
+    const float area = twice * finest.width * finest.height * footprint * footprint;
     const float texels = area / max(fabs(weights), NOTHING_LEFT);
     // Half the logarithm to base 2, rounded, from the exponent: a call of a logarithm would spill
     // every vector register.
     const int level = texels > 2.0f ? ((as_int(2.0f * texels) >> 23) - 127) >> 1 : 0;
-    return material * MIP_LEVELS + min(level, finest.w - 1);
+    return material * MIP_LEVELS + min(level, finest.levels - 1);
 }
 
 // Where u and v grow on a triangle of edges a and b from its first corner; `towards` is its normal

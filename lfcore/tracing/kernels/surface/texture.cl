@@ -6,6 +6,8 @@
 #define LFCORE_TEXTURE_CL
 #include "block.cl"
 
+#define TEXEL_MOST ((1u << TEXEL_BITS) - 1u)
+
 inline vu fetch(global const uint *texels, vi index)
 {
     private int at[LANES];
@@ -17,7 +19,8 @@ inline vu fetch(global const uint *texels, vi index)
 
 inline Vec add_texel(Vec sum, vu texel, vf weight)
 {
-    const Vec root = {TO_VF(texel & 1023u), TO_VF((texel >> 10) & 1023u), TO_VF(texel >> 20)};
+    const Vec root = {TO_VF(texel & TEXEL_MOST), TO_VF((texel >> TEXEL_BITS) & TEXEL_MOST),
+                      TO_VF(texel >> 2 * TEXEL_BITS)};
     return fma3(weight, times3(root, root), sum);
 }
 
@@ -28,19 +31,20 @@ inline vi wrap(vi x, int size)
     return pick_int(x, x - size, GE(x, (vi)(size)));
 }
 
-// `image` is (offset, width, height) of one mip level; v runs up, row 0 is on top.
-inline Vec sample_texture(global const uint *texels, int4 image, vf u, vf v)
+// v runs up, row 0 is on top.
+inline Vec sample_texture(global const uint *texels, Level image, vf u, vf v)
 {
-    const vf x = fma(u - floor(u), (vf)(image.y), (vf)(-0.5f));
-    const vf y = fma(1.0f - (v - floor(v)), (vf)(image.z), (vf)(-0.5f));
+    const int width = image.width, height = image.height;
+    const vf x = fma(u - floor(u), (vf)(width), (vf)(-0.5f));
+    const vf y = fma(1.0f - (v - floor(v)), (vf)(height), (vf)(-0.5f));
     const vf left = floor(x), top = floor(y), fx = x - left, fy = y - top;
     // NaN outside a mask must not become an address.
-    const vi x0 = clamp(TO_VI(left), (vi)(-1), (vi)(image.y));
-    const vi y0 = clamp(TO_VI(top), (vi)(-1), (vi)(image.z));
-    const vi xa = wrap(x0, image.y), xb = wrap(x0 + 1, image.y);
-    const vi ya = wrap(y0, image.z) * image.y + image.x;
-    const vi yb = wrap(y0 + 1, image.z) * image.y + image.x;
-    const vf scale = 1.0f / (1023.0f * 1023.0f);
+    const vi x0 = clamp(TO_VI(left), (vi)(-1), (vi)(width));
+    const vi y0 = clamp(TO_VI(top), (vi)(-1), (vi)(height));
+    const vi xa = wrap(x0, width), xb = wrap(x0 + 1, width);
+    const vi ya = wrap(y0, height) * width + image.offset;
+    const vi yb = wrap(y0 + 1, height) * width + image.offset;
+    const vf scale = 1.0f / ((float)TEXEL_MOST * (float)TEXEL_MOST);
     const vf wy = fy * scale, vy = (1.0f - fy) * scale;
     Vec sum = {0.0f, 0.0f, 0.0f};
     sum = add_texel(sum, fetch(texels, ya + xa), (1.0f - fx) * vy);
@@ -73,20 +77,21 @@ inline float4 next_term(Summing *s, float4 texel)
 
 inline float4 decode_texel(uint packed)
 {
-    const uint4 texel = (uint4)(packed) >> (uint4)(0, 10, 20, 30) & (uint4)(1023, 1023, 1023, 0);
-    const float4 root = convert_float4(as_int4(texel)) * (1.0f / 1023.0f);
+    const uint4 shift = (uint4)(0, TEXEL_BITS, 2 * TEXEL_BITS, 0);
+    const uint4 texel = (uint4)(packed) >> shift & (uint4)((uint3)(TEXEL_MOST), 0);
+    const float4 root = convert_float4(as_int4(texel)) * (1.0f / (float)TEXEL_MOST);
     return root * root;
 }
 
 // The tile of rays whose coordinates lie within `range`: least u and v, most u and v.
-inline void make_tile(global const uint *texels, int4 image, float4 range, TexelTile *p)
+inline void make_tile(global const uint *texels, Level image, float4 range, TexelTile *p)
 {
     const float u0 = range.x, v0 = range.y, u1 = range.z, v1 = range.w;
     p->columns = 0;
     p->u = floor(u0);
     p->v = floor(v1);
-    p->width = image.y;
-    p->height = image.z;
+    p->width = image.width;
+    p->height = image.height;
     p->left = floor(fma(u0 - p->u, p->width, -0.5f));
     p->top = floor(fma(1.0f - (v1 - p->v), p->height, -0.5f));
     const float across = fma(u1 - p->u, p->width, -0.5f) - p->left;
@@ -94,14 +99,14 @@ inline void make_tile(global const uint *texels, int4 image, float4 range, Texel
     if (!(across < TEXEL_TILE - 1 && down < TEXEL_TILE - 1)) return;
     p->columns = (int)across + 2;
     p->rows = (int)down + 2;
-    const int first = p->left < 0.0f ? image.y - 1 : (int)p->left;
-    int line = p->top < 0.0f ? image.z - 1 : (int)p->top;
-    for (int j = 0; j < p->rows; ++j, line = line + 1 < image.z ? line + 1 : 0) {
-        global const uint *row = texels + image.x + line * image.y;
+    const int first = p->left < 0.0f ? image.width - 1 : (int)p->left;
+    int line = p->top < 0.0f ? image.height - 1 : (int)p->top;
+    for (int j = 0; j < p->rows; ++j, line = line + 1 < image.height ? line + 1 : 0) {
+        global const uint *row = texels + image.offset + line * image.width;
         Summing along = {decode_texel(row[first]), 0.0f};
         p->d[j][0] = along.before;
         for (int i = 1, column = first; i < p->columns; ++i) {
-            column = column + 1 < image.y ? column + 1 : 0;
+            column = column + 1 < image.width ? column + 1 : 0;
             p->d[j][i] = next_term(&along, decode_texel(row[column]));
         }
         p->d[j][1] = along.slope;

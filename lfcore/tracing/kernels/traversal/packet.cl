@@ -32,16 +32,6 @@ typedef struct {
     int across, squares;
 } Rays;
 
-// What the host gives of them.
-typedef struct {
-    float step[4], outer[2];
-    int columns, rows;
-    int packets;          // in all
-    float pixel_tangent;  // between neighbouring pixels
-    float extent;
-    int group, side;
-} RayArguments;
-
 // Places of `side` x `side` squares of inner rays for each of so many elements; how many they are.
 inline int make_places(int elements, int side, int size, Place *out)
 {
@@ -58,7 +48,7 @@ inline Rays make_rays(global const float4 *elements, global const int *groups,
 {
     const int wide = a->side * INNER, all = a->group * a->group;
     Rays r = {elements, groups, vload4(0, a->step), vload2(0, a->outer), a->columns, a->rows,
-              a->extent, 0.5f * (wide - INNER) + a->extent, a->group, a->side, wide};
+              a->half_extent, 0.5f * (wide - INNER) + a->half_extent, a->group, a->side, wide};
     r.blocks = make_places(OUTER > 1 ? 1 : all, a->side, INNER, r.block);
     r.cells = make_places(all, wide / BLOCK, BLOCK, r.cell);
     r.across = (a->columns + wide - 1) / wide;
@@ -66,14 +56,7 @@ inline Rays make_rays(global const float4 *elements, global const int *groups,
     return r;
 }
 
-// What every kernel of a job is given: its rays, the number (1,) of the next packet to take, and
-// memory for each worker.
-#define RAY_PARAMETERS                      \
-    global const float4 *restrict elements, \
-    global const int *restrict groups,      \
-    const RayArguments ray_numbers,         \
-    global int *restrict next,              \
-    global uint *restrict scratch
+// Of a kernel's parameters.
 #define MAKE_RAYS make_rays(elements, groups, &ray_numbers)
 
 typedef struct {

@@ -3,7 +3,6 @@
 #define LFCORE_TREE_CL
 #include "cut_outs.cl"
 
-#define NODE_WIDTH 16
 #define BOX 6  // lowest x, y, z, then highest
 #define CORNERS 9
 
@@ -15,13 +14,10 @@ typedef struct {
     CutOuts cut_outs;            // those of the triangles that have holes
 } Tree;
 
-#define TREE_PARAMETERS                  \
-    global const float *restrict boxes,  \
-    global const int *restrict children, \
-    global const float *restrict leaves, \
-    global const int *restrict leaf_ids, \
-    CUT_OUT_PARAMETERS
-#define MAKE_TREE {boxes, children, leaves, leaf_ids, MAKE_CUT_OUTS}
+// Of a kernel's parameters.
+#define MAKE_TREE                                                                             \
+    {.boxes = boxes, .children = children, .leaves = leaves, .leaf_ids = leaf_ids,            \
+     .cut_outs = {.of = cut_out_of, .records = cut_outs, .alpha = alpha}}
 
 // LANES triangles of a leaf, and their numbers.
 inline global const float *leaf_corners(const Tree *tree, int leaf, int lane)

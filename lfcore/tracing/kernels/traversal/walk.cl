@@ -17,7 +17,6 @@ typedef struct {
 
 // Children still to be looked at, by their places in the tree's arrays, and where each begins.
 // STACK holds what a tree of MOST_LEVELS leaves there at most: all but one of each node's children.
-#define MOST_LEVELS 64
 #define STACK ((NODE_WIDTH - 1) * MOST_LEVELS + 1)
 #define ROOT -1
 typedef struct {

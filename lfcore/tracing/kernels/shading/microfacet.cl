@@ -1,15 +1,16 @@
-// Surfaces of metal and roughness: microfacets (GGX), and the textures that bend and vary them.
+// Surfaces of metal and roughness: microfacets (GGX), and the textures that vary them and their
+// normals.
 //
 // Source: Khronos, "glTF 2.0 Specification", appendix B; B. Walter et al., "Microfacet Models for
 // Refraction through Rough Surfaces", EGSR 2007; C. Schlick, "An Inexpensive BRDF Model for
 // Physically-based Rendering", 1994.
-#ifndef LFCORE_METAL_CL
-#define LFCORE_METAL_CL
+#ifndef LFCORE_MICROFACET_CL
+#define LFCORE_MICROFACET_CL
 #include "surface_row.cl"
 
 inline int is_metallic(const Material *m) { return m->metallic >= 0.0f; }
 
-// What dielectrics reflect when looked at straight: an index of refraction of 1.5.
+// The reflectance of dielectrics at normal incidence: an index of refraction of 1.5.
 #define DIELECTRIC 0.04f
 // A smoother surface has a highlight that rays miss.
 #define LEAST_ROUGHNESS 0.05f
@@ -21,9 +22,9 @@ inline Vec map_row(const Scene *scene, const Material *m, int map, global const 
     return sample_texture(scene->texels, m->maps[map], u, v);
 }
 
-// Bend the normals by their map, whose colours are (x, y, z) / 2 + 1 / 2 along tangent, v and
+// Turn the normals by their map, whose colours are (x, y, z) / 2 + 1 / 2 along tangent, v and
 // normal.
-inline Vec bend_normals(const Scene *scene, const Material *m, global const Samples *samples,
+inline Vec map_normals(const Scene *scene, const Material *m, global const Samples *samples,
                         int at, Vec n)
 {
     const Vec c = map_row(scene, m, MAP_NORMAL, samples, at);
@@ -34,33 +35,33 @@ inline Vec bend_normals(const Scene *scene, const Material *m, global const Samp
     t = scale3(t, inverse_sqrt(max(square, (vf)(LEAST_LENGTH))));
     const Vec b = scale3(cross3(n, t), across);
     const Vec d = fma3((vf)(2.0f), c, spread3((float3)(-1.0f)));
-    Vec bent = fma3(d.x * m->bend, t, fma3(d.y * m->bend, b, scale3(n, d.z)));
-    bent = scale3(bent, inverse_sqrt(max(dot3(bent, bent), (vf)(LEAST_LENGTH))));
-    // Without texture coordinates there is no tangent, and nothing bends.
-    return pick3(n, bent, GT(square, (vf)(NOTHING_LEFT)));
+    Vec turned = fma3(d.x * m->normal_scale, t, fma3(d.y * m->normal_scale, b, scale3(n, d.z)));
+    turned = scale3(turned, inverse_sqrt(max(dot3(turned, turned), (vf)(LEAST_LENGTH))));
+    // Without texture coordinates there is no tangent, and normals stay.
+    return pick3(n, turned, GT(square, (vf)(NOTHING_LEFT)));
 }
 
-// What a row's textures say beside its colour.
+// Read the material's other textures for a row of rays.
 inline void read_row_maps(const Scene *scene, global const Samples *samples, int at, Surface *s)
 {
     const Material *m = s->material;
     vf roughness = m->roughness;
-    s->glow = spread3(m->emission);
+    s->emission = spread3(m->emission);
     s->metallic = m->metallic;
-    s->normal = s->unbent = load3(samples->normal, at);
-    if (m->maps[MAP_NORMAL].z) s->normal = bend_normals(scene, m, samples, at, s->unbent);
-    if (m->maps[MAP_METAL].z) {
+    s->normal = s->geometric = load3(samples->normal, at);
+    if (m->maps[MAP_NORMAL].height) s->normal = map_normals(scene, m, samples, at, s->geometric);
+    if (m->maps[MAP_METAL].height) {
         const Vec c = map_row(scene, m, MAP_METAL, samples, at);
         s->metallic = c.z * m->metallic;
         roughness = c.y * m->roughness;
     }
-    if (m->maps[MAP_GLOW].z) s->glow = times3(s->glow, map_row(scene, m, MAP_GLOW, samples, at));
+    if (m->maps[MAP_EMISSION].height) s->emission = times3(s->emission, map_row(scene, m, MAP_EMISSION, samples, at));
     const vf alpha = max(roughness, (vf)(LEAST_ROUGHNESS)) * max(roughness, (vf)(LEAST_ROUGHNESS));
     s->alpha2 = alpha * alpha;
 }
 
-// What the surface of a metal, or of what is none, reflects when looked at straight.
-inline vf straight(const Surface *s, vf albedo)
+// The Fresnel reflectance at normal incidence, of metals and of dielectrics.
+inline vf f0(const Surface *s, vf albedo)
 {
     return fma(s->metallic, albedo - DIELECTRIC, (vf)(DIELECTRIC));
 }
@@ -82,28 +83,28 @@ inline vf microfacets(const Surface *s, Vec h, vf cosine, vf viewed)
 // Light from one side, over that which arrives: diffuse (1 - F) and specular F, F by Schlick.
 inline vf reflected(const Surface *s, vf albedo, vf grazing, vf specular)
 {
-    const vf base = straight(s, albedo), fresnel = fma(1.0f - base, grazing, base);
+    const vf base = f0(s, albedo), fresnel = fma(1.0f - base, grazing, base);
     return fma(1.0f - fresnel, albedo * (1.0f - s->metallic), fresnel * specular);
 }
-inline Vec reflect_light(const Surface *s, Vec towards, vf cosine, vf strength)
+inline Vec reflect_light(const Surface *s, Vec towards, vf cosine, vf attenuation)
 {
     Vec h = plus3(towards, s->view);
     h = scale3(h, inverse_sqrt(max(dot3(h, h), (vf)(NOTHING_LEFT))));
     const vf specular = microfacets(s, h, cosine, fabs(dot3(s->normal, s->view)));
     const vf off = max(1.0f - dot3(s->view, h), (vf)(0.0f)), off2 = off * off;
     const vf grazing = off2 * off2 * off;
-    const vf lit = pick((vf)(0.0f), cosine * strength, GT(strength, (vf)(0.0f)));
+    const vf lit = pick((vf)(0.0f), cosine * attenuation, GT(attenuation, (vf)(0.0f)));
     const Vec c = {reflected(s, s->albedo.x, grazing, specular),
                    reflected(s, s->albedo.y, grazing, specular),
                    reflected(s, s->albedo.z, grazing, specular)};
     return scale3(c, lit);
 }
 
-// Of light that comes from everywhere alike: diffuse, and what is reflected looked at straight.
-inline Vec surrounding(const Surface *s)
+// The share of ambient light that is reflected: diffuse, and specular as at normal incidence.
+inline Vec ambient_reflectance(const Surface *s)
 {
     const Vec a = s->albedo;
-    const Vec base = {straight(s, a.x), straight(s, a.y), straight(s, a.z)};
+    const Vec base = {f0(s, a.x), f0(s, a.y), f0(s, a.z)};
     return fma3(1.0f - s->metallic, a, base);
 }
 

@@ -1,0 +1,223 @@
+"""The records, arguments and constants that host and kernels share.
+
+The C header of every program is made of this module (:func:`header`), so nothing is typed twice.
+Every field is 4 bytes wide, or two of 2 bytes side by side, so that C adds no padding; a test
+compares the offset of every field with what the device's compiler has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from lfcore.optics.plane_sums import FIXED_ONE
+from lfcore.optics.plane_tables import BEAM_COLUMNS as PACKET_COLUMNS
+from lfcore.optics.plane_tables import BLOCK, PLANE, RUN, RUNS
+
+FLOAT, INT = np.float32, np.int32
+MIP_LEVELS, MOST_LEVELS, NODE_WIDTH, TEXEL_BITS = 12, 64, 16, 10
+CELLS = PACKET_COLUMNS // BLOCK
+TEXTURED, CUT_OUTS, PHYSICAL = 1, 2, 4
+ADD, STREAM, DEPTHS = 1, 2, 4
+MAP_BASE, MAP_NORMAL, MAP_METAL, MAP_EMISSION, MAPS = range(5)
+CONSTANTS: dict[str, int | float] = {
+    "BLOCK": BLOCK,  # columns and rows of rays in a block
+    "BLOCK_RAYS": BLOCK * BLOCK,
+    "MOST_CELLS": CELLS,  # cells of 16 x 16 rays along a side of a packet
+    "PACKET_COLUMNS": PACKET_COLUMNS,
+    "NODE_WIDTH": NODE_WIDTH,  # children of a node, and triangles of a leaf
+    "MOST_LEVELS": MOST_LEVELS,  # levels of a hierarchy that the kernels' stacks hold
+    "MIP_LEVELS": MIP_LEVELS,
+    "TEXEL_BITS": TEXEL_BITS,  # per channel of a texel
+    "FAR": 3.0e38,  # beyond every depth
+    "FIXED_ONE": float(FIXED_ONE),  # radiance 1 in the sums of planes
+    "TEXTURED_BIT": TEXTURED,  # of TEXTURES, what a program is built with
+    "CUT_OUTS_BIT": CUT_OUTS,  # triangles with holes
+    "PHYSICAL_BIT": PHYSICAL,  # see Needs.physical
+    "ADD": ADD,  # of a radiance image's mode: add to the image
+    "STREAM": STREAM,  # write past the caches
+    "DEPTHS": DEPTHS,  # write depths, too
+    "MAP_BASE": MAP_BASE,  # the textures of a material
+    "MAP_NORMAL": MAP_NORMAL,
+    "MAP_METAL": MAP_METAL,
+    "MAP_EMISSION": MAP_EMISSION,
+    "MAPS": MAPS,
+}
+"""The constants, by their names in kernels."""
+
+MATERIAL = np.dtype([
+    ("diffuse", FLOAT, 3),
+    ("specular", FLOAT, 3),
+    ("shininess", FLOAT),
+    ("specular_cutoff", FLOAT),  # there is no highlight where its cosine is lower
+    ("emission", FLOAT, 3),
+    ("metallic", FLOAT),  # negative: a Blinn-Phong material
+    ("roughness", FLOAT),
+    ("normal_scale", FLOAT),
+    ("maps", INT, MAPS),  # textures; -1: none
+])  # fmt: skip
+LIGHT = np.dtype([
+    ("vector", FLOAT, 3),  # position of a point light, else the direction towards the light
+    ("is_point", INT),
+    ("colour", FLOAT, 3),
+    ("reference_distance", FLOAT),  # at which a light that falls off has its colour; 0: no fall-off
+    ("normal", FLOAT, 3),  # of an emitter at this point, or the axis of a spot; else 0
+    ("cone", FLOAT, 2),  # spots: slope and offset of a line in the cosine to the axis, whose square
+    # is the attenuation; slope 0: no spot
+    ("triangles", INT, 2),  # first and one past the last of the emitter's, which never shadow it
+])  # fmt: skip
+CUT_OUT = np.dtype([
+    ("u", FLOAT, 4),  # of a point P on the triangle u = n . P + c: n, c
+    ("v", FLOAT, 4),
+    ("offset", INT),  # of the picture in the alphas
+    ("width", INT),
+    ("height", INT),
+    ("least", FLOAT),  # the least alpha that is no hole, in codes
+])  # fmt: skip
+LEVEL = np.dtype([("offset", INT), ("width", INT), ("height", INT), ("levels", INT)])
+"""A mip level of a texture: its first texel, its size, and the number of the texture's levels."""
+SLOT = np.dtype([("frame", INT), ("x", INT), ("y", INT), ("column", INT), ("row", INT)])
+"""Where an element goes in frames, and its column and row on the outer grid."""
+SCENE_ARGUMENTS = np.dtype([
+    ("ambient", FLOAT, 3),
+    ("background", FLOAT, 3),
+    ("unshadowed_lights", INT),  # these come first
+    ("shadow_lights", INT),
+])  # fmt: skip
+RAY_ARGUMENTS = np.dtype([
+    ("step", FLOAT, 4),  # sx, sy, tx, ty: per column and row of the inner grid
+    ("outer", FLOAT, 2),  # a, b: per element of a block
+    ("columns", INT),  # size of the inner grid
+    ("rows", INT),
+    ("packets", INT),
+    ("pixel_tangent", FLOAT),  # between neighbouring pixels
+    ("half_extent", FLOAT),  # of a block, in columns
+    ("group", INT),  # elements along a side of a packet
+    ("side", INT),  # blocks along a side of one element's part of a packet
+])  # fmt: skip
+FRAME_ARGUMENTS = np.dtype([
+    ("width", INT),
+    ("height", INT),
+    ("chroma", INT),  # 1 (4:4:4) or 2 (4:2:0, means of 2 x 2)
+    ("rgb", INT),
+])  # fmt: skip
+PLANE_ARGUMENTS = np.dtype([
+    ("left", INT),  # region of the sums in pixels of the planes
+    ("top", INT),
+    ("width", INT),
+    ("height", INT),
+    ("size", INT),  # side M of a plane
+    ("blocks", INT),  # blocks, or strips of stored macropixels, along a side of the lens
+    ("views", INT),  # side N of the lens
+    ("planes", INT),  # sorted by mask
+    ("strip_height", INT),  # packets in a strip
+    ("ring", INT),  # rows of a plane that a strip keeps, a power of two
+])  # fmt: skip
+IMAGE_ARGUMENTS = np.dtype([("across", INT), ("mode", INT)])
+"""Tiles in a row of a radiance image, and ADD, STREAM and DEPTHS."""
+
+RECORDS = {
+    "MaterialRecord": MATERIAL,
+    "LightRecord": LIGHT,
+    "CutOut": CUT_OUT,
+    "Level": LEVEL,
+    "Slot": SLOT,
+    "PlaneRecord": PLANE,
+    "Run": RUN,
+    "Runs": RUNS,
+    "SceneArguments": SCENE_ARGUMENTS,
+    "RayArguments": RAY_ARGUMENTS,
+    "FrameArguments": FRAME_ARGUMENTS,
+    "PlaneArguments": PLANE_ARGUMENTS,
+    "ImageArguments": IMAGE_ARGUMENTS,
+}
+"""The structs, by their names in kernels; one that holds another comes after it."""
+
+
+def _read(**types: str) -> dict[str, str]:
+    return {name: f"global const {type_} *restrict " for name, type_ in types.items()}
+
+
+def _write(**types: str) -> dict[str, str]:
+    return {name: f"global {type_} *restrict " for name, type_ in types.items()}
+
+
+TREE = _read(
+    boxes="float", children="int", leaves="float", leaf_ids="int",
+    cut_out_of="int", cut_outs="CutOut", alpha="uchar",
+)  # fmt: skip
+SURFACES = _read(
+    corners="float", attributes="float", material_ids="int", materials="MaterialRecord",
+    lights="LightRecord", levels="Level", texels="uint",
+) | {"scene_numbers": "const SceneArguments "}  # fmt: skip
+RAYS = {
+    **_read(elements="float4", groups="int"),
+    "ray_numbers": "const RayArguments ",
+    **_write(next="int", scratch="uint"),
+}
+FRAMES = {
+    "frame_numbers": "const FrameArguments ",
+    **_read(slots="Slot"),
+    **_write(frames="sample"),
+}
+PLANES = {
+    "plane_numbers": "const PlaneArguments ",
+    **_read(plane_records="PlaneRecord", runs="int", masks="uchar", kinds="uchar"),
+    **_write(sums="ulong4", windows="int2", strips="uint"),
+}
+IMAGE = {"image": "const ImageArguments ", **_write(radiance="float", depth="float")}
+KERNELS = {
+    "slab_hits": TREE | RAYS | _write(depth="float", triangle="int"),
+    "trace_radiance": TREE | SURFACES | RAYS | IMAGE,
+    "trace_slab": TREE | SURFACES | RAYS | FRAMES | PLANES,
+    "closest_hits": TREE
+    | _read(origins="float", directions="float")
+    | {"ray_count": "const int "}
+    | _write(next="int", triangle="int", distance="float", weights="float"),
+}
+"""The parameters of each entry kernel, name -> type: what their arrays hold is said in entry/."""
+
+
+def record(layout: np.dtype, **values: Any) -> np.ndarray:
+    """One record, of a value for every field.
+
+    Raises :class:`TypeError` for a field without a value, or a value without a field.
+    """
+    assert layout.names is not None
+    if values.keys() != set(layout.names):
+        raise TypeError(f"fields {sorted(values.keys() ^ set(layout.names))}")
+    made = np.zeros((), layout)
+    for name, value in values.items():
+        made[name] = value
+    return made
+
+
+@cache
+def header() -> str:
+    """The C source that defines all of this."""
+    lines = [f"#define {name} {_literal(value)}" for name, value in CONSTANTS.items()]
+    for name, layout in RECORDS.items():
+        assert layout.names is not None
+        fields = "".join(f" {_member(layout[field], field)};" for field in layout.names)
+        lines.append(f"typedef struct {{{fields} }} {name};")
+    lines += [f"#define {k.upper()}_PARAMETERS {_parameters(p)}" for k, p in KERNELS.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _literal(value: int | float) -> str:
+    return f"{value!r}f" if isinstance(value, float) else str(value)
+
+
+def _member(layout: np.dtype, name: str) -> str:
+    """The C declaration of a field."""
+    types = {np.dtype(FLOAT): "float", np.dtype(INT): "int", np.dtype(np.uint16): "ushort"}
+    types |= {known: name for name, known in RECORDS.items()}
+    size = f"[{layout.shape[0]}]" if layout.shape else ""
+    return f"{types[layout.base]} {name}{size}"
+
+
+def _parameters(types: Mapping[str, str]) -> str:
+    return ", ".join(f"{type_}{name}" for name, type_ in types.items())
