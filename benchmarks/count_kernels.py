@@ -1,10 +1,10 @@
-"""How much there is to read in the tracer's kernels.
+"""How much there is to read in the tracer's kernels, and on the way of one block.
 
     python benchmarks/count_kernels.py        (make count)
 
-Prints lines, conditionals of the preprocessor, names that the host defines, lines over 100 columns,
-functions of eight and more parameters, and the files that lie on the way of a block from
-``Tracer.trace_tile`` to its colours.
+The way of a block is found, not listed: from the kernel ``trace_slab`` on, every function, macro
+and type that the text of another names, and the files that define them.  BESIDE names what a block
+of opaque, unshadowed triangles whose rays are traced together never enters.
 """
 
 from __future__ import annotations
@@ -13,17 +13,25 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-HOST = ROOT / "lfcore" / "tracing"
-KERNELS = HOST / "kernels"
-MOST_COLUMNS = 100
-MANY = 8
-WAY = (
-    "tracer.py", "plan.py", "tile.py", "device_scene.py", "entry/slab.cl", "entry/pipeline.cl",
-    "traversal/packet.cl", "coverage/visibility.cl", "coverage/depth_buffer.cl",
-    "coverage/triangles.cl", "coverage/regions.cl", "surface/samples.cl", "shadows/shadows.cl",
-    "shading/shade.cl",
+LIBRARY = ROOT / "lfcore"
+KERNELS = LIBRARY / "tracing" / "kernels"
+HOST = (
+    "tracing/tracer.py", "tracing/plan.py", "tracing/packets.py", "optics/bundles.py",
+    "tracing/tile.py", "tracing/layouts.py", "tracing/device_scene.py",
 )  # fmt: skip
-"""In the order in which a block passes them; each is named by its stage."""
+"""The host's files, in the order in which a tile passes them."""
+ENTRY, BEGIN = "slab.cl", "trace_slab"
+BESIDE = {
+    "shadows": {"start_shadows", "enter_packet", "find_lit", "Shadows", "ShadowMemory",
+                "OccluderCache"},
+    "holes": {"is_solid", "stopped_rays"},
+    "rays one by one": {"follow_rays", "ray_meets", "shaft_meets", "Ray", "Shaft"},
+    "sensor planes": {"add_view", "add_to_strip", "finish_strip", "drop_closed_blocks", "Planes",
+                      "Strip", "PREFIX_WORDS", "PREFIX_PITCH"},
+    "microfacets": {"read_maps", "read_row_maps", "reflect_light", "is_metallic",
+                    "ambient_reflectance"},
+}  # fmt: skip
+MOST_COLUMNS, MOST_LINES, MOST_PARAMETERS = 100, 50, 7
 
 
 def sources() -> dict[Path, str]:
@@ -31,44 +39,90 @@ def sources() -> dict[Path, str]:
     return {path: path.read_text(encoding="ascii") for path in sorted(KERNELS.rglob("*.cl"))}
 
 
-def parameters(text: str) -> list[tuple[str, int]]:
-    """Functions of a file that are no kernels, with how many parameters each has."""
-    found = re.findall(r"^inline [^;{=]*?(\w+)\(([^{;]*?)\)\s*\{", text, re.MULTILINE)
-    return [(name, within.count(",") + 1) for name, within in found]
+def functions(text: str) -> list[tuple[str, int, str]]:
+    """The name, the number of parameters and the text of each function of a file."""
+    pattern = r"^(?:inline|KERNEL|kernel) [^;{=]*?(\w+)\(([^{;]*?)\)\s*\{(?:.*?\n\}| .*?\}$)"
+    found = re.finditer(pattern, text, re.MULTILINE | re.DOTALL)
+    return [(m[1], m[2].count(",") + 1, m[0]) for m in found]
+
+
+def definitions(text: str) -> dict[str, str]:
+    """The text of every function, macro and type of a file, by name."""
+    text = re.sub(r"//[^\n]*", "", text)
+    found = {name: body for name, _, body in functions(text)}
+    for macro in re.finditer(r"^#define (\w+)(?:[^\n]*\\\n)*[^\n]*", text, re.MULTILINE):
+        if not macro[1].startswith("LFCORE_"):
+            found[macro[1]] = found.get(macro[1], "") + macro[0]
+    for type_ in re.finditer(r"^typedef struct \w*\s*\{[^}]*\} (\w+);", text, re.MULTILINE):
+        found[type_[1]] = type_[0]
+    for enum in re.finditer(r"^enum \{([^}]*)\};", text, re.MULTILINE):
+        found |= dict.fromkeys(re.findall(r"\b[A-Z]\w*", enum[1]), enum[0])
+    return found
+
+
+def way_of_a_block() -> list[Path]:
+    """The kernel files that define what a block passes, in the order in which it does."""
+    texts = sources()
+    named = {path.name: path for path in texts}
+    included = [named[ENTRY]]
+    for path in included:
+        names = re.findall(r'#include "(.*)"', texts[path])
+        included += [named[name] for name in names if named[name] not in included]
+    where: dict[str, list[tuple[Path, str]]] = {}
+    for path in included:
+        for name, body in definitions(texts[path]).items():
+            where.setdefault(name, []).append((path, body))
+    beside = set().union(*BESIDE.values())
+    missing = (beside | {BEGIN}) - where.keys()
+    if missing:
+        raise SystemExit(f"no such functions or types any more: {', '.join(sorted(missing))}")
+    files: list[Path] = []
+    seen, open_ = set(beside), [BEGIN]
+    while open_:
+        name = open_.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        for path, body in where[name]:
+            if path not in files:
+                files.append(path)
+            # Local variables may be called like functions, not like macros and types.
+            words = dict.fromkeys(re.findall(r"\w+(?= *\()|[A-Z]\w+|\bsample\b", body))
+            open_ += [word for word in reversed(words) if word in where and word not in seen]
+    return files
 
 
 def defines() -> list[str]:
     """Names that programs are built with, as the host's sources have them."""
-    host = "\n".join(path.read_text(encoding="utf-8") for path in sorted(HOST.glob("*.py")))
-    named = set(re.findall(r'"([A-Z][A-Z_]+)":', host)) | {"LANES"}
-    return sorted(named)
+    texts = (path.read_text(encoding="utf-8") for path in (LIBRARY / "tracing").glob("*.py")
+             if path.name != "layouts.py")  # fmt: skip
+    return sorted({"LANES"}.union(*(re.findall(r'"([A-Z][A-Z_]+)":', text) for text in texts)))
 
 
-def counts() -> dict[str, int]:
-    """The figures, by name."""
+def main() -> None:
     texts = sources()
     lines = [line for text in texts.values() for line in text.splitlines()]
-    missing = [name for name in WAY if not any((f / name).is_file() for f in (HOST, KERNELS))]
-    if missing:
-        raise SystemExit(f"not on the way of a block any more: {', '.join(missing)}")
-    many = [name for text in texts.values() for name, count in parameters(text) if count >= MANY]
-    return {
-        "files": len(texts),
-        "lines": len(lines),
+    found = [one for text in texts.values() for one in functions(text)]
+    way = [LIBRARY / name for name in HOST] + way_of_a_block()
+    size = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in way}
+    counts = {
+        "kernel files": len(texts),
+        "kernel lines": len(lines),
         "conditionals": sum(bool(re.match(r"\s*#\s*if", line)) for line in lines),
         "of these include guards": sum("#ifndef LFCORE_" in text for text in texts.values()),
         "host defines": len(defines()),
         f"lines over {MOST_COLUMNS} columns": sum(len(line) > MOST_COLUMNS for line in lines),
-        f"functions of {MANY} and more parameters": len(many),
-        "files to follow a block": len(WAY),
+        f"functions over {MOST_LINES} lines": sum(f[2].count("\n") >= MOST_LINES for f in found),
+        f"functions over {MOST_PARAMETERS} parameters": sum(f[1] > MOST_PARAMETERS for f in found),
+        "files on the way of a block": len(way),
+        "lines of these files": sum(size.values()),
     }
-
-
-def main() -> None:
-    for name, count in counts().items():
+    for name, count in counts.items():
         print(f"{count:6}  {name}")
     print("defines:", ", ".join(defines()))
-    print("the way of a block:", ", ".join(WAY))
+    print("the way of a block:")
+    for path, count in size.items():
+        print(f"{count:6}  {path.relative_to(LIBRARY)}")
 
 
 if __name__ == "__main__":
