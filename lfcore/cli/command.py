@@ -16,7 +16,7 @@ import numpy as np
 
 import lfcore
 from lfcore.cli.progress import note, recorded, say, wrote
-from lfcore.errors import OpticsError, one_line
+from lfcore.errors import DeviceError, OpticsError, one_line
 from lfcore.pictures import write_pictures
 
 
@@ -67,7 +67,11 @@ def _run(run: Callable[[argparse.Namespace], None], arguments: argparse.Namespac
     """Run a command; with ``--json``, print the record as one line when all is done."""
     # First of all: a device that is not there is an error also where it has nothing to do.
     if getattr(arguments, "device", None) is not None:
-        arguments.device = lfcore.open_device(arguments.device)
+        try:
+            arguments.device = lfcore.open_device(arguments.device)
+        except DeviceError as error:
+            key = "--device" if error.key == "device" else error.key
+            raise error.named(DeviceError, key=key) from None
     if not arguments.json:
         run(arguments)
         return
