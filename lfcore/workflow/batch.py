@@ -1,8 +1,7 @@
-"""Several tiles of a light slab as one job: what they add to planes, and their segments."""
+"""Several tiles of a light slab as one job: their sums of sensor planes, and their segments."""
 
 from __future__ import annotations
 
-import resource
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -28,8 +27,8 @@ def trace_batch(
 ) -> tuple[PlaneSums, dict]:
     """Trace tiles one after the other; without ``segments`` nothing is stored.
 
-    One tile's segment is the file ``segments`` itself, several are a batch.  Returns what all
-    tiles add to the planes, and the facts: rays, wall seconds, MiB of memory at most.
+    One tile's segment is the file ``segments`` itself, several are a batch.  Returns the sums of
+    the planes over all tiles, and the facts: rays, tiles, wall seconds.
     """
     facts = {"rays": 0, "trace": 0.0, "encode": 0.0}
     total: PlaneSums | None = None
@@ -63,11 +62,5 @@ def trace_batch(
                 trace(tile, file)
             write_batch(segments, files)
     assert total is not None
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return total, {
-        "rays": facts["rays"],
-        "tiles": len(tiles),
-        "memory_mib": round(peak),
-        "scratch_bytes": tracer.scratch_bytes(slab, tiles[0], planes, frames=segments is not None),
-        "seconds": {"trace": facts["trace"], "encode": facts["encode"]},
-    }
+    seconds = {"trace": facts["trace"], "encode": facts["encode"]}
+    return total, {"rays": facts["rays"], "tiles": len(tiles), "seconds": seconds}

@@ -1,4 +1,4 @@
-"""All batches of a light slab together: what was measured, and the light field file."""
+"""All batches of a light slab together: their measurements, and the light field file."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from lfcore.timing import clocked
 
 
 def traced(batches: Sequence[dict]) -> dict:
-    """What is kept of the facts of all batches of a light field."""
+    """The facts of all batches of a light field, summed."""
     return {
         "seconds": sum(one["seconds"]["trace"] for one in batches),
         "encode_seconds": sum(one["seconds"]["encode"] for one in batches),
         "rays": sum(one["rays"] for one in batches),
-        "memory_mib": max(one["memory_mib"] for one in batches),
         "device": batches[0]["device"],
         "threads": batches[0]["threads"],
     }
@@ -34,9 +33,9 @@ def joined(
     scene: dict,
     progress: Callable[[int, int], None],
 ) -> dict:
-    """Join the batches' segments into the light field file ``path``; what storing cost.
+    """Join the batches' segments into the light field file ``path``; returns the cost of storage.
 
-    ``batches`` are their facts, of which the first may know the depths that are seen.
+    ``batches`` are their facts; the first may have the range of visible depths.
     """
     from lfcore.storage.container import join_segments  # loads the codecs
 

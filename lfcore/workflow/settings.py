@@ -6,7 +6,6 @@ configuration with its studies, and the table of config/README.md.  ``--check`` 
 
 from __future__ import annotations
 
-import argparse
 import re
 import sys
 from collections.abc import Iterator, Mapping
@@ -65,27 +64,16 @@ def _untitled(part: Any) -> Any:
     return {k: _untitled(one) for k, one in part.items() if not (titled and k == "title")}
 
 
-def leaves(model: type[keys.Keys], above: str = "") -> Iterator[tuple[str, str, Any]]:
-    """Name with dots, meaning and default of every key of a model that is no group of keys."""
+def rows(model: type[keys.Keys], above: str = "") -> Iterator[str]:
+    """The keys of a model as rows of a Markdown table: name with dots, meaning, default."""
     for name, field in model.model_fields.items():
         default = field.get_default(call_default_factory=True)
         if isinstance(default, keys.Keys):
-            yield from leaves(type(default), f"{above}{name}.")
+            yield from rows(type(default), f"{above}{name}.")
         else:
-            yield f"{above}{name}", field.description or "", default
-
-
-def table(model: type[keys.Keys]) -> str:
-    """The keys of a model as a Markdown table."""
-    lines = ["| key | meaning | default |", "|---|---|---|"]
-    for name, meaning, default in leaves(model):
-        required = repr(default) == "PydanticUndefined"
-        lines.append(f"| `{name}` | {meaning} | {'required' if required else _shown(default)} |")
-    return "\n".join(lines)
-
-
-def _shown(default: Any) -> str:
-    return "all" if default and len(str(default)) > 200 else f"`{_flow(default)}`"
+            words = "required" if field.is_required() else "all" if name == "reports" else ""
+            shown = words or f"`{_flow(default)}`"
+            yield f"| `{above}{name}` | {field.description} | {shown} |"
 
 
 def _flow(value: Any) -> str:
@@ -119,10 +107,11 @@ def documents(root: Path) -> dict[Path, str]:
     )
     made[root / "workflow/schemas/config.schema.yaml"] = f"# Written by `make settings`.\n{text}"
     readme = root / "config/README.md"
-    tables = {"keys": table(keys.Configuration), "planes": table(keys.Plane)}
+    models: dict[str, type[keys.Keys]] = {"keys": keys.Configuration, "planes": keys.Plane}
+    head = "| key | meaning | default |\n|---|---|---|\n"
     made[readme] = re.sub(
         r"(<!-- (keys|planes) -->\n).*?(<!-- end of \2 -->)",
-        lambda found: f"{found[1]}\n{tables[found[2]]}\n\n{found[3]}",
+        lambda found: f"{found[1]}\n{head}{chr(10).join(rows(models[found[2]]))}\n\n{found[3]}",
         readme.read_text(encoding="utf-8"),
         flags=re.DOTALL,
     )
@@ -130,9 +119,7 @@ def documents(root: Path) -> dict[Path, str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Write the files made from the keys.")
-    parser.add_argument("--check", action="store_true", help="write nothing, fail where stale")
-    check, stale = parser.parse_args().check, []
+    check, stale = "--check" in sys.argv, []
     for path, text in documents(ROOT).items():
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             stale.append(path)

@@ -1,13 +1,14 @@
-"""Sweeps: tables of light fields to make, a row a case, whose keys are the configuration's.
+"""Sweeps: tables of light fields, one case per row.
 
 A sweep is a table of tab-separated values: the column ``case`` names a case, every other column is
 a key of the configuration (``encoding.crf`` for a key within a key) and every cell its value, in
-YAML.  All cases are in one job graph: what they share is made once.  That is the scene with its
-tree, and the tracing of cases that differ in nothing but the encoder.
+YAML.  All cases are in one job graph, and share the scene, its tree, and the tracing where they
+differ in the encoder alone.
 """
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,17 +20,15 @@ from lfcore.errors import SettingsError
 from lfcore.workflow import cases
 from lfcore.workflow.settings import check_settings
 
-SWEPT = (
-    "scenes", "views", "pixels", "planes", "layout", "encoding", "tile_mib",
-)  # fmt: skip
-"""What a light field is made of: the keys that a sweep may vary."""
+SWEPT = ("scenes", "views", "pixels", "planes", "layout", "encoding", "tile_mib")
+"""The keys that a sweep may vary: those of a light field."""
 
 
 def read_sweep(path: Path) -> dict[str, dict[str, object]]:
-    """Of each case the keys and values that it overrides, keys with dots as in the file.
+    """The keys, with dots, and values that each case overrides.
 
-    Raises :class:`SettingsError` for a table without cases, two cases of one name, a key that is
-    not of a light field, and a cell that is no YAML.
+    Raises :class:`SettingsError` for a table without cases, two cases with the same name, a key
+    that a sweep may not vary, and a cell that is no YAML.
     """
     try:
         table = pd.read_csv(path, sep="\t", dtype=str, comment="#", keep_default_na=False)
@@ -59,25 +58,16 @@ def _cell(path: Path, key: str, text: str) -> object:
         raise SettingsError(f"{text[:80]!r} is no YAML", file=path, key=key) from None
 
 
-def nested(flat: Mapping[str, object]) -> dict:
-    """``{"encoding.crf": 20}`` as ``{"encoding": {"crf": 20}}``."""
-    result: dict = {}
-    for key, value in flat.items():
+def overridden(base: Mapping, row: Mapping[str, object]) -> dict:
+    """A copy of ``base`` with the values of ``row``, whose keys have dots."""
+    made = copy.deepcopy(dict(base))
+    for key, value in row.items():
         *above, last = key.split(".")
-        inner = result
+        inner = made
         for name in above:
             inner = inner.setdefault(name, {})
         inner[last] = value
-    return result
-
-
-def merged(base: Mapping, overrides: Mapping) -> dict:
-    """``base`` with ``overrides``, mapping by mapping."""
-    result = dict(base)
-    for key, value in overrides.items():
-        both = isinstance(value, dict) and isinstance(result.get(key), dict)
-        result[key] = merged(result[key], value) if both else value
-    return result
+    return made
 
 
 @dataclass(frozen=True)
@@ -115,7 +105,7 @@ def plan(path: Path, base: Mapping, root: Path = cases.ROOT) -> Sweep:
     Raises :class:`SettingsError` for a case that names no run.
     """
     overrides = read_sweep(path)
-    settings = {case: check_settings(merged(base, nested(row))) for case, row in overrides.items()}
+    settings = {case: check_settings(overridden(base, row)) for case, row in overrides.items()}
     members: dict[tuple[str, str, int], list[str]] = {}
     groups: dict[str, str] = {}
     for case, one in settings.items():

@@ -17,7 +17,7 @@ from lfcore.optics.slab import Slab
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 from lfcore.workflow import cases
-from lfcore.workflow.sweep import joined, nested, plan, read_sweep
+from lfcore.workflow.sweep import joined, overridden, plan, read_sweep
 
 ROOT = Path(__file__).resolve().parents[2]
 BASE = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
@@ -99,4 +99,6 @@ def test_a_sweep_that_is_not_there(tmp_path):
 
 
 def test_dotted_keys_nest():
-    assert nested({"a.b": 1, "a.c": 2, "d": 3}) == {"a": {"b": 1, "c": 2}, "d": 3}
+    base = {"a": {"b": 0, "e": 4}, "f": 5}
+    made = overridden(base, {"a.b": 1, "a.c": 2, "d.g": 3})
+    assert made == {"a": {"b": 1, "e": 4, "c": 2}, "f": 5, "d": {"g": 3}} and base["a"]["b"] == 0
