@@ -21,7 +21,7 @@ from lfcore.optics.slab import Slab
 class ElementLattice:
     """A square grid of elements, ``count`` a side, centred on the axis.
 
-    From one element to the next along either axis the middle ray's origin changes by ``origin``
+    From one element to the next along either axis the centre ray's origin changes by ``origin``
     metres and its direction by ``direction`` (tangent).
     """
 
@@ -29,7 +29,7 @@ class ElementLattice:
     origin: float
     direction: float
 
-    def middles(self, places: np.ndarray) -> np.ndarray:
+    def centre_rays(self, places: np.ndarray) -> np.ndarray:
         """(E, 4) float32 ox, oy, dx, dy at ``places`` (E, 2): columns and rows, or between them."""
         offset = np.asarray(places) - (self.count - 1) / 2
         return np.concatenate(
@@ -43,7 +43,7 @@ class Bundles:
 
     Attributes
     ----------
-    elements : (E, 4) float32: ox, oy (metres), dx, dy (tangents) of the middle ray of each element.
+    elements : (E, 4) float32: ox, oy (metres), dx, dy (tangents) of the centre ray of each element.
     step : (4,) float32: sx, sy, tx, ty, change per column and row of the inner grid.
     columns, rows : size of the inner grid.
     pixel_pitch : tangent between neighbouring pixels, which texture filtering looks at.
@@ -82,7 +82,8 @@ def macropixels(slab: Slab, pixels: np.ndarray) -> Bundles:
     lattice = ElementLattice(slab.pixels, 0.0, slab.pixel_pitch)
     shear = -slab.camera.delta * pitch
     step = np.array([pitch, pitch, shear, shear], np.float32)
-    return Bundles(lattice.middles(pixels), step, slab.views, slab.views, slab.pixel_pitch, lattice)
+    rays = lattice.centre_rays(pixels)
+    return Bundles(rays, step, slab.views, slab.views, slab.pixel_pitch, lattice)
 
 
 def views(slab: Slab, samples: np.ndarray) -> Bundles:
@@ -91,7 +92,7 @@ def views(slab: Slab, samples: np.ndarray) -> Bundles:
     lattice = ElementLattice(slab.views, pitch, -slab.camera.delta * pitch)
     step = np.array([0.0, 0.0, slab.pixel_pitch, slab.pixel_pitch], np.float32)
     return Bundles(
-        lattice.middles(samples), step, slab.pixels, slab.pixels, slab.pixel_pitch, lattice
+        lattice.centre_rays(samples), step, slab.pixels, slab.pixels, slab.pixel_pitch, lattice
     )
 
 

@@ -138,14 +138,14 @@ class DeviceScene:
             outer=(lattice.origin, lattice.direction) if lattice else 0,
             columns=bundles.columns,
             rows=bundles.rows,
-            packets=len(groups.members) * shape.squares(bundles.columns, bundles.rows),
+            packets=len(groups.members) * shape.packets_per_group(bundles.columns, bundles.rows),
             pixel_tangent=bundles.pixel_pitch,
-            half_extent=shape.extent,
+            half_extent=shape.half_extent,
             group=shape.group,
             side=shape.side,
         )
         return {
-            "elements": self.device.buffer(np.ascontiguousarray(groups.middles)),
+            "elements": self.device.buffer(np.ascontiguousarray(groups.centre_rays)),
             "groups": self.device.buffer(groups.members),
             "ray_numbers": numbers,
             "next": self.counter(),

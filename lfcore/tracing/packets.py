@@ -16,14 +16,15 @@ class PacketShape:
     """A packet: ``group`` x ``group`` outer elements times ``side`` x ``side`` blocks of 256 rays.
 
     A block is 16 x 16 rays of one element, or ``16 / outer`` along each axis of ``outer`` elements
-    (then ``group`` is ``outer``).  Its inner rays in use lie within ``extent`` steps of its centre.
-    ``single_rays`` packets follow their rays one by one.  The size was measured: 4096 rays amortise
-    a walk through the hierarchy and their depth buffers still fit the second-level cache.
+    (then ``group`` is ``outer``).  Its inner rays in use lie within ``half_extent`` steps
+    of its centre.  ``single_rays`` packets trace their rays one by one.
+    The size was measured: 4096 rays amortise a walk through the hierarchy, and their depth buffers
+    still fit the second-level cache.
     """
 
     side: int
     group: int
-    extent: float = (BLOCK - 1) / 2
+    half_extent: float = (BLOCK - 1) / 2
     outer: int = 1
     single_rays: bool = False
 
@@ -53,7 +54,7 @@ class PacketShape:
         """What kernels are built with; they are told the rest when they are launched."""
         return {"OUTER": self.outer, "SINGLE_RAYS": int(self.single_rays)}
 
-    def squares(self, columns: int, rows: int) -> int:
+    def packets_per_group(self, columns: int, rows: int) -> int:
         """Packets that one group of elements needs for its inner grid."""
         span = self.cells * BLOCK
         return -(-columns // span) * -(-rows // span)
@@ -63,22 +64,27 @@ class PacketShape:
 class Groups:
     """Elements by the packets that trace them.
 
-    ``members`` (B, group**2) int32: which elements, -1 where there is none.  ``middles``, (E, 4)
-    or, for blocks of several elements, (B, 4) float32: the ray that blocks are counted from.
+    ``members`` (B, group**2) int32: the numbers of elements, -1 where there is none.
+    ``centre_rays`` (E, 4) or, for blocks of several elements, (B, 4) float32: offsets are relative
+    to these rays.
     """
 
     members: np.ndarray
-    middles: np.ndarray
+    centre_rays: np.ndarray
 
     @classmethod
     def of(
-        cls, shape: PacketShape, bundles: Bundles, coordinates: np.ndarray | None, tall: int = 1
+        cls,
+        shape: PacketShape,
+        bundles: Bundles,
+        coordinates: np.ndarray | None,
+        strip_height: int = 1,
     ) -> Groups:
         """Put ``bundles`` at distinct places ``coordinates`` (E, 2) into cells ``group`` wide.
 
         Cells lie at multiples of ``group``: which elements are there does not change where a
-        block's rays are.  ``tall`` cells one below the other follow each other, also those that
-        hold nothing; such strips are sorted by row, then column.
+        block's rays are.  ``strip_height`` cells one below the other follow each other, empty ones
+        too; such strips are sorted by row, then column.
 
         Raises :class:`OpticsError` for coordinates of another shape, or that repeat.
         """
@@ -88,9 +94,9 @@ class Groups:
                 key="coordinates",
             )
         group = shape.group
-        if coordinates is None or group == tall == 1:
+        if coordinates is None or group == strip_height == 1:
             return cls(np.arange(len(bundles.elements), dtype=np.int32)[:, None], bundles.elements)
-        size = np.array([group, group * tall])
+        size = np.array([group, group * strip_height])
         strips, slots = np.divmod(np.asarray(coordinates, np.int64), size)
         lowest = strips.min(axis=0)
         column, row = (strips - lowest).T
@@ -106,9 +112,10 @@ class Groups:
         if shape.outer == 1:
             return cls(members, bundles.elements)
         corners = (np.stack([key & 0xFFFFFFFF, key >> 32], axis=1) + lowest) * size
-        corners = corners[:, None] + np.stack([np.zeros(tall), np.arange(tall) * group], axis=1)
+        down = np.arange(strip_height) * group
+        corners = corners[:, None] + np.stack([np.zeros(strip_height), down], axis=1)
         assert bundles.lattice is not None  # without one no block spans elements
-        return cls(members, bundles.lattice.middles(corners.reshape(-1, 2) + (group - 1) / 2))
+        return cls(members, bundles.lattice.centre_rays(corners.reshape(-1, 2) + (group - 1) / 2))
 
 
 def ranks(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""What a block of rays spans: decided before a job, by what can be seen."""
+"""The plan of a job: the elements that a block spans, and whether rays are traced one by one."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ def leaves_a_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1) -> fl
 
 
 SPANNING_COST = {"hits": 6.5, "colours": 1.6}
-"""What a block of several elements costs beyond one of 16 x 16 rays of one element, as so many more
-triangles met: measured for N = 16 to 64, M = 128 and 512 on three scenes."""
+"""The additional cost of a block that spans several elements, in triangles hit: measured for N = 16
+to 64, M = 128 and 512 on three scenes."""
 PLACES = 4
 
 

@@ -97,7 +97,8 @@ class StripBuffers:
     def __init__(self, sums: PlaneBuffers, shape: PacketShape, views: int, elements: int):
         self._sums = sums
         device, planes = sums.device, len(sums.planes)
-        packets = elements // shape.elements * shape.squares(views, views) if planes else 0
+        per_group = shape.packets_per_group(views, views)
+        packets = elements // shape.elements * per_group if planes else 0
         self.height = min(max(1, packets // (sums.workers * ITEMS_A_WORKER)), STRIP_PACKETS)
         span = shape.cells * BLOCK
         reached = strip_rows(sums.slab, sums.planes, self.height * shape.group, span)

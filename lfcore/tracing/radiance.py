@@ -110,7 +110,7 @@ class TraceRadiance:
         first, shape = self.sets[0], self.shape
         places = None if self.coordinates is None else self.coordinates[part]
         packets = Groups.of(shape, first.part(part), places).members
-        each = shape.blocks * 256 * shape.squares(first.columns, first.rows)
+        each = shape.blocks * 256 * shape.packets_per_group(first.columns, first.rows)
         step = max(1, LAUNCH_RAYS // each)
         every = (STREAM if piece.nbytes > STREAM_BYTES else 0) | (DEPTHS if far.size else 0)
         for start in range(0, len(packets), step):

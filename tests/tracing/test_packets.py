@@ -29,37 +29,38 @@ def test_ranks_are_those_of_all_distinct_keys(keys):
         np.testing.assert_array_equal(ours, theirs)
 
 
-@pytest.mark.parametrize("group, tall", [(4, 1), (4, 3), (2, 4), (1, 8), (1, 1)])
-def test_groups_hold_each_element_once_at_its_place(group, tall):
+@pytest.mark.parametrize("group, strip_height", [(4, 1), (4, 3), (2, 4), (1, 8), (1, 1)])
+def test_groups_hold_each_element_once_at_its_place(group, strip_height):
     rng = np.random.default_rng(7)
     places = rng.permutation(np.argwhere(rng.random((23, 18)) < 0.6))
-    packets = Groups.of(PacketShape(1, group), macropixels(SLAB, places), places, tall).members
-    assert packets.shape[1] == group**2 and len(packets) % tall == 0
+    shape = PacketShape(1, group)
+    packets = Groups.of(shape, macropixels(SLAB, places), places, strip_height).members
+    assert packets.shape[1] == group**2 and len(packets) % strip_height == 0
     assert sorted(packets[packets >= 0]) == list(range(len(places)))
     for number, packet in enumerate(packets):
         for slot, element in enumerate(packet):
-            if element < 0 or group == tall == 1:
+            if element < 0 or group == strip_height == 1:
                 continue
             u, v = places[element]
             assert slot == v % group * group + u % group
-            assert number % tall == v // group % tall
-    for strip in packets.reshape(-1, tall * group**2):
-        corners = places[strip[strip >= 0]] // (group, group * tall)
+            assert number % strip_height == v // group % strip_height
+    for strip in packets.reshape(-1, strip_height * group**2):
+        corners = places[strip[strip >= 0]] // (group, group * strip_height)
         assert (corners == corners[0]).all(), "packets of a strip lie one below the other"
 
 
 @pytest.mark.parametrize("outer", [2, 4])
-@pytest.mark.parametrize("tall", [1, 3])
-def test_blocks_of_several_elements_lie_where_these_are_whichever_are_there(outer, tall):
+@pytest.mark.parametrize("strip_height", [1, 3])
+def test_blocks_of_several_elements_lie_where_these_are_whichever_are_there(outer, strip_height):
     shape = PacketShape.for_inner(16, outer)
     places = np.stack(np.meshgrid(np.arange(3, 17), np.arange(5, 12)), -1).reshape(-1, 2)
     some = places[np.random.default_rng(1).random(len(places)) < 0.5]
     bundles = macropixels(SLAB, some)
-    groups = Groups.of(shape, bundles, some, tall)
-    assert len(groups.middles) == len(groups.members)
+    groups = Groups.of(shape, bundles, some, strip_height)
+    assert len(groups.centre_rays) == len(groups.members)
     lattice = bundles.lattice
     inside = np.arange(outer) - (outer - 1) / 2
-    for members, middle in zip(groups.members, groups.middles, strict=True):
+    for members, middle in zip(groups.members, groups.centre_rays, strict=True):
         for slot, element in enumerate(members):
             if element < 0:
                 continue
@@ -76,7 +77,7 @@ def test_probed_rays_are_rays_of_the_slab(make, outer):
     bundles = make(Slab(CAMERA, 16, 16), place)
     inside = np.arange(outer) - (outer - 1) / 2
     around = place + np.stack(np.meshgrid(inside, inside), -1).reshape(-1, 2)
-    all_rays = dataclasses.replace(bundles, elements=bundles.lattice.middles(around)).rays()
+    all_rays = dataclasses.replace(bundles, elements=bundles.lattice.centre_rays(around)).rays()
     there = np.concatenate(all_rays, -1).reshape(-1, 6)
     origins, directions = probed_blocks(bundles, outer)
     assert origins.shape == directions.shape and origins.shape[1:] == (256, 3)
@@ -119,7 +120,7 @@ def test_leaves_in_the_way_of_a_narrow_block_are_fewer():
 
 def test_a_lattice_gives_its_elements():
     lattice = ElementLattice(5, 0.01, -0.002)
-    assert np.array_equal(lattice.middles([[2, 2]]), np.zeros((1, 4), np.float32))
-    found = lattice.middles(np.array([[0, 4], [1.5, 2]]))
+    assert np.array_equal(lattice.centre_rays([[2, 2]]), np.zeros((1, 4), np.float32))
+    found = lattice.centre_rays(np.array([[0, 4], [1.5, 2]]))
     expected = [[-0.02, 0.02, 0.004, -0.004], [-0.005, 0, 0.001, 0]]
     assert np.allclose(found, expected, atol=1e-9)

@@ -1,7 +1,8 @@
-// What a block is known to see while its triangles are tested: coverage.
+// Coverage: the triangles that a block is known to see while others are tested.
 //
 // Most blocks of a dense slab lie wholly on one triangle.  Such a block keeps the triangle and the
-// two forms of its depth, and writes no depth buffer until another triangle may be seen, too.
+// two affine functions of its depth, and writes no depth buffer until another triangle may be seen,
+// too.
 #ifndef LFCORE_DEPTH_BUFFER_CL
 #define LFCORE_DEPTH_BUFFER_CL
 #include "triangles.cl"
@@ -14,19 +15,19 @@ typedef struct {
 #define NOTHING -1   // no triangle yet, depth buffer not written
 #define BUFFERED -2  // depth buffer in use; any other value: the one triangle that covers the block
 typedef struct {
-    int cover;                    // NOTHING, BUFFERED or a triangle
-    float extent;                 // of the block's rays
+    int covering_triangle;          // NOTHING, BUFFERED or a triangle
+    float half_extent;              // of the block's rays
     // Depth range of what is seen; z_far is FAR while a ray sees nothing.
     float z_near, z_far;
-    Form numerator, denominator;  // of the covering triangle's depth
-    global float *z;              // of the depth buffer
+    Affine numerator, denominator;  // of the covering triangle's depth
+    global float *z;                // of the depth buffer
     global int *ids;
 } Coverage;
 
-inline void clear_coverage(global DepthBuffer *memory, float extent, Coverage *c)
+inline void clear_coverage(global DepthBuffer *memory, float half_extent, Coverage *c)
 {
-    c->cover = NOTHING;
-    c->extent = extent;
+    c->covering_triangle = NOTHING;
+    c->half_extent = half_extent;
     c->z_near = c->z_far = FAR;
     c->z = memory->z;
     c->ids = memory->ids;
@@ -35,14 +36,14 @@ inline void clear_coverage(global DepthBuffer *memory, float extent, Coverage *c
 // Write the depth buffer of a block that so far had none.
 inline void use_buffer(Coverage *c)
 {
-    if (c->cover == BUFFERED) return;
+    if (c->covering_triangle == BUFFERED) return;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const Row row = row_at(at, c->extent);
+        const Row row = row_at(at, c->half_extent);
         const vf depth = plane_row(c->numerator, row) * reciprocal(plane_row(c->denominator, row));
-        VSTORE((vi)(c->cover), c->ids + at);
-        VSTORE(c->cover == NOTHING ? (vf)(INFINITY) : depth, c->z + at);
+        VSTORE((vi)(c->covering_triangle), c->ids + at);
+        VSTORE(c->covering_triangle == NOTHING ? (vf)(INFINITY) : depth, c->z + at);
     }
-    c->cover = BUFFERED;
+    c->covering_triangle = BUFFERED;
 }
 
 inline void find_farthest(Coverage *c)
@@ -52,8 +53,8 @@ inline void find_farthest(Coverage *c)
     c->z_far = min(row_max(far), FAR);
 }
 
-// A form without TWIST over the inner grid of one of the block's elements.
-inline Form element_form(Form f, float u, float v)
+// An affine function without BILINEAR over the inner grid of one of the block's elements.
+inline Affine element_affine(Affine f, float u, float v)
 {
     if (OUTER > 1) f.of[ONE] = fma(u, f.of[U], fma(v, f.of[V], f.of[ONE]));
     return f;
@@ -63,19 +64,19 @@ inline Form element_form(Form f, float u, float v)
 #define DEPTH_SLACK (17.0f * ROUNDING)
 
 // A triangle that every ray of the block passes through: accept it or reject it at once, if its
-// range of depths and that of what is seen do not overlap; false if they do.  Depth is linear-
+// range of depths and that of the block's hits do not overlap; false if they do.  Depth is linear-
 // fractional with a denominator of one sign, so its extremes are at the corners.
-inline int settle_cover(const Triangles *t, uint lane, int id, Coverage *c)
+inline int try_full_cover(const Triangles *t, uint lane, int id, Coverage *c)
 {
-    if (c->cover == BUFFERED) return 0;
-    const Form numerator = form_of(t->form + NUMERATOR, lane);
-    const Form denominator = form_of(t->form + DENOMINATOR, lane);
-    const Rectangle grid = {0.0f, 0.0f, c->extent, c->extent};
+    if (c->covering_triangle == BUFFERED) return 0;
+    const Affine numerator = affine_of(t->functions + NUMERATOR, lane);
+    const Affine denominator = affine_of(t->functions + DENOMINATOR, lane);
+    const Rectangle grid = {0.0f, 0.0f, c->half_extent, c->half_extent};
     float least = FAR, most = -FAR;
     for (int k = 0; k < (OUTER > 1 ? 4 : 1); ++k) {
         const float u = k & 1 ? OUTER_HALF : -OUTER_HALF, v = k & 2 ? OUTER_HALF : -OUTER_HALF;
-        const float2 z = quotient_range(element_form(numerator, u, v),
-                                        element_form(denominator, u, v), grid);
+        const float2 z = quotient_range(element_affine(numerator, u, v),
+                                        element_affine(denominator, u, v), grid);
         least = min(least, z.x);
         most = max(most, z.y);
     }
@@ -83,7 +84,7 @@ inline int settle_cover(const Triangles *t, uint lane, int id, Coverage *c)
     if (!(near > 0.0f)) return 0;
     if (near > c->z_far) return 1;
     if (!(far < c->z_near)) return 0;
-    c->cover = id;
+    c->covering_triangle = id;
     c->z_near = near;
     c->z_far = far;
     c->numerator = numerator;
@@ -100,75 +101,75 @@ inline vi is_nearer(vf z, int id, vf old_z, vi old_id)
     return LT(new, old) | (EQ(new, old) & LT((vi)(id), old_id));
 }
 
-// Which of a row of rays a triangle meets, and at what depth; `e` are its forms.
-inline vi meet(vf *e, int covers, int edge_on, vf *depth)
+// Which of a row of rays a triangle meets, and at what depth; `e` are its affine functions.
+inline vi overlap(vf *e, int covers, int edge_on, vf *depth)
 {
     if (edge_on) {
         const vi sign = sign_of(e[DENOMINATOR]);
-        for (int k = 0; k < FORMS; ++k) e[k] = flip_sign(e[k], sign);
+        for (int k = 0; k < FUNCTIONS; ++k) e[k] = flip_sign(e[k], sign);
     }
     *depth = e[NUMERATOR] * reciprocal(e[DENOMINATOR]);
     if (covers) return -1;
     return GE(min(e[0], min(e[1], e[2])), (vf)(0.0f)) & GT(e[DENOMINATOR], (vf)(0.0f));
 }
 
-// A form along the rows at LANES places y and v: base + x along + u across.
-typedef struct { vf base, along, across; } RowForms;
+// An affine function along the rows at LANES places y and v: base + x along + u across.
+typedef struct { vf base, along, across; } AffineRows;
 
-inline RowForms along_rows(Form f, int twisted, vf y, vf v)
+inline AffineRows along_rows(Affine f, int twisted, vf y, vf v)
 {
-    RowForms r = {ADD_PLACES(y, v, f.of[ONE], f.of[Y], f.of[V]), f.of[X], f.of[U]};
+    AffineRows r = {AT_OFFSETS(y, v, f.of[ONE], f.of[Y], f.of[V]), f.of[X], f.of[U]};
     if (OUTER == 1 || !twisted) return r;
-    r.along = fma(-v, (vf)(f.of[TWIST]), r.along);
-    r.across = fma(y, (vf)(f.of[TWIST]), r.across);
+    r.along = fma(-v, (vf)(f.of[BILINEAR]), r.along);
+    r.across = fma(y, (vf)(f.of[BILINEAR]), r.across);
     return r;
 }
 
-// Forms of one triangle along each of the block's rows.
+// WideAffine of one triangle along each of the block's rows.
 typedef struct {
-    float base[FORMS][BLOCK];
+    float base[FUNCTIONS][BLOCK];
     float along[3][BLOCK], across[3][BLOCK];  // of the edges
     float x[2], u[2];                         // of the others, the same along all rows
 } TriangleRows;
 
 // Returns the rows in which no edge excludes every ray, rounding allowed for.
-inline uint make_rows(const Triangles *t, uint lane, float extent, TriangleRows *f)
+inline uint make_rows(const Triangles *t, uint lane, float half_extent, TriangleRows *f)
 {
     const uint wanted = t->rows[lane];
     uint rows = 0;
     for (int first = 0; first < BLOCK; first += LANES) {
         if (!(wanted >> first & ((1u << LANES) - 1u))) continue;
         // The places of rows along y are those of columns along x.
-        const Row at = row_at(first, extent);
+        const Row at = row_at(first, half_extent);
         vi meets = -1;
         for (int k = 0; k < NUMERATOR; ++k) {
-            const RowForms r = along_rows(form_of(t->form + k, lane), 1, at.x, at.u);
+            const AffineRows r = along_rows(affine_of(t->functions + k, lane), 1, at.x, at.u);
             VSTORE(r.base, f->base[k] + first);
             VSTORE(r.along, f->along[k] + first);
             if (OUTER > 1) VSTORE(r.across, f->across[k] + first);
-            vf most = fabs(r.along) * extent;
+            vf most = fabs(r.along) * half_extent;
             if (OUTER > 1) most = fma(fabs(r.across), (vf)(OUTER_HALF), most);
             const vf slack = FRUSTUM_SLACK * (most + fabs(r.base));
             meets &= GE(r.base + most + slack, (vf)(0.0f));
         }
-        for (int k = NUMERATOR; k < FORMS; ++k) {
-            const Form form = form_of(t->form + k, lane);
-            VSTORE(along_rows(form, 0, at.x, at.u).base, f->base[k] + first);
-            f->x[k - NUMERATOR] = form.of[X];
-            f->u[k - NUMERATOR] = form.of[U];
+        for (int k = NUMERATOR; k < FUNCTIONS; ++k) {
+            const Affine function = affine_of(t->functions + k, lane);
+            VSTORE(along_rows(function, 0, at.x, at.u).base, f->base[k] + first);
+            f->x[k - NUMERATOR] = function.of[X];
+            f->u[k - NUMERATOR] = function.of[U];
         }
         rows |= row_bits(meets) << first;
     }
     return rows;
 }
 
-// What the triangle's forms are at a row of rays.
+// What the triangle's affine functions are at a row of rays.
 inline void evaluate_rows(const TriangleRows *f, int row, Row at, vf *e)
 {
-    for (int k = 0; k < FORMS; ++k) {
+    for (int k = 0; k < FUNCTIONS; ++k) {
         const float along = k < NUMERATOR ? f->along[k][row] : f->x[k - NUMERATOR];
         const float across = k < NUMERATOR ? f->across[k][row] : f->u[k - NUMERATOR];
-        e[k] = ADD_PLACES(at.x, at.u, f->base[k][row], along, across);
+        e[k] = AT_OFFSETS(at.x, at.u, f->base[k][row], along, across);
     }
 }
 
@@ -185,14 +186,15 @@ inline int hit_few(const Triangles *t, uint lane, int covers, int edge_on, int i
         for (uint columns = t->columns[lane]; columns; columns &= columns - 1)
             place[count++] = lowest(rows) * BLOCK + lowest(columns);
     const vi column = VLOAD(place) & (BLOCK - 1), row = VLOAD(place) / BLOCK;
-    const vf x = TO_VF(column & (INNER - 1)) - to->extent, u = TO_VF(column / INNER) - OUTER_HALF;
-    const vf y = TO_VF(row & (INNER - 1)) - to->extent, v = TO_VF(row / INNER) - OUTER_HALF;
-    vf e[FORMS], depth;
-    for (int k = 0; k < FORMS; ++k) {
-        const RowForms r = along_rows(form_of(t->form + k, lane), k < NUMERATOR, y, v);
-        e[k] = ADD_PLACES(x, u, r.base, r.along, r.across);
+    const vf x = TO_VF(column & (INNER - 1)) - to->half_extent;
+    const vf y = TO_VF(row & (INNER - 1)) - to->half_extent;
+    const vf u = TO_VF(column / INNER) - OUTER_HALF, v = TO_VF(row / INNER) - OUTER_HALF;
+    vf e[FUNCTIONS], depth;
+    for (int k = 0; k < FUNCTIONS; ++k) {
+        const AffineRows r = along_rows(affine_of(t->functions + k, lane), k < NUMERATOR, y, v);
+        e[k] = AT_OFFSETS(x, u, r.base, r.along, r.across);
     }
-    const vi mask = meet(e, covers, edge_on, &depth);
+    const vi mask = overlap(e, covers, edge_on, &depth);
     VSTORE(depth, found);
     for (uint bits = row_bits(mask) & ((1u << count) - 1u); bits; bits &= bits - 1) {
         const uint k = lowest(bits);
@@ -217,23 +219,23 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *ray
     if (!holes && popcount(rows) * popcount(columns) <= LANES)
         return hit_few(t, lane, covers, edge_on, id, to);
     TriangleRows f;
-    const uint open = make_rows(t, lane, rays->extent, &f);
+    const uint open = make_rows(t, lane, rays->half_extent, &f);
     if (!edge_on) rows &= open;
     int changed = 0;
     for (; rows; rows &= rows - 1) {
         const int row = lowest(rows);
         for (int column = 0; column < BLOCK; column += LANES) {
             if (!(columns >> column & ((1u << LANES) - 1u))) continue;
-            vf e[FORMS], depth;
-            evaluate_rows(&f, row, row_at(column, rays->extent), e);
-            vi mask = meet(e, covers, edge_on, &depth);
+            vf e[FUNCTIONS], depth;
+            evaluate_rows(&f, row, row_at(column, rays->half_extent), e);
+            vi mask = overlap(e, covers, edge_on, &depth);
             global float *z = to->z + row * BLOCK + column;
             global int *ids = to->ids + row * BLOCK + column;
             const vf old_z = VLOAD(z);
             const vi old_id = VLOAD(ids);
             mask &= is_nearer(depth, id, old_z, old_id);
             if (holes) {
-                const Row at = row_at(row * BLOCK + column, rays->extent);
+                const Row at = row_at(row * BLOCK + column, rays->half_extent);
                 const uint bits = row_bits(mask);
                 mask = mask_of_bits(stopped_rays(cut_outs, id, rays, at, depth, bits));
             }

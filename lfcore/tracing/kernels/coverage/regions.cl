@@ -85,13 +85,13 @@ inline void sort_rays(const Coverage *c, int open, int2 inside, Regions *out)
 inline void find_regions(const Coverage *c, int2 inside, Regions *out)
 {
     out->count = 0;
-    if (c->cover == NOTHING) return;
+    if (c->covering_triangle == NOTHING) return;
     const int open = open_columns(inside);
-    if (c->cover == BUFFERED) {
+    if (c->covering_triangle == BUFFERED) {
         sort_rays(c, open, inside, out);
         return;
     }
-    global Region *all = add_region(out, c->cover);
+    global Region *all = add_region(out, c->covering_triangle);
     for (int row = 0; row < BLOCK; ++row) all->rows[row] = open_row(row, inside) ? open : 0;
     all->columns = open;
     all->top = 0;
@@ -104,12 +104,12 @@ inline vi region_row(global const Region *r, int at)
     return mask_of_bits(r->rows[at / BLOCK] >> at % BLOCK);
 }
 
-// Around the rays of a block of one element, of that extent.
-inline Rectangle region_rectangle(global const Region *r, float extent)
+// Around the rays of a block of one element, of that half_extent.
+inline Rectangle region_rectangle(global const Region *r, float half_extent)
 {
     const float left = lowest((uint)r->columns), right = 31 - clz((uint)r->columns);
     const float top = r->top, bottom = r->bottom;
-    return (Rectangle){0.5f * (left + right) - extent, 0.5f * (top + bottom) - extent,
+    return (Rectangle){0.5f * (left + right) - half_extent, 0.5f * (top + bottom) - half_extent,
                        0.5f * (right - left), 0.5f * (bottom - top)};
 }
 

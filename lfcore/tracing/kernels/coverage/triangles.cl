@@ -33,36 +33,36 @@ inline Vec corner_of(const Corners *c, int k)
     return (Vec){c->x.of[k], c->y.of[k], c->z.of[k]};
 }
 
-// Along one axis: the rays' steps s + z t and, from element to element, a + z b; the extent of the
-// rays; the triangles' corners at depths z; and a bound of the rounding error of these and of the
-// rays beside them.
+// Along one axis: the rays' steps s + z t and, from element to element, a + z b; the half_extent of
+// the rays; the triangles' corners at depths z; and a bound of the rounding error of these and of
+// the rays beside them.
 typedef struct {
-    float s, t, a, b, extent;
+    float s, t, a, b, half_extent;
     Triple at, z;
-    vf noise;
+    vf error;
 } Axis;
 
 // Seven roundings: of corners sheared, and of where the block's rays pass them.
-#define CORNER_NOISE (6.72f * ROUNDING)
+#define CORNER_ERROR (6.72f * ROUNDING)
 
 // Of rays whose steps are s and t and whose centre has direction d.
 inline Axis make_axis(const Bundle *r, float s, float t, float d, Triple at, Triple z)
 {
-    const float origins = r->extent * fabs(s) + OUTER_HALF * fabs(r->a);
-    const float directions = fabs(d) + r->extent * fabs(t) + OUTER_HALF * fabs(r->b);
+    const float origins = r->half_extent * fabs(s) + OUTER_HALF * fabs(r->a);
+    const float directions = fabs(d) + r->half_extent * fabs(t) + OUTER_HALF * fabs(r->b);
     const vf most = largest3(at) + fma(largest3(z), (vf)(directions), (vf)(origins));
-    return (Axis){s, t, r->a, r->b, r->extent, at, z, CORNER_NOISE * most};
+    return (Axis){s, t, r->a, r->b, r->half_extent, at, z, CORNER_ERROR * most};
 }
 
-// Mask of triangles that lie wholly beside the rays, whichever way they face: what the rays span is
-// convex in z.
+// Mask of triangles wholly beside the rays, whichever way they face.  The half width of the rays is
+// convex in z, so its larger end bounds it.
 inline vi beside_rays(const Axis *a)
 {
-    const float h = a->extent * a->s, g = a->extent * a->t;
+    const float h = a->half_extent * a->s, g = a->half_extent * a->t;
     const float hu = OUTER_HALF * a->a, gu = OUTER_HALF * a->b;
     const vf nearest = half_span(least3(a->z), h, g, hu, gu);
     const vf limit = fma(max(nearest, half_span(most3(a->z), h, g, hu, gu)), (vf)(BOUND_SLACK),
-                         a->noise);
+                         a->error);
     return GT(least3(a->at), limit) | LT(most3(a->at), -limit);
 }
 
@@ -80,7 +80,7 @@ inline vi samples_reached(const Axis *a)
         step.of[k] = fma(a->z.of[k], (vf)(a->t), (vf)(a->s));
         inverse.of[k] = reciprocal(step.of[k]);
     }
-    const vf slack = fma(a->noise, largest3(inverse), (vf)(SAMPLE_SLACK));
+    const vf slack = fma(a->error, largest3(inverse), (vf)(SAMPLE_SLACK));
     vi reached = 0;
     for (int element = 0; element < OUTER; ++element) {
         for (int k = 0; k < 3; ++k) {
@@ -89,8 +89,8 @@ inline vi samples_reached(const Axis *a)
             if (OUTER > 1) at = fma((vf)(OUTER_HALF - element), apart, at);
             sample.of[k] = at * inverse.of[k];
         }
-        const vf lo = ceil(least3(sample) - slack + a->extent);
-        const vf hi = floor(most3(sample) + slack + (a->extent + 1.0f));
+        const vf lo = ceil(least3(sample) - slack + a->half_extent);
+        const vf hi = floor(most3(sample) + slack + (a->half_extent + 1.0f));
         const vi first = TO_VI(clamp(lo, (vf)(0.0f), (vf)(INNER)));
         const vi end = TO_VI(clamp(hi, (vf)(0.0f), (vf)(INNER)));
         reached |= max(((vi)(1) << end) - ((vi)(1) << first), (vi)(0)) << (element * INNER);
@@ -104,25 +104,25 @@ inline vi samples_reached(const Axis *a)
 typedef struct {
     Corners v;
     Axis x, y;
-    Forms edge[3];  // opposite p, q and r
-    vi covers;      // every ray is inside
-    vi edge_on;     // some ray sees it edge-on: the sign of n . D changes
-    vi flip;        // sign bit of those that were seen from behind
+    WideAffine edge[3];  // opposite p, q and r
+    vi covers;           // every ray is inside
+    vi edge_on;          // some ray sees it edge-on: the sign of n . D changes
+    vi flip;             // sign bit of those that were seen from behind
 } Placed;
 
 // The bounds of rounding errors below, in roundings of the terms that enter: sum, difference,
 // product and their difference are four of each term, evaluation at a ray two more, or four with u
 // and v.
-#define EDGE_NOISE ((OUTER > 1 ? 8.06f : 6.05f) * ROUNDING)
+#define EDGE_ERROR ((OUTER > 1 ? 8.06f : 6.05f) * ROUNDING)
 
 // Twice the edge function from p to q: P x Q = (P + Q) x (Q - P) / 2.  The difference of two
 // corners that are near each other is exact, so the error scales with the triangle's edge, and not
 // with the distance to the block's centre as that of P x Q does; swapping P and Q negates it to the
-// last bit all the same.  `noise` receives a bound of its error anywhere in the block.
-inline Forms edge_forms(Vec p, Vec q, const Bundle *r, vf *noise)
+// last bit all the same.  `error` receives a bound of its error anywhere in the block.
+inline WideAffine edge_functions(Vec p, Vec q, const Bundle *r, vf *error)
 {
     const Vec sum = plus3(p, q), d = minus3(q, p), c = cross3(sum, d);
-    Forms e;
+    WideAffine e;
     e.of[ONE] = c.z;
     e.of[X] = fma(c.x, (vf)(r->tx), -2.0f * d.y * r->sx);
     e.of[Y] = fma(c.y, (vf)(r->ty), 2.0f * d.x * r->sy);
@@ -130,54 +130,54 @@ inline Forms edge_forms(Vec p, Vec q, const Bundle *r, vf *noise)
     const vf kx = fma(m.y, l.z, m.z * l.y), ky = fma(m.z, l.x, m.x * l.z);
     const vf wide = fma(kx, (vf)(fabs(r->tx)), 2.0f * l.y * fabs(r->sx)) +
                     fma(ky, (vf)(fabs(r->ty)), 2.0f * l.x * fabs(r->sy));
-    vf most = fma((vf)(r->extent), wide, fma(m.x, l.y, m.y * l.x));
+    vf most = fma((vf)(r->half_extent), wide, fma(m.x, l.y, m.y * l.x));
     if (OUTER > 1) {
         e.of[U] = fma(c.x, (vf)(r->b), -2.0f * d.y * r->a);
         e.of[V] = fma(c.y, (vf)(r->b), 2.0f * d.x * r->a);
-        e.of[TWIST] = d.z * (-2.0f * (r->sx * r->b - r->a * r->tx));
+        e.of[BILINEAR] = d.z * (-2.0f * (r->sx * r->b - r->a * r->tx));
         const vf outer = fma(kx + ky, (vf)(fabs(r->b)), 2.0f * (l.x + l.y) * fabs(r->a));
         const float steps = fabs(r->sx * r->b) + fabs(r->a * r->tx);
-        const vf twist = l.z * (4.0f * r->extent * OUTER_HALF * steps);
+        const vf twist = l.z * (4.0f * r->half_extent * OUTER_HALF * steps);
         most += fma((vf)(OUTER_HALF), outer, twist);
     }
-    *noise = EDGE_NOISE * most;
+    *error = EDGE_ERROR * most;
     return e;
 }
 
-// What a form varies by within a block of that extent, at most.
-inline vf form_spread(Forms e, float extent)
+// What an affine function varies by within a block of that half_extent, at most.
+inline vf affine_spread(WideAffine e, float half_extent)
 {
-    vf wide = extent * (fabs(e.of[X]) + fabs(e.of[Y]));
+    vf wide = half_extent * (fabs(e.of[X]) + fabs(e.of[Y]));
     if (OUTER > 1)
         wide += OUTER_HALF * (fabs(e.of[U]) + fabs(e.of[V])) +
-                2.0f * extent * OUTER_HALF * fabs(e.of[TWIST]);
+                2.0f * half_extent * OUTER_HALF * fabs(e.of[BILINEAR]);
     return wide;
 }
 
 // Edges signed so that n . D > 0 unless the triangle is seen edge-on, and then widened by their
-// noise.  Returns the mask of triangles that some ray may meet.
+// error.  Returns the mask of triangles that some ray may meet.
 inline vi place_edges(const Bundle *r, Placed *out)
 {
     const Vec p = corner_of(&out->v, 0), q = corner_of(&out->v, 1), w = corner_of(&out->v, 2);
-    Forms *e = out->edge;
-    vf noise[3];
-    e[0] = edge_forms(q, w, r, noise);
-    e[1] = edge_forms(w, p, r, noise + 1);
-    e[2] = edge_forms(p, q, r, noise + 2);
-    Forms sum;  // n . D
-    for (int k = 0; k < EDGE_TERMS; ++k) sum.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
-    if (OUTER > 1) sum.of[TWIST] = 0.0f;  // the three differences of depth cancel
-    const vf middle = sum.of[ONE], wide = form_spread(sum, r->extent);
+    WideAffine *e = out->edge;
+    vf error[3];
+    e[0] = edge_functions(q, w, r, error);
+    e[1] = edge_functions(w, p, r, error + 1);
+    e[2] = edge_functions(p, q, r, error + 2);
+    WideAffine sum;  // n . D
+    for (int k = 0; k < AFFINE_TERMS; ++k) sum.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
+    if (OUTER > 1) sum.of[BILINEAR] = 0.0f;  // the three differences of depth cancel
+    const vf middle = sum.of[ONE], wide = affine_spread(sum, r->half_extent);
     const vi flat = EQ(middle, (vf)(0.0f)) & EQ(wide, (vf)(0.0f));
     out->edge_on = LE(fabs(middle), wide * BOUND_SLACK);
     out->flip = LT(middle, (vf)(0.0f)) & ~out->edge_on & (vi)(0x80000000);
     vi outside = 0;
     out->covers = ~out->edge_on;
     for (int k = 0; k < 3; ++k) {
-        for (int term = 0; term < EDGE_TERMS; ++term)
+        for (int term = 0; term < AFFINE_TERMS; ++term)
             e[k].of[term] = flip_sign(e[k].of[term], out->flip);
-        e[k].of[ONE] += pick((vf)(0.0f), noise[k], ~out->edge_on);
-        const vf c = e[k].of[ONE], spread = form_spread(e[k], r->extent) * BOUND_SLACK;
+        e[k].of[ONE] += pick((vf)(0.0f), error[k], ~out->edge_on);
+        const vf c = e[k].of[ONE], spread = affine_spread(e[k], r->half_extent) * BOUND_SLACK;
         outside |= LT(c + spread, (vf)(-NOTHING_LEFT));
         out->covers &= GE(c, spread + NOTHING_LEFT);
     }
@@ -186,7 +186,8 @@ inline vi place_edges(const Bundle *r, Placed *out)
 
 // Depth from the plane n . X = n . P: n is made of edges, so its error scales with the triangle and
 // not with its distance, as that of the weighted mean of corners does.
-inline void plane_forms(const Corners *v, const Bundle *r, vi flip, Forms *over, Forms *under)
+inline void depth_affines(const Corners *v, const Bundle *r, vi flip, WideAffine *over,
+                          WideAffine *under)
 {
     const Vec p = corner_of(v, 0), a = minus3(corner_of(v, 1), p), b = minus3(corner_of(v, 2), p);
     const Vec n = turn_vectors(cross3(a, b), flip);
@@ -204,25 +205,25 @@ inline void plane_forms(const Corners *v, const Bundle *r, vi flip, Forms *over,
     }
 }
 
-// Forms of a triangle: edges opposite p, q and r, and depth's.
-enum { NUMERATOR = 3, DENOMINATOR, FORMS };
+// WideAffine of a triangle: edges opposite p, q and r, and depth's.
+enum { NUMERATOR = 3, DENOMINATOR, FUNCTIONS };
 
 // LANES triangles set up for a block, as far as they may be hit.
 typedef struct {
-    uint keep;             // lanes that may be hit
-    uint covers;           // of those, lanes that every ray of the block is inside of
-    uint edge_on;          // lanes that some ray sees edge-on
-    float near[LANES];     // where each begins
-    int rows[LANES];       // rows that each can touch, a bit each
-    int columns[LANES];    // and columns
-    Forms form[FORMS];     // signed so that n . D > 0 unless edge-on
+    uint keep;                        // lanes that may be hit
+    uint covers;                      // of those, lanes that every ray of the block is inside of
+    uint edge_on;                     // lanes that some ray sees edge-on
+    float near[LANES];                // where each begins
+    int rows[LANES];                  // rows that each can touch, a bit each
+    int columns[LANES];               // and columns
+    WideAffine functions[FUNCTIONS];  // signed so that n . D > 0 unless edge-on
 } Triangles;
 
-// The form of one of LANES triangles.
-inline Form form_of(const Forms *f, uint lane)
+// The function of one of LANES triangles.
+inline Affine affine_of(const WideAffine *f, uint lane)
 {
-    Form one;
-    for (int k = 0; k < EDGE_TERMS; ++k) one.of[k] = ((const float *)(f->of + k))[lane];
+    Affine one;
+    for (int k = 0; k < AFFINE_TERMS; ++k) one.of[k] = ((const float *)(f->of + k))[lane];
     return one;
 }
 
@@ -253,8 +254,8 @@ inline void set_up_triangles(const Bundle *r, global const float *leaf, float z_
     VSTORE(columns, out->columns);
     out->covers = row_bits(keep & p.covers);
     out->edge_on = row_bits(keep & p.edge_on);
-    for (int k = 0; k < 3; ++k) out->form[k] = p.edge[k];
-    plane_forms(&p.v, r, p.flip, out->form + NUMERATOR, out->form + DENOMINATOR);
+    for (int k = 0; k < 3; ++k) out->functions[k] = p.edge[k];
+    depth_affines(&p.v, r, p.flip, out->functions + NUMERATOR, out->functions + DENOMINATOR);
 }
 
 #endif

@@ -1,44 +1,45 @@
 // Which triangle each ray of a packet meets first.
 //
-// The packet walks the hierarchy as one, front to back.  Leaves are gathered in a list; every block
-// then culls the list by its own, narrower frustum, and triangles by their edge functions.  Nodes
+// The packet walks the hierarchy as one, front to back.  Leaves are collected in a list of
+// candidates; every block culls the list by its own, narrower frustum, and triangles by their edge
+// functions.  Nodes
 // behind the farthest visible depth are dropped.
 #ifndef LFCORE_VISIBILITY_CL
 #define LFCORE_VISIBILITY_CL
 #include "depth_buffer.cl"
 #include "walk.cl"
 
-// A worker's own memory.  Packed leaves are of the triangles that the packet may meet.
+// A worker's own memory.  Compacted leaves hold the candidates' triangles that the packet may hit.
 typedef struct {
     DepthBuffer buffers[MOST_BLOCKS];
-    ListedLeaves gathered, packed;
-    float corners[LIST * CORNERS * NODE_WIDTH];  // (LIST, CORNERS, NODE_WIDTH) of packed leaves
+    ListedLeaves candidates, compacted;
+    float corners[LIST * CORNERS * NODE_WIDTH];  // (LIST, CORNERS, NODE_WIDTH) of compacted leaves
     int ids[LIST * NODE_WIDTH];                  // (LIST, NODE_WIDTH)
 } VisibilityMemory;
 
 // The packet's blocks, and the leaves in their way.
 typedef struct {
     Coverage block[MOST_BLOCKS];
-    LeafList gathered, packed;
+    LeafList candidates, compacted;
     global VisibilityMemory *memory;
 } Visibility;
 
 inline void start_visibility(const Rays *rays, global VisibilityMemory *memory, Visibility *v)
 {
     for (int block = 0; block < rays->blocks; ++block)
-        clear_coverage(memory->buffers + block, rays->extent, v->block + block);
-    v->gathered.of = &memory->gathered;
-    v->packed.of = &memory->packed;
+        clear_coverage(memory->buffers + block, rays->half_extent, v->block + block);
+    v->candidates.of = &memory->candidates;
+    v->compacted.of = &memory->compacted;
     v->memory = memory;
 }
 
-// Put triangle `number` of the packed ones in its place.  Before the first of a leaf comes, its
-// triangles are such as nothing meets, in an empty box.
-inline void pack_triangle(global const float *from, int id, int number, Visibility *v)
+// Append triangle `number` to the compacted leaves.  The first triangle of a leaf clears the leaf:
+// all zero, which nothing can hit, in an empty box.
+inline void compact_triangle(global const float *from, int id, int number, Visibility *v)
 {
     const int leaf = number / NODE_WIDTH, lane = number % NODE_WIDTH;
     global float *to = v->memory->corners + leaf * CORNERS * NODE_WIDTH;
-    global float *box = v->packed.of->boxes + leaf;
+    global float *box = v->compacted.of->boxes + leaf;
     for (int k = 0; lane == 0 && k < CORNERS; ++k) vstore16((float16)(0.0f), k, to);
     for (int k = 0; lane == 0 && k < BOX; ++k) box[k * LIST] = k < 3 ? FAR : -FAR;
     for (int k = 0; k < CORNERS; ++k) {
@@ -49,27 +50,27 @@ inline void pack_triangle(global const float *from, int id, int number, Visibili
         *hi = max(*hi, x);
     }
     v->memory->ids[number] = id;
-    v->packed.of->leaf[leaf] = leaf;
-    v->packed.count = leaf + 1;
+    v->compacted.of->leaf[leaf] = leaf;
+    v->compacted.count = leaf + 1;
 }
 
-// Pack the gathered triangles that a packet of one element may meet, as one wide block does: its
-// blocks then set up few that they do not meet.  No ray meets what is left out, rounding allowed
-// for: where an edge of it is widened onto a ray, the ray meets the triangle beyond that edge.
-inline void pack_triangles(const Tree *tree, const Packet *p, float z_far, Visibility *v)
+// Compact the candidate leaves of a packet of one element: keep the triangles that the packet, as
+// one wide block, may hit, so that its blocks set up few others.  No ray hits a triangle that is
+// left out: if rounding widens an edge onto a ray, the ray hits the neighbour beyond that edge.
+inline void compact_triangles(const Tree *tree, const Packet *p, float z_far, Visibility *v)
 {
     const Bundle all = element_bundle(p, 0);
     int number = 0;
-    v->packed.count = 0;
-    for (int k = 0; k < v->gathered.count; ++k)
+    v->compacted.count = 0;
+    for (int k = 0; k < v->candidates.count; ++k)
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-            const int leaf = v->gathered.of->leaf[k];
+            const int leaf = v->candidates.of->leaf[k];
             global const float *corners = leaf_corners(tree, leaf, lane);
             global const int *ids = leaf_numbers(tree, leaf, lane);
             Placed placed;
             uint bits = row_bits(place_triangles(&all, corners, z_far, &placed));
             for (; bits; bits &= bits - 1, ++number)
-                pack_triangle(corners + lowest(bits), ids[lowest(bits)], number, v);
+                compact_triangle(corners + lowest(bits), ids[lowest(bits)], number, v);
         }
 }
 
@@ -85,7 +86,7 @@ inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverag
         for (uint whole = t.keep & t.covers; whole; whole &= whole - 1) {
             const uint k = lowest(whole);
             if (has_holes(&tree->cut_outs, ids[k])) continue;
-            if (settle_cover(&t, k, ids[k], c)) t.keep ^= 1u << k;
+            if (try_full_cover(&t, k, ids[k], c)) t.keep ^= 1u << k;
         }
         for (uint keep = t.keep; keep; keep &= keep - 1) {
             const uint k = lowest(keep);
@@ -128,7 +129,7 @@ inline void follow_rays(const Tree *tree, const Bundle *r, int2 inside, Coverage
 {
     for (int at = 0; at < BLOCK_RAYS; ++at) {
         const int i = at % BLOCK, j = at / BLOCK;
-        const float x = i - r->extent, y = j - r->extent;
+        const float x = i - r->half_extent, y = j - r->half_extent;
         Hit hit = {FAR, -1, (float3)(0.0f)};
         int exponent = 0;
         if (i < inside.x && j < inside.y) {
@@ -140,7 +141,7 @@ inline void follow_rays(const Tree *tree, const Bundle *r, int2 inside, Coverage
         c->z[at] = hit.id < 0 ? INFINITY : ldexp(hit.t, -exponent);
         c->ids[at] = hit.id;
     }
-    c->cover = BUFFERED;
+    c->covering_triangle = BUFFERED;
 }
 
 // Find what every block of the packet sees.
@@ -158,18 +159,18 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     Stack stack;
     start_walk(&stack);
     // Several blocks of one element meet much the same triangles.
-    const int pack = p->rays->group == 1 && blocks > 1;
+    const int compact = p->rays->group == 1 && blocks > 1;
     Tree leaves = *tree;
-    if (pack) {
+    if (compact) {
         leaves.leaves = v->memory->corners;
         leaves.leaf_ids = v->memory->ids;
     }
-    const LeafList *list = pack ? &v->packed : &v->gathered;
+    const LeafList *list = compact ? &v->compacted : &v->candidates;
     while (stack.size) {
         const float far = farthest_open(p, v);
-        v->gathered.count = 0;
-        gather_leaves(tree, &volume, far, &stack, &v->gathered);
-        if (pack) pack_triangles(tree, p, far, v);
+        v->candidates.count = 0;
+        gather_leaves(tree, &volume, far, &stack, &v->candidates);
+        if (compact) compact_triangles(tree, p, far, v);
         for (int block = 0; block < blocks; ++block) {
             if (!has_block(p, block)) continue;
             const Bundle bundle = block_bundle(p, block);

@@ -6,8 +6,8 @@
 
 // Where inner grids go in planar frames.
 typedef struct {
-    global const Slot *slots;   // (E,)
-    global sample *frames;      // (F, 3 planes)
+    global const Slot *slots;  // (E,)
+    global sample *frames;     // (F, 3 planes)
     const FrameArguments *numbers;
 } Frames;
 

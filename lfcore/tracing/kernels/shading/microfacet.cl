@@ -55,7 +55,8 @@ inline void read_row_maps(const Scene *scene, global const Samples *samples, int
         s->metallic = c.z * m->metallic;
         roughness = c.y * m->roughness;
     }
-    if (m->maps[MAP_EMISSION].height) s->emission = times3(s->emission, map_row(scene, m, MAP_EMISSION, samples, at));
+    if (m->maps[MAP_EMISSION].height)
+        s->emission = times3(s->emission, map_row(scene, m, MAP_EMISSION, samples, at));
     const vf alpha = max(roughness, (vf)(LEAST_ROUGHNESS)) * max(roughness, (vf)(LEAST_ROUGHNESS));
     s->alpha2 = alpha * alpha;
 }

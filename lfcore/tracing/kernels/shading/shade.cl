@@ -9,8 +9,8 @@
 // The range of texture coordinates over a region of a block of one element.
 inline float4 coordinate_range(global const PlaneEquations *p, Rectangle at)
 {
-    const float2 u = quotient_range(slot_form(p, COORDINATES), p->weights, at);
-    const float2 v = quotient_range(slot_form(p, COORDINATES + 1), p->weights, at);
+    const float2 u = quotient_range(slot_affine(p, COORDINATES), p->weights, at);
+    const float2 v = quotient_range(slot_affine(p, COORDINATES + 1), p->weights, at);
     return (float4)(u.x, v.x, u.y, v.y);
 }
 
@@ -23,7 +23,7 @@ inline void read_tile(const Scene *scene, const Block *b, int key, const Materia
     float4 range = (float4)(FAR, FAR, -FAR, -FAR);
     for (int k = 0; k < b->regions.count; ++k) {
         global const PlaneEquations *p = b->planes + k;
-        const Rectangle at = region_rectangle(b->regions.of + k, b->rays.extent);
+        const Rectangle at = region_rectangle(b->regions.of + k, b->rays.half_extent);
         if (p->key != key) continue;
         if (!is_one_sided(p->denominator, at)) return;
         const float4 own = coordinate_range(p, at);
@@ -108,7 +108,7 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
         s.point = load3(b->samples->point, at);
         s.normal = load3(b->samples->normal, at);
         if (PHYSICAL || is_glossy(&material))
-            s.view = viewer_row(&b->rays, row_at(at, b->rays.extent));
+            s.view = viewer_row(&b->rays, row_at(at, b->rays.half_extent));
         s.albedo = albedo_row(scene, &tile, &material, b->samples, at);
         if (PHYSICAL) read_row_maps(scene, b->samples, at, &s);
         store3(pick3(load3(colours, at), light_row(scene, b, &s, at), mine), colours, at);

@@ -14,7 +14,7 @@ inline void find_facing(const Block *b, global const LightRecord *light, global 
         VSTORE(facing_row(b->samples, light, at), wanted + at);
 }
 
-// Move the wanted rays whose hit points lie within a span of depths from `wanted` to s->open, and
+// Move the wanted rays whose hit points lie within a span of depths from `wanted` to s->active, and
 // bound them.  A block that sees a near thing before a far one would otherwise span all that lies
 // between; the span starts at the nearest of what is left.  Returns false when nothing is left.
 inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *box)
@@ -33,7 +33,7 @@ inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *
     clear_ranges(&ranges);
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const vi want = VLOAD(wanted + at), within = want & LE(VLOAD(z + at), (vf)(until));
-        VSTORE(within, s->open + at);
+        VSTORE(within, s->active + at);
         VSTORE(want & ~within, wanted + at);
         add_to_ranges(&ranges, load3(b->samples->point, at), within);
     }
@@ -41,10 +41,10 @@ inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *
     return 1;
 }
 
-inline void add_open(const Shadows *s, global int *lit)
+inline void add_active(const Shadows *s, global int *lit)
 {
     for (int at = 0; at < BLOCK_RAYS; at += LANES)
-        lit[at / BLOCK] |= row_bits(VLOAD(s->open + at)) << at % BLOCK;
+        lit[at / BLOCK] |= row_bits(VLOAD(s->active + at)) << at % BLOCK;
 }
 
 // A block that sees more triangles than this follows its shadow rays: one for two rays, as
@@ -57,12 +57,12 @@ inline void light_block(const Shadows *s, const Block *b, global const LightReco
 {
     clear_lit(lit);
     if (SINGLE_RAYS || b->regions.count > MANY_REGIONS) {
-        find_facing(b, light, s->open);
+        find_facing(b, light, s->active);
         cast_single_rays(s, b, light);
-        add_open(s, lit);
+        add_active(s, lit);
         return;
     }
-    global int *wanted = s->open + BLOCK_RAYS;
+    global int *wanted = s->active + BLOCK_RAYS;
     Box box;
     for (find_facing(b, light, wanted); next_span(s, b, wanted, &box);) {
         LightSpaceRays l;
@@ -71,7 +71,7 @@ inline void light_block(const Shadows *s, const Block *b, global const LightReco
         l.samples = b->samples;
         if (project_hits(s, &l)) cast_light_space(s, &l);
         else cast_single_rays(s, b, light);
-        add_open(s, lit);
+        add_active(s, lit);
     }
 }
 

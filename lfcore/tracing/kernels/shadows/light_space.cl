@@ -1,9 +1,9 @@
 // Shadows of a block of many triangles, in coordinates of a picture taken from the light.
 //
 // Which side of an edge plane a hit point is on depends only on the direction that the light sees
-// it in, so the edges of occluders are forms of two coordinates: those of a picture taken from the
-// light, or along its direction.  A surface that the light grazes has a large box in space and a
-// small one there.
+// it in, so the edges of occluders are affine functions of two coordinates: those of a picture
+// taken from the light, or along its direction.  A surface that the light grazes has a large box in
+// space and a small one there.
 #ifndef LFCORE_LIGHT_SPACE_CL
 #define LFCORE_LIGHT_SPACE_CL
 #include "occluders.cl"
@@ -15,7 +15,7 @@ typedef struct {
     float sign;              // of the distance along kz
     float slope_x, slope_y;  // of a direction, along kz
     // Of the hit points' box: its middle, half its size, and the largest numbers within it.
-    float middle[3], extent[3], most[3];
+    float middle[3], half_extent[3], most[3];
 } LightSpace;
 
 // A point light nearer than this share of half the hit points' box has no picture of them:
@@ -32,7 +32,7 @@ typedef struct {
     ShadowRays rays;
     LightSpace view;
     StripBoxes strips;
-    uint lit;                // strips that have any open rays, a bit each
+    uint lit;                       // strips that have any active rays, a bit each
     global const Samples *samples;  // where the block's rays start
 } LightSpaceRays;
 
@@ -63,8 +63,8 @@ inline Vec project_row(const ShadowRays *r, const LightSpace *view, global const
                  x[2]};
 }
 
-// Fill s->seen with u, v, d of the hit points in s->open, and bound them.  False if some lie beside
-// the light or behind it, where it has no picture of them.
+// Fill s->seen with u, v, d of the hit points in s->active, and bound them.  False if some lie
+// beside the light or behind it, where it has no picture of them.
 inline int project_hits(const Shadows *s, LightSpaceRays *l)
 {
     const ShadowRays *r = &l->rays;
@@ -75,7 +75,7 @@ inline int project_hits(const Shadows *s, LightSpaceRays *l)
         Ranges ranges;
         clear_ranges(&ranges);
         for (int at = strip * STRIP; at < (strip + 1) * STRIP; at += LANES) {
-            const vi within = VLOAD(s->open + at);
+            const vi within = VLOAD(s->active + at);
             const Vec seen = project_row(r, view, l->samples->point, at);
             store3(seen, s->seen, at);
             add_to_ranges(&ranges, seen, within);
@@ -91,27 +91,28 @@ inline int project_hits(const Shadows *s, LightSpaceRays *l)
     }
     for (int k = 0; k < 3; ++k) {
         view->middle[k] = 0.5f * (hits.lo[k] + hits.hi[k]);
-        view->extent[k] = 0.5f * BOUND_SLACK * (hits.hi[k] - hits.lo[k]);
+        view->half_extent[k] = 0.5f * BOUND_SLACK * (hits.hi[k] - hits.lo[k]);
         view->most[k] = max(fabs(hits.lo[k]), fabs(hits.hi[k]));
     }
     if (!r->is_point) return 1;
-    return hits.lo[2] > 0.0f && hits.hi[2] * NEAREST_SHARE * largest_component(r->extent) < 1.0f;
+    const float nearest = NEAREST_SHARE * largest_component(r->half_extent);
+    return hits.lo[2] > 0.0f && hits.hi[2] * nearest < 1.0f;
 }
 
 // Occluders in the light's picture: a u + b v + c of each edge, and of its plane, with g d besides;
-// and c with a bound of the form's rounding errors added.
-enum { FORM_A, FORM_B, FORM_G, FORM_C, FORM_MOST_C, FORM_TERMS };
-typedef struct { float of[4][FORM_TERMS][LANES]; } PictureForms;
+// and c with a bound of the function's rounding errors added.
+enum { TERM_A, TERM_B, TERM_G, TERM_C, MOST_C, PICTURE_TERMS };
+typedef struct { float of[4][PICTURE_TERMS][LANES]; } PictureEdges;
 
 inline vf component(Vec n, int k) { return k == 0 ? n.x : k == 1 ? n.y : n.z; }
 
-// 34 roundings of the terms of such a form.
+// 34 roundings of the terms of such an affine function.
 #define PICTURE_SLACK (34.0f * ROUNDING)
 
-// Forms of LANES triangles of a leaf; returns those of `may` that reach the hit points' box in the
-// picture.
+// WideAffine of LANES triangles of a leaf; returns those of `may` that reach the hit points' box in
+// the picture.
 inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, global const float *leaf,
-                           vi may, PictureForms *out)
+                           vi may, PictureEdges *out)
 {
     Occluders o;
     load_corners(leaf, r->apex, o.v);
@@ -121,24 +122,24 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, global c
         const vf a = component(plane.n, view->axes[0]), b = component(plane.n, view->axes[1]);
         const vf n = component(plane.n, view->axes[2]), c = r->is_point ? n * view->sign : plane.c;
         vf largest = fma(a, (vf)(view->middle[0]), b * view->middle[1]) +
-                     fma(fabs(a), (vf)(view->extent[0]), fabs(b) * view->extent[1]);
-        vf noise = fma(fabs(a), (vf)(view->most[0]), fma(fabs(b), (vf)(view->most[1]), fabs(c)));
+                     fma(fabs(a), (vf)(view->half_extent[0]), fabs(b) * view->half_extent[1]);
+        vf error = fma(fabs(a), (vf)(view->most[0]), fma(fabs(b), (vf)(view->most[1]), fabs(c)));
         vf g = 0.0f;
         if (k == 3) {
             const vf along = fma(a, (vf)(view->slope_x), fma(b, (vf)(view->slope_y), n));
             g = r->is_point ? plane.c : along;
-            largest += fma(g, (vf)(view->middle[2]), fabs(g) * view->extent[2]);
-            noise = fma(fabs(g), (vf)(view->most[2]), noise);
+            largest += fma(g, (vf)(view->middle[2]), fabs(g) * view->half_extent[2]);
+            error = fma(fabs(g), (vf)(view->most[2]), error);
         }
-        const vf form[FORM_TERMS] = {a, b, g, c, fma(noise, (vf)(PICTURE_SLACK), c)};
-        for (int term = 0; term < FORM_TERMS; ++term) VSTORE(form[term], out->of[k][term]);
-        may &= GE(largest + form[FORM_MOST_C], (vf)(0.0f));
+        const vf function[PICTURE_TERMS] = {a, b, g, c, fma(error, (vf)(PICTURE_SLACK), c)};
+        for (int term = 0; term < PICTURE_TERMS; ++term) VSTORE(function[term], out->of[k][term]);
+        may &= GE(largest + function[MOST_C], (vf)(0.0f));
     }
     return row_bits(may);
 }
 
 // Which of the occluders `keep` may reach each strip of the block, a bit each.
-inline void reach_strips(const StripBoxes *strips, const PictureForms *f, uint keep,
+inline void reach_strips(const StripBoxes *strips, const PictureEdges *f, uint keep,
                          private int *reaching)
 {
     for (int first = 0; first < STRIPS; first += LANES) {
@@ -147,10 +148,10 @@ inline void reach_strips(const StripBoxes *strips, const PictureForms *f, uint k
             const uint lane = lowest(left);
             vi may = -1;
             for (int k = 0; k < 4; ++k) {
-                private const float (*form)[LANES] = f->of[k];
-                vf largest = form[FORM_MOST_C][lane];
+                private const float (*function)[LANES] = f->of[k];
+                vf largest = function[MOST_C][lane];
                 for (int axis = 0; axis < (k == 3 ? 3 : 2); ++axis) {
-                    const float x = form[axis][lane];
+                    const float x = function[axis][lane];
                     const float *extreme = x > 0.0f ? strips->hi[axis] : strips->lo[axis];
                     largest = fma((vf)(x), VLOAD(extreme + first), largest);
                 }
@@ -181,26 +182,26 @@ inline uint behind_holes(const Shadows *s, const LightSpaceRays *l, int occluder
 }
 
 // Of a row of rays, those behind occluder `lane`, but for those on it, the triangle `id`.
-inline vi behind_occluder(const PictureForms *f, uint lane, int id, Vec seen, vi triangle)
+inline vi behind_occluder(const PictureEdges *f, uint lane, int id, Vec seen, vi triangle)
 {
-    vf form[4];
+    vf function[4];
     for (int k = 0; k < 4; ++k) {
         private const float (*term)[LANES] = f->of[k];
-        form[k] = fma(seen.x, (vf)(term[FORM_A][lane]),
-                      fma(seen.y, (vf)(term[FORM_B][lane]), (vf)(term[FORM_C][lane])));
+        function[k] = fma(seen.x, (vf)(term[TERM_A][lane]),
+                      fma(seen.y, (vf)(term[TERM_B][lane]), (vf)(term[TERM_C][lane])));
     }
-    const vf beyond = fma(seen.z, (vf)(f->of[3][FORM_G][lane]), form[3]);
-    const vi inside = GE(min(form[0], min(form[1], form[2])), (vf)(0.0f));
+    const vf beyond = fma(seen.z, (vf)(f->of[3][TERM_G][lane]), function[3]);
+    const vi inside = GE(min(function[0], min(function[1], function[2])), (vf)(0.0f));
     return inside & GT(beyond, (vf)(0.0f)) & ~EQ(triangle, (vi)(id));
 }
 
-// Take from s->open the rays of a strip behind the occluders `keep`, of triangles `ids`.
-inline void cast_strip(const Shadows *s, const PictureForms *f, uint keep, global const int *ids,
+// Take from s->active the rays of a strip behind the occluders `keep`, of triangles `ids`.
+inline void cast_strip(const Shadows *s, const PictureEdges *f, uint keep, global const int *ids,
                        int strip, LightSpaceRays *l)
 {
     vi lit = 0;
     for (int at = strip * STRIP; at < (strip + 1) * STRIP; at += LANES) {
-        vi open = VLOAD(s->open + at);
+        vi open = VLOAD(s->active + at);
         const Vec seen = load3(s->seen, at);
         const vi triangle = VLOAD(l->samples->triangle + at);
         for (uint left = keep; left; left &= left - 1) {
@@ -210,31 +211,32 @@ inline void cast_strip(const Shadows *s, const PictureForms *f, uint keep, globa
                 dark = mask_of_bits(behind_holes(s, l, ids[lane], at, row_bits(dark)));
             open &= ~dark;
         }
-        VSTORE(open, s->open + at);
+        VSTORE(open, s->active + at);
         lit |= open;
     }
     if (!row_any(lit)) l->lit ^= 1u << strip;
 }
 
-// Take from s->open the rays behind LANES triangles of a leaf; false when none is left.
+// Take from s->active the rays behind LANES triangles of a leaf; false when none is left.
 inline int cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
 {
     global const float *corners = leaf_corners(s->tree, leaf, lane);
     global const int *ids = leaf_numbers(s->tree, leaf, lane);
-    PictureForms forms;
-    const vi may = ~(shaft_misses(&l->rays.shaft, corners) | are_own(l->rays.own, ids));
-    const uint keep = set_up_picture(&l->rays, &l->view, corners, may, &forms);
+    PictureEdges edges;
+    const vi may = ~(shaft_misses(&l->rays.shaft, corners) |
+                     are_of_light(l->rays.light_triangles, ids));
+    const uint keep = set_up_picture(&l->rays, &l->view, corners, may, &edges);
     if (!keep) return 1;
     private int reaching[STRIPS];
-    reach_strips(&l->strips, &forms, keep, reaching);
+    reach_strips(&l->strips, &edges, keep, reaching);
     for (uint left = l->lit; left; left &= left - 1) {
         const uint strip = lowest(left);
-        if (reaching[strip]) cast_strip(s, &forms, reaching[strip], ids, strip, l);
+        if (reaching[strip]) cast_strip(s, &edges, reaching[strip], ids, strip, l);
     }
     return l->lit != 0;
 }
 
-// Take from s->open the rays that something hides from the light.
+// Take from s->active the rays that something hides from the light.
 inline void cast_light_space(const Shadows *s, LightSpaceRays *l)
 {
     Stack stack;

@@ -2,20 +2,21 @@
 //
 // Blocks of a packet lie side by side, and most share their triangles with their neighbours.  What
 // may stand between a light and all that one element's part of the packet sees of a triangle is
-// gathered when the first block asks, and its forms over those rays are kept; often there is
-// nothing.  An entry depends on nothing but the packet, the triangle and the light: which block
-// asked first, and what else is traced, changes no bit of it.
+// gathered when the first block asks, and its affine functions over those rays are kept; often
+// there is nothing.  An entry depends on nothing but the packet, the triangle and the light: which
+// block asked first, and what else is traced, changes no bit of it.
 #ifndef LFCORE_OCCLUDER_CACHE_CL
 #define LFCORE_OCCLUDER_CACHE_CL
 #include "receiver.cl"
 
 #define ENTRIES 256
-#define FORM_WORDS 12       // of an occluder: four forms of three terms
+#define OCCLUDER_WORDS 12   // four affine functions of three terms
 #define POOL 1024           // occluders of all entries
-#define MOST_OCCLUDERS 128  // and of one: with more, a block is shadowed as one
+#define MOST_OCCLUDERS 128  // of one entry; with more, the block is shadowed as a whole
 
-// One occluder darkens every ray that meets the triangle; there are too many occluders to keep, or
-// forms over the element's rays would not do for a block's.
+// Counts of an entry without occluders.  ALL_DARK: one occluder shadows every ray that meets the
+// triangle.  NOT_KEPT: there are too many occluders, or the bounds over the element's rays are too
+// wide for one block's.
 enum { ALL_DARK = -2, NOT_KEPT = -1 };
 
 typedef struct {
@@ -25,7 +26,7 @@ typedef struct {
 
 typedef struct OccluderCache {
     CacheEntry entry[ENTRIES];
-    global float *pool;  // (POOL / LANES, FORM_WORDS, LANES)
+    global float *pool;  // (POOL / LANES, OCCLUDER_WORDS, LANES)
     int used;            // rows of the pool
     int element;         // whose rays, of the packet's elements; -1: none
     Bundle rays;         // of that element's part of the packet, as if they were one block
@@ -49,18 +50,18 @@ inline void enter_element(const Packet *p, int block, OccluderCache *c)
 
 // Where along one axis rays may meet a triangle whose corners are at `at` and depths z, in columns
 // from the middle: the first and the last.  Of the middle ray o and d are origin and direction, s
-// and t their steps, of which there are `extent` to either side.
-inline float2 columns_at(float o, float d, float s, float t, float extent, float3 at, float3 z)
+// and t their steps, of which there are `half_extent` to either side.
+inline float2 columns_at(float o, float d, float s, float t, float half_extent, float3 at, float3 z)
 {
     const float3 pitch = fma(z, t, s), along = o + z * d;
-    const float3 noise = HIT_SLACK * (fabs(at) + fabs(o) + fabs(z * d));
+    const float3 error = HIT_SLACK * (fabs(at) + fabs(o) + fabs(z * d));
     // Rays of a pixel cross where it is in focus, and nothing is met behind the lens.
     const int cross = least_of(pitch.xyzz) <= 0.0f && most_of(pitch.xyzz) >= 0.0f;
-    if (cross || least_of(z.xyzz) <= 0.0f) return (float2)(-extent, extent);
-    const float3 column = (at - along) / pitch, slack = noise / fabs(pitch) + SAMPLE_SLACK;
+    if (cross || least_of(z.xyzz) <= 0.0f) return (float2)(-half_extent, half_extent);
+    const float3 column = (at - along) / pitch, slack = error / fabs(pitch) + SAMPLE_SLACK;
     const float3 low = column - slack, high = column + slack;
     const float2 ends = (float2)(least_of(low.xyzz), most_of(high.xyzz));
-    return clamp(ends, -extent, extent);
+    return clamp(ends, -half_extent, half_extent);
 }
 
 // Around the rays of an element that may meet a triangle of corners v.
@@ -68,8 +69,8 @@ inline Rectangle rays_at(const Bundle *r, const float3 *v)
 {
     const float3 x = (float3)(v[0].x, v[1].x, v[2].x), y = (float3)(v[0].y, v[1].y, v[2].y);
     const float3 z = (float3)(v[0].z, v[1].z, v[2].z);
-    const float2 across = columns_at(r->ox, r->dx, r->sx, r->tx, r->extent, x, z);
-    const float2 down = columns_at(r->oy, r->dy, r->sy, r->ty, r->extent, y, z);
+    const float2 across = columns_at(r->ox, r->dx, r->sx, r->tx, r->half_extent, x, z);
+    const float2 down = columns_at(r->oy, r->dy, r->sy, r->ty, r->half_extent, y, z);
     return (Rectangle){0.5f * (across.x + across.y), 0.5f * (down.x + down.y),
                        0.5f * (across.y - across.x), 0.5f * (down.y - down.x)};
 }
@@ -92,17 +93,17 @@ inline Box hits_at(const Bundle *r, const float3 *v, global const PlaneEquations
     return box;
 }
 
-// Whether forms over an element's rays will do for a block's: rounding is that of the largest
-// weight, and what is excluded near the surface a multiple of each.
-inline int evenly_weighted(Form weight, Rectangle at)
+// Whether affine functions over an element's rays will do for a block's: rounding is that of the
+// largest weight, and what is excluded near the surface a multiple of each.
+inline int evenly_weighted(Affine weight, Rectangle at)
 {
     const float middle = weight.of[ONE] + at.x * weight.of[X] + at.y * weight.of[Y];
-    const float spread = at.wide * fabs(weight.of[X]) + at.high * fabs(weight.of[Y]);
+    const float spread = at.half_width * fabs(weight.of[X]) + at.half_height * fabs(weight.of[Y]);
     return middle - spread > 0.125f * max(middle + spread, weight.of[ONE]);
 }
 
-// What is not negative at a point relative to the apex, n . P + c, where that can darken nothing:
-// behind a triangle's plane, or before it by less than what is excluded near surfaces.
+// A half space that holds no occluders of a triangle: n . P + c >= 0 for points P relative to the
+// apex that are behind the triangle's plane, or before it by less than the margin.
 typedef struct { float3 n; float c; } Behind;
 
 inline Behind behind_plane(const float3 *v, const ShadowRays *r)
@@ -127,16 +128,16 @@ typedef struct {
     CacheEntry *entry;
     ShadowRays rays;
     Receiver receiver;
-    Rectangle over;   // around all rays that may meet the triangle
+    Rectangle over;  // around all rays that may meet the triangle
     Behind behind;
 } NewEntry;
 
-// Keep occluder `lane` of those of forms `e`.
-inline void keep_occluder(OccluderCache *c, CacheEntry *entry, const Forms *e, int lane)
+// Keep occluder `lane` of those of affine functions `e`.
+inline void keep_occluder(OccluderCache *c, CacheEntry *entry, const WideAffine *e, int lane)
 {
     const int at = entry->count++;
-    global float *to = c->pool + (entry->first + at / LANES) * FORM_WORDS * LANES + at % LANES;
-    for (int k = 0; k < FORM_WORDS; ++k)
+    global float *to = c->pool + (entry->first + at / LANES) * OCCLUDER_WORDS * LANES + at % LANES;
+    for (int k = 0; k < OCCLUDER_WORDS; ++k)
         to[k * LANES] = ((const float *)&e[k / 3].of[k % 3])[lane];
 }
 
@@ -145,18 +146,19 @@ inline void keep_occluder(OccluderCache *c, CacheEntry *entry, const Forms *e, i
 inline int keep_occluders(const Shadows *s, const NewEntry *n, int leaf, int lane)
 {
     global const int *ids = leaf_numbers(s->tree, leaf, lane);
-    Forms e[4];
+    WideAffine e[4];
     Occluders o;
     load_corners(leaf_corners(s->tree, leaf, lane), n->rays.apex, o.v);
-    const vi own = EQ(VLOAD(ids), (vi)(n->entry->triangle)) | are_own(n->rays.own, ids);
+    const vi own = EQ(VLOAD(ids), (vi)(n->entry->triangle)) |
+                   are_of_light(n->rays.light_triangles, ids);
     vi may = ~(lie_behind(&n->behind, &o) | own), all = -1;
     if (!row_any(may)) return 1;
     e[3] = project_plane(&n->receiver, face_plane(&n->rays, &o, &may));
-    sift_occluders(e[3], &n->over, &may, &all);
+    classify_occluders(e[3], &n->over, &may, &all);
     for (int k = 2; k >= 0; --k) {
         if (!row_any(may)) return 1;
         e[k] = project_plane(&n->receiver, edge_plane(&n->rays, &o, k));
-        sift_occluders(e[k], &n->over, &may, &all);
+        classify_occluders(e[k], &n->over, &may, &all);
     }
     const uint keep = row_bits(may);
     if (row_any(all & may)) n->entry->count = ALL_DARK;
@@ -203,10 +205,10 @@ inline CacheEntry *entry_of(Shadows *s, int triangle, int number)
 inline int cast_entry(const OccluderCache *c, const CacheEntry *entry, ShadowMask *m)
 {
     for (int at = 0; at < entry->count; at += LANES) {
-        global const float *from = c->pool + (entry->first * LANES + at) * FORM_WORDS;
-        Forms e[4];
-        for (int k = 0; k < FORM_WORDS; ++k) e[k / 3].of[k % 3] = VLOAD(from + k * LANES);
-        if (!cast_forms(e, LT(IOTA, (vf)(entry->count - at)), m)) return 0;
+        global const float *from = c->pool + (entry->first * LANES + at) * OCCLUDER_WORDS;
+        WideAffine e[4];
+        for (int k = 0; k < OCCLUDER_WORDS; ++k) e[k / 3].of[k % 3] = VLOAD(from + k * LANES);
+        if (!cast_occluders(e, LT(IOTA, (vf)(entry->count - at)), m)) return 0;
     }
     return 1;
 }

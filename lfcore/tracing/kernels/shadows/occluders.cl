@@ -1,13 +1,13 @@
-// Occluders: triangles as four forms of a hit point, set up LANES at a time.
+// Occluders: triangles as four affine functions of a hit point, set up LANES at a time.
 //
 // All shadow rays of a set share the light as apex (or a direction).  Within a triangle's three
-// edge planes, which hold the light, and beyond its own plane is shadow.  The forms are relative to
-// the apex; hit points never leave that frame.
+// edge planes, which hold the light, and beyond its own plane is shadow.  The affine functions are
+// relative to the apex; hit points never leave that frame.
 #ifndef LFCORE_OCCLUDERS_CL
 #define LFCORE_OCCLUDERS_CL
 #include "shadow_rays.cl"
 
-// A form n . P + c of the hit point relative to the apex.
+// An affine function n . P + c of the hit point relative to the apex.
 typedef struct { Vec n; vf c; } Plane;
 
 inline Plane flip_plane(Plane f, vi sign)
@@ -43,12 +43,12 @@ inline void load_corners(global const float *leaf, float3 place, Vec *v)
 }
 inline Vec face_normal(const Vec *v) { return cross3(minus3(v[1], v[0]), minus3(v[2], v[0])); }
 
-// LANES triangles: corners relative to the apex, and the sign that turns forms to the side of the
-// light.
+// LANES triangles: corners relative to the apex, and the sign that turns affine functions to the
+// side of the light.
 typedef struct { Vec v[3]; vi flip; } Occluders;
 
-// Beyond the triangles' own planes this form is positive.  `may` loses those that the light sees
-// edge-on, which cast no shadow.
+// Beyond the triangles' own planes this function is positive.  `may` loses those that the light
+// sees edge-on, which cast no shadow.
 inline Plane face_plane(const ShadowRays *r, Occluders *o, vi *may)
 {
     const Vec n = face_normal(o->v);
@@ -62,8 +62,8 @@ inline Plane face_plane(const ShadowRays *r, Occluders *o, vi *may)
     return beyond;
 }
 
-// Within edge `k` this form is not negative.  Twice the product of its corners is that of their sum
-// and their difference, which loses no digits where they are close, as in edge_forms.
+// Within edge `k` this function is not negative.  Twice the product of its corners is that of their
+// sum and their difference, which loses no digits where they are close, as in edge_functions.
 inline Plane edge_plane(const ShadowRays *r, const Occluders *o, int k)
 {
     const Vec q = o->v[(k + 1) % 3], w = o->v[(k + 2) % 3], along = minus3(w, q);

@@ -2,8 +2,8 @@
 //
 // A hit point times the denominator of its depth is affine over the rays: rays of a pixel meet in
 // its focus point, rays of a view in the lens sample, and either way the map to the plane is a
-// homography. So the forms of occluders are affine over the rays, too, and are tested as triangles
-// are.
+// homography. So the affine functions of occluders are affine over the rays, too, and are tested as
+// triangles are.
 #ifndef LFCORE_RECEIVER_CL
 #define LFCORE_RECEIVER_CL
 #include "shadow_mask.cl"
@@ -14,7 +14,7 @@ typedef struct { float3 place[3]; float weight[3]; } Receiver;
 
 inline Receiver make_receiver(const Bundle *r, global const PlaneEquations *p, float3 apex)
 {
-    const Form z = p->numerator, w = p->denominator;
+    const Affine z = p->numerator, w = p->denominator;
     const float3 o = (float3)(r->ox, r->oy, 0.0f), d = (float3)(r->dx, r->dy, 1.0f);
     const float3 sx = (float3)(r->sx, 0.0f, 0.0f), tx = (float3)(r->tx, 0.0f, 0.0f);
     const float3 sy = (float3)(0.0f, r->sy, 0.0f), ty = (float3)(0.0f, r->ty, 0.0f);
@@ -29,9 +29,9 @@ inline Receiver make_receiver(const Bundle *r, global const PlaneEquations *p, f
     return f;
 }
 
-inline Forms project_plane(const Receiver *f, Plane p)
+inline WideAffine project_plane(const Receiver *f, Plane p)
 {
-    Forms e;
+    WideAffine e;
     for (int k = 0; k < 3; ++k) {
         const float3 at = f->place[k];
         const vf last = fma(p.n.z, (vf)(at.z), p.c * f->weight[k]);

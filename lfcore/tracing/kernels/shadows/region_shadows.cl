@@ -32,7 +32,7 @@ inline int light_regions(Shadows *s, const Block *b, int number, global int *lit
         }
         if (entry->count == NOT_KEPT) return 0;
         if (entry->count == ALL_DARK) continue;
-        ShadowMask m = no_shadow(r, b->rays.extent, block_offset(s->packet, b->number));
+        ShadowMask m = no_shadow(r, b->rays.half_extent, block_offset(s->packet, b->number));
         if (cast_entry(s->cache, entry, &m)) add_lit(&m, lit);
     }
     return 1;

@@ -1,33 +1,35 @@
 // Which rays of a region no occluder hides: a word a row, a bit a column.
 //
-// What an occluder takes of a row of rays is an interval: each of its four forms is zero at one
-// column of the row and not negative to one side of it.  LANES rows are found at once.
+// What an occluder takes of a row of rays is an interval: each of its four affine functions is zero
+// at one column of the row and not negative to one side of it.  LANES rows are found at once.
 #ifndef LFCORE_SHADOW_MASK_CL
 #define LFCORE_SHADOW_MASK_CL
 #include "occluders.cl"
 
 #define ROW_GROUPS (BLOCK / LANES)
-// A form whose slope along a row is below this share of its size is taken for level: over the 64
-// columns of a packet it changes by less than a thousandth of one rounding, which no ray can tell.
+// An affine function whose slope along a row is below this share of its size is taken for level:
+// over the 64 columns of a packet it changes by less than a thousandth of one rounding, which no
+// ray can tell.
 #define LEAST_SLOPE 9.0e-13f
 #define ANYWHERE 1.0e30f
-// More columns than an inner grid has; less of a level form is rounding.
+// More columns than an inner grid has; less of a level function is rounding.
 #define MOST_COLUMNS 16384.0f
 
 typedef struct {
-    Rectangle over;        // around the rays, in columns and rows as forms count them
-    float2 first;          // column and row of the block's first ray, counted likewise
+    Rectangle over;  // around the rays, in columns and rows as affine functions count them
+    float2 first;    // column and row of the block's first ray, counted likewise
     vi lit[ROW_GROUPS];
 } ShadowMask;
 
-// Of a region whose block, of that extent, lies `offset` from where forms are counted.
-inline ShadowMask no_shadow(global const Region *r, float extent, float2 offset)
+// Of a region whose block, of that half_extent, lies `offset` from where affine functions are
+// counted.
+inline ShadowMask no_shadow(global const Region *r, float half_extent, float2 offset)
 {
     ShadowMask m;
-    m.over = region_rectangle(r, extent);
+    m.over = region_rectangle(r, half_extent);
     m.over.x += offset.x;
     m.over.y += offset.y;
-    m.first = offset - extent;
+    m.first = offset - half_extent;
     for (int k = 0; k < ROW_GROUPS; ++k) m.lit[k] = VLOAD(r->rows + k * LANES);
     return m;
 }
@@ -48,12 +50,12 @@ inline void add_lit(const ShadowMask *m, global int *lit)
     }
 }
 
-// Where the zeros of LANES forms lie along a row: column = row * slope + at, with rows counted as
-// the forms count them and columns from the block's first.  The form is not negative beyond it,
-// less `before`, and up to it, plus `after`; that is ANYWHERE on the side where it does not end. 
-// Of two forms that are each other's negative both have the same zero.
+// The zero of each of LANES affine functions in a row of rays: column = row * SLOPE + AT.  Rows are
+// counted as the functions count them, columns from the block's first.  A function is not negative
+// in the columns from zero - BEFORE to zero + AFTER; one of the two is ANYWHERE.  A function and
+// its negative have the same zero.
 enum { SLOPE, AT, BEFORE, AFTER, LINE_ROWS };
-inline void store_line(Forms e, float first, private float (*out)[LANES])
+inline void store_line(WideAffine e, float first, private float (*out)[LANES])
 {
     const vf one = e.of[ONE], x = e.of[X], y = e.of[Y];
     const vf least = fma(fabs(one) + fabs(y), (vf)(LEAST_SLOPE), (vf)(LEAST_LENGTH));
@@ -61,20 +63,20 @@ inline void store_line(Forms e, float first, private float (*out)[LANES])
     const vf inverse = reciprocal(pick(x, least, level));
     VSTORE(-y * inverse, out[SLOPE]);
     VSTORE(-one * inverse - first, out[AT]);
-    // A form that is zero all along a row is not negative there.
+    // An affine function that is zero all along a row is not negative there.
     const vf nothing = 0.0f, all = ANYWHERE;
     VSTORE(pick(all, pick(nothing, (vf)(MOST_COLUMNS), level), up), out[BEFORE]);
     VSTORE(pick(nothing, all, up), out[AFTER]);
 }
 
 // Darken what lies behind occluder `lane` of those whose four lines are given.
-inline void darken(private float (*lines)[LINE_ROWS][LANES], uint lane, ShadowMask *m)
+inline void mask_out(private float (*lines)[LINE_ROWS][LANES], uint lane, ShadowMask *m)
 {
     for (int k = 0; k < ROW_GROUPS; ++k) {
         const vf row = IOTA + (m->first.y + k * LANES);
         vf lo = 0.0f, hi = BLOCK - 1;
-        for (int form = 0; form < 4; ++form) {
-            private float (*line)[LANES] = lines[form];
+        for (int function = 0; function < 4; ++function) {
+            private float (*line)[LANES] = lines[function];
             const vf zero = fma(row, (vf)(line[SLOPE][lane]), (vf)(line[AT][lane]));
             lo = max(lo, zero - line[BEFORE][lane]);
             hi = min(hi, zero + line[AFTER][lane]);
@@ -85,28 +87,28 @@ inline void darken(private float (*lines)[LINE_ROWS][LANES], uint lane, ShadowMa
     }
 }
 
-// Leave in `may` those of LANES occluders that one of their forms lets darken some ray in a
-// rectangle, and in `all` those that it lets darken every ray.
-inline void sift_occluders(Forms e, const Rectangle *over, vi *may, vi *all)
+// Leave in `may` those of LANES occluders that one of their affine functions lets darken some ray
+// in a rectangle, and in `all` those that it lets darken every ray.
+inline void classify_occluders(WideAffine e, const Rectangle *over, vi *may, vi *all)
 {
     const vf x = e.of[X], y = e.of[Y];
     const vf middle = fma(x, (vf)(over->x), fma(y, (vf)(over->y), e.of[ONE]));
-    const vf wide = BOUND_SLACK * fma(fabs(x), (vf)(over->wide), fabs(y) * over->high);
+    const vf wide = BOUND_SLACK * fma(fabs(x), (vf)(over->half_width), fabs(y) * over->half_height);
     *may &= GE(middle, -wide);
     *all &= GT(middle, wide);
 }
 
-// Darken what lies behind those of LANES occluders, of four forms each, that `may` names; false
-// once no ray is lit.
-inline int cast_forms(const Forms *e, vi may, ShadowMask *m)
+// Darken what lies behind those of LANES occluders, of four affine functions each, that `may`
+// names; false once no ray is lit.
+inline int cast_occluders(const WideAffine *e, vi may, ShadowMask *m)
 {
     vi all = may;
-    for (int k = 0; k < 4; ++k) sift_occluders(e[k], &m->over, &may, &all);
+    for (int k = 0; k < 4; ++k) classify_occluders(e[k], &m->over, &may, &all);
     if (!row_any(may)) return 1;
     if (row_any(all)) return 0;
     private float lines[4][LINE_ROWS][LANES];
     for (int k = 0; k < 4; ++k) store_line(e[k], m->first.x, lines[k]);
-    for (uint keep = row_bits(may); keep; keep &= keep - 1) darken(lines, lowest(keep), m);
+    for (uint keep = row_bits(may); keep; keep &= keep - 1) mask_out(lines, lowest(keep), m);
     return any_lit(m);
 }
 

@@ -10,8 +10,8 @@ typedef struct {
     const Tree *tree;
     const Scene *scene;
     const Packet *packet;
-    global int *open;        // scratch: (2, BLOCK_RAYS)
-    global float *seen;      // scratch: (3, BLOCK_RAYS)
+    global int *active;                     // scratch: (2, BLOCK_RAYS)
+    global float *seen;                     // scratch: (3, BLOCK_RAYS)
     struct OccluderCache *cache;
     global PlaneEquations *element_planes;  // scratch: of one triangle
 } Shadows;
@@ -44,12 +44,12 @@ inline void clear_lit(global int *lit)
 
 typedef struct {
     int is_point;
-    float3 apex;            // the light, or the middle of the hit points
-    float3 towards;         // direction to a directional light
-    float3 centre, extent;  // box of the hit points relative to the apex
-    float3 size;            // largest magnitudes that entered, for the margin
-    int2 own;               // triangles that never shadow the light
-    Shaft shaft;            // around all of the rays
+    float3 apex;                 // the light, or the middle of the hit points
+    float3 towards;              // direction to a directional light
+    float3 centre, half_extent;  // box of the hit points relative to the apex
+    float3 size;                 // largest magnitudes that entered, for the margin
+    int2 light_triangles;        // triangles that never shadow the light
+    Shaft shaft;                 // around all of the rays
 } ShadowRays;
 
 inline ShadowRays make_shadow_rays(global const LightRecord *light, const Box *box)
@@ -60,10 +60,10 @@ inline ShadowRays make_shadow_rays(global const LightRecord *light, const Box *b
     r.is_point = light->is_point;
     r.towards = vload3(0, light->vector);
     r.apex = r.is_point ? r.towards : 0.5f * (low + high);
-    r.own = vload2(0, light->triangles);
+    r.light_triangles = vload2(0, light->triangles);
     r.centre = 0.5f * (low + high) - r.apex;
-    r.extent = 0.5f * (high - low);
-    r.size = max(fabs(low), fabs(high)) + fabs(r.centre) + r.extent;
+    r.half_extent = 0.5f * (high - low);
+    r.size = max(fabs(low), fabs(high)) + fabs(r.centre) + r.half_extent;
     r.shaft = make_shaft(vector, r.is_point, box);
     return r;
 }

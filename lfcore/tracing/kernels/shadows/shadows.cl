@@ -6,16 +6,16 @@
 
 // A worker's memory: see Shadows and OccluderCache.
 typedef struct {
-    int open[2 * BLOCK_RAYS];
+    int active[2 * BLOCK_RAYS];
     float seen[3 * BLOCK_RAYS];
-    float pool[POOL * FORM_WORDS];
+    float pool[POOL * OCCLUDER_WORDS];
     PlaneEquations element_planes;
 } ShadowMemory;
 
 inline void start_shadows(const Tree *tree, const Scene *scene, global ShadowMemory *memory,
                           OccluderCache *cache, Shadows *s)
 {
-    *s = (Shadows){tree, scene, 0, memory->open, memory->seen, cache, &memory->element_planes};
+    *s = (Shadows){tree, scene, 0, memory->active, memory->seen, cache, &memory->element_planes};
     cache->pool = memory->pool;
 }
 

@@ -16,7 +16,7 @@ inline int leaf_blocks(const Tree *tree, const Ray *r, int leaf, float far, int 
         if (!row_any(s.mask)) continue;
         const vf t = sheared_time(r, &s);
         s.mask &= GT(t, (vf)(0.0f)) & LT(t, (vf)(far)) &
-            ~(EQ(VLOAD(ids), (vi)(own)) | are_own(light, ids));
+            ~(EQ(VLOAD(ids), (vi)(own)) | are_of_light(light, ids));
         if (!row_any(s.mask)) continue;
         Vec v[3];
         load_corners(at, 0.0f, v);
@@ -48,14 +48,14 @@ inline int blocking_leaf(const Tree *tree, const Ray *r, float far, int own, int
     }
 }
 
-// Take from s->open the rays of a block that cannot see a light.
+// Take from s->active the rays of a block that cannot see a light.
 inline void cast_single_rays(const Shadows *s, const Block *b, global const LightRecord *light)
 {
     global const float *point = b->samples->point;
     const int2 own = vload2(0, light->triangles);
     int last = -1;  // what darkened a neighbour is likely to darken the next
     for (int at = 0; at < BLOCK_RAYS; ++at) {
-        if (!s->open[at]) continue;
+        if (!s->active[at]) continue;
         const float3 p = (float3)(point[at], point[BLOCK_RAYS + at], point[2 * BLOCK_RAYS + at]);
         const int triangle = b->samples->triangle[at];
         int exponent;
@@ -64,7 +64,7 @@ inline void cast_single_rays(const Shadows *s, const Block *b, global const Ligh
         const float far = light->is_point ? ldexp(1.0f, exponent) : FAR;
         if (last < 0 || !leaf_blocks(s->tree, &ray, last, far, triangle, own))
             last = blocking_leaf(s->tree, &ray, far, triangle, own);
-        if (last >= 0) s->open[at] = 0;
+        if (last >= 0) s->active[at] = 0;
     }
 }
 

@@ -1,5 +1,5 @@
-// Blocks of rays: 16 x 16 rays that a few numbers describe, and the forms that are affine over
-// them.
+// Blocks of rays: 16 x 16 rays that a few numbers describe, and the affine functions that are
+// affine over them.
 //
 // Ray (i, j) of a bundle, counted from its centre, is at depth z
 //     x(z) = (ox + i sx) + z (dx + i tx)        y(z) = (oy + j sy) + z (dy + j ty)
@@ -32,7 +32,8 @@ inline void store3(Vec a, global float *to, int at)
 
 // Half the unit in the last place of 1: the relative error of one rounding.
 #define ROUNDING 5.9604645e-8f
-// Below this a form or a square is nothing: its terms may be denormal, and have lost their bits.
+// Below this an affine function or a square is nothing: its terms may be denormal, and have lost
+// their bits.
 #define NOTHING_LEFT 1.0e-30f
 // Widens a bound that was itself rounded a few times.
 #define BOUND_SLACK (1.0f + 168.0f * ROUNDING)
@@ -42,7 +43,7 @@ typedef struct {
     float sx, sy;          // step of the origin per column, per row
     float tx, ty;          // step of the direction per column, per row
     float a, b;            // step of origin and direction per element, along either axis
-    float extent;          // inner rays lie within so many steps of the centre
+    float half_extent;     // inner rays lie within so many steps of the centre
 } Bundle;
 
 // Places of a row of LANES rays: x, y on the inner grid, u, v among the elements.
@@ -53,90 +54,91 @@ typedef struct {
     float v;
 } Row;
 
-// The row that begins with ray `at`, a multiple of LANES, of a bundle of that extent.
-inline Row row_at(int at, float extent)
+// The row that begins with ray `at`, a multiple of LANES, of a bundle of that half_extent.
+inline Row row_at(int at, float half_extent)
 {
     const vi column = TO_VI(IOTA) + at % BLOCK;
     Row r;
-    r.x = TO_VF(column & (INNER - 1)) - extent;
+    r.x = TO_VF(column & (INNER - 1)) - half_extent;
     r.u = TO_VF(column / INNER) - OUTER_HALF;
-    r.y = (at / BLOCK) % INNER - extent;
+    r.y = (at / BLOCK) % INNER - half_extent;
     r.v = at / BLOCK / INNER - OUTER_HALF;
     return r;
 }
 
-// base + inner along + outer across, of which blocks of one element have no outer places.  Numbers
-// may be rows or single.
-#define ADD_PLACES(inner, outer, base, along, across) \
+// base + inner * along + outer * across; blocks of one element have no outer offsets.  Arguments
+// are vectors or scalars.
+#define AT_OFFSETS(inner, outer, base, along, across) \
     (OUTER > 1 ? fma(outer, across, fma(inner, along, base)) : fma(inner, along, base))
 
 // Origins and directions of a row of rays.
-inline vf row_ox(const Bundle *r, Row at) { return ADD_PLACES(at.x, at.u, r->ox, r->sx, r->a); }
-inline vf row_dx(const Bundle *r, Row at) { return ADD_PLACES(at.x, at.u, r->dx, r->tx, r->b); }
-inline float row_oy(const Bundle *r, Row at) { return ADD_PLACES(at.y, at.v, r->oy, r->sy, r->a); }
-inline float row_dy(const Bundle *r, Row at) { return ADD_PLACES(at.y, at.v, r->dy, r->ty, r->b); }
+inline vf row_ox(const Bundle *r, Row at) { return AT_OFFSETS(at.x, at.u, r->ox, r->sx, r->a); }
+inline vf row_dx(const Bundle *r, Row at) { return AT_OFFSETS(at.x, at.u, r->dx, r->tx, r->b); }
+inline float row_oy(const Bundle *r, Row at) { return AT_OFFSETS(at.y, at.v, r->oy, r->sy, r->a); }
+inline float row_dy(const Bundle *r, Row at) { return AT_OFFSETS(at.y, at.v, r->dy, r->ty, r->b); }
 
-// Terms of a form over a block: 1, x, y, and for several elements u, v and y u - x v.
+// Terms of an affine function over a block: 1, x, y, and for several elements u, v and y u - x v.
 // Only edge functions have the last: D . (O x W) multiplies a step of the origin by one of the
 // direction.  Where blocks have no u and v, nothing is made of what their numbers stand for.
-enum { ONE, X, Y, U = OUTER > 1 ? 3 : 0, V = OUTER > 1 ? 4 : 0, TWIST = OUTER > 1 ? 5 : 0 };
-#define EDGE_TERMS (OUTER > 1 ? 6 : 3)
-typedef struct { float of[EDGE_TERMS]; } Form;
+enum { ONE, X, Y, U = OUTER > 1 ? 3 : 0, V = OUTER > 1 ? 4 : 0, BILINEAR = OUTER > 1 ? 5 : 0 };
+#define AFFINE_TERMS (OUTER > 1 ? 6 : 3)
+typedef struct { float of[AFFINE_TERMS]; } Affine;
 
-// One form for each of LANES triangles.
-typedef struct { vf of[EDGE_TERMS]; } Forms;
+// One function for each of LANES triangles.
+typedef struct { vf of[AFFINE_TERMS]; } WideAffine;
 
-// Values of a form without TWIST at a row of rays, and of any form.
-inline vf plane_row(Form f, Row at)
+// Values of an affine function without BILINEAR at a row of rays, and of any function.
+inline vf plane_row(Affine f, Row at)
 {
-    const float base = ADD_PLACES(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
-    return ADD_PLACES(at.x, at.u, base, f.of[X], f.of[U]);
+    const float base = AT_OFFSETS(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
+    return AT_OFFSETS(at.x, at.u, base, f.of[X], f.of[U]);
 }
-inline vf edge_row(Form f, Row at)
+inline vf edge_row(Affine f, Row at)
 {
     if (OUTER == 1) return plane_row(f, at);
-    const float base = ADD_PLACES(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
-    const float along = fma(-at.v, f.of[TWIST], f.of[X]), across = fma(at.y, f.of[TWIST], f.of[U]);
-    return ADD_PLACES(at.x, at.u, base, along, across);
+    const float base = AT_OFFSETS(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
+    const float along = fma(-at.v, f.of[BILINEAR], f.of[X]);
+    const float across = fma(at.y, f.of[BILINEAR], f.of[U]);
+    return AT_OFFSETS(at.x, at.u, base, along, across);
 }
 
-// A form made of a constant and of what x and y multiply along the rays' steps.
-inline Form stepped_form(float one, float x, float y, float step_x, float step_y, float outer)
+// An affine function made of a constant and of what x and y multiply along the rays' steps.
+inline Affine stepped_affine(float one, float x, float y, float step_x, float step_y, float outer)
 {
-    Form f;
+    Affine f;
     f.of[ONE] = one;
     f.of[X] = x * step_x;
     f.of[Y] = y * step_y;
     if (OUTER > 1) {
         f.of[U] = x * outer;
         f.of[V] = y * outer;
-        f.of[TWIST] = 0.0f;
+        f.of[BILINEAR] = 0.0f;
     }
     return f;
 }
 
 // Rays between two columns and two rows of a block of one element, as a middle and half extents.
-typedef struct { float x, y, wide, high; } Rectangle;
+typedef struct { float x, y, half_width, half_height; } Rectangle;
 
 // The four corners of a rectangle.
 inline float4 corners_x(Rectangle r)
 {
-    return (float4)(-r.wide, r.wide, -r.wide, r.wide) + r.x;
+    return (float4)(-r.half_width, r.half_width, -r.half_width, r.half_width) + r.x;
 }
 inline float4 corners_y(Rectangle r)
 {
-    return (float4)(-r.high, -r.high, r.high, r.high) + r.y;
+    return (float4)(-r.half_height, -r.half_height, r.half_height, r.half_height) + r.y;
 }
-inline float4 corner_values(Form f, Rectangle r)
+inline float4 corner_values(Affine f, Rectangle r)
 {
     return fma(corners_x(r), f.of[X], fma(corners_y(r), f.of[Y], f.of[ONE]));
 }
 inline float least_of(float4 a) { return min(min(a.x, a.y), min(a.z, a.w)); }
 inline float most_of(float4 a) { return max(max(a.x, a.y), max(a.z, a.w)); }
 
-// Extremes of a quotient of forms over a rectangle all over which its denominator has one sign:
-// the quotient is linear-fractional, so they are in the corners.
-inline float2 quotient_range(Form numerator, Form denominator, Rectangle r)
+// Extremes of a quotient of affine functions over a rectangle all over which its denominator has
+// one sign: the quotient is linear-fractional, so they are in the corners.
+inline float2 quotient_range(Affine numerator, Affine denominator, Rectangle r)
 {
     const float4 q = corner_values(numerator, r) / corner_values(denominator, r);
     return (float2)(least_of(q), most_of(q));

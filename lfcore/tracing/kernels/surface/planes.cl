@@ -1,4 +1,4 @@
-// Plane equations: what a triangle interpolates over a block, as quotients of forms.
+// Plane equations: what a triangle interpolates over a block, as quotients of affine functions.
 #ifndef LFCORE_PLANES_CL
 #define LFCORE_PLANES_CL
 #include "scene.cl"
@@ -12,34 +12,34 @@ enum { NORMAL = 0, COORDINATES = 3, TINT = 5 };
 #define TANGENT_WORDS (PHYSICAL ? 4 : 1)
 
 typedef struct {
-    Form weights;                         // sum of the barycentric weights
-    Form numerator, denominator;          // depth is their quotient
+    Affine weights;                        // sum of the barycentric weights
+    Affine numerator, denominator;         // depth is their quotient
     float slot[OUTER > 1 ? 6 : 3][SLOTS];  // attributes times the weights, term by term
     // Geometric, towards the viewer, unless normals are smooth.
     float normal[3];
-    float first[3];                       // colour of the first corner
+    float first[3];                        // colour of the first corner
     // Of PHYSICAL scenes: the direction of u, and the sign of v's beside it for a viewer; else
     // nothing.
     float tangent[TANGENT_WORDS];
-    int key;                              // shading key
+    int key;                               // shading key
 } PlaneEquations;
 
-inline Form slot_form(global const PlaneEquations *p, int slot)
+inline Affine slot_affine(global const PlaneEquations *p, int slot)
 {
-    Form f;
-    for (int k = 0; k < EDGE_TERMS; ++k) f.of[k] = p->slot[k][slot];
+    Affine f;
+    for (int k = 0; k < AFFINE_TERMS; ++k) f.of[k] = p->slot[k][slot];
     return f;
 }
 
-// An edge function of the weights, of corners sheared to the centre ray; as in edge_forms, from
+// An edge function of the weights, of corners sheared to the centre ray; as in edge_functions, from
 // their sum and their difference, so that its error scales with the triangle's edge.
-inline Form weight_form(float3 p, float3 q, const Bundle *r)
+inline Affine weight_function(float3 p, float3 q, const Bundle *r)
 {
     const float3 g = p - q, c = 0.5f * cross_product(q + p, -g);
-    const Form along = stepped_form(c.z, c.x, c.y, r->tx, r->ty, r->b);
-    Form e = stepped_form(0.0f, g.y, -g.x, r->sx, r->sy, r->a);
-    for (int k = 0; k < EDGE_TERMS; ++k) e.of[k] += along.of[k];
-    if (OUTER > 1) e.of[TWIST] = g.z * (r->sx * r->b - r->a * r->tx);
+    const Affine along = stepped_affine(c.z, c.x, c.y, r->tx, r->ty, r->b);
+    Affine e = stepped_affine(0.0f, g.y, -g.x, r->sx, r->sy, r->a);
+    for (int k = 0; k < AFFINE_TERMS; ++k) e.of[k] += along.of[k];
+    if (OUTER > 1) e.of[BILINEAR] = g.z * (r->sx * r->b - r->a * r->tx);
     return e;
 }
 
@@ -109,15 +109,16 @@ inline void set_up_planes(const Scene *s, const Bundle *r, int triangle, float p
     const float3 shear = (float3)(r->dx, r->dy, 0.0f), origin = (float3)(r->ox, r->oy, 0.0f);
     const float3 v[3] = {p - origin - p.z * shear, q - origin - q.z * shear,
                          w - origin - w.z * shear};
-    const Form e[3] = {weight_form(v[1], v[2], r), weight_form(v[2], v[0], r),
-                       weight_form(v[0], v[1], r)};
-    for (int k = 0; k < EDGE_TERMS; ++k) out->weights.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
+    const Affine e[3] = {weight_function(v[1], v[2], r), weight_function(v[2], v[0], r),
+                       weight_function(v[0], v[1], r)};
+    for (int k = 0; k < AFFINE_TERMS; ++k)
+        out->weights.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
     float3 n = cross_product(v[1] - v[0], v[2] - v[0]);
     const float side = n.z < 0.0f ? -1.0f : 1.0f;
     n *= side;
     const float offset = inner_product(n, v[0]);
-    out->numerator = stepped_form(offset, -n.x, -n.y, r->sx, r->sy, r->a);
-    out->denominator = stepped_form(n.z, n.x, n.y, r->tx, r->ty, r->b);
+    out->numerator = stepped_affine(offset, -n.x, -n.y, r->sx, r->sy, r->a);
+    out->denominator = stepped_affine(n.z, n.x, n.y, r->tx, r->ty, r->b);
     const float weights = out->weights.of[ONE];
     if (!SMOOTH) {
         // The sum of the weights is n . D: negative when the corners turn towards the viewer.
@@ -129,7 +130,7 @@ inline void set_up_planes(const Scene *s, const Bundle *r, int triangle, float p
     if (ATTRIBUTES) {
         global const float *at = attributes_of(s, triangle);
         const float8 a = corner_slots(at, 0), b = corner_slots(at, 1), c = corner_slots(at, 2);
-        for (int k = 0; k < EDGE_TERMS; ++k)
+        for (int k = 0; k < AFFINE_TERMS; ++k)
             vstore8(a * e[0].of[k] + b * e[1].of[k] + c * e[2].of[k], 0, out->slot[k]);
         if (VERTEX_COLOURS) vstore3(vload3(0, at + 9 * SMOOTH + 6 * TEXTURED), 0, out->first);
     }
@@ -138,13 +139,14 @@ inline void set_up_planes(const Scene *s, const Bundle *r, int triangle, float p
 }
 
 // Whether all rays in a rectangle of a block of one element see the triangle from one side.
-inline int is_one_sided(Form denominator, Rectangle at)
+inline int is_one_sided(Affine denominator, Rectangle at)
 {
     const float x = at.x * denominator.of[X], y = at.y * denominator.of[Y];
     const float one = denominator.of[ONE];
-    const float noise = 17.0f * ROUNDING * (fabs(one) + fabs(x) + fabs(y));
-    const float spread = at.wide * fabs(denominator.of[X]) + at.high * fabs(denominator.of[Y]);
-    return one + x + y > noise + BOUND_SLACK * spread;
+    const float error = 17.0f * ROUNDING * (fabs(one) + fabs(x) + fabs(y));
+    const float spread = at.half_width * fabs(denominator.of[X]) +
+                         at.half_height * fabs(denominator.of[Y]);
+    return one + x + y > error + BOUND_SLACK * spread;
 }
 
 #endif

@@ -5,12 +5,12 @@
 
 // (n, BLOCK_RAYS) of each quantity; what a scene lacks is never written or read.
 typedef struct {
-    float point[3 * BLOCK_RAYS];   // where the ray meets the surface
-    float normal[3 * BLOCK_RAYS];  // of unit length, towards the viewer
-    float uv[2 * BLOCK_RAYS];      // texture coordinates
-    float tint[3 * BLOCK_RAYS];    // colour interpolated between corners
-    int key[BLOCK_RAYS];           // shading key; -1 where nothing is met
-    int triangle[BLOCK_RAYS];      // -1 where nothing is met
+    float point[3 * BLOCK_RAYS];                // where the ray meets the surface
+    float normal[3 * BLOCK_RAYS];               // of unit length, towards the viewer
+    float uv[2 * BLOCK_RAYS];                   // texture coordinates
+    float tint[3 * BLOCK_RAYS];                 // colour interpolated between corners
+    int key[BLOCK_RAYS];                        // shading key; -1 where nothing is met
+    int triangle[BLOCK_RAYS];                   // -1 where nothing is met
     float tangent[TANGENT_WORDS * BLOCK_RAYS];  // see PlaneEquations
 } Samples;
 
@@ -28,8 +28,8 @@ typedef struct {
 
 inline Vec slots_row(global const PlaneEquations *p, int first, Row at)
 {
-    return (Vec){edge_row(slot_form(p, first), at), edge_row(slot_form(p, first + 1), at),
-                 edge_row(slot_form(p, first + 2), at)};
+    return (Vec){edge_row(slot_affine(p, first), at), edge_row(slot_affine(p, first + 1), at),
+                 edge_row(slot_affine(p, first + 2), at)};
 }
 
 // Seen from behind, where the sum of the weights is positive, a flat triangle has its tangent
@@ -55,8 +55,8 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at)
     if (!TEXTURED && !VERTEX_COLOURS) return s;
     const vf inverse = reciprocal(plane_row(p->weights, at));
     if (TEXTURED) {
-        s.u = edge_row(slot_form(p, COORDINATES), at) * inverse;
-        s.v = edge_row(slot_form(p, COORDINATES + 1), at) * inverse;
+        s.u = edge_row(slot_affine(p, COORDINATES), at) * inverse;
+        s.v = edge_row(slot_affine(p, COORDINATES + 1), at) * inverse;
     }
     if (VERTEX_COLOURS)
         s.tint = fma3(inverse, slots_row(p, TINT, at), spread3(vload3(0, p->first)));
@@ -93,10 +93,10 @@ inline Vec viewed_normal(Vec n, Vec direction)
 
 // One block on its way from regions to colours.
 typedef struct {
-    int number;                      // in its packet
+    int number;                     // in its packet
     Bundle rays;
     Regions regions;
-    global PlaneEquations *planes;   // of each region
+    global PlaneEquations *planes;  // of each region
     global Samples *samples;
     // (shadow lights, BLOCK) a bit for each ray that sees the light.
     global int *lit;
@@ -129,7 +129,7 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
     for (int k = 0; k < b->regions.count; ++k)
         set_up_planes(scene, r, b->regions.of[k].triangle, pixel, b->planes + k);
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const Row row = row_at(at, b->rays.extent);
+        const Row row = row_at(at, b->rays.half_extent);
         sample_row(b, at, row, &s);
         VSTORE(s.key, out->key + at);
         VSTORE(s.triangle, out->triangle + at);

@@ -36,7 +36,7 @@ inline global const float *attributes_of(const Scene *s, int triangle)
 }
 
 // Mask of a light's triangles, which never shadow it: `own` are the first, and one past the last.
-inline vi are_own(int2 own, global const int *ids)
+inline vi are_of_light(int2 own, global const int *ids)
 {
     return GE(VLOAD(ids), (vi)(own.x)) & LT(VLOAD(ids), (vi)(own.y));
 }

@@ -59,8 +59,8 @@ inline Vec sample_texture(global const uint *texels, Level image, vf u, vf v)
 // from the first texel to the last: no addresses, and no gathers, by the ray.
 #define TEXEL_TILE 5
 typedef struct {
-    int columns, rows;         // texels, at least two; 0 where there are too many
-    float u, v, left, top;     // whole numbers: turns of the texture, and the first texel within it
+    int columns, rows;      // texels, at least two; 0 where there are too many
+    float u, v, left, top;  // whole numbers: turns of the texture, and the first texel within it
     float width, height;
     float4 d[TEXEL_TILE][TEXEL_TILE];
 } TexelTile;

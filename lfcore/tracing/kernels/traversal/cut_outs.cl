@@ -1,8 +1,8 @@
 // Cut-outs: triangles with holes.  Where a ray meets one, the alpha of its texture says whether it
 // passes.
 //
-// Texture coordinates are affine in the place on a triangle's plane, so two forms of it give them
-// to every kind of ray alike: camera rays of blocks and single ones, and rays to lights.
+// Texture coordinates are affine in the place on a triangle's plane, so two affine functions of it
+// give them to every kind of ray alike: camera rays of blocks and single ones, and rays to lights.
 #ifndef LFCORE_CUT_OUTS_CL
 #define LFCORE_CUT_OUTS_CL
 #include "block.cl"

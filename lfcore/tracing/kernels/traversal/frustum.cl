@@ -32,13 +32,13 @@ inline Interval widened(Interval a, float hu, float gu)
     return a;
 }
 
-// What holds all rays between two bundles of the same steps and extent.
+// What holds all rays between two bundles of the same steps and half_extent.
 inline Frustum make_frustum(const Bundle *lo, const Bundle *hi)
 {
-    const float extent = lo->extent;
+    const float half_extent = lo->half_extent;
     const float hu = OUTER_HALF * lo->a, gu = OUTER_HALF * lo->b;
-    const Interval x = {lo->ox, hi->ox, lo->dx, hi->dx, extent * lo->sx, extent * lo->tx};
-    const Interval y = {lo->oy, hi->oy, lo->dy, hi->dy, extent * lo->sy, extent * lo->ty};
+    const Interval x = {lo->ox, hi->ox, lo->dx, hi->dx, half_extent * lo->sx, half_extent * lo->tx};
+    const Interval y = {lo->oy, hi->oy, lo->dy, hi->dy, half_extent * lo->sy, half_extent * lo->ty};
     return (Frustum){widened(x, hu, gu), widened(y, hu, gu), hu, gu};
 }
 

@@ -10,36 +10,36 @@
 
 #define MOST_BLOCKS 16  // of a packet, and most of its cells
 
-// Where a block or a cell lies: which of the packet's elements it is of, the first of several, and
-// its first column and row from the packet's.
-typedef struct { int element; int2 at; } Place;
+// The offset of a block or a cell in its packet: its element (the first of several), and its first
+// column and row.
+typedef struct { int element; int2 at; } BlockOffset;
 
 // The rays of a job: the outer elements, and the inner grid that all of them share.
 typedef struct {
-    global const float4 *elements;  // ox, oy, dx, dy at the middle of the inner grid: of each of E
-                                    // elements, or, for blocks of several, of each of B groups
+    // Centre rays (ox, oy, dx, dy) of the inner grid of each of E elements or, for blocks of
+    // several elements, of each of B groups.
+    global const float4 *elements;
     global const int *groups;       // (B, group, group) element or -1
     float4 step;                    // sx, sy, tx, ty: per column and row of the inner grid
     float2 outer;                   // a, b: per element of a group
     int columns, rows;              // size of the inner grid
-    float extent;                   // of a block, as in Bundle, and of one element's part of a
-    float element_extent;           // packet
-    // Of a packet: elements along a side, blocks and inner rays along a side of one element's part,
-    // and how many blocks and cells there are.
-    int group, side, packet_side, blocks, cells;
-    Place block[MOST_BLOCKS], cell[MOST_BLOCKS];
-    // Packets along a row of one group's inner grid, and in all of it.
-    int across, squares;
+    float half_extent;              // of a block, as in Bundle
+    float element_half_extent;      // of one element's part of a packet
+    int group;                      // elements along a side of a packet
+    int side, packet_side;          // blocks and rays along a side of one element's part
+    int blocks, cells;              // numbers of these in a packet
+    BlockOffset block[MOST_BLOCKS], cell[MOST_BLOCKS];
+    int packets_in_x, packets_per_group;  // of one group's inner grid
 } Rays;
 
-// Places of `side` x `side` squares of inner rays for each of so many elements; how many they are.
-inline int make_places(int elements, int side, int size, Place *out)
+// Offsets of `side` x `side` squares of rays for each element; returns their number.
+inline int make_offsets(int elements, int side, int size, BlockOffset *out)
 {
     int count = 0;
     for (int element = 0; element < elements; ++element)
         for (int y = 0; y < side; ++y)
             for (int x = 0; x < side; ++x)
-                out[count++] = (Place){element, (int2)(x, y) * size};
+                out[count++] = (BlockOffset){element, (int2)(x, y) * size};
     return count;
 }
 
@@ -49,10 +49,10 @@ inline Rays make_rays(global const float4 *elements, global const int *groups,
     const int wide = a->side * INNER, all = a->group * a->group;
     Rays r = {elements, groups, vload4(0, a->step), vload2(0, a->outer), a->columns, a->rows,
               a->half_extent, 0.5f * (wide - INNER) + a->half_extent, a->group, a->side, wide};
-    r.blocks = make_places(OUTER > 1 ? 1 : all, a->side, INNER, r.block);
-    r.cells = make_places(all, wide / BLOCK, BLOCK, r.cell);
-    r.across = (a->columns + wide - 1) / wide;
-    r.squares = r.across * ((a->rows + wide - 1) / wide);
+    r.blocks = make_offsets(OUTER > 1 ? 1 : all, a->side, INNER, r.block);
+    r.cells = make_offsets(all, wide / BLOCK, BLOCK, r.cell);
+    r.packets_in_x = (a->columns + wide - 1) / wide;
+    r.packets_per_group = r.packets_in_x * ((a->rows + wide - 1) / wide);
     return r;
 }
 
@@ -61,10 +61,10 @@ inline Rays make_rays(global const float4 *elements, global const int *groups,
 
 typedef struct {
     const Rays *rays;
-    int group;                       // which of the groups of elements
-    global const int *element;       // (group, group)
-    int2 at;                         // first column and row of the inner grid
-    uint blocks;                     // a bit for each block that has rays that are wanted
+    int group;                  // which of the groups of elements
+    global const int *element;  // (group, group)
+    int2 at;                    // first column and row of the inner grid
+    uint blocks;                // a bit for each block that has rays that are wanted
 } Packet;
 
 // First column and row of a block in the inner grid.
@@ -91,53 +91,54 @@ inline int block_element(const Packet *p, int block, int u, int v)
 // The element of a cell, or -1 if it has no rays or none that are wanted.
 inline int cell_element(const Packet *p, int cell)
 {
-    const Place place = p->rays->cell[cell];
+    const BlockOffset place = p->rays->cell[cell];
     const int2 square = place.at / INNER;
     const int block = OUTER > 1 ? square.y * p->rays->side + square.x : cell;
     return has_block(p, block) ? p->element[place.element] : -1;
 }
 
-// The middle ray of what a block is counted from.
-inline float4 middle_of(const Packet *p, int block)
+// The centre ray that a block's offsets are relative to.
+inline float4 centre_ray_of(const Packet *p, int block)
 {
     return p->rays->elements[OUTER > 1 ? p->group : block_element(p, block, 0, 0)];
 }
 
-// The rays about a place of the inner grid, `extent` columns and rows beyond `at`.
-inline Bundle bundle_at(const Rays *rays, float4 middle, int2 at, float extent)
+// The rays about a place of the inner grid, `half_extent` columns and rows beyond `at`.
+inline Bundle bundle_at(const Rays *rays, float4 middle, int2 at, float half_extent)
 {
     const float2 grid = (float2)(rays->columns - 1, rays->rows - 1);
-    const float2 c = convert_float2(at) + extent - 0.5f * grid;
+    const float2 c = convert_float2(at) + half_extent - 0.5f * grid;
     const float4 s = rays->step, first = fma(c.xyxy, s, middle);
     return (Bundle){first.x, first.y, first.z, first.w,
-                    s.x, s.y, s.z, s.w, rays->outer.x, rays->outer.y, extent};
+                    s.x, s.y, s.z, s.w, rays->outer.x, rays->outer.y, half_extent};
 }
 
 inline Bundle block_bundle(const Packet *p, int block)
 {
-    return bundle_at(p->rays, middle_of(p, block), block_position(p, block), p->rays->extent);
+    const float4 centre = centre_ray_of(p, block);
+    return bundle_at(p->rays, centre, block_position(p, block), p->rays->half_extent);
 }
 
 // One element's part of the packet, as if it were one block, and where a block lies from its
 // centre.
 inline Bundle element_bundle(const Packet *p, int block)
 {
-    return bundle_at(p->rays, middle_of(p, block), p->at, p->rays->element_extent);
+    return bundle_at(p->rays, centre_ray_of(p, block), p->at, p->rays->element_half_extent);
 }
 inline float2 block_offset(const Packet *p, int block)
 {
     const Rays *r = p->rays;
-    return convert_float2(r->block[block].at) + r->extent - r->element_extent;
+    return convert_float2(r->block[block].at) + r->half_extent - r->element_half_extent;
 }
 
 inline Packet make_packet(const Rays *rays, int number)
 {
-    const int square = number % rays->squares;
+    const int square = number % rays->packets_per_group;
     Packet p;
     p.rays = rays;
-    p.group = number / rays->squares;
+    p.group = number / rays->packets_per_group;
     p.element = rays->groups + p.group * rays->group * rays->group;
-    p.at = (int2)(square % rays->across, square / rays->across) * rays->packet_side;
+    p.at = (int2)(square % rays->packets_in_x, square / rays->packets_in_x) * rays->packet_side;
     p.blocks = 0;
     for (int block = 0; block < rays->blocks; ++block) {
         const int2 at = block_position(&p, block);
@@ -162,11 +163,11 @@ inline Frustum packet_frustum(const Packet *p)
     float4 lo = FAR, hi = -FAR;
     for (int block = 0; block < r->blocks; ++block) {
         if (OUTER == 1 && block_element(p, block, 0, 0) < 0) continue;
-        lo = min(lo, middle_of(p, block));
-        hi = max(hi, middle_of(p, block));
+        lo = min(lo, centre_ray_of(p, block));
+        hi = max(hi, centre_ray_of(p, block));
     }
-    const Bundle first = bundle_at(r, lo, p->at, r->element_extent);
-    const Bundle last = bundle_at(r, hi, p->at, r->element_extent);
+    const Bundle first = bundle_at(r, lo, p->at, r->element_half_extent);
+    const Bundle last = bundle_at(r, hi, p->at, r->element_half_extent);
     return make_frustum(&first, &last);
 }
 

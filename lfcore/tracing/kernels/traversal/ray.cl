@@ -79,7 +79,7 @@ typedef struct {
     vi mask;
 } Sheared;
 
-// The ray is the origin of x and y: outside a triangle's extent it is outside the triangle.
+// The ray is the origin of x and y: outside a triangle's half_extent it is outside the triangle.
 inline vi hold_origin(Triple a)
 {
     return LE(least3(a), (vf)(0.0f)) & GE(most3(a), (vf)(0.0f));
