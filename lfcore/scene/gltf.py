@@ -215,7 +215,7 @@ class Document:
             pose[:3, :3] = turn.as_matrix() * np.array(node.get("scale", (1, 1, 1)), np.float64)
             pose[:3, 3] = node.get("translation", (0, 0, 0))
             return pose
-        except (ValueError, TypeError) as error:
+        except (ValueError, TypeError, OverflowError) as error:
             raise self._broken(f"a node's pose makes no sense: {error}") from None
 
     def lights(self, notebook: Notebook) -> list[Light]:
@@ -240,7 +240,7 @@ class Document:
             colour = np.array(light.get("color", (1, 1, 1)), np.float64)
             colour = colour * float(light.get("intensity", 1.0)) / math.pi
             red, green, blue = colour.tolist()
-        except (ValueError, TypeError) as error:
+        except (ValueError, TypeError, OverflowError) as error:
             raise self._broken(f"light {name!r} makes no sense: {error}") from None
         if kind == "directional":
             x, y, z = normalise(matrix[:3, 2]).tolist()  # it shines along the node's -z

@@ -87,7 +87,7 @@ class GltfSurfaces:
             turn = float(change.get("rotation", 0.0))
             across, down = map(float, change.get("scale", (1, 1)))
             right, below = map(float, change.get("offset", (0, 0)))
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise SceneError(
                 f"a texture's transformation makes no sense: {error}", file=self.document.path
             ) from None

@@ -356,7 +356,7 @@ class Scene:
 def _checked(key: str, values: ArrayLike, count: int | None, width: int) -> np.ndarray:
     try:
         array = np.asarray(values, np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise SceneError(f"are no array of numbers: {error}", key=key) from None
     expected = (len(array) if count is None and array.ndim else count, 3, width)
     if array.shape != expected:

@@ -61,6 +61,10 @@ camera:
     shutter: [0, 0.5]
 """
 SHORT = "objects: [{file: mesh.obj}]\n"
+FITTED = """\
+objects: [{file: mesh.obj}]
+camera: {view_from: "30,20", zoom: 1.5, focus_m: 40%, blur: 3%}
+"""
 OBJ = """\
 mtllib mesh.mtl
 v 0 0 0
@@ -153,7 +157,7 @@ def write_sides(folder: Path) -> None:
 
 def yaml_seeds(folder: Path) -> list[bytes]:
     schema()  # read once, for all children
-    return [text.encode() for text in (PLAIN, BUILT, SHORT)]
+    return [text.encode() for text in (PLAIN, BUILT, SHORT, FITTED)]
 
 
 def pbrt_seeds(folder: Path) -> list[bytes]:

@@ -343,6 +343,12 @@ BROKEN = {
         "nodes": [{"extensions": {"KHR_lights_punctual": {"light": 0}}}, *tree["nodes"]],
         "scenes": [{"nodes": [0]}],
     },
+    "a light brighter than any number": lambda tree: {
+        **tree,
+        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "color": [10**400]}]}},
+        "nodes": [{"extensions": {"KHR_lights_punctual": {"light": 0}}}, *tree["nodes"]],
+        "scenes": [{"nodes": [0]}],
+    },
     "a cone inside out": lambda tree: {
         **tree,
         "extensions": {"KHR_lights_punctual": {
