@@ -126,7 +126,7 @@ class GltfSurfaces:
         return Surface(**{**vars(surface), **changes})
 
     def _number(self, value: Any) -> float:
-        if isinstance(value, (int, float)) and math.isfinite(value):
+        if isinstance(value, (int, float)) and abs(value) <= 1e308:
             return float(value)
         raise SceneError(
             f"a material's factor is {str(value)[:40]!r}", file=self.document.path,
