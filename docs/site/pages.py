@@ -4,7 +4,7 @@ A page is Markdown.  Its fenced blocks of ``bash`` and ``python`` are run in ord
 with links to the project's scenes and workflow; Python blocks share their names.  Comments control
 the rest:
 
-    <!-- small: --pixels 256 = --pixels 24 | views=9 = views=3 -->   what tests put in place of what
+    <!-- small: --pixels 256 = --pixels 24 | views=9 = views=3 -->   replacements in tests
     <!-- needs: sinfo --version -->   the next block is run only where this command succeeds
     <!-- not run: the reason -->      the next block is not
     <!-- picture: near.png | caption -->   shows a picture that a block made
