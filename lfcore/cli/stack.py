@@ -16,7 +16,6 @@ from lfcore.cli.command import Command, open_field, refuse
 from lfcore.cli.options import add, add_lightfield, add_output
 from lfcore.cli.progress import progress, wrote
 from lfcore.cli.refocus import add_method, make_pictures
-from lfcore.errors import OpticsError
 from lfcore.optics.planes import SensorPlane
 from lfcore.pictures import CODED, SUFFIXES, check_bits, check_suffix, contact_sheet
 
@@ -44,14 +43,14 @@ Focus = dict[str, Any]
 
 
 def focus(text: str) -> Focus:
-    """A focus, or ``NEAR:FAR:COUNT``, in which ``near`` and ``far`` are the scene's own ends."""
+    """A focus, or a range such as ``near:far:60``."""
     if ":" not in text:
         return values.focus(text)
     parts = text.split(":")
     if len(parts) != 3:
         raise argparse.ArgumentTypeError(f"{text!r} is not a range like 1.5:8:60")
-    ends = [end if end in ("near", "far") else values.focus(end) for end in parts[:2]]
-    if len({key for end in ends for key in (end if isinstance(end, dict) else ("focus_m",))}) > 1:
+    ends = [values.focus(end) for end in parts[:2]]
+    if ends[0].keys() != ends[1].keys():
         raise argparse.ArgumentTypeError(f"{text!r} mixes metres and pixels")
     return {"ends": ends, "steps": values.count(2, plane_options.MOST_PLANES)(parts[2])}
 
@@ -123,15 +122,13 @@ def stack_planes(arguments: argparse.Namespace, field: lfcore.LightField) -> lis
     lens = arguments.f_number or [{}]
     steps = SHEET_STEPS if arguments.sheet else STEPS
     # Without distances: through the whole scene, or as recorded for a stack of apertures.
-    asked = arguments.focus or (
-        [{}] if arguments.f_number else [{"ends": ["near", "far"], "steps": steps}]
-    )
-    focus = [one for each in asked for one in _evenly(each, field)]
-    plane_options.check_count(len(lens) * len(focus))
+    asked = arguments.focus or ([{}] if arguments.f_number else [focus(f"near:far:{steps}")])
+    distances = [one for each in asked for one in _evenly(each, field)]
+    plane_options.check_count(len(lens) * len(distances))
     same = plane_options.settings(arguments, "aperture", "normalise")
     return [
         plane_options.make_plane(field, {**same, "focus": one, "f_number": other})
-        for one in focus for other in lens
+        for one in distances for other in lens
     ]  # fmt: skip
 
 
@@ -139,32 +136,13 @@ def _evenly(asked: Focus, field: lfcore.LightField) -> list[Focus]:
     """The distances of a range, evenly in dioptres; a single distance as it is."""
     if "ends" not in asked:
         return [asked]
-    ends = [
-        {"focus_m": whole_scene(field)[end == "far"]} if isinstance(end, str) else end
-        for end in asked["ends"]
-    ]
+    ends = asked["ends"]
     if "disparity_px" in ends[0]:  # evenly in pixels is evenly in dioptres
         first, last = (end["disparity_px"] for end in ends)
         return [{"disparity_px": px} for px in np.linspace(first, last, asked["steps"]).tolist()]
-    first, last = (1 / field.plane(**end).focus_m for end in ends)
+    first, last = (1 / plane_options.make_plane(field, {"focus": end}).focus_m for end in ends)
     dioptres = np.linspace(first, last, asked["steps"])
     return [{"focus_m": 1 / each if each else math.inf} for each in dioptres.tolist()]
-
-
-def whole_scene(field: lfcore.LightField) -> tuple[float, float]:
-    """The nearest and farthest distance at which there is something to see and the lens focuses.
-
-    Raises :class:`OpticsError` where the file does not say.
-    """
-    if field.depth_range is None:
-        example = "1.5:8:10" if field.metric else "-2px:2px:10"
-        raise OpticsError(
-            "does not say how near and far its scene is", file=field.path,
-            remedy=f"Give --focus, e.g. --focus {example}",
-        )  # fmt: skip
-    near, far = field.depth_range
-    closest = 1.01 * field.require_slab().camera.focal_length_m
-    return max(near, closest), max(far, closest)
 
 
 COMMANDS = {"stack": Command(DESCRIPTION, EPILOG, options, run)}

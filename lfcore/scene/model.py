@@ -299,7 +299,8 @@ class Scene:
         ----------
         focus_m : float or str, optional
             Metres, ``math.inf`` allowed; ``"near"``, ``"middle"``, ``"far"``, or a share such as
-            ``"40%"`` of the depth that is seen, even in dioptres.  Default is the camera's.
+            ``"40%"`` of the depth that is seen, even in dioptres.  Default is the camera's; of a
+            pinhole, that of :meth:`with_lens` where an aperture is given.
         f_number : float, optional
             Default is the camera's; of a pinhole, that of :meth:`with_lens` where a focus is given.
         aperture : str
@@ -322,9 +323,13 @@ class Scene:
         exclude_twice(focus_m=focus_m, focus_at=focus_at)
         exclude_twice(f_number=f_number, blur=blur)
         camera = self.camera
-        asked = focus_m is not None or focus_at is not None
-        if asked and f_number is None and blur is None and self.is_pinhole:
-            f_number = camera.focal_length_m / (2 * self.with_lens().camera.lens_radius_m)
+        wanted = focus_m, focus_at, f_number, blur
+        if self.is_pinhole and any(value is not None for value in wanted):
+            lens = self.with_lens().camera
+            if f_number is None and blur is None:
+                f_number = camera.focal_length_m / (2 * lens.lens_radius_m)
+            if focus_m is None and focus_at is None:
+                focus_m = lens.focus_m
         if focus_at is not None:
             focus_m = focus_at_place(self.triangles, camera.field_width, focus_at)
         elif isinstance(focus_m, str):

@@ -113,6 +113,8 @@ def test_a_pinhole_is_recorded_through_a_lens(pinhole, tmp_path):
     assert "pinhole" in plain.content["lens"] and plain.depth_range
     asked = lfcore.record(pinhole, tmp_path / "c.mkv", views=2, pixels=16, f_number=4, focus_m=5)
     assert "lens" not in asked.content and asked.require_slab().camera.f_number == 4
+    blurred = pinhole.plane(blur="3%")
+    assert blurred.focus_m == pytest.approx(pinhole.depth_range.middle_m)
 
 
 def test_a_pinhole_renders_sharp_unless_a_focus_is_given(pinhole):

@@ -99,10 +99,7 @@ def test_a_scaled_model_gives_the_same_picture(tmp_path, ball, scale):
     unit, scaled = (lfcore.load_scene(tmp_path / f"{name}.obj") for name in ("unit", "scaled"))
     assert scaled.depth_range == pytest.approx(tuple(scale * z for z in unit.depth_range))
     for settings in ({}, {"focus_m": "near"}, {"focus_at": (0.5, 0.5), "blur": "5%"}):
-        first, second = (
-            lfcore.render(scene, planes=[scene.plane(**settings)], pixels=64)
-            for scene in (unit, scaled)
-        )
+        first, second = (lfcore.render(scene, pixels=64, **settings) for scene in (unit, scaled))
         # Corners are rounded to float32 otherwise: single rays at silhouettes may differ.
         assert np.abs(first - second).max() < 0.02
         assert np.abs(first - second).mean() < 1e-4
