@@ -93,7 +93,7 @@ def chosen_row(
     with lfcore.LightField.open(path) as field:
         read = partial(field.refocus_many, planes, device=device)
         retrieved, read_seconds = clocked_warm(read, programs_made, clock=clock)
-        slab, content = field.metadata.slab, field.metadata.content
+        slab, content = field.require_slab(), field.metadata.content
     lattice = Lattice(slab.views, slab.pixels / pixels)
     tracer = open_tracer(scene, device)
     traced = pictures_by_depth(tracer, scene.camera, planes, pixels, lattice)

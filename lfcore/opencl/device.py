@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -103,7 +104,7 @@ class Device:
         """The content of a buffer when the queue is done, within a ``with`` block; no copy on a
         CPU.  With ``write`` the host may change it, and kernels see the change."""
         access = cl.map_flags.READ | (cl.map_flags.WRITE if write else 0)
-        where = access, 0, shape, np.dtype(dtype)
+        where: Any = access, 0, shape, np.dtype(dtype)
         view, _ = cl.enqueue_map_buffer(self.queue, buffer, *where)
         try:
             yield view

@@ -19,7 +19,7 @@ from lfcore.evaluation.work_precision.points import FROM_FILE, IN_MEMORY, ON_THE
 
 GUIDE_DB = 10.0
 """The slope of independent samples: ten times the time has a tenth of the squared error."""
-GUIDE = {"color": "0.6", "linestyle": "--", "linewidth": 1, "zorder": 0}
+GUIDE: dict[str, Any] = {"color": "0.6", "linestyle": "--", "linewidth": 1, "zorder": 0}
 COLUMN_INCHES, ROW_INCHES = 4.9, 4.6
 
 
