@@ -90,8 +90,8 @@ if STORE:
     rule chosen_rays_scene:
         input:
             **of_scene("{scene}"),
-            truth=TRUTHS["wide"],
             **{name: files[-1] for name, files in (TRACED | STORED).items()},
+            truth=TRUTHS["wide"],
         output:
             rows=f"{CHOSEN}/chosen_rays.json",
             light_fields=CHOSEN_FIELDS,
