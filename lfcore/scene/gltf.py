@@ -61,6 +61,11 @@ class FoundCamera:
     field_width: float
 
 
+def _inside(uri: str) -> bytes:
+    """The bytes of a URI that holds its data."""
+    return base64.b64decode(uri.partition(",")[2])
+
+
 def _has(entry: dict, extension: str) -> bool:
     extensions = entry.get("extensions")
     return isinstance(extensions, dict) and extension in extensions
@@ -133,13 +138,26 @@ class Document:
         if uri is None:
             data = self._raw[self._json_end + _CHUNK.size :]
         elif uri.startswith("data:"):
-            data = base64.b64decode(uri.partition(",")[2])
+            data = _inside(uri)
         else:
             data = read_bytes(self.path.parent / urllib.parse.unquote(uri), LARGEST_MESH, "buffer")
         found = data[start : start + view["byteLength"]]
         if len(found) < view["byteLength"]:
             raise self._broken("a buffer ends early")
         return found
+
+    def pictures(self) -> Iterator[tuple[int, bytes]]:
+        """Number and bytes of the images that textures take from within the file."""
+        images, used = self.objects("images"), set()
+        for texture in self.objects("textures"):
+            webp = (texture.get("extensions") or {}).get("EXT_texture_webp") or {}
+            used |= {texture.get("source"), webp.get("source")}
+        for number, image in enumerate(images):
+            uri, view = image.get("uri"), image.get("bufferView")
+            if number in used and view is not None:
+                yield number, self.view(view)
+            elif number in used and isinstance(uri, str) and uri.startswith("data:"):
+                yield number, _inside(uri)
 
     @property
     def _json_end(self) -> int:

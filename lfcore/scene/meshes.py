@@ -151,6 +151,9 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
         )
     resolver = Resolver(str(path), allow_anywhere=True)
     try:
+        for number, data in document.pictures() if document else ():
+            if not _ispicture(data):
+                resolver.trouble.append(f"image {number} cannot be decoded")
         with io.BytesIO(document.readable()) if document else path.open("rb") as stream:
             scene = trimesh.load_scene(stream, file_type=kind, resolver=resolver, process=False)
     except Exception as error:  # trimesh's readers raise whatever they stumble over
@@ -180,7 +183,8 @@ def _check_found(trouble: list[str], path: Path) -> None:
         raise SceneError(
             trouble[0],
             file=path,
-            remedy=f"Put a sound file beside the mesh in {path.parent}, or edit the material",
+            remedy=f"Put a sound one within the mesh or beside it in {path.parent}, or edit the "
+            "material",
         )
 
 

@@ -185,6 +185,21 @@ def test_a_texture_in_webp(tmp_path, required):
     assert (part.surface.texture == (0, 255, 0)).all()
 
 
+@pytest.mark.parametrize("start", [0, 30])
+@pytest.mark.parametrize("how", ["glb", "data"])
+def test_a_damaged_texture_is_refused_not_ignored(tmp_path, start, how):
+    tree, data = textured({"extensions": {WEBP: {"source": 0}}}, [])
+    (view,) = tree["bufferViews"][3:]
+    if how == "glb":
+        first = view["byteOffset"] + start
+        data = data[:first] + bytes(len(data) - first)
+    else:
+        text = base64.b64encode(picture("WEBP")[:start] + bytes(50)).decode()
+        tree["images"] = [{"uri": f"data:image/webp;base64,{text}"}]
+    with pytest.raises(SceneError, match=r"m\.glb: image 0 cannot be decoded"):
+        build_scene(written(tmp_path, tree, data))
+
+
 @pytest.mark.parametrize("required", [[], [BASIS]])
 def test_a_texture_in_ktx2_is_refused_by_name(tmp_path, required):
     texture = {"extensions": {BASIS: {"source": 0}}}
