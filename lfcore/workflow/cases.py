@@ -30,15 +30,15 @@ OWN = {"chart", "book", "sphere", "ecosys"}
 """The scenes of figures and of the assignment, whatever scenes are in the tables."""
 
 
-def scene_files(entries: Iterable[str], root: Path = ROOT) -> dict[str, str]:
+def scene_files(entries: Iterable[str]) -> dict[str, str]:
     """Name and file of each scene: a folder below ``scenes/``, or a path to a file.
 
-    Paths are relative to the working folder; names to ``root``.  Raises :class:`SettingsError`
-    for what does not exist and for two scenes of one name.
+    Paths are relative to the working folder, names to the project.  Raises
+    :class:`SettingsError` for a scene that does not exist and for two with the same name.
     """
     found: dict[str, str] = {}
     for entry in entries:
-        file = root / "scenes" / entry / "scene.yaml"
+        file = ROOT / "scenes" / entry / "scene.yaml"
         if not os.path.exists(file):  # False, too, for a name too long
             file = Path(entry) / "scene.yaml" if os.path.isdir(entry) else Path(entry)
         if not os.path.isfile(file):
@@ -47,11 +47,11 @@ def scene_files(entries: Iterable[str], root: Path = ROOT) -> dict[str, str]:
                 key="configuration: scenes",
                 remedy="Give the name of a folder below scenes/, or the path of a scene or mesh",
             )
-        found[_scene_name(file, root, found)] = str(file)
+        found[_scene_name(file, found)] = str(file)
     return found
 
 
-def _scene_name(file: Path, root: Path, taken: Iterable[str]) -> str:
+def _scene_name(file: Path, taken: Iterable[str]) -> str:
     """Name of a scene's folder of results: of its folder, or of its file."""
     name = file.resolve().parent.name if file.name == "scene.yaml" else file.stem
     rename = "Rename the folder or the file"
@@ -62,7 +62,7 @@ def _scene_name(file: Path, root: Path, taken: Iterable[str]) -> str:
         problem = f"results/{name}/ is not a scene's"
     elif name in taken:
         problem = f"two scenes are called {name!r}"
-    elif name in OWN and file.resolve() != (root / "scenes" / name / "scene.yaml").resolve():
+    elif name in OWN and file.resolve() != (ROOT / "scenes" / name / "scene.yaml").resolve():
         problem = f"{name!r} is a scene of this project, which other results are made of, too"
     else:
         return name

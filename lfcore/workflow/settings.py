@@ -50,18 +50,8 @@ def check_settings(config: Mapping) -> dict:
 
 def schema() -> dict[str, Any]:
     """The JSON schema of the configuration."""
-    made = _untitled(Configuration.model_json_schema())
+    made = Configuration.model_json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **made}
-
-
-def _untitled(part: Any) -> Any:
-    """The schema without the titles that pydantic makes from names."""
-    if isinstance(part, list):
-        return [_untitled(one) for one in part]
-    if not isinstance(part, dict):
-        return part
-    titled = isinstance(part.get("title"), str)
-    return {k: _untitled(one) for k, one in part.items() if not (titled and k == "title")}
 
 
 def rows(model: type[keys.Keys], above: str = "") -> Iterator[str]:
@@ -93,20 +83,20 @@ def commented(model: type[keys.Keys], indent: str = "") -> Iterator[str]:
             yield f"{indent}{name}: {_flow(default)}"
 
 
-def documents(root: Path) -> dict[Path, str]:
+def documents() -> dict[Path, str]:
     """The text of every file that is made from the keys."""
-    made = {root / "config/config.yaml": "\n".join(commented(keys.Configuration)) + "\n"}
+    made = {ROOT / "config/config.yaml": "\n".join(commented(keys.Configuration)) + "\n"}
     for name in STUDIES:
         field = Configuration.model_fields[name]
         lines = [f"# {field.description}. For a deployed workflow, its Snakefile needs the line"]
         lines += [f'# configfile: "config/studies/{name}.yaml"', f"{name}:"]
         lines += commented(type(field.get_default(call_default_factory=True)), "  ")
-        made[root / "config/studies" / f"{name}.yaml"] = "\n".join(lines) + "\n"
+        made[ROOT / "config/studies" / f"{name}.yaml"] = "\n".join(lines) + "\n"
     text = yaml.safe_dump(
         schema(), sort_keys=False, default_flow_style=None, width=100, allow_unicode=True
     )
-    made[root / "workflow/schemas/config.schema.yaml"] = f"# Written by `make settings`.\n{text}"
-    readme = root / "config/README.md"
+    made[ROOT / "workflow/schemas/config.schema.yaml"] = f"# Written by `make settings`.\n{text}"
+    readme = ROOT / "config/README.md"
     models: dict[str, type[keys.Keys]] = {"keys": keys.Configuration, "planes": keys.Plane}
     head = "| key | meaning | default |\n|---|---|---|\n"
     made[readme] = re.sub(
@@ -120,7 +110,7 @@ def documents(root: Path) -> dict[Path, str]:
 
 def main() -> None:
     check, stale = "--check" in sys.argv, []
-    for path, text in documents(ROOT).items():
+    for path, text in documents().items():
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             stale.append(path)
             if not check:

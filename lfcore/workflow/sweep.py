@@ -99,8 +99,8 @@ class Sweep:
         }
 
 
-def plan(path: Path, base: Mapping, root: Path = cases.ROOT) -> Sweep:
-    """The sweep of a table over a configuration; scenes are looked up below ``root``.
+def plan(path: Path, base: Mapping) -> Sweep:
+    """The sweep of a table over a configuration.
 
     Raises :class:`SettingsError` for a case that names no run.
     """
@@ -109,7 +109,7 @@ def plan(path: Path, base: Mapping, root: Path = cases.ROOT) -> Sweep:
     members: dict[tuple[str, str, int], list[str]] = {}
     groups: dict[str, str] = {}
     for case, one in settings.items():
-        for scene in cases.scene_files(one["scenes"], root):
+        for scene in cases.scene_files(one["scenes"]):
             for n in one["views"]:
                 same = repr((cases.frame_layout(one, n), one["planes"], one["tile_mib"]))
                 group = groups.setdefault(same, f"{len(groups):02d}")

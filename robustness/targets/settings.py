@@ -47,7 +47,7 @@ def judge(data: bytes, folder: Path) -> Outcome:
 
     def work() -> None:
         settings = check_settings(config)
-        cases.scene_files(settings["scenes"], ROOT)
+        cases.scene_files(settings["scenes"])
         for views in settings["views"]:
             costs.named_batches(settings, views)
             cases.encoding(settings, views)

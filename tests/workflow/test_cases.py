@@ -97,17 +97,17 @@ def test_scenes_by_name_and_by_path(tmp_path):
     mesh.touch()
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "scene.yaml").touch()
-    found = cases.scene_files(["bike", str(mesh), str(tmp_path / "mine")], ROOT)
+    found = cases.scene_files(["bike", str(mesh), str(tmp_path / "mine")])
     assert list(found) == ["bike", "teapot", "mine"]
     assert found["bike"].endswith("scenes/bike/scene.yaml")
 
 
 def test_a_scene_that_is_not_there(tmp_path):
     with pytest.raises(SettingsError, match=r"scenes: there is no scene 'bikke'"):
-        cases.scene_files(["bikke"], ROOT)
+        cases.scene_files(["bikke"])
     (tmp_path / "bike.yaml").touch()
     with pytest.raises(SettingsError, match="two scenes are called 'bike'"):
-        cases.scene_files(["bike", str(tmp_path / "bike.yaml")], ROOT)
+        cases.scene_files(["bike", str(tmp_path / "bike.yaml")])
 
 
 @pytest.mark.parametrize(
@@ -131,18 +131,18 @@ def test_names_that_no_scene_can_have(tmp_path, file, words):
     path.parent.mkdir(exist_ok=True)
     path.touch()
     with pytest.raises(SettingsError, match=words) as caught:
-        cases.scene_files([str(path)], ROOT)
+        cases.scene_files([str(path)])
     assert "configuration: scenes" in str(caught.value) and str(path) in str(caught.value)
 
 
 @pytest.mark.parametrize("file", ["teapot-2.1_final+.glb", "größe.ply", "-1.obj"])
 def test_names_that_scenes_have(tmp_path, file):
     (tmp_path / file).touch()
-    assert list(cases.scene_files([str(tmp_path / file)], ROOT)) == [file.rsplit(".", 1)[0]]
+    assert list(cases.scene_files([str(tmp_path / file)])) == [file.rsplit(".", 1)[0]]
 
 
 def test_the_project_s_own_scenes_by_path():
-    assert list(cases.scene_files(["chart", str(ROOT / "scenes" / "book")], ROOT)) == [
+    assert list(cases.scene_files(["chart", str(ROOT / "scenes" / "book")])) == [
         "chart", "book",
     ]  # fmt: skip
 

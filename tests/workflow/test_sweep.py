@@ -26,12 +26,12 @@ BASE = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
 def sweep_of(tmp_path, text):
     path = tmp_path / "s.tsv"
     path.write_text(text)
-    return plan(path, BASE, ROOT)
+    return plan(path, BASE)
 
 
 @pytest.mark.parametrize("name", ["crf", "layout"])
 def test_the_sweeps_of_the_project(name):
-    sweep = plan(ROOT / "config" / "sweeps" / f"{name}.tsv", BASE, ROOT)
+    sweep = plan(ROOT / "config" / "sweeps" / f"{name}.tsv", BASE)
     assert len(sweep.settings) >= 4
     # Five rate factors share one tracing; layouts and pixel formats share none.
     assert len(sweep.members) == {"crf": 1, "layout": 16}[name]
