@@ -4,12 +4,17 @@ import json
 import os
 import re
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
 
 # Jobs end with this process; see lfcore/workflow/job.py.
 os.environ.update(LFCORE_RUN=str(os.getpid()))
+# Where environments of rules find the library; see workflow/envs/lfcore.post-deploy.sh.
+library = find_spec("lfcore")
+if library:
+    os.environ.setdefault("LFCORE_ROOT", str(Path(library.origin).parents[1]))
 # Jobs keep to their threads: those of BLAS would spin while they wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
