@@ -7,7 +7,7 @@ give the same picture with the same defocus.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -136,15 +136,24 @@ def _lens(description: dict, triangles: np.ndarray, width: float) -> Camera:
         focus = focus_at(triangles, width, description["focus_at"])
     else:
         focus = _focus(description.get("focus_m", "middle"), seen)
-    diameter = fitted_diameter(seen or DepthRange(focus, focus), width)
-    focal = F_NUMBER * diameter if given is None else given[0]
-    check_focus(focus, focal, key="focus_m")
-    sensor = width * image_distance(focal, focus) if given is None else given[1]
-    if "blur" in description:
-        f_number = f_number_of_blur(description["blur"], focal, focus, width, seen)
+    depths = seen or DepthRange(focus, focus)
+    if given is None:
+        camera = fitted_lens(depths, width, focus)
     else:
-        f_number = float(description.get("f_number", focal / diameter))
-    return Camera(focal, sensor, f_number, focus)
+        focal, sensor = given
+        camera = Camera(focal, sensor, focal / fitted_diameter(depths, width), focus)
+    if "blur" in description:
+        focal = camera.focal_length_m
+        f_number = f_number_of_blur(description["blur"], focal, focus, width, seen)
+        return replace(camera, f_number=f_number)
+    return replace(camera, f_number=float(description.get("f_number", camera.f_number)))
+
+
+def fitted_lens(seen: DepthRange, width: float, focus_m: float) -> Camera:
+    """A lens of :data:`F_NUMBER` and :func:`fitted_diameter` with a field of ``width``."""
+    focal = F_NUMBER * fitted_diameter(seen, width)
+    check_focus(focus_m, focal, key="focus_m")
+    return Camera(focal, width * image_distance(focal, focus_m), F_NUMBER, focus_m)
 
 
 def _given_lens(description: dict) -> tuple[float, float] | None:

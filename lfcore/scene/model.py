@@ -6,7 +6,6 @@ a :class:`Scene` moves the geometry there in float64 and rounds to float32 once.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -17,7 +16,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.errors import OpticsError, SceneError
-from lfcore.optics.array import thin_lens
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import DepthRange, exclude_twice, f_number_of_blur, focus_distance
 from lfcore.optics.planes import PlaneOptions, SensorPlane, check_keywords
@@ -273,15 +271,15 @@ class Scene:
 
     def with_lens(self) -> Scene:
         """The scene with a lens fitted to the depths that are seen, as for a mesh without camera;
-        it is focused in their middle where the camera is focused at infinity."""
-        from lfcore.scene.framing import fitted_diameter
+        it is focused in their middle unless the camera is focused on something that is seen."""
+        from lfcore.scene.framing import fitted_lens
 
         camera, seen = self.camera, self.depth_range
         if seen is None:
             return self
-        focus = camera.focus_m if math.isfinite(camera.focus_m) else seen.middle_m
-        radius = fitted_diameter(seen, camera.field_width) / 2
-        return replace(self, camera=thin_lens(camera.field_width, radius, focus))
+        inside = seen.near_m <= camera.focus_m <= seen.far_m
+        focus = camera.focus_m if inside else seen.middle_m
+        return replace(self, camera=fitted_lens(seen, camera.field_width, focus))
 
     def plane(
         self,
