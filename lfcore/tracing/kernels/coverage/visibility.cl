@@ -155,7 +155,7 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     }
     if (SINGLE_RAYS) return;
     const Frustum frustum = packet_frustum(p);
-    const Volume volume = {&frustum, 0, 0};
+    const Volume volume = {FRUSTUM, &frustum};
     Stack stack;
     start_walk(&stack);
     // Several blocks of one element meet much the same triangles.

@@ -8,8 +8,8 @@ KERNEL void slab_hits(SLAB_HITS_PARAMETERS)
     const Rays rays = MAKE_RAYS;
     global VisibilityMemory *memory = (global VisibilityMemory *)scratch + get_global_id(0);
     Visibility visibility;
-    for (int at = atomic_inc(next); at < ray_numbers.packets; at = atomic_inc(next)) {
-        const Packet packet = make_packet(&rays, at);
+    PacketQueue queue = make_queue(next, ray_numbers.packets, 1);
+    for (Packet packet; next_packet(&rays, &queue, &packet);) {
         start_visibility(&rays, memory, &visibility);
         find_visible(&tree, &packet, &visibility);
         for (int block = 0; block < rays.blocks; ++block) {

@@ -1,5 +1,4 @@
-// Linear radiance of bundles, as floats, and, if asked for, how far along the axis each ray met
-// what it saw.
+// Linear radiance of bundles as floats and, if asked for, the depth of each ray's hit.
 //
 // Element e is tile (e / across, e % across) of one image; with one tile across, elements follow
 // each other.
@@ -23,8 +22,8 @@ KERNEL void trace_radiance(TRACE_RADIANCE_PARAMETERS)
     global Memory *memory = (global Memory *)(scratch + get_global_id(0) * words);
     Pipeline pipeline;
     start_pipeline(&tree, &scene, ray_numbers.pixel_tangent, &memory->pipeline, &pipeline);
-    for (int at = atomic_inc(next); at < ray_numbers.packets; at = atomic_inc(next)) {
-        const Packet packet = make_packet(&rays, at);
+    PacketQueue queue = make_queue(next, ray_numbers.packets, 1);
+    for (Packet packet; next_packet(&rays, &queue, &packet);) {
         see_packet(&packet, &pipeline);
         for (int block = 0; block < rays.blocks; ++block) {
             if (!has_block(&packet, block)) continue;

@@ -80,15 +80,11 @@ KERNEL void trace_slab(TRACE_SLAB_PARAMETERS)
     global float *cells = memory->cells;
     Pipeline pipeline;
     start_pipeline(&tree, &scene, ray_numbers.pixel_tangent, &memory->pipeline, &pipeline);
-    const int per_group = rays.packets_per_group, height = plane_numbers.strip_height;
-    const int items = ray_numbers.packets / height;
-    for (int item = atomic_inc(next); item < items; item = atomic_inc(next)) {
-        int u = 0;
-        for (int k = 0; k < height; ++k) {
-            const int number = (item / per_group * height + k) * per_group + item % per_group;
-            Packet packet = make_packet(&rays, number);
-            const int first = first_element(&packet);
-            if (first < 0) continue;
+    PacketQueue queue = make_queue(next, ray_numbers.packets, plane_numbers.strip_height);
+    int u = 0;  // first column of the strip's pixels
+    for (Packet packet; next_packet(&rays, &queue, &packet);) {
+        const int first = first_element(&packet);
+        if (first >= 0) {
             if (PLANES == 1 && !BITS) drop_closed_blocks(&planes, &packet);
             colour_packet(&packet, &pipeline, cells);
             u = slots[first].column / rays.group * rays.group;
@@ -96,7 +92,8 @@ KERNEL void trace_slab(TRACE_SLAB_PARAMETERS)
             if (PLANES == 1) add_to_strip(&planes, &packet, v, cells, memory->prefix, &strip);
             write_cells(&planes, &out, &packet, cells);
         }
-        if (PLANES == 1) finish_strip(&planes, &rays, u, item % rays.packets_in_x, &strip);
+        if (PLANES == 1 && queue.step == queue.height - 1)
+            finish_strip(&planes, &rays, u, queue.strip % rays.packets_in_x, &strip);
     }
 }
 

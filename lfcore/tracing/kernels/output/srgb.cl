@@ -2,7 +2,7 @@
 #ifndef LFCORE_SRGB_CL
 #define LFCORE_SRGB_CL
 #include "codes.cl"
-#include "ranges.cl"
+#include "block.cl"
 
 // IEC 61966-2-1 encoding of values clamped to [0, 1]: a polynomial (least largest error, 7e-6) in
 // the fourth root.

@@ -6,7 +6,7 @@
 // Physically-based Rendering", 1994.
 #ifndef LFCORE_MICROFACET_CL
 #define LFCORE_MICROFACET_CL
-#include "surface_row.cl"
+#include "samples.cl"
 
 inline int is_metallic(const Material *m) { return m->metallic >= 0.0f; }
 

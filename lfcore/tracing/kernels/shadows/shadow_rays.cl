@@ -1,7 +1,6 @@
 // Sets of shadow rays: from hit points in a box to a light.
 #ifndef LFCORE_SHADOW_RAYS_CL
 #define LFCORE_SHADOW_RAYS_CL
-#include "ranges.cl"
 #include "samples.cl"
 #include "walk.cl"
 
@@ -71,7 +70,7 @@ inline ShadowRays make_shadow_rays(global const LightRecord *light, const Box *b
 // The next leaf that may hide the light from some ray; -1 once none is left.
 inline int next_hiding(const Tree *tree, const ShadowRays *r, Stack *stack)
 {
-    const Volume volume = {0, &r->shaft, 0};
+    const Volume volume = {SHAFT, &r->shaft};
     const int child = next_leaf(tree, &volume, FAR, stack);
     return child == ROOT ? -1 : -1 - tree->children[child];
 }

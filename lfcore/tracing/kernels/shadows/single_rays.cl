@@ -37,7 +37,7 @@ inline int leaf_blocks(const Tree *tree, const Ray *r, int leaf, float far, int 
 // The leaf that blocks the ray nearer than `far`, or -1.
 inline int blocking_leaf(const Tree *tree, const Ray *r, float far, int own, int2 light)
 {
-    const Volume volume = {0, 0, r};
+    const Volume volume = {RAY, r};
     Stack stack;
     start_walk(&stack);
     for (;;) {

@@ -52,6 +52,19 @@ typedef struct {
     Level maps[MAPS];
 } Material;
 
+// A row of rays' surfaces, of one material, which is shaded together.
+typedef struct {
+    const Material *material;
+    Vec albedo, point;
+    Vec normal;     // of unit length
+    Vec view;       // direction to the viewer, of unit length; only specular materials have it
+    // Scenes with PHYSICAL alone.
+    Vec geometric;  // the normal before the normal map
+    vf metallic;
+    vf alpha2;      // the fourth power of roughness
+    Vec emission;
+} Surface;
+
 // One of a material's textures, -1 without it.
 inline int map_of(global const MaterialRecord *material, int map)
 {

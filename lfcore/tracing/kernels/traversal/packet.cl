@@ -148,6 +148,33 @@ inline Packet make_packet(const Rays *rays, int number)
     return p;
 }
 
+// A worker's way through the packets of a job.  Workers take strips from a counter, a strip is so
+// many packets one below the other.
+typedef struct {
+    global int *next;    // (1,) of all workers
+    int height, strips;  // packets in a strip, and strips in all
+    int strip, step;     // the worker's strip, and its packet there
+} PacketQueue;
+
+inline PacketQueue make_queue(global int *next, int packets, int height)
+{
+    return (PacketQueue){next, height, packets / height, 0, height - 1};
+}
+
+// The loop of every kernel: the worker's next packet; false once none is left.
+inline int next_packet(const Rays *rays, PacketQueue *q, Packet *packet)
+{
+    if (++q->step == q->height) {
+        q->strip = atomic_inc(q->next);
+        q->step = 0;
+    }
+    if (q->strip >= q->strips) return 0;
+    const int group = q->strip / rays->packets_per_group * q->height + q->step;
+    *packet = make_packet(rays, group * rays->packets_per_group +
+                                    q->strip % rays->packets_per_group);
+    return 1;
+}
+
 // The first element of a packet; negative if it has none.
 inline int first_element(const Packet *p)
 {

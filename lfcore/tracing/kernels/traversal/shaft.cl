@@ -3,7 +3,6 @@
 // Source: E. A. Haines, J. R. Wallace, "Shaft Culling for Efficient Ray-Cast Radiosity", 1991.
 #ifndef LFCORE_SHAFT_CL
 #define LFCORE_SHAFT_CL
-#include "ranges.cl"
 #include "tree.cl"
 
 // An axis-aligned box, and in each coordinate plane the two lines that touch the box of hit points

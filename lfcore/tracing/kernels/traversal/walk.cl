@@ -8,12 +8,9 @@
 #include "ray.cl"
 #include "shaft.cl"
 
-// Whatever the walk is for; one of them is given.
-typedef struct {
-    const Frustum *frustum;
-    const Shaft *shaft;
-    const Ray *ray;
-} Volume;
+// The volume that a walk is for: its kind, and a Frustum, a Shaft or a Ray.
+enum { FRUSTUM, SHAFT, RAY };
+typedef struct { int kind; const void *of; } Volume;
 
 // Children still to be looked at, by their places in the tree's arrays, and where each begins.
 // STACK holds what a tree of MOST_LEVELS leaves there at most: all but one of each node's children.
@@ -40,11 +37,11 @@ inline uint meet_children(const Tree *tree, const Volume *volume, int node, floa
     for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
         global const float *boxes = tree->boxes + node * BOX * NODE_WIDTH + lane;
         vi meets;
-        if (volume->ray) {
-            meets = ray_meets(volume->ray, boxes, far, near + lane);
+        if (volume->kind == RAY) {
+            meets = ray_meets((const Ray *)volume->of, boxes, far, near + lane);
         } else {
-            if (volume->frustum) meets = frustum_meets(volume->frustum, boxes, NODE_WIDTH, far);
-            else meets = shaft_meets(volume->shaft, boxes);
+            if (volume->kind == SHAFT) meets = shaft_meets((const Shaft *)volume->of, boxes);
+            else meets = frustum_meets((const Frustum *)volume->of, boxes, NODE_WIDTH, far);
             VSTORE(VLOAD(boxes + 2 * NODE_WIDTH), near + lane);
         }
         bits |= row_bits(meets) << lane;
@@ -61,7 +58,7 @@ inline void push_children(const Volume *volume, int node, uint bits, private con
         const uint lane = 31 - clz(bits);
         bits ^= 1u << lane;
         int at = stack->size++;
-        for (; volume->ray && at > base && stack->near[at - 1] < near[lane]; --at) {
+        for (; volume->kind == RAY && at > base && stack->near[at - 1] < near[lane]; --at) {
             stack->near[at] = stack->near[at - 1];
             stack->child[at] = stack->child[at - 1];
         }
@@ -102,7 +99,7 @@ inline void gather_leaves(const Tree *tree, const Volume *volume, float far, Sta
 // The first triangle that a ray meets, if that is nearer than hit->t.
 inline void closest_hit(const Tree *tree, const Ray *r, Hit *hit)
 {
-    const Volume volume = {0, 0, r};
+    const Volume volume = {RAY, r};
     Stack stack;
     start_walk(&stack);
     for (;;) {
