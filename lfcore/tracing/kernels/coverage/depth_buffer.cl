@@ -60,9 +60,6 @@ inline Affine element_affine(Affine f, float u, float v)
     return f;
 }
 
-// Sixteen roundings: a depth at a corner, and that of a ray beside it, are off by a few each.
-#define DEPTH_SLACK (17.0f * ROUNDING)
-
 // A triangle that every ray of the block passes through: accept it or reject it at once, if its
 // range of depths and that of the block's hits do not overlap; false if they do.  Depth is linear-
 // fractional with a denominator of one sign, so its extremes are at the corners.

@@ -42,9 +42,6 @@ typedef struct {
     vf error;
 } Axis;
 
-// Seven roundings: of corners sheared, and of where the block's rays pass them.
-#define CORNER_ERROR (6.72f * ROUNDING)
-
 // Of rays whose steps are s and t and whose centre has direction d.
 inline Axis make_axis(const Bundle *r, float s, float t, float d, Triple at, Triple z)
 {
@@ -65,9 +62,6 @@ inline vi beside_rays(const Axis *a)
                          a->error);
     return GT(least3(a->at), limit) | LT(most3(a->at), -limit);
 }
-
-// A hundredth of a sample is far more than the rounding of where corners fall among samples.
-#define SAMPLE_SLACK 0.01f
 
 // The block's 16 columns (rows, along y) that triangles can reach, a bit each.  At depth z
 // neighbouring rays of the inner grid are s + z t apart, and those of neighbouring elements a + z
@@ -109,11 +103,6 @@ typedef struct {
     vi edge_on;          // some ray sees it edge-on: the sign of n . D changes
     vi flip;             // sign bit of those that were seen from behind
 } Placed;
-
-// The bounds of rounding errors below, in roundings of the terms that enter: sum, difference,
-// product and their difference are four of each term, evaluation at a ray two more, or four with u
-// and v.
-#define EDGE_ERROR ((OUTER > 1 ? 8.06f : 6.05f) * ROUNDING)
 
 // Twice the edge function from p to q: P x Q = (P + Q) x (Q - P) / 2.  The difference of two
 // corners that are near each other is exact, so the error scales with the triangle's edge, and not

@@ -106,9 +106,6 @@ typedef struct { float of[4][PICTURE_TERMS][LANES]; } PictureEdges;
 
 inline vf component(Vec n, int k) { return k == 0 ? n.x : k == 1 ? n.y : n.z; }
 
-// 34 roundings of the terms of such an affine function.
-#define PICTURE_SLACK (34.0f * ROUNDING)
-
 // WideAffine of LANES triangles of a leaf; returns those of `may` that reach the hit points' box in
 // the picture.
 inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, global const float *leaf,
@@ -131,7 +128,7 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, global c
             largest += fma(g, (vf)(view->middle[2]), fabs(g) * view->half_extent[2]);
             error = fma(fabs(g), (vf)(view->most[2]), error);
         }
-        const vf function[PICTURE_TERMS] = {a, b, g, c, fma(error, (vf)(PICTURE_SLACK), c)};
+        const vf function[PICTURE_TERMS] = {a, b, g, c, fma(error, (vf)(LIGHT_SPACE_ERROR), c)};
         for (int term = 0; term < PICTURE_TERMS; ++term) VSTORE(function[term], out->of[k][term]);
         may &= GE(largest + function[MOST_C], (vf)(0.0f));
     }

@@ -21,11 +21,6 @@ inline vf absolute_dot(Vec a, Vec b)
     return fma(fabs(a.x), b.x, fma(fabs(a.y), b.y, fabs(a.z) * b.z));
 }
 
-// What lies nearer a triangle's plane than this share of the numbers that enter, a millionth, is no
-// occluder: a hit point is off its plane by a few roundings.  Against the float64 oracle, half of
-// this darkens some rays beside a neighbouring triangle, and four times it loses contact shadows.
-#define SHADOW_MARGIN (16.777216f * ROUNDING)
-
 // That share, of normal n times the corner v and points of magnitude `size`.
 inline vf shadow_margin(Vec n, Vec v, float3 size)
 {

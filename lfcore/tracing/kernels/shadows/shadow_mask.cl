@@ -7,13 +7,7 @@
 #include "occluders.cl"
 
 #define ROW_GROUPS (BLOCK / LANES)
-// An affine function whose slope along a row is below this share of its size is taken for level:
-// over the 64 columns of a packet it changes by less than a thousandth of one rounding, which no
-// ray can tell.
-#define LEAST_SLOPE 9.0e-13f
 #define ANYWHERE 1.0e30f
-// More columns than an inner grid has; less of a level function is rounding.
-#define MOST_COLUMNS 16384.0f
 
 typedef struct {
     Rectangle over;  // around the rays, in columns and rows as affine functions count them

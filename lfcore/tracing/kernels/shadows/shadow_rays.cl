@@ -38,9 +38,6 @@ inline void clear_lit(global int *lit)
     for (int row = 0; row < BLOCK; row += LANES) VSTORE((vi)(0), lit + row);
 }
 
-// Seventeen roundings of the terms of a hit point.
-#define HIT_SLACK (17.0f * ROUNDING)
-
 typedef struct {
     int is_point;
     float3 apex;                 // the light, or the middle of the hit points

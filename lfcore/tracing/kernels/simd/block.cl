@@ -30,14 +30,6 @@ inline void store3(Vec a, global float *to, int at)
     VSTORE(a.z, to + 2 * BLOCK_RAYS + at);
 }
 
-// Half the unit in the last place of 1: the relative error of one rounding.
-#define ROUNDING 5.9604645e-8f
-// Below this an affine function or a square is nothing: its terms may be denormal, and have lost
-// their bits.
-#define NOTHING_LEFT 1.0e-30f
-// Widens a bound that was itself rounded a few times.
-#define BOUND_SLACK (1.0f + 168.0f * ROUNDING)
-
 typedef struct {
     float ox, oy, dx, dy;  // centre ray
     float sx, sy;          // step of the origin per column, per row

@@ -10,6 +10,7 @@
 #ifndef LFCORE_LANES_CL
 #define LFCORE_LANES_CL
 #pragma OPENCL FP_CONTRACT OFF
+#include "numerics.cl"
 
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
@@ -107,9 +108,6 @@ inline float3 cross_product(float3 a, float3 b)
 {
     return (float3)(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
 }
-
-// What a length is at least where it is divided by: above the least normal float, 1.2e-38.
-#define LEAST_LENGTH 1.0e-37f
 
 // Direction, also of vectors whose squares a float cannot hold; nothing has none.
 inline float largest_component(float3 a) { return max(fabs(a.x), max(fabs(a.y), fabs(a.z))); }

@@ -143,7 +143,7 @@ inline int is_one_sided(Affine denominator, Rectangle at)
 {
     const float x = at.x * denominator.of[X], y = at.y * denominator.of[Y];
     const float one = denominator.of[ONE];
-    const float error = 17.0f * ROUNDING * (fabs(one) + fabs(x) + fabs(y));
+    const float error = HIT_SLACK * (fabs(one) + fabs(x) + fabs(y));
     const float spread = at.half_width * fabs(denominator.of[X]) +
                          at.half_height * fabs(denominator.of[Y]);
     return one + x + y > error + BOUND_SLACK * spread;

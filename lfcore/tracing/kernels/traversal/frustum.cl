@@ -17,10 +17,6 @@ typedef struct {
     float hu, gu;  // half extents of the elements of a block, the same along both axes
 } Frustum;
 
-// Culling must never lose a ray that the triangle test would hit: 17 roundings of every term are
-// more than the evaluation below and the blocks' centres make.
-#define FRUSTUM_SLACK (17.0f * ROUNDING)
-
 inline Interval widened(Interval a, float hu, float gu)
 {
     const float o = FRUSTUM_SLACK * (max(fabs(a.o_lo), fabs(a.o_hi)) + fabs(a.h) + fabs(hu));

@@ -45,10 +45,6 @@ inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
     return r;
 }
 
-// Three roundings of an interval's far end keep the test conservative: T. Ize, "Robust BVH Ray
-// Traversal", JCGT 2(2), 2013.
-#define RAY_SLACK (1.0f + 7.0f * ROUNDING)
-
 // Mask of the LANES boxes that the ray passes before t_far; `nearest` receives where it enters
 // them.
 inline vi ray_meets(const Ray *r, global const float *boxes, float t_far,

@@ -13,9 +13,6 @@ typedef struct {
     float na[6], nb[6], limit[6];
 } Shaft;
 
-// 67 roundings of the largest number that enters, more than a box's corners and lines have.
-#define SHAFT_SLACK (67.0f * ROUNDING)
-
 // A line beyond which nothing of the box lies.
 inline void set_line(Shaft *shaft, int line, float na, float nb, const Box *box, float size)
 {

@@ -1,0 +1,52 @@
+// Bounds of rounding errors, as counts of roundings: docs/numerics.md says which are counted term by
+// term, and which are estimates or measured.
+//
+// A number that passes n roundings has a relative error of at most GAMMA(n).  Source: N. J. Higham,
+// "Accuracy and Stability of Numerical Algorithms", 2002, section 3.1; M. Pharr, W. Jakob, G.
+// Humphreys, "Physically Based Rendering", section 6.8.
+#ifndef LFCORE_NUMERICS_CL
+#define LFCORE_NUMERICS_CL
+
+#define ROUNDING 5.9604645e-8f  // half the unit in the last place of 1
+#define GAMMA(n) ((n) * ROUNDING / (1.0f - (n) * ROUNDING))
+
+// Below this a function or a square counts as zero: its terms may be denormal, and inexact.
+#define NOTHING_LEFT 1.0e-30f
+// The least divisor of a length: above the least normal float, 1.2e-38.
+#define LEAST_LENGTH 1.0e-37f
+
+// Edge functions: sum, difference, product and their difference (4), the widening (1), evaluation
+// at a ray (2; with u and v 4).
+#define EDGE_ERROR (OUTER > 1 ? GAMMA(9.0f) : GAMMA(7.0f))
+// Corners: difference and fma (2), and where the rays pass them: step and centre (2), half extent
+// (1), fma (1), sum (1).
+#define CORNER_ERROR GAMMA(7.0f)
+// A half extent or a spread: at most eight roundings of positive terms.
+#define BOUND_SLACK (1.0f + GAMMA(8.0f))
+// A ray's entry into a box: T. Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013, has 3 for the far
+// end and as many for the near one, and the bound is rounded once.
+#define RAY_SLACK (1.0f + GAMMA(7.0f))
+// Frusta: centre, half extents and evaluation have 6 roundings, the corners that must not be lost 7.
+// The rest is an estimate of what edges widened by EDGE_ERROR reach beyond a box.
+#define FRUSTUM_SLACK GAMMA(17.0f)
+// Hit points on a triangle, and the columns and rows of its rays: an estimate.
+#define HIT_SLACK GAMMA(17.0f)
+// Lines of shafts, whose normals and limits come from boxes of hit points: an estimate.
+#define SHAFT_SLACK GAMMA(67.0f)
+// Edges and planes of occluders in light space: an estimate.
+#define LIGHT_SPACE_ERROR GAMMA(34.0f)
+// Depths at a block's corners against those at its rays: an estimate.
+#define DEPTH_SLACK GAMMA(17.0f)
+// Hit points nearer to a triangle's plane than this share of the terms are not shadowed by it: a
+// millionth.  Half of it darkens rays beside a neighbouring triangle, four times it loses contact
+// shadows: measured against the float64 oracle.
+#define SHADOW_MARGIN 1.0e-6f
+// Where triangles fall among samples, in samples: far more than any rounding.
+#define SAMPLE_SLACK 0.01f
+// More columns than an inner grid has: an affine function that changes by less is constant.
+#define MOST_COLUMNS 16384.0f
+// A function whose slope in a row is below this share of its size is constant: over the 64 columns
+// of a packet it changes by less than a thousandth of one rounding.
+#define LEAST_SLOPE 9.0e-13f
+
+#endif
