@@ -3,8 +3,7 @@
 // Most blocks of a dense slab lie wholly on one triangle.  Such a block keeps the triangle and the
 // two affine functions of its depth, and writes no depth buffer until another triangle may be seen,
 // too.
-#ifndef LFCORE_DEPTH_BUFFER_CL
-#define LFCORE_DEPTH_BUFFER_CL
+#pragma once
 #include "triangles.cl"
 
 typedef struct {
@@ -244,5 +243,3 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *ray
     }
     return changed;
 }
-
-#endif

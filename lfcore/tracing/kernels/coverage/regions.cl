@@ -3,8 +3,7 @@
 // A region is what one triangle has of a block: the triangle, a mask of sixteen rays for each of
 // sixteen rows, and the rectangle around them.  A covered block is one full region.  Whatever comes
 // after coverage knows a block by its regions alone.
-#ifndef LFCORE_REGIONS_CL
-#define LFCORE_REGIONS_CL
+#pragma once
 #include "visibility.cl"
 
 typedef struct {
@@ -112,5 +111,3 @@ inline Rectangle region_rectangle(global const Region *r, float half_extent)
     return (Rectangle){0.5f * (left + right) - half_extent, 0.5f * (top + bottom) - half_extent,
                        0.5f * (right - left), 0.5f * (bottom - top)};
 }
-
-#endif

@@ -9,8 +9,7 @@
 //
 // Source of edge functions: J. Pineda, "A Parallel Algorithm for Polygon Rasterization", SIGGRAPH
 // 1988.
-#ifndef LFCORE_TRIANGLES_CL
-#define LFCORE_TRIANGLES_CL
+#pragma once
 #include "packet.cl"
 
 // Corners of LANES triangles in the frame of the block's centre ray.
@@ -104,13 +103,10 @@ typedef struct {
     vi flip;             // sign bit of those that were seen from behind
 } Placed;
 
-// Twice the edge function from p to q: P x Q = (P + Q) x (Q - P) / 2.  The difference of two
-// corners that are near each other is exact, so the error scales with the triangle's edge, and not
-// with the distance to the block's centre as that of P x Q does; swapping P and Q negates it to the
-// last bit all the same.  `error` receives a bound of its error anywhere in the block.
+// Twice the edge function from p to q.  `error` receives a bound of its error in the block.
 inline WideAffine edge_functions(Vec p, Vec q, const Bundle *r, vf *error)
 {
-    const Vec sum = plus3(p, q), d = minus3(q, p), c = cross3(sum, d);
+    const Vec sum = plus3(p, q), d = minus3(q, p), c = edge_normals(p, q);
     WideAffine e;
     e.of[ONE] = c.z;
     e.of[X] = fma(c.x, (vf)(r->tx), -2.0f * d.y * r->sx);
@@ -246,5 +242,3 @@ inline void set_up_triangles(const Bundle *r, global const float *leaf, float z_
     for (int k = 0; k < 3; ++k) out->functions[k] = p.edge[k];
     depth_affines(&p.v, r, p.flip, out->functions + NUMERATOR, out->functions + DENOMINATOR);
 }
-
-#endif

@@ -4,8 +4,7 @@
 // candidates; every block culls the list by its own, narrower frustum, and triangles by their edge
 // functions.  Nodes
 // behind the farthest visible depth are dropped.
-#ifndef LFCORE_VISIBILITY_CL
-#define LFCORE_VISIBILITY_CL
+#pragma once
 #include "depth_buffer.cl"
 #include "walk.cl"
 
@@ -178,5 +177,3 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
         }
     }
 }
-
-#endif

@@ -1,6 +1,5 @@
 // The way of a packet: visibility, then for each block regions, samples, shadows and colours.
-#ifndef LFCORE_PIPELINE_CL
-#define LFCORE_PIPELINE_CL
+#pragma once
 #include "regions.cl"
 #include "shade.cl"
 #include "shadows.cl"
@@ -65,5 +64,3 @@ inline void colour_block(const Packet *packet, int number, Pipeline *p, global f
     if (SHADOWS) find_lit(&p->shadows, b);
     shade_block(p->scene, b, colours);
 }
-
-#endif

@@ -1,6 +1,5 @@
 // Codes of video frames: BITS is 8, or 10 in 16-bit words; 0 where no frames are written.
-#ifndef LFCORE_CODES_CL
-#define LFCORE_CODES_CL
+#pragma once
 #include "lanes.cl"
 
 #if BITS == 8
@@ -11,5 +10,3 @@
 typedef SAMPLE sample;
 #define SAMPLES(n) JOIN(SAMPLE, n)
 #define CODES (BITS == 10 ? 4 : 1)  // to one of 8 bits
-
-#endif

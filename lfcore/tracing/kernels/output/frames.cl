@@ -1,7 +1,6 @@
 // Encoder-ready frames: linear light to sRGB-encoded BT.709 YCbCr, limited range, rounded once;
 // with RGB to planes of green, blue and red, full range.
-#ifndef LFCORE_FRAMES_CL
-#define LFCORE_FRAMES_CL
+#pragma once
 #include "srgb.cl"
 
 // Where inner grids go in planar frames.
@@ -108,5 +107,3 @@ inline void write_frames(const Frames *out, int element, int2 at, int2 inside,
         average_chroma(colours + plane * BLOCK_RAYS, inside.x, inside.y,
                        frame + pixels + plane * chroma + (ulong)(y0 / 2) * pitch + x0 / 2, pitch);
 }
-
-#endif

@@ -1,6 +1,5 @@
 // What a block's rays met, written as triangles and depths.
-#ifndef LFCORE_HITS_CL
-#define LFCORE_HITS_CL
+#pragma once
 #include "visibility.cl"
 
 // Write a number of each of a block's rays, those of one element and one row of the inner grid at a
@@ -34,5 +33,3 @@ inline void write_hits(const Packet *p, int block, Coverage *c, global float *de
     write_depths(p, block, c, depth);
     write_rays(p, block, (global const uint *)c->ids, (global uint *)triangle);
 }
-
-#endif

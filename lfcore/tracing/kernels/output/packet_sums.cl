@@ -8,8 +8,7 @@
 // strip of packets is done, and only then go to pixels.
 //
 // Source of prefix sums: F. C. Crow, "Summed-Area Tables for Texture Mapping", SIGGRAPH 1984.
-#ifndef LFCORE_PACKET_SUMS_CL
-#define LFCORE_PACKET_SUMS_CL
+#pragma once
 #include "packet.cl"
 #include "plane_sums.cl"
 
@@ -216,5 +215,3 @@ inline void finish_strip(const Planes *p, const Rays *rays, int u, int square, c
         strip->window[plane] = (int2)(INT_MAX, 0);
     }
 }
-
-#endif

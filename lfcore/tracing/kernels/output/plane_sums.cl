@@ -2,8 +2,7 @@
 //
 // Radiance is held in fixed point (20 bits below the binary point): sums are integers, exact, and
 // the same in whatever order blocks are added.
-#ifndef LFCORE_PLANE_SUMS_CL
-#define LFCORE_PLANE_SUMS_CL
+#pragma once
 #include "lanes.cl"
 
 typedef struct {
@@ -46,5 +45,3 @@ inline void add_view(const Planes *p, int2 view, int2 at, global const float *co
         }
     }
 }
-
-#endif

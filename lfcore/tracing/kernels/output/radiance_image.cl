@@ -1,6 +1,5 @@
 // Linear radiance as floats: nothing is clamped.
-#ifndef LFCORE_RADIANCE_CL
-#define LFCORE_RADIANCE_CL
+#pragma once
 #include "block.cl"
 
 #if LANES == BLOCK
@@ -45,5 +44,3 @@ inline void write_radiance(global const float *colours, int2 inside, int mode, g
         }
     }
 }
-
-#endif

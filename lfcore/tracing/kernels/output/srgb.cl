@@ -1,6 +1,5 @@
 // sRGB encoding, ray by ray or for a whole block at once.
-#ifndef LFCORE_SRGB_CL
-#define LFCORE_SRGB_CL
+#pragma once
 #include "codes.cl"
 #include "block.cl"
 
@@ -91,5 +90,3 @@ inline Vec encode_row(Vec c, const CubicEncoding *e)
                  cubic(c.y, e->c[0].y, e->c[1].y, e->c[2].y, e->c[3].y),
                  cubic(c.z, e->c[0].z, e->c[1].z, e->c[2].z, e->c[3].z)};
 }
-
-#endif

@@ -4,8 +4,7 @@
 // Source: Khronos, "glTF 2.0 Specification", appendix B; B. Walter et al., "Microfacet Models for
 // Refraction through Rough Surfaces", EGSR 2007; C. Schlick, "An Inexpensive BRDF Model for
 // Physically-based Rendering", 1994.
-#ifndef LFCORE_MICROFACET_CL
-#define LFCORE_MICROFACET_CL
+#pragma once
 #include "samples.cl"
 
 inline int is_metallic(const Material *m) { return m->metallic >= 0.0f; }
@@ -108,5 +107,3 @@ inline Vec ambient_reflectance(const Surface *s)
     const Vec base = {f0(s, a.x), f0(s, a.y), f0(s, a.z)};
     return fma3(1.0f - s->metallic, a, base);
 }
-
-#endif

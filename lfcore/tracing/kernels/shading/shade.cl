@@ -3,8 +3,7 @@
 //
 // Source: J. F. Blinn, "Models of Light Reflection for Computer Synthesized Pictures", SIGGRAPH
 // 1977.
-#ifndef LFCORE_SHADE_CL
-#define LFCORE_SHADE_CL
+#pragma once
 #include "microfacet.cl"
 
 // The direction of unit length to a light.  `attenuation` receives the share of the light that
@@ -201,5 +200,3 @@ inline void shade_block(const Scene *scene, const Block *b, global float *colour
     shade_background(scene, colours);
     for (int left = list_keys(b, keys); left; --left) shade_key(scene, b, keys[left - 1], colours);
 }
-
-#endif

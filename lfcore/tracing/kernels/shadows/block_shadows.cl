@@ -1,6 +1,5 @@
 // Shadows of a block of many triangles or several elements, all rays together.
-#ifndef LFCORE_BLOCK_SHADOWS_CL
-#define LFCORE_BLOCK_SHADOWS_CL
+#pragma once
 #include "light_space.cl"
 #include "single_rays.cl"
 
@@ -74,5 +73,3 @@ inline void light_block(const Shadows *s, const Block *b, global const LightReco
         add_active(s, lit);
     }
 }
-
-#endif

@@ -4,8 +4,7 @@
 // it in, so the edges of occluders are affine functions of two coordinates: those of a picture
 // taken from the light, or along its direction.  A surface that the light grazes has a large box in
 // space and a small one there.
-#ifndef LFCORE_LIGHT_SPACE_CL
-#define LFCORE_LIGHT_SPACE_CL
+#pragma once
 #include "occluders.cl"
 
 // Coordinates u, v in the light's picture, and d: the reciprocal of the distance along axis kz from
@@ -242,5 +241,3 @@ inline void cast_light_space(const Shadows *s, LightSpaceRays *l)
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
             if (!cast_leaf(s, leaf, lane, l)) return;
 }
-
-#endif

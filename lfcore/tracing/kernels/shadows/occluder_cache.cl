@@ -5,8 +5,7 @@
 // gathered when the first block asks, and its affine functions over those rays are kept; often
 // there is nothing.  An entry depends on nothing but the packet, the triangle and the light: which
 // block asked first, and what else is traced, changes no bit of it.
-#ifndef LFCORE_OCCLUDER_CACHE_CL
-#define LFCORE_OCCLUDER_CACHE_CL
+#pragma once
 #include "receiver.cl"
 
 #define ENTRIES 256
@@ -212,5 +211,3 @@ inline int cast_entry(const OccluderCache *c, const CacheEntry *entry, ShadowMas
     }
     return 1;
 }
-
-#endif

@@ -3,8 +3,7 @@
 // All shadow rays of a set share the light as apex (or a direction).  Within a triangle's three
 // edge planes, which hold the light, and beyond its own plane is shadow.  The affine functions are
 // relative to the apex; hit points never leave that frame.
-#ifndef LFCORE_OCCLUDERS_CL
-#define LFCORE_OCCLUDERS_CL
+#pragma once
 #include "shadow_rays.cl"
 
 // An affine function n . P + c of the hit point relative to the apex.
@@ -57,12 +56,11 @@ inline Plane face_plane(const ShadowRays *r, Occluders *o, vi *may)
     return beyond;
 }
 
-// Within edge `k` this function is not negative.  Twice the product of its corners is that of their
-// sum and their difference, which loses no digits where they are close, as in edge_functions.
+// Within edge `k` this function is not negative.
 inline Plane edge_plane(const ShadowRays *r, const Occluders *o, int k)
 {
     const Vec q = o->v[(k + 1) % 3], w = o->v[(k + 2) % 3], along = minus3(w, q);
-    const Vec c = cross3(plus3(q, w), along);
+    const Vec c = edge_normals(q, w);
     Plane edge = {c, 0.0f};
     if (!r->is_point) {
         const Vec to = spread3(r->towards);
@@ -71,5 +69,3 @@ inline Plane edge_plane(const ShadowRays *r, const Occluders *o, int k)
     }
     return flip_plane(edge, o->flip);
 }
-
-#endif

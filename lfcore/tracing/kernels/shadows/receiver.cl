@@ -4,8 +4,7 @@
 // its focus point, rays of a view in the lens sample, and either way the map to the plane is a
 // homography. So the affine functions of occluders are affine over the rays, too, and are tested as
 // triangles are.
-#ifndef LFCORE_RECEIVER_CL
-#define LFCORE_RECEIVER_CL
+#pragma once
 #include "shadow_mask.cl"
 
 // (P - apex) times the weight, and the weight, which is positive over the rectangle: of each the
@@ -61,5 +60,3 @@ inline Box bundle_box(const Bundle *r, Rectangle at, float2 depths)
     }
     return box;
 }
-
-#endif

@@ -1,6 +1,5 @@
 // Shadows of a block of one element on few triangles, region by region.
-#ifndef LFCORE_REGION_SHADOWS_CL
-#define LFCORE_REGION_SHADOWS_CL
+#pragma once
 #include "occluder_cache.cl"
 
 // Whether regions are few.  Holes are looked into ray by ray.
@@ -37,5 +36,3 @@ inline int light_regions(Shadows *s, const Block *b, int number, global int *lit
     }
     return 1;
 }
-
-#endif

@@ -2,8 +2,7 @@
 //
 // What an occluder takes of a row of rays is an interval: each of its four affine functions is zero
 // at one column of the row and not negative to one side of it.  LANES rows are found at once.
-#ifndef LFCORE_SHADOW_MASK_CL
-#define LFCORE_SHADOW_MASK_CL
+#pragma once
 #include "occluders.cl"
 
 #define ROW_GROUPS (BLOCK / LANES)
@@ -105,5 +104,3 @@ inline int cast_occluders(const WideAffine *e, vi may, ShadowMask *m)
     for (uint keep = row_bits(may); keep; keep &= keep - 1) mask_out(lines, lowest(keep), m);
     return any_lit(m);
 }
-
-#endif

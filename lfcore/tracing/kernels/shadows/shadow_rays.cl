@@ -1,6 +1,5 @@
 // Sets of shadow rays: from hit points in a box to a light.
-#ifndef LFCORE_SHADOW_RAYS_CL
-#define LFCORE_SHADOW_RAYS_CL
+#pragma once
 #include "samples.cl"
 #include "walk.cl"
 
@@ -71,5 +70,3 @@ inline int next_hiding(const Tree *tree, const ShadowRays *r, Stack *stack)
     const int child = next_leaf(tree, &volume, FAR, stack);
     return child == ROOT ? -1 : -1 - tree->children[child];
 }
-
-#endif

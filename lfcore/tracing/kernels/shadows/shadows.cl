@@ -1,6 +1,5 @@
 // Shadows: which rays of a block see each light that casts them.
-#ifndef LFCORE_SHADOWS_CL
-#define LFCORE_SHADOWS_CL
+#pragma once
 #include "region_shadows.cl"
 #include "block_shadows.cl"
 
@@ -35,5 +34,3 @@ inline void find_lit(Shadows *s, const Block *b)
         if (!few || !light_regions(s, b, k, lit)) light_block(s, b, shadow_light(s->scene, k), lit);
     }
 }
-
-#endif

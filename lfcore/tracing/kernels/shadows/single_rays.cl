@@ -1,7 +1,6 @@
 // Shadow rays of a block followed one by one, where so many triangles are seen that they share
 // little.
-#ifndef LFCORE_SINGLE_RAYS_CL
-#define LFCORE_SINGLE_RAYS_CL
+#pragma once
 #include "occluders.cl"
 
 // Whether a leaf holds a triangle, other than `own` and the light's, between the ray's origin and
@@ -67,5 +66,3 @@ inline void cast_single_rays(const Shadows *s, const Block *b, global const Ligh
         if (last >= 0) s->active[at] = 0;
     }
 }
-
-#endif

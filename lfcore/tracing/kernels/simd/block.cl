@@ -10,9 +10,8 @@
 // OUTER elements.  u and v count the elements from their middle, and each adds a to the origin and
 // b to the direction.  Where lens samples and pixels are both few, such a block is far narrower in
 // space than 16 x 16 of one kind, and meets far fewer triangles.
-#ifndef LFCORE_BLOCK_CL
-#define LFCORE_BLOCK_CL
-#include "lanes.cl"
+#pragma once
+#include "edges.cl"
 
 #define INNER (BLOCK / OUTER)
 #define OUTER_HALF (0.5f * (OUTER - 1))
@@ -169,5 +168,3 @@ inline Box box_of(const Ranges *r)
     }
     return box;
 }
-
-#endif

@@ -7,8 +7,7 @@
 // leaves open (native_*, half_*, mad, pow and their kin).  Contraction is off: the edge functions
 // of two triangles that share an edge must be each other's negative to the last bit, and a product
 // that is fused on one side only is not.  Where a fused multiply-add is wanted, fma() says so.
-#ifndef LFCORE_LANES_CL
-#define LFCORE_LANES_CL
+#pragma once
 #pragma OPENCL FP_CONTRACT OFF
 #include "numerics.cl"
 
@@ -183,5 +182,3 @@ typedef struct { vf of[3]; } Triple;
 inline vf least3(Triple a) { return min(a.of[0], min(a.of[1], a.of[2])); }
 inline vf most3(Triple a) { return max(a.of[0], max(a.of[1], a.of[2])); }
 inline vf largest3(Triple a) { return max(fabs(least3(a)), fabs(most3(a))); }
-
-#endif

@@ -1,11 +1,10 @@
-// Bounds of rounding errors, as counts of roundings: docs/numerics.md says which are counted term by
-// term, and which are estimates or measured.
+// Bounds of rounding errors, as counts of roundings: docs/numerics.md says which are counted term
+// by term, and which are estimates or measured.
 //
 // A number that passes n roundings has a relative error of at most GAMMA(n).  Source: N. J. Higham,
 // "Accuracy and Stability of Numerical Algorithms", 2002, section 3.1; M. Pharr, W. Jakob, G.
 // Humphreys, "Physically Based Rendering", section 6.8.
-#ifndef LFCORE_NUMERICS_CL
-#define LFCORE_NUMERICS_CL
+#pragma once
 
 #define ROUNDING 5.9604645e-8f  // half the unit in the last place of 1
 #define GAMMA(n) ((n) * ROUNDING / (1.0f - (n) * ROUNDING))
@@ -26,7 +25,7 @@
 // A ray's entry into a box: T. Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013, has 3 for the far
 // end and as many for the near one, and the bound is rounded once.
 #define RAY_SLACK (1.0f + GAMMA(7.0f))
-// Frusta: centre, half extents and evaluation have 6 roundings, the corners that must not be lost 7.
+// Frusta: centre, half extents and evaluation have 6 roundings, corners that must not be lost 7.
 // The rest is an estimate of what edges widened by EDGE_ERROR reach beyond a box.
 #define FRUSTUM_SLACK GAMMA(17.0f)
 // Hit points on a triangle, and the columns and rows of its rays: an estimate.
@@ -48,5 +47,3 @@
 // A function whose slope in a row is below this share of its size is constant: over the 64 columns
 // of a packet it changes by less than a thousandth of one rounding.
 #define LEAST_SLOPE 9.0e-13f
-
-#endif

@@ -1,6 +1,5 @@
 // Plane equations: what a triangle interpolates over a block, as quotients of affine functions.
-#ifndef LFCORE_PLANES_CL
-#define LFCORE_PLANES_CL
+#pragma once
 #include "scene.cl"
 #include "texture.cl"
 
@@ -31,11 +30,10 @@ inline Affine slot_affine(global const PlaneEquations *p, int slot)
     return f;
 }
 
-// An edge function of the weights, of corners sheared to the centre ray; as in edge_functions, from
-// their sum and their difference, so that its error scales with the triangle's edge.
+// An edge function of the weights, of corners sheared to the centre ray.
 inline Affine weight_function(float3 p, float3 q, const Bundle *r)
 {
-    const float3 g = p - q, c = 0.5f * cross_product(q + p, -g);
+    const float3 g = p - q, c = 0.5f * edge_normal(p, q);
     const Affine along = stepped_affine(c.z, c.x, c.y, r->tx, r->ty, r->b);
     Affine e = stepped_affine(0.0f, g.y, -g.x, r->sx, r->sy, r->a);
     for (int k = 0; k < AFFINE_TERMS; ++k) e.of[k] += along.of[k];
@@ -110,7 +108,7 @@ inline void set_up_planes(const Scene *s, const Bundle *r, int triangle, float p
     const float3 v[3] = {p - origin - p.z * shear, q - origin - q.z * shear,
                          w - origin - w.z * shear};
     const Affine e[3] = {weight_function(v[1], v[2], r), weight_function(v[2], v[0], r),
-                       weight_function(v[0], v[1], r)};
+                         weight_function(v[0], v[1], r)};
     for (int k = 0; k < AFFINE_TERMS; ++k)
         out->weights.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
     float3 n = cross_product(v[1] - v[0], v[2] - v[0]);
@@ -148,5 +146,3 @@ inline int is_one_sided(Affine denominator, Rectangle at)
                          at.half_height * fabs(denominator.of[Y]);
     return one + x + y > error + BOUND_SLACK * spread;
 }
-
-#endif

@@ -1,6 +1,5 @@
 // What each ray of a block meets: place, normal, texture coordinates, tint and shading key.
-#ifndef LFCORE_SURFACE_SAMPLES_CL
-#define LFCORE_SURFACE_SAMPLES_CL
+#pragma once
 #include "planes.cl"
 
 // (n, BLOCK_RAYS) of each quantity; what a scene lacks is never written or read.
@@ -150,5 +149,3 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
         VSTORE(s.v, out->uv + BLOCK_RAYS + at);
     }
 }
-
-#endif

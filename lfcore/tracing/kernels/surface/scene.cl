@@ -1,6 +1,5 @@
 // The surfaces and lights of a scene, as the host packs them.
-#ifndef LFCORE_SCENE_CL
-#define LFCORE_SCENE_CL
+#pragma once
 #include "regions.cl"
 
 // Attributes of a triangle's corners: normals, texture coordinates, colours, as far as a scene has
@@ -109,5 +108,3 @@ inline Material read_material(const Scene *s, int key)
     if (PHYSICAL) read_maps(s, material, key % MIP_LEVELS, &m);
     return m;
 }
-
-#endif

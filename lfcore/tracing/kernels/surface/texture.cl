@@ -2,8 +2,7 @@
 //
 // A texel holds the square roots of its three linear values in 10 bits each: one load, one multiply
 // a channel to decode, and steps no coarser than those of 8-bit sRGB.
-#ifndef LFCORE_TEXTURE_CL
-#define LFCORE_TEXTURE_CL
+#pragma once
 #include "block.cl"
 
 #define TEXEL_MOST ((1u << TEXEL_BITS) - 1u)
@@ -142,5 +141,3 @@ inline Vec sample_tile(const TexelTile *p, vf u, vf v)
         sum = fma3(min(y, most), mix_row(p->d[j], columns, s), sum);
     return sum;
 }
-
-#endif

@@ -3,8 +3,7 @@
 //
 // Texture coordinates are affine in the place on a triangle's plane, so two affine functions of it
 // give them to every kind of ray alike: camera rays of blocks and single ones, and rays to lights.
-#ifndef LFCORE_CUT_OUTS_CL
-#define LFCORE_CUT_OUTS_CL
+#pragma once
 #include "block.cl"
 
 // 1 where a scene has textures, or triangles with holes.
@@ -64,5 +63,3 @@ inline uint stopped_rays(const CutOuts *c, int triangle, const Bundle *r, Row ro
     }
     return stopped;
 }
-
-#endif

@@ -6,8 +6,7 @@
 // Source of packets that traverse by their bounds: A. Reshetov, A. Soupikov, J. Hurley, "Multi-
 // Level Ray Tracing Algorithm", SIGGRAPH 2005; of packets: I. Wald et al., "Interactive Rendering
 // with Coherent Ray Tracing", Eurographics 2001.
-#ifndef LFCORE_FRUSTUM_CL
-#define LFCORE_FRUSTUM_CL
+#pragma once
 #include "tree.cl"
 
 // Along one axis: origins and directions of the centre rays, and half extents of the inner grid.
@@ -64,5 +63,3 @@ inline vi frustum_meets(const Frustum *f, global const float *boxes, int pitch, 
              beside_interval(f, &f->y, VLOAD(boxes + pitch), VLOAD(boxes + 4 * pitch), z0, z1) |
              LE(z1, (vf)(0.0f)) | GT(z_lo, (vf)(z_far)));
 }
-
-#endif

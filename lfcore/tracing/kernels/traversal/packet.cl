@@ -4,8 +4,7 @@
 // of blocks of the inner grid.  Blocks of one element come element after element, row by row; where
 // a block spans OUTER x OUTER elements, that is all that the packet has.  What leaves a packet does
 // so in cells of 16 x 16 inner rays of one element, element after element.
-#ifndef LFCORE_PACKET_CL
-#define LFCORE_PACKET_CL
+#pragma once
 #include "frustum.cl"
 
 #define MOST_BLOCKS 16  // of a packet, and most of its cells
@@ -197,5 +196,3 @@ inline Frustum packet_frustum(const Packet *p)
     const Bundle last = bundle_at(r, hi, p->at, r->element_half_extent);
     return make_frustum(&first, &last);
 }
-
-#endif

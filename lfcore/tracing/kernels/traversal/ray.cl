@@ -4,8 +4,7 @@
 // Intersection", JCGT 2(1), 2013.  Corners are sheared onto the ray in float32; where the device
 // has doubles, the edge functions are formed in them, and a difference of two products of floats is
 // then rounded once, so that its sign is exact and nothing leaks, at edges or at vertices.
-#ifndef LFCORE_RAY_CL
-#define LFCORE_RAY_CL
+#pragma once
 #include "tree.cl"
 
 #ifdef cl_khr_fp64
@@ -136,5 +135,3 @@ inline void hit_leaf(const Tree *tree, const Ray *r, int leaf, int lane, Hit *hi
         hit->weights = (float3)(first[k], second[k], 1.0f - first[k] - second[k]);
     }
 }
-
-#endif

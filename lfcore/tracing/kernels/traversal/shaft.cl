@@ -1,8 +1,7 @@
 // The volume between a light and a box of hit points.
 //
 // Source: E. A. Haines, J. R. Wallace, "Shaft Culling for Efficient Ray-Cast Radiosity", 1991.
-#ifndef LFCORE_SHAFT_CL
-#define LFCORE_SHAFT_CL
+#pragma once
 #include "tree.cl"
 
 // An axis-aligned box, and in each coordinate plane the two lines that touch the box of hit points
@@ -100,5 +99,3 @@ inline vi shaft_misses(const Shaft *shaft, global const float *leaf)
     }
     return miss;
 }
-
-#endif

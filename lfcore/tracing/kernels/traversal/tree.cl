@@ -1,6 +1,5 @@
 // The hierarchy: nodes of sixteen children, and leaves of sixteen triangles.
-#ifndef LFCORE_TREE_CL
-#define LFCORE_TREE_CL
+#pragma once
 #include "cut_outs.cl"
 
 #define BOX 6  // lowest x, y, z, then highest
@@ -39,5 +38,3 @@ typedef struct {
     global ListedLeaves *of;
     int count;
 } LeafList;
-
-#endif

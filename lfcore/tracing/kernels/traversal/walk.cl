@@ -2,8 +2,7 @@
 //
 // Children are stored by their nearest depth, and all camera rays look along +z, so that packets
 // walk front to back without sorting; single rays sort the children that they meet.
-#ifndef LFCORE_WALK_CL
-#define LFCORE_WALK_CL
+#pragma once
 #include "frustum.cl"
 #include "ray.cl"
 #include "shaft.cl"
@@ -110,5 +109,3 @@ inline void closest_hit(const Tree *tree, const Ray *r, Hit *hit)
             hit_leaf(tree, r, leaf, lane, hit);
     }
 }
-
-#endif
