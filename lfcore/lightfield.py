@@ -417,8 +417,8 @@ class LightField(FieldPlanes):
         *,
         grid: int | None = None,
         pixels: int | None = None,
-        format: str = "avif",
-        jpeg_quality: int = 90,
+        format: str = "jpeg",
+        jpeg_quality: int = 80,
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> ViewerPage:
@@ -427,9 +427,9 @@ class LightField(FieldPlanes):
         Parameters
         ----------
         grid, pixels : int, optional
-            Views per side, and pixels of a view's longer side.
+            Views per side, and pixels of a picture's longer side.
         format : str
-            ``avif`` or ``webp``.
+            ``jpeg``, ``avif`` or ``webp``.
         jpeg_quality : int
             The quality of the pictures' encoder, 1 to 100.
         device : Device or str, optional

@@ -41,7 +41,7 @@ def options(command: argparse.ArgumentParser) -> None:
     what = command.add_argument_group("which views").add_mutually_exclusive_group()
     what.add_argument(
         "--grid", type=values.views, metavar="K",
-        help="K x K views: side by side in a picture, or 9 to 33 in a page (17, or 9 by depth)",
+        help="K x K views: side by side in a picture, or 9 to 33 in a page (17)",
     )  # fmt: skip
     add(what, view="lens column and row")
     what.add_argument(
@@ -52,13 +52,13 @@ def options(command: argparse.ArgumentParser) -> None:
         "--macropixel", nargs=2, type=values.count(0), metavar=("U", "V"), help="column, row"
     )
     page = command.add_argument_group("a page")
-    add(page, pixels="pixels of a view's longer side (at most 512)")
+    add(page, pixels="pixels of a picture's longer side (at most 512)")
     page.add_argument(
-        "--format", choices=("avif", "webp"),
-        help="of its views: avif (default), or webp for browsers before 2024, which blurs colours",
+        "--format", choices=("jpeg", "avif", "webp"),
+        help="of its views: jpeg (default), avif, which is smaller, or webp, which blurs colours",
     )  # fmt: skip
     page.add_argument(
-        "--jpeg-quality", type=values.count(1, 100), metavar="Q", help="of its views (90)"
+        "--jpeg-quality", type=values.count(1, 100), metavar="Q", help="of its views (80)"
     )
     page.add_argument(
         "--serve", type=values.count(0, 65535), nargs="?", const=0, metavar="PORT",

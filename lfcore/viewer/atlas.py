@@ -16,7 +16,7 @@ import numpy as np
 from lfcore.colour import srgb_encode, to_uint8
 from lfcore.errors import StorageError
 from lfcore.opencl.device import Device
-from lfcore.refocus.free_views import views_at
+from lfcore.refocus.stored_depth import read_depths
 from lfcore.refocus.views import read_views
 from lfcore.storage.lightfield import LightFieldFile
 
@@ -27,7 +27,7 @@ MOST_PIXELS = 80 << 20
 READ_BYTES = 256 << 20
 """The bytes of linear light in memory at a time."""
 VIEWS, LEAST, MOST = 17, 9, 33
-FORMATS = {"avif": "image/avif", "webp": "image/webp"}
+FORMATS = {"jpeg": "image/jpeg", "avif": "image/avif", "webp": "image/webp"}
 AVIF_SPEED = 9
 
 
@@ -38,7 +38,7 @@ class Choice:
     Attributes
     ----------
     columns, rows : ndarray
-        Indices of views, ascending; in a file with depth also between the stored views.
+        Indices of views, ascending.
     width, height : int
         Pixels of a view in the atlas.
     scale : float
@@ -53,7 +53,7 @@ class Choice:
 
     @property
     def samples(self) -> np.ndarray:
-        """(K, 2) (i, j), row by row; int32, or float64 between views."""
+        """(K, 2) int32 (i, j), row by row."""
         j, i = np.meshgrid(self.rows, self.columns, indexing="ij")
         return np.stack([i.ravel(), j.ravel()], 1)
 
@@ -74,11 +74,9 @@ def choose(field: LightFieldFile, grid: int | None = None, pixels: int | None = 
     Parameters
     ----------
     grid : int, optional
-        Views per side, 9 to 33; fewer where the file has fewer and no depth.  By default 17, or as
-        many as there are, and 9 of a file with depth.
+        Views per side, 9 to 33, by default 17; fewer where the file has fewer.
     pixels : int, optional
-        Pixels of a view's longer side; by default as recorded, or of the pictures for which a file
-        with depth was traced, at most 512.
+        Pixels of a picture's longer side; by default as recorded, at most 512.
 
     Returns
     -------
@@ -90,21 +88,19 @@ def choose(field: LightFieldFile, grid: int | None = None, pixels: int | None = 
     StorageError
         A number is out of range, or the views are more than a graphics card holds.
     """
-    stored = field.metadata.depth
-    count = (LEAST if stored else VIEWS) if grid is None else grid
+    count = VIEWS if grid is None else grid
     if not LEAST <= count <= MOST:
         raise StorageError(f"must be from {LEAST} to {MOST}, not {count}", key="grid")
-    columns, rows = (
-        _middles(count, there) if stored else _cells(min(count, there), there)
-        for there in field.grid
-    )
+    columns, rows = (_cells(min(count, there), there) for there in field.grid)
     width, height = field.picture_size
-    longest = max(width, height)
-    side = min(stored.pixels if stored else longest, longest, 512) if pixels is None else pixels
-    if not 1 <= side <= min(longest, PAGE_SIDE):
-        raise StorageError(
-            f"must be from 1 to {min(longest, PAGE_SIDE)} pixels, not {side}", key="pixels"
-        )
+    stored = field.metadata.depth
+    # Views of a file with depth are finer than its pictures.
+    longest = stored.pixels if stored else max(width, height)
+    most = min(longest, PAGE_SIDE * longest // max(width, height))
+    fits = math.isqrt(MOST_PIXELS * longest**2 // (len(columns) * len(rows) * width * height))
+    side = max(1, min(most, 512, fits)) if pixels is None else pixels
+    if not 1 <= side <= most:
+        raise StorageError(f"must be from 1 to {most} pixels, not {side}", key="pixels")
     scale = side / longest
     width, height = max(1, round(width * scale)), max(1, round(height * scale))
     if len(columns) * len(rows) * width * height > MOST_PIXELS:
@@ -119,10 +115,6 @@ def _cells(count: int, there: int) -> np.ndarray:
     return ((np.arange(count) * 2 + 1) * there // (2 * count)).astype(np.int32)
 
 
-def _middles(count: int, there: int) -> np.ndarray:
-    return (np.arange(count) + 0.5) * there / count - 0.5
-
-
 def read(
     field: LightFieldFile,
     choice: Choice,
@@ -132,11 +124,6 @@ def read(
 ) -> np.ndarray:
     """(K, height, width, 3) uint8 sRGB of the chosen views; sizes change in linear light."""
     samples, (width, height) = choice.samples, field.picture_size
-    if field.metadata.depth:
-        slab = field.require_slab()
-        points = (samples - (slab.views - 1) / 2) * slab.lens_pitch_m
-        light = views_at(field, points, choice.width, device=device, progress=progress)
-        return to_uint8(srgb_encode(light))
     step = max(1, READ_BYTES // (12 * width * height))
     out = np.empty((len(samples), choice.height, choice.width, 3), np.uint8)
     total = len(range(0, len(samples), step))
@@ -152,6 +139,26 @@ def read(
     return out
 
 
+def read_disparities(field: LightFieldFile, choice: Choice) -> tuple[np.ndarray, float, float]:
+    """(K, height, width) uint8 codes of the chosen views' depth, and disparities of 0 and 255.
+
+    Disparities are in pixels of the file from one view to the next.
+    """
+    slab, codes = field.require_slab(), field.require_depth().codes
+    i, j = choice.samples.T
+    inverse = 1 / read_depths(field, i + slab.views * j)
+    v, u = (
+        ((np.arange(side) + 0.5) * slab.pixels / side).astype(int)
+        for side in (choice.height, choice.width)
+    )
+    share = (inverse[:, v[:, None], u] - codes.far) / (codes.near - codes.far)
+    low, high = (
+        (end - slab.camera.delta) * slab.lens_pitch_m / slab.pixel_pitch
+        for end in (codes.far, codes.near)
+    )
+    return np.rint(255 * share.clip(0, 1)).astype(np.uint8), low, high
+
+
 def _resized(light: np.ndarray, choice: Choice) -> np.ndarray:
     if light.shape[:2] == (choice.height, choice.width):
         return light
@@ -160,13 +167,13 @@ def _resized(light: np.ndarray, choice: Choice) -> np.ndarray:
     return cv2.resize(light, (choice.width, choice.height), interpolation=cv2.INTER_AREA)
 
 
-def encode(pictures: np.ndarray, format: str = "avif", jpeg_quality: int = 90) -> Atlas:
+def encode(pictures: np.ndarray, format: str = "jpeg", jpeg_quality: int = 80) -> Atlas:
     """Pages of the pictures (K, height, width, 3) uint8.
 
     Parameters
     ----------
-    format : {"avif", "webp"}
-        AVIF keeps the resolution of colours.  WebP, which any browser reads, halves it: views with
+    format : {"jpeg", "avif", "webp"}
+        Any browser reads JPEG.  AVIF is smaller.  WebP halves the resolution of colours: views with
         coloured edges then reach 30 dB at most, unless the quality is 100.
     jpeg_quality : int
         The encoder's quality, 1 to 100; at 100 WebP is lossless.
@@ -189,9 +196,11 @@ def encode(pictures: np.ndarray, format: str = "avif", jpeg_quality: int = 90) -
     across = max(1, across)
     down = min(PAGE_SIDE // height, math.ceil(count / across))
     # At this speed AVIF takes no longer than WebP, and half a dB more than at the slow default.
-    own = {"subsampling": "4:4:4", "speed": AVIF_SPEED}
-    if format == "webp":
-        own = {"lossless": jpeg_quality == 100}
+    own = {
+        "jpeg": {"subsampling": "4:4:4", "optimize": True},
+        "avif": {"subsampling": "4:4:4", "speed": AVIF_SPEED},
+        "webp": {"lossless": jpeg_quality == 100},
+    }[format]
     pages = []
     for start in range(0, count, across * down):
         part = pictures[start : start + across * down]

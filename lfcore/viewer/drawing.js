@@ -91,9 +91,9 @@ class CannotDraw extends Error {}
 class Drawing {
   /**
    * @param {HTMLCanvasElement} canvas @param {Field} field @param {HTMLImageElement[]} pages
-   * @param {Uint8Array | null} map
+   * @param {HTMLImageElement[]} depths @param {Uint8Array | null} map
    */
-  constructor(canvas, field, pages, map) {
+  constructor(canvas, field, pages, depths, map) {
     const gl = canvas.getContext("webgl2", {alpha: false, antialias: false, preserveDrawingBuffer: true});
     if (!gl) throw new CannotDraw("This browser has no WebGL2");
     const most = gl.getParameter(gl.MAX_TEXTURE_SIZE);
@@ -106,7 +106,7 @@ class Drawing {
     /** Pixels of a page. @type {[number, number]} */
     this.page = [pages[0].width, pages[0].height];
     this.programs = {picture: this.program(PICTURE), slice: this.program(SLICE), map: this.program(MAP)};
-    this.upload(pages);
+    this.upload(pages, gl.TEXTURE0, gl.SRGB8_ALPHA8, gl.RGBA);
     this.lens = this.texture(gl.TEXTURE1, gl.TEXTURE_2D, gl.NEAREST);
     this.texture(gl.TEXTURE2, gl.TEXTURE_2D, gl.LINEAR);
     if (field.map && map) {
@@ -114,15 +114,19 @@ class Drawing {
       gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, field.map.width, field.map.height, 0, gl.RED,
         gl.UNSIGNED_BYTE, map);
     }
+    this.held = this.texture(gl.TEXTURE5, gl.TEXTURE_2D, gl.NEAREST);
+    this.frame = gl.createFramebuffer();
+    this.top = 0;             // height of what is drawn to
+    this.splatting = field.depth && new Splatting(this, field.depth, depths);
     gl.bindVertexArray(gl.createVertexArray());
     if (gl.getError()) throw new CannotDraw("The graphics memory does not hold these views");
   }
 
-  /** @param {string} source */
-  program(source) {
+  /** @param {string} source @param {string} vertex */
+  program(source, vertex = VERTEX) {
     const gl = this.gl, program = gl.createProgram();
     for (const [kind, text] of /** @type {[number, string][]} */ (
-      [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, source]])) {
+      [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, source]])) {
       const shader = /** @type {WebGLShader} */ (gl.createShader(kind));
       gl.shaderSource(shader, text);
       gl.compileShader(shader);
@@ -146,14 +150,23 @@ class Drawing {
     return texture;
   }
 
-  /** @param {HTMLImageElement[]} pages */
-  upload(pages) {
+  /** @param {HTMLImageElement[]} pages @param {number} unit @param {number} held @param {number} format */
+  upload(pages, unit, held, format) {
     const gl = this.gl, target = gl.TEXTURE_2D_ARRAY;
-    this.texture(gl.TEXTURE0, target, gl.LINEAR);
+    this.texture(unit, target, gl.LINEAR);
     gl.pixelStorei(gl.UNPACK_COLORSPACE_CONVERSION_WEBGL, gl.NONE);
-    gl.texStorage3D(target, 1, gl.SRGB8_ALPHA8, ...this.page, pages.length);
+    gl.texStorage3D(target, 1, held, ...this.page, pages.length);
     pages.forEach((page, layer) => gl.texSubImage3D(
-      target, 0, 0, 0, layer, ...this.page, 1, gl.RGBA, gl.UNSIGNED_BYTE, page));
+      target, 0, 0, 0, layer, ...this.page, 1, format, gl.UNSIGNED_BYTE, page));
+  }
+
+  /** Hand lists of four numbers to the shaders, 64 in a row. @param {number[][]} entries */
+  table(entries) {
+    const gl = this.gl, rows = Math.ceil(entries.length / 64);
+    const table = new Float32Array(rows * 64 * 4);
+    entries.forEach((entry, k) => table.set(entry, 4 * k));
+    gl.activeTexture(gl.TEXTURE1);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, 64, rows, 0, gl.RGBA, gl.FLOAT, table);
   }
 
   /**
@@ -161,20 +174,23 @@ class Drawing {
    * @param {WebGLProgram} program @param {Entry[]} entries @param {State} state @param {number} divisor
    */
   use(program, entries, state, divisor) {
-    const {gl, field} = this, rows = Math.ceil(entries.length / 64);
-    const table = new Float32Array(rows * 64 * 4);
-    entries.forEach((entry, k) => table.set([entry.view, entry.s, entry.t, entry.weight], 4 * k));
-    gl.activeTexture(gl.TEXTURE1);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, 64, rows, 0, gl.RGBA, gl.FLOAT, table);
+    const {gl, field} = this;
+    this.table(entries.map((entry) => [entry.view, entry.s, entry.t, entry.weight]));
     gl.useProgram(program);
-    /** @type {Record<string, number | number[]>} */
-    const values = {
+    this.setAll(program, {
       size: [field.width, field.height], cells: [field.atlas.across, field.atlas.down],
-      pageSize: this.page, step_: divisor, top: this.canvas.height, gain: field.white,
+      pageSize: this.page, step_: divisor * field.width / pictureSize(field)[0], top: this.top, gain: field.white,
       disparity: state.d * field.scale, tilt: [state.tx * field.scale, state.ty * field.scale],
-    };
+    }, {pages: 0, lens: 1, map: 2, count: entries.length, nearest: Number(state.filter === "nearest")});
+  }
+
+  /**
+   * @param {WebGLProgram} program @param {Record<string, number | number[]>} values
+   * @param {Record<string, number>} whole
+   */
+  setAll(program, values, whole) {
+    const {gl} = this;
     for (const [key, value] of Object.entries(values)) this.set(program, key, value);
-    const whole = {pages: 0, lens: 1, map: 2, count: entries.length, nearest: Number(state.filter === "nearest")};
     for (const [key, value] of Object.entries(whole)) gl.uniform1i(gl.getUniformLocation(program, key), value);
   }
 
@@ -185,25 +201,48 @@ class Drawing {
     else this.gl.uniform2f(place, value[0], value[1]);
   }
 
-  /** Give the canvas its size. @param {State} state @param {number} divisor */
-  resize(state, divisor) {
-    const beside = state.epi ? STRIP : 0;
-    const width = Math.ceil(this.field.width / divisor) + beside;
-    const height = Math.ceil(this.field.height / divisor) + beside;
-    if (this.canvas.width !== width || this.canvas.height !== height) {
-      Object.assign(this.canvas, {width, height});
+  /**
+   * Draw a picture, some samples at a time; yields their number. The canvas changes at the end, all at once.
+   * @param {State} state @param {Entry[] | Cell[]} parts @param {number} divisor
+   * @param {number} most  Samples at a time.
+   */
+  *paint(state, parts, divisor, most) {
+    const [width, height] = pictureSize(this.field).map((side) => Math.ceil(side / divisor));
+    const splatting = state.depth ? null : this.splatting;
+    if (splatting) yield* splatting.add(state, /** @type {Cell[]} */ (parts), divisor, most);
+    else yield* this.bands(state, /** @type {Entry[]} */ (parts), divisor, width, height, most);
+    const {gl, canvas} = this, beside = state.epi ? STRIP : 0;
+    Object.assign(canvas, {width: width + beside, height: height + beside});
+    this.top = canvas.height;
+    if (splatting) splatting.compose(state);
+    else {
+      gl.disable(gl.SCISSOR_TEST);
+      gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.frame);
+      gl.blitFramebuffer(0, 0, width, height, 0, beside, width, beside + height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+      gl.bindFramebuffer(gl.READ_FRAMEBUFFER, null);
     }
+    if (state.epi) this.slices(state, divisor);
   }
 
   /**
-   * Draw rows first ... last - 1 of the picture.
-   * @param {State} state @param {Entry[]} entries @param {number} divisor
-   * @param {number} first @param {number} last
+   * Draw a picture in bands beside the canvas.
+   * @param {State} state @param {Entry[]} entries @param {number} divisor @param {number} width
+   * @param {number} height @param {number} most
    */
-  picture(state, entries, divisor, first, last) {
-    const wide = Math.ceil(this.field.width / divisor);
-    this.use(state.depth ? this.programs.map : this.programs.picture, entries, state, divisor);
-    this.rectangle(0, first, wide, last - first);
+  *bands(state, entries, divisor, width, height, most) {
+    const {gl} = this, rows = Math.max(1, Math.floor(most / (width * entries.length)));
+    gl.activeTexture(gl.TEXTURE5);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+    for (let row = 0; row < height; row += rows) {
+      const high = Math.min(rows, height - row);
+      gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
+      gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.held, 0);
+      this.top = height;
+      this.use(state.depth ? this.programs.map : this.programs.picture, entries, state, divisor);
+      this.rectangle(0, row, width, high, width);
+      gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+      yield width * high * entries.length;
+    }
   }
 
   /** Draw the two epipolar slices: below, and on the right. @param {State} state @param {number} divisor */
@@ -227,12 +266,15 @@ class Drawing {
     }
   }
 
-  /** @param {number} x @param {number} y @param {number} width @param {number} height */
-  rectangle(x, y, width, height) {
-    const {gl, canvas} = this;
-    gl.viewport(0, 0, canvas.width, canvas.height);
+  /**
+   * @param {number} x @param {number} y @param {number} width @param {number} height
+   * @param {number} whole  Width of what is drawn to.
+   */
+  rectangle(x, y, width, height, whole = this.canvas.width) {
+    const {gl, top} = this;
+    gl.viewport(0, 0, whole, top);
     gl.enable(gl.SCISSOR_TEST);
-    gl.scissor(x, canvas.height - y - height, width, height);
+    gl.scissor(x, top - y - height, width, height);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
@@ -240,6 +282,11 @@ class Drawing {
   finish() {
     this.gl.readPixels(0, 0, 1, 1, this.gl.RGBA, this.gl.UNSIGNED_BYTE, new Uint8Array(4));
   }
+}
+
+/** Width and height of a picture, pixels. @param {Field} field @returns {[number, number]} */
+function pictureSize(field) {
+  return field.depth ? [field.depth.pixels, field.depth.pixels] : [field.width, field.height];
 }
 
 /** @param {number[]} places @param {number} at */

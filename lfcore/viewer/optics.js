@@ -11,12 +11,35 @@
  * @property {number} width  Pixels of a view in the atlas.
  * @property {number} height
  * @property {number} scale  Pixels of the atlas per pixel of the file.
- * @property {boolean} by_depth  Whether the file has depth, from which its views and pictures are made.
+ * @property {Depth | null} depth  The depth of each ray, of a file that holds it.
  * @property {number} white  Linear light of the brightest code.
  * @property {[number, number]} range  Range of the slider of disparities.
  * @property {{delta: number, step: number, focal: number, pitch: number} | null} metric
  * @property {{data: string, width: number, height: number, low: number, high: number} | null} map
  * @property {{pages: string[], across: number, down: number}} atlas
+ */
+
+/**
+ * @typedef {object} Depth
+ * @property {string[]} pages  As of the atlas.
+ * @property {number} low  Disparity of code 0.
+ * @property {number} high  Disparity of code 255.
+ * @property {number} pixels  Pixels of a picture.
+ * @property {[number, number][]} displaced  Of each view's pixels, in pixels of the atlas.
+ */
+
+/**
+ * The part of the aperture that a view represents.
+ * @typedef {object} Cell
+ * @property {number} view
+ * @property {number} s  Place of the view.
+ * @property {number} t
+ * @property {number} x  Middle of the open part of the cell.
+ * @property {number} y
+ * @property {number} wide  Sides of the box of equal spread.
+ * @property {number} tall
+ * @property {number} share  The open part over the whole cell.
+ * @property {[number, number]} displaced
  */
 
 /**
@@ -150,6 +173,61 @@ function openViews(field, state) {
   return found.length ? found : closest;
 }
 
+const CELL_POINTS = 32;       // along each axis of a cell, by which it is measured
+
+/**
+ * The cells that the aperture about the viewpoint leaves open: lfcore.optics.ray_cells. Of a single view, the
+ * views around the viewpoint, by how near they are: lfcore.refocus.free_views.
+ * @param {Field} field @param {Depth} depth @param {State} state @returns {Cell[]}
+ */
+function openCells(field, depth, state) {
+  const {columns, rows, views} = field;
+  /** @type {Cell[]} */ const found = [];
+  rows.forEach((t, j) => columns.forEach((s, i) => {
+    const view = j * columns.length + i, displaced = depth.displaced[view];
+    const part = state.single
+      ? {x: state.x, y: state.y, wide: 0, tall: 0, share: pointShare(field, state, s, t)}
+      : openPart(state, views / columns.length, i * views / columns.length - views / 2,
+        views / rows.length, j * views / rows.length - views / 2);
+    if (part.share > 0) found.push({view, s, t, displaced, ...part});
+  }));
+  return found;
+}
+
+/** @param {Field} field @param {State} state @param {number} s @param {number} t */
+function pointShare(field, state, s, t) {
+  const across = Math.abs(s - state.x) * field.columns.length / field.views;
+  const down = Math.abs(t - state.y) * field.rows.length / field.views;
+  const within = (/** @type {number} */ reach) => Math.max(0, 1 - across / reach) * Math.max(0, 1 - down / reach);
+  return within(2) + 1e-3 * within(4);
+}
+
+/**
+ * The open part of the cell of one size from one corner.
+ * @param {State} state @param {number} width @param {number} left @param {number} height @param {number} top
+ */
+function openPart(state, width, left, height, top) {
+  const radius = state.a / 2, n = CELL_POINTS;
+  const low = [Math.max(left, state.x - radius), Math.max(top, state.y - radius)];
+  const dx = (Math.min(left + width, state.x + radius) - low[0]) / n;
+  const dy = (Math.min(top + height, state.y + radius) - low[1]) / n;
+  let count = 0, sx = 0, sy = 0, sxx = 0, syy = 0;
+  if (dx > 0 && dy > 0) {
+    for (let j = 0; j < n; j++) for (let i = 0; i < n; i++) {
+      const x = low[0] + (i + 0.5) * dx, y = low[1] + (j + 0.5) * dy;
+      if (!within(state, x - state.x, y - state.y)) continue;
+      count++; sx += x; sy += y; sxx += x * x; syy += y * y;
+    }
+  }
+  if (!count) return {x: 0, y: 0, wide: 0, tall: 0, share: 0};
+  const x = sx / count, y = sy / count;
+  return {
+    x, y, share: count * dx * dy / (width * height),
+    wide: Math.sqrt(12 * Math.max(0, sxx / count - x * x) + dx * dx),
+    tall: Math.sqrt(12 * Math.max(0, syy / count - y * y) + dy * dy),
+  };
+}
+
 /** Linear weights of ascending places about one of them. @param {number[]} places @param {number} at */
 function shares(places, at) {
   const weights = places.map(() => 0);
@@ -177,12 +255,16 @@ function fNumber(field, a) {
 
 /** The command that makes the same picture, "" where none does. @param {Field} field @param {State} state */
 function command(field, state) {
-  if (state.single || state.depth || state.x || state.y || state.tx || state.ty) return "";
   const number = (/** @type {number} */ value) => String(+value.toPrecision(7));
-  const words = ["lfcore refocus", /^[\w./-]+$/.test(field.file) ? field.file : `'${field.file}'`,
-    `--focus ${number(state.d)}px`, `--f-number ${number(state.a)}views`];
+  const file = /^[\w./-]+$/.test(field.file) ? field.file : `'${field.file}'`;
+  if (state.single && field.depth && field.metric && !state.depth) {
+    const [x, y] = [state.x, state.y].map((views) => number(1e3 * views * field.metric.pitch));
+    return `lfcore view ${file} --at ${x} ${y} -o picture.png`;
+  }
+  if (state.single || state.depth || state.x || state.y || state.tx || state.ty) return "";
+  const words = ["lfcore refocus", file, `--focus ${number(state.d)}px`, `--f-number ${number(state.a)}views`];
   const corners = state.shape === "polygon" ? `:${state.blades}:${number(state.turn)}` : "";
   words.push(`--aperture ${state.shape}${corners}`);
-  if (!field.by_depth) words.push(`--filter ${state.filter}`);
+  if (!field.depth) words.push(`--filter ${state.filter}`);
   return [...words, "-o picture.png"].join(" ");
 }

@@ -19,14 +19,14 @@ from lfcore.opencl.device import Device, open_device
 from lfcore.optics.slab import Slab
 from lfcore.refocus.free_views import inverse_depth
 from lfcore.storage.lightfield import LightFieldFile
-from lfcore.viewer.atlas import Atlas, Choice, choose, encode, read
+from lfcore.viewer.atlas import Atlas, Choice, choose, encode, read, read_disparities
 from lfcore.viewer.disparity import estimate
 
 HERE = Path(__file__).parent
-SCRIPTS = ("optics.js", "drawing.js", "viewer.js")
+SCRIPTS = ("optics.js", "drawing.js", "splatting.js", "viewer.js")
 MOST_PARALLAX = 0.08
 """The parallax over the whole lens, of the picture's width, where depths are not known."""
-MAP_SIDE = 256
+MAP_SIDE = 128
 """The most pixels per side of a map of stored depth: a click is no finer."""
 MARGIN = 0.1
 """The margin on either side of the seen range of disparities, of that range."""
@@ -87,8 +87,8 @@ def viewer_page(
     *,
     grid: int | None = None,
     pixels: int | None = None,
-    format: str = "avif",
-    jpeg_quality: int = 90,
+    format: str = "jpeg",
+    jpeg_quality: int = 80,
     device: Device | str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> ViewerPage:
@@ -97,11 +97,11 @@ def viewer_page(
     Parameters
     ----------
     grid : int, optional
-        The number of views per side that the page holds, 9 to 33; by default 17, or 9 of a file
-        with depth.
+        The number of views per side that the page holds, 9 to 33; by default 17, at most the
+        file's.
     pixels : int, optional
-        The pixels of a view's longer side; by default as recorded, at most 512.
-    format : {"avif", "webp"}
+        The pixels of a picture's longer side; by default as recorded, at most 512.
+    format : {"jpeg", "avif", "webp"}
         The format of the views; see :func:`lfcore.viewer.atlas.encode`.
     jpeg_quality : int
         The quality of their encoder, 1 to 100.
@@ -131,7 +131,7 @@ def viewer_page(
     found = _estimated(slab, choice, pictures, seen) if stored is None else stored
     disparities = None if found is None else _map(found, seen)
     data = _describe(field, slab, choice, encode(pictures, format, jpeg_quality))
-    data |= {"range": _widened(seen), "map": disparities}
+    data |= {"range": _widened(seen), "map": disparities, "depth": _depth(field, slab, choice)}
     parts = {
         "title": html.escape(data["name"]),
         "style": (HERE / "viewer.css").read_text(encoding="utf-8"),
@@ -162,7 +162,6 @@ def _describe(field: LightFieldFile, slab: Slab, choice: Choice, atlas: Atlas) -
         "focal": camera.focal_length_m,
         "pitch": slab.lens_pitch_m,
     }
-    pages = [f"data:{atlas.media};base64,{_base64(page)}" for page in atlas.pages]
     return {
         "name": str(field.metadata.scene.get("name") or field.path.stem),
         "file": field.path.name,
@@ -173,10 +172,30 @@ def _describe(field: LightFieldFile, slab: Slab, choice: Choice, atlas: Atlas) -
         "height": choice.height,
         "scale": choice.scale,
         "white": field.white,
-        "by_depth": field.metadata.depth is not None,
         "metric": metric if field.metric else None,
-        "atlas": {"pages": pages, "across": atlas.across, "down": atlas.down},
+        "atlas": {"pages": _pages(atlas), "across": atlas.across, "down": atlas.down},
     }
+
+
+def _depth(field: LightFieldFile, slab: Slab, choice: Choice) -> dict[str, Any] | None:
+    """The depth of every ray, in an atlas like that of the views, and the place of its pixel."""
+    if field.metadata.depth is None:
+        return None
+    codes, low, high = read_disparities(field, choice)
+    i, j = choice.samples.T
+    displaced = field.metadata.depth.views(slab).displacement[i + slab.views * j]
+    atlas = encode(np.repeat(codes[..., None], 3, -1), "webp", 100)
+    return {
+        "pages": _pages(atlas),
+        "low": low,
+        "high": high,
+        "pixels": round(field.metadata.depth.pixels * choice.scale),
+        "displaced": (displaced * choice.scale).round(6).tolist(),
+    }
+
+
+def _pages(atlas: Atlas) -> list[str]:
+    return [f"data:{atlas.media};base64,{_base64(page)}" for page in atlas.pages]
 
 
 def _range(field: LightFieldFile, slab: Slab) -> tuple[float, float]:

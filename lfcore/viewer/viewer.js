@@ -8,6 +8,22 @@ const element = (id) => /** @type {HTMLElement} */ (document.getElementById(id))
 /** @param {string} id */
 const input = (id) => /** @type {HTMLInputElement} */ (document.getElementById(id));
 
+/** The pictures of an atlas. @param {string[]} pages */
+function loaded(pages) {
+  return Promise.all(pages.map(async (source) => {
+    const page = new Image();
+    page.src = source;
+    try {
+      await page.decode();
+    } catch {
+      const kind = source.slice("data:image/".length, source.indexOf(";")).toUpperCase();
+      throw new Error(`this browser reads no ${kind} pictures. Make the page with --format jpeg, `
+        + "or use another browser");
+    }
+    return page;
+  }));
+}
+
 class Viewer {
   /** @param {Field} field */
   constructor(field) {
@@ -26,23 +42,15 @@ class Viewer {
   async start() {
     const {field} = this, map = field.map;
     this.map = map && Uint8Array.from(atob(map.data), (letter) => letter.charCodeAt(0));
-    this.pages = await Promise.all(field.atlas.pages.map(async (source) => {
-      const page = new Image();
-      page.src = source;
-      try {
-        await page.decode();
-      } catch {
-        const kind = source.slice("data:image/".length, source.indexOf(";")).toUpperCase();
-        throw new Error(`this browser reads no ${kind} pictures. Make the page with --format webp, `
-          + "or use another browser");
-      }
-      return page;
-    }));
+    this.pages = await loaded(field.atlas.pages);
+    const depths = field.depth ? await loaded(field.depth.pages) : [];
     try {
-      this.drawing = new Drawing(this.canvas, field, this.pages, this.map);
-      this.measure();
+      this.drawing = new Drawing(this.canvas, field, this.pages, depths, this.map);
+      // The first picture may compile.
+      for (let turn = 0; turn < 2; turn++) this.now(initial(field), this.parts(initial(field)).slice(0, 16), 4);
     } catch (error) {
       if (!(error instanceof CannotDraw)) throw error;
+      this.drawing = null;
       this.say(`${error.message}: only single views are shown. Drag to look around; for more, use `
         + "lfcore refocus or another browser.");
     }
@@ -54,17 +62,19 @@ class Viewer {
     this.settle();
   }
 
-  /** Measure milliseconds per sample, with the second picture: the first may compile. */
-  measure() {
-    const drawing = /** @type {Drawing} */ (this.drawing), {field} = this;
-    const entries = openViews(field, initial(field)).slice(0, 16), divisor = 4;
-    drawing.resize(initial(field), divisor);
-    for (let turn = 0; turn < 2; turn++) {
-      const begun = performance.now();
-      drawing.picture(initial(field), entries, divisor, 0, this.canvas.height);
-      drawing.finish();
-      this.learn(performance.now() - begun, this.canvas.width * this.canvas.height * entries.length);
-    }
+  /** What adds up to the picture. @param {State} state @returns {Entry[] | Cell[]} */
+  parts(state) {
+    const {field} = this;
+    return field.depth && !state.depth ? openCells(field, field.depth, state) : openViews(field, state);
+  }
+
+  /** Draw all of a picture. @param {State} state @param {Entry[] | Cell[]} parts @param {number} divisor */
+  now(state, parts, divisor) {
+    const drawing = /** @type {Drawing} */ (this.drawing), begun = performance.now();
+    let samples = 0;
+    for (const some of drawing.paint(state, parts, divisor, Infinity)) samples += some;
+    drawing.finish();
+    this.learn(performance.now() - begun, samples);
   }
 
   /** @param {number} ms @param {number} samples */
@@ -89,45 +99,29 @@ class Viewer {
     requestAnimationFrame(() => {
       if (job !== this.job) return;
       if (!this.drawing) { this.single(); return; }
-      const {field, state} = this, all = openViews(field, state);
-      const most = 1e6 * BUDGET_MS / Math.max(this.cost, 1e-6);
-      const pixels = field.width * field.height;
+      const {field, state} = this, all = this.parts(state), most = this.most();
+      const pixels = field.width * field.height, byDepth = field.depth && !state.depth;
       let divisor = 1;
-      while (divisor < 4 && pixels / divisor ** 2 * Math.min(all.length, 24) > most) divisor++;
+      while (divisor < (byDepth ? 8 : 4) && pixels / divisor ** 2 * Math.min(all.length, byDepth ? Infinity : 24) > most) {
+        divisor++;
+      }
       const keep = Math.max(1, Math.ceil(all.length * (pixels / divisor ** 2) / most));
-      const entries = state.single ? all : all.filter((_, k) => k % keep === 0);
-      const begun = performance.now();
-      this.draw(entries, divisor);
-      this.drawing.finish();
-      this.learn(performance.now() - begun, this.canvas.width * this.canvas.height * entries.length);
+      this.now(state, state.single || byDepth ? all : all.filter((_, k) => k % keep === 0), divisor);
     });
   }
 
-  /** @param {Entry[]} entries @param {number} divisor */
-  draw(entries, divisor) {
-    const drawing = /** @type {Drawing} */ (this.drawing);
-    drawing.resize(this.state, divisor);
-    drawing.picture(this.state, entries, divisor, 0, Math.ceil(this.field.height / divisor));
-    if (this.state.epi) drawing.slices(this.state, divisor);
-  }
+  /** The samples that the budget of time allows for. */
+  most() { return 1e6 * BUDGET_MS / Math.max(this.cost, 1e-6); }
 
-  /** Draw the whole picture in bands, which leave time for input; resolves when it is drawn. */
+  /** Draw the whole picture in parts, which leave time for input; resolves when it is drawn. */
   async settle() {
-    const job = ++this.job, drawing = this.drawing;
+    const job = ++this.job, {drawing, state} = this;
     if (!drawing) { this.single(); this.whole = true; return; }
-    const {field, state} = this, entries = openViews(field, state);
-    const perRow = field.width * entries.length * this.cost / 1e6;
-    const rows = Math.max(1, Math.floor(BUDGET_MS / Math.max(perRow, 1e-6)));
-    drawing.resize(state, 1);
-    for (let row = 0; row < field.height; row += rows) {
-      drawing.picture(state, entries, 1, row, Math.min(row + rows, field.height));
-      if (row + rows < field.height) {
-        drawing.finish();
-        await new Promise(requestAnimationFrame);
-        if (job !== this.job) return;
-      }
+    for (const _ of drawing.paint(state, this.parts(state), 1, this.most())) {
+      drawing.finish();
+      await new Promise(requestAnimationFrame);
+      if (job !== this.job) return;
     }
-    if (state.epi) drawing.slices(state, 1);
     drawing.finish();
     this.whole = true;
   }

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from two_planes import FAR, NEAR, PIXELS
-from viewer_browser import choose, chromium, complaints, needed, pixels, settle, state, visit
+from viewer_browser import choose, chromium, complaints, needed, pixels, psnr, settle, state, visit
 
 from lfcore import load_scene, record
 from lfcore.colour import srgb_codes
@@ -35,10 +35,6 @@ def opened(browser, page):
     visit(browser, page)
     yield browser
     assert complaints(browser) == []
-
-
-def psnr(a: np.ndarray, b: np.ndarray) -> float:
-    return 10 * np.log10(255**2 / max(np.mean((a.astype(float) - b.astype(float)) ** 2), 1e-9))
 
 
 @pytest.mark.parametrize("filter", ["bilinear", "nearest"])

@@ -83,6 +83,11 @@ def pixels(browser) -> np.ndarray:
     return np.array(Image.open(io.BytesIO(data)).convert("RGB"))
 
 
+def psnr(a: np.ndarray, b: np.ndarray) -> float:
+    """Decibels of codes of 8 bits."""
+    return 10 * np.log10(255**2 / max(np.mean((a.astype(float) - b.astype(float)) ** 2), 1e-9))
+
+
 def complaints(browser) -> list[str]:
     """What the console was told since it was last asked: warnings and errors of the page."""
     return [entry["message"] for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
