@@ -418,7 +418,7 @@ class LightField(FieldPlanes):
         grid: int | None = None,
         pixels: int | None = None,
         format: str = "jpeg",
-        jpeg_quality: int = 80,
+        jpeg_quality: int | None = None,
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> ViewerPage:
@@ -431,7 +431,8 @@ class LightField(FieldPlanes):
         format : str
             ``jpeg``, ``avif`` or ``webp``.
         jpeg_quality : int
-            The quality of the pictures' encoder, 1 to 100.
+            The quality of the pictures' encoder, 1 to 100.  Default: 80 of a file with depth,
+            else 90.
         device : Device or str, optional
             An open device, or part of its name.
         progress : callable, optional

@@ -23,7 +23,7 @@ EPILOG = """\
 examples:
   lfcore view bike.mkv                                in the browser: drag, click, slide
   lfcore view https://example.org/bike.mkv            from a URL
-  lfcore view bike.mkv -o bike.html --grid 9          the page as a file, a small one
+  lfcore view bike.mkv -o bike.html --pixels 128      the page as a file, a small one
   lfcore view bike.mkv --serve 8000                   at http://127.0.0.1:8000/
   lfcore view bike.mkv -o corner.png --view 0 3       lens column 0, row 3
   lfcore view bike.mkv -o between.png --at 12.5 -40   any point of the lens, of a file with depth
@@ -58,8 +58,9 @@ def options(command: argparse.ArgumentParser) -> None:
         help="of its views: jpeg (default), avif, which is smaller, or webp, which blurs colours",
     )  # fmt: skip
     page.add_argument(
-        "--jpeg-quality", type=values.count(1, 100), metavar="Q", help="of its views (80)"
-    )
+        "--jpeg-quality", type=values.count(1, 100), metavar="Q",
+        help="of its views (80 with depth, else 90)",
+    )  # fmt: skip
     page.add_argument(
         "--serve", type=values.count(0, 65535), nargs="?", const=0, metavar="PORT",
         help="serve the page on this machine until interrupted",

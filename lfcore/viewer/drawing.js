@@ -289,6 +289,12 @@ function pictureSize(field) {
   return field.depth ? [field.depth.pixels, field.depth.pixels] : [field.width, field.height];
 }
 
+/** Pixels of a view from one sample to the next. @param {Field} field @param {number} divisor */
+function stride(field, divisor) {
+  // Views of a file with depth are finer than its pictures: a coarse picture needs one ray per pixel.
+  return divisor === 1 ? 1 : divisor * Math.max(1, Math.floor(field.width / pictureSize(field)[0]));
+}
+
 /** @param {number[]} places @param {number} at */
 function nearestTo(places, at) {
   return places.reduce((best, place, k) => Math.abs(place - at) < Math.abs(places[best] - at) ? k : best, 0);

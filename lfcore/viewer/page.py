@@ -88,7 +88,7 @@ def viewer_page(
     grid: int | None = None,
     pixels: int | None = None,
     format: str = "jpeg",
-    jpeg_quality: int = 80,
+    jpeg_quality: int | None = None,
     device: Device | str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> ViewerPage:
@@ -104,7 +104,8 @@ def viewer_page(
     format : {"jpeg", "avif", "webp"}
         The format of the views; see :func:`lfcore.viewer.atlas.encode`.
     jpeg_quality : int
-        The quality of their encoder, 1 to 100.
+        The quality of their encoder, 1 to 100; by default 80 of a file with depth, whose pictures
+        are means of more rays, else 90.
     device : Device or str, optional
         An open device, or part of its name.
     progress : callable, optional
@@ -130,6 +131,8 @@ def viewer_page(
     stored = _stored(field, slab)
     found = _estimated(slab, choice, pictures, seen) if stored is None else stored
     disparities = None if found is None else _map(found, seen)
+    if jpeg_quality is None:
+        jpeg_quality = 80 if field.metadata.depth else 90
     data = _describe(field, slab, choice, encode(pictures, format, jpeg_quality))
     data |= {"range": _widened(seen), "map": disparities, "depth": _depth(field, slab, choice)}
     parts = {

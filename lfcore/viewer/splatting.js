@@ -111,7 +111,8 @@ class Splatting {
     const tilt = state.single ? [0, 0] : [state.tx * scale / field.width, state.ty * scale / field.height];
     const apart = Math.max(Math.abs(disparity - low), Math.abs(disparity - high))
       + 0.5 * field.width * (Math.abs(tilt[0]) + Math.abs(tilt[1]));
-    const least = Math.min(0.5, 2 / field.columns.length) * ratio * divisor;
+    const step = stride(field, divisor);
+    const least = (step === 1 ? Math.min(0.5, 2 / field.columns.length) : 1) * ratio * step;
     const widest = Math.max(least, ...cells.map((cell) => Math.max(cell.wide, cell.tall) * apart * ratio));
     const margin = Math.min(Math.ceil(widest) + 2, this.most);
     const bounds = state.single
@@ -123,7 +124,7 @@ class Splatting {
     this.common = {
       size: [field.width, field.height], ratio, disparity, tilt, margin, picture: [pixels, pixels],
     };
-    this.count = {stride: divisor, layers: state.single ? POINT_LAYERS : 2 * BOUNDS.length + 1};
+    this.count = {stride: step, layers: state.single ? POINT_LAYERS : 2 * BOUNDS.length + 1};
     this.cells = cells;
     let waiting = 0;
     for (const [number, cell] of cells.entries()) {
@@ -136,13 +137,13 @@ class Splatting {
         ...this.common, target, ends: [low, high], least, follow: state.single ? 0 : 1, share: cell.share,
         lens: [cell.s, cell.t], centre: [cell.x, cell.y], side: [cell.wide, cell.tall], displaced: cell.displaced,
       }, {
-        pages: 0, depths: 3, view: cell.view, stride: divisor, parts: bounds.length,
+        pages: 0, depths: 3, view: cell.view, stride: step, parts: bounds.length,
       });
       gl.uniform2i(gl.getUniformLocation(this.rays, "cells"), field.atlas.across, field.atlas.down);
       gl.uniform1fv(gl.getUniformLocation(this.rays, "bounds"), bounds);
       gl.enable(gl.BLEND);
       gl.blendFunc(gl.ONE, gl.ONE);
-      const rays = Math.floor(field.width / divisor) * Math.floor(field.height / divisor);
+      const rays = Math.floor(field.width / step) * Math.floor(field.height / step);
       gl.drawArrays(gl.POINTS, 0, rays);
       gl.disable(gl.BLEND);
       gl.bindFramebuffer(gl.FRAMEBUFFER, null);

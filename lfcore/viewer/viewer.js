@@ -51,6 +51,10 @@ class Viewer {
     } catch (error) {
       if (!(error instanceof CannotDraw)) throw error;
       this.drawing = null;
+      // A canvas that has been drawn to by WebGL2 takes nothing else.
+      const fresh = /** @type {HTMLCanvasElement} */ (this.canvas.cloneNode());
+      this.canvas.replaceWith(fresh);
+      this.canvas = fresh;
       this.say(`${error.message}: only single views are shown. Drag to look around; for more, use `
         + "lfcore refocus or another browser.");
     }
@@ -100,12 +104,11 @@ class Viewer {
       if (job !== this.job) return;
       if (!this.drawing) { this.single(); return; }
       const {field, state} = this, all = this.parts(state), most = this.most();
-      const pixels = field.width * field.height, byDepth = field.depth && !state.depth;
+      const byDepth = field.depth && !state.depth, least = byDepth ? all.length : Math.min(all.length, 24);
+      const pixels = (/** @type {number} */ by) => field.width * field.height / stride(field, by) ** 2;
       let divisor = 1;
-      while (divisor < (byDepth ? 8 : 4) && pixels / divisor ** 2 * Math.min(all.length, byDepth ? Infinity : 24) > most) {
-        divisor++;
-      }
-      const keep = Math.max(1, Math.ceil(all.length * (pixels / divisor ** 2) / most));
+      while (divisor < (byDepth ? 8 : 4) && pixels(divisor) * least > most) divisor++;
+      const keep = Math.max(1, Math.ceil(all.length * pixels(divisor) / most));
       this.now(state, state.single || byDepth ? all : all.filter((_, k) => k % keep === 0), divisor);
     });
   }
@@ -199,6 +202,7 @@ class Viewer {
       input("f").addEventListener("input", () => this.set({a: focal / (2 ** Number(input("f").value) * pitch)}));
     } else input("f").disabled = true;
     input("depth").disabled = !field.map;
+    /** @type {HTMLElement} */ (input("filter").parentElement).hidden = Boolean(field.depth);
     element("reset").addEventListener("click", () => this.set(initial(field)));
     addEventListener("hashchange", () => this.set(fromHash(field, location.hash)));
     this.pointers();

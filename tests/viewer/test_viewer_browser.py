@@ -53,7 +53,7 @@ def test_the_canvas_shows_what_refocus_makes(opened, field, filter):
         assert psnr(shown, srgb_codes(picture)) > 45, (d, a, shape)
 
 
-@pytest.mark.parametrize("form", ["webp", "avif"])
+@pytest.mark.parametrize("form", ["jpeg", "webp", "avif"])
 def test_a_lossy_page_is_near_refocusing(browser, field, tmp_path, form):
     field.viewer(format=form).save(tmp_path / "lossy.html")
     visit(browser, tmp_path / "lossy.html")
@@ -64,7 +64,7 @@ def test_a_lossy_page_is_near_refocusing(browser, field, tmp_path, form):
 
 
 def test_coloured_edges_keep_their_colour(browser, tmp_path):
-    """The chart is saturated red, green and blue: what chroma of half size loses 10 dB of."""
+    """The chart is saturated red, green and blue: with chroma of half size, at most 30 dB."""
     field = record(load_scene(CHART), tmp_path / "chart.mkv", views=9, pixels=64)
     field.viewer().save(tmp_path / "chart.html")
     visit(browser, tmp_path / "chart.html")
@@ -74,7 +74,7 @@ def test_coloured_edges_keep_their_colour(browser, tmp_path):
         picture = field.refocus(disparity_px=d, aperture_views=a, filter="bilinear")
         assert psnr(pixels(browser), srgb_codes(picture)) > 40, (distance, a)
     choose(browser, single=True, x=1, y=-2, d=0)
-    assert psnr(pixels(browser), field.view(5, 2, codes=True)) > 37
+    assert psnr(pixels(browser), field.view(5, 2, codes=True)) > 35
     assert complaints(browser) == []
 
 
@@ -222,7 +222,7 @@ def test_a_browser_without_the_pictures_format_says_what_to_do(browser, page):
         from selenium.webdriver.support.ui import WebDriverWait
 
         said = WebDriverWait(browser, 20).until(lambda one: _status(one, "cannot be shown"))
-        assert "this browser reads no WEBP pictures. Make the page with --format webp" in said
+        assert "this browser reads no WEBP pictures. Make the page with --format jpeg" in said
     finally:
         remove = "Page.removeScriptToEvaluateOnNewDocument"
         browser.execute_cdp_cmd(remove, {"identifier": added["identifier"]})
