@@ -24,7 +24,7 @@ WRITERS = {
     "exr": "write_picture(path, BIG)",
     "npy": "write_picture(path, BIG)",
     "pfm": "write_picture(path, BIG)",
-    "npz": "np.savez(stack.enter_context(whole_file(path)), BIG)",
+    "npz": "SUMS.save(Path(path))",
     "json": "write_json(path, BIG.tolist())",
     "array.exr": "write_array(path, BIG, ARRAY)",
     "mp4": "write_film(Path(path), BIG[None], 12)",
@@ -41,6 +41,8 @@ from lfcore.errors import LfcoreError
 from lfcore.files import *
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
+from lfcore.optics.plane_sums import PlaneSums
+from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.pictures import write_picture
 from lfcore.storage.codecs import Encoding
@@ -54,6 +56,7 @@ BIG = np.random.default_rng(0).random((96, 96, 3)).astype(np.float32)
 ARRAY = CameraArray.on_grid((2, 2), (0, 1, 0, 1), 45.0, (48, 48))
 TILE = FrameLayout("views", 2, 96, pixel_format="gbrp").tile(0, 0, 2, 2)
 SLAB = Slab(Camera(0.05, 0.036, 2.0, 3.0), 2, 96)
+SUMS = PlaneSums.zeros(SLAB, [SensorPlane(2.0, 2.0)])
 SCENE = {"name": "noise", "digest": "0"}
 def segment(path):
     with SegmentWriter(Path(path), Encoding("ffv1", "gbrp"), 96, 96) as writer:

@@ -35,13 +35,6 @@ def test_sixteen_bits_come_back(tmp_path, suffix):
     assert found.dtype == np.uint16 and (found == deep).all()
 
 
-def test_grey_is_repeated_and_transparency_dropped(tmp_path):
-    Image.fromarray(CODES[..., 0]).save(tmp_path / "grey.png")
-    assert (read_codes(tmp_path / "grey.png") == CODES[..., :1]).all()
-    Image.fromarray(np.dstack([CODES, CODES[..., 1]])).save(tmp_path / "alpha.png")
-    assert (read_codes(tmp_path / "alpha.png") == CODES).all()
-
-
 def test_light_comes_back_as_floats(tmp_path):
     write_picture(tmp_path / "a.npy", LIGHT)
     assert (np.load(tmp_path / "a.npy") == LIGHT).all()

@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 from noise_fields import KNOWN, all_views, noise, store, taken_back
 from PIL import Image
+from stored_fields import tile_frames, write_field
 
 from lfcore.colour import srgb_codes
 from lfcore.exchange import export_lightfield
 from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, Geometry, Order
-from lfcore.exchange.importing import ReadOptions
-from lfcore.exchange.source import Selection
+from lfcore.exchange.grid import ExchangeError, Geometry, Order, ViewGrid
+from lfcore.exchange.importing import ReadOptions, check_order
+from lfcore.exchange.source import Selection, Source
+from lfcore.lightfield import LightField
+from lfcore.storage.layout import FrameLayout
 
 
 def picture(path):
@@ -69,9 +72,14 @@ def test_colmap_projects_as_the_slab_does(wide, tmp_path):
     )
 
 
-def test_llff_has_its_axes_in_the_middle(tmp_path):
-    geometry = Geometry(pitch_m=0.04, pixel_pitch=0.02, delta=0.5)  # the axis moves a pixel a view
-    stored = store(tmp_path, noise(3, 3, 16, 16), geometry)
+@pytest.fixture
+def stored(tmp_path):
+    """Views whose axis moves a pixel from one to the next."""
+    geometry = Geometry(pitch_m=0.04, pixel_pitch=0.02, delta=0.5)
+    return store(tmp_path, noise(3, 3, 16, 16), geometry)
+
+
+def test_llff_has_its_axes_in_the_middle(stored, tmp_path):
     notes = export_lightfield(
         stored.path, "llff", tmp_path / "out", options=WriteOptions(near_m=1, far_m=4)
     )
@@ -136,8 +144,6 @@ def test_hci_as_published(wide, tmp_path):
 
 def test_hci_disparity_is_the_benchmarks(square):
     """beta = b f w; disparity (beta F / Z - beta) / (F S), in mm, as the benchmark states it."""
-    from lfcore.exchange.source import Source
-
     source = Source(square.field, Selection())
     b, size, focus, sensor = 4.0, 16, 2000.0, 36.0
     focal = sensor / (0.02 * size)
@@ -174,9 +180,7 @@ def test_gfxdisp_counts_from_the_bottom_right(square, tmp_path):
     np.testing.assert_array_equal(all_views(field), square.views)
 
 
-def test_a_plane_of_blenders_is_taken_back(tmp_path):
-    geometry = Geometry(pitch_m=0.04, pixel_pitch=0.02, delta=0.5)  # the axis moves a pixel a view
-    stored = store(tmp_path, noise(3, 3, 16, 16), geometry)
+def test_a_plane_of_blenders_is_taken_back(stored, tmp_path):
     notes = export_lightfield(stored.path, "blender", tmp_path / "out")
     assert any("cropped to 14 x 14" in note for note in notes)
     data = json.loads((tmp_path / "out" / "lightfield.json").read_text())
@@ -241,22 +245,9 @@ def test_sixteen_bits_grey_and_alpha(tmp_path):
 
 def test_macropixels_are_exported_as_their_views(tmp_path):
     """A store of macropixels is decoded once for many views."""
-    from lfcore.lightfield import LightField
-    from lfcore.storage.codecs import Encoding
-    from lfcore.storage.container import join_segments
-    from lfcore.storage.layout import FrameLayout
-    from lfcore.storage.segment import SegmentWriter
-    from lfcore.storage.ycbcr import frames_from_rgb
-
-    views = noise(4, 4, 16, 16)
+    views, slab = noise(4, 4, 16, 16), KNOWN.slab(4, 4, 16, 16)
     layout = FrameLayout("macropixels", 4, 16, pixel_format="gbrp")
-    spec, tile = Encoding("ffv1", "gbrp"), layout.tile(0, 0, 16, 16)
-    with SegmentWriter(tmp_path / "0.mp4", spec, 16, 16) as writer:
-        for u, v in tile.elements():
-            square = np.pad(views[:, :, v, u], ((0, 12), (0, 12), (0, 0)), mode="edge")
-            writer.write(frames_from_rgb(square[None], "gbrp"))
-    join_segments(tmp_path / "lf.mkv", [tmp_path / "0.mp4"], [tile], layout,
-                  geometry=KNOWN.slab(4, 4, 16, 16), scene={"name": "a", "digest": ""})  # fmt: skip
+    write_field(tmp_path / "lf.mkv", slab, layout, lambda tile: tile_frames(views, tile))
     np.testing.assert_array_equal(
         LightField.open(tmp_path / "lf.mkv").view(1, 2, codes=True), views[2, 1]
     )
@@ -277,9 +268,6 @@ def test_a_wrong_order_is_told(tmp_path):
         return np.repeat(np.uint8(127 + 100 * moved)[..., None], 3, -1)
 
     views = np.array([[view(i, j) for i in range(3)] for j in range(3)])
-    from lfcore.exchange.grid import ViewGrid
-    from lfcore.exchange.importing import check_order
-
     grid = ViewGrid.of_array(views, "waves")
     assert check_order(grid) is None
     assert "--order" in check_order(grid.turned(up=True))

@@ -107,17 +107,7 @@ def test_nothing_is_recognised(tmp_path):
     refused(tmp_path / "in", "known format")
     refused(tmp_path / "in", "'nex'", format="nex")
     refused(tmp_path / "in", "cannot be imported", format="plenoptic")
-    for name in (
-        "hci",
-        "nerfstudio",
-        "stanford",
-        "jpeg-pleno",
-        "folder",
-        "blender",
-        "json",
-        "llff",
-        "colmap",
-    ):
+    for name in "hci nerfstudio stanford jpeg-pleno folder blender json llff colmap".split():
         refused(tmp_path / "in", "in", format=name)
 
 

@@ -8,17 +8,7 @@ from lfcore.exchange import export_lightfield
 from lfcore.exchange.importing import ReadOptions
 from lfcore.exchange.source import Selection
 
-FOLDERS = [
-    "hci",
-    "stanford",
-    "nerfstudio",
-    "colmap",
-    "json",
-    "jpeg-pleno",
-    "mosaic",
-    "eslf",
-    "mat",
-]
+FOLDERS = "hci stanford nerfstudio colmap json jpeg-pleno mosaic eslf mat".split()
 WHOLE = {"hci", "nerfstudio", "colmap", "json"}
 """Formats that hold the whole geometry."""
 ONE_PICTURE = {"mosaic", "eslf"}
@@ -47,14 +37,6 @@ def test_folders(format, shape, tmp_path, request):
     assert field.picture_size == stored.views.shape[3:1:-1]
     np.testing.assert_array_equal(all_views(field), stored.views)
     check_geometry(field, stored.field, format in WHOLE)
-
-
-@pytest.mark.parametrize("format", ["stanford"])
-def test_without_a_geometry(format, unknown, tmp_path):
-    export_lightfield(unknown.path, format, tmp_path / "out")
-    _, field = taken_back(tmp_path / "out", tmp_path)
-    np.testing.assert_array_equal(all_views(field), unknown.views)
-    assert not field.metric
 
 
 def test_a_part_of_it(square, tmp_path):

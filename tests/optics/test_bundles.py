@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -44,11 +43,3 @@ def test_views_are_the_same_rays_in_another_order(slab):
     for got, want in zip((origin, direction), expected, strict=True):
         got = got.reshape(n, n, m, m, 3).transpose(2, 3, 0, 1, 4)
         np.testing.assert_allclose(got, want, atol=1e-6)
-
-
-def test_steps_by_hand():
-    slab = Slab(Camera(0.05, 0.036, 2.0, 2.0), 5, 4)
-    step = bundles.macropixels(slab, np.array([[0, 0]])).step
-    assert step.tolist() == pytest.approx([5e-3, 5e-3, -2.5e-3, -2.5e-3], rel=1e-6)
-    step = bundles.views(slab, np.array([[0, 0]])).step
-    assert step.tolist() == pytest.approx([0, 0, slab.pixel_pitch, slab.pixel_pitch], rel=1e-6)

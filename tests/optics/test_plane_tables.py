@@ -10,9 +10,7 @@ from lfcore.optics.plane_tables import (
     BLOCK,
     RUN_WORDS,
     RUNS,
-    block_kinds,
     lens_tables,
-    run_records,
     view_tables,
 )
 from lfcore.optics.planes import SensorPlane
@@ -32,39 +30,6 @@ def unpack(record: np.ndarray, columns: int) -> np.ndarray:
 
 
 shapes = st.sampled_from([(4, 1), (2, 2), (1, 3), (1, 4)])
-
-
-@given(st.integers(1, 9), st.integers(1, 70), st.integers(0, 4), shapes, st.randoms())
-def test_run_records_reproduce_offsets(positions, views, spread, shape, random):
-    offsets = np.array(
-        [sorted(random.randint(-spread, spread) for _ in range(views)) for _ in range(positions)],
-        np.int32,
-    )
-    group, span = shape[0], shape[1] * BLOCK
-    records = run_records(offsets, group, span)
-    cells = 1 if positions == 1 else -(-positions // group)
-    assert records.shape == (cells, -(-views // span))
-    for cell in range(cells):
-        found = np.stack([unpack(r, group * span).reshape(group, span) for r in records[cell]], 1)
-        found = found.reshape(group, -1)[:, :views]
-        for k in range(group):
-            pixel = 0 if positions == 1 else min(cell * group + k, positions - 1)
-            np.testing.assert_array_equal(found[k], offsets[pixel] + k)
-        for record in records[cell]:
-            runs = record["run"][: record["count"]]
-            assert (np.diff(runs["target"]) >= 0).all(), "sorted by target"
-            by_start = runs[np.argsort(runs["start"])]
-            assert (np.diff(by_start["target"]) != 0).all(), "runs are maximal"
-
-
-@given(st.integers(1, 40), st.floats(2.0, 40.0))
-def test_block_kinds_by_counting(views, f_number):
-    mask = SensorPlane(3.0, f_number).mask(Slab(CAMERA, views, 2))
-    kinds = block_kinds(mask[None].astype(np.uint8) * 255)
-    for (row, column), kind in np.ndenumerate(kinds[0]):
-        cell = mask[row * BLOCK : (row + 1) * BLOCK, column * BLOCK : (column + 1) * BLOCK]
-        whole = cell.sum() == BLOCK * BLOCK
-        assert kind == (2 if whole else 1 if cell.any() else 0)
 
 
 planes = st.lists(

@@ -1,6 +1,5 @@
 """The thin lens and the slab, against values worked out by hand."""
 
-import json
 import math
 
 import numpy as np
@@ -81,8 +80,3 @@ def test_grids_are_centred_and_even(views, pixels):
 def test_impossible_slabs_are_refused(views, pixels):
     with pytest.raises(OpticsError, match=r"views|pixels"):
         Slab(Camera(0.05, 0.036, 2.0, 3.0), views, pixels)
-
-
-def test_slab_survives_json():
-    slab = Slab(Camera(0.05, 0.036, 2.0, 3.0), 4, 8)
-    assert Slab.from_json(json.loads(json.dumps(slab.to_json()))) == slab

@@ -1,6 +1,7 @@
 """Meshes for the oracle's tests."""
 
 import numpy as np
+import trimesh
 
 
 def soup(count, seed=0, size=0.05):
@@ -10,23 +11,9 @@ def soup(count, seed=0, size=0.05):
 
 
 def sphere(rows=8, columns=12, radius=1.0, centre=(0, 0, 0)):
-    """Closed: vertices (V, 3) float32 and faces (F, 3), poles of valence ``columns``."""
-    theta = np.linspace(0, np.pi, rows + 1)[1:-1, None]
-    phi = np.linspace(0, 2 * np.pi, columns, endpoint=False) + 0 * theta
-    ring = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi)], -1)
-    ring = np.concatenate([ring, (np.cos(theta) + 0 * phi)[..., None]], -1).reshape(-1, 3)
-    vertices = np.concatenate([ring, [[0, 0, 1], [0, 0, -1]]]) * radius + centre
-    north, south = len(ring), len(ring) + 1
-    faces = []
-    for i in range(columns):
-        j = (i + 1) % columns
-        faces.append((north, i, j))
-        last = (rows - 2) * columns
-        faces.append((south, last + j, last + i))
-        for row in range(rows - 2):
-            a, b = row * columns + i, row * columns + j
-            faces += [(a, a + columns, b), (b, a + columns, b + columns)]
-    return vertices.astype(np.float32), np.array(faces)
+    """Closed: vertices (V, 3) float32 and faces (F, 3), many of which meet at the poles."""
+    mesh = trimesh.creation.uv_sphere(radius, (rows, columns))
+    return np.float32(mesh.vertices + centre), mesh.faces
 
 
 def aimed(vertices, faces, origin):

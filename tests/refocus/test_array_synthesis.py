@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from lfcore.errors import OpticsError
-from lfcore.opencl.device import open_device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.lens_system import LensSystem
 from lfcore.refocus.array import focal_surface as surfaces
@@ -39,11 +38,6 @@ def textured_plane(array, depth=DEPTH, pattern=radiance):
     directions = [[array.directions(i, j) for i in range(nx)] for j in range(ny)]
     points = array.origins()[:, :, None, None] + depth * np.array(directions)
     return array.mosaic(pattern(points[..., 0], points[..., 1])).astype(np.float32)
-
-
-@pytest.fixture(scope="module")
-def device():
-    return open_device()
 
 
 @pytest.fixture(scope="module")
@@ -93,24 +87,17 @@ def test_structs_match_the_kernels(device, field):
 
 
 @pytest.mark.parametrize("kind", list(all_surfaces(tilted_camera())))
-def test_isaksen_equals_its_reference(field, image, array, kind):
+def test_every_surface_equals_its_reference(field, image, array, kind):
     camera = tilted_camera()
     surface = all_surfaces(camera)[kind]
-    fast = isaksen(field, camera, surface, 0.35)
-    slow = reference.isaksen(image, array, camera, surface, 0.35)
-    assert slow.coverage.any()
-    close(fast, slow)
-
-
-@pytest.mark.parametrize("kind", list(all_surfaces(tilted_camera())))
-def test_thin_lens_equals_its_reference(field, image, array, kind):
-    camera = tilted_camera()
-    surface = all_surfaces(camera)[kind]
-    table = sampling.midpoint_table(1, 3)
-    fast = thin_lens(field, camera, surface, sampling.QUADRATURE, table, 9)
-    slow = reference.thin_lens(image, array, camera, surface, sampling.QUADRATURE, table, 9)
-    assert slow.coverage.any()
-    close(fast, slow)
+    lens = (camera, surface, sampling.QUADRATURE, sampling.midpoint_table(1, 3), 9)
+    for fast, slow in (
+        (isaksen(field, camera, surface, 0.35),
+         reference.isaksen(image, array, camera, surface, 0.35)),
+        (thin_lens(field, *lens), reference.thin_lens(image, array, *lens)),
+    ):  # fmt: skip
+        assert slow.coverage.any()
+        close(fast, slow)
 
 
 @pytest.mark.kernels

@@ -18,7 +18,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.focal_stack import FocalStackSummer, focal_stack, focal_stack_views, plan
 from lfcore.refocus.resampling import coverage
-from lfcore.refocus.shift_sum import shift_sum_views
+from lfcore.refocus.shift_sum import shift_sum, shift_sum_views
 
 CAMERA = Camera(0.2, 0.1, 1.0, 2.0)  # wide: shifts of many pixels
 CHART = Path(__file__).parents[2] / "scenes" / "chart"
@@ -126,24 +126,11 @@ def test_from_a_file(tmp_path, kind):
     options = ["--pixels", "96", "--views", "4", "--codec", f"ffv1,layout={kind}"]
     assert main(["record", str(CHART), "-o", str(path), *options]) == 0
     planes = [SensorPlane(d, 1.0) for d in (1.0, 1.33, 2.0)]
-    fast = focal_stack(path, planes)
-    from lfcore.refocus.shift_sum import shift_sum
-
-    exact = shift_sum(path, planes)
+    fast, exact = focal_stack(path, planes), shift_sum(path, planes)
     assert np.abs(fast - exact).mean() < 0.02
     film = tmp_path / "film.mp4"
-    command = [
-        "stack",
-        str(path),
-        "--focus",
-        "1",
-        "1.33",
-        "2",
-        "--method",
-        "blocks",
-        "-o",
-        str(film),
-    ]
+    command = ["stack", str(path), "--focus", "1", "1.33", "2", "--method", "blocks"]
+    command += ["-o", str(film)]
     assert main(command) == 0
     with av.open(str(film)) as container:
         frames = [

@@ -31,11 +31,6 @@ PLANES = [
 ]
 
 
-@pytest.fixture(scope="module")
-def device():
-    return open_device()
-
-
 def random_views(slab, seed=0):
     generator = np.random.default_rng(seed)
     shape = (slab.views, slab.views, slab.pixels, slab.pixels, 3)

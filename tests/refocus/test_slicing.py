@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from stored_fields import write_field
 
 from lfcore.colour import srgb_decode
 from lfcore.opencl.device import cl, open_device
@@ -12,14 +13,12 @@ from lfcore.optics.slab import Slab
 from lfcore.oracle import colour as truth
 from lfcore.refocus.slicing import PlaneFormer, form_planes
 from lfcore.refocus.stored_views import FrameSummer
-from lfcore.storage.container import join_segments
 from lfcore.storage.defaults import chosen_encoding
 from lfcore.storage.layout import FrameLayout
-from lfcore.storage.segment import SegmentReader, SegmentWriter
+from lfcore.storage.segment import SegmentReader
 
 pytestmark = pytest.mark.kernels
 
-SCENE = {"name": "waves", "digest": "0123"}
 CAMERA = Camera(0.05, 0.004, 2.0, 3.0)
 PLANES = [
     SensorPlane(1.1, 2.0, "square"),
@@ -165,10 +164,8 @@ def test_planes_out_of_a_file_of_512_views_are_those_of_its_rays(tmp_path):
     the reference takes the segment's decoded codes, ray by ray, in float64."""
     slab, spec = Slab(CAMERA, 512, 3), chosen_encoding(512)
     layout = FrameLayout("macropixels", 512, 3, pixel_format=spec.pixel_format)
-    tile, path, segment = layout.tile(0, 0, 3, 3), tmp_path / "l.mkv", tmp_path / "0.mp4"
-    with SegmentWriter(segment, spec, 512, 512) as writer:
-        writer.write(waves(tile))
-    join_segments(path, [segment], [tile], layout, geometry=slab, scene=SCENE, spec=spec)
+    tile, path = layout.tile(0, 0, 3, 3), tmp_path / "l.mkv"
+    _, (segment,) = write_field(path, slab, layout, waves, spec=spec, tiles=[tile])
     decoded = np.concatenate(list(SegmentReader(segment).frames()))
     pictures = form_planes(path, PLANES).sums.pictures()
     for plane, picture in zip(PLANES, pictures, strict=True):

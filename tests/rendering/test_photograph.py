@@ -11,6 +11,7 @@ from lfcore.exr import read_exr_picture
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.array import trace_array
 from lfcore.rendering.photograph import direct_thin_lens, photograph
+from lfcore.rendering.shutter import shutter_times, trace_shutter
 from lfcore.scene.pbrt import build_pbrt_scene
 from lfcore.storage.tiled_exr import read_array
 from lfcore.tracing.bvh import build_bvh
@@ -68,6 +69,25 @@ def test_a_pinhole_and_an_array_are_traced_as_arrays(scene):
         made = scene(camera)
         expected = trace_array(tracer_of(made), made.view.array, 4)
         np.testing.assert_array_equal(photograph(made), expected)
+
+
+def test_a_moving_square_smears_into_a_ramp(scene):
+    """It moves by its own width: a triangle of exposure, sampled at 8 instants."""
+    made = scene('"perspective" "float fov" 90')
+    picture = (trace_shutter(made, made.view.array, 8)[16, :, 0] - 0.1) / 0.9
+    x = 2 * made.view.array.pixel_tangents()[0]
+    left = -2 + 2 * shutter_times(8)[:, None]
+    expected = ((x >= left) & (x < left + 2)).mean(0)
+    np.testing.assert_allclose(picture, expected, atol=0.126)
+    assert np.abs(picture - expected).mean() < 0.01
+    assert picture[24] > 0.8 and 0.3 < picture[16] < 0.7 and 0.3 < picture[32] < 0.7
+
+
+def test_instants_lie_in_their_intervals():
+    for seed in (None, 3):
+        assert (np.floor(shutter_times(10, seed) * 10) == np.arange(10)).all()
+    with pytest.raises(OpticsError, match="times"):
+        shutter_times(0)
 
 
 def test_the_shutter_says_how_far_things_move(scene):

@@ -13,7 +13,6 @@ from lfcore.refocus.array.focal_surface import parallel
 from lfcore.refocus.array.quadrature import quadrature
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.array import array_bundles, stratified_offsets, trace_array
-from lfcore.rendering.shutter import shutter_times, trace_shutter
 from lfcore.scene.pbrt import build_pbrt_scene
 from lfcore.tracing import radiance
 from lfcore.tracing.bvh import build_bvh
@@ -161,45 +160,3 @@ def test_synthesis_of_a_traced_array_equals_a_traced_camera(traced):
 def test_no_samples(traced):
     with pytest.raises(OpticsError, match="samples_per_pixel"):
         trace_array(traced[1], traced[0].view.array, 0)
-
-
-MOVING = """
-Camera "perspective" "float fov" 90
-Film "image" "integer xresolution" [64] "integer yresolution" [64]
-WorldBegin
-LightSource "infinite" "rgb L" [1 1 1]
-AttributeBegin
-    ActiveTransform EndTime Translate 2 0 0 ActiveTransform All
-    Material "matte" "rgb Kd" [1 1 1]
-    Shape "trianglemesh" "integer indices" [0 1 2 0 2 3]
-        "point P" [-2 -1 2  0 -1 2  0 1 2  -2 1 2]
-AttributeEnd
-AttributeBegin
-    Translate 0 0 5
-    Material "matte" "rgb Kd" [0 0 0]
-    Shape "trianglemesh" "integer indices" [0 1 2 0 2 3]
-        "point P" [-9 -9 0  9 -9 0  9 9 0  -9 9 0]
-AttributeEnd
-WorldEnd
-"""
-
-
-def test_a_moving_square_smears_into_a_ramp(tmp_path):
-    """A white square moves by its own width: a triangle of exposure, sampled at 8 instants."""
-    (tmp_path / "m.pbrt").write_text(MOVING)
-    scene = build_pbrt_scene(tmp_path / "m.pbrt")
-    picture = trace_shutter(scene, scene.view.array, 8)[32, :, 0]
-    x = 2 * scene.view.array.pixel_tangents()[0]
-    times = shutter_times(8)
-    left = -2 + 2 * times[:, None]
-    expected = ((x >= left) & (x < left + 2)).mean(0)
-    np.testing.assert_allclose(picture, expected, atol=0.126)
-    assert np.abs(picture - expected).mean() < 0.01
-    assert picture[32] > 0.8 and 0.3 < picture[16] < 0.7 and 0.3 < picture[48] < 0.7
-
-
-def test_instants_lie_in_their_intervals():
-    for seed in (None, 3):
-        assert (np.floor(shutter_times(10, seed) * 10) == np.arange(10)).all()
-    with pytest.raises(OpticsError, match="times"):
-        shutter_times(0)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plain_scenes import scene as plain_scene
 
 from lfcore.cli import main
 from lfcore.errors import LfcoreError, OpticsError
@@ -13,7 +14,6 @@ from lfcore.optics.slab import Slab
 from lfcore.pictures import write_picture
 from lfcore.rendering import depth as depths
 from lfcore.scene.appearance import Material
-from lfcore.scene.model import Scene
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
@@ -33,12 +33,9 @@ def wall(z, x0, x1):
 def tracer():
     """A red wall at 1 m on the left, a green one at 4 m behind both halves, lit by ambient."""
     triangles = np.array(wall(NEAR, -9, 0.0) + wall(FAR, -9, 9), np.float32)
-    none = np.zeros((0, 3, 3), np.float32)
-    scene = Scene(
-        "walls", CAMERA, triangles, none, np.zeros((0, 3, 2), np.float32), none,
-        np.array([0, 0, 1, 1], np.int32),
-        [Material("red", (1.0, 0, 0)), Material("green", (0, 1.0, 0))],
-        [], [], ambient=(1.0, 1.0, 1.0),
+    scene = plain_scene(
+        triangles, camera=CAMERA, ambient=(1.0, 1.0, 1.0), material_ids=np.int32([0, 0, 1, 1]),
+        materials=[Material("red", (1.0, 0, 0)), Material("green", (0, 1.0, 0))],
     )  # fmt: skip
     return Tracer(scene, build_bvh(scene.triangles))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 import yaml
 
@@ -43,8 +42,3 @@ def write_scene(tmp_path):
 def minimal(tetrahedron):
     """The shortest description of a mesh, to be changed by a test."""
     return {"objects": [{"file": tetrahedron.name}]}
-
-
-@pytest.fixture
-def random_triangles():
-    return np.random.default_rng(0).normal(size=(50, 3, 3))

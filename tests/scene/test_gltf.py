@@ -332,31 +332,27 @@ def test_names_of_materials_stay(write, tmp_path):
     assert part.surface.name == "m"
 
 
+def lit(tree, light):
+    return {
+        **tree,
+        "extensions": {"KHR_lights_punctual": {"lights": [light]}},
+        "nodes": [{"extensions": {"KHR_lights_punctual": {"light": 0}}}, *tree["nodes"]],
+        "scenes": [{"nodes": [0]}],
+    }
+
+
 BROKEN = {
     "no object": lambda tree: [1],
     "nodes in a circle": lambda tree: {
         **tree, "nodes": [{**tree["nodes"][0], "children": [0]}, *tree["nodes"][1:]],
     },
-    "a light of words": lambda tree: {
-        **tree,
-        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "color": "red"}]}},
-        "nodes": [{"extensions": {"KHR_lights_punctual": {"light": 0}}}, *tree["nodes"]],
-        "scenes": [{"nodes": [0]}],
-    },
-    "a light brighter than any number": lambda tree: {
-        **tree,
-        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "color": [10**400]}]}},
-        "nodes": [{"extensions": {"KHR_lights_punctual": {"light": 0}}}, *tree["nodes"]],
-        "scenes": [{"nodes": [0]}],
-    },
-    "a cone inside out": lambda tree: {
-        **tree,
-        "extensions": {"KHR_lights_punctual": {
-            "lights": [{"type": "spot", "spot": {"innerConeAngle": 1, "outerConeAngle": 0.5}}],
-        }},
-        "nodes": [{"extensions": {"KHR_lights_punctual": {"light": 0}}}, *tree["nodes"]],
-        "scenes": [{"nodes": [0]}],
-    },
+    "a light of words": lambda tree: lit(tree, {"type": "point", "color": "red"}),
+    "a light brighter than any number": lambda tree: lit(
+        tree, {"type": "point", "color": [10**400]}
+    ),
+    "a cone inside out": lambda tree: lit(
+        tree, {"type": "spot", "spot": {"innerConeAngle": 1, "outerConeAngle": 0.5}}
+    ),
     "a pose of words": lambda tree: {
         **tree, "nodes": [{**n, "rotation": "up"} for n in tree["nodes"]],
     },

@@ -14,6 +14,7 @@ import struct
 import numpy as np
 import pytest
 from PIL import Image
+from test_gltf import packed
 
 from lfcore.errors import SceneError
 from lfcore.scene.build import build_scene
@@ -70,14 +71,9 @@ def draco(**changes):
 
 def written(folder, tree, data, how="glb"):
     if how == "glb":
-        text = json.dumps(tree).encode()
-        text += b" " * (-len(text) % 4)
         data += bytes(-len(data) % 4)
         path = folder / "m.glb"
-        size = 28 + len(text) + len(data)
-        chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
-        chunks += struct.pack("<II", len(data), 0x004E4942) + data
-        path.write_bytes(struct.pack("<4sII", b"glTF", 2, size) + chunks)
+        path.write_bytes(packed(tree, struct.pack("<II", len(data), 0x004E4942) + data))
         return path
     if how == "file":
         (folder / "m 1.bin").write_bytes(data)

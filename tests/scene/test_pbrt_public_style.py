@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from lfcore.cli import main
-from lfcore.errors import SceneError
 from lfcore.exr import read_exr_picture
 from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.pbrt import build_pbrt_scene
@@ -88,28 +87,3 @@ def test_it_renders_as_the_file_says(folder, tmp_path):
     # Sky on top, the checked floor's contrast at the bottom.
     np.testing.assert_allclose(picture[0, 0], [0.3, 0.35, 0.4], rtol=1e-3)
     assert picture[70:].std() > 0.1
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "token"),
-    [
-        ('"integer maxdepth" [20]', '"integer maxdepth" [20', "Sampler"),
-        ("Translate -3 5 0", "Translate -3 5", "Shape"),
-        ("AttributeBegin\n  NamedMaterial", "NamedMaterial", "AttributeEnd"),
-        ('\n  NamedMaterial "floor"', '\n  NamedMaterial "flor"', "flor"),
-        ("TransformBegin", "TransfromBegin", "TransfromBegin"),
-        ('ObjectInstance "thing" Tr', 'ObjectInstance "thong" Tr', "thong"),
-        ('"float fov" [45]', '"float fov" ["wide"]', "fov"),
-        ('Include "geometry/more.pbrt"', 'Include "geometry/none.pbrt"', "none.pbrt"),
-    ],
-)
-def test_mistakes_name_file_line_and_token(folder, tmp_path, before, after, token):
-    shutil.copytree(folder, tmp_path / "scene")
-    file = tmp_path / "scene" / "scene.pbrt"
-    text = file.read_text()
-    assert before in text
-    file.write_text(text.replace(before, after, 1))
-    with pytest.raises(SceneError) as caught:
-        build_pbrt_scene(file)
-    said = str(caught.value)
-    assert token in said and f"{file}:" in said, said

@@ -113,8 +113,3 @@ def test_sound_archives(tmp_path):
     path = tmp_path / "x.gz"
     path.write_bytes(gzip.compress(b"abc", mtime=0) + gzip.compress(b"def") + b"\0" * 512)
     assert reading.read_bytes(path, 6) == b"abcdef"
-
-
-def test_a_name_with_nul():
-    with pytest.raises(SceneError, match="name"):
-        reading.read_bytes("a\0b", 10)

@@ -6,9 +6,9 @@ import base64
 import gzip
 import json
 
-import numpy as np
 import pytest
 import trimesh
+from test_gltf import packed
 
 from lfcore.scene.sources import files_of_scene
 
@@ -97,9 +97,7 @@ def test_every_file_that_an_exporter_writes_is_found(tmp_path):
 def test_images_beside_a_glb_and_textures_of_a_ply(write):
     folder = write(m_ply="ply\nformat ascii 1.0\ncomment TextureFile skin.png\n", skin_png="")
     assert names(folder / "m.ply") == ["m.ply", "skin.png"]
-    chunk = json.dumps({"images": [{"uri": "skin.png"}]}).encode()
-    head = b"glTF" + np.array([2, 20 + len(chunk), len(chunk), 0x4E4F534A], "<u4").tobytes()
-    (folder / "m.glb").write_bytes(head + chunk)
+    (folder / "m.glb").write_bytes(packed({"images": [{"uri": "skin.png"}]}, b""))
     assert names(folder / "m.glb") == ["m.glb", "skin.png"]
 
 

@@ -192,12 +192,7 @@ def test_metadata_that_contradict(tmp_path, stored, change, words):
     if key == "frame":
         text = text.replace('"views":6', '"views":7')
     else:
-        data = json.loads(text)
-        data.pop("digest")
-        data["layout"][key] = value
-        canonical = json.dumps(data, sort_keys=True, separators=(",", ":"))
-        data["digest"] = hashlib.sha256(canonical.encode()).hexdigest()
-        text = json.dumps(data)
+        text = signed(text, lambda data: data["layout"].update({key: value}))
     remux(stored.path, tmp_path / "x.mkv", text=text)
     with pytest.raises(StorageError, match=words):
         LightFieldFile.open(tmp_path / "x.mkv")

@@ -1,4 +1,4 @@
-"""Colour: against the formulas written out one pixel at a time, and what survives a round trip."""
+"""Colour: against the oracle's formulas in float64, and what survives a round trip."""
 
 import numpy as np
 import pytest
@@ -7,20 +7,10 @@ from hypothesis import strategies as st
 
 from lfcore.colour import srgb_decode, srgb_encode, to_uint8
 from lfcore.errors import StorageError
+from lfcore.evaluation.metrics import psnr
+from lfcore.oracle.colour import ycbcr
 from lfcore.storage.pixels import pixel_format
 from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames, rgb_to_ycbcr, ycbcr_to_rgb
-
-
-def reference_ycbcr(red: float, green: float, blue: float, bits: int) -> tuple:
-    """ITU-R BT.709-6, items 3.3 to 3.5, in Python's float64."""
-    luma = 0.2126 * red + 0.7152 * green + 0.0722 * blue
-    cb, cr = (blue - luma) / 1.8556, (red - luma) / 1.5748
-    scale = 2 ** (bits - 8)
-    return (219 * luma + 16) * scale, (224 * cb + 128) * scale, (224 * cr + 128) * scale
-
-
-def psnr(a: np.ndarray, b: np.ndarray) -> float:
-    return float(-10 * np.log10(np.mean((a.astype(float) - b) ** 2) + 1e-20))
 
 
 def pictures(seed: int, shape=(2, 24, 32, 3)) -> np.ndarray:
@@ -29,7 +19,7 @@ def pictures(seed: int, shape=(2, 24, 32, 3)) -> np.ndarray:
 
 @given(*[st.floats(0, 1) for _ in "rgb"], st.sampled_from([8, 10]))
 def test_ycbcr_against_the_formula(red, green, blue, bits):
-    expected = reference_ycbcr(red, green, blue, bits)
+    expected = ycbcr((red, green, blue), bits)
     for dtype, tolerance in ((np.float64, 1e-9), (np.float32, 1e-3)):
         rgb = np.array([red, green, blue], dtype)
         codes = rgb_to_ycbcr(rgb, bits)
@@ -37,12 +27,6 @@ def test_ycbcr_against_the_formula(red, green, blue, bits):
         np.testing.assert_allclose(codes, expected, atol=tolerance)
         back = ycbcr_to_rgb(codes, bits, dtype)
         np.testing.assert_allclose(back, rgb, atol=1e-5)
-
-
-def test_known_colours():
-    white, black, red = np.eye(3)[0] * 0 + 1, np.zeros(3), np.eye(3)[0]
-    codes = np.rint(rgb_to_ycbcr(np.stack([white, black, red])))
-    assert codes.tolist() == [[235, 128, 128], [16, 128, 128], [63, 102, 240]]
 
 
 @given(st.floats(0, 1))
@@ -65,7 +49,7 @@ def test_srgb_codes_survive():
 def test_round_trip_without_a_codec(name, least):
     rgb = pictures(1, (2, 33, 17, 3))
     back = rgb_from_frames(frames_from_rgb(rgb, name), name, 17, 33)
-    assert psnr(back, rgb) >= least
+    assert psnr(back, rgb, peak=1) >= least
 
 
 @pytest.mark.parametrize("name", ["yuv444p10le", "gbrp"])
@@ -79,8 +63,8 @@ def test_chroma_is_the_mean_of_four(name):
     rgb, form = pictures(3), pixel_format(name)
     planes = form.views(frames_from_rgb(rgb, name), 32, 24)
     for f, y, x in ((0, 0, 0), (1, 5, 9), (1, 11, 15)):
-        block = rgb[f, 2 * y : 2 * y + 2, 2 * x : 2 * x + 2].reshape(4, 3).tolist()
-        mean = np.mean([reference_ycbcr(*pixel, form.bits) for pixel in block], axis=0)
+        block = rgb[f, 2 * y : 2 * y + 2, 2 * x : 2 * x + 2].reshape(4, 3)
+        mean = ycbcr(block, form.bits).mean(0)
         assert abs(float(planes[1][f, y, x]) - mean[1]) <= 0.51
         assert abs(float(planes[2][f, y, x]) - mean[2]) <= 0.51
 
