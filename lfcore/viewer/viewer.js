@@ -160,6 +160,9 @@ class Viewer {
     element("a-text").textContent = `${state.a.toFixed(1)} views`;
     element("f-text").textContent = stop === null ? "not known" : `f/${stop.toPrecision(3)}`;
     if (stop !== null) input("f").value = String(Math.log2(stop));
+    for (const key of ["d", "a", "f"]) {
+      input(key).setAttribute("aria-valuetext", element(`${key}-text`).textContent || "");
+    }
     element("where").textContent = `${state.x.toFixed(1)}, ${state.y.toFixed(1)}`;
     element("command").textContent = command(field, state) || "no command makes this picture";
     try {

@@ -224,14 +224,6 @@ def test_exports_of_displaced_views_are_made_on_one_grid(tmp_path, tracer):
     assert own < 0.6 * other
 
 
-def test_the_browsers_page_is_made_of_views_by_depth(tmp_path, tracer):
-    field = stored(tmp_path / "a.mkv", tracer, "views")
-    page = field.viewer()
-    assert '"columns": [-1.333' in page.html  # nine, from the middles of ninths of the lens
-    assert f'"width": {PIXELS}' in page.html
-    assert "The file has depth" in page.html and '"by_depth": true' in page.html
-
-
 def test_a_disk_that_fails_leaves_no_file(tmp_path, tracer, monkeypatch):
     """Whichever of the two streams it is that cannot be written."""
     real = record_depth.SegmentWriter.write

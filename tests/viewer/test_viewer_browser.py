@@ -194,6 +194,9 @@ def test_controls_say_what_the_state_is(opened, field):
     words = {key: opened.find_element("id", key).text for key in ("d-text", "f-text", "command")}
     assert words["d-text"] == f"0.50 px, {field.distance_of(0.5):.3g} m"
     assert words["f-text"] == "f/4.00"
+    for key in ("d", "f"):  # what a screen reader says of the slider
+        slider = opened.find_element("id", key)
+        assert slider.get_attribute("aria-valuetext") == words[f"{key}-text"]
     assert "--focus 0.5px --f-number 4.5views --aperture circle" in words["command"]
 
 
