@@ -1,0 +1,44 @@
+from .api import load_scene, record, render, render_to_quality, trace_array
+from .errors import DeviceError, LfcoreError, OpticsError, SceneError, StorageError
+from .exchange import export_lightfield, import_lightfield
+from .exchange.exporting import WriteOptions
+from .exchange.grid import Order
+from .exchange.importing import ReadOptions
+from .exchange.source import Selection
+from .lightfield import LightField
+from .opencl.device import Device, open_device
+from .optics.array import CameraArray
+from .optics.camera import Camera
+from .optics.focus import DepthRange
+from .optics.grid_geometry import Geometry
+from .optics.lattice import Lattice
+from .optics.planes import Aperture, SensorPlane
+from .optics.slab import Extent, Slab
+from .pictures import write_picture
+from .rendering.quality import Quality, Rendering
+from .scene.appearance import Light, Material
+from .scene.model import Motion, Scene
+from .scene.notes import Note
+from .scene.surface_mesh import Surface
+from .scene.view import View
+from .storage.codecs import Encoding
+from .storage.depth_stream import StoredDepth
+from .storage.index import Segment
+from .storage.layout import FrameLayout
+from .storage.metadata import Metadata
+from .storage.stored_video import Damage
+from .tracing.tracer import Tracer
+from .viewer.page import ViewerPage
+
+__version__: str
+
+__all__ = [
+    "load_scene", "render", "render_to_quality", "record", "trace_array", "write_picture",
+    "import_lightfield", "export_lightfield", "open_device",
+    "LightField", "Scene", "Camera", "CameraArray", "SensorPlane", "Slab", "Lattice", "Quality",
+    "Rendering", "Encoding", "Device", "Tracer", "ViewerPage",
+    "Surface", "Material", "Light", "Motion", "View", "Note", "DepthRange",
+    "Aperture", "Extent", "Geometry", "Selection", "Order", "ReadOptions", "WriteOptions",
+    "Metadata", "FrameLayout", "Segment", "StoredDepth", "Damage",
+    "LfcoreError", "SceneError", "OpticsError", "StorageError", "DeviceError",
+]  # fmt: skip
