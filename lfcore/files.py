@@ -48,41 +48,37 @@ class WholeFile:
         self.error: OSError | None = None
         """The first refusal of the system."""
 
-    def write(self, data: Any) -> int:
+    @contextmanager
+    def _kept(self) -> Iterator[None]:
         try:
-            return self._file.write(data)
+            yield
         except OSError as error:
             self.error = self.error or error
             raise
+
+    def write(self, data: Any) -> int:
+        with self._kept():
+            return self._file.write(data)
 
     def read(self, size: int = -1) -> bytes:
         return self._file.read(size)
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        try:
+        with self._kept():
             return self._file.seek(offset, whence)  # writes what is in its buffer
-        except OSError as error:
-            self.error = self.error or error
-            raise
 
     def tell(self) -> int:
         return self._file.tell()
 
     def flush(self) -> None:
-        try:
+        with self._kept():
             self._file.flush()
-        except OSError as error:
-            self.error = self.error or error
-            raise
 
     def sync(self) -> None:
         """Wait until the disk has all that was written; several files are then renamed at once."""
-        self.flush()
-        try:
+        with self._kept():
+            self._file.flush()
             os.fsync(self._file.fileno())
-        except OSError as error:
-            self.error = self.error or error
-            raise
 
     def readable(self) -> bool:
         return True

@@ -24,7 +24,7 @@ import numpy as np
 
 from lfcore.exchange import export_lightfield
 from lfcore.exchange.grid import Geometry, ViewGrid
-from lfcore.exchange.storing import store_grid
+from lfcore.exchange.importing import store_grid
 from lfcore.files import write_text
 from lfcore.lightfield import LightField
 from lfcore.storage.codecs import Encoding

@@ -80,8 +80,7 @@ def export_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_import(arguments: argparse.Namespace) -> None:
-    from lfcore.exchange.grid import Geometry, Order
-    from lfcore.exchange.importing import ReadOptions
+    from lfcore.exchange.grid import Geometry, Order, ReadOptions
 
     check_suffix(arguments.output, (".mkv",))
     focus = arguments.focus
@@ -110,8 +109,7 @@ def run_import(arguments: argparse.Namespace) -> None:
 
 
 def run_export(arguments: argparse.Namespace) -> None:
-    from lfcore.exchange.exporting import WriteOptions
-    from lfcore.exchange.grid import Order
+    from lfcore.exchange.grid import Order, WriteOptions
     from lfcore.exchange.source import Selection
 
     scene = open_scene(arguments) if arguments.scene else None

@@ -34,12 +34,7 @@ class Photograph:
 
 
 def take(
-    tracer: Tracer,
-    focus_m: float,
-    lenses: int,
-    samples: int,
-    *,
-    progress: Progress | None = None,
+    tracer: Tracer, focus_m: float, lenses: int, samples: int, *, progress: Progress | None = None
 ) -> Photograph:
     """The scene's camera with a microlens array, focused at ``focus_m`` with the same field.
 

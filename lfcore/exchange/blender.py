@@ -13,9 +13,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.exchange import folder, pictures, posed
-from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, Geometry, Order, ViewGrid
-from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.grid import ExchangeError, Geometry, Order, ReadOptions, ViewGrid, WriteOptions
 from lfcore.exchange.nerfstudio import TO_WORLD, load_json
 from lfcore.exchange.parallel import parallel_views
 from lfcore.exchange.source import Source

@@ -11,9 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.exchange import posed
-from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, ViewGrid, unreadable
-from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.grid import ExchangeError, ReadOptions, ViewGrid, WriteOptions, unreadable
 from lfcore.exchange.source import Source
 from lfcore.files import write_text
 from lfcore.pictures import write_picture

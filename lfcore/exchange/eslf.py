@@ -12,9 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.exchange import pictures
-from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, ViewGrid
-from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.grid import ExchangeError, ReadOptions, ViewGrid, WriteOptions
 from lfcore.exchange.source import Source
 from lfcore.pictures import write_picture
 

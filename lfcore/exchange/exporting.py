@@ -3,35 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 from lfcore.exchange import table
-from lfcore.exchange.grid import ExchangeError, Order
+from lfcore.exchange.grid import ExchangeError, WriteOptions
 from lfcore.exchange.source import Selection, Source, Truth
 from lfcore.files import draft_folder
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import Device, open_device
 from lfcore.scene.model import Scene
 from lfcore.storage.segment import named_errors
-
-
-@dataclass(frozen=True)
-class WriteOptions:
-    """What is asked for beside the format.
-
-    order : of two numbers in names (JPEG Pleno); tiles : of a quilt, (columns, rows); near_m,
-    far_m : depths, where the file does not hold them.
-    """
-
-    order: Order | None = None
-    tiles: tuple[int, int] | None = None
-    near_m: float | None = None
-    far_m: float | None = None
-    bits: int | None = None
-    progress: Callable[[int, int], None] | None = None
-    notes: list[str] = field(default_factory=list, init=False)
 
 
 def export_lightfield(
@@ -76,7 +58,10 @@ def export_lightfield(
     row = table.find(format)
     folder, options = Path(folder), replace(options or WriteOptions())  # without its notes
     opened = lightfield if isinstance(lightfield, LightField) else LightField.open(lightfield)
-    _check_folder(folder)
+    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
+        raise ExchangeError(
+            "exists already", file=folder, key="--output", remedy="Name a folder that is not there"
+        )
     device = open_device(device) if isinstance(device, str) else device
     source = Source(opened, selection or Selection(), device=device)
     if scene is not None:
@@ -89,10 +74,3 @@ def export_lightfield(
         row.load().write(source, stage, options)
         os.replace(stage, folder)
     return options.notes
-
-
-def _check_folder(folder: Path) -> None:
-    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
-        raise ExchangeError(
-            "exists already", file=folder, key="--output", remedy="Name a folder that is not there"
-        )

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from lfcore.exchange import pictures
-from lfcore.exchange.grid import ExchangeError, Order, ViewGrid
-from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.grid import ExchangeError, Order, ReadOptions, ViewGrid
 
 _TWO = re.compile(r"(?<!\d)(\d+)_(\d+)$")
 

@@ -112,6 +112,38 @@ class Order:
         return (run, at) if self.columns_first else (at, run)
 
 
+@dataclass(frozen=True)
+class ReadOptions:
+    """What a format may not say of itself.
+
+    grid : (columns, rows); order : of views, None for the format's own; geometry : what the user
+    says of it, which goes before what the format says; fov_deg : of the picture's width.
+    """
+
+    grid: tuple[int, int] | None = None
+    order: Order | None = None
+    geometry: Geometry = field(default_factory=Geometry)
+    fov_deg: float | None = None
+    variable: str | None = None
+
+
+@dataclass(frozen=True)
+class WriteOptions:
+    """What is asked for beside the format.
+
+    order : of two numbers in names (JPEG Pleno); tiles : of a quilt, (columns, rows); near_m,
+    far_m : depths, where the file does not hold them.
+    """
+
+    order: Order | None = None
+    tiles: tuple[int, int] | None = None
+    near_m: float | None = None
+    far_m: float | None = None
+    bits: int | None = None
+    progress: Callable[[int, int], None] | None = None
+    notes: list[str] = field(default_factory=list, init=False)
+
+
 def grid_of_values(values: np.ndarray | None, name: str, path: Path) -> ViewGrid:
     """The grid of an array (rows, columns, height, width, channels).
 

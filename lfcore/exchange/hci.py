@@ -15,9 +15,14 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.exchange import pictures
-from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid, unreadable
-from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.grid import (
+    ExchangeError,
+    Geometry,
+    ReadOptions,
+    ViewGrid,
+    WriteOptions,
+    unreadable,
+)
 from lfcore.exchange.source import Source
 from lfcore.files import write_text
 from lfcore.optics.grid_geometry import KnownGeometry
@@ -68,8 +73,7 @@ def _view(path: Path, index: int, count: int) -> Path:
             if file.is_file():
                 return file
     raise ExchangeError(
-        f"no such file; {CONFIG} asks for {count} views",
-        file=path / f"input_Cam{index:03d}.png",
+        f"no such file; {CONFIG} asks for {count} views", file=path / f"input_Cam{index:03d}.png"
     )
 
 

@@ -10,9 +10,14 @@ from types import ModuleType
 
 import numpy as np
 
-from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, ViewGrid, grid_of_values, unreadable
-from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.grid import (
+    ExchangeError,
+    ReadOptions,
+    ViewGrid,
+    WriteOptions,
+    grid_of_values,
+    unreadable,
+)
 from lfcore.exchange.source import Source
 
 SUFFIXES = (".h5", ".hdf5")

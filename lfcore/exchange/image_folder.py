@@ -5,9 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from lfcore.exchange import folder as by_file
-from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import MOST_VIEWS, ExchangeError, Geometry, ViewGrid
-from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.grid import (
+    MOST_VIEWS,
+    ExchangeError,
+    Geometry,
+    ReadOptions,
+    ViewGrid,
+    WriteOptions,
+)
 from lfcore.exchange.nerfstudio import load_json
 from lfcore.exchange.source import Source
 from lfcore.files import write_json

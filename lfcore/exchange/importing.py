@@ -3,39 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from lfcore.exchange import table
-from lfcore.exchange.grid import ExchangeError, Geometry, Order, ViewGrid
+from lfcore.exchange.grid import ExchangeError, Geometry, Order, ReadOptions, ViewGrid
 from lfcore.exchange.pictures import is_picture
-from lfcore.exchange.storing import store_grid
 from lfcore.files import make_folder
 from lfcore.lightfield import LightField
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding
+from lfcore.storage.metadata import Metadata
+from lfcore.storage.views_store import store_views
 
 # What a reader stumbles over in a description whose values are of other types or beyond all bounds.
 _NOT_OF_THE_FORMAT = (
     ArithmeticError, AttributeError, LookupError, OSError, RecursionError, TypeError, ValueError,
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class ReadOptions:
-    """What a format may not say of itself.
-
-    grid : (columns, rows); order : of views, None for the format's own; geometry : what the user
-    says of it, which goes before what the format says; fov_deg : of the picture's width.
-    """
-
-    grid: tuple[int, int] | None = None
-    order: Order | None = None
-    geometry: Geometry = field(default_factory=Geometry)
-    fov_deg: float | None = None
-    variable: str | None = None
 
 
 def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGrid:
@@ -128,6 +115,48 @@ def import_lightfield(
     spec = chosen_encoding(max(grid.columns, grid.rows), encoding)
     store_grid(path, grid, spec, progress=progress)
     return LightField.open(path)
+
+
+def store_grid(
+    path: Path,
+    grid: ViewGrid,
+    spec: Encoding,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Metadata:
+    """Encode all views of ``grid`` into the light field file ``path``, one a frame.
+
+    Views are read once, one at a time.  ``progress`` is called with (views done, of all).
+    Raises :class:`StorageError` when a view or the file fails; no file is left then.
+    """
+    slab = grid.geometry.slab(grid.columns, grid.rows, grid.width, grid.height)
+    read = partial(_checked, grid)
+    return store_views(
+        path, slab, read, spec, name=grid.name, content=_content(grid), progress=progress
+    )
+
+
+def _checked(grid: ViewGrid, column: int, row: int) -> np.ndarray:
+    picture = grid.read(column, row)
+    if picture.shape != (grid.height, grid.width, 3):
+        raise ExchangeError(
+            f"view ({column}, {row}) is {picture.shape}, not {grid.width} x {grid.height} RGB",
+            file=grid.name,
+        )
+    return picture
+
+
+def _content(grid: ViewGrid) -> dict:
+    content: dict = {"source": {"format": grid.format}}
+    if grid.notes:
+        content["source"]["notes"] = list(grid.notes)
+    if grid.geometry.missing:
+        known = {key: value for key, value in vars(grid.geometry).items() if value is not None}
+        content["metric"] = False
+        content["source"] |= known
+    if grid.depth_m:
+        content["depth_m"] = [float(depth) for depth in grid.depth_m]
+    return content
 
 
 def check_order(grid: ViewGrid) -> str | None:

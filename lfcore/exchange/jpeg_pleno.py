@@ -11,9 +11,7 @@ from pathlib import Path
 
 from lfcore.exchange import folder as by_file
 from lfcore.exchange import pictures
-from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, Order, ViewGrid
-from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.grid import ExchangeError, Order, ReadOptions, ViewGrid, WriteOptions
 from lfcore.exchange.source import Source
 
 _NAME = re.compile(r"\d{3}_\d{3}\.ppm")

@@ -10,9 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.exchange import hdf5
-from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ViewGrid, grid_of_values, unreadable
-from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.grid import ReadOptions, ViewGrid, WriteOptions, grid_of_values, unreadable
 from lfcore.exchange.source import Source
 
 VARIABLE = "LF"

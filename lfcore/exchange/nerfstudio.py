@@ -13,9 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.exchange import pictures, posed
-from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, ViewGrid, unreadable
-from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.grid import ExchangeError, ReadOptions, ViewGrid, WriteOptions, unreadable
 from lfcore.exchange.source import Source
 from lfcore.files import write_json
 from lfcore.pictures import write_picture

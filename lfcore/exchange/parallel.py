@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError
+from lfcore.exchange.grid import ExchangeError, WriteOptions
 from lfcore.exchange.source import Source
 
 Views = Iterator[tuple[int, int, np.ndarray]]

@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.colour import srgb_decode
-from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError
+from lfcore.exchange.grid import ExchangeError, WriteOptions
 from lfcore.exchange.source import Source
 from lfcore.files import write_json
 from lfcore.pictures import write_picture

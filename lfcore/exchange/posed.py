@@ -87,11 +87,7 @@ def shear(grid: PosedGrid, centres: np.ndarray) -> tuple[float, float]:
 
 
 def views(
-    poses: np.ndarray,
-    centres: np.ndarray,
-    focal: float,
-    files: Sequence[Path],
-    described: Path,
+    poses: np.ndarray, centres: np.ndarray, focal: float, files: Sequence[Path], described: Path
 ) -> ViewGrid:
     """The light field of pictures with poses (K, 4, 4), as for :func:`on_a_plane`.
 

@@ -10,9 +10,7 @@ from pathlib import Path
 
 from lfcore.exchange import folder as by_file
 from lfcore.exchange import positions
-from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid
-from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.grid import ExchangeError, Geometry, ReadOptions, ViewGrid, WriteOptions
 from lfcore.exchange.source import Source
 from lfcore.pictures import write_picture
 

@@ -1,18 +1,35 @@
-"""Several tiles of a light slab as one job: their sums of sensor planes, and their segments."""
+"""A job's tracer, and several tiles of a light slab as one job: sums of planes, and segments."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from lfcore.files import draft_folder
+from lfcore.opencl.device import open_device
 from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import finished
+from lfcore.scene.files import load_scene
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import Tile
+from lfcore.tracing import reach
+from lfcore.tracing.bvh import load_bvh
 from lfcore.tracing.tracer import Tracer
+
+
+def open_tracer(files: Any, device: str, threads: int, *, lean: bool = False) -> Tracer:
+    """A tracer of ``files.scene`` and ``files.bvh`` on the device of this name.
+
+    ``lean`` leaves out triangles that no ray through the scene's own camera can meet, nor its
+    shadow rays.
+    """
+    scene, bvh = load_scene(files.scene), load_bvh(files.bvh)
+    if lean:
+        scene, bvh = reach.lean(scene, bvh, scene.camera)
+    return Tracer(scene, bvh, open_device(device or None, threads=threads))
 
 
 def trace_batch(
@@ -30,20 +47,20 @@ def trace_batch(
     One tile's segment is the file ``segments`` itself, several are a batch.  Returns the sums of
     the planes over all tiles, and the facts: rays, tiles, wall seconds.
     """
-    facts = {"rays": 0, "trace": 0.0, "encode": 0.0}
+    rays, seconds = 0, {"trace": 0.0, "encode": 0.0}
     total: PlaneSums | None = None
 
     def trace(tile: Tile, segment: Path | None) -> None:
-        nonlocal total
+        nonlocal total, rays
         if segment is None:
             tracing = finished(tracer.trace_tile(slab, tile, planes, frames=False))
         else:
             from lfcore.rendering.record import record_tile  # loads the codecs
 
             tracing, encode = record_tile(tracer, slab, tile, segment, spec, planes)
-            facts["encode"] += encode
-        facts["rays"] += tracing.rays
-        facts["trace"] += tracing.seconds
+            seconds["encode"] += encode
+        rays += tracing.rays
+        seconds["trace"] += tracing.seconds
         part = tracing.plane_sums
         total = total.with_part(part) if total and part else part
         progress(tile.index - tiles[0].index + 1, len(tiles))
@@ -62,5 +79,4 @@ def trace_batch(
                 trace(tile, file)
             write_batch(segments, files)
     assert total is not None
-    seconds = {"trace": facts["trace"], "encode": facts["encode"]}
-    return total, {"rays": facts["rays"], "tiles": len(tiles), "seconds": seconds}
+    return total, {"rays": rays, "tiles": len(tiles), "seconds": seconds}

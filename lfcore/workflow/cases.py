@@ -154,9 +154,8 @@ def _plane(
 
 def read_camera(scene: str | Path) -> tuple[Camera, tuple[float, ...], int]:
     """Camera, focus distances and number of triangles of a scene.npz, without its arrays."""
-    header = read_header(scene)
-    camera = Camera.from_json(header["camera"])
-    return camera, tuple(header["focus_distances_m"]), header["triangles"]
+    head = read_header(scene)
+    return Camera.from_json(head["camera"]), tuple(head["focus_distances_m"]), head["triangles"]
 
 
 def aperture_stack(stops: Sequence[float], camera: Camera, focus_m: float) -> list[SensorPlane]:

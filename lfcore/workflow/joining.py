@@ -42,17 +42,10 @@ def joined(
     depth = batches[0].get("depth_m")
     metadata, seconds = clocked(
         lambda: join_segments(
-            path,
-            segments,
-            tiles,
-            tiles[0].layout,
-            geometry=slab,
-            scene=scene,
-            spec=spec,
-            content={"depth_m": depth} if depth else None,
-            progress=progress,
+            path, segments, tiles, tiles[0].layout, geometry=slab, scene=scene, spec=spec,
+            content={"depth_m": depth} if depth else None, progress=progress,
         )
-    )
+    )  # fmt: skip
     return {
         "device": batches[0]["processor"],
         "threads": spec.threads,

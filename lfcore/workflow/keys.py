@@ -100,8 +100,7 @@ class Layout(Keys):
         "order of the frames of a tile", "serpentine"
     )
     pack: whole(1, 64) | None = key(
-        "macropixels (or views) per side that share a frame; null: frames of about 128 pixels",
-        None,
+        "macropixels (or views) per side that share a frame; null: frames of about 128 pixels", None
     )
 
 

@@ -12,11 +12,9 @@ from random import Random
 import numpy as np
 
 from lfcore.exchange import FORMATS, export_lightfield
-from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import Geometry, ViewGrid
-from lfcore.exchange.importing import ReadOptions, read_grid
+from lfcore.exchange.grid import Geometry, ReadOptions, ViewGrid, WriteOptions
+from lfcore.exchange.importing import read_grid, store_grid
 from lfcore.exchange.pictures import is_picture
-from lfcore.exchange.storing import store_grid
 from lfcore.storage.codecs import Encoding
 from robustness.children import apart
 from robustness.mutate import damage_bytes, damage_text

@@ -46,10 +46,7 @@ def wait_for(condition, process, seconds=60.0):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("number", "status"),
-    [(signal.SIGINT, 130), (signal.SIGTERM, 143)],
-)
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_trace_ends_at_once_and_leaves_nothing(tmp_path, number, status):
     words = ("record", SCENES / "chart", "-o", "out.mkv", "--pixels", 1024, "--views", 64)
     with start(tmp_path, "-m", "lfcore.cli", *words) as process:

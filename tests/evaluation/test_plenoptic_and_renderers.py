@@ -6,13 +6,7 @@ from PIL import Image
 
 from lfcore.colour import srgb_decode
 from lfcore.evaluation import renderers
-from lfcore.evaluation.plenoptic_figure import (
-    detail,
-    panels,
-    plenoptic_sheet,
-    reduced,
-    take,
-)
+from lfcore.evaluation.plenoptic_figure import detail, panels, plenoptic_sheet, reduced, take
 from lfcore.evaluation.table_files import table_of
 from lfcore.pictures import write_picture
 

@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 
 from lfcore.errors import LfcoreError, OpticsError
-from lfcore.evaluation.true_picture import (
-    inner_psnr,
-    load_reference,
-    save_reference,
-    true_pictures,
-)
+from lfcore.evaluation.true_picture import inner_psnr, load_reference, save_reference, true_pictures
 from lfcore.optics.lattice import Lattice
 from lfcore.optics.ray_cells import crossed_views
 from lfcore.optics.slab import Slab

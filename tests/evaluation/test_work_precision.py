@@ -6,13 +6,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from lfcore.errors import DeviceError, OpticsError, StorageError
-from lfcore.evaluation.diagrams import (
-    DIRECTIONS,
-    DISTANCES_PT,
-    PointLabel,
-    label_points,
-    pareto,
-)
+from lfcore.evaluation.diagrams import DIRECTIONS, DISTANCES_PT, PointLabel, label_points, pareto
 from lfcore.evaluation.renderers import Rendered
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.evaluation.true_picture import Reference

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.exchange.grid import Geometry, ViewGrid
-from lfcore.exchange.importing import ReadOptions, import_lightfield, read_grid
-from lfcore.exchange.storing import store_grid
+from lfcore.exchange.grid import Geometry, ReadOptions, ViewGrid
+from lfcore.exchange.importing import import_lightfield, read_grid, store_grid
 from lfcore.lightfield import LightField
 from lfcore.storage.codecs import Encoding
 

@@ -12,9 +12,10 @@ from stored_fields import tile_frames, write_field
 
 from lfcore.colour import srgb_codes
 from lfcore.exchange import export_lightfield
-from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import ExchangeError, Geometry, Order, ViewGrid
-from lfcore.exchange.importing import ReadOptions, check_order
+from lfcore.exchange.grid import (
+    ExchangeError, Geometry, Order, ReadOptions, ViewGrid, WriteOptions,
+)  # fmt: skip
+from lfcore.exchange.importing import check_order
 from lfcore.exchange.source import Selection, Source
 from lfcore.lightfield import LightField
 from lfcore.storage.layout import FrameLayout

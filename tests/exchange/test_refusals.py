@@ -12,9 +12,7 @@ from lfcore.api import load_scene
 from lfcore.cli import main
 from lfcore.errors import DeviceError, LfcoreError
 from lfcore.exchange import FORMATS, export_lightfield, import_lightfield
-from lfcore.exchange.exporting import WriteOptions
-from lfcore.exchange.grid import Geometry
-from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.grid import Geometry, ReadOptions, WriteOptions
 from lfcore.exchange.source import Selection
 
 

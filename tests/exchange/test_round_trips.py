@@ -5,7 +5,7 @@ import pytest
 from noise_fields import all_views, taken_back
 
 from lfcore.exchange import export_lightfield
-from lfcore.exchange.importing import ReadOptions
+from lfcore.exchange.grid import ReadOptions
 from lfcore.exchange.source import Selection
 
 FOLDERS = "hci stanford nerfstudio colmap json jpeg-pleno mosaic eslf mat".split()

@@ -8,14 +8,7 @@ import tomllib
 import yaml
 
 from robustness.kills import PARTS
-from workflow.pins import (
-    CONDA_NAMES,
-    ROOT,
-    canonical,
-    conda_environment,
-    name_of,
-    needed_by_rules,
-)
+from workflow.pins import CONDA_NAMES, ROOT, canonical, conda_environment, name_of, needed_by_rules
 
 
 def pins(lines):

@@ -3,8 +3,8 @@
 from lfcore.evaluation.assignment.reconstruction import reconstruction, reconstruction_figure
 from lfcore.evaluation.figures import save_figure
 from lfcore.files import write_json
+from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job
-from lfcore.workflow.tracers import open_tracer
 
 with job(snakemake.log[0], snakemake.threads):
     given, params = snakemake.input, snakemake.params

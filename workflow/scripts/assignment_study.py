@@ -5,8 +5,8 @@ from lfcore.evaluation.assignment.studies import sampling, see_through, time
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.files import write_json
 from lfcore.opencl.device import open_device
+from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
-from lfcore.workflow.tracers import open_tracer
 
 STUDIES = {"book": book, "sampling": sampling, "see_through": see_through, "time": time}
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from lfcore.evaluation.assignment.arrays import array_of, trace_to_exr
 from lfcore.files import write_json
+from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
-from lfcore.workflow.tracers import open_tracer
 
 with job(snakemake.log[0], snakemake.threads):
     given, params, output = snakemake.input, snakemake.params, snakemake.output

@@ -4,8 +4,8 @@ from lfcore.evaluation.equivalence import equivalence
 from lfcore.evaluation.storage.figures import equivalence_sheet
 from lfcore.evaluation.table_files import write_rows
 from lfcore.optics.planes import SensorPlane
+from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
-from lfcore.workflow.tracers import open_tracer
 
 with job(snakemake.log[0], snakemake.threads):
     params, output = snakemake.params, snakemake.output

@@ -2,8 +2,8 @@
 
 from lfcore.evaluation.renderers import COLUMNS, compare, renderers_sheet
 from lfcore.evaluation.table_files import table_of, write_csv
+from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
-from lfcore.workflow.tracers import open_tracer
 
 with job(snakemake.log[0], snakemake.threads):
     given, output, params = snakemake.input, snakemake.output, snakemake.params

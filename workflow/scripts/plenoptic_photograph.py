@@ -2,8 +2,8 @@
 
 from lfcore.evaluation.plenoptic_figure import panels, plenoptic_sheet, take
 from lfcore.pictures import write_picture
+from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
-from lfcore.workflow.tracers import open_tracer
 
 with job(snakemake.log[0], snakemake.threads):
     params, output = snakemake.params, snakemake.output

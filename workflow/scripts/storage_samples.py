@@ -3,8 +3,8 @@
 from lfcore.evaluation.storage.layouts import layout_rows
 from lfcore.evaluation.storage.rate_distortion import rate_rows
 from lfcore.evaluation.table_files import write_rows
+from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
-from lfcore.workflow.tracers import open_tracer
 
 ROWS = {"storage_layouts": layout_rows, "rate_distortion": rate_rows}
 

@@ -6,8 +6,8 @@ from lfcore.evaluation.sweep import sweep_rows
 from lfcore.evaluation.table_files import write_rows
 from lfcore.optics.slab import Slab
 from lfcore.workflow import cases
+from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
-from lfcore.workflow.tracers import open_tracer
 
 with job(snakemake.log[0], snakemake.threads):
     params, n = snakemake.params, int(snakemake.wildcards.n)

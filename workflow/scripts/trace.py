@@ -5,9 +5,8 @@ from lfcore.optics.slab import Slab
 from lfcore.rendering.depth import depth_range
 from lfcore.timing import Stopwatch, machine
 from lfcore.workflow import cases
-from lfcore.workflow.batch import trace_batch
+from lfcore.workflow.batch import open_tracer, trace_batch
 from lfcore.workflow.job import job, log_progress
-from lfcore.workflow.tracers import open_tracer
 
 with job(snakemake.log[0], snakemake.threads):
     watch, params, output = Stopwatch(), snakemake.params, snakemake.output

@@ -9,8 +9,8 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.workflow import cases
+from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
-from lfcore.workflow.tracers import open_tracer
 
 LATTICE = Lattice(8, 2)
 

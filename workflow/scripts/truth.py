@@ -5,8 +5,8 @@ from dataclasses import replace
 from lfcore.evaluation.true_picture import save_reference, true_pictures
 from lfcore.optics.lattice import Lattice
 from lfcore.workflow import cases
+from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
-from lfcore.workflow.tracers import open_tracer
 
 with job(snakemake.log[0], snakemake.threads):
     params = snakemake.params

@@ -4,8 +4,8 @@ from lfcore.evaluation.true_picture import load_reference
 from lfcore.evaluation.work_precision import files, study
 from lfcore.files import read_json, write_json
 from lfcore.optics.plane_pictures import load_stack
+from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
-from lfcore.workflow.tracers import open_tracer
 
 with job(snakemake.log[0], snakemake.threads):
     given, params = snakemake.input, snakemake.params

@@ -40,10 +40,7 @@ def chosen(names: str | Iterable[str]) -> tuple[Case, ...]:
 
 
 def run_all(
-    tracer: TracerUnderTest,
-    cases: Sequence[Case] = CASES,
-    *,
-    progress: Progress = silent,
+    tracer: TracerUnderTest, cases: Sequence[Case] = CASES, *, progress: Progress = silent
 ) -> list[Measurement]:
     """Measurements of these cases; ``progress(done, total)`` counts cases."""
     made: list[Measurement] = []

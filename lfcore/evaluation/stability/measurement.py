@@ -16,12 +16,7 @@ import numpy as np
 from lfcore.errors import LfcoreError, OpticsError, SceneError
 from lfcore.evaluation.stability import naive
 from lfcore.evaluation.stability.shapes import Rays, single
-from lfcore.evaluation.stability.tested_tracer import (
-    ClosestHit,
-    Found,
-    TracerUnderTest,
-    check_kept,
-)
+from lfcore.evaluation.stability.tested_tracer import ClosestHit, Found, TracerUnderTest, check_kept
 from lfcore.oracle.crossings import ULP
 from lfcore.oracle.intersect import Hits, closest_hits
 

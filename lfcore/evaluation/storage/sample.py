@@ -80,12 +80,7 @@ def window_side(views: int, pixels: int, most_rays: int) -> int:
 
 
 def trace_sample(
-    tracer: Tracer,
-    planes: Sequence[SensorPlane],
-    *,
-    views: int,
-    pixels: int,
-    most_rays: int,
+    tracer: Tracer, planes: Sequence[SensorPlane], *, views: int, pixels: int, most_rays: int
 ) -> Sample:
     """Trace the window of :func:`window_side` of the scene's picture with M = ``pixels``.
 

@@ -42,10 +42,7 @@ class Views:
 
 
 def memory_rows(
-    tracer: Tracer,
-    reference: Reference,
-    views: Sequence[int],
-    monte_carlo_samples: Sequence[int],
+    tracer: Tracer, reference: Reference, views: Sequence[int], monte_carlo_samples: Sequence[int]
 ) -> Iterator[dict]:
     """Rows of every method by N, and of two by a setting of their own at the largest N.
 
