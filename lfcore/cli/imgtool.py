@@ -62,22 +62,12 @@ def _lightfield_options(command: argparse.ArgumentParser) -> None:
     )
     add("--outputdim", nargs=2, type=values.pixels, default=(256, 256), metavar=("W", "H"),
         help="pixels of its picture (256 256)")  # fmt: skip
-    _focus_options(command)
-    _method_options(command)
-    add_option(command, "device")
-    arrays.add_bits(command)
-
-
-def _focus_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument_group("focus (one of)").add_mutually_exclusive_group().add_argument
     add("--focalplanez", type=values.number(), metavar="Z", help="plane before data cameras (10)")
     add("--focaldistance", type=values.positive, metavar="D", help="along the camera's axis (10)")
     add("--focalsurface", type=surface, metavar="SURFACE",
         help="plane:X,Y,Z,NX,NY,NZ (point and normal, y up), sphere:X,Y,Z,R (its far side), or an "
         "EXR of depths along the virtual camera's axis")  # fmt: skip
-
-
-def _method_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument_group("method").add_argument
     add("--filterwidth", type=values.positive, metavar="R", help="Isaksen's radius, metres (0.05)")
     add("--montecarlo", action="store_true", help="integrate over a thin lens")
@@ -89,6 +79,8 @@ def _method_options(command: argparse.ArgumentParser) -> None:
     add("--lens", type=lens, metavar="FILE[,KEY=MM...]",
         help="realistic lens, a pbrt lens file; keys: stop (the stop's diameter), film (the "
         "film's diagonal, 35)")  # fmt: skip
+    add_option(command, "device")
+    arrays.add_bits(command)
 
 
 def surface(text: str) -> tuple[str, list[float]]:

@@ -10,9 +10,9 @@ import lfcore
 from lfcore.cli import film, values
 from lfcore.cli import planes as plane_options
 from lfcore.cli.command import Command, open_scene, refuse
-from lfcore.cli.options import add, add_encoder, add_output, add_scene, encoder, flags, given
+from lfcore.cli.options import add, add_encoder, add_output, add_scene, encoder, flags
 from lfcore.cli.progress import note, progress, say, wrote
-from lfcore.cli.render import named_file, with_subpixels
+from lfcore.cli.render import chosen_quality, named_file, with_subpixels
 from lfcore.pictures import check_suffix
 
 DESCRIPTION = """\
@@ -63,7 +63,10 @@ def run(arguments: argparse.Namespace) -> None:
     from lfcore.api import lattice_to_store
 
     check_suffix(arguments.output, (".mkv",))
-    quality = _quality(arguments)
+    excluded = flags(arguments, "views", "subpixels", "depth")
+    quality = chosen_quality(
+        arguments, "focus_range", excluded, focus_range_m=arguments.focus_range
+    )
     scene = open_scene(arguments)
     if film.wanted(arguments, scene) and film.is_array(scene):
         film.record(arguments, scene)
@@ -91,20 +94,6 @@ def run(arguments: argparse.Namespace) -> None:
         _report_quality(field)
     length = os.path.getsize(arguments.output)
     wrote(arguments.output, f": {len(field.segments)} segments, {length:,} bytes")
-
-
-def _quality(arguments: argparse.Namespace) -> lfcore.Quality | None:
-    """The quality for which the rays are chosen, if any."""
-    if arguments.quality_db is None:
-        if flags(arguments, "focus_range", "most_rays"):
-            remedy = "Give it, too"
-            refuse("--quality-db", "is what --focus-range and --most-rays belong to", remedy)
-        return None
-    if flags(arguments, "views", "subpixels", "depth"):
-        remedy = "Leave out --views, --subpixels and --depth"
-        refuse("--quality-db", "chooses the rays itself, and stores their depths", remedy)
-    found = given(arguments, "most_rays")
-    return lfcore.Quality(arguments.quality_db, focus_range_m=arguments.focus_range, **found)
 
 
 def _report_quality(field: lfcore.LightField) -> None:

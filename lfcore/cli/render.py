@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import lfcore
 from lfcore.cli import film
@@ -74,7 +74,10 @@ def run(arguments: argparse.Namespace) -> None:
     check_bits(arguments.output, arguments.bits)
     if arguments.error_map is not None:
         check_suffix(arguments.error_map)
-    _check_rays(arguments)
+    excluded = ["--filter nearest"] if arguments.filter == "nearest" else []
+    quality = chosen_quality(
+        arguments, "error_map", flags(arguments, "views", "subpixels") + excluded
+    )
     scene = open_scene(arguments)
     if film.wanted(arguments, scene):
         film.render(arguments, scene)
@@ -84,16 +87,15 @@ def run(arguments: argparse.Namespace) -> None:
     plane_options.report(planes)
     same = {"planes": planes, "pixels": pixels, "device": arguments.device}
     lattice = with_subpixels(lattice_to_trace(arguments.filter, arguments.views), arguments)
-    rays = lattice.rays(pixels) if arguments.quality_db is None else 0
+    rays = 0 if quality else lattice.rays(pixels)
     with named_file(arguments.scene), progress("tracing", "parts", rays=rays) as report:
-        if arguments.quality_db is None:
+        if quality is None:
             same |= {"views": lattice, "filter": arguments.filter}
             pictures = lfcore.render(scene, progress=report, **same)
         else:
-            quality = lfcore.Quality(arguments.quality_db, **given(arguments, "most_rays"))
             made = lfcore.render_to_quality(scene, quality, progress=report, **same)
             pictures = made.pictures
-    if arguments.quality_db is not None:
+    if quality:
         _report_quality(arguments, made, planes)
     plane_options.save(arguments.output, planes, pictures, arguments.bits)
 
@@ -112,14 +114,20 @@ def _report_quality(arguments: argparse.Namespace, made: Rendering, planes: list
         plane_options.save(arguments.error_map, planes, shown, arguments.bits)
 
 
-def _check_rays(arguments: argparse.Namespace) -> None:
-    """Refuse options on rays that exclude each other."""
+def chosen_quality(
+    arguments: argparse.Namespace, other: str, excluded: Sequence[str], **more: Any
+) -> lfcore.Quality | None:
+    """The quality for which the rays are chosen, if any.
+
+    Refuses the options ``excluded`` with it, and ``--most-rays`` and ``other`` without it.
+    """
     if arguments.quality_db is None:
-        if flags(arguments, "most_rays", "error_map"):
-            refuse("--quality-db", "is what --most-rays and --error-map belong to", "Give it, too")
-    elif flags(arguments, "views", "subpixels") or arguments.filter == "nearest":
-        remedy = "Leave out --views, --subpixels and --filter nearest"
-        refuse("--quality-db", "chooses the rays itself", remedy)
+        if alone := flags(arguments, "most_rays", other):
+            refuse("--quality-db", f"is what {alone[0]} belongs to", "Give it, too")
+        return None
+    if excluded:
+        refuse("--quality-db", "chooses the rays itself", f"Leave out {', '.join(excluded)}")
+    return lfcore.Quality(arguments.quality_db, **given(arguments, "most_rays"), **more)
 
 
 def with_subpixels(lattice: lfcore.Lattice, arguments: argparse.Namespace) -> lfcore.Lattice:

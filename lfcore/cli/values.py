@@ -117,6 +117,14 @@ def codec(*keys: str) -> Callable[[str], dict[str, str]]:
     return read
 
 
+def _checked(text: str, kind: str, check: Callable[[str], Any]) -> Any:
+    """The value by a check of the library, whose refusal argparse reports."""
+    try:
+        return check(text)
+    except OpticsError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no {kind}. {error.remedy}") from None
+
+
 # Settings of a sensor plane: keys are those of :meth:`lfcore.LightField.plane`.
 
 
@@ -125,27 +133,19 @@ def focus(text: str) -> dict[str, Any]:
     or ``1.5px``, the disparity of neighbouring views."""
     if text.endswith("px"):
         return {"disparity_px": number()(text.removesuffix("px"))}
-    try:
-        word = check_words(text)
-    except OpticsError as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is no focus. {error.remedy}") from None
+    word = _checked(text, "focus", check_words)
     return {"focus_m": word if isinstance(word, str) else distance(text)}
 
 
 def place(text: str) -> dict[str, Any]:
     """What is in focus: a place ``0.5,0.4`` in the picture."""
-    try:
-        return {"focus_at": check_place(text.strip("[]()").split(","))}
-    except OpticsError as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is no place. {error.remedy}") from None
+    split = lambda words: check_place(words.strip("[]()").split(","))  # noqa: E731
+    return {"focus_at": _checked(text, "place", split)}
 
 
 def blur(text: str) -> dict[str, Any]:
     """An aperture by its blur: ``3%`` of the picture's width."""
-    try:
-        return {"blur": blur_share(text)}
-    except OpticsError as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is no blur. {error.remedy}") from None
+    return {"blur": _checked(text, "blur", blur_share)}
 
 
 def f_number(text: str) -> dict[str, float]:

@@ -47,12 +47,8 @@ def thesis_row(
 ) -> dict:
     """The row of the workflow's own light field of N = ``views``.
 
-    Parameters
-    ----------
-    jobs : sequence of mapping
-        The records of tracing, storing and retrieving it.
-    traced, retrieved : ndarray
-        (P, M, M, 3), linear light: pictures formed on the fly, and from the file.
+    ``jobs`` are the records of tracing, storing and retrieving it; ``traced`` and ``retrieved``
+    (P, M, M, 3), linear light, are pictures formed on the fly, and from the file.
     """
     trace, store, retrieve = jobs
     return _row(
@@ -67,10 +63,7 @@ def chosen_row(
 ) -> dict:
     """Record the rays for ``quality_db`` to the file ``path``; returns their row.
 
-    Raises
-    ------
-    SettingsError
-        For a quality that needs more rays than the budget.
+    Raises :class:`SettingsError` for a quality that needs more rays than the budget.
     """
     clock, planes, pixels = core_clock(device), reference.planes, reference.pixels
     focus = sorted(plane.focus_m for plane in planes)

@@ -68,26 +68,13 @@ def equivalence(
     reference_views: int = 64,
     progress: Progress = silent,
 ) -> Equivalence:
-    """Make every picture every way, and compare.
+    """Make every picture every way, and compare; the reference's own rows are last.
 
-    Parameters
-    ----------
-    tracer : of the scene, whose camera records the light field.
-    planes : refocused from it.
-    views, pixels : N and M of the slab; the plenoptic camera has N x N pixels per microlens.
-    reference_views : rays per pixel of the reference, per side: 64 are 4096 rays.
-    progress : called with (steps done, of all).
-
-    Returns
-    -------
-    The rows, the reference's own last, and the pictures.  PSNR and SSIM are of sRGB codes that are
-    not rounded, peak 255.  ``psnr_inside_db`` leaves out pixels for which the light field lacks
-    rays; ``error_at_edges`` is the share of the squared error in the steepest tenth of the
-    reference (0.1 for uniform errors).  ``seconds`` are per picture.
-
-    Raises
-    ------
-    OpticsError : a plane that the camera does not record, or too coarse microlenses.
+    The scene's camera records N x N = ``views`` squared; the plenoptic camera has as many pixels
+    per microlens.  ``psnr_inside_db`` leaves out pixels for which the light field lacks rays;
+    ``error_at_edges`` is the share of the squared error in the steepest tenth of the reference (0.1
+    for uniform errors).  ``seconds`` are per picture.  Raises :class:`OpticsError` for a plane that
+    the camera does not record, or too coarse microlenses.
     """
     slab = Slab(tracer.scene.camera, views, pixels)
     for plane in planes:

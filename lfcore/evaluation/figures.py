@@ -54,19 +54,10 @@ def contact_sheet(
     columns: int | None = None,
     panel_px: int = PANEL_PX,
 ) -> None:
-    """Write pictures side by side, each above its label, as one PNG.
+    """Write pictures (H, W, 3), linear light in [0, 1], each above its label, as one PNG.
 
-    Parameters
-    ----------
-    pictures : (P, H, W, 3) float array, or P of (H, W, 3); linear light in [0, 1].
-    labels : one per picture, such as ``"1.2 m"``.
-    columns : pictures per row; default is all.
-    panel_px : smaller pictures are enlarged to this width.
-
-    Raises
-    ------
-    ValueError
-        when there is no picture, or not one label per picture.
+    ``columns`` are pictures per row, by default all; pictures smaller than ``panel_px`` are
+    enlarged to this width.  Raises :class:`ValueError` without a picture, or a label per picture.
     """
     if not len(pictures) or len(pictures) != len(labels):
         raise ValueError(f"{len(pictures)} pictures and {len(labels)} labels make no sheet")
@@ -139,12 +130,8 @@ def curves_over_n(table: pd.DataFrame, panels: Sequence[Panel]) -> Figure:
     """Columns of a table over N, one curve per scene, the thesis's dashed.
 
     Values that are not per ray depend on M: where M is not the thesis's 512, its curves have axes
-    of their own.
-
-    Parameters
-    ----------
-    table : with ``scene``, ``N``, ``M`` and the panels' columns; missing and
-        infinite points are left out.
+    of their own.  ``table`` has ``scene``, ``N``, ``M`` and the panels' columns; missing and
+    infinite points are left out.
     """
     (pixels,) = table.M.unique()
     drawn: list[tuple[Panel, str]] = []

@@ -27,16 +27,10 @@ class MetricError(LfcoreError):
 
 
 def mse(image: np.ndarray, reference: np.ndarray) -> float:
-    """Mean squared error, pooled over all pixels and channels, in float64.
+    """Mean squared error of arrays of any dtype, pooled over pixels and channels, in float64.
 
-    Parameters
-    ----------
-    image, reference : arrays of one shape, any dtype.
-
-    Raises
-    ------
-    MetricError
-        when the shapes differ, a picture is empty, or a value is not finite.
+    Raises :class:`MetricError` when the shapes differ, a picture is empty, or a value is not
+    finite.
     """
     image, reference = _pair(image, reference)
     return float(np.mean(np.square(image - reference)))
@@ -45,15 +39,8 @@ def mse(image: np.ndarray, reference: np.ndarray) -> float:
 def psnr(image: np.ndarray, reference: np.ndarray, *, peak: float) -> float:
     """Peak signal-to-noise ratio in dB, ``10 log10(peak^2 / MSE)``; ``inf`` for equal pictures.
 
-    Parameters
-    ----------
-    image, reference : arrays of one shape, any dtype.
-    peak : the value of white on the scale of the pictures: 255 or 1.
-
-    Raises
-    ------
-    MetricError
-        when the pictures cannot be compared or ``peak`` is not positive.
+    ``peak`` is white on the scale of the pictures: 255 or 1.  Raises :class:`MetricError` as
+    :func:`mse`, and for a peak that is not positive.
     """
     return decibels(mse(image, reference), peak=peak)
 
@@ -69,16 +56,8 @@ def ssim(image: np.ndarray, reference: np.ndarray, *, peak: float) -> float:
     Gaussian window of 11 x 11 and sigma 1.5, K1 = 0.01, K2 = 0.03, population covariance;
     windows that leave the picture are not counted.
 
-    Parameters
-    ----------
-    image, reference : (H, W) or (H, W, C), any dtype, H and W at least 11.
-    peak : the value of white on the scale of the pictures: 255 or 1.
-
-    Raises
-    ------
-    MetricError
-        when the pictures cannot be compared, are smaller than the window, or ``peak`` is not
-        positive.
+    Pictures are (H, W) or (H, W, C), H and W at least 11; ``peak`` and errors are as for
+    :func:`psnr`.
 
     References
     ----------
@@ -104,12 +83,8 @@ def ssim(image: np.ndarray, reference: np.ndarray, *, peak: float) -> float:
 def picture_quality(
     pictures: Iterable[np.ndarray], references: Iterable[np.ndarray]
 ) -> dict[str, float]:
-    """``psnr_db`` and ``ssim`` of pictures in linear light, by the convention above.
-
-    Parameters
-    ----------
-    pictures, references : (P, H, W, 3), or P of (H, W, 3); means over them.
-    """
+    """``psnr_db`` and ``ssim`` of P pictures (H, W, 3) in linear light, by the convention above;
+    means over them."""
     pairs = [tuple(map(display_values, pair)) for pair in zip(pictures, references, strict=True)]
     return {
         "psnr_db": float(np.mean([psnr(*pair, peak=PEAK) for pair in pairs])),

@@ -56,19 +56,10 @@ def write_page(
 ) -> None:
     """Write ``index.html``.
 
-    Parameters
-    ----------
-    introduction : reStructuredText above everything.
-    facts : names and values at the top: machine, device, versions.
-    viewers : pages of light fields, in this page's folder or below, named for their scenes.
-    config : ``snakemake.config`` in captions.
-
-    Raises
-    ------
-    OSError
-        when a table or picture cannot be read.
-    ValueError
-        when a figure is of a type that a page cannot show.
+    ``introduction`` is reStructuredText, ``facts`` are machine, device and versions, ``config`` is
+    ``snakemake.config`` in captions, and ``viewers`` are pages of light fields, in this page's
+    folder or below, named for their scenes.  Raises :class:`OSError` for a table or picture that
+    cannot be read, :class:`ValueError` for a figure of a type that a page cannot show.
     """
     folder = Path(path).parent
     template = jinja2.Template(
@@ -135,10 +126,7 @@ def _data_url(picture: Path) -> str:
 def fill(text: str, config: Mapping[str, object]) -> str:
     """``text`` with its Jinja expressions filled in; they see ``snakemake.config``.
 
-    Raises
-    ------
-    jinja2.UndefinedError
-        for an unknown name.
+    Raises :class:`jinja2.UndefinedError` for an unknown name.
     """
     template = jinja2.Template(text, undefined=jinja2.StrictUndefined)
     return template.render(snakemake=SimpleNamespace(config=config))
@@ -147,10 +135,7 @@ def fill(text: str, config: Mapping[str, object]) -> str:
 def to_html(text: str, config: Mapping[str, object]) -> str:
     """HTML of a filled-in caption, without raw HTML or included files.
 
-    Raises
-    ------
-    docutils.utils.SystemMessage
-        for reStructuredText with a mistake.
+    Raises :class:`docutils.utils.SystemMessage` for reStructuredText with a mistake.
     """
     parts = docutils.core.publish_parts(
         fill(text, config),

@@ -67,10 +67,8 @@ def columns(name: str) -> tuple[str, ...]:
 def make_table(name: str, records: Iterable[Mapping]) -> pd.DataFrame:
     """The table ``name`` (a key of :data:`MEASURED`) with rows in the order of the records.
 
-    Raises
-    ------
-    TableError
-        when a record lacks a column, has one too many, or two records share scene and N.
+    Raises :class:`TableError` when a record lacks a column, has one too many, or two records
+    share scene and N.
     """
     table = table_of(records, (*KEY, *MEASURED[name], *CONTEXT), DECIMALS)
     for scene, n in table.loc[table.duplicated(list(KEY)), list(KEY)].itertuples(index=False):

@@ -67,23 +67,8 @@ def true_pictures(
 ) -> Reference:
     """Trace every plane at its own focus, through its own aperture, by two lattices.
 
-    Parameters
-    ----------
-    tracer : Tracer
-        The tracer of the scene.
-    planes : sequence of SensorPlane
-        The planes of the pictures.
-    pixels : int
-        The side of the pictures.
-    lattices : sequence of Lattice
-        Two, with different numbers of views and of sub-pixels.
-    progress : callable, optional
-        Called with the number of pictures done and of all pictures.
-
-    Raises
-    ------
-    OpticsError
-        The lattices are too alike to tell each other's error.
+    ``progress`` is called with (pictures done, of all).  Raises :class:`OpticsError` for lattices
+    too alike to tell each other's error: views and sub-pixels must both differ.
     """
     one, two = lattices
     if one.views == two.views or one.subpixels == two.subpixels:

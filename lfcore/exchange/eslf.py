@@ -6,13 +6,13 @@ have 14 x 14 views, and black corners; an alpha channel is a weight and is left 
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from lfcore.exchange import pictures
-from lfcore.exchange.grid import ExchangeError, ReadOptions, ViewGrid, WriteOptions
+from lfcore.exchange.grid import ReadOptions, ViewGrid, WriteOptions
+from lfcore.exchange.mosaic import divided
 from lfcore.exchange.source import Source
 from lfcore.pictures import write_picture
 
@@ -25,20 +25,11 @@ def recognise(path: Path) -> bool:
 
 def read(path: Path, options: ReadOptions) -> ViewGrid:
     columns, rows = options.grid or (LYTRO, LYTRO)
-    width, height = pictures.size_of(path)
-    if width % columns or height % rows:
-        raise ExchangeError(
-            f"is {width} x {height} pixels, which macropixels of {columns} x {rows} do not divide",
-            file=path,
-            key="--views",
-            remedy="Give the number of views with --views COLUMNSxROWS",
-        )
-    whole = cache(lambda: pictures.read(path, (width, height)))
+    width, height, whole = divided(path, columns, rows)
     notes = () if options.grid else (f"taken for Lytro's {LYTRO} x {LYTRO} views; else --views",)
     name = path.name[: path.name.lower().find(".eslf.")] if ".eslf." in path.name else path.stem
     return ViewGrid(
-        columns, rows, width // columns, height // rows,
-        lambda i, j: whole()[j::rows, i::columns], name, notes=notes,
+        columns, rows, width, height, lambda i, j: whole()[j::rows, i::columns], name, notes=notes
     )  # fmt: skip
 
 

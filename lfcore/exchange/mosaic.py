@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -17,17 +18,23 @@ def recognise(path: Path) -> bool:
     return False  # a mosaic looks like any picture: --format mosaic or --views
 
 
-def of_tiles(path: Path, columns: int, rows: int) -> ViewGrid:
-    """The tiles of a picture; :class:`ExchangeError` if they are not all of one size."""
+def divided(path: Path, columns: int, rows: int) -> tuple[int, int, Callable[[], np.ndarray]]:
+    """Width and height of each view in a picture of them all, and a function that reads it.
+
+    Raises :class:`ExchangeError` for a picture that so many views do not divide.
+    """
     width, height = pictures.size_of(path)
     if width % columns or height % rows:
         raise ExchangeError(
             f"is {width} x {height} pixels, which {columns} x {rows} views do not divide",
-            file=path,
-            key="--views",
-        )
-    w, h = width // columns, height // rows
-    whole = cache(lambda: pictures.read(path, (width, height)))
+            file=path, key="--views", remedy="Give the number of views with --views COLUMNSxROWS",
+        )  # fmt: skip
+    return width // columns, height // rows, cache(lambda: pictures.read(path, (width, height)))
+
+
+def of_tiles(path: Path, columns: int, rows: int) -> ViewGrid:
+    """The tiles of a picture."""
+    w, h, whole = divided(path, columns, rows)
 
     def read_tile(column: int, row: int) -> np.ndarray:
         return whole()[row * h : (row + 1) * h, column * w : (column + 1) * w]

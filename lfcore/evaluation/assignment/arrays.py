@@ -45,15 +45,9 @@ def array_of(
 ) -> CameraArray:
     """The camera array of a scene: its own ``camera.lightfield``, else the ``grid`` that is given.
 
-    Parameters
-    ----------
-    grid : ``bounds_m`` and ``fov_deg`` for a scene without an array of its own.
-    cameras_per_dim : data cameras per side of such a grid.
-    tile_px : pixels per side of each; None is the film's, or 64.
-
-    Raises
-    ------
-    SceneError : the scene has no array, and no grid was given.
+    ``grid`` has ``bounds_m`` and ``fov_deg``, and ``cameras_per_dim`` cameras per side; ``tile_px``
+    are the pixels per side of each, None for the film's, or 64.  Raises :class:`SceneError` where
+    there is neither.
     """
     if scene.view is not None and scene.view.kind == LIGHTFIELD:
         array = scene.view.array

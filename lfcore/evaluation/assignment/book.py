@@ -58,11 +58,7 @@ def book(
 ) -> tuple[list[Sheet], dict]:
     """Sheets of the three steps, and measurements of two.
 
-    Parameters
-    ----------
-    light_field : the book's array, a tiled EXR.
-    lens : a lens file, whose prescription is traced through.
-    progress : called with (steps done, of all).
+    ``light_field`` is the book's array, a tiled EXR; ``lens`` a lens file.
     """
     field = read_field(device, light_field)
     synthesised, of_synthesis = synthesis(field, picture_px)

@@ -52,10 +52,7 @@ def reconstruction(
 ) -> dict:
     """``rows`` of the table, ``arrays`` that were traced for it, ``convergence`` by sampler.
 
-    Parameters
-    ----------
-    grid : ``bounds_m`` and ``fov_deg`` of the cameras.
-    reference_samples : rays per pixel of the picture that is traced directly.
+    ``reference_samples`` are the rays per pixel of the picture that is traced directly.
     """
     bounds, fov_deg = grid["bounds_m"], grid["fov_deg"]
     camera = measured_camera(picture_px)
@@ -134,9 +131,8 @@ def convergence(
 def slope(counts: Sequence[float], values: Sequence[float]) -> float:
     """Exponent p of ``values ~ counts^p``, by least squares on logarithms.
 
-    Raises
-    ------
-    LfcoreError : fewer than two different counts, or a value that is not positive.
+    Raises :class:`LfcoreError` for fewer than two different counts, or a value that is not
+    positive.
     """
     if len(set(counts)) < 2 or len(counts) != len(values) or min(*counts, *values) <= 0:
         raise LfcoreError(

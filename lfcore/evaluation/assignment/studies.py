@@ -48,15 +48,9 @@ def see_through(
 ) -> tuple[list[Sheet], dict]:
     """Step 4: a wide lens, focused on the background, sees through nearer objects.
 
-    From the light field, and the background directly.
-
-    Parameters
-    ----------
-    light_field : of the tracer's scene, a tiled EXR.
-    study : ``focus_m`` of the background and of nearer objects, nearest first; ``lens_m``,
-        radius of the lens at each; ``names``.
-    reference_samples : rays per pixel of the picture that is traced directly.
-    progress : called with (samples done, of all).
+    From the ``light_field`` of the tracer's scene, a tiled EXR, and the background directly, with
+    ``reference_samples`` rays per pixel.  ``study`` has ``focus_m`` of the background and of nearer
+    objects, nearest first, ``lens_m``, the radius of the lens at each, and ``names``.
     """
     field = read_field(tracer.device, light_field)
     named = list(zip(study["names"], study["focus_m"], study["lens_m"], strict=True))
@@ -112,13 +106,7 @@ def sampling(
 ) -> tuple[list[Sheet], dict]:
     """Step 6: few cameras of ``tile_px``; many that share ``storage_px`` pixels per side.
 
-    The picture traced directly is last on each sheet.
-
-    Parameters
-    ----------
-    grid : ``bounds_m`` and ``fov_deg`` of the cameras.
-    reference_samples : rays per pixel of the picture that is traced directly.
-    progress : called with (sheets done, of all).
+    The picture traced directly, with ``reference_samples`` rays per pixel, is last on each sheet.
     """
     camera = measured_camera(picture_px)
     reference = direct_thin_lens(tracer, camera, AUTHORS_FOCUS_M, reference_samples)

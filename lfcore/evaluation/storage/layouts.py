@@ -46,15 +46,10 @@ def layout_rows(
     packs: Sequence[int],
     progress: Progress = silent,
 ) -> list[dict]:
-    """Rows of one scene (columns :data:`COLUMNS`), at the encoder settings of each N.
+    """Rows of one scene (columns :data:`COLUMNS`), at the encoder settings of each N of ``views``.
 
-    Parameters
-    ----------
-    pixels : M of the picture that samples are windows of.
-    views : each N.
-    rays : the most of a sample.
-    packs : macropixels per side of a frame, beside the default.
-    progress : called with (layouts done, of all).
+    Samples have at most ``rays``, a window of a picture of M = ``pixels``; ``packs`` are
+    macropixels per side of a frame, beside the default.
     """
     planes, rows = own_planes(tracer.scene), []
     for step, n in enumerate(views):

@@ -82,15 +82,8 @@ def rate_rows(
 ) -> list[dict]:
     """Points of one scene (columns :data:`COLUMNS`), in the default layout of each N.
 
-    What is stored by default at each N is among them, as the curve "default".
-
-    Parameters
-    ----------
-    pixels : M of the picture that samples are windows of.
-    views : each N.
-    rays : the most of a sample.
-    crfs : of a curve, H.264's scale.
-    progress : called with (points done, of all).
+    What is stored by default at each N is among them, as the curve "default".  Samples are as in
+    :func:`lfcore.evaluation.storage.layouts.layout_rows`; ``crfs`` are on H.264's scale.
     """
     planes, points, rows = own_planes(tracer.scene), specs(crfs, curves), []
     for n in views:

@@ -53,17 +53,8 @@ def retrieval_rows(
 ) -> list[dict]:
     """Rows of one file (columns :data:`COLUMNS`).
 
-    Parameters
-    ----------
-    focus_m : nearest and farthest distance in focus; planes are spread evenly in dioptres.
-    planes : how many at a time.
-    rays : the most that planes are formed from.
-    repeats : rounds, of which medians are taken.
-    device : forms the planes; one thread, since seconds are CPU seconds of this process.
-    progress : called with (measurements done, of all).
-
-    Raises :class:`StorageError` for a damaged file, :class:`OpticsError` for a distance that was
-    not recorded.
+    Planes, so many of ``planes`` at a time, are spread evenly in dioptres between ``focus_m``, and
+    formed by ``device`` from at most ``rays``; seconds are medians of ``repeats`` rounds.
     """
     field = LightFieldFile.open(path)
     measurements = [*_planes(field, focus_m, planes, rays, device), *_pieces(field)]

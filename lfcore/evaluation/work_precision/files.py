@@ -38,12 +38,7 @@ def recorded_row(
 ) -> dict:
     """A row of the rays ``lattice`` with their depths, recorded to a file and read again.
 
-    Parameters
-    ----------
-    setting : str
-        The name of the point; default is ``lattice``.
-    encoding : Encoding, optional
-        The codec; default is that of :func:`lfcore.record`.
+    ``setting``, the name of the point, is ``lattice`` by default.
     """
     hierarchy_of(scene)  # the clock counts rays and frames, not the tree
     with tempfile.TemporaryDirectory() as folder:
@@ -103,12 +98,8 @@ def grid_row(
 ) -> dict:
     """The row of the workflow's own light field of N = ``views`` without depth.
 
-    Parameters
-    ----------
-    pictures : ndarray
-        (P, M, M, 3), formed from the file.
-    jobs : sequence of mapping
-        The records of tracing, storing and retrieving it.
+    ``pictures`` are formed from the file; ``jobs`` are the records of tracing, storing and
+    retrieving it.
     """
     traced, stored, retrieved = jobs
     return point(

@@ -32,18 +32,9 @@ def core_clock(device: Device) -> Callable[[], float]:
 
 
 def point(reference: Reference, pictures: np.ndarray, *, rays: int, **context: Any) -> dict:
-    """A row with :data:`COLUMNS` of the pictures of all planes.
+    """A row with :data:`COLUMNS` of the pictures (P, M, M, 3) of all planes, linear light.
 
-    Parameters
-    ----------
-    reference : Reference
-        The true pictures.
-    pictures : ndarray
-        (P, M, M, 3), linear light.
-    rays : int
-        The rays behind all of them.
-    **context : Any
-        The other columns.
+    ``rays`` are those behind all of them, ``context`` has the other columns.
     """
     found = reference.psnr(pictures)
     worst = int(np.argmin(found))

@@ -25,16 +25,9 @@ def scene_rows(
 ) -> list[dict]:
     """The rows of a scene, with the columns of :mod:`~lfcore.evaluation.work_precision.points`.
 
-    Parameters
-    ----------
-    wide, stopped : Reference
-        The true pictures through the open lens and through the stopped-down one.
-    grids : iterable of dict
-        The rows of the workflow's own light fields.
-    study : mapping
-        The keys of ``analysis.work_precision``.
-    progress : callable
-        Called with the number of parts done and of all parts.
+    ``wide`` and ``stopped`` are the true pictures through the open lens and the stopped-down one,
+    ``grids`` the rows of the workflow's own light fields, ``study`` the keys of
+    ``analysis.work_precision``.
     """
     scene, device = tracer.scene, tracer.device
     lattices = [Lattice(int(views), subpixels) for views, subpixels in study["lattices"]]
