@@ -16,7 +16,7 @@ import pandas as pd
 import lfcore
 from lfcore.errors import OpticsError, SettingsError
 from lfcore.evaluation.true_picture import Reference
-from lfcore.evaluation.work_precision.points import core_clock
+from lfcore.evaluation.work_precision.points import core_clock, point
 from lfcore.opencl.device import Device, programs_made
 from lfcore.optics.lattice import Lattice
 from lfcore.rendering.by_depth import pictures_by_depth
@@ -106,20 +106,10 @@ def _row(
     lattice: Lattice,
     **measured: object,
 ) -> dict:
-    found = reference.psnr(retrieved)
-    worst = int(np.argmin(found))
-    return dict.fromkeys(COLUMNS) | {
-        "scene": scene,
-        "M": reference.pixels,
-        "lattice": str(lattice),
-        "rays_per_pixel": lattice.rays_per_pixel,
-        "rays": lattice.rays(reference.pixels),
-        "psnr_traced_db": min(reference.psnr(traced)),
-        "psnr_true_db": found[worst],
-        "worst_plane_m": reference.planes[worst].focus_m,
-        "truth_known_db": float(reference.known_db[worst]),
-        **measured,
-    }
+    row = point(reference, retrieved, rays=lattice.rays(reference.pixels), scene=scene, **measured)
+    row |= {"lattice": str(lattice), "rays_per_pixel": lattice.rays_per_pixel}
+    row |= {"M": reference.pixels, "psnr_traced_db": min(reference.psnr(traced))}
+    return {name: row.get(name) for name in COLUMNS}
 
 
 def chosen_rays_table(rows: Sequence[Mapping]) -> pd.DataFrame:

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import ExchangeError, Order, ReadOptions, ViewGrid
 
+View = TypeVar("View")
 _TWO = re.compile(r"(?<!\d)(\d+)_(\d+)$")
 
 
@@ -55,17 +57,23 @@ def by_numbers(files: list[Path], folder: Path, order: Order) -> list[list[Path]
         if place in places:
             raise ExchangeError(f"has the numbers of {places[place].name}, too", file=file)
         places[place] = file
-    lines = [sorted({place[axis] for place in places}) for axis in (0, 1)]
-    for row in range(lines[0][0], lines[0][-1] + 1):
-        for column in range(lines[1][0], lines[1][-1] + 1):
-            if (row, column) not in places:
-                numbers = (column, row) if order.columns_first else (row, column)
-                raise ExchangeError(
-                    f"lacks the view of numbers {numbers[0]} and {numbers[1]}: {len(files)} of "
-                    f"{len(lines[0])} x {len(lines[1])} are there",
-                    file=folder,
-                )
-    return [[places[row, column] for column in lines[1]] for row in lines[0]]
+    numbers = list(zip(*places, strict=True))
+    lines = [range(min(each), max(each) + 1) for each in numbers]
+    return full_grid(places, lines, folder)
+
+
+def full_grid(
+    places: Mapping[tuple[int, int], View], lines: Sequence[Sequence[int]], folder: Path
+) -> list[list[View]]:
+    """The views at each pair of the numbers ``lines``; :class:`ExchangeError` if one is missing."""
+    for place in ((first, second) for first in lines[0] for second in lines[1]):
+        if place not in places:
+            raise ExchangeError(
+                f"lacks the view in row {place[0]} and column {place[1]}: {len(places)} of "
+                f"{len(lines[0])} x {len(lines[1])} are there",
+                file=folder,
+            )
+    return [[places[first, second] for second in lines[1]] for first in lines[0]]
 
 
 def in_order(

@@ -75,15 +75,7 @@ def placed(folder: Path, named: list[Named]) -> Placed:
     lines = sorted({one.first for one in named}), sorted({one.second for one in named})
     if len(by_index) != len(named):
         raise ExchangeError("holds two views of one index", file=folder)
-    for first in lines[0]:
-        for second in lines[1]:
-            if (first, second) not in by_index:
-                raise ExchangeError(
-                    f"lacks the view of indices {first} and {second}: {len(named)} of "
-                    f"{len(lines[0])} x {len(lines[1])} are there",
-                    file=folder,
-                )
-    grid = [[by_index[a, b] for b in lines[1]] for a in lines[0]]
+    grid = by_file.full_grid(by_index, lines, folder)
     x, y = (np.array([[getattr(one, key) for one in line] for line in grid]) for key in "xy")
     # The index along which y changes most counts rows.
     if np.ptp(x.mean(1)) > np.ptp(x.mean(0)) or np.ptp(y.mean(0)) > np.ptp(y.mean(1)):

@@ -54,7 +54,9 @@ def retrieval_rows(
     """Rows of one file (columns :data:`COLUMNS`).
 
     Planes, so many of ``planes`` at a time, are spread evenly in dioptres between ``focus_m``, and
-    formed by ``device`` from at most ``rays``; seconds are medians of ``repeats`` rounds.
+    formed from at most ``rays`` by ``device``, of one thread: seconds are CPU seconds of this
+    process, medians of ``repeats`` rounds.  Raises :class:`StorageError` for a damaged file,
+    :class:`OpticsError` for a distance that was not recorded.
     """
     field = LightFieldFile.open(path)
     measurements = [*_planes(field, focus_m, planes, rays, device), *_pieces(field)]
