@@ -13,7 +13,12 @@ from stored_fields import tile_frames, write_field
 from lfcore.colour import srgb_codes
 from lfcore.exchange import export_lightfield
 from lfcore.exchange.grid import (
-    ExchangeError, Geometry, Order, ReadOptions, ViewGrid, WriteOptions,
+    ExchangeError,
+    Geometry,
+    Order,
+    ReadOptions,
+    ViewGrid,
+    WriteOptions,
 )  # fmt: skip
 from lfcore.exchange.importing import check_order
 from lfcore.exchange.source import Selection, Source

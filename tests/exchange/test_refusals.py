@@ -72,14 +72,14 @@ def test_names_with_positions(square, tmp_path):
     export_lightfield(square.path, "stanford", tmp_path / "out")
     file = next((tmp_path / "out").glob("out_01_02_*"))
     file.unlink()
-    refused(tmp_path / "out", "indices 1 and 2", "8 of 3 x 3")
+    refused(tmp_path / "out", "row 1 and column 2", "8 of 3 x 3")
 
 
 def test_numbered_views(tmp_path):
     (tmp_path / "in").mkdir()
     for name in ("00_00", "00_01", "01_00"):
         Image.new("RGB", (16, 16)).save(tmp_path / "in" / f"{name}.png")
-    refused(tmp_path / "in", "numbers 1 and 1", "3 of 2 x 2")
+    refused(tmp_path / "in", "row 1 and column 1", "3 of 2 x 2")
     refused(tmp_path / "in", "holds 3 pictures", options=ReadOptions((2, 2)))
     refused(tmp_path / "in", "cannot be read as a picture", format="eslf")
     Image.new("RGB", (8, 16)).save(tmp_path / "in" / "01_01.png")
