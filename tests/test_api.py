@@ -74,10 +74,7 @@ def test_several_pictures_from_the_same_rays(recorded):
 
 def test_rays_count_by_their_depth_unless_asked_otherwise(recorded):
     scene, lf = recorded
-    planes = [
-        lf.plane(0.8 * scene.camera.focus_m),
-        lf.plane(scene.camera.focus_m),
-    ]
+    planes = [lf.plane(0.8 * scene.camera.focus_m), lf.plane(scene.camera.focus_m)]
     few = lfcore.render(scene, planes=planes, pixels=24, views=4)
     many = lfcore.render(scene, planes=planes, pixels=24, views=32, filter="nearest")
     inner = np.s_[:, 4:-4, 4:-4]

@@ -5,14 +5,7 @@ import json
 
 import pytest
 
-from lfcore.timing import (
-    Stopwatch,
-    clocked,
-    clocked_warm,
-    machine,
-    measure_in_turn,
-    measure_within,
-)
+from lfcore.timing import Stopwatch, clocked, clocked_warm, machine, measure_in_turn, measure_within
 
 
 class Clock:

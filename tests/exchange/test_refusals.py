@@ -34,20 +34,17 @@ def hci(square, tmp_path):
     return tmp_path / "hci"
 
 
-def test_a_view_is_missing(hci):
-    (hci / "input_Cam004.png").unlink()
-    refused(hci, "input_Cam004.png", "9 views")
-
-
-def test_a_view_is_of_another_size(hci):
-    Image.new("RGB", (15, 16)).save(hci / "input_Cam003.png")
-    refused(hci, "input_Cam003.png", "16 x 16")
-
-
-def test_a_view_is_cut_short(hci):
-    file = hci / "input_Cam005.png"
-    file.write_bytes(file.read_bytes()[:300])
-    refused(hci, "input_Cam005.png")
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (Path.unlink, ["9 views"]),
+        (lambda file: Image.new("RGB", (15, 16)).save(file), ["16 x 16"]),
+        (lambda file: file.write_bytes(file.read_bytes()[:300]), []),
+    ],
+)
+def test_a_view_that_is_missing_or_unlike_the_others(hci, spoil, words):
+    spoil(hci / "input_Cam004.png")
+    refused(hci, "input_Cam004.png", *words)
 
 
 @pytest.mark.parametrize(

@@ -6,13 +6,7 @@ from hypothesis import strategies as st
 
 from lfcore.optics.camera import Camera
 from lfcore.optics.plane_sums import targets
-from lfcore.optics.plane_tables import (
-    BLOCK,
-    RUN_WORDS,
-    RUNS,
-    lens_tables,
-    view_tables,
-)
+from lfcore.optics.plane_tables import BLOCK, RUN_WORDS, RUNS, lens_tables, view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 

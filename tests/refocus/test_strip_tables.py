@@ -4,11 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfcore.refocus.strip_tables import (
-    MOST_COLUMNS,
-    STRIP,
-    runs_of,
-)
+from lfcore.refocus.strip_tables import MOST_COLUMNS, STRIP, runs_of
 
 
 @settings(max_examples=60)

@@ -48,16 +48,37 @@ def test_defaults_are_filled_in_without_touching_the_input():
 
 
 OBJECT = "objects: [{file: tetrahedron.obj}]"
-POSE = "camera: {pose: {position_m: [0, 0, 5], look_at_m: [0, 0, 0]"
+
+
+def mesh(keys):
+    return f"objects: [{{file: tetrahedron.obj, {keys}}}]"
+
+
+def made(builder, parameters):
+    return f"objects: [{{builder: {builder}, parameters: {{{parameters}}}}}]"
+
+
+def camera(keys):
+    return f"{OBJECT}\ncamera: {{{keys}}}"
+
+
+def light(keys):
+    return f"{OBJECT}\nlights: [{{colour: [1, 1, 1], {keys}}}]"
+
+
+def rows(*diagonal):
+    return [[value if row == column else 0 for column in range(4)]
+            for row, value in enumerate(diagonal)]  # fmt: skip
+
+
+POSE = "pose: {position_m: [0, 0, 5], look_at_m: "
 BAD = {
     "unknown key": ("object: []", "object", "Did you mean 'objects'"),
-    "unknown camera key": (
-        f"{OBJECT}\ncamera: {{focal_length: 50}}", "camera.focal_length", "focal_length_mm"
-    ),
+    "unknown camera key": (camera("focal_length: 50"), "camera.focal_length", "focal_length_mm"),
     "no objects": ("name: x", None, "objects"),
     "empty": ("objects: []", "objects", "scene is empty"),
-    "wrong type": (f"{OBJECT}\ncamera: {{f_number: two}}", "camera.f_number", "two"),
-    "negative": (f"{OBJECT}\ncamera: {{f_number: -1}}", "camera.f_number", "-1"),
+    "wrong type": (camera("f_number: two"), "camera.f_number", "two"),
+    "negative": (camera("f_number: -1"), "camera.f_number", "-1"),
     "nan": (f"{OBJECT}\nambient: [0, .nan, 0]", "ambient[1]", "finite"),
     "both": (
         "objects: [{file: a.obj, builder: bike}]", "objects[0]", "exactly one of file, builder"
@@ -65,92 +86,60 @@ BAD = {
     "neither": ("objects: [{seed: 1}]", "objects[0]", "exactly one of file, builder"),
     "missing mesh": ("objects: [{file: no.obj}]", "objects[0].file", "not found"),
     "unknown builder": ("objects: [{builder: byke}]", "objects[0].builder", "'bike'"),
-    "unknown parameter": (
-        "objects: [{builder: chart, parameters: {size: 3}}]",
-        "objects[0].parameters.size", "foreground_m",
-    ),
+    "unknown parameter": (made("chart", "size: 3"), "objects[0].parameters.size", "foreground_m"),
     "parameter that is a number": (
-        "objects: [{builder: sphere, parameters: {1: 2}}]",
-        "objects[0].parameters.1", "no such parameter",
+        made("sphere", "1: 2"), "objects[0].parameters.1", "no such parameter"
     ),
-    "parameter type": (
-        "objects: [{builder: bike, parameters: {triangles: 9.5}}]",
-        "objects[0].parameters.triangles", "int",
-    ),
+    "parameter type": (made("bike", "triangles: 9.5"), "objects[0].parameters.triangles", "int"),
     "parameter value": (
-        "objects: [{builder: bike, parameters: {triangles: 10}}]",
-        "objects[0].parameters.triangles", "more than asked for",
+        made("bike", "triangles: 10"), "objects[0].parameters.triangles", "more than asked for"
     ),
     "chart planes": (
-        "objects: [{builder: chart, parameters: {foreground_m: 3.0}}]",
-        "objects[0].parameters.foreground_m", "background",
+        made("chart", "foreground_m: 3.0"), "objects[0].parameters.foreground_m", "background"
     ),
     "inside the focal length": (
-        f"{OBJECT}\ncamera: {{focal_length_mm: 50, focus_m: 0.04}}",
-        "camera.focus_m", "focal length",
+        camera("focal_length_mm: 50, focus_m: 0.04"), "camera.focus_m", "focal length"
     ),
     "stack inside the focal length": (
-        f"{OBJECT}\ncamera: {{focal_length_mm: 50}}\nfocus_distances_m: [2.0, 0.01]",
+        camera("focal_length_mm: 50") + "\nfocus_distances_m: [2.0, 0.01]",
         "focus_distances_m[1]", "focal length",
     ),
-    "scene behind the lens": (
-        f"{OBJECT}\ncamera: {{pose: {{position_m: [0, 0, 5], look_at_m: [0, 0, 9]}}}}",
-        "camera.pose", "sees nothing",
-    ),
-    "two apertures": (
-        f"{OBJECT}\ncamera: {{f_number: 2, blur: 3%}}", "camera.blur", "excludes f_number"
-    ),
+    "scene behind the lens": (camera(f"{POSE}[0, 0, 9]}}"), "camera.pose", "sees nothing"),
+    "two apertures": (camera("f_number: 2, blur: 3%"), "camera.blur", "excludes f_number"),
     "two focuses": (
-        f"{OBJECT}\ncamera: {{focus_m: near, focus_at: [0.5, 0.5]}}",
-        "camera.focus_at", "excludes focus_m",
+        camera("focus_m: near, focus_at: [0.5, 0.5]"), "camera.focus_at", "excludes focus_m"
     ),
-    "focus on the background": (
-        f"{OBJECT}\ncamera: {{focus_at: [0, 0]}}", "camera.focus_at", "nothing at 0,0"
+    "focus on the background": (camera("focus_at: [0, 0]"), "camera.focus_at", "nothing at 0,0"),
+    "focus beyond the far end": (camera("focus_m: 140%"), "camera.focus_m", "near, middle, far"),
+    "no direction": (camera("view_from: up"), "view_from", "front"),
+    "pose without direction": (camera(f"{POSE}[0, 0, 5]}}"), "camera.pose", "coincide"),
+    "up along the view": (
+        camera(f"{POSE}[0, 0, 0], up: [0, 0, 1]}}"), "camera.pose.up", "parallel"
     ),
-    "focus beyond the far end": (
-        f"{OBJECT}\ncamera: {{focus_m: 140%}}", "camera.focus_m", "near, middle, far"
-    ),
-    "no direction": (f"{OBJECT}\ncamera: {{view_from: up}}", "view_from", "front"),
-    "pose without direction": (
-        f"{OBJECT}\ncamera: {{pose: {{position_m: [0, 0, 0], look_at_m: [0, 0, 0]}}}}",
-        "camera.pose", "coincide",
-    ),
-    "up along the view": (f"{OBJECT}\n{POSE}, up: [0, 0, 1]}}}}", "camera.pose.up", "parallel"),
     "scaled pose": (
-        f"{OBJECT}\ncamera: {{pose: {{matrix: "
-        "[[2, 0, 0, 0], [0, 2, 0, 0], [0, 0, 2, 0], [0, 0, 0, 1]]}}",
-        "camera.pose.matrix", "rotation",
+        camera(f"pose: {{matrix: {rows(2, 2, 2, 1)}}}"), "camera.pose.matrix", "rotation"
     ),
     "texture not found": (
-        "objects: [{file: tetrahedron.obj, material: {texture: no.png}}]",
-        "objects[0].material.texture", "not found",
+        mesh("material: {texture: no.png}"), "objects[0].material.texture", "not found"
     ),
     "unknown material": (
-        "objects: [{file: tetrahedron.obj, materials: {gold: {diffuse: [1, 1, 0]}}}]",
-        "objects[0].materials.gold", "tetrahedron",
+        mesh("materials: {gold: {diffuse: [1, 1, 0]}}"), "objects[0].materials.gold", "tetrahedron"
     ),
     "bad colour": (f"{OBJECT}\nbackground: '#12345'", "background", "#rrggbb"),
     "two kinds of light": (
-        f"{OBJECT}\nlights: [{{colour: [1, 1, 1], position_m: [0, 0, 0], "
-        "towards_light: [0, 1, 0]}]",
+        light("position_m: [0, 0, 0], towards_light: [0, 1, 0]"),
         "lights[0]", "exactly one of position_m, towards_light",
     ),
     "light without direction": (
-        f"{OBJECT}\nlights: [{{colour: [1, 1, 1], towards_light: [0, 0, 0]}}]",
-        "lights[0].towards_light", "no length",
+        light("towards_light: [0, 0, 0]"), "lights[0].towards_light", "no length"
     ),
-    "zero scale": (
-        "objects: [{file: tetrahedron.obj, transform: [{scale: 0}]}]",
-        "objects[0].transform[0].scale", "",
-    ),
+    "zero scale": (mesh("transform: [{scale: 0}]"), "objects[0].transform[0].scale", ""),
     "flat matrix": (
-        "objects: [{file: tetrahedron.obj, transform: "
-        "[{matrix: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1]]}]}]",
+        mesh(f"transform: [{{matrix: {rows(1, 1, 0, 1)}}}]"),
         "objects[0].transform[0].matrix", "flattens",
     ),
     "axis without length": (
-        "objects: [{file: tetrahedron.obj, transform: "
-        "[{rotate: {axis: [0, 0, 0], angle_deg: 5}}]}]",
+        mesh("transform: [{rotate: {axis: [0, 0, 0], angle_deg: 5}}]"),
         "objects[0].transform[0].rotate.axis", "no length",
     ),
 }  # fmt: skip

@@ -184,29 +184,17 @@ def test_frames_come_out_of_the_encoder_after_as_many_as_it_looks_ahead(tmp_path
 
 def test_failures_leave_no_file(tmp_path):
     path = tmp_path / "s.mp4"
-    with (
-        pytest.raises(StorageError, match="libx264"),
-        SegmentWriter(path, replace(PLAIN, preset="warp"), 32, 32) as writer,
-    ):
-        writer.write(np.zeros((1, 1536), np.uint8))
-    with (
-        pytest.raises(StorageError, match="without frames"),
-        SegmentWriter(path, PLAIN, 32, 32),
-    ):
-        pass
-    with (
-        pytest.raises(StorageError, match="frames must be"),
-        SegmentWriter(path, PLAIN, 32, 32) as writer,
-    ):
-        writer.write(np.zeros((1, 1535), np.uint8))
+    for spec, size, words in (
+        (replace(PLAIN, preset="warp"), 1536, "libx264"), (PLAIN, 1535, "frames must be"),
+    ):  # fmt: skip
+        with pytest.raises(StorageError, match=words), SegmentWriter(path, spec, 32, 32) as writer:
+            writer.write(np.zeros((1, size), np.uint8))
+    for wrong, words in ((path, "without frames"), (tmp_path / "missing" / "s.mp4", "missing")):
+        with pytest.raises(StorageError, match=words), SegmentWriter(wrong, PLAIN, 32, 32):
+            pass
     with pytest.raises(ZeroDivisionError), SegmentWriter(path, PLAIN, 32, 32) as writer:
         writer.write(np.zeros((1, 1536), np.uint8))
         raise ZeroDivisionError
-    with (
-        pytest.raises(StorageError, match="missing"),
-        SegmentWriter(tmp_path / "missing" / "s.mp4", PLAIN, 32, 32),
-    ):
-        pass
     assert list(tmp_path.iterdir()) == []
 
 

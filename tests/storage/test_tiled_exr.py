@@ -61,8 +61,7 @@ def test_single_channels_and_missing_channels(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["{", "[]", '{"format": "other"}', '{"format": "lfcore camera array", "version": 99}'],
+    "text", ["{", "[]", '{"format": "other"}', '{"format": "lfcore camera array", "version": 99}']
 )
 def test_a_header_that_makes_no_sense(tmp_path, image, text):
     OpenEXR.File({ATTRIBUTE: text}, {"RGB": image}).write(str(tmp_path / "x.exr"))
