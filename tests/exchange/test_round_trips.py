@@ -5,7 +5,7 @@ import pytest
 from noise_fields import all_views, taken_back
 
 from lfcore.exchange import export_lightfield
-from lfcore.exchange.grid import ReadOptions
+from lfcore.exchange.grid import Geometry, ReadOptions
 from lfcore.exchange.source import Selection
 
 FOLDERS = "hci stanford nerfstudio colmap json jpeg-pleno mosaic eslf mat".split()
@@ -49,8 +49,6 @@ def test_a_part_of_it(square, tmp_path):
 
 
 def test_what_is_asked_for_by_name_completes_the_geometry(square, tmp_path):
-    from lfcore.exchange.grid import Geometry
-
     export_lightfield(square.path, "stanford", tmp_path / "out")
     options = ReadOptions(geometry=Geometry(delta=0.5), fov_deg=18.180)
     _, field = taken_back(tmp_path / "out", tmp_path, options=options)

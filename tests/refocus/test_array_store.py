@@ -60,6 +60,7 @@ def codes(picture, white):
 def test_what_comes_back_is_the_array(stored, array, image):
     field = LightField.open(stored)
     assert field.geometry == "array" and field.array == array
+    assert field.metadata.slab is None and (field.slab.views, field.slab.pixels) == (5, 24)
     assert field.white == pytest.approx(image.max())
     found, again = read_stored(field)
     assert again == array
