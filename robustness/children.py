@@ -10,11 +10,9 @@ from __future__ import annotations
 import faulthandler
 import json
 import os
-import pickle
 import resource
 import select
 import signal
-import tempfile
 import time
 import traceback
 from collections.abc import Callable, Iterator
@@ -65,28 +63,6 @@ def run_all(
         if start < count:
             yield start, _death(death, status, crash_log)
             start += 1
-
-
-def apart(work: Callable[[], list[bytes]]) -> list[bytes]:
-    """The result of ``work``, run in a child, so that this process opens nothing.
-
-    A parent that has opened an OpenCL device has threads that its children lack, and would wait
-    for forever.
-    """
-    with tempfile.TemporaryFile() as results:
-        child = os.fork()
-        if not child:
-            try:
-                pickle.dump(work(), results)
-                results.flush()
-                os._exit(0)
-            except BaseException:
-                traceback.print_exc()
-                os._exit(1)
-        if os.waitpid(child, 0)[1]:
-            raise RuntimeError("the child failed")
-        results.seek(0)
-        return pickle.load(results)
 
 
 def _reports(pipe: int, patience: float) -> Iterator[Outcome]:

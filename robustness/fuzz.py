@@ -17,7 +17,7 @@ from pathlib import Path
 from robustness import corpus
 from robustness.children import run_all
 from robustness.outcome import OK, REFUSED, Outcome
-from robustness.targets import Target, all_targets
+from robustness.targets import Target, all_targets, seeds_folder
 
 MINIMISE_TRIES = 120
 MEMORY_DISK = Path("/dev/shm")
@@ -50,7 +50,8 @@ class Bench:
     def __init__(self, target: Target, home: Path):
         self.target, self.tally, self.done = target, Tally(), 0
         self.folder = home / target.name.replace(" ", "-")
-        seeds, self.work = self.folder / "seeds", self.folder / "work"
+        self.work = self.folder / "work"
+        seeds = seeds_folder(self.work)
         seeds.mkdir(parents=True)
         self.work.mkdir()
         self.crash_log = self.folder / "stack.txt"

@@ -10,7 +10,7 @@ from random import Random
 
 from robustness.children import Limits
 from robustness.mutate import Mutation
-from robustness.outcome import Outcome
+from robustness.outcome import Outcome, outcome_of
 
 WARM = (
     "lfcore.rendering.direct", "lfcore.rendering.photograph", "lfcore.rendering.record",
@@ -59,6 +59,24 @@ class Target:
         """Input ``index`` of the run with this seed: always the same bytes."""
         draw = Random(f"{seed}/{self.name}/{index}")
         return self.mutate(draw, draw.choice(seeds), seeds)
+
+
+def seeds_folder(folder: Path) -> Path:
+    """Where the seeds were made whose inputs are judged in ``folder``."""
+    return folder.with_name("seeds")
+
+
+def of_file(
+    name: str, check: Callable[[Path], object], *, named: bool = True
+) -> Callable[[bytes, Path], Outcome]:
+    """A judge: runs ``check`` on an input in a file, which refusals must name if ``named``."""
+
+    def judge(data: bytes, folder: Path) -> Outcome:
+        file = folder / name
+        file.write_bytes(data)
+        return outcome_of(lambda: check(file), names=str(file) if named else None)
+
+    return judge
 
 
 def all_targets() -> dict[str, Target]:

@@ -17,7 +17,7 @@ from PIL import Image
 from lfcore.errors import DeviceError
 from robustness import extremes
 from robustness.outcome import Outcome, judge_message, outcome_of
-from robustness.targets import Target
+from robustness.targets import Target, seeds_folder
 from robustness.targets.pictures import exr_seeds
 from robustness.targets.scenes import PBRT_SPHERE, PLAIN, write_sides
 from robustness.targets.stores import whole_store
@@ -86,7 +86,8 @@ def _argument(word: str) -> str:
     return word.replace("\0", "")[:100_000]
 
 
-def write_all_sides(home: Path, folder: Path) -> None:
+def write_all_sides(folder: Path) -> None:
+    home = seeds_folder(folder)
     write_sides(folder)
     (folder / "fifo").unlink()  # a command may wait for a pipe
     (folder / "scene.yaml").write_text(PLAIN)
@@ -155,15 +156,6 @@ def _judged(status: object, said: str, left: list[str], words: list[str]) -> Out
 
 
 def targets() -> list[Target]:
-    home: list[Path] = []
-
-    def own_seeds(folder: Path) -> list[bytes]:
-        home.append(folder)
-        return seeds(folder)
-
     return [
-        Target(
-            "commands", own_seeds, damage_words, judge,
-            lambda folder: write_all_sides(home[-1], folder), weight=2, takes_seeds=False,
-        )
-    ]  # fmt: skip
+        Target("commands", seeds, damage_words, judge, write_all_sides, weight=2, takes_seeds=False)
+    ]

@@ -6,6 +6,7 @@ import json
 import shutil
 import zlib
 from collections.abc import Sequence
+from multiprocessing import get_context
 from pathlib import Path
 from random import Random
 
@@ -16,10 +17,9 @@ from lfcore.exchange.grid import Geometry, ReadOptions, ViewGrid, WriteOptions
 from lfcore.exchange.importing import read_grid, store_grid
 from lfcore.exchange.pictures import is_picture
 from lfcore.storage.codecs import Encoding
-from robustness.children import apart
 from robustness.mutate import damage_bytes, damage_text
 from robustness.outcome import Outcome, SilentlyWrong, outcome_of
-from robustness.targets import Target
+from robustness.targets import Target, seeds_folder
 from robustness.trees import damage_json
 
 EXACT = Encoding("ffv1", "gbrp", preset=None, tune=None)
@@ -29,6 +29,15 @@ TEXTS = (".json", ".cfg", ".txt")
 UNRECOGNISED = ("eslf", "mosaic", "folder")
 PICTURES_A_FORMAT = 2
 MOST_PIXELS = 1 << 22
+
+
+def seeds_of_a_child(folder: Path) -> list[bytes]:
+    """Those of :func:`seeds`, made by a process of their own, as exporting opens a device.
+
+    A parent that has opened one has threads that its children lack, and would wait for forever.
+    """
+    with get_context("fork").Pool(1) as pool:
+        return pool.apply(seeds, (folder,))
 
 
 def seeds(folder: Path) -> list[bytes]:
@@ -48,11 +57,15 @@ def seeds(folder: Path) -> list[bytes]:
         else:
             near_and_far = WriteOptions(near_m=1.0, far_m=4.0)
             export_lightfield(folder / "noise.mkv", name, folder / name, options=near_and_far)
-        files = sorted(path for path in (folder / name).rglob("*") if path.is_file())
+        files = _files(folder / name)
         pictures = [path for path in files if is_picture(path)]
         for file in [path for path in files if path not in pictures[PICTURES_A_FORMAT:]]:
             whole.append(f"{file.relative_to(folder)}\n".encode() + file.read_bytes())
     return whole
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.rglob("*") if path.is_file())
 
 
 def write_blender(folder: Path, views: np.ndarray) -> None:
@@ -86,23 +99,20 @@ def damage(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
     return name + b"\n" + (damage_text if text else damage_bytes)(draw, contents, others)
 
 
-def judge(home: Path, data: bytes, folder: Path) -> Outcome:
+def judge(data: bytes, folder: Path) -> Outcome:
     """Read every view of the folder with this file in place of the original."""
     name, _, contents = data.partition(b"\n")
     format_name = name.partition(b"/")[0].decode("utf-8", "replace")
     if format_name not in FORMATS:
         return Outcome("refused")
-    source = folder / "source"
+    home, source = seeds_folder(folder), folder / "source"
     shutil.rmtree(source, ignore_errors=True)
     shutil.copytree(home / format_name, source)
-    original = next(
-        (seed for seed in (home / format_name).rglob("*") if seed.is_file()
-         and str(seed.relative_to(home)).encode() == name), None,
-    )  # fmt: skip
-    if original is None:  # a name that was changed: the last file is the one that had it
-        sorted(path for path in source.rglob("*") if path.is_file())[-1].unlink()
+    names = [bytes(file.relative_to(home)) for file in _files(home / format_name)]
+    if name not in names:  # a name that was changed: the last file is the one that had it
+        _files(source)[-1].unlink()
     try:
-        place = folder / "source" / name.partition(b"/")[2].decode("utf-8", "surrogateescape")
+        place = source / name.partition(b"/")[2].decode("utf-8", "surrogateescape")
         if not place.resolve().is_relative_to(source.resolve()):
             return Outcome("refused")
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -132,10 +142,4 @@ def _read(source: Path, named: str | None) -> None:
 
 
 def targets() -> list[Target]:
-    home: list[Path] = []
-
-    def own_seeds(folder: Path) -> list[bytes]:
-        home.append(folder)
-        return apart(lambda: seeds(folder))  # exporting opens a device
-
-    return [Target("import", own_seeds, damage, lambda d, f: judge(home[-1], d, f), weight=2)]
+    return [Target("import", seeds_of_a_child, damage, judge, weight=2)]

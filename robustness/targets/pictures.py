@@ -17,8 +17,8 @@ from lfcore.pictures import write_picture
 from lfcore.scene.meshes import read_texture
 from lfcore.storage.tiled_exr import read_array, write_array
 from robustness.mutate import damage_bytes, damage_text
-from robustness.outcome import ROOT, Outcome, SilentlyWrong, outcome_of
-from robustness.targets import Target
+from robustness.outcome import ROOT, SilentlyWrong
+from robustness.targets import Target, of_file
 from robustness.trees import damage_json
 
 
@@ -31,22 +31,16 @@ def exr_seeds(folder: Path) -> list[bytes]:
     return [(folder / f"{name}.exr").read_bytes() for name in ("plain", "half", "array")]
 
 
-def judge_exr(data: bytes, folder: Path) -> Outcome:
+def check_exr(file: Path) -> None:
     """EXR pixels have no check sum: we can only check the form of the picture."""
-    file = folder / "input.exr"
-    file.write_bytes(data)
-
-    def work() -> None:
-        picture = read_exr_picture(file)
-        if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.float32:
-            raise SilentlyWrong(f"a picture {picture.shape} {picture.dtype}")
-        if not picture.size:
-            raise SilentlyWrong("a picture without pixels")
-        found = read_array(file)
-        if found.array is not None:
-            found.array.tiles(found.image)
-
-    return outcome_of(work, names=str(file))
+    picture = read_exr_picture(file)
+    if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.float32:
+        raise SilentlyWrong(f"a picture {picture.shape} {picture.dtype}")
+    if not picture.size:
+        raise SilentlyWrong("a picture without pixels")
+    found = read_array(file)
+    if found.array is not None:
+        found.array.tiles(found.image)
 
 
 def damage_header(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
@@ -69,47 +63,38 @@ def texture_seeds(folder: Path) -> list[bytes]:
     return files
 
 
-def judge_texture(data: bytes, folder: Path) -> Outcome:
-    file = folder / "input.png"
-    file.write_bytes(data)
-
-    def work() -> None:
-        texture = read_texture(file, file="scene.yaml", key="texture")
-        if texture.ndim != 3 or texture.shape[2] != 3 or not texture.size:
-            raise SilentlyWrong(f"a texture {texture.shape}")
-
-    return outcome_of(work, names=str(file))
+def check_texture(file: Path) -> None:
+    texture = read_texture(file, file="scene.yaml", key="texture")
+    if texture.ndim != 3 or texture.shape[2] != 3 or not texture.size:
+        raise SilentlyWrong(f"a texture {texture.shape}")
 
 
 def lens_seeds(folder: Path) -> list[bytes]:
     return [(ROOT / "scenes/lenses/double_gauss.dat").read_bytes(), b"50 5 1.5 20\n-50 40 1 20\n"]
 
 
-def judge_lens(data: bytes, folder: Path) -> Outcome:
+def check_lens(file: Path) -> None:
     """Read, focus and trace rays; for one lens in eight also those of the realistic camera.
 
     Its search for the pupil costs a hundred times as much as the rest.
     """
-    file = folder / "input.dat"
-    file.write_bytes(data)
-
-    def work() -> None:
-        lens = LensSystem.read(file).focused(5.0)
-        film = np.array([[0.0, 0.0], [0.005, 0.002]])
-        rear = np.array([0.001, 0.0, lens.film_distance_m])
-        origins = np.pad(film, ((0, 0), (0, 1)))
-        arrays = [*lens.trace(origins, rear - origins)]
-        if zlib.crc32(data) % 8 == 0:
-            arrays += LensSampler(lens, 0.01).rays(film, np.full((2, 2), 0.4))
-        if not all(np.isfinite(array).all() for array in arrays):
-            raise SilentlyWrong("rays that are not finite")
-
-    return outcome_of(work, names=None)
+    lens = LensSystem.read(file).focused(5.0)
+    film = np.array([[0.0, 0.0], [0.005, 0.002]])
+    rear = np.array([0.001, 0.0, lens.film_distance_m])
+    origins = np.pad(film, ((0, 0), (0, 1)))
+    arrays = [*lens.trace(origins, rear - origins)]
+    if zlib.crc32(file.read_bytes()) % 8 == 0:
+        arrays += LensSampler(lens, 0.01).rays(film, np.full((2, 2), 0.4))
+    if not all(np.isfinite(array).all() for array in arrays):
+        raise SilentlyWrong("rays that are not finite")
 
 
 def targets() -> list[Target]:
     return [
-        Target("exr", exr_seeds, damage_header, judge_exr, weight=0.4),
-        Target("texture", texture_seeds, damage_bytes, judge_texture),
-        Target("lens", lens_seeds, damage_text, judge_lens, weight=0.5),
-    ]
+        Target("exr", exr_seeds, damage_header, of_file("input.exr", check_exr), weight=0.4),
+        Target("texture", texture_seeds, damage_bytes, of_file("input.png", check_texture)),
+        Target(
+            "lens", lens_seeds, damage_text, of_file("input.dat", check_lens, named=False),
+            weight=0.5,
+        ),
+    ]  # fmt: skip

@@ -18,9 +18,9 @@ from lfcore.scene.description import schema
 from lfcore.scene.files import load_scene, save_scene
 from robustness import extremes
 from robustness.mutate import damage_bytes, damage_text, mixed
-from robustness.outcome import ROOT, Outcome, SilentlyWrong, outcome_of
+from robustness.outcome import ROOT, SilentlyWrong
 from robustness.sound import check_scene
-from robustness.targets import Target
+from robustness.targets import Target, of_file
 from robustness.trees import damage_yaml
 
 PLAIN = """\
@@ -167,18 +167,12 @@ def pbrt_seeds(folder: Path) -> list[bytes]:
     return [PBRT_SPHERE.encode(), public.replace(b"textures/grid.png", b"skin.png"), moving]
 
 
-def judge_scene(data: bytes, folder: Path, name: str) -> Outcome:
+def check_built(file: Path) -> None:
     """Build the scene of a file; what is taken must be sound and survive saving."""
-    file = folder / name
-    file.write_bytes(data)
-
-    def work() -> None:
-        scene = build_scene(file)
-        check_scene(scene)
-        if scene.triangle_count < 5000:
-            check_saved(scene, folder)
-
-    return outcome_of(work, names=None)
+    scene = build_scene(file)
+    check_scene(scene)
+    if scene.triangle_count < 5000:
+        check_saved(scene, file.parent)
 
 
 def check_saved(scene, folder: Path) -> None:
@@ -217,19 +211,14 @@ def packed_seeds(folder: Path) -> list[bytes]:
     return [gzip.compress(PBRT_SPHERE.encode(), mtime=0)]
 
 
-def judge_packed(data: bytes, folder: Path) -> Outcome:
+def check_packed(file: Path) -> None:
     """A packed scene is as its text, or refused: the check sum tells."""
-    file, plain = folder / "input.pbrt.gz", folder / "plain.pbrt"
-    file.write_bytes(data)
-
-    def work() -> None:
-        scene = build_scene(file)
-        check_scene(scene)
-        plain.write_bytes(gzip.decompress(data))
-        if scene.triangles.tobytes() != build_scene(plain).triangles.tobytes():
-            raise SilentlyWrong("packed, it is another scene")
-
-    return outcome_of(work, names=None)
+    scene = build_scene(file)
+    check_scene(scene)
+    plain = file.with_name("plain.pbrt")
+    plain.write_bytes(gzip.decompress(file.read_bytes()))
+    if scene.triangles.tobytes() != build_scene(plain).triangles.tobytes():
+        raise SilentlyWrong("packed, it is another scene")
 
 
 def repack(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
@@ -259,23 +248,14 @@ def saved_seeds(folder: Path) -> list[bytes]:
     return seeds
 
 
-def judge_saved(data: bytes, folder: Path) -> Outcome:
-    file = folder / "input.npz"
-    file.write_bytes(data)
-    return outcome_of(lambda: check_scene(load_scene(file)), names=str(file))
-
-
 def targets() -> list[Target]:
     text = mixed((0.6, damage_yaml), (0.4, damage_text))
+    yaml, pbrt = (of_file(f"input.{kind}", check_built, named=False) for kind in ("yaml", "pbrt"))
+    packed = of_file("input.pbrt.gz", check_packed, named=False)
+    saved = of_file("input.npz", lambda file: check_scene(load_scene(file)))
     return [
-        Target(
-            "scene.yaml", yaml_seeds, text, lambda d, f: judge_scene(d, f, "input.yaml"),
-            write_sides, weight=2,
-        ),
-        Target(
-            "pbrt", pbrt_seeds, damage_pbrt, lambda d, f: judge_scene(d, f, "input.pbrt"),
-            write_sides, weight=2,
-        ),
-        Target("pbrt.gz", packed_seeds, repack, judge_packed, write_sides),
-        Target("scene.npz", saved_seeds, damage_bytes, judge_saved, weight=0.5),
-    ]  # fmt: skip
+        Target("scene.yaml", yaml_seeds, text, yaml, write_sides, weight=2),
+        Target("pbrt", pbrt_seeds, damage_pbrt, pbrt, write_sides, weight=2),
+        Target("pbrt.gz", packed_seeds, repack, packed, write_sides),
+        Target("scene.npz", saved_seeds, damage_bytes, saved, weight=0.5),
+    ]

@@ -9,7 +9,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from random import Random
 
@@ -29,7 +29,7 @@ from lfcore.storage.metadata import TAG
 from lfcore.storage.segment import SegmentWriter
 from robustness.mutate import damage_bytes
 from robustness.outcome import Outcome, SilentlyWrong, outcome_of
-from robustness.targets import Target
+from robustness.targets import Target, seeds_folder
 from robustness.trees import damage_json
 
 VIEWS, PIXELS = 4, 8
@@ -100,9 +100,13 @@ def depths_of(field: LightFieldFile, part: Segment) -> bytes:
     return b"".join(some.tobytes() for some in field.depth_video.frames(part.index))
 
 
-def judge_store(name: str, home: Path, data: bytes, folder: Path) -> Outcome:
+def store_seeds(name: str, folder: Path) -> list[bytes]:
+    return [whole_store(name, folder)[0]]
+
+
+def judge_store(name: str, data: bytes, folder: Path) -> Outcome:
     """A damaged file gives right pixels or none, and verify() finds every difference."""
-    original, right = whole_store(name, home)
+    original, right = whole_store(name, seeds_folder(folder))
     file = folder / "input.mkv"
     file.write_bytes(data)
     outcome = outcome_of(lambda: _read_all(file, data == original, right), names=str(file))
@@ -171,7 +175,7 @@ def sealed(text: bytes) -> str:
         return text.decode("utf-8", "replace")
 
 
-def judge_metadata(home: Path, data: bytes, folder: Path) -> Outcome:
+def judge_metadata(data: bytes, folder: Path) -> Outcome:
     """Open, show and read a file with these metadata and a sound video."""
     from lfcore.cli.inspect import facts
     from lfcore.lightfield import LightField as Refocusable
@@ -179,7 +183,7 @@ def judge_metadata(home: Path, data: bytes, folder: Path) -> Outcome:
     file = folder / "input.mkv"
     kind = "array" if b'"geometry": "array"' in data else "slab"
     kind = "depth" if b'"dioptres"' in data else kind
-    _remux(home / kind / f"{SEEDS[kind][0]}.mkv", file, sealed(data))
+    _remux(seeds_folder(folder) / kind / f"{SEEDS[kind][0]}.mkv", file, sealed(data))
 
     def work() -> None:
         field = Refocusable.open(file)
@@ -220,29 +224,11 @@ def damage_store(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
     return damage_bytes(draw, data, seeds)
 
 
-def store_target(name: str) -> Target:
-    home: list[Path] = []  # where the seeds were made, known when they are
-
-    def seeds(folder: Path) -> list[bytes]:
-        home.append(folder)
-        return [whole_store(name, folder)[0]]
-
-    # Not portable: the whole file is whatever this machine's encoder makes of the pixels.
-    return Target(
-        f"store {name}", seeds, damage_store, lambda d, f: judge_store(name, home[-1], d, f),
-        portable=False,
-    )  # fmt: skip
-
-
-def metadata_target() -> Target:
-    home: list[Path] = []
-
-    def seeds(folder: Path) -> list[bytes]:
-        home.append(folder)
-        return metadata_seeds(folder)
-
-    return Target("metadata", seeds, damage_json, lambda d, f: judge_metadata(home[-1], d, f))
-
-
 def targets() -> list[Target]:
-    return [*map(store_target, CODECS), metadata_target()]
+    # Not portable: the whole file is whatever this machine's encoder makes of the pixels.
+    stores = [
+        Target(f"store {name}", partial(store_seeds, name), damage_store,
+               partial(judge_store, name), portable=False)
+        for name in CODECS
+    ]  # fmt: skip
+    return [*stores, Target("metadata", metadata_seeds, damage_json, judge_metadata)]
