@@ -35,6 +35,8 @@ from lfcore.tracing.tracer import Tracer
 from lfcore.workflow.studies import ARRAYS
 
 ROOT = Path(__file__).resolve().parents[1]
+PICTURE, SAMPLES = 600, 64
+"""Of the synthesis: the picture's side in pixels, and rays per pixel."""
 LENS_M, FILTER_M = 0.15, 0.3  # as in the assignment's command line, see workflow/scripts
 
 
@@ -43,16 +45,12 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--scenes", nargs="+", default=["book", "sphere"], choices=list(ARRAYS))
     parser.add_argument("--cameras", type=int, default=16, help="per side; default 16")
     parser.add_argument("--tile", type=int, default=512, help="pixels per side; default 512")
-    parser.add_argument(
-        "--picture", type=int, default=600, help="pixels per side of the synthesis; default 600"
-    )
-    parser.add_argument("--samples", type=int, default=64, help="rays per pixel of it; default 64")
     parser.add_argument("--peers", nargs="*", default=["mitsuba"], choices=["mitsuba", "none"])
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--out", type=Path, required=True, help="CSV file")
     options = parser.parse_args(arguments)
-    if min(options.repeats, options.cameras - 1, options.tile, options.samples) < 1:
-        parser.error("--repeats, --tile and --samples must be at least 1, --cameras 2")
+    if min(options.repeats, options.cameras - 1, options.tile) < 1:
+        parser.error("--repeats and --tile must be at least 1, --cameras 2")
     return options
 
 
@@ -109,20 +107,19 @@ def traced(options: argparse.Namespace, name: str, device) -> tuple[list[dict], 
 
 def synthesised(options: argparse.Namespace, name: str, field: DeviceField) -> list[dict]:
     """Rows of pictures from one array; rates count samples, Isaksen's rate counts pixels."""
-    camera, count = assignment_camera(options.picture, LENS_M), options.samples
-    surface, pixels = parallel(BOOK_FOCUS_M), options.picture**2
-    points = max(1, round((count / 4) ** 0.5))
+    camera, surface = assignment_camera(PICTURE, LENS_M), parallel(BOOK_FOCUS_M)
+    points = max(1, round((SAMPLES / 4) ** 0.5))
     works: dict[str, tuple[Callable[[], object], int]] = {
         f"monte_carlo {sampler}": (
-            partial(monte_carlo, field, camera, surface, count, sampler=sampler),
-            count,
+            partial(monte_carlo, field, camera, surface, SAMPLES, sampler=sampler),
+            SAMPLES,
         )
         for sampler in ("halton", "stratified", "independent")
     }
     works["quadrature"] = (partial(quadrature, field, camera, surface, points, 2), 4 * points**2)
     works["isaksen"] = (partial(isaksen, field, camera, surface, FILTER_M), 1)
     methods = [
-        Method(key, "synthesis", partial(clocked, work, pixels * n), ours=True)
+        Method(key, "synthesis", partial(clocked, work, PICTURE**2 * n), ours=True)
         for key, (work, n) in works.items()
     ]
     runs, rows = in_turn(methods, options.repeats), []

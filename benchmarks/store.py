@@ -24,21 +24,12 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom"])
     parser.add_argument("--angular", nargs="+", type=int, default=[512], help="N of the speeds")
     parser.add_argument("--size", type=int, default=512, help="M of the speeds; default 512")
-    parser.add_argument("--frames", type=int, default=256, help="frames of each of the four tiles")
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--parts", nargs="+", default=PARTS, choices=PARTS)
-    parser.add_argument(
-        "--memory-angular", nargs="+", type=int, default=[64, 128, 256, 512],
-        help="N of memory and random access",
-    )  # fmt: skip
-    parser.add_argument(
-        "--memory-log-rays", type=int, default=14,
-        help="M N is 2 to this power there, so that each N has as many rays; default 14",
-    )  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, help="CSV file")
     options = parser.parse_args(arguments)
-    if options.repeats < 1 or options.frames < 2:
-        parser.error("--repeats must be at least 1, --frames at least 2")
+    if options.repeats < 1:
+        parser.error("--repeats must be at least 1")
     if "access" in options.parts and "memory" not in options.parts:
         parser.error("random access reads the files that the part 'memory' writes")
     return options
@@ -54,10 +45,9 @@ def main() -> None:
             rows += speeds(name, options)
     with tempfile.TemporaryDirectory() as folder:
         if "memory" in options.parts:
-            scene, sizes = options.scenes[0], options.memory_angular
-            rows += stored_files.memory(scene, sizes, 1 << options.memory_log_rays, Path(folder))
+            rows += stored_files.memory(options.scenes[0], Path(folder))
         if "access" in options.parts:
-            rows += stored_files.random_access(scene, sizes, Path(folder))
+            rows += stored_files.random_access(options.scenes[0], Path(folder))
     for part in dict.fromkeys(row["part"] for row in rows):
         print_table([row for row in rows if row["part"] == part], leave_out=("part",))
     write_csv(options.out, rows)
@@ -69,7 +59,7 @@ def speeds(name: str, options: argparse.Namespace) -> list[dict]:
     for views in options.angular:
         say(f"{name}, N = {views}")
         with tempfile.TemporaryDirectory() as folder:
-            store = stored.sample_store(loaded, views, options.size, options.frames, Path(folder))
+            store = stored.sample_store(loaded, views, options.size, Path(folder))
             if "encode" in options.parts:
                 rows += stored.together(loaded, store, options.repeats)
             if "retrieve" in options.parts:

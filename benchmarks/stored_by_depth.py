@@ -5,21 +5,23 @@ lens samples of more pixels with the depth of every ray, as views and as macropi
 encoder's processor seconds and the PSNR of the worst of five planes, through the whole square lens,
 against the average over pixel and lens.
 
-N = 512 is taken from the published run of the tables (benchmarks/published/tables_m128.csv), or
-measured with the others by --thesis, which takes minutes per scene.
+N = 512, which the ratios need, is measured only with --thesis: it takes minutes per scene.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
-from benchmarks.publish import RESULTS, Result, of_this_run, read_result
+from benchmarks.publish import Result, of_this_run
 from lfcore.api import load_scene
 from lfcore.evaluation.true_picture import Reference, true_pictures
 from lfcore.lightfield import LightField
@@ -29,7 +31,7 @@ from lfcore.optics.slab import Slab
 from lfcore.rendering.depth import dioptre_range
 from lfcore.rendering.prepared import open_tracers
 from lfcore.rendering.record import TILE_RAYS
-from lfcore.rendering.record_depth import RANGE_MARGIN, DepthStore, frames_by_depth
+from lfcore.rendering.record_depth import RANGE_MARGIN, depth_store, frames_by_depth
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import DepthSegments, join_segments
 from lfcore.storage.defaults import chosen_encoding, frame_layout
@@ -43,123 +45,88 @@ SCENES = Path(__file__).resolve().parents[1] / "scenes"
 TRUTH = Lattice(8, 4), Lattice(6, 5)
 VIEWS, MACROPIXELS = "views", "macropixels"
 CASES = [
-    # lens samples and rays per pixel, both per side; layout; displaced; CRFs
-    (4, 1.5, VIEWS, True, (16, 20)),
-    (4, 2, VIEWS, True, (16, 20, 24)),
-    (4, 2, VIEWS, False, (20,)),
-    (4, 2, MACROPIXELS, True, (20,)),
-    (4, 4, VIEWS, True, (20,)),
-    (6, 2, VIEWS, True, (20,)),
-    (8, 2, VIEWS, True, (20, 24)),
-    (8, 2, MACROPIXELS, True, (20,)),
-    (16, 2, VIEWS, True, (20,)),
-    (16, 2, MACROPIXELS, True, (20,)),
+    (Lattice(4, 1.5), VIEWS, (16, 20)),
+    (Lattice(4), VIEWS, (16, 20, 24)),
+    (Lattice(4, displaced=False), VIEWS, (20,)),
+    (Lattice(4), MACROPIXELS, (20,)),
+    (Lattice(4, 4), VIEWS, (20,)),
+    (Lattice(6), VIEWS, (20,)),
+    (Lattice(8), VIEWS, (20, 24)),
+    (Lattice(8), MACROPIXELS, (20,)),
+    (Lattice(16), VIEWS, (20,)),
+    (Lattice(16), MACROPIXELS, (20,)),
 ]
+"""Lattices (two rays per pixel, per side, where they do not say more), layouts and CRFs."""
 THESIS_VIEWS = 512
 
 
-class Encoder:
-    """Segments of one stream, and the processor seconds that they took."""
-
-    def __init__(self, folder: Path, name: str, layout: FrameLayout, spec: Encoding):
-        self.folder, self.name, self.layout, self.spec = folder, name, layout, spec
-        self.files: list[Path] = []
-        self._watch = Stopwatch(clock=time.process_time)
-
-    def tile(self, frames: Iterable[np.ndarray]) -> None:
-        """Encode a tile; the time to make ``frames`` is not counted."""
-        self.files.append(self.folder / f"{self.name}{len(self.files)}.mp4")
-        size = self.layout.frame_width, self.layout.frame_height
-        with self._watch.part("encode"), SegmentWriter(self.files[-1], self.spec, *size) as writer:
-            for some in self._watch.each("made", frames):
-                writer.write(some)
-
-    @property
-    def seconds(self) -> float:
-        return self._watch.seconds["encode"] - self._watch.seconds["made"]
+def encoded(file: Path, layout: FrameLayout, spec: Encoding, frames: Iterable[np.ndarray]) -> float:
+    """Write a segment; the encoder's processor seconds, without the time to make ``frames``."""
+    watch, size = Stopwatch(clock=time.process_time), (layout.frame_width, layout.frame_height)
+    with watch.part("encode"), SegmentWriter(file, spec, *size) as writer:
+        for some in watch.each("made", frames):
+            writer.write(some)
+    return watch.seconds["encode"] - watch.seconds["made"]
 
 
-def thesis(tracer: Tracer, reference: Reference) -> Iterator[dict]:
+def thesis(tracer: Tracer, reference: Reference) -> dict:
     """N = 512 with its defaults, retrieved by the nearest pixel."""
     pixels = reference.pictures.shape[1]
-    slab = Slab(tracer.scene.camera, THESIS_VIEWS, pixels)
-    spec = chosen_encoding(THESIS_VIEWS)
+    slab, spec = Slab(tracer.scene.camera, THESIS_VIEWS, pixels), chosen_encoding(THESIS_VIEWS)
     layout = frame_layout(THESIS_VIEWS, pixels, spec.stored_format)
     tiles = layout.tiles(TILE_RAYS, least=2)
     with tempfile.TemporaryDirectory() as name:
-        encoder = Encoder(Path(name), "", layout, spec)
-        for tile in tiles:
-            encoder.tile(chunk.frames for chunk in tracer.trace_tile(slab, tile))
-        yield _row(
-            tracer, reference, layout, tiles, slab, [encoder], spec.crf, f"{THESIS_VIEWS} x 1"
+        files = [Path(name) / f"{tile.index}.mp4" for tile in tiles]
+        seconds = sum(
+            encoded(file, layout, spec, (some.frames for some in tracer.trace_tile(slab, tile)))
+            for file, tile in zip(files, tiles, strict=True)
+        )
+        return _row(
+            tracer, reference, layout, tiles, slab, files, spec, seconds, f"{THESIS_VIEWS} x 1"
         )
 
 
-def published(name: str, pixels: int) -> Iterator[dict]:
-    """The same from the published tables, if they have this size."""
-    file = RESULTS / f"tables_m{pixels}.csv"
-    if not file.exists():
-        return
-    rows = read_result(file).rows
-    for row in rows[(rows.scene == name) & (rows.N == str(THESIS_VIEWS))].to_dict("records"):
-        rays = (THESIS_VIEWS * pixels) ** 2
-        yield {
-            "scene": name, "layout": MACROPIXELS, "lattice": f"{THESIS_VIEWS} x 1",
-            "views": "plain", "CRF": f"{chosen_encoding(THESIS_VIEWS).crf:g}",
-            "bytes": round(12 * rays / float(row["ratio to 12 bytes per ray"])), "of depth": 0,
-            "encode s": float(row["encode s"]), "worst dB": None, "planes dB": "",
-        }  # fmt: skip
-
-
-def few(tracer: Tracer, reference: Reference, cases: list) -> Iterator[dict]:
+def few(tracer: Tracer, reference: Reference) -> Iterator[dict]:
     """Lattices with depth: each is traced once and encoded at every CRF."""
-    pixels = reference.pictures.shape[1]
-    for views, subpixels, kind, displaced, crfs in cases:
-        count = Lattice(views, subpixels)
-        slab = Slab(tracer.scene.camera, views, count.side(pixels))
+    pixels, camera = reference.pictures.shape[1], tracer.scene.camera
+    for lattice, kind, crfs in CASES:
+        spec = chosen_encoding(lattice.views, by_depth=True)
+        slab, store = depth_store(camera, lattice, pixels, spec, kind=kind)
         codes = DepthCodes.of_range(slab, *dioptre_range(tracer, slab, RANGE_MARGIN))
-        spec = chosen_encoding(views, by_depth=True)
-        layout = frame_layout(views, slab.pixels, spec.stored_format, kind=kind)
-        tiles = layout.tiles(slab.rays, least=1)
-        made = list(
-            frames_by_depth(
-                tracer, slab, DepthStore(layout, spec, displaced, pixels), codes, tiles[0]
-            )
-        )
+        tiles = store.layout.tiles(slab.rays, least=1)
+        lights, depths = zip(*frames_by_depth(tracer, slab, store, codes, tiles[0]), strict=True)
+        grey, deep = replace(store.layout, pixel_format=codes.pixel_format), codes.spec(slab)
         for crf in crfs:
-            own = chosen_encoding(views, Encoding(crf=float(crf)), by_depth=True)
-            grey = FrameLayout(**layout.to_json() | {"pixel_format": codes.pixel_format})
+            own = chosen_encoding(lattice.views, Encoding(crf=float(crf)), by_depth=True)
             with tempfile.TemporaryDirectory() as name:
-                encoders = [
-                    Encoder(Path(name), "light", layout, own),
-                    Encoder(Path(name), "depth", grey, codes.spec(slab)),
-                ]
-                for number, encoder in enumerate(encoders):
-                    encoder.tile(both[number] for both in made)
-                depth = DepthSegments(encoders[1].files, codes, displaced, pixels, codes.spec(slab))
-                yield _row(tracer, reference, layout, tiles, slab, encoders, crf, str(count), depth)
+                files = [Path(name) / "light.mp4", Path(name) / "depth.mp4"]
+                seconds = encoded(files[0], store.layout, own, lights)
+                seconds += encoded(files[1], grey, deep, depths)
+                depth = DepthSegments(files[1:], codes, lattice.displaced, pixels, deep)
+                yield _row(
+                    tracer, reference, store.layout, tiles, slab, files[:1], own, seconds,
+                    str(lattice), depth,
+                )  # fmt: skip
 
 
-def _row(tracer, reference, layout, tiles, slab, encoders, crf, lattice, depth=None) -> dict:
-    file = encoders[0].folder / "lightfield.mkv"
+def _row(tracer, reference, layout, tiles, slab, files, spec, seconds, lattice, depth=None) -> dict:
+    file = files[0].with_name("lightfield.mkv")
     described = {"name": tracer.scene.name, "digest": "0" * 64}
     join_segments(
-        file, encoders[0].files, tiles, layout, geometry=slab, scene=described,
-        spec=encoders[0].spec, depth=depth,
-    )  # fmt: skip
+        file, files, tiles, layout, geometry=slab, scene=described, spec=spec, depth=depth
+    )
     field = LightField.open(file)
-    pictures = field.refocus_many(reference.planes, device=tracer.device)
-    db = reference.psnr(pictures)
+    db = reference.psnr(field.refocus_many(reference.planes, device=tracer.device))
     video = field.metadata.depth
     return {
         "scene": tracer.scene.name,
         "layout": layout.kind,
         "lattice": lattice,
         "views": "crossed" if depth and depth.displaced else "plain",
-        "CRF": f"{crf:g}",
+        "CRF": f"{spec.crf:g}",
         "bytes": file.stat().st_size,
         "of depth": sum(size for size, _ in video.segments) if video else 0,
-        "encode s": sum(encoder.seconds for encoder in encoders),
+        "encode s": seconds,
         "worst dB": min(db),
         "planes dB": " / ".join(f"{each:.1f}" for each in db),
     }
@@ -173,28 +140,21 @@ def compared(rows: list[dict]) -> list[dict]:
         made, other = dict(row), base.get(row["scene"])
         made["of depth"] = f"{row['of depth'] / row['bytes']:.0%}" if row["of depth"] else ""
         for key, digits in (("encode s", 3), ("worst dB", 1)):
-            made[key] = "" if row[key] is None else f"{row[key]:.{digits}f}"
+            made[key] = f"{row[key]:.{digits}f}"
         for key, name in (("bytes", "bytes of 512"), ("encode s", "seconds of 512")):
             made[name] = f"1/{other[key] / row[key]:.0f}" if other else ""
         out.append(made)
     return out
 
 
-def parse() -> argparse.Namespace:
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom"])
     parser.add_argument("--size", type=int, default=128, help="pixels of the pictures (128)")
-    parser.add_argument(
-        "--thesis", action="store_true", help="measure N = 512, too, which takes minutes"
-    )
+    parser.add_argument("--thesis", action="store_true", help="measure N = 512, too: minutes")
     parser.add_argument("--out", type=Path, required=True, help="result file, .csv")
-    return parser.parse_args()
-
-
-def main() -> None:
-    import pandas as pd
-
-    options, rows = parse(), []
+    options = parser.parse_args()
+    rows: list[dict] = []
     for name in options.scenes:
         scene = load_scene(SCENES / name)
         tracer = open_tracers(scene)[0]
@@ -203,16 +163,13 @@ def main() -> None:
         ]
         reference = true_pictures(tracer, planes, options.size, TRUTH)
         print(f"{name}: truth known to {reference.known_db.min():.1f} dB", flush=True)
-        recipe = thesis(tracer, reference) if options.thesis else published(name, options.size)
-        for part in (recipe, few(tracer, reference, CASES)):
-            for row in part:
-                rows.append(row)
-                print(row, flush=True)
+        recipe = [thesis(tracer, reference)] if options.thesis else []
+        for row in itertools.chain(recipe, few(tracer, reference)):
+            rows.append(row)
+            print(row, flush=True)
     command = f"python -m benchmarks.stored_by_depth --size {options.size}"
-    if options.thesis:
-        command += " --thesis"
-    note = {} if options.thesis else {"note": "Seconds and bytes of N = 512 are of `tables_m128`."}
-    Result(of_this_run(command, **note), pd.DataFrame(compared(rows))).write(options.out)
+    command += " --thesis" if options.thesis else ""
+    Result(of_this_run(command), pd.DataFrame(compared(rows))).write(options.out)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ happen to a node (:mod:`robustness.cluster_faults`).  Skipped, aloud, where SLUR
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import signal
 import sys
 import tempfile
@@ -25,7 +24,9 @@ from robustness import cluster_faults
 from robustness.cluster_runs import ROOT, Run, run
 from robustness.local_slurm import CannotRun, LocalSlurm, local_slurm, missing
 
-SMOKE = ("--configfile", str(ROOT / "config" / "smoke.yaml"))
+SMOKE = ("--configfile", str(ROOT / "config" / "smoke.yaml"), "--", "results/tables/")
+KILLS = 2
+"""The submissions that are cancelled."""
 
 
 def cancelling(
@@ -46,20 +47,20 @@ def cancelling(
     return cancel, done
 
 
-def smoke(folder: Path, cores: int, memory_mib: int, kills: int, words: tuple) -> list[Run]:
+def smoke(folder: Path) -> list[Run]:
     """Both runs, of which the second is not made where the first failed."""
-    with local_slurm(folder / "slurm", cores=cores, memory_mib=memory_mib) as slurm:
-        undisturbed = run(slurm, folder / "undisturbed", "smoke", words)
+    with local_slurm(folder / "slurm") as slurm:
+        undisturbed = run(slurm, folder / "undisturbed", "smoke", SMOKE)
         print(undisturbed.summary(), flush=True)
         if undisturbed.status:
             return [undisturbed]
         # Half of what one takes: in the middle of its work, however fast the machine is.
         after_s = undisturbed.inside_s / max(1, len(undisturbed.submissions)) / 2
-        cancel, done = cancelling(slurm, kills, after_s)
+        cancel, done = cancelling(slurm, KILLS, after_s)
         disturbed = run(
-            slurm, folder / "disturbed", f"smoke, {kills} cancelled", words, beside=cancel
+            slurm, folder / "disturbed", f"smoke, {KILLS} cancelled", SMOKE, beside=cancel
         )
-        if len(done) < kills:
+        if len(done) < KILLS:
             disturbed.wrong.append(f"only {len(done)} submissions ran long enough to be cancelled")
         disturbed.compare(undisturbed)
         print(disturbed.summary(), flush=True)
@@ -68,20 +69,13 @@ def smoke(folder: Path, cores: int, memory_mib: int, kills: int, words: tuple) -
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--cores", type=int, default=2, help="of the node")
-    parser.add_argument("--memory-mib", type=int, default=16000, help="of the node")
-    parser.add_argument("--kills", type=int, default=2, help="submissions that are cancelled")
     parser.add_argument(
         "--faults", nargs="*", default=[], choices=["all", *cluster_faults.FAULTS],
         help="what happens to a node, in place of the smoke workflow",
     )  # fmt: skip
     parser.add_argument("--publish", action="store_true", help="keep the rows for the documents")
-    parser.add_argument("snakemake", nargs="*", help="after --: instead of the smoke workflow")
     options = parser.parse_args(arguments)
-    absent = missing()
-    if importlib.util.find_spec("snakemake_executor_plugin_slurm") is None:
-        absent.append("snakemake-executor-plugin-slurm")
-    if absent:
+    if absent := missing():
         print(f"SKIPPED: {', '.join(absent)} not found (apt-get install slurm-wlm munge; make)")
         return 0
     # SLURM's sockets want a short name.
@@ -91,10 +85,9 @@ def main(arguments: list[str] | None = None) -> int:
         try:
             if options.faults:
                 names = list(cluster_faults.FAULTS) if "all" in options.faults else options.faults
-                runs = cluster_faults.all_of(folder, names, options.cores, options.memory_mib)
+                runs = cluster_faults.all_of(folder, names)
             else:
-                words = tuple(options.snakemake) or (*SMOKE, "--", "results/tables/")
-                runs = smoke(folder, options.cores, options.memory_mib, options.kills, words)
+                runs = smoke(folder)
         except CannotRun as error:
             print(error)
             return 1

@@ -130,27 +130,26 @@ def memory_mib(text: str) -> float:
     return float(text.rstrip("KMGT")) * {"K": 1 / 1024, "M": 1, "G": 1024, "T": 1 << 20}[text[-1]]
 
 
-def one_of(fault: type[Fault], folder: Path, cores: int, memory_mib: int) -> Run:
+def one_of(fault: type[Fault], folder: Path) -> Run:
     """A run that meets ``fault``, on a SLURM of its own."""
     place = folder / fault.__name__.lower()
     place.mkdir()
-    slurm_folder = folder / f"s{fault.__name__[0]}"
     with ExitStack() as stack:
         if fault is Disk:  # what is mounted before the servers start is seen by their jobs
             (place / "results").mkdir()
             stack.enter_context(small_disk(place / "results", DISK_BYTES))
-        slurm = stack.enter_context(local_slurm(slurm_folder, cores=cores, memory_mib=memory_mib))
+        slurm = stack.enter_context(local_slurm(folder / f"s{fault.__name__[0]}"))
         met = fault(slurm, place)
         done = run(slurm, place, fault.name, SMALL, beside=met.beside)
         done.wrong += met.missed(done)
     return done
 
 
-def all_of(folder: Path, names: list[str], cores: int, memory_mib: int) -> list[Run]:
+def all_of(folder: Path, names: list[str]) -> list[Run]:
     """An undisturbed run, and one for each fault of ``names``, compared with it."""
     runs: list[Run] = []
     for fault in (Fault, *(FAULTS[name] for name in names)):
-        runs.append(one_of(fault, folder, cores, memory_mib))
+        runs.append(one_of(fault, folder))
         if len(runs) > 1:
             runs[-1].compare(runs[0])
         print(runs[-1].summary(), flush=True)

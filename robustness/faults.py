@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import shutil
 import sys
 import tempfile
-import time
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,14 +17,12 @@ from robustness.outcome import OK, REFUSED
 WORKFLOW_PAGES = (1, 300, 480, 530)
 
 
-def kill_all(home: Path, *, count: int, seconds: float, seed: int, only: Sequence[str] = ()) -> str:
-    """Kill runs, ``count`` in all or until the time is over; (table, findings) as text."""
-    killed = [
-        kills.Killed(job, home / job.name) for job in kills.jobs() if not only or job.name in only
-    ]
+def kill_all(home: Path, count: int) -> str:
+    """Kill ``count`` runs in all; (table, findings) as text."""
+    killed = [kills.Killed(job, home / job.name) for job in kills.jobs()]
     tallies = {(one.job.name, way): kills.Tally() for one in killed for way in one.job.ways}
-    draw, end, done = Random(seed), time.monotonic() + seconds, 0
-    while done < count and time.monotonic() < end:
+    draw, done = Random(1), 0
+    while done < count:
         one = killed[done % len(killed)]
         way = draw.choice(one.job.ways)
         one.disturb(draw, way, tallies[one.job.name, way])
@@ -92,28 +88,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Cause accidents; status 1 when there are findings."""
     parser = argparse.ArgumentParser("robustness.faults", description=__doc__)
     parser.add_argument("--kills", type=int, default=20, help="how many (20)")
-    parser.add_argument("--seconds", type=float, default=1e9, help="at most so long for kills")
-    parser.add_argument("--seed", type=int, default=1, help="of times and ways of kills (1)")
-    parser.add_argument("--job", action="append", default=[], help="kill this one only")
-    parser.add_argument("--only", choices=("kills", "disks", "folders"), help="that part only")
-    given = parser.parse_args(argv)
-    home = Path(tempfile.mkdtemp(prefix="lfcore-faults-"))
-    parts = {
-        "disks": lambda: fill_all(home / "disks"),
-        "folders": lambda: miss_all(home / "folders"),
-        "kills": lambda: kill_all(
-            home, count=given.kills, seconds=given.seconds, seed=given.seed, only=given.job
-        ),
-    }
-    bad = False
-    try:
-        for name, part in parts.items():
-            if given.only in (None, name):
-                text = part()
-                bad |= "\nFINDING" in text
-                print(text, flush=True)
-    finally:
-        shutil.rmtree(home, ignore_errors=True)
+    count, bad = parser.parse_args(argv).kills, False
+    with tempfile.TemporaryDirectory(prefix="lfcore-faults-", ignore_cleanup_errors=True) as name:
+        home = Path(name)
+        for part in (
+            lambda: fill_all(home / "disks"),
+            lambda: miss_all(home / "folders"),
+            lambda: kill_all(home, count),
+        ):
+            text = part()
+            bad |= "\nFINDING" in text
+            print(text, flush=True)
     return int(bad)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import os
 import resource
-import shutil
 import sys
 import tempfile
 import time
@@ -30,10 +29,6 @@ class Tally:
     counts: Counter = field(default_factory=Counter)
     findings: dict[str, list] = field(default_factory=dict)
     seconds: float = 0.0
-
-    @property
-    def inputs(self) -> int:
-        return sum(self.counts.values())
 
     def add(self, outcome: Outcome, data: bytes) -> None:
         self.counts[outcome.kind if outcome.kind in (OK, REFUSED) else "finding"] += 1
@@ -114,7 +109,7 @@ def fuzz(
         if each:
             bench.batch(seed, each)
     end = time.monotonic() + seconds
-    while time.monotonic() < end and sum(bench.tally.inputs for bench in benches) < most:
+    while time.monotonic() < end and sum(bench.tally.counts.total() for bench in benches) < most:
         min(benches, key=lambda bench: bench.tally.seconds / bench.target.weight).batch(seed)
     return benches
 
@@ -134,7 +129,7 @@ def table(benches: Sequence[Bench]) -> str:
 
 
 def _row(name: str, counts: Counter, seconds: float) -> str:
-    inputs = sum(counts.values())
+    inputs = counts.total()
     rate = inputs / seconds if seconds else 0
     numbers = (inputs, counts[OK], counts[REFUSED], counts["finding"])
     return f"| {name} | " + " | ".join(f"{n:,}" for n in numbers) + f" | {rate:,.0f} |"
@@ -161,21 +156,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--inputs", type=int, default=1 << 62, help="at most this many inputs")
     parser.add_argument("--seed", type=int, default=1, help="seed of the random numbers (1)")
     parser.add_argument("--target", action="append", help="only this target; may be repeated")
-    parser.add_argument(
-        "--without", action="append", default=[], help="without this target; may be repeated"
-    )
     parser.add_argument("--keep", action="store_true", help="write findings to the corpus")
     arguments = parser.parse_args(argv)
     known = all_targets()
-    wanted = set(arguments.target or known) - set(arguments.without)
-    for name in {*(arguments.target or ()), *arguments.without} - set(known):
+    wanted = arguments.target or known
+    for name in set(wanted) - set(known):
         parser.error(f"no target {name!r}; there are {', '.join(known)}")
     chosen = [target for name, target in known.items() if name in wanted]
-    home = Path(tempfile.mkdtemp(prefix="lfcore-fuzz-", dir=_disk()))
-    try:
+    with tempfile.TemporaryDirectory(
+        prefix="lfcore-fuzz-", dir=_disk(), ignore_cleanup_errors=True
+    ) as name:
         benches = fuzz(
-            chosen, home, seed=arguments.seed, seconds=arguments.seconds, most=arguments.inputs,
-            each=arguments.each,
+            chosen, Path(name), seed=arguments.seed, seconds=arguments.seconds,
+            most=arguments.inputs, each=arguments.each,
         )  # fmt: skip
         print(table(benches), flush=True)
         if found := report(benches):
@@ -184,8 +177,6 @@ def main(argv: Sequence[str] | None = None) -> int:
             for bench in benches:
                 for file in bench.keep():
                     print(f"kept {file}")
-    finally:
-        shutil.rmtree(home, ignore_errors=True)
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     print(f"largest child: {peak:,.0f} MiB; seed {arguments.seed}")
     return int(any(bench.tally.findings for bench in benches))

@@ -17,11 +17,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 
 from robustness.kills import descendants, stat_of
 
 PROGRAMS = ("munged", "munge", "slurmctld", "slurmd", "sbatch", "srun", "squeue", "scancel")
+PLUGIN = "snakemake-executor-plugin-slurm"
 PATHS = "/usr/sbin:/usr/bin:/sbin:/bin"
 CONFIGURATION = """\
 ClusterName=throwaway
@@ -69,8 +71,9 @@ class CannotRun(RuntimeError):
 
 
 def missing() -> list[str]:
-    """Programs that are not installed."""
-    return [name for name in PROGRAMS if not shutil.which(name, path=PATHS)]
+    """Programs, and Snakemake's plugin, that are not installed."""
+    absent = [name for name in PROGRAMS if not shutil.which(name, path=PATHS)]
+    return absent + ([] if find_spec("snakemake_executor_plugin_slurm") else [PLUGIN])
 
 
 @dataclass
@@ -97,27 +100,13 @@ class LocalSlurm:
 
     def jobs(self) -> list[dict[str, str]]:
         """Number, name, state, times, and what was asked for, of every job since the start."""
-        keys = (
-            "number",
-            "name",
-            "state",
-            "submitted",
-            "begun",
-            "ended",
-            "limit",
-            "memory",
-            "comment",
-        )
-        text = self.command(
-            "squeue", "-h", "-t", "all", "-O",
-            "JobID:32,Name:80,State:32,SubmitTime:32,StartTime:32,EndTime:32,TimeLimit:32,"
-            "MinMemory:32,Comment:200",
-        )  # fmt: skip
+        keys = {
+            "number": "JobID:32", "name": "Name:80", "state": "State:32",
+            "submitted": "SubmitTime:32", "begun": "StartTime:32", "ended": "EndTime:32",
+            "limit": "TimeLimit:32", "memory": "MinMemory:32", "comment": "Comment:200",
+        }  # fmt: skip
+        text = self.command("squeue", "-h", "-t", "all", "-O", ",".join(keys.values()))
         return [dict(zip(keys, line.split(), strict=False)) for line in text.splitlines()]
-
-    def servers(self) -> list[int]:
-        """Processes of the servers."""
-        return [server.pid for server in self._servers]
 
     def start_node(self) -> None:
         """Start the server of the node, and wait until it takes jobs."""
@@ -186,13 +175,13 @@ class LocalSlurm:
 
 
 @contextmanager
-def local_slurm(folder: Path, *, cores: int, memory_mib: int) -> Iterator[LocalSlurm]:
+def local_slurm(folder: Path, *, cores: int = 2, memory_mib: int = 16000) -> Iterator[LocalSlurm]:
     """A :class:`LocalSlurm` below ``folder``, an absolute path that is short.
 
     Raises :class:`CannotRun` where a program is missing or a server does not start.
     """
     if absent := missing():
-        raise CannotRun(f"{', '.join(absent)} not found: apt-get install slurm-wlm munge")
+        raise CannotRun(f"{', '.join(absent)} not found: apt-get install slurm-wlm munge; make")
     for name in ("state", "spool", "munge", "bin"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     (folder / "munge").chmod(0o711)

@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -29,9 +29,7 @@ PACKAGES = ("moto", "boto3", "s3fs", "snakemake_storage_plugin_s3")
 KEPT = (".mkv", "on_the_fly.npz", "from_video.npz", "scene.npz", "bvh.npz")
 """Objects without seconds, which must be the same to the last bit."""
 KEYS = {"SNAKEMAKE_STORAGE_S3_ACCESS_KEY": "any", "SNAKEMAKE_STORAGE_S3_SECRET_KEY": "any"}
-SMALL = (
-    "scenes=[chart]", "views=[4,8]", "pixels=32", "reports=[]",
-)  # fmt: skip
+SMALL = "scenes=[chart] views=[4,8] pixels=32 reports=[]"
 
 
 @contextmanager
@@ -75,7 +73,7 @@ def start(url: str, folder: Path, prefix: str) -> subprocess.Popen:
             make_run(
                 f"--workflow-profile profiles/s3 --storage-s3-endpoint-url {url} "
                 f"--default-storage-prefix {prefix} --configfile config/micro.yaml "
-                f"--config {' '.join(SMALL)} -- results/tables/index.html",
+                f"--config {SMALL} -- results/tables/index.html",
                 str(folder),
             ),
             cwd=ROOT,
@@ -145,16 +143,9 @@ def where_it_lies(url: str) -> list[str]:
     return [done.stderr[-1000:]] if done.returncode else []
 
 
-def skipped(packages: Sequence[str], extras: str) -> bool:
-    """Whether a package is missing, which is said aloud; the project's ``extras`` have them."""
-    absent = [name for name in packages if importlib.util.find_spec(name) is None]
-    if absent:
-        print(f"SKIPPED: {', '.join(absent)} not found (pip install 'lfcore[{extras}]')")
-    return bool(absent)
-
-
 def main() -> int:
-    if skipped(PACKAGES, "s3,dev"):
+    if absent := [name for name in PACKAGES if importlib.util.find_spec(name) is None]:
+        print(f"SKIPPED: {', '.join(absent)} not found (pip install 'lfcore[s3,dev]')")
         return 0
     with tempfile.TemporaryDirectory() as name, server(Path(name)) as url:
         wrong = check(Path(name), url, client_of(url))

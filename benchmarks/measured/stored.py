@@ -23,7 +23,7 @@ from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 from lfcore.tracing.tracer import Tracer
 
-SEED = 2024
+SEED, FRAMES = 2024, 256
 ENCODE_LIMIT, DECODE_LIMIT, PLANES_LIMIT = 1.35, 2.0, 3.0
 
 
@@ -51,17 +51,15 @@ class SampledStore:
         return sum(tile.rays for tile in self.tiles)
 
 
-def sample_store(
-    loaded: Loaded, views: int, pixels: int, frames: int, folder: Path
-) -> SampledStore:
-    """Four tiles of about ``frames`` frames, one at a place drawn from a fixed seed in each
+def sample_store(loaded: Loaded, views: int, pixels: int, folder: Path) -> SampledStore:
+    """Four tiles of about FRAMES frames, one at a place drawn from a fixed seed in each
     quarter of the picture, traced and encoded once."""
     spec, slab = chosen_encoding(views), Slab(loaded.scene.camera, views, pixels)
     pack = default_pack(views, pixels)
     layout = FrameLayout(
         default_kind(views, pixels), views, pixels, pack=pack, pixel_format=spec.stored_format
     )
-    tiles = sampled_tiles(layout, frames)
+    tiles = sampled_tiles(layout)
     threads = loaded.tracer.device.threads
     tracers = [loaded.with_device(open_device(threads=1)) for _ in range(min(threads, len(tiles)))]
     segments = [folder / f"{views}_{tile.index}.mp4" for tile in tiles]
@@ -73,10 +71,10 @@ def sample_store(
     return SampledStore(slab, spec, tiles, tracers, made, segments, folder)
 
 
-def sampled_tiles(layout: FrameLayout, frames: int) -> list[Tile]:
+def sampled_tiles(layout: FrameLayout) -> list[Tile]:
     """One tile in each quarter of the outer grid, twice as wide as high, whole blocks."""
     half, pack = layout.outer // 2, layout.pack
-    high = max(1, min(int(np.sqrt(frames / 2)), half // pack // 2))
+    high = max(1, min(int(np.sqrt(FRAMES / 2)), half // pack // 2))
     rng, tiles = np.random.default_rng(SEED), []
     for quarter in range(4):
         low = np.array(divmod(quarter, 2)[::-1]) * half

@@ -17,6 +17,8 @@ from lfcore.timing import clocked
 
 ROOT = Path(__file__).resolve().parents[2]
 GROWTH_LIMIT = 1.05
+VIEWS, SIDE = (64, 128, 256, 512), 1 << 14
+"""Each N, and M N: each has as many rays, more than the buffers hold."""
 JOB = """
 import sys
 from pathlib import Path
@@ -38,22 +40,19 @@ print(next(int(line.split()[1]) for line in status if line.startswith("VmHWM")) 
 """
 
 
-def memory(scene: str, views: list[int], side: int, folder: Path) -> list[dict]:
-    """Peak resident memory of a process of its own for each N; the files stay in ``folder``.
-
-    M is ``side`` / N: each N has as many rays, more than the buffers hold.
-    """
+def memory(scene: str, folder: Path) -> list[dict]:
+    """Peak resident memory of a process of its own for each N; the files stay in ``folder``."""
     rows = []
     for what in ("record", "retrieve"):
         first = None
-        for n in views:
-            pixels = side // n
+        for n in VIEWS:
+            pixels = SIDE // n
             peak = _peak_mib(what, scene, n, pixels, file_of(folder, n))
             first = peak if first is None else first
             say(f"{what} N = {n}, M = {pixels}: {peak:.0f} MiB")
             rows.append({
                 "part": "memory", "scene": scene, "N": n, "M": pixels, "what": what,
-                "peak_mib": peak, "against": f"N = {views[0]}", "ratio": peak / first,
+                "peak_mib": peak, "against": f"N = {VIEWS[0]}", "ratio": peak / first,
                 "limit": GROWTH_LIMIT, "holds": peak / first <= GROWTH_LIMIT,
             })  # fmt: skip
     return rows
@@ -77,10 +76,10 @@ def _peak_mib(what: str, scene: str, views: int, pixels: int, path: Path) -> flo
     return float(done.stdout.splitlines()[-1])
 
 
-def random_access(scene: str, views: list[int], folder: Path) -> list[dict]:
+def random_access(scene: str, folder: Path) -> list[dict]:
     """One view, one macropixel and a rectangle of (u, v) of each file, opened afresh."""
     rows = []
-    for n in views:
+    for n in VIEWS:
         path = file_of(folder, n)
         for what, read in _reads(LightFieldFile.open(path)):
             field = LightFieldFile.open(path)

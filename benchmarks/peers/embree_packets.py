@@ -34,10 +34,10 @@ class EmbreePackets:
         self._process = subprocess.Popen([program, path], stdin=pipe, stdout=pipe, text=True)
         assert self._process.stdin and self._process.stdout
         self._told, self._said = self._process.stdin, self._process.stdout
-        version, native, seconds = self._answer()
+        version, native, _seconds = self._answer()
         number = int(version)
         self.version = f"{number // 10000}.{number // 100 % 100}.{number % 100}"
-        self.native16, self.build_seconds = bool(int(native)), float(seconds)
+        self.native16 = bool(int(native))
 
     def methods(self, sample, threads: int) -> list[Method]:
         """Visibility of ``sample`` with this scene, by packets of either kind.

@@ -26,9 +26,9 @@ class Run:
 class Method:
     """A named piece of work that can be run again and again.
 
-    ``run`` does the work once; ``close`` frees its resources.  ``note`` has what a reader needs to
-    compare: threads, instruction set, differences.  ``check`` returns (share of rays that hit,
-    their mean depth), or None if they are unknown.
+    ``run`` does the work once.  ``note`` has what a reader needs to compare: threads, instruction
+    set, differences.  ``check`` returns (share of rays that hit, their mean depth), or None if they
+    are unknown.
     """
 
     name: str
@@ -36,7 +36,6 @@ class Method:
     run: Callable[[], Run]
     note: str = ""
     check: Callable[[], tuple[float, float] | None] = lambda: None
-    close: Callable[[], None] = lambda: None
     ours: bool = False
     extra: dict = field(default_factory=dict)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 from contextlib import nullcontext
 from dataclasses import replace
@@ -25,10 +24,7 @@ JOB = {
 
 @pytest.fixture(scope="module")
 def slurm(tmp_path_factory):
-    absent = missing()
-    if importlib.util.find_spec("snakemake_executor_plugin_slurm") is None:
-        absent.append("snakemake-executor-plugin-slurm")
-    if absent:
+    if absent := missing():
         pytest.skip(f"{', '.join(absent)} not found")
     folder = Path(f"/tmp/lft{os.getpid()}")  # SLURM's sockets want a short name
     folder.mkdir(mode=0o755)
@@ -102,8 +98,8 @@ def test_too_few_kills_and_other_results_are_failures(monkeypatch, tmp_path, kil
         return a_run(name=name)
 
     monkeypatch.setattr(cluster, "run", ran)
-    pytest.importorskip("snakemake_executor_plugin_slurm")
-    assert cluster.main(["--kills", str(kills), "--", "--", "target"]) == status
+    monkeypatch.setattr(cluster, "KILLS", kills)
+    assert cluster.main([]) == status
     assert names == ["smoke", f"smoke, {kills} cancelled"]
 
 
