@@ -81,10 +81,6 @@ class FullRun:
         shared = total["table_7_1"] + total["table_7_2"]
         return (shared if thesis else shared / cores) + total["table_7_3"]
 
-    def worse(self) -> list[str]:
-        """Cells not better than the thesis's, as ``bike, N = 16: 4.3 s (4 s)``, and why."""
-        return [words for words, better in self._compared() if not better]
-
     def _reason(self, place: int, column: str) -> str:
         """What is known of a cell that may have made it worse, in row ``place`` of the tables."""
         if column == "seconds":
@@ -93,12 +89,8 @@ class FullRun:
         smaller = stored.thesis_video_bytes / stored.video_bytes
         return f"Our file is {smaller:.1f} times smaller."
 
-    def counted(self) -> tuple[int, int]:
-        """Numbers that are better than the thesis's, and all that it has, too."""
-        found = [better for _, better in self._compared()]
-        return sum(found), len(found)
-
-    def _compared(self) -> Iterator[tuple[str, bool]]:
+    def compared(self) -> Iterator[tuple[str, bool]]:
+        """Cells that the thesis has, too, as ``bike, N = 16: 4.3 (4)``; whether it is better."""
         for name, columns in COMPARED.items():
             for place, row in enumerate(self.tables[name].to_dict("records")):
                 for column, more in columns.items():
@@ -220,15 +212,17 @@ def against_thesis(run: FullRun) -> Figure:
 def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]) -> str:
     """docs/results/index.md."""
     (pixels,) = run.first.M.unique()
-    better, of_all = run.counted()
+    cells = list(run.compared())
+    worse = [words for words, better in cells if not better]
+    improved = f"{len(cells) - len(worse)} of its {len(cells)} numbers are improved"
     cores = int(re.findall(r"(\d+) cores", provenance["processor"])[0])
     ours, theirs = run.seconds(cores) / 3600, run.seconds(cores, thesis=True) / 3600
     lines = [
         "# The thesis's tables at full size",
         "",
         *wrapped(
-            f"M = {pixels}. The thesis's numbers are in brackets; {better} of its {of_all} numbers "
-            f"are improved. All cells take {ours:.1f} hours on {cores} cores, {theirs:.1f} in the "
+            f"M = {pixels}. The thesis's numbers are in brackets; {improved}. "
+            f"All cells take {ours:.1f} hours on {cores} cores, {theirs:.1f} in the "
             "thesis."
             + ("" if pixels == THESIS_PIXELS else " Its seconds and sizes are for M = 512.")
         ),
@@ -241,9 +235,9 @@ def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]
     if run.choice is not None:
         choice = run.choice[list(CHOICE)].rename(columns=CHOICE)
         lines += ["## Fewer rays, with depth", "", *markdown(choice), ""]
-    if of_all:
+    if cells:
         lines += ["## Not better than the thesis's", ""]
-        lines += ["\n  ".join(wrapped(f"- {words}")) for words in run.worse() or ["none"]]
+        lines += ["\n  ".join(wrapped(f"- {words}")) for words in worse or ["none"]]
         lines += [""]
     lines += ["## Pictures", ""]
     for title, file in stacks:
@@ -258,11 +252,11 @@ def _markdown(table: pd.DataFrame, columns: dict[str, bool]) -> Iterator[str]:
     if "psnr_true_db" in table:
         names.insert(2, "psnr_true_db")
     table = table[table.N.isin(SHOWN)]
-    yield f"| scene | N | {' | '.join(LABELS[name] for name in names)} |"
-    yield "|" + "---|" * (len(names) + 2)
-    for row in table.to_dict("records"):
-        cells = []
-        for name in names:
-            theirs = shown(name, row.get(f"thesis_{name}", math.nan))
-            cells.append(shown(name, row[name]) + (f" ({theirs})" if theirs else ""))
-        yield f"| {row['scene']} | {row['N']} | {' | '.join(cells)} |"
+    cells = table[["scene", "N"]].copy()
+    for name in names:
+        theirs = table.get(f"thesis_{name}", pd.Series(math.nan, table.index))
+        pairs = zip(table[name], (shown(name, value) for value in theirs), strict=True)
+        cells[LABELS[name]] = [
+            shown(name, own) + (f" ({old})" if old else "") for own, old in pairs
+        ]
+    return markdown(cells)

@@ -55,6 +55,10 @@ class Bench:
     def export(self, name: str) -> Path:
         return self.work / "exports" / name
 
+    def file(self, name: str) -> Path:
+        """The one file of an export."""
+        return next(self.export(name).iterdir())
+
     def environment(self, name: str, packages: list[str], extra: list[str] | None = None) -> Path:
         """The Python of an environment with these packages, made once."""
         folder = self.work / name
@@ -81,18 +85,26 @@ class Bench:
         with np.load(out, allow_pickle=False) as data:
             return dict(data)
 
-    def projected(self) -> np.ndarray:
-        """(rows, columns, points, 2): the points' pixel coordinates, from the corner."""
+    def read_points(self, python: Path, script: str, *words: object) -> dict[str, np.ndarray]:
+        """As :meth:`read`, of a reader of poses: ``pixels`` is (rows, columns, points, 2)."""
+        made = self.read(python, script, *words, json.dumps(POINTS.tolist()))
+        return made | {"pixels": made["pixels"].reshape(SIDE, SIDE, len(POINTS), 2)}
+
+    def pixels_about_axis(self, delta: float) -> np.ndarray:
+        """(rows, columns, points, 2): places of the points in pixels, from the axis of each view
+        that is sheared by ``delta``."""
         slab = self.field.require_slab()
         column, row, columns, rows = slab.held.views
         place = slab.lens_positions()
-        left, top = slab.held.pixels[:2]
-        out = np.empty((rows, columns, len(POINTS), 2))
-        for j, i in np.ndindex(rows, columns):
-            at = np.array([place[i + column], place[j + row]])
-            tangent = (POINTS[:, :2] - at) / POINTS[:, 2:] + at * slab.camera.delta
-            out[j, i] = tangent / slab.pixel_pitch + slab.pixels / 2 - [left, top]
-        return out
+        x, y = place[column : column + columns], place[row : row + rows]
+        at = np.stack(np.meshgrid(x, y), -1)[:, :, None]
+        return ((POINTS[:, :2] - at) / POINTS[:, 2:] + at * delta) / slab.pixel_pitch
+
+    def projected(self) -> np.ndarray:
+        """(rows, columns, points, 2): the points' pixel coordinates, from the corner."""
+        slab = self.field.require_slab()
+        corner = slab.pixels / 2 - np.array(slab.held.pixels[:2])
+        return self.pixels_about_axis(slab.camera.delta) + corner
 
 
 def run(command: list[str], timeout: float = 900, **more) -> str:
@@ -121,11 +133,8 @@ def near(found: np.ndarray, expected: np.ndarray, limit: float, what: str) -> st
 
 def plenpy(bench: Bench) -> list[str]:
     python = bench.environment("plenpy", ["plenpy==0.9.2"])
-    mosaic = next(bench.export("mosaic").iterdir())
-    eslf = next(bench.export("eslf").iterdir())
-    mat = next(bench.export("mat").iterdir())
-    made = bench.read(python, "plenpy_reader.py", bench.export("json"), mosaic, eslf, mat,
-                      SIDE, HEIGHT, WIDTH)  # fmt: skip
+    files = map(bench.file, ("mosaic", "eslf", "mat"))
+    made = bench.read(python, "plenpy_reader.py", bench.export("json"), *files, SIDE, HEIGHT, WIDTH)
     names = {"folder": "json: views", "sai": "mosaic", "mli": "eslf", "mat": "mat"}
     return [same(made[key], bench.views, what) for key, what in names.items()]
 
@@ -136,10 +145,10 @@ def plenopticam(bench: Bench) -> list[str]:
              "matplotlib", "requests", "docutils", "colour_demosaicing<0.2.6",
              "color_space_converter", "color_matcher", "ddt"]  # fmt: skip
     python = bench.environment("plenopticam", needs, ["plenopticam==0.9.3", "depthy"])
-    eslf = next(bench.export("eslf").iterdir())
-    made = bench.read(python, "plenopticam_reader.py", eslf, bench.export("json"), SIDE)
-    folder = bench.work / "exports" / "plenoptic"
-    white = next(folder.glob("*_white.png"))
+    made = bench.read(
+        python, "plenopticam_reader.py", bench.file("eslf"), bench.export("json"), SIDE
+    )
+    white = next(bench.export("plenoptic").glob("*_white.png"))
     centres = bench.read(python, "plenopticam_white_reader.py", white)["centres"]
     ours = np.array(json.loads(white.with_suffix(".json").read_text())["mic_list"])
     order = np.lexsort((np.rint(centres[:, 1]), np.rint(centres[:, 0])))
@@ -152,34 +161,22 @@ def plenopticam(bench: Bench) -> list[str]:
 
 def nerfstudio(bench: Bench) -> list[str]:
     python = bench.environment("nerfstudio", ["nerfstudio==1.1.5"])
-    made = bench.read(python, "nerfstudio_reader.py", bench.export("nerfstudio"),
-                      json.dumps(POINTS.tolist()))  # fmt: skip
-    points = made["pixels"].reshape(SIDE, SIDE, len(POINTS), 2)
-    return [near(points, bench.projected(), 1e-3, "projected points, pixels")]
+    made = bench.read_points(python, "nerfstudio_reader.py", bench.export("nerfstudio"))
+    return [near(made["pixels"], bench.projected(), 1e-3, "projected points, pixels")]
 
 
 def colmap(bench: Bench) -> list[str]:
     python = bench.environment("pycolmap", ["pycolmap", "numpy"])
-    made = bench.read(python, "colmap_reader.py", bench.export("colmap") / "sparse" / "0",
-                      json.dumps(POINTS.tolist()))  # fmt: skip
-    points = made["pixels"].reshape(SIDE, SIDE, len(POINTS), 2)
-    return [near(points, bench.projected(), 1e-6, "projected points, pixels")]
+    made = bench.read_points(python, "colmap_reader.py", bench.export("colmap") / "sparse" / "0")
+    return [near(made["pixels"], bench.projected(), 1e-6, "projected points, pixels")]
 
 
 def llff(bench: Bench) -> list[str]:
     python = bench.environment("llff", ["numpy", "imageio", "pillow"])
-    made = bench.read(python, "llff_reader.py", bench.source("nerf"), bench.export("llff"),
-                      json.dumps(POINTS.tolist()))  # fmt: skip
-    found = made["pixels"].reshape(SIDE, SIDE, len(POINTS), 2)
+    made = bench.read_points(python, "llff_reader.py", bench.source("nerf"), bench.export("llff"))
     # Views were cropped about their axes to the whole pixel: half of one at the most.
-    size = made["size"]
-    expected = np.empty_like(found)
-    slab = bench.field.require_slab()
-    place = slab.lens_positions()
-    for j, i in np.ndindex(SIDE, SIDE):
-        at = np.array([place[i], place[j]])
-        expected[j, i] = (POINTS[:, :2] - at) / POINTS[:, 2:] / slab.pixel_pitch + size / 2
-    return [near(found, expected, 1e-6, "projected points, pixels"),
+    expected = bench.pixels_about_axis(delta=0) + made["size"] / 2
+    return [near(made["pixels"], expected, 1e-6, "projected points, pixels"),
             near(made["bounds"], np.array([DEPTH_M] * SIDE**2), 1e-9, "bounds")]  # fmt: skip
 
 
@@ -196,15 +193,13 @@ def hci_tools(bench: Bench) -> list[str]:
 
 
 def lftoolbox(bench: Bench) -> list[str]:
-    eslf = next(bench.export("eslf").iterdir())
-    mat = next(bench.export("mat").iterdir())
     out = bench.work / "lftoolbox.mat"
     out.unlink(missing_ok=True)
-    if subprocess.run(["which", "octave-cli"], capture_output=True).returncode:
+    if not shutil.which("octave-cli"):
         raise Missing("no octave-cli")
     run(["octave-cli", "--no-gui", str(READERS / "lftoolbox_reader.m"),
-         str(bench.source("lftoolbox")), str(bench.export("stanford")), str(eslf), str(mat),
-         str(SIDE), str(out)])  # fmt: skip
+         str(bench.source("lftoolbox")), str(bench.export("stanford")), str(bench.file("eslf")),
+         str(bench.file("mat")), str(SIDE), str(out)])  # fmt: skip
     from scipy.io import loadmat
 
     made = loadmat(out)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,11 @@ from benchmarks.peers.mitsuba_picture import MitsubaPicture
 from benchmarks.peers.povray_picture import PovrayPicture
 from lfcore.optics.slab import Slab
 
-PEERS = ("embree", "embreex", "mitsuba", "povray")
+PEERS: dict[str, Callable] = {
+    "embree": EmbreePackets, "embreex": EmbreexRays, "mitsuba": MitsubaPicture,
+    "povray": PovrayPicture,
+}  # fmt: skip
+"""What makes a peer of a scene and the number of threads."""
 THESIS_SECONDS = {"bike": 1598, "cabin": 2789, "bedroom": 4230}
 GOAL_SECONDS = {"bike": 400, "cabin": 500, "bedroom": 700}
 TILE_RAYS = 1 << 30
@@ -27,32 +32,25 @@ TILE_RAYS = 1 << 30
 class Peers:
     """The chosen peers with one scene; one that cannot run is skipped, and a line says so."""
 
-    def __init__(self, loaded: Loaded, wanted: Sequence[str], threads: int):
-        scene = loaded.scene
-        self._threads, self._open = threads, dict[str, Any]()
-        makers: dict[str, Callable[[], Any]] = {
-            "embree": lambda: EmbreePackets(scene.triangles),
-            "embreex": lambda: EmbreexRays(scene.triangles, threads),
-            "mitsuba": lambda: MitsubaPicture(scene, threads),
-            "povray": lambda: PovrayPicture(scene, threads),
-        }
+    def __init__(self, loaded: Loaded, wanted: Sequence[str]):
+        self._open = dict[str, Any]()
         for name in wanted:
-            try:
-                self._open[name] = makers[name]()
-            except SkippedError as error:
-                say(f"SKIPPED {name}: {error}")
+            with self._skipping(name):
+                self._open[name] = PEERS[name](loaded.scene, loaded.tracer.device.threads)
+
+    @contextmanager
+    def _skipping(self, name: str) -> Iterator[None]:
+        try:
+            yield
+        except SkippedError as error:
+            say(f"SKIPPED {name}: {error}")
+            self._open.pop(name, None)
 
     def methods(self, sample) -> list[Method]:
-        out = []
+        out: list[Method] = []
         for name, peer in list(self._open.items()):
-            try:
-                if name == "embree":
-                    out += peer.methods(sample, self._threads)
-                else:
-                    out.append(peer.method(sample if name == "embreex" else sample.slab))
-            except SkippedError as error:
-                say(f"SKIPPED {name}: {error}")
-                del self._open[name]
+            with self._skipping(name):
+                out += peer.methods(sample)
         return out
 
     def close(self) -> None:
@@ -65,7 +63,7 @@ def compare(options) -> list[dict]:
     rows = []
     for name in options.scenes:
         loaded = Loaded.open(name)
-        peers = Peers(loaded, options.peers, loaded.tracer.device.threads)
+        peers = Peers(loaded, options.peers)
         for views in options.angular:
             say(f"{name}, N = {views}")
             rows += _rows(loaded, views, options, peers)
@@ -82,7 +80,7 @@ def _rows(loaded: Loaded, views: int, options, peers: Peers) -> list[dict]:
     rows = []
     for work in ("visibility", "algorithm1"):
         chosen = [method for method in methods if method.work == work]
-        found = {m.name: rates(runs) for m, runs in _measured(chosen, options.repeats)}
+        found = {name: rates(runs) for name, runs in in_turn(chosen, options.repeats).items()}
         others = [m for m in chosen if not m.ours]
         for method in chosen:
             row = found[method.name]
@@ -107,11 +105,6 @@ def _rows(loaded: Loaded, views: int, options, peers: Peers) -> list[dict]:
                 "note": method.note,
             })  # fmt: skip
     return rows
-
-
-def _measured(methods: list[Method], repeats: int):
-    runs = in_turn(methods, repeats)
-    return [(method, runs[method.name]) for method in methods]
 
 
 def _tile_seconds(method: Method) -> float | None:

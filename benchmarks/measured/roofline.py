@@ -18,6 +18,7 @@ from benchmarks.measured.scenes import Loaded
 from benchmarks.peers.method import clocked
 from lfcore.opencl.device import Device, cl
 from lfcore.optics.slab import Slab
+from lfcore.tracing.tracer import Tracer
 
 PEAKS = """
 kernel __attribute__((reqd_work_group_size(1, 1, 1)))
@@ -103,11 +104,12 @@ def peaks(device: Device, repeats: int) -> dict[str, float]:
 def _measured(loaded, sample, repeats: int, ghz: float) -> dict[str, float]:
     """The cycles per ray of every variant of the program."""
     tracer, planes = loaded.tracer, ours.planes_of(loaded.scene)
-    dark = [replace(light, casts_shadows=False) for light in loaded.scene.lights]
+    lights = [replace(light, casts_shadows=False) for light in loaded.scene.lights]
+    dark = Tracer(replace(loaded.scene, lights=lights), loaded.bvh, tracer.device)
     methods = {"visibility": ours.visibility(tracer, sample)}
     methods["all"] = ours.algorithm1(tracer, sample, planes)
     methods["no planes"] = ours.algorithm1(tracer, sample, [])
-    methods["no shadows"] = ours.algorithm1(loaded.with_lights(dark), sample, [])
+    methods["no shadows"] = ours.algorithm1(dark, sample, [])
     for name, method in methods.items():
         method.name = name
     runs = in_turn(list(methods.values()), repeats)

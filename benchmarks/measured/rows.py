@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from benchmarks.peers.method import Method, Run
 from lfcore.files import write_text
@@ -46,30 +45,22 @@ def rates(runs: list[Run]) -> dict[str, float]:
     }
 
 
-def shown(value) -> str:
-    if isinstance(value, float):
-        return f"{value:.4g}" if abs(value) < 1000 else f"{value:.0f}"
-    return "" if value is None else str(value)
-
-
 def write_csv(path: Path, rows: Sequence[dict]) -> None:
     """Write ``rows``, whole or not at all; columns in order of first appearance."""
-    columns = list(dict.fromkeys(key for row in rows for key in row))
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, columns)
-    writer.writeheader()
-    for row in rows:
-        writer.writerow({key: shown(value) for key, value in row.items()})
-    write_text(path, text.getvalue())
+    write_text(path, _table(rows).to_csv(index=False, lineterminator="\n"))
 
 
 def print_table(rows: Sequence[dict], leave_out: Sequence[str] = ()) -> None:
     """``rows`` as aligned columns on standard output."""
-    if not rows:
-        return
-    columns = [k for k in dict.fromkeys(k for row in rows for k in row) if k not in leave_out]
-    cells = [columns, *([shown(row.get(column)) for column in columns] for row in rows)]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    for line in cells:
-        print("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)))
-    sys.stdout.flush()
+    table = _table(rows).drop(columns=list(leave_out), errors="ignore")
+    print(table.to_string(index=False), flush=True)
+
+
+def _table(rows: Sequence[dict]) -> pd.DataFrame:
+    return pd.DataFrame(rows, dtype=object).map(_shown)
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, float) and not np.isnan(value):
+        return f"{value:.4g}" if abs(value) < 1000 else f"{value:.0f}"
+    return "" if pd.isna(value) else str(value)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.measured.rows import say
-from lfcore.opencl.device import Device
 from lfcore.scene.build import build_scene
 from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import Bvh, build_bvh
@@ -25,20 +24,9 @@ class Loaded:
     tracer: Tracer
 
     @classmethod
-    def open(cls, name: str, device: Device | None = None) -> Loaded:
-        """``name`` is a folder of ``scenes/`` or the path of a scene file."""
-        path = Path(name) if Path(name).suffix else SCENES / name / "scene.yaml"
+    def open(cls, name: str) -> Loaded:
+        """The scene of a folder of ``scenes/``."""
         say(f"building {name}")
-        return cls.of(path.stem if Path(name).suffix else name, build_scene(path), device)
-
-    @classmethod
-    def of(cls, name: str, scene: Scene, device: Device | None = None) -> Loaded:
+        scene = build_scene(SCENES / name / "scene.yaml")
         bvh = build_bvh(scene.triangles)
-        return cls(name, scene, bvh, Tracer(scene, bvh, device))
-
-    def with_device(self, device: Device) -> Tracer:
-        return Tracer(self.scene, self.bvh, device)
-
-    def with_lights(self, lights: list) -> Tracer:
-        scene = replace(self.scene, lights=lights)
-        return Tracer(scene, self.bvh, self.tracer.device)
+        return cls(name, scene, bvh, Tracer(scene, bvh))

@@ -61,7 +61,10 @@ def sample_store(loaded: Loaded, views: int, pixels: int, folder: Path) -> Sampl
     )
     tiles = sampled_tiles(layout)
     threads = loaded.tracer.device.threads
-    tracers = [loaded.with_device(open_device(threads=1)) for _ in range(min(threads, len(tiles)))]
+    tracers = [
+        Tracer(loaded.scene, loaded.bvh, open_device(threads=1))
+        for _ in range(min(threads, len(tiles)))
+    ]
     segments = [folder / f"{views}_{tile.index}.mp4" for tile in tiles]
     made = []
     for tile, segment in zip(tiles, segments, strict=True):
@@ -124,8 +127,8 @@ def together(loaded: Loaded, store: SampledStore, repeats: int) -> list[dict]:
         _method(name, count * store.rays, lambda work=work: side_by_side(count, every, work))
         for name, work in (("encode", encoding), ("trace", tracing), ("trace and encode", both))
     ]
-    rows = _rows(loaded, store, in_turn(methods, repeats), "encode", count)
-    rows[2] |= _judged(rows[2], ENCODE_LIMIT)
+    runs, limits = in_turn(methods, repeats), {"trace and encode": ENCODE_LIMIT}
+    rows = _rows(loaded, store, runs, dict.fromkeys(runs, "encode"), limits)
     video = sum(path.stat().st_size for path in store.segments)
     rows[0]["bits_per_ray"] = 8 * video / store.rays
     return rows
@@ -157,13 +160,10 @@ def retrieval(loaded: Loaded, store: SampledStore, repeats: int) -> list[dict]:
         methods.append(_method(f"decode and {n} planes", count * store.rays, lambda planes=planes:
             side_by_side(count, every, lambda worker, k: forming(planes, worker, k))
         ))  # fmt: skip
-    runs = in_turn(methods, repeats)
-    rows = _rows(loaded, store, runs, "decode", count)
-    rows[1] |= _judged(rows[1], DECODE_LIMIT)
-    tens = {name: found for name, found in runs.items() if name != "decode"}
-    rows[2] = _rows(loaded, store, tens, "decode and 10 planes", count)[1]
-    rows[2] |= _judged(rows[2], PLANES_LIMIT)
-    return rows
+    alone, ten, hundred = (method.name for method in methods)
+    bases = {alone: alone, ten: alone, hundred: ten}
+    limits = {ten: DECODE_LIMIT, hundred: PLANES_LIMIT}
+    return _rows(loaded, store, in_turn(methods, repeats), bases, limits)
 
 
 def _planes(camera, distances: Sequence[float], count: int) -> list[SensorPlane]:
@@ -176,33 +176,36 @@ def _method(name: str, rays: int, work: Callable) -> Method:
     return Method(name, "store", lambda: clocked(work, rays))
 
 
-def _rows(loaded: Loaded, store: SampledStore, runs: dict, base: str, threads: int) -> list[dict]:
-    """Medians; a ratio is the median over rounds, so that a disturbance meets both sides."""
+def _rows(
+    loaded: Loaded, store: SampledStore, runs: dict, bases: dict[str, str], limits: dict[str, float]
+) -> list[dict]:
+    """Medians; a ratio is the median over rounds, so that a disturbance meets both sides.
+
+    Limits are held against CPU time, which other programs disturb less.
+    """
     rows = []
     for name, found in runs.items():
-        pairs = list(zip(found, runs[base], strict=True))
+        pairs = list(zip(found, runs[bases[name]], strict=True))
+        core = _median(one.cpu_seconds / other.cpu_seconds for one, other in pairs)
+        limit = {"limit": limits[name], "holds": core <= limits[name]} if name in limits else {}
         rows.append({
             "part": "speed",
             "scene": loaded.name,
             "N": store.slab.views,
             "M": store.slab.pixels,
             "what": name,
-            "threads": threads,
+            "threads": len(store.tracers),
             "mrays_per_second": _median(run.rays / run.seconds / 1e6 for run in found),
             "mrays_per_core_second": _median(run.rays / run.cpu_seconds / 1e6 for run in found),
-            "against": base,
+            "against": bases[name],
             "ratio": _median(one.seconds / other.seconds for one, other in pairs),
-            "core_ratio": _median(one.cpu_seconds / other.cpu_seconds for one, other in pairs),
+            "core_ratio": core,
+            **limit,
         })  # fmt: skip
     say(f"{loaded.name} N = {store.slab.views}: " + ", ".join(
         f"{row['what']} {row['mrays_per_core_second']:.0f}" for row in rows
     ) + " million rays per core second")  # fmt: skip
     return rows
-
-
-def _judged(row: dict, limit: float) -> dict:
-    """Judged by CPU time, which other programs disturb less."""
-    return {"limit": limit, "holds": row["core_ratio"] <= limit}
 
 
 def _median(values) -> float:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.peers.method import Method, Run, SkippedError
+from lfcore.scene.model import Scene
 
 SOURCE = Path(__file__).with_suffix(".cpp")
 WAYS = {"lens": "4 x 4 lens samples", "pixels": "4 x 4 pixels"}
@@ -19,8 +20,8 @@ WAYS = {"lens": "4 x 4 lens samples", "pixels": "4 x 4 pixels"}
 class EmbreePackets:
     """The driver with one scene: a process that traces on request and reports its seconds."""
 
-    def __init__(self, triangles: np.ndarray):
-        self._files = 0
+    def __init__(self, scene: Scene, threads: int):
+        self._files, self._threads = 0, threads
         self._folder = tempfile.TemporaryDirectory(prefix="embree-packets-")
         folder = Path(self._folder.name)
         try:
@@ -29,7 +30,7 @@ class EmbreePackets:
             self._folder.cleanup()
             raise
         path = folder / "triangles.bin"
-        np.ascontiguousarray(triangles, np.float32).tofile(path)
+        np.ascontiguousarray(scene.triangles, np.float32).tofile(path)
         pipe = subprocess.PIPE
         self._process = subprocess.Popen([program, path], stdin=pipe, stdout=pipe, text=True)
         assert self._process.stdin and self._process.stdout
@@ -39,23 +40,23 @@ class EmbreePackets:
         self.version = f"{number // 10000}.{number // 100 % 100}.{number % 100}"
         self.native16 = bool(int(native))
 
-    def methods(self, sample, threads: int) -> list[Method]:
+    def methods(self, sample) -> list[Method]:
         """Visibility of ``sample`` with this scene, by packets of either kind.
 
         Packets of pixels want squares of four pixels or more, which a sample of large N has not.
         """
         path = self._write_rays(sample)
         ways = WAYS if sample.side % 4 == 0 else ["lens"]
-        return [self._method(sample, path, threads, way) for way in ways]
+        return [self._method(sample, path, way) for way in ways]
 
-    def _method(self, sample, path: Path, threads: int, way: str) -> Method:
+    def _method(self, sample, path: Path, way: str) -> Method:
         def trace() -> tuple[Run, float, float]:
-            self._say(f"rays {path} {threads} {way}\nrun")
+            self._say(f"rays {path} {self._threads} {way}\nrun")
             wall, cpu, hits, depth = (float(word) for word in self._answer())
             return Run(wall, cpu, sample.rays), hits / sample.rays, depth / max(hits, 1)
 
         width = "native 16-wide" if self.native16 else "16-wide calls split by Embree"
-        note = f"Embree {self.version}, {width}, {threads} threads"
+        note = f"Embree {self.version}, {width}, {self._threads} threads"
         name = f"embree, {WAYS[way]}"
         return Method(name, "visibility", lambda: trace()[0], note, lambda: trace()[1:])
 

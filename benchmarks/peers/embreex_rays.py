@@ -11,6 +11,8 @@ from multiprocessing import get_context
 import numpy as np
 
 from benchmarks.peers.method import Method, Run, SkippedError
+from lfcore.optics.bundles import macropixels
+from lfcore.scene.model import Scene
 from lfcore.timing import clocked
 
 NAME = "embreex"
@@ -42,21 +44,19 @@ def _trace() -> tuple[float, int, float]:
 class EmbreexRays:
     """``threads`` processes that each hold the scene and their share of the rays."""
 
-    def __init__(self, triangles: np.ndarray, threads: int):
+    def __init__(self, scene: Scene, threads: int):
         try:
             self._version = version("embreex")
         except ModuleNotFoundError:
             raise SkippedError("the package embreex is not installed") from None
         spawn = get_context("spawn")
         self._pools = [
-            ProcessPoolExecutor(1, spawn, _open, (np.ascontiguousarray(triangles),))
+            ProcessPoolExecutor(1, spawn, _open, (np.ascontiguousarray(scene.triangles),))
             for _ in range(threads)
         ]
 
-    def method(self, sample) -> Method:
+    def methods(self, sample) -> list[Method]:
         """Visibility of at most MOST_RAYS rays of ``sample``, by evenly chosen pixels."""
-        from lfcore.optics.bundles import macropixels
-
         pixels = sample.thinned(MOST_RAYS)
         origins, directions = macropixels(sample.slab, pixels).rays()
         parts = len(self._pools)
@@ -81,7 +81,7 @@ class EmbreexRays:
             return Run(wall, cpu, count)
 
         note = f"embreex {self._version}, single rays, {parts} processes, {count} of the rays"
-        return Method(NAME, "visibility", run, note, lambda: last.get("check"))
+        return [Method(NAME, "visibility", run, note, lambda: last.get("check"))]
 
     def close(self) -> None:
         for pool in self._pools:

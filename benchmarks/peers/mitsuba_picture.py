@@ -84,14 +84,15 @@ class MitsubaPicture:
         arguments = scene, threads, self.llvm
         self._pool = ProcessPoolExecutor(1, get_context("spawn"), _open, arguments)
 
-    def method(self, slab) -> Method:
-        """The rate of one whole picture of ``slab.pixels`` squared, SAMPLES rays per pixel and run.
+    def methods(self, sample) -> list[Method]:
+        """The rate of one whole picture of the sample's slab, SAMPLES rays per pixel and run.
 
         The rate hardly depends on the samples per pixel; N x N would take minutes at large N.
         """
+        slab = sample.slab
         count = min(SAMPLES, slab.views**2)
         rays, note = slab.pixels**2 * count, f"{count} samples per pixel"
-        return self.rendered("algorithm1", _load, slab, count, rays, note)
+        return [self.rendered("algorithm1", _load, slab, count, rays, note)]
 
     def rendered(
         self, work: str, load: Callable, what: object, samples: int, rays: int, note: str

@@ -33,9 +33,9 @@ class PovrayPicture:
         self._program, self._scene, self._threads = program, scene, threads
         self._folder = tempfile.TemporaryDirectory(prefix="povray-")
 
-    def method(self, slab) -> Method:
+    def methods(self, sample) -> list[Method]:
         folder = Path(self._folder.name)
-        write_povray(folder, self._scene, slab.camera, samples=SAMPLES)
+        write_povray(folder, self._scene, sample.slab.camera, samples=SAMPLES)
         command = [
             self._program, "+Iscene.pov", f"+W{SIDE}", f"+H{SIDE}", f"+WT{self._threads}",
             "+Oout.png", "-D", "-A", "+L/usr/share/povray-3.7/include",
@@ -54,7 +54,7 @@ class PovrayPicture:
 
         run()
         note = f"POV-Ray 3.7, {self._threads} threads, {SIDE} x {SIDE} pixels, {SAMPLES} samples"
-        return Method(NAME, "algorithm1", run, note)
+        return [Method(NAME, "algorithm1", run, note)]
 
     def close(self) -> None:
         self._folder.cleanup()

@@ -174,70 +174,49 @@ def pbr(metallic, roughness, **more):
 
 def add_things(glb, rings=32):
     """Add the objects; balls have this number of rings."""
-    material = glb.tree["materials"]
 
-    def made(shape, entry, **node):
-        material.append(entry)
-        glb.mesh(shape, len(material) - 1, **node)
+    def made(shape, place, name, surface, **entry):
+        material = glb.add("materials", name=name, pbrMetallicRoughness=surface, **entry)
+        glb.mesh(shape, material, translation=place)
 
     turned = {"KHR_texture_transform": {"scale": [5, 5], "rotation": 0.3}}
     floor = glb.texture(checks((0.75, 0.72, 0.68), (0.5, 0.48, 0.46)), extensions=turned)
-    made(
-        square(6, 6, "y"),
-        {"name": "floor", "pbrMetallicRoughness": pbr(0, 0.9, baseColorTexture=floor)},
-    )
+    made(square(6, 6, "y"), [0, 0, 0], "floor", pbr(0, 0.9, baseColorTexture=floor))
     gold = pbr(1, 0.3, baseColorFactor=[1, 0.77, 0.34, 1])
-    made(
-        ball(0.35, rings),
-        {"name": "gold", "pbrMetallicRoughness": gold},
-        translation=[-0.95, 0.35, 0.2],
-    )
-    banded = pbr(
-        1, 1, baseColorFactor=[0.6, 0.75, 0.9, 1], metallicRoughnessTexture=glb.texture(metals())
-    )
-    made(
-        ball(0.35, rings),
-        {"name": "bands", "pbrMetallicRoughness": banded},
-        translation=[-0.1, 0.35, 0.1],
-    )
+    made(ball(0.35, rings), [-0.95, 0.35, 0.2], "gold", gold)
+    banded = pbr(1, 1, baseColorFactor=[0.6, 0.75, 0.9, 1])
+    banded["metallicRoughnessTexture"] = glb.texture(metals())
+    made(ball(0.35, rings), [-0.1, 0.35, 0.1], "bands", banded)
     red = pbr(0, 0.35, baseColorFactor=[0.75, 0.15, 0.1, 1])
-    bumpy = {"name": "bumps", "pbrMetallicRoughness": red,
-             "normalTexture": glb.texture(bumps(), scale=0.8),
+    bumpy = {"normalTexture": glb.texture(bumps(), scale=0.8),
              "occlusionTexture": glb.texture(checks((1, 1, 1), (0.9, 0.9, 0.9)))}  # fmt: skip
-    made(ball(0.35, rings), bumpy, translation=[0.75, 0.35, 0.2])
-    cut = {"name": "leaf", "doubleSided": True, "alphaMode": "MASK", "alphaCutoff": 0.5,
-           "pbrMetallicRoughness": pbr(0, 0.8, baseColorTexture=glb.texture(leaf()))}  # fmt: skip
-    material.append(cut)
+    made(ball(0.35, rings), [0.75, 0.35, 0.2], "bumps", red, **bumpy)
+    cut = {"doubleSided": True, "alphaMode": "MASK", "alphaCutoff": 0.5}
+    green = pbr(0, 0.8, baseColorTexture=glb.texture(leaf()))
+    material = glb.add("materials", name="leaf", pbrMetallicRoughness=green, **cut)
     for x, z, turn in ((-1.5, -0.6, 0.3), (-0.9, -0.9, -0.2), (1.35, -0.3, -0.5)):
         half = turn / 2
         where = {"translation": [x, 0, z], "rotation": [0, np.sin(half), 0, np.cos(half)]}
-        glb.mesh(square(0.8, 1.3), len(material) - 1, **where)
-    soft = {"name": "veil", "doubleSided": True, "alphaMode": "BLEND",
-            "pbrMetallicRoughness": pbr(0, 0.9, baseColorTexture=glb.texture(veil()))}  # fmt: skip
-    made(square(0.9, 0.9), soft, translation=[0.25, 0, -0.75])
+        glb.mesh(square(0.8, 1.3), material, **where)
+    soft = pbr(0, 0.9, baseColorTexture=glb.texture(veil()))
+    clear = {"doubleSided": True, "alphaMode": "BLEND"}
+    made(square(0.9, 0.9), [0.25, 0, -0.75], "veil", soft, **clear)
     strength = {"KHR_materials_emissive_strength": {"emissiveStrength": 1.5},
                 "KHR_materials_clearcoat": {"clearcoatFactor": 1.0}}  # fmt: skip
     dark = pbr(0, 0.6, baseColorFactor=[0.1, 0.1, 0.12, 1])
-    lamp = {"name": "lamp", "pbrMetallicRoughness": dark, "extensions": strength,
-            "emissiveFactor": [1, 1, 1], "emissiveTexture": glb.texture(windows())}  # fmt: skip
-    made(square(0.7, 1.1), lamp, translation=[1.1, 0, -1.1])
-    sign = {"name": "sign", "extensions": {"KHR_materials_unlit": {}},
-            "pbrMetallicRoughness": {"baseColorTexture": glb.texture(rainbow())}}  # fmt: skip
-    made(square(3.2, 0.5), sign, translation=[0, 1.0, -1.6])
+    lamp = {"emissiveFactor": [1, 1, 1], "emissiveTexture": glb.texture(windows())}
+    made(square(0.7, 1.1), [1.1, 0, -1.1], "lamp", dark, extensions=strength, **lamp)
+    sign, unlit = {"baseColorTexture": glb.texture(rainbow())}, {"KHR_materials_unlit": {}}
+    made(square(3.2, 0.5), [0, 1.0, -1.6], "sign", sign, extensions=unlit)
     tent = np.array([[-0.2, 0, 0.2], [0.2, 0, 0.2], [0, 0, -0.15], [0, 0.35, 0.05]])
     sides = [[0, 1, 3], [1, 2, 3], [2, 0, 3]]
     corners = tent[np.ravel(sides)]
     normals = np.cross(corners[1::3] - corners[::3], corners[2::3] - corners[::3])
     normals = np.repeat(normals / np.linalg.norm(normals, axis=1, keepdims=True), 3, 0)
     paint = np.array([[1, 0.1, 0.1, 1], [0.1, 1, 0.1, 1], [0.1, 0.1, 1, 1], [1, 1, 0.6, 1]])
-    shape = (
-        corners,
-        normals,
-        np.zeros((9, 2)),
-        [[0, 1, 2], [3, 4, 5], [6, 7, 8]],
-        paint[np.ravel(sides)],
-    )
-    made(shape, {"name": "tent", "pbrMetallicRoughness": pbr(0, 1)}, translation=[0.3, 0, 0.75])
+    faces = np.arange(9).reshape(3, 3)
+    shape = corners, normals, np.zeros((9, 2)), faces, paint[np.ravel(sides)]
+    made(shape, [0.3, 0, 0.75], "tent", pbr(0, 1))
 
 
 def add_staging(glb):
