@@ -18,6 +18,7 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.measured.rows import in_turn, print_table, rates, say, write_csv
+from benchmarks.measured.scenes import SCENES
 from benchmarks.peers.method import Method, SkippedError, clocked
 from lfcore.evaluation.assignment.book import BOOK_FOCUS_M, assignment_camera
 from lfcore.opencl.device import open_device
@@ -34,7 +35,6 @@ from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 from lfcore.workflow.studies import ARRAYS
 
-ROOT = Path(__file__).resolve().parents[1]
 PICTURE, SAMPLES = 600, 64
 """Of the synthesis: the picture's side in pixels, and rays per pixel."""
 LENS_M, FILTER_M = 0.15, 0.3  # as in the assignment's command line, see workflow/scripts
@@ -56,7 +56,7 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
 
 def traced(options: argparse.Namespace, name: str, device) -> tuple[list[dict], DeviceField]:
     """Rows of tracing one scene's array, and the array itself."""
-    scene = build_scene(ROOT / "scenes" / name)
+    scene = build_scene(SCENES / name)
     bounds, fov_deg = ARRAYS[name]["bounds_m"], ARRAYS[name]["fov_deg"]
     size = (options.cameras,) * 2, (options.tile,) * 2
     array = CameraArray.on_grid(size[0], bounds, fov_deg, size[1])

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from benchmarks.measured.scenes import SCENES
 from benchmarks.publish import Result, of_this_run
 from lfcore.api import load_scene
 from lfcore.errors import OpticsError
@@ -26,7 +27,6 @@ from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality, QualitySearch
 from lfcore.tracing.tracer import Tracer
 
-SCENES = Path(__file__).resolve().parents[1] / "scenes"
 TRUTH = Lattice(12, 4), Lattice(10, 5)
 LATTICES = [
     Lattice(*each)

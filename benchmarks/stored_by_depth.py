@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from benchmarks.measured.scenes import SCENES
 from benchmarks.publish import Result, of_this_run
 from lfcore.api import load_scene
 from lfcore.evaluation.true_picture import Reference, true_pictures
@@ -41,7 +42,6 @@ from lfcore.storage.segment import SegmentWriter
 from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
 
-SCENES = Path(__file__).resolve().parents[1] / "scenes"
 TRUTH = Lattice(8, 4), Lattice(6, 5)
 VIEWS, MACROPIXELS = "views", "macropixels"
 CASES = [

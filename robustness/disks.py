@@ -12,6 +12,8 @@ import numpy as np
 
 from lfcore.files import write_json, write_text
 from lfcore.optics.array import CameraArray
+from lfcore.optics.camera import Camera
+from lfcore.optics.slab import Slab
 from lfcore.pictures import write_picture
 from lfcore.scene.build import build_scene
 from lfcore.scene.files import save_scene
@@ -22,7 +24,7 @@ from lfcore.storage.tiled_exr import write_array
 from lfcore.tracing.bvh import build_bvh, save_bvh
 from robustness.children import Limits, run_all
 from robustness.kills import Killed
-from robustness.outcome import REFUSED, ROOT, Outcome, SilentlyWrong, outcome_of
+from robustness.outcome import OK, REFUSED, ROOT, Outcome, SilentlyWrong, outcome_of
 from robustness.targets.stores import CODECS
 
 PAGE = os.sysconf("SC_PAGE_SIZE")
@@ -59,8 +61,9 @@ def writers(home: Path) -> list[Writer]:
         segment(path)
 
     def join(path: Path) -> None:
-        join_segments(path, segments, tiles, layout, geometry=_slab(layout),
-                      scene={"name": "noise", "digest": ""})  # fmt: skip
+        slab = Slab(Camera(0.05, 0.036, 2.0, 3.0), layout.views, layout.pixels)
+        known = {"name": "noise", "digest": ""}
+        join_segments(path, segments, tiles, layout, geometry=slab, scene=known)
 
     pictures = [
         Writer(f"picture {kind}", f"p.{kind}", lambda path: write_picture(path, picture))
@@ -76,13 +79,6 @@ def writers(home: Path) -> list[Writer]:
         Writer("table", "t.csv", lambda path: write_text(path, "1.5,2.5\n" * 9000)),
         Writer("JSON", "t.json", lambda path: write_json(path, list(range(9000)))),
     ]
-
-
-def _slab(layout: FrameLayout):
-    from lfcore.optics.camera import Camera
-    from lfcore.optics.slab import Slab
-
-    return Slab(Camera(0.05, 0.036, 2.0, 3.0), layout.views, layout.pixels)
 
 
 def fill(writer: Writer, home: Path, tries: int = MOST_TRIES) -> list[tuple[int, Outcome]]:
@@ -161,26 +157,28 @@ class small_disk:
     It needs the rights to mount, or a system whose users may make name spaces of their own.
     """
 
+    _libc = ctypes.CDLL(None, use_errno=True)
     _entered = False
 
     def __init__(self, folder: Path, size: int):
         self.folder, self.size = folder, size
-        self._libc = ctypes.CDLL(None, use_errno=True)
 
     def __enter__(self) -> small_disk:
         if not small_disk._entered:
             own_mounts(self._libc)
             small_disk._entered = True
-        _call(self._libc.mount, b"none", bytes(self.folder), b"tmpfs", 0, b"size=%d" % self.size)
+        self._mount(0, self.size)
         return self
+
+    def _mount(self, flags: int, size: int) -> None:
+        _call(self._libc.mount, b"none", bytes(self.folder), b"tmpfs", flags, b"size=%d" % size)
 
     def __exit__(self, *_) -> None:
         _call(self._libc.umount2, bytes(self.folder), 2)  # MNT_DETACH: whatever is open there
 
     def grow(self, size: int) -> None:
         """Room is made on the disk."""
-        flags, options = REMOUNT, b"size=%d" % size
-        _call(self._libc.mount, b"none", bytes(self.folder), b"tmpfs", flags, options)
+        self._mount(REMOUNT, size)
 
 
 REMOUNT = 32
@@ -210,14 +208,11 @@ def can_mount(home: Path) -> str:
     mount.mkdir(parents=True, exist_ok=True)
 
     def one(index: int) -> Outcome:
-        with small_disk(mount, PAGE):
-            return Outcome("ok")
-
-    def judged(index: int) -> Outcome:
         try:
-            return one(index)
+            with small_disk(mount, PAGE):
+                return Outcome(OK)
         except OSError as error:
-            return Outcome("refused", text=str(error))
+            return Outcome(REFUSED, text=str(error))
 
-    ((_, outcome),) = run_all(1, judged, Limits(), home / "probe.txt")
+    ((_, outcome),) = run_all(1, one, Limits(), home / "probe.txt")
     return outcome.text
