@@ -26,10 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def check_settings(config: Mapping) -> dict:
     """A copy of ``config`` with every default filled in.
 
-    Raises
-    ------
-    SettingsError
-        for an unknown key or an impossible value; it names the key.
+    Raises :class:`SettingsError` that names the key, for an unknown one or an impossible value.
     """
     try:
         return Configuration.model_validate(dict(config)).model_dump()

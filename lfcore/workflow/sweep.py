@@ -74,11 +74,8 @@ def overridden(base: Mapping, row: Mapping[str, object]) -> dict:
 class Sweep:
     """The light fields of a table of cases.
 
-    Attributes
-    ----------
-    overrides : the keys of each case, as in the table.
-    settings : the checked and complete configuration of each case.
-    members : the cases that share a tracing, by group, scene and views per side.
+    ``overrides`` are the keys of each case, as in the table, ``settings`` its complete
+    configuration; ``members`` are the cases that share a tracing, by group, scene and views.
     """
 
     overrides: dict[str, dict[str, object]]

@@ -21,15 +21,11 @@ NO_LIGHT = 1e-30
 
 @dataclass(frozen=True)
 class Feature:
-    """A feature that a scene may lack.
+    """A feature that a scene may lack, a ``field`` of :class:`Needs`.
 
-    Attributes
-    ----------
-    field : of :class:`Needs`.
-    defines : macros of the kernels; none where they test the scene's own values.
-    what : the code and data that are left out.
-    fill : adds neutral data of the feature, for the full program.
-    part : the part of the scene that both programs trace.
+    ``defines`` are macros of the kernels, none where they test the scene's own values; ``what`` is
+    the code and data left out.  ``fill`` adds neutral data of the feature, for the full program;
+    ``part`` is the part of the scene that both programs trace.
     """
 
     field: str

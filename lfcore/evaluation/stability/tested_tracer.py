@@ -65,10 +65,7 @@ def kept(triangles: np.ndarray) -> np.ndarray:
 class TracerUnderTest:
     """The OpenCL tracer, as the cases ask for it; another tracer is a class with other methods.
 
-    Attributes
-    ----------
-    device : the OpenCL device.
-    rays : how many of them a step of a sweep has, where a case draws them at random.
+    ``rays`` is how many of them a step of a sweep has, where a case draws them at random.
     """
 
     device: Device = field(default_factory=open_device)
