@@ -257,8 +257,9 @@ function fNumber(field, a) {
 function command(field, state) {
   const number = (/** @type {number} */ value) => String(+value.toPrecision(7));
   const file = /^[\w./-]+$/.test(field.file) ? field.file : `'${field.file}'`;
-  if (state.single && field.depth && field.metric && !state.depth) {
-    const [x, y] = [state.x, state.y].map((views) => number(1e3 * views * field.metric.pitch));
+  const {metric} = field;
+  if (state.single && field.depth && metric && !state.depth) {
+    const [x, y] = [state.x, state.y].map((views) => number(1e3 * views * metric.pitch));
     return `lfcore view ${file} --at ${x} ${y} -o picture.png`;
   }
   if (state.single || state.depth || state.x || state.y || state.tx || state.ty) return "";

@@ -97,6 +97,7 @@ class Splatting {
     this.sums = drawing.texture(gl.TEXTURE4, gl.TEXTURE_2D, gl.NEAREST);
     this.frame = gl.createFramebuffer();
     this.held = "";
+    /** @type {Cell[]} */ this.cells = [];
   }
 
   /**
@@ -170,7 +171,7 @@ class Splatting {
   /** Draw the picture of the rays that were added. @param {State} state */
   compose(state) {
     const {drawing, layers} = this, pixels = /** @type {number[]} */ (this.common?.picture)[0];
-    const cells = this.cells || [];
+    const {cells} = this;
     // The picture of a point moves with the point.
     drawing.table(cells.flatMap((cell) => [
       [...(state.single ? [cell.s - cell.x, cell.t - cell.y] : [cell.s, cell.t]), ...cell.displaced],

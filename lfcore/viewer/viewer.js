@@ -109,7 +109,9 @@ class Viewer {
       let divisor = 1;
       while (divisor < (byDepth ? 8 : 4) && pixels(divisor) * least > most) divisor++;
       const keep = Math.max(1, Math.ceil(all.length * pixels(divisor) / most));
-      this.now(state, state.single || byDepth ? all : all.filter((_, k) => k % keep === 0), divisor);
+      const some = state.single || byDepth ? all
+        : /** @type {Entry[]} */ (all).filter((_, k) => k % keep === 0);
+      this.now(state, some, divisor);
     });
   }
 
