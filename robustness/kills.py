@@ -37,7 +37,7 @@ class Job:
     name: str
     command: tuple[str, ...]
     results: tuple[str, ...]
-    prepare: Callable[[Path], None]
+    prepare: Callable[[Path], None] = lambda folder: None
     ways: tuple[str, ...] = WAYS
     statuses: bool = True
 
@@ -254,10 +254,6 @@ def make_run(arguments: str, directory: str = ".") -> tuple[str, ...]:
     return ("sh", "-c", said.stdout)
 
 
-def nothing(folder: Path) -> None:
-    """Commands work on the project's own scenes."""
-
-
 def jobs() -> list[Job]:
     scene = str(ROOT / "scenes/sphere")
     lfcore = (sys.executable, "-m", "lfcore.cli")
@@ -265,10 +261,10 @@ def jobs() -> list[Job]:
     made = "results/sphere/M16/N4/planes/from_video results/sphere/M16/N2/planes/on_the_fly"
     commands = ("KILL", "TERM", "INT group")
     return [
-        Job("trace", (*lfcore, "record", scene, "-o", "out/a.mkv", *size), ("out/*",), nothing,
-            commands),
-        Job("render", (*lfcore, "render", scene, "-o", "out/a.ppm", *size), ("out/*",), nothing,
-            commands),
+        Job("trace", (*lfcore, "record", scene, "-o", "out/a.mkv", *size), ("out/*",),
+            ways=commands),
+        Job("render", (*lfcore, "render", scene, "-o", "out/a.ppm", *size), ("out/*",),
+            ways=commands),
         Job("workflow", make_run(f"--configfile micro.yaml -- {made}"), ("results/**/*.npz",
             "results/**/*.png", "results/**/*.mkv"), copy_project, statuses=False),
     ]  # fmt: skip

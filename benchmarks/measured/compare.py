@@ -87,6 +87,7 @@ def _rows(loaded: Loaded, views: int, options, peers: Peers) -> list[dict]:
             best = max((found[m.name]["mrays_per_second"] for m in others), default=None)
             core = max((found[m.name]["mrays_per_core_second"] for m in others), default=None)
             hits, depth = method.check() or (None, None)
+            tiles = method.extra.get("tile_seconds")
             rows.append({
                 "scene": loaded.name,
                 "triangles": scene.triangle_count,
@@ -100,17 +101,11 @@ def _rows(loaded: Loaded, views: int, options, peers: Peers) -> list[dict]:
                 "core_ratio_to_best_peer": row["mrays_per_core_second"] / core if core else None,
                 "hit_share": hits,
                 "mean_depth_m": depth,
-                "tile_seconds": _tile_seconds(method),
+                "tile_seconds": float(np.median(tiles)) if tiles else None,
                 "threads": loaded.tracer.device.threads,
                 "note": method.note,
             })  # fmt: skip
     return rows
-
-
-def _tile_seconds(method: Method) -> float | None:
-    """The cost of a tile beyond its rays: accumulators are made and read back."""
-    seconds = method.extra.get("tile_seconds")
-    return float(np.median(seconds)) if seconds else None
 
 
 def estimate(rows: list[dict]) -> list[dict]:

@@ -67,7 +67,7 @@ def test_every_file_is_whole_or_refused_on_a_full_disk(home):
 def test_what_a_kill_changes_is_found(tmp_path, careless):
     program = tmp_path / "program.py"
     program.write_text(PROGRAM.format(careless=careless))
-    job = kills.Job("program", (sys.executable, str(program)), ("out/*",), kills.nothing)
+    job = kills.Job("program", (sys.executable, str(program)), ("out/*",))
     killed, tally, draw = kills.Killed(job, tmp_path / "run"), kills.Tally(), Random(3)
     while tally.kills < 2:
         # Late enough that the program has begun.
