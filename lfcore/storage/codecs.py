@@ -53,7 +53,7 @@ class Encoding:
         ``gbrp``, which holds 8-bit RGB exactly.
     crf : float, optional
         The constant rate factor, 0 to 63; lower is better and larger.  ``ffv1`` ignores it.
-    preset : str, optional
+    preset : str or int, optional
         The encoder's name for a compromise of speed and size.
     tune : str, optional
         ``psnr`` (default) leaves out what pleases the eye and costs accuracy; None is the encoder's
@@ -100,6 +100,10 @@ class Encoding:
                 key="codec",
                 remedy=f"Use one of {', '.join(CODECS)}",
             )
+        if isinstance(self.preset, int) and not isinstance(self.preset, bool):
+            object.__setattr__(self, "preset", str(self.preset))  # SVT-AV1's are numbers
+        if not isinstance(self.preset, str | None):
+            raise StorageError(f"is no preset's name: {self.preset!r}", key="preset")
         if self.pixel_format is not None:
             self._check_pixel_format(self.pixel_format)
         if self.layout not in (None, *KINDS):

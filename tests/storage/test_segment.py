@@ -209,3 +209,10 @@ def test_unreadable_segments_are_named(tmp_path):
     path.write_bytes(b"")
     with pytest.raises(StorageError, match=r"s\.mp4"):
         SegmentReader(path)
+
+
+def test_a_preset_may_be_a_number_as_svt_av1s_are(tmp_path):
+    with SegmentWriter(tmp_path / "a.mp4", Encoding("libsvtav1", "yuv420p", 30, 12), 64, 64) as to:
+        to.write(np.zeros((1, 64 * 64 * 3 // 2), np.uint8))
+    with pytest.raises(StorageError, match="preset"):
+        Encoding(preset=1.5)
