@@ -207,8 +207,8 @@ void form_planes(global const sample *restrict frames,
                  global ulong4 *restrict sums)
 {
     const ulong own = get_global_id(0) * (ulong)n.planes * n.width * n.height;
-    const Strips strips = {n.planes, n.blocks, n.left, n.top, n.width, n.height, n.size, inner, plane_info, pointers, runs, masks, kinds, ends,
-                           sums + own};
+    const Strips strips = {n.planes, n.blocks, n.left, n.top, n.width, n.height, n.size, inner,
+                           plane_info, pointers, runs, masks, kinds, ends, sums + own};
     global uint4 *table = (global uint4 *)(scratch + get_global_id(0) * (ulong)scratch_words);
     const int pitch = PITCH(inner);
     for (int k = 0; k < pitch; ++k) table[k] = 0;
