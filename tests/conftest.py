@@ -1,7 +1,5 @@
 """For all tests: the OpenCL devices found. What asks for ``device`` runs on each of them."""
 
-from __future__ import annotations
-
 import os
 
 # Before numpy is there: BLAS threads of one process for each core would wait for one another by

@@ -1,7 +1,5 @@
 """Small light field files of known content, encoded and joined as the workflow does it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Two commits of the tracer in turn."""
 
-from __future__ import annotations
-
 import csv
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The library as README shows it: from a model to pictures, without the command line."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files appear whole or not at all, also when the disk is full or the process is killed."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """The manual: its pages run, its links lead somewhere, and nothing public is missing."""
 
-from __future__ import annotations
-
 import re
 
 import nbformat

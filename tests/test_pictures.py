@@ -1,7 +1,5 @@
 """Picture files: what is written is what comes back, and what is damaged is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from PIL import Image

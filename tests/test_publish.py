@@ -1,7 +1,5 @@
 """Published numbers: documents are what their result files make of them."""
 
-from __future__ import annotations
-
 import pandas as pd
 import pytest
 

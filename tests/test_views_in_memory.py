@@ -1,7 +1,5 @@
 """Views of numpy's, xarray's and trimesh's objects, and pickles, in one call each."""
 
-from __future__ import annotations
-
 import pickle
 import subprocess
 import sys

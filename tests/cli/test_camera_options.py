@@ -1,7 +1,5 @@
 """Focus, blur and view in words on the command line, and the distances that commands report."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The imgtool command: both years' options, headers, contradictions."""
 
-from __future__ import annotations
-
 import io
 from contextlib import redirect_stderr
 

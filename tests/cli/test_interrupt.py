@@ -1,7 +1,5 @@
 """Signals end a command within seconds, whatever it waits for, and leave nothing."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """The assignment's arrays: a scene's own, or a grid of the configuration; its lens formulas."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Measurements on camera arrays: the direct thin lens against explicit rays, slopes, tables."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Camera arrays: the assignment's conventions, spacing, tiles, JSON."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Realistic lenses: against paraxial optics, symmetry and energy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Camera arrays in the video store: stored, opened, refocused like a slab; slabs as tiled EXR."""
 
-from __future__ import annotations
-
 import io
 from contextlib import redirect_stderr
 from dataclasses import replace

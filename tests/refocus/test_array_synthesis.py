@@ -1,7 +1,5 @@
 """Synthesis from camera arrays: kernels against float64 references, and what must hold."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

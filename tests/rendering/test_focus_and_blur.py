@@ -1,7 +1,5 @@
 """Focus and blur in words, in the calls of the library: scenes, light fields, pinholes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

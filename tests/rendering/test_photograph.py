@@ -1,7 +1,5 @@
 """The scene's own film: pinhole, thin lens, camera array, shutter; ``lfcore render`` of it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

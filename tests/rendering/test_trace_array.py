@@ -1,7 +1,5 @@
 """Tracing camera arrays: against analytic scenes, the tracer's own visibility, and pbrt files."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The fault injector itself, and a short form of what `make faults` does."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from dataclasses import replace

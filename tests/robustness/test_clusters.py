@@ -1,7 +1,5 @@
 """The throw-away SLURM, and how runs are judged."""
 
-from __future__ import annotations
-
 import os
 from contextlib import nullcontext
 from dataclasses import replace

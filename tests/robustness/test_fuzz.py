@@ -1,7 +1,5 @@
 """A short form of `make fuzz`: what was found once, the seeds, and some new inputs of each kind."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """The harness itself: defects that are planted are found, each as what it is."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

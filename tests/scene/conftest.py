@@ -1,7 +1,5 @@
 """Small scenes and meshes on disk that the scene tests share."""
 
-from __future__ import annotations
-
 import pytest
 import yaml
 

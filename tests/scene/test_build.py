@@ -1,7 +1,5 @@
 """From scene files to camera space: poses, transforms, defaults, lights, what is dropped."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

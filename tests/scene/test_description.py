@@ -1,7 +1,5 @@
 """The schema, and one clear message for each kind of bad scene file."""
 
-from __future__ import annotations
-
 import copy
 
 import jsonschema

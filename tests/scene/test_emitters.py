@@ -1,7 +1,5 @@
 """Points of surfaces that glow, against the closed forms of a diffuse floor."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

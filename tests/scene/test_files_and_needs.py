@@ -1,7 +1,5 @@
 """A scene on disk and what it needs."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The camera of a scene that gives none, or only a part of one, and focus and blur in words."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """glTF as people export it: lights, cameras, extensions, and what is said of what is dropped."""
 
-from __future__ import annotations
-
 import json
 import math
 import struct

@@ -3,8 +3,6 @@
 The files are made here, with the encoders of DracoPy and Pillow.
 """
 
-from __future__ import annotations
-
 import base64
 import builtins
 import io

@@ -1,7 +1,5 @@
 """The light field camera in scene.yaml and in pbrt's format: one meaning, kept on disk."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Numbers that float32 cannot hold or square are refused by name, wherever a scene has them."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

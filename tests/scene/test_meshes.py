@@ -1,7 +1,5 @@
 """Mesh files: formats, normals, textures, vertex colours, materials, and what can be wrong."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

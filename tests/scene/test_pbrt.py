@@ -1,7 +1,5 @@
 """Reading pbrt scenes: geometry in camera space, materials, lights, cameras, errors, notes."""
 
-from __future__ import annotations
-
 import gzip
 import math
 import struct

@@ -1,7 +1,5 @@
 """The assignment's scenes: book, hillside behind trees, sphere."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A whole version 3 scene as the public ones are written: what is mapped, what is listed."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

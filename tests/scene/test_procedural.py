@@ -1,7 +1,5 @@
 """The project's own scenes: sizes, determinism, soundness; and the shapes they are made of."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

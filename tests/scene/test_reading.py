@@ -1,7 +1,5 @@
 """Hostile files: whatever they hold, reading ends, soon and with one line."""
 
-from __future__ import annotations
-
 import gzip
 import os
 

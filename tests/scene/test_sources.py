@@ -1,7 +1,5 @@
 """Which files a scene is made from, before it is parsed."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import json

@@ -1,7 +1,5 @@
 """A light field of waves in any layout."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

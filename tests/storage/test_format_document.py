@@ -1,7 +1,5 @@
 """The reader beside docs/format.md, which knows PyAV and numpy alone, against LightField."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Light fields by URL, from a server on this machine that counts what it hands out."""
 
-from __future__ import annotations
-
 import contextlib
 import http.server
 import re

@@ -1,7 +1,5 @@
 """Light fields as tiled EXR: what comes back, and what is refused."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -7,8 +7,6 @@ other bits is found out.  The table is remade when a change of the program means
 and for nothing else.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import hashlib

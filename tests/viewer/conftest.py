@@ -1,7 +1,5 @@
 """A light field file of two planes, and its page."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import pytest

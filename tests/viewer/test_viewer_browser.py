@@ -1,7 +1,5 @@
 """The page in a real browser: its pixels against refocusing, what hands do, what it cannot do."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

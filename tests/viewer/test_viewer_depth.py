@@ -1,7 +1,5 @@
 """The page of a file with depth in a real browser: its pictures against those of refocusing."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

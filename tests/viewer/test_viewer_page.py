@@ -1,7 +1,5 @@
 """The viewer's page without a browser: its views, its map, its arithmetic, that it asks no host."""
 
-from __future__ import annotations
-
 import _thread
 import base64
 import io

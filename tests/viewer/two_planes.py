@@ -1,7 +1,5 @@
 """A light field of two textured planes, whose disparities are known."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.optics.camera import Camera

@@ -1,7 +1,5 @@
 """A headless Chromium that tests drive, and the pixels of a page's canvas."""
 
-from __future__ import annotations
-
 import base64
 import io
 import shutil

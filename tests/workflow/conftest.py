@@ -1,7 +1,5 @@
 """A copy of the project that tests may edit, and Snakemake in it."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

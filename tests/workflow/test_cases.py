@@ -1,7 +1,5 @@
 """What settings ask for: scenes, tiles, planes; and what a rule's sources are."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Dry runs: which jobs a configuration asks for, and what is refused before the first."""
 
-from __future__ import annotations
-
 import pytest
 
 pytestmark = pytest.mark.workflow

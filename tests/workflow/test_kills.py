@@ -1,7 +1,5 @@
 """Runs that are killed, and runs that meet in one folder: `make run` on a workflow of one rule."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

@@ -1,7 +1,5 @@
 """The workflow as Snakemake's own tools meet it: linted without the library, and deployed."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

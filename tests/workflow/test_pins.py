@@ -1,7 +1,5 @@
 """Pins: exact, the same everywhere, and enough for what pyproject.toml asks."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 

@@ -1,7 +1,5 @@
 """Profiles: every key is one that Snakemake and its plugins know, and each can be planned with."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import subprocess

@@ -3,8 +3,6 @@
 The job graph, its params and its bookkeeping are the real ones.
 """
 
-from __future__ import annotations
-
 import re
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Configurations that name a run, and those that are refused with the key's name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import jsonschema

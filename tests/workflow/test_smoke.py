@@ -3,8 +3,6 @@
 Two of its three scenes, the smallest and the largest: `make smoke` runs all.
 """
 
-from __future__ import annotations
-
 import math
 import re
 

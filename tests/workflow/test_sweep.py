@@ -1,7 +1,5 @@
 """Sweeps: what cases share, what they make, and what is wrong with a table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
