@@ -24,7 +24,7 @@ import numpy as np
 from lfcore.errors import SceneError
 from lfcore.files import whole_file
 from lfcore.tracing.bvh_binary import build_binary
-from lfcore.tracing.bvh_tree import Bvh, shape_problem
+from lfcore.tracing.bvh_tree import Bvh, in_one_order, shape_problem
 from lfcore.tracing.bvh_wide import LARGEST, UNUSED, WIDTH, collapse
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def build_bvh(
     ids = _leaf_ids(tree, wide.leaves)
     used = ids >= 0
     corners = np.zeros((len(ids), LEAF_LANES, 9), np.float32)
-    corners[used] = triangles.reshape(-1, 9)[ids[used]]
+    corners[used] = in_one_order(triangles).reshape(-1, 9)[ids[used]]
     return Bvh(
         boxes=wide.boxes,
         children=wide.children,

@@ -11,6 +11,8 @@ from lfcore.tracing.bvh_wide import LARGEST, UNUSED, WIDTH
 
 ROWS = {"boxes": (6, 16), "children": (16,), "leaves": (9, 16), "leaf_ids": (16,)}
 ROWS["leaf_boxes"] = (6,)
+MIXING = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+"""Odd numbers that make one of three."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class Bvh:
     children : (K, 16) int32: a wide node if >= 0, leaf ``-1 - child`` if negative, 0x7fffffff
         if unused; by lo.z ascending, unused last.
     leaves : (L, 9, 16) float32: rows p.x p.y p.z q.x q.y q.z r.x r.y r.z of up to 16
-        triangles; padding is all zero, a triangle that nothing can hit.
+        triangles, of :func:`in_one_order`; padding is all zero, a triangle that nothing can hit.
     leaf_ids : (L, 16) int32: the triangles' numbers, ascending; -1 for padding.
     leaf_boxes : (L, 6) float32: lo and hi of each leaf.
     """
@@ -103,6 +105,27 @@ def shape_problem(bvh: Bvh) -> str | None:
     return None
 
 
+def in_one_order(triangles: np.ndarray) -> np.ndarray:
+    """(T, 3, 3) float32 with copies of a triangle, rewound or flipped, in the order of the first.
+
+    Depths of copies are then equal to the last bit in every kernel, and the lowest number wins.
+    """
+    # A number for each triangle that does not depend on the order of corners.
+    bits = (triangles + 0.0).view(np.uint32)
+    keys = (bits[:, 0].astype(np.uint64) + bits[:, 1] + bits[:, 2]) @ MIXING
+    ordered = np.sort(keys)
+    repeated = ordered[1:][ordered[1:] == ordered[:-1]]
+    if not len(repeated):
+        return triangles
+    some = np.flatnonzero(np.isin(keys, repeated))
+    corners = np.unique(triangles[some].reshape(-1, 3), axis=0, return_inverse=True)[1]
+    corners = np.sort(corners.reshape(-1, 3), axis=1)
+    _, first, which = np.unique(corners, axis=0, return_index=True, return_inverse=True)
+    triangles = triangles.copy()
+    triangles[some] = triangles[some[first[which.ravel()]]]
+    return triangles
+
+
 def depths(bvh: Bvh) -> list[np.ndarray]:
     """Wide nodes by level, from the root on."""
     levels: list[np.ndarray] = []
@@ -131,7 +154,7 @@ def _leaf_problem(bvh: Bvh, triangles: np.ndarray) -> str | None:
         return "a leaf is empty or has a gap"
     corners = bvh.leaves.transpose(0, 2, 1)
     if not np.array_equal(
-        corners[used], np.asarray(triangles, np.float32).reshape(-1, 9)[ids[used]]
+        corners[used], in_one_order(triangles.astype(np.float32)).reshape(-1, 9)[ids[used]]
     ):
         return "a leaf holds other vertices than the triangles'"
     if corners[~used].any():

@@ -181,7 +181,8 @@ class Tracer:
             are not finite, or have no direction, miss.
         distance : (R,) float32, the parameter: the hit is ``origin + distance * direction``;
             infinity for a miss.
-        barycentric : (R, 3) float32, weights of the corners p, q, r; NaN for a miss.
+        barycentric : (R, 3) float32, weights of the corners p, q, r, of a copy at the place of a
+            lower triangle those of the latter; NaN for a miss.
         """
         origins = np.ascontiguousarray(origins, np.float32).reshape(-1, 3)
         directions = np.ascontiguousarray(directions, np.float32).reshape(-1, 3)

@@ -1,5 +1,7 @@
 """Closest hits: the bundle kernel and the ray kernel against the float64 oracle and Embree."""
 
+import itertools
+
 import numpy as np
 import pytest
 from embreex.mesh_construction import TriangleMesh
@@ -168,11 +170,18 @@ def test_radiance_and_depth_of_one_pass_are_those_of_two(device, single_rays):
     assert np.isfinite(depth).any() and np.isinf(depth).any()
 
 
-def test_coplanar_copies_go_to_the_lowest_index(device):
-    triangles = soup(40, 5)
-    copies = np.concatenate([triangles] * 3)
-    triangle, _ = tracer_of(copies, device).slab_hits(Slab(CAMERA, 16, 16), some_pixels(16, 16))
-    assert triangle.max() < len(triangles)
+@pytest.mark.parametrize("tracing", [{"outer": 1}, {"outer": 4}, {"single_rays": True}])
+def test_copies_at_one_place_go_to_the_lowest_index(device, tracing):
+    """Rewound or flipped, whichever of them has the lowest number."""
+    triangles = np.float32(soup(60, 5, 0.6))
+    orders = list(itertools.permutations(range(3)))
+    copies = np.concatenate([triangles[:, order] for order in orders[1:] + orders[:1]])
+    world, slab, pixels = scene(copies), Slab(CAMERA, 16, 16), some_pixels(16, 16)
+    found = Tracer(world, build_bvh(copies), device, **tracing).slab_hits(slab, pixels)[0]
+    alone = Tracer(world, build_bvh(copies[:60]), device, **tracing).slab_hits(slab, pixels)[0]
+    expected = slab_hits(world, slab, pixels).triangle
+    assert (found == alone).all() and found.max() > 0
+    assert expected.max() < 60 and (found.ravel() != expected).mean() < 1e-3  # rays at edges
 
 
 def test_degenerate_triangles_and_bad_rays_are_missed(device):
