@@ -11,8 +11,6 @@ and 16 of them, spread over the picture.  ``--held-to core-avx2`` adds rows of I
 to that instruction set.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

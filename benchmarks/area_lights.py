@@ -6,8 +6,6 @@ The emitter is 1 m wide, 1 m above a diffuse floor of 8 m (a sphere's centre is)
 sees from the side.  A row has the relative error of the worst pixel, and the 99th percentile.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from pathlib import Path

@@ -9,8 +9,6 @@ shadows, into host memory that is reused, or new; ours and Mitsuba's in turn.  S
 benchmarks/README.md.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 from collections.abc import Callable

@@ -7,8 +7,6 @@ and type that the text of another names, and the files that define them.  BESIDE
 of opaque, unshadowed triangles whose rays are traced together never enters.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -5,8 +5,6 @@
 All of it is read from the results of one run; what the run did not make is not published.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

@@ -19,8 +19,6 @@ between whose lines the table is written, with its columns, or those of ``NAME: 
 the rows of ``NAME where N in 64 512 and scene in bike``.
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import io

@@ -6,8 +6,6 @@ average over pixel and lens, what was expected of it, the rays that it took, and
 reach as much: between single lattices of slicing by depth, by the logarithm of their rays.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from pathlib import Path

@@ -4,8 +4,6 @@ Tracing and encoding against the encoder alone, retrieval of 10 and 100 planes a
 alone, memory over N, and random access.  Every row that has a ``limit`` says whether it ``holds``.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import tempfile

@@ -8,8 +8,6 @@ against the average over pixel and lens.
 N = 512, which the ratios need, is measured only with --thesis: it takes minutes per scene.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import tempfile

@@ -9,8 +9,6 @@ Without a mode it compares: visibility (closest triangle and depth of every ray)
 turn on the same sampled rays; see benchmarks/README.md for the modes, the columns and the rules.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 from pathlib import Path

@@ -5,8 +5,6 @@ reports each input when it has finished it.  When a child dies, the input after 
 at fault, and another child continues after it.
 """
 
-from __future__ import annotations
-
 import faulthandler
 import json
 import os

@@ -8,8 +8,6 @@ a disturbed run are those of the undisturbed one.  With ``--faults`` a smaller r
 happen to a node (:mod:`robustness.cluster_faults`).  Skipped, aloud, where SLURM is not installed.
 """
 
-from __future__ import annotations
-
 import argparse
 import signal
 import sys

@@ -4,8 +4,6 @@ Each fault happens to a run of its own, on a throw-away SLURM; the run must go o
 its results and tables be those of an undisturbed one.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress

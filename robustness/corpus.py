@@ -1,7 +1,5 @@
 """The corpus: inputs that once were findings. Every run begins with them."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Callable

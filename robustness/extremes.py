@@ -1,7 +1,5 @@
 """Values that often break programs."""
 
-from __future__ import annotations
-
 import math
 from random import Random
 

@@ -1,7 +1,5 @@
 """``python -m robustness.faults``: kills, full disks, missing folders; a table of each."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

@@ -1,7 +1,5 @@
 """Folders and surroundings that a command expects and does not find."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

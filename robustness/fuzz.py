@@ -1,7 +1,5 @@
 """``python -m robustness.fuzz``: hostile inputs for some time, and a table of their outcomes."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import resource

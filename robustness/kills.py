@@ -1,7 +1,5 @@
 """Runs that are killed at random times: the plain command must go on and end as undisturbed."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -4,8 +4,6 @@ No systemd, cgroups or database: munged, slurmctld and slurmd run as the user wh
 folder.  Debian's packages: ``apt-get install slurm-wlm munge``.
 """
 
-from __future__ import annotations
-
 import getpass
 import os
 import secrets

@@ -1,7 +1,5 @@
 """Mutations of bytes and of text.  All are functions of (draw, input, seeds)."""
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Callable, Sequence

@@ -7,8 +7,6 @@ was not killed, and opens a light field by its name in the storage.  Skipped, al
 is missing.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import os

@@ -1,7 +1,5 @@
 """What may come of an input: it is taken, or refused in one line; all else is a finding."""
 
-from __future__ import annotations
-
 import re
 import traceback
 import unicodedata

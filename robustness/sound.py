@@ -1,7 +1,5 @@
 """Checks of a scene that a reader accepted: whether it can be traced."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Mutations of the tree that a YAML or JSON text describes; the syntax stays right."""
 
-from __future__ import annotations
-
 import copy
 import json
 from collections.abc import Callable, Sequence

@@ -7,8 +7,6 @@ environment has the ranges of pyproject.toml: packages of conda-forge where ther
 for the rest, and no Snakemake, which reaches into a rule's environment by itself.
 """
 
-from __future__ import annotations
-
 import importlib.metadata
 import re
 import sys

@@ -9,8 +9,6 @@ package, ``--source`` names a checkout of its repository.  A reader that is not 
 that says so.  None of their code is kept here.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import shutil

@@ -4,8 +4,6 @@ It reads cases as lines of JSON, and answers each with what it took.  Only what 
 is called, so that old commits can be asked, too.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 import sys

@@ -1,7 +1,5 @@
 """Our tracer against every peer, in turn in one run; and estimates for whole pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any

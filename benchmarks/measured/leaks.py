@@ -1,7 +1,5 @@
 """Rays aimed at the edges and vertices of closed surfaces: none may pass."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from functools import partial

@@ -1,7 +1,5 @@
 """Our own methods: visibility alone, and the whole of Algorithm 1."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -4,8 +4,6 @@ A part's cycles are the difference to a run without it.  Cycles are CPU time, wh
 on the machine disturb little.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Methods measured in turn, and their rows."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from pathlib import Path

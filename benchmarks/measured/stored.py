@@ -1,7 +1,5 @@
 """Tracing, encoding, decoding and forming planes side by side, on tiles sampled from a picture."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

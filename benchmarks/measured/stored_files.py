@@ -1,7 +1,5 @@
 """Memory to record and to retrieve whole files at several N, and the cost of random access."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

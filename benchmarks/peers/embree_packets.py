@@ -1,7 +1,5 @@
 """Embree's 16-wide coherent packets, through a driver compiled when it is first needed."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import tempfile

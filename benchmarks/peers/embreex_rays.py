@@ -1,7 +1,5 @@
 """Embree through ``embreex``: single rays, one process per core."""
 
-from __future__ import annotations
-
 import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial

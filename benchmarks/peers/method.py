@@ -1,7 +1,5 @@
 """A measured method, and one run of it."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ Data cameras are perspective pinholes on one film, a row of the array at a time:
 would not fit into memory.  For the differences to ours, see ``mitsuba_picture``.
 """
 
-from __future__ import annotations
-
 from benchmarks.peers import mitsuba_picture as one
 from benchmarks.peers.method import Method
 from lfcore.optics.array import CameraArray

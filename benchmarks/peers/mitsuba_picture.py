@@ -8,8 +8,6 @@ shadows (left out); it does not filter textures by their footprint, and draws po
 lens at random.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 import time

@@ -6,8 +6,6 @@ lens points; the picture is smaller and has fewer samples per pixel (POV-Ray is 
 not depend on either); and seconds are POV-Ray's own report, which leaves out parsing.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The parser of the whole ``lfcore`` command: sphinx-argparse makes the manual's page of it."""
 
-from __future__ import annotations
-
 import argparse
 import textwrap
 from collections.abc import Mapping

@@ -3,8 +3,6 @@
 The files that a page makes are in build/docs/pages/NAME.
 """
 
-from __future__ import annotations
-
 import html
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Notebooks of tutorials, from the same Markdown."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 python -m docs.site.optics_figures
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import matplotlib

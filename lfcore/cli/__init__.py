@@ -4,8 +4,6 @@ Every command adapts: it reads options, calls the library, shows progress on sta
 writes files that appear whole or not at all.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import io

@@ -1,7 +1,5 @@
 """``lfcore depth``."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``lfcore imgtool store``, ``tiles``, ``convert``: camera arrays between tiled EXR and video."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from pathlib import Path

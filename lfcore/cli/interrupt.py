@@ -6,8 +6,6 @@ watches for signals: if the command has not ended soon after one, that thread re
 files and ends the process.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

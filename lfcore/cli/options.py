@@ -1,7 +1,5 @@
 """All options that more than one command has, and how each reads its value."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ Within :func:`recorded` nothing is printed: :class:`lfcore.cli.command.Command` 
 one JSON object (``--json``).
 """
 
-from __future__ import annotations
-
 import sys
 import threading
 import time

@@ -1,7 +1,5 @@
 """``lfcore record``: a light field file from a scene."""
 
-from __future__ import annotations
-
 import argparse
 import os
 from dataclasses import replace

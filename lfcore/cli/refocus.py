@@ -1,7 +1,5 @@
 """``lfcore refocus``."""
 
-from __future__ import annotations
-
 import argparse
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Values of options: each function reads one, checks its range and names what is allowed."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import re

@@ -4,8 +4,6 @@ Each quality is recorded by :func:`lfcore.record`, which chooses the rays by a p
 with the thesis's recipe: one ray per pixel of each of N x N views.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Diagrams of error against cost: Pareto fronts, and labels that cover nothing else."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable
 from pathlib import Path

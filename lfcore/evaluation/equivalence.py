@@ -4,8 +4,6 @@ Slicing while tracing, shift-sum of views and shift-sum of a plenoptic photograp
 picture traced directly at its own focus with 4096 rays per pixel.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial

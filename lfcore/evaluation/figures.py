@@ -3,8 +3,6 @@
 Pictures are float arrays in linear light, encoded to sRGB here.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ Convention of all published tables: pictures are sRGB-encoded, on the scale of 8
 of the decibels of its planes.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

@@ -4,8 +4,6 @@ The page knows no section by name.  Captions are reStructuredText with Jinja exp
 Snakemake's reports.
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field

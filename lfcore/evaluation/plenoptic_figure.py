@@ -1,7 +1,5 @@
 """The plenoptic photograph, in focus and out of focus, and pictures from it (figure 4.6)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -6,8 +6,6 @@ lfcore with far more rays, spread over pixel and lens.  A renderer that is not i
 with the reason.
 """
 
-from __future__ import annotations
-
 import functools
 import importlib
 import importlib.util

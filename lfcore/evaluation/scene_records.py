@@ -1,7 +1,5 @@
 """Rows of the thesis's tables for one scene: quality, seconds, sizes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One tracing, stored by several encoders: time, size, and the loss of the pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables on disk, written here alone: rows for programs, CSV and Markdown for people."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path

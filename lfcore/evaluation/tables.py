@@ -4,8 +4,6 @@ Each row is a record, a dictionary with the measured columns.  The thesis's valu
 scene and N; other scenes have empty cells.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """The true picture of a plane: averaged over its pixels and the lens, and how well it is known."""
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """How triangles look and what lights them: materials and lights, as the tracer has them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 POINT, DIRECTIONAL = 0, 1

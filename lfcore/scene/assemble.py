@@ -1,7 +1,5 @@
 """From parts in world space to the flat float32 arrays that the tracer sees."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Colours of scene files: linear RGB lists, or ``"#rrggbb"`` in sRGB."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.colour import srgb_decode

@@ -1,7 +1,5 @@
 """Reading and checking scene.yaml: a plain dictionary comes out, with every default filled in."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Iterable

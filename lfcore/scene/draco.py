@@ -4,8 +4,6 @@ Source: Khronos, extension KHR_draco_mesh_compression; the decoder is Google's, 
 DracoPy.
 """
 
-from __future__ import annotations
-
 import base64
 import copy
 from collections.abc import Callable

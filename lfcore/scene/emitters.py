@@ -15,8 +15,6 @@ Delsarte, Goethals and Seidel, "Spherical codes and designs", 1977).  Its radius
 that the points have the second moments of the disk that the sphere shows: so wide is the penumbra.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

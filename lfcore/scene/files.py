@@ -1,7 +1,5 @@
 """A scene on disk: one npz of plain arrays with a JSON header, no pickles."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

@@ -4,8 +4,6 @@ Everything is chosen relative to the size of the scene, so a ring of 2 cm and a 
 give the same picture with the same defocus.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path

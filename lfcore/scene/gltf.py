@@ -5,8 +5,6 @@ Specification", and the extensions KHR_draco_mesh_compression, KHR_lights_punctu
 KHR_materials_unlit, KHR_materials_emissive_strength and KHR_texture_transform.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import math

@@ -3,8 +3,6 @@
 Source: Khronos, "glTF 2.0 Specification", sections 3.9 and 5.19, and its extensions.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -4,8 +4,6 @@ The tracer squares distances and multiplies them by colours: numbers to 1e12, as
 are, keep that within float32's 3e38.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from pathlib import Path

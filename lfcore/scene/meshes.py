@@ -4,8 +4,6 @@ Whatever trimesh loads is accepted; for materials see :mod:`lfcore.scene.pbr` an
 alone has, :mod:`lfcore.scene.gltf_materials`.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import urllib.parse

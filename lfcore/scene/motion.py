@@ -4,8 +4,6 @@ An object has a first and a last pose; between them it turns on the shortest arc
 moves on a straight line, as in pbrt.  :meth:`View.motion_time` says where the shutter finds it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

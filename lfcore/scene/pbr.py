@@ -1,7 +1,5 @@
 """Materials of metal and roughness, as trimesh reads them from glTF and other formats."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

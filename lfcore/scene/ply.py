@@ -1,7 +1,5 @@
 """Triangle strips of PLY files, which trimesh reads as points without faces."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -5,8 +5,6 @@ POV-Ray's axes are ours with y turned over.  Its focal blur is a thin lens; its 
 Colours are linear (``assumed_gamma 1``); lens points and pixel sampling are POV-Ray's own.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files that others wrote, read within bounds of size and depth: whatever they hold, it ends."""
 
-from __future__ import annotations
-
 import os
 import stat
 import zlib

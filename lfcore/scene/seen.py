@@ -6,8 +6,6 @@ before the lens and end behind it need no clipping that way.  Source: Olano and 
 Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Smooth shading normals for a triangle soup, with creases kept sharp."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.scene.surface_mesh import normalise

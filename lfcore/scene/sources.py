@@ -5,8 +5,6 @@ Names are searched for in the text, by the formats' own marks; of names that mea
 file that is missing, parsing tells the user.  A name in a comment counts: it costs a parse at most.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import struct

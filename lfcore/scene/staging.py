@@ -1,7 +1,5 @@
 """Lights and camera that a scene's glTF files bring, for a description that gives none."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

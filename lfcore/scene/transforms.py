@@ -1,7 +1,5 @@
 """4x4 matrices from the ``transform`` lists and camera poses of scene files (float64)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

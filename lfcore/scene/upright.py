@@ -4,8 +4,6 @@ Signs of it are a word in the file, a flat foot at the lower end of z and none a
 and a terrain: low along z, with nearly all of its surface facing +z.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

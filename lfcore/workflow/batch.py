@@ -1,7 +1,5 @@
 """A job's tracer, and several tiles of a light slab as one job: sums of planes, and segments."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The scenes, tiles, layouts, encoders and sensor planes of a checked configuration."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

@@ -1,7 +1,5 @@
 """The tiles of each job, and the minutes and memory that a job requests from a cluster."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping, Sequence

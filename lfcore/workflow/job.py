@@ -1,7 +1,5 @@
 """What all scripts share: where they write, and how they fail."""
 
-from __future__ import annotations
-
 import ctypes
 import io
 import logging

@@ -1,7 +1,5 @@
 """All batches of a light slab together: their measurements, and the light field file."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

@@ -4,8 +4,6 @@
 with, the default configuration, and the table of config/README.md.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field

@@ -4,8 +4,6 @@
 configuration with its studies, and the table of config/README.md.  ``--check`` says what is stale.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """The keys of the studies, each of which has a file in config/studies/."""
 
-from __future__ import annotations
-
 from typing import Any, Literal
 
 from lfcore.workflow import keys

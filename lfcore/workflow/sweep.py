@@ -6,8 +6,6 @@ YAML.  All cases are in one job graph, and share the scene, its tree, and the tr
 differ in the encoder alone.
 """
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass

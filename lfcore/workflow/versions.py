@@ -4,8 +4,6 @@ Snakemake watches a rule's script, and not the library behind it.  So each rule 
 and has the digest of that stage's packages in its ``params``.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 from pathlib import Path

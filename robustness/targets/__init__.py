@@ -1,7 +1,5 @@
 """The targets of the fuzzer: each has seeds, mutations, and a judge of outcomes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module

@@ -1,7 +1,5 @@
 """The command line: hostile values of options, up to the point where a device would be opened."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -1,7 +1,5 @@
 """Light fields of other programs, with one damaged file, or file name."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import zlib

@@ -1,7 +1,5 @@
 """Mesh files of the four common formats: OBJ with MTL, PLY, STL, GLB."""
 
-from __future__ import annotations
-
 import runpy
 from collections.abc import Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """EXR files, with and without a camera array in the header, textures, and lens files."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Sequence
 from pathlib import Path

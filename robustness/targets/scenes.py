@@ -1,7 +1,5 @@
 """Scene descriptions: scene.yaml, pbrt as text and packed, the npz between two jobs."""
 
-from __future__ import annotations
-
 import gzip
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Configurations of the workflow, up to the plan of the first job."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Mapping

@@ -1,8 +1,6 @@
 """Light field files of four codecs, one with depths; and contradictory metadata with a right
 digest."""
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import json

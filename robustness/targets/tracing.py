@@ -1,7 +1,5 @@
 """Accepted scenes, traced by the device: no crash, and a picture of finite light."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ Errors are of linear radiance (RMSE) and of sRGB codes (PSNR, the convention of
 :mod:`lfcore.evaluation.metrics`).
 """
 
-from __future__ import annotations
-
 import math
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence

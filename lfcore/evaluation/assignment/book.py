@@ -3,8 +3,6 @@
 Each study returns a sheet of pictures (size, size, 3) and the measurements.
 """
 
-from __future__ import annotations
-
 import math
 from functools import partial
 from pathlib import Path

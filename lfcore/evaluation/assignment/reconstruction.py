@@ -3,8 +3,6 @@
 Source: CS348b assignment 3, steps 4 and 6.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial

@@ -3,8 +3,6 @@
 Each returns sheets of pictures and the measurements.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path

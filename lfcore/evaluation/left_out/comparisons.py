@@ -4,8 +4,6 @@ Both run on the same rays in turn; ``identical`` is whether frames and plane sum
 bit.
 """
 
-from __future__ import annotations
-
 import itertools
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -4,8 +4,6 @@ The *full* program has the feature compiled in and its buffers filled with neutr
 vertex colours, a light of no strength, black highlights.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -3,8 +3,6 @@
 The process traces two triangles, without a texture or a file.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """All cases in the order of the report, which are run by name."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from lfcore.errors import did_you_mean

@@ -5,8 +5,6 @@ outside 16 ulp of an edge or tie (bound 0), or the error of the depth in ulp ove
 number (bound 16).
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Cases 17 to 20: focus to the focal length and to infinity, apertures, refocusing, sums."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

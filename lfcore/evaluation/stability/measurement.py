@@ -3,8 +3,6 @@
 Errors of hits are against the oracle's, of the same float32 numbers.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable, Iterable, Iterator

@@ -1,7 +1,5 @@
 """Textbook methods in float32, as they are usually written, for comparison."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

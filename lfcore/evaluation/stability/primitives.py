@@ -3,8 +3,6 @@
 Edges and vertices of closed meshes, needles, grazing rays, axes, flat boxes, coplanar triangles.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stability sweeps as a report: a table, the cases and their bounds, a heat map, error growth."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from pathlib import Path

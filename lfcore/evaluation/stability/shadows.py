@@ -3,8 +3,6 @@
 Error: share of the pixels that are dark and should be lit or the other way round; bound 0.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.evaluation.stability import naive

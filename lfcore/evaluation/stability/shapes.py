@@ -1,7 +1,5 @@
 """Meshes and rays of the cases: rays have O = (x, y, 0) and D = (x, y, 1), float32."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

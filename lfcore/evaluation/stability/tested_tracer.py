@@ -1,7 +1,5 @@
 """The tracer under test: lfcore's, or any other, behind four methods."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Figures beside the tables of the store."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path

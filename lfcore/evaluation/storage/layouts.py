@@ -1,7 +1,5 @@
 """The storage table: macropixels and views, their orders, several macropixels a frame."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 from lfcore.evaluation.storage.sample import Frames, own_planes, store, trace_sample

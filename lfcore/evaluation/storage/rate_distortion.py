@@ -5,8 +5,6 @@ Bjontegaard delta rate (G. Bjontegaard, VCEG-M33, 2001): how many more or fewer 
 needs than the anchor at equal PSNR, on average over the PSNR that both reach.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ Each is compared with decoding alone.  Long light fields are measured on the fir
 first frames, and scaled to the whole; the measured share is reported.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace

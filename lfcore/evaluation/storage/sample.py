@@ -4,8 +4,6 @@ The sample has all N x N lens samples of a square window in the middle of the M 
 stored and read like any light field, as one segment.
 """
 
-from __future__ import annotations
-
 import math
 import tempfile
 import time

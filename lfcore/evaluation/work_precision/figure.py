@@ -1,7 +1,5 @@
 """Error against run time: dB against the true picture over core seconds; upper left is better."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pictures from light field files: the cost of recording, reading and forming all planes."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pictures from views in memory, by every method of refocusing them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Pictures that are formed while their rays are traced."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import partial
 

@@ -6,8 +6,6 @@ independent samples over pixel and lens: squared error falls with the number of 
 picture with few samples therefore predicts the cost of a large picture with many.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The points of the diagrams: a method at a setting, its seconds, and its error."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any

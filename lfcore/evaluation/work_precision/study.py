@@ -1,7 +1,5 @@
 """All points of one scene."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 
 from lfcore.evaluation.true_picture import Reference

@@ -1,7 +1,5 @@
 """From a .pbrt file to a :class:`~lfcore.scene.model.Scene`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

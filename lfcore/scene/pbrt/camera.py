@@ -4,8 +4,6 @@ pbrt's camera space is left-handed, x right, y up, z forward; ours has y down, s
 :data:`TO_OURS` is applied after pbrt's world-to-camera transform.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Runs the directives of a pbrt scene: what they do to the state, and what they leave behind."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -4,8 +4,6 @@ Follows the file format of pbrt versions 3 and 4 (Pharr, Jakob, Humphreys: Physi
 Rendering): identifiers, quoted strings, numbers, square brackets and ``#`` comments.
 """
 
-from __future__ import annotations
-
 import bisect
 import math
 import re

@@ -4,8 +4,6 @@ The tracer multiplies diffuse colours by irradiance without dividing by pi, so e
 here is pbrt's over pi: a matte surface of reflectance Kd then has pbrt's radiance.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 

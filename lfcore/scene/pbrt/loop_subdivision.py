@@ -1,7 +1,5 @@
 """Loop subdivision surfaces (Loop 1987; weights and limit rules as pbrt section 3.8 gives them)."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import sparse
 

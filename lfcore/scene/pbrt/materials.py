@@ -7,8 +7,6 @@ incidence, clipped to one.  What Blinn-Phong has no word for -- mirror images, r
 transparency, bumps -- is noted.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Parameter lists ``"type name" [values]`` of pbrt directives, checked and typed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any, overload
 

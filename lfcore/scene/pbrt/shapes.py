@@ -4,8 +4,6 @@ Curved shapes are tessellated so that no triangle leaves its surface by more tha
 times the radius; normals are the surface's own.
 """
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Iterable

@@ -5,8 +5,6 @@ Analytic Approximations to the CIE XYZ Color Matching Functions", JCGT 2(2), 201
 Planck's law.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

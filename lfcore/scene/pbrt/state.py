@@ -1,7 +1,5 @@
 """pbrt's graphics state: transforms, attributes and their stack."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any

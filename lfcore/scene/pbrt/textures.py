@@ -1,7 +1,5 @@
 """pbrt textures as what the tracer has: one colour, times one image with a uv transform."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path

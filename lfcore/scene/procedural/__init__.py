@@ -4,8 +4,6 @@ Each builder is a module with ``build(seed, **parameters) -> list[SurfaceMesh]``
 have defaults; equal seeds and parameters give equal triangles and textures.
 """
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import re

@@ -1,7 +1,5 @@
 """The bedroom scene: a sunny furnished room, toys on the rug in front, the bed behind them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

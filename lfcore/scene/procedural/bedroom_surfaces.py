@@ -1,7 +1,5 @@
 """What the bedroom is made of: its cloths, paints and things, by name."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

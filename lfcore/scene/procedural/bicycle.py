@@ -1,7 +1,5 @@
 """A city bicycle, along +x with its wheels on the ground and its frame in the plane z = 0."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """The bike scene: a city bicycle on cobbles, potted plants before it, a house front behind."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.scene.colour import hex_colour

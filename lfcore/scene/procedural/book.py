@@ -4,8 +4,6 @@ A box with a cover, a spine and page edges; its rotation is that of the pbrt boo
 cover leans back and the title, the authors and the edges lie at different depths.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.errors import SceneError

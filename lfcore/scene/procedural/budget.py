@@ -1,7 +1,5 @@
 """Meeting a triangle count exactly, with copies of one small part and cut-down remainders."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

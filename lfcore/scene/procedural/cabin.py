@@ -1,7 +1,5 @@
 """The cabin scene: a log cabin among spruces, a split-rail fence and a log pile before it."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

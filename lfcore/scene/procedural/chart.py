@@ -5,8 +5,6 @@ plane falls on the edge between green and red, so that defocus mixes blue with g
 and green with red to yellow, and the text shows where each plane is sharp.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

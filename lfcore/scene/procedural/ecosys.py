@@ -4,8 +4,6 @@ After the assignment's ecosys scene: with a lens wide enough, focused on the hil
 dissolve and the picture sees through them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """Leaves, plants, shrubs, grass and trees, each with a count of triangles known beforehand."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

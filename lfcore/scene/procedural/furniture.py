@@ -1,7 +1,5 @@
 """Furniture of the bedroom: bed, night table, lamp, shelf, books, armchair, plant."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Text in textures, with the typeface that Pillow carries, so that it is the same everywhere."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Sequence
 

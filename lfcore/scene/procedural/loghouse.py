@@ -1,7 +1,5 @@
 """A log cabin with a shingled roof, a stone chimney and a porch; its front faces +z."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.scene.colour import hex_colour

@@ -1,7 +1,5 @@
 """Pictures for walls and floors: art prints, a map of the Earth, wallpaper, a rug's pattern."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.scene.procedural import textures

@@ -4,8 +4,6 @@ World space, metres, y up.  Texture coordinates run in metres times ``repeat`` (
 metre) unless said otherwise, so that a brick has one size on every wall.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

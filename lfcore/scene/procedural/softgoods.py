@@ -1,7 +1,5 @@
 """Cloth and stuffing: pillows, draped blankets, curtains, tufted panels, rugs, a teddy bear."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """A sphere on a checked floor: the smallest scene that shows depth, for quick trials."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.errors import SceneError

@@ -3,8 +3,6 @@
 Colours are given as sRGB triples in [0, 255]; mixing happens on encoded values, as painters do.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2

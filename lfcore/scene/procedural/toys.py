@@ -1,7 +1,5 @@
 """Toys: letter blocks, a beach ball, a stacking tower, a wooden train."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.scene.colour import hex_colour
