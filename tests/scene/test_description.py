@@ -1,13 +1,18 @@
-"""The schema, and one clear message for each kind of bad scene file."""
+"""The schema, and one clear message for each kind of bad scene, in words or in numbers."""
 
 import copy
+import dataclasses
 
 import jsonschema
+import numpy as np
 import pytest
 
 from lfcore.errors import SceneError
+from lfcore.scene.appearance import Light
 from lfcore.scene.build import build_scene
 from lfcore.scene.description import check, complete, schema
+from lfcore.scene.needs import Needs
+from lfcore.tracing.surfaces import pack_surfaces
 
 
 def test_schema_is_valid_and_closed():
@@ -29,20 +34,13 @@ def test_schema_is_valid_and_closed():
 def test_defaults_are_filled_in_without_touching_the_input():
     given = {
         "objects": [{"file": "a.obj"}],
-        "lights": [{"position_m": [0, 1, 0], "colour": [1, 1, 1]}],
-        "camera": {"pose": {"position_m": [0, 0, 1], "look_at_m": [0, 0, 0]}},
+        "lights": [{"position_m": [0, 1, 0], "colour": "#fff000"}],
     }
     before = copy.deepcopy(given)
     full = complete(check(given, file="scene.yaml"))
     assert given == before
-    assert full["objects"][0] == {
-        "file": "a.obj", "seed": 0, "shading": "auto", "crease_deg": 40.0,
-        "materials": {}, "parameters": {},
-    }  # fmt: skip
-    assert full["camera"]["zoom"] == 1.0 and full["camera"]["pose"]["up"] == [0, 1, 0]
-    assert full["lights"][0]["casts_shadows"] is True
-    assert full["ambient"] == [0.2, 0.2, 0.2]
-    assert "lights" not in complete({"objects": [{"file": "a.obj"}]})
+    assert full["lights"][0]["casts_shadows"] and full["objects"][0]["seed"] == 0
+    assert "lights" not in complete({"objects": given["objects"]})
 
 
 OBJECT = "objects: [{file: tetrahedron.obj}]"
@@ -148,19 +146,43 @@ def test_bad_scene_names_file_key_and_remedy(write_scene, tetrahedron, descripti
     path = write_scene(description)
     with pytest.raises(SceneError) as caught:
         build_scene(path)
-    error = caught.value
-    assert str(error.file) == str(path)
-    assert error.key == key
-    assert words in str(error)
-    assert "\n" not in str(error)
+    assert (str(caught.value.file), caught.value.key) == (str(path), key)
+    assert words in str(caught.value) and "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("text", ["", "- a\n- b\n", "objects: [", "\tx: 1"])
-def test_not_a_mapping_or_not_yaml(write_scene, text):
-    with pytest.raises(SceneError, match=r"scene\.yaml"):
-        build_scene(write_scene(text))
+# -- numbers that float32 cannot hold or square
+POINT = {"position_m": [0, 2, 0], "colour": [1, 1, 1], "reference_distance_m": 1}
+FROM_6_M = {"position_m": [0, 0, 6], "look_at_m": [0, 0, 0]}
 
 
-def test_missing_scene_file(tmp_path):
-    with pytest.raises(SceneError, match="not found"):
-        build_scene(tmp_path / "nothing.yaml")
+@pytest.mark.parametrize("changes, key", [
+    ({"lights": [POINT, POINT | {"position_m": [0, 1e36, 0]}]}, r"lights\[1\]: metres"),
+    ({"lights": [POINT | {"position_m": [1e39, 0, 0]}]}, r"lights\[0\]: metres"),
+    ({"lights": [POINT | {"colour": [0, 1e30, 0]}]}, r"lights\[0\]: colour"),
+    ({"lights": [POINT | {"reference_distance_m": 1e30}]}, r"lights\[0\]: reference"),
+    ({"ambient": [0, 0, 1e39]}, "ambient"),
+    ({"background": [1e39, 0, 0]}, "background"),
+    ({"camera": {"f_number": 1e-45}}, "lens radius"),
+    ({"camera": {"sensor_width_mm": 1e300}}, "sensor width"),
+    ({"camera": {"focal_length_mm": 50, "focus_m": 1e300}}, "focus distance"),
+])  # fmt: skip
+def test_beyond_float32(write_scene, minimal, changes, key):
+    path = write_scene(minimal | {"camera": {"pose": FROM_6_M}} | changes)
+    with pytest.raises(SceneError, match=key) as found:
+        build_scene(path)
+    assert str(path) in str(found.value) and found.value.remedy
+
+
+@pytest.mark.parametrize("length", [1e-300, 1e-160, 1.0, 1e160, 1e308])
+def test_a_direction_may_have_any_length(write_scene, minimal, length):
+    minimal["camera"] = {"pose": FROM_6_M}
+    minimal["lights"] = [{"towards_light": [length] * 3, "colour": [1, 1, 1]}]
+    (light,) = build_scene(write_scene(minimal)).lights
+    np.testing.assert_allclose(light.vector, np.array([1, -1, -1]) / np.sqrt(3), atol=1e-12)
+
+
+def test_the_tracer_refuses_what_was_built_by_hand(write_scene, minimal):
+    scene = build_scene(write_scene(minimal))
+    far = dataclasses.replace(scene, lights=[Light(0, (1e36, 0.0, 0.0), (1.0, 1.0, 1.0))])
+    with pytest.raises(SceneError, match=r"lights\[0\]: metres"):
+        pack_surfaces(far, Needs.of(far))

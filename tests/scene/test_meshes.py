@@ -42,14 +42,6 @@ def test_obj_material_texture_and_coordinates(textured):
     np.testing.assert_allclose(part.uvs, part.triangles[..., :2], atol=1e-6)
 
 
-def test_missing_texture_is_named(textured):
-    path, _ = textured
-    (path.parent / "skin.png").unlink()
-    with pytest.raises(SceneError, match=r"skin\.png") as caught:
-        build_scene(path)
-    assert caught.value.remedy
-
-
 def test_without_its_mtl_an_obj_has_the_default_material_and_says_so(textured):
     path, _ = textured
     (path.parent / "m.mtl").unlink()
@@ -106,6 +98,7 @@ STRIPS = (
 )
 STRIP = [0, 1, 2, 3, -1, 2, 3, 4, 4]
 CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0), (0.5, 2, 0)]
+ROWS = "".join(f"{x} {y} {z} 255 0 0\n" for x, y, z in CORNERS)
 
 
 @pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
@@ -113,8 +106,7 @@ def test_triangle_strips(tmp_path, kind):
     path = tmp_path / "strips.ply"
     head = STRIPS.format(kind)
     if kind == "ascii":
-        rows = "".join(f"{x} {y} {z} 255 0 0\n" for x, y, z in CORNERS)
-        path.write_text(f"{head}{rows}{len(STRIP)} {' '.join(map(str, STRIP))}\n")
+        path.write_text(f"{head}{ROWS}{len(STRIP)} {' '.join(map(str, STRIP))}\n")
     else:
         rows = b"".join(np.float32(c).tobytes() + bytes((255, 0, 0)) for c in CORNERS)
         path.write_bytes(head.encode() + rows + np.int32([len(STRIP), *STRIP]).tobytes())
@@ -125,19 +117,14 @@ def test_triangle_strips(tmp_path, kind):
     np.testing.assert_allclose(part.colours, [[[1, 0, 0]] * 3] * 3)
 
 
-def test_strips_that_name_no_vertex(tmp_path):
-    path = tmp_path / "strips.ply"
-    rows = "".join(f"{x} {y} {z} 255 0 0\n" for x, y, z in CORNERS)
-    path.write_text(f"{STRIPS.format('ascii')}{rows}3 0 1 7\n")
-    with pytest.raises(SceneError, match=r"strips\.ply.*names vertex 7 of 5"):
-        load_mesh(path)
-
-
-def test_damaged_texture_is_refused_not_ignored(textured):
+@pytest.mark.parametrize(("content", "words"), [(None, r"skin\.png"), (b"none", "texture")])
+def test_a_texture_that_cannot_be_read_is_refused_not_ignored(textured, content, words):
     path, _ = textured
-    (path.parent / "skin.png").write_bytes(b"not a picture")
-    with pytest.raises(SceneError, match="texture"):
+    skin = path.with_name("skin.png")
+    skin.unlink() if content is None else skin.write_bytes(content)
+    with pytest.raises(SceneError, match=words) as caught:
         build_scene(path)
+    assert caught.value.remedy
 
 
 def test_texture_override_and_removal(textured, write_scene):
@@ -211,6 +198,9 @@ def test_stl_is_smoothed_where_round_and_flat_where_not(tmp_path):
         ("a.obj", b"# nothing\n", "cannot be read|no triangles"),
         ("a.xyzzy", b"1 2 3", "no reader"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "cannot be read|vertex"),
+        ("nan.obj", b"v nan 0 0\nv 0 nan 0\nv 0 0 nan\nf 1 2 3\n", "empty"),
+        ("line.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "zero area"),
+        ("a.ply", f"{STRIPS.format('ascii')}{ROWS}3 0 1 7\n".encode(), "names vertex 7 of 5"),
     ],
 )
 def test_unreadable_mesh(tmp_path, name, content, words):
@@ -227,15 +217,6 @@ def test_truncated_glb(tmp_path):
         (tmp_path / "cut.glb").write_bytes(whole[:length])
         with pytest.raises(SceneError):
             build_scene(tmp_path / "cut.glb")
-
-
-def test_only_bad_vertices_is_an_empty_scene(tmp_path):
-    (tmp_path / "nan.obj").write_text("v nan 0 0\nv 0 nan 0\nv 0 0 nan\nf 1 2 3\n")
-    with pytest.raises(SceneError, match="empty"):
-        build_scene(tmp_path / "nan.obj")
-    (tmp_path / "line.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
-    with pytest.raises(SceneError, match="zero area"):
-        build_scene(tmp_path / "line.obj")
 
 
 def slow_crease_normals(triangles, crease_deg):
