@@ -89,21 +89,6 @@ def test_a_point_out_of_focus_is_blurred_by_similar_triangles(tracer):
     np.testing.assert_allclose(row, expected, atol=0.02)
 
 
-def test_a_camera_behind_the_array_sees_what_a_moved_array_sees(tracer):
-    """Only directions count where nothing lies between: compare with shifted ray origins."""
-    camera = VirtualCamera([0.0, 0.0, -1.0], np.eye(3), 40.0, (24, 24))
-    direct = direct_thin_lens(tracer, camera, 4.0, 1)
-    sample = np.full((1, 4), 0.5)
-    origins, directions = thin_lens_bundles(camera, 4.0, sample).rays()
-    hit, _, _ = tracer.closest_hit(*(part[0].reshape(-1, 3) for part in (origins, directions)))
-    at_wall = (origins + 4 * directions)[0, ..., 0]
-    bar = (origins + 2 * directions)[0, ..., 0]
-    red = (bar > -0.5) & (bar < -0.3)
-    expected = np.where(red, 0.0, np.where(at_wall > 0, 0.9, 0.1))
-    assert (hit >= 0).all()
-    assert (np.abs(direct[..., 1] - expected) > 0.02).mean() < 0.1
-
-
 def test_more_cameras_come_closer_to_the_lens(tracer):
     camera = lens_camera()
     reference = direct_thin_lens(tracer, camera, 4.0, 256)

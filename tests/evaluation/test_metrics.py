@@ -55,14 +55,6 @@ def test_unsigned_bytes_do_not_wrap():
     assert mse(low, high) == mse(high, low) == 255**2
 
 
-def test_ssim_of_flat_pictures_is_the_luminance_term():
-    # Without structure: (2 a b + c1) / (a^2 + b^2 + c1), c1 = 6.5025.
-    a, b = 100.0, 120.0
-    expected = (2 * a * b + 6.5025) / (a * a + b * b + 6.5025)
-    got = ssim(np.full((16, 16), a), np.full((16, 16), b), peak=255)
-    assert got == pytest.approx(expected, abs=1e-9)
-
-
 @settings(max_examples=15)
 @given(seed=st.integers(0, 2**32 - 1), height=st.integers(11, 18), width=st.integers(11, 18))
 def test_ssim_against_the_plain_formula(seed, height, width):
@@ -79,16 +71,6 @@ def test_ssim_averages_channels():
     assert ssim(x, y, peak=1) == pytest.approx(np.mean(channels), abs=1e-12)
 
 
-@settings(max_examples=20)
-@given(seed=st.integers(0, 2**32 - 1), factor=st.floats(1.1, 4))
-def test_more_noise_is_never_better(seed, factor):
-    rng = np.random.default_rng(seed)
-    reference, noise = rng.uniform(80, 160, (16, 16)), rng.normal(0, 5, (16, 16))
-    near, far = reference + noise, reference + factor * noise
-    assert psnr(near, reference, peak=255) > psnr(far, reference, peak=255)
-    assert ssim(near, reference, peak=255) > ssim(far, reference, peak=255)
-
-
 @pytest.mark.parametrize(
     ("image", "reference", "peak", "words"),
     [
@@ -96,13 +78,9 @@ def test_more_noise_is_never_better(seed, factor):
         (np.full((12, 12), np.nan), np.zeros((12, 12)), 255, "not finite"),
         (np.zeros((12, 12)), np.ones((12, 12)), 0, "peak"),
         (np.zeros((0, 12)), np.zeros((0, 12)), 255, "empty"),
+        (np.zeros((10, 20)), np.zeros((10, 20)), 255, "at least 11"),
     ],
 )
 def test_what_does_not_compare_is_refused(image, reference, peak, words):
     with pytest.raises(MetricError, match=words):
-        psnr(image, reference, peak=peak)
-
-
-def test_ssim_refuses_pictures_smaller_than_its_window():
-    with pytest.raises(MetricError, match="at least 11"):
-        ssim(np.zeros((10, 20)), np.zeros((10, 20)), peak=255)
+        (ssim if "at least" in words else psnr)(image, reference, peak=peak)

@@ -8,10 +8,9 @@ import pandas as pd
 import pytest
 
 from lfcore.evaluation.scene_records import Resolution, scene_records
-from lfcore.evaluation.table_files import human_bytes, readable, write_csv, write_markdown
+from lfcore.evaluation.table_files import readable, write_csv, write_markdown
 from lfcore.evaluation.tables import (
     TableError,
-    columns,
     make_table,
     read_records,
     sizes,
@@ -29,19 +28,6 @@ CONTEXT = {"triangles": 9990, "M": 128, "device": "made up", "threads": 1}
 def quality(scene, n, psnr_db=40.0):
     measured = {"seconds": 1.23456, "psnr_db": psnr_db, "psnr_true_db": 32.456, "ssim": 0.9}
     return {"scene": scene, "N": n, **measured, **CONTEXT}
-
-
-def test_columns_are_those_agreed():
-    assert ",".join(columns("table_7_1")) == (
-        "scene,N,seconds,psnr_db,psnr_true_db,ssim,triangles,M,device,threads,"
-        "thesis_seconds,thesis_psnr_db,thesis_ssim"
-    )
-    assert ",".join(columns("table_7_2")[:8]) == (
-        "scene,N,seconds,raw_bytes_float32,raw_bytes_uint8,video_bytes,ratio_float32,ratio_uint8"
-    )
-    assert columns("table_7_2")[8:12] == ("triangles", "M", "device", "threads")
-    assert columns("table_7_3") == columns("table_7_1")
-    assert tuple(make_table("table_7_1", [quality("bike", 16)])) == columns("table_7_1")
 
 
 def test_each_row_stands_beside_the_thesis():
@@ -67,13 +53,6 @@ def test_sizes_in_both_conventions():
     assert measured["raw_bytes_float32"] == row.raw_bytes_float32 == 768 * 2**20
     assert measured["ratio_float32"] == pytest.approx(row.compression_ratio, rel=1e-3)
     assert measured["ratio_uint8"] == pytest.approx(measured["ratio_float32"] / 4)
-
-
-def test_the_thesis_has_eighteen_rows_that_agree_with_themselves():
-    figures = thesis_figures()
-    assert len(figures) == 18
-    ratio = figures.raw_bytes_float32 / figures.video_bytes
-    assert ratio.to_numpy() == pytest.approx(figures.compression_ratio.to_numpy(), rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -102,15 +81,6 @@ def test_files(tmp_path):
     assert lines[0] == "# A title" and lines[-1] == "A caption."
     assert sum(line.startswith("| bike") for line in lines) == 2
     assert {p.name for p in tmp_path.iterdir()} == {"t.csv", "t.md"}
-
-
-def test_sizes_for_people():
-    assert [human_bytes(n) for n in (0, 1000, 1536, 3 * 2**30)] == [
-        "0 B",
-        "1000 B",
-        "1.5 KiB",
-        "3 GiB",
-    ]
 
 
 def test_pictures_are_judged_by_the_largest_n_and_by_the_truth(tmp_path):

@@ -12,7 +12,6 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.storage import defaults
 from lfcore.storage.codecs import Encoding
-from lfcore.storage.pixels import PIXEL_FORMATS
 from lfcore.workflow import cases, costs
 from lfcore.workflow.settings import check_settings
 
@@ -36,15 +35,6 @@ def test_tiles_cover_all_rays_and_keep_to_their_bytes(kind, views):
     assert next(iter(batches)) == "0000"
 
 
-def test_layout_and_encoder_follow_what_measured_best():
-    for views in (16, 64, 512):
-        layout, spec = cases.frame_layout(settings(), views), cases.encoding(settings(), views)
-        assert layout.kind == defaults.default_kind(views, 128)
-        assert layout.pack == defaults.default_pack(views, 128)
-        assert spec == defaults.chosen_encoding(views)
-        assert layout.pixel_format == spec.pixel_format
-
-
 def test_what_is_said_goes_before_what_measured_best():
     macropixels = {"kind": "macropixels"}
     assert cases.frame_layout(settings(layout=macropixels), 16).pack == 8
@@ -56,12 +46,6 @@ def test_what_is_said_goes_before_what_measured_best():
     slow = cases.encoding(settings(encoding={"preset": "slow"}), 512)
     assert (slow.preset, slow.bframes, slow.refs) == ("slow", None, None)
     assert slow.lookahead is None and spec.lookahead == defaults.chosen_encoding(512).lookahead
-
-
-@pytest.mark.parametrize("name", sorted(PIXEL_FORMATS))
-def test_every_pixel_format_of_the_store_can_be_said(name):
-    encoding = {"codec": "ffv1", "pixel_format": name}
-    assert cases.frame_layout(settings(encoding=encoding), 16).pixel_format == name
 
 
 @pytest.mark.parametrize(
@@ -139,12 +123,6 @@ def test_names_that_scenes_have(tmp_path, file):
     assert list(cases.scene_files([str(tmp_path / file)])) == [file.rsplit(".", 1)[0]]
 
 
-def test_the_project_s_own_scenes_by_path():
-    assert list(cases.scene_files(["chart", str(ROOT / "scenes" / "book")])) == [
-        "chart", "book",
-    ]  # fmt: skip
-
-
 def test_planes_of_the_scene_or_of_the_configuration():
     assert cases.sensor_planes("scene", CAMERA, (2.0, 4.0)) == [
         SensorPlane(2.0, 2.0),
@@ -186,8 +164,3 @@ def test_an_aperture_stack_closes_by_stops():
     assert [plane.f_number for plane in planes] == pytest.approx([2, 4, 2, 4])
     areas = [math.pi / 4 * (0.05 / plane.f_number) ** 2 for plane in planes[:2]]
     assert areas[0] == pytest.approx(4 * areas[1])
-
-
-def test_lossless_storage_takes_no_preset():
-    spec = cases.encoding(settings(encoding={"codec": "ffv1"}), 16)
-    assert spec.lossless and spec.preset is None and spec.threads == 1

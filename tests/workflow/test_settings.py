@@ -39,13 +39,6 @@ def test_the_configurations_of_the_project(name):
     assert max(settings["views"]) == largest.get(name, 512)
 
 
-def test_few_keys_are_a_users():
-    def leaves(value):
-        return sum(map(leaves, value.values())) if isinstance(value, dict) else 1
-
-    assert leaves(load("config.yaml")) <= 25
-
-
 def test_what_is_given_is_not_changed():
     config = {"layout": {"kind": "views"}}
     settings = check_settings(config)
