@@ -143,17 +143,47 @@ def _pfm_bytes(path: Path, picture: np.ndarray) -> bytes:
     return head + np.ascontiguousarray(picture[::-1]).tobytes()
 
 
-def contact_sheet(pictures: np.ndarray, columns: int, gap_px: int = 0) -> np.ndarray:
-    """(H, W, 3) of pictures (P, height, width, 3) in rows of ``columns``, with white gaps."""
+def contact_sheet(
+    pictures: np.ndarray, columns: int, gap_px: int = 0, labels: Sequence[str] = ()
+) -> np.ndarray:
+    """(H, W, 3) of pictures (P, height, width, 3) in rows of ``columns``, with white gaps.
+
+    With ``labels``, one per picture, each picture is above its label.
+    """
+    if labels and len(labels) != len(pictures):
+        raise ValueError(f"{len(pictures)} pictures and {len(labels)} labels make no sheet")
     count, height, width = pictures.shape[:3]
-    rows, down, across = -(-count // columns), height + gap_px, width + gap_px
-    white = 255 if pictures.dtype == np.uint8 else 1
-    size = rows * down - gap_px, columns * across - gap_px, 3
-    sheet = np.full(size, white, pictures.dtype)
+    strips = _label_strips(labels, width)
+    high = height + strips.shape[1]
+    rows, down, across = -(-count // columns), high + gap_px, width + gap_px
+    paper = 255 if pictures.dtype == np.uint8 else 1
+    size = rows * down - gap_px, min(columns, count) * across - gap_px, 3
+    sheet = np.full(size, paper, pictures.dtype)
     for k, picture in enumerate(pictures):
         y, x = k // columns * down, k % columns * across
         sheet[y : y + height, x : x + width] = picture
+        if labels:
+            sheet[y + height : y + high, x : x + width] = (strips[k] / (255 // paper))[..., None]
     return sheet
+
+
+def _label_strips(labels: Sequence[str], width: int) -> np.ndarray:
+    """(labels, height, width) uint8: black words on white, as large as fits, to 15 pixels."""
+    if not labels:
+        return np.zeros((0, 0, width), np.uint8)
+    from PIL import Image, ImageDraw, ImageFont
+
+    size = next(
+        (size for size in range(15, 6, -1)
+         if all(ImageFont.load_default(size).getlength(label) <= width for label in labels)), 6,
+    )  # fmt: skip
+    strips = []
+    for label in labels:
+        strip = Image.new("L", (width, size + 8), 255)
+        middle = width / 2, (size + 8) / 2
+        ImageDraw.Draw(strip).text(middle, label, 0, ImageFont.load_default(size), anchor="mm")
+        strips.append(np.asarray(strip))
+    return np.stack(strips)
 
 
 def read_codes(path: str | Path) -> np.ndarray:

@@ -152,6 +152,13 @@ def report(planes: list[SensorPlane]) -> None:
     note(planes=[{"focus_m": plane.focus_m, "f_number": plane.f_number} for plane in planes])
 
 
+def labels(planes: list[SensorPlane], field: lfcore.LightField) -> list[str]:
+    """Words below each picture: focus and f-number, or disparity where distances are not known."""
+    if field.metric:
+        return [f"{plane.focus_m:.3g} m, f/{plane.f_number:.3g}" for plane in planes]
+    return [f"{field.disparity_of(plane.focus_m):.3g} px" for plane in planes]
+
+
 def _words(text: str) -> dict[str, Any]:
     parts = (part.partition("=") for part in text.split(","))
     return {key.strip(): value.strip() if equals else "yes" for key, equals, value in parts}

@@ -93,7 +93,8 @@ def run(arguments: argparse.Namespace) -> None:
 
         write_film(path, pictures, arguments.fps)
     elif arguments.sheet:
-        sheet = contact_sheet(pictures, min(SHEET_WIDTH, len(pictures)), GAP_PX)
+        labels = plane_options.labels(planes, field)
+        sheet = contact_sheet(pictures, SHEET_WIDTH, GAP_PX, labels)
         lfcore.write_picture(path, sheet, bits=arguments.bits)
     else:
         plane_options.save(path, planes, pictures, arguments.bits, field)

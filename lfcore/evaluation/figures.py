@@ -3,7 +3,6 @@
 Pictures are float arrays in linear light, encoded to sRGB here.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,22 +11,19 @@ from typing import IO, NamedTuple, cast
 import matplotlib
 import numpy as np
 import pandas as pd
-from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis, XAxis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
 from lfcore.colour import srgb_codes
 from lfcore.files import make_folder, whole_file
+from lfcore.pictures import contact_sheet as sheet_of
 from lfcore.pictures import write_picture
 
 PANEL_PX = 256
 GAP_PX = 10
-LABEL_PX = 26
-INK = (30, 34, 40)
-PAPER = (255, 255, 255)
 
 matplotlib.use("Agg")
 matplotlib.rcParams.update({
@@ -57,30 +53,18 @@ def contact_sheet(
     ``columns`` are pictures per row, by default all; pictures smaller than ``panel_px`` are
     enlarged to this width.  Raises :class:`ValueError` without a picture, or a label per picture.
     """
-    if not len(pictures) or len(pictures) != len(labels):
-        raise ValueError(f"{len(pictures)} pictures and {len(labels)} labels make no sheet")
-    panels = [_panel(srgb_codes(picture), panel_px) for picture in pictures]
-    width, height = panels[0].size
-    across, down = width + GAP_PX, height + LABEL_PX + GAP_PX
-    columns = min(columns or len(panels), len(panels))
-    rows = math.ceil(len(panels) / columns)
-    sheet = Image.new("RGB", (columns * across + GAP_PX, rows * down + GAP_PX), PAPER)
-    # matplotlib brings the same font to every machine.
-    font = ImageFont.truetype(font_manager.findfont("DejaVu Sans"), 15)
-    draw = ImageDraw.Draw(sheet)
-    for index, (panel, label) in enumerate(zip(panels, labels, strict=True)):
-        x, y = GAP_PX + index % columns * across, GAP_PX + index // columns * down
-        sheet.paste(panel, (x, y))
-        draw.text((x + width / 2, y + height + 4), label, INK, font, anchor="ma")
-    write_picture(path, np.asarray(sheet))
+    if not len(pictures):
+        raise ValueError("no picture makes no sheet")
+    panels = np.stack([_panel(srgb_codes(picture), panel_px) for picture in pictures])
+    write_picture(path, sheet_of(panels, columns or len(panels), GAP_PX, labels))
 
 
-def _panel(codes: np.ndarray, panel_px: int) -> Image.Image:
-    picture = Image.fromarray(codes)
-    if picture.width >= panel_px:
-        return picture
-    height = round(picture.height * panel_px / picture.width)
-    return picture.resize((panel_px, height), Image.Resampling.BICUBIC)
+def _panel(codes: np.ndarray, panel_px: int) -> np.ndarray:
+    high, wide = codes.shape[:2]
+    if wide >= panel_px:
+        return codes
+    size = panel_px, round(high * panel_px / wide)
+    return np.asarray(Image.fromarray(codes).resize(size, Image.Resampling.BICUBIC))
 
 
 THESIS_PIXELS = 512
