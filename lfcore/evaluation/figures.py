@@ -53,8 +53,8 @@ def contact_sheet(
     ``columns`` are pictures per row, by default all; pictures smaller than ``panel_px`` are
     enlarged to this width.  Raises :class:`ValueError` without a picture, or a label per picture.
     """
-    if not len(pictures):
-        raise ValueError("no picture makes no sheet")
+    if not labels:
+        raise ValueError("pictures without labels make no sheet")
     panels = np.stack([_panel(srgb_codes(picture), panel_px) for picture in pictures])
     write_picture(path, sheet_of(panels, columns or len(panels), GAP_PX, labels))
 

@@ -114,6 +114,7 @@ def test_the_page_shows_every_picture(smoke):
     assert text.count("data:image/png;base64,") == 3 * 2 + 3
     for scene in SCENES:
         assert f"<figcaption>{scene}</figcaption>" in text
+    assert "Error against run time" not in text  # a section of other configurations
 
 
 def test_each_plane_is_a_picture(smoke):
