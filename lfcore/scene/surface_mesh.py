@@ -78,6 +78,13 @@ class SurfaceMesh:
             normals = normals @ (cofactor * np.sign(np.linalg.det(matrix[:3, :3]) or 1.0)).T
         return replace(self, triangles=triangles, normals=normals)
 
+    def picked(self, index: Any) -> SurfaceMesh:
+        """The part whose arrays are indexed alike: some triangles, or other corners."""
+        arrays = {name: getattr(self, name) for name in ("triangles", "normals", "uvs", "colours")}
+        return replace(
+            self, **{n: array[index] for n, array in arrays.items() if array is not None}
+        )
+
     def with_surface(self, **changes: Any) -> SurfaceMesh:
         return replace(self, surface=replace(self.surface, **changes))
 

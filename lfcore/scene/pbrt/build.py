@@ -1,5 +1,6 @@
 """From a .pbrt file to a :class:`~lfcore.scene.model.Scene`."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -70,20 +71,13 @@ def build_pbrt_scene(
     return Scene(
         name=path.name.removesuffix(".gz").removesuffix(".pbrt"),
         camera=view.camera,
-        triangles=geometry.triangles,
-        normals=geometry.normals,
-        uvs=geometry.uvs,
-        colours=geometry.colours,
-        material_ids=geometry.material_ids,
-        materials=geometry.materials,
-        textures=geometry.textures,
         lights=rig.lights,
         ambient=tuple(rig.ambient.tolist()),
         background=tuple(rig.background.tolist()),
-        dropped=geometry.dropped,
         view=view,
         notes=notebook.notes(),
         motions=moves,
+        **vars(geometry),
     )
 
 
@@ -137,14 +131,11 @@ def _place(interpreter: Interpreter, item: Item, to_camera: np.ndarray) -> tuple
     """The item's triangles in camera space, front sides counter-clockwise; whether they are seen,
     for some materials are no surface."""
     uvs, found = interpreter.uvs(item)
-    mesh, surface, is_surface = item.mesh, found or Surface(), found is not None
+    mesh, surface = item.mesh, found or Surface()
     part = SurfaceMesh(mesh.triangles, surface, mesh.normals, uvs).transformed(to_camera)
     mirrored = np.linalg.det(to_camera[:3, :3]) < 0
-    normals = part.normals
-    if item.reversed and normals is not None:
-        normals = -normals
-    if mirrored == item.reversed:
-        return SurfaceMesh(part.triangles, surface, normals, uvs), is_surface
-    order = [0, 2, 1]
-    pick = lambda values: None if values is None else values[:, order]  # noqa: E731
-    return SurfaceMesh(part.triangles[:, order], surface, pick(normals), pick(uvs)), is_surface
+    if item.reversed and part.normals is not None:
+        part = replace(part, normals=-part.normals)
+    if mirrored != item.reversed:
+        part = part.picked((slice(None), [0, 2, 1]))
+    return part, found is not None

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from lfcore.errors import OpticsError
-from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
+from lfcore.scene.notes import NOT_USED
 from lfcore.scene.pbrt.parameters import ParameterSet
 from lfcore.scene.view import (
     CAMERA_GRID_BOUNDS_M,
@@ -34,21 +34,19 @@ PARAMETERS = {
 }
 
 
-def read_film(parameters: ParameterSet | None, notebook: Notebook) -> tuple[int, int]:
+def read_film(parameters: ParameterSet | None) -> tuple[int, int]:
     """(width, height) in pixels; the crop window is left out and noted."""
     if parameters is None:
         return DEFAULT_FILM
-    size = (
-        parameters.integer("xresolution", DEFAULT_FILM[0]),
-        parameters.integer("yresolution", DEFAULT_FILM[1]),
-    )
+    width, height = DEFAULT_FILM
+    size = parameters.integer("xresolution", width), parameters.integer("yresolution", height)
     if min(size) < 1 or max(size) > LARGEST_FILM:
         raise parameters.error(
             "xresolution", f"of {size[0]} x {size[1]} is no film", f"Give 1 to {LARGEST_FILM}"
         )
     if parameters.get("cropwindow"):
-        notebook.add(LEFT_OUT, parameters.place, f"crop window of {parameters.owner}")
-    parameters.note_unused(notebook)
+        parameters.left_out("crop window")
+    parameters.note_unused()
     return size
 
 
@@ -65,13 +63,7 @@ def read_samples(parameters: ParameterSet | None) -> int:
     return count
 
 
-def read_camera(
-    kind: str,
-    parameters: ParameterSet,
-    film: tuple[int, int],
-    samples: int,
-    notebook: Notebook,
-) -> View:
+def read_camera(kind: str, parameters: ParameterSet, film: tuple[int, int], samples: int) -> View:
     """Handle ``Camera "kind"``; an unknown kind becomes ``perspective``, noted.
 
     Raises
@@ -79,14 +71,14 @@ def read_camera(
     SceneError : parameters that make no camera.
     """
     if kind not in ("perspective", "lightfield"):
-        notebook.add(APPROXIMATED, parameters.place, f'{parameters.owner}: as "perspective"')
+        parameters.approximated('as "perspective"')
     opened = parameters.float("shutteropen", SHUTTER[0])
     closed = parameters.float("shutterclose", SHUTTER[1])
     if closed < opened:
         raise parameters.error("shutterclose", f"of {closed:g} is before {opened:g}")
     maker = _lightfield if kind == "lightfield" else _perspective
-    view = maker(parameters, film, (opened, closed), samples, notebook)
-    parameters.note_unused(notebook)
+    view = maker(parameters, film, (opened, closed), samples)
+    parameters.note_unused()
     return view
 
 
@@ -100,17 +92,15 @@ def _fov(parameters: ParameterSet) -> float:
 
 
 def _perspective(
-    parameters: ParameterSet,
-    film: tuple[int, int],
-    shutter: tuple[float, float],
-    samples: int,
-    notebook: Notebook,
+    parameters: ParameterSet, film: tuple[int, int], shutter: tuple[float, float], samples: int
 ) -> View:
     fov = _fov(parameters)
-    if parameters.get("screenwindow"):
-        notebook.add(LEFT_OUT, parameters.place, f"screen window of {parameters.owner}")
-    if parameters.get("frameaspectratio"):
-        notebook.add(LEFT_OUT, parameters.place, f"frame aspect ratio of {parameters.owner}")
+    for name, what in (
+        ("screenwindow", "screen window"),
+        ("frameaspectratio", "frame aspect ratio"),
+    ):
+        if parameters.get(name):
+            parameters.left_out(what)
     radius = parameters.float("lensradius", 0.0)
     focus = parameters.float("focaldistance", 1e6 if radius > 0 else math.inf)
     if radius < 0 or not focus > 0:
@@ -119,11 +109,7 @@ def _perspective(
 
 
 def _lightfield(
-    parameters: ParameterSet,
-    film: tuple[int, int],
-    shutter: tuple[float, float],
-    samples: int,
-    notebook: Notebook,
+    parameters: ParameterSet, film: tuple[int, int], shutter: tuple[float, float], samples: int
 ) -> View:
     fov = _fov(parameters)
     given = parameters.floats("camerasperdim", 2)
@@ -134,7 +120,7 @@ def _lightfield(
     spacing = parameters.string("spacing", "ends")
     for name in ("lensradius", "focaldistance"):
         if parameters.get(name):
-            notebook.add(NOT_USED, parameters.place, f'"{name}": data cameras are pinholes')
+            parameters.note(NOT_USED, f'"{name}": data cameras are pinholes')
     try:
         return lightfield_view(film, fov, counts, bounds, spacing, shutter, samples)
     except OpticsError as error:

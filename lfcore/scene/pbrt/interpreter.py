@@ -49,8 +49,8 @@ class Interpreter:
         self.folder, self.notebook = folder, notebook
         self.tolerance, self.light_points = tolerance, light_points
         self.state = graphics.GraphicsState()
-        self.textures = TextureTable(folder, notebook)
-        self.materials = MaterialTable(self.textures, notebook)
+        self.textures = TextureTable(folder)
+        self.materials = MaterialTable(self.textures)
         self.rig = LightRig()
         self.items: list[Item] = []
         self.view: View | None = None
@@ -62,7 +62,8 @@ class Interpreter:
         self._objects: dict[str, list[Item]] = {}
         self._open_object: tuple[str, Place] | None = None
         self._in_world = self._after_world = False
-        self._default = Definition("matte", ParameterSet("default material", Place(folder, 1, 1)))
+        start = Place(folder, 1, 1)
+        self._default = Definition("matte", ParameterSet("default material", start, notebook))
 
     def run(self, directives: Iterable[Directive]) -> None:
         """Raises :class:`SceneError` naming file, line and token."""
@@ -91,10 +92,8 @@ class Interpreter:
         elif name in _IGNORED:
             what = directive.parameters.owner
             if name == "Sampler":
-                self._sampler, what = (
-                    directive.parameters,
-                    f"{what}: its kind, not its rays a pixel",
-                )
+                self._sampler = directive.parameters
+                what += ": its kind, not its rays a pixel"
             self.notebook.add(NOT_USED, directive.place, what)
         elif name in _LEFT_OUT:
             self.notebook.add(LEFT_OUT, directive.place, directive.parameters.owner)
@@ -139,13 +138,14 @@ class Interpreter:
         if self._in_world:
             raise syntax_error("WorldBegin a second time", place)
         self._in_world = True
-        film = read_film(self._film, self.notebook)
+        film = read_film(self._film)
         if self._camera is None:
             self.notebook.add(APPROXIMATED, place, "no Camera: pbrt's default perspective")
-            self._camera = ("perspective", ParameterSet('Camera "perspective"', place))
+            usual = ParameterSet('Camera "perspective"', place, self.notebook)
+            self._camera = ("perspective", usual)
             self.world_to_camera = TO_OURS.copy()
         samples = read_samples(self._sampler)
-        view = read_camera(*self._camera, film, samples, self.notebook)
+        view = read_camera(*self._camera, film, samples)
         self.view = replace(view, motion_times=self._motion_times)
         self.state.set(matrices=(np.eye(4), np.eye(4)), active=(graphics.START, graphics.END))
         self.state.coordinate_systems["world"] = (np.eye(4), np.eye(4))
@@ -177,9 +177,8 @@ class Interpreter:
     def _camera_directive(self, directive: Directive) -> None:
         start, end = self.state.now.matrices
         if not np.array_equal(start, end):
-            self.notebook.add(
-                LEFT_OUT, directive.place, "motion of the camera: shutter open's pose"
-            )
+            what = "motion of the camera: shutter open's pose"
+            self.notebook.add(LEFT_OUT, directive.place, what)
         self._camera = (directive.strings[0], directive.parameters)
         self.world_to_camera = TO_OURS @ start
         inverse = (np.linalg.inv(start), np.linalg.inv(end))
@@ -214,41 +213,29 @@ class Interpreter:
         if not np.array_equal(start, end):
             self.notebook.add(LEFT_OUT, directive.place, "motion of a light: shutter open's pose")
         to_camera = self.world_to_camera @ start
-        add_light(
-            self.rig,
-            directive.strings[0],
-            directive.parameters,
-            to_camera,
-            self.textures,
-            self.notebook,
-        )
+        kind, parameters = directive.strings[0], directive.parameters
+        add_light(self.rig, kind, parameters, to_camera, self.textures)
 
     def _area_light_source(self, directive: Directive) -> None:
         parameters = directive.parameters
         if directive.strings[0] not in ("diffuse", "area"):
-            self.notebook.add(APPROXIMATED, directive.place, f"{parameters.owner}: as diffuse")
-        # Read now, so that the note about points stands once, at its own line.
-        self.notebook.add(
-            APPROXIMATED,
-            directive.place,
-            f"{parameters.owner}: {self.light_points} point lights a shape and side",
-        )
+            parameters.approximated("as diffuse")
+        # Read now, so that the note about points is there once, at its own line.
+        parameters.approximated(f"{self.light_points} point lights a shape and side")
         for name in ("samples", "nsamples"):
             parameters.get(name)
         self.state.set(area_light=parameters)
 
     def _shape(self, directive: Directive) -> None:
         now, parameters = self.state.now, directive.parameters
-        mesh = tessellate(
-            directive.strings[0], parameters, self.folder, self.notebook, self.tolerance
-        )
+        mesh = tessellate(directive.strings[0], parameters, self.folder, self.tolerance)
         if mesh is None:
             return
         emission, two_sided = (0.0, 0.0, 0.0), False
         if now.area_light is not None:
             emission = tuple(emitted(now.area_light, "L", self.textures).tolist())
             two_sided = now.area_light.bool("twosided", False)
-            now.area_light.note_unused(self.notebook)
+            now.area_light.note_unused()
         item = Item(
             mesh, now.material or self._default, emission, two_sided, now.matrices,
             directive.place, now.reversed,

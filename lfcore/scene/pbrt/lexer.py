@@ -16,15 +16,8 @@ import numpy as np
 from lfcore.errors import SceneError
 from lfcore.scene import reading
 
-WORD, STRING, NUMBER, NUMBERS, OPEN, CLOSE, END = (
-    "word",
-    "string",
-    "number",
-    "numbers",
-    "[",
-    "]",
-    "end of file",
-)
+WORD, STRING, NUMBER, NUMBERS = "word", "string", "number", "numbers"
+OPEN, CLOSE, END = "[", "]", "end of file"
 
 _SKIP = re.compile(r"(?:\s+|#[^\n]*)*")
 # A bracketed list of nothing but numbers is one token: meshes hold millions of them.

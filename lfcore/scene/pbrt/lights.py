@@ -11,7 +11,7 @@ import numpy as np
 
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.emitters import emitter_points
-from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
+from lfcore.scene.notes import LEFT_OUT
 from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet
 from lfcore.scene.pbrt.spectra import parameter_rgb
 from lfcore.scene.pbrt.textures import TextureTable, read_picture
@@ -42,11 +42,10 @@ def add_light(
     parameters: ParameterSet,
     to_camera: np.ndarray,
     textures: TextureTable,
-    notebook: Notebook,
 ) -> None:
     """Handle ``LightSource "kind"``; ``to_camera`` is (4, 4), light space to camera space."""
     if kind in ("point", "spot"):
-        _point(rig, kind, parameters, to_camera, textures, notebook)
+        _point(rig, kind, parameters, to_camera, textures)
     elif kind == "distant":
         start = parameters.vector("from", (0, 0, 0))
         towards = to_camera[:3, :3] @ (start - parameters.vector("to", (0, 0, 1)))
@@ -55,16 +54,16 @@ def add_light(
             raise parameters.error("to", "coincides with from")
         irradiance = emitted(parameters, "L", textures)
         if "illuminance" in parameters.items:
-            notebook.add(LEFT_OUT, parameters.place, f"illuminance of {parameters.owner}")
+            parameters.left_out("illuminance")
             parameters.get("illuminance")
         rig.lights.append(
             Light(DIRECTIONAL, tuple((towards / length).tolist()), _over_pi(irradiance))
         )
     elif kind == "infinite":
-        _infinite(rig, parameters, textures, notebook)
+        _infinite(rig, parameters, textures)
     else:
-        notebook.add(LEFT_OUT, parameters.place, f'LightSource "{kind}"')
-    parameters.note_unused(notebook)
+        parameters.note(LEFT_OUT, f'LightSource "{kind}"')
+    parameters.note_unused()
 
 
 def _over_pi(irradiance: np.ndarray) -> tuple[float, float, float]:
@@ -78,7 +77,6 @@ def _point(
     parameters: ParameterSet,
     to_camera: np.ndarray,
     textures: TextureTable,
-    notebook: Notebook,
 ) -> None:
     intensity = emitted(parameters, "I", textures)
     start = parameters.vector("from", (0, 0, 0))
@@ -91,7 +89,7 @@ def _point(
     light = Light(POINT, tuple(position.tolist()), _over_pi(intensity), 1.0)
     if kind == "spot":
         light = _spot(light, parameters, to_camera, start)
-        notebook.add(APPROXIMATED, parameters.place, f"{parameters.owner}: fades as glTF's spots")
+        parameters.approximated("fades as glTF's spots")
     rig.lights.append(light)
 
 
@@ -112,9 +110,7 @@ def _spot(
     return replace(light, normal=normal, cone=(cosines[0], min(cosines)))
 
 
-def _infinite(
-    rig: LightRig, parameters: ParameterSet, textures: TextureTable, notebook: Notebook
-) -> None:
+def _infinite(rig: LightRig, parameters: ParameterSet, textures: TextureTable) -> None:
     radiance = emitted(parameters, "L", textures)
     parameters.get("samples")
     parameters.get("nsamples")
@@ -133,12 +129,8 @@ def _infinite(
         rows = len(picture)
         weight = np.ones(rows) if octahedral else np.sin((np.arange(rows) + 0.5) / rows * math.pi)
         radiance = radiance * np.average(picture.mean(1), axis=0, weights=weight)
-        notebook.add(
-            APPROXIMATED, parameters.items[name].place, f"{parameters.owner}: the mean of its map"
-        )
-    notebook.add(
-        APPROXIMATED, parameters.place, f"{parameters.owner}: ambient light without shadows"
-    )
+        parameters.approximated("the mean of its map", name)
+    parameters.approximated("ambient light without shadows")
     rig.ambient = rig.ambient + radiance
     rig.background = rig.background + radiance
 

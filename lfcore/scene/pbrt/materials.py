@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
 from lfcore.scene.pbrt.lexer import Place, syntax_error
 from lfcore.scene.pbrt.parameters import ParameterSet
 from lfcore.scene.pbrt.spectra import METALS, metal_reflectance, parameter_rgb
@@ -59,12 +58,16 @@ def lobe(reflectance: np.ndarray, alpha: float) -> tuple[np.ndarray, float]:
     return np.clip(reflectance / (4 * alpha**2), 0.0, 1.0), shininess
 
 
+def _metal_diffuse(parameters: ParameterSet, reflectance: np.ndarray) -> Texture:
+    parameters.approximated(f"highlights and {METAL_DIFFUSE:g} of its reflectance as diffuse")
+    return constant(METAL_DIFFUSE * reflectance)
+
+
 class MaterialTable:
     """Named materials, and surfaces made from definitions on first use."""
 
-    def __init__(self, textures: TextureTable, notebook: Notebook):
+    def __init__(self, textures: TextureTable):
         self.textures = textures
-        self.notebook = notebook
         self.named: dict[str, Definition] = {}
         self._resolved: dict[tuple[int, tuple], tuple[Definition, Resolved]] = {}
 
@@ -95,8 +98,8 @@ class MaterialTable:
         maker = makers.get(kind, self._unknown)
         texture, specular, shininess = maker(parameters)
         if parameters.get("bumpmap") or parameters.get("displacement"):
-            self.notebook.add(LEFT_OUT, parameters.place, f"bumps of {parameters.owner}")
-        parameters.note_unused(self.notebook)
+            parameters.left_out("bumps")
+        parameters.note_unused()
         surface = Surface(
             name=parameters.owner.replace('"', ""),
             diffuse=tuple(np.clip(texture.factor, 0, None).tolist()),
@@ -109,9 +112,7 @@ class MaterialTable:
 
     def _matte(self, parameters: ParameterSet) -> Look:
         if self.textures.number(parameters, "sigma", 0.0) > 0:
-            self.notebook.add(
-                APPROXIMATED, parameters.place, f"{parameters.owner}: sigma, Lambert instead"
-            )
+            parameters.approximated("sigma, Lambert instead")
         return self.textures.colour(parameters, "Kd", 0.5), np.zeros(3), 32.0
 
     def _diffuse(self, parameters: ParameterSet) -> Look:
@@ -122,9 +123,7 @@ class MaterialTable:
         u = self.textures.number(parameters, "uroughness", rough)
         v = self.textures.number(parameters, "vroughness", rough)
         if u != v:
-            self.notebook.add(
-                APPROXIMATED, parameters.place, f"{parameters.owner}: anisotropy, mean roughness"
-            )
+            parameters.approximated("anisotropy, mean roughness")
         rough = (u + v) / 2
         if not parameters.bool("remaproughness", True):
             return rough
@@ -142,13 +141,11 @@ class MaterialTable:
     def _uber(self, parameters: ParameterSet) -> Look:
         diffuse = self.textures.colour(parameters, "Kd", 0.25)
         gloss = self.textures.rgb(parameters, "Ks", 0.25)
-        for name, default, what in (("Kr", 0.0, "mirror image"), ("Kt", 0.0, "transmission")):
-            if self.textures.rgb(parameters, name, default).any():
-                self.notebook.add(
-                    LEFT_OUT, parameters.place, f"{what} ({name}) of {parameters.owner}"
-                )
+        for name, what in (("Kr", "mirror image"), ("Kt", "transmission")):
+            if self.textures.rgb(parameters, name, 0.0).any():
+                parameters.left_out(f"{what} ({name})")
         if (self.textures.rgb(parameters, "opacity", 1.0) < 1).any():
-            self.notebook.add(APPROXIMATED, parameters.place, f"{parameters.owner}: opaque instead")
+            parameters.approximated("opaque instead")
         for name in ("eta", "index"):
             parameters.get(name)
         return diffuse, *lobe(gloss * DIELECTRIC, self._alpha(parameters, 0.1))
@@ -162,12 +159,7 @@ class MaterialTable:
         version4 = "conductor" in parameters.owner
         alpha = self._alpha(parameters, 0.0 if version4 else 0.01, version4)
         reflectance = self._metal_colour(parameters)
-        self.notebook.add(
-            APPROXIMATED,
-            parameters.place,
-            f"{parameters.owner}: highlights and {METAL_DIFFUSE:g} of its reflectance as diffuse",
-        )
-        return constant(METAL_DIFFUSE * reflectance), *lobe(reflectance, alpha)
+        return _metal_diffuse(parameters, reflectance), *lobe(reflectance, alpha)
 
     def _metal_colour(self, parameters: ParameterSet) -> np.ndarray:
         if "reflectance" in parameters.items:
@@ -184,12 +176,8 @@ class MaterialTable:
 
     def _mirror(self, parameters: ParameterSet) -> Look:
         reflectance = self.textures.rgb(parameters, "Kr", 0.9)
-        self.notebook.add(
-            APPROXIMATED,
-            parameters.place,
-            f"{parameters.owner}: highlights and {METAL_DIFFUSE:g} of its reflectance as diffuse",
-        )
-        return constant(METAL_DIFFUSE * reflectance), np.clip(reflectance, 0, 1), MIRROR_SHININESS
+        diffuse = _metal_diffuse(parameters, reflectance)
+        return diffuse, np.clip(reflectance, 0, 1), MIRROR_SHININESS
 
     def _mix(self, parameters: ParameterSet) -> Look:
         pair = parameters.get("materials", "string")
@@ -204,9 +192,8 @@ class MaterialTable:
             raise syntax_error(f"{parameters.owner} wants two named materials", parameters.place)
         first, second = (self.resolve(self.find(name, parameters.place)) for name in found)
         if first.surface is None or second.surface is None:
-            raise syntax_error(
-                f"{parameters.owner} mixes a material that is none", parameters.place
-            )
+            what = f"{parameters.owner} mixes a material that is none"
+            raise syntax_error(what, parameters.place)
         return self._blend(first, second, weight, parameters)
 
     def _blend(
@@ -227,9 +214,7 @@ class MaterialTable:
             texture = Texture(
                 kept.factor * (1 + others / mean), kept.image, kept.uv_scale, kept.uv_offset
             )
-            self.notebook.add(
-                APPROXIMATED, parameters.place, f"{parameters.owner}: one texture, of equal mean"
-            )
+            parameters.approximated("one texture, of equal mean")
         else:
             texture = Texture(halves[0].factor + halves[1].factor)
         specular = weight * np.array(a.specular) + (1 - weight) * np.array(b.specular)
@@ -237,9 +222,7 @@ class MaterialTable:
         return texture, specular, glossier.shininess
 
     def _unknown(self, parameters: ParameterSet) -> Look:
-        self.notebook.add(
-            APPROXIMATED, parameters.place, f"{parameters.owner}: as matte grey of 0.5"
-        )
+        parameters.approximated("as matte grey of 0.5")
         for name in ("Kd", "reflectance", "color", "Kr"):
             if name in parameters.items:
                 return self.textures.colour(parameters, name, 0.5), np.zeros(3), 32.0

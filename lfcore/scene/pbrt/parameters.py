@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.errors import SceneError, did_you_mean
-from lfcore.scene.notes import NOT_USED, Notebook
+from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.pbrt.lexer import Place, syntax_error
 
 COLOUR_TYPES = ("rgb", "color", "spectrum", "blackbody", "xyz")
@@ -30,10 +30,11 @@ class Parameter:
 
 @dataclass
 class ParameterSet:
-    """The parameters of one directive; whoever reads one marks it as used."""
+    """The parameters of one directive; a parameter that is read is marked as used."""
 
     owner: str  # e.g. 'Shape "sphere"', for messages
     place: Place
+    notebook: Notebook
     items: dict[str, Parameter] = field(default_factory=dict)
 
     def get(self, name: str, *types: str) -> Parameter | None:
@@ -129,20 +130,32 @@ class ParameterSet:
 
     def error(self, name: str, problem: str, remedy: str | None = None) -> SceneError:
         """A :class:`SceneError` at the parameter, or at the directive when it is absent."""
-        parameter = self.items.get(name)
-        place = parameter.place if parameter else self.place
-        return syntax_error(f'"{name}" of {self.owner} {problem}', place, remedy)
+        return syntax_error(f'"{name}" of {self.owner} {problem}', self.place_of(name), remedy)
+
+    def place_of(self, name: str) -> Place:
+        """The place of a parameter, or of the directive when it is absent."""
+        return self.items[name].place if name in self.items else self.place
+
+    def note(self, kind: str, what: str, name: str = "") -> None:
+        """Record a note at the place of the parameter ``name``, or of the directive."""
+        self.notebook.add(kind, self.place_of(name), what)
+
+    def approximated(self, how: str, name: str = "") -> None:
+        """Record how the directive is mapped instead; at the place as :meth:`note`."""
+        self.note(APPROXIMATED, f"{self.owner}: {how}", name)
+
+    def left_out(self, what: str) -> None:
+        """Record a part of the directive that is not mapped."""
+        self.note(LEFT_OUT, f"{what} of {self.owner}")
 
     def wrong_count(self, parameter: Parameter, wanted: str) -> SceneError:
         return self.error(parameter.name, f"has {len(parameter.values)} values, wants {wanted}")
 
-    def note_unused(self, notebook: Notebook) -> None:
+    def note_unused(self) -> None:
         """Record the parameters that nobody read."""
-        for parameter in self.items.values():
+        for name, parameter in self.items.items():
             if not parameter.used:
-                notebook.add(
-                    NOT_USED, parameter.place, f'parameter "{parameter.name}" of {self.owner}'
-                )
+                self.note(NOT_USED, f'parameter "{name}" of {self.owner}', name)
 
 
 def declare(text: str, place: Place) -> tuple[str, str]:

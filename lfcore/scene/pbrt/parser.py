@@ -115,7 +115,7 @@ class _Parser:
             for _ in range(grammar.count("s")):
                 strings.append(str(tokens.take_kind(lexer.STRING, name).value))
         owner = " ".join([name, *(f'"{text}"' for text in strings)])
-        parameters = ParameterSet(owner, token.place)
+        parameters = ParameterSet(owner, token.place, self.notebook)
         if grammar.endswith("p"):
             self.parameters(tokens, parameters)
         return Directive(name, token.place, strings, numbers, parameters)

@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 
 from lfcore.errors import SceneError
-from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
+from lfcore.scene.notes import LEFT_OUT, NOT_USED
 from lfcore.scene.pbrt.lexer import syntax_error
 from lfcore.scene.pbrt.loop_subdivision import loop_subdivide
 from lfcore.scene.pbrt.parameters import ParameterSet
@@ -38,11 +38,7 @@ _DEFAULT_UVS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
 
 
 def tessellate(
-    kind: str,
-    parameters: ParameterSet,
-    folder: Path,
-    notebook: Notebook,
-    tolerance: float = TOLERANCE,
+    kind: str, parameters: ParameterSet, folder: Path, tolerance: float = TOLERANCE
 ) -> Mesh | None:
     """The triangles of ``Shape "kind"``; None and a note for a shape that is not mapped.
 
@@ -51,22 +47,18 @@ def tessellate(
     meshes = {"trianglemesh": _trianglemesh, "plymesh": _plymesh, "loopsubdiv": _loopsubdiv}
     curved = {"sphere": _sphere, "disk": _disk, "cylinder": _cylinder}
     if kind not in meshes and kind not in curved:
-        notebook.add(LEFT_OUT, parameters.place, f'Shape "{kind}"')
+        parameters.note(LEFT_OUT, f'Shape "{kind}"')
         return None
     for name in ("alpha", "shadowalpha"):
-        if name in parameters.items:
-            parameters.get(name)
-            notebook.add(
-                APPROXIMATED, parameters.items[name].place, f'{parameters.owner}: "{name}", opaque'
-            )
+        if parameters.get(name):
+            parameters.approximated(f'"{name}", opaque', name)
     if kind in meshes:
         mesh = meshes[kind](parameters, folder)
     else:
         mesh = curved[kind](parameters, tolerance)
-    if "S" in parameters.items:
-        parameters.get("S")
-        notebook.add(NOT_USED, parameters.place, f'"S" (tangents) of {parameters.owner}')
-    parameters.note_unused(notebook)
+    if parameters.get("S"):
+        parameters.note(NOT_USED, f'"S" (tangents) of {parameters.owner}')
+    parameters.note_unused()
     return mesh
 
 
@@ -185,14 +177,8 @@ def _sphere(parameters: ParameterSet, tolerance: float) -> Mesh:
     phi = np.linspace(0.0, phi_max, columns + 1)[None, :]
     # sin(pi) is not zero in floating point; a pole must be one point to stay closed.
     sine = np.where(np.isclose(np.abs(np.cos(theta)), 1.0, atol=1e-15), 0.0, np.sin(theta))
-    outward = np.stack(
-        [
-            sine * np.cos(phi),
-            sine * np.sin(phi),
-            np.broadcast_to(np.cos(theta), (rows + 1, columns + 1)),
-        ],
-        -1,
-    )
+    axes = sine * np.cos(phi), sine * np.sin(phi), np.cos(theta)
+    outward = np.stack(np.broadcast_arrays(*axes), -1)
     _close(outward, phi_max)
     return _grid(radius * outward, outward)
 

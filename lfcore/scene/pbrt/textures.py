@@ -10,7 +10,7 @@ import numpy as np
 from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.pictures import read_codes
-from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
+from lfcore.scene.notes import APPROXIMATED, LEFT_OUT
 from lfcore.scene.pbrt.lexer import Place, syntax_error
 from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet
 from lfcore.scene.pbrt.spectra import parameter_rgb
@@ -79,9 +79,8 @@ def read_picture(path: Path, place: Place) -> tuple[np.ndarray, bool]:
 class TextureTable:
     """The named textures of a scene, resolved as they are defined."""
 
-    def __init__(self, folder: Path, notebook: Notebook):
+    def __init__(self, folder: Path):
         self.folder = folder
-        self.notebook = notebook
         self._named: dict[tuple[bool, str], Texture] = {}
 
     def define(self, name: str, value_type: str, kind: str, parameters: ParameterSet) -> None:
@@ -96,10 +95,8 @@ class TextureTable:
             texture = makers[kind](parameters)
         else:
             texture = constant(0.5)
-            self.notebook.add(
-                LEFT_OUT, parameters.place, f'Texture "{name}" of class "{kind}": a grey of 0.5'
-            )
-        parameters.note_unused(self.notebook)
+            parameters.note(LEFT_OUT, f'Texture "{name}" of class "{kind}": a grey of 0.5')
+        parameters.note_unused()
         self._named[value_type == "float", name] = texture
 
     def find(self, name: str, place: Place, is_float: bool) -> Texture:
@@ -131,22 +128,14 @@ class TextureTable:
             return float(parameter.values[0])
         texture = self.find(parameter.values[0], parameter.place, True)
         if texture.image is not None:
-            self.notebook.add(
-                APPROXIMATED,
-                parameter.place,
-                f'"{name}" of {parameters.owner}: the mean of its texture',
-            )
+            _note_mean(parameters, name)
         return float(texture.mean()[0])
 
     def rgb(self, parameters: ParameterSet, name: str, default: float | np.ndarray) -> np.ndarray:
         """A colour parameter as one colour; a texture counts with its mean, noted."""
         texture = self.colour(parameters, name, default)
         if texture.image is not None:
-            self.notebook.add(
-                APPROXIMATED,
-                parameters.items[name].place,
-                f'"{name}" of {parameters.owner}: the mean of its texture',
-            )
+            _note_mean(parameters, name)
         return texture.mean()
 
     def _constant(self, parameters: ParameterSet) -> Texture:
@@ -162,11 +151,7 @@ class TextureTable:
         if b.image is None:
             return replace(a, factor=a.factor * b.factor)
         if a.placement != b.placement:
-            self.notebook.add(
-                APPROXIMATED,
-                parameters.place,
-                f"{parameters.owner}: images of different uv mapping, the second as its mean",
-            )
+            parameters.approximated("images of different uv mapping, the second as its mean")
             return replace(a, factor=a.factor * b.mean())
         return _product(a, b)
 
@@ -187,9 +172,7 @@ class TextureTable:
         if parameters.bool("invert", False):
             picture, factor = encode(1.0 - srgb_decode(picture / 255.0) * factor)
         if (wrap := parameters.string("wrap", "repeat")) != "repeat":
-            self.notebook.add(
-                APPROXIMATED, parameters.items["wrap"].place, f'wrap "{wrap}": repeats instead'
-            )
+            parameters.note(APPROXIMATED, f'wrap "{wrap}": repeats instead', "wrap")
         for sampling in ("trilinear", "maxanisotropy", "filter"):
             parameters.get(sampling)
         factor *= parameters.float("scale", 1.0)
@@ -197,9 +180,7 @@ class TextureTable:
 
     def _checkerboard(self, parameters: ParameterSet) -> Texture:
         if parameters.integer("dimension", 2) != 2:
-            self.notebook.add(
-                APPROXIMATED, parameters.place, f"{parameters.owner}: 3D, drawn in 2D"
-            )
+            parameters.approximated("3D, drawn in 2D")
         parameters.get("aamode")
         one, two = (self.rgb(parameters, name, d) for name, d in (("tex1", 1.0), ("tex2", 0.0)))
         fields = np.stack([np.stack([two, one]), np.stack([one, two])])  # row 0 on top
@@ -211,14 +192,15 @@ class TextureTable:
     def _placed(self, texture: Texture, parameters: ParameterSet, period: float = 1.0) -> Texture:
         mapping = parameters.string("mapping", "uv")
         if mapping != "uv":
-            self.notebook.add(
-                APPROXIMATED,
-                parameters.items["mapping"].place,
-                f'{parameters.owner}: mapping "{mapping}" as "uv"',
-            )
+            parameters.approximated(f'mapping "{mapping}" as "uv"', "mapping")
         u_scale, v_scale = (parameters.float(name, 1.0) / period for name in ("uscale", "vscale"))
         u, v = (parameters.float(name, 0.0) / period for name in ("udelta", "vdelta"))
         return replace(texture, uv_scale=(u_scale, v_scale), uv_offset=(u, v))
+
+
+def _note_mean(parameters: ParameterSet, name: str) -> None:
+    what = f'"{name}" of {parameters.owner}: the mean of its texture'
+    parameters.note(APPROXIMATED, what, name)
 
 
 def _product(a: Texture, b: Texture) -> Texture:

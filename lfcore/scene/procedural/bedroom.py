@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from lfcore.scene.colour import hex_colour
 from lfcore.scene.procedural import foliage, furniture, softgoods, textures, toys
+from lfcore.scene.procedural.basics import Look, Parts, Rng, painted, textured
 from lfcore.scene.procedural.bedroom_surfaces import surfaces
 from lfcore.scene.procedural.budget import fill_to
 from lfcore.scene.procedural.pictures import art_print, wallpaper
@@ -19,8 +19,9 @@ from lfcore.scene.procedural.primitives import (
     scattered,
     sphere,
     tube,
+    xyz,
 )
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, count, merge, transform_all
+from lfcore.scene.surface_mesh import SurfaceMesh, count, merge, transform_all
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
 LEFT, RIGHT, BACK, FRONT, CEILING = -2.1, 2.1, -2.7, 3.6, 2.65
@@ -29,14 +30,14 @@ WINDOW = (-1.35, 0.75, 0.62, 2.30)
 SHEEPSKIN = chain(rotate("y", 12), translate(0.92, 0, -0.95))
 
 
-def build(seed: int, *, triangles: int = 207000) -> list[SurfaceMesh]:
+def build(seed: int, *, triangles: int = 207000) -> Parts:
     """Exactly ``triangles`` of them; a sheepskin's fleece takes up what the rest leaves."""
     rng = np.random.default_rng(seed)
     look = surfaces(seed)
     parts = _room(seed, look) + _window(look, seed)
     parts += transform_all(furniture.bed(seed, look), translate(-0.42, 0, BACK + 0.06))
     parts += _beside_bed(look)
-    shelf = furniture.bookshelf(rng, look, width=0.98)
+    shelf = furniture.bookshelf(rng, look, 0.98)
     parts += transform_all(shelf, translate(1.10, 0, BACK + 0.01))
     chair = furniture.armchair(seed + 50, look)
     parts += transform_all(chair, chain(rotate("y", -42), translate(1.50, 0, -0.15)))
@@ -55,14 +56,12 @@ def build(seed: int, *, triangles: int = 207000) -> list[SurfaceMesh]:
     return merge(parts)
 
 
-def _room(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _room(seed: int, look: Look) -> Parts:
     boards = textures.planks(seed + 20, (138, 98, 60), (190, 146, 98), rows=8)
-    floor = Surface("floor", (0.95, 0.95, 0.95), (0.06, 0.06, 0.06), 40.0, texture=boards)
-    paint = Surface(
-        "wall", (0.95, 0.95, 0.95), texture=textures.plaster(seed + 21, (206, 208, 192), contrast=5)
-    )
-    paper = Surface("wallpaper", (0.95, 0.95, 0.95), texture=wallpaper(seed + 22))
-    ceiling = Surface("ceiling", hex_colour("#efece4"))
+    floor = textured("floor", boards, 0.06, 40.0, tone=0.95)
+    paint = textured("wall", textures.plaster(seed + 21, (206, 208, 192), contrast=5), tone=0.95)
+    paper = textured("wallpaper", wallpaper(seed + 22), tone=0.95)
+    ceiling = painted("ceiling", "#efece4")
     deep, wide, tall = FRONT - BACK, RIGHT - LEFT, CEILING
     z0, z1, sill, head = WINDOW
     parts = [
@@ -77,19 +76,15 @@ def _room(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
         parts.append(
             rectangle((LEFT, low, end), (0, 0, start - end), (0, high - low, 0), paint, repeat=0.5)
         )
-    for origin, size in (
-        ((0, 0.06, BACK + 0.011), (wide, 0.12, 0.022)),
-        ((RIGHT - 0.011, 0.06, (BACK + FRONT) / 2), (0.022, 0.12, deep)),
-        ((LEFT + 0.011, 0.06, (BACK + FRONT) / 2), (0.022, 0.12, deep)),
-        ((0, tall - 0.04, BACK + 0.03), (wide, 0.08, 0.06)),
-        ((RIGHT - 0.03, tall - 0.04, (BACK + FRONT) / 2), (0.06, 0.08, deep)),
-        ((LEFT + 0.03, tall - 0.04, (BACK + FRONT) / 2), (0.06, 0.08, deep)),
-    ):
-        parts.append(box(size, look["white"], centre=origin))
+    for y, high, thick in ((0.06, 0.12, 0.022), (tall - 0.04, 0.08, 0.06)):
+        middle, half = (BACK + FRONT) / 2, thick / 2
+        parts.append(box((wide, high, thick), look["white"], centre=(0, y, BACK + half)))
+        for x in (RIGHT - half, LEFT + half):
+            parts.append(box((thick, high, deep), look["white"], centre=(x, y, middle)))
     return parts
 
 
-def _window(look: dict[str, Surface], seed: int) -> list[SurfaceMesh]:
+def _window(look: Look, seed: int) -> Parts:
     z0, z1, sill, head = WINDOW
     x, middle, wide, tall = LEFT - 0.09, (z0 + z1) / 2, z1 - z0, head - sill
     parts = []
@@ -102,13 +97,9 @@ def _window(look: dict[str, Surface], seed: int) -> list[SurfaceMesh]:
     parts.append(
         box((0.30, 0.035, wide + 0.16), look["white"], centre=(LEFT + 0.06, sill - 0.018, middle))
     )
-    reveal = [
-        (z0, sill, z0, head),
-        (z1, sill, z1, head),
-        (z0, sill, z1, sill),
-        (z0, head, z1, head),
-    ]
-    for za, ya, zb, yb in reveal:
+    for za, ya, zb, yb in (
+        (z0, sill, z0, head), (z1, sill, z1, head), (z0, sill, z1, sill), (z0, head, z1, head)
+    ):  # fmt: skip
         corners = [(LEFT - 0.12, ya, za), (LEFT, ya, za), (LEFT, yb, zb), (LEFT - 0.12, yb, zb)]
         parts.append(quad(corners, look["white"]))
     rod = [(LEFT + 0.10, head + 0.16, z0 - 0.55), (LEFT + 0.10, head + 0.16, z1 + 0.55)]
@@ -123,9 +114,7 @@ def _window(look: dict[str, Surface], seed: int) -> list[SurfaceMesh]:
         )
         turn = chain(rotate("y", 90), translate(LEFT + 0.11, 0.04, start))
         parts.append(drape.transformed(turn))
-    pot = lathe(
-        [(0, 0), (0.05, 0), (0.065, 0.10), (0.058, 0.10), (0, 0.09)], look["clay"], segments=28
-    )
+    pot = lathe("0 0, 0.05 0, 0.065 0.1, 0.058 0.1, 0 0.09", look["clay"], segments=28)
     rng = np.random.default_rng(seed + 70)
     leaf = foliage.blade(0.13, 0.035, look["leaf"], bend=0.25, pieces=5, widest=0.3)
     for z in (-1.0, -0.35):
@@ -137,37 +126,21 @@ def _window(look: dict[str, Surface], seed: int) -> list[SurfaceMesh]:
     return parts
 
 
-def _beside_bed(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _beside_bed(look: Look) -> Parts:
     parts = transform_all(furniture.night_table(look), translate(0.78, 0, BACK + 0.24))
     parts += transform_all(furniture.table_lamp(look), translate(0.85, 0.52, BACK + 0.20))
     for number in range(2):
-        volume = furniture.book(
-            (0.035, 0.21, 0.15), 4 + 7 * number, look["books"], look["paper"], lying=True
-        )
-        parts += transform_all(
-            volume,
-            chain(
-                rotate("y", 8 - 20 * number), translate(0.58, 0.52 + 0.036 * number, BACK + 0.38)
-            ),
-        )
-    mug = lathe(
-        [
-            (0, 0),
-            (0.032, 0),
-            (0.036, 0.01),
-            (0.036, 0.085),
-            (0.032, 0.085),
-            (0.031, 0.012),
-            (0, 0.01),
-        ],
-        look["white"],
-        segments=36,
-    )
+        size, index = (0.035, 0.21, 0.15), 4 + 7 * number
+        volume = furniture.book(size, index, look["books"], look["paper"], lying=True)
+        place = translate(0.58, 0.52 + 0.036 * number, BACK + 0.38)
+        parts += transform_all(volume, chain(rotate("y", 8 - 20 * number), place))
+    profile = "0 0, 0.032 0, 0.036 0.01, 0.036 0.085, 0.032 0.085, 0.031 0.012, 0 0.01"
+    mug = lathe(profile, look["white"], segments=36)
     parts.append(mug.transformed(translate(0.92, 0.52, BACK + 0.37)))
     return parts
 
 
-def _toys(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _toys(seed: int, look: Look) -> Parts:
     parts = transform_all(
         toys.toy_corner(seed), chain(rotate("y", 6), translate(0.14, 0.022, 0.84))
     )
@@ -176,15 +149,13 @@ def _toys(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
     return parts
 
 
-def _on_walls(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _on_walls(seed: int, look: Look) -> Parts:
     """Three framed prints over the bed, a mirror on the right, a string of lights."""
     parts = []
     for number, (x, y, width, tall) in enumerate(
         ((-1.02, 1.86, 0.46, 0.60), (-0.42, 1.92, 0.56, 0.72), (0.18, 1.86, 0.46, 0.60))
     ):
-        picture = Surface(
-            f"print {number}", (1, 1, 1), texture=art_print(seed + 90 + number, number)
-        )
+        picture = textured(f"print {number}", art_print(seed + 90 + number, number))
         low = (x - width / 2, y - tall / 2, BACK + 0.016)
         parts.append(rectangle(low, (width, 0, 0), (0, tall, 0), picture))
         for side in (-1, 1):
@@ -192,17 +163,13 @@ def _on_walls(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
             parts.append(box((0.03, tall + 0.03, 0.04), look["oak"], centre=upright, grain=1))
             level = (x, y + side * tall / 2, BACK + 0.02)
             parts.append(box((width + 0.03, 0.03, 0.036), look["oak"], centre=level))
-    bulb = Surface("bulb", hex_colour("#e8cf90"), emission=(0.75, 0.55, 0.28))
-    wire = Surface("wire", hex_colour("#3a3a34"))
+    bulb = painted("bulb", "#e8cf90", emission=(0.75, 0.55, 0.28))
+    wire = painted("wire", "#3a3a34")
     pieces = []
     for k in range(4):
         t = np.linspace(0, 1, 16, endpoint=k == 3)
         along = -2.0 + (k + t) * 1.0
-        pieces.append(
-            np.stack(
-                [along, 2.46 - 0.26 * (1 - (2 * t - 1) ** 2), np.full(len(t), BACK + 0.05)], -1
-            )
-        )
+        pieces.append(xyz(along, 2.46 - 0.26 * (1 - (2 * t - 1) ** 2), BACK + 0.05))
     path = np.concatenate(pieces)
     parts.append(tube(path, 0.004, wire, segments=5))
     drop = sphere((0.018, 0.024, 0.018), bulb, segments=14, rings=10)
@@ -213,7 +180,7 @@ def _on_walls(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
     return parts
 
 
-def _lantern(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _lantern(look: Look) -> Parts:
     """A ribbed paper globe under the ceiling."""
     v = np.linspace(-np.pi / 2, np.pi / 2, 81)
     radius = 0.20 * np.cos(v) * (1 + 0.02 * np.abs(np.sin(v * 20)))
@@ -225,7 +192,7 @@ def _lantern(look: dict[str, Surface]) -> list[SurfaceMesh]:
     return transform_all([shell, cord], place)
 
 
-def _sheepskin(rng: np.random.Generator, number: int, unit: SurfaceMesh) -> SurfaceMesh:
+def _sheepskin(rng: Rng, number: int, unit: SurfaceMesh) -> SurfaceMesh:
     """Tufts over an oval with a nicked outline, beside the bed."""
     turn, out = rng.uniform(0, 2 * np.pi, number), np.sqrt(rng.random(number))
     shape = 1 + 0.13 * np.cos(2 * turn + 0.4) + 0.07 * np.cos(5 * turn)

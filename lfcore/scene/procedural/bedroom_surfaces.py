@@ -5,106 +5,76 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.scene.colour import hex_colour
 from lfcore.scene.procedural import furniture, textures
+from lfcore.scene.procedural.basics import Look, codes, painted, textured
 from lfcore.scene.procedural.bicycle import wicker
 from lfcore.scene.procedural.pictures import earth_map, rug_pattern
 from lfcore.scene.surface_mesh import Surface
 
 
-def surfaces(seed: int) -> dict[str, Surface]:
+def surfaces(seed: int) -> Look:
     return furniture.bedroom_wood(seed + 100) | _cloths(seed) | _things(seed)
 
 
-def _cloths(seed: int) -> dict[str, Surface]:
+def _cloths(seed: int) -> Look:
     def cloth(name: str, colour: ArrayLike, number: int, **more: Any) -> Surface:
-        return Surface(name, (1, 1, 1), texture=textures.weave(seed + number, colour, **more))
+        return textured(name, textures.weave(seed + number, colour, **more))
 
-    dull = (0.05, 0.05, 0.05)
+    white, blue, red = (236, 230, 216), (62, 96, 124), (196, 120, 96)
+    tones = (white, blue, white, blue, white, red)
+    stripes = textures.stripes(seed + 4, tones, (4, 1, 2, 1, 4, 2))
+    curtain = textures.stripes(seed + 7, ((204, 194, 176), (178, 158, 130)), (3, 1), depth=0.08)
     return {
         "linen": cloth("linen", (238, 232, 220), 1),
         "blush": cloth("blush cotton", (214, 152, 138), 2),
         "mustard": cloth("mustard cotton", (212, 158, 52), 3),
-        "stripe": Surface(
-            "striped cotton",
-            (1, 1, 1),
-            texture=textures.stripes(
-                seed + 4,
-                (
-                    (236, 230, 216),
-                    (62, 96, 124),
-                    (236, 230, 216),
-                    (62, 96, 124),
-                    (236, 230, 216),
-                    (196, 120, 96),
-                ),
-                (4, 1, 2, 1, 4, 2),
-            ),
-        ),
-        "quilt": Surface("quilt", (1, 1, 1), texture=patchwork(seed + 5)),
-        "knit": Surface("knitted throw", (1, 1, 1), texture=knitting(seed + 6, (196, 108, 78))),
-        "velvet": Surface("velvet", hex_colour("#3f6570"), dull, 8.0),
-        "velvet 2": Surface("ochre velvet", hex_colour("#b8863b"), dull, 8.0),
-        "curtain": Surface(
-            "curtain",
-            (1, 1, 1),
-            texture=textures.stripes(
-                seed + 7, ((204, 194, 176), (178, 158, 130)), (3, 1), depth=0.08
-            ),
-        ),
+        "stripe": textured("striped cotton", stripes),
+        "quilt": textured("quilt", patchwork(seed + 5)),
+        "knit": textured("knitted throw", knitting(seed + 6, (196, 108, 78))),
+        "velvet": painted("velvet", "#3f6570", 0.05, 8.0),
+        "velvet 2": painted("ochre velvet", "#b8863b", 0.05, 8.0),
+        "curtain": textured("curtain", curtain),
     }
 
 
-def _things(seed: int) -> dict[str, Surface]:
+def _things(seed: int) -> Look:
     return {
-        "rug": Surface("rug", (1, 1, 1), texture=rug_pattern(seed + 8)),
-        "fringe": Surface("fringe", hex_colour("#e2d6bc")),
-        "fleece": Surface("fleece", hex_colour("#e9e2d4")),
-        "fur": Surface("fur", hex_colour("#a87542")),
-        "light fur": Surface("light fur", hex_colour("#dcbf92")),
-        "button": Surface("button", hex_colour("#241a16"), (0.5, 0.5, 0.5), 80.0),
-        "glaze": Surface("glaze", hex_colour("#4d7f86"), (0.4, 0.4, 0.4), 70.0),
-        "clay": Surface("clay", hex_colour("#bd6f4c")),
-        "shade": Surface("lamp shade", hex_colour("#e8d3a8"), emission=(0.42, 0.32, 0.18)),
-        "paper lantern": Surface("paper lantern", hex_colour("#d6cab4")),
-        "paper": Surface("paper", hex_colour("#ece3cd")),
-        "books": Surface(
-            "books", (1, 1, 1), (0.05, 0.05, 0.05), 25.0, texture=furniture.spine_atlas(seed + 9)
-        ),
-        "leaf": Surface(
+        "rug": textured("rug", rug_pattern(seed + 8)),
+        "fringe": painted("fringe", "#e2d6bc"),
+        "fleece": painted("fleece", "#e9e2d4"),
+        "fur": painted("fur", "#a87542"),
+        "light fur": painted("light fur", "#dcbf92"),
+        "button": painted("button", "#241a16", 0.5, 80.0),
+        "glaze": painted("glaze", "#4d7f86", 0.4, 70.0),
+        "clay": painted("clay", "#bd6f4c"),
+        "shade": painted("lamp shade", "#e8d3a8", emission=(0.42, 0.32, 0.18)),
+        "paper lantern": painted("paper lantern", "#d6cab4"),
+        "paper": painted("paper", "#ece3cd"),
+        "books": textured("books", furniture.spine_atlas(seed + 9), 0.05, 25.0),
+        "leaf": textured(
             "plant leaf",
-            (1, 1, 1),
+            textures.leaf(seed + 10, (26, 70, 40), (92, 150, 74)),
             (0.14, 0.15, 0.13),
             35.0,
-            texture=textures.leaf(seed + 10, (26, 70, 40), (92, 150, 74)),
         ),
-        "tulip": Surface("tulip", hex_colour("#e0526a"), (0.06, 0.06, 0.06), 20.0),
-        "stalk": Surface("stalk", hex_colour("#5b6b34")),
-        "basket": Surface("basket", (1, 1, 1), texture=wicker(seed + 11)),
-        "earth": Surface(
-            "globe", (1, 1, 1), (0.25, 0.25, 0.25), 60.0, texture=earth_map(seed + 12)
-        ),
-        "white": Surface("white paint", hex_colour("#efebe2"), (0.06, 0.06, 0.06), 30.0),
+        "tulip": painted("tulip", "#e0526a", 0.06, 20.0),
+        "stalk": painted("stalk", "#5b6b34"),
+        "basket": textured("basket", wicker(seed + 11)),
+        "earth": textured("globe", earth_map(seed + 12), 0.25, 60.0),
+        "white": painted("white paint", "#efebe2", 0.06, 30.0),
     }
 
 
 def patchwork(seed: int) -> np.ndarray:
     """(512, 512, 3) uint8: 4 x 4 squares of different cloths, stitched."""
     rng = np.random.default_rng(seed)
-    tones = (
-        (226, 214, 190),
-        (108, 140, 150),
-        (202, 138, 118),
-        (232, 196, 120),
-        (74, 104, 128),
-        (150, 168, 140),
-    )
+    tones = ("#e2d6be", "#6c8c96", "#ca8a76", "#e8c478", "#4a6880", "#96a88c")
     picture = np.zeros((512, 512, 3), np.uint8)
     v, u = np.mgrid[:128, :128] / 128.0
     for row in range(4):
         for column in range(4):
-            base = np.array(tones[(row * 2 + column * 5 + (row * column) % 3) % 6])
-            other = np.array(tones[(row * 3 + column + 2) % 6])
+            base = codes(tones[(row * 2 + column * 5 + (row * column) % 3) % 6])
+            other = codes(tones[(row * 3 + column + 2) % 6])
             kind = int(rng.integers(4))
             if kind == 0:
                 mask = np.hypot((u * 4) % 1 - 0.5, (v * 4) % 1 - 0.5) < 0.22

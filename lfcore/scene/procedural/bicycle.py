@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.scene.colour import hex_colour
 from lfcore.scene.procedural import textures
+from lfcore.scene.procedural.basics import Look, Parts, painted, textured
 from lfcore.scene.procedural.primitives import (
     box,
     curve,
@@ -12,11 +12,13 @@ from lfcore.scene.procedural.primitives import (
     cylinder,
     lathe,
     mesh_grid,
+    outline,
     ring,
     sphere,
     tube,
+    xyz,
 )
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, transform_all
+from lfcore.scene.surface_mesh import SurfaceMesh, transform_all
 from lfcore.scene.transforms import chain, rotate, translate
 
 WHEEL = 0.335
@@ -25,25 +27,19 @@ BRACKET, SEAT = np.array([-0.08, 0.29, 0.0]), np.array([-0.24, 0.80, 0.0])
 HEAD_LOW, HEAD_HIGH = np.array([0.385, 0.71, 0.0]), np.array([0.335, 0.90, 0.0])
 
 
-def paints(seed: int, paint: str) -> dict[str, Surface]:
+def paints(seed: int, paint: str) -> Look:
     """The surfaces of the bicycle by name."""
-    shine = (0.55, 0.55, 0.55)
+    leather = textures.speckle(seed + 1, ((84, 44, 22), (128, 72, 38)), size=(128, 128))
     return {
-        "paint": Surface("paint", hex_colour(paint), (0.35, 0.35, 0.35), 90.0),
-        "cream": Surface("cream", hex_colour("#e9dfc4"), (0.25, 0.25, 0.25), 60.0),
-        "rubber": Surface("rubber", hex_colour("#2b2a2c"), (0.06, 0.06, 0.06), 12.0),
-        "wall": Surface("tyre wall", hex_colour("#b99b6b"), (0.05, 0.05, 0.05), 12.0),
-        "chrome": Surface("chrome", hex_colour("#a8adb4"), shine, 60.0),
-        "steel": Surface("steel", hex_colour("#7d8188"), shine, 60.0),
-        "leather": Surface(
-            "leather",
-            (1, 1, 1),
-            (0.12, 0.10, 0.08),
-            25.0,
-            texture=textures.speckle(seed + 1, ((84, 44, 22), (128, 72, 38)), size=(128, 128)),
-        ),
-        "wicker": Surface("wicker", (1, 1, 1), texture=wicker(seed + 2)),
-        "glass": Surface("lamp glass", hex_colour("#f4ecc8"), (0.5, 0.5, 0.5), 80.0),
+        "paint": painted("paint", paint, 0.35, 90.0),
+        "cream": painted("cream", "#e9dfc4", 0.25, 60.0),
+        "rubber": painted("rubber", "#2b2a2c", 0.06, 12.0),
+        "wall": painted("tyre wall", "#b99b6b", 0.05, 12.0),
+        "chrome": painted("chrome", "#a8adb4", 0.55, 60.0),
+        "steel": painted("steel", "#7d8188", 0.55, 60.0),
+        "leather": textured("leather", leather, (0.12, 0.1, 0.08), 25.0),
+        "wicker": textured("wicker", wicker(seed + 2)),
+        "glass": painted("lamp glass", "#f4ecc8", 0.5, 80.0),
     }
 
 
@@ -60,7 +56,7 @@ def wicker(seed: int) -> np.ndarray:
     return textures.finish(textures.ramp(tone, (58, 34, 14), (158, 108, 54), (214, 168, 100)))
 
 
-def bicycle(seed: int, paint: str = "#1f6f78") -> list[SurfaceMesh]:
+def bicycle(seed: int, paint: str = "#1f6f78") -> Parts:
     """About 5,000 triangles."""
     look = paints(seed, paint)
     parts = [*_wheel(REAR, look), *_wheel(FRONT, look)]
@@ -69,7 +65,7 @@ def bicycle(seed: int, paint: str = "#1f6f78") -> list[SurfaceMesh]:
     return parts
 
 
-def _wheel(hub: np.ndarray, look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _wheel(hub: np.ndarray, look: Look) -> Parts:
     rim = tube(ring(WHEEL - 0.045, 36), 0.014, look["chrome"], segments=4, closed=True)
     tread = tube(ring(WHEEL - 0.012, 40), 0.024, look["rubber"], segments=6, closed=True)
     spokes = []
@@ -82,8 +78,8 @@ def _wheel(hub: np.ndarray, look: dict[str, Surface]) -> list[SurfaceMesh]:
         tip = (reach * np.cos(angle), reach * np.sin(angle), 0)
         spokes.append(cylinder(foot, tip, 0.0022, look["chrome"], segments=3, caps=False))
     axle = lathe(
-        [(0, -0.07), (0.012, -0.07), (0.012, -0.045), (0.03, -0.04), (0.03, -0.03), (0.016, -0.022)]
-        + [(0.016, 0.022), (0.03, 0.03), (0.03, 0.04), (0.012, 0.045), (0.012, 0.07), (0, 0.07)],
+        "0 -0.07, 0.012 -0.07, 0.012 -0.045, 0.03 -0.04, 0.03 -0.03, 0.016 -0.022, "
+        "0.016 0.022, 0.03 0.03, 0.03 0.04, 0.012 0.045, 0.012 0.07, 0 0.07",
         look["steel"],
         segments=8,
     )
@@ -91,7 +87,7 @@ def _wheel(hub: np.ndarray, look: dict[str, Surface]) -> list[SurfaceMesh]:
     return transform_all([rim, tread, *spokes, axle], translate(*hub))
 
 
-def _frame(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _frame(look: Look) -> Parts:
     paint = look["paint"]
 
     def bar(points: ArrayLike, radius: ArrayLike, segments: int = 8) -> SurfaceMesh:
@@ -110,17 +106,13 @@ def _frame(look: dict[str, Surface]) -> list[SurfaceMesh]:
         z = np.array([0, 0, 0.055 * side])
         parts.append(bar([BRACKET + 0.5 * z, REAR + z], 0.010, 6))
         parts.append(bar([SEAT - (0, 0.05, 0) + 0.3 * z, REAR + z], 0.009, 6))
-        fork = [
-            HEAD_LOW + (0, -0.01, 0) + 0.5 * z,
-            (0.43, 0.55, z[2]),
-            (0.50, 0.40, z[2]),
-            FRONT + z,
-        ]
+        knees = (0.43, 0.55, z[2]), (0.50, 0.40, z[2])
+        fork = [HEAD_LOW + (0, -0.01, 0) + 0.5 * z, *knees, FRONT + z]
         parts.append(tube(curve(fork, 6), [0.016, 0.014, 0.013, 0.012, 0.011, 0.009], paint))
     return parts
 
 
-def _mudguards(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _mudguards(look: Look) -> Parts:
     parts = []
     for hub, start, stop in ((REAR, 5, 190), (FRONT, 15, 165)):
         angle = np.radians(np.linspace(start, stop, 19))
@@ -141,7 +133,7 @@ def _mudguards(look: dict[str, Surface]) -> list[SurfaceMesh]:
     return parts
 
 
-def _drive(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _drive(look: Look) -> Parts:
     z = 0.055
     parts = []
     wheel = tube(ring(0.085, 28), 0.006, look["steel"], segments=4, closed=True)
@@ -158,9 +150,7 @@ def _drive(look: dict[str, Surface]) -> list[SurfaceMesh]:
     for angle in np.radians(np.linspace(265, 95, 7)):
         chain_path.append(REAR + (0.045 * np.cos(angle), 0.045 * np.sin(angle), z))
     parts.append(tube(chain_path, 0.006, look["rubber"], segments=4, closed=True))
-    cog = lathe(
-        [(0, -0.006), (0.042, -0.006), (0.042, 0.006), (0, 0.006)], look["steel"], segments=14
-    )
+    cog = lathe("0 -0.006, 0.042 -0.006, 0.042 0.006, 0 0.006", look["steel"], segments=14)
     parts.append(cog.transformed(chain(rotate("x", 90), translate(*(REAR + (0, 0, z))))))
     # The guard covers the upper run of the chain.
     top = [BRACKET + (0.10, 0.03, z), BRACKET + (0.03, 0.115, z), REAR + (0.12, 0.085, z)]
@@ -180,7 +170,7 @@ def _drive(look: dict[str, Surface]) -> list[SurfaceMesh]:
     return parts
 
 
-def _saddle(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _saddle(look: Look) -> Parts:
     post = cylinder(
         SEAT - (0, 0.02, 0), SEAT + (-0.045, 0.13, 0), 0.012, look["chrome"], segments=8
     )
@@ -199,19 +189,13 @@ def _saddle(look: dict[str, Surface]) -> list[SurfaceMesh]:
     springs = []
     for side in (-0.05, 0.05):
         angle = np.linspace(0, 6 * np.pi, 19)
-        coil = np.stack(
-            [
-                -0.345 + 0.016 * np.cos(angle),
-                0.90 + angle / angle[-1] * 0.055,
-                side + 0.016 * np.sin(angle),
-            ],
-            -1,
-        )
+        rise = 0.90 + angle / angle[-1] * 0.055
+        coil = xyz(-0.345 + 0.016 * np.cos(angle), rise, side + 0.016 * np.sin(angle))
         springs.append(tube(coil, 0.004, look["chrome"], segments=3, caps=False))
     return [post, shaped, *springs]
 
 
-def _handlebar(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _handlebar(look: Look) -> Parts:
     stem = [HEAD_HIGH, HEAD_HIGH + (-0.02, 0.11, 0), HEAD_HIGH + (0.03, 0.16, 0)]
     parts = [tube(curve(stem, 5), 0.013, look["chrome"], segments=8)]
     x, y = HEAD_HIGH[0] + 0.03, HEAD_HIGH[1] + 0.16
@@ -228,14 +212,12 @@ def _handlebar(look: dict[str, Surface]) -> list[SurfaceMesh]:
         parts.append(cylinder(grip[0] - (0.015, 0, 0), grip[1], 0.017, look["leather"], segments=8))
         lever = [path[6] + (0.02, -0.02, 0), path[8] + (0.02, -0.045, 0.01 * side)]
         parts.append(tube(lever, 0.005, look["chrome"], segments=4))
-    bell = lathe(
-        [(0.03, 0), (0.029, 0.012), (0.02, 0.024), (0.0, 0.029)], look["chrome"], segments=12
-    )
+    bell = lathe("0.03 0, 0.029 0.012, 0.02 0.024, 0.0 0.029", look["chrome"], segments=12)
     parts.append(bell.transformed(translate(x - 0.04, y + 0.065, 0.20)))
     return parts
 
 
-def _rack(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _rack(look: Look) -> Parts:
     parts, y = [], 0.775
     for z in (-0.06, 0.0, 0.06):
         parts.append(tube([(-0.82, y, z), (-0.34, y, z)], 0.005, look["chrome"], segments=5))
@@ -244,37 +226,19 @@ def _rack(look: dict[str, Surface]) -> list[SurfaceMesh]:
     for side in (-1, 1):
         strut = np.array([(-0.66, y, 0.06 * side), REAR + (0, 0, 0.065 * side)])
         parts.append(tube(strut, 0.005, look["chrome"], segments=5))
-    parts.append(
-        sphere(
-            (0.02, 0.025, 0.025),
-            Surface("tail lamp", hex_colour("#b3161b"), (0.4,) * 3, 60.0),
-            centre=(-0.868, 0.575, 0),
-            segments=8,
-            rings=6,
-        )
-    )
-    return parts
+    red, place = painted("tail lamp", "#b3161b", 0.4, 60.0), (-0.868, 0.575, 0)
+    return [*parts, sphere((0.02, 0.025, 0.025), red, centre=place, segments=8, rings=6)]
 
 
-def _basket(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _basket(look: Look) -> Parts:
     """A tapered wicker basket before the handlebar, open on top, with a rolled rim."""
     angle = np.arange(20) * 2 * np.pi / 20
     square = np.stack([np.cos(angle), np.sin(angle)], -1)
     square /= (np.abs(square) ** 5).sum(1, keepdims=True) ** 0.2
-    rows = []
-    for height, size in (
-        (0.0, 0.0),
-        (0.0, 0.80),
-        (0.02, 0.84),
-        (0.19, 1.0),
-        (0.19, 0.94),
-        (0.03, 0.80),
-    ):
-        rows.append(
-            np.stack(
-                [square[:, 0] * 0.125 * size, np.full(20, height), square[:, 1] * 0.17 * size], -1
-            )
-        )
+    rows = [
+        xyz(square[:, 0] * 0.125 * size, height, square[:, 1] * 0.17 * size)
+        for size, height in outline("0 0, 0.8 0, 0.84 0.02, 1 0.19, 0.94 0.19, 0.8 0.03")
+    ]
     v = np.array([0.0, 0.3, 0.4, 1.4, 1.45, 2.4])
     uv = np.stack(np.meshgrid(np.linspace(0, 6, 21), v), -1)
     shell = mesh_grid(np.array(rows), look["wicker"], uv, close_columns=True, crease_deg=50)
@@ -284,12 +248,10 @@ def _basket(look: dict[str, Surface]) -> list[SurfaceMesh]:
     return transform_all([shell, rim], translate(0.52, 0.80, 0))
 
 
-def _lamp(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _lamp(look: Look) -> Parts:
     shell = lathe(
-        [(0, -0.07), (0.025, -0.06), (0.042, -0.02), (0.046, 0.0), (0.040, 0.004)],
-        look["chrome"],
-        segments=14,
+        "0 -0.07, 0.025 -0.06, 0.042 -0.02, 0.046 0.0, 0.04 0.004", look["chrome"], segments=14
     )
-    glass = lathe([(0.040, 0.0), (0.030, 0.012), (0.0, 0.016)], look["glass"], segments=14)
+    glass = lathe("0.04 0.0, 0.03 0.012, 0.0 0.016", look["glass"], segments=14)
     place = chain(rotate("z", -90), translate(0.50, 0.74, 0))
     return transform_all([shell, glass], place)

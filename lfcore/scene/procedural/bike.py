@@ -2,14 +2,15 @@
 
 import numpy as np
 
-from lfcore.scene.colour import hex_colour
 from lfcore.scene.procedural import foliage, lettering, textures
+from lfcore.scene.procedural.basics import Parts, Rng, painted, textured
 from lfcore.scene.procedural.bicycle import bicycle
 from lfcore.scene.procedural.budget import fill_to
 from lfcore.scene.procedural.primitives import (
     box,
     cylinder,
     lathe,
+    outline,
     quad,
     rectangle,
     scattered,
@@ -22,7 +23,7 @@ WALL_Z = -2.35
 PAVEMENT_Y = 0.09
 
 
-def build(seed: int, *, triangles: int = 10000, paint: str = "#1d7a80") -> list[SurfaceMesh]:
+def build(seed: int, *, triangles: int = 10000, paint: str = "#1d7a80") -> Parts:
     """Exactly ``triangles`` of them; the ivy on the wall takes up what the rest leaves.
 
     Parameters
@@ -41,67 +42,42 @@ def build(seed: int, *, triangles: int = 10000, paint: str = "#1d7a80") -> list[
     return merge(parts)
 
 
-def _basket_load(seed: int) -> list[SurfaceMesh]:
+def _basket_load(seed: int) -> Parts:
     """Two baguettes, a bottle and apples."""
     crust = textures.speckle(
         seed + 40, ((150, 88, 34), (222, 164, 88), (240, 200, 130)), size=(128, 128)
     )
-    bread = Surface("bread", (1, 1, 1), texture=crust)
+    bread = textured("bread", crust)
     parts = []
     for x, z, lean in ((-0.03, 0.05, 16.0), (0.03, 0.0, 8.0)):
-        loaf = lathe(
-            [
-                (0, 0),
-                (0.022, 0.02),
-                (0.031, 0.08),
-                (0.033, 0.22),
-                (0.030, 0.34),
-                (0.018, 0.40),
-                (0, 0.415),
-            ],
-            bread,
-            segments=9,
-        )
+        profile = "0 0, 0.022 0.02, 0.031 0.08, 0.033 0.22, 0.03 0.34, 0.018 0.4, 0 0.415"
+        loaf = lathe(profile, bread, segments=9)
         parts.append(loaf.transformed(chain(rotate("z", lean), translate(x, 0.03, z))))
-    glass = Surface("bottle", hex_colour("#24472c"), (0.5, 0.5, 0.5), 90.0)
+    glass = painted("bottle", "#24472c", 0.5, 90.0)
     bottle = lathe(
-        [(0.0, 0), (0.034, 0), (0.036, 0.17), (0.014, 0.225), (0.013, 0.29), (0.0, 0.29)],
-        glass,
-        segments=12,
+        "0.0 0, 0.034 0, 0.036 0.17, 0.014 0.225, 0.013 0.29, 0.0 0.29", glass, segments=12
     )
     parts.append(bottle.transformed(chain(rotate("x", -9), translate(0.04, 0.03, -0.08))))
-    apple = Surface("apple", hex_colour("#b8261f"), (0.25, 0.25, 0.25), 50.0)
+    apple = painted("apple", "#b8261f", 0.25, 50.0)
     for x, y, z in ((-0.05, 0.19, -0.06), (0.07, 0.18, 0.08), (-0.06, 0.185, 0.12)):
         parts.append(sphere(0.038, apple, centre=(x, y, z), segments=10, rings=6))
     return parts
 
 
-def _ground(seed: int) -> list[SurfaceMesh]:
+def _ground(seed: int) -> Parts:
     stones = ((104, 98, 92), (138, 128, 116), (162, 148, 128), (120, 116, 118))
     sett = textures.cobbles(seed + 1, stones, (58, 54, 48), cells=9)
-    street = Surface("cobbles", (0.92, 0.92, 0.92), (0.05, 0.05, 0.05), 20.0, texture=sett)
-    slab = textures.bricks(
-        seed + 2,
-        ((150, 146, 140), (172, 168, 160)),
-        (96, 92, 86),
-        rows=4,
-        columns=4,
-        size=(256, 256),
-        gap=0.03,
-    )
-    paving = Surface("paving", (0.9, 0.9, 0.9), texture=slab)
+    street = textured("cobbles", sett, 0.05, 20.0, tone=0.92)
+    tones, joint = ((150, 146, 140), (172, 168, 160)), (96, 92, 86)
+    slab = textures.bricks(seed + 2, tones, joint, rows=4, columns=4, size=(256, 256), gap=0.03)
+    paving = textured("paving", slab, tone=0.9)
     stone = textures.plaster(seed + 3, (168, 164, 156), contrast=30)
-    kerb = Surface("kerb", (0.9, 0.9, 0.9), texture=stone)
-    edge = -1.35
+    kerb = textured("kerb", stone, tone=0.9)
+    edge, kerb_width = -1.35, 0.14
+    pavement = (-5, PAVEMENT_Y, edge - kerb_width), (10, 0, 0), (0, 0, WALL_Z - edge + kerb_width)
     parts = [
         rectangle((-5, 0, 4), (10, 0, 0), (0, 0, WALL_Z - 4), street, repeat=0.95),
-        rectangle(
-            (-5, PAVEMENT_Y, edge - 0.14),
-            (10, 0, 0),
-            (0, 0, WALL_Z - edge + 0.14),
-            paving,
-            repeat=0.8,
-        ),
+        rectangle(*pavement, paving, repeat=0.8),
     ]
     for index in range(9):
         centre = (-4 + index + 0.02, PAVEMENT_Y / 2, edge - 0.07)
@@ -109,19 +85,13 @@ def _ground(seed: int) -> list[SurfaceMesh]:
     return parts
 
 
-def _house(seed: int) -> list[SurfaceMesh]:
+def _house(seed: int) -> Parts:
     """A brick wall with a plinth, a door and a shuttered window, cut out of four rectangles."""
     tones = ((98, 50, 42), (140, 70, 52), (168, 92, 66), (152, 84, 64), (122, 66, 58))
-    brick = Surface(
-        "brick",
-        (0.95, 0.95, 0.95),
-        texture=textures.bricks(seed + 4, tones, (166, 154, 138), rows=12, columns=6, gap=0.07),
-    )
-    stone = Surface(
-        "sandstone",
-        (0.95, 0.95, 0.95),
-        texture=textures.plaster(seed + 5, (196, 180, 150), contrast=34),
-    )
+    courses = textures.bricks(seed + 4, tones, (166, 154, 138), rows=12, columns=6, gap=0.07)
+    brick = textured("brick", courses, tone=0.95)
+    sand = textures.plaster(seed + 5, (196, 180, 150), contrast=34)
+    stone = textured("sandstone", sand, tone=0.95)
     parts = []
     # Openings: the door (x 0.95 .. 1.85, up to 2.1) and the window (x -1.25 .. -0.25, 1.0 .. 2.15).
     for left, right, low, high in (
@@ -149,11 +119,11 @@ def _continuous(part: SurfaceMesh, repeat: float) -> SurfaceMesh:
     return SurfaceMesh(part.triangles, part.surface, None, part.triangles[..., :2] * repeat)
 
 
-def _window(seed: int, stone: Surface) -> list[SurfaceMesh]:
+def _window(seed: int, stone: Surface) -> Parts:
     left, right, low, high = -1.25, -0.25, 1.0, 2.15
     width, middle, back = right - left, (left + right) / 2, WALL_Z - 0.14
-    white = Surface("window frame", hex_colour("#ece6d8"), (0.1, 0.1, 0.1), 40.0)
-    pane = Surface("pane", (1, 1, 1), (0.35, 0.35, 0.35), 60.0, texture=_pane(seed + 6))
+    white = painted("window frame", "#ece6d8", 0.1, 40.0)
+    pane = textured("pane", _pane(seed + 6), 0.35, 60.0)
     parts = [
         rectangle((left, low, back), (width, 0, 0), (0, high - low, 0), pane),
         box((width + 0.24, 0.09, 0.22), stone, centre=(middle, low - 0.045, WALL_Z + 0.02)),
@@ -166,7 +136,7 @@ def _window(seed: int, stone: Surface) -> list[SurfaceMesh]:
     for y in (low + 0.03, low + 0.42, low + 0.79, high - 0.03):
         parts.append(box((width, 0.05, 0.05), white, centre=(middle, y, back + 0.03)))
     parts += _reveal(left, right, low, high, back, stone)
-    shutter = Surface("shutter", hex_colour("#40684f"), (0.08, 0.08, 0.08), 25.0)
+    shutter = painted("shutter", "#40684f", 0.08, 25.0)
     for x in (left - 0.27, right + 0.27):
         centre_y = (low + high) / 2
         for dx in (-0.22, 0.22):
@@ -184,7 +154,7 @@ def _window(seed: int, stone: Surface) -> list[SurfaceMesh]:
 
 def _reveal(
     left: float, right: float, low: float, high: float, back: float, stone: Surface
-) -> list[SurfaceMesh]:
+) -> Parts:
     """The sides, top and bottom of an opening, from the wall's face back to what closes it."""
     corners = [(left, low), (right, low), (right, high), (left, high)]
     return [
@@ -205,92 +175,62 @@ def _pane(seed: int) -> np.ndarray:
     )
 
 
-def _door(seed: int, stone: Surface) -> list[SurfaceMesh]:
+def _door(seed: int, stone: Surface) -> Parts:
     left, right, high = 0.95, 1.85, 2.15
-    middle, back = (left + right) / 2, WALL_Z - 0.12
+    width, middle, back = right - left, (left + right) / 2, WALL_Z - 0.12
+    knob = left + 0.14, 1.08, back
     wood = textures.planks(
         seed + 7, (44, 74, 110), (66, 100, 138), rows=5, size=(256, 256), stagger=False
     )
-    leaf = Surface("door", (1, 1, 1), (0.08, 0.08, 0.08), 30.0, texture=np.rot90(wood).copy())
-    brass = Surface("brass", hex_colour("#b8903c"), (0.5, 0.42, 0.25), 60.0)
+    leaf = textured("door", np.rot90(wood).copy(), 0.08, 30.0)
+    brass = painted("brass", "#b8903c", (0.5, 0.42, 0.25), 60.0)
     parts = [
-        rectangle((left, PAVEMENT_Y, back), (right - left, 0, 0), (0, high - PAVEMENT_Y, 0), leaf),
-        box((right - left + 0.36, 0.2, 0.12), stone, centre=(middle, high + 0.1, WALL_Z + 0.01)),
-        box(
-            (right - left + 0.3, 0.12, 0.5),
-            stone,
-            centre=(middle, PAVEMENT_Y + 0.06, WALL_Z + 0.18),
-        ),
-        sphere(0.035, brass, centre=(left + 0.14, 1.08, back + 0.06), segments=10, rings=6),
-        cylinder(
-            (left + 0.14, 1.08, back),
-            (left + 0.14, 1.08, back + 0.05),
-            0.014,
-            brass,
-            segments=6,
-            caps=False,
-        ),
+        rectangle((left, PAVEMENT_Y, back), (width, 0, 0), (0, high - PAVEMENT_Y, 0), leaf),
+        box((width + 0.36, 0.2, 0.12), stone, centre=(middle, high + 0.1, WALL_Z + 0.01)),
+        box((width + 0.3, 0.12, 0.5), stone, centre=(middle, PAVEMENT_Y + 0.06, WALL_Z + 0.18)),
+        sphere(0.035, brass, centre=(*knob[:2], back + 0.06), segments=10, rings=6),
+        cylinder(knob, (*knob[:2], back + 0.05), 0.014, brass, segments=6, caps=False),
     ]
     parts += _reveal(left, right, PAVEMENT_Y, high, back, stone)
     for x in (left - 0.07, right + 0.07):
-        parts.append(
-            box(
-                (0.16, high - PAVEMENT_Y, 0.12),
-                stone,
-                centre=(x, (high + PAVEMENT_Y) / 2, WALL_Z + 0.01),
-                grain=1,
-            )
-        )
+        place = (x, (high + PAVEMENT_Y) / 2, WALL_Z + 0.01)
+        parts.append(box((0.16, high - PAVEMENT_Y, 0.12), stone, centre=place, grain=1))
     plate = lettering.blank_page((28, 56, 120), (64, 96))
     plate = lettering.write(plate, "12", (48, 31), 52, (245, 245, 240))
-    sign = Surface("number", (1, 1, 1), (0.2, 0.2, 0.2), 60.0, texture=plate)
+    sign = textured("number", plate, 0.2, 60.0)
     parts.append(
         rectangle((middle - 0.12, high + 0.025, WALL_Z + 0.075), (0.24, 0, 0), (0, 0.15, 0), sign)
     )
     return parts
 
 
-def _lamp_post() -> list[SurfaceMesh]:
-    iron = Surface("cast iron", hex_colour("#2f3a38"), (0.2, 0.2, 0.2), 40.0)
+def _lamp_post() -> Parts:
+    iron = painted("cast iron", "#2f3a38", 0.2, 40.0)
     shaft = lathe(
-        [(0, 0), (0.12, 0), (0.12, 0.06), (0.09, 0.10), (0.085, 0.34), (0.10, 0.36), (0.06, 0.42)]
-        + [(0.045, 0.6), (0.038, 3.4)],
+        "0 0, 0.12 0, 0.12 0.06, 0.09 0.1, 0.085 0.34, 0.1 0.36, 0.06 0.42, 0.045 0.6, 0.038 3.4",
         iron,
         segments=12,
     )
     return [shaft.transformed(translate(-1.62, PAVEMENT_Y, -1.65))]
 
 
-def _pot(
-    radius: float, height: float, surface: Surface, earth: Surface, segments: int = 20
-) -> list[SurfaceMesh]:
-    r, h = radius, height
-    shell = lathe(
-        [
-            (0, 0),
-            (0.68 * r, 0),
-            (0.92 * r, 0.80 * h),
-            (1.03 * r, 0.80 * h),
-            (1.06 * r, h),
-            (0.94 * r, h),
-        ]
-        + [(0.90 * r, 0.88 * h)],
-        surface,
-        segments=segments,
-    )
-    return [shell, lathe([(0.90 * r, 0.88 * h), (0, 0.9 * h)], earth, segments=segments)]
+def _pot(radius: float, height: float, surface: Surface, earth: Surface, segments: int) -> Parts:
+    size = radius, height
+    shell = outline("0 0, 0.68 0, 0.92 0.8, 1.03 0.8, 1.06 1, 0.94 1, 0.9 0.88") * size
+    soil = outline("0.9 0.88, 0 0.9") * size
+    return [lathe(shell, surface, segments=segments), lathe(soil, earth, segments=segments)]
 
 
-def _foreground(rng: np.random.Generator, seed: int) -> list[SurfaceMesh]:
+def _foreground(rng: Rng, seed: int) -> Parts:
     """Left a big leafy pot, right geraniums in terracotta and a crate, all nearer than the bike."""
     clay = textures.speckle(
         seed + 8, ((150, 78, 50), (190, 108, 74), (206, 132, 100)), size=(256, 256)
     )
-    terracotta = Surface("terracotta", (0.95, 0.95, 0.95), texture=clay)
-    glaze = Surface("glazed pot", hex_colour("#2c5c8c"), (0.45, 0.45, 0.45), 70.0)
-    soil = Surface("soil", hex_colour("#3b2a1e"))
+    terracotta = textured("terracotta", clay, tone=0.95)
+    glaze = painted("glazed pot", "#2c5c8c", 0.45, 70.0)
+    soil = painted("soil", "#3b2a1e")
     blade_texture = textures.leaf(seed + 9, (28, 74, 30), (112, 168, 70))
-    green = Surface("leaf", (1, 1, 1), (0.10, 0.12, 0.08), 25.0, texture=blade_texture)
+    green = textured("leaf", blade_texture, (0.1, 0.12, 0.08), 25.0)
     parts = []
     pot = _pot(0.20, 0.34, glaze, soil, 24)
     big = foliage.blade(0.52, 0.15, green, bend=0.55, fold=0.18, pieces=5)
@@ -299,7 +239,7 @@ def _foreground(rng: np.random.Generator, seed: int) -> list[SurfaceMesh]:
     )
     parts += transform_all(pot, translate(-0.72, 0, 1.35))
     small = foliage.blade(0.085, 0.085, green, bend=0.3, fold=0.15, pieces=2, widest=0.5)
-    petal = Surface("geranium", hex_colour("#d3202f"), (0.05, 0.05, 0.05), 10.0)
+    petal = painted("geranium", "#d3202f", 0.05, 10.0)
     for x, z, number in ((0.74, 1.40, 46), (1.02, 0.95, 34)):
         pot = _pot(0.15, 0.25, terracotta, soil, 20)
         pot.append(
@@ -314,9 +254,9 @@ def _foreground(rng: np.random.Generator, seed: int) -> list[SurfaceMesh]:
     return parts
 
 
-def _window_box(rng: np.random.Generator, seed: int) -> list[SurfaceMesh]:
-    wood = Surface("window box", hex_colour("#7b5433"))
-    leaf = Surface("box leaf", hex_colour("#3f7a35"))
+def _window_box(rng: Rng, seed: int) -> Parts:
+    wood = painted("window box", "#7b5433")
+    leaf = painted("box leaf", "#3f7a35")
     parts = [box((0.96, 0.15, 0.2), wood, centre=(-0.75, 1.08, WALL_Z + 0.14))]
     petal = foliage.diamond(0.10, 0.06, leaf)
     parts.append(
@@ -324,18 +264,18 @@ def _window_box(rng: np.random.Generator, seed: int) -> list[SurfaceMesh]:
     )
     for colour in ("#e8c33a", "#d8578c"):
         places = rng.uniform((-1.18, 1.20, WALL_Z + 0.10), (-0.32, 1.30, WALL_Z + 0.28), (9, 3))
-        bloom = Surface(f"bloom {colour}", hex_colour(colour))
+        bloom = painted(f"bloom {colour}", colour)
         parts.append(foliage.flowers(rng, places, bloom, size=0.034, petals=5))
     return parts
 
 
 def _ivy_leaf(seed: int) -> SurfaceMesh:
     texture = textures.leaf(seed + 10, (34, 70, 28), (104, 140, 56), size=(64, 64))
-    green = Surface("ivy", (1, 1, 1), (0.05, 0.06, 0.04), 20.0, texture=texture)
+    green = textured("ivy", texture, (0.05, 0.06, 0.04), 20.0)
     return foliage.diamond(0.14, 0.13, green, fold=0.12)
 
 
-def _ivy(rng: np.random.Generator, number: int, leaf: SurfaceMesh) -> SurfaceMesh:
+def _ivy(rng: Rng, number: int, leaf: SurfaceMesh) -> SurfaceMesh:
     """Climbs the wall at the right of the window, thinning out upwards and sideways."""
     height = rng.beta(1.3, 1.8, number) * 2.7
     x = 0.42 + rng.normal(scale=0.13 + 0.10 * np.sin(height * 2.1) ** 2, size=number)

@@ -8,9 +8,9 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.scene.procedural import textures
+from lfcore.scene.procedural.basics import Parts, Size, textured
 from lfcore.scene.procedural.lettering import blank_page, write
 from lfcore.scene.procedural.primitives import quad, rectangle
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 from lfcore.scene.transforms import chain, rotate, translate
 
 # Rotation of the book in pbrt-book/book.pbrt: angle in degrees and axis.
@@ -27,7 +27,7 @@ def build(
     width_m: float = 4.0,
     height_m: float = 5.0,
     thickness_m: float = 1.2,
-) -> list[SurfaceMesh]:
+) -> Parts:
     """16 triangles: cover, back, spine, three page edges, floor and wall.
 
     The book's middle is 2.2 m above the floor at the origin, its cover towards +z; the
@@ -46,17 +46,13 @@ def build(
     return [*parts, *_room(seed, lowest - 0.02)]
 
 
-def _box(half: np.ndarray, seed: int, title: str, authors: str) -> list[SurfaceMesh]:
+def _box(half: np.ndarray, seed: int, title: str, authors: str) -> Parts:
     """The book facing +z, upright, its spine on the left."""
     x, y, z = half
-    cover = Surface(
-        "cover", (1, 1, 1), (0.25, 0.25, 0.25), 60.0, texture=_cover(seed, title, authors)
-    )
-    back = Surface(
-        "back cover", (1, 1, 1), (0.25, 0.25, 0.25), 60.0, texture=blank_page(NAVY, (8, 8))
-    )
-    spine = Surface("spine", (1, 1, 1), (0.25, 0.25, 0.25), 60.0, texture=_spine(title))
-    pages = Surface("pages", (1, 1, 1), texture=_pages(seed))
+    cover = textured("cover", _cover(seed, title, authors), 0.25, 60.0)
+    back = textured("back cover", blank_page(NAVY, (8, 8)), 0.25, 60.0)
+    spine = textured("spine", _spine(title), 0.25, 60.0)
+    pages = textured("pages", _pages(seed))
     face = lambda corners, surface: quad(np.array(corners), surface)  # noqa: E731
     return [
         face([(-x, -y, z), (x, -y, z), (x, y, z), (-x, y, z)], cover),
@@ -68,10 +64,10 @@ def _box(half: np.ndarray, seed: int, title: str, authors: str) -> list[SurfaceM
     ]
 
 
-def _room(seed: int, floor_y: float) -> list[SurfaceMesh]:
+def _room(seed: int, floor_y: float) -> Parts:
     boards = textures.planks(seed + 1, (96, 66, 42), (150, 108, 70))
-    floor = Surface("floor", (1, 1, 1), texture=boards)
-    wall = Surface("wall", (1, 1, 1), texture=textures.plaster(seed + 2, (196, 204, 210)))
+    floor = textured("floor", boards)
+    wall = textured("wall", textures.plaster(seed + 2, (196, 204, 210)))
     return [
         rectangle((-14, floor_y, 8), (28, 0, 0), (0, 0, -18), floor, repeat=0.25),
         rectangle((-14, floor_y, -10), (28, 0, 0), (0, 16, 0), wall, repeat=0.2),
@@ -95,7 +91,7 @@ def _cover(seed: int, title: str, authors: str) -> np.ndarray:
 RED_ON_DARK = (240, 120, 96)
 
 
-def _ripples(seed: int, size: tuple[int, int]) -> np.ndarray:
+def _ripples(seed: int, size: Size) -> np.ndarray:
     """Interfering waves of five sources."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[: size[0], : size[1]] / size[0]

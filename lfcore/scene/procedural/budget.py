@@ -2,17 +2,14 @@
 
 from collections.abc import Callable
 
-import numpy as np
-
 from lfcore.errors import SceneError
+from lfcore.scene.procedural.basics import Parts
 from lfcore.scene.surface_mesh import SurfaceMesh
 
 MOST_TRIANGLES = 50_000_000
 
 
-def fill_to(
-    budget: int, unit: SurfaceMesh, make: Callable[[int], SurfaceMesh]
-) -> list[SurfaceMesh]:
+def fill_to(budget: int, unit: SurfaceMesh, make: Callable[[int], SurfaceMesh]) -> Parts:
     """``make(number)`` copies of ``unit``, cut off at ``budget`` triangles.
 
     Raises :class:`SceneError` when the rest of the scene has used the budget up, or it is more than
@@ -34,15 +31,4 @@ def fill_to(
         return []
     whole = make(-(-budget // unit.count))
 
-    def head(array: np.ndarray | None) -> np.ndarray | None:
-        return None if array is None else array[:budget]
-
-    return [
-        SurfaceMesh(
-            whole.triangles[:budget],
-            whole.surface,
-            head(whole.normals),
-            head(whole.uvs),
-            head(whole.colours),
-        )
-    ]
+    return [whole.picked(slice(budget))]

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.scene.colour import hex_colour
 from lfcore.scene.procedural import foliage, textures
+from lfcore.scene.procedural.basics import Look, Parts, Rng, painted, textured
 from lfcore.scene.procedural.budget import fill_to
 from lfcore.scene.procedural.loghouse import loghouse
 from lfcore.scene.procedural.primitives import (
@@ -22,13 +22,13 @@ from lfcore.scene.procedural.primitives import (
     sphere,
     tube,
 )
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, count, merge, transform_all
+from lfcore.scene.surface_mesh import SurfaceMesh, count, merge, transform_all
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
 MOST_TREES = 10_000
 
 
-def build(seed: int, *, triangles: int = 15000, trees: int = 17) -> list[SurfaceMesh]:
+def build(seed: int, *, triangles: int = 15000, trees: int = 17) -> Parts:
     """Exactly ``triangles`` of them; grass takes up what the rest leaves.
 
     Parameters
@@ -66,7 +66,7 @@ def path_middle(z: np.ndarray | float) -> np.ndarray:
     return 1.25 + 0.3 * np.sin(3.4 * run) - 2.0 * run**2
 
 
-def _surfaces(seed: int) -> dict[str, Surface]:
+def _surfaces(seed: int) -> Look:
     bark = textures.bark(seed + 1, (52, 38, 28), (128, 98, 72))
     rings = textures.end_grain(seed + 2, (140, 96, 52), (222, 182, 124))
     grey = np.rot90(textures.wood(seed + 3, (104, 92, 78), (164, 150, 130), size=(128, 256)))
@@ -83,21 +83,21 @@ def _surfaces(seed: int) -> dict[str, Surface]:
     needles = textures.bark(seed + 6, (22, 50, 30), (70, 112, 54), size=(128, 128))
     stone = textures.speckle(seed + 7, ((96, 98, 96), (140, 140, 132)), size=(128, 128))
     return {
-        "bark": Surface("bark", (1, 1, 1), texture=bark),
-        "rings": Surface("end grain", (1, 1, 1), texture=rings),
-        "grey wood": Surface("weathered wood", (1, 1, 1), texture=grey),
-        "grass": Surface("grass", (0.9, 0.9, 0.9), texture=grass),
-        "earth": Surface("path", (0.95, 0.95, 0.95), texture=earth),
-        "needles": Surface("needles", (1, 1, 1), texture=needles),
-        "stone": Surface("stone", (0.95, 0.95, 0.95), texture=stone),
-        "grass blade": Surface("grass blade", hex_colour("#7f9a3c")),
-        "iron": Surface("axe iron", hex_colour("#8b9096"), (0.5, 0.5, 0.5), 50.0),
-        "red": Surface("mushroom cap", hex_colour("#c2271b"), (0.25, 0.25, 0.25), 40.0),
-        "white": Surface("mushroom", hex_colour("#efe8d8")),
+        "bark": textured("bark", bark),
+        "rings": textured("end grain", rings),
+        "grey wood": textured("weathered wood", grey),
+        "grass": textured("grass", grass, tone=0.9),
+        "earth": textured("path", earth, tone=0.95),
+        "needles": textured("needles", needles),
+        "stone": textured("stone", stone, tone=0.95),
+        "grass blade": painted("grass blade", "#7f9a3c"),
+        "iron": painted("axe iron", "#8b9096", 0.5, 50.0),
+        "red": painted("mushroom cap", "#c2271b", 0.25, 40.0),
+        "white": painted("mushroom", "#efe8d8"),
     }
 
 
-def _land(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _land(seed: int, look: Look) -> Parts:
     x, z = np.linspace(-1, 1, 17), np.linspace(0, 1, 19)
     depth = 5.5 - 30.0 * z**1.6
     points = np.zeros((19, 17, 3))
@@ -118,7 +118,7 @@ def _land(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
     return [ground, path]
 
 
-def _sky(seed: int) -> list[SurfaceMesh]:
+def _sky(seed: int) -> Parts:
     """A backdrop 55 m away: evening sky, clouds, two ranges of hills with woods."""
     v = np.mgrid[:512, :512][0] / 512.0
     sky = textures.ramp(np.clip(v / 0.72, 0, 1), (92, 144, 196), (158, 194, 220), (246, 224, 190))
@@ -136,11 +136,11 @@ def _sky(seed: int) -> list[SurfaceMesh]:
         haze = np.clip((v - ridge[None]) / 0.3, 0, 1)[..., None]
         colour = np.asarray(tone) * (1 - haze) + np.array([150, 164, 150]) * haze
         picture = np.where(inside[..., None], colour, picture)
-    surface = Surface("backdrop", (1, 1, 1), texture=textures.finish(picture))
+    surface = textured("backdrop", textures.finish(picture))
     return [rectangle((-30, -2, -46), (60, 0, 0), (0, 34, 0), surface)]
 
 
-def _trees(rng: np.random.Generator, number: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _trees(rng: Rng, number: int, look: Look) -> Parts:
     spots = [(-4.3, -4.6), (4.6, -6.2), (-2.9, -8.5), (2.9, -9.5), (6.3, -9.0), (-6.4, -8.0)]
     spots += [(0.4, -11.5), (-8.5, -13.0), (8.6, -13.5), (-4.5, -14.0), (4.4, -15.0), (-1.6, -16.0)]
     spots += [(2.0, -19.0), (-6.8, -18.5), (7.2, -19.0), (11.5, -18.0), (-11.5, -17.0)]
@@ -155,7 +155,7 @@ def _trees(rng: np.random.Generator, number: int, look: dict[str, Surface]) -> l
     return parts
 
 
-def _fence(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _fence(rng: Rng, look: Look) -> Parts:
     """Posts and two rails on either side of the path, at about 5 m."""
     parts = []
     for run in (np.arange(-5.35, 0.2, 1.1), np.arange(1.4, 5.2, 1.1)):
@@ -177,7 +177,7 @@ def _fence(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMe
     return parts
 
 
-def _log_pile(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _log_pile(rng: Rng, look: Look) -> Parts:
     """Three courses of sawn logs, ends to the camera."""
     parts = []
     for course, number in enumerate((5, 4, 3)):
@@ -193,7 +193,7 @@ def _log_pile(rng: np.random.Generator, look: dict[str, Surface]) -> list[Surfac
     return parts
 
 
-def _chopping_block(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _chopping_block(look: Look) -> Parts:
     """A stump with an axe in it and split wood around."""
     profile = [(0.26, -0.05), (0.215, 0.05), (0.20, 0.40)]
     stump = lathe(profile, look["bark"], segments=18, repeat=1.6)
@@ -221,7 +221,7 @@ def _chopping_block(look: dict[str, Surface]) -> list[SurfaceMesh]:
     return parts
 
 
-def _split(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _split(look: Look) -> Parts:
     """A quarter of a log, 12 triangles or so."""
     angle = np.linspace(0, np.pi / 2, 5) + np.pi / 4
     rim = np.stack([np.zeros(5), np.sin(angle) - 0.45, np.cos(angle)], -1) * 0.11
@@ -237,7 +237,7 @@ def _split(look: dict[str, Surface]) -> list[SurfaceMesh]:
     return [side, *ends]
 
 
-def _mushrooms(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _mushrooms(rng: Rng, look: Look) -> Parts:
     parts = []
     for x, z, size in ((-0.12, 2.78, 1.0), (0.0, 2.86, 0.7), (-0.2, 2.9, 0.55)):
         place = chain(scale(size), translate(x, height(x, z), z))
@@ -270,7 +270,7 @@ def _mushrooms(rng: np.random.Generator, look: dict[str, Surface]) -> list[Surfa
     return parts
 
 
-def _stones(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _stones(rng: Rng, look: Look) -> Parts:
     parts = []
     for x, z, size in (
         (-1.75, 2.6, 0.17),
@@ -289,7 +289,7 @@ def _stones(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceM
     return parts
 
 
-def _meadow(rng: np.random.Generator, number: int, tuft: SurfaceMesh) -> SurfaceMesh:
+def _meadow(rng: Rng, number: int, tuft: SurfaceMesh) -> SurfaceMesh:
     """Tufts over the grass, denser near the camera, none on the path or in the house."""
     spots = np.zeros((0, 2))
     while len(spots) < number:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.errors import SceneError
+from lfcore.scene.procedural.basics import Parts, textured
 from lfcore.scene.procedural.lettering import blank_page, write
 from lfcore.scene.procedural.primitives import rectangle
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
@@ -21,7 +22,7 @@ VISIBLE = 0.75
 
 def build(
     seed: int, *, foreground_m: float = 1.0, background_m: float = 2.0, half_width_m: float = 1.1
-) -> list[SurfaceMesh]:
+) -> Parts:
     """6 triangles facing +z; the camera stands at the origin and looks along -z.
 
     Parameters
@@ -37,9 +38,9 @@ def build(
             remedy="Choose 0 < foreground_m < background_m",
         )
     near = half_width_m * foreground_m / background_m
-    green = Surface("green", (1, 1, 1), texture=_page(GREEN, "GREEN", background_m))
-    red = Surface("red", (1, 1, 1), texture=_page(RED, "RED", background_m))
-    blue = Surface("blue", (1, 1, 1), texture=_page(BLUE, "BLUE", foreground_m))
+    green = textured("green", _page(GREEN, "GREEN", background_m))
+    red = textured("red", _page(RED, "RED", background_m))
+    blue = textured("blue", _page(BLUE, "BLUE", foreground_m))
     half, depth = half_width_m, -background_m
     return [
         _page_of((-half, -half, depth), half, 2 * half, green),

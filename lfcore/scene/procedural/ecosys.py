@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from lfcore.errors import SceneError
 from lfcore.scene.procedural import textures
+from lfcore.scene.procedural.basics import Look, Parts, Rng, textured
 from lfcore.scene.procedural.foliage import blade, diamond, orient, rosette, shrub, tuft
 from lfcore.scene.procedural.primitives import curve, join, mesh_grid, scattered, tube
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
@@ -25,9 +26,7 @@ SPECIES = {
 TREES = ((-3.4, 12.0, 7.0), (4.6, 19.0, 9.0))
 
 
-def build(
-    seed: int, *, plants: float = 1.0, tree_leaves: int = 9000, terrain: int = 200
-) -> list[SurfaceMesh]:
+def build(seed: int, *, plants: float = 1.0, tree_leaves: int = 9000, terrain: int = 200) -> Parts:
     """The scene seen from (0, 1.8, 0) along -z.
 
     Parameters
@@ -65,15 +64,15 @@ def ground_height(x: np.ndarray | float, z: np.ndarray | float) -> np.ndarray:
     return hill + waves * np.clip(-np.asarray(z) / 12.0, 0.0, 1.0) + ridges
 
 
-def _surfaces(seed: int) -> dict[str, Surface]:
+def _surfaces(seed: int) -> Look:
     def leafy(name: str, number: int, dark: ArrayLike, light: ArrayLike) -> Surface:
-        return Surface(name, (1, 1, 1), texture=textures.leaf(seed + number, dark, light))
+        return textured(name, textures.leaf(seed + number, dark, light))
 
     meadow = textures.speckle(seed, ((74, 70, 38), (110, 112, 54), (150, 140, 84)))
     bark = textures.bark(seed + 1, (52, 42, 34), (120, 100, 80))
     return {
-        "ground": Surface("ground", (1, 1, 1), texture=meadow),
-        "bark": Surface("bark", (1, 1, 1), texture=bark),
+        "ground": textured("ground", meadow),
+        "bark": textured("bark", bark),
         "leaf": leafy("tree leaf", 2, (48, 84, 26), (128, 164, 62)),
         "grass": leafy("grass", 3, (96, 112, 44), (176, 176, 92)),
         "fern": leafy("fern", 4, (40, 92, 40), (96, 156, 70)),
@@ -83,9 +82,7 @@ def _surfaces(seed: int) -> dict[str, Surface]:
     }
 
 
-def _species(
-    rng: np.random.Generator, surfaces: dict[str, Surface]
-) -> dict[str, list[SurfaceMesh]]:
+def _species(rng: Rng, surfaces: Look) -> dict[str, Parts]:
     """One plant of each kind, foot at the origin, as the parts it is made of."""
     frond = blade(0.7, 0.16, surfaces["fern"], pieces=3)
     small = diamond(0.16, 0.09, surfaces["bush"])
@@ -102,7 +99,7 @@ def _species(
 
 
 def _places(
-    rng: np.random.Generator, number: int, near: float, far: float, small: float, large: float
+    rng: Rng, number: int, near: float, far: float, small: float, large: float
 ) -> np.ndarray:
     """(number, 4, 4): upright plants within the view's wedge, evenly over the ground."""
     # Even over the area of a wedge: the square of the distance is uniform.
@@ -120,13 +117,8 @@ def _ground(cells: int, surface: Surface) -> SurfaceMesh:
 
 
 def tree(
-    rng: np.random.Generator,
-    bark: Surface,
-    leaf: Surface,
-    foot: np.ndarray,
-    height: float,
-    leaves: int,
-) -> list[SurfaceMesh]:
+    rng: Rng, bark: Surface, leaf: Surface, foot: np.ndarray, height: float, leaves: int
+) -> Parts:
     """A broad-leaved tree: a trunk, three orders of branches, leaves around the twigs."""
     lean = rng.normal(scale=0.04, size=2) * height
     top = foot + (lean[0], 0.55 * height, lean[1])
@@ -146,21 +138,21 @@ def tree(
     return [join(limbs), crown]
 
 
-def _outward(rng: np.random.Generator, lift: float) -> np.ndarray:
+def _outward(rng: Rng, lift: float) -> np.ndarray:
     turn = rng.uniform(0, 2 * np.pi)
     direction = np.array([np.cos(turn), lift * rng.uniform(0.4, 1.4), np.sin(turn)])
     return direction / np.linalg.norm(direction)
 
 
 def _branch(
-    rng: np.random.Generator,
+    rng: Rng,
     bark: Surface,
     base: np.ndarray,
     direction: np.ndarray,
     length: float,
     radius: float,
     order: int,
-    limbs: list[SurfaceMesh],
+    limbs: Parts,
     tips: list[np.ndarray],
 ) -> None:
     """Add a branch and those that grow from it; the last order's ends carry leaves."""

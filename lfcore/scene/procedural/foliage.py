@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lfcore.scene.procedural.basics import Parts, Range, Rng
 from lfcore.scene.procedural.primitives import curve, join, mesh_grid, scattered, tube
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise
 
@@ -50,7 +51,7 @@ def diamond(length: float, width: float, surface: Surface, *, fold: float = 0.25
 
 
 def orient(
-    rng: np.random.Generator,
+    rng: Rng,
     positions: ArrayLike,
     directions: ArrayLike,
     sizes: ArrayLike,
@@ -81,21 +82,19 @@ def orient(
 
 
 def rosette(
-    rng: np.random.Generator,
+    rng: Rng,
     number: int,
     leaf: SurfaceMesh,
     *,
     foot: ArrayLike = (0, 0, 0),
-    spread: float = 0.9,
-    lift: tuple[float, float] = (0.2, 1.0),
-    size: tuple[float, float] = (0.7, 1.0),
+    lift: Range = (0.2, 1.0),
+    size: Range = (0.7, 1.0),
 ) -> SurfaceMesh:
     """Leaves that rise from one foot in a spiral, the inner ones steeper."""
     turn = np.arange(number) * 2.39996 + rng.uniform(-0.3, 0.3, number)
     rise = np.linspace(lift[1], lift[0], number) * np.pi / 2
     directions = np.stack(
-        [np.cos(turn) * np.cos(rise) * spread, np.sin(rise), np.sin(turn) * np.cos(rise) * spread],
-        -1,
+        [np.cos(turn) * np.cos(rise) * 0.9, np.sin(rise), np.sin(turn) * np.cos(rise) * 0.9], -1
     )
     outward = np.stack([np.cos(turn), np.full(number, -0.4), np.sin(turn)], -1)
     scale = rng.uniform(*size, number)
@@ -104,31 +103,24 @@ def rosette(
 
 
 def shrub(
-    rng: np.random.Generator,
+    rng: Rng,
     number: int,
     leaf: SurfaceMesh,
     radii: ArrayLike,
     *,
     centre: ArrayLike = (0, 0, 0),
-    size: tuple[float, float] = (0.7, 1.2),
-    shell: float = 0.55,
+    size: Range = (0.7, 1.2),
 ) -> SurfaceMesh:
     """Leaves scattered through the outer part of an ellipsoid, pointing outwards and drooping."""
     directions = normalise(rng.normal(size=(number, 3)))
-    depth = rng.uniform(shell**3, 1, number) ** (1 / 3)
+    depth = rng.uniform(0.55**3, 1, number) ** (1 / 3)
     positions = np.asarray(centre) + directions * np.asarray(radii) * depth[:, None]
     aim = directions + rng.normal(scale=0.5, size=(number, 3)) + (0, -0.15, 0)
     return scattered(leaf, orient(rng, positions, aim, rng.uniform(*size, number)))
 
 
 def tuft(
-    rng: np.random.Generator,
-    number: int,
-    surface: Surface,
-    *,
-    height: float = 0.25,
-    radius: float = 0.05,
-    centre: ArrayLike = (0, 0, 0),
+    rng: Rng, number: int, surface: Surface, *, height: float = 0.25, radius: float = 0.05
 ) -> SurfaceMesh:
     """Grass: ``number`` bent blades of 2 triangles."""
     leaf = SurfaceMesh(
@@ -144,14 +136,14 @@ def tuft(
     )
     turn, out = rng.uniform(0, 2 * np.pi, number), np.sqrt(rng.random(number))
     flat = np.stack([np.cos(turn) * out, np.zeros(number), np.sin(turn) * out], -1)
-    positions = np.asarray(centre) + flat * radius
+    positions = flat * radius
     directions = (0, 1, 0) + flat * 0.45 + rng.normal(scale=0.10, size=(number, 3))
     sizes = rng.uniform(0.6, 1.1, number) * height
     return scattered(leaf, orient(rng, positions, directions, sizes))
 
 
 def stems(
-    rng: np.random.Generator,
+    rng: Rng,
     number: int,
     surface: Surface,
     *,
@@ -175,7 +167,7 @@ def stems(
 
 
 def conifer(
-    rng: np.random.Generator,
+    rng: Rng,
     needles: Surface,
     trunk: Surface,
     *,
@@ -183,7 +175,7 @@ def conifer(
     radius: float = 1.1,
     tiers: int = 7,
     points: int = 11,
-) -> list[SurfaceMesh]:
+) -> Parts:
     """A spruce of drooping star-shaped skirts: 6 * points * tiers + 12 triangles."""
     skirts = []
     for tier in range(tiers):
@@ -207,15 +199,9 @@ def conifer(
 
 
 def flowers(
-    rng: np.random.Generator,
-    positions: np.ndarray,
-    surface: Surface,
-    *,
-    size: float = 0.02,
-    petals: int = 5,
-    face: ArrayLike = (0, 0.5, 1),
+    rng: Rng, positions: np.ndarray, surface: Surface, *, size: float = 0.02, petals: int = 5
 ) -> SurfaceMesh:
-    """Blossoms of ``petals`` bent petals of 2 triangles, turned roughly to ``face``."""
+    """Blossoms of ``petals`` bent petals of 2 triangles, turned roughly to the front."""
     angle = np.arange(petals) * 2 * np.pi / petals
     corners = []
     for turn in angle:
@@ -228,7 +214,7 @@ def flowers(
     uv = triangles[..., :2] * 0.5 + 0.5
     blossom = SurfaceMesh(triangles, surface, None, uv)
     number = len(positions)
-    aim = normalise(np.asarray(face) + rng.normal(scale=0.45, size=(number, 3)))
+    aim = normalise(np.array((0, 0.5, 1)) + rng.normal(scale=0.45, size=(number, 3)))
     sideways = np.cross(aim, (0.3, 1.0, 0.1))
     scale = rng.uniform(0.8, 1.2, number) * size
     return scattered(blossom, orient(rng, positions, sideways, scale, roll=0.3, face=aim))

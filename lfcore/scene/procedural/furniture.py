@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lfcore.scene.colour import hex_colour
 from lfcore.scene.procedural import foliage, lettering, textures
+from lfcore.scene.procedural.basics import Look, Parts, Rng, codes, painted, textured
 from lfcore.scene.procedural.primitives import (
     box,
     cushion,
@@ -17,6 +17,7 @@ from lfcore.scene.procedural.primitives import (
     scattered,
     sphere,
     tube,
+    xyz,
 )
 from lfcore.scene.procedural.softgoods import draped, pillow, tufted
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, transform_all
@@ -36,7 +37,7 @@ def spine_atlas(seed: int) -> np.ndarray:
     """(512, 1024, 3) uint8: 16 book spines side by side, 64 texels each, titles reading down."""
     atlas = np.zeros((512, 1024, 3), np.uint8)
     for index, (title, cloth) in enumerate(zip(TITLES, CLOTHS, strict=True)):
-        colour = [int(cloth[i : i + 2], 16) for i in (1, 3, 5)]
+        colour = codes(cloth)
         page = textures.weave(seed + index, colour, size=(512, 64), threads=32).copy()
         ink = (236, 214, 150) if sum(colour) < 420 else (60, 44, 36)
         for row in (40, 48, 440, 448, 470):
@@ -49,7 +50,7 @@ def spine_atlas(seed: int) -> np.ndarray:
 
 def book(
     size: Sequence[float], index: int, atlas: Surface, paper: Surface, *, lying: bool = False
-) -> list[SurfaceMesh]:
+) -> Parts:
     """Spine to +z, standing on y = 0 with its left cover at x = 0; about 70 triangles."""
     thick, tall, deep = size
     angle = np.linspace(-np.pi / 2, np.pi / 2, 6)
@@ -68,11 +69,9 @@ def book(
     return transform_all(parts, chain(rotate("z", 90), translate(tall, 0, 0))) if lying else parts
 
 
-def book_row(
-    rng: np.random.Generator, length: float, atlas: Surface, paper: Surface, *, depth: float = 0.2
-) -> list[SurfaceMesh]:
+def book_row(rng: Rng, length: float, atlas: Surface, paper: Surface) -> Parts:
     """Books side by side from x = 0, spines to +z, the last one leaning."""
-    parts, x = [], 0.0
+    parts, x, depth = [], 0.0, 0.2
     while True:
         thick = rng.uniform(0.022, 0.052)
         if x + thick > length - 0.05:
@@ -86,7 +85,7 @@ def book_row(
     return parts + transform_all(volume, lean)
 
 
-def bed(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
+def bed(seed: int, look: Look) -> Parts:
     """Headboard at z = 0, foot at z = 2.1; 1.6 m wide; four pillows, quilt and throw."""
     width, top = 1.6, 0.56
     parts = [
@@ -99,27 +98,19 @@ def bed(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
     ]
     for x in (-0.74, 0.74):
         for z in (0.1, 2.0):
-            leg = lathe([(0, 0), (0.028, 0), (0.042, 0.14), (0, 0.14)], look["walnut"], segments=12)
+            leg = lathe("0 0, 0.028 0, 0.042 0.14, 0 0.14", look["walnut"], segments=12)
             parts.append(leg.transformed(translate(x, 0, z)))
-    quilt = draped(
-        width + 0.02,
-        1.36,
-        (0.34, 0.34),
-        look["quilt"],
-        seed=seed + 1,
-        pieces=(120, 100),
-        repeat=0.62,
+    covers = (
+        (0.02, 1.36, (0.34, 0.34), "quilt", (120, 100), 0.62, 0.022),
+        (0.05, 0.26, (0.30, 0.02), "linen", (90, 18), 2, 0.012),
+        (0.07, 0.46, (0.38, 0.02), "knit", (110, 34), 1.6, 0.016),
+    )  # wider than the bed, length, drop, surface, pieces, repeat, wrinkle
+    quilt, fold, throw = (
+        draped(width + more, length, drop, look[name], seed + number, *how)
+        for number, (more, length, drop, name, *how) in enumerate(covers, 1)
     )
     parts.append(quilt.transformed(translate(0, top + 0.035, 0.72)))
-    fold = draped(
-        width + 0.05, 0.26, (0.30, 0.02), look["linen"], seed=seed + 2, pieces=(90, 18), repeat=2,
-        wrinkle=0.012,
-    )  # fmt: skip
     parts.append(fold.transformed(translate(0, top + 0.062, 0.66)))
-    throw = draped(
-        width + 0.07, 0.46, (0.38, 0.02), look["knit"], seed=seed + 3, pieces=(110, 34), repeat=1.6,
-        wrinkle=0.016,
-    )  # fmt: skip
     parts.append(throw.transformed(chain(rotate("y", 3), translate(0.02, top + 0.082, 1.44))))
     pillows = (
         (-0.40, 0.22, 0.17, -66, 3, "linen", (0.70, 0.22, 0.48)),
@@ -135,7 +126,7 @@ def bed(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
     return parts
 
 
-def night_table(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def night_table(look: Look) -> Parts:
     """0.46 wide, 0.52 tall, front to +z."""
     parts = [
         box((0.46, 0.03, 0.38), look["walnut"], centre=(0, 0.505, 0)),
@@ -144,39 +135,20 @@ def night_table(look: dict[str, Surface]) -> list[SurfaceMesh]:
         box((0.38, 0.095, 0.02), look["walnut"], centre=(0, 0.315, 0.175)),
     ]
     for y in (0.43, 0.315):
-        knob = lathe(
-            [(0, 0), (0.008, 0), (0.008, 0.012), (0.016, 0.02), (0, 0.028)],
-            look["brass"],
-            segments=14,
-        )
+        knob = lathe("0 0, 0.008 0, 0.008 0.012, 0.016 0.02, 0 0.028", look["brass"], segments=14)
         parts.append(knob.transformed(chain(rotate("x", 90), translate(0, y, 0.185))))
     for x in (-0.19, 0.19):
         for z in (-0.14, 0.14):
-            parts.append(
-                cylinder(
-                    (x * 1.08, 0, z * 1.08),
-                    (x, 0.26, z),
-                    [0.012, 0.02],
-                    look["walnut"],
-                    segments=10,
-                )
-            )
+            foot = (x * 1.08, 0, z * 1.08)
+            parts.append(cylinder(foot, (x, 0.26, z), [0.012, 0.02], look["walnut"], segments=10))
     return parts
 
 
-def table_lamp(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def table_lamp(look: Look) -> Parts:
     """A ceramic foot and a pleated, glowing shade; 0.5 m tall."""
     foot = lathe(
-        [
-            (0, 0),
-            (0.075, 0),
-            (0.078, 0.012),
-            (0.05, 0.03),
-            (0.06, 0.07),
-            (0.085, 0.13),
-            (0.07, 0.19),
-        ]
-        + [(0.03, 0.235), (0.018, 0.26), (0.012, 0.30), (0, 0.30)],
+        "0 0, 0.075 0, 0.078 0.012, 0.05 0.03, 0.06 0.07, 0.085 0.13, 0.07 0.19, 0.03 0.235, "
+        "0.018 0.26, 0.012 0.3, 0 0.3",
         look["glaze"],
         segments=40,
         crease_deg=60,
@@ -186,16 +158,7 @@ def table_lamp(look: dict[str, Surface]) -> list[SurfaceMesh]:
     pleat = 1 + 0.025 * np.cos(angle * 45)
     rows = []
     for y, radius in ((0.27, 0.165), (0.34, 0.148), (0.42, 0.128), (0.50, 0.108)):
-        rows.append(
-            np.stack(
-                [
-                    np.cos(angle) * radius * pleat,
-                    np.full(number, y),
-                    np.sin(angle) * radius * pleat,
-                ],
-                -1,
-            )
-        )
+        rows.append(xyz(np.cos(angle) * radius * pleat, y, np.sin(angle) * radius * pleat))
     shade = mesh_grid(np.array(rows), look["shade"], None, close_columns=True, crease_deg=180)
     rims = []
     for y, radius in ((0.27, 0.166), (0.50, 0.109)):
@@ -206,12 +169,9 @@ def table_lamp(look: dict[str, Surface]) -> list[SurfaceMesh]:
     return [foot, shade, *rims]
 
 
-def bookshelf(
-    rng: np.random.Generator, look: dict[str, Surface], *, width: float = 1.1, tall: float = 1.9
-) -> list[SurfaceMesh]:
+def bookshelf(rng: Rng, look: Look, width: float) -> Parts:
     """Open shelves against a wall at z = 0, front to +z, filled with books and things."""
-    deep, parts = 0.26, []
-    wood = look["oak"]
+    deep, tall, wood, parts = 0.26, 1.9, look["oak"], []
     for x in (0.0125, width - 0.0125):
         parts.append(box((0.025, tall, deep), wood, centre=(x, tall / 2, deep / 2), grain=1))
     parts.append(rectangle((0, 0, 0.004), (width, 0, 0), (0, tall, 0), wood, repeat=1.0))
@@ -223,16 +183,7 @@ def bookshelf(
         row = book_row(rng, length, look["books"], look["paper"])
         parts += transform_all(row, translate(start, level + 0.0125, 0.03))
     vase = lathe(
-        [
-            (0, 0),
-            (0.05, 0),
-            (0.075, 0.07),
-            (0.07, 0.13),
-            (0.03, 0.19),
-            (0.035, 0.22),
-            (0.028, 0.22),
-            (0, 0.1),
-        ],
+        "0 0, 0.05 0, 0.075 0.07, 0.07 0.13, 0.03 0.19, 0.035 0.22, 0.028 0.22, 0 0.1",
         look["glaze"],
         segments=36,
         crease_deg=55,
@@ -243,9 +194,7 @@ def bookshelf(
         volume = book((0.035, 0.24, 0.18), 3 + 5 * number, look["books"], look["paper"], lying=True)
         parts += transform_all(volume, translate(x, levels[2] + 0.0125 + 0.036 * number, 0.22))
     trail = foliage.blade(0.10, 0.055, look["leaf"], bend=0.5, pieces=3)
-    pot = lathe(
-        [(0, 0), (0.055, 0), (0.07, 0.11), (0.062, 0.11), (0, 0.1)], look["clay"], segments=32
-    )
+    pot = lathe("0 0, 0.055 0, 0.07 0.11, 0.062 0.11, 0 0.1", look["clay"], segments=32)
     parts.append(pot.transformed(translate(0.16, levels[3] + 0.0125, 0.14)))
     hanging = foliage.shrub(
         rng, 110, trail, (0.11, 0.12, 0.10), centre=(0.16, levels[3] + 0.17, 0.16)
@@ -254,12 +203,10 @@ def bookshelf(
     return parts
 
 
-def globe(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def globe(look: Look) -> Parts:
     """A little globe of the Earth, 0.26 m tall."""
     foot = lathe(
-        [(0, 0), (0.06, 0), (0.05, 0.02), (0.012, 0.03), (0.01, 0.06), (0, 0.06)],
-        look["walnut"],
-        segments=30,
+        "0 0, 0.06 0, 0.05 0.02, 0.012 0.03, 0.01 0.06, 0 0.06", look["walnut"], segments=30
     )
     ball = sphere(0.085, look["earth"], segments=48, rings=30)
     meridian = tube(ring(0.094, 48), 0.004, look["brass"], segments=6, closed=True)
@@ -267,7 +214,7 @@ def globe(look: dict[str, Surface]) -> list[SurfaceMesh]:
     return [foot, *transform_all([ball, meridian], tilt)]
 
 
-def armchair(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
+def armchair(seed: int, look: Look) -> Parts:
     """0.78 wide, facing +z, seat at 0.42."""
     soft = look["velvet 2"]
     parts = []
@@ -288,29 +235,15 @@ def armchair(seed: int, look: dict[str, Surface]) -> list[SurfaceMesh]:
     )
     for x in (-0.3, 0.3):
         for z in (-0.26, 0.28):
-            parts.append(
-                cylinder(
-                    (x * 1.1, 0, z * 1.1), (x, 0.22, z), [0.014, 0.022], look["walnut"], segments=12
-                )
-            )
+            foot = (x * 1.1, 0, z * 1.1)
+            parts.append(cylinder(foot, (x, 0.22, z), [0.014, 0.022], look["walnut"], segments=12))
     return parts
 
 
-def potted_plant(
-    rng: np.random.Generator, look: dict[str, Surface], *, leaves: int = 26, tall: float = 0.75
-) -> list[SurfaceMesh]:
+def potted_plant(rng: Rng, look: Look) -> Parts:
     """A rubber plant in a basket; leaves on arching stalks."""
     pot = lathe(
-        [
-            (0, 0),
-            (0.13, 0),
-            (0.17, 0.10),
-            (0.175, 0.22),
-            (0.15, 0.30),
-            (0.14, 0.30),
-            (0.13, 0.25),
-            (0, 0.26),
-        ],
+        "0 0, 0.13 0, 0.17 0.1, 0.175 0.22, 0.15 0.3, 0.14 0.3, 0.13 0.25, 0 0.26",
         look["basket"],
         segments=44,
         crease_deg=50,
@@ -318,38 +251,30 @@ def potted_plant(
     assert pot.uvs is not None
     pot = SurfaceMesh(pot.triangles, pot.surface, pot.normals, pot.uvs * (6.0, 3.0))
     stalks, tips = foliage.stems(
-        rng, leaves, look["stalk"], foot=(0, 0.26, 0), spread=0.30, height=tall, radius=0.006
+        rng, 26, look["stalk"], foot=(0, 0.26, 0), spread=0.30, height=0.75, radius=0.006
     )
     leaf = foliage.blade(0.34, 0.17, look["leaf"], bend=0.45, fold=0.10, pieces=12, widest=0.42)
     outward = tips - (0, 0.62, 0)
     directions = outward * (1.0, 0.55, 1.0) + (0, 0.02, 0)
-    face = np.stack([outward[:, 0], np.full(leaves, -0.35), outward[:, 2]], -1)
+    face = np.stack([outward[:, 0], np.full(26, -0.35), outward[:, 2]], -1)
     matrices = foliage.orient(
-        rng, tips, directions, rng.uniform(0.65, 1.05, leaves), roll=0.35, face=face
+        rng, tips, directions, rng.uniform(0.65, 1.05, 26), roll=0.35, face=face
     )
     return [pot, stalks, scattered(leaf, matrices)]
 
 
-def tulip_table(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMesh]:
+def tulip_table(rng: Rng, look: Look) -> Parts:
     """A round side table, 0.62 tall, with a book, and tulips in a vase."""
     top = lathe(
-        [(0, 0.59), (0.21, 0.59), (0.225, 0.60), (0.225, 0.61), (0.215, 0.62), (0, 0.62)],
+        "0 0.59, 0.21 0.59, 0.225 0.6, 0.225 0.61, 0.215 0.62, 0 0.62",
         look["oak"],
         segments=60,
         repeat=1.5,
     )
-    stem = lathe([(0.15, 0), (0.14, 0.02), (0.03, 0.05), (0.02, 0.59)], look["oak"], segments=32)
+    stem = lathe("0.15 0, 0.14 0.02, 0.03 0.05, 0.02 0.59", look["oak"], segments=32)
     vase = lathe(
-        [
-            (0, 0),
-            (0.045, 0),
-            (0.068, 0.05),
-            (0.072, 0.10),
-            (0.055, 0.16),
-            (0.036, 0.19),
-            (0.042, 0.215),
-        ]
-        + [(0.036, 0.215), (0.03, 0.18)],
+        "0 0, 0.045 0, 0.068 0.05, 0.072 0.1, 0.055 0.16, 0.036 0.19, 0.042 0.215, 0.036 0.215, "
+        "0.03 0.18",
         look["glaze"],
         segments=40,
         crease_deg=55,
@@ -359,8 +284,7 @@ def tulip_table(rng: np.random.Generator, look: dict[str, Surface]) -> list[Surf
         rng, 9, look["stalk"], foot=(0, 0.15, 0), spread=0.13, height=0.27, radius=0.0045
     )
     cup = lathe(
-        [(0, 0), (0.018, 0.004), (0.028, 0.02), (0.029, 0.04), (0.021, 0.062), (0.017, 0.058)]
-        + [(0.02, 0.03), (0, 0.012)],
+        "0 0, 0.018 0.004, 0.028 0.02, 0.029 0.04, 0.021 0.062, 0.017 0.058, 0.02 0.03, 0 0.012",
         look["tulip"],
         segments=18,
         crease_deg=80,
@@ -375,11 +299,11 @@ def tulip_table(rng: np.random.Generator, look: dict[str, Surface]) -> list[Surf
     return parts + transform_all(volume, turn)
 
 
-def bedroom_wood(seed: int) -> dict[str, Surface]:
+def bedroom_wood(seed: int) -> Look:
     walnut = textures.wood(seed + 1, (70, 42, 26), (128, 84, 54), size=(256, 512), rings=6)
     oak = textures.wood(seed + 2, (158, 118, 76), (208, 170, 122), size=(256, 512), rings=6)
     return {
-        "walnut": Surface("walnut", (1, 1, 1), (0.07, 0.07, 0.07), 35.0, texture=walnut),
-        "oak": Surface("oak", (1, 1, 1), (0.05, 0.05, 0.05), 30.0, texture=oak),
-        "brass": Surface("brass", hex_colour("#b28a3e"), (0.5, 0.42, 0.25), 60.0),
+        "walnut": textured("walnut", walnut, 0.07, 35.0),
+        "oak": textured("oak", oak, 0.05, 30.0),
+        "brass": painted("brass", "#b28a3e", (0.5, 0.42, 0.25), 60.0),
     }

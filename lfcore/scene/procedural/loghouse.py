@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from lfcore.scene.colour import hex_colour
 from lfcore.scene.procedural import textures
+from lfcore.scene.procedural.basics import Look, Parts, Range, Rng, Size, painted, textured
 from lfcore.scene.procedural.primitives import box, cylinder, join, log, quad, rectangle, tube
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
@@ -12,7 +12,7 @@ EAVES = 0.30 + (COURSES - 0.5) * 2 * RADIUS * 0.96
 RIDGE = EAVES + 1.45
 
 
-def surfaces(seed: int) -> dict[str, Surface]:
+def surfaces(seed: int) -> Look:
     timber = textures.wood(seed + 31, (112, 68, 36), (182, 126, 74), size=(128, 512), rings=5)
     grain = textures.end_grain(seed + 32, (132, 88, 48), (214, 172, 116), size=(128, 128))
     boards = textures.planks(seed + 33, (104, 70, 42), (156, 112, 70), rows=8, stagger=False)
@@ -28,19 +28,19 @@ def surfaces(seed: int) -> dict[str, Surface]:
         seed + 36, (72, 96, 60), (104, 132, 82), rows=5, size=(256, 256), stagger=False
     )
     return {
-        "timber": Surface("log", (1, 1, 1), texture=np.rot90(timber).copy()),
-        "grain": Surface("log end", (1, 1, 1), texture=grain),
-        "boards": Surface("boards", (0.95, 0.95, 0.95), texture=boards),
-        "shingle": Surface("shingle", (1, 1, 1), texture=np.rot90(shingle).copy()),
-        "stone": Surface("chimney stone", (0.95, 0.95, 0.95), texture=stone),
-        "door": Surface("cabin door", (1, 1, 1), texture=np.rot90(door).copy()),
-        "trim": Surface("trim", hex_colour("#e6dcc6")),
+        "timber": textured("log", np.rot90(timber).copy()),
+        "grain": textured("log end", grain),
+        "boards": textured("boards", boards, tone=0.95),
+        "shingle": textured("shingle", np.rot90(shingle).copy()),
+        "stone": textured("chimney stone", stone, tone=0.95),
+        "door": textured("cabin door", np.rot90(door).copy()),
+        "trim": painted("trim", "#e6dcc6"),
         "glow": Surface("lit pane", (0.12, 0.08, 0.05), emission=(0.72, 0.40, 0.11)),
-        "iron": Surface("iron", hex_colour("#2c2c2e"), (0.3, 0.3, 0.3), 40.0),
+        "iron": painted("iron", "#2c2c2e", 0.3, 40.0),
     }
 
 
-def loghouse(seed: int) -> list[SurfaceMesh]:
+def loghouse(seed: int) -> Parts:
     """About 4,700 triangles, standing on y = 0 with its middle at the origin."""
     rng = np.random.default_rng(seed + 30)
     look = surfaces(seed)
@@ -54,7 +54,7 @@ def loghouse(seed: int) -> list[SurfaceMesh]:
     return parts
 
 
-def _walls(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _walls(look: Look) -> Parts:
     parts = [box((WIDTH + 0.3, 0.34, DEPTH + 0.3), look["stone"], centre=(0, 0.08, 0), repeat=1.2)]
     step = 2 * RADIUS * 0.96
     for course in range(COURSES):
@@ -68,7 +68,7 @@ def _walls(look: dict[str, Surface]) -> list[SurfaceMesh]:
     return parts
 
 
-def _gables(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _gables(look: Look) -> Parts:
     """Boarded triangles over the side walls; the ridge runs along x."""
     parts = []
     for x in (-WIDTH / 2, WIDTH / 2):
@@ -90,7 +90,7 @@ def _gables(look: dict[str, Surface]) -> list[SurfaceMesh]:
     return parts
 
 
-def _roof(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _roof(rng: Rng, look: Look) -> Parts:
     """Two slopes of boards, the front one shingled, and the ridge log."""
     half, parts = WIDTH / 2 + 0.45, []
     for side in (-1.0, 1.0):
@@ -110,11 +110,11 @@ def _roof(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMes
 
 
 def _shingles(
-    rng: np.random.Generator,
+    rng: Rng,
     corner: np.ndarray,
     across: np.ndarray,
     slope: np.ndarray,
-    number: tuple[int, int],
+    number: Size,
     surface: Surface,
 ) -> SurfaceMesh:
     """Overlapping rows of single shingles, 4 triangles each, every one a little askew.
@@ -142,7 +142,7 @@ def _shingles(
     return join(parts)
 
 
-def _chimney(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _chimney(look: Look) -> Parts:
     x, z = 1.05, -0.55
     return [
         box((0.62, 2.6, 0.55), look["stone"], centre=(x, EAVES + 0.75, z), repeat=1.4),
@@ -151,13 +151,13 @@ def _chimney(look: dict[str, Surface]) -> list[SurfaceMesh]:
     ]
 
 
-def _window(look: dict[str, Surface], centre: np.ndarray, across: np.ndarray) -> list[SurfaceMesh]:
+def _window(look: Look, centre: np.ndarray, across: np.ndarray) -> Parts:
     """A lit window of four panes in a board frame, ``across`` pointing right from outside."""
     up, width, tall = np.array([0, 1.0, 0]), 0.74, 0.84
     out = np.cross(across, up)
 
     def bar(
-        middle: tuple[float, float], half_x: float, half_y: float, depth: float, surface: Surface
+        middle: Range, half_x: float, half_y: float, depth: float, surface: Surface
     ) -> SurfaceMesh:
         size = np.abs(across) * 2 * half_x + up * 2 * half_y + np.abs(out) * depth
         return box(
@@ -176,7 +176,7 @@ def _window(look: dict[str, Surface], centre: np.ndarray, across: np.ndarray) ->
     return parts
 
 
-def _door(look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _door(look: Look) -> Parts:
     z = DEPTH / 2 + RADIUS
     parts = [box((0.9, 1.85, 0.06), look["door"], centre=(0, 0.33 + 0.925, z), repeat=1.0)]
     for x in (-0.51, 0.51):
@@ -189,7 +189,7 @@ def _door(look: dict[str, Surface]) -> list[SurfaceMesh]:
     return parts
 
 
-def _porch(rng: np.random.Generator, look: dict[str, Surface]) -> list[SurfaceMesh]:
+def _porch(rng: Rng, look: Look) -> Parts:
     parts, front = [], DEPTH / 2 + 1.25
     for index in range(9):
         z = DEPTH / 2 + 0.18 + index * 0.125

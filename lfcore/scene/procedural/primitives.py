@@ -5,14 +5,21 @@ metre) unless said otherwise, so that a brick has one size on every wall.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lfcore.scene.procedural.basics import Parts, Size
 from lfcore.scene.smoothing import crease_normals
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise
 
 UNIT_SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+
+
+def xyz(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> np.ndarray:
+    """(..., 3) points of coordinates that broadcast."""
+    return np.stack(np.broadcast_arrays(x, y, z), -1)
 
 
 def quad(corners: ArrayLike, surface: Surface, uv: ArrayLike = UNIT_SQUARE) -> SurfaceMesh:
@@ -29,7 +36,7 @@ def rectangle(
     surface: Surface,
     *,
     repeat: float | None = None,
-    pieces: tuple[int, int] = (1, 1),
+    pieces: Size = (1, 1),
 ) -> SurfaceMesh:
     """A flat rectangle from ``origin`` along ``across`` and ``up``, cut into ``pieces``.
 
@@ -106,7 +113,7 @@ def box(
     return join(parts)
 
 
-def join(parts: list[SurfaceMesh]) -> SurfaceMesh:
+def join(parts: Parts) -> SurfaceMesh:
     """Parts of one surface that carry the same attributes, as one part."""
     columns = {}
     for name in ("normals", "uvs", "colours"):
@@ -147,8 +154,13 @@ def cushion(
     return SurfaceMesh(triangles, surface, crease_normals(triangles, 60.0), whole.uvs)
 
 
+def outline(text: str) -> np.ndarray:
+    """(K, 2) float64 of ``"radius height, radius height, ..."``."""
+    return np.array([pair.split() for pair in text.split(",")], np.float64)
+
+
 def lathe(
-    profile: ArrayLike,
+    profile: ArrayLike | str,
     surface: Surface,
     *,
     segments: int = 24,
@@ -157,11 +169,12 @@ def lathe(
 ) -> SurfaceMesh:
     """A profile of (radius, height) pairs, bottom to top outside, turned about the y axis.
 
-    ``repeat`` None wraps one texture once around and once from the first to the last pair.
+    ``profile`` may be text, as of :func:`outline`; ``repeat`` None wraps one texture once around
+    and once from the first to the last pair.
     """
-    profile = np.asarray(profile, np.float64)
+    profile = outline(profile) if isinstance(profile, str) else np.asarray(profile, np.float64)
     angle = -np.arange(segments) * (2 * np.pi / segments)
-    ring = np.stack([np.cos(angle), np.zeros(segments), np.sin(angle)], -1)
+    ring = xyz(np.cos(angle), 0.0, np.sin(angle))
     points = profile[:, :1, None] * ring[None]
     points[..., 1] = profile[:, 1:]
     length = np.r_[0, np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))]
@@ -254,24 +267,10 @@ def _frames(tangents: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]
 
 
 def cylinder(
-    start: ArrayLike,
-    end: ArrayLike,
-    radius: ArrayLike,
-    surface: Surface,
-    *,
-    segments: int = 8,
-    caps: bool = True,
-    repeat: float = 1.0,
+    start: ArrayLike, end: ArrayLike, radius: ArrayLike, surface: Surface, **options: Any
 ) -> SurfaceMesh:
-    """A straight tube; ``radius`` a number or a pair (a cone's)."""
-    return tube(
-        np.array([start, end], np.float64),
-        radius,
-        surface,
-        segments=segments,
-        caps=caps,
-        repeat=repeat,
-    )
+    """A straight tube; ``radius`` a number or a pair (a cone's); ``options`` of :func:`tube`."""
+    return tube(np.array([start, end], np.float64), radius, surface, **options)
 
 
 def ring(
@@ -279,7 +278,7 @@ def ring(
 ) -> np.ndarray:
     """(number, 3) points on a circle about an axis, for closed tubes."""
     angle = np.arange(number) * (2 * np.pi / number)
-    flat = np.stack([np.cos(angle), np.sin(angle), np.zeros(number)], -1) * radius
+    flat = xyz(np.cos(angle), np.sin(angle), 0.0) * radius
     order = {"z": [0, 1, 2], "y": [0, 2, 1], "x": [2, 0, 1]}[axis]
     return flat[:, order] + np.asarray(centre, np.float64)
 
@@ -339,7 +338,7 @@ def log(
     grain: Surface,
     *,
     segments: int = 10,
-) -> list[SurfaceMesh]:
+) -> Parts:
     """A trunk with sawn ends: 4 * segments triangles."""
     start, end = np.asarray(start, np.float64), np.asarray(end, np.float64)
     return [

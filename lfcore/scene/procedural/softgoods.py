@@ -4,18 +4,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.scene.procedural import textures
-from lfcore.scene.procedural.primitives import curve, mesh_grid, scattered, sphere, tube
+from lfcore.scene.procedural.basics import Parts, Range, Size
+from lfcore.scene.procedural.primitives import curve, join, mesh_grid, scattered, sphere, tube
+from lfcore.scene.smoothing import crease_normals
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, transform_all
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
 
 def pillow(
-    size: tuple[float, float, float],
-    surface: Surface,
-    *,
-    seed: int,
-    pieces: int = 36,
-    repeat: float = 2.0,
+    size: tuple[float, float, float], surface: Surface, *, seed: int, pieces: int
 ) -> SurfaceMesh:
     """Two sheets sewn along a seam, lying in the plane y = 0; 4 * pieces^2 triangles."""
     width, thick, deep = size
@@ -30,15 +27,9 @@ def pillow(
     sheets = []
     for side in (1.0, -1.0):
         points = np.stack([x, side * height * thick / 2, z], -1)
-        sheet = mesh_grid(points, surface, np.stack([x, z], -1) * repeat, crease_deg=180)
-        sheets.append(sheet)
-    top, bottom = sheets
-    return SurfaceMesh(
-        np.concatenate([top.triangles, bottom.triangles]),
-        surface,
-        np.concatenate([top.normals, bottom.normals]),
-        np.concatenate([top.uvs, bottom.uvs]),
-    )
+        uv = np.stack([x, z], -1) * 2.0
+        sheets.append(mesh_grid(points, surface, uv, crease_deg=180))
+    return join(sheets)
 
 
 def _over_edge(excess: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
@@ -51,14 +42,12 @@ def _over_edge(excess: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarra
 def draped(
     width: float,
     length: float,
-    drop: tuple[float, float],
+    drop: Range,
     surface: Surface,
-    *,
     seed: int,
-    pieces: tuple[int, int] = (120, 110),
-    repeat: float = 1.0,
-    wrinkle: float = 0.022,
-    edge_radius: float = 0.07,
+    pieces: Size,
+    repeat: float,
+    wrinkle: float,
 ) -> SurfaceMesh:
     """A blanket over a block ``width`` (x) by ``length`` (z, from 0), top at y = 0.
 
@@ -67,8 +56,8 @@ def draped(
     a = np.linspace(-width / 2 - drop[0], width / 2 + drop[0], pieces[0] + 1)
     b = np.linspace(0, length + drop[1], pieces[1] + 1)
     across, along = np.meshgrid(a, b)
-    side_out, side_down = _over_edge(np.maximum(np.abs(across) - width / 2, 0), edge_radius)
-    foot_out, foot_down = _over_edge(np.maximum(along - length, 0), edge_radius)
+    side_out, side_down = _over_edge(np.maximum(np.abs(across) - width / 2, 0), 0.07)
+    foot_out, foot_down = _over_edge(np.maximum(along - length, 0), 0.07)
     broad = textures.noise(seed, cells=(5, 5), octaves=3, size=across.shape) - 0.5
     fine = textures.noise(seed + 1, cells=(4, 7), octaves=3, size=across.shape)
     crease = 1 - np.abs(2 * fine - 1)
@@ -85,29 +74,20 @@ def draped(
 
 
 def curtain(
-    width: float,
-    height: float,
-    surface: Surface,
-    *,
-    seed: int,
-    folds: int = 9,
-    pieces: tuple[int, int] = (130, 30),
-    tied: float = 0.45,
-    pull: float = 1.0,
-    repeat: float = 1.0,
+    width: float, height: float, surface: Surface, *, seed: int, pull: float, repeat: float
 ) -> SurfaceMesh:
     """Hangs from y = ``height`` along +x, pleats along z; drawn in at the height of its tie.
 
-    ``pull`` +1 draws it to its left end, -1 to its right; ``tied`` is what is left of its width.
+    ``pull`` +1 draws it to its left end, -1 to its right.
     """
-    s, t = np.meshgrid(np.linspace(0, 1, pieces[0] + 1), np.linspace(0, 1, pieces[1] + 1))
-    level = 0.42
+    s, t = np.meshgrid(np.linspace(0, 1, 131), np.linspace(0, 1, 31))
+    level, tied = 0.42, 0.45  # the height of the tie, and the width there
     waist = np.exp(-(((t - level) / 0.22) ** 2))
     spread = 1 - (1 - tied) * waist - 0.25 * (t < level) * (1 - waist) * (1 - tied)
     anchor = 0.0 if pull > 0 else 1.0
     x = (anchor + (s - anchor) * spread) * width
     sway = textures.noise(seed, cells=(2, 3), octaves=2, size=s.shape) - 0.5
-    phase = 2 * np.pi * folds * s + 1.6 * sway
+    phase = 2 * np.pi * 9 * s + 1.6 * sway
     depth = (0.030 + 0.022 * (1 - t)) * (1 - 0.35 * waist)
     z = depth * (np.sin(phase) + 0.25 * np.sin(2 * phase + 1)) + 0.03 * sway * (1 - t)
     points = np.stack([x, t * height, z], -1)
@@ -115,16 +95,9 @@ def curtain(
     return mesh_grid(points, surface, uv, crease_deg=180)
 
 
-def tufted(
-    width: float,
-    height: float,
-    surface: Surface,
-    *,
-    pieces: tuple[int, int] = (110, 60),
-    repeat: float = 2.0,
-) -> SurfaceMesh:
+def tufted(width: float, height: float, surface: Surface) -> SurfaceMesh:
     """An upholstered panel in the plane z = 0, buttoned in diamonds, with rounded edges."""
-    u, v = np.meshgrid(np.linspace(0, 1, pieces[0] + 1), np.linspace(0, 1, pieces[1] + 1))
+    u, v = np.meshgrid(np.linspace(0, 1, 111), np.linspace(0, 1, 61))
     nx, ny = 7, max(2, round(7 * height / width))
     p, q = u * nx + v * ny, u * nx - v * ny
     soft = np.abs(np.sin(np.pi * p / 1.0) * np.sin(np.pi * q / 1.0)) ** 0.45
@@ -133,14 +106,11 @@ def tufted(
     z = 0.075 * round_off * (0.55 + 0.45 * soft)
     top = v * height * (1 + 0.10 * (1 - (2 * u - 1) ** 2) * v)
     points = np.stack([(u - 0.5) * width, top, z], -1)
-    return mesh_grid(
-        points, surface, np.stack([u * width, v * height], -1) * repeat, crease_deg=180
-    )
+    uv = np.stack([u * width, v * height], -1) * 2.0
+    return mesh_grid(points, surface, uv, crease_deg=180)
 
 
-def rug(
-    width: float, depth: float, field: Surface, fringe: Surface, *, seed: int
-) -> list[SurfaceMesh]:
+def rug(width: float, depth: float, field: Surface, fringe: Surface, *, seed: int) -> Parts:
     """A woven rug on the floor, gently wavy, with a fringe at both ends along x."""
     rng = np.random.default_rng(seed)
     u, v = np.meshgrid(np.linspace(0, 1, 61), np.linspace(0, 1, 41))
@@ -149,14 +119,8 @@ def rug(
     border = (u == 0) | (u == 1) | (v == 0) | (v == 1)
     points = np.stack([(u - 0.5) * width, np.where(border, 0.001, lift), (0.5 - v) * depth], -1)
     parts = [mesh_grid(points, field, np.stack([u, v], -1), crease_deg=180)]
-    knot = tube(
-        curve(
-            [(0, 0.012, 0), (0.02, 0.014, 0.002), (0.05, 0.006, 0.004), (0.085, 0.004, -0.004)], 5
-        ),
-        [0.006, 0.008, 0.006, 0.007, 0.004],
-        fringe,
-        segments=5,
-    )
+    path = [(0, 0.012, 0), (0.02, 0.014, 0.002), (0.05, 0.006, 0.004), (0.085, 0.004, -0.004)]
+    knot = tube(curve(path, 5), [0.006, 0.008, 0.006, 0.007, 0.004], fringe, segments=5)
     number = int(depth / 0.024)
     for side in (0.0, 180.0):
         z = (np.arange(number) + 0.5) / number * depth - depth / 2
@@ -176,17 +140,12 @@ def fluffy(base: SurfaceMesh, *, seed: int, depth: float, cells: int = 40) -> Su
     offset = pile[(v * 255).astype(int), (u * 256).astype(int) % 256]
     offset = offset * np.sin(np.pi * v)  # the poles of a sphere are many texels wide
     triangles = base.triangles + depth * offset[..., None] * base.normals
-    from lfcore.scene.smoothing import crease_normals
-
     triangles = np.round(triangles, 7)
     return SurfaceMesh(triangles, base.surface, crease_normals(triangles, 180.0), base.uvs)
 
 
-def teddy(
-    fur: Surface, light: Surface, dark: Surface, *, seed: int, segments: int = 40
-) -> list[SurfaceMesh]:
+def teddy(fur: Surface, light: Surface, dark: Surface, *, seed: int) -> Parts:
     """A sitting bear, 0.45 m tall, facing +z."""
-    rings = segments * 2 // 3
 
     def lump(
         radius: ArrayLike,
@@ -195,7 +154,7 @@ def teddy(
         detail: float = 1.0,
         plush: float = 0.012,
     ) -> SurfaceMesh:
-        ball = sphere(radius, surface, segments=int(segments * detail), rings=int(rings * detail))
+        ball = sphere(radius, surface, segments=int(40 * detail), rings=int(26 * detail))
         if plush:
             ball = fluffy(ball, seed=seed, depth=plush, cells=36)
         return ball.transformed(translate(*centre))

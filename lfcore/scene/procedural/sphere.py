@@ -4,17 +4,15 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.scene.procedural import textures
+from lfcore.scene.procedural.basics import Parts, textured
 from lfcore.scene.procedural.primitives import rectangle
 from lfcore.scene.procedural.primitives import sphere as ball
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
 MOST_SEGMENTS = 4096
 """16 million triangles: beyond, a machine's memory decides."""
 
 
-def build(
-    seed: int, *, radius_m: float = 1.0, segments: int = 96, checks: float = 1.0
-) -> list[SurfaceMesh]:
+def build(seed: int, *, radius_m: float = 1.0, segments: int = 96, checks: float = 1.0) -> Parts:
     """A speckled sphere standing on the origin of a checked floor.
 
     ``checks`` counts fields a metre; ``seed`` draws the sphere's speckles.
@@ -24,10 +22,10 @@ def build(
     if not 3 <= segments <= MOST_SEGMENTS:
         raise SceneError(f"must be from 3 to {MOST_SEGMENTS}, not {segments}", key="segments")
     skin = textures.speckle(seed, ((150, 40, 30), (226, 120, 60), (246, 220, 170)), cells=(6, 12))
-    red = Surface("sphere", (1, 1, 1), (0.4, 0.4, 0.4), 80.0, texture=skin)
+    red = textured("sphere", skin, 0.4, 80.0)
     board = np.full((128, 128, 3), 228, np.uint8)
     board[:64, :64] = board[64:, 64:] = (58, 74, 96)
-    floor = Surface("floor", (1, 1, 1), texture=board)
+    floor = textured("floor", board)
     return [
         ball(
             radius_m, red, centre=(0, radius_m, 0), segments=segments, rings=max(2, segments // 2)

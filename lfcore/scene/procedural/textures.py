@@ -9,15 +9,17 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lfcore.scene.procedural.basics import Size
+
 SIZE = 512
 
 
 def noise(
     seed: int,
     *,
-    cells: tuple[int, int] = (8, 8),
+    cells: Size = (8, 8),
     octaves: int = 4,
-    size: tuple[int, int] = (SIZE, SIZE),
+    size: Size = (SIZE, SIZE),
     gain: float = 0.55,
 ) -> np.ndarray:
     """(H, W) float64 tileable value noise in [0, 1]; ``cells`` (rows, columns) of octave one."""
@@ -56,16 +58,16 @@ def speckle(
     seed: int,
     colours: Sequence[ArrayLike],
     *,
-    cells: tuple[int, int] = (12, 12),
+    cells: Size = (12, 12),
     octaves: int = 5,
-    size: tuple[int, int] = (SIZE, SIZE),
+    size: Size = (SIZE, SIZE),
 ) -> np.ndarray:
     """Plain fractal noise through a gradient: plaster, earth, bark, rust."""
     return finish(ramp(noise(seed, cells=cells, octaves=octaves, size=size), *colours))
 
 
 def plaster(
-    seed: int, colour: ArrayLike, *, contrast: float = 10.0, size: tuple[int, int] = (256, 256)
+    seed: int, colour: ArrayLike, *, contrast: float = 10.0, size: Size = (256, 256)
 ) -> np.ndarray:
     fine = noise(seed, cells=(24, 24), octaves=3, size=size) - 0.5
     broad = noise(seed + 1, cells=(3, 3), octaves=3, size=size) - 0.5
@@ -73,12 +75,7 @@ def plaster(
 
 
 def wood(
-    seed: int,
-    dark: ArrayLike,
-    light: ArrayLike,
-    *,
-    size: tuple[int, int] = (256, 512),
-    rings: float = 7.0,
+    seed: int, dark: ArrayLike, light: ArrayLike, *, size: Size = (256, 512), rings: float = 7.0
 ) -> np.ndarray:
     """Grain along u (columns): stretched noise warps parallel lines."""
     warp = noise(seed, cells=(4, 1), octaves=3, size=size)
@@ -94,8 +91,7 @@ def planks(
     light: ArrayLike,
     *,
     rows: int = 6,
-    size: tuple[int, int] = (512, 512),
-    joint: float = 0.55,
+    size: Size = (512, 512),
     stagger: bool = True,
 ) -> np.ndarray:
     """Boards along u, each with a tone and grain of its own, dark joints between."""
@@ -106,11 +102,11 @@ def planks(
         board = wood(int(rng.integers(1 << 30)), dark, light, size=(height, width), rings=2.5)
         board = np.roll(board.astype(np.float64), int(rng.integers(width)), 1)
         board *= rng.uniform(0.82, 1.06)
-        board[: max(2, height // 28)] *= joint
+        board[: max(2, height // 28)] *= 0.55
         board[-1:] *= 0.8
         if stagger:
             cut = int((row * 0.37 + rng.uniform(0, 0.25)) % 1 * width)
-            board[:, cut : cut + 3] *= joint
+            board[:, cut : cut + 3] *= 0.55
         picture[row * height : (row + 1) * height] = board
     picture[rows * height :] = picture[rows * height - 1]
     return finish(picture)
@@ -123,7 +119,7 @@ def bricks(
     *,
     rows: int = 8,
     columns: int = 4,
-    size: tuple[int, int] = (SIZE, SIZE),
+    size: Size = (SIZE, SIZE),
     gap: float = 0.09,
 ) -> np.ndarray:
     """Running bond; ``colours`` is a gradient from which each brick draws its tone."""
@@ -152,7 +148,7 @@ def cobbles(
     gap_colour: ArrayLike,
     *,
     cells: int = 9,
-    size: tuple[int, int] = (SIZE, SIZE),
+    size: Size = (SIZE, SIZE),
 ) -> np.ndarray:
     """Rounded setts in jittered rows: distance to the two nearest of wrapped seeds."""
     rng = np.random.default_rng(seed)
@@ -187,12 +183,7 @@ def cobbles(
 
 
 def weave(
-    seed: int,
-    colour: ArrayLike,
-    *,
-    threads: int = 64,
-    depth: float = 0.16,
-    size: tuple[int, int] = (256, 256),
+    seed: int, colour: ArrayLike, *, threads: int = 64, depth: float = 0.16, size: Size = (256, 256)
 ) -> np.ndarray:
     """Plain cloth: crossing threads, and the slow shading of wear."""
     v, u = np.mgrid[: size[0], : size[1]] / np.array(size)[:, None, None] * 2 * np.pi
@@ -203,39 +194,16 @@ def weave(
 
 
 def stripes(
-    seed: int,
-    colours: Sequence[ArrayLike],
-    widths: ArrayLike,
-    *,
-    size: tuple[int, int] = (256, 256),
-    depth: float = 0.10,
+    seed: int, colours: Sequence[ArrayLike], widths: ArrayLike, *, depth: float = 0.10
 ) -> np.ndarray:
     """Bands across v, over cloth; ``widths`` are relative."""
     edges = np.cumsum(np.asarray(widths, np.float64)) / np.sum(widths)
-    band = np.searchsorted(edges, np.linspace(0, 1, size[0], endpoint=False), side="right")
-    cloth = weave(seed, (255, 255, 255), size=size, depth=depth) / 255.0
+    band = np.searchsorted(edges, np.linspace(0, 1, 256, endpoint=False), side="right")
+    cloth = weave(seed, (255, 255, 255), depth=depth) / 255.0
     return finish(np.asarray(colours, np.float64)[band][:, None] * cloth)
 
 
-def checks(
-    seed: int,
-    base: ArrayLike,
-    line: ArrayLike,
-    *,
-    number: int = 6,
-    size: tuple[int, int] = (256, 256),
-) -> np.ndarray:
-    """Gingham and tartan: translucent bands crossing."""
-    wave = (np.arange(size[0]) * number / size[0]) % 1
-    band = np.where(wave < 0.42, 1.0, 0.0) + np.where(np.abs(wave - 0.7) < 0.05, 0.7, 0.0)
-    cover = np.clip((band[:, None] + band[None, :]) / 2, 0, 1)
-    cloth = weave(seed, (255, 255, 255), size=size, depth=0.12) / 255.0
-    return finish(ramp(cover, base, line) * cloth)
-
-
-def leaf(
-    seed: int, dark: ArrayLike, light: ArrayLike, *, size: tuple[int, int] = (128, 128)
-) -> np.ndarray:
+def leaf(seed: int, dark: ArrayLike, light: ArrayLike, *, size: Size = (128, 128)) -> np.ndarray:
     """A leaf's blade: midrib along v in the middle, side veins, mottling."""
     v, u = np.mgrid[: size[0], : size[1]] / np.array(size)[:, None, None]
     rib = np.exp(-(((u - 0.5) / 0.03) ** 2))
@@ -244,16 +212,14 @@ def leaf(
     return finish(ramp(np.clip(0.75 * mottle + 0.35 * rib + 0.18 * vein, 0, 1), dark, light))
 
 
-def bark(
-    seed: int, dark: ArrayLike, light: ArrayLike, *, size: tuple[int, int] = (256, 256)
-) -> np.ndarray:
+def bark(seed: int, dark: ArrayLike, light: ArrayLike, *, size: Size = (256, 256)) -> np.ndarray:
     """Furrows along v."""
     furrow = noise(seed, cells=(3, 20), octaves=4, size=size)
     return finish(ramp(np.clip(1.5 * furrow - 0.2, 0, 1), dark, light))
 
 
 def end_grain(
-    seed: int, dark: ArrayLike, light: ArrayLike, *, size: tuple[int, int] = (256, 256)
+    seed: int, dark: ArrayLike, light: ArrayLike, *, size: Size = (256, 256)
 ) -> np.ndarray:
     """Growth rings of a sawn log, one texture over its face, with a crack or two."""
     v, u = np.mgrid[: size[0], : size[1]] / np.array(size)[:, None, None] - 0.5

@@ -1,0 +1,42 @@
+"""Short names of types that builders take and return, and surfaces of one colour or texture."""
+
+from typing import Any
+
+import numpy as np
+
+from lfcore.scene.colour import hex_colour
+from lfcore.scene.surface_mesh import Colour, Surface, SurfaceMesh
+
+Rng = np.random.Generator
+Parts = list[SurfaceMesh]
+Look = dict[str, Surface]
+"""The surfaces of a model by name."""
+Size = tuple[int, int]
+Range = tuple[float, float]
+
+
+def codes(colour: str) -> np.ndarray:
+    """(3,) sRGB codes of ``#rrggbb``."""
+    return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)])
+
+
+def painted(
+    name: str, colour: str, specular: float | Colour = 0.0, shininess: float = 32.0, **more: Any
+) -> Surface:
+    """A surface of one colour, ``#rrggbb`` in sRGB; a single ``specular`` is grey."""
+    return Surface(name, hex_colour(colour), _triple(specular), shininess, **more)
+
+
+def textured(
+    name: str,
+    texture: np.ndarray,
+    specular: float | Colour = 0.0,
+    shininess: float = 32.0,
+    tone: float = 1.0,
+) -> Surface:
+    """A surface with a texture, darkened by ``tone``."""
+    return Surface(name, _triple(tone), _triple(specular), shininess, texture=texture)
+
+
+def _triple(colour: float | Colour) -> Colour:
+    return colour if isinstance(colour, tuple) else (colour,) * 3
