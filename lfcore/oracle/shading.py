@@ -5,7 +5,8 @@
                                                      + specular * max(N . H, 0) ^ shininess)
 
 A light is in sight of a point when N . L > 0 and, if it casts shadows, when no other triangle
-lies between that is not the light's own.  Of a point of an emitter strength includes the cosine
+lies between that is not the light's own.  Of curved materials the way to the light starts at
+:func:`shadow_origins`.  Of a point of an emitter strength includes the cosine
 there.  N is the interpolated normal turned towards the viewer, H halfway between L and the
 direction to the viewer.  Textures are filtered bilinearly at full size: no mip levels.
 
@@ -25,6 +26,8 @@ from lfcore.scene.model import Scene
 
 # An occluder nearer than this share of the way touches the point: another triangle there.
 TOUCHING = 1e-9
+# Normals of corners that differ by less are those of a flat triangle.
+FLAT_NORMALS = 1e-5
 
 
 def radiance(scene: Scene, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
@@ -50,6 +53,7 @@ def _shade_points(
     materials = [scene.materials[k] for k in scene.material_ids[triangle]]
     point = _interpolate(scene.triangles[triangle], weights)
     normal = normals(scene, triangle, weights, view)
+    start = shadow_origins(scene, triangle, weights, point, normal)
     diffuse = albedo(scene, triangle, weights)
     specular = np.array([m.specular for m in materials], np.float64)
     shininess = np.array([m.shininess for m in materials], np.float64)
@@ -66,7 +70,7 @@ def _shade_points(
         gloss = np.maximum((bent * half).sum(1), 0) ** shininess
         seen = (cosine > 0) & ((normal * towards).sum(1) > 0)
         if light.casts_shadows:
-            seen &= ~_in_shadow(scene, light, point, triangle)
+            seen &= ~_in_shadow(scene, light, start, triangle)
         plain = diffuse * cosine[:, None] + specular * gloss[:, None]
         reflected = np.where(is_metal, metal.reflected(bent, towards, view), plain)
         colour += np.where(seen[:, None], strength * reflected, 0)
@@ -83,6 +87,26 @@ def normals(
         p, q, r = scene.triangles[triangle].astype(np.float64).swapaxes(0, 1)
         normal = _unit(np.cross(q - p, r - p))
     return np.where((normal * view).sum(1, keepdims=True) < 0, -normal, normal)
+
+
+def shadow_origins(
+    scene: Scene, triangle: np.ndarray, weights: np.ndarray, point: np.ndarray, normal: np.ndarray
+) -> np.ndarray:
+    """(R, 3) where shadow rays start: on curved materials beside ``point`` (R, 3), on the mean of
+    its places on the tangent planes of the corners that it is behind, seen from ``normal``.
+
+    Source: J. Hanika, "Hacking the shadow terminator", Ray Tracing Gems II, chapter 4, 2021.
+    """
+    if not len(scene.normals):
+        return point
+    of_corner = scene.normals[triangle].astype(np.float64)
+    is_curved = np.array([scene.materials[k].curved for k in scene.material_ids[triangle]])
+    is_curved &= (np.abs(of_corner - of_corner[:, :1]) >= FLAT_NORMALS).any((1, 2))
+    side = np.sign((of_corner.sum(1) * normal).sum(1))
+    of_corner *= np.where(side < 0, -1.0, 1.0)[:, None, None]
+    away = ((point[:, None] - scene.triangles[triangle]) * of_corner).sum(-1)
+    moved = ((weights * np.minimum(away, 0))[..., None] * of_corner).sum(1)
+    return point - np.where(is_curved[:, None], moved, 0.0)
 
 
 def albedo(scene: Scene, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -18,6 +18,8 @@ class Material:
     ``texture`` indexes :attr:`Scene.textures` (-1: none) and multiplies ``diffuse``.
     ``emission`` is added whatever the light: a lamp shade, a screen, test charts.
     Where the texture's alpha, of 1, is below ``alpha_cutoff`` the surface has a hole.
+    Of a ``curved`` material smooth normals are those of a curved surface, where shadow rays start:
+    few triangles then cast no jagged shadows on themselves.
     """
 
     name: str
@@ -33,6 +35,7 @@ class Material:
     normal_texture: int = -1
     normal_scale: float = 1.0
     emission_texture: int = -1
+    curved: bool = False
 
     @property
     def is_metallic(self) -> bool:

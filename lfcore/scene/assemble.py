@@ -180,6 +180,7 @@ def _material(surface: Surface, textures: dict[str, int]) -> Material:
         metallic=float(surface.metallic),
         roughness=float(surface.roughness),
         normal_scale=float(surface.normal_scale),
+        curved=bool(surface.curved),
         **textures,
     )
 

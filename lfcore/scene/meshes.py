@@ -7,6 +7,7 @@ alone has, :mod:`lfcore.scene.gltf_materials`.
 import io
 import os
 import urllib.parse
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -212,6 +213,7 @@ def _part(
     elif shading != "flat":
         normals = _smoothed(triangles, crease_deg)
     colours = _colours(mesh.visual, faces, path)
+    surface = replace(surface, curved=normals is not None)
     return SurfaceMesh(triangles, surface, normals, uvs, colours)
 
 

@@ -163,7 +163,7 @@ class Scene:
             raise SceneError("the scene is empty: no triangles were given", key="triangles")
         part = SurfaceMesh(
             corners,
-            surface or Surface(),
+            replace(surface or Surface(), curved=normals is not None),
             _checked("normals", normals, len(corners), 3) if normals is not None else None,
             _checked("uvs", uvs, len(corners), 2) if uvs is not None else None,
             _checked("colours", colours, len(corners), 3) if colours is not None else None,

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, fields
 
+import numpy as np
+
 from lfcore.errors import SceneError
 from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.model import Scene
+
+FLAT_NORMALS = 1e-5
+"""Normals of corners that differ by less are those of a flat triangle."""
 
 
 @dataclass(frozen=True)
@@ -22,6 +27,7 @@ class Needs:
     cut_outs : the alpha of some texture cuts holes into triangles.
     physical : some material is of metal and roughness, or has more than a texture of its colour.
     smooth_normals : shading normals are stored.
+    curved : on some triangle shadow rays start beside the hit points.
     vertex_colours : vertex colours are stored.
     specular : a material in use has a highlight, and there is a light to make it.
     emission : a material in use glows.
@@ -39,6 +45,7 @@ class Needs:
     cut_outs: bool
     physical: bool
     smooth_normals: bool
+    curved: bool
     vertex_colours: bool
     specular: bool
     emission: bool
@@ -65,6 +72,7 @@ class Needs:
                 for material in used
             ),
             smooth_normals=len(scene.normals) > 0,
+            curved=any(light.casts_shadows for light in lights) and _has_curves(scene),
             vertex_colours=len(scene.colours) > 0,
             specular=bool(lights) and any(any(m.specular) or m.is_metallic for m in used),
             emission=any(any(material.emission) for material in used),
@@ -86,6 +94,15 @@ class Needs:
     def from_json(cls, data: dict) -> Needs:
         """Inverse of :meth:`to_json`; KeyError for a feature that ``data`` does not know."""
         return cls(**{field.name: data[field.name] for field in fields(cls)})
+
+
+def _has_curves(scene: Scene) -> bool:
+    """Whether a triangle of a curved material has unlike normals."""
+    curved = np.array([material.curved for material in scene.materials], bool)
+    if not len(scene.normals) or not curved.any():
+        return False
+    normals = scene.normals[curved[scene.material_ids]]
+    return bool((np.abs(normals - normals[:, :1]) >= FLAT_NORMALS).any())
 
 
 def check_exportable(scene: Scene, program: str) -> None:

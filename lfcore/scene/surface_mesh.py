@@ -36,6 +36,7 @@ class Surface:
     normal_texture: np.ndarray | None = None
     normal_scale: float = 1.0
     emission_texture: np.ndarray | None = None
+    curved: bool = False
 
     @property
     def has_textures(self) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.plane_tables import BEAM_COLUMNS as PACKET_COLUMNS
 from lfcore.optics.plane_tables import BLOCK, PLANE, RUN, RUNS
+from lfcore.scene.needs import FLAT_NORMALS
 
 FLOAT, INT = np.float32, np.int32
 MIP_LEVELS, MOST_LEVELS, NODE_WIDTH, TEXEL_BITS = 12, 64, 16, 10
@@ -33,6 +34,7 @@ CONSTANTS: dict[str, int | float] = {
     "MIP_LEVELS": MIP_LEVELS,
     "TEXEL_BITS": TEXEL_BITS,  # per channel of a texel
     "FAR": 3.0e38,  # beyond every depth
+    "FLAT_NORMALS": FLAT_NORMALS,  # corners' normals that differ by less are a flat triangle's
     "FIXED_ONE": float(FIXED_ONE),  # radiance 1 in the sums of planes
     "TEXTURED_BIT": TEXTURED,  # of TEXTURES, what a program is built with
     "CUT_OUTS_BIT": CUT_OUTS,  # triangles with holes
@@ -57,6 +59,7 @@ MATERIAL = np.dtype([
     ("metallic", FLOAT),  # negative: a Blinn-Phong material
     ("roughness", FLOAT),
     ("normal_scale", FLOAT),
+    ("curved", INT),  # see Material.curved
     ("maps", INT, MAPS),  # textures; -1: none
 ])  # fmt: skip
 LIGHT = np.dtype([

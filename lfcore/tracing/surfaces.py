@@ -75,6 +75,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         "TEXTURES": needs.textures | CUT_OUTS * needs.cut_outs | PHYSICAL * needs.physical,
         "VERTEX_COLOURS": int(needs.vertex_colours),
         "SHADOWS": int(shadows > 0),
+        "CURVED": int(needs.curved and needs.smooth_normals),
     }
     return Surfaces(
         corners=np.ascontiguousarray(scene.triangles, np.float32),
@@ -93,7 +94,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
 
 def _pack_materials(scene: Scene) -> np.ndarray:
     packed = np.zeros(len(scene.materials), MATERIAL)
-    same = "diffuse", "specular", "shininess", "emission", "metallic", "roughness", "normal_scale"
+    same = set(MATERIAL.names or ()) - {"specular_cutoff", "maps"}
     for row, m in zip(packed, scene.materials, strict=True):
         for name in same:
             row[name] = getattr(m, name)

@@ -75,7 +75,7 @@ def test_damaged_files_are_refused(tmp_path, scene):
         with pytest.raises(SceneError, match="not a whole scene file"):
             load_scene(path)
     flipped = bytearray(whole)
-    flipped[len(whole) // 2] ^= 0xFF
+    flipped[whole.index(scene.triangles.tobytes())] ^= 0xFF
     path.write_bytes(bytes(flipped))
     with pytest.raises(SceneError):
         load_scene(path)
@@ -95,7 +95,8 @@ def test_array_of_the_wrong_shape_is_refused(tmp_path, scene):
 
 def test_needs_of_everything(scene):
     assert Needs.of(scene) == Needs(
-        textures=True, cut_outs=False, physical=False, smooth_normals=False, vertex_colours=False,
+        textures=True, cut_outs=False, physical=False, smooth_normals=False, curved=False,
+        vertex_colours=False,
         specular=True, emission=False, ambient=True, background=False, shadows=True, point_lights=1,
         directional_lights=1, falloff=True, coloured_lights=True, emitters=False, spots=False,
     )  # fmt: skip

@@ -42,6 +42,8 @@ def _white_corners(scene: Scene) -> Scene:
 
 
 def _flat_normals(scene: Scene) -> Scene:
+    if len(scene.normals):
+        return scene
     p, q, r = scene.triangles.astype(float).swapaxes(0, 1)
     normal = np.cross(q - p, r - p)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
@@ -71,6 +73,8 @@ FEATURES = (
             part=_without_shadows),
     Feature("physical", ("TEXTURES",), "metal, roughness, and textures that bend and vary them"),
     Feature("smooth_normals", ("SMOOTH",), "corner normals and their interpolation",
+            _flat_normals),
+    Feature("curved", ("CURVED",), "shadow rays that start beside the hit points",
             _flat_normals),
     Feature("vertex_colours", ("VERTEX_COLOURS",), "corner colours and their interpolation",
             _white_corners),

@@ -61,6 +61,6 @@ inline void colour_block(const Packet *packet, int number, Pipeline *p, global f
         return;
     }
     sample_block(p->scene, p->pixel, b);
-    if (SHADOWS) find_lit(&p->shadows, b);
+    if (SHADOWS) find_lit(&p->shadows, b, p->memory->shadows.lifted);
     shade_block(p->scene, b, colours);
 }

@@ -19,7 +19,7 @@ inline void find_facing(const Block *b, global const LightRecord *light, global 
 inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *box)
 {
     const Bundle *r = &b->rays;
-    global const float *z = b->samples->point + 2 * BLOCK_RAYS;
+    global const float *z = s->origins + 2 * BLOCK_RAYS;
     vf nearest = FAR;
     for (int at = 0; at < BLOCK_RAYS; at += LANES)
         nearest = pick(nearest, min(nearest, VLOAD(z + at)), VLOAD(wanted + at));
@@ -34,7 +34,7 @@ inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *
         const vi want = VLOAD(wanted + at), within = want & LE(VLOAD(z + at), (vf)(until));
         VSTORE(within, s->active + at);
         VSTORE(want & ~within, wanted + at);
-        add_to_ranges(&ranges, load3(b->samples->point, at), within);
+        add_to_ranges(&ranges, load3(s->origins, at), within);
     }
     *box = box_of(&ranges);
     return 1;

@@ -75,7 +75,7 @@ inline int project_hits(const Shadows *s, LightSpaceRays *l)
         clear_ranges(&ranges);
         for (int at = strip * STRIP; at < (strip + 1) * STRIP; at += LANES) {
             const vi within = VLOAD(s->active + at);
-            const Vec seen = project_row(r, view, l->samples->point, at);
+            const Vec seen = project_row(r, view, s->origins, at);
             store3(seen, s->seen, at);
             add_to_ranges(&ranges, seen, within);
         }
@@ -165,7 +165,7 @@ inline uint behind_holes(const Shadows *s, const LightSpaceRays *l, int occluder
     const float3 p = corner(s->scene, occluder, 0);
     const float3 n = cross_product(corner(s->scene, occluder, 1) - p,
                                    corner(s->scene, occluder, 2) - p);
-    global const float *point = l->samples->point + at;
+    global const float *point = s->origins + at;
     uint dark = 0;
     for (; bits; bits &= bits - 1) {
         const uint k = lowest(bits);

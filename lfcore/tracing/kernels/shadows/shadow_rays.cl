@@ -1,6 +1,6 @@
 // Sets of shadow rays: from hit points in a box to a light.
 #pragma once
-#include "samples.cl"
+#include "shadow_origins.cl"
 #include "walk.cl"
 
 // What a worker's shadows are of, and its memory for them.
@@ -10,6 +10,7 @@ typedef struct {
     const Packet *packet;
     global int *active;                     // scratch: (2, BLOCK_RAYS)
     global float *seen;                     // scratch: (3, BLOCK_RAYS)
+    global const float *origins;            // of the block's shadow rays: (3, BLOCK_RAYS)
     struct OccluderCache *cache;
     global PlaneEquations *element_planes;  // scratch: of one triangle
 } Shadows;

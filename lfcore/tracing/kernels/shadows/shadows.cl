@@ -9,12 +9,14 @@ typedef struct {
     float seen[3 * BLOCK_RAYS];
     float pool[POOL * OCCLUDER_WORDS];
     PlaneEquations element_planes;
+    float lifted[CURVED ? 3 * BLOCK_RAYS : 1];
 } ShadowMemory;
 
 inline void start_shadows(const Tree *tree, const Scene *scene, global ShadowMemory *memory,
                           OccluderCache *cache, Shadows *s)
 {
-    *s = (Shadows){tree, scene, 0, memory->active, memory->seen, cache, &memory->element_planes};
+    *s = (Shadows){tree, scene, 0, memory->active, memory->seen, 0, cache,
+                   &memory->element_planes};
     cache->pool = memory->pool;
 }
 
@@ -25,9 +27,11 @@ inline void enter_packet(const Packet *packet, Shadows *s)
 }
 
 // Find which of a block's rays see each light.
-inline void find_lit(Shadows *s, const Block *b)
+inline void find_lit(Shadows *s, const Block *b, global float *lifted)
 {
-    const int few = few_regions(b);
+    const int curved = CURVED && lift_origins(s->scene, b, lifted);
+    const int few = !curved && few_regions(b);
+    s->origins = curved ? lifted : b->samples->point;
     if (few) enter_element(s->packet, b->number, s->cache);
     for (int k = 0; k < s->scene->numbers->shadow_lights; ++k) {
         global int *lit = b->lit + k * BLOCK;

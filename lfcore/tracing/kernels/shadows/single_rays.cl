@@ -50,7 +50,7 @@ inline int blocking_leaf(const Tree *tree, const Ray *r, float far, int own, int
 // Take from s->active the rays of a block that cannot see a light.
 inline void cast_single_rays(const Shadows *s, const Block *b, global const LightRecord *light)
 {
-    global const float *point = b->samples->point;
+    global const float *point = s->origins;
     const int2 own = vload2(0, light->triangles);
     int last = -1;  // what darkened a neighbour is likely to darken the next
     for (int at = 0; at < BLOCK_RAYS; ++at) {

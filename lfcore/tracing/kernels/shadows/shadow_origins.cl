@@ -1,0 +1,71 @@
+// Where shadow rays start.
+//
+// Smooth normals describe a curved surface, and triangles a polyhedron in its place, which shadows
+// itself in jagged steps where light grazes it.  On curved materials a hit point therefore moves
+// outwards to the tangent planes of its triangle's corners, to each by the corner's weight.
+//
+// Source: J. Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4, 2021.
+#pragma once
+#include "samples.cl"
+
+// A triangle with the gradients of its barycentric weights; that of the first corner is not used.
+typedef struct { float3 corner[3], normal[3], gradient[3]; } CurvedTriangle;
+
+// False for a flat triangle: its material is not curved, or its normals are equal.
+inline int read_curved(const Scene *s, int triangle, CurvedTriangle *c)
+{
+    if (!s->materials[s->material_ids[triangle]].curved) return 0;
+    for (int k = 0; k < 3; ++k) {
+        c->corner[k] = corner(s, triangle, k);
+        c->normal[k] = vload3(k, attributes_of(s, triangle));
+    }
+    if (max(largest_component(c->normal[1] - c->normal[0]),
+            largest_component(c->normal[2] - c->normal[0])) < FLAT_NORMALS) return 0;
+    // In units of the triangle's size, so that no square underflows.
+    float3 a = c->corner[1] - c->corner[0], b = c->corner[2] - c->corner[0];
+    const float unit = 1.0f / max(largest_component(a), largest_component(b));
+    a *= unit;
+    b *= unit;
+    const float3 n = cross_product(a, b);
+    const float share = unit / max(inner_product(n, n), LEAST_LENGTH);
+    c->gradient[1] = share * cross_product(b, n);
+    c->gradient[2] = share * cross_product(n, a);
+    return 1;
+}
+
+// A row of hit points, moved to the side of `normal`.
+inline Vec lifted_row(const CurvedTriangle *c, Vec point, Vec normal)
+{
+    const vi side = sign_of(dot3(normal, spread3(c->normal[0] + c->normal[1] + c->normal[2])));
+    const Vec from = minus3(point, spread3(c->corner[0]));
+    vf weight[3];
+    for (int k = 1; k < 3; ++k) weight[k] = max(dot3(from, spread3(c->gradient[k])), (vf)(0.0f));
+    weight[0] = max(1.0f - weight[1] - weight[2], (vf)(0.0f));
+    Vec lifted = point;
+    for (int k = 0; k < 3; ++k) {
+        const Vec n = turn_vectors(spread3(c->normal[k]), side);
+        const vf height = dot3(minus3(point, spread3(c->corner[k])), n);
+        lifted = fma3(-weight[k] * min(height, (vf)(0.0f)), n, lifted);
+    }
+    return lifted;
+}
+
+// Write to `lifted` where a block's shadow rays start; false if that is at the hit points.
+inline int lift_origins(const Scene *scene, const Block *b, global float *lifted)
+{
+    global const Samples *samples = b->samples;
+    int any_curved = 0;
+    for (int k = 0; k < b->regions.count; ++k) {
+        global const Region *r = b->regions.of + k;
+        CurvedTriangle c;
+        if (!read_curved(scene, r->triangle, &c)) continue;
+        for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+            const Vec point = load3(samples->point, at);
+            const Vec old = any_curved ? load3(lifted, at) : point;
+            const Vec new = lifted_row(&c, point, load3(samples->normal, at));
+            store3(pick3(old, new, region_row(r, at)), lifted, at);
+        }
+        any_curved = 1;
+    }
+    return any_curved;
+}
