@@ -15,9 +15,9 @@ Size = tuple[int, int]
 Range = tuple[float, float]
 
 
-def codes(colour: str) -> np.ndarray:
-    """(3,) sRGB codes of ``#rrggbb``."""
-    return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)])
+def codes(colour: str) -> list[int]:
+    """The three sRGB codes of ``#rrggbb``."""
+    return [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
 
 
 def painted(
