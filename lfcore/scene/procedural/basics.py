@@ -11,6 +11,8 @@ Rng = np.random.Generator
 Parts = list[SurfaceMesh]
 Look = dict[str, Surface]
 """The surfaces of a model by name."""
+Point = np.ndarray
+"""(3,) float64."""
 Size = tuple[int, int]
 Range = tuple[float, float]
 
