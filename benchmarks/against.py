@@ -6,9 +6,9 @@
 Each program runs in a process of its own bound to one core, on the same rays; the one that begins
 changes from round to round.  Seconds are of the processor, with the host's part, and means of the
 best quarter of the rounds.  Columns ``N = ...`` are speeds: seconds of the other commit over those
-of this tree.  ``--work``: ``hits`` of squares of pixels, ``frames`` with five planes of tiles; 64
-and 16 of them, spread over the picture.  ``--held-to core-avx2`` adds rows of Intel's runtime held
-to that instruction set.
+of this tree.  ``--work``: ``hits`` or ``radiance`` of 64 squares of pixels, ``frames`` with five
+planes of 16 tiles, spread over the picture.  ``--held-to core-avx2`` adds rows of Intel's runtime
+held to that instruction set.
 """
 
 import argparse
@@ -29,7 +29,7 @@ from lfcore.errors import LfcoreError
 
 ROOT = Path(__file__).resolve().parents[1]
 WORKER = ROOT / "benchmarks" / "measured" / "against_worker.py"
-WORK = ("frames", "hits")
+WORK = ("frames", "hits", "radiance")
 
 
 class Program:

@@ -2,7 +2,7 @@
 
     python benchmarks/count_kernels.py        (make count)
 
-The way of a block is found, not listed: from the kernel ``trace_slab`` on, every function, macro
+The way of a block is found, not listed: from the kernel ``trace_packets`` on, every function, macro
 and type that the text of another names, and the files that define them.  BESIDE names what a block
 of opaque, unshadowed triangles whose rays are traced together never enters.
 """
@@ -10,16 +10,20 @@ of opaque, unshadowed triangles whose rays are traced together never enters.
 import re
 from pathlib import Path
 
+from lfcore.tracing.layouts import SINKS
+
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARY = ROOT / "lfcore"
 KERNELS = LIBRARY / "tracing" / "kernels"
 HOST = (
     "tracing/tracer.py", "tracing/plan.py", "tracing/packets.py", "optics/bundles.py",
-    "tracing/tile.py", "tracing/layouts.py", "tracing/device_scene.py",
+    "tracing/tile.py", "tracing/job.py", "tracing/layouts.py", "tracing/device_scene.py",
 )  # fmt: skip
 """The host's files, in the order in which a tile passes them."""
-ENTRY, BEGIN = "slab.cl", "trace_slab"
+ENTRY, BEGIN = "trace.cl", "trace_packets"
 BESIDE = {
+    "other sinks": {"write_hits", "write_radiance", "write_depths", "hit_given_rays", "HitBuffers",
+                    "RadianceImage"},
     "shadows": {"start_shadows", "enter_packet", "find_lit", "Shadows", "ShadowMemory",
                 "OccluderCache"},
     "holes": {"is_solid", "stopped_rays"},
@@ -94,7 +98,8 @@ def defines() -> list[str]:
     """Names that programs are built with, as the host's sources have them."""
     texts = (path.read_text(encoding="utf-8") for path in (LIBRARY / "tracing").glob("*.py")
              if path.name != "layouts.py")  # fmt: skip
-    return sorted({"LANES"}.union(*(re.findall(r'"([A-Z][A-Z_]+)":', text) for text in texts)))
+    found = {"LANES"}.union(*(re.findall(r'"([A-Z][A-Z_]+)": ', text) for text in texts))
+    return sorted(found - SINKS.keys())
 
 
 def main() -> None:

@@ -17,6 +17,7 @@ sys.path[0] = str(ROOT)
 import numpy as np  # noqa: E402
 
 import lfcore  # noqa: E402
+from lfcore.optics.bundles import macropixels  # noqa: E402
 from lfcore.optics.planes import SensorPlane  # noqa: E402
 from lfcore.optics.slab import Slab  # noqa: E402
 from lfcore.scene.build import build_scene  # noqa: E402
@@ -26,7 +27,7 @@ from lfcore.tracing.bvh import build_bvh  # noqa: E402
 from lfcore.tracing.tracer import Tracer  # noqa: E402
 
 PLANES = 5
-SQUARES = {"hits": 8, "frames": 4}
+SQUARES = {"hits": 8, "radiance": 8, "frames": 4}
 """Along a side of the picture, one in the middle of each cell."""
 
 
@@ -53,10 +54,12 @@ def work_of(line: str) -> Callable[[], object]:
     slab = Slab(scene.camera, case["views"], case["pixels"])
     count = SQUARES[case["work"]]
     side, corners = squares(count, slab.pixels, case["mrays"] * 1e6, slab.views)
-    if case["work"] == "hits":
+    if case["work"] != "frames":
         v, u = np.divmod(np.arange(side**2), side)
         pixels = (corners[:, None] + np.stack([u, v], 1)).reshape(-1, 2).astype(np.int32)
-        return lambda: tracer.slab_hits(slab, pixels)
+        if case["work"] == "hits":
+            return lambda: tracer.slab_hits(slab, pixels)
+        return lambda: tracer.bundle_radiance(macropixels(slab, pixels), pixels)
     near, far = min(scene.focus_distances_m), max(scene.focus_distances_m)
     planes = [
         SensorPlane(float(1 / d), scene.camera.f_number, "circle" if k else "square")

@@ -1,6 +1,7 @@
 """Our own methods: visibility alone, and the whole of Algorithm 1."""
 
 import time
+from typing import Any
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from benchmarks.measured.sample import Sample, SampledTile
 from benchmarks.peers.method import Method, Run, clocked
 from lfcore.optics.bundles import macropixels, probe
 from lfcore.optics.planes import SensorPlane
+from lfcore.tracing.packets import Groups
 from lfcore.tracing.tracer import Tracer
 
 NAME = "lfcore"
@@ -18,11 +20,12 @@ def visibility(tracer: Tracer, sample: Sample) -> Method:
     """Closest triangle and depth of every ray, left in the device's memory: ``Tracer.slab_hits``
     without the copy to numpy arrays."""
     device, bundles = tracer.device, macropixels(sample.slab, sample.pixels)
-    hits = tracer.hits(probe(sample.slab))
-    outputs = device.empty(4 * sample.rays), device.empty(4 * sample.rays)
+    job = tracer.job("HITS", probe(sample.slab))
+    memory = [device.empty(4 * sample.rays) for _ in range(2)]
+    outputs: dict[str, Any] = dict(zip(("triangle", "depth"), memory, strict=True))
 
     def work() -> None:
-        hits.launch(bundles, sample.pixels, outputs)
+        job.launch(bundles, Groups.of(job.shape, bundles, sample.pixels), **outputs)
         device.queue.finish()
 
     return Method(

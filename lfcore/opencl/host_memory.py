@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lfcore.errors import OpticsError
 from lfcore.opencl.device import PAGE, Device, cl
 
 
@@ -16,16 +15,6 @@ def page_aligned(shape: Sequence[int], dtype: type = np.float32) -> np.ndarray:
     raw = np.empty(size + PAGE, np.uint8)
     offset = -raw.ctypes.data % PAGE
     return raw[offset : offset + size].view(dtype).reshape(shape)
-
-
-def check_target(array: np.ndarray, size: int, key: str) -> None:
-    """Raise :class:`OpticsError` unless ``array`` is contiguous memory of ``size`` float32."""
-    if not array.flags.c_contiguous or array.dtype != np.float32 or array.size != size:
-        raise OpticsError(
-            f"must be {size} contiguous float32, not {array.dtype} of the shape {array.shape}"
-            + ("" if array.flags.c_contiguous else ", not contiguous"),
-            key=key,
-        )
 
 
 def target_buffer(device: Device, host: np.ndarray) -> cl.Buffer:

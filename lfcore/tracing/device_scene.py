@@ -9,39 +9,33 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.opencl.device import Device, build_program, cl
-from lfcore.optics.bundles import Bundles
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing import layouts
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.cut_outs import pack_cut_outs
 from lfcore.tracing.layouts import CUT_OUTS, MOST_LEVELS, record
-from lfcore.tracing.packets import Groups, PacketShape
+from lfcore.tracing.packets import PacketShape
 from lfcore.tracing.surfaces import pack_surfaces
 
-FOLDER = "tracing/kernels/entry"
+KERNEL = "tracing/kernels/entry/trace.cl"
 MOST_NUMBERS = 2**31 - 1
 """The largest array that the kernels' indices, 32-bit integers, reach the end of."""
 
 
 class EntryKernel:
-    """A kernel of ``entry/``; its parameters are those of :data:`lfcore.tracing.layouts.KERNELS`.
+    """The kernel ``trace_packets``, built for one sink; its parameters are in
+    :mod:`lfcore.tracing.layouts`.
 
-    Parameters
-    ----------
-    file, name : in ``entry/``, and of the kernel.
-    defines : the program is built with these.
-
-    Raises
-    ------
-    DeviceError : the program cannot be built.
+    Raises :class:`DeviceError` if the program cannot be built.
     """
 
-    def __init__(self, device: Device, file: str, name: str, defines: Mapping[str, object]):
-        self.device, self.parameters = device, layouts.KERNELS[name]
+    def __init__(self, device: Device, sink: str, defines: Mapping[str, object]):
+        others = {name for of_sink in layouts.SINKS.values() for name in of_sink}
+        self.device, self._unused = device, sorted(others - layouts.SINKS[sink].keys())
         # The wrapper of a kernel does not keep its program alive.
-        self._program = build_program(device, [f"{FOLDER}/{file}"], defines, layouts.header())
-        self.kernel = cl.Kernel(self._program, name)
+        self._program = build_program(device, [KERNEL], {**defines, "SINK": sink}, layouts.header())
+        self.kernel = cl.Kernel(self._program, "trace_packets")
         self._words: dict[int, int] = {}
 
     def scratch(self, shadow_lights: int = 0) -> cl.Buffer:
@@ -55,10 +49,12 @@ class EntryKernel:
         return self.device.empty(4 * self._words[shadow_lights] * self.device.threads)
 
     def __call__(self, workers: int, **arguments: Any) -> None:
-        """Launch so many workers; every parameter gets its argument by name."""
-        if arguments.keys() != self.parameters.keys():
-            raise TypeError(f"arguments {sorted(arguments.keys() ^ self.parameters.keys())}")
-        ordered = [arguments[name] for name in self.parameters]
+        """Launch so many workers; every parameter of the sink gets its argument by name."""
+        wanted = layouts.PARAMETERS.keys() - self._unused
+        if arguments.keys() != wanted:
+            raise TypeError(f"arguments {sorted(arguments.keys() ^ wanted)}")
+        arguments |= {name: layouts.unused(name) for name in self._unused}
+        ordered = [arguments[name] for name in layouts.PARAMETERS]
         self.kernel(self.device.queue, (workers,), (1,), *ordered)
 
 
@@ -77,7 +73,7 @@ class DeviceScene:
 
     Attributes
     ----------
-    tree, surfaces : arguments of kernels, by name.
+    arguments : of kernels, by name: TREE and SURFACES of :mod:`lfcore.tracing.layouts`.
     shadow_lights : how many lights cast shadows.
 
     Raises
@@ -101,61 +97,17 @@ class DeviceScene:
         )  # fmt: skip
         shared = [name for name in (layouts.TREE | layouts.SURFACES) if name in arrays]
         check_indices(arrays[name] for name in shared)
-        buffers: dict[str, Any] = {name: device.buffer(arrays[name]) for name in shared}
-        buffers["scene_numbers"] = numbers
-        self.tree = {name: buffers[name] for name in layouts.TREE}
-        self.surfaces = {name: buffers[name] for name in layouts.SURFACES}
+        self.arguments: dict[str, Any] = {name: device.buffer(arrays[name]) for name in shared}
+        self.arguments["scene_numbers"] = numbers
         self._kernels: dict[tuple, EntryKernel] = {}
 
-    @property
-    def visibility(self) -> dict[str, int]:
-        """Defines of what knows no surfaces: whether triangles have holes."""
-        return {"TEXTURES": self._defines["TEXTURES"] & CUT_OUTS}
-
-    def kernel(
-        self,
-        file: str,
-        name: str,
-        shape: PacketShape,
-        defines: Mapping[str, object] | None = None,
-    ) -> EntryKernel:
-        """A kernel for packets of ``shape``; with ``defines`` it knows surfaces, too."""
-        known = self.visibility if defines is None else {**self._defines, **defines}
-        values = {**shape.defines, **known}
-        key = (file, name, *sorted(values.items()))
+    def kernel(self, sink: str, shape: PacketShape, defines: Mapping[str, int]) -> EntryKernel:
+        """The kernel for a sink and packets of ``shape``."""
+        scene = dict(self._defines)
+        if sink in ("HITS", "GIVEN"):  # these know no surfaces, but whether triangles have holes
+            scene = dict.fromkeys(scene, 0) | {"TEXTURES": scene["TEXTURES"] & CUT_OUTS}
+        values = {"BITS": 0, "PLANES": 0, **shape.defines, **scene, **defines}
+        key = (sink, *sorted(values.items()))
         if key not in self._kernels:
-            self._kernels[key] = EntryKernel(self.device, file, name, values)
+            self._kernels[key] = EntryKernel(self.device, sink, values)
         return self._kernels[key]
-
-    def rays(
-        self, bundles: Bundles, groups: Groups, shape: PacketShape, scratch: cl.Buffer
-    ) -> dict[str, Any]:
-        """The kernels' arguments RAYS; ``scratch`` is of :meth:`EntryKernel.scratch`."""
-        lattice = bundles.lattice if shape.outer > 1 else None
-        numbers = record(
-            layouts.RAY_ARGUMENTS,
-            step=bundles.step,
-            outer=(lattice.origin, lattice.direction) if lattice else 0,
-            columns=bundles.columns,
-            rows=bundles.rows,
-            packets=len(groups.members) * shape.packets_per_group(bundles.columns, bundles.rows),
-            pixel_tangent=bundles.pixel_pitch,
-            half_extent=shape.half_extent,
-            group=shape.group,
-            side=shape.side,
-        )
-        return {
-            "elements": self.device.buffer(np.ascontiguousarray(groups.centre_rays)),
-            "groups": self.device.buffer(groups.members),
-            "ray_numbers": numbers,
-            "next": self.counter(),
-            "scratch": scratch,
-        }
-
-    def counter(self) -> cl.Buffer:
-        """The number of the next packet, which workers take from one another."""
-        return self.device.buffer(np.zeros(1, np.int32))
-
-    def workers(self, groups: int) -> int:
-        """How many work on so many groups of elements."""
-        return max(1, min(self.device.threads, groups * 64))

@@ -7,7 +7,6 @@ compares the offset of every field with what the device's compiler has.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -22,7 +21,7 @@ FLOAT, INT = np.float32, np.int32
 MIP_LEVELS, MOST_LEVELS, NODE_WIDTH, TEXEL_BITS = 12, 64, 16, 10
 CELLS = PACKET_COLUMNS // BLOCK
 TEXTURED, CUT_OUTS, PHYSICAL = 1, 2, 4
-ADD, STREAM, DEPTHS = 1, 2, 4
+ADD, STREAM = 1, 2
 MAP_BASE, MAP_NORMAL, MAP_METAL, MAP_EMISSION, MAPS = range(5)
 CONSTANTS: dict[str, int | float] = {
     "BLOCK": BLOCK,  # columns and rows of rays in a block
@@ -41,7 +40,6 @@ CONSTANTS: dict[str, int | float] = {
     "PHYSICAL_BIT": PHYSICAL,  # see Needs.physical
     "ADD": ADD,  # of a radiance image's mode: add to the image
     "STREAM": STREAM,  # write past the caches
-    "DEPTHS": DEPTHS,  # write depths, too
     "MAP_BASE": MAP_BASE,  # the textures of a material
     "MAP_NORMAL": MAP_NORMAL,
     "MAP_METAL": MAP_METAL,
@@ -96,6 +94,7 @@ RAY_ARGUMENTS = np.dtype([
     ("columns", INT),  # size of the inner grid
     ("rows", INT),
     ("packets", INT),
+    ("strip_height", INT),  # packets in a strip
     ("pixel_tangent", FLOAT),  # between neighbouring pixels
     ("half_extent", FLOAT),  # of a block, in columns
     ("group", INT),  # elements along a side of a packet
@@ -116,11 +115,10 @@ PLANE_ARGUMENTS = np.dtype([
     ("blocks", INT),  # blocks, or strips of stored macropixels, along a side of the lens
     ("views", INT),  # side N of the lens
     ("planes", INT),  # sorted by mask
-    ("strip_height", INT),  # packets in a strip
     ("ring", INT),  # rows of a plane that a strip keeps, a power of two
 ])  # fmt: skip
 IMAGE_ARGUMENTS = np.dtype([("across", INT), ("mode", INT)])
-"""Tiles in a row of a radiance image, and ADD, STREAM and DEPTHS."""
+"""Tiles in a row of a radiance image, and ADD and STREAM."""
 
 RECORDS = {
     "MaterialRecord": MATERIAL,
@@ -161,27 +159,28 @@ RAYS = {
     "ray_numbers": "const RayArguments ",
     **_write(next="int", scratch="uint"),
 }
-FRAMES = {
-    "frame_numbers": "const FrameArguments ",
-    **_read(slots="Slot"),
-    **_write(frames="sample"),
-}
 PLANES = {
     "plane_numbers": "const PlaneArguments ",
     **_read(plane_records="PlaneRecord", runs="int", masks="uchar", kinds="uchar"),
     **_write(sums="ulong4", windows="int2", strips="uint"),
 }
-IMAGE = {"image": "const ImageArguments ", **_write(radiance="float", depth="float")}
-KERNELS = {
-    "slab_hits": TREE | RAYS | _write(depth="float", triangle="int"),
-    "trace_radiance": TREE | SURFACES | RAYS | IMAGE,
-    "trace_slab": TREE | SURFACES | RAYS | FRAMES | PLANES,
-    "closest_hits": TREE
-    | _read(origins="float", directions="float")
-    | {"ray_count": "const int "}
-    | _write(next="int", triangle="int", distance="float", weights="float"),
-}
-"""The parameters of each entry kernel, name -> type: what their arrays hold is said in entry/."""
+SINKS = {
+    "HITS": _write(triangle="int", depth="float"),
+    "IMAGE": {"image": "const ImageArguments "} | _write(radiance="float", depth="float"),
+    "FRAMES": {"frame_numbers": "const FrameArguments "}
+    | _read(slots="Slot") | _write(frames="sample") | PLANES,
+    "GIVEN": _read(origins="float", directions="float")
+    | _write(triangle="int", depth="float", weights="float"),
+}  # fmt: skip
+"""What becomes of rays, with the parameters of each, name -> type; entry/trace.cl says more."""
+PARAMETERS = {k: v for part in (TREE, SURFACES, RAYS, *SINKS.values()) for k, v in part.items()}
+"""The parameters of the kernel: those of all sinks."""
+
+
+def unused(name: str) -> np.ndarray | None:
+    """The argument of a parameter that is another sink's: nothing, or a record of zeros."""
+    layout = RECORDS.get(PARAMETERS[name].removeprefix("const ").strip())
+    return None if layout is None else np.zeros((), layout)
 
 
 def record(layout: np.dtype, **values: Any) -> np.ndarray:
@@ -202,12 +201,13 @@ def record(layout: np.dtype, **values: Any) -> np.ndarray:
 def header() -> str:
     """The C source that defines all of this."""
     lines = [f"#define {name} {_literal(value)}" for name, value in CONSTANTS.items()]
+    lines += [f"#define {name} {number}" for number, name in enumerate(SINKS)]
     for name, layout in RECORDS.items():
         assert layout.names is not None
         fields = "".join(f" {_member(layout[field], field)};" for field in layout.names)
         lines.append(f"typedef struct {{{fields} }} {name};")
-    lines += [f"#define {k.upper()}_PARAMETERS {_parameters(p)}" for k, p in KERNELS.items()]
-    return "\n".join(lines) + "\n"
+    parameters = ", ".join(f"{type_}{name}" for name, type_ in PARAMETERS.items())
+    return "\n".join([*lines, f"#define PARAMETERS {parameters}"]) + "\n"
 
 
 def _literal(value: int | float) -> str:
@@ -220,7 +220,3 @@ def _member(layout: np.dtype, name: str) -> str:
     types |= {known: name for name, known in RECORDS.items()}
     size = f"[{layout.shape[0]}]" if layout.shape else ""
     return f"{types[layout.base]} {name}{size}"
-
-
-def _parameters(types: Mapping[str, str]) -> str:
-    return ", ".join(f"{type_}{name}" for name, type_ in types.items())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -66,11 +66,12 @@ class Groups:
 
     ``members`` (B, group**2) int32: the numbers of elements, -1 where there is none.
     ``centre_rays`` (E, 4) or, for blocks of several elements, (B, 4) float32: offsets are relative
-    to these rays.
+    to these rays.  ``strip_height`` consecutive groups lie one below the other.
     """
 
     members: np.ndarray
     centre_rays: np.ndarray
+    strip_height: int = 1
 
     @classmethod
     def of(
@@ -110,12 +111,18 @@ class Groups:
             )  # fmt: skip
         members = members.reshape(-1, group**2)
         if shape.outer == 1:
-            return cls(members, bundles.elements)
+            return cls(members, bundles.elements, strip_height)
         corners = (np.stack([key & 0xFFFFFFFF, key >> 32], axis=1) + lowest) * size
         down = np.arange(strip_height) * group
         corners = corners[:, None] + np.stack([np.zeros(strip_height), down], axis=1)
         assert bundles.lattice is not None  # without one no block spans elements
-        return cls(members, bundles.lattice.centre_rays(corners.reshape(-1, 2) + (group - 1) / 2))
+        centres = corners.reshape(-1, 2) + (group - 1) / 2
+        return cls(members, bundles.lattice.centre_rays(centres), strip_height)
+
+    def launches(self, most: int) -> list[Groups]:
+        """The same in parts of at most so many groups of one element's blocks each."""
+        starts = range(0, len(self.members), most)
+        return [replace(self, members=self.members[start : start + most]) for start in starts]
 
 
 def ranks(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

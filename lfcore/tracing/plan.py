@@ -55,7 +55,7 @@ def leaves_a_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1) -> fl
     return count / len(chosen) / float(np.prod(2 * half + 1) * outer**2)
 
 
-SPANNING_COST = {"hits": 6.5, "colours": 1.6}
+SPANNING_COST = {"HITS": 6.5, "FRAMES": 1.6}
 """The additional cost of a block that spans several elements, in triangles hit: measured for N = 16
 to 64, M = 128 and 512 on three scenes."""
 PLACES = 4
@@ -90,9 +90,9 @@ def probed_blocks(bundles: Bundles, outer: int) -> tuple[np.ndarray, np.ndarray]
 def best_outer(
     closest_hit: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
     bundles: Bundles,
-    work: str,
+    sink: str,
 ) -> int:
-    """Elements along each axis that a block best spans, for ``work`` of SPANNING_COST.
+    """Elements along each axis that a block best spans, for a sink of SPANNING_COST.
 
     Decided by how many triangles the rays of some blocks meet, of ``closest_hit``: what can be seen
     decides, and not how it is sorted.
@@ -101,7 +101,7 @@ def best_outer(
     for outer in OUTER:
         if min(bundles.columns, bundles.rows) < BLOCK // outer and outer > 1:
             continue
-        cost = SPANNING_COST[work] if outer > 1 else 0.0
+        cost = SPANNING_COST[sink] if outer > 1 else 0.0
         if cost >= least:
             break
         origins, directions = probed_blocks(bundles, outer)
@@ -149,28 +149,27 @@ class Plan:
         self._outer: dict[tuple, int] = {}
         self._single: dict[tuple, bool] = {}
 
-    def shape(self, bundles: Bundles, work: str, *, grouped: bool = True) -> PacketShape:
+    def shape(self, bundles: Bundles, sink: str, *, grouped: bool = True) -> PacketShape:
         """How these rays are cut into packets.
 
-        ``work``: "hits" or "colours", for which neighbouring elements may share blocks, or
-        "radiance"; ``grouped``: whether the elements' places are known, so that they can share
-        packets.
+        Neighbouring elements may share blocks for ``sink`` HITS and FRAMES; ``grouped``: whether
+        the elements' places are known, so that they can share packets.
         """
-        outer = self.outer(bundles, work) if grouped and work != "radiance" else 1
+        outer = self.outer(bundles, sink) if grouped and sink != "IMAGE" else 1
         single = self.single_rays(bundles, outer)
         inner = max(bundles.columns, bundles.rows)
         shape = PacketShape.for_inner(inner, 1 if single else outer, single)
         return shape if grouped else replace(shape, group=1)
 
-    def outer(self, bundles: Bundles, work: str) -> int:
+    def outer(self, bundles: Bundles, sink: str) -> int:
         """Elements along each axis that a block spans."""
         if self._forced_outer is not None:
             return self._forced_outer
         if bundles.lattice is None:
             return 1
-        key = work, *_seen(bundles)
+        key = sink, *_seen(bundles)
         if key not in self._outer:
-            self._outer[key] = best_outer(self._closest_hit, bundles, work)
+            self._outer[key] = best_outer(self._closest_hit, bundles, sink)
         return self._outer[key]
 
     def single_rays(self, bundles: Bundles, outer: int = 1) -> bool:

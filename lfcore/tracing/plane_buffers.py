@@ -56,13 +56,13 @@ class PlaneBuffers:
         self._sums = device.zeros(8 * math.prod(self._shape))
         self._tables = [device.buffer(a) for a in t.arrays]
 
-    def arguments(self, strip_height: int = 1, ring: int = 1) -> list:
+    def arguments(self, ring: int = 1) -> list:
         """PLANE_ARGUMENTS, tables and sums: the last arguments of the kernels that form planes."""
         t, slab = self.tables, self.slab
         numbers = record(
             PLANE_ARGUMENTS, left=t.left, top=t.top, width=t.width, height=t.height,
             size=slab.pixels, blocks=t.blocks, views=slab.views, planes=len(self.planes),
-            strip_height=strip_height, ring=ring,
+            ring=ring,
         )  # fmt: skip
         return [numbers, *self._tables, self._sums]
 
@@ -111,8 +111,8 @@ class StripBuffers:
         self._buffers = [device.changed(a) for a in (windows, rows)]
 
     def arguments(self) -> dict[str, Any]:
-        """The arguments PLANES of ``trace_slab``."""
-        values = *self._sums.arguments(self.height, self.ring), *self._buffers
+        """The arguments PLANES of the sink FRAMES."""
+        values = *self._sums.arguments(self.ring), *self._buffers
         return dict(zip(PLANES, values, strict=True))
 
 

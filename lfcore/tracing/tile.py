@@ -19,6 +19,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.timing import Stopwatch
 from lfcore.tracing.device_scene import DeviceScene
+from lfcore.tracing.job import PacketJob
 from lfcore.tracing.layouts import FRAME_ARGUMENTS, SLOT, record
 from lfcore.tracing.packets import Groups, PacketShape, ranks
 from lfcore.tracing.plane_buffers import PlaneBuffers, StripBuffers
@@ -98,7 +99,7 @@ class TileTracing:
 
 
 class TraceSlab:
-    """Launches of ``trace_slab`` (entry/slab.cl) for one tile, and their buffers."""
+    """The job of one tile, whose sink is frames and planes, and its buffers."""
 
     def __init__(
         self,
@@ -119,8 +120,7 @@ class TraceSlab:
             "PLANES": 0 if not planes else 1 if self.macro else 2,
             "BITS": layout.format.bits if frames else 0,
         }
-        self.kernel = scene.kernel("slab.cl", "trace_slab", shape, defines)
-        self.scratch = self.kernel.scratch(scene.shadow_lights)
+        self.job = PacketJob(scene, shape, "FRAMES", **defines)
         tables = _plane_tables(slab, planes, tile, shape)
         self.sums = PlaneBuffers(device, slab, list(planes), tables)
         summed = len(self.elements) if self.macro else 0
@@ -140,7 +140,8 @@ class TraceSlab:
                 first = int(frame_of[start])
                 count = int(frame_of[stop - 1]) + 1 - first if self.frames else 0
                 slots["frame"][start:stop] -= first
-                if stop - start < count * self.layout.elements_per_frame:
+                # The first chunk's memory is black already.
+                if start and stop - start < count * self.layout.elements_per_frame:
                     hosts.blank(count)
                 self._launch(slice(start, stop), slots[start:stop], hosts.buffer)
                 self.scene.device.queue.finish()
@@ -185,7 +186,7 @@ class TraceSlab:
         return np.array(cuts)
 
     def _launch(self, part: slice, slots: np.ndarray, frames: cl.Buffer) -> None:
-        scene, layout = self.scene, self.layout
+        layout = self.layout
         make = rays.macropixels if self.macro else rays.views
         bundles = make(self.slab, self.elements[part])
         groups = Groups.of(self.shape, bundles, self.elements[part], self.strips.height)
@@ -193,13 +194,12 @@ class TraceSlab:
             FRAME_ARGUMENTS, width=layout.frame_width, height=layout.frame_height,
             chroma=layout.format.subsampling, rgb=layout.format.rgb,
         )  # fmt: skip
-        self.kernel(
-            min(scene.workers(len(groups.members)), self.strips.workers),
-            **scene.tree,
-            **scene.surfaces,
-            **scene.rays(bundles, groups, self.shape, self.scratch),
+        self.job.launch(
+            bundles,
+            groups,
+            self.strips.workers,
             frame_numbers=numbers,
-            slots=scene.device.buffer(slots),
+            slots=self.scene.device.buffer(slots),
             frames=frames,
             **self.strips.arguments(),
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -17,10 +18,9 @@ from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.device_scene import DeviceScene
-from lfcore.tracing.hits import SlabHits
+from lfcore.tracing.job import PacketJob, check_sets
+from lfcore.tracing.packets import PacketShape
 from lfcore.tracing.plan import Plan
-from lfcore.tracing.radiance import TraceRadiance
-from lfcore.tracing.rays import ClosestHits
 from lfcore.tracing.tile import Tile, TileTracing, TraceSlab
 
 SMALLEST_SCENE = 1e-12
@@ -64,7 +64,6 @@ class Tracer:
         self.scene, self.device = scene, device or open_device()
         self.needs = needs or Needs.of(scene)
         self._on_device = DeviceScene(scene, bvh, self.device, self.needs, mipmaps=mipmaps)
-        self._closest_hits = ClosestHits(self._on_device)
         self.plan = Plan(bvh.leaf_boxes, self.closest_hit, outer=outer, single_rays=single_rays)
 
     def __repr__(self) -> str:
@@ -86,14 +85,14 @@ class Tracer:
         depth : (P, N, N) float32, metres along the axis; infinity for a miss.
         """
         pixels = np.asarray(pixels).reshape(-1, 2)
-        hits = self.hits(rays.probe(slab))
+        job = self.job("HITS", rays.probe(slab))
         # Neighbours share a packet by their place on the grid, so each place may come but once.
         column, row = pixels.astype(np.int64).T
         keys = row << 32 | (column & 0xFFFFFFFF)
         if len(np.unique(keys)) == len(keys):
-            return hits(rays.macropixels(slab, pixels), pixels)
+            return _hits(job, rays.macropixels(slab, pixels), pixels)
         _, first, which = np.unique(keys, return_index=True, return_inverse=True)
-        triangle, depth = hits(rays.macropixels(slab, pixels[first]), pixels[first])
+        triangle, depth = _hits(job, rays.macropixels(slab, pixels[first]), pixels[first])
         return triangle[which], depth[which]
 
     def bundle_hits(
@@ -105,11 +104,12 @@ class Tracer:
         traced together, and are distinct; without them every element is a packet of its own.  Of
         bundles on a lattice they are the places there.
         """
-        return self.hits(bundles, grouped=coordinates is not None)(bundles, coordinates)
+        job = self.job("HITS", bundles, grouped=coordinates is not None)
+        return _hits(job, bundles, coordinates)
 
-    def hits(self, bundles: Bundles, *, grouped: bool = True) -> SlabHits:
-        """What finds the hits of such bundles; ``grouped``: whether elements have places."""
-        return SlabHits(self._on_device, self.plan.shape(bundles, "hits", grouped=grouped))
+    def job(self, sink: str, bundles: Bundles, *, grouped: bool = True) -> PacketJob:
+        """A job for such bundles; ``grouped``: whether elements have places."""
+        return PacketJob(self._on_device, self.plan.shape(bundles, sink, grouped=grouped), sink)
 
     def bundle_radiance(
         self,
@@ -123,7 +123,7 @@ class Tracer:
         """
         shape = len(bundles.elements), bundles.rows, bundles.columns, 3
         radiance = page_aligned(shape) if out is None else out
-        self._radiance([bundles], coordinates, 1).run(radiance)
+        self._fill_image([bundles], coordinates, {"radiance": radiance})
         return radiance
 
     def radiance_and_depth(self, bundles: Bundles) -> tuple[np.ndarray, np.ndarray]:
@@ -133,7 +133,7 @@ class Tracer:
         """
         shape = len(bundles.elements), bundles.rows, bundles.columns
         radiance, depth = page_aligned((*shape, 3)), page_aligned(shape)
-        self._radiance([bundles], None, 1).run(radiance, depth=depth)
+        self._fill_image([bundles], None, {"radiance": radiance, "depth": depth})
         return radiance, depth
 
     def tiled_radiance(
@@ -159,11 +159,11 @@ class Tracer:
         -------
         (E / across rows, across columns, 3) float32, linear RGB, not clamped.
         """
-        job, first = self._radiance(sets, coordinates, across), sets[0]
+        check_sets(sets, across)
         if out is None:
-            down = len(first.elements) // across
+            first, down = sets[0], len(sets[0].elements) // across
             out = page_aligned((down * first.rows, across * first.columns, 3))
-        job.run(out, progress)
+        self._fill_image(sets, coordinates, {"radiance": out}, across=across, progress=progress)
         return out
 
     def closest_hit(
@@ -188,7 +188,18 @@ class Tracer:
         directions = np.ascontiguousarray(directions, np.float32).reshape(-1, 3)
         if origins.shape != directions.shape:
             raise OpticsError(f"{len(origins)} origins for {len(directions)} directions")
-        return self._closest_hits(origins, directions)
+        count = len(origins)
+        triangle, depth = page_aligned((count,), np.int32), page_aligned((count,))
+        weights = page_aligned((count, 3))
+        if count:
+            zeros = np.zeros((2, 4), np.float32)
+            row = Bundles(zeros[:1], zeros[1], count, 1, 0.0)
+            given = PacketJob(self._on_device, PacketShape(side=4, group=1), "GIVEN")
+            given.fill(
+                [row], None, {"triangle": triangle, "depth": depth, "weights": weights},
+                origins=self.device.buffer(origins), directions=self.device.buffer(directions),
+            )  # fmt: skip
+        return triangle, depth, weights
 
     # -- whole tiles --------------------------------------------------------------------------
 
@@ -222,19 +233,30 @@ class Tracer:
         self, slab: Slab, tile: Tile, planes: Sequence[SensorPlane] = (), *, frames: bool = True
     ) -> int:
         """Device memory that workers hold while such a tile is traced."""
-        return self._slab(slab, tile, planes, frames).scratch.size
+        return self._slab(slab, tile, planes, frames).job.scratch.size
 
     def _slab(
         self, slab: Slab, tile: Tile, planes: Sequence[SensorPlane], frames: bool
     ) -> TraceSlab:
-        shape = self.plan.shape(rays.probe(slab, tile.layout.kind == "macropixels"), "colours")
+        shape = self.plan.shape(rays.probe(slab, tile.layout.kind == "macropixels"), "FRAMES")
         return TraceSlab(self._on_device, shape, slab, tile, planes, frames)
 
-    def _radiance(
+    def _fill_image(
         self,
         sets: Sequence[Bundles],
         coordinates: np.ndarray | None,
-        across: int,
-    ) -> TraceRadiance:
-        shape = self.plan.shape(sets[0], "radiance", grouped=coordinates is not None)
-        return TraceRadiance(self._on_device, shape, sets, coordinates, across)
+        arrays: dict[str, np.ndarray],
+        **options: Any,
+    ) -> None:
+        job = self.job("IMAGE", sets[0], grouped=coordinates is not None)
+        inputs: dict[str, Any] = {} if "depth" in arrays else {"depth": None}
+        job.fill(sets, coordinates, arrays, **inputs, **options)
+
+
+def _hits(
+    job: PacketJob, bundles: Bundles, coordinates: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
+    shape = len(bundles.elements), bundles.rows, bundles.columns
+    triangle, depth = page_aligned(shape, np.int32), page_aligned(shape)
+    job.fill([bundles], coordinates, {"triangle": triangle, "depth": depth})
+    return triangle, depth

@@ -61,6 +61,17 @@ def test_sets_of_an_image_have_one_shape(tracer):
         tracer.tiled_radiance(sets, PIXELS, 4)
 
 
+@pytest.mark.parametrize("name, wrong", [
+    ("elements", np.zeros((16, 4))), ("elements", np.zeros((16, 3), np.float32)),
+    ("step", np.zeros(4)), ("columns", 0),
+])  # fmt: skip
+@pytest.mark.parametrize("method", ["bundle_hits", "bundle_radiance"])
+def test_bundles_have_the_numbers_that_kernels_read(tracer, method, name, wrong):
+    bundles = dataclasses.replace(rays.macropixels(SLAB, PIXELS), **{name: wrong})
+    with pytest.raises(OpticsError, match="sets" if name == "columns" else name):
+        getattr(tracer, method)(bundles)
+
+
 @pytest.mark.parametrize("method", ["bundle_hits", "bundle_radiance"])
 @pytest.mark.parametrize(
     "coordinates", [PIXELS[[0] * len(PIXELS)], PIXELS[[*range(15), 0]], PIXELS[:15], PIXELS[:, :1]]
@@ -127,7 +138,7 @@ def test_plans_are_remembered_with_the_elements_they_are_for(monkeypatch):
     answers = iter([1, 4])
     monkeypatch.setattr("lfcore.tracing.plan.best_outer", lambda *_: next(answers))
     slab = Slab(CAMERA, 16, 64)
-    found = [tracer.plan.outer(rays.macropixels(slab, PIXELS + 20 * k), "hits") for k in (0, 1, 0)]
+    found = [tracer.plan.outer(rays.macropixels(slab, PIXELS + 20 * k), "HITS") for k in (0, 1, 0)]
     assert found == [1, 4, 1]
 
 

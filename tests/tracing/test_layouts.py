@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
-from tracing_scenes import painted_soup
+from tracing_scenes import CAMERA, painted_soup
 
 from lfcore.opencl.device import build_program, cl
+from lfcore.optics.bundles import macropixels
+from lfcore.optics.slab import Slab
 from lfcore.tracing import layouts
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
@@ -44,8 +46,11 @@ def test_a_record_takes_a_value_for_every_field():
 
 def test_a_kernel_takes_every_argument_by_name():
     world = painted_soup()
-    kernel = Tracer(world, build_bvh(world.triangles))._closest_hits.kernel
-    with pytest.raises(TypeError, match="origins"):
-        kernel(1, **dict.fromkeys(set(kernel.parameters) - {"origins"}))
-    with pytest.raises(TypeError, match="places"):
-        kernel(1, **dict.fromkeys([*kernel.parameters, "places"]))
+    tracer = Tracer(world, build_bvh(world.triangles))
+    kernel = tracer.job("HITS", macropixels(Slab(CAMERA, 16, 16), np.zeros((1, 2), int))).kernel
+    known = layouts.PARAMETERS.keys() - set().union(*layouts.SINKS.values())
+    known |= layouts.SINKS["HITS"].keys()
+    with pytest.raises(TypeError, match="depth"):
+        kernel(1, **dict.fromkeys(known - {"depth"}))
+    with pytest.raises(TypeError, match="frames"):
+        kernel(1, **dict.fromkeys([*known, "frames"]))

@@ -104,9 +104,9 @@ def test_a_block_spans_more_where_its_rays_meet_fewer_triangles_for_it():
 
     coarse, fine = hits(1), hits(400)
     blurred = macropixels(Slab(SLAB.camera, 16, 512), np.array([[3, 200], [400, 7]]))
-    assert best_outer(coarse, blurred, "colours") == 1
+    assert best_outer(coarse, blurred, "FRAMES") == 1
     far = Slab(dataclasses.replace(CAMERA, focus_m=50.0), 16, 512)
-    assert best_outer(fine, macropixels(far, np.array([[3, 200], [400, 7]])), "colours") == 4
+    assert best_outer(fine, macropixels(far, np.array([[3, 200], [400, 7]])), "FRAMES") == 4
 
 
 def test_leaves_in_the_way_of_a_narrow_block_are_fewer():

@@ -13,9 +13,6 @@ typedef struct {
     ShadowMemory shadows;
 } PipelineMemory;
 
-// Words of a kernel's Memory, a struct that ends in PipelineMemory.
-#define SCRATCH_WORDS(lights) (sizeof(Memory) / 4 + (ulong)(lights) * BLOCK)
-
 typedef struct {
     const Tree *tree;
     const Scene *scene;

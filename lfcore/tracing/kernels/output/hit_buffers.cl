@@ -1,6 +1,12 @@
-// What a block's rays met, written as triangles and depths.
+// Triangles and depths of a block's hits.
 #pragma once
 #include "visibility.cl"
+
+// (E, rows, columns) each.
+typedef struct {
+    global int *triangle;
+    global float *depth;
+} HitBuffers;
 
 // Write a number of each of a block's rays, those of one element and one row of the inner grid at a
 // time.
@@ -27,9 +33,8 @@ inline void write_depths(const Packet *p, int block, Coverage *c, global float *
     write_rays(p, block, (global const uint *)c->z, (global uint *)depth);
 }
 
-inline void write_hits(const Packet *p, int block, Coverage *c, global float *depth,
-                       global int *triangle)
+inline void write_hits(const Packet *p, int block, Coverage *c, const HitBuffers *to)
 {
-    write_depths(p, block, c, depth);
-    write_rays(p, block, (global const uint *)c->ids, (global uint *)triangle);
+    write_depths(p, block, c, to->depth);
+    write_rays(p, block, (global const uint *)c->ids, (global uint *)to->triangle);
 }

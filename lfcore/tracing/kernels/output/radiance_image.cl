@@ -1,6 +1,14 @@
 // Linear radiance as floats: nothing is clamped.
+//
+// Element e is tile (e / across, e % across) of one image; with one tile across, elements follow
+// each other.
 #pragma once
-#include "block.cl"
+#include "packet.cl"
+
+typedef struct {
+    const ImageArguments *numbers;
+    global float *radiance;  // (E / across * rows, across * columns, 3)
+} RadianceImage;
 
 #if LANES == BLOCK
 #define LINE 64   // bytes of a row of lanes, and what stores past the caches must be aligned to
@@ -25,11 +33,18 @@ inline void write_row(vf r, vf g, vf b, int mode, global float *to)
 }
 #endif
 
-// Write the first `inside` columns and rows of a block, the first ray at `to`, `pitch` floats a row
-// of the image.
-inline void write_radiance(global const float *colours, int2 inside, int mode, global float *to,
-                           ulong pitch)
+// Write the colours of a block of one element, as far as the block lies in the inner grid.
+inline void write_radiance(const Packet *packet, int block, global const float *colours,
+                           const RadianceImage *image)
 {
+    const Rays *rays = packet->rays;
+    const int across = image->numbers->across, mode = image->numbers->mode;
+    const int element = block_element(packet, block, 0, 0);
+    const int2 where = block_position(packet, block), inside = block_inside(packet, block);
+    const ulong row = (ulong)(element / across) * rays->rows + where.y;
+    const ulong column = (ulong)(element % across) * rays->columns + where.x;
+    const ulong pitch = 3 * (ulong)across * rays->columns;
+    global float *to = image->radiance + row * pitch + 3 * column;
     for (int y = 0; y < inside.y; ++y, to += pitch) {
         global const float *c = colours + y * BLOCK;
 #if LANES == BLOCK

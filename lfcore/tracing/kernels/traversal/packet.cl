@@ -130,6 +130,14 @@ inline float2 block_offset(const Packet *p, int block)
     return convert_float2(r->block[block].at) + r->half_extent - r->element_half_extent;
 }
 
+// The first element of a packet; negative if it has none.
+inline int first_element(const Packet *p)
+{
+    for (int k = 0; k < p->rays->group * p->rays->group; ++k)
+        if (p->element[k] >= 0) return p->element[k];
+    return -1;
+}
+
 inline Packet make_packet(const Rays *rays, int number)
 {
     const int square = number % rays->packets_per_group;
@@ -139,9 +147,10 @@ inline Packet make_packet(const Rays *rays, int number)
     p.element = rays->groups + p.group * rays->group * rays->group;
     p.at = (int2)(square % rays->packets_in_x, square / rays->packets_in_x) * rays->packet_side;
     p.blocks = 0;
+    const int first = first_element(&p);
     for (int block = 0; block < rays->blocks; ++block) {
         const int2 at = block_position(&p, block);
-        const int there = OUTER > 1 || block_element(&p, block, 0, 0) >= 0;
+        const int there = OUTER > 1 ? first >= 0 : block_element(&p, block, 0, 0) >= 0;
         if (there && at.x < rays->columns && at.y < rays->rows) p.blocks |= 1u << block;
     }
     return p;
@@ -155,12 +164,13 @@ typedef struct {
     int strip, step;     // the worker's strip, and its packet there
 } PacketQueue;
 
-inline PacketQueue make_queue(global int *next, int packets, int height)
+inline PacketQueue make_queue(global int *next, const RayArguments *a)
 {
-    return (PacketQueue){next, height, packets / height, 0, height - 1};
+    return (PacketQueue){next, a->strip_height, a->packets / a->strip_height, 0,
+                         a->strip_height - 1};
 }
 
-// The loop of every kernel: the worker's next packet; false once none is left.
+// The worker's next packet; false once none is left.
 inline int next_packet(const Rays *rays, PacketQueue *q, Packet *packet)
 {
     if (++q->step == q->height) {
@@ -172,14 +182,6 @@ inline int next_packet(const Rays *rays, PacketQueue *q, Packet *packet)
     *packet = make_packet(rays, group * rays->packets_per_group +
                                     q->strip % rays->packets_per_group);
     return 1;
-}
-
-// The first element of a packet; negative if it has none.
-inline int first_element(const Packet *p)
-{
-    for (int k = 0; k < p->rays->group * p->rays->group; ++k)
-        if (p->element[k] >= 0) return p->element[k];
-    return -1;
 }
 
 // What holds every ray of the packet.

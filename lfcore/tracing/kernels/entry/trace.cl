@@ -1,0 +1,82 @@
+// The kernel: one packet after the other, from rays to a sink.
+//
+// A program has one SINK: HITS, triangles and depths; IMAGE, radiance and, if asked for, depths;
+// FRAMES, sensor planes (PLANES: 1 of macropixels, 2 of views) and encoder-ready frames (BITS, 0
+// for none); GIVEN, the hits of rays that are no bundle.
+#include "pipeline.cl"
+#include "cells.cl"
+#include "given_rays.cl"
+#include "hit_buffers.cl"
+#include "radiance_image.cl"
+
+typedef struct {
+    float cells[(MOST_BLOCKS + 1) * COLOURS];
+    uint prefix[PREFIX_WORDS];
+    PipelineMemory pipeline;
+} Memory;
+
+// Words of a worker's Memory, and of the masks of its shadow rays.
+#define SCRATCH_WORDS(lights) (sizeof(Memory) / 4 + (ulong)(lights) * BLOCK)
+
+// What the results of a program's sink go to.
+typedef struct {
+    HitBuffers hits;
+    RadianceImage image;
+    Cells cells;
+} Sink;
+
+inline void take_block(const Packet *packet, int block, Pipeline *p, const Sink *sink)
+{
+    Coverage *seen = p->visibility.block + block;
+    if (SINK == HITS) {
+        write_hits(packet, block, seen, &sink->hits);
+        return;
+    }
+    global float *colours = SINK == FRAMES ? block_colours(&sink->cells, packet, block)
+                                           : sink->cells.colours;
+    colour_block(packet, block, p, colours);
+    if (SINK == FRAMES) clamp_colours(&sink->cells, packet, block, colours);
+    if (SINK == IMAGE) write_radiance(packet, block, colours, &sink->image);
+    if (SINK == IMAGE && sink->hits.depth) write_depths(packet, block, seen, sink->hits.depth);
+}
+
+// For each worker `sums`: (planes, height, width), `windows`: (planes,) that are empty, `strips`:
+// (planes, ring, PREFIX_PITCH) of 0.
+KERNEL void trace_packets(PARAMETERS)
+{
+    const Tree tree = MAKE_TREE;
+    const Scene scene = MAKE_SCENE;
+    const Rays rays = MAKE_RAYS;
+    const ulong worker = get_global_id(0), area = (ulong)plane_numbers.width * plane_numbers.height;
+    const ulong strip_words = (ulong)plane_numbers.ring * PREFIX_PITCH * plane_numbers.planes;
+    const ulong words = SCRATCH_WORDS(scene_numbers.shadow_lights);
+    global Memory *memory = (global Memory *)(scratch + worker * words);
+    Pipeline pipeline;
+    start_pipeline(&tree, &scene, ray_numbers.pixel_tangent, &memory->pipeline, &pipeline);
+    Sink sink = {
+        {triangle, depth},
+        {&image, radiance},
+        {memory->cells, memory->prefix, {slots, frames, &frame_numbers},
+         {&plane_numbers, plane_records, runs, masks, kinds,
+          sums + worker * plane_numbers.planes * area},
+         {windows + worker * plane_numbers.planes, strips + worker * strip_words}, 0}};
+    PacketQueue queue = make_queue(next, &ray_numbers);
+    for (Packet packet; next_packet(&rays, &queue, &packet);) {
+        if (SINK == GIVEN) {
+            hit_given_rays(&tree, &packet, origins, directions, &sink.hits, weights);
+            continue;
+        }
+        if (SINK == FRAMES && PLANES == 1 && !BITS) drop_closed_blocks(&sink.cells.planes, &packet);
+        if (packet.blocks) {
+            see_packet(&packet, &pipeline);
+            for (int block = 0; block < rays.blocks; ++block)
+                if (has_block(&packet, block)) take_block(&packet, block, &pipeline, &sink);
+        }
+        if (SINK == FRAMES) finish_packet(&packet, &queue, &sink.cells);
+    }
+}
+
+kernel void scratch_words(const int lights, global int *words)
+{
+    *words = SINK == GIVEN ? 0 : SCRATCH_WORDS(lights);
+}
