@@ -2,6 +2,7 @@
 #
 #   make tables    the thesis's tables and figures for three scenes: results/tables/index.html
 #   make test      the whole test suite; the viewer's part wants a browser: apt-get install chromium chromium-driver
+#   make test DEVICE=pocl      on one of several OpenCL drivers
 #   make quick     the tests for daily work, in under a minute: no Snakemake, no browser, few kernels
 #   make fuzz SECONDS=600    hostile inputs for ten minutes: a table of what came of them
 #   make faults KILLS=100      kills, full disks, missing folders: the same results afterwards
@@ -40,6 +41,9 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # A run of ours must not see packages of the user's home, nor of another checkout.
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
+ifdef DEVICE
+export LFCORE_DEVICE := $(DEVICE)
+endif
 
 .PHONY: tables run test quick fuzz faults smoke cluster s3 bare try micro sweep settings count lint docs \
 	wheel format digests clean distclean \

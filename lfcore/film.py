@@ -1,5 +1,7 @@
 """Films of pictures, as players want them."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import av

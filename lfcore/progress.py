@@ -1,5 +1,7 @@
 """The callback by which long work reports its progress."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 Progress = Callable[[int, int], None]

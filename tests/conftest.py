@@ -1,4 +1,5 @@
-"""For all tests: the OpenCL devices found. What asks for ``device`` runs on each of them."""
+"""For all tests: the OpenCL devices found. What asks for ``device`` runs on each of them,
+or on those that LFCORE_DEVICE names."""
 
 import os
 
@@ -10,14 +11,15 @@ import hypothesis
 import pytest
 
 from lfcore.errors import DeviceError
-from lfcore.opencl.device import open_device, usable_devices
+from lfcore.opencl.device import all_devices, is_named, name_of, open_device
 
 # A test that waits for a core of a busy machine has not failed.
 hypothesis.settings.register_profile("patient", deadline=None)
 hypothesis.settings.load_profile("patient")
 
 try:
-    DEVICES = [one.name.strip() for one in usable_devices()]
+    CHOSEN = os.environ.get("LFCORE_DEVICE")
+    DEVICES = [name_of(one) for one in all_devices() if is_named(one, CHOSEN)]
     MISSING = ""
 except DeviceError as error:
     DEVICES, MISSING = [], str(error)

@@ -3,6 +3,7 @@
 import argparse
 import json
 import os
+import platform
 from typing import Any
 
 import lfcore
@@ -23,7 +24,9 @@ examples:
 """
 
 
-DEVICES = "List the OpenCL devices that can be used. LFCORE_DEVICE or --device chooses by name."
+DEVICES = """\
+List the OpenCL devices, and check a small scene on each against exact arithmetic. The default has
+an asterisk; LFCORE_DEVICE or --device chooses another by part of its name."""
 
 
 def info_options(command: argparse.ArgumentParser) -> None:
@@ -32,23 +35,33 @@ def info_options(command: argparse.ArgumentParser) -> None:
 
 
 def devices(arguments: argparse.Namespace) -> None:
-    from lfcore.opencl.device import open_device, usable_devices
+    from lfcore.evaluation.device_check import check_apart
+    from lfcore.opencl.device import all_devices, is_cpu, is_named, name_of
 
-    chosen = open_device().device
-    found: list[dict[str, Any]] = [
-        {
-            "name": device.name.strip(), "platform": device.platform.name.strip(),
-            "compute_units": device.max_compute_units, "memory_bytes": device.global_mem_size,
-            "default": device == chosen,
-        }
-        for device in usable_devices()
-    ]  # fmt: skip
-    note(devices=found)
-    for one in () if arguments.json else found:
-        print(
-            f"{'*' if one['default'] else ' '} {one['name']} ({one['platform']}), "
-            f"{one['compute_units']} compute units, {one['memory_bytes'] / 2**30:.1f} GiB"
-        )
+    asked, found = os.environ.get("LFCORE_DEVICE"), list[dict[str, Any]]()
+    software = f"lfcore {lfcore.__version__}, Python {platform.python_version()}"
+    software = f"{software}, {platform.platform()}"
+    note(software=software, devices=found)
+    if not arguments.json:
+        print(software)
+    for device in all_devices():
+        default = is_named(device, asked) and not any(one["default"] for one in found)
+        problem = check_apart(name_of(device))
+        found.append({
+            "name": name_of(device), "compute_units": device.max_compute_units,
+            "memory_bytes": device.global_mem_size, "default": default, "problem": problem,
+        })  # fmt: skip
+        if not arguments.json:
+            remarks = [f"FAILS: {problem}" if problem else "passes"]
+            remarks += [] if is_cpu(device) else ["a GPU is slow: kernels are for processors"]
+            remarks += [] if device.double_fp_config else ["no float64: some rays pass at edges"]
+            print(
+                f"{'*' if default else ' '} {name_of(device)}, {device.max_compute_units} compute "
+                f"units, {device.global_mem_size / 2**30:.1f} GiB: {'; '.join(remarks)}",
+                flush=True,
+            )
+    if not any(one["default"] for one in found):
+        lfcore.open_device()  # says which names there are
 
 
 def info(arguments: argparse.Namespace) -> None:

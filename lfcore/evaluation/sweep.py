@@ -105,7 +105,7 @@ def _retrieved(
     tracer: Tracer, file: Path, planes: Sequence[SensorPlane], pictures: np.ndarray, rays: int
 ) -> dict[str, float]:
     """Columns of a light field file of so many rays, whose planes should be ``pictures``."""
-    read = form_planes(file, planes, threads=1, device=tracer.device.device.name)
+    read = form_planes(file, planes, threads=1, device=tracer.device.name)
     quality = picture_quality(read.sums.pictures(), pictures)
     size = file.stat().st_size
     found = sizes(rays=rays, video_bytes=size)

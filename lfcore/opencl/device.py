@@ -39,6 +39,7 @@ _REMEDY = (
     "Install a driver, e.g. 'pip install intel-opencl-rt intel-cmplr-lib-rt' on Linux x86-64, or "
     "the distribution's pocl-opencl-icd"
 )
+_UPDATE = "Update this driver, or choose another device: 'lfcore devices' checks each"
 
 
 @dataclass(frozen=True)
@@ -60,15 +61,16 @@ class Device:
 
     def __reduce__(self) -> tuple:
         """Pickled by name: the device is opened again where the pickle is loaded."""
-        return _reopened, (self.device.name.strip(), self.threads, self.lanes)
+        return _reopened, (self.name, self.threads, self.lanes)
 
     @property
     def name(self) -> str:
-        return f"{self.device.name.strip()} ({self.device.platform.name.strip()})"
+        """Device, driver and its version: no other device on this machine is called so."""
+        return name_of(self.device)
 
     @property
     def is_cpu(self) -> bool:
-        return bool(self.device.type & cl.device_type.CPU)
+        return is_cpu(self.device)
 
     def buffer(self, array: np.ndarray) -> cl.Buffer:
         """Read-only device copy of a numpy array; an empty array gets a few zero bytes."""
@@ -112,21 +114,24 @@ class Device:
             view.base.release(self.queue)
 
 
+def is_cpu(device: cl.Device) -> bool:
+    """Whether a device is the processor."""
+    return bool(device.type & cl.device_type.CPU)
+
+
+def name_of(device: cl.Device) -> str:
+    """The :attr:`Device.name` of a device that is not open."""
+    return f"{device.name.strip()} ({device.platform.name.strip()} {device.driver_version.strip()})"
+
+
+def is_named(device: cl.Device, name: str | None) -> bool:
+    """Whether a name, as :func:`open_device` takes it, is this device's."""
+    return not name or name.lower() in f"{name_of(device)} {device.platform.version}".lower()
+
+
 @functools.cache
-def usable_devices() -> tuple[cl.Device, ...]:
-    """Every device that can build a one-line kernel, CPUs first, then GPUs.
-
-    One that cannot is passed over with a line in the log that says why.
-    """
-    found = tuple(device for device in _devices() if _is_usable(device))
-    if not found:
-        raise DeviceError("no OpenCL device can build a kernel", remedy=_REMEDY)
-    return found
-
-
-@functools.cache
-def _devices() -> list[cl.Device]:
-    """All devices that drivers offer, CPUs first."""
+def all_devices() -> list[cl.Device]:
+    """All devices that drivers offer, CPUs first, by the name of the driver."""
     try:
         platforms = cl.get_platforms()
     except cl.Error as error:
@@ -137,18 +142,25 @@ def _devices() -> list[cl.Device]:
             found += platform.get_devices()
         except cl.Error as error:
             log.warning("OpenCL platform %s passed over: %s", platform.name, error)
-    return sorted(found, key=lambda device: not device.type & cl.device_type.CPU)
+    if not found:
+        raise DeviceError("no OpenCL device was found", remedy=_REMEDY)
+    return sorted(found, key=lambda device: (not is_cpu(device), device.platform.name))
 
 
 @functools.cache
-def _is_usable(device: cl.Device) -> bool:
+def _fault(device: cl.Device) -> str:
+    """Why a device cannot build a one-line kernel; empty if it can."""
     try:
         _compile(_context(device), "kernel void one(global int *x) { *x = 1; }", (), ())
     except cl.Error as error:
-        reason = str(error).strip().splitlines()[0]
-        log.warning("OpenCL device %s passed over: %s", device.name, reason)
-        return False
-    return True
+        return f"{name_of(device)} cannot build a kernel: {_reason(error)}"
+    return ""
+
+
+def _reason(error: cl.Error) -> str:
+    """The compiler's first error, or the driver's first line."""
+    lines = str(error).splitlines()
+    return next((line for line in lines if "error:" in line), lines[0]).strip()
 
 
 def open_device(
@@ -159,8 +171,8 @@ def open_device(
     Parameters
     ----------
     name : str, optional
-        Part of a device's or platform's name, in upper or lower case.  Default: the environment
-        variable ``LFCORE_DEVICE``, else the first CPU, else the first of all.
+        Part of a device's, driver's or version's name ("pocl"), in upper or lower case.  Default:
+        the environment variable ``LFCORE_DEVICE``, else the first CPU, else the first of all.
     threads : int, optional
         CPU threads to use.  Default: ``LFCORE_THREADS``, else all of them.
     lanes : int, optional
@@ -180,14 +192,14 @@ def open_device(
         raise DeviceError(f"must be at least 1, not {threads}", key="threads")
     name = name or os.environ.get("LFCORE_DEVICE")
     device = _choose(name)
-    is_cpu = bool(device.type & cl.device_type.CPU)
+    on_cpu = is_cpu(device)
     if lanes is None:
-        lanes = min(16, max(4, device.native_vector_width_float)) if is_cpu else 1
+        lanes = min(16, max(4, device.native_vector_width_float)) if on_cpu else 1
     if lanes not in (1, 4, 8, 16):
         raise DeviceError(f"lanes must be 1, 4, 8 or 16, not {lanes}")
     if not device.double_fp_config:
         log.warning("%s has no float64: single rays may pass between triangles", device.name)
-    available = _processors() if is_cpu else 64 * device.max_compute_units
+    available = _processors() if on_cpu else 64 * device.max_compute_units
     threads = threads or _asked_threads() or available
     context = _context(device)
     return Device(device, context, cl.CommandQueue(context), lanes, min(threads, available))
@@ -217,12 +229,16 @@ def _asked_threads() -> int:
 
 
 def _choose(name: str | None) -> cl.Device:
-    for device in _devices():
-        if not name or name.lower() in f"{device.name} {device.platform.name}".lower():
-            if _is_usable(device):
+    fault = ""
+    for device in all_devices():
+        if is_named(device, name):
+            if not _fault(device):
                 return device
-    devices = usable_devices()
-    known = ", ".join(f"{device.name.strip()} ({device.platform.name})" for device in devices)
+            fault = fault or _fault(device)
+            log.warning("passed over: %s", _fault(device))
+    if fault:
+        raise DeviceError(fault, remedy=_UPDATE)
+    known = ", ".join(map(name_of, all_devices()))
     raise DeviceError(
         f"no OpenCL device is named like {name!r}", key="device", remedy=f"Found: {known}"
     )
@@ -241,7 +257,8 @@ def build_program(
 
     Raises
     ------
-    DeviceError : the build failed; the compiler's words are in the message.
+    DeviceError : the build failed.  The message has the compiler's first error; all it said is in
+        the exception that is the cause.
     """
     values = {"LANES": device.lanes, **(defines or {})}
     options = [f"-D{key}={_literal(value)}" for key, value in sorted(values.items())]
@@ -254,7 +271,8 @@ def build_program(
     try:
         return _compile(device.context, source, tuple(options), tuple(sorted(folders)))
     except cl.Error as error:
-        raise DeviceError(f"building {', '.join(files)} failed: {error}") from None
+        problem = f"{device.name} cannot build {', '.join(files)}: {_reason(error)}"
+        raise DeviceError(problem, remedy=_UPDATE) from error
 
 
 @functools.cache

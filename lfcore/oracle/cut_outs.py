@@ -1,5 +1,7 @@
 """Holes that the alpha of a texture cuts, in float64: bilinear at full size, below the cutoff."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from lfcore.oracle.intersect import Solid

@@ -138,7 +138,7 @@ def form_planes(
         )  # fmt: skip
     for plane in planes:
         plane.check(slab)
-    name = device.device.name if isinstance(device, Device) else device
+    name = device.name if isinstance(device, Device) else device
     if isinstance(device, Device):
         threads = threads or device.threads
     count = _Progress(progress, sum(part.frames for part in field.segments))

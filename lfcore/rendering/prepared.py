@@ -37,8 +37,7 @@ def open_tracers(scene: Scene, device: Device | str | None = None) -> list[Trace
     whole = opened(device)
     if not whole.is_cpu:
         return [Tracer(scene, hierarchy_of(scene), whole)]
-    name = whole.device.name
     return [
-        Tracer(scene, hierarchy_of(scene), open_device(name, threads=1))
+        Tracer(scene, hierarchy_of(scene), open_device(whole.name, threads=1))
         for _ in range(whole.threads)
     ]

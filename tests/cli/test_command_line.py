@@ -109,7 +109,7 @@ def test_many_planes_from_options_and_files(recorded, tmp_path):
     assert np.load(out).shape == (2, SIZE, SIZE, 3)
 
 
-def test_info_and_devices(recorded, capsys):
+def test_info(recorded, capsys):
     assert main(["info", str(recorded), "--verify"]) == 0
     text = capsys.readouterr().out
     assert f"{SIZE} x {SIZE} pixels, {VIEWS} x {VIEWS} views" in text
@@ -118,8 +118,6 @@ def test_info_and_devices(recorded, capsys):
     found = json.loads(capsys.readouterr().out)
     assert found["metadata"]["scene"]["name"] == "chart" and found["damage"] == []
     assert found["bytes"] == recorded.stat().st_size
-    assert main(["devices"]) == 0
-    assert capsys.readouterr().out.count("*") == 1
 
 
 def test_programs_are_told_in_one_line_of_json(recorded, tmp_path, capsys):
@@ -136,7 +134,6 @@ def test_programs_are_told_in_one_line_of_json(recorded, tmp_path, capsys):
         (["view", recorded, "--grid", "2", "-o", picture], [picture], None),
         (["imgtool", "tiles", recorded, "-o", tmp_path / "t.exr"], [tmp_path / "t.exr"], None),
         (["info", recorded, "--verify"], [], None),
-        (["devices"], [], None),
     ):
         assert main([str(word) for word in (*command, "--json")]) == 0
         out, err = capsys.readouterr()
@@ -144,12 +141,10 @@ def test_programs_are_told_in_one_line_of_json(recorded, tmp_path, capsys):
         told = json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
         assert told["command"] in command[:2]
         assert told["files"] == [{"file": str(f), "bytes": f.stat().st_size} for f in files]
-        if command[0] != "devices":
-            assert len(told["steps"]) == 1 and told["steps"][0]["seconds"] >= 0
+        assert len(told["steps"]) == 1 and told["steps"][0]["seconds"] >= 0
         if rays:
             assert told["steps"][0]["rays"] == rays
             assert told["scene"]["triangles"] == 6
-    assert sum(device["default"] for device in told["devices"]) == 1
 
 
 def test_a_folder_that_is_written_is_told_with_its_bytes(recorded, tmp_path, capsys):

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lfcore.errors import DeviceError
 from lfcore.opencl import device as devices
 from lfcore.opencl import program_cache
 from lfcore.opencl.device import cl, open_device
@@ -182,16 +183,21 @@ def test_a_processor_is_the_default(monkeypatch):
     class Kind:
         def __init__(self, name, kind):
             self.name, self.type, self.platform = name, kind, self
+            self.driver_version = self.version = "1"
 
         def get_devices(self):
             return [self]
 
-    platforms = [Kind("fast", cl.device_type.GPU), Kind("plain", cl.device_type.CPU)]
+    names = {"fast": "GPU", "plain": "CPU", "another": "CPU", "best": "CPU"}
+    platforms = [Kind(name, getattr(cl.device_type, kind)) for name, kind in names.items()]
     monkeypatch.setattr(cl, "get_platforms", lambda: platforms)
-    monkeypatch.setattr(devices, "_devices", devices._devices.__wrapped__)
-    monkeypatch.setattr(devices, "_is_usable", lambda device: True)
-    assert devices._choose(None).name == "plain"
+    monkeypatch.setattr(devices, "all_devices", devices.all_devices.__wrapped__)
+    monkeypatch.setattr(devices, "_fault", lambda device: "broken" * (device.name == "another"))
+    assert devices._choose(None).name == "best"  # the first driver by name
     assert devices._choose("FAST").name == "fast"
+    assert devices._choose("plain (plain 1)").name == "plain"
+    with pytest.raises(DeviceError, match="broken"):
+        devices._choose("another")
 
 
 def test_threads_where_the_system_does_not_tell_which_processors_are_ours(monkeypatch):

@@ -159,7 +159,7 @@ def test_bad_input_is_refused(tmp_path):
 def test_every_lane_width_gives_the_same_bits(device, lanes):
     slab = Slab(CAMERA, 3, 21)
     views = random_views(slab)
-    other = open_device(device.device.name, lanes=lanes)
+    other = open_device(device.name, lanes=lanes)
     for filter in ("nearest", "bilinear"):
         got = shift_sum_views(slab, views, PLANES, filter=filter, device=other)
         want = shift_sum_views(slab, views, PLANES, filter=filter, device=device)

@@ -131,7 +131,7 @@ def test_every_lane_width_gives_the_same_bits(device, lanes):
     """Colours of one width are enough here: what they look up is what hits do."""
     world, slab = curtains(lights=[SUN]), Slab(CAMERA, 16, 6)
     rays, bvh = macropixels(slab, all_pixels(slab)), build_bvh(world.triangles)
-    narrow = open_device(device.device.name, lanes=lanes)
+    narrow = open_device(device.name, lanes=lanes)
     own, other = (Tracer(world, bvh, each, outer=1) for each in (device, narrow))
     for a, b in zip(own.bundle_hits(rays), other.bundle_hits(rays), strict=True):
         assert (a == b).all()

@@ -35,7 +35,7 @@ def test_every_lane_width_gives_them(device):
     if not device.is_cpu:
         pytest.skip("a GPU has one lane width")
     for lanes in {1, 4, 8, 16} - {device.lanes}:
-        narrow = open_device(device.device.name, lanes=lanes)
+        narrow = open_device(device.name, lanes=lanes)
         assert table(narrow, FEW[:2]) == {case: KNOWN[case] for case in FEW[:2]}, f"{lanes} lanes"
 
 

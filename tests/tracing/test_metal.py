@@ -169,6 +169,6 @@ def test_flat_colours_of_a_map_bend_nothing(device):
 def test_every_lane_width_gives_the_same_bits(device):
     world, slab = sheets(MATERIALS["maps"], [SUN]), Slab(CAMERA, 16, 6)
     rays, bvh = macropixels(slab, all_pixels(slab)), build_bvh(world.triangles)
-    narrow = open_device(device.device.name, lanes=4 if device.lanes != 4 else 8)
+    narrow = open_device(device.name, lanes=4 if device.lanes != 4 else 8)
     own, other = (Tracer(world, bvh, each, outer=1) for each in (device, narrow))
     assert (own.bundle_radiance(rays) == other.bundle_radiance(rays)).all()
