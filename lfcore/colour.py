@@ -4,8 +4,6 @@ The kernels have their own (tracing/kernels), and lfcore.storage.ycbcr goes on f
 planes of a video frame.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 PEAK = 255.0

@@ -1,7 +1,5 @@
 """Errors that a user can act on: what is wrong, where, and the remedy."""
 
-from __future__ import annotations
-
 import difflib
 import unicodedata
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """EXR files: colour channels and a header, through the OpenEXR library."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

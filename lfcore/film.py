@@ -1,7 +1,5 @@
 """Films of pictures, as players want them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import av

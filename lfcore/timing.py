@@ -6,8 +6,6 @@ runs, then the median of several, with the spread.  All need the work to be over
 read: no device's queue may be left unfinished.
 """
 
-from __future__ import annotations
-
 import functools
 import os
 import platform

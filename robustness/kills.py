@@ -222,12 +222,7 @@ def descendants(process: int) -> list[int]:
     return found
 
 
-MICRO = {
-    "scenes": ["sphere"],
-    "views": [2, 4],
-    "pixels": 16,
-    "reports": [],
-}
+MICRO = {"scenes": ["sphere"], "views": [2, 4], "pixels": 16, "reports": []}
 PARTS = ("Makefile", "Snakefile", "config", "lfcore", "profiles", "scenes", "workflow")
 
 

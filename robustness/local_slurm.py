@@ -23,45 +23,7 @@ from robustness.kills import descendants, stat_of
 PROGRAMS = ("munged", "munge", "slurmctld", "slurmd", "sbatch", "srun", "squeue", "scancel")
 PLUGIN = "snakemake-executor-plugin-slurm"
 PATHS = "/usr/sbin:/usr/bin:/sbin:/bin"
-CONFIGURATION = """\
-ClusterName=throwaway
-SlurmctldHost=localhost(127.0.0.1)
-SlurmctldPort={port}
-SlurmdPort={node_port}
-SrunPortRange={step_ports}
-# Nothing listens beyond the loopback interface.
-CommunicationParameters=NoCtldInAddrAny,NoInAddrAny
-AuthType=auth/munge
-CryptoType=crypto/munge
-AuthInfo=socket={folder}/munge/socket
-SlurmUser={user}
-SlurmdUser={user}
-StateSaveLocation={folder}/state
-SlurmdSpoolDir={folder}/spool
-SlurmctldPidFile={folder}/slurmctld.pid
-SlurmdPidFile={folder}/slurmd.pid
-SlurmctldLogFile={folder}/slurmctld.log
-SlurmdLogFile={folder}/slurmd.log
-ProctrackType=proctrack/linuxproc
-TaskPlugin=task/none
-JobAcctGatherType=jobacct_gather/none
-AccountingStorageType=accounting_storage/none
-SelectType=select/cons_tres
-SelectTypeParameters=CR_Core_Memory
-SchedulerParameters=batch_sched_delay=0,sched_interval=2,sched_min_interval=0
-MpiDefault=none
-SwitchType=switch/none
-MailProg=/bin/true
-ReturnToService=2
-# A request that no node can meet is refused, and does not wait for ever.
-EnforcePartLimits=ALL
-# Without accounting, Snakemake asks the queue for jobs that have ended.
-MinJobAge=3600
-KillWait=5
-NodeName=node NodeHostname=localhost NodeAddr=127.0.0.1 Port={node_port} CPUs={cores} \
-Boards=1 SocketsPerBoard=1 CoresPerSocket={cores} ThreadsPerCore=1 RealMemory={memory_mib}
-PartitionName=main Nodes=node Default=YES MaxTime=INFINITE DefaultTime=60 State=UP
-"""
+CONFIGURATION = Path(__file__).with_name("slurm.conf")
 
 
 class CannotRun(RuntimeError):
@@ -187,17 +149,9 @@ def local_slurm(folder: Path, *, cores: int = 2, memory_mib: int = 16000) -> Ite
     key.write_bytes(secrets.token_bytes(128))
     key.chmod(0o600)
     conf, port = folder / "slurm.conf", _free_port()
-    conf.write_text(
-        CONFIGURATION.format(
-            folder=folder,
-            user=getpass.getuser(),
-            cores=cores,
-            memory_mib=memory_mib,
-            port=port,
-            node_port=port + 1,
-            step_ports="33000-33199",
-        )
-    )
+    places = {"folder": folder, "user": getpass.getuser(), "port": port, "node_port": port + 1}
+    text = CONFIGURATION.read_text(encoding="utf-8")
+    conf.write_text(text.format(**places, cores=cores, memory_mib=memory_mib))
     # Snakemake's job step starts its srun without SLURM_CONF, which a site has in /etc.
     shim = folder / "bin" / "srun"
     real = shutil.which("srun", path=PATHS)

@@ -10,6 +10,7 @@ from pathlib import Path
 from lfcore.errors import LfcoreError
 
 ROOT = Path(__file__).resolve().parent.parent
+SEEDS = ROOT / "robustness" / "seeds"
 OK, REFUSED = "ok", "refused"
 LONGEST_MESSAGE = 2000
 """Characters of an error: more is no line that anybody reads."""

@@ -6,6 +6,7 @@ on the machine disturb little.
 
 import itertools
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -18,42 +19,7 @@ from lfcore.opencl.device import Device, cl
 from lfcore.optics.slab import Slab
 from lfcore.tracing.tracer import Tracer
 
-PEAKS = """
-kernel __attribute__((reqd_work_group_size(1, 1, 1)))
-void chain(global float *x, const int count)
-{
-    float a = x[0], b = x[1];
-    for (int k = 0; k < count; ++k) a = fma(a, b, 1.0f);
-    x[2 + get_global_id(0)] = a;
-}
-kernel __attribute__((reqd_work_group_size(1, 1, 1)))
-void flops(global float *x, const int count)
-{
-    const float16 b = x[1];
-    float16 a0 = x[0], a1 = a0 + 1, a2 = a0 + 2, a3 = a0 + 3, a4 = a0 + 4, a5 = a0 + 5;
-    float16 a6 = a0 + 6, a7 = a0 + 7, a8 = a0 + 8, a9 = a0 + 9, aa = a0 + 10, ab = a0 + 11;
-    for (int k = 0; k < count; ++k) {
-        a0 = fma(a0, b, b); a1 = fma(a1, b, b); a2 = fma(a2, b, b); a3 = fma(a3, b, b);
-        a4 = fma(a4, b, b); a5 = fma(a5, b, b); a6 = fma(a6, b, b); a7 = fma(a7, b, b);
-        a8 = fma(a8, b, b); a9 = fma(a9, b, b); aa = fma(aa, b, b); ab = fma(ab, b, b);
-    }
-    const float16 s = a0 + a1 + a2 + a3 + a4 + a5 + a6 + a7 + a8 + a9 + aa + ab;
-    x[2 + get_global_id(0)] = s.s0 + s.s5 + s.sf;
-}
-kernel __attribute__((reqd_work_group_size(1, 1, 1)))
-void stream(global const float *restrict data, global float *x, const int words, const int times)
-{
-    global const float *at = data + get_global_id(0) * (ulong)words;
-    float16 a = 0, b = 0, c = 0, d = 0;
-    for (int k = 0; k < times; ++k)
-        for (int i = 0; i < words; i += 64) {
-            a += vload16(0, at + i); b += vload16(1, at + i);
-            c += vload16(2, at + i); d += vload16(3, at + i);
-        }
-    const float16 s = a + b + c + d;
-    x[2 + get_global_id(0)] = s.s0 + s.s3 + s.sf;
-}
-"""
+PEAKS = Path(__file__).with_name("peaks.cl")
 CHAIN_LATENCY = 4
 """The cycles of a dependent fused multiply-add on Intel since Skylake and AMD since Zen 2."""
 
@@ -71,7 +37,7 @@ def _best(device: Device, launch, repeats: int) -> tuple[float, float]:
 
 def peaks(device: Device, repeats: int) -> dict[str, float]:
     """The device's peaks: clock, flops and bytes per second; per core from CPU time."""
-    program = cl.Program(device.context, PEAKS).build()
+    program = cl.Program(device.context, PEAKS.read_text(encoding="ascii")).build()
     chain, flops, stream = (cl.Kernel(program, name) for name in ("chain", "flops", "stream"))
     size = (device.threads,)
     head = np.array([0.5, 0.5, *np.zeros(device.threads)], np.float32)

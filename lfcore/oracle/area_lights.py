@@ -4,8 +4,6 @@ The emitter is 1 m across and hangs 1 m above the floor, its middle above the or
 ``z``, arrays of one shape in metres, are points of the floor.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 RADIUS = 0.5

@@ -3,8 +3,6 @@
 Sources: IEC 61966-2-1 (sRGB), ITU-R BT.709-6 (luma weights, limited range codes).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 RED, GREEN, BLUE = 0.2126, 0.7152, 0.0722

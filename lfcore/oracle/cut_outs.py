@@ -1,7 +1,5 @@
 """Holes that the alpha of a texture cuts, in float64: bilinear at full size, below the cutoff."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.oracle.intersect import Solid

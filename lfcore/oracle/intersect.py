@@ -4,8 +4,6 @@ Brute force over all pairs, decided exactly (see ``crossings``), so that it is r
 at vertices and at grazing incidence, and slow: 10^4 rays by 10^4 triangles take seconds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -12,8 +12,6 @@ with L = N . L and E = |N . V|.  Roughness is at least 0.05.
 Source: Khronos, "glTF 2.0 Specification", appendix B.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ Thesis chapter 4, Algorithm 1, in the form of the design: refocusing from delta 
 a ray from x_f to ``x_f + s (delta' - delta)``.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.optics.planes import SensorPlane

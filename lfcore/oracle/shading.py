@@ -13,8 +13,6 @@ direction to the viewer.  Textures are filtered bilinearly at full size: no mip 
 Source: J. F. Blinn, "Models of light reflection for computer synthesized pictures", 1977.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.oracle.cut_outs import solid_of

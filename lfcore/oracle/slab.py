@@ -1,7 +1,5 @@
 """The rays of a light slab one by one, and what they see."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Textures at single places, in float64."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.oracle.colour import srgb_decode

@@ -125,10 +125,7 @@ def _scene(archive: Any, path: str | Path) -> Scene:
         lengths = (
             (header["triangles"],)
             if name in ("triangles", "material_ids")
-            else (
-                0,
-                header["triangles"],
-            )
+            else (0, header["triangles"])
         )
         if array.dtype != dtype or array.shape[1:] != shape or len(array) not in lengths:
             raise _damaged(path, f"array {name!r} is {array.dtype} {array.shape}")

@@ -39,7 +39,7 @@ KNOWN = (
 BASIS = "KHR_texture_basisu"
 REMEDIES = {
     BASIS: "Convert its KTX2 textures to PNG, JPEG or WebP, e.g. with 'gltf-transform "
-    "ktxdecompress'",
+    "ktxdecompress'"
 }
 """What to do about a required extension; default: export the file without it."""
 DEEPEST_NODE = 200

@@ -29,6 +29,10 @@ LINEAR_COLOUR_FORMATS = (".glb", ".gltf")
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tga", ".bmp", ".webp", ".tif", ".tiff", ".gif")
 
 
+def _error(path: Path, problem: str, remedy: str = "Export the mesh again") -> SceneError:
+    return SceneError(problem, file=path, remedy=remedy)
+
+
 def load_mesh(
     path: str | Path,
     *,
@@ -85,10 +89,8 @@ def parts_of(
                 part = _part(mesh, surface, uvs, path, shading, crease_deg)
                 parts.append(part.transformed(np.asarray(matrix, np.float64)))
     if empty:
-        raise SceneError(
-            "mesh holds no triangles",
-            file=path,
-            remedy="Export faces, not only points, lines or curves",
+        raise _error(
+            path, "mesh holds no triangles", "Export faces, not only points, lines or curves"
         )
     return parts
 
@@ -99,16 +101,14 @@ def _placed(scene: Any, path: Path) -> list:
         nodes = [scene.graph[node] for node in scene.graph.nodes_geometry]
         return [(matrix, scene.geometry[name]) for matrix, name in nodes]
     except (LookupError, TypeError, ValueError) as error:  # names that are none, circles of nodes
-        raise SceneError(
-            f"its nodes cannot be placed: {error!r}", file=path, remedy="Export the mesh again"
-        ) from error
+        raise _error(path, f"its nodes cannot be placed: {error!r}") from error
 
 
 def _with_strips(mesh: Any, path: Path) -> Any:
     try:
         return with_strips(mesh)
     except ValueError as error:
-        raise SceneError(str(error), file=path, remedy="Export the mesh again") from None
+        raise _error(path, str(error)) from None
 
 
 def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
@@ -139,15 +139,11 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
             return data
 
     if not os.path.isfile(path):
-        raise SceneError("mesh file not found", file=path, remedy="Check the path")
+        raise _error(path, "mesh file not found", "Check the path")
     kind = path.suffix[1:].lower()
     if kind not in trimesh.available_formats():
         known = ", ".join(sorted(trimesh.exchange.load.mesh_formats()))
-        raise SceneError(
-            f"no reader for mesh files named *{path.suffix}",
-            file=path,
-            remedy=f"Use one of {known}",
-        )
+        raise _error(path, f"no reader for mesh files named *{path.suffix}", f"Use one of {known}")
     resolver = Resolver(str(path), allow_anywhere=True)
     try:
         for number, data in document.pictures() if document else ():
@@ -158,10 +154,10 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
     except Exception as error:  # trimesh's readers raise whatever they stumble over
         _check_found(resolver.trouble, path)
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise SceneError(
+        raise _error(
+            path,
             f"mesh cannot be read: {reason[:200]}",
-            file=path,
-            remedy="Export it again, or open it in a mesh viewer to see what is damaged",
+            "Export it again, or open it in a mesh viewer to see what is damaged",
         ) from error
     _check_found(resolver.trouble, path)
     return scene
@@ -179,11 +175,10 @@ def _ispicture(data: bytes) -> bool:
 
 def _check_found(trouble: list[str], path: Path) -> None:
     if trouble:
-        raise SceneError(
+        raise _error(
+            path,
             trouble[0],
-            file=path,
-            remedy=f"Put a sound one within the mesh or beside it in {path.parent}, or edit the "
-            "material",
+            f"Put a sound one within the mesh or beside it in {path.parent}, or edit the material",
         )
 
 
@@ -193,17 +188,13 @@ def _part(
     vertices = np.asarray(mesh.vertices, np.float64)
     faces = np.asarray(mesh.faces, np.int64)
     if vertices.ndim != 2 or vertices.shape[1] != 3:
-        raise SceneError(
+        raise _error(
+            path,
             f"a vertex has {vertices.shape[-1] if vertices.ndim == 2 else 'no'} coordinates",
-            file=path,
-            remedy="Give each vertex x, y and z",
+            "Give each vertex x, y and z",
         )
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise SceneError(
-            f"face names vertex {int(faces.max())} of {len(vertices)}",
-            file=path,
-            remedy="Export the mesh again",
-        )
+        raise _error(path, f"face names vertex {int(faces.max())} of {len(vertices)}")
     triangles = vertices[faces]
     normals = None
     # trimesh computes normals on demand; only those in the cache came with the file.
@@ -263,10 +254,8 @@ def _surface(
 def _check_finite(surface: Surface, path: Path) -> None:
     values = (*surface.diffuse, *surface.specular, *surface.emission, surface.shininess)
     if not np.isfinite(values).all():
-        raise SceneError(
-            f"material {surface.name!r} has a number that is not finite",
-            file=path,
-            remedy="Mend the material",
+        raise _error(
+            path, f"material {surface.name!r} has a number that is not finite", "Mend the material"
         )
 
 
@@ -274,10 +263,10 @@ def _texture_coordinates(uv: np.ndarray, faces: np.ndarray, path: Path) -> np.nd
     """(T, 3, 2) of the corners; exporters write NaN for what is not unwrapped, read as 0."""
     uv = np.where(np.isnan(uv), 0.0, uv)
     if uv.ndim != 2 or uv.shape[1] < 2 or len(uv) <= faces.max():
-        raise SceneError(
+        raise _error(
+            path,
             "a vertex has no two texture coordinates",
-            file=path,
-            remedy="Unwrap the mesh again, or take its texture away",
+            "Unwrap the mesh again, or take its texture away",
         )
     return uv[faces][..., :2]
 

@@ -25,6 +25,10 @@ MOST_YAML_NODES = 100_000
 _CHUNK = 4 * MIB
 
 
+def _error(path: Path, problem: str, remedy: str) -> SceneError:
+    return SceneError(problem, file=path, remedy=remedy)
+
+
 def read_bytes(path: str | Path, most: int, what: str = "file") -> bytes:
     """The bytes of a regular file; those of a ``.gz`` unpacked.
 
@@ -42,25 +46,21 @@ def read_bytes(path: str | Path, most: int, what: str = "file") -> bytes:
         with open(os.open(path, os.O_RDONLY | _NO_WAIT), "rb") as stream:
             status = os.fstat(stream.fileno())
             if not stat.S_ISREG(status.st_mode):
-                raise SceneError(
-                    f"{what} is a device or pipe", file=path, remedy="Give a regular file"
-                )
+                raise _error(path, f"{what} is a device or pipe", "Give a regular file")
             if path.suffix.lower() == ".gz":
                 return _unpacked(stream, path, most, what)
             if status.st_size > most:
                 raise _too_large(path, most, what)
             return stream.read()
     except (FileNotFoundError, NotADirectoryError):
-        raise SceneError(f"{what} not found", file=path, remedy="Check the path") from None
+        raise _error(path, f"{what} not found", "Check the path") from None
     except ValueError:  # a NUL in the name
         raise SceneError(
             f"{what} cannot have the name {str(path)!r}", remedy="Check the path"
         ) from None
     except OSError as error:
         reason = error.strerror or str(error)
-        raise SceneError(
-            f"{what} cannot be read: {reason}", file=path, remedy="Check the path"
-        ) from None
+        raise _error(path, f"{what} cannot be read: {reason}", "Check the path") from None
 
 
 # A pipe that nobody writes to would keep open() waiting; Windows has none in its file system.
@@ -90,16 +90,12 @@ def _unpacked(stream: Any, path: Path, most: int, what: str) -> bytes:
 
 
 def _damaged(path: Path, what: str, reason: str) -> SceneError:
-    return SceneError(
-        f"{what} cannot be unpacked: {reason}", file=path, remedy="Get or make the file again"
-    )
+    return _error(path, f"{what} cannot be unpacked: {reason}", "Get or make the file again")
 
 
 def _too_large(path: Path, most: int, what: str) -> SceneError:
     size = f"{most // MIB} MiB" if most >= MIB else f"{most} bytes"
-    return SceneError(
-        f"{what} holds more than {size}", file=path, remedy="Split it, or make it less"
-    )
+    return _error(path, f"{what} holds more than {size}", "Split it, or make it less")
 
 
 def read_yaml(path: str | Path, what: str = "scene file") -> Any:
@@ -123,22 +119,20 @@ def read_yaml(path: str | Path, what: str = "scene file") -> Any:
         finally:
             loader.dispose()
     except UnicodeDecodeError as error:
-        raise SceneError(
-            f"{what} is not text in UTF-8: {error}", file=path, remedy="Save it as UTF-8"
-        ) from None
+        raise _error(path, f"{what} is not text in UTF-8: {error}", "Save it as UTF-8") from None
     except _TooDeep as error:
-        raise SceneError(
+        raise _error(
+            path,
             f"nests more than {DEEPEST_YAML} deep on line {error.line}",
-            file=path,
-            remedy="Close the brackets, or flatten it",
+            "Close the brackets, or flatten it",
         ) from None
     except yaml.YAMLError as error:
-        raise SceneError(
-            f"not valid YAML: {' '.join(str(error).split())}", file=path, remedy="Mend the syntax"
+        raise _error(
+            path, f"not valid YAML: {' '.join(str(error).split())}", "Mend the syntax"
         ) from None
     except ValueError as error:  # a date such as 2026-99-99, or an integer of 10,000 digits
-        raise SceneError(
-            f"holds a value that YAML cannot read: {error}", file=path, remedy="Put it in quotes"
+        raise _error(
+            path, f"holds a value that YAML cannot read: {error}", "Put it in quotes"
         ) from None
 
 
@@ -167,9 +161,7 @@ def _count(node: yaml.Node, known: dict[int, int | None], path: Path) -> int:
         size = known[id(node)]
         if size is None:
             line = node.start_mark.line + 1
-            raise SceneError(
-                f"what starts on line {line} contains itself", file=path, remedy="Remove the alias"
-            )
+            raise _error(path, f"what starts on line {line} contains itself", "Remove the alias")
         return size
     known[id(node)] = None
     size = 1
@@ -178,10 +170,10 @@ def _count(node: yaml.Node, known: dict[int, int | None], path: Path) -> int:
             for part in item if isinstance(item, tuple) else (item,):
                 size += _count(part, known, path)
     if size > MOST_YAML_NODES:
-        raise SceneError(
+        raise _error(
+            path,
             f"holds more than {MOST_YAML_NODES} values once its aliases are followed",
-            file=path,
-            remedy="Write fewer aliases",
+            "Write fewer aliases",
         )
     known[id(node)] = size
     return size

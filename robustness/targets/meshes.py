@@ -10,22 +10,11 @@ import trimesh
 
 from lfcore.scene.build import build_scene
 from robustness.mutate import damage_bytes, damage_text, mixed
-from robustness.outcome import Outcome, outcome_of
+from robustness.outcome import SEEDS, Outcome, outcome_of
 from robustness.sound import check_scene
 from robustness.targets import Target
 from robustness.targets.scenes import MTL, OBJ, PLY, write_sides
 
-STL = """\
-solid one
-facet normal 0 0 1
-outer loop
-vertex 0 0 0
-vertex 1 0 0
-vertex 0 1 0
-endloop
-endfacet
-endsolid one
-"""
 FEATURES = Path(__file__).parents[2] / "docs/examples/gltf_features.py"
 MATERIALS = b"\n#### material library\n"
 """The line in an input of the target ``obj`` after which the MTL begins."""
@@ -38,7 +27,7 @@ def seeds_of(kind: str, folder: Path) -> list[bytes]:
     if kind == "ply":
         return [PLY.encode(), box.export(file_type="ply")]
     if kind == "stl":
-        return [STL.encode(), box.export(file_type="stl")]
+        return [(SEEDS / "one.stl").read_bytes(), box.export(file_type="stl")]
     write_sides(folder)
     textured = trimesh.load_scene(folder / "mesh.obj").export(file_type="glb")
     return [box.export(file_type="glb"), textured, every_feature(folder / "features.glb")]

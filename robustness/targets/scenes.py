@@ -16,126 +16,17 @@ from lfcore.scene.description import schema
 from lfcore.scene.files import load_scene, save_scene
 from robustness import extremes
 from robustness.mutate import damage_bytes, damage_text, mixed
-from robustness.outcome import ROOT, SilentlyWrong
+from robustness.outcome import ROOT, SEEDS, SilentlyWrong
 from robustness.sound import check_scene
 from robustness.targets import Target, of_file
 from robustness.trees import damage_yaml
 
-PLAIN = """\
-objects:
-  - file: mesh.obj
-    transform: [{translate_m: [0, 1, 0]}, {rotate: {axis: y, angle_deg: 30}}, {scale: 2}]
-    material: {diffuse: [0.5, 0.4, 0.3], specular: "#202020", shininess: 40, texture: skin.png}
-camera:
-  focal_length_mm: 50
-  sensor_width_mm: 36
-  f_number: 2
-  focus_m: 4
-  pose: {position_m: [0, 1, 6], look_at_m: [0, 0.5, 0], up: [0, 1, 0]}
-lights:
-  - {towards_light: [0.5, 1, 0.5], colour: [0.8, 0.8, 0.8]}
-  - {position_m: [1, 4, 2], colour: [3, 3, 3], reference_distance_m: 2, casts_shadows: false}
-ambient: [0.1, 0.1, 0.1]
-background: "#203040"
-focus_distances_m: [2, 4, 8]
-"""
-BUILT = """\
-name: built
-objects:
-  - {builder: sphere, seed: 2, parameters: {radius_m: 1.0, segments: 8, checks: 1.0}}
-  - file: mesh.ply
-    shading: flat
-    crease_deg: 20
-    motion: [{translate_m: [0.1, 0, 0]}]
-    transform: [{matrix: [[1, 0, 0, 2], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}]
-camera:
-  pose: {position_m: [0, 1, 6], look_at_m: [0, 0.9, 0]}
-  lightfield:
-    fov_deg: 40
-    cameras_per_dim: [2, 2]
-    camera_grid_bounds_m: [-0.5, 0.5, -0.5, 0.5]
-    film_px: [32, 32]
-    samples_per_pixel: 1
-    shutter: [0, 0.5]
-"""
+PLAIN, BUILT, FITTED, OBJ, MTL, PLY, PBRT_SPHERE = (
+    (SEEDS / name).read_text()
+    for name in ("plain.yaml", "built.yaml", "fitted.yaml", "mesh.obj", "mesh.mtl", "mesh.ply",
+                 "sphere.pbrt")
+)  # fmt: skip
 SHORT = "objects: [{file: mesh.obj}]\n"
-FITTED = """\
-objects: [{file: mesh.obj}]
-camera: {view_from: "30,20", zoom: 1.5, focus_m: 40%, blur: 3%}
-"""
-OBJ = """\
-mtllib mesh.mtl
-v 0 0 0
-v 1 0 0
-v 0 1 0
-v 0 0 1
-vt 0 0
-vt 1 0
-vt 0 1
-vn 0 0 1
-usemtl skin
-f 1/1/1 3/3/1 2/2/1
-f 1/1 2/2 4/3
-usemtl bone
-f 1 4 3
-f 2 3 4
-"""
-MTL = """\
-newmtl skin
-Kd 0.5 0.25 1
-Ks 0.1 0.1 0.1
-Ns 40
-map_Kd skin.png
-newmtl bone
-Kd 0.9 0.9 0.8
-Ke 0 0 0
-"""
-PLY = """\
-ply
-format ascii 1.0
-element vertex 4
-property float x
-property float y
-property float z
-property float s
-property float t
-property uchar red
-property uchar green
-property uchar blue
-element face 2
-property list uchar int vertex_indices
-end_header
-0 0 0 0 0 255 0 0
-1 0 0 1 0 0 255 0
-1 1 0 1 1 0 0 255
-0 1 0 0 1 255 255 255
-3 0 1 2
-3 0 2 3
-"""
-PBRT_SPHERE = """\
-LookAt 0 1.4 6  0 0.9 0  0 1 0
-Camera "perspective" "float fov" [ 40 ] "float lensradius" [ 0.05 ] "float focaldistance" [ 6 ]
-Film "image" "integer xresolution" [ 16 ] "integer yresolution" [ 12 ]
-Sampler "halton" "integer pixelsamples" [ 4 ]
-WorldBegin
-LightSource "distant" "blackbody L" [ 4500 0.6 ] "point from" [ -1 2 1 ] "point to" [ 0 0 0 ]
-LightSource "point" "rgb I" [ 20 20 20 ] "point from" [ 3 5 3 ]
-AttributeBegin
-  AreaLightSource "diffuse" "rgb L" [ 8 8 8 ] "integer nsamples" [ 4 ]
-  Translate -3 5 0
-  Shape "sphere" "float radius" [ 0.4 ]
-AttributeEnd
-Texture "board" "color" "checkerboard" "float uscale" [ 20 ] "rgb tex1" [ .1 .1 .1 ]
-Texture "skin" "spectrum" "imagemap" "string filename" "skin.png" "bool trilinear" "true"
-Material "matte" "texture Kd" "board"
-Shape "trianglemesh" "integer indices" [ 0 1 2 0 2 3 ]
-      "point P" [ -10 0 6  10 0 6  10 0 -20  -10 0 -20 ] "float uv" [ 0 0 1 0 1 1 0 1 ]
-Include "more.pbrt"
-MakeNamedMaterial "red" "string type" "plastic" "rgb Kd" [ .6 .1 .1 ] "float roughness" .05
-ObjectBegin "thing" NamedMaterial "red" Shape "plymesh" "string filename" "mesh.ply" ObjectEnd
-AttributeBegin Rotate 40 0 1 0 Scale .4 .4 .4 ObjectInstance "thing" AttributeEnd
-WorldEnd
-"""
 MORE = 'Material "metal"\nTranslate 0 1 0\nShape "cylinder" "float radius" .5\n'
 
 

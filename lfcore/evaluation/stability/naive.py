@@ -44,11 +44,7 @@ def moeller_trumbore(
 
 
 def _cross(a: Vectors | np.ndarray, b: Vectors | np.ndarray) -> Vectors:
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def _dot(a: Vectors | np.ndarray, b: Vectors | np.ndarray) -> np.ndarray:

@@ -21,10 +21,7 @@ MOST_LIGHT_POINTS = 1024
 
 
 def build_pbrt_scene(
-    path: str | Path,
-    *,
-    tolerance: float = TOLERANCE,
-    light_points: int = POINTS,
+    path: str | Path, *, tolerance: float = TOLERANCE, light_points: int = POINTS
 ) -> Scene:
     """Read a pbrt scene of version 3, or of version 4 where the same words mean the same.
 

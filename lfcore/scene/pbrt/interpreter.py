@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.scene.emitters import emitter_points
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.pbrt import state as graphics
 from lfcore.scene.pbrt.camera import TO_OURS, read_camera, read_film, read_samples
 from lfcore.scene.pbrt.lexer import Place, syntax_error
-from lfcore.scene.pbrt.lights import LightRig, add_area_light, add_light, emitted
+from lfcore.scene.pbrt.lights import LightRig, emitted
 from lfcore.scene.pbrt.materials import Definition, MaterialTable
 from lfcore.scene.pbrt.parameters import ParameterSet
 from lfcore.scene.pbrt.parser import Directive
@@ -51,7 +52,7 @@ class Interpreter:
         self.state = graphics.GraphicsState()
         self.textures = TextureTable(folder)
         self.materials = MaterialTable(self.textures)
-        self.rig = LightRig()
+        self.rig = LightRig(folder)
         self.items: list[Item] = []
         self.view: View | None = None
         self.world_to_camera: np.ndarray | None = None
@@ -213,8 +214,7 @@ class Interpreter:
         if not np.array_equal(start, end):
             self.notebook.add(LEFT_OUT, directive.place, "motion of a light: shutter open's pose")
         to_camera = self.world_to_camera @ start
-        kind, parameters = directive.strings[0], directive.parameters
-        add_light(self.rig, kind, parameters, to_camera, self.textures)
+        self.rig.add(directive.strings[0], directive.parameters, to_camera)
 
     def _area_light_source(self, directive: Directive) -> None:
         parameters = directive.parameters
@@ -233,7 +233,7 @@ class Interpreter:
             return
         emission, two_sided = (0.0, 0.0, 0.0), False
         if now.area_light is not None:
-            emission = tuple(emitted(now.area_light, "L", self.textures).tolist())
+            emission = tuple(emitted(now.area_light, "L", self.folder).tolist())
             two_sided = now.area_light.bool("twosided", False)
             now.area_light.note_unused()
         item = Item(
@@ -260,8 +260,9 @@ class Interpreter:
 
     def light(self, item: Item, triangles: np.ndarray, own: tuple[int, int]) -> None:
         """Add the lights of an emitting item; of ``triangles`` in camera space."""
-        emission = np.array(item.emission)
-        add_area_light(self.rig, triangles, emission, item.two_sided, self.light_points, own)
+        points = emitter_points(triangles, self.light_points, two_sided=item.two_sided)
+        if points is not None:
+            self.rig.add_area(points, np.array(item.emission), own)
 
     def uvs(self, item: Item) -> tuple[np.ndarray | None, Surface | None]:
         """Texture coordinates of an item (None without texture) and its surface."""

@@ -163,9 +163,7 @@ def declare(text: str, place: Place) -> tuple[str, str]:
     words = text.split()
     if len(words) != 2:
         raise syntax_error(
-            f'"{text}" is not a parameter',
-            place,
-            'Write "type name", for example "float fov"',
+            f'"{text}" is not a parameter', place, 'Write "type name", for example "float fov"'
         )
     if words[0] not in TYPES:
         remedy = did_you_mean(words[0], TYPES)

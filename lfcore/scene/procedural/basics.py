@@ -11,13 +11,15 @@ Rng = np.random.Generator
 Parts = list[SurfaceMesh]
 Look = dict[str, Surface]
 """The surfaces of a model by name."""
+Point = np.ndarray
+"""(3,) float64."""
 Size = tuple[int, int]
 Range = tuple[float, float]
 
 
-def codes(colour: str) -> np.ndarray:
-    """(3,) sRGB codes of ``#rrggbb``."""
-    return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)])
+def codes(colour: str) -> list[int]:
+    """The three sRGB codes of ``#rrggbb``."""
+    return [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
 
 
 def painted(

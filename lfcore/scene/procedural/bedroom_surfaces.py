@@ -73,8 +73,8 @@ def patchwork(seed: int) -> np.ndarray:
     v, u = np.mgrid[:128, :128] / 128.0
     for row in range(4):
         for column in range(4):
-            base = codes(tones[(row * 2 + column * 5 + (row * column) % 3) % 6])
-            other = codes(tones[(row * 3 + column + 2) % 6])
+            base = np.array(codes(tones[(row * 2 + column * 5 + (row * column) % 3) % 6]))
+            other = np.array(codes(tones[(row * 3 + column + 2) % 6]))
             kind = int(rng.integers(4))
             if kind == 0:
                 mask = np.hypot((u * 4) % 1 - 0.5, (v * 4) % 1 - 0.5) < 0.22

@@ -1,5 +1,7 @@
 """A city bicycle, along +x with its wheels on the ground and its frame in the plane z = 0."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -137,12 +139,7 @@ def _drive(look: Look) -> Parts:
     z = 0.055
     parts = []
     wheel = tube(ring(0.085, 28), 0.006, look["steel"], segments=4, closed=True)
-    arms = [
-        cylinder(
-            (0, 0, 0), (0.085 * np.cos(a), 0.085 * np.sin(a), 0), 0.006, look["steel"], segments=4
-        )
-        for a in np.arange(5) * 2 * np.pi / 5
-    ]
+    arms = [cylinder((0, 0, 0), tip, 0.006, look["steel"], segments=4) for tip in ring(0.085, 5)]
     parts += transform_all([wheel, *arms], translate(*(BRACKET + (0, 0, z))))
     chain_path = []
     for angle in np.radians(np.linspace(100, -95, 9)):
@@ -183,9 +180,7 @@ def _saddle(look: Look) -> Parts:
         return vectors * np.concatenate([np.ones_like(x), np.ones_like(x), width], -1)
 
     lean = chain(rotate("z", 4), translate(-0.275, 0.975, 0))
-    shaped = SurfaceMesh(pinch(body.triangles), body.surface, body.normals, body.uvs).transformed(
-        lean
-    )
+    shaped = replace(body, triangles=pinch(body.triangles)).transformed(lean)
     springs = []
     for side in (-0.05, 0.05):
         angle = np.linspace(0, 6 * np.pi, 19)

@@ -1,6 +1,7 @@
 """The cabin scene: a log cabin among spruces, a split-rail fence and a log pile before it."""
 
 import itertools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from lfcore.scene.procedural.primitives import (
     scattered,
     sphere,
     tube,
+    xyz,
 )
 from lfcore.scene.surface_mesh import SurfaceMesh, count, merge, transform_all
 from lfcore.scene.transforms import chain, rotate, scale, translate
@@ -70,16 +72,10 @@ def _surfaces(seed: int) -> Look:
     bark = textures.bark(seed + 1, (52, 38, 28), (128, 98, 72))
     rings = textures.end_grain(seed + 2, (140, 96, 52), (222, 182, 124))
     grey = np.rot90(textures.wood(seed + 3, (104, 92, 78), (164, 150, 130), size=(128, 256)))
-    grass = textures.speckle(
-        seed + 4, ((62, 84, 30), (92, 116, 42), (120, 138, 58)), cells=(20, 20), octaves=4
-    )
-    earth = textures.speckle(
-        seed + 5,
-        ((112, 90, 62), (150, 124, 90), (176, 152, 116)),
-        cells=(16, 16),
-        octaves=4,
-        size=(256, 256),
-    )
+    greens = (62, 84, 30), (92, 116, 42), (120, 138, 58)
+    grass = textures.speckle(seed + 4, greens, cells=(20, 20), octaves=4)
+    browns = (112, 90, 62), (150, 124, 90), (176, 152, 116)
+    earth = textures.speckle(seed + 5, browns, cells=(16, 16), octaves=4, size=(256, 256))
     needles = textures.bark(seed + 6, (22, 50, 30), (70, 112, 54), size=(128, 128))
     stone = textures.speckle(seed + 7, ((96, 98, 96), (140, 140, 132)), size=(128, 128))
     return {
@@ -147,9 +143,7 @@ def _trees(rng: Rng, number: int, look: Look) -> Parts:
     parts = []
     for x, z in spots[:number]:
         tall = rng.uniform(4.6, 7.0)
-        tree = foliage.conifer(
-            rng, look["needles"], look["bark"], height=tall, radius=tall * 0.24, tiers=6, points=9
-        )
+        tree = foliage.conifer(rng, look["needles"], look["bark"], tall)
         place = translate(x + rng.uniform(-0.3, 0.3), height(x, z) - 0.05, z)
         parts += transform_all(tree, chain(rotate("y", rng.uniform(0, 360)), place))
     return parts
@@ -162,18 +156,15 @@ def _fence(rng: Rng, look: Look) -> Parts:
         feet = np.stack([run, height(run, 0.2), 0.2 + 0.12 * np.sin(run * 1.7)], -1)
         for foot in feet:
             top = foot + (rng.uniform(-0.03, 0.03), 0.92, rng.uniform(-0.03, 0.03))
-            parts += log(
-                foot - (0, 0.1, 0), top, 0.065, look["grey wood"], look["rings"], segments=8
-            )
+            ends = foot - (0, 0.1, 0), top
+            parts += log(*ends, 0.065, look["grey wood"], look["rings"], segments=8)
         for low in (0.38, 0.72):
             for a, b in itertools.pairwise(feet):
                 lift = rng.uniform(-0.03, 0.03, 2)
                 start = a + (-0.12, low + lift[0], 0.05)
                 end = b + (0.12, low + lift[1], 0.05)
-                middle = (start + end) / 2 + (0, -0.025, 0)
-                parts.append(
-                    tube([start, middle, end], 0.042, look["grey wood"], segments=6, repeat=2)
-                )
+                rail = [start, (start + end) / 2 + (0, -0.025, 0), end]
+                parts.append(tube(rail, 0.042, look["grey wood"], segments=6, repeat=2))
     return parts
 
 
@@ -185,34 +176,23 @@ def _log_pile(rng: Rng, look: Look) -> Parts:
             radius = rng.uniform(0.082, 0.10)
             x = (index - (number - 1) / 2) * 0.2 + rng.uniform(-0.008, 0.008)
             y = 0.09 + course * 0.168
-            front = 0.30 + rng.uniform(-0.04, 0.04)
-            wood = log(
-                (x, y, front), (x, y, -0.35), radius, look["bark"], look["rings"], segments=14
-            )
+            ends = (x, y, 0.30 + rng.uniform(-0.04, 0.04)), (x, y, -0.35)
+            wood = log(*ends, radius, look["bark"], look["rings"], segments=14)
             parts += transform_all(wood, rotate("y", 16))
     return parts
 
 
 def _chopping_block(look: Look) -> Parts:
     """A stump with an axe in it and split wood around."""
-    profile = [(0.26, -0.05), (0.215, 0.05), (0.20, 0.40)]
-    stump = lathe(profile, look["bark"], segments=18, repeat=1.6)
+    stump = lathe("0.26 -0.05, 0.215 0.05, 0.2 0.4", look["bark"], segments=18, repeat=1.6)
     parts = [stump, disc((0, 0.40, 0), (0, 1, 0), 0.20, look["rings"], segments=18)]
-    handle = tube(
-        [(0.0, 0, 0), (0.02, 0.22, 0), (0.0, 0.44, 0), (0.015, 0.62, 0)],
-        [0.016, 0.014, 0.015, 0.019],
-        look["grey wood"],
-        segments=7,
-    )
+    path = [(0.0, 0, 0), (0.02, 0.22, 0), (0.0, 0.44, 0), (0.015, 0.62, 0)]
+    handle = tube(path, [0.016, 0.014, 0.015, 0.019], look["grey wood"], segments=7)
     head = box((0.17, 0.075, 0.04), look["iron"], centre=(0.03, 0.0, 0))
     # Taper the blade towards -x, where it bites.
     edge = head.triangles[..., 0:1] < 0
-    head = SurfaceMesh(
-        np.where(edge, head.triangles * (1.0, 1.35, 0.08), head.triangles),
-        head.surface,
-        None,
-        head.uvs,
-    )
+    bitten = np.where(edge, head.triangles * (1.0, 1.35, 0.08), head.triangles)
+    head = replace(head, triangles=bitten)
     axe = [handle, head.transformed(translate(0, 0.01, 0))]
     lean = chain(rotate("z", 52), rotate("y", 150), translate(0.03, 0.47, 0.02))
     parts += transform_all(axe, lean)
@@ -241,51 +221,30 @@ def _mushrooms(rng: Rng, look: Look) -> Parts:
     parts = []
     for x, z, size in ((-0.12, 2.78, 1.0), (0.0, 2.86, 0.7), (-0.2, 2.9, 0.55)):
         place = chain(scale(size), translate(x, height(x, z), z))
-        stem = cylinder(
-            (0, 0, 0), (0.008, 0.13, 0), [0.024, 0.017], look["white"], segments=9, caps=False
-        )
-        profile = [
-            (0.0, 0.11),
-            (0.085, 0.105),
-            (0.09, 0.12),
-            (0.075, 0.155),
-            (0.04, 0.18),
-            (0, 0.188),
-        ]
+        ends = (0, 0, 0), (0.008, 0.13, 0)
+        stem = cylinder(*ends, [0.024, 0.017], look["white"], segments=9, caps=False)
+        profile = "0 0.11, 0.085 0.105, 0.09 0.12, 0.075 0.155, 0.04 0.18, 0 0.188"
         cap = lathe(profile, look["red"], segments=14)
         dots = []
         for index in range(11):
             turn, out = index * 2.4, 0.078 * np.sqrt((index + 0.5) / 11)
             y = 0.190 - 3.6 * out**2 - 60 * out**4
-            dots.append(
-                sphere(
-                    (0.010, 0.005, 0.010),
-                    look["white"],
-                    centre=(np.cos(turn) * out, y, np.sin(turn) * out),
-                    segments=5,
-                    rings=2,
-                )
-            )
+            spot, size = (np.cos(turn) * out, y, np.sin(turn) * out), (0.010, 0.005, 0.010)
+            dots.append(sphere(size, look["white"], centre=spot, segments=5, rings=2))
         parts += transform_all([stem, cap, *dots], place)
     return parts
 
 
 def _stones(rng: Rng, look: Look) -> Parts:
     parts = []
-    for x, z, size in (
-        (-1.75, 2.6, 0.17),
-        (1.55, 2.3, 0.14),
-        (2.05, 3.0, 0.20),
-        (-0.2, 2.7, 0.09),
-        (0.15, 0.6, 0.13),
-    ):
+    stones = [(-1.75, 2.6, 0.17), (1.55, 2.3, 0.14), (2.05, 3.0, 0.20)]
+    for x, z, size in [*stones, (-0.2, 2.7, 0.09), (0.15, 0.6, 0.13)]:
         stone = sphere((size, size * 0.62, size * 0.85), look["stone"], segments=9, rings=6)
         assert stone.uvs is not None
         shape = 1 + 0.16 * np.sin(stone.triangles * 23 / (size * 8) + 9 * x)
-        stone = SurfaceMesh(stone.triangles * shape, stone.surface, stone.normals, stone.uvs * 2)
-        parts.append(
-            stone.transformed(chain(rotate("y", 70 * x), translate(x, height(x, z) + 0.02, z)))
-        )
+        stone = replace(stone, triangles=stone.triangles * shape, uvs=stone.uvs * 2)
+        place = translate(x, height(x, z) + 0.02, z)
+        parts.append(stone.transformed(chain(rotate("y", 70 * x), place)))
     return parts
 
 
@@ -295,9 +254,8 @@ def _meadow(rng: Rng, number: int, tuft: SurfaceMesh) -> SurfaceMesh:
     while len(spots) < number:
         z = 4.6 - 8.5 * rng.random(4 * number) ** 1.4
         x = rng.uniform(-1, 1, 4 * number) * (1.0 + 0.42 * (6.5 - z))
-        free = ((np.abs(x - path_middle(z)) > 0.46) | (z < -1.8)) & (
-            (np.abs(x - 0.3) > 3.2) | (z > -1.5)
-        )
+        free = (np.abs(x - path_middle(z)) > 0.46) | (z < -1.8)
+        free &= (np.abs(x - 0.3) > 3.2) | (z > -1.5)
         spots = np.concatenate([spots, np.stack([x, z], -1)[free]])
     x, z = spots[:number].T
     matrices = np.tile(np.eye(4), (number, 1, 1))
@@ -306,5 +264,5 @@ def _meadow(rng: Rng, number: int, tuft: SurfaceMesh) -> SurfaceMesh:
     matrices[:, 0, 0] = matrices[:, 2, 2] = np.cos(turn) * size
     matrices[:, 0, 2], matrices[:, 2, 0] = np.sin(turn) * size, -np.sin(turn) * size
     matrices[:, 1, 1] = size
-    matrices[:, :3, 3] = np.stack([x, height(x, z) - 0.01, z], -1)
+    matrices[:, :3, 3] = xyz(x, height(x, z) - 0.01, z)
     return scattered(tuft, matrices)

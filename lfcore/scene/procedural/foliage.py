@@ -41,10 +41,7 @@ def blade(
 def diamond(length: float, width: float, surface: Surface, *, fold: float = 0.25) -> SurfaceMesh:
     """The smallest leaf: 2 triangles folded along the midrib, from the origin along +y."""
     foot, tip = (0.0, 0.0, 0.0), (0.0, length, -0.1 * length)
-    left, right = (
-        (-width / 2, 0.45 * length, fold * width),
-        (width / 2, 0.45 * length, fold * width),
-    )
+    left, right = ((x, 0.45 * length, fold * width) for x in (-width / 2, width / 2))
     triangles = np.array([[foot, right, tip], [foot, tip, left]])
     uv = np.array([[[0.5, 0], [1, 0.45], [0.5, 1]], [[0.5, 0], [0.5, 1], [0, 0.45]]])
     return SurfaceMesh(triangles, surface, None, uv)
@@ -123,17 +120,10 @@ def tuft(
     rng: Rng, number: int, surface: Surface, *, height: float = 0.25, radius: float = 0.05
 ) -> SurfaceMesh:
     """Grass: ``number`` bent blades of 2 triangles."""
-    leaf = SurfaceMesh(
-        np.array(
-            [
-                [[-0.03, 0, 0], [0.03, 0, 0], [0.018, 0.6, 0.04]],
-                [[-0.03, 0, 0], [0.018, 0.6, 0.04], [0.0, 1.0, 0.22]],
-            ]
-        ),
-        surface,
-        None,
-        np.array([[[0, 0], [1, 0], [0.8, 0.6]], [[0, 0], [0.8, 0.6], [0.5, 1]]], float),
-    )
+    corners = np.array([[-0.03, 0, 0], [0.03, 0, 0], [0.018, 0.6, 0.04], [0.0, 1.0, 0.22]])
+    uv = np.array([[0, 0], [1, 0], [0.8, 0.6], [0.5, 1]])
+    order = [[0, 1, 2], [0, 2, 3]]
+    leaf = SurfaceMesh(corners[order], surface, None, uv[order])
     turn, out = rng.uniform(0, 2 * np.pi, number), np.sqrt(rng.random(number))
     flat = np.stack([np.cos(turn) * out, np.zeros(number), np.sin(turn) * out], -1)
     positions = flat * radius
@@ -167,14 +157,7 @@ def stems(
 
 
 def conifer(
-    rng: Rng,
-    needles: Surface,
-    trunk: Surface,
-    *,
-    height: float = 4.0,
-    radius: float = 1.1,
-    tiers: int = 7,
-    points: int = 11,
+    rng: Rng, needles: Surface, trunk: Surface, height: float, tiers: int = 6, points: int = 9
 ) -> Parts:
     """A spruce of drooping star-shaped skirts: 6 * points * tiers + 12 triangles."""
     skirts = []
@@ -182,7 +165,7 @@ def conifer(
         share = tier / (tiers - 1)
         base = height * (0.14 + 0.70 * share)
         top = base + height * (0.30 - 0.10 * share)
-        reach = radius * (1 - 0.86 * share) * rng.uniform(0.92, 1.08)
+        reach = height * 0.24 * (1 - 0.86 * share) * rng.uniform(0.92, 1.08)
         angle = np.arange(2 * points) * np.pi / points + rng.uniform(0, 2)
         tip = np.where(np.arange(2 * points) % 2, 0.62, 1.0) * rng.uniform(0.86, 1.12, 2 * points)
         drop = np.where(np.arange(2 * points) % 2, 0.10, 0.0) * reach

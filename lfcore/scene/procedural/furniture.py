@@ -1,6 +1,7 @@
 """Furniture of the bedroom: bed, night table, lamp, shelf, books, armchair, plant."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -100,7 +101,7 @@ def bed(seed: int, look: Look) -> Parts:
         for z in (0.1, 2.0):
             leg = lathe("0 0, 0.028 0, 0.042 0.14, 0 0.14", look["walnut"], segments=12)
             parts.append(leg.transformed(translate(x, 0, z)))
-    covers = (
+    covers: tuple[tuple[Any, ...], ...] = (
         (0.02, 1.36, (0.34, 0.34), "quilt", (120, 100), 0.62, 0.022),
         (0.05, 0.26, (0.30, 0.02), "linen", (90, 18), 2, 0.012),
         (0.07, 0.46, (0.38, 0.02), "knit", (110, 34), 1.6, 0.016),

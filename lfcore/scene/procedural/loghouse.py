@@ -3,7 +3,7 @@
 import numpy as np
 
 from lfcore.scene.procedural import textures
-from lfcore.scene.procedural.basics import Look, Parts, Range, Rng, Size, painted, textured
+from lfcore.scene.procedural.basics import Look, Parts, Point, Rng, Size, painted, textured
 from lfcore.scene.procedural.primitives import box, cylinder, join, log, quad, rectangle, tube
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
@@ -17,16 +17,14 @@ def surfaces(seed: int) -> Look:
     grain = textures.end_grain(seed + 32, (132, 88, 48), (214, 172, 116), size=(128, 128))
     boards = textures.planks(seed + 33, (104, 70, 42), (156, 112, 70), rows=8, stagger=False)
     shingle = textures.wood(seed + 34, (86, 70, 60), (138, 116, 98), size=(256, 256), rings=9)
-    stone = textures.cobbles(
-        seed + 35,
+    tones, joint, size = (
         ((112, 106, 100), (150, 142, 130), (132, 120, 106)),
         (84, 78, 70),
-        cells=6,
-        size=(256, 256),
+        (256, 256),
     )
-    door = textures.planks(
-        seed + 36, (72, 96, 60), (104, 132, 82), rows=5, size=(256, 256), stagger=False
-    )
+    stone = textures.cobbles(seed + 35, tones, joint, cells=6, size=size)
+    green = (72, 96, 60), (104, 132, 82)
+    door = textures.planks(seed + 36, *green, rows=5, size=size, stagger=False)
     return {
         "timber": textured("log", np.rot90(timber).copy()),
         "grain": textured("log end", grain),
@@ -72,16 +70,9 @@ def _gables(look: Look) -> Parts:
     """Boarded triangles over the side walls; the ridge runs along x."""
     parts = []
     for x in (-WIDTH / 2, WIDTH / 2):
-        corners = np.array(
-            [
-                [x, EAVES - 0.1, -DEPTH / 2 - 0.1],
-                [x, EAVES - 0.1, DEPTH / 2 + 0.1],
-                [x, RIDGE - 0.06, 0],
-            ]
-        )
-        parts.append(
-            SurfaceMesh(corners[None], look["boards"], None, corners[None][..., [1, 2]] * 0.5)
-        )
+        low, out = EAVES - 0.1, DEPTH / 2 + 0.1
+        corners = np.array([[[x, low, -out], [x, low, out], [x, RIDGE - 0.06, 0]]])
+        parts.append(SurfaceMesh(corners, look["boards"], None, corners[..., [1, 2]] * 0.5))
         barge = 0.42 * np.sign(x)
         for side in (-1, 1):
             foot = np.array([x + barge, EAVES - 0.30, side * (DEPTH / 2 + 0.52)])
@@ -98,24 +89,16 @@ def _roof(rng: Rng, look: Look) -> Parts:
         slope = np.array([0, RIDGE, 0]) - foot
         surface = look["boards"] if side > 0 else look["shingle"]
         across = np.array([2 * half, 0, 0])
-        parts.append(
-            rectangle(foot - across / 2 - (0, 0.06, 0), across, slope, surface, repeat=0.5)
-        )
+        corner = foot - across / 2
+        parts.append(rectangle(corner - (0, 0.06, 0), across, slope, surface, repeat=0.5))
         if side > 0:
-            parts.append(
-                _shingles(rng, foot - across / 2, across, slope, (13, 17), look["shingle"])
-            )
+            parts.append(_shingles(rng, corner, across, slope, (13, 17), look["shingle"]))
     ridge = [(-half, RIDGE + 0.03, 0), (half, RIDGE + 0.03, 0)]
     return [*parts, tube(ridge, 0.06, look["timber"], segments=8)]
 
 
 def _shingles(
-    rng: Rng,
-    corner: np.ndarray,
-    across: np.ndarray,
-    slope: np.ndarray,
-    number: Size,
-    surface: Surface,
+    rng: Rng, corner: Point, across: Point, slope: Point, number: Size, surface: Surface
 ) -> SurfaceMesh:
     """Overlapping rows of single shingles, 4 triangles each, every one a little askew.
 
@@ -156,23 +139,20 @@ def _window(look: Look, centre: np.ndarray, across: np.ndarray) -> Parts:
     up, width, tall = np.array([0, 1.0, 0]), 0.74, 0.84
     out = np.cross(across, up)
 
-    def bar(
-        middle: Range, half_x: float, half_y: float, depth: float, surface: Surface
-    ) -> SurfaceMesh:
+    def bar(x: float, y: float, half_x: float, half_y: float, depth: float, name: str) -> None:
         size = np.abs(across) * 2 * half_x + up * 2 * half_y + np.abs(out) * depth
-        return box(
-            size, surface, centre=centre + middle[0] * across + middle[1] * up + out * depth / 2
-        )
+        place = centre + x * across + y * up + out * depth / 2
+        parts.append(box(size, look[name], centre=place))
 
     corner = centre - across * width / 2 - up * tall / 2 + out * 0.02
     parts = [rectangle(corner, across * width, up * tall, look["glow"])]
     for x in (-width / 2 - 0.04, width / 2 + 0.04):
-        parts.append(bar((x, 0), 0.05, tall / 2 + 0.09, 0.07, look["trim"]))
+        bar(x, 0, 0.05, tall / 2 + 0.09, 0.07, "trim")
     for y in (-tall / 2 - 0.04, tall / 2 + 0.04):
-        parts.append(bar((0, y), width / 2 + 0.02, 0.05, 0.08, look["trim"]))
-    parts.append(bar((0, 0), 0.02, tall / 2, 0.05, look["trim"]))
-    parts.append(bar((0, 0), width / 2, 0.02, 0.05, look["trim"]))
-    parts.append(bar((0, -tall / 2 - 0.12), width / 2 + 0.14, 0.025, 0.14, look["boards"]))
+        bar(0, y, width / 2 + 0.02, 0.05, 0.08, "trim")
+    bar(0, 0, 0.02, tall / 2, 0.05, "trim")
+    bar(0, 0, width / 2, 0.02, 0.05, "trim")
+    bar(0, -tall / 2 - 0.12, width / 2 + 0.14, 0.025, 0.14, "boards")
     return parts
 
 
@@ -183,10 +163,8 @@ def _door(look: Look) -> Parts:
         parts.append(box((0.12, 1.95, 0.10), look["trim"], centre=(x, 0.33 + 0.975, z)))
     parts.append(box((1.14, 0.13, 0.11), look["trim"], centre=(0, 0.33 + 1.94, z)))
     parts.append(rectangle((-0.2, 1.62, z + 0.035), (0.4, 0, 0), (0, 0.36, 0), look["glow"]))
-    parts.append(
-        cylinder((0.33, 1.2, z + 0.05), (0.33, 1.36, z + 0.05), 0.018, look["iron"], segments=6)
-    )
-    return parts
+    low, high = ((0.33, y, z + 0.05) for y in (1.2, 1.36))
+    return [*parts, cylinder(low, high, 0.018, look["iron"], segments=6)]
 
 
 def _porch(rng: Rng, look: Look) -> Parts:
@@ -195,20 +173,13 @@ def _porch(rng: Rng, look: Look) -> Parts:
         z = DEPTH / 2 + 0.18 + index * 0.125
         parts.append(box((3.1, 0.05, 0.115), look["boards"], centre=(0, 0.30, z), repeat=0.5))
     for step, y in enumerate((0.19, 0.07)):
-        parts.append(
-            box((1.0, 0.07, 0.28), look["boards"], centre=(0, y, front + 0.14 + 0.26 * step))
-        )
-    eave = EAVES - 0.34
+        place = (0, y, front + 0.14 + 0.26 * step)
+        parts.append(box((1.0, 0.07, 0.28), look["boards"], centre=place))
+    eave, before = EAVES - 0.34, front - 0.06
     for x in (-1.5, -0.62, 0.62, 1.5):
-        parts += log(
-            (x, 0.0, front - 0.06),
-            (x, eave - 0.1, front - 0.06),
-            0.06,
-            look["timber"],
-            look["grain"],
-            segments=8,
-        )
-    beam = (-1.62, eave - 0.12, front - 0.06), (1.62, eave - 0.12, front - 0.06)
+        post = (x, 0.0, before), (x, eave - 0.1, before)
+        parts += log(*post, 0.06, look["timber"], look["grain"], segments=8)
+    beam = (-1.62, eave - 0.12, before), (1.62, eave - 0.12, before)
     parts += log(*beam, 0.075, look["timber"], look["grain"], segments=8)
     roof_low = np.array([-1.8, eave - 0.12, front + 0.28])
     slope = np.array([0, 0.52, -1.35])
@@ -217,17 +188,9 @@ def _porch(rng: Rng, look: Look) -> Parts:
     parts.append(rectangle(roof_low - (0, 0.05, 0), (3.6, 0, 0), (0, 0.05, 0), look["trim"]))
     for left, right in ((-1.5, -0.62), (0.62, 1.5)):
         for y in (0.48, 0.92):
-            rail = (left, y, front - 0.06), (right, y, front - 0.06)
+            rail = (left, y, before), (right, y, before)
             parts.append(tube(rail, 0.03, look["timber"], segments=6))
         for x in np.linspace(left, right, 6)[1:-1]:
-            parts.append(
-                cylinder(
-                    (x, 0.48, front - 0.06),
-                    (x, 0.92, front - 0.06),
-                    0.018,
-                    look["timber"],
-                    segments=5,
-                    caps=False,
-                )
-            )
+            bar = (x, 0.48, before), (x, 0.92, before)
+            parts.append(cylinder(*bar, 0.018, look["timber"], segments=5, caps=False))
     return parts

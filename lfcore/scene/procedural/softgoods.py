@@ -173,11 +173,8 @@ def teddy(fur: Surface, light: Surface, dark: Surface, *, seed: int) -> Parts:
             lump((0.0095, 0.0105, 0.007), (0.038 * side, 0.343, 0.102), dark, 0.4, 0),
         ]
         arm = lump((0.040, 0.090, 0.040), (0, -0.07, 0), fur, 0.8)
-        parts.append(
-            arm.transformed(
-                chain(rotate("x", -42), rotate("z", 34 * side), translate(0.10 * side, 0.23, 0.02))
-            )
-        )
+        place = translate(0.10 * side, 0.23, 0.02)
+        parts.append(arm.transformed(chain(rotate("x", -42), rotate("z", 34 * side), place)))
         leg = lump((0.050, 0.050, 0.095), (0, 0, 0.08), fur, 0.8)
         sole = lump((0.038, 0.040, 0.010), (0, 0.005, 0.172), light, 0.5)
         parts += transform_all(

@@ -26,9 +26,8 @@ def build(seed: int, *, radius_m: float = 1.0, segments: int = 96, checks: float
     board = np.full((128, 128, 3), 228, np.uint8)
     board[:64, :64] = board[64:, 64:] = (58, 74, 96)
     floor = textured("floor", board)
+    rings = max(2, segments // 2)
     return [
-        ball(
-            radius_m, red, centre=(0, radius_m, 0), segments=segments, rings=max(2, segments // 2)
-        ),
+        ball(radius_m, red, centre=(0, radius_m, 0), segments=segments, rings=rings),
         rectangle((-10, 0, 6), (20, 0, 0), (0, 0, -26), floor, repeat=checks / 2),
     ]
