@@ -43,6 +43,7 @@ class DepthSlicer:
     views : where the rays run.
     pixels : side of the pictures; need not divide that of the views.
     bounds_px, least_px : as for the reference, default as measured.
+    fill_far : give the farthest light of a pixel what all rays leave, as holes at edges need.
 
     Raises
     ------
@@ -59,6 +60,7 @@ class DepthSlicer:
         *,
         bounds_px: Sequence[float] = BOUNDS_PX,
         least_px: float | None = None,
+        fill_far: bool = False,
     ):
         for plane in planes:
             plane.check(views.slab)
@@ -75,7 +77,9 @@ class DepthSlicer:
             least_px = min(LEAST_OF_RAY, LEAST_OF_ALL / slab.views) * pixels / slab.pixels
         self.least_px = least_px
         program = build_program(
-            self.device, ["refocus/kernels/depth_slicing.cl"], {"N_BOUNDS": len(bounds_px)}
+            self.device,
+            ["refocus/kernels/depth_slicing.cl"],
+            {"N_BOUNDS": len(bounds_px), "FILL_FAR": int(fill_far)},
         )
         self._add = cl.Kernel(program, "add_rays")
         self._compose = cl.Kernel(program, "compose")

@@ -9,9 +9,11 @@ before it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt, minimum_filter
 
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, open_device
@@ -27,6 +29,137 @@ LAYERS = 6
 docs/notebook/true-picture.md, as are the next."""
 NEAR, FAR, FAR_SHARE = 2, 4, 1e-3
 """Within how many views of a point a view has a share, and one of holes; and how much that is."""
+
+
+class FreeViews:
+    """Views and their depths from points of the lens; the rays of ``field`` are decoded once.
+
+    Parameters
+    ----------
+    field : a light field file that holds depth.
+    pixels : side of the pictures; default what the file was traced for.
+    without : numbers i + N j of views that are not used.
+
+    Raises
+    ------
+    OpticsError : a file without depth, or of more rays than are held at a time.
+    StorageError : the file is damaged.
+    """
+
+    def __init__(
+        self,
+        field: LightFieldFile,
+        pixels: int | None = None,
+        *,
+        device: Device | str | None = None,
+        without: Sequence[int] = (),
+    ):
+        self.field, self.stored, self.slab = field, field.require_depth(), field.require_slab()
+        self.pixels = self.stored.pixels if pixels is None else pixels
+        self.views, self._without = self.stored.views(self.slab), list(without)
+        self._device = device
+
+    @cached_property
+    def _rays(self) -> tuple[np.ndarray, np.ndarray]:
+        return read_rays(self.field, device=self.device)
+
+    @cached_property
+    def device(self) -> Device:
+        return self._device if isinstance(self._device, Device) else open_device(self._device)
+
+    def picture(self, point: np.ndarray) -> np.ndarray:
+        """(pixels, pixels, 3) float32, linear light, of a point (2,), metres."""
+        seen = self._seen(point, self._shares(point))
+        if (dark := ~seen.any(axis=-1)).any():
+            depth = self._nearest(point)
+            seen = _filled(seen, depth, dark & np.isnan(depth), self._surface)
+        return seen
+
+    def inverse_depth(self, point: np.ndarray) -> np.ndarray:
+        """(pixels, pixels) float64, 1/m: of what the middle of each pixel sees from a point.
+
+        0 is a miss.  What no view sees is as far as the farthest surface around it.
+        """
+        found = self._nearest(point)
+        return _filled(found, found, np.isnan(found), self._surface)
+
+    def only(self, number: int) -> np.ndarray:
+        """The stored view ``number`` alone, from its own point, as :meth:`picture`."""
+        share = np.zeros(self.slab.views**2)
+        share[number] = 1.0
+        return self._seen(self.views.positions[number], share)
+
+    @property
+    def _surface(self) -> float:
+        """The inverse depth, 1/m, within which all is one surface."""
+        codes = self.stored.codes
+        return (codes.near - codes.far) / LAYERS
+
+    def _shares(self, point: np.ndarray) -> np.ndarray:
+        """(N N,) float64: what each view has of a point."""
+        away = self._away(point)
+        near, far = (np.clip(1 - away / reach, 0, 1).prod(axis=1) for reach in (NEAR, FAR))
+        share = near + FAR_SHARE * far
+        share[self._without] = 0.0
+        return share
+
+    def _away(self, point: np.ndarray) -> np.ndarray:
+        """(N N, 2) float64: distances of all views along s and t, in views."""
+        return np.abs(self.views.positions - point) / self.slab.lens_pitch_m
+
+    def _seen(self, point: np.ndarray, share: np.ndarray) -> np.ndarray:
+        slicer = _PointSlicer(
+            self.views, np.asarray(point, float), share, self.pixels, self.stored.codes,
+            self.device,
+        )  # fmt: skip
+        around = np.flatnonzero(share)
+        light, depth = (each[around] for each in self._rays)
+        slicer.add(around, light, depth)
+        return slicer.pictures()[0]
+
+    def _nearest(self, point: np.ndarray) -> np.ndarray:
+        """The nearest surface in each pixel's middle half, else anywhere in the pixel; by the views
+        around the point, else by those farther away.  NaN where there is none."""
+        away = self._away(point).max(axis=1)
+        away[self._without] = np.inf
+        found = np.full(self.pixels**2, -1.0)
+        for within, before in ((0.99, -1.0), (FAR, 0.99)):
+            numbers = np.flatnonzero((before <= away) & (away < within))
+            held = "_rays" in self.__dict__
+            depths = self._rays[1][numbers] if held else read_depths(self.field, numbers)
+            places = [
+                self._places(number, point, depth)
+                for number, depth in zip(numbers, depths, strict=True)
+            ]
+            for reach in (0.25, 0.5):
+                more = np.full_like(found, -1.0)
+                for x, y, inverse in places:
+                    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+                    inside = (0 <= column) & (column < self.pixels) & (0 <= row)
+                    inside &= (row < self.pixels) & (np.abs(x - column - 0.5) <= reach)
+                    inside &= np.abs(y - row - 0.5) <= reach
+                    np.maximum.at(more, (row * self.pixels + column)[inside], inverse[inside])
+                found = np.where(found < 0, more, found)
+            if (found >= 0).all():
+                break
+        return np.where(found < 0, np.nan, found).reshape(self.pixels, self.pixels)
+
+    def _places(
+        self, number: int, point: np.ndarray, depth: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where the rays of a view are seen from a point, x and y in pixels, and their 1/m."""
+        slab = self.slab
+        inverse = 1.0 / depth.astype(float)
+        moves = (inverse - slab.camera.delta) / slab.pixel_pitch
+        apart = self.views.positions[number] - point
+        v, u = np.mgrid[: slab.pixels, : slab.pixels]
+        x, y = (
+            (at + 0.5 + off + lens * moves) * (self.pixels / slab.pixels)
+            for at, off, lens in zip(
+                (u, v), self.views.displacement[number], apart, strict=True
+            )
+        )
+        return x, y, inverse
 
 
 def views_at(
@@ -51,71 +184,62 @@ def views_at(
         a time.
     StorageError : the file is damaged.
     """
-    stored, slab = field.require_depth(), field.require_slab()
-    points = np.asarray(points_m, float).reshape(-1, 2)
-    if points.size and not np.abs(points).max() <= slab.camera.lens_radius_m:
+    views = FreeViews(field, pixels, device=device)
+    points, lens = np.asarray(points_m, float).reshape(-1, 2), views.slab.camera.lens_radius_m
+    if points.size and not np.abs(points).max() <= lens:
         raise OpticsError(
-            f"lies outside the lens, which reaches {1e3 * slab.camera.lens_radius_m:.4g} mm from "
-            "its middle",
-            file=field.path,
-            key="at",
-        )
-    size = stored.pixels if pixels is None else pixels
-    device = device if isinstance(device, Device) else open_device(device)
-    light, depth = read_rays(field, device=device)
-    views, out = stored.views(slab), np.empty((len(points), size, size, 3), np.float32)
+            f"lies outside the lens, which reaches {1e3 * lens:.4g} mm from its middle",
+            file=field.path, key="at",
+        )  # fmt: skip
+    out = np.empty((len(points), views.pixels, views.pixels, 3), np.float32)
     for number, point in enumerate(points):
-        out[number] = _seen(_PointSlicer(views, point, size, stored.codes, device), light, depth)
+        out[number] = views.picture(point)
         if progress:
             progress(number + 1, len(points))
     return out
 
 
 def inverse_depth(field: LightFieldFile, pixels: int | None = None) -> np.ndarray:
-    """(pixels, pixels) float64, 1/m: the nearest surface that a pixel sees from the lens's middle.
+    """(pixels, pixels) float64, 1/m: what a pixel sees from the lens's middle.
 
-    By the views around it; 0 where none of them sees anything.  Errors as of :func:`views_at`.
+    By the views around it; 0 is a miss.  Errors as of :func:`views_at`.
     """
-    stored, slab = field.require_depth(), field.require_slab()
-    size, views = stored.pixels if pixels is None else pixels, stored.views(slab)
-    out = np.zeros((size, size))
-    around = np.flatnonzero(np.abs(views.positions).max(axis=1) < 0.99 * slab.lens_pitch_m)
-    for number, depth in zip(around, read_depths(field, around), strict=True):
-        inverse = 1.0 / depth.astype(float)
-        moves = (inverse - slab.camera.delta) / slab.pixel_pitch
-        v, u = np.mgrid[: slab.pixels, : slab.pixels]
-        x, y = (
-            np.floor((at + 0.5 + off + lens * moves) * (size / slab.pixels)).astype(int)
-            for at, off, lens in zip(
-                (u, v), views.displacement[number], views.positions[number], strict=True
-            )
-        )
-        inside = (0 <= x) & (x < size) & (0 <= y) & (y < size)
-        np.maximum.at(out, (y[inside], x[inside]), inverse[inside])
-    return out
+    return FreeViews(field, pixels).inverse_depth(np.zeros(2))
 
 
-def _seen(slicer: _PointSlicer, light: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """The picture of a point, of rays (N N, S, S, 3) and their depths."""
-    around = np.flatnonzero(slicer.share)
-    slicer.add(around, light[around], depth[around])
-    return slicer.pictures()[0]
+def _filled(
+    values: np.ndarray, inverse: np.ndarray, holes: np.ndarray, surface: float
+) -> np.ndarray:
+    """Fill what no view sees by the nearest of the farthest surface around it.
+
+    ``inverse`` is of each pixel, NaN where it is not known; ``surface`` as of :class:`FreeViews`.
+    """
+    known = ~np.isnan(inverse)
+    if not (holes.any() and known.any()):
+        return values
+    deepest = distance_transform_edt(~known).max()
+    around = 2 * int(np.ceil(deepest)) + 3
+    farthest = minimum_filter(np.where(known, inverse, np.inf), around, mode="nearest")
+    behind = known & (inverse <= farthest + surface)
+    _, (row, column) = distance_transform_edt(~behind, return_indices=True)
+    return np.where(holes[(..., *[None] * (values.ndim - 2))], values[row, column], values)
 
 
 class _PointSlicer(DepthSlicer):
-    """Forms what is seen from one ``point`` (2,) of the lens, metres."""
+    """Forms what is seen from one ``point`` (2,) of the lens, metres, by each view's ``share``."""
 
     def __init__(
-        self, views: ViewSet, point: np.ndarray, pixels: int, codes: DepthCodes, device: Device
-    ):
+        self, views: ViewSet, point: np.ndarray, share: np.ndarray, pixels: int, codes: DepthCodes,
+        device: Device,
+    ):  # fmt: skip
         slab = views.slab
-        self.point, self.share = point, _shares(views, point)
+        self.point, self.share = point, share
         plane = SensorPlane(1 / codes.far if codes.far else np.inf, slab.camera.f_number, "square")
         scale = pixels / slab.camera.field_width
         # All lies before the plane: sweeps from 0 to that of the nearest.
         widest = (codes.near - codes.far) * slab.lens_pitch_m * scale
         bounds = np.arange(1, LAYERS) * widest / LAYERS
-        super().__init__(views, [plane], pixels, device, bounds_px=bounds.tolist())
+        super().__init__(views, [plane], pixels, device, bounds_px=bounds.tolist(), fill_far=True)
 
     def _cells_of(self, plane: SensorPlane) -> LensCells:
         count = len(self.share)
@@ -126,9 +250,3 @@ class _PointSlicer(DepthSlicer):
         moved = self.point * (plane.delta - views.slab.camera.delta) * self._scale(plane)
         return super()._first(plane) - moved
 
-
-def _shares(views: ViewSet, point: np.ndarray) -> np.ndarray:
-    """(N N,) float64: what each view has of a point."""
-    away = np.abs(views.positions - point) / views.slab.lens_pitch_m
-    near, far = (np.clip(1 - away / reach, 0, 1).prod(axis=1) for reach in (NEAR, FAR))
-    return near + FAR_SHARE * far

@@ -51,7 +51,7 @@ void main() {
 
 const LAYERS = `${COMMON}
 uniform highp sampler2D sums;
-uniform int count, layers;
+uniform int count, layers, behind;
 uniform float ratio, stride, disparity, margin;
 uniform vec2 picture, tilt;
 void main() {
@@ -65,7 +65,7 @@ void main() {
     vec2 held = clamp(min(low + size * ratio, at + 1.0) - max(low, at), 0.0, 1.0);
     left += share * held.x * held.y / (ratio * ratio * stride * stride);
   }
-  vec4 sum = vec4(0.0);
+  vec4 sum = vec4(0.0), last = vec4(0.0);
   for (int layer = 0; layer < layers; layer++) {
     vec2 corner = vec2(layer & 1, layer >> 1) * (picture + 2.0 * margin) + margin;
     vec4 found = texelFetch(sums, ivec2(corner + at), 0);
@@ -73,7 +73,9 @@ void main() {
     if (used <= 0.0) continue;
     sum += found * (used / found.w);
     left -= used;
+    last = found;
   }
+  if (behind > 0 && last.w > 0.0) sum += last * (left / last.w);
   colour = vec4(shown(sum.w > 0.0 ? sum.rgb / sum.w : vec3(0.0)), 1.0);
 }`;
 
@@ -125,7 +127,9 @@ class Splatting {
     this.common = {
       size: [field.width, field.height], ratio, disparity, tilt, margin, picture: [pixels, pixels],
     };
-    this.count = {stride: step, layers: state.single ? POINT_LAYERS : 2 * BOUNDS.length + 1};
+    this.count = {
+      stride: step, layers: state.single ? POINT_LAYERS : 2 * BOUNDS.length + 1, behind: state.single ? 1 : 0,
+    };
     this.cells = cells;
     let waiting = 0;
     for (const [number, cell] of cells.entries()) {

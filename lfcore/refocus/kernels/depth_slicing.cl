@@ -239,7 +239,7 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global long4 
         for (int x = 0; x < pixels; ++x) {
             const ulong at = ((ulong)plane * pixels + s.top + y) * pixels + x;
             float left = room[at], filled = 0.0f;
-            float3 colour = 0.0f;
+            float3 colour = 0.0f, last = 0.0f;
             for (int layer = 0; layer < LAYERS; ++layer) {
                 const ulong from = layer * size + y * pitch + x;
                 const float4 found = convert_float4(s.sums[from] + s.edges[from]) / ONE;
@@ -248,7 +248,12 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global long4 
                 colour += found.xyz * (used / found.w);
                 filled += used;
                 left -= used;
+                last = found.xyz / found.w;
             }
+#if FILL_FAR
+            colour += last * left;
+            filled += filled > 0.0f ? left : 0.0f;
+#endif
             vstore3(filled > 0.0f ? colour / filled : 0.0f, at, pictures);
         }
     }
