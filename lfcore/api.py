@@ -326,9 +326,10 @@ def record(
 ) -> LightField:
     """Record a light field of a scene as video (Algorithm 3): trace, encode, join.
 
-    With neither ``views`` nor ``quality``, the file holds 4 x 4 views of twice the pixels, and the
-    inverse depth of every ray.  Pictures are then sliced by depth: at the bytes of 16 x 16 plain
-    views they are 12 dB nearer to the true ones (docs/notebook/true-picture.md).
+    By default the file holds 4 x 4 views of twice the pixels, and the inverse depth of every ray.
+    Pictures are then sliced by depth: at the bytes of 16 x 16 plain views they are 12 dB nearer to
+    the true ones (docs/notebook/true-picture.md).  Views between the recorded ones are made by
+    depth, too.
 
     All views of a pinhole are the same.  Where the scene's camera is one, a lens is fitted as for a
     mesh without a camera, and the file says so in ``content["lens"]``.
@@ -340,9 +341,10 @@ def record(
     path : str or Path
         The file to write, ``.mkv``; it appears when it is whole.
     views : int or Lattice, optional
-        A number N stores N x N plain views without depth.  A :class:`Lattice` is stored with
-        depth.  ``encoding.depth`` overrides both: with True, N means ``Lattice(N)``; with False the
-        views are plain, 16 x 16 by default.
+        A number N is of the views that the file gives, to exports and the like: N x N.  By depth
+        it stores fewer, 4 x 4 up to N = 16 and the root of N beyond.  A :class:`Lattice` is stored
+        as it is.  With ``encoding.depth=False`` N x N views are stored as they are, without depth;
+        16 x 16 by default.
     pixels : int
         M, the side of the pictures that the file is for.
     focus_m : float or str, optional
@@ -403,6 +405,8 @@ def record(
         views, expected = _planned(open_tracer(scene, device), camera, pixels, quality)
         content |= expected
     by_depth, lattice = lattice_to_store(encoding.depth, views)
+    if by_depth and views is not None and not isinstance(views, Lattice):
+        content["views"] = int(views)
     spec = chosen_encoding(lattice.views, encoding, by_depth=by_depth)
     if by_depth:
         kind = encoding.layout or "views"
@@ -445,8 +449,8 @@ def lattice_to_store(depth: bool | None, views: int | Lattice | None) -> tuple[b
 
     Raises :class:`OpticsError` for displaced views without depth.
     """
-    if depth or (depth is None and not isinstance(views, int | np.integer)):
-        return True, views if isinstance(views, Lattice) else Lattice(4 if views is None else views)
+    if depth is not False:
+        return True, views if isinstance(views, Lattice) else Lattice(views_to_trace(views))
     if not isinstance(views, Lattice):
         return False, Lattice(VIEWS if views is None else views, 1, displaced=False)
     if views.displaced:
@@ -455,6 +459,14 @@ def lattice_to_store(depth: bool | None, views: int | Lattice | None) -> tuple[b
             remedy="Store depth, or give a Lattice with displaced=False",
         )  # fmt: skip
     return False, views
+
+
+def views_to_trace(views: int | None) -> int:
+    """The views per side that serve ``views`` per side by depth: 4, and more beyond 16.
+
+    Views between them are made by depth: 36 to 47 dB from 4 x 4, and about 0.7 dB more from 6 x 6.
+    """
+    return max(4, math.isqrt(whole_number("views", views or 4, 4096)))
 
 
 def recorded_camera(camera: Camera, focus_m: float | None, f_number: float | None) -> Camera:

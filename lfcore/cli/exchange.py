@@ -26,11 +26,12 @@ formats:
 """
 EXPORT = """\
 Write a light field file in another program's format, into a folder that appears whole or not at
-all. --views, --baseline and --crop take a part of it."""
+all. --views, --baseline and --crop take a part of it. A file with depth gives any number of views:
+those between the recorded ones are made by depth, and their quality is said."""
 EXPORT_EPILOG = """\
 examples:
   lfcore export bike.mkv --format hci --scene scenes/bike -o bike_hci
-      with depth, disparity and materials of every view, traced again
+      depth, disparity and materials of every view traced again, not those of the file
   lfcore export bike.mkv --format hci --views 9x9 --baseline 6mm -o bike_hci
   lfcore export bike.mkv --format nerfstudio -o bike_nerf
   lfcore export bike.mkv --format quilt --tiles 8x6 -o quilt
@@ -66,7 +67,7 @@ def export_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--format", required=True, metavar="NAME", help="see below")
     part = command.add_argument_group("a part of it")
     part.add_argument("--views", type=values.pair, metavar="CxR", help="columns and rows of views")
-    add(part, "baseline")
+    add(part, "baseline", pixels="M x M pixels, of a file with depth (as recorded for)")
     part.add_argument("--crop", type=values.window, metavar="WxH+X+Y", help="pixels of every view")
     group = command.add_argument_group("more")
     add_scene(group, "--scene", "the scene that was recorded: traces depth of every view")
@@ -117,7 +118,9 @@ def run_export(arguments: argparse.Namespace) -> None:
             arguments.lightfield,
             arguments.format,
             arguments.output,
-            selection=Selection(arguments.views, arguments.baseline, arguments.crop),
+            selection=Selection(
+                arguments.views, arguments.baseline, arguments.crop, arguments.pixels
+            ),
             scene=scene,
             device=arguments.device,
             options=WriteOptions(

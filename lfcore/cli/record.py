@@ -15,16 +15,18 @@ from lfcore.pictures import check_suffix
 
 DESCRIPTION = """\
 Trace a scene into a light field file, from which 'lfcore refocus' makes pictures. By default it
-holds few views and the depth of every ray; with --views N it holds N x N views as they are, for
-any program. SCENE is as for 'lfcore render'."""
+holds few views and the depth of every ray, from which all views between them are made. SCENE is as
+for 'lfcore render'."""
 EPILOG = """\
 examples:
   lfcore record scenes/bike -o bike.mkv
       4 x 4 views of 512 x 512 with depth, for pictures of 256 x 256
   lfcore record scenes/bike -o bike.mkv --pixels 128 --quality-db 45 --focus-range 2 10
       as many views and pixels as pictures focused there need
-  lfcore record table.glb -o table.mkv --views 16 --codec ffv1
-      16 x 16 views without depth, as lossless video
+  lfcore record table.glb -o table.mkv --views 32
+      for 32 x 32 views: 5 x 5 are traced, the others made by depth
+  lfcore record table.glb -o table.mkv --views 16 --depth none --codec ffv1
+      16 x 16 views as they are, without depth, as lossless video
   lfcore record scene.pbrt -o scene.mkv
       a scene with Camera "lightfield": its own cameras, rays per pixel and shutter
 """
@@ -35,12 +37,13 @@ DEPTHS = {None: None, "displaced": True, "plain": True, "none": False}
 def options(command: argparse.ArgumentParser) -> None:
     add_scene(command)
     add_output(command, "file to write (.mkv)")
-    add(command, "pixels", views="N x N views (4, or 16 with --depth none)")
+    add(command, "pixels", views="the file is for N x N views: 4 x 4 are traced, beyond N = 16 its "
+        "root; with --depth or --subpixels N x N are (4, or 16 with --depth none)")  # fmt: skip
     by_depth = command.add_argument_group("for pictures by depth")
     by_depth.add_argument(
         "--depth", choices=[name for name in DEPTHS if name],
         help="store every ray's depth: with views displaced within a pixel against one another "
-        "(default without --views), with plain views (for other filters), or not at all",
+        "(default), with plain views (for other filters), or not at all",
     )  # fmt: skip
     add(
         by_depth, subpixels="views of Q*M x Q*M pixels (2)",
@@ -70,17 +73,18 @@ def run(arguments: argparse.Namespace) -> None:
         film.record(arguments, scene)
         return
     pixels = arguments.pixels or 256
-    depth, lattice = lattice_to_store(DEPTHS[arguments.depth], arguments.views)
-    if arguments.subpixels and not depth:
-        refuse("--subpixels", "belongs to views with depth", "Add --depth displaced")
-    lattice = with_subpixels(lattice, arguments)
-    if arguments.depth == "plain":
-        lattice = replace(lattice, displaced=False)
+    depth, views = DEPTHS[arguments.depth], arguments.views
+    if arguments.subpixels and depth is False:
+        refuse("--subpixels", "belongs to views with depth", "Leave one out")
+    if depth or arguments.subpixels:
+        views = lfcore.Lattice(views or 4, displaced=arguments.depth != "plain")
+        views = with_subpixels(views, arguments)
+    _, lattice = lattice_to_store(depth, views)
     rays = 0 if quality else lattice.rays(pixels)
     what = f"tracing {rays:,} rays" if rays else "tracing"
     with named_file(arguments.scene), progress(what, rays=rays) as report:
         field = lfcore.record(
-            scene, arguments.output, views=None if quality else lattice, pixels=pixels,
+            scene, arguments.output, views=None if quality else views, pixels=pixels,
             quality=quality, encoding=replace(encoder(arguments), depth=depth),
             device=arguments.device, progress=report, **plane_options.of_scene(arguments),
         )  # fmt: skip

@@ -12,8 +12,12 @@ from lfcore.exchange.source import Selection, Source, Truth
 from lfcore.files import draft_folder
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import Device, open_device
+from lfcore.refocus.free_views import FreeViews, expected_db
 from lfcore.scene.model import Scene
 from lfcore.storage.segment import named_errors
+
+POOR_DB = 35.0
+"""The PSNR of views below which a note advises more recorded views."""
 
 
 def export_lightfield(
@@ -73,4 +77,21 @@ def export_lightfield(
         stage.mkdir()
         row.load().write(source, stage, options)
         os.replace(stage, folder)
+    if source.free is not None:
+        options.notes.append(_quality(source, source.free))
     return options.notes
+
+
+def _quality(source: Source, free: FreeViews) -> str:
+    """What is to be expected of views that were not traced."""
+    expected = expected_db(source.field, free.pixels, device=source.device)
+    note = "views are made by depth"
+    if expected is None:
+        return f"{note}, from too few views to measure how well"
+    note += f"; {expected:.1f} dB expected, measured on recorded views that were held back"
+    outermost = (free.slab.views - 1) / 2 * free.slab.lens_pitch_m * (1 + 1e-6)
+    if max(source.columns_m.max(), source.rows_m.max()) > outermost:
+        note += ", and less beyond the outermost recorded views"
+    if expected < POOR_DB:
+        note += f". Below {POOR_DB:g} dB, edges show: record with a larger --views"
+    return note

@@ -120,8 +120,8 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
         index = row * source.columns + column
         write_picture(folder / f"input_{names[index]}.png", picture)
     reach = source.field.depth_range
-    if source.truth is not None:
-        reach = _write_truth(source, folder, names)
+    if source.has_depth:
+        reach = _write_depth(source, folder, names)
     else:
         options.notes.append(
             "no depth was written: --scene adds the depth and disparity of every view"
@@ -136,8 +136,9 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
     write_text(folder / CONFIG, _parameters(source, geometry, reach))
 
 
-def _write_truth(source: Source, folder: Path, names: list[str]) -> tuple[float, float] | None:
-    """Write depth, disparity and materials of every view; the middle one also by short names."""
+def _write_depth(source: Source, folder: Path, names: list[str]) -> tuple[float, float] | None:
+    """Write depth, disparity and, with the scene, materials of every view; the middle one also by
+    short names."""
     middle = (source.rows // 2) * source.columns + source.columns // 2
     near, far = math.inf, 0.0
     for index, name in enumerate(names):
@@ -149,7 +150,8 @@ def _write_truth(source: Source, folder: Path, names: list[str]) -> tuple[float,
             for size in ("lowres", "highres"):
                 write_picture(folder / f"gt_depth_{size}{suffix}.pfm", depth)
                 write_picture(folder / f"gt_disp_{size}{suffix}.pfm", source.disparity(depth))
-            write_picture(folder / f"objectids_highres{suffix}.png", ids)
+            if ids is not None:
+                write_picture(folder / f"objectids_highres{suffix}.png", ids)
     return (near, far) if far else None
 
 

@@ -62,7 +62,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
         if source.geometry is not None:
             for key, value in vars(source.geometry).items():
                 views.attrs[key] = value
-        if source.truth is None:
+        if not source.has_depth:
             options.notes.append("no depth was written: --scene adds it")
             return
         depths = file.create_dataset("depth_lowres", shape, np.float32)

@@ -63,7 +63,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
         if source.geometry is not None:
             entry |= {"x_m": float(source.columns_m[column]), "y_m": float(source.rows_m[row])}
             entry["centre_px"] = [float(value) for value in source.centre(column, row)]
-        if source.truth is not None:
+        if source.has_depth:
             depth, _ = source.depth(column, row)
             write_picture((folder / name).with_suffix(".depth.pfm"), depth)
         files.append(entry)

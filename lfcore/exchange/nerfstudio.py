@@ -101,7 +101,7 @@ def _centres(data: dict, frames: list, files: list[Path], file: Path) -> np.ndar
 def write(source: Source, folder: Path, options: WriteOptions) -> None:
     geometry = source.require_geometry("transforms.json")
     (folder / "images").mkdir()
-    if source.truth is not None:
+    if source.has_depth:
         (folder / "depth").mkdir()
     frames = []
     parallel = geometry.delta == 0
@@ -113,7 +113,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
         if not parallel:
             cx, cy = source.centre(column, row)
             frame |= {"cx": float(cx), "cy": float(cy)}
-        if source.truth is not None:
+        if source.has_depth:
             depth, _ = source.depth(column, row)
             write_picture(folder / "depth" / name, _millimetres(depth))
             frame["depth_file_path"] = f"depth/{name}"
@@ -126,7 +126,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
     if parallel:
         shared |= dict(zip(("cx", "cy"), map(float, source.axis_px), strict=True))
     write_json(folder / CONFIG, {**shared, "frames": frames})
-    if source.truth is None:
+    if not source.has_depth:
         options.notes.append("no depth was written: --scene adds it")
 
 

@@ -14,9 +14,11 @@ import numpy as np
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import ExchangeError, ReadOptions, ViewGrid, WriteOptions
 from lfcore.exchange.mosaic import of_tiles
-from lfcore.exchange.source import Selection, Source
+from lfcore.exchange.source import Source
 from lfcore.pictures import write_picture
 
+LOOKING_GLASS = (8, 6)
+"""Columns and rows of a quilt of a file that gives any views."""
 _NAME = re.compile(r"_qs(\d+)x(\d+)a([\d.]+?)(?:\.[A-Za-z]+)$")
 
 
@@ -44,8 +46,8 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
 
 
 def write(source: Source, folder: Path, options: WriteOptions) -> None:
-    across, down = options.tiles or _factors(source.columns)
-    if across * down > source.columns:
+    across, down = options.tiles or (LOOKING_GLASS if source.free else _factors(source.columns))
+    if across * down > source.columns and not source.free:
         raise ExchangeError(
             f"a quilt of {across} x {down} shows {across * down} views; there are "
             f"{source.columns} in a row",
@@ -53,8 +55,10 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
             key="--tiles",
         )
     crop = (source.left, source.top, source.width, source.height)
-    baseline = source.geometry.pitch_m if source.geometry and source.stride > 1 else None
-    row = Source(source.field, Selection((across * down, 1), baseline, crop), device=source.device)
+    chosen = replace(source.selection, views=(across * down, 1), crop=crop)
+    if source.geometry and source.stride > 1:
+        chosen = replace(chosen, baseline_m=source.pitch_m)
+    row = Source(source.field, chosen, device=source.device)
     height, width = source.height, source.width
     quilt = np.empty((down * height, across * width, 3), np.uint8)
     for index, _, picture in row.views(options.progress):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from lfcore.opencl.device import Device
 from lfcore.optics import bundles
 from lfcore.optics.grid_geometry import KnownGeometry
 from lfcore.optics.slab import Slab
-from lfcore.refocus.free_views import views_at
+from lfcore.refocus.free_views import FreeViews
 from lfcore.refocus.views import read_views
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.files import scene_digest
@@ -33,16 +34,20 @@ class Selection:
     Parameters
     ----------
     views : (int, int), optional
-        Columns and rows.  Default: all.
+        Columns and rows.  Default: all; of a file with depth the number that it was recorded for.
     baseline_m : float, optional
-        Distance between neighbouring views, in metres.  Default: as large as possible.
+        Distance between neighbouring views, in metres.  Default: as large as possible, between the
+        outermost recorded views.
     crop : (int, int, int, int), optional
         Left, top, width and height, in pixels.
+    pixels : int, optional
+        Pixels per side before the crop, of a file with depth.  Default: as recorded for.
     """
 
     views: tuple[int, int] | None = None
     baseline_m: float | None = None
     crop: tuple[int, int, int, int] | None = None
+    pixels: int | None = None
 
 
 class Truth:
@@ -60,11 +65,11 @@ class Truth:
         self._tracer = open_tracer(scene, device)
         self._materials = scene.material_ids
 
-    def of_view(self, slab: Slab, column: int, row: int) -> tuple[np.ndarray, np.ndarray]:
-        """(M, M) float32 depth in metres, infinity for a miss; and (M, M) uint16 number of the
-        material plus one, 0 for a miss."""
-        samples = np.array([[column, row]])
-        triangle, depth = self._tracer.bundle_hits(bundles.views(slab, samples), samples)
+    def of_view(self, slab: Slab, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(M, M) float32 depth in metres from a point of the lens, infinity for a miss; and (M, M)
+        uint16 number of the material plus one, 0 for a miss."""
+        place = np.asarray(point)[None] / slab.lens_pitch_m + (slab.views - 1) / 2
+        triangle, depth = self._tracer.bundle_hits(bundles.views(slab, place))
         ids = np.where(triangle[0] < 0, 0, self._materials[triangle[0]] + 1)
         return depth[0], ids.astype(np.uint16)
 
@@ -75,6 +80,7 @@ class Source:
     Attributes
     ----------
     columns, rows, width, height : of the selection.
+    free : what makes the views by depth; None where they are stored.
     geometry : of the selection; None where the file does not hold one.
     columns_m, rows_m : positions of the cameras in camera space (y down), metres.
     axis_px : (x, y) of the optical axis in the picture of a camera at the origin, counted from the
@@ -91,31 +97,34 @@ class Source:
                 "holds a camera array that is no slab", file=field.path,
                 remedy="Write its pictures with lfcore imgtool tiles",
             )  # fmt: skip
-        self.field, self.slab, self.truth, self.device = field, slab, truth, device
-        across, down = field.grid
-        self._i = _chosen(selection, 0, across, slab, field)
-        self._j = _chosen(selection, 1, down, slab, field)
-        self.columns, self.rows = len(self._i), len(self._j)
-        several = self._i if self.columns > 1 else self._j
-        self.stride = int(several[1] - several[0]) if len(several) > 1 else 1
+        self.field, self.truth, self.device = field, truth, device
+        self.selection, self.stride = selection, 1
+        recorded = _chosen(selection, field)
+        self.free: FreeViews | None = None
+        if recorded is None:
+            self.free = FreeViews(field, selection.pixels, device=device)
+            slab = replace(slab, pixels=self.free.pixels)
+            self.columns_m, self.rows_m, self.pitch_m = _spread(selection, field)
+        else:
+            self._i, self._j, self.stride = recorded
+            place, (column, row, _, _) = slab.lens_positions(), slab.held.views
+            self.columns_m, self.rows_m = place[self._i + column], place[self._j + row]
+            self.pitch_m = self.stride * slab.lens_pitch_m
+        self.slab = slab
+        self.columns, self.rows = len(self.columns_m), len(self.rows_m)
         self._crop(selection)
-        place = slab.lens_positions()
-        column, row = slab.held.views[:2]
-        self.columns_m, self.rows_m = place[self._i + column], place[self._j + row]
         left, top = slab.held.pixels[:2]
         half = slab.pixels / 2
         self.axis_px = (half - left - self.left, half - top - self.top)
-        whole = KnownGeometry.of_slab(slab)
         share = max(self.width, self.height) / slab.pixels
-        self.geometry: KnownGeometry | None = (
-            replace(whole, pitch_m=whole.pitch_m * self.stride, sensor_m=whole.sensor_m * share)
-            if field.metric
-            else None
-        )
+        self.geometry: KnownGeometry | None = None
+        if field.metric:
+            whole = KnownGeometry.of_slab(slab)
+            self.geometry = replace(whole, pitch_m=self.pitch_m, sensor_m=whole.sensor_m * share)
         self.name = _word(str(field.metadata.scene.get("name") or field.path.stem))
 
     def _crop(self, selection: Selection) -> None:
-        width, height = self.field.picture_size
+        width, height = self._size
         left, top, across, down = selection.crop or (0, 0, width, height)
         if not (0 <= left < left + across <= width and 0 <= top < top + down <= height):
             raise ExchangeError(
@@ -124,6 +133,11 @@ class Source:
                 key="--crop",
             )
         self.left, self.top, self.width, self.height = left, top, across, down
+
+    @property
+    def _size(self) -> tuple[int, int]:
+        """Width and height of a view before the crop."""
+        return (self.free.pixels,) * 2 if self.free else self.field.picture_size
 
     def require_geometry(self, what: str) -> KnownGeometry:
         """The geometry; :class:`ExchangeError` where it is not known."""
@@ -141,8 +155,8 @@ class Source:
     ) -> Iterator[tuple[int, int, np.ndarray]]:
         """(column, row, (height, width, 3) uint8 sRGB), row after row; decoded in bands."""
         total = self.columns * self.rows
-        in_rows = self.field.layout.kind == "views" and not self.field.displaced
-        bands = self._bands() if in_rows else self._groups()
+        in_rows = self.field.layout.kind == "views"
+        bands = self._made() if self.free else self._bands() if in_rows else self._groups()
         for done, (column, row, picture) in enumerate(bands, 1):
             window = picture[self.top : self.top + self.height, self.left : self.left + self.width]
             yield column, row, np.ascontiguousarray(window)
@@ -163,21 +177,24 @@ class Source:
                     yield column, start + k, picture
 
     def _groups(self) -> Iterator[tuple[int, int, np.ndarray]]:
-        """From a file of macropixels, which is decoded whole for each group of views; or from one
-        of displaced views, by depth."""
-        samples, slab = np.array([(i, j) for j in self._j for i in self._i]), self.slab
-        width, height = self.field.picture_size
+        """From a file of macropixels, which is decoded whole for each group of views."""
+        samples = np.array([(i, j) for j in self._j for i in self._i])
+        width, height = self._size
         step = max(1, BAND_BYTES // (width * height * 12))
         for start in range(0, len(samples), step):
-            part = samples[start : start + step]
-            if self.field.displaced:
-                points = (part - (slab.views - 1) / 2) * slab.lens_pitch_m
-                light = views_at(self.field, points, slab.pixels, device=self.device)
-            else:
-                light = read_views(self.field, part, device=self.device)
+            light = read_views(self.field, samples[start : start + step], device=self.device)
             for k, picture in enumerate(light, start):
                 row, column = divmod(k, self.columns)
                 yield column, row, srgb_codes(picture)
+
+    def _made(self) -> Iterator[tuple[int, int, np.ndarray]]:
+        """By depth."""
+        assert self.free is not None
+        for row, column in np.ndindex(self.rows, self.columns):
+            yield column, row, srgb_codes(self.free.picture(self._point(column, row)))
+
+    def _point(self, column: int, row: int) -> np.ndarray:
+        return np.array([self.columns_m[column], self.rows_m[row]])
 
     def array(self, progress: Callable[[int, int], None] | None = None) -> np.ndarray:
         """(rows, columns, height, width, 3) uint8: all views at once."""
@@ -186,17 +203,30 @@ class Source:
             out[row, column] = picture
         return out
 
-    def depth(self, column: int, row: int) -> tuple[np.ndarray, np.ndarray]:
-        """(height, width) depth, metres, and (height, width) uint16 material of a view."""
-        whole = Slab(self.slab.camera, self.slab.views, self.slab.pixels)
-        assert self.truth is not None  # a caller that asks for depth gave the scene
-        depth, ids = self.truth.of_view(whole, int(self._i[column]), int(self._j[row]))
+    @property
+    def has_depth(self) -> bool:
+        """Whether there is depth of every view: the scene's, or the file's."""
+        return self.truth is not None or self.field.metadata.depth is not None
+
+    def depth(self, column: int, row: int) -> tuple[np.ndarray, np.ndarray | None]:
+        """(height, width) float32 depth of a view, metres; and (height, width) uint16 material,
+        None without the scene."""
         window = np.s_[self.top : self.top + self.height, self.left : self.left + self.width]
-        return depth[window], ids[window]
+        point = self._point(column, row)
+        if self.truth is not None:
+            whole = Slab(self.slab.camera, self.slab.views, self.slab.pixels)
+            depth, ids = self.truth.of_view(whole, point)
+            return depth[window], ids[window]
+        depth = self.field.metres(self._free_depths.inverse_depth(point))
+        return depth[window].astype(np.float32), None
+
+    @cached_property
+    def _free_depths(self) -> FreeViews:
+        return self.free or FreeViews(self.field, self.slab.pixels, device=self.device)
 
     def disparity(self, depth: np.ndarray) -> np.ndarray:
         """Pixels by which points move from one view of the selection to the next."""
-        scale = self.slab.lens_pitch_m * self.stride / self.slab.pixel_pitch
+        scale = self.pitch_m / self.slab.pixel_pitch
         with np.errstate(divide="ignore"):
             apart = 1.0 / np.asarray(depth, np.float64) - self.slab.camera.delta
         return (apart * scale).astype(np.float32)
@@ -231,40 +261,80 @@ class Source:
 
 
 def _chosen(
-    selection: Selection, axis: int, count: int, slab: Slab, field: LightField
-) -> np.ndarray:
-    """Indices of the chosen views along one axis, from the middle of all."""
+    selection: Selection, field: LightField
+) -> tuple[np.ndarray, np.ndarray, int] | None:
+    """Indices of the chosen columns and rows of stored views, from the middle of all, and the step
+    between them.  None where the views are made by depth.
+
+    Raises :class:`ExchangeError` for views that a file without depth does not hold.
+    """
+    has_depth, side = field.metadata.depth is not None, field.layout.pixels
+    if field.displaced or (has_depth and selection.pixels not in (None, side)):
+        return None
+    if selection.pixels is not None and not has_depth:
+        raise ExchangeError("needs a file with depth", file=field.path, key="--pixels")
+    try:
+        i, j = (_stored(selection, axis, field) for axis in range(2))
+    except ExchangeError:
+        if has_depth:
+            return None
+        raise
+    several = i if len(i) > 1 else j
+    return i, j, int(several[1] - several[0]) if len(several) > 1 else 1
+
+
+def _stored(selection: Selection, axis: int, field: LightField) -> np.ndarray:
+    """Indices of the stored views along one axis."""
     wanted = selection.views[axis] if selection.views else None
-    step = 1
+    count, slab = field.grid[axis], field.require_slab()
+    step, remedy = 1, "record with depth, which gives any views"
     if selection.baseline_m is not None:
-        if not field.metric:
-            field.require_metric("--baseline")
+        field.require_metric("--baseline")
         ratio = selection.baseline_m / slab.lens_pitch_m
         step = round(ratio)
         if step < 1 or abs(ratio - step) > _ON_STEP * max(1, ratio):
             raise ExchangeError(
                 f"{1e3 * selection.baseline_m:g} mm is not a multiple of the "
                 f"{1e3 * slab.lens_pitch_m:.6g} mm between its views",
-                file=field.path,
-                key="--baseline",
-                remedy="Give a multiple, or record with that spacing",
-            )
+                file=field.path, key="--baseline", remedy=f"Give a multiple, or {remedy}",
+            )  # fmt: skip
         wanted = wanted or (count - 1) // step + 1
-    elif wanted and wanted > 1:
-        step = max(1, (count - 1) // (wanted - 1))
-        if selection.views:
-            both = [(n - 1) // (w - 1) for n, w in zip(field.grid, selection.views, strict=True)
-                    if w > 1]  # fmt: skip
-            step = max(1, min(both))
+    elif wanted and wanted > 1 and selection.views:
+        both = [(n - 1) // (w - 1) for n, w in zip(field.grid, selection.views, strict=True)
+                if w > 1]  # fmt: skip
+        step = max(1, min(both))
     wanted = wanted or count
     reach = (wanted - 1) * step + 1
-    if wanted < 1 or reach > count:
+    if reach > count:
         raise ExchangeError(
             f"{wanted} views with a step of {step} need {reach}; the file has {count}",
-            file=field.path,
-            key="--views",
-        )
+            file=field.path, key="--views", remedy=f"Give fewer, or {remedy}",
+        )  # fmt: skip
     return (count - reach + 1) // 2 + np.arange(wanted) * step
+
+
+def _spread(
+    selection: Selection, field: LightField
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Positions of columns and rows in metres, and the distance between neighbours: from the
+    outermost recorded views, where no other distance is given.
+
+    Raises :class:`ExchangeError` for views outside the lens.
+    """
+    slab, baseline = field.require_slab(), selection.baseline_m
+    width = (slab.views - 1) * slab.lens_pitch_m
+    default = int(width / baseline + 1 + _ON_STEP) if baseline else field.views_to_serve
+    columns, rows = selection.views or (default, default)
+    lens, most = 2 * slab.camera.lens_radius_m, max(columns, rows)
+    pitch = baseline or (width or lens * (1 - 1 / most)) / max(1, most - 1)
+    if (most - 1) * pitch > lens * (1 + _ON_STEP):
+        raise ExchangeError(
+            f"{most} views {1e3 * pitch:g} mm apart do not fit on the lens of {1e3 * lens:.4g} mm",
+            file=field.path, key="--baseline",
+            remedy="Give fewer --views or a smaller --baseline",
+        )  # fmt: skip
+    across, down = (pitch * (np.arange(n) - (n - 1) / 2) for n in (columns, rows))
+    return across, down, pitch
 
 
 def _word(name: str) -> str:

@@ -123,11 +123,19 @@ class FieldPlanes(LightFieldFile):
     @cached_property
     def _middle_depth(self) -> np.ndarray:
         """(M, M) float64: the depth that the middle view shows, metres, infinity for a miss."""
-        inverse = inverse_depth(self)
+        return self.metres(inverse_depth(self))
+
+    def metres(self, inverse: np.ndarray) -> np.ndarray:
+        """Depths of the file's inverse depths, 1/m; infinity for a miss."""
         # The codec leaves a little of the surfaces around in a miss.
         least = FARTHEST / self.depth_range[1] if self.depth_range else 0.0
         with np.errstate(divide="ignore"):
             return np.where(inverse > least, 1.0 / inverse, np.inf)
+
+    @property
+    def views_to_serve(self) -> int:
+        """Views per side that the file is for: those it was asked to give by depth, or its own."""
+        return int(self.content.get("views") or max(self.grid))
 
     @cached_property
     def _seen(self) -> DepthRange | None:

@@ -9,12 +9,13 @@ before it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, minimum_filter
 
+from lfcore.colour import srgb_encode
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, open_device
 from lfcore.optics.planes import SensorPlane
@@ -29,6 +30,10 @@ LAYERS = 6
 docs/notebook/true-picture.md, as are the next."""
 NEAR, FAR, FAR_SHARE = 2, 4, 1e-3
 """Within how many views of a point a view has a share, and one of holes; and how much that is."""
+HELD_BACK, HELD_BACK_DB = 3, 4.5
+"""The number of traced views that are compared with views made of all others, and how much better
+views are that lie between: a view that is held back is twice as far from its neighbours and has few
+rays per pixel itself.  Measured on five scenes: 4.7 to 7.2 dB."""
 
 
 class FreeViews:
@@ -38,7 +43,6 @@ class FreeViews:
     ----------
     field : a light field file that holds depth.
     pixels : side of the pictures; default what the file was traced for.
-    without : numbers i + N j of views that are not used.
 
     Raises
     ------
@@ -52,12 +56,12 @@ class FreeViews:
         pixels: int | None = None,
         *,
         device: Device | str | None = None,
-        without: Sequence[int] = (),
     ):
         self.field, self.stored, self.slab = field, field.require_depth(), field.require_slab()
         self.pixels = self.stored.pixels if pixels is None else pixels
-        self.views, self._without = self.stored.views(self.slab), list(without)
-        self._device = device
+        self.views, self._device = self.stored.views(self.slab), device
+        self.without: list[int] = []
+        """Numbers i + N j of views that are not used."""
 
     @cached_property
     def _rays(self) -> tuple[np.ndarray, np.ndarray]:
@@ -100,7 +104,7 @@ class FreeViews:
         away = self._away(point)
         near, far = (np.clip(1 - away / reach, 0, 1).prod(axis=1) for reach in (NEAR, FAR))
         share = near + FAR_SHARE * far
-        share[self._without] = 0.0
+        share[self.without] = 0.0
         return share
 
     def _away(self, point: np.ndarray) -> np.ndarray:
@@ -121,7 +125,7 @@ class FreeViews:
         """The nearest surface in each pixel's middle half, else anywhere in the pixel; by the views
         around the point, else by those farther away.  NaN where there is none."""
         away = self._away(point).max(axis=1)
-        away[self._without] = np.inf
+        away[self.without] = np.inf
         found = np.full(self.pixels**2, -1.0)
         for within, before in ((0.99, -1.0), (FAR, 0.99)):
             numbers = np.flatnonzero((before <= away) & (away < within))
@@ -197,6 +201,29 @@ def views_at(
         if progress:
             progress(number + 1, len(points))
     return out
+
+
+def expected_db(
+    field: LightFieldFile, pixels: int | None = None, *, device: Device | str | None = None
+) -> float | None:
+    """PSNR in dB, sRGB, to expect of views made by depth between the outermost recorded ones.
+
+    Traced views inside the lens are held back and made from the others; the worst counts.  None of
+    a file of fewer than 3 x 3 views.
+    """
+    slab = field.require_slab()
+    if slab.views < 3 or slab.extent is not None:
+        return None
+    inner = np.arange(1, slab.views - 1)
+    numbers = (inner[:, None] * slab.views + inner).ravel()
+    held = numbers[np.linspace(0, len(numbers) - 1, min(HELD_BACK, len(numbers))).astype(int)]
+    views, worst = FreeViews(field, pixels, device=device), np.inf
+    for number in held:
+        traced, views.without = views.only(number), [number]
+        made = views.picture(views.views.positions[number])
+        error = np.square(srgb_encode(made) - srgb_encode(traced)).mean()
+        worst = min(worst, -10 * np.log10(max(float(error), 1e-10)))
+    return worst + HELD_BACK_DB
 
 
 def inverse_depth(field: LightFieldFile, pixels: int | None = None) -> np.ndarray:
