@@ -466,7 +466,7 @@ def views_to_trace(views: int | None) -> int:
 
     Views between them are made by depth: 36 to 47 dB from 4 x 4, and about 0.7 dB more from 6 x 6.
     """
-    return max(4, math.isqrt(whole_number("views", views or 4, 4096)))
+    return max(4, math.isqrt(whole_number("views", 4 if views is None else views, 4096)))
 
 
 def recorded_camera(camera: Camera, focus_m: float | None, f_number: float | None) -> Camera:

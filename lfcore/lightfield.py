@@ -21,7 +21,7 @@ from lfcore.optics.planes import SensorPlane, check_keywords
 from lfcore.optics.slab import Slab
 from lfcore.refocus.field_planes import FieldPlanes
 from lfcore.refocus.focal_stack import focal_stack
-from lfcore.refocus.free_views import views_at
+from lfcore.refocus.free_views import served_positions, views_at
 from lfcore.refocus.from_views import store_arrays
 from lfcore.refocus.resampling import check_filter
 from lfcore.refocus.shift_sum import shift_sum
@@ -32,7 +32,7 @@ from lfcore.rendering.depth import all_in_focus, all_samples, depth_of_views
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding
-from lfcore.storage.labelled import labelled_views
+from lfcore.storage.labelled import MadeViews, labelled_views
 from lfcore.viewer.page import ViewerPage, viewer_page
 
 if TYPE_CHECKING:
@@ -122,13 +122,16 @@ class LightField(FieldPlanes):
         xarray.DataArray
             Dimensions ``row``, ``column``, ``y``, ``x``, ``channel``: float32 linear light, or
             uint8 codes.  One dask chunk per segment of the file, which is decoded when computed.
+            Of displaced views those that the file is for, a chunk per row, made by depth.
 
         Raises
         ------
         LfcoreError
             Package xarray or dask is not installed.
         """
-        return labelled_views(self, codes=codes)
+        if not self.displaced:
+            return labelled_views(self, codes=codes)
+        return labelled_views(self, codes=codes, made=served_views(self))
 
     def refocus(
         self,
@@ -370,21 +373,23 @@ class LightField(FieldPlanes):
             Samples outside the lens.
         """
         tracer = open_tracer(scene, device)
-        return depth_of_views(tracer, self.require_grid(), samples, progress=progress)
+        return depth_of_views(tracer, self.made_views, samples, progress=progress)
 
     def all_in_focus(
         self,
-        scene: Scene,
+        scene: Scene | None = None,
         *,
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> np.ndarray:
         """Make a picture with every point in focus, averaged over all views that see it.
 
+        A file with depth is enough: it gives the view from the middle of the lens.
+
         Parameters
         ----------
-        scene : Scene
-            The scene that was recorded; it is not compared.
+        scene : Scene, optional
+            The scene that was recorded, for a file without depth; it is not compared.
         device : Device or str, optional
             An open device, or part of its name.
         progress : callable, optional
@@ -395,6 +400,12 @@ class LightField(FieldPlanes):
         ndarray
             (M, M, 3) float32, linear light; see :func:`lfcore.rendering.depth.all_in_focus`.
         """
+        if self.metadata.depth is not None:
+            return self.views_at(np.zeros((1, 2)), device=device, progress=progress)[0]
+        if scene is None:
+            raise OpticsError(
+                "holds no depth", file=self.path, key="scene", remedy="Give the scene"
+            )
         slab, tracer = self.require_grid(), open_tracer(scene, device)
         centre = depth_of_views(tracer, Slab(slab.camera, 1, slab.pixels))[0]
         everything = all_samples(slab)
@@ -472,6 +483,18 @@ class LightField(FieldPlanes):
         if method == "shift-sum":
             return shift_sum(self, planes, filter=filter, device=device, progress=progress)
         return form_planes(self, planes, device=device, progress=progress).sums.pictures()
+
+
+def served_views(field: LightField) -> MadeViews:
+    """The views that a file of displaced ones is for."""
+    return MadeViews(
+        served_positions(field, field.views_to_serve), field.made_views.pixels, _served_row
+    )
+
+
+def _served_row(field: LightField, row: int) -> np.ndarray:
+    places = served_positions(field, field.views_to_serve)
+    return field.views_at(np.stack([places, np.full_like(places, places[row])], 1))
 
 
 def _numbers(given: Sequence | np.ndarray | None) -> list:

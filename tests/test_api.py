@@ -26,7 +26,8 @@ def recorded(model):
     seen = []
     field = lfcore.record(
         scene, model.with_suffix(".mkv"), views=4, pixels=32, f_number=2,
-        encoding=lfcore.Encoding("ffv1"), progress=lambda done, total: seen.append((done, total)),
+        encoding=lfcore.Encoding("ffv1", depth=False),
+        progress=lambda done, total: seen.append((done, total)),
     )  # fmt: skip
     assert seen[-1][0] == seen[-1][1]
     return scene, field
@@ -98,8 +99,9 @@ def test_rays_of_a_pixel_by_default():
 
     plain = Lattice(32, 1, displaced=False)
     assert lattice_to_store(None, None) == (True, Lattice(4, 2))
-    assert lattice_to_store(None, 32) == lattice_to_store(None, np.int64(32)) == (False, plain)
-    assert lattice_to_store(True, 3) == (True, Lattice(3, 2))
+    assert lattice_to_store(None, 36) == lattice_to_store(True, np.int64(36)) == (True, Lattice(6))
+    assert lattice_to_store(None, 3) == lattice_to_store(None, 16) == (True, Lattice(4))
+    assert lattice_to_store(False, 32) == (False, plain)
     assert lattice_to_store(None, plain) == (True, plain)
     assert lattice_to_store(False, plain) == (False, plain)
     assert lattice_to_store(False, None) == (False, Lattice(16, 1, displaced=False))
@@ -226,7 +228,7 @@ def test_numbers_of_numpy_are_numbers(recorded, tmp_path):
     assert (slab.views, slab.pixels) == (3, 16) and type(slab.views) is int
     same = lfcore.render(scene, views=3, pixels=16)
     np.testing.assert_array_equal(lfcore.render(scene, views=n, pixels=m), same)
-    assert lfcore.record(scene, tmp_path / "a.mkv", views=n, pixels=m).slab.views == 3
+    assert lfcore.record(scene, tmp_path / "a.mkv", views=n, pixels=m).views_to_serve == 3
 
 
 @pytest.mark.parametrize("wrong", [{"views": 0}, {"pixels": 0}, {"pixels": -4}, {"views": 2.5}])

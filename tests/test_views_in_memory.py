@@ -86,7 +86,7 @@ def test_xarray_is_lazy_with_a_chunk_a_segment(tmp_path, kind, monkeypatch):
     pytest.importorskip("dask.array")
     triangle = [[[-1, -1, 0], [1, -1, 0], [0, 1, 0]]]
     scene = lfcore.Scene.from_triangles(np.float32(triangle))
-    encoding = lfcore.Encoding("ffv1", layout=kind)
+    encoding = lfcore.Encoding("ffv1", layout=kind, depth=False)
     monkeypatch.setattr("lfcore.rendering.record.TILE_RAYS", 7000)
     field = lfcore.record(scene, tmp_path / "a.mkv", views=6, pixels=24, encoding=encoding)
     assert len(field.segments) > 1

@@ -23,11 +23,12 @@ from pathlib import Path
 from lfcore.api import load_scene, record
 from lfcore.optics.planes import SensorPlane
 from lfcore.refocus.slicing import form_planes
+from lfcore.storage.codecs import Encoding
 what, scene, path = sys.argv[1], Path(sys.argv[2]), sys.argv[5]
 views, pixels = map(int, sys.argv[3:5])
 scene_ = load_scene(scene)
 if what == "record":
-    record(scene_, path, views=views, pixels=pixels)
+    record(scene_, path, views=views, pixels=pixels, encoding=Encoding(depth=False))
 elif what == "retrieve":
     camera = scene_.camera
     planes = [SensorPlane(d, camera.f_number) for d in scene_.focus_distances_m]

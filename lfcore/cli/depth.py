@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> None:
     field = _checked(arguments)
     scene = open_scene(arguments)
     asked = Slab(scene.camera, arguments.views or 1, arguments.pixels or 256)
-    slab = field.require_slab() if field else asked
+    slab = field.made_views if field else asked
     if arguments.output:
         samples = depths.all_samples(slab)
         suffix = arguments.output.suffix.lower()

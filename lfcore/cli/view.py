@@ -117,9 +117,16 @@ def _picture(arguments: argparse.Namespace) -> None:
 
 def _grid(field: lfcore.LightField, arguments: argparse.Namespace) -> np.ndarray:
     """K x K views side by side, from corner to corner of the lens."""
+    from lfcore.refocus.free_views import served_positions
     from lfcore.refocus.views import read_views
 
     count = arguments.grid
+    if field.displaced:
+        places = served_positions(field, count)
+        points = np.stack(np.meshgrid(places, places), -1).reshape(-1, 2)
+        with progress("making views", "views") as report:
+            views = field.views_at(points, device=arguments.device, progress=report)
+        return contact_sheet(views, count)
     columns, rows = (_spread(count, there) for there in field.grid)
     samples = np.array([(i, j) for j in rows for i in columns])
     with progress("reading views", "frames") as report:

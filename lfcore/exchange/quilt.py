@@ -66,7 +66,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
         quilt[line * height : (line + 1) * height, column * width : (column + 1) * width] = picture
     name = f"{source.name}_qs{across}x{down}a{width / height:.6g}.png"
     write_picture(folder / name, quilt)
-    if source.rows > 1:
+    if source.rows > 1 and not source.free:
         options.notes.append("a quilt shows one row of views: the middle one was used")
 
 

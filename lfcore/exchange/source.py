@@ -16,7 +16,7 @@ from lfcore.opencl.device import Device
 from lfcore.optics import bundles
 from lfcore.optics.grid_geometry import KnownGeometry
 from lfcore.optics.slab import Slab
-from lfcore.refocus.free_views import FreeViews
+from lfcore.refocus.free_views import FreeViews, served_positions
 from lfcore.refocus.views import read_views
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.files import scene_digest
@@ -260,9 +260,7 @@ class Source:
         return 1.0 / self.slab.pixel_pitch
 
 
-def _chosen(
-    selection: Selection, field: LightField
-) -> tuple[np.ndarray, np.ndarray, int] | None:
+def _chosen(selection: Selection, field: LightField) -> tuple[np.ndarray, np.ndarray, int] | None:
     """Indices of the chosen columns and rows of stored views, from the middle of all, and the step
     between them.  None where the views are made by depth.
 
@@ -313,9 +311,7 @@ def _stored(selection: Selection, axis: int, field: LightField) -> np.ndarray:
     return (count - reach + 1) // 2 + np.arange(wanted) * step
 
 
-def _spread(
-    selection: Selection, field: LightField
-) -> tuple[np.ndarray, np.ndarray, float]:
+def _spread(selection: Selection, field: LightField) -> tuple[np.ndarray, np.ndarray, float]:
     """Positions of columns and rows in metres, and the distance between neighbours: from the
     outermost recorded views, where no other distance is given.
 
@@ -326,7 +322,7 @@ def _spread(
     default = int(width / baseline + 1 + _ON_STEP) if baseline else field.views_to_serve
     columns, rows = selection.views or (default, default)
     lens, most = 2 * slab.camera.lens_radius_m, max(columns, rows)
-    pitch = baseline or (width or lens * (1 - 1 / most)) / max(1, most - 1)
+    pitch = baseline or float(np.diff(served_positions(field, max(2, most)))[0])
     if (most - 1) * pitch > lens * (1 + _ON_STEP):
         raise ExchangeError(
             f"{most} views {1e3 * pitch:g} mm apart do not fit on the lens of {1e3 * lens:.4g} mm",

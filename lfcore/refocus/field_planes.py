@@ -19,6 +19,7 @@ from lfcore.optics.focus import (
     focus_distance,
 )
 from lfcore.optics.planes import PlaneOptions, SensorPlane, check_keywords
+from lfcore.optics.slab import Slab
 from lfcore.refocus.free_views import inverse_depth
 from lfcore.storage.lightfield import LightFieldFile
 
@@ -131,6 +132,12 @@ class FieldPlanes(LightFieldFile):
         least = FARTHEST / self.depth_range[1] if self.depth_range else 0.0
         with np.errstate(divide="ignore"):
             return np.where(inverse > least, 1.0 / inverse, np.inf)
+
+    @property
+    def made_views(self) -> Slab:
+        """The slab of the views that depth makes of displaced ones; else the file's own."""
+        slab, depth = self.require_slab(), self.metadata.depth
+        return Slab(slab.camera, slab.views, depth.pixels) if depth and self.displaced else slab
 
     @property
     def views_to_serve(self) -> int:

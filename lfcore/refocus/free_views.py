@@ -159,9 +159,7 @@ class FreeViews:
         v, u = np.mgrid[: slab.pixels, : slab.pixels]
         x, y = (
             (at + 0.5 + off + lens * moves) * (self.pixels / slab.pixels)
-            for at, off, lens in zip(
-                (u, v), self.views.displacement[number], apart, strict=True
-            )
+            for at, off, lens in zip((u, v), self.views.displacement[number], apart, strict=True)
         )
         return x, y, inverse
 
@@ -201,6 +199,13 @@ def views_at(
         if progress:
             progress(number + 1, len(points))
     return out
+
+
+def served_positions(field: LightFieldFile, count: int) -> np.ndarray:
+    """(count,) metres: columns or rows of views, evenly from the first recorded one to the last."""
+    slab = field.require_slab()
+    reach = (slab.views - 1) * slab.lens_pitch_m or slab.lens_pitch_m * (1 - 1 / count)
+    return reach * (np.arange(count) - (count - 1) / 2) / max(1, count - 1)
 
 
 def expected_db(
@@ -276,4 +281,3 @@ class _PointSlicer(DepthSlicer):
         views = self.views
         moved = self.point * (plane.delta - views.slab.camera.delta) * self._scale(plane)
         return super()._first(plane) - moved
-

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lfcore.colour import srgb_codes
 from lfcore.errors import LfcoreError
 from lfcore.storage.lightfield import LightFieldFile
 
@@ -17,8 +20,20 @@ if TYPE_CHECKING:
 DIMENSIONS = ("row", "column", "y", "x", "channel")
 
 
-def labelled_views(field: LightFieldFile, *, codes: bool = False) -> xarray.DataArray:
-    """As :meth:`lfcore.LightField.to_xarray`."""
+@dataclass(frozen=True)
+class MadeViews:
+    """Views that are not stored: ``row(field, j)`` makes the (N, M, M, 3) float32 of row j, linear
+    light, at ``positions_m`` (N,) along both axes."""
+
+    positions_m: np.ndarray
+    pixels: int
+    row: Callable[[LightFieldFile, int], np.ndarray]
+
+
+def labelled_views(
+    field: LightFieldFile, *, codes: bool = False, made: MadeViews | None = None
+) -> xarray.DataArray:
+    """As :meth:`lfcore.LightField.to_xarray`; of the file's own views, or of those ``made``."""
     try:
         import dask.array
         import xarray
@@ -29,21 +44,25 @@ def labelled_views(field: LightFieldFile, *, codes: bool = False) -> xarray.Data
         ) from None  # fmt: skip
     kind = np.uint8 if codes else np.float32
     lazy = dask.array.map_blocks(
-        partial(_block, field, codes), chunks=_chunks(field), dtype=kind,
+        partial(_block, field, codes, made), chunks=_chunks(field, made), dtype=kind,
         meta=np.empty((0,) * len(DIMENSIONS), kind),
     )  # fmt: skip
     coordinates: dict = {"channel": ["red", "green", "blue"]}
     slab = field.slab
     if slab is not None and field.metric:
         lens, (column, row, columns, rows) = slab.lens_positions(), field.extent.views
-        coordinates["s_m"] = ("column", lens[column : column + columns])
-        coordinates["t_m"] = ("row", lens[row : row + rows])
+        across, down = lens[column : column + columns], lens[row : row + rows]
+        coordinates["s_m"] = ("column", made.positions_m if made else across)
+        coordinates["t_m"] = ("row", made.positions_m if made else down)
     name = field.metadata.scene.get("name") or field.path.stem
     return xarray.DataArray(lazy, coordinates, DIMENSIONS, name=name)
 
 
-def _chunks(field: LightFieldFile) -> tuple[tuple[int, ...], ...]:
-    """Sides of the blocks along each dimension: between the edges of segments."""
+def _chunks(field: LightFieldFile, made: MadeViews | None) -> tuple[tuple[int, ...], ...]:
+    """Sides of the blocks along each dimension: between the edges of segments, or a row made."""
+    if made:
+        count = len(made.positions_m)
+        return (1,) * count, (count,), (made.pixels,), (made.pixels,), (3,)
     by_views = field.layout.kind == "views"
     held = field.extent.views if by_views else field.extent.pixels
     edges: list[set[int]] = [set(), set()]  # of columns, and of rows
@@ -62,6 +81,11 @@ def _chunks(field: LightFieldFile) -> tuple[tuple[int, ...], ...]:
     return (*sides, *whole, (3,)) if by_views else (*whole, *sides, (3,))
 
 
-def _block(field: LightFieldFile, codes: bool, block_info: dict | None = None) -> np.ndarray:
+def _block(
+    field: LightFieldFile, codes: bool, made: MadeViews | None, block_info: dict | None = None
+) -> np.ndarray:
     (j0, j1), (i0, i1), (v0, v1), (u0, u1), _ = (block_info or {})[None]["array-location"]
+    if made:
+        views = made.row(field, j0)[None]
+        return srgb_codes(views) if codes else views
     return field.block((i0, j0, i1, j1), (u0, v0, u1, v1), codes=codes)

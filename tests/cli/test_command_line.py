@@ -26,7 +26,7 @@ SIZE, VIEWS = 24, 4
 def recorded(tmp_path_factory):
     """A light field file of the chart."""
     path = tmp_path_factory.mktemp("cli") / "chart.mkv"
-    options = ["--pixels", str(SIZE), "--views", str(VIEWS), "--codec", "ffv1"]
+    options = ["--depth", "none", "--pixels", str(SIZE), "--views", str(VIEWS), "--codec", "ffv1"]
     assert main(["record", str(CHART), "-o", str(path), *options]) == 0
     return path
 
@@ -126,7 +126,11 @@ def test_programs_are_told_in_one_line_of_json(recorded, tmp_path, capsys):
     small = ["--pixels", "16", "--views", "2"]
     for command, files, rays in (
         (["render", CHART, *small, "-o", picture], [picture], (2 * 2 * 16) ** 2),
-        (["record", CHART, *small, "-o", tmp_path / "t.mkv"], [tmp_path / "t.mkv"], (2 * 16) ** 2),
+        (
+            ["record", CHART, *small, "-o", tmp_path / "t.mkv"],
+            [tmp_path / "t.mkv"],
+            (4 * 2 * 16) ** 2,
+        ),
         (["depth", CHART, *small, "-o", depth], [depth], (2 * 16) ** 2),
         (["stack", recorded, "--focus", "1", "2", "--sheet", "-o", picture], [picture], None),
         (["refocus", recorded, "-o", picture], [picture], None),
@@ -226,7 +230,7 @@ def test_every_pixel_format_is_traced_and_refocused(tmp_path, capsys, codec, for
     file, direct, stored = (tmp_path / name for name in ("a.mkv", "direct.npy", "stored.npy"))
     size = ["--pixels", str(SIZE), "--views", str(VIEWS)]
     how = ["--codec", f"{codec},pixel_format={form}", "--crf", "4"]
-    assert main(["record", str(CHART), "-o", str(file), *size, *how]) == 0
+    assert main(["record", str(CHART), "-o", str(file), "--depth", "none", *size, *how]) == 0
     assert main(["info", str(file), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["metadata"]["layout"]["pixel_format"] == form
     assert main(["info", str(file)]) == 0
@@ -379,7 +383,7 @@ def test_export_reads_views_on_the_device_that_is_named(recorded, tmp_path, monk
 
     device, used, file = lfcore.open_device(), [], tmp_path / "chart.mkv"
     words = ["--pixels", "8", "--views", "2", "--codec", "layout=macropixels", "-o", str(file)]
-    assert main(["record", str(CHART), *words]) == 0
+    assert main(["record", str(CHART), "--depth", "none", *words]) == 0
 
     def read_views(*_, device=None, **__):
         used.append(device)

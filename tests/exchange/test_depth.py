@@ -28,7 +28,7 @@ def chart():
 def traced(chart, tmp_path_factory):
     """5 x 5 views of 32 x 32 pixels of the chart, exact."""
     path = tmp_path_factory.mktemp("traced") / "chart.mkv"
-    record(chart, path, views=5, pixels=32, encoding=Encoding("ffv1", "gbrp"))
+    record(chart, path, views=5, pixels=32, encoding=Encoding("ffv1", "gbrp", depth=False))
     return path
 
 

@@ -123,7 +123,8 @@ def test_what_it_cannot_do_is_refused(slab):
 @pytest.mark.parametrize("kind", ["macropixels", "views"])
 def test_from_a_file(tmp_path, kind):
     path = tmp_path / "chart.mkv"
-    options = ["--pixels", "96", "--views", "4", "--codec", f"ffv1,layout={kind}"]
+    options = ["--depth", "none", "--pixels", "96", "--views", "4"]
+    options += ["--codec", f"ffv1,layout={kind}"]
     assert main(["record", str(CHART), "-o", str(path), *options]) == 0
     planes = [SensorPlane(d, 1.0) for d in (1.0, 1.33, 2.0)]
     fast, exact = focal_stack(path, planes), shift_sum(path, planes)

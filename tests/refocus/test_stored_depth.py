@@ -1,15 +1,17 @@
 """Slicing by depth from files: the same pictures as on the fly, up to what the codec changed."""
 
 import itertools
+import re
 
 import numpy as np
 import pytest
 from plain_scenes import scene as plain_scene
 
 from lfcore.cli import main
-from lfcore.colour import srgb_codes
+from lfcore.colour import srgb_codes, srgb_encode
 from lfcore.errors import LfcoreError, OpticsError, StorageError
 from lfcore.evaluation.metrics import psnr
+from lfcore.exchange.pictures import read_pfm
 from lfcore.lightfield import LightField
 from lfcore.optics.bundles import Bundles
 from lfcore.optics.camera import Camera
@@ -138,7 +140,6 @@ def test_displaced_views_serve_slicing_by_depth_alone(tmp_path, tracer):
         lambda: field.refocus(2.5, filter="bilinear"),
         lambda: field.refocus(2.5, method="slicing"),
         lambda: field.stack([2.5, 3.0], fast=True),
-        lambda: field.depth(tracer.scene),
     ):
         with pytest.raises(OpticsError, match=r"a.mkv: has views that are displaced.*record"):
             wrong()
@@ -150,7 +151,10 @@ def test_displaced_views_serve_slicing_by_depth_alone(tmp_path, tracer):
 def test_a_file_without_depth_says_how_to_trace_one(tmp_path, capsys):
     chart = str(main.__globals__["__file__"]).replace("lfcore/cli/__init__.py", "scenes/chart")
     run = [str(tmp_path / name) for name in ("plain.mkv", "depth.mkv", "a.png", "b.png")]
-    assert main(["record", chart, "--pixels", "16", "--views", "2", "-o", run[0]]) == 0
+    assert (
+        main(["record", chart, "--pixels", "16", "--views", "2", "--depth", "none", "-o", run[0]])
+        == 0
+    )
     assert main(["refocus", run[0], "--filter", "depth", "-o", run[2]]) == 1
     said = capsys.readouterr().err.strip().splitlines()[-1]
     assert said.startswith(run[0]) and "holds no depth" in said and "with depth" in said
@@ -165,7 +169,7 @@ def test_a_file_without_depth_says_how_to_trace_one(tmp_path, capsys):
     assert "pictures of 16 x 16 pixels, views displaced" in said
     assert main(["refocus", run[1], "--pixels", "20", "-o", run[2]]) == 0
     assert main(["stack", run[1], "--sheet", "-o", run[3]]) == 0
-    words = ["record", chart, "--views", "3", "--subpixels", "2", "-o", run[0]]
+    words = ["record", chart, "--depth", "none", "--subpixels", "2", "-o", run[0]]
     assert main(words) == 1
     assert "--subpixels: belongs to views with depth" in capsys.readouterr().err
 
@@ -212,7 +216,8 @@ def test_exports_of_displaced_views_are_made_on_one_grid(tmp_path, tracer):
     made = []
     for number, field in enumerate(fields):
         out = tmp_path / str(number)
-        assert main(["export", str(field.path), "-o", str(out), "--format", "hci"]) == 0
+        words = ["export", str(field.path), "-o", str(out), "--format", "hci", "--pixels", "20"]
+        assert main(words) == 0
         files = sorted(out.glob("input_Cam*.png"))
         assert len(files) == 9
         made.append([read_codes(file).astype(float) for file in files])
@@ -222,6 +227,43 @@ def test_exports_of_displaced_views_are_made_on_one_grid(tmp_path, tracer):
     pairs = zip(plain, crossed[::-1], strict=True)
     other = np.mean([np.abs(a - b)[2:-2, 2:-2].mean() for a, b in pairs])
     assert own < 0.6 * other
+
+
+def test_a_file_of_few_views_gives_any(tmp_path, tracer, capsys):
+    """Exports, arrays, sheets and sharp pictures; their quality is said, and is what truth says."""
+    field = stored(tmp_path / "a.mkv", tracer, "views", slab=Slab(CAMERA, 4, 48))
+    export = ["export", str(field.path), "--pixels", "24"]
+    assert main([*export, "--format", "hci", "--views", "5x5", "-o", str(tmp_path / "hci")]) == 0
+    said = capsys.readouterr().err
+    (expected,) = re.findall(r"([\d.]+) dB expected", said)
+    assert ("Below 35 dB" in said) == (float(expected) < 35)
+    worst, apart = np.inf, 0.0
+    for number, (j, i) in enumerate(np.ndindex(5, 5)):
+        point = (np.array([i, j]) - 2) / 2 * 0.75 * CAMERA.lens_radius_m
+        light = tracer.bundle_radiance(seen_from(point, 24))[0]
+        truth = np.minimum(light, 1).reshape(24, 4, 24, 4, 3).mean((1, 3))
+        view = read_codes(tmp_path / "hci" / f"input_Cam{number:03d}.png") / 255
+        worst = min(worst, psnr(view, srgb_encode(truth), peak=1))
+        found = read_pfm(tmp_path / "hci" / f"gt_depth_lowres_Cam{number:03d}.pfm")
+        right = tracer.bundle_hits(seen_from(point, 24, over=1))[1][0]
+        assert (np.isinf(found) == np.isinf(right)).mean() > 0.95
+        both = np.isfinite(found) & np.isfinite(right)
+        apart = max(apart, np.mean(np.abs(1 / found[both] - 1 / right[both]) > 0.02))
+    assert abs(worst - float(expected)) < 4 and apart < 0.06
+    assert main([*export, "--format", "quilt", "--tiles", "8x6", "-o", str(tmp_path / "q")]) == 0
+    assert read_codes(tmp_path / "q" / "test_qs8x6a1.png").shape == (6 * 24, 8 * 24, 3)
+    middle = field.views_at(np.zeros((1, 2)))[0]
+    np.testing.assert_array_equal(field.all_in_focus(), middle)
+    array = pytest.importorskip("xarray") and field.to_xarray()
+    assert array.shape == (4, 4, PIXELS, PIXELS, 3)
+    place = array.s_m.values[1], array.t_m.values[2]
+    made = field.views_at(np.array([place]))[0]
+    np.testing.assert_allclose(array.isel(row=2, column=1).values, made, atol=1e-6)
+    words = ["view", str(field.path), "--grid", "3", "-o", str(tmp_path / "sheet.png")]
+    assert main(words) == 0
+    far = [*export, "--views", "5x5", "--format", "json", "--baseline", "9m", "-o", "x"]
+    assert main(far) == 1
+    assert "--baseline: 5 views 9000 mm apart do not fit" in capsys.readouterr().err
 
 
 def test_a_disk_that_fails_leaves_no_file(tmp_path, tracer, monkeypatch):

@@ -88,7 +88,9 @@ def test_blur_of_a_file_needs_no_wider_lens(field):
 
 
 def test_words_in_a_file_of_plain_views(scene, tmp_path):
-    field = lfcore.record(scene, tmp_path / "a.mkv", views=4, pixels=32)
+    field = lfcore.record(
+        scene, tmp_path / "a.mkv", views=4, pixels=32, encoding=lfcore.Encoding(depth=False)
+    )
     near, far = field.depth_range
     assert field.plane("near").focus_m == near and field.plane("far").focus_m == far
     with pytest.raises(lfcore.OpticsError, match="depth"):

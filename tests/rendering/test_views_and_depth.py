@@ -107,7 +107,16 @@ def test_views_read_in_bulk_are_those_read_alone(tmp_path, kind):
     from lfcore.refocus.views import read_views
 
     path, out = tmp_path / "chart.mkv", tmp_path / "depth.npz"
-    options = ["--pixels", "20", "--views", "3", "--codec", f"ffv1,layout={kind}"]
+    options = [
+        "--depth",
+        "none",
+        "--pixels",
+        "20",
+        "--views",
+        "3",
+        "--codec",
+        f"ffv1,layout={kind}",
+    ]
     assert main(["record", CHART, "-o", str(path), *options]) == 0
     field = LightFieldFile.open(path)
     samples = [(2, 1), (0, 0)]
