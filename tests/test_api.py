@@ -42,11 +42,7 @@ def test_a_light_field_of_a_model(recorded, tmp_path):
     traced = lfcore.render(scene, focus_m=focus, f_number=2, **same_rays)
     assert np.abs(picture - traced).max() < 0.02  # colours pass as 8-bit YCbCr
     assert traced[16, 16].mean() > traced[0, 0].mean() + 0.05
-    assert lf.view(1, 2).shape == (32, 32, 3) and lf.macropixel(16, 16, codes=True).shape == (
-        4,
-        4,
-        3,
-    )
+    assert lf.view(1, 2).shape == (32, 32, 3) and lf.macropixel(16, 16).shape == (4, 4, 3)
     stack = lf.stack([0.8 * focus, focus], [2.0, 4.0])
     assert stack.shape == (4, 32, 32, 3)
     np.testing.assert_array_equal(stack[2], picture)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lfcore
-from lfcore.cli import imgtool, imgtool_store, main, parser
+from lfcore.cli import imgtool, main, parser
 from lfcore.exr import read_exr_picture
 from lfcore.optics.array import CameraArray
 from lfcore.pictures import write_picture
@@ -83,15 +83,6 @@ def test_top_left_tile_is_the_top_left_camera(files, array):
     options += ["--filterwidth", 0.01]
     assert run(folder, "lightfield", *options, folder / "ours.exr", folder / "t.exr")[0] == 0
     np.testing.assert_allclose(read_exr_picture(folder / "t.exr"), image[:32, :32], atol=1e-4)
-
-
-def test_defaults_are_the_assignments():
-    arguments = parsed("lightfield", "in.exr", "out.exr")
-    assert arguments.camerapos == (0.0, 0.0, -0.02)
-    assert arguments.outputfov == 45.0 and arguments.outputdim == (256, 256)
-    single = imgtool_store.geometry(arguments, None, (64, 64, 3))
-    assert single.cameras == (1, 1) and single.fov_deg == 90.0 and single.columns_m == (0.0,)
-    assert imgtool.chosen_method(arguments) == "isaksen"
 
 
 @pytest.mark.parametrize(

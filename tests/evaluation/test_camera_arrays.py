@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfcore.errors import LfcoreError, OpticsError
-from lfcore.evaluation.assignment.arrays import errors, make_array_table, overview, square_field
+from lfcore.evaluation.assignment.arrays import errors, overview, square_field
 from lfcore.evaluation.assignment.reconstruction import convergence, reconstructions, slope
 from lfcore.optics.array import CameraArray
 from lfcore.refocus.array.sampling import concentric_disk
@@ -150,12 +150,3 @@ def test_an_overview_averages():
     np.testing.assert_array_equal(overview(image, 40), image)
     with pytest.raises(LfcoreError, match="picture_px"):
         overview(image, 0)
-
-
-def test_tables_refuse_odd_records():
-    record = {"scene": "s", "cameras": 4, "pixels": 9, "seconds": 0.12345}
-    record |= {"mrays_per_second": 1.0, "bytes": 7}
-    table = make_array_table("camera_array", [record])
-    assert table.loc[0, "seconds"] == pytest.approx(0.1234, abs=1e-4)
-    with pytest.raises(LfcoreError, match="bytes"):
-        make_array_table("camera_array", [{k: v for k, v in record.items() if k != "bytes"}])

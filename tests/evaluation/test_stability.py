@@ -99,21 +99,6 @@ def test_only_a_scene_or_a_lens_is_refused():
             raising(error)
 
 
-def test_errors_of_hits():
-    mesh = np.float32([[[-1, -1, 2], [1, -1, 2], [0, 1, 2]]])
-    rays = shapes.rays_at(np.array([[0, 0, 2], [0.1, 0, 2], [5, 0, 2.0]]), (0.0, 0.0))
-    hits = measurement.oracle_hits(mesh, rays)
-    right = np.array([0, 0, -1]), np.float32([2, 2, np.inf])
-    assert measurement.leaks(right, hits) == measurement.mismatches(right, hits) == 0
-    assert measurement.depth_error(right, hits) < 1
-    wrong = np.array([0, -1, -1]), np.float32([2 * (1 + 2.0**-20), np.inf, np.inf])
-    for error in (measurement.leaks, measurement.mismatches):
-        assert error(wrong, hits) == pytest.approx(1 / 3)
-    assert measurement.depth_error(wrong, hits) == pytest.approx(16)
-    broken = np.array([0, 0, -1]), np.float32([2, np.nan, np.inf])
-    assert measurement.depth_error(broken, hits) == math.inf
-
-
 def test_naive_closest_hit_is_right_where_nothing_is_stiff():
     mesh = np.float32(shapes.soup(300, 0.2))
     rays = shapes.random_rays(500)

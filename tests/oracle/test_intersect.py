@@ -181,19 +181,6 @@ def test_closed_meshes_do_not_leak_at_edges_and_vertices(centre, columns):
         assert hits.margin.min() < 16
 
 
-def test_a_ray_out_of_a_closed_mesh_leaves_through_one_point():
-    vertices, faces = sphere(6, 9)
-    origins, directions = aimed(vertices, faces, (0.1, 0.05, -0.1))
-    for found in crossings_module.crossings(vertices[faces], origins, directions):
-        ahead = found.inside & (found.t > 0)
-        counts = np.bincount(found.ray[ahead], minlength=len(origins))
-        furthest = np.full(len(origins), 0.0)
-        np.maximum.at(furthest, found.ray[ahead], found.t[ahead])
-        nearest = np.full(len(origins), np.inf)
-        np.minimum.at(nearest, found.ray[ahead], found.t[ahead])
-        assert (counts >= 1).all() and (furthest - nearest < 1e-6).all()
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_equals_embree_on_soups(seed):
     scenes = pytest.importorskip("embreex.rtcore_scene", reason="needs the embreex package")

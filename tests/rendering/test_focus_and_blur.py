@@ -123,12 +123,6 @@ def test_a_pinhole_renders_sharp_unless_a_focus_is_given(pinhole):
     assert np.abs(lfcore.render(pinhole, "near", pixels=64) - sharp).max() > 0.05
 
 
-def test_a_lens_is_no_pinhole(scene):
-    assert not scene.is_pinhole
-    content = scene.plane("near", f_number=64).f_number
-    assert content == 64
-
-
 def test_unknown_keywords_name_the_public_call(scene, field):
     for call, name in (
         (scene.plane, "Scene.plane"), (field.plane, "LightField.plane"),

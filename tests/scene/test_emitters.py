@@ -75,16 +75,6 @@ def test_the_default_is_right_to_two_percent(name, further):
     assert error < 0.02 / further**2 + 5e-4
 
 
-@pytest.mark.parametrize("name", ["square", "disk"])
-def test_more_points_are_nearer(name):
-    triangles, closed, _ = FORMS[name]
-    errors = [
-        np.abs(of_points(triangles + (0, 0, 0.75), count) / closed(0.75) - 1).max()
-        for count in (6, 24, 96)
-    ]
-    assert errors[1] < errors[0] / 2 and errors[2] < errors[1] / 2
-
-
 @pytest.mark.parametrize("count, number", [(1, 1), (4, 4), (5, 4), (6, 6), (12, 12), (40, 12)])
 def test_points_of_a_sphere_are_a_regular_solid(count, number):
     points = emitter_points(BALL + (3, 4, 5), count)

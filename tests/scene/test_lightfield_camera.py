@@ -72,14 +72,6 @@ def test_yaml_and_pbrt_mean_the_same(yaml_scene, pbrt):
     assert np.abs(scene_at(ours, 1.0).triangles - ours.triangles).max() > 0.3
 
 
-def test_defaults_are_the_assignments(yaml_scene):
-    view = yaml_scene({"lightfield": {"film_px": [256, 256]}}).view
-    assert view.kind == "lightfield" and view.array.cameras == (16, 16)
-    assert view.array.fov_deg == 90 and view.array.tile == (16, 16)
-    assert view.array.columns_m[0] == -0.6 and view.array.rows_m[-1] == 0.6
-    assert view.shutter == (0.0, 1.0)
-
-
 @pytest.mark.parametrize(
     ("key", "value", "names"),
     [

@@ -408,43 +408,29 @@ def test_version_4_words(read):
     np.testing.assert_allclose(scene.lights[0].colour, 2 / math.pi)
 
 
-@pytest.mark.parametrize(
-    ("world", "words"),
-    [
-        ("Shpae", ["line 5", "Shpae", "Shape"]),
-        ('Shape "sphere" "float radius" [1 x]', ["line 5"]),
-        ('Shape "sphere" "flaot radius" [1]', ["line 5", "flaot", "float"]),
-        ('Shape "sphere" "float radius" "big"', ["line 5", "radius"]),
-        ('Shape "sphere" "float radius" [1', ["line 6", "WorldEnd"]),
-        ("Translate 1 2", ["line 6", "Translate", "WorldEnd"]),
-        ('Shape "sphere', ["line 5", "closing quote"]),
-        ("AttributeEnd", ["line 5", "AttributeEnd"]),
-        ("AttributeBegin", ["line 5", "never closed"]),
-        ('ObjectInstance "x"', ["line 5", '"x"']),
-        ('NamedMaterial "x"', ["line 5", '"x"']),
-        ('Material "matte" "texture Kd" "x"', ["line 5", '"x"']),
-        ('Shape "trianglemesh" "integer indices" [0 1 9] "point P" [0 0 0 1 0 0 0 1 0]', ["9"]),
-        ('Shape "plymesh" "string filename" "no.ply"', ["line 5", "no.ply"]),
-        ('Include "no.pbrt"', ["line 5", "no.pbrt"]),
-        ("Scale 0 1 1", ["line 5", "flattens"]),
-        ('Camera "perspective"', ["line 5", "world block"]),
-        ("]", ["line 5", "]"]),
-        ("4", ["line 5", "4"]),
-    ],
-)
-def test_errors_name_file_line_and_token(read, world, words):
-    # A material is only looked at when a shape wears it.
-    world = f"{world}\n{TRIANGLE}" if "Material" in world else world
-    with pytest.raises(SceneError) as caught:
-        read(world)
-    for word in ["scene.pbrt", *words]:
-        assert word in str(caught.value)
-
-
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     ("world", "words"),
     [
+        ("Shpae", "line 5.*Shpae.*Shape"),
+        ('Shape "sphere" "float radius" [1 x]', "line 5"),
+        ('Shape "sphere" "flaot radius" [1]', "line 5.*flaot.*float"),
+        ('Shape "sphere" "float radius" "big"', "line 5.*radius"),
+        ('Shape "sphere" "float radius" [1', "line 6.*Shape"),
+        ("Translate 1 2", "line 6.*Translate.*Shape"),
+        ('Shape "sphere', "line 5.*closing quote"),
+        ("AttributeEnd", "line 5.*AttributeEnd"),
+        ("AttributeBegin", "line 5.*never closed"),
+        ('ObjectInstance "x"', 'line 5.*"x"'),
+        ('NamedMaterial "x"', 'line 5.*"x"'),
+        ('Material "matte" "texture Kd" "x"', 'line 5.*"x"'),
+        ('Shape "trianglemesh" "integer indices" [0 1 9] "point P" [0 0 0 1 0 0 0 1 0]', "9"),
+        ('Shape "plymesh" "string filename" "no.ply"', r"line 5.*no\.ply"),
+        ('Include "no.pbrt"', r"line 5.*no\.pbrt"),
+        ("Scale 0 1 1", "line 5.*flattens"),
+        ('Camera "perspective"', "line 5.*world block"),
+        ("]", r"line 5.*\]"),
+        ("4", "line 5.*4"),
         ("Translate 1e400 0 0", "line 5, column 11: 1e400 is too great"),
         (f'Shape "sphere" "float radius" [{"9" * 400}]', "too great"),
         ("Scale 1e200 1 1\nScale 1e200 1 1", "line 6, column 1: Scale takes the transformation"),
@@ -461,7 +447,7 @@ def test_errors_name_file_line_and_token(read, world, words):
         ),
     ],
 )
-def test_numbers_and_names_beyond_measure(read, world, words):
+def test_errors_are_one_line_that_names_file_line_and_token(read, world, words):
     with pytest.raises(SceneError, match=words) as caught:
         read(f"{world}\n{TRIANGLE}")
     assert "scene.pbrt" in str(caught.value) and "\n" not in str(caught.value)

@@ -198,19 +198,6 @@ def test_failures_leave_no_file(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_unreadable_segments_are_named(tmp_path):
-    path = tmp_path / "s.mp4"
-    with pytest.raises(StorageError, match="no such file"):
-        SegmentReader(path)
-    encode(path, PLAIN, clip(32, 32, 5))
-    path.write_bytes(path.read_bytes()[:-40])
-    with pytest.raises(StorageError, match=r"s\.mp4"):
-        SegmentReader(path)
-    path.write_bytes(b"")
-    with pytest.raises(StorageError, match=r"s\.mp4"):
-        SegmentReader(path)
-
-
 def test_a_preset_may_be_a_number_as_svt_av1s_are(tmp_path):
     with SegmentWriter(tmp_path / "a.mp4", Encoding("libsvtav1", "yuv420p", 30, 12), 64, 64) as to:
         to.write(np.zeros((1, 64 * 64 * 3 // 2), np.uint8))

@@ -77,18 +77,6 @@ def test_a_header_that_contradicts_the_picture(tmp_path, array, image):
         read_array(tmp_path / "cut.exr")
 
 
-def test_damage_is_an_error(tmp_path, array, image):
-    path = tmp_path / "field.exr"
-    write_array(path, image, array)
-    whole = path.read_bytes()
-    for length in (0, 10, 300, len(whole) // 2):
-        path.write_bytes(whole[:length])
-        with pytest.raises(StorageError, match=r"field\.exr"):
-            read_array(path)
-    with pytest.raises(StorageError, match="no such file"):
-        read_array(tmp_path / "none.exr")
-
-
 def test_nothing_is_left_when_writing_fails(tmp_path, array, image):
     with pytest.raises(OpticsError):
         write_array(tmp_path / "a.exr", image[:-1], array)

@@ -1,5 +1,6 @@
 """A copy of the project that tests may edit, and Snakemake in it."""
 
+import os
 import re
 import subprocess
 import sys
@@ -18,11 +19,12 @@ class Checkout:
     folder: Path
     scripts: set[str] = field(default_factory=set)
 
-    def snakemake(self, *arguments, timeout=420) -> subprocess.CompletedProcess:
+    def snakemake(self, *arguments, timeout=420, **environment) -> subprocess.CompletedProcess:
         """Run Snakemake there; ``stdout`` holds its output and errors."""
         return subprocess.run(
             [sys.executable, "-m", "snakemake", *arguments],
             cwd=self.folder,
+            env=os.environ | environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

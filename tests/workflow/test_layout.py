@@ -1,6 +1,5 @@
 """The workflow as Snakemake's own tools meet it: linted without the library, and deployed."""
 
-import os
 import shutil
 import subprocess
 import sys
@@ -16,11 +15,8 @@ def test_the_workflow_is_linted_where_only_snakemake_is_installed(checkout, tmp_
     for name in ("Snakefile", "workflow", "config", "profiles"):
         source = checkout.folder / name
         (shutil.copytree if source.is_dir() else shutil.copy)(source, tmp_path / name)
-    done = subprocess.run(
-        [sys.executable, "-m", "snakemake", "--lint"], cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
+    done = type(checkout)(tmp_path).snakemake("--lint", PYTHONPATH=str(tmp_path))
+    assert done.returncode == 0, done.stdout
 
 
 def test_a_deployed_workflow_runs_smoke(checkout, tmp_path):
@@ -33,12 +29,8 @@ def test_a_deployed_workflow_runs_smoke(checkout, tmp_path):
     text = snakefile.read_text()
     assert '"workflow/Snakefile"' in text
     snakefile.write_text(text.replace('"workflow/', f'"{checkout.folder}/workflow/'))
-    done = subprocess.run(
-        [sys.executable, "-m", "snakemake", "--cores", "2", "--configfile", "config/smoke.yaml",
-         "--config", "scenes=[bike]"],
-        cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(checkout.folder)},
-        capture_output=True, text=True,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
+    words = ("--cores", "2", "--configfile", "config/smoke.yaml", "--config", "scenes=[bike]")
+    done = type(checkout)(tmp_path).snakemake(*words, PYTHONPATH=str(checkout.folder))
+    assert done.returncode == 0, done.stdout
     for name in ("index.html", "table_7_1.csv", "figures/focal_stack_bike.png"):
         assert (tmp_path / "results" / "tables" / name).is_file()

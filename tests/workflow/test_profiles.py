@@ -6,7 +6,6 @@ import subprocess
 import sys
 
 import pytest
-import yaml
 
 from robustness.object_storage import KEYS
 from robustness.outcome import ROOT
@@ -51,14 +50,6 @@ def test_a_key_that_is_no_option_is_found(tmp_path):
     (tmp_path / "config.yaml").write_text("no-such-option: 1\n")
     done = parsed(tmp_path)
     assert done.returncode and "no-such-option" in done.stderr
-
-
-@pytest.mark.parametrize("profile", ["slurm", "kubernetes"])
-def test_what_fails_is_tried_again_with_more(profile):
-    settings = yaml.safe_load((ROOT / "profiles" / profile / "config.yaml").read_text())
-    assert settings["retries"] >= 1
-    for name in ("mem_mb", "runtime"):
-        assert settings["default-resources"][name].endswith("* attempt")
 
 
 @pytest.mark.workflow

@@ -130,10 +130,6 @@ def test_no_raw_frames_and_no_tiles_are_left(smoke):
     assert not list(smoke.folder.glob("results/*/M*/N*/tiles/*.npz"))
 
 
-def test_a_second_run_has_nothing_to_do(smoke):
-    assert smoke.planned(*SMOKE, "results/tables") == {}
-
-
 def test_a_deleted_table_is_made_again_and_nothing_before_it(smoke):
     path = smoke.folder / "results" / "tables" / "table_7_2.csv"
     content = path.read_bytes()
