@@ -25,8 +25,11 @@ SYSTEM_VENDORS = Path("/etc/OpenCL/vendors")
 def prepare() -> Path | None:
     """Point the OpenCL loader at every driver found; return the directory used.
 
-    A directory that the user named in ``OCL_ICD_VENDORS`` is left alone (returns None).
+    A directory that the user named in ``OCL_ICD_VENDORS`` is left alone (returns None).  On Windows
+    the loader looks into the registry, and first at the libraries in ``OCL_ICD_FILENAMES``.
     """
+    if sys.platform == "win32":
+        return _prepare_windows()
     if os.environ.get("OCL_ICD_VENDORS") and "LFCORE_ICD_VENDORS" not in os.environ:
         return None
     entries = _entries()
@@ -37,6 +40,15 @@ def prepare() -> Path | None:
     return directory
 
 
+def _prepare_windows() -> None:
+    intel = Path(sys.prefix) / "Library" / "bin" / "intelocl64.dll"
+    if intel.exists() and "OCL_ICD_FILENAMES" not in os.environ:
+        os.environ["OCL_ICD_FILENAMES"] = str(intel)
+        # Its own libraries are beside it: its loader asks for the first, its compiler for the rest.
+        os.add_dll_directory(str(intel.parent))
+        os.environ["PATH"] = os.pathsep.join([str(intel.parent), os.environ["PATH"]])
+
+
 def _entries() -> dict[str, str]:
     """``.icd`` name -> library path, in the order of preference."""
     entries: dict[str, str] = {}
@@ -44,10 +56,12 @@ def _entries() -> dict[str, str]:
     if intel.exists():
         entries["lfcore-intel.icd"] = str(intel)
     wheel = Path(sysconfig.get_paths()["platlib"]) / "pyopencl" / ".libs"
-    for folder in (SYSTEM_VENDORS, wheel):
+    environment = Path(sys.prefix) / "etc" / "OpenCL" / "vendors"  # conda's
+    for folder in (SYSTEM_VENDORS, environment, wheel):
         for icd in sorted(folder.glob("*.icd")) if folder.is_dir() else ():
             library = icd.read_text(encoding="utf-8", errors="replace").strip()
-            if library and library not in entries.values():
+            there = library and (not os.path.isabs(library) or os.path.exists(library))
+            if there and library not in entries.values():
                 entries[icd.name] = library
     if not any("nvidia" in library for library in entries.values()) and _loads(
         "libnvidia-opencl.so.1"
