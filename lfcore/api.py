@@ -359,9 +359,9 @@ def record(
         Instead of ``f_number``, the diameter of the blur at the end of what is seen that is more
         out of focus: a share of the picture's width, 0.03 or ``"3%"``.
     quality : Quality, optional
-        Choose the rays for a quality of pictures through the whole lens, before the codec's loss,
-        instead of ``views``.  A pilot of a tenth of the rays predicts how many are needed; the file
-        has the prediction in ``content["expected"]``.
+        Choose rays and rate factor for a quality of pictures through the whole lens, instead of
+        ``views``.  A pilot of a tenth of the rays predicts how many are needed, small light fields
+        what the codec loses; the file has the prediction in ``content["expected"]``.
     encoding : Encoding, optional
         Codec, layout and whether depth is stored.  Default: as measured best.
     device : Device or str, optional
@@ -402,8 +402,8 @@ def record(
                 "chooses the rays itself, and stores their depths", key="quality",
                 remedy="Leave out views and depth",
             )  # fmt: skip
-        views, expected = _planned(open_tracer(scene, device), camera, pixels, quality)
-        content |= expected
+        tracer = open_tracer(scene, device)
+        views, encoding, content["expected"] = _planned(tracer, camera, pixels, quality, encoding)
     by_depth, lattice = lattice_to_store(encoding.depth, views)
     if by_depth and views is not None and not isinstance(views, Lattice):
         content["views"] = int(views)
@@ -433,15 +433,32 @@ def _with_lens(
     return scene.with_lens(), {"lens": "fitted: the scene's camera is a pinhole"}
 
 
-def _planned(tracer: Tracer, camera: Camera, pixels: int, quality: Quality) -> tuple[Lattice, dict]:
-    """The lattice that a pilot chooses, and what the file says of its quality."""
+def _planned(
+    tracer: Tracer, camera: Camera, pixels: int, quality: Quality, encoding: Encoding
+) -> tuple[Lattice, Encoding, dict]:
+    """The lattice that a pilot chooses, the encoding that trials choose, and what the file says of
+    its quality."""
     from lfcore.rendering.depth import depth_range
+    from lfcore.rendering.trials import OF_RAYS, Trials, share_db, together_db
 
     near_far = quality.focus_range_m or depth_range(tracer, Slab(camera, 4, pixels))
     planes = planes_between(camera, *(near_far or (math.inf, math.inf)))
-    planned = QualitySearch(tracer, camera, planes, pixels, quality).plan()
-    focus = [planes[0].focus_m, planes[-1].focus_m]
-    return planned.lattice, {"expected": {"db": round(planned.expected_db, 2), "focus_m": focus}}
+    codec_takes = encoding.crf is None and not encoding.lossless
+    wanted = share_db(quality.quality_db, OF_RAYS) if codec_takes else quality.quality_db
+    of_rays = replace(quality, quality_db=wanted)
+    planned = QualitySearch(tracer, camera, planes, pixels, of_rays).plan()
+    spec = chosen_encoding(planned.lattice.views, encoding, by_depth=True)
+    found = {"focus_m": [planes[0].focus_m, planes[-1].focus_m]}
+    if encoding.lossless:
+        return planned.lattice, encoding, found | {"db": round(planned.expected_db, 2)}
+    trials = Trials(tracer, camera, planned.lattice, pixels, planes, spec)
+    if codec_takes:
+        crf, codec_db = trials.chosen(share_db(quality.quality_db, 1 - OF_RAYS))
+        encoding = replace(encoding, crf=crf)
+    else:
+        codec_db = trials.codec_db(encoding.crf)
+    db = together_db(planned.expected_db, codec_db)
+    return planned.lattice, encoding, found | {"db": round(db, 2), "codec_db": round(codec_db, 2)}
 
 
 def lattice_to_store(depth: bool | None, views: int | Lattice | None) -> tuple[bool, Lattice]:

@@ -175,7 +175,8 @@ def _optics(field: lfcore.LightField) -> dict[str, str]:
     }
     if expected := field.content.get("expected"):
         near, far = expected["focus_m"]
-        found["expected"] = f"{expected['db']:g} dB before the codec, focused {near:g} to {far:g} m"
+        codec = "" if "codec_db" in expected else " before the codec"
+        found["expected"] = f"{expected['db']:g} dB{codec}, focused {near:g} to {far:g} m"
     if field.depth_range:
         near, far = field.depth_range
         px = [field.disparity_of(end) for end in (far, near)]

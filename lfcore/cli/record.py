@@ -47,8 +47,8 @@ def options(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add(
         by_depth, subpixels="views of Q*M x Q*M pixels (2)",
-        quality_db="as many views and pixels as pictures need for this PSNR against the average "
-        "over pixel and lens, before the codec's loss", most_rays="",
+        quality_db="as many views, pixels and bits as stored pictures need for this PSNR against "
+        "the average over pixel and lens", most_rays="",
     )  # fmt: skip
     by_depth.add_argument(
         "--focus-range", type=values.distance, nargs=2, metavar=("NEAR", "FAR"),
@@ -102,7 +102,7 @@ def _report_quality(field: lfcore.LightField) -> None:
     slab, expected = field.require_slab(), field.content["expected"]
     near, far = expected["focus_m"]
     size = f"{slab.views} x {slab.views} views of {slab.pixels} x {slab.pixels}"
-    say(f"{size}: {expected['db']:g} dB expected before the codec, {near:g} to {far:g} m")
+    say(f"{size}: {expected['db']:g} dB expected, {near:g} to {far:g} m")
     note(expected_db=expected["db"], focus_range_m=[near, far])
 
 

@@ -205,6 +205,13 @@ class QualitySearch:
         )
 
 
+def inner(pictures: np.ndarray) -> np.ndarray:
+    """Pictures (P, M, M, ...) without the margin that not all of the lens sees."""
+    side = pictures.shape[1]
+    kept = slice(int(BORDER * side), side - int(BORDER * side))
+    return pictures[:, kept, kept]
+
+
 def planes_between(camera: Camera, near_m: float, far_m: float) -> list[SensorPlane]:
     """Planes of the whole lens from the nearest to the farthest focus, evenly in dioptres."""
     focus = np.linspace(1 / near_m, 1 / far_m, PLANNED_PLANES)
@@ -268,9 +275,7 @@ class _Rounds:
 
     def expected_db(self, rays: float | None = None) -> np.ndarray:
         """(P,) expected PSNR in dB of the mean of the rounds, or of one lattice of ``rays``."""
-        side = self._of_one_ray.shape[1]
-        inner = slice(int(BORDER * side), side - int(BORDER * side))
-        found = self._of_one_ray[:, inner, inner].mean(axis=(1, 2)) / (rays or self._worth())
+        found = inner(self._of_one_ray).mean(axis=(1, 2)) / (rays or self._worth())
         return -10 * np.log10(np.maximum(found, 1e-12)) - SHARED_DB
 
     def db_of_one(self, rays: float) -> float:

@@ -55,7 +55,8 @@ class Metadata:
     scene : JSON object with at least ``name`` and ``digest``.
     content : JSON object of what is known beside the rays: ``depth_m`` [nearest, farthest] seen,
         ``expected`` of a file of a wanted quality: ``db`` of pictures with ``focus_m`` [nearest,
-        farthest], before the codec's loss,
+        farthest], before the codec's loss unless ``codec_db`` is there; ``views`` per side that the
+        file is for, where fewer are stored;
         ``metric`` false where the slab's lengths are not those of the cameras, but say how views
         are shifted against one another; ``source``, what an imported one was.
     depth : of the stream of inverse depths, where there is one.

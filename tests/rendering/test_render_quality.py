@@ -175,18 +175,23 @@ def test_a_quality_beyond_the_budget_is_refused_with_what_it_takes(scene):
 
 
 @pytest.mark.kernels
-def test_a_stored_light_field_has_the_quality_that_it_says(scene, tmp_path):
-    """Nearly lossless, so that what is missing would be the rays'."""
+@pytest.mark.parametrize("crf", [None, 1, 40])
+def test_a_stored_light_field_has_the_quality_that_it_says(scene, tmp_path, crf):
+    """By the rays alone where the codec loses next to nothing, else by both; a given rate factor is
+    kept, and its loss is said."""
     focus = scene.camera.focus_m
     field = lfcore.record(
-        scene, tmp_path / "ball.mkv", pixels=32, encoding=lfcore.Encoding(crf=1),
+        scene, tmp_path / "ball.mkv", pixels=32, encoding=lfcore.Encoding(crf=crf),
         quality=Quality(38, focus_range_m=(0.8 * focus, focus)),
     )  # fmt: skip
     expected = field.content["expected"]
-    assert expected["db"] >= 38 and expected["focus_m"] == pytest.approx([0.8 * focus, focus])
+    assert (expected["db"] < 36) == (crf == 40)
+    assert crf == field.metadata.settings["crf"] or crf is None
+    assert expected["focus_m"] == pytest.approx([0.8 * focus, focus])
     planes = [SensorPlane(at * focus, scene.camera.f_number) for at in (0.8, 0.9, 1)]
     many = lfcore.render(scene, planes=planes, pixels=32, views=lfcore.Lattice(16, 4))
-    assert worst_db([field.refocus(plane.focus_m) for plane in planes], many) > 37
+    found = worst_db([field.refocus(plane.focus_m) for plane in planes], many)
+    assert found > expected["db"] - 1.5 and (found > 37) == (crf != 40)
     with pytest.raises(lfcore.OpticsError, match="quality: chooses the rays itself"):
         lfcore.record(scene, tmp_path / "no.mkv", quality=Quality(38), views=4)
     with pytest.raises(lfcore.OpticsError, match="focus_range_m: must be two distances"):

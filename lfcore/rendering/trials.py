@@ -1,0 +1,103 @@
+"""The rate factor of a codec for a quality of pictures, from small light fields of the same scene.
+
+A trial is stored with a rate factor and sliced by depth.  What its pictures lack of those of a
+lossless trial is the codec's error.  In dB it is about linear in the rate factor, so two trials
+predict it, and a third measures the factor that is chosen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from lfcore.colour import srgb_encode
+from lfcore.optics.camera import Camera
+from lfcore.optics.lattice import Lattice
+from lfcore.optics.planes import SensorPlane
+from lfcore.refocus.stored_depth import slice_stored
+from lfcore.rendering.quality import inner
+from lfcore.rendering.record_depth import depth_store, record_by_depth
+from lfcore.storage.codecs import LOSSLESS, WHOLE_ROWS, Encoding
+from lfcore.storage.defaults import CRF_SCALE
+from lfcore.storage.lightfield import LightFieldFile
+from lfcore.tracing.tracer import Tracer
+
+PIXELS = 96
+"""The side of a trial's pictures, about."""
+CRFS = 14.0, 26.0
+"""The rate factors of the first trials, of H.264."""
+BEST, WORST = 6.0, 40.0
+"""The rate factors that are chosen at most, of H.264."""
+OF_RAYS = 0.75
+"""The share of the whole error, in mean squares, that is the rays': the rest is the codec's."""
+
+
+def share_db(quality_db: float, share: float) -> float:
+    """The PSNR of a share of the error of a quality."""
+    return quality_db - 10 * math.log10(share)
+
+
+def together_db(*parts_db: float) -> float:
+    """The PSNR of independent errors together."""
+    return -10 * math.log10(sum(10 ** (-part / 10) for part in parts_db))
+
+
+@dataclass(frozen=True)
+class Trials:
+    """Trials of a light field of ``lattice`` for pictures of ``pixels``, focused at ``planes``."""
+
+    tracer: Tracer
+    camera: Camera
+    lattice: Lattice
+    pixels: int
+    planes: Sequence[SensorPlane]
+    encoding: Encoding
+
+    def chosen(self, codec_db: float) -> tuple[float, float]:
+        """The rate factor for pictures of ``codec_db``, and the PSNR in dB that it gives."""
+        scale = CRF_SCALE.get(self.encoding.codec, 1.0)
+        few, many = (each * scale for each in CRFS)
+        first, second = self.codec_db(few), self.codec_db(many)
+        crf = few + (first - codec_db) * (many - few) / max(first - second, 1e-6)
+        crf = round(min(max(crf, BEST * scale), WORST * scale), 1)
+        return crf, self.codec_db(crf)
+
+    def codec_db(self, crf: float) -> float:
+        """PSNR in dB, sRGB, of the worst picture against those of a lossless trial."""
+        made = self._pictures(replace(self.encoding, crf=crf))
+        errors = np.square(inner(made) - inner(self._lossless)).mean(axis=(1, 2, 3))
+        return -10 * math.log10(max(float(errors.max()), 1e-10))
+
+    @cached_property
+    def _lossless(self) -> np.ndarray:
+        return self._pictures(Encoding(LOSSLESS[0], "gbrp", tune=None, gop=self.encoding.gop))
+
+    def _pictures(self, spec: Encoding) -> np.ndarray:
+        """(P, M, M, 3) sRGB-encoded pictures of a trial."""
+        lattice, pixels = self._small
+        slab, store = depth_store(self.camera, lattice, pixels, spec)
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "trial.mkv"
+            record_by_depth(path, self.tracer, slab, store)
+            with LightFieldFile.open(path) as field:
+                return srgb_encode(slice_stored(field, self.planes, device=self.tracer.device))
+
+    @cached_property
+    def _small(self) -> tuple[Lattice, int]:
+        """Fewer pixels, with as many rays each; encoders treat both widths alike."""
+        side, per_pixel = self.lattice.side(self.pixels), self.lattice.subpixels
+        if self.pixels <= PIXELS:
+            return self.lattice, self.pixels
+        if side % WHOLE_ROWS == 0:
+            small = WHOLE_ROWS * max(1, round(per_pixel * PIXELS / WHOLE_ROWS))
+        else:
+            small = 8 * math.ceil(per_pixel * PIXELS / 8)
+            small += 8 * (small % WHOLE_ROWS == 0)
+        pixels = max(8, round(small / per_pixel))
+        return replace(self.lattice, subpixels=small / pixels), pixels
