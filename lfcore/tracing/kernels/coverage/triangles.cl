@@ -41,10 +41,10 @@ typedef struct {
     vf error;
 } Axis;
 
-// Of rays whose steps are s and t and whose centre has direction d.
-inline Axis make_axis(const Bundle *r, float s, float t, float d, Triple at, Triple z)
+// Of rays whose steps are s and t and whose centre has origin o and direction d.
+inline Axis make_axis(const Bundle *r, float s, float t, float o, float d, Triple at, Triple z)
 {
-    const float origins = r->half_extent * fabs(s) + OUTER_HALF * fabs(r->a);
+    const float origins = fabs(o) + r->half_extent * fabs(s) + OUTER_HALF * fabs(r->a);
     const float directions = fabs(d) + r->half_extent * fabs(t) + OUTER_HALF * fabs(r->b);
     const vf most = largest3(at) + fma(largest3(z), (vf)(directions), (vf)(origins));
     return (Axis){s, t, r->a, r->b, r->half_extent, at, z, CORNER_ERROR * most};
@@ -103,8 +103,22 @@ typedef struct {
     vi flip;             // sign bit of those that were seen from behind
 } Placed;
 
-// Twice the edge function from p to q.  `error` receives a bound of its error in the block.
-inline WideAffine edge_functions(Vec p, Vec q, const Bundle *r, vf *error)
+// A bound of what an edge function differs by between a packet and its blocks, whose corners are
+// relative to other centre rays, at rays between the edge's corners.  `depths`: at least twice the
+// farther one's; `l`: the edge's lengths.
+inline vf packet_error(vf depths, Vec l, const Bundle *r)
+{
+    const float h = 2.0f * r->half_extent;
+    const float ox = fma(h, fabs(r->sx), fabs(r->ox)), dx = fma(h, fabs(r->tx), fabs(r->dx));
+    const float oy = fma(h, fabs(r->sy), fabs(r->oy)), dy = fma(h, fabs(r->ty), fabs(r->dy));
+    const vf wide = fma(l.z, (vf)(h * fabs(r->tx)), l.x), tall = fma(l.z, (vf)(h * fabs(r->ty)), l.y);
+    return PACKET_ERROR * (tall * fma(depths, (vf)(dx), 2.0f * (ox + wide)) +
+                           wide * fma(depths, (vf)(dy), 2.0f * (oy + tall)));
+}
+
+// Twice the edge function from p to q.  `error` receives a bound of its error in the block or, for
+// `of_packet`, in the blocks of a packet.
+inline WideAffine edge_functions(Vec p, Vec q, const Bundle *r, int of_packet, vf *error)
 {
     const Vec sum = plus3(p, q), d = minus3(q, p), c = edge_normals(p, q);
     WideAffine e;
@@ -126,6 +140,7 @@ inline WideAffine edge_functions(Vec p, Vec q, const Bundle *r, vf *error)
         most += fma((vf)(OUTER_HALF), outer, twist);
     }
     *error = EDGE_ERROR * most;
+    if (of_packet) *error += *error + packet_error(m.z + l.z, l, r);
     return e;
 }
 
@@ -141,14 +156,14 @@ inline vf affine_spread(WideAffine e, float half_extent)
 
 // Edges signed so that n . D > 0 unless the triangle is seen edge-on, and then widened by their
 // error.  Returns the mask of triangles that some ray may meet.
-inline vi place_edges(const Bundle *r, Placed *out)
+inline vi place_edges(const Bundle *r, int of_packet, Placed *out)
 {
     const Vec p = corner_of(&out->v, 0), q = corner_of(&out->v, 1), w = corner_of(&out->v, 2);
     WideAffine *e = out->edge;
     vf error[3];
-    e[0] = edge_functions(q, w, r, error);
-    e[1] = edge_functions(w, p, r, error + 1);
-    e[2] = edge_functions(p, q, r, error + 2);
+    e[0] = edge_functions(q, w, r, of_packet, error);
+    e[1] = edge_functions(w, p, r, of_packet, error + 1);
+    e[2] = edge_functions(p, q, r, of_packet, error + 2);
     WideAffine sum;  // n . D
     for (int k = 0; k < AFFINE_TERMS; ++k) sum.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
     if (OUTER > 1) sum.of[BILINEAR] = 0.0f;  // the three differences of depth cancel
@@ -212,15 +227,17 @@ inline Affine affine_of(const WideAffine *f, uint lane)
     return one;
 }
 
-// Mask of those that rays anywhere in the block may meet, between its samples, too.
-inline vi place_triangles(const Bundle *r, global const float *leaf, float z_far, Placed *p)
+// Mask of those that rays anywhere in the block may meet, between its samples, too; `of_packet` as
+// for edge_functions.
+inline vi place_triangles(const Bundle *r, global const float *leaf, float z_far, int of_packet,
+                          Placed *p)
 {
     p->v = shear_corners(r, leaf);
-    p->x = make_axis(r, r->sx, r->tx, r->dx, p->v.x, p->v.z);
-    p->y = make_axis(r, r->sy, r->ty, r->dy, p->v.y, p->v.z);
+    p->x = make_axis(r, r->sx, r->tx, r->ox, r->dx, p->v.x, p->v.z);
+    p->y = make_axis(r, r->sy, r->ty, r->oy, r->dy, p->v.y, p->v.z);
     const vi keep = ~(beside_rays(&p->x) | beside_rays(&p->y) | GT(least3(p->v.z), (vf)(z_far)));
     if (!row_any(keep)) return keep;
-    return keep & place_edges(r, p);
+    return keep & place_edges(r, of_packet, p);
 }
 
 // Set up the LANES triangles of a leaf.
@@ -228,7 +245,7 @@ inline void set_up_triangles(const Bundle *r, global const float *leaf, float z_
 {
     Placed p;
     out->keep = 0;
-    vi keep = place_triangles(r, leaf, z_far, &p);
+    vi keep = place_triangles(r, leaf, z_far, 0, &p);
     if (!row_any(keep)) return;
     const vi columns = samples_reached(&p.x), rows = samples_reached(&p.y);
     keep &= ~(EQ(columns, (vi)(0)) | EQ(rows, (vi)(0)));

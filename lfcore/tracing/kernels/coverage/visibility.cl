@@ -67,7 +67,7 @@ inline void compact_triangles(const Tree *tree, const Packet *p, float z_far, Vi
             global const float *corners = leaf_corners(tree, leaf, lane);
             global const int *ids = leaf_numbers(tree, leaf, lane);
             Placed placed;
-            uint bits = row_bits(place_triangles(&all, corners, z_far, &placed));
+            uint bits = row_bits(place_triangles(&all, corners, z_far, 1, &placed));
             for (; bits; bits &= bits - 1, ++number)
                 compact_triangle(corners + lowest(bits), ids[lowest(bits)], number, v);
         }

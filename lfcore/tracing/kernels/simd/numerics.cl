@@ -17,11 +17,13 @@
 // Edge functions: sum, difference, product and their difference (4), the widening (1), evaluation
 // at a ray (2; with u and v 4).
 #define EDGE_ERROR (OUTER > 1 ? GAMMA(9.0f) : GAMMA(7.0f))
-// Corners: difference and fma (2), and where the rays pass them: step and centre (2), half extent
-// (1), fma (1), sum (1).
-#define CORNER_ERROR GAMMA(7.0f)
-// A half extent or a spread: at most eight roundings of positive terms.
-#define BOUND_SLACK (1.0f + GAMMA(8.0f))
+// Corners: difference and fma (2), and the centre rays of a packet and of its blocks (2).
+#define CORNER_ERROR GAMMA(4.0f)
+// Corners relative to the centre rays of a packet and of a block: in both a centre, a difference
+// and an fma, of which all but the last (4) are in proportion to the centre ray; the bound (1).
+#define PACKET_ERROR GAMMA(5.0f)
+// A half extent or a spread: five roundings of positive terms, and the product with the bound.
+#define BOUND_SLACK (1.0f + GAMMA(6.0f))
 // A ray's entry into a box: T. Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013, has 3 for the far
 // end and as many for the near one, and the bound is rounded once.
 #define RAY_SLACK (1.0f + GAMMA(7.0f))
@@ -42,8 +44,9 @@
 #define SHADOW_MARGIN 1.0e-6f
 // Where triangles fall among samples, in samples: far more than any rounding.
 #define SAMPLE_SLACK 0.01f
-// More columns than an inner grid has: an affine function that changes by less is constant.
-#define MOST_COLUMNS 16384.0f
 // A function whose slope in a row is below this share of its size is constant: over the 64 columns
 // of a packet it changes by less than a thousandth of one rounding.
 #define LEAST_SLOPE 9.0e-13f
+// A constant function that is zero along a row is not negative so many columns to either side: as
+// many as a packet has to either side of its centre.
+#define MOST_COLUMNS (PACKET_COLUMNS / 2)

@@ -1,0 +1,118 @@
+// What kernels compute where a bound counts its error, of one candidate of CANDIDATE numbers per
+// work-item: a number that has the error, and the bound.  `leaf`: (9, 16), equal triangles.
+#include "numerics.cl"
+#ifdef HALF_COLUMNS
+#undef MOST_COLUMNS
+#define MOST_COLUMNS (PACKET_COLUMNS / 4)
+#endif
+#include "shadow_mask.cl"
+
+#define CANDIDATE 16
+#define FIRST(v) ((const float *)&(v))[0]
+
+// Corners p and q, steps s, t and of elements a, b, half extent, and a ray's x, y, u, v: twice the
+// edge function there, widened by its bound.
+kernel void edges(global const float *in, global const float *leaf, global float *out)
+{
+    in += CANDIDATE * get_global_id(0);
+    const Bundle r = {0, 0, 0, 0, in[6], in[6], in[7], in[7], in[8], in[9], in[10]};
+    vf error;
+    const Vec p = spread3(vload3(0, in)), q = spread3(vload3(1, in));
+    const WideAffine wide = edge_functions(p, q, &r, 0, &error);
+    Affine e = affine_of(&wide, 0);
+    e.of[ONE] += FIRST(error);
+    const vf value = edge_row(e, (Row){in[11], in[12], in[13], in[14]});
+    vstore2((float2)(FIRST(value), FIRST(error)), get_global_id(0), out);
+}
+
+// An affine function and the half extent: its spread.
+kernel void spreads(global const float *in, global const float *leaf, global float *out)
+{
+    in += CANDIDATE * get_global_id(0);
+    WideAffine e;
+    for (int k = 0; k < AFFINE_TERMS; ++k) e.of[k] = in[k];
+    const vf spread = affine_spread(e, in[10]) * BOUND_SLACK;
+    vstore2((float2)(FIRST(spread), BOUND_SLACK - 1.0f), get_global_id(0), out);
+}
+
+// The rays about row and column c of an element of o, d, s and t.
+inline Bundle rays_about(global const float *in, float c, float half_extent)
+{
+    const float s = in[4], t = in[5];
+    return (Bundle){fma(c, s, in[0]), fma(c, s, in[1]), fma(c, t, in[2]), fma(c, t, in[3]),
+                    s, s, t, t, 0, 0, half_extent};
+}
+
+// The edge function opposite r at a ray on the diagonal of a block.
+inline float edge_at(const Bundle *r, global const float *leaf, int of_packet, float at, vf *error)
+{
+    const Corners v = shear_corners(r, leaf);
+    const Vec p = corner_of(&v, 0), q = corner_of(&v, 1);
+    const WideAffine wide = edge_functions(p, q, r, of_packet, error);
+    Affine e = affine_of(&wide, 0);
+    if (of_packet) e.of[ONE] += FIRST(*error);
+    const vf value = edge_row(e, (Row){at, at, 0, 0});
+    return FIRST(value);
+}
+
+// An element, the places in it of a packet's centre and a block's, and of a ray from the latter:
+// how much more the packet's widened edge function is than the block's.
+kernel void packets(global const float *in, global const float *leaf, global float *out)
+{
+    in += CANDIDATE * get_global_id(0);
+    leaf += CORNERS * NODE_WIDTH * get_global_id(0);
+    const Bundle all = rays_about(in, in[6], 31.5f), one = rays_about(in, in[7], 7.5f);
+    vf error, unused;
+    const float wide = edge_at(&all, leaf, 1, in[7] + in[8] - in[6], &error);
+    const float own = edge_at(&one, leaf, 0, in[8], &unused);
+    vstore2((float2)(wide - own, FIRST(error)), get_global_id(0), out);
+}
+
+// Likewise: the first corner's x from the packet's centre ray.
+kernel void corners(global const float *in, global const float *leaf, global float *out)
+{
+    in += CANDIDATE * get_global_id(0);
+    const Bundle all = rays_about(in, in[6], 31.5f);
+    const Corners v = shear_corners(&all, leaf + CORNERS * NODE_WIDTH * get_global_id(0));
+    const Axis x = make_axis(&all, all.sx, all.tx, all.ox, all.dx, v.x, v.z);
+    vstore2((float2)(FIRST(v.x.of[0]), FIRST(x.error)), get_global_id(0), out);
+}
+
+// A ray's origin and direction, and the places of a box's sides in its way along x and y: the ratio
+// of the distances that the kernels find.
+kernel void boxes(global const float *in, global float *leaf, global float *out)
+{
+    in += CANDIDATE * get_global_id(0);
+    leaf += CORNERS * NODE_WIDTH * get_global_id(0);
+    private float near[2][LANES];
+    int exponent;
+    const Ray r = scaled_ray(vload3(0, in), vload3(1, in), &exponent);
+    for (int k = 0; k < 2; ++k) {
+        for (int side = 0; side < 6 * NODE_WIDTH; ++side) leaf[side] = side < 3 * NODE_WIDTH ? -FAR : FAR;
+        for (int lane = 0; lane < NODE_WIDTH; ++lane) leaf[k * NODE_WIDTH + lane] = in[6 + k];
+        ray_meets(&r, leaf, FAR, near[k]);
+    }
+    vstore2((float2)(near[0][0] / near[1][0], RAY_SLACK - 1.0f), get_global_id(0), out);
+}
+
+// A function that is zero along a row of a packet, its row, and the first column and row of a
+// block: the rays that it and its negative, as an occluder's edge, leave lit.
+kernel void columns(global const float *in, global const float *leaf, global float *out)
+{
+    in += CANDIDATE * get_global_id(0);
+    ShadowMask m;
+    m.first = (float2)(in[4], in[5]);
+    for (int k = 0; k < ROW_GROUPS; ++k) m.lit[k] = (1 << BLOCK) - 1;
+    for (int side = -1; side < 2; side += 2) {
+        private float lines[4][LINE_ROWS][LANES];
+        for (int k = 0; k < 4; ++k) {
+            WideAffine e;
+            for (int term = 0; term < 3; ++term) e.of[term] = k ? term == ONE : side * in[term];
+            store_line(e, m.first.x, lines[k]);
+        }
+        mask_out(lines, 0, &m);
+    }
+    private int lit[BLOCK];
+    for (int k = 0; k < ROW_GROUPS; ++k) VSTORE(m.lit[k], lit + k * LANES);
+    vstore2((float2)(lit[(int)(in[3] - m.first.y)], 0.0f), get_global_id(0), out);
+}

@@ -1,0 +1,215 @@
+"""Bounds of rounding errors (docs/numerics.md): never exceeded, and more than half of each is used.
+
+Candidates are searched for large shares of the bound: the best are kept, their numbers changed by
+a few units in the last place or by powers of two.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tracing_scenes import scene
+
+from lfcore.opencl.device import build_program, cl
+from lfcore.optics.bundles import Bundles
+from lfcore.tracing import layouts
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
+
+pytestmark = pytest.mark.kernels
+
+KERNELS = Path(__file__).with_name("bounds.cl")
+DEFINES = {"TEXTURES": 0, "SINGLE_RAYS": 0, "SMOOTH": 0, "VERTEX_COLOURS": 0, "CURVED": 0}
+CANDIDATE, ROUNDS, KEPT, CHILDREN = 16, 40, 300, 30
+
+
+def runner(device, name, **defines):
+    """Candidates (K, 16) and triangles (K, 9), if any -> two numbers of each, (2, K) float64."""
+    program = build_program(device, [str(KERNELS)], DEFINES | defines, layouts.header())
+    kernel = cl.Kernel(program, name)
+
+    def run(candidates, triangles=None):
+        triangles = np.zeros((len(candidates), 9)) if triangles is None else triangles
+        found = np.zeros((len(candidates), 2), np.float32)
+        leaves = np.repeat(triangles[:, :, None], 16, axis=2).astype(np.float32)
+        buffers = [device.buffer(np.float32(candidates)), device.buffer(leaves)]
+        output = device.empty(found.nbytes)
+        kernel(device.queue, (len(candidates),), None, *buffers, output)
+        cl.enqueue_copy(device.queue, found, output)
+        return found.T.astype(np.float64)
+
+    return run
+
+
+def largest_share(share, seed=0):
+    """The largest ``share`` (K,) of candidates (K, 16) float32 that is found."""
+    rng = np.random.default_rng(seed)
+    count = KEPT * CHILDREN * 4
+    signs = rng.choice([-1, 0, 1], (count, CANDIDATE), p=[0.4, 0.2, 0.4])
+    mantissa = 1 + rng.integers(0, 1 << rng.integers(1, 23), signs.shape) * 2.0**-23
+    candidates = np.float32(signs * mantissa * 2.0 ** rng.integers(-6, 7, signs.shape))
+    for _ in range(ROUNDS):
+        with np.errstate(all="ignore"):
+            found = np.nan_to_num(share(candidates), posinf=0, neginf=0)
+        best = np.argsort(-found)[:KEPT]
+        kept, children = candidates[best], np.repeat(candidates[best], CHILDREN, axis=0)
+        row, column = np.arange(len(children)), rng.integers(0, CANDIDATE, (2, len(children)))
+        step = 2.0**-23 * rng.integers(-64, 65, len(children)) * 2.0 ** rng.integers(-3, 8)
+        children[row, column[0]] *= np.float32(1 + step)
+        children[row, column[1]] *= np.float32(2.0 ** rng.integers(-1, 2, len(children)))
+        candidates = np.concatenate([kept, children])
+    return found.max()
+
+
+def between(numbers, low, high):
+    """Numbers to whole ones from low to high."""
+    return low + np.floor(np.abs(np.float64(numbers)) * 1e6) % (high - low + 1)
+
+
+def share_of_edges(run, outer):
+    def share(candidates):
+        half = (16 // outer - 1) / 2
+        c = candidates.astype(np.float64)
+        c[:, 10] = half
+        c[:, 11:13] = between(c[:, 11:13], 0, 2 * half) - half
+        c[:, 13:15] = between(c[:, 13:15], 0, outer - 1) - (outer - 1) / 2
+        p, q, (s, t, a, b), (x, y, u, v) = c[:, :3], c[:, 3:6], c[:, 6:10].T, c[:, 11:15].T
+        d = q - p
+        n = np.cross(p + q, d)
+        exact = n[:, 2] + (x * t + u * b) * n[:, 0] + (y * t + v * b) * n[:, 1]
+        exact += 2 * ((y * s + v * a) * d[:, 0] - (x * s + u * a) * d[:, 1])
+        exact -= 2 * (y * u - x * v) * (s * b - a * t) * d[:, 2]
+        value, bound = run(c)
+        return np.abs(value - bound - exact) / bound
+
+    return share
+
+
+def share_of_spreads(run, outer):
+    def share(candidates):
+        c = np.abs(candidates.astype(np.float64))
+        half, outer_half = (16 // outer - 1) / 2, (outer - 1) / 2
+        c[:, 10] = half
+        exact = half * (c[:, 1] + c[:, 2])
+        exact += outer_half * (c[:, 3] + c[:, 4] + 2 * half * c[:, 5])
+        found, slack = run(c)
+        return (1 + slack - found / exact) / slack
+
+    return share
+
+
+def placed(c):
+    """A packet about the middle of 4096 columns, a block at its end, the latter's last ray, and
+    the origin and direction there in x, as the block has them."""
+    c[:, 6] = between(c[:, 6], 0, 63) * 64 + 31.5 - 2047.5
+    end = np.sign(c[:, 7] + 1e-9)
+    c[:, 7], c[:, 8] = c[:, 6] + 24 * end, 7.5 * end
+    rays = c[:, 0:4] + c[:, 7:8] * np.repeat(c[:, 4:6], 2, axis=1)
+    return np.float32(rays).astype(np.float64)
+
+
+def share_of_packets(run, outer):
+    """Of rays on an edge: its corners are beside the ray, one to each side."""
+
+    def share(candidates):
+        c = candidates.astype(np.float64)
+        rays = placed(c) + c[:, 8:9] * np.repeat(c[:, 4:6], 2, axis=1)
+        corners = np.zeros((len(c), 3, 3))
+        corners[:, :2, 2] = np.abs(c[:, 9:11])
+        corners[:, :2, :2] = rays[:, None, :2] + corners[:, :2, 2:] * rays[:, None, 2:]
+        corners[:, 0, :2] += c[:, 11:13]
+        corners[:, 1, :2] -= c[:, 11:13] * np.abs(c[:, 13:14])
+        corners = np.float32(corners).astype(np.float64)
+        beside = corners[:, :2, :2] - rays[:, None, :2] - corners[:, :2, 2:] * rays[:, None, 2:]
+        on_edge = (beside[:, 0] * beside[:, 1] <= 0).all(1)
+        found, bound = run(c, corners.reshape(-1, 9))
+        return np.abs(found - bound) / bound * on_edge
+
+    return share
+
+
+def share_of_corners(run, outer):
+    def share(candidates):
+        c = candidates.astype(np.float64)
+        rays = placed(c)
+        x, z, away = c[:, 9], np.abs(c[:, 10]), c[:, 7] - c[:, 6]
+        corners = np.zeros((len(c), 9))
+        corners[:, 0::3], corners[:, 2::3] = x[:, None], z[:, None]
+        found, bound = run(c, corners)
+        exact = x - (rays[:, 0] - away * c[:, 4]) - z * (rays[:, 2] - away * c[:, 5])
+        return np.abs(found - exact) / bound
+
+    return share
+
+
+def share_of_boxes(run, outer):
+    def share(candidates):
+        c = candidates.astype(np.float64)
+        found, slack = run(c)
+        exact = (c[:, 6] - c[:, 0]) / c[:, 3] / ((c[:, 7] - c[:, 1]) / c[:, 4])
+        return (found / exact - 1) / slack * (found > 0)
+
+    return share
+
+
+@pytest.mark.parametrize(
+    ("name", "shares", "outer"),
+    [
+        ("edges", share_of_edges, 1),
+        ("edges", share_of_edges, 4),
+        ("spreads", share_of_spreads, 4),
+        ("packets", share_of_packets, 1),
+        ("corners", share_of_corners, 1),
+        ("boxes", share_of_boxes, 1),
+    ],
+)
+def test_more_than_half_of_a_bound_is_used(device, name, shares, outer):
+    assert 0.5 < largest_share(shares(runner(device, name, OUTER=outer), outer)) <= 1
+
+
+@pytest.mark.parametrize("halved", [False, True])
+def test_edges_along_rows_leave_no_ray_between_occluders(device, halved):
+    rng = np.random.default_rng(0)
+    candidates = np.zeros((100_000, CANDIDATE))
+    candidates[:, 4:6] = rng.choice([-31.5, -15.5, 0.5, 16.5], (len(candidates), 2))
+    candidates[:, 3] = candidates[:, 5] + rng.integers(0, 16, len(candidates))
+    # Few bits, so that the function is zero along the row to the last bit, or nothing at all.
+    slopes = rng.integers(-(2**17), 2**17, len(candidates)) * (rng.random(len(candidates)) < 0.9)
+    candidates[:, 2] = slopes * 2.0 ** rng.integers(-30, 30, len(candidates))
+    candidates[:, 0] = -candidates[:, 3] * candidates[:, 2]
+    defines = {"HALF_COLUMNS": 1} if halved else {}
+    assert runner(device, "columns", OUTER=1, **defines)(candidates)[0].any() == halved
+
+
+def strips(step, direction, columns=2048):
+    """A wall from edges that are, each, between the last ray of a packet and that of its block."""
+    rng, middle = np.random.default_rng(0), (columns - 1) / 2
+    centre = np.arange(0, columns, 64) + 31.5 - middle
+    ends = []
+    for end in (-1, 1):
+        packet, block = (
+            np.float32((centre + away * end) * step + direction) + (31.5 - away) * end * float(step)
+            for away in (0, 24)
+        )
+        ends.append(block + 0.12 * (packet - block))
+    ends = np.stack(ends, 1).reshape(-1, 1)
+    depth = np.float32(rng.uniform(1, 1.001, (len(ends), 3000)))
+    best = np.abs(np.float32(ends * depth) / depth.astype(np.float64) - ends).argmin(1)
+    depth = np.r_[np.float32(1), depth[np.arange(len(ends)), best], np.float32(1)]
+    across = np.r_[-2, np.float32(ends[:, 0] * depth[1:-1]), 2]
+    low, high = (np.stack([across, np.full_like(across, y), depth], 1) for y in (-2, 2))
+    left = np.stack([low[:-1], low[1:], high[1:]], 1), np.stack([low[:-1], high[1:], high[:-1]], 1)
+    return np.concatenate(left)
+
+
+def test_no_ray_passes_between_a_packets_triangles_and_its_blocks(device):
+    """A packet's triangles are culled once, relative to a centre ray that is rounded otherwise."""
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        step, direction = np.float32(rng.uniform([4.5e-4, 0.3], [5.4e-4, 0.45]))
+        world = scene(strips(step, direction))
+        tracer = Tracer(world, build_bvh(world.triangles), device, outer=1, single_rays=False)
+        rays = Bundles(
+            np.float32([[0, 0, direction, 0]]), np.float32([0, 0, step, step]), 2048, 64, step
+        )
+        assert (tracer.bundle_hits(rays)[0] >= 0).all()
