@@ -152,6 +152,12 @@ def report(planes: list[SensorPlane]) -> None:
     note(planes=[{"focus_m": plane.focus_m, "f_number": plane.f_number} for plane in planes])
 
 
+def say_doubts(planes: list[SensorPlane], field: lfcore.LightField) -> None:
+    """Say what of the pictures is beyond what the file holds, once each."""
+    for line in dict.fromkeys(line for plane in planes for line in field.doubts(plane)):
+        say(line)
+
+
 def labels(planes: list[SensorPlane], field: lfcore.LightField) -> list[str]:
     """Words below each picture: focus and f-number, or disparity where distances are not known."""
     if field.metric:

@@ -72,6 +72,7 @@ def run(arguments: argparse.Namespace) -> None:
     planes = plane_options.read_planes(arguments, field)
     if field.metric:
         plane_options.report(planes)
+    plane_options.say_doubts(planes, field)
     pictures = make_pictures(arguments, field, planes)
     plane_options.save(arguments.output, planes, pictures, arguments.bits, field)
 

@@ -86,6 +86,7 @@ def run(arguments: argparse.Namespace) -> None:
         refuse("--sheet", "a contact sheet is no film", "Write a .png")
     field = open_field(arguments)
     planes = stack_planes(arguments, field)
+    plane_options.say_doubts(planes, field)
     make = _make_in_blocks if arguments.method == "blocks" else make_pictures
     pictures = make(arguments, field, planes)
     if film:

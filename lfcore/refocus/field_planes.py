@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Unpack
 
@@ -25,6 +26,10 @@ from lfcore.storage.lightfield import LightFieldFile
 
 FARTHEST = 0.9
 """The inverse depth that is a miss, at most: a share of that of the farthest surface."""
+
+
+CLOSE = 1.1
+"""The ratio of f-numbers that views should tell apart, and of a focus to the nearest surface."""
 
 
 class FieldPlanes(LightFieldFile):
@@ -106,6 +111,41 @@ class FieldPlanes(LightFieldFile):
         except OpticsError as error:
             raise error.named(OpticsError, file=self.path) from None
         return plane
+
+    def doubts(self, plane: SensorPlane) -> list[str]:
+        """Say what of a picture is beyond what the file holds.
+
+        Parameters
+        ----------
+        plane : SensorPlane
+            What :meth:`plane` returns.
+
+        Returns
+        -------
+        list of str
+            A line each: no surface is in focus, or the views cannot tell the f-number from others.
+        """
+        found, slab, aperture = [], self.require_slab(), plane.lens_aperture(self.require_slab())
+        if self.metric and self.depth_range:
+            near, far = self.depth_range
+            if not near / CLOSE <= plane.focus_m <= far * CLOSE:
+                found.append(
+                    f"nothing is in focus at {plane.focus_m:.4g} m: what is seen is from "
+                    f"{near:.4g} to {far:.4g} m"
+                )
+        if self.metadata.depth is None:
+            lens = slab.lens_positions()
+            wider, same, narrower = (
+                replace(aperture, radius_m=aperture.radius_m * by).contains(lens, lens[:, None])
+                for by in (CLOSE, 1.0, 1 / CLOSE)
+            )
+            if (wider == narrower).all():
+                first, last = plane.f_number / CLOSE, plane.f_number * CLOSE
+                found.append(
+                    f"f/{first:.3g} to f/{last:.3g} give the same picture: {same.sum()} of "
+                    f"{slab.views**2} views are open; depth, or more views, would tell them apart"
+                )
+        return found
 
     def _focus(self, focus_m: float | str | None, place: Sequence[float] | None) -> float | None:
         """The focus distance in metres; None for the recorded one."""

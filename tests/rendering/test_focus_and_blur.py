@@ -101,6 +101,23 @@ def test_words_in_a_file_of_plain_views(scene, tmp_path):
         field.plane("near")
 
 
+def test_what_a_file_cannot_tell_is_said(field, scene, tmp_path):
+    near, far = field.depth_range
+    assert field.doubts(field.plane("middle", 22)) == []
+    for focus_m in (near / 2, 2 * far):
+        (line,) = field.doubts(field.plane(focus_m))
+        assert line.startswith("nothing is in focus")
+    plain = lfcore.record(
+        scene, tmp_path / "a.mkv", views=8, pixels=16, encoding=lfcore.Encoding(depth=False)
+    )
+    widest = scene.camera.f_number
+    assert plain.doubts(plain.plane("middle")) == []
+    (line,) = plain.doubts(plain.plane("middle", 5 * widest))
+    assert "give the same picture: 4 of 64 views" in line
+    first, last = (plain.plane("middle", 5 * widest * by) for by in (0.95, 1.05))
+    np.testing.assert_array_equal(*plain.refocus_many([first, last]))
+
+
 def test_a_pinhole_is_recorded_through_a_lens(pinhole, tmp_path):
     assert pinhole.is_pinhole and not pinhole.with_lens().is_pinhole
     field = lfcore.record(pinhole, tmp_path / "a.mkv", pixels=64)
