@@ -25,8 +25,9 @@ from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import exclude_twice
-from lfcore.optics.lattice import Lattice, whole_number
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
+from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Slab
 from lfcore.progress import Progress
 from lfcore.rendering.by_depth import pictures_by_depth
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
     from lfcore.lightfield import LightField
 
 FILTERS = ("depth", "nearest")
-MOST_PIXELS = 65536
 VIEWS = 16
 """The default lens samples per side where rays count in the pixel that they fall on."""
 # Video and exposure are imported by the functions that need them: a picture is there sooner.
@@ -101,7 +101,7 @@ def render(
     focus_at: Sequence[float] | None = None,
     blur: float | str | None = None,
     planes: Sequence[SensorPlane] | None = None,
-    pixels: int = 256,
+    pixels: Pixels = 256,
     views: int | Lattice | None = None,
     filter: str = "depth",
     quality: Quality | None = None,
@@ -124,12 +124,13 @@ def render(
         picture's upper left corner.
     blur : float or str, optional
         Instead of ``f_number``, the diameter of the blur at the end of what is seen that is more
-        out of focus: a share of the picture's width, 0.03 or ``"3%"``.
+        out of focus: a share of the picture's shorter side, 0.03 or ``"3%"``.
     planes : sequence of SensorPlane, optional
         Several pictures from the same rays, instead of focus and aperture; see
         :meth:`Scene.plane`.
-    pixels : int
-        M, the pictures' side.
+    pixels : int or (int, int)
+        The side of square pictures, or width and height.  The camera's field is that of the shorter
+        side.
     views : int or Lattice, optional
         Lens samples per side, with 2 x 2 rays per pixel each, or the whole lattice.  Default: 8;
         with the filter ``nearest`` 16, with 1 ray per pixel each.
@@ -147,8 +148,8 @@ def render(
     Returns
     -------
     ndarray
-        (M, M, 3) float32, linear light; with ``planes`` (P, M, M, 3).  A single picture is traced
-        at its own focus.
+        (height, width, 3) float32, linear light; with ``planes`` (P, height, width, 3).  A single
+        picture is traced at its own focus.
 
     Raises
     ------
@@ -161,7 +162,7 @@ def render(
     -----
     Source: docs/notebook/true-picture.md; thesis, Algorithm 1 and section 6.3.2.
     """
-    pixels = whole_number("pixels", pixels, MOST_PIXELS)
+    size = Size.of(pixels)
     if quality is not None:
         if views is not None or filter != "depth":
             raise OpticsError(
@@ -170,20 +171,18 @@ def render(
             )  # fmt: skip
         found = render_to_quality(
             scene, quality, focus_m, f_number, focus_at=focus_at, blur=blur, planes=planes,
-            pixels=pixels, device=device, progress=progress,
+            pixels=size, device=device, progress=progress,
         ).pictures  # fmt: skip
         return found[0] if planes is None else found
     lattice = lattice_to_trace(filter, views)
     asked = {"focus_m": focus_m, "f_number": f_number, "focus_at": focus_at, "blur": blur}
-    wanted = _wanted_planes(scene, planes, asked)
+    wanted = _wanted_planes(scene, planes, asked, size)
     camera = _lens_for(scene, wanted)
     tracer = open_tracer(scene, device)
     if filter == "depth":
-        made = pictures_by_depth(tracer, camera, wanted, pixels, lattice, progress=progress)
+        made = pictures_by_depth(tracer, camera, wanted, size, lattice, progress=progress)
     else:
-        slab = Slab(camera, lattice.views, lattice.side(pixels))
-        coarse = [replace(plane, pixels=pixels) for plane in wanted]
-        made = _nearest(tracer, slab, coarse, progress)
+        made = _nearest(tracer, camera, wanted, lattice, size, progress)
     return made[0] if planes is None else made
 
 
@@ -216,7 +215,7 @@ def render_to_quality(
     focus_at: Sequence[float] | None = None,
     blur: float | str | None = None,
     planes: Sequence[SensorPlane] | None = None,
-    pixels: int = 256,
+    pixels: Pixels = 256,
     device: Device | str | None = None,
     progress: Progress | None = None,
 ) -> Rendering:
@@ -241,8 +240,9 @@ def render_to_quality(
         As in :func:`render`.
     planes : sequence of SensorPlane, optional
         As in :func:`render`.
-    pixels : int
-        M, the pictures' side.
+    pixels : int or (int, int)
+        The side of square pictures, or width and height.  The camera's field is that of the shorter
+        side.
     device : Device or str, optional
         An open device, or part of its name.
     progress : callable, optional
@@ -251,7 +251,7 @@ def render_to_quality(
     Returns
     -------
     Rendering
-        The pictures (P, M, M, 3), their rays and their expected errors.
+        The pictures (P, height, width, 3), their rays and their expected errors.
 
     Raises
     ------
@@ -266,19 +266,19 @@ def render_to_quality(
     """
     if quality.focus_range_m is not None:
         raise OpticsError("belongs to a light field", key="focus_range_m", remedy="Give planes")
-    pixels = whole_number("pixels", pixels, MOST_PIXELS)
+    size = Size.of(pixels)
     asked = {"focus_m": focus_m, "f_number": f_number, "focus_at": focus_at, "blur": blur}
-    wanted = _wanted_planes(scene, planes, asked)
+    wanted = _wanted_planes(scene, planes, asked, size)
     camera = _lens_for(scene, wanted)
     tracer = open_tracer(scene, device)
-    return QualitySearch(tracer, camera, wanted, pixels, quality).pictures(progress)
+    return QualitySearch(tracer, camera, wanted, size, quality).pictures(progress)
 
 
 def _wanted_planes(
-    scene: Scene, planes: Sequence[SensorPlane] | None, asked: dict[str, Any]
+    scene: Scene, planes: Sequence[SensorPlane] | None, asked: dict[str, Any], size: Size
 ) -> list[SensorPlane]:
     if planes is None:
-        return [scene.plane(**asked)]
+        return [scene.plane(**asked, pixels=size)]
     for name, value in asked.items():
         exclude_twice(**{name: value, "planes": planes})
     return list(planes)
@@ -300,13 +300,17 @@ def _lens_for(scene: Scene, planes: list[SensorPlane]) -> Camera:
 
 
 def _nearest(
-    tracer: Tracer, slab: Slab, planes: list[SensorPlane], progress: Progress | None
+    tracer: Tracer,
+    camera: Camera,
+    planes: list[SensorPlane],
+    lattice: Lattice,
+    size: Size,
+    progress: Progress | None,
 ) -> np.ndarray:
+    coarse = [replace(plane, pixels=size.longer) for plane in planes]
     if len(planes) > 1:
-        return trace_planes(tracer, slab, planes, progress=progress)
-    return trace_picture(
-        tracer, slab.camera, slab.pixels, planes[0], views=slab.views, progress=progress
-    )[None]
+        return trace_planes(tracer, Slab.of(camera, lattice, size), coarse, progress=progress)
+    return trace_picture(tracer, camera, size, coarse[0], views=lattice, progress=progress)[None]
 
 
 def record(
@@ -314,7 +318,7 @@ def record(
     path: str | Path,
     *,
     views: int | Lattice | None = None,
-    pixels: int = 256,
+    pixels: Pixels = 256,
     focus_m: float | str | None = None,
     f_number: float | None = None,
     focus_at: Sequence[float] | None = None,
@@ -345,8 +349,9 @@ def record(
         it stores fewer, 4 x 4 up to N = 16 and the root of N beyond.  A :class:`Lattice` is stored
         as it is.  With ``encoding.depth=False`` N x N views are stored as they are, without depth;
         16 x 16 by default.
-    pixels : int
-        M, the side of the pictures that the file is for.
+    pixels : int or (int, int)
+        The side of the pictures that the file is for, or their width and height.  The camera's
+        field is that of the shorter side.
     focus_m : float or str, optional
         Focus distance in metres, ``math.inf`` allowed; ``"near"``, ``"middle"``, ``"far"`` or
         ``"40%"`` of the depth that is seen.  Default: the scene's.
@@ -357,7 +362,7 @@ def record(
         picture's upper left corner.
     blur : float or str, optional
         Instead of ``f_number``, the diameter of the blur at the end of what is seen that is more
-        out of focus: a share of the picture's width, 0.03 or ``"3%"``.
+        out of focus: a share of the picture's shorter side, 0.03 or ``"3%"``.
     quality : Quality, optional
         Choose rays and rate factor for a quality of pictures through the whole lens, instead of
         ``views``.  A pilot of a tenth of the rays predicts how many are needed, small light fields
@@ -391,9 +396,9 @@ def record(
     from lfcore.rendering.record import record_slab
     from lfcore.rendering.record_depth import depth_store, record_by_depth
 
-    pixels = whole_number("pixels", pixels, MOST_PIXELS)
+    size = Size.of(pixels)
     scene, content = _with_lens(scene, f_number, blur)
-    plane = scene.plane(focus_m, f_number, focus_at=focus_at, blur=blur)
+    plane = scene.plane(focus_m, f_number, focus_at=focus_at, blur=blur, pixels=size)
     camera = recorded_camera(scene.camera, plane.focus_m, plane.f_number)
     encoding = encoding or Encoding()
     if quality is not None:
@@ -403,19 +408,19 @@ def record(
                 remedy="Leave out views and depth",
             )  # fmt: skip
         tracer = open_tracer(scene, device)
-        views, encoding, content["expected"] = _planned(tracer, camera, pixels, quality, encoding)
+        views, encoding, content["expected"] = _planned(tracer, camera, size, quality, encoding)
     by_depth, lattice = lattice_to_store(encoding.depth, views)
     if by_depth and views is not None and not isinstance(views, Lattice):
         content["views"] = int(views)
     spec = chosen_encoding(lattice.views, encoding, by_depth=by_depth)
     if by_depth:
         kind = encoding.layout or "views"
-        slab, store = depth_store(camera, lattice, pixels, spec, kind=kind)
+        slab, store = depth_store(camera, lattice, size, spec, kind=kind)
         tracer = open_tracer(scene, device)
         record_by_depth(path, tracer, slab, store, content=content, progress=progress)
     else:
-        slab = Slab(camera, lattice.views, lattice.side(pixels))
-        frames = frame_layout(slab.views, slab.pixels, spec.stored_format, kind=encoding.layout)
+        slab = Slab.of(camera, lattice, size)
+        frames = frame_layout(slab.views, slab.size, spec.stored_format, kind=encoding.layout)
         tracers = open_tracers(scene, device)
         record_slab(path, tracers, slab, frames, spec, content=content, progress=progress)
     return LightField.open(path)
@@ -434,24 +439,24 @@ def _with_lens(
 
 
 def _planned(
-    tracer: Tracer, camera: Camera, pixels: int, quality: Quality, encoding: Encoding
+    tracer: Tracer, camera: Camera, size: Size, quality: Quality, encoding: Encoding
 ) -> tuple[Lattice, Encoding, dict]:
     """The lattice that a pilot chooses, the encoding that trials choose, and what the file says of
     its quality."""
     from lfcore.rendering.depth import depth_range
     from lfcore.rendering.trials import OF_RAYS, Trials, share_db, together_db
 
-    near_far = quality.focus_range_m or depth_range(tracer, Slab(camera, 4, pixels))
+    near_far = quality.focus_range_m or depth_range(tracer, Slab.of(camera, 4, size))
     planes = planes_between(camera, *(near_far or (math.inf, math.inf)))
     codec_takes = encoding.crf is None and not encoding.lossless
     wanted = share_db(quality.quality_db, OF_RAYS) if codec_takes else quality.quality_db
     of_rays = replace(quality, quality_db=wanted)
-    planned = QualitySearch(tracer, camera, planes, pixels, of_rays).plan()
+    planned = QualitySearch(tracer, camera, planes, size, of_rays).plan()
     spec = chosen_encoding(planned.lattice.views, encoding, by_depth=True)
     found = {"focus_m": [planes[0].focus_m, planes[-1].focus_m]}
     if encoding.lossless:
         return planned.lattice, encoding, found | {"db": round(planned.expected_db, 2)}
-    trials = Trials(tracer, camera, planned.lattice, pixels, planes, spec)
+    trials = Trials(tracer, camera, planned.lattice, size, planes, spec)
     if codec_takes:
         crf, codec_db = trials.chosen(share_db(quality.quality_db, 1 - OF_RAYS))
         encoding = replace(encoding, crf=crf)

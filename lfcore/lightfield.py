@@ -6,6 +6,7 @@ picture = lfcore.LightField.open("lightfield.mkv").refocus(focus_m=3.2, f_number
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,8 @@ from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane, check_keywords
-from lfcore.optics.slab import Slab
+from lfcore.optics.size import Pixels
+from lfcore.optics.slab import Extent, Slab
 from lfcore.refocus.field_planes import FieldPlanes
 from lfcore.refocus.focal_stack import focal_stack
 from lfcore.refocus.free_views import served_positions, views_at
@@ -26,7 +28,7 @@ from lfcore.refocus.from_views import store_arrays
 from lfcore.refocus.resampling import check_filter
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
-from lfcore.refocus.stored_depth import slice_stored
+from lfcore.refocus.stored_depth import picture_side, slice_stored
 from lfcore.refocus.views import read_views
 from lfcore.rendering.depth import all_in_focus, all_samples, depth_of_views
 from lfcore.rendering.prepared import open_tracer
@@ -141,7 +143,7 @@ class LightField(FieldPlanes):
         *,
         method: str | None = None,
         filter: str | None = None,
-        pixels: int | None = None,
+        pixels: Pixels | None = None,
         device: Device | str | None = None,
         progress: Progress | None = None,
         **more: Any,
@@ -156,7 +158,7 @@ class LightField(FieldPlanes):
             As in :meth:`plane`.
         method, filter : str, optional
             As in :meth:`refocus_many`.
-        pixels : int, optional
+        pixels : int or (int, int), optional
             As in :meth:`refocus_many`.
         device : Device or str, optional
             An open device, or part of its name.
@@ -168,7 +170,7 @@ class LightField(FieldPlanes):
         Returns
         -------
         ndarray
-            (M, M, 3) float32, linear light.
+            (height, width, 3) float32, linear light.
 
         Raises
         ------
@@ -190,7 +192,7 @@ class LightField(FieldPlanes):
         *,
         method: str | None = None,
         filter: str | None = None,
-        pixels: int | None = None,
+        pixels: Pixels | None = None,
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> np.ndarray:
@@ -207,9 +209,10 @@ class LightField(FieldPlanes):
             ``depth`` spreads each ray over the part of the picture that its part of the lens
             sweeps, as :func:`lfcore.render` does: the default where the file holds depth.
             ``nearest``, the default else, or ``bilinear``.
-        pixels : int, optional
-            M.  Default: by depth the pixels that the file was traced for, else those of its views.
-            Slicing adds rays to pictures coarser than the views by their exact place.
+        pixels : int or (int, int), optional
+            The longer side, or width and height.  Default: by depth the pixels that the file was
+            traced for, else those of its views.  Slicing adds rays to pictures coarser than the
+            views by their exact place.
         device : Device or str, optional
             An open device, or part of its name.
         progress : callable, optional
@@ -218,7 +221,7 @@ class LightField(FieldPlanes):
         Returns
         -------
         ndarray
-            (P, M, M, 3) float32, linear light.
+            (P, height, width, 3) float32, linear light.
 
         Raises
         ------
@@ -242,7 +245,7 @@ class LightField(FieldPlanes):
         *,
         fast: bool = False,
         filter: str | None = None,
-        pixels: int | None = None,
+        pixels: Pixels | None = None,
         device: Device | str | None = None,
         progress: Progress | None = None,
         **more: Any,
@@ -262,7 +265,7 @@ class LightField(FieldPlanes):
             within half a pixel of blur at the rim of the lens.  Takes neither filter nor pixels.
         filter : str, optional
             As in :meth:`refocus_many`.
-        pixels : int, optional
+        pixels : int or (int, int), optional
             As in :meth:`refocus_many`.
         device : Device or str, optional
             An open device, or part of its name.
@@ -274,7 +277,8 @@ class LightField(FieldPlanes):
         Returns
         -------
         ndarray
-            (P, M, M, 3) float32, linear light: for each distance every f-number, in their order.
+            (P, height, width, 3) float32, linear light: for each distance every f-number, in their
+            order.
 
         Raises
         ------
@@ -308,7 +312,7 @@ class LightField(FieldPlanes):
     def views_at(
         self,
         points_m: np.ndarray,
-        pixels: int | None = None,
+        pixels: Pixels | None = None,
         *,
         device: Device | str | None = None,
         progress: Progress | None = None,
@@ -319,8 +323,8 @@ class LightField(FieldPlanes):
         ----------
         points_m : array_like
             (K, 2) metres: s to the right and t down.
-        pixels : int, optional
-            The pictures' side.  Default: the pixels that the file was traced for.
+        pixels : int or (int, int), optional
+            The longer side, or width and height.  Default: as the file was traced for.
         device : Device or str, optional
             An open device, or part of its name.
         progress : callable, optional
@@ -329,7 +333,7 @@ class LightField(FieldPlanes):
         Returns
         -------
         ndarray
-            (K, pixels, pixels, 3) float32, linear light, all in focus.
+            (K, height, width, 3) float32, linear light, all in focus.
 
         Raises
         ------
@@ -364,7 +368,7 @@ class LightField(FieldPlanes):
         Returns
         -------
         ndarray
-            (K, M, M) float32, metres along the axis, infinity for a miss; see
+            (K, height, width) float32, metres along the axis, infinity for a miss; see
             :func:`lfcore.rendering.depth.disparity` for pixels.
 
         Raises
@@ -398,7 +402,8 @@ class LightField(FieldPlanes):
         Returns
         -------
         ndarray
-            (M, M, 3) float32, linear light; see :func:`lfcore.rendering.depth.all_in_focus`.
+            (height, width, 3) float32, linear light, as of
+            :func:`lfcore.rendering.depth.all_in_focus`.
         """
         if self.metadata.depth is not None:
             return self.views_at(np.zeros((1, 2)), device=device, progress=progress)[0]
@@ -407,10 +412,11 @@ class LightField(FieldPlanes):
                 "holds no depth", file=self.path, key="scene", remedy="Give the scene"
             )
         slab, tracer = self.require_grid(), open_tracer(scene, device)
-        centre = depth_of_views(tracer, Slab(slab.camera, 1, slab.pixels))[0]
+        alone = Extent((0, 0, 1, 1), slab.held.pixels)
+        centre = depth_of_views(tracer, Slab(slab.camera, 1, slab.pixels, alone))[0]
         everything = all_samples(slab)
         # Macropixels are decoded whole for each group of views: few, large groups.
-        step = max(1, (1 << 26) // slab.pixels**2)
+        step = max(1, (1 << 26) // math.prod(slab.size))
 
         def groups() -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
             for start in range(0, len(everything), step):
@@ -464,7 +470,7 @@ class LightField(FieldPlanes):
         planes: Sequence[SensorPlane],
         method: str,
         filter: str,
-        pixels: int | None,
+        pixels: Pixels | None,
         device: Device | str | None,
         progress: Progress | None,
     ) -> np.ndarray:
@@ -477,9 +483,8 @@ class LightField(FieldPlanes):
         if filter == "depth":
             return slice_stored(self, planes, pixels, device=device, progress=progress)
         if pixels is not None:
-            planes = [replace(plane, pixels=pixels) for plane in planes]
-        if method == "slicing" and self.require_slab().extent:
-            method = "shift-sum"  # the same sums, and it knows of grids in part
+            side = picture_side(self, pixels)
+            planes = [replace(plane, pixels=side) for plane in planes]
         if method == "shift-sum":
             return shift_sum(self, planes, filter=filter, device=device, progress=progress)
         return form_planes(self, planes, device=device, progress=progress).sums.pictures()
@@ -488,7 +493,7 @@ class LightField(FieldPlanes):
 def served_views(field: LightField) -> MadeViews:
     """The views that a file of displaced ones is for."""
     return MadeViews(
-        served_positions(field, field.views_to_serve), field.made_views.pixels, _served_row
+        served_positions(field, field.views_to_serve), field.made_views.size, _served_row
     )
 
 

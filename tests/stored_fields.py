@@ -21,11 +21,12 @@ def tile_frames(views: np.ndarray, tile: Tile) -> np.ndarray:
     size = (tile.frame_count, layout.frame_height, layout.frame_width, 3)
     frames = np.zeros(size, views.dtype)
     elements = tile.elements()
-    edge = layout.slot - layout.inner
+    wide, high = layout.slot
+    edge = np.subtract(layout.slot, layout.inner)[::-1]
     for (column, row), (frame, x, y) in zip(elements, tile.placement(elements), strict=True):
         picture = views[:, :, row, column] if layout.kind == "macropixels" else views[row, column]
-        padded = np.pad(picture, ((0, edge), (0, edge), (0, 0)), mode="edge")
-        frames[frame, y : y + layout.slot, x : x + layout.slot] = padded
+        padded = np.pad(picture, (*[(0, beyond) for beyond in edge], (0, 0)), mode="edge")
+        frames[frame, y : y + high, x : x + wide] = padded
     return frames_from_rgb(frames, layout.pixel_format)
 
 

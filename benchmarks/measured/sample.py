@@ -8,6 +8,7 @@ do.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -79,7 +80,7 @@ class SampledTile(Tile):
 
     @property
     def rays(self) -> int:
-        return len(self._pixels) * self.layout.inner**2
+        return len(self._pixels) * math.prod(self.layout.inner)
 
     def elements(self) -> np.ndarray:
         return self._pixels

@@ -74,7 +74,7 @@ def sample_store(loaded: Loaded, views: int, pixels: int, folder: Path) -> Sampl
 
 def sampled_tiles(layout: FrameLayout) -> list[Tile]:
     """One tile in each quarter of the outer grid, twice as wide as high, whole blocks."""
-    half, pack = layout.outer // 2, layout.pack
+    half, pack = layout.outer.width // 2, layout.pack
     high = max(1, min(int(np.sqrt(FRAMES / 2)), half // pack // 2))
     rng, tiles = np.random.default_rng(SEED), []
     for quarter in range(4):

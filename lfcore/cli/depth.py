@@ -1,6 +1,7 @@
 """``lfcore depth``."""
 
 import argparse
+import math
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +45,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     field = _checked(arguments)
     scene = open_scene(arguments)
-    asked = Slab(scene.camera, arguments.views or 1, arguments.pixels or 256)
+    asked = Slab.of(scene.camera, arguments.views or 1, arguments.pixels or 256)
     slab = field.made_views if field else asked
     if arguments.output:
         samples = depths.all_samples(slab)
@@ -53,7 +54,7 @@ def run(arguments: argparse.Namespace) -> None:
             middle = slab.views // 2
             samples = np.array([arguments.view or (middle, middle)])
         tracer = open_tracer(scene, arguments.device)
-        rays = len(samples) * slab.pixels**2
+        rays = len(samples) * math.prod(slab.size)
         with progress(f"tracing the depth of {len(samples)} views", rays=rays) as report:
             depth = depths.depth_of_views(tracer, slab, samples, progress=report)
         if suffix == ".npz":

@@ -60,7 +60,7 @@ def _lightfield_options(command: argparse.ArgumentParser) -> None:
     add(
         "--outputfov", type=values.angle, default=45.0, metavar="DEG", help="its field of view (45)"
     )
-    add("--outputdim", nargs=2, type=values.pixels, default=(256, 256), metavar=("W", "H"),
+    add("--outputdim", nargs=2, type=values.count(1, 65536), default=(256, 256), metavar=("W", "H"),
         help="pixels of its picture (256 256)")  # fmt: skip
     add = command.add_argument_group("focus (one of)").add_mutually_exclusive_group().add_argument
     add("--focalplanez", type=values.number(), metavar="Z", help="plane before data cameras (10)")

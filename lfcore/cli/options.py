@@ -22,7 +22,7 @@ KINDS: dict[str, dict[str, Any]] = {
                   "degrees (24,18)"},
     "zoom": {"type": values.positive, "metavar": "Z", "help": "narrow the field of view (1)"},
     "views": {"type": values.views, "metavar": "N"},
-    "pixels": {"type": values.pixels, "metavar": "M", "help": "M x M pixels (256)"},
+    "pixels": {"type": values.pixels, "metavar": "M", "help": "M x M pixels (256), or 1920x1080"},
     "subpixels": {"type": values.positive, "metavar": "Q"},
     "focus": {"type": values.distance, "metavar": "M"},
     "quality_db": {"type": values.positive, "metavar": "DB"},

@@ -16,6 +16,7 @@ from lfcore.cli.options import Options, add, given
 from lfcore.cli.progress import note, say
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.optics.planes import SensorPlane
+from lfcore.optics.size import Pixels
 
 MOST_PLANES = 100
 """The most pictures from one pass."""
@@ -70,8 +71,8 @@ def add_focus(group: Options, *, of_file: bool) -> None:
     )
     aperture.add_argument(
         "--blur", type=values.blur, metavar="SHARE", dest="f_number",
-        help="blur at the far end, of the picture's width: 3%% (at the near end, where the focus "
-        "is nearer to the far end)",
+        help="blur at the far end, of the picture's shorter side: 3%% (at the near end, where the "
+        "focus is nearer to the far end)",
     )  # fmt: skip
 
 
@@ -100,7 +101,7 @@ def read_planes(
     check_count(len(asked))
     default = settings(arguments)
     return [
-        make_plane(source, default | _read(row, key, file), key, file)
+        make_plane(source, default | _read(row, key, file), key, file, arguments.pixels)
         for row, key, file in asked or [({}, None, None)]
     ]
 
@@ -117,13 +118,16 @@ def make_plane(
     asked: Mapping[str, Mapping[str, Any]],
     key: str | None = None,
     file: Path | None = None,
+    pixels: Pixels | None = None,
 ) -> SensorPlane:
-    """A plane of these settings; errors name the flag, or the file and its row."""
+    """A plane of these settings, of a scene for pictures of so many pixels; errors name the flag,
+    or the file and its row."""
     merged: dict[str, Any] = {}
     for one in asked.values():
         merged |= one
     if isinstance(source, lfcore.Scene):
         _refuse_views(merged, key)
+        merged["pixels"] = pixels or 1
     try:
         return source.plane(**merged)
     except OpticsError as error:

@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> None:
 def _report_quality(field: lfcore.LightField) -> None:
     slab, expected = field.require_slab(), field.content["expected"]
     near, far = expected["focus_m"]
-    size = f"{slab.views} x {slab.views} views of {slab.pixels} x {slab.pixels}"
+    size = f"{slab.views} x {slab.views} views of {slab.size}"
     say(f"{size}: {expected['db']:g} dB expected, {near:g} to {far:g} m")
     note(expected_db=expected["db"], focus_range_m=[near, far])
 

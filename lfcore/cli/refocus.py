@@ -51,13 +51,18 @@ def add_method(command: argparse.ArgumentParser, *more: str, help: str = "") -> 
         help="depth (default for files with depth), nearest (default for others) or bilinear "
         "(shift-sum only)",
     )  # fmt: skip
-    add(how, "device", pixels="M x M pixels (as recorded); by slicing no more than its views have")
+    add(
+        how,
+        "device",
+        pixels="pixels of the longer side, or 1920x1080 (as recorded); by slicing no more than its "
+        "views have",
+    )
 
 
 def make_pictures(
     arguments: argparse.Namespace, field: lfcore.LightField, planes: list[SensorPlane]
 ) -> np.ndarray:
-    """(P, M, M, 3) of the planes, with a line of progress."""
+    """(P, height, width, 3) of the planes, with a line of progress."""
     with progress(f"refocusing {len(planes)} planes", "frames") as report:
         return field.refocus_many(
             planes, method=arguments.method, filter=arguments.filter, pixels=arguments.pixels,

@@ -9,6 +9,7 @@ from typing import Any
 from lfcore.errors import OpticsError
 from lfcore.optics.focus import blur_share, check_place, check_words
 from lfcore.optics.planes import SHAPES
+from lfcore.optics.size import Size
 from lfcore.storage.codecs import CODECS
 from lfcore.storage.pixels import PIXEL_FORMATS
 
@@ -51,7 +52,12 @@ def number(
 positive = number(0, above=True)
 angle = number(0, 179, above=True)
 views = count(1, 4096)
-pixels = count(1, 65536)
+
+
+def pixels(text: str) -> int | Size:
+    """The side of a square, or width and height: ``512``, ``1920x1080``."""
+    size = _checked(text, "size", Size.of)
+    return size if "x" in text or "\u00d7" in text else size.width
 
 
 def distance(text: str) -> float:
@@ -120,7 +126,8 @@ def _checked(text: str, kind: str, check: Callable[[str], Any]) -> Any:
     try:
         return check(text)
     except OpticsError as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is no {kind}. {error.remedy}") from None
+        what = error.remedy or error.problem
+        raise argparse.ArgumentTypeError(f"{text!r} is no {kind}. {what}") from None
 
 
 # Settings of a sensor plane: keys are those of :meth:`lfcore.LightField.plane`.
@@ -142,7 +149,7 @@ def place(text: str) -> dict[str, Any]:
 
 
 def blur(text: str) -> dict[str, Any]:
-    """An aperture by its blur: ``3%`` of the picture's width."""
+    """An aperture by its blur: ``3%`` of the picture's shorter side."""
     return {"blur": _checked(text, "blur", blur_share)}
 
 

@@ -15,6 +15,7 @@ from lfcore.lightfield import LightField
 from lfcore.opencl.device import Device
 from lfcore.optics import bundles
 from lfcore.optics.grid_geometry import KnownGeometry
+from lfcore.optics.size import Pixels
 from lfcore.optics.slab import Slab
 from lfcore.refocus.free_views import FreeViews, served_positions
 from lfcore.refocus.views import read_views
@@ -40,14 +41,15 @@ class Selection:
         outermost recorded views.
     crop : (int, int, int, int), optional
         Left, top, width and height, in pixels.
-    pixels : int, optional
-        Pixels per side before the crop, of a file with depth.  Default: as recorded for.
+    pixels : int or (int, int), optional
+        Longer side, or width and height, before the crop, of a file with depth.  Default: as
+        recorded for.
     """
 
     views: tuple[int, int] | None = None
     baseline_m: float | None = None
     crop: tuple[int, int, int, int] | None = None
-    pixels: int | None = None
+    pixels: Pixels | None = None
 
 
 class Truth:
@@ -66,7 +68,7 @@ class Truth:
         self._materials = scene.material_ids
 
     def of_view(self, slab: Slab, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(M, M) float32 depth in metres from a point of the lens, infinity for a miss; and (M, M)
+        """(H, W) float32 depth in metres from a point of the lens, infinity for a miss; and (H, W)
         uint16 number of the material plus one, 0 for a miss."""
         place = np.asarray(point)[None] / slab.lens_pitch_m + (slab.views - 1) / 2
         triangle, depth = self._tracer.bundle_hits(bundles.views(slab, place))
@@ -103,7 +105,7 @@ class Source:
         self.free: FreeViews | None = None
         if recorded is None:
             self.free = FreeViews(field, selection.pixels, device=device)
-            slab = replace(slab, pixels=self.free.pixels)
+            slab = self.free.made
             self.columns_m, self.rows_m, self.pitch_m = _spread(selection, field)
         else:
             self._i, self._j, self.stride = recorded
@@ -124,7 +126,7 @@ class Source:
         self.name = _word(str(field.metadata.scene.get("name") or field.path.stem))
 
     def _crop(self, selection: Selection) -> None:
-        width, height = self._size
+        width, height = self.slab.size
         left, top, across, down = selection.crop or (0, 0, width, height)
         if not (0 <= left < left + across <= width and 0 <= top < top + down <= height):
             raise ExchangeError(
@@ -133,11 +135,6 @@ class Source:
                 key="--crop",
             )
         self.left, self.top, self.width, self.height = left, top, across, down
-
-    @property
-    def _size(self) -> tuple[int, int]:
-        """Width and height of a view before the crop."""
-        return (self.free.pixels,) * 2 if self.free else self.field.picture_size
 
     def require_geometry(self, what: str) -> KnownGeometry:
         """The geometry; :class:`ExchangeError` where it is not known."""
@@ -179,7 +176,7 @@ class Source:
     def _groups(self) -> Iterator[tuple[int, int, np.ndarray]]:
         """From a file of macropixels, which is decoded whole for each group of views."""
         samples = np.array([(i, j) for j in self._j for i in self._i])
-        width, height = self._size
+        width, height = self.slab.size
         step = max(1, BAND_BYTES // (width * height * 12))
         for start in range(0, len(samples), step):
             light = read_views(self.field, samples[start : start + step], device=self.device)
@@ -214,8 +211,7 @@ class Source:
         window = np.s_[self.top : self.top + self.height, self.left : self.left + self.width]
         point = self._point(column, row)
         if self.truth is not None:
-            whole = Slab(self.slab.camera, self.slab.views, self.slab.pixels)
-            depth, ids = self.truth.of_view(whole, point)
+            depth, ids = self.truth.of_view(self.slab, point)
             return depth[window], ids[window]
         depth = self.field.metres(self._free_depths.inverse_depth(point))
         return depth[window].astype(np.float32), None
@@ -266,8 +262,9 @@ def _chosen(selection: Selection, field: LightField) -> tuple[np.ndarray, np.nda
 
     Raises :class:`ExchangeError` for views that a file without depth does not hold.
     """
-    has_depth, side = field.metadata.depth is not None, field.layout.pixels
-    if field.displaced or (has_depth and selection.pixels not in (None, side)):
+    has_depth, slab = field.metadata.depth is not None, field.require_slab()
+    recorded = None, slab.pixels, slab.size
+    if field.displaced or (has_depth and selection.pixels not in recorded):
         return None
     if selection.pixels is not None and not has_depth:
         raise ExchangeError("needs a file with depth", file=field.path, key="--pixels")

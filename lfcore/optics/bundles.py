@@ -22,18 +22,19 @@ class ElementLattice:
     """A square grid of elements, ``count`` a side, centred on the axis.
 
     From one element to the next along either axis the centre ray's origin changes by ``origin``
-    metres and its direction by ``direction`` (tangent).
+    metres and its direction by ``direction`` (tangent).  ``aside`` is the direction in the middle.
     """
 
     count: int
     origin: float
     direction: float
+    aside: tuple[float, float] = (0.0, 0.0)
 
     def centre_rays(self, places: np.ndarray) -> np.ndarray:
         """(E, 4) float32 ox, oy, dx, dy at ``places`` (E, 2): columns and rows, or between them."""
         offset = np.asarray(places) - (self.count - 1) / 2
         return np.concatenate(
-            [offset * self.origin + 0.0, offset * self.direction + 0.0], 1, dtype=np.float32
+            [offset * self.origin + 0.0, offset * self.direction + self.aside], 1, dtype=np.float32
         )
 
 
@@ -89,17 +90,18 @@ def macropixels(slab: Slab, pixels: np.ndarray) -> Bundles:
 def views(slab: Slab, samples: np.ndarray) -> Bundles:
     """One element a lens sample, (E, 2) integer (i, j); the inner grid is the picture."""
     pitch = slab.lens_pitch_m
-    lattice = ElementLattice(slab.views, pitch, -slab.camera.delta * pitch)
+    across, down = slab.off_axis().tolist()
+    lattice = ElementLattice(slab.views, pitch, -slab.camera.delta * pitch, (across, down))
     step = np.array([0.0, 0.0, slab.pixel_pitch, slab.pixel_pitch], np.float32)
-    return Bundles(
-        lattice.centre_rays(samples), step, slab.pixels, slab.pixels, slab.pixel_pitch, lattice
-    )
+    return Bundles(lattice.centre_rays(samples), step, *slab.size, slab.pixel_pitch, lattice)
 
 
 def probe(slab: Slab, macro: bool = True) -> Bundles:
     """A few elements, macropixels or views, spread evenly: the same for all tiles of a slab."""
-    size = slab.pixels if macro else slab.views
-    side = min(4, size)
-    places = (2 * np.arange(side) + 1) * size // (2 * side)
-    grid = np.stack(np.meshgrid(places, places), axis=-1).reshape(-1, 2)
+    left, top, width, height = slab.held.pixels if macro else (0, 0, slab.views, slab.views)
+    places = [
+        first + (2 * np.arange(side := min(4, size)) + 1) * size // (2 * side)
+        for first, size in ((left, width), (top, height))
+    ]
+    grid = np.stack(np.meshgrid(*places), axis=-1).reshape(-1, 2)
     return macropixels(slab, grid) if macro else views(slab, grid)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-import operator
 from dataclasses import dataclass
 
 from lfcore.errors import OpticsError
+from lfcore.optics.size import Pixels, Size, whole_number
 
 MOST_SUBPIXELS = 64
 
@@ -47,9 +47,11 @@ class Lattice:
         """Pixels of each view's side, for pictures of ``pixels``."""
         return max(1, round(self.subpixels * pixels))
 
-    def rays(self, pixels: int) -> int:
-        """Rays of a picture of ``pixels`` x ``pixels``."""
-        return (self.views * self.side(pixels)) ** 2
+    def rays(self, pixels: Pixels) -> int:
+        """Rays of a picture."""
+        size = Size.of(pixels)
+        width, height = size.scaled(self.side(size.longer))
+        return self.views**2 * width * height
 
     @property
     def rays_per_pixel(self) -> float:
@@ -57,17 +59,3 @@ class Lattice:
 
     def __str__(self) -> str:
         return f"{self.views} x {self.subpixels:.3g}"
-
-
-def whole_number(key: str, value: object, most: int) -> int:
-    """``value`` as an int from 1 to ``most``; numpy's integers are welcome, truth values are not.
-
-    Raises :class:`OpticsError`, naming ``key``, for anything else.
-    """
-    try:
-        found = operator.index(value)  # type: ignore[arg-type]
-    except TypeError:
-        found = 0
-    if isinstance(value, bool) or not 1 <= found <= most:
-        raise OpticsError(f"must be a whole number from 1 to {most}, not {value!r}", key=key)
-    return found

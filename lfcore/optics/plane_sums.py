@@ -15,7 +15,7 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.files import whole_file
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Rectangle, Slab
 
 FIXED_ONE = 1 << 20
 
@@ -42,37 +42,45 @@ def offsets(slab: Slab, plane: SensorPlane) -> np.ndarray:
 
 
 def ray_counts(slab: Slab, plane: SensorPlane) -> np.ndarray:
-    """(P, P) int64: how many recorded rays within the aperture fall on each pixel of the picture.
+    """(height, width) int64: how many recorded rays within the aperture fall on each pixel.
 
-    Separable but for the mask: count = A mask A^T with A[x, i] the number of pixel columns u
-    whose ray through lens column i falls on x.
+    Separable but for the mask: count = A mask B^T with B[x, i] the number of pixel columns u
+    whose ray through lens column i falls on x, and A alike for rows.
     """
-    size, columns = plane.side(slab), targets(slab, plane)
-    inside = (columns >= 0) & (columns < size)
-    lens = np.broadcast_to(np.arange(slab.views), columns.shape)
-    keys = columns[inside].astype(np.int64) * slab.views + lens[inside]
-    hits = np.bincount(keys, minlength=size * slab.views).reshape(size, slab.views)
-    # Pixels away from the rim are hit alike: rows that follow each other and are equal count once.
+    left, top, width, height = slab.held.pixels
+    x, y, across, down = slab.picture(plane.side(slab))
+    found = targets(slab, plane)
+    columns, of_column = _hits(found[left : left + width] - x, across)
+    rows, of_row = _hits(found[top : top + height] - y, down)
+    counts = np.rint(rows @ plane.mask(slab).astype(np.float64) @ columns.T).astype(np.int64)
+    return counts.repeat(of_row, axis=0).repeat(of_column, axis=1)
+
+
+def _hits(targets: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """(D, N) float64: how many of ``targets`` (M, N) are each of ``size`` pixels, and how many
+    pixels, one after the other, are hit alike.
+
+    Pixels away from the rim are: they count once.
+    """
+    views = targets.shape[1]
+    inside = (targets >= 0) & (targets < size)
+    lens = np.broadcast_to(np.arange(views), targets.shape)
+    keys = targets[inside].astype(np.int64) * views + lens[inside]
+    hits = np.bincount(keys, minlength=size * views).reshape(size, views)
     begins = np.flatnonzero(np.append(True, (hits[1:] != hits[:-1]).any(axis=1)))
-    distinct = hits[begins].astype(np.float64)
-    counts = np.rint(distinct @ plane.mask(slab).astype(np.float64) @ distinct.T).astype(np.int64)
-    alike = np.diff(np.append(begins, size))
-    return counts.repeat(alike, axis=0).repeat(alike, axis=1)
+    return hits[begins].astype(np.float64), np.diff(np.append(begins, size))
 
 
-def common_side(slab: Slab, planes: Sequence[SensorPlane]) -> int:
-    """Pixels of the side of all of these planes, the slab's where there is none.
+def shown(slab: Slab, planes: Sequence[SensorPlane]) -> Rectangle:
+    """The pixels that the pictures of these planes have, the slab's where there is none.
 
-    Raises :class:`OpticsError` for planes of several sizes, which are no one array.
+    Of planes of several sizes those of any, which are no one array.
     """
     sides = {plane.side(slab) for plane in planes} or {slab.pixels}
-    if len(sides) > 1:
-        raise OpticsError(
-            f"planes of {' and '.join(map(str, sorted(sides)))} pixels cannot be formed together",
-            key="pixels",
-            remedy="Form pictures of one size at a time",
-        )
-    return sides.pop()
+    pictures = np.array([slab.picture(side) for side in sides])
+    left, top = pictures[:, :2].min(axis=0).tolist()
+    right, bottom = (pictures[:, :2] + pictures[:, 2:]).max(axis=0).tolist()
+    return left, top, right - left, bottom - top
 
 
 @dataclass
@@ -93,8 +101,9 @@ class PlaneSums:
 
     @classmethod
     def zeros(cls, slab: Slab, planes: list[SensorPlane]) -> PlaneSums:
-        shape = (len(planes), 3, slab.pixels, slab.pixels)
-        return cls(slab, list(planes), np.zeros(shape, np.uint64))
+        left, top, width, height = shown(slab, planes)
+        sums = np.zeros((len(planes), 3, height, width), np.uint64)
+        return cls(slab, list(planes), sums, left, top)
 
     def add(self, part: PlaneSums) -> None:
         """Add the sums of other rays of the same slab on the same planes."""
@@ -119,23 +128,31 @@ class PlaneSums:
         return both
 
     def pictures(self) -> np.ndarray:
-        """(P, M, M, 3) float32, linear light: sums over open lens samples or over all N^2 of each
-        pixel of the slab.
+        """(P, height, width, 3) float32, linear light: sums over open lens samples or over all of
+        each pixel of the slab.
 
-        M is the planes' own.  A pixel that no recorded ray reaches is black.
+        The size is the planes' own.  A pixel that no recorded ray reaches is black.
         """
-        if self.sums.shape[2:] != (self.slab.pixels, self.slab.pixels):
+        slab, shape = self.slab, self.sums.shape[2:]
+        sides = sorted({plane.side(slab) for plane in self.planes})
+        if len(sides) > 1:
+            raise OpticsError(
+                f"planes of {' and '.join(map(str, sides))} pixels cannot be formed together",
+                key="pixels",
+                remedy="Form pictures of one size at a time",
+            )
+        if shape != shown(slab, self.planes)[:1:-1]:
             raise OpticsError("the planes are not whole yet", remedy="Add all tiles first")
-        side = common_side(self.slab, self.planes)
-        out = np.empty((len(self.planes), side, side, 3), np.float32)
+        out = np.empty((len(self.planes), *shape, 3), np.float32)
         for picture, plane, sums in zip(out, self.planes, self.sums, strict=True):
             if plane.normalise == "lens":
-                rays = np.full((side, side), (self.slab.views * self.slab.pixels / side) ** 2)
+                of_pixel = (slab.pixels / plane.side(slab)) ** 2
+                rays = np.full(shape, slab.views_held().sum() * of_pixel)
             else:
-                rays = np.maximum(ray_counts(self.slab, plane), 1)
-            # What falls beside a picture of fewer pixels than the slab lies beside it here, too.
-            own, whole = sums[:, :side, :side], rays * float(FIXED_ONE)
-            np.divide(own, whole, out=picture.transpose(2, 0, 1), casting="same_kind")
+                rays = np.maximum(ray_counts(slab, plane), 1)
+            np.divide(
+                sums, rays * float(FIXED_ONE), out=picture.transpose(2, 0, 1), casting="same_kind"
+            )
         return out
 
     def save(self, path: str | Path) -> None:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lfcore.optics.plane_sums import offsets, targets
+from lfcore.optics.plane_sums import offsets, shown, targets
 from lfcore.optics.planes import Aperture, SensorPlane
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Rectangle, Slab
 
 BLOCK = 16
 BEAM_COLUMNS = 64
@@ -84,14 +84,20 @@ def lens_tables(
     runs = np.concatenate(records) if records else np.zeros(0, np.int32)
     beside = -slab.views % (side * BLOCK)
     padded = np.pad(masks, ((0, 0), (0, beside), (0, beside)))
-    region = reached_region(slab, moves_of, *corners)
+    region = reached_region(slab, planes, moves_of, *corners)
     return PlaneTables(order, info, runs, padded, block_kinds(masks), *region)
 
 
 def reached_region(
-    slab: Slab, moves_of: Sequence[np.ndarray], u0: int, v0: int, u1: int, v1: int
-) -> tuple[int, int, int, int]:
-    """(left, top, width, height) of the pixels of the planes that a tile's rays can reach.
+    slab: Slab,
+    planes: Sequence[SensorPlane],
+    moves_of: Sequence[np.ndarray],
+    u0: int,
+    v0: int,
+    u1: int,
+    v1: int,
+) -> Rectangle:
+    """The pixels of the planes that a tile's rays can reach.
 
     ``moves_of`` holds each plane's offsets, (1 or M, N), as of :func:`offsets`.
     """
@@ -102,8 +108,9 @@ def reached_region(
             pixels = np.arange(first, last)
             low[axis] = min(low[axis], int((pixels + part.min(axis=1)).min()))
             high[axis] = max(high[axis], int((pixels + part.max(axis=1)).max()) + 1)
-    left, top, right, bottom = (min(max(edge, 0), slab.pixels) for edge in (*low, *high))
-    return left, top, max(right - left, 0), max(bottom - top, 0)
+    first, size = np.split(np.array(shown(slab, planes)), 2)
+    (left, top), end = (np.clip(edge, first, first + size).tolist() for edge in (low, high))
+    return left, top, max(end[0] - left, 0), max(end[1] - top, 0)
 
 
 def view_tables(slab: Slab, planes: Sequence[SensorPlane]) -> PlaneTables:
@@ -115,7 +122,8 @@ def view_tables(slab: Slab, planes: Sequence[SensorPlane]) -> PlaneTables:
     info["runs"] = np.arange(len(planes)) * (slab.views * slab.pixels)
     runs = [np.ascontiguousarray(targets(slab, planes[k]).T).reshape(-1) for k in order]
     flat = np.concatenate(runs) if runs else np.zeros(0, np.int32)
-    return PlaneTables(order, info, flat, masks, block_kinds(masks), 0, 0, slab.pixels, slab.pixels)
+    kinds = block_kinds(masks)
+    return PlaneTables(order, info, flat, masks, kinds, *shown(slab, planes))
 
 
 def distinct_masks(slab: Slab, planes: Sequence[SensorPlane]) -> tuple[np.ndarray, np.ndarray]:

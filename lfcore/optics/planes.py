@@ -19,7 +19,7 @@ import numpy as np
 
 from lfcore.errors import OpticsError, did_you_mean
 from lfcore.optics.camera import Camera, check_focus, image_distance
-from lfcore.optics.lattice import whole_number
+from lfcore.optics.size import MOST_PIXELS, whole_number
 from lfcore.optics.slab import Slab
 
 MOST_BLADES = 1000  # no eye tells such a polygon from a circle
@@ -119,8 +119,8 @@ class SensorPlane:
     keep_magnification : bool
         Keep the physical sensor's v'/v.
     pixels : int, optional
-        Side of a picture coarser than the slab, on which rays fall by their exact place.  Default:
-        the slab's own.
+        Longer side of a picture coarser than the slab, on which rays fall by their exact place.
+        Default: the slab's own.
     """
 
     focus_m: float
@@ -138,7 +138,7 @@ class SensorPlane:
                 f"unknown normalisation {self.normalise!r}", remedy=f"Use one of {NORMALISATIONS}"
             )
         if self.pixels is not None:
-            object.__setattr__(self, "pixels", whole_number("pixels", self.pixels, 65536))
+            object.__setattr__(self, "pixels", whole_number("pixels", self.pixels, MOST_PIXELS))
 
     @classmethod
     def of(
@@ -191,7 +191,7 @@ class SensorPlane:
             )
 
     def side(self, slab: Slab) -> int:
-        """Pixels of the picture's side."""
+        """Pixels of the picture's longer side."""
         return slab.pixels if self.pixels is None else self.pixels
 
     def check_pixels(self, pixels: int) -> None:

@@ -48,12 +48,11 @@ class ViewSet:
         """
         slab, at = self.slab, self.positions[part]
         pitch = slab.pixel_pitch
-        tangents = self.displacement[part] * pitch - at * slab.camera.delta
+        tangents = self.displacement[part] * pitch - at * slab.camera.delta + slab.off_axis()
         return Bundles(
             np.concatenate([at, tangents], 1).astype(np.float32),
             np.array([0.0, 0.0, pitch, pitch], np.float32),
-            slab.pixels,
-            slab.pixels,
+            *slab.size,
             pitch if footprint is None else footprint,
         )
 

@@ -17,7 +17,8 @@ import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera
-from lfcore.optics.lattice import whole_number
+from lfcore.optics.lattice import Lattice
+from lfcore.optics.size import MOST_PIXELS, Pixels, Size, whole_number
 
 Rectangle = tuple[int, int, int, int]
 """First column, first row, columns, rows."""
@@ -27,7 +28,7 @@ Rectangle = tuple[int, int, int, int]
 class Extent:
     """What of a slab's two square grids there is: a rectangle of views, and one of pixels.
 
-    Traced slabs are whole; recorded light fields have more columns than rows, and wide pictures.
+    Wide pictures have fewer rows of pixels than columns, imported light fields often of views, too.
     """
 
     views: Rectangle
@@ -67,7 +68,7 @@ class Slab:
     extent: Extent | None = None
 
     def __post_init__(self) -> None:
-        for key, most in (("views", 4096), ("pixels", 65536)):
+        for key, most in (("views", 4096), ("pixels", MOST_PIXELS)):
             object.__setattr__(self, key, whole_number(key, getattr(self, key), most))
         if self.extent is not None:
             for key, side in (("views", self.views), ("pixels", self.pixels)):
@@ -75,6 +76,20 @@ class Slab:
                 inside = 0 <= column < column + columns <= side
                 if not (inside and 0 <= row < row + rows <= side):
                     raise OpticsError(f"does not lie within {side} x {side}", key=f"extent.{key}")
+
+    @classmethod
+    def of(cls, camera: Camera, views: int | Lattice, pixels: Pixels) -> Slab:
+        """The rays of a picture of so many ``pixels``, one per pixel and lens sample or a lattice.
+
+        The field of ``camera`` is that of the picture's shorter side.
+        """
+        size = Size.of(pixels)
+        lattice = views if isinstance(views, Lattice) else Lattice(views, 1)
+        side, count = lattice.side(size.longer), lattice.views
+        extent = None
+        if size.width != size.height:
+            extent = Extent.centred(count, count, *size.scaled(side))
+        return cls(size.camera(camera), count, side, extent)
 
     @property
     def held(self) -> Extent:
@@ -86,6 +101,32 @@ class Slab:
     def rays(self) -> int:
         (*_, columns, rows), (*_, width, height) = self.held.views, self.held.pixels
         return columns * rows * width * height
+
+    @property
+    def size(self) -> Size:
+        """Width and height of a view, in pixels."""
+        return Size(*self.held.pixels[2:])
+
+    def picture(self, side: int) -> Rectangle:
+        """The part of a square grid of ``side`` x ``side`` pixels that a picture of the slab has.
+
+        As much of the field as the views' pixels have of theirs.
+        """
+        if side == self.pixels:
+            return self.held.pixels
+        width, height = (max(1, round(count * side / self.pixels)) for count in self.size)
+        return (side - width + 1) // 2, (side - height + 1) // 2, width, height
+
+    def resized(self, side: int) -> Slab:
+        """The same views of ``side`` pixels on their longer side."""
+        extent = self.extent and Extent(self.extent.views, self.picture(side))
+        return Slab(self.camera, self.views, side, extent)
+
+    def off_axis(self) -> np.ndarray:
+        """(2,) float64: the tangents of the middle of the pixels that are there."""
+        left, top, width, height = self.held.pixels
+        middle = np.array([left + width / 2, top + height / 2])
+        return (middle - self.pixels / 2) * self.pixel_pitch
 
     def views_held(self) -> np.ndarray:
         """(N, N) bool, indexed [j, i]: which views are there."""

@@ -15,6 +15,7 @@ samples by their depth; Soler et al. ("Fourier Depth of Field", TOG 2009) say ho
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -23,6 +24,7 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, build_program, cl, open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import LensCells, ViewSet, lens_cells
+from lfcore.optics.size import Size
 
 BOUNDS_PX = (0.5, 2.0)
 """Sweeps, pixels of the picture, that part what is in focus from what lies before and behind it:
@@ -41,7 +43,7 @@ class DepthSlicer:
     Parameters
     ----------
     views : where the rays run.
-    pixels : side of the pictures; need not divide that of the views.
+    pixels : longer side of the pictures; need not divide that of the views.
     bounds_px, least_px : as for the reference, default as measured.
     fill_far : give the farthest light of a pixel what all rays leave, as holes at edges need.
 
@@ -66,9 +68,11 @@ class DepthSlicer:
             plane.check(views.slab)
             plane.check_pixels(pixels)
         slab = views.slab
-        if slab.rays > MOST_RAYS_A_PIXEL * pixels**2:
+        self.left, self.top, *size = slab.picture(pixels)
+        self.size = Size(*size)
+        if (rays := slab.rays / math.prod(size)) > MOST_RAYS_A_PIXEL:
             raise OpticsError(
-                f"{slab.rays // pixels**2:,} rays a pixel are more than {MOST_RAYS_A_PIXEL:,}",
+                f"{rays:,.0f} rays a pixel are more than {MOST_RAYS_A_PIXEL:,}",
                 remedy="Trace fewer, or ask for more pixels",
             )
         self.views, self.planes, self.pixels = views, list(planes), pixels
@@ -86,24 +90,29 @@ class DepthSlicer:
         self._cells = [self._cells_of(plane) for plane in self.planes]
         self._bounds = self.device.buffer(np.array([*bounds_px, np.inf], np.float32))
         strips = STRIPS_A_THREAD * self.device.threads
-        self._rows = -(-pixels // min(strips, pixels))
-        self._strips = -(-pixels // self._rows)
+        self._rows = -(-self.size.height // min(strips, self.size.height))
+        self._strips = -(-self.size.height // self._rows)
         self._planes = self.device.buffer(self._plane_records())
-        size = self.sums_bytes(len(planes), pixels, len(bounds_px), self._rows)
+        size = self.sums_bytes(len(planes), self.size, len(bounds_px), self._rows)
         self._sums = [self.device.zeros(size) for _ in range(2)]
 
     def _cells_of(self, plane: SensorPlane) -> LensCells:
         """What the views stand for in a plane's aperture."""
         return lens_cells(self.views.slab, plane.lens_aperture(self.views.slab))
 
+    @property
+    def _middle(self) -> np.ndarray:
+        """(2,) float64: where the axis is in the pictures, pixels."""
+        return self.pixels / 2 - np.array([self.left, self.top])
+
     @staticmethod
     def sums_bytes(
-        planes: int, pixels: int, bounds: int = len(BOUNDS_PX), rows: int | None = None
+        planes: int, size: Size, bounds: int = len(BOUNDS_PX), rows: int | None = None
     ) -> int:
         """Bytes of each of the two arrays of sums, in strips of ``rows``, default one strip."""
-        rows = rows or pixels
-        lines = -(-pixels // rows) * (rows + 1)
-        return planes * (2 * bounds + 1) * lines * (pixels + 1) * 32
+        rows = rows or size.height
+        lines = -(-size.height // rows) * (rows + 1)
+        return planes * (2 * bounds + 1) * lines * (size.width + 1) * 32
 
     def _scale(self, plane: SensorPlane) -> float:
         """Pixels of a picture, a metre of the lens and a dioptre."""
@@ -123,9 +132,10 @@ class DepthSlicer:
     def _first(self, plane: SensorPlane) -> np.ndarray:
         """(K, 2) float64: where the ray of pixel (0, 0) of each view falls, pixels."""
         views = self.views
-        moved = views.displacement - (views.slab.pixels - 1) / 2
+        corner = np.array(views.slab.held.pixels[:2])
+        moved = views.displacement + corner - (views.slab.pixels - 1) / 2
         shift = views.positions * (plane.delta - views.slab.camera.delta)
-        return moved * self._step(plane) + shift * self._scale(plane) + self.pixels / 2
+        return moved * self._step(plane) + shift * self._scale(plane) + self._middle
 
     def _cell_records(self, part: slice | np.ndarray) -> np.ndarray:
         """(planes, views, 8) float32, as the kernel's Cell."""
@@ -143,13 +153,14 @@ class DepthSlicer:
         Parameters
         ----------
         part : their numbers, i + N j.
-        light : (K, S, S, 3) float32 linear radiance, [view, v, u]; more than 1 counts as 1.
-        depth : (K, S, S) float32, metres; infinity for a miss.
+        light : (K, rows, columns, 3) float32 linear radiance, [view, v, u]; more than 1 counts as
+            1.
+        depth : (K, rows, columns) float32, metres; infinity for a miss.
         """
-        size, device = self.views.slab.pixels, self.device
+        (columns, rows), device = self.views.slab.size, self.device
         ranges = np.stack([depth.min(axis=2), depth.max(axis=2)], -1).astype(np.float32)
         records = self._cell_records(part)
-        if light.shape != (records.shape[1], size, size, 3) or depth.shape != light.shape[:3]:
+        if light.shape != (records.shape[1], rows, columns, 3) or depth.shape != light.shape[:3]:
             raise ValueError(f"rays of shapes {light.shape} and {depth.shape} are not these views'")
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
         hosts = [np.ascontiguousarray(a, np.float32) for a in (light, depth)]
@@ -164,16 +175,17 @@ class DepthSlicer:
             self._planes,
             self._bounds,
             np.int32(records.shape[1]),
-            np.int32(size),
+            np.int32(columns),
+            np.int32(rows),
             np.float32(self.least_px),
             np.int32(self._rows),
-            np.int32(self.pixels),
+            *map(np.int32, self.size),
             *self._sums,
         )
         device.queue.finish()
 
     def pictures(self) -> np.ndarray:
-        """(P, pixels, pixels, 3) float32, linear light, of all rays; nothing can be added then.
+        """(P, height, width, 3) float32, linear light, of all rays; nothing can be added then.
 
         A pixel is divided by what it got, or, with ``normalise='lens'``, dims as the lens stops
         down.  Where no ray fell it is black.
@@ -189,7 +201,7 @@ class DepthSlicer:
             *self._sums,
             device.buffer(room),
             np.int32(self._rows),
-            np.int32(self.pixels),
+            *map(np.int32, self.size),
             target,
         )
         cl.enqueue_copy(device.queue, pictures, target)
@@ -199,11 +211,14 @@ class DepthSlicer:
         return pictures
 
     def _room(self, plane: SensorPlane, cells: LensCells) -> np.ndarray:
-        """(pixels, pixels) float32: weight of the rays that a pixel gets when nothing is spread."""
-        first, step = self._first(plane), self._step(plane)
-        low = first - step / 2
-        left = np.arange(self.pixels)
-        high = low + step * self.views.slab.pixels
-        reach = np.minimum(high[..., None], left + 1) - np.maximum(low[..., None], left)
-        across, down = np.clip(reach, 0, 1).transpose(1, 0, 2)
+        """(height, width) float32: weight of the rays that a pixel gets when nothing is spread."""
+        step = self._step(plane)
+        reached = []
+        for low, rays, count in zip(
+            (self._first(plane) - step / 2).T, self.views.slab.size, self.size, strict=True
+        ):
+            low, left = low[:, None], np.arange(count)
+            reach = np.minimum(low + step * rays, left + 1) - np.maximum(low, left)
+            reached.append(np.clip(reach, 0, 1))
+        across, down = reached
         return ((down * cells.share[:, None]).T @ across / step**2).astype(np.float32)

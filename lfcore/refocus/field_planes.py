@@ -63,7 +63,7 @@ class FieldPlanes(LightFieldFile):
             place, x and y from 0 to 1 from the picture's upper left corner.
         blur : float or str, optional
             Instead of an f-number: the diameter of the blur at the end of the file's depth that is
-            more out of focus, a share of the picture's width, 0.03 or ``"3%"``.
+            more out of focus, a share of the picture's shorter side, 0.03 or ``"3%"``.
         disparity_px : float, optional
             Instead of a distance: pixels by which points in focus move from one view to the next;
             0 as recorded, more is nearer.
@@ -103,7 +103,7 @@ class FieldPlanes(LightFieldFile):
                 f_number = f_number_of_blur(
                     blur, slab.camera.focal_length_m,
                     slab.camera.focus_m if distance is None else distance,
-                    slab.camera.field_width, self._seen,
+                    slab.camera.field_width * (slab.size.shorter / slab.pixels), self._seen,
                 )  # fmt: skip
             plane = SensorPlane.of(slab.camera, distance, f_number, aperture, **options)
             plane.check(slab)
@@ -152,7 +152,10 @@ class FieldPlanes(LightFieldFile):
         if place is not None:
             x, y = check_place(place)
             depth = self._middle_depth
-            row, column = (min(int(share * len(depth)), len(depth) - 1) for share in (y, x))
+            row, column = (
+                min(int(share * count), count - 1)
+                for share, count in zip((y, x), depth.shape, strict=True)
+            )
             if math.isinf(depth[row, column]):
                 raise OpticsError(
                     f"there is nothing at {x:g},{y:g} of the picture", key="focus_at",
@@ -163,7 +166,7 @@ class FieldPlanes(LightFieldFile):
 
     @cached_property
     def _middle_depth(self) -> np.ndarray:
-        """(M, M) float64: the depth that the middle view shows, metres, infinity for a miss."""
+        """(H, W) float64: the depth that the middle view shows, metres, infinity for a miss."""
         return self.metres(inverse_depth(self))
 
     def metres(self, inverse: np.ndarray) -> np.ndarray:
@@ -177,7 +180,7 @@ class FieldPlanes(LightFieldFile):
     def made_views(self) -> Slab:
         """The slab of the views that depth makes of displaced ones; else the file's own."""
         slab, depth = self.require_slab(), self.metadata.depth
-        return Slab(slab.camera, slab.views, depth.pixels) if depth and self.displaced else slab
+        return slab.resized(depth.pixels) if depth and self.displaced else slab
 
     @property
     def views_to_serve(self) -> int:

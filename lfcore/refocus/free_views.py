@@ -20,8 +20,9 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import LensCells, ViewSet
+from lfcore.optics.size import Pixels
 from lfcore.refocus.depth_slicing import DepthSlicer
-from lfcore.refocus.stored_depth import read_depths, read_rays
+from lfcore.refocus.stored_depth import picture_side, read_depths, read_rays
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.lightfield import LightFieldFile
 
@@ -42,23 +43,25 @@ class FreeViews:
     Parameters
     ----------
     field : a light field file that holds depth.
-    pixels : side of the pictures; default what the file was traced for.
+    pixels : longer side of the pictures, or width and height; default what the file was traced for.
 
     Raises
     ------
-    OpticsError : a file without depth, or of more rays than are held at a time.
+    OpticsError : a file without depth, pixels of another shape than its views, or of more rays than are held at a time.
     StorageError : the file is damaged.
     """
 
     def __init__(
         self,
         field: LightFieldFile,
-        pixels: int | None = None,
+        pixels: Pixels | None = None,
         *,
         device: Device | str | None = None,
     ):
         self.field, self.stored, self.slab = field, field.require_depth(), field.require_slab()
-        self.pixels = self.stored.pixels if pixels is None else pixels
+        side = self.stored.pixels if pixels is None else picture_side(field, pixels)
+        self.made = self.slab.resized(side)
+        """The slab of the same views with the pictures' pixels."""
         self.views, self._device = self.stored.views(self.slab), device
         self.without: list[int] = []
         """Numbers i + N j of views that are not used."""
@@ -72,7 +75,7 @@ class FreeViews:
         return self._device if isinstance(self._device, Device) else open_device(self._device)
 
     def picture(self, point: np.ndarray) -> np.ndarray:
-        """(pixels, pixels, 3) float32, linear light, of a point (2,), metres."""
+        """(height, width, 3) float32, linear light, of a point (2,), metres."""
         seen = self._seen(point, self._shares(point))
         if (dark := ~seen.any(axis=-1)).any():
             depth = self._nearest(point)
@@ -80,7 +83,7 @@ class FreeViews:
         return seen
 
     def inverse_depth(self, point: np.ndarray) -> np.ndarray:
-        """(pixels, pixels) float64, 1/m: of what the middle of each pixel sees from a point.
+        """(height, width) float64, 1/m: of what the middle of each pixel sees from a point.
 
         0 is a miss.  What no view sees is as far as the farthest surface around it.
         """
@@ -113,7 +116,7 @@ class FreeViews:
 
     def _seen(self, point: np.ndarray, share: np.ndarray) -> np.ndarray:
         slicer = _PointSlicer(
-            self.views, np.asarray(point, float), share, self.pixels, self.stored.codes,
+            self.views, np.asarray(point, float), share, self.made.pixels, self.stored.codes,
             self.device,
         )  # fmt: skip
         around = np.flatnonzero(share)
@@ -126,7 +129,8 @@ class FreeViews:
         around the point, else by those farther away.  NaN where there is none."""
         away = self._away(point).max(axis=1)
         away[self.without] = np.inf
-        found = np.full(self.pixels**2, -1.0)
+        width, height = self.made.size
+        found = np.full(width * height, -1.0)
         for within, before in ((0.99, -1.0), (FAR, 0.99)):
             numbers = np.flatnonzero((before <= away) & (away < within))
             held = "_rays" in self.__dict__
@@ -139,14 +143,14 @@ class FreeViews:
                 more = np.full_like(found, -1.0)
                 for x, y, inverse in places:
                     column, row = np.floor(x).astype(int), np.floor(y).astype(int)
-                    inside = (0 <= column) & (column < self.pixels) & (0 <= row)
-                    inside &= (row < self.pixels) & (np.abs(x - column - 0.5) <= reach)
+                    inside = (0 <= column) & (column < width) & (0 <= row)
+                    inside &= (row < height) & (np.abs(x - column - 0.5) <= reach)
                     inside &= np.abs(y - row - 0.5) <= reach
-                    np.maximum.at(more, (row * self.pixels + column)[inside], inverse[inside])
+                    np.maximum.at(more, (row * width + column)[inside], inverse[inside])
                 found = np.where(found < 0, more, found)
             if (found >= 0).all():
                 break
-        return np.where(found < 0, np.nan, found).reshape(self.pixels, self.pixels)
+        return np.where(found < 0, np.nan, found).reshape(height, width)
 
     def _places(
         self, number: int, point: np.ndarray, depth: np.ndarray
@@ -156,10 +160,13 @@ class FreeViews:
         inverse = 1.0 / depth.astype(float)
         moves = (inverse - slab.camera.delta) / slab.pixel_pitch
         apart = self.views.positions[number] - point
-        v, u = np.mgrid[: slab.pixels, : slab.pixels]
+        left, top, width, height = slab.held.pixels
+        v, u = np.mgrid[top : top + height, left : left + width]
         x, y = (
-            (at + 0.5 + off + lens * moves) * (self.pixels / slab.pixels)
-            for at, off, lens in zip((u, v), self.views.displacement[number], apart, strict=True)
+            (at + 0.5 + off + lens * moves) * (self.made.pixels / slab.pixels) - corner
+            for at, off, lens, corner in zip(
+                (u, v), self.views.displacement[number], apart, self.made.held.pixels, strict=False
+            )
         )
         return x, y, inverse
 
@@ -167,17 +174,17 @@ class FreeViews:
 def views_at(
     field: LightFieldFile,
     points_m: np.ndarray,
-    pixels: int | None = None,
+    pixels: Pixels | None = None,
     *,
     device: Device | str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
-    """Pinhole pictures from points of the lens: (K, pixels, pixels, 3) float32, linear light.
+    """Pinhole pictures from points of the lens: (K, height, width, 3) float32, linear light.
 
     Parameters
     ----------
     points_m : (K, 2), metres: s to the right and t down.
-    pixels : side of the pictures; default what the file was traced for.
+    pixels : as of :class:`FreeViews`.
     progress : called with (views done, of all).
 
     Raises
@@ -193,7 +200,7 @@ def views_at(
             f"lies outside the lens, which reaches {1e3 * lens:.4g} mm from its middle",
             file=field.path, key="at",
         )  # fmt: skip
-    out = np.empty((len(points), views.pixels, views.pixels, 3), np.float32)
+    out = np.empty((len(points), *views.made.size[::-1], 3), np.float32)
     for number, point in enumerate(points):
         out[number] = views.picture(point)
         if progress:
@@ -217,7 +224,7 @@ def expected_db(
     a file of fewer than 3 x 3 views.
     """
     slab = field.require_slab()
-    if slab.views < 3 or slab.extent is not None:
+    if slab.views < 3 or not slab.views_held().all():
         return None
     inner = np.arange(1, slab.views - 1)
     numbers = (inner[:, None] * slab.views + inner).ravel()
@@ -232,9 +239,9 @@ def expected_db(
 
 
 def inverse_depth(field: LightFieldFile, pixels: int | None = None) -> np.ndarray:
-    """(pixels, pixels) float64, 1/m: what a pixel sees from the lens's middle.
+    """(height, width) float64, 1/m: what a pixel sees from the lens's middle.
 
-    By the views around it; 0 is a miss.  Errors as of :func:`views_at`.
+    By the views around it; 0 is a miss.  ``pixels`` and errors are as of :class:`FreeViews`.
     """
     return FreeViews(field, pixels).inverse_depth(np.zeros(2))
 

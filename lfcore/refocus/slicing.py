@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, build_program, cl, open_device
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.plane_tables import view_tables
@@ -22,7 +21,7 @@ from lfcore.storage.lightfield import LightFieldFile
 from lfcore.timing import Stopwatch
 from lfcore.tracing.layouts import header
 from lfcore.tracing.plane_buffers import PlaneBuffers
-from lfcore.tracing.tile import slots_of
+from lfcore.tracing.tile import slots_of, tile_corners
 
 CHUNK_BYTES = 64 << 20
 """Decoded frames that are added at a time: enough to keep the device busy, and still in cache."""
@@ -64,10 +63,14 @@ class PlaneFormer:
         planes = list(planes)
         tables = view_tables(slab, planes) if views else _strips(slab, planes, tile)
         self._sums = PlaneBuffers(self.device, slab, planes, tables)
-        self._words = 3 * 256 if views else table_words(layout.inner)
+        self._words = 3 * 256 if views else table_words(slab.views)
         self._scratch = self.device.empty(4 * self._words * self._sums.workers)
-        elements = tile.elements()
-        self._slots = slots_of(tile, elements)
+        self._slots = slots_of(tile, slab)
+        if views:
+            left, top = layout.corner(slab)
+            self._slots["x"] += left
+            self._slots["y"] += top
+        self._inner = () if views else (np.int32(slab.views),)
 
     def add(self, frames: np.ndarray, first: int) -> None:
         """Add consecutive frames of the tile: (F, frame_bytes) uint8, the first being number
@@ -89,7 +92,7 @@ class PlaneFormer:
             np.int32(layout.frame_height),
             device.buffer(slots),
             np.int32(len(slots)),
-            np.int32(layout.inner),
+            *self._inner,
             device.buffer(np.zeros(1, np.int32)),
             self._scratch,
             np.int32(self._words),
@@ -103,8 +106,7 @@ class PlaneFormer:
 
 
 def _strips(slab: Slab, planes: list[SensorPlane], tile: Tile) -> StripTables:
-    right, bottom = tile.column + tile.columns, tile.row + tile.rows
-    return strip_tables(slab, planes, tile.column, tile.row, right, bottom)
+    return strip_tables(slab, planes, *tile_corners(tile, slab))
 
 
 def form_planes(
@@ -131,11 +133,6 @@ def form_planes(
     """
     field = LightFieldFile.opened(source)
     slab = field.require_grid()
-    if slab.extent:
-        raise OpticsError(
-            "holds a part of the grids, which slicing does not know", file=field.path,
-            remedy="Use the method shift-sum",
-        )  # fmt: skip
     for plane in planes:
         plane.check(slab)
     name = device.name if isinstance(device, Device) else device

@@ -10,6 +10,7 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, cl, open_device
 from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.planes import SensorPlane
+from lfcore.optics.size import Pixels, Size
 from lfcore.refocus.depth_slicing import DepthSlicer
 from lfcore.refocus.stored_views import add_frames, frame_chunks
 from lfcore.refocus.views import read_views
@@ -27,16 +28,16 @@ SUMS_BYTES = 1 << 30
 def slice_stored(
     field: LightFieldFile,
     planes: Sequence[SensorPlane],
-    pixels: int | None = None,
+    pixels: Pixels | None = None,
     *,
     device: Device | str | None = None,
     progress: Progress = None,
 ) -> np.ndarray:
-    """Pictures of a file that holds depth: (P, pixels, pixels, 3) float32, linear light.
+    """Pictures of a file that holds depth: (P, height, width, 3) float32, linear light.
 
     Parameters
     ----------
-    pixels : side of the pictures; default what the file was traced for.
+    pixels : as for :func:`picture_side`; default what the file was traced for.
     progress : called with (frames done, frames in all).
 
     Raises
@@ -45,10 +46,9 @@ def slice_stored(
     StorageError : the file is damaged.
     """
     stored = field.require_depth()
-    size = stored.pixels if pixels is None else int(pixels)
-    if not 1 <= size <= 1 << 16:
-        raise OpticsError(f"must be from 1 to {1 << 16}, not {size}", file=field.path, key="size")
+    side = stored.pixels if pixels is None else picture_side(field, pixels)
     device = device if isinstance(device, Device) else open_device(device)
+    size = Size(*field.require_slab().picture(side)[2:])
     each = 2 * DepthSlicer.sums_bytes(1, size)
     if each > device.device.global_mem_size // 2:
         raise OpticsError(
@@ -60,11 +60,26 @@ def slice_stored(
     made = []
     for number, group in enumerate(groups):
         views = stored.views(field.require_slab())
-        slicer = DepthSlicer(views, group, size, device)
+        slicer = DepthSlicer(views, group, side, device)
         tell = _of_all(progress, number, len(groups))
         (_add_views if field.layout.kind == "views" else _add_macropixels)(field, slicer, tell)
         made.append(slicer.pictures())
     return np.concatenate(made)
+
+
+def picture_side(field: LightFieldFile, pixels: Pixels) -> int:
+    """The longer side of a picture of so many pixels: that side, or a width and height.
+
+    Raises :class:`OpticsError` for a width and height of another shape than the views'.
+    """
+    asked = Size.of(pixels)
+    shown = Size(*field.require_slab().picture(asked.longer)[2:])
+    if isinstance(pixels, Sequence) and asked != shown:
+        raise OpticsError(
+            f"a picture of {asked} pixels has another shape than the views, {shown}",
+            file=field.path, key="pixels", remedy="Give the longer side alone",
+        )  # fmt: skip
+    return asked.longer
 
 
 def _of_all(progress: Progress, number: int, groups: int) -> Progress:
@@ -89,8 +104,8 @@ def read_rays(
 
     Returns
     -------
-    light : (N N, S, S, 3) float32, linear light, of views as they are stored.
-    depth : (N N, S, S) float32, metres; infinity for a miss, and where nothing can be read.
+    light : (N N, H, W, 3) float32, linear light, of views as they are stored.
+    depth : (N N, H, W) float32, metres; infinity for a miss, and where nothing can be read.
 
     Raises :class:`OpticsError` for more rays than are held at a time.
     """
@@ -105,9 +120,9 @@ def read_rays(
 
 
 def read_depths(field: LightFieldFile, views: np.ndarray) -> np.ndarray:
-    """(K, S, S) float32 metres of views by their numbers (K,), i + N j; else as above."""
+    """(K, H, W) float32 metres of views by their numbers (K,), i + N j; else as above."""
     slab, codes = field.require_slab(), field.require_depth().codes
-    depth = np.full((len(views), slab.pixels, slab.pixels), np.inf, np.float32)
+    depth = np.full((len(views), *slab.size[::-1]), np.inf, np.float32)
     place = np.full(slab.views**2, -1)
     place[views] = np.arange(len(views))
     for elements, pictures in _elements(field):
@@ -150,7 +165,7 @@ class _Taker:
 
 
 def _depths_of_views(field: LightFieldFile) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
-    """((i, j), (S, S) float32 metres) of every view that can be read, in the order of frames."""
+    """((i, j), (H, W) float32 metres) of every view that can be read, in the order of frames."""
     codes = field.require_depth().codes
     for elements, pictures in _elements(field):
         for place, picture in zip(elements.tolist(), pictures, strict=True):
@@ -158,10 +173,10 @@ def _depths_of_views(field: LightFieldFile) -> Iterator[tuple[tuple[int, int], n
 
 
 def _elements(field: LightFieldFile) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """((E, 2) outer coordinates, (E, inner, inner) codes) of some frames at a time."""
+    """((E, 2) outer coordinates, (E, rows, columns) codes) of some frames at a time."""
     video = field.require_depth_video()
     layout, readable = video.layout, {part.index for part in field.segments}
-    inner = np.arange(layout.inner)
+    columns, rows = map(np.arange, layout.inner)
     for tile, first, frames in frame_chunks(video):
         if tile.index not in readable:
             continue
@@ -170,4 +185,4 @@ def _elements(field: LightFieldFile) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         places = tile.placement(elements)
         here = (places[:, 0] >= first) & (places[:, 0] < first + len(frames))
         at, x, y = places[here].T[..., None, None]
-        yield elements[here], plane[at - first, y + inner[:, None], x + inner]
+        yield elements[here], plane[at - first, y + rows[:, None], x + columns]

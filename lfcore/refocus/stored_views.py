@@ -41,12 +41,20 @@ class TakesViews(Protocol):
 class FrameSummer:
     """Unpacks frames of a stored light field on the device and hands views to ``summer``.
 
-    ``pixels`` are the ones to take, of the views that a frame holds; default all.
+    ``pixels`` are those that the views have of the slab's square grid, default all; in frames they
+    begin at ``corner``.
     """
 
-    def __init__(self, summer: TakesViews, layout: FrameLayout, pixels: Rectangle | None = None):
+    def __init__(
+        self,
+        summer: TakesViews,
+        layout: FrameLayout,
+        pixels: Rectangle | None = None,
+        corner: tuple[int, int] = (0, 0),
+    ):
         self.summer, self.layout = summer, layout
         self._pixels = pixels or (0, 0, layout.pixels, layout.pixels)
+        self._corner = np.array(corner, np.int32)
         defines = {
             "BITS": layout.format.bits,
             "CHROMA": layout.format.subsampling,
@@ -84,14 +92,15 @@ class FrameSummer:
     def _add_views(self, frames: cl.Buffer, elements: np.ndarray, places: np.ndarray) -> None:
         wanted = self._is_open[elements[:, 1], elements[:, 0]]
         elements, places = elements[wanted], places[wanted]
-        places[:, 1:3] += np.array(self._pixels[:2], np.int32)
+        places[:, 1:3] += self._corner
         step = self.summer.group_size(*self._pixels[2:])
         for start in range(0, len(elements), step):
             part = slice(start, start + step)
             self._unpack(frames, places[part], elements[part], self._pixels)
 
     def _add_macropixels(self, frames: cl.Buffer, places: np.ndarray, tile: Tile) -> None:
-        region = (tile.column, tile.row, tile.columns, tile.rows)
+        left, top = self._pixels[:2]
+        region = (tile.column + left, tile.row + top, tile.columns, tile.rows)
         step = self.summer.group_size(tile.columns, tile.rows)
         for start in range(0, len(self._open), step):
             self._unpack(frames, places, self._open[start : start + step], region)
@@ -129,7 +138,7 @@ def add_frames(
 
     ``progress`` is called with (frames done, frames in all).
     """
-    frames, done = FrameSummer(summer, field.layout, field.extent.pixels), 0
+    frames, done = FrameSummer(summer, field.layout, field.extent.pixels, field.corner), 0
     total = sum(part.frames for part in field.segments)
     for tile, first, chunk in ahead(frame_chunks(field)):
         frames.add(chunk, tile, first)

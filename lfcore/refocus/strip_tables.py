@@ -83,7 +83,7 @@ def strip_tables(
         np.concatenate(runs or [np.zeros((0, 2))]).astype(np.int32),
         masks,
         strip_kinds(masks),
-        *reached_region(slab, moves_of, u0, v0, u1, v1),
+        *reached_region(slab, planes, moves_of, u0, v0, u1, v1),
         np.concatenate(pointers or [np.zeros(0)]).astype(np.int32),
         ends,
     )

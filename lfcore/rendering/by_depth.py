@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TypedDict, Unpack
@@ -13,6 +14,7 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import ViewSet, lens_cells, views_of
+from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Slab
 from lfcore.refocus.depth_slicing import DepthSlicer
 from lfcore.rendering.direct import focused_camera
@@ -41,18 +43,19 @@ def pictures_by_depth(
     tracer: Tracer,
     camera: Camera,
     planes: Sequence[SensorPlane],
-    pixels: int,
+    pixels: Pixels,
     lattice: Lattice,
     *,
     progress: Callable[[int, int], None] | None = None,
     **widths: Unpack[Widths],
 ) -> np.ndarray:
-    """Pictures of a scene from the same rays: (P, pixels, pixels, 3) float32, linear light.
+    """Pictures of a scene from the same rays: (P, height, width, 3) float32, linear light.
 
     Parameters
     ----------
     camera : the lens and sensor that ``planes`` belong to.  Rays are traced through the widest of
         their apertures, those of a single plane at its own focus.
+    pixels : the pictures' side, or width and height.
     widths : of :class:`Widths`.
     progress : called with (views done, of all).
 
@@ -61,18 +64,17 @@ def pictures_by_depth(
     OpticsError : a focus inside the focal length, a plane wider than the lens, or pictures too
         large for the device's memory.
     """
-    planes = list(planes)
+    planes, size = list(planes), Size.of(pixels)
     if len(planes) == 1:
-        return _focused(tracer, camera, planes[0], pixels, lattice, progress, **widths)[None]
+        return _focused(tracer, camera, planes[0], size, lattice, progress, **widths)[None]
     lens = replace(camera, f_number=min(plane.f_number for plane in planes))
-    slab = Slab(lens, lattice.views, lattice.side(pixels))
-    views = views_of(slab, displaced=lattice.displaced)
-    room = max(1, SUMS_BYTES // DepthSlicer.sums_bytes(1, pixels))
+    views = views_of(Slab.of(lens, lattice, size), displaced=lattice.displaced)
+    room = max(1, SUMS_BYTES // DepthSlicer.sums_bytes(1, size))
     groups = [planes[first : first + room] for first in range(0, len(planes), room)]
     made = []
     for number, group in enumerate(groups):
         tell = _within(progress, number, len(groups))
-        made.append(trace_by_depth(tracer, views, group, pixels, progress=tell, **widths))
+        made.append(trace_by_depth(tracer, views, group, size.longer, progress=tell, **widths))
     pictures = np.concatenate(made)
     for picture, plane in zip(pictures, planes, strict=True):
         if plane.normalise == "lens":  # the whole lens, not the part that is traced
@@ -93,15 +95,15 @@ def _focused(
     tracer: Tracer,
     camera: Camera,
     plane: SensorPlane,
-    pixels: int,
+    size: Size,
     lattice: Lattice,
     progress: Callable[[int, int], None] | None,
     **widths: Unpack[Widths],
 ) -> np.ndarray:
-    slab = Slab(focused_camera(camera, plane), lattice.views, lattice.side(pixels))
+    slab = Slab.of(focused_camera(camera, plane), lattice, size)
     views = views_of(slab, displaced=lattice.displaced)
     own = replace(plane, normalise="aperture", keep_magnification=False)
-    picture = trace_by_depth(tracer, views, [own], pixels, progress=progress, **widths)[0]
+    picture = trace_by_depth(tracer, views, [own], size.longer, progress=progress, **widths)[0]
     if plane.normalise == "lens":
         whole = Slab(camera, 1, 1)
         share = lens_cells(views.slab, own.lens_aperture(views.slab)).share.mean()
@@ -119,17 +121,18 @@ def trace_by_depth(
     progress: Callable[[int, int], None] | None = None,
     **widths: Unpack[Widths],
 ) -> np.ndarray:
-    """Trace views and slice them by depth: (P, pixels, pixels, 3) float32, linear light.
+    """Trace views and slice them by depth: (P, height, width, 3) float32, linear light.
 
-    ``progress`` is called with (views done, of all).
-    Raises :class:`OpticsError` for a plane that the views do not hold, or pictures too large for
-    the device's memory.
+    ``pixels`` are those of the pictures' longer side.  ``progress`` is called with (views done, of
+    all).  Raises :class:`OpticsError` for a plane that the views do not hold, or pictures too large
+    for the device's memory.
     """
     device = tracer.device
-    needed = 2 * DepthSlicer.sums_bytes(len(planes), pixels)
+    size = Size(*views.slab.picture(pixels)[2:])
+    needed = 2 * DepthSlicer.sums_bytes(len(planes), size)
     if needed > device.device.global_mem_size // 2:
         raise OpticsError(
-            f"sums of {len(planes)} pictures of {pixels} pixels take {needed / 2**30:.1f} GiB",
+            f"sums of {len(planes)} pictures of {size} pixels take {needed / 2**30:.1f} GiB",
             key="size",
             remedy="Ask for fewer pixels or pictures, or use the filter 'nearest'",
         )
@@ -149,10 +152,11 @@ def traced_views(
     *,
     order: np.ndarray | None = None,
 ) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
-    """Yield (part, light, depth) of a few views at a time, for pictures of so many pixels.
+    """Yield (part, light, depth) of a few views at a time, for pictures whose longer side has so
+    many pixels.
 
     ``part`` is of all views, or of ``order``, numbers of some or all of them; ``light`` is
-    (K, S, S, 3) and ``depth`` (K, S, S) float32.
+    (K, rows, columns, 3) and ``depth`` (K, rows, columns) float32.
     """
     slab = views.slab
     pitch = slab.camera.field_width / pixels
@@ -160,7 +164,7 @@ def traced_views(
     footprint = FOOTPRINT * between if footprint_px is None else footprint_px * pitch
     footprint = min(slab.pixel_pitch, footprint)
     order = np.arange(slab.views**2) if order is None else order
-    count, step = len(order), max(1, RAYS_AT_A_TIME // slab.pixels**2)
+    count, step = len(order), max(1, RAYS_AT_A_TIME // math.prod(slab.size))
     for start in range(0, count, step):
         part = slice(start, min(start + step, count))
         bundles = views.bundles(order[part], footprint=footprint)

@@ -15,7 +15,7 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.files import whole_file
 from lfcore.optics import bundles
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Extent, Slab
 from lfcore.tracing.tracer import Tracer
 
 VIEWS_AT_A_TIME_RAYS = 1 << 24
@@ -30,7 +30,7 @@ def depth_of_views(
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
-    """(K, M, M) float32, metres along the axis, indexed [view, v, u]; infinity for a miss.
+    """(K, H, W) float32, metres along the axis, indexed [view, v, u]; infinity for a miss.
 
     Parameters
     ----------
@@ -40,8 +40,9 @@ def depth_of_views(
     samples = all_samples(slab) if samples is None else np.asarray(samples).reshape(-1, 2)
     if samples.size and not (0 <= samples.min() and samples.max() < slab.views):
         raise OpticsError(f"lens samples are from 0 to {slab.views - 1}", key="samples")
-    depth = np.empty((len(samples), slab.pixels, slab.pixels), np.float32)
-    step = max(1, VIEWS_AT_A_TIME_RAYS // slab.pixels**2)
+    width, height = slab.size
+    depth = np.empty((len(samples), height, width), np.float32)
+    step = max(1, VIEWS_AT_A_TIME_RAYS // (width * height))
     for start in range(0, len(samples), step):
         part = samples[start : start + step]
         depth[start : start + step] = tracer.bundle_hits(bundles.views(slab, part), part)[1]
@@ -70,7 +71,10 @@ def dioptre_range(tracer: Tracer, slab: Slab, margin: float) -> tuple[float, flo
 
 def _spread_depths(tracer: Tracer, slab: Slab) -> np.ndarray:
     """Depths in metres, infinity for a miss, of few rays all over lens and picture."""
-    coarse = Slab(slab.camera, min(slab.views, RANGE_VIEWS), RANGE_PIXELS)
+    views, extent = min(slab.views, RANGE_VIEWS), None
+    if slab.extent is not None:
+        extent = Extent((0, 0, views, views), slab.picture(RANGE_PIXELS))
+    coarse = Slab(slab.camera, views, RANGE_PIXELS, extent)
     origins, directions = bundles.views(coarse, all_samples(coarse)).rays()
     depth = tracer.closest_hit(origins, directions)[1]
     return depth[depth > 0]
@@ -106,30 +110,30 @@ def all_in_focus(
 
     Parameters
     ----------
-    depth : (M, M) float32 of the view through the lens centre (of a slab of one view).
-    views : of some or all lens samples, in groups: samples (K, 2), linear light (K, M, M, 3) and
-        depths (K, M, M).
+    depth : (H, W) float32 of the view through the lens centre (of a slab of one view).
+    views : of some or all lens samples, in groups: samples (K, 2), linear light (K, H, W, 3) and
+        depths (K, H, W).
     tolerance_px : a view sees a point if what it has there lies at the same depth, to within
         this blur at the rim of the lens.
 
     Returns
     -------
-    (M, M, 3) float32, linear light.  A point that no view sees has the colour of the view
+    (H, W, 3) float32, linear light.  A point that no view sees has the colour of the view
     nearest to the axis.
     """
-    size, lens = slab.pixels, slab.lens_positions()
+    (columns, rows), lens = slab.size, slab.lens_positions()
     near = _inverse(depth)
     limit = tolerance_px * slab.pixel_pitch / max(slab.camera.lens_radius_m, 1e-30)
     shift = (near - slab.camera.delta) / slab.pixel_pitch  # pixels a metre of lens
-    total, weight = np.zeros((size, size, 3)), np.zeros((size, size, 1))
-    fallback, closest = np.zeros((size, size, 3)), np.inf
-    v, u = np.mgrid[:size, :size]
+    total, weight = np.zeros((rows, columns, 3)), np.zeros((rows, columns, 1))
+    fallback, closest = np.zeros((rows, columns, 3)), np.inf
+    v, u = np.mgrid[:rows, :columns]
     for samples, light, depths in views:
         for (i, j), picture, there in zip(samples, light, depths, strict=True):
             x = np.floor(u - lens[i] * shift + 0.5).astype(np.int64)
             y = np.floor(v - lens[j] * shift + 0.5).astype(np.int64)
-            inside = (x >= 0) & (x < size) & (y >= 0) & (y < size)
-            x, y = x.clip(0, size - 1), y.clip(0, size - 1)
+            inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
+            x, y = x.clip(0, columns - 1), y.clip(0, rows - 1)
             seen = inside & (np.abs(_inverse(there[y, x]) - near) <= limit)
             total += picture[y, x] * seen[..., None]
             weight += seen[..., None]
@@ -164,7 +168,7 @@ def depth_picture(depth: np.ndarray) -> np.ndarray:
 def save_depth(path: str | Path, slab: Slab, samples: np.ndarray, depth: np.ndarray) -> None:
     """Write depths and disparities beside the light field, as npz; the slab is in it as JSON.
 
-    Arrays: ``depth_m`` and ``disparity_px`` (K, M, M) float32, ``samples`` (K, 2) int32,
+    Arrays: ``depth_m`` and ``disparity_px`` (K, H, W) float32, ``samples`` (K, 2) int32,
     ``slab`` the bytes of the JSON.
     """
     header = np.frombuffer(json.dumps(slab.to_json()).encode(), np.uint8)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -9,8 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from lfcore.optics.camera import Camera, check_focus, image_distance
+from lfcore.optics.lattice import Lattice
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.planes import SensorPlane
+from lfcore.optics.size import Pixels
 from lfcore.optics.slab import Slab
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.tracing.tile import TileTracing
@@ -50,17 +53,19 @@ def trace_planes(
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
-    """Trace a slab and form ``planes`` on the fly (Algorithm 1): (P, M, M, 3) float32, linear.
+    """Trace a slab and form ``planes`` on the fly (Algorithm 1).
+
+    Returns (P, height, width, 3) float32, linear light.
 
     ``progress`` is called with (pixels done, pixels in all).
     Raises :class:`OpticsError` for a plane that the slab does not hold.
     """
-    layout = FrameLayout("macropixels", slab.views, slab.pixels, pixel_format="yuv444p")
-    done, parts = 0, []
+    layout = FrameLayout(
+        "macropixels", slab.views, slab.pixels, pixel_format="yuv444p", picture=slab.size
+    )
+    done, parts, pixels = 0, [], math.prod(slab.size)
     for tile in layout.tiles(TILE_RAYS, least=1):
-        count = (
-            (lambda n, _, before=done: progress(before + n, slab.pixels**2)) if progress else None
-        )
+        count = (lambda n, _, before=done: progress(before + n, pixels)) if progress else None
         parts.append(tile_sums(tracer, slab, tile, planes, progress=count))
         done += tile.element_count
     return total(slab, list(planes), parts).pictures()
@@ -91,22 +96,23 @@ def focused_camera(camera: Camera, plane: SensorPlane) -> Camera:
 def trace_picture(
     tracer: Tracer,
     camera: Camera,
-    pixels: int,
+    pixels: Pixels,
     plane: SensorPlane,
     *,
-    views: int = 64,
+    views: int | Lattice = 64,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
-    """One picture traced at its own focus, (M, M, 3) float32, linear light.
+    """One picture traced at its own focus, (height, width, 3) float32, linear light.
 
     Parameters
     ----------
     camera : the lens and sensor that ``plane`` belongs to.
-    views : side of the grid of rays over the square around the aperture: 64 are 4096 rays a pixel.
+    views : side of the grid of rays over the square around the aperture: 64 are 4096 rays a pixel;
+        of a lattice ``plane`` has the picture's own pixels.
 
     Raises :class:`OpticsError` for a focus inside the focal length.
     """
-    slab = Slab(focused_camera(camera, plane), views, pixels)
+    slab = Slab.of(focused_camera(camera, plane), views, pixels)
     own = replace(plane, normalise="aperture", keep_magnification=False)
     picture = trace_planes(tracer, slab, [own], progress=progress)[0]
     if plane.normalise == "lens":

@@ -19,6 +19,7 @@ from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera
 from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
+from lfcore.optics.size import Pixels, Size
 from lfcore.refocus.depth_slicing import LEAST_OF_RAY
 from lfcore.rendering.by_depth import FOOTPRINT, pictures_by_depth
 from lfcore.tracing.tracer import Tracer
@@ -133,7 +134,7 @@ class QualitySearch:
     tracer: Tracer
     camera: Camera
     planes: Sequence[SensorPlane]
-    pixels: int
+    pixels: Pixels
     quality: Quality
 
     def pictures(self, progress: Callable[[int, int], None] | None = None) -> Rendering:
@@ -161,8 +162,8 @@ class QualitySearch:
     def plan(self) -> PlannedRays:
         """Predict the lattice that reaches the quality, without tracing it.
 
-        The pilot traces a tenth of its rays, at least 9 per pixel.  The side of a view is a
-        multiple of 8 pixels, for encoders.
+        The pilot traces a tenth of its rays, at least 9 per pixel.  The longer side of a view
+        is a multiple of 8 pixels, for encoders.
         Raises :class:`OpticsError` for a quality that needs more than the budget.
         """
         rounds = self._pilot()
@@ -175,8 +176,8 @@ class QualitySearch:
                 break
             self._add_pair(rounds, min(lacking, GROWTH * rounds.rays))
         lattice = one_lattice(wanted)
-        side = 8 * math.ceil(lattice.subpixels * self.pixels / 8)
-        lattice = Lattice(lattice.views, side / self.pixels)
+        pixels = Size.of(self.pixels).longer
+        lattice = Lattice(lattice.views, 8 * math.ceil(lattice.subpixels * pixels / 8) / pixels)
         return PlannedRays(lattice, rounds.db_of_one(lattice.rays_per_pixel), rounds.rays)
 
     def _pilot(self) -> _Rounds:
@@ -188,7 +189,8 @@ class QualitySearch:
 
     def _trace(self, lattice: Lattice) -> np.ndarray:
         """The pictures of one round."""
-        between = self.pixels / (lattice.views * lattice.side(self.pixels))
+        pixels = Size.of(self.pixels).longer
+        between = pixels / (lattice.views * lattice.side(pixels))
         return pictures_by_depth(
             self.tracer, self.camera, self.planes, self.pixels, lattice,
             footprint_px=min(FOOTPRINT_PX, FOOTPRINT * between),
@@ -206,10 +208,11 @@ class QualitySearch:
 
 
 def inner(pictures: np.ndarray) -> np.ndarray:
-    """Pictures (P, M, M, ...) without the margin that not all of the lens sees."""
-    side = pictures.shape[1]
-    kept = slice(int(BORDER * side), side - int(BORDER * side))
-    return pictures[:, kept, kept]
+    """Pictures (P, H, W, ...) without the margin that not all of the lens sees."""
+    rows, columns = (
+        slice(int(BORDER * side), side - int(BORDER * side)) for side in pictures.shape[1:3]
+    )
+    return pictures[:, rows, columns]
 
 
 def planes_between(camera: Camera, near_m: float, far_m: float) -> list[SensorPlane]:

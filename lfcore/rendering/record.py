@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -53,7 +54,7 @@ def record_slab(
     """
     path, scene = Path(path), tracers[0].scene
     tiles = layout.tiles(TILE_RAYS, least=max(2, len(tracers)))
-    count, lock = _Elements(progress, layout.outer**2), threading.Lock()
+    count, lock = _Elements(progress, math.prod(layout.outer)), threading.Lock()
     free = list(tracers)
     with draft_folder(path) as folder:
         segments = [folder / f"{tile.index:04d}.mp4" for tile in tiles]

@@ -17,6 +17,7 @@ from lfcore.files import draft_folder
 from lfcore.optics.camera import Camera
 from lfcore.optics.lattice import Lattice
 from lfcore.optics.ray_cells import views_of
+from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Slab
 from lfcore.rendering.by_depth import traced_views
 from lfcore.rendering.depth import depth_range, dioptre_range
@@ -43,7 +44,8 @@ class DepthStore:
     """How a slab is stored for slicing by depth.
 
     displaced : whether its views are displaced within a pixel against one another.
-    pixels : side of the pictures that the rays are meant for, which textures are filtered for.
+    pixels : longer side of the pictures that the rays are meant for, which textures are filtered
+        for.
     """
 
     layout: FrameLayout
@@ -55,7 +57,7 @@ class DepthStore:
 def depth_store(
     camera: Camera,
     lattice: Lattice,
-    pixels: int,
+    pixels: Pixels,
     spec: Encoding,
     *,
     kind: str = "views",
@@ -65,9 +67,9 @@ def depth_store(
 
     ``kind`` and ``layout`` are as :func:`lfcore.storage.defaults.frame_layout` takes them.
     """
-    slab = Slab(camera, lattice.views, lattice.side(pixels))
-    frames = frame_layout(slab.views, slab.pixels, spec.stored_format, kind=kind, **layout)
-    return slab, DepthStore(frames, spec, lattice.displaced, pixels)
+    slab = Slab.of(camera, lattice, pixels)
+    frames = frame_layout(slab.views, slab.size, spec.stored_format, kind=kind, **layout)
+    return slab, DepthStore(frames, spec, lattice.displaced, Size.of(pixels).longer)
 
 
 def record_by_depth(
@@ -171,9 +173,9 @@ def frames_by_depth(
     layout = store.layout
     grey = replace(layout, pixel_format=codes.pixel_format)
     deep = replace(tile, layout=grey)
-    beyond = (0, layout.slot - layout.inner)
+    wide, high = np.subtract(layout.slot, layout.inner)
     for elements, light, depth in _traced(tracer, slab, store, tile, progress):
-        shown = np.pad(srgb_encode(light), ((0, 0), beyond, beyond, (0, 0)), mode="edge")
+        shown = np.pad(srgb_encode(light), ((0, 0), (0, high), (0, wide), (0, 0)), mode="edge")
         depths = _in_frames(deep, elements, codes.of_depth(depth))
         yield (
             frames_from_rgb(_in_frames(tile, elements, shown), layout.pixel_format),
@@ -190,7 +192,7 @@ def _traced(
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """(elements, light, depth) of some whole frames of a tile at a time, in their order.
 
-    ``elements`` is (E, 2), ``light`` (E, inner, inner, 3) linear and ``depth`` (E, inner, inner).
+    ``elements`` is (E, 2), ``light`` (E, rows, columns, 3) linear and ``depth`` alike.
     """
     layout, views = tile.layout, views_of(slab, displaced=store.displaced)
     elements, done = tile.elements(), 0
@@ -221,8 +223,8 @@ def _in_frames(tile: Tile, elements: np.ndarray, pictures: np.ndarray) -> np.nda
     """(F, height, width, ...) of the frames whose elements these are; what none covers is 0."""
     layout = tile.layout
     at, x, y = tile.placement(elements).T[..., None, None]
-    first, side = at.min(), np.arange(layout.slot)
+    first, (wide, high) = at.min(), layout.slot
     shape = (at.max() + 1 - first, layout.frame_height, layout.frame_width, *pictures.shape[3:])
     frames = np.zeros(shape, pictures.dtype)
-    frames[at - first, y + side[:, None], x + side] = pictures
+    frames[at - first, y + np.arange(high)[:, None], x + np.arange(wide)] = pictures
     return frames

@@ -20,6 +20,7 @@ from lfcore.colour import srgb_encode
 from lfcore.optics.camera import Camera
 from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
+from lfcore.optics.size import Pixels, Size
 from lfcore.refocus.stored_depth import slice_stored
 from lfcore.rendering.quality import inner
 from lfcore.rendering.record_depth import depth_store, record_by_depth
@@ -29,7 +30,7 @@ from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.tracer import Tracer
 
 PIXELS = 96
-"""The side of a trial's pictures, about."""
+"""The longer side of a trial's pictures, about."""
 CRFS = 14.0, 26.0
 """The rate factors of the first trials, of H.264."""
 BEST, WORST = 6.0, 40.0
@@ -55,7 +56,7 @@ class Trials:
     tracer: Tracer
     camera: Camera
     lattice: Lattice
-    pixels: int
+    pixels: Pixels
     planes: Sequence[SensorPlane]
     encoding: Encoding
 
@@ -79,9 +80,9 @@ class Trials:
         return self._pictures(Encoding(LOSSLESS[0], "gbrp", tune=None, gop=self.encoding.gop))
 
     def _pictures(self, spec: Encoding) -> np.ndarray:
-        """(P, M, M, 3) sRGB-encoded pictures of a trial."""
-        lattice, pixels = self._small
-        slab, store = depth_store(self.camera, lattice, pixels, spec)
+        """(P, H, W, 3) sRGB-encoded pictures of a trial."""
+        lattice, size = self._small
+        slab, store = depth_store(self.camera, lattice, size, spec)
         with TemporaryDirectory() as folder:
             path = Path(folder) / "trial.mkv"
             record_by_depth(path, self.tracer, slab, store)
@@ -89,15 +90,16 @@ class Trials:
                 return srgb_encode(slice_stored(field, self.planes, device=self.tracer.device))
 
     @cached_property
-    def _small(self) -> tuple[Lattice, int]:
+    def _small(self) -> tuple[Lattice, Size]:
         """Fewer pixels, with as many rays each; encoders treat both widths alike."""
-        side, per_pixel = self.lattice.side(self.pixels), self.lattice.subpixels
-        if self.pixels <= PIXELS:
-            return self.lattice, self.pixels
+        size, per_pixel = Size.of(self.pixels), self.lattice.subpixels
+        side = self.lattice.side(size.longer)
+        if size.longer <= PIXELS:
+            return self.lattice, size
         if side % WHOLE_ROWS == 0:
             small = WHOLE_ROWS * max(1, round(per_pixel * PIXELS / WHOLE_ROWS))
         else:
             small = 8 * math.ceil(per_pixel * PIXELS / 8)
             small += 8 * (small % WHOLE_ROWS == 0)
         pixels = max(8, round(small / per_pixel))
-        return replace(self.lattice, subpixels=small / pixels), pixels
+        return replace(self.lattice, subpixels=small / pixels), size.scaled(pixels)

@@ -19,6 +19,7 @@ from lfcore.errors import OpticsError, SceneError
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import DepthRange, exclude_twice, f_number_of_blur, focus_distance
 from lfcore.optics.planes import PlaneOptions, SensorPlane, check_keywords
+from lfcore.optics.size import Pixels
 from lfcore.scene.appearance import Light, Material
 from lfcore.scene.assemble import assemble
 from lfcore.scene.colour import parse_colour
@@ -289,6 +290,7 @@ class Scene:
         *,
         focus_at: Sequence[float] | None = None,
         blur: float | str | None = None,
+        pixels: Pixels = 1,
         **options: Unpack[PlaneOptions],
     ) -> SensorPlane:
         """A picture's focus and aperture, for :func:`lfcore.render`.
@@ -308,7 +310,9 @@ class Scene:
             from the picture's upper left corner.
         blur : float or str, optional
             Instead of ``f_number``, the diameter of the blur at the end of what is seen that is
-            more out of focus, a share of the picture's width: 0.03 or ``"3%"``.
+            more out of focus, a share of the picture's shorter side: 0.03 or ``"3%"``.
+        pixels : int or (int, int)
+            The picture's width and height where they differ, for ``focus_at``.
         **options
             As of :meth:`lfcore.SensorPlane.of`.
 
@@ -329,7 +333,7 @@ class Scene:
             if focus_m is None and focus_at is None:
                 focus_m = lens.focus_m
         if focus_at is not None:
-            focus_m = focus_at_place(self.triangles, camera.field_width, focus_at)
+            focus_m = focus_at_place(self.triangles, camera.field_width, focus_at, pixels)
         elif isinstance(focus_m, str):
             focus_m = focus_distance(focus_m, self.depth_range)
         if blur is not None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.optics.focus import DepthRange, check_place, ends_of
+from lfcore.optics.size import Pixels, Size
 
 SIDE = 64
 """The rays per side of the coarse picture."""
@@ -45,18 +46,24 @@ def depth_range(triangles: np.ndarray, width: float) -> DepthRange | None:
     return ends_of(depth)
 
 
-def focus_at(triangles: np.ndarray, width: float, place: Sequence[float]) -> float:
+def focus_at(
+    triangles: np.ndarray, width: float, place: Sequence[float], pixels: Pixels = 1
+) -> float:
     """The depth at a place of the picture, metres, as the autofocus of a camera finds it.
 
-    ``place`` is (x, y), shares of the picture's width and height from its upper left corner.
+    ``place`` is (x, y), shares of the width and height of a picture of ``pixels`` from its upper
+    left corner; ``width`` is the tangent extent of its shorter side.
 
     Raises
     ------
     OpticsError
         The place is outside the picture, or its ray meets nothing.
     """
-    x, y = check_place(place)
-    ticks = [np.array([(share - 0.5) * width]) for share in (x, y)]
+    (x, y), size = check_place(place), Size.of(pixels)
+    ticks = [
+        np.array([(share - 0.5) * width * (side / size.shorter)])
+        for share, side in zip((x, y), size, strict=True)
+    ]
     depth = float(_depths(triangles, *ticks)[0, 0])
     if math.isinf(depth):
         raise OpticsError(

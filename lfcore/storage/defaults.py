@@ -32,6 +32,7 @@ from dataclasses import replace
 from typing import Any
 
 from lfcore.errors import StorageError
+from lfcore.optics.size import Pixels, Size
 from lfcore.storage.codecs import CODECS, Encoding
 from lfcore.storage.layout import FrameLayout
 
@@ -136,18 +137,19 @@ def chosen_encoding(
 
 def frame_layout(
     views: int,
-    pixels: int,
+    pixels: Pixels,
     pixel_format: str,
     *,
     kind: str | None = None,
     order: str = "serpentine",
     pack: int | None = None,
 ) -> FrameLayout:
-    """The layout of N = ``views`` and M = ``pixels`` in frames; None is what measured best."""
-    kind = kind or default_kind(views, pixels)
+    """The layout of N = ``views`` of so many pixels in frames; None is what measured best."""
+    size = Size.of(pixels)
+    kind = kind or default_kind(views, size.longer)
     if pack is None:
-        pack = min(macropixel_pack(views), pixels) if kind == "macropixels" else 1
-    return FrameLayout(kind, views, pixels, order, pack, pixel_format)
+        pack = min(macropixel_pack(views), size.longer) if kind == "macropixels" else 1
+    return FrameLayout(kind, views, size.longer, order, pack, pixel_format, tuple(size))
 
 
 def _check(views: int) -> None:

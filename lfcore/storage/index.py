@@ -115,7 +115,7 @@ class SegmentIndex(Sequence[Segment]):
         and each element of the outer grid, or of ``extent`` of it, is in just one tile."""
         tiles, pack = self.numbers[:, :FIRST], self.layout.pack
         low, size = tiles[:, :2], tiles[:, 2:]
-        outer = self.layout.outer
+        outer = np.array(self.layout.outer)
         bad = (size < 1) | (size > outer) | (low > outer) | (low + size > outer) | (low % pack != 0)
         for index in np.flatnonzero(bad.any(1))[:1].tolist():
             self[index]  # says what is wrong with it
@@ -129,7 +129,7 @@ class SegmentIndex(Sequence[Segment]):
                 f"needs {first[index]} to {first[index] + needed[index] - 1}",
                 key="segments",
             )
-        column, row, columns, rows = extent or (0, 0, outer, outer)
+        column, row, columns, rows = extent or (0, 0, *self.layout.outer)
         if not _covers(tiles, column, row, columns, rows):
             raise StorageError(
                 f"the tiles do not cover the {columns} x {rows} elements exactly once",

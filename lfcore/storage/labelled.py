@@ -12,6 +12,7 @@ import numpy as np
 
 from lfcore.colour import srgb_codes
 from lfcore.errors import LfcoreError
+from lfcore.optics.size import Size
 from lfcore.storage.lightfield import LightFieldFile
 
 if TYPE_CHECKING:
@@ -22,11 +23,11 @@ DIMENSIONS = ("row", "column", "y", "x", "channel")
 
 @dataclass(frozen=True)
 class MadeViews:
-    """Views that are not stored: ``row(field, j)`` makes the (N, M, M, 3) float32 of row j, linear
+    """Views that are not stored: ``row(field, j)`` makes the (N, H, W, 3) float32 of row j, linear
     light, at ``positions_m`` (N,) along both axes."""
 
     positions_m: np.ndarray
-    pixels: int
+    size: Size
     row: Callable[[LightFieldFile, int], np.ndarray]
 
 
@@ -62,9 +63,9 @@ def _chunks(field: LightFieldFile, made: MadeViews | None) -> tuple[tuple[int, .
     """Sides of the blocks along each dimension: between the edges of segments, or a row made."""
     if made:
         count = len(made.positions_m)
-        return (1,) * count, (count,), (made.pixels,), (made.pixels,), (3,)
+        return (1,) * count, (count,), (made.size.height,), (made.size.width,), (3,)
     by_views = field.layout.kind == "views"
-    held = field.extent.views if by_views else field.extent.pixels
+    held = field.extent.views if by_views else (*field.corner, *field.picture_size)
     edges: list[set[int]] = [set(), set()]  # of columns, and of rows
     for part in field.metadata.segments:
         tile = part.tile

@@ -2,7 +2,7 @@
 
 The *outer* grid of elements and the *inner* grid of rays of one element are, by kind,
 
-    macropixels   outer: pixels (u, v), M x M      inner: lens samples (i, j), N x N
+    macropixels   outer: pixels (u, v), W x H      inner: lens samples (i, j), N x N
     views         outer: lens samples (i, j)       inner: pixels (u, v)
 
 A frame holds a *block* of pack x pack neighbouring elements side by side.  A tile is a rectangle
@@ -20,6 +20,8 @@ from functools import cached_property
 import numpy as np
 
 from lfcore.errors import StorageError
+from lfcore.optics.size import Size
+from lfcore.optics.slab import Slab
 from lfcore.storage.curves import ORDERS
 from lfcore.storage.pixels import PixelFormat, pixel_format
 
@@ -34,7 +36,9 @@ SMALLEST_FRAME = 16
 class FrameLayout:
     """How the rays of N x N ``views`` of M x M ``pixels`` are laid out in frames.
 
-    ``order`` is the scan order of frames within a tile: ``raster``, ``serpentine`` or
+    ``picture`` is the width and height of pictures that are not square, whose longer side has M
+    pixels; without it frames have squares, in which a slab's wide pictures lie where its extent
+    says.  ``order`` is the scan order of frames within a tile: ``raster``, ``serpentine`` or
     ``hilbert``.  Raises :class:`StorageError` for values that make no layout.
     """
 
@@ -44,6 +48,7 @@ class FrameLayout:
     order: str = "serpentine"
     pack: int = 1
     pixel_format: str = "yuv420p"
+    picture: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         for key, value, known in (("kind", self.kind, KINDS), ("order", self.order, ORDERS)):
@@ -58,42 +63,65 @@ class FrameLayout:
             if value > MOST_A_SIDE:
                 raise StorageError(f"must be at most {MOST_A_SIDE}, not {value}", key=key)
         pixel_format(self.pixel_format)
+        if self.picture is not None:
+            width, height = self.picture
+            whole = type(width) is type(height) is int and min(width, height) >= 1
+            if not whole or max(width, height) != self.pixels:
+                raise StorageError(
+                    f"is no width and height with a longer side of {self.pixels}", key="picture"
+                )
+            object.__setattr__(self, "picture", None if width == height else (width, height))
+
+    def corner(self, slab: Slab) -> tuple[int, int]:
+        """Where the pictures of ``slab`` begin in the layout's own: not at (0, 0) in squares."""
+        left, top = slab.held.pixels[:2]
+        return (0, 0) if self.picture else (left, top)
+
+    @property
+    def size(self) -> Size:
+        """Width and height of the pictures in frames."""
+        return Size(*(self.picture or (self.pixels, self.pixels)))
 
     @property
     def format(self) -> PixelFormat:
         return pixel_format(self.pixel_format)
 
     @property
-    def outer(self) -> int:
-        """Side of the outer grid."""
-        return self.pixels if self.kind == "macropixels" else self.views
+    def outer(self) -> Size:
+        """Columns and rows of the outer grid."""
+        return self.size if self.kind == "macropixels" else Size(self.views, self.views)
 
     @property
-    def inner(self) -> int:
-        """Side of the inner grid."""
-        return self.views if self.kind == "macropixels" else self.pixels
+    def inner(self) -> Size:
+        """Columns and rows of the inner grid."""
+        return Size(self.views, self.views) if self.kind == "macropixels" else self.size
+
+    @property
+    def packed(self) -> Size:
+        """Columns and rows of elements in a frame."""
+        return Size(*(min(self.pack, count) for count in self.outer))
 
     @property
     def elements_per_frame(self) -> int:
-        return min(self.pack, self.outer) ** 2
+        return math.prod(self.packed)
 
     @property
-    def slot(self) -> int:
-        """Side of the square of pixels that one element has in a frame: even for 4:2:0.
+    def slot(self) -> Size:
+        """Width and height of the pixels that one element has in a frame: even for 4:2:0.
 
         Columns and rows from ``inner`` to ``slot`` are padding; they should repeat the last one.
         """
         step = self.format.subsampling
-        return -(-self.inner // step) * step
+        return Size(*(-(-count // step) * step for count in self.inner))
 
     @property
     def frame_width(self) -> int:
         """Of every frame, in pixels; no smaller than SMALLEST_FRAME."""
-        return max(self.slot * min(self.pack, self.outer), SMALLEST_FRAME)
+        return max(self.slot.width * self.packed.width, SMALLEST_FRAME)
 
     @property
     def frame_height(self) -> int:
-        return self.frame_width
+        return max(self.slot.height * self.packed.height, SMALLEST_FRAME)
 
     @property
     def frame_bytes(self) -> int:
@@ -101,19 +129,19 @@ class FrameLayout:
 
     @property
     def rays(self) -> int:
-        return (self.outer * self.inner) ** 2
+        return math.prod(self.outer) * math.prod(self.inner)
 
     def tile(self, column: int, row: int, columns: int, rows: int, index: int = 0) -> Tile:
         """The tile of this rectangle of the outer grid.
 
         Raises :class:`StorageError` unless it lies inside and starts at a block's corner.
         """
-        inside = 0 <= column < column + columns <= self.outer
-        inside &= 0 <= row < row + rows <= self.outer
+        inside = 0 <= column < column + columns <= self.outer.width
+        inside &= 0 <= row < row + rows <= self.outer.height
         if not inside or column % self.pack or row % self.pack:
             raise StorageError(
                 f"the tile {columns} x {rows} at ({column}, {row}) does not fit an outer grid of "
-                f"{self.outer} x {self.outer} in blocks of {self.pack}",
+                f"{self.outer} in blocks of {self.pack}",
                 key="tile",
             )
         return Tile(self, index, column, row, columns, rows)
@@ -126,29 +154,32 @@ class FrameLayout:
         one block a side, so that cores finish together.  A light field of more than
         ``small_rays`` rays gives at least ``least`` tiles where it has that many blocks.
         """
-        blocks = -(-self.outer // self.pack)
+        across, down = (-(-count // self.pack) for count in self.outer)
         if self.rays <= small_rays:
             least = 1
-        fit = max(1, max_rays // (self.elements_per_frame * self.inner**2))
-        bands = -(-blocks // max(1, fit // blocks))
-        pieces = -(-blocks // fit) if fit < blocks else 1
+        fit = max(1, max_rays // (self.elements_per_frame * math.prod(self.inner)))
+        bands = -(-down // max(1, fit // across))
+        pieces = -(-across // fit) if fit < across else 1
         if bands * pieces < least:
-            bands = min(blocks, least)
-            pieces = min(blocks, -(-least // bands))
+            bands = min(down, least)
+            pieces = min(across, -(-least // bands))
         tiles: list[Tile] = []
-        for top, bottom in _spans(blocks, bands, self.pack, self.outer):
-            for left, right in _spans(blocks, pieces, self.pack, self.outer):
+        for top, bottom in _spans(down, bands, self.pack, self.outer.height):
+            for left, right in _spans(across, pieces, self.pack, self.outer.width):
                 tiles.append(self.tile(left, top, right - left, bottom - top, len(tiles)))
         return tiles
 
     def to_json(self) -> dict:
-        return asdict(self)
+        """``picture`` is left out of squares."""
+        data = asdict(self)
+        picture = data.pop("picture")
+        return data | ({"picture": list(picture)} if picture else {})
 
     @classmethod
     def from_json(cls, data: dict) -> FrameLayout:
         """Raises :class:`StorageError` for unknown or missing keys and impossible values."""
-        known = {field.name for field in fields(cls)}
-        if not isinstance(data, dict) or set(data) != known:
+        known = {field.name for field in fields(cls)} - {"picture"}
+        if not isinstance(data, dict) or set(data) - {"picture"} != known:
             raise StorageError(f"must have exactly the keys {sorted(known)}", key="layout")
         return cls(**data)
 
@@ -170,7 +201,7 @@ class Tile:
 
     @property
     def rays(self) -> int:
-        return self.element_count * self.layout.inner**2
+        return self.element_count * math.prod(self.layout.inner)
 
     @property
     def _block_grid(self) -> tuple[int, int]:
@@ -220,7 +251,7 @@ class Tile:
         block, slot = np.divmod(local, np.int32(self.layout.pack))
         out = np.empty((len(local), 3), np.int32)
         out[:, 0] = self._frame_of_block[block[:, 1], block[:, 0]]
-        out[:, 1:] = slot * np.int32(self.layout.slot)
+        out[:, 1:] = slot * np.array(self.layout.slot, np.int32)
         return out
 
     def to_json(self) -> list[int]:

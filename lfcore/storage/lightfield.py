@@ -112,10 +112,16 @@ class LightFieldFile(StoredVideo):
 
     @property
     def extent(self) -> Extent:
-        """The views and pixels that are there: all, but of imported light fields."""
+        """The views and pixels that are there, of the smallest squares that hold them."""
         n, m = self.layout.views, self.layout.pixels
         slab = self.metadata.slab
         return slab.held if slab else Extent((0, 0, n, n), (0, 0, m, m))
+
+    @property
+    def corner(self) -> tuple[int, int]:
+        """Column and row of the first pixel in the layout's pictures."""
+        slab = self.metadata.slab
+        return self.layout.corner(slab) if slab else (0, 0)
 
     @property
     def grid(self) -> tuple[int, int]:
@@ -242,7 +248,8 @@ class LightFieldFile(StoredVideo):
             Indexed [j, i, v, u]: float32 linear light, or uint8 codes.
         """
         moved = []
-        for asked, held in ((lens, self.extent.views), (film, self.extent.pixels)):
+        views, picture = self.extent.views, (*self.corner, *self.picture_size)
+        for asked, held in ((lens, views), (film, picture)):
             (a, b, c, d), (column, row, columns, rows) = asked, held
             if not (0 <= a < c <= columns and 0 <= b < d <= rows):
                 raise StorageError(

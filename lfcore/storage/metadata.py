@@ -21,7 +21,8 @@ from lfcore.storage.index import BYTES, CRC32, SegmentIndex
 from lfcore.storage.layout import FrameLayout
 
 TAG = "LIGHTFIELD"
-VERSION = 1
+SQUARE, VERSION = 1, 2
+"""The versions of files whose frames hold squares, and of those that hold wide pictures."""
 GEOMETRIES = ("slab", "array")
 COLOUR = {
     "transfer": "sRGB, IEC 61966-2-1",
@@ -109,7 +110,7 @@ class Metadata:
     def to_text(self) -> str:
         """JSON with a digest."""
         data = {
-            "version": VERSION,
+            "version": VERSION if self.layout.picture else SQUARE,
             "software": self.software,
             "geometry": self.geometry,
             "slab": self.slab.to_json() if self.slab else None,
@@ -139,9 +140,10 @@ class Metadata:
             raise _damaged(file) from None
         if not whole:
             raise _damaged(file)
-        if data.get("version") != VERSION:
+        if data.get("version") not in (SQUARE, VERSION):
             raise StorageError(
-                f"has metadata of version {data.get('version')}; this program reads {VERSION}",
+                f"has metadata of version {data.get('version')}; this program reads {SQUARE} and "
+                f"{VERSION}",
                 file=file,
                 remedy="Use the program that wrote it, or a later one",
             )
@@ -200,14 +202,19 @@ class Metadata:
             raise StorageError(f"a white of {self.white} is none", key="array")
         if not {"name", "digest"} <= set(self.scene):
             raise StorageError("the scene lacks name or digest", key="scene")
-        if self.slab and self.slab.extent and layout.kind != "views":
+        if layout.picture and (self.slab is None or self.slab.size != layout.size):
+            raise StorageError("has pictures of another size than the slab", key="layout")
+        whole = self.slab is None or bool(self.slab.views_held().all())
+        same = self.slab is None or self.slab.size == layout.size
+        if layout.kind != "views" and not (whole and same):
             raise StorageError("a part of the grids is stored as views", key="layout")
         if layout.format.grey:
             raise StorageError(f"{layout.pixel_format} holds no colours", key="layout")
         self._check_content()
-        self.segments.check(self.slab.extent.views if self.slab and self.slab.extent else None)
-        if self.depth and (self.slab is None or self.slab.extent):
-            raise StorageError("belongs to a whole slab", key="depth")
+        by_views = self.slab and layout.kind == "views"
+        self.segments.check(self.slab.held.views if by_views else None)
+        if self.depth and not (self.slab and whole and same):
+            raise StorageError("belongs to a slab with all views", key="depth")
         if self.depth and len(self.depth.segments) != len(self.segments):
             raise StorageError("must have a segment for each of the colours'", key="depth")
 

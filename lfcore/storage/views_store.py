@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -59,8 +60,10 @@ def store_views(
         A view or the file fails; no file is left.
     """
     recorded: Slab | dict = geometry if isinstance(geometry, Slab) else _described(geometry, white)
-    held, size = _held(geometry)
-    layout = FrameLayout("views", *size, pixel_format=encoding.stored_format)
+    held, (views, pixels) = _held(geometry)
+    layout = FrameLayout(
+        "views", views, pixels, pixel_format=encoding.stored_format, picture=held.pixels[2:]
+    )
     tiles, hashed, done = _tiles(layout, held), hashlib.sha256(), 0
     with draft_folder(path) as folder:
         segments = [folder / f"{tile.index:04d}.mp4" for tile in tiles]
@@ -70,7 +73,7 @@ def store_views(
                 for column, row in tile.elements() - np.array(held.views[:2], np.int32):
                     picture = view(int(column), int(row))
                     hashed.update(np.ascontiguousarray(picture).data)
-                    writer.write(_frame(picture, held, layout))
+                    writer.write(_frame(picture, layout))
                     done += 1
                     if progress:
                         progress(done, held.views[2] * held.views[3])
@@ -94,7 +97,7 @@ def _held(geometry: Slab | CameraArray) -> tuple[Extent, tuple[int, int]]:
 
 def _tiles(layout: FrameLayout, held: Extent) -> list[Tile]:
     column, row, columns, rows = held.views
-    step = max(1, SEGMENT_RAYS // (columns * layout.pixels**2))
+    step = max(1, SEGMENT_RAYS // (columns * math.prod(layout.size)))
     starts = range(0, rows, step)
     return [
         layout.tile(column, row + start, columns, min(step, rows - start), index)
@@ -102,14 +105,10 @@ def _tiles(layout: FrameLayout, held: Extent) -> list[Tile]:
     ]
 
 
-def _frame(picture: np.ndarray, held: Extent, layout: FrameLayout) -> np.ndarray:
-    """One planar frame; beside the picture its last pixels are repeated."""
-    left, top, width, height = held.pixels
-    size = layout.pixels
-    around = ((top, size - height - top), (left, size - width - left), (0, 0))
+def _frame(picture: np.ndarray, layout: FrameLayout) -> np.ndarray:
+    """One planar frame."""
     if picture.dtype == np.uint16:
         picture = picture / np.float32(65535)
-    square = np.pad(picture, around, mode="edge")
     return frames_from_rgb(
-        square[None], layout.pixel_format, layout.frame_width, layout.frame_height
+        picture[None], layout.pixel_format, layout.frame_width, layout.frame_height
     )

@@ -111,7 +111,11 @@ PLANE_ARGUMENTS = np.dtype([
     ("top", INT),
     ("width", INT),
     ("height", INT),
-    ("size", INT),  # side M of a plane
+    ("size", INT),  # side M of the square grid of pixels
+    ("column", INT),  # the pixels of a view: first column and row, and their numbers
+    ("row", INT),
+    ("columns", INT),
+    ("rows", INT),
     ("blocks", INT),  # blocks, or strips of stored macropixels, along a side of the lens
     ("views", INT),  # side N of the lens
     ("planes", INT),  # sorted by mask

@@ -59,9 +59,11 @@ class PlaneBuffers:
     def arguments(self, ring: int = 1) -> list:
         """PLANE_ARGUMENTS, tables and sums: the last arguments of the kernels that form planes."""
         t, slab = self.tables, self.slab
+        column, row, columns, rows = slab.held.pixels
         numbers = record(
             PLANE_ARGUMENTS, left=t.left, top=t.top, width=t.width, height=t.height,
-            size=slab.pixels, blocks=t.blocks, views=slab.views, planes=len(self.planes),
+            size=slab.pixels, column=column, row=row, columns=columns, rows=rows,
+            blocks=t.blocks, views=slab.views, planes=len(self.planes),
             ring=ring,
         )  # fmt: skip
         return [numbers, *self._tables, self._sums]

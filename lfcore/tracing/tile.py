@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -113,7 +114,7 @@ class TraceSlab:
         self.scene, self.shape, self.slab, self.tile = scene, shape, slab, tile
         self.frames, self.layout = frames, tile.layout
         self.macro = tile.layout.kind == "macropixels"
-        self.elements = tile.elements()
+        self.elements = tile.elements() + grid_corner(tile, slab)
         device, layout = scene.device, tile.layout
         # Without frames their format is not asked for: it must not make another program.
         defines = {
@@ -124,12 +125,12 @@ class TraceSlab:
         tables = _plane_tables(slab, planes, tile, shape)
         self.sums = PlaneBuffers(device, slab, list(planes), tables)
         summed = len(self.elements) if self.macro else 0
-        self.strips = StripBuffers(self.sums, shape, layout.inner, summed)
+        self.strips = StripBuffers(self.sums, shape, slab.views, summed)
 
     def run(
         self, tracing: TileTracing, progress: Callable[[int, int], None] | None
     ) -> Iterator[Chunk]:
-        slots = slots_of(self.tile, self.elements, frames=self.frames)
+        slots = slots_of(self.tile, self.slab, frames=self.frames)
         frame_of = slots["frame"].copy()
         cuts = self._cuts(frame_of)
         ends = frame_of[cuts[1:] - 1] + 1 if self.frames else np.zeros(1, int)
@@ -166,7 +167,7 @@ class TraceSlab:
         """
         total = len(frame_of)
         starts = np.arange(total + 1)
-        step = max(1, CHUNK_RAYS // self.layout.inner**2)
+        step = max(1, CHUNK_RAYS // math.prod(self.layout.inner))
         if self.frames:
             starts = np.append(np.flatnonzero(np.diff(frame_of, prepend=-1)), total)
             step = self._frames_per_chunk()
@@ -205,13 +206,30 @@ class TraceSlab:
         )
 
 
-def slots_of(tile: Tile, elements: np.ndarray, *, frames: bool = True) -> np.ndarray:
-    """(E,) SLOT of a tile's elements (E, 2), frame after frame; without ``frames`` their places on
-    the outer grid alone."""
+def grid_corner(tile: Tile, slab: Slab) -> np.ndarray:
+    """(2,) int32: what a tile's columns and rows count from, on the slab's square grids.
+
+    Tiles of views count from the first lens sample, and tiles of pixels from the first that is
+    there.
+    """
+    corner = slab.held.pixels[:2] if tile.layout.kind == "macropixels" else (0, 0)
+    return np.array(corner, np.int32)
+
+
+def tile_corners(tile: Tile, slab: Slab) -> tuple[int, int, int, int]:
+    """The elements [u0, u1) x [v0, v1) of a tile on the slab's square grid: u0, v0, u1, v1."""
+    left, top = (grid_corner(tile, slab) + [tile.column, tile.row]).tolist()
+    return left, top, left + tile.columns, top + tile.rows
+
+
+def slots_of(tile: Tile, slab: Slab, *, frames: bool = True) -> np.ndarray:
+    """(E,) SLOT of a tile's elements, frame after frame; without ``frames`` their places on the
+    slab's square grid alone."""
+    elements = tile.elements()
     slots = np.zeros(len(elements), SLOT)
     if frames:
         slots["frame"], slots["x"], slots["y"] = tile.placement(elements).T
-    slots["column"], slots["row"] = elements.T
+    slots["column"], slots["row"] = (elements + grid_corner(tile, slab)).T
     return slots
 
 
@@ -231,9 +249,7 @@ def _plane_tables(
     """Tables for the kernels that add rays packet by packet, of ``shape``, or view by view."""
     if tile.layout.kind == "views":
         return view_tables(slab, planes)
-    right, bottom = tile.column + tile.columns, tile.row + tile.rows
-    corners = tile.column, tile.row, right, bottom
-    return lens_tables(slab, planes, corners, shape.group, shape.cells)
+    return lens_tables(slab, planes, tile_corners(tile, slab), shape.group, shape.cells)
 
 
 class _FrameHost:

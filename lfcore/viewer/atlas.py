@@ -17,7 +17,8 @@ import numpy as np
 from lfcore.colour import srgb_encode, to_uint8
 from lfcore.errors import StorageError
 from lfcore.opencl.device import Device
-from lfcore.refocus.stored_depth import read_depths
+from lfcore.optics.size import Pixels
+from lfcore.refocus.stored_depth import picture_side, read_depths
 from lfcore.refocus.views import read_views
 from lfcore.storage.lightfield import LightFieldFile
 
@@ -69,7 +70,7 @@ class Atlas:
     down: int
 
 
-def choose(field: LightFieldFile, grid: int | None = None, pixels: int | None = None) -> Choice:
+def choose(field: LightFieldFile, grid: int | None = None, pixels: Pixels | None = None) -> Choice:
     """The views that a page shows.
 
     Parameters
@@ -99,7 +100,7 @@ def choose(field: LightFieldFile, grid: int | None = None, pixels: int | None = 
     longest = stored.pixels if stored else max(width, height)
     most = min(longest, PAGE_SIDE * longest // max(width, height))
     fits = math.isqrt(MOST_PIXELS * longest**2 // (len(columns) * len(rows) * width * height))
-    side = max(1, min(most, 512, fits)) if pixels is None else pixels
+    side = max(1, min(most, 512, fits)) if pixels is None else picture_side(field, pixels)
     if not 1 <= side <= most:
         raise StorageError(f"must be from 1 to {most} pixels, not {side}", key="pixels")
     scale = side / longest
@@ -149,8 +150,8 @@ def read_disparities(field: LightFieldFile, choice: Choice) -> tuple[np.ndarray,
     i, j = choice.samples.T
     inverse = 1 / read_depths(field, i + slab.views * j)
     v, u = (
-        ((np.arange(side) + 0.5) * slab.pixels / side).astype(int)
-        for side in (choice.height, choice.width)
+        ((np.arange(side) + 0.5) * rays / side).astype(int)
+        for side, rays in ((choice.height, slab.size.height), (choice.width, slab.size.width))
     )
     share = (inverse[:, v[:, None], u] - codes.far) / (codes.near - codes.far)
     low, high = (

@@ -128,7 +128,7 @@ def test_any_size_and_a_stack_from_one_file(tmp_path, tracer):
     stack = field.stack([2.5, 9.0], [1.0, 2.0], "square", pixels=13)
     assert stack.shape == (4, 13, 13, 3)
     np.testing.assert_array_equal(stack[3], field.refocus(9.0, 2.0, "square", pixels=13))
-    with pytest.raises(OpticsError, match="size: must be from 1"):
+    with pytest.raises(OpticsError, match="pixels: must be a whole number from 1"):
         field.refocus(2.5, pixels=0)
 
 

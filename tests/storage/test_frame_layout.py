@@ -1,6 +1,7 @@
 """Layouts: every ray has one place, whatever the size, order and packing."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -9,14 +10,15 @@ from hypothesis import strategies as st
 
 from lfcore.errors import StorageError
 from lfcore.storage.curves import ORDERS, hilbert, serpentine
+from lfcore.storage.defaults import frame_layout
 from lfcore.storage.layout import KINDS, FrameLayout
 from lfcore.storage.pixels import PIXEL_FORMATS
 
 layouts = st.builds(
-    FrameLayout,
+    frame_layout,
     kind=st.sampled_from(KINDS),
     views=st.integers(1, 9),
-    pixels=st.integers(1, 17),
+    pixels=st.integers(1, 17) | st.tuples(st.integers(1, 17), st.integers(1, 17)),
     order=st.sampled_from(sorted(ORDERS)),
     pack=st.integers(1, 5),
     pixel_format=st.sampled_from(sorted(PIXEL_FORMATS)),
@@ -27,7 +29,7 @@ layouts = st.builds(
 @settings(max_examples=150)
 def test_every_ray_has_one_place(layout, max_rays):
     tiles = layout.tiles(max_rays, small_rays=1000)
-    seen = np.zeros((layout.outer, layout.outer), int)
+    seen, (columns, rows) = np.zeros(layout.outer[::-1], int), layout.inner
     for index, tile in enumerate(tiles):
         elements = tile.elements()
         places = tile.placement(elements)
@@ -37,9 +39,9 @@ def test_every_ray_has_one_place(layout, max_rays):
         assert set(places[:, 0]) == set(range(tile.frame_count))
         taken = np.zeros((tile.frame_count, layout.frame_height, layout.frame_width), int)
         for frame, x, y in places:
-            taken[frame, y : y + layout.inner, x : x + layout.inner] += 1
+            taken[frame, y : y + rows, x : x + columns] += 1
         assert taken.max() == 1 and taken.sum() == tile.rays
-        blocks = layout.elements_per_frame * layout.inner**2
+        blocks = layout.elements_per_frame * math.prod(layout.inner)
         assert tile.rays <= max(max_rays, blocks)
     assert (seen == 1).all()
 
@@ -49,7 +51,7 @@ def test_every_ray_has_one_place(layout, max_rays):
 def test_json_round_trip_and_frame_size(layout):
     assert FrameLayout.from_json(json.loads(json.dumps(layout.to_json()))) == layout
     step = layout.format.subsampling
-    assert layout.frame_width % step == 0 and layout.frame_width >= layout.inner
+    assert layout.frame_width % step == 0 and layout.frame_width >= layout.inner.width
     samples = layout.frame_width * layout.frame_height * (1.5 if step == 2 else 3)
     assert layout.frame_bytes == samples * (1 if layout.format.bits == 8 else 2)
 
@@ -84,7 +86,7 @@ def test_tiles_are_even():
 
 def test_macropixels_by_hand():
     layout = FrameLayout("macropixels", views=5, pixels=4, order="serpentine", pack=2)
-    assert (layout.slot, layout.frame_width, layout.frame_bytes) == (6, 16, 384)
+    assert (layout.slot, layout.frame_width, layout.frame_bytes) == ((6, 6), 16, 384)
     (tile,) = layout.tiles(1 << 20)
     blocks = [[0, 0], [2, 0], [2, 2], [0, 2]]
     expected = [[c + dc, r + dr] for c, r in blocks for dr in (0, 1) for dc in (0, 1)]

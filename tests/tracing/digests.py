@@ -135,8 +135,9 @@ def tiles(kind: str, views: int, pixels: int, form: str = "yuv420p") -> Case:
     def run(tracer: Tracer) -> Iterator[np.ndarray]:
         slab = Slab(CAMERA, views, pixels)
         layout = FrameLayout(kind, views, pixels, pixel_format=form)
-        size = min(layout.outer, 24)
-        left = (layout.outer - size) // 2
+        outer = layout.outer.width
+        size = min(outer, 24)
+        left = (outer - size) // 2
         for row, rows in ((left, size // 2), (left + size // 2, size - size // 2)):
             tracing = tracer.trace_tile(slab, layout.tile(left, row, size, rows), PLANES)
             for chunk in tracing:

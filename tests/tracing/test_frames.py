@@ -9,10 +9,12 @@ from lfcore.optics import bundles
 from lfcore.optics.slab import Slab
 from lfcore.oracle import colour as truth
 from lfcore.storage.codecs import Encoding
+from lfcore.storage.defaults import frame_layout
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.pixels import PIXEL_FORMATS
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tile import grid_corner
 from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
@@ -20,7 +22,10 @@ pytestmark = pytest.mark.kernels
 MADE = {"macropixels": bundles.macropixels, "views": bundles.views}
 # (kind, views, pixels, pack): inner grids that are odd, smaller and larger than a block, in frames
 # with empty slots, and with a margin around all.
-LAYOUTS = [("macropixels", 33, 6, 4), ("views", 3, 37, 2), ("views", 4, 5, 2)]
+LAYOUTS = [
+    ("macropixels", 33, 6, 4), ("views", 3, 37, 2), ("views", 4, 5, 2),
+    ("macropixels", 18, (5, 8), 4), ("views", 3, (37, 20), 2),
+]  # fmt: skip
 
 
 def painted_wall():
@@ -48,8 +53,8 @@ def tracers():
 
 def traced(tracer, layout):
     """(F, frame_bytes) uint8: all frames of the layout."""
-    slab = Slab(CAMERA, layout.views, layout.pixels)
-    tile = layout.tile(0, 0, layout.outer, layout.outer)
+    slab = Slab.of(CAMERA, layout.views, layout.size)
+    tile = layout.tile(0, 0, *layout.outer)
     return np.concatenate([chunk.frames.copy() for chunk in tracer.trace_tile(slab, tile)])
 
 
@@ -62,20 +67,22 @@ def codes_of(encoded, form):
 
 def expected_planes(tracer, layout):
     """Three planes (F, h, w) float64 of codes, not rounded: ray by ray, black where none is."""
-    slab, form = Slab(CAMERA, layout.views, layout.pixels), layout.format
-    tile = layout.tile(0, 0, layout.outer, layout.outer)
+    slab, form = Slab.of(CAMERA, layout.views, layout.size), layout.format
+    tile = layout.tile(0, 0, *layout.outer)
     elements = tile.elements()
-    light = tracer.bundle_radiance(MADE[layout.kind](slab, elements), elements)
+    places = elements + grid_corner(tile, slab)
+    light = tracer.bundle_radiance(MADE[layout.kind](slab, places), places)
     codes = codes_of(truth.srgb_encode(np.clip(light, 0, 1)), form)
-    codes = np.pad(codes, ((0, 0), *[(0, layout.slot - layout.inner)] * 2, (0, 0)), mode="edge")
+    (columns, rows), (wide, high) = layout.inner, layout.slot
+    beyond = (0, 0), (0, high - rows), (0, wide - columns), (0, 0)
+    codes = np.pad(codes, beyond, mode="edge")
     size, step = (layout.frame_height, layout.frame_width), form.subsampling
     planes = np.empty((3, tile.frame_count, *size))
     planes[:] = codes_of(np.zeros(3), form)[:, None, None, None]
     for element, (frame, x, y) in zip(codes, tile.placement(elements), strict=True):
-        rays = element[: layout.inner, : layout.inner]
-        planes[0, frame, y : y + layout.inner, x : x + layout.inner] = rays[..., 0]
+        planes[0, frame, y : y + rows, x : x + columns] = element[:rows, :columns, 0]
         for plane in (1, 2):
-            planes[plane, frame, y : y + layout.slot, x : x + layout.slot] = element[..., plane]
+            planes[plane, frame, y : y + high, x : x + wide] = element[..., plane]
     small = [p.reshape(len(p), size[0] // step, step, -1, step).mean((2, 4)) for p in planes[1:]]
     return [planes[0], *small]
 
@@ -83,7 +90,7 @@ def expected_planes(tracer, layout):
 @pytest.mark.parametrize("name", sorted(PIXEL_FORMATS))
 @pytest.mark.parametrize(("kind", "views", "pixels", "pack"), LAYOUTS)
 def test_codes_are_those_of_the_formula(tracers, name, kind, views, pixels, pack):
-    layout = FrameLayout(kind, views, pixels, "raster", pack, name)
+    layout = frame_layout(views, pixels, name, kind=kind, order="raster", pack=pack)
     frames = traced(tracers[None], layout)
     planes = layout.format.views(frames, layout.frame_width, layout.frame_height)
     for found, expected in zip(planes, expected_planes(tracers[None], layout), strict=True):

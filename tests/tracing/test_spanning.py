@@ -1,5 +1,7 @@
 """Blocks that span several elements: the same rays, the same surfaces, whatever is asked."""
 
+import math
+
 import numpy as np
 import pytest
 from tracing_scenes import CAMERA, closed_room, lit_soup, scene, soup
@@ -155,7 +157,7 @@ def test_cuts_threads_and_order_do_not_matter(spans):
     for kind in ("macropixels", "views"):
         whole = FrameLayout(kind, 18, 16, "raster", 1, "yuv444p")
         frames, sums = traced(spanning(world, spans, open_device(threads=2)), whole, LIT_PLANES)
-        most = 24 * whole.inner**2  # rows of elements, which part groups
+        most = 24 * math.prod(whole.inner)  # rows of elements, which part groups
         one = spanning(world, spans, open_device(threads=1))
         again, cut = traced(one, whole, LIT_PLANES, max_rays=most)
         assert (frames == again).all() and (sums == cut).all()

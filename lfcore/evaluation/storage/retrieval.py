@@ -147,7 +147,7 @@ def _pieces(field: LightFieldFile) -> Iterator[Measurement]:
     layout, tile = field.layout, field.segments[0].tile
     size = min(RECTANGLE, layout.pixels, tile.columns, tile.rows)
     outer = tile.column + tile.columns // 2, tile.row + tile.rows // 2
-    inner = layout.inner // 2, layout.inner // 2
+    inner = layout.inner.width // 2, layout.inner.height // 2
     in_all = layout.kind == "macropixels"  # every segment has some of a view
     if in_all:
         view, pixel = inner, outer

@@ -110,9 +110,9 @@ class Frames:
             raise StorageError(f"{layout} is not of {sample.slab}", key="layout")
         self.sample, self.layout = sample, layout
         (self.tile,) = layout.tiles(layout.rays, least=1)
-        elements, side = self.tile.elements(), np.arange(layout.inner)
+        elements, (across, down) = self.tile.elements(), map(np.arange, layout.inner)
         frame, x, y = self.tile.placement(elements).T[..., None, None]
-        rows, columns = y + side[:, None], x + side
+        rows, columns = y + down[:, None], x + across
         shape = layout.frame_height, layout.frame_width
         light = sample.rgb if layout.kind == "macropixels" else sample.rgb.transpose(2, 3, 0, 1, 4)
         self.rgb = np.zeros((self.tile.frame_count, *shape, 3), np.float32)

@@ -33,15 +33,17 @@ typedef struct {
 typedef struct {
     global long4 *sums, *edges;
     int top, rows, width;
+    float far;  // beyond every box that reaches a picture
 } Strip;
 
-inline Strip make_strip(global long4 *sums, global long4 *edges, int plane, int strip, int strip_rows, int pixels)
+inline Strip make_strip(global long4 *sums, global long4 *edges, int plane, int strip, int strip_rows, int2 size)
 {
-    const ulong count = (ulong)(strip_rows + 1) * (pixels + 1);
-    const int strips = (pixels + strip_rows - 1) / strip_rows;
+    const ulong count = (ulong)(strip_rows + 1) * (size.x + 1);
+    const int strips = (size.y + strip_rows - 1) / strip_rows;
     const ulong at = (ulong)(plane * strips + strip) * LAYERS * count;
     const int top = strip * strip_rows;
-    return (Strip){sums + at, edges + at, top, min(strip_rows, pixels - top), pixels};
+    return (Strip){sums + at, edges + at, top, min(strip_rows, size.y - top), size.x,
+                   4.0f * max(size.x, size.y)};
 }
 
 inline ulong layer_size(const Strip *s, int strip_rows) { return (ulong)(strip_rows + 1) * (s->width + 1); }
@@ -123,8 +125,7 @@ inline int16 layer_of(float16 sweep, constant const float *bounds)
 // Whole steps; what lies far outside is clamped there: integers must hold it.
 inline int16 to_steps(const Strip *s, float16 place)
 {
-    const float far = 4.0f * s->width;
-    return convert_int16_rte(clamp(place, -far, far + far) * (float)STEPS);
+    return convert_int16_rte(clamp(place, -s->far, s->far + s->far) * (float)STEPS);
 }
 
 // Add the rays of one row of a view: their boxes are found side by side, and added one by one.
@@ -133,15 +134,15 @@ inline void add_row(const Strip *s,
                     Plane p,
                     Cell cell,
                     float y,
-                    int size,
+                    int columns,
                     float least,
                     constant const float *bounds,
                     global const float *light,
                     global const float *depth)
 {
     const float16 along = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-    for (int start = 0; start < size; start += ABREAST) {
-        const int rays = min(ABREAST, size - start);
+    for (int start = 0; start < columns; start += ABREAST) {
+        const int rays = min(ABREAST, columns - start);
         float z[ABREAST];
         for (int k = 0; k < ABREAST; ++k) z[k] = depth[start + min(k, rays - 1)];
         const float16 moves = (p.delta - 1.0f / vload16(0, z)) * p.scale;
@@ -186,31 +187,34 @@ inline int reaches(const Strip *s, Plane p, Cell cell, float y, float least, flo
 }
 
 kernel __attribute__((reqd_work_group_size(1, 1, 1)))
-void add_rays(global const float *restrict light,    // (views, size, size, 3)
-              global const float *restrict depth,    // (views, size, size), metres
-              global const float2 *restrict ranges,  // (views, size) least and most depth of a row
+void add_rays(global const float *restrict light,    // (views, rows, columns, 3)
+              global const float *restrict depth,    // (views, rows, columns), metres
+              global const float2 *restrict ranges,  // (views, rows) least and most depth of a row
               global const Cell *restrict cells,     // (planes, views)
               global const Plane *restrict planes,
               constant float *restrict bounds,
               const int n_views,
-              const int size,
+              const int columns,
+              const int rows,
               const float least,                     // side of a box, pixels
               const int strip_rows,
-              const int pixels,
+              const int width,                       // of the pictures
+              const int height,
               global long4 *restrict sums,
               global long4 *restrict edges)
 {
     const int plane = get_global_id(1);
-    const Strip s = make_strip(sums, edges, plane, get_global_id(0), strip_rows, pixels);
+    const Strip s = make_strip(sums, edges, plane, get_global_id(0), strip_rows, (int2)(width, height));
     const Plane p = planes[plane];
     for (int view = 0; view < n_views; ++view) {
         const Cell cell = cells[plane * n_views + view];
         if (!(cell.share > 0.0f)) continue;
-        for (int v = 0; v < size; ++v) {
+        for (int v = 0; v < rows; ++v) {
             const float y = fma((float)v, p.step, cell.y);
-            const ulong row = (ulong)view * size + v;
+            const ulong row = (ulong)view * rows + v;
             if (!reaches(&s, p, cell, y, least, ranges[row])) continue;
-            add_row(&s, strip_rows, p, cell, y, size, least, bounds, light + 3 * row * size, depth + row * size);
+            const ulong at = row * columns;
+            add_row(&s, strip_rows, p, cell, y, columns, least, bounds, light + 3 * at, depth + at);
         }
     }
 }
@@ -218,26 +222,27 @@ void add_rays(global const float *restrict light,    // (views, size, size, 3)
 // Pictures from the sums: layers front to back, each taking no more of a pixel than those before it left.
 kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global long4 *restrict sums,
                     global long4 *restrict edges,
-                    global const float *restrict room,  // (planes, pixels, pixels): weight of all rays that fall there
+                    global const float *restrict room,  // (planes, height, width): weight of all rays that fall there
                     const int strip_rows,
-                    const int pixels,
-                    global float *restrict pictures)    // (planes, pixels, pixels, 3)
+                    const int width,
+                    const int height,
+                    global float *restrict pictures)    // (planes, height, width, 3)
 {
     const int plane = get_global_id(1);
-    const Strip s = make_strip(sums, edges, plane, get_global_id(0), strip_rows, pixels);
-    const ulong pitch = pixels + 1, size = layer_size(&s, strip_rows);
+    const Strip s = make_strip(sums, edges, plane, get_global_id(0), strip_rows, (int2)(width, height));
+    const ulong pitch = width + 1, size = layer_size(&s, strip_rows);
     for (int y = 0; y < s.rows; ++y) {
         for (int layer = 0; layer < LAYERS; ++layer) {
             global long4 *row = s.edges + layer * size + y * pitch;
             long4 along = 0;
-            for (int x = 0; x < pixels; ++x) {
+            for (int x = 0; x < width; ++x) {
                 along += row[x];
                 row[x] = along;
                 if (y) row[x] += row[x - (long)pitch];
             }
         }
-        for (int x = 0; x < pixels; ++x) {
-            const ulong at = ((ulong)plane * pixels + s.top + y) * pixels + x;
+        for (int x = 0; x < width; ++x) {
+            const ulong at = ((ulong)plane * height + s.top + y) * width + x;
             float left = room[at], filled = 0.0f;
             float3 colour = 0.0f, last = 0.0f;
             for (int layer = 0; layer < LAYERS; ++layer) {

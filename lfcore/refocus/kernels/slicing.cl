@@ -16,7 +16,6 @@ typedef struct {
     int planes;                    // number of planes, sorted by mask
     int strips;                    // of a macropixel
     int left, top, width, height;  // region of the accumulators in plane pixels
-    int size;                      // side M of a plane
     int views;                     // side N of a macropixel
     global const int4 *plane;      // (planes,) mask, pointers of columns, pointers of rows, runs per pixel
     global const int *pointers;
@@ -157,17 +156,17 @@ inline void add_strip(const Strips *s, int plane, int strip, int u, int v, globa
     int before_row = 0;
     for (int b = rows[0]; b < rows[1]; ++b) {
         const int2 down = s->runs[b];
-        const int y = v + down.y;
+        const int y = v + down.y - s->top;
         global const uint4 *top = table + before_row * pitch + LEAD, *bottom = table + down.x * pitch + LEAD;
         before_row = down.x;
-        if (y < 0 || y >= s->size) continue;
-        global ulong4 *line = sums + (y - s->top) * s->width - s->left;
+        if (y < 0 || y >= s->height) continue;
+        global ulong4 *line = sums + (ulong)y * s->width;
         uint4 before = 0;
         for (int a = columns[0]; a < columns[1]; ++a) {
             const int2 across = s->runs[a];
-            const int x = u + across.y;
+            const int x = u + across.y - s->left;
             const uint4 here = bottom[across.x] - top[across.x];
-            if (x >= 0 && x < s->size) line[x] += convert_ulong4(here - before);
+            if (x >= 0 && x < s->width) line[x] += convert_ulong4(here - before);
             before = here;
         }
     }
@@ -207,7 +206,7 @@ void form_planes(global const sample *restrict frames,
                  global ulong4 *restrict sums)
 {
     const ulong own = get_global_id(0) * (ulong)n.planes * n.width * n.height;
-    const Strips strips = {n.planes, n.blocks, n.left, n.top, n.width, n.height, n.size, inner,
+    const Strips strips = {n.planes, n.blocks, n.left, n.top, n.width, n.height, inner,
                            plane_info, pointers, runs, masks, kinds, ends, sums + own};
     global uint4 *table = (global uint4 *)(scratch + get_global_id(0) * (ulong)scratch_words);
     const int pitch = PITCH(inner);

@@ -40,7 +40,6 @@ void form_planes(global const sample *restrict frames,
                  const int frame_height,
                  global const Slot *restrict slots,   // (E,)
                  const int n_elements,
-                 const int inner,                     // side of a view
                  global int *restrict next,
                  global uint *restrict scratch,       // (workers, 3 * BLOCK_RAYS)
                  const int scratch_words,
@@ -59,9 +58,10 @@ void form_planes(global const sample *restrict frames,
     for (int element = atomic_inc(next); element < n_elements; element = atomic_inc(next)) {
         const Slot slot = slots[element];
         global const sample *frame = frames + slot.frame * frame_samples;
-        for (int y = 0; y < inner; y += BLOCK)
-            for (int x = 0; x < inner; x += BLOCK) {
-                load_block(frame, frame_width, frame_height, slot.x + x, slot.y + y, inner - x, inner - y, colours);
+        for (int y = 0; y < numbers.rows; y += BLOCK)
+            for (int x = 0; x < numbers.columns; x += BLOCK) {
+                load_block(frame, frame_width, frame_height, slot.x + x, slot.y + y, numbers.columns - x,
+                           numbers.rows - y, colours);
                 add_view(&planes, (int2)(slot.column, slot.row), (int2)(x, y), colours);
             }
     }

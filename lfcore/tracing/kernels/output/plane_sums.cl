@@ -19,28 +19,30 @@ inline global ulong4 *sums_of(const Planes *p, int plane)
     return p->sums + (ulong)plane * p->numbers->width * p->numbers->height;
 }
 
-// Add a block of pixels of one view, of lens sample `view`, whose first pixel is `at`: `runs` holds
-// the target of every pixel column for each lens column, rows alike.
+// Add a block of pixels of one view, of lens sample `view`, whose first pixel of those that it has
+// is `at`: `runs` holds the target of every pixel column for each lens column, rows alike.
 inline void add_view(const Planes *p, int2 view, int2 at, global const float *colours)
 {
     const PlaneArguments *n = p->numbers;
-    const int columns = min(BLOCK, n->size - at.x), rows = min(BLOCK, n->size - at.y);
+    const int columns = min(BLOCK, n->columns - at.x), rows = min(BLOCK, n->rows - at.y);
     for (int plane = 0; plane < n->planes; ++plane) {
         const PlaneRecord info = p->plane[plane];
         if (!p->masks[((ulong)info.mask * n->views + view.y) * n->views + view.x]) continue;
-        global const int *across = p->runs + info.runs + view.x * n->size + at.x;
-        global const int *down = p->runs + info.runs + view.y * n->size + at.y;
+        global const int *across = p->runs + info.runs + view.x * n->size + n->column + at.x;
+        global const int *down = p->runs + info.runs + view.y * n->size + n->row + at.y;
         for (int y = 0; y < rows; ++y) {
-            if (down[y] < 0 || down[y] >= n->size) continue;
-            global ulong4 *line = sums_of(p, plane) + (ulong)down[y] * n->width;
+            const int line_y = down[y] - n->top;
+            if (line_y < 0 || line_y >= n->height) continue;
+            global ulong4 *line = sums_of(p, plane) + (ulong)line_y * n->width;
             global const float *c = colours + y * BLOCK;
             for (int x = 0; x < columns; ++x) {
-                if (across[x] < 0 || across[x] >= n->size) continue;
+                const int line_x = across[x] - n->left;
+                if (line_x < 0 || line_x >= n->width) continue;
                 const float4 colour = (float4)(c[x], c[BLOCK_RAYS + x], c[2 * BLOCK_RAYS + x],
                                                0.0f);
                 const float4 half_unit = (float4)(0.5f, 0.5f, 0.5f, 0.0f);
                 const int4 fixed = convert_int4(fma(colour, FIXED_ONE, half_unit));
-                line[across[x]] += convert_ulong4(as_uint4(fixed));
+                line[line_x] += convert_ulong4(as_uint4(fixed));
             }
         }
     }
