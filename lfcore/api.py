@@ -27,7 +27,7 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.focus import exclude_twice
 from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.size import Pixels, Size
+from lfcore.optics.size import Pixels, Size, whole_number
 from lfcore.optics.slab import Slab
 from lfcore.progress import Progress
 from lfcore.rendering.by_depth import pictures_by_depth

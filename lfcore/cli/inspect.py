@@ -137,13 +137,13 @@ def facts(field: lfcore.LightField) -> dict[str, str]:
     if field.depth_video is None or depth is None:
         return found
     of_depth = sum(part.bytes for part in field.depth_video.metadata.segments)
-    size = Size(*field.require_slab().picture(depth.pixels)[2:])
+    shown = Size(*field.require_slab().picture(depth.pixels)[2:])
     share = of_depth / (of_depth + sum(part.bytes for part in metadata.segments))
     return found | {
         "depth stream": f"{depth.codec}, {depth.codes.pixel_format}{_settings(depth.settings)}, "
         f"{of_depth:,} bytes, {share:.0%} of the video, {8 * of_depth / layout.rays:.4f} bits "
         "per ray",
-        "by depth": f"pictures of {size} pixels, views "
+        "by depth": f"pictures of {shown} pixels, views "
         f"{'displaced' if depth.displaced else 'plain'}, {depth.codes.far:.4g} to "
         f"{depth.codes.near:.4g} dioptres",
     }

@@ -108,8 +108,9 @@ def reached_region(
             pixels = np.arange(first, last)
             low[axis] = min(low[axis], int((pixels + part.min(axis=1)).min()))
             high[axis] = max(high[axis], int((pixels + part.max(axis=1)).max()) + 1)
-    first, size = np.split(np.array(shown(slab, planes)), 2)
-    (left, top), end = (np.clip(edge, first, first + size).tolist() for edge in (low, high))
+    picture = shown(slab, planes)
+    corner, size = np.array(picture[:2]), np.array(picture[2:])
+    (left, top), end = (np.clip(edge, corner, corner + size).tolist() for edge in (low, high))
     return left, top, max(end[0] - left, 0), max(end[1] - top, 0)
 
 

@@ -30,12 +30,12 @@ def slice_by_depth(
     bounds_px: tuple[float, ...],
     edge_steps: int | None = None,
 ) -> np.ndarray:
-    """One picture (pixels, pixels, 3) float64, linear light.
+    """One picture (H, W, 3) float64, linear light; ``pixels`` are those of its longer side.
 
     Parameters
     ----------
-    light : (K, S, S, 3) radiance of every ray, [view, v, u], taken as at most 1.
-    depth : (K, S, S), metres; infinity for a miss.
+    light : (K, rows, columns, 3) radiance of every ray, [view, v, u], taken as at most 1.
+    depth : (K, rows, columns), metres; infinity for a miss.
     least_px : least side of a box, in pixels of the picture.
     bounds_px : sweeps that part the layers, rising: what is swept by less than the first is in
         focus; what lies before and behind it has a layer for every further bound.  None: one layer
@@ -46,15 +46,17 @@ def slice_by_depth(
     cells = lens_cells(slab, plane.lens_aperture(slab))
     pitch = slab.camera.field_width / pixels
     layers = 2 * len(bounds_px) + 1
-    total = np.zeros((layers, pixels, pixels, 4))
-    room = np.zeros((pixels, pixels))
+    *corner, width, height = slab.picture(pixels)
+    total = np.zeros((layers, height, width, 4))
+    room = np.zeros((height, width))
     for k, (at, displacement) in enumerate(zip(views.positions, views.displacement, strict=True)):
         if not cells.share[k]:
             continue
         across, down = (
-            _places(slab, plane, at[axis], displacement[axis], pixels) for axis in range(2)
+            _places(slab, plane, at[axis], displacement[axis], pixels, axis) - corner[axis]
+            for axis in range(2)
         )
-        room += cells.share[k] * np.outer(_covered(down, pixels), _covered(across, pixels))
+        room += cells.share[k] * np.outer(_covered(down, height), _covered(across, width))
         # How far a point seen moves on the plane, in pixels a metre of the lens.
         moves = (plane.delta - 1.0 / depth[k].astype(float)) * scale / pitch
         boxes = []
@@ -65,7 +67,7 @@ def slice_by_depth(
             edges = [middle - half, middle + half]
             if edge_steps:
                 edges = [np.rint(edge * edge_steps) / edge_steps for edge in edges]
-            boxes.append(_shares(edges[0].ravel(), edges[1].ravel(), pixels))
+            boxes.append(_shares(edges[0].ravel(), edges[1].ravel(), (width, height)[axis]))
         layer = _layer(moves.ravel() * slab.lens_pitch_m, bounds_px)
         colour = np.ones((layer.size, 4))
         colour[:, :3] = np.minimum(light[k].reshape(-1, 3), 1)
@@ -79,11 +81,12 @@ def slice_by_depth(
 
 
 def _places(
-    slab: Slab, plane: SensorPlane, at: float, displacement: float, pixels: int
+    slab: Slab, plane: SensorPlane, at: float, displacement: float, pixels: int, axis: int
 ) -> np.ndarray:
-    """(S + 1,) edges of the slab's pixels on the picture, in its pixels."""
+    """(S + 1,) edges of the views' pixels along an axis, in pixels of the picture's square grid."""
+    first, count = slab.held.pixels[axis], slab.held.pixels[2 + axis]
     size, scale = slab.pixels, plane.magnification(slab)
-    tangent = (np.arange(size + 1) + displacement - size / 2) * slab.pixel_pitch
+    tangent = (first + np.arange(count + 1) + displacement - size / 2) * slab.pixel_pitch
     moved = (tangent + at * (plane.delta - slab.camera.delta)) * scale
     return moved / (slab.camera.field_width / pixels) + pixels / 2
 

@@ -13,11 +13,11 @@ from lfcore.optics.slab import Slab
 def form_plane(
     slab: Slab, plane: SensorPlane, light: np.ndarray, *, bilinear: bool = False
 ) -> np.ndarray:
-    """One picture (M, M, 3) float64, linear light, row v and column u; M is the plane's own.
+    """One picture (H, W, 3) float64, linear light, row v and column u; its size is the plane's own.
 
     Parameters
     ----------
-    light : (M, M, N, N, 3) linear RGB, indexed [v, u, j, i]: all rays of the slab.
+    light : (rows, columns, N, N, 3) linear RGB, indexed [v, u, j, i]: all rays of the slab.
     bilinear : share a ray among the four nearest pixels; else it falls on the nearest one, the
         larger index where two are equally near.
 
@@ -25,14 +25,18 @@ def form_plane(
     share) with ``normalise='aperture'``, by N^2 with ``'lens'``; black where none fell.
     """
     size, views = plane.pixels or slab.pixels, slab.views
-    total, weight = np.zeros((size, size, 3)), np.zeros((size, size))
+    left, top, width, height = slab.picture(size)
+    column, row, columns, rows = slab.held.pixels
+    total, weight = np.zeros((height, width, 3)), np.zeros((height, width))
     mask = plane.mask(slab)
     for j in range(views):
         for i in range(views):
             if not mask[j, i]:
                 continue
             for x, share_x in _targets(slab, plane, i, bilinear):
+                x, share_x = (each[column : column + columns] for each in (x - left, share_x))
                 for y, share_y in _targets(slab, plane, j, bilinear):
+                    y, share_y = (each[row : row + rows] for each in (y - top, share_y))
                     _scatter(total, weight, light[:, :, j, i], x, y, share_x, share_y)
     if plane.normalise == "lens":
         return total / (views * slab.pixels / size) ** 2
@@ -62,10 +66,10 @@ def _scatter(
     share_x: np.ndarray,
     share_y: np.ndarray,
 ) -> None:
-    size = len(total)
+    height, width = weight.shape
     column, row = np.meshgrid(x, y)
     share = share_y[:, None] * share_x[None, :]
-    inside = (column >= 0) & (column < size) & (row >= 0) & (row < size)
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     at = row[inside], column[inside]
     np.add.at(total, at, view[inside] * share[inside][:, None])
     np.add.at(weight, at, share[inside])

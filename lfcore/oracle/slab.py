@@ -56,6 +56,7 @@ def trace(
 
 
 def all_pixels(slab: Slab) -> np.ndarray:
-    """(M M, 2) columns and rows of every pixel, row by row."""
-    v, u = np.mgrid[: slab.pixels, : slab.pixels]
+    """(H W, 2) columns and rows of every pixel that is there, row by row."""
+    left, top, width, height = slab.held.pixels
+    v, u = np.mgrid[top : top + height, left : left + width]
     return np.stack([u.ravel(), v.ravel()], 1)

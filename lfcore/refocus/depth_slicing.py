@@ -68,9 +68,9 @@ class DepthSlicer:
             plane.check(views.slab)
             plane.check_pixels(pixels)
         slab = views.slab
-        self.left, self.top, *size = slab.picture(pixels)
-        self.size = Size(*size)
-        if (rays := slab.rays / math.prod(size)) > MOST_RAYS_A_PIXEL:
+        self.left, self.top, width, height = slab.picture(pixels)
+        self.size = Size(width, height)
+        if (rays := slab.rays / math.prod(self.size)) > MOST_RAYS_A_PIXEL:
             raise OpticsError(
                 f"{rays:,.0f} rays a pixel are more than {MOST_RAYS_A_PIXEL:,}",
                 remedy="Trace fewer, or ask for more pixels",

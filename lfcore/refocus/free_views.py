@@ -47,7 +47,8 @@ class FreeViews:
 
     Raises
     ------
-    OpticsError : a file without depth, pixels of another shape than its views, or of more rays than are held at a time.
+    OpticsError : a file without depth, pixels of another shape than its views, or of more rays than
+        are held at a time.
     StorageError : the file is damaged.
     """
 

@@ -149,7 +149,7 @@ def frame_layout(
     kind = kind or default_kind(views, size.longer)
     if pack is None:
         pack = min(macropixel_pack(views), size.longer) if kind == "macropixels" else 1
-    return FrameLayout(kind, views, size.longer, order, pack, pixel_format, tuple(size))
+    return FrameLayout(kind, views, size.longer, order, pack, pixel_format, size)
 
 
 def _check(views: int) -> None:

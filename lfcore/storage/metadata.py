@@ -211,8 +211,8 @@ class Metadata:
         if layout.format.grey:
             raise StorageError(f"{layout.pixel_format} holds no colours", key="layout")
         self._check_content()
-        by_views = self.slab and layout.kind == "views"
-        self.segments.check(self.slab.held.views if by_views else None)
+        by_views = self.slab if layout.kind == "views" else None
+        self.segments.check(by_views.held.views if by_views else None)
         if self.depth and not (self.slab and whole and same):
             raise StorageError("belongs to a slab with all views", key="depth")
         if self.depth and len(self.depth.segments) != len(self.segments):

@@ -28,8 +28,8 @@ def sliced(views, planes, pixels, light, depth, parts=None, device=None, **more)
 
 def noise(views, seed=1):
     """Rays of any colour and depth, some of which miss."""
-    rng, size = np.random.default_rng(seed), views.slab.pixels
-    light = rng.random((views.slab.views**2, size, size, 3), np.float32) * 1.2
+    rng, (width, height) = np.random.default_rng(seed), views.slab.size
+    light = rng.random((views.slab.views**2, height, width, 3), np.float32) * 1.2
     depth = rng.uniform(1.1, 20, light.shape[:3]).astype(np.float32)
     depth[rng.random(depth.shape) < 0.1] = np.inf
     return light, depth
@@ -67,10 +67,12 @@ PLANES = [
 ]
 
 
-@pytest.mark.parametrize(("pixels", "size"), [(7, 16), (16, 21), (24, 16)])
+@pytest.mark.parametrize(
+    ("pixels", "size"), [(7, 16), (16, 21), (24, 16), (7, (16, 9)), (9, (6, 18))]
+)
 def test_equal_to_the_reference(pixels, size):
-    views = crossed_views(Slab(CAMERA, 3, size))
-    light, depth = noise(views)
+    views = crossed_views(Slab.of(CAMERA, 3, size))
+    (light, depth), size = noise(views), views.slab.pixels
     pictures = sliced(views, PLANES, pixels, light, depth)
     for plane, picture in zip(PLANES, pictures, strict=True):
         how = {"least_px": 0.5 * pixels / size, "bounds_px": BOUNDS_PX}

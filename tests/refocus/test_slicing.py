@@ -13,9 +13,10 @@ from lfcore.optics.slab import Slab
 from lfcore.oracle import colour as truth
 from lfcore.refocus.slicing import PlaneFormer, form_planes
 from lfcore.refocus.stored_views import FrameSummer
-from lfcore.storage.defaults import chosen_encoding
+from lfcore.storage.defaults import chosen_encoding, frame_layout
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentReader
+from lfcore.tracing.tile import tile_corners
 
 pytestmark = pytest.mark.kernels
 
@@ -60,12 +61,14 @@ def light_of(frames, tile, device):
 
 
 def sums_one_by_one(slab, plane, rays, tile):
-    """(3, M, M) uint64: every ray added on its own."""
-    out = np.zeros((slab.pixels, slab.pixels, 3), np.uint64)
+    """(3, H, W) uint64 of the plane's picture: every ray added on its own."""
+    left, top, width, height = slab.picture(plane.side(slab))
+    out = np.zeros((height, width, 3), np.uint64)
     to, mask = targets(slab, plane), plane.mask(slab)
+    u, v, *_ = tile_corners(tile, slab)
     for row, column in np.ndindex(rays.shape[:2]):
-        y, x = np.meshgrid(to[tile.row + row], to[tile.column + column], indexing="ij")
-        counts = mask & (x >= 0) & (x < slab.pixels) & (y >= 0) & (y < slab.pixels)
+        y, x = np.meshgrid(to[v + row] - top, to[u + column] - left, indexing="ij")
+        counts = mask & (x >= 0) & (x < width) & (y >= 0) & (y < height)
         np.add.at(out, (y[counts], x[counts]), rays[row, column][counts])
     return np.moveaxis(out, -1, 0)
 
@@ -86,13 +89,13 @@ def smooth_frames(tile, seed):
 
 @pytest.mark.parametrize("lanes", [1, 16])
 @pytest.mark.parametrize(
-    ("form", "views", "pack"),
-    [("yuv444p", 71, 1), ("yuv420p", 36, 2), ("gbrp", 40, 1), ("yuv420p10le", 64, 1),
-     ("yuv444p", 5, 2)],
+    ("form", "views", "pixels", "pack"),
+    [("yuv444p", 71, 12, 1), ("yuv420p", 36, (12, 8), 2), ("gbrp", 40, 12, 1),
+     ("yuv420p10le", 64, 12, 1), ("yuv444p", 5, 12, 2), ("yuv444p", 5, (12, 5), 2)],
 )  # fmt: skip
-def test_sums_are_those_of_every_ray(form, views, pack, lanes):
-    slab, device = Slab(CAMERA, views, 12), open_device(lanes=lanes, threads=2)
-    layout = FrameLayout("macropixels", views, 12, pack=pack, pixel_format=form)
+def test_sums_are_those_of_every_ray(form, views, pixels, pack, lanes):
+    slab, device = Slab.of(CAMERA, views, pixels), open_device(lanes=lanes, threads=2)
+    layout = frame_layout(views, pixels, form, kind="macropixels", pack=pack)
     tile = layout.tile(6, 0, 6, 4)
     frames = smooth_frames(tile, views)
     planes = [*PLANES, *COARSE]
@@ -102,9 +105,10 @@ def test_sums_are_those_of_every_ray(form, views, pack, lanes):
     got, rays = former.plane_sums(), light_of(frames, tile, open_device())
     height, width = got.sums.shape[2:]
     for plane, found in zip(planes, got.sums, strict=True):
-        whole = np.zeros((3, 12, 12), np.uint64)
+        whole, own = np.zeros((3, 12, 12), np.uint64), slab.picture(plane.side(slab))
         whole[:, got.top : got.top + height, got.left : got.left + width] = found
-        np.testing.assert_array_equal(whole, sums_one_by_one(slab, plane, rays, tile))
+        shown = whole[:, own[1] : own[1] + own[3], own[0] : own[0] + own[2]]
+        np.testing.assert_array_equal(shown, sums_one_by_one(slab, plane, rays, tile))
 
 
 def test_light_is_that_of_the_standard():

@@ -27,16 +27,15 @@ from lfcore.rendering import record_depth
 from lfcore.rendering.by_depth import traced_views
 from lfcore.rendering.record_depth import DepthStore, record_by_depth
 from lfcore.storage.codecs import Encoding
-from lfcore.storage.defaults import chosen_encoding
+from lfcore.storage.defaults import chosen_encoding, frame_layout
 from lfcore.storage.depth_stream import sweep_step
-from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 
 CAMERA = Camera(0.4, 0.3, 1.0, 4.0)
-SLAB = Slab(CAMERA, 3, 20)
+SLAB, TALL = Slab(CAMERA, 3, 20), Slab.of(CAMERA, 3, (12, 20))
 PIXELS = 10
 LOSSLESS = Encoding("ffv1", "gbrp", preset=None, tune=None)
 PLANES = [
@@ -67,7 +66,7 @@ def tracer():
 
 
 def stored(path, tracer, kind, displaced=True, spec=LOSSLESS, slab=SLAB, pack=1):
-    layout = FrameLayout(kind, slab.views, slab.pixels, "serpentine", pack, spec.pixel_format)
+    layout = frame_layout(slab.views, slab.size, spec.pixel_format, kind=kind, pack=pack)
     record_by_depth(path, tracer, slab, DepthStore(layout, spec, displaced, PIXELS))
     return LightField.open(path)
 
@@ -77,17 +76,18 @@ def traced(tracer, displaced, slab=SLAB):
     return (np.concatenate([part[k] for part in parts]) for k in (1, 2))
 
 
-@pytest.mark.parametrize("displaced", [True, False])
-def test_without_loss_the_store_gives_what_is_made_on_the_fly(tmp_path, tracer, displaced):
+@pytest.mark.parametrize(("displaced", "slab"), [(True, SLAB), (False, SLAB), (True, TALL)])
+def test_without_loss_the_store_gives_what_is_made_on_the_fly(tmp_path, tracer, displaced, slab):
     """Views and macropixels alike, to the last bit."""
-    light, depth = traced(tracer, displaced)
-    views, pictures = views_of(SLAB, displaced=displaced), []
+    light, depth = traced(tracer, displaced, slab)
+    views, pictures = views_of(slab, displaced=displaced), []
     for kind, pack in (("views", 1), ("views", 2), ("macropixels", 4)):
-        field = stored(tmp_path / f"{kind}{pack}.mkv", tracer, kind, displaced, pack=pack)
+        path = tmp_path / f"{kind}{pack}.mkv"
+        field = stored(path, tracer, kind, displaced, slab=slab, pack=pack)
         there = field.views(0, 0, 3, 3, codes=True).reshape(light.shape)
         np.testing.assert_array_equal(there, srgb_codes(light))
         pictures.append(field.refocus_many(PLANES))
-        assert pictures[-1].shape == (4, PIXELS, PIXELS, 3)
+        assert pictures[-1].shape == (4, PIXELS, slab.size.width // 2, 3)
     codes = field.metadata.depth.codes
     held = codes.depth(codes.of_depth(depth))
     samples = np.stack(np.meshgrid(range(3), range(3)), -1).reshape(-1, 2)
@@ -122,6 +122,10 @@ def test_what_the_codec_loses_is_all_that_is_lost(tmp_path, tracer):
 
 
 def test_any_size_and_a_stack_from_one_file(tmp_path, tracer):
+    tall = stored(tmp_path / "tall.mkv", tracer, "views", slab=TALL)
+    assert tall.refocus(2.5, pixels=5).shape == tall.refocus(2.5, pixels=(3, 5)).shape == (5, 3, 3)
+    with pytest.raises(OpticsError, match="5 x 5 pixels has another shape than the views, 3 x 5"):
+        tall.refocus(2.5, pixels=(5, 5))
     field = stored(tmp_path / "a.mkv", tracer, "views")
     assert field.refocus(2.5).shape == (PIXELS, PIXELS, 3)
     assert field.refocus(2.5, pixels=7, filter="depth").shape == (7, 7, 3)

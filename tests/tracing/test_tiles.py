@@ -1,5 +1,7 @@
 """Tiles: colours against the oracle, exact sums, frames, and independence of how work is cut."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tracing_scenes import CAMERA, closed_room, lit_soup, scene
@@ -11,6 +13,7 @@ from lfcore.optics.slab import Slab
 from lfcore.oracle import colour as truth
 from lfcore.oracle.planes import form_plane
 from lfcore.oracle.slab import all_pixels, trace
+from lfcore.storage.defaults import frame_layout
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.ycbcr import rgb_to_ycbcr
 from lfcore.tracing.bvh import build_bvh
@@ -51,15 +54,38 @@ def test_colours_are_the_oracles_within_a_code(device):
     assert np.mean(errors) < 0.1
 
 
+@pytest.mark.parametrize("pixels", [8, (5, 8)])
 @pytest.mark.parametrize("kind", ["macropixels", "views"])
-def test_planes_are_the_sums_of_single_rays(device, kind):
-    world, slab = lit_soup(), Slab(CAMERA, 9, 8)
-    _, sums = run(world, slab, FrameLayout(kind, 9, 8, pixel_format="yuv444p"), device=device)
-    rays = trace(world, slab, all_pixels(slab)).reshape(8, 8, 9, 9, 3)
+def test_planes_are_the_sums_of_single_rays(device, kind, pixels):
+    world, slab = lit_soup(), Slab.of(CAMERA, 9, pixels)
+    _, sums = run(world, slab, frame_layout(9, pixels, "yuv444p", kind=kind), device=device)
+    rays = trace(world, slab, all_pixels(slab)).reshape(8, -1, 9, 9, 3)
     for plane, picture in zip(PLANES, sums.pictures(), strict=True):
         expected = form_plane(slab, plane, rays)
         error = np.abs(picture - expected)
         assert error.mean() < 2e-4, (plane, error.max(), error.mean(axis=(0, 1)))
+
+
+@pytest.mark.parametrize("pixels", [(32, 20), (12, 32)])
+def test_a_wide_picture_has_the_rays_of_its_square(device, pixels):
+    """Frames and sums of the middle of a square picture of the same pixels, to the last bit."""
+    world, wide = lit_soup(), Slab.of(CAMERA, 5, pixels)
+    square = replace(wide, extent=None)
+    left, top, width, height = wide.held.pixels
+    tracer = Tracer(world, build_bvh(world.triangles), device)
+    chunks, sums = [], []
+    for slab, at in ((wide, (0, 0)), (square, (left, top))):
+        layout = frame_layout(5, slab.size, "yuv444p", kind="macropixels", order="raster", pack=1)
+        tracing = tracer.trace_tile(slab, layout.tile(*at, width, height), PLANES)
+        chunks.append([chunk.frames.copy() for chunk in tracing])
+        part, whole = tracing.plane_sums, np.zeros((len(PLANES), 3, 32, 32), np.uint64)
+        rows, columns = (slice(first, first + n) for first, n in (
+            (part.top, part.sums.shape[2]), (part.left, part.sums.shape[3])
+        ))  # fmt: skip
+        whole[:, :, rows, columns] = part.sums
+        sums.append(whole[:, :, top : top + height, left : left + width])
+    np.testing.assert_array_equal(*chunks)
+    np.testing.assert_array_equal(*sums)
 
 
 def test_tiles_threads_and_order_do_not_matter():
