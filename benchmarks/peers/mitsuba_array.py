@@ -7,6 +7,7 @@ would not fit into memory.  For the differences to ours, see ``mitsuba_picture``
 from benchmarks.peers import mitsuba_picture as one
 from benchmarks.peers.method import Method
 from lfcore.optics.array import CameraArray
+from lfcore.scene.mitsuba import film
 
 
 def _load(array: CameraArray) -> str:
@@ -33,14 +34,8 @@ def _row(mitsuba, array: CameraArray, row: int) -> dict:
         }
         for k, x in enumerate(array.columns_m)
     }
-    film = {
-        "type": "hdrfilm",
-        "width": count * width,
-        "height": height,
-        "rfilter": {"type": "box"},
-        "pixel_format": "rgb",
-    }
-    return {"type": "batch", "film": film, "sampler": {"type": "independent"}, **sensors}
+    shared = {"film": film(count * width, height), "sampler": {"type": "independent"}}
+    return {"type": "batch", **shared, **sensors}
 
 
 class MitsubaArray(one.MitsubaPicture):

@@ -40,10 +40,27 @@ def sweep_rows(
     are removed; ``progress`` counts tiles.
     """
     watch, sums = Stopwatch(), []
+
+    def trace(tile: Tile, files: Mapping[str, Path]) -> PlaneSums:
+        """One tile into a segment of each encoder."""
+        tracing = tracer.trace_tile(slab, tile, planes)
+        size = tile.layout.frame_width, tile.layout.frame_height
+        with ExitStack() as stack:
+            writers = {}
+            for case, spec in specs.items():
+                writer = SegmentWriter(files[case], spec, *size)
+                writers[case] = stack.enter_context(_timed_to_its_end(writer, watch, case))
+            for chunk in watch.each("trace", iter(tracing)):
+                for case, writer in writers.items():
+                    with watch.part(case):
+                        writer.write(chunk.frames)
+        assert tracing.plane_sums is not None  # of a tracing that has ended
+        return tracing.plane_sums
+
     with draft_folder(folder / "sweep") as work:
         segments = {case: [work / f"{case}-{t.index}.mp4" for t in tiles] for case in specs}
         for done, tile in enumerate(tiles, 1):
-            sums.append(_trace(tracer, slab, tile, planes, specs, segments, watch))
+            sums.append(trace(tile, {case: files[tile.index] for case, files in segments.items()}))
             progress(done, len(tiles))
         pictures = total(slab, list(planes), sums).pictures()
         rows = []
@@ -59,35 +76,6 @@ def sweep_rows(
                 **_retrieved(tracer, file, planes, pictures, slab.rays),
             })  # fmt: skip
         return rows
-
-
-def _trace(
-    tracer: Tracer,
-    slab: Slab,
-    tile: Tile,
-    planes: Sequence[SensorPlane],
-    specs: Mapping[str, Encoding],
-    segments: Mapping[str, list[Path]],
-    watch: Stopwatch,
-) -> PlaneSums:
-    """One tile into a segment of each encoder."""
-    tracing = tracer.trace_tile(slab, tile, planes)
-    size = tile.layout.frame_width, tile.layout.frame_height
-    with ExitStack() as stack:
-        writers = {
-            case: stack.enter_context(
-                _timed_to_its_end(
-                    SegmentWriter(segments[case][tile.index], spec, *size), watch, case
-                )
-            )
-            for case, spec in specs.items()
-        }
-        for chunk in watch.each("trace", iter(tracing)):
-            for case, writer in writers.items():
-                with watch.part(case):
-                    writer.write(chunk.frames)
-    assert tracing.plane_sums is not None  # of a tracing that has ended
-    return tracing.plane_sums
 
 
 @contextmanager

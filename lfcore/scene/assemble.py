@@ -2,12 +2,11 @@
 
 import hashlib
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from lfcore.scene.appearance import Material
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise, stack
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise, stacked, triple
 
 # Depth is a quotient of products of three lengths, n . P with n the cross product of two edges:
 # beyond these it comes near the ends of the float32 range, 3e38 and 1e-38.
@@ -59,36 +58,23 @@ def assemble(parts: list[SurfaceMesh], to_camera: np.ndarray) -> Geometry:
         return Geometry(
             empty, empty, np.zeros((0, 3, 2), np.float32), empty, np.zeros(0, np.int32), [], []
         )
-    corners = [part.triangles for part in parts]
-    triangles = np.concatenate(corners)
+    triangles = np.concatenate([part.triangles for part in parts])
     keep, dropped = sound(triangles)
     # A texture that nobody samples costs a texture coordinate per corner: leave both out.
-    columns = {
-        name: stack([getattr(part, name) for part in parts], corners, name)
-        for name in ("normals", "uvs", "colours")
-    }
+    columns = stacked(parts)
     if not textures:
         columns["uvs"] = None
     if columns["normals"] is not None:
         columns["normals"] = _sound_normals(columns["normals"], triangles)
-    widths = {"normals": 3, "uvs": 2, "colours": 3}
-    arrays = {
-        name: np.zeros((0, 3, widths[name]), np.float32)
-        if column is None
-        else np.ascontiguousarray(column[keep], np.float32)
-        for name, column in columns.items()
-    }
+    widths, arrays = {"normals": 3, "uvs": 2, "colours": 3}, {}
+    for name, column in columns.items():
+        kept = np.zeros((0, 3, widths[name])) if column is None else column[keep]
+        arrays[name] = np.ascontiguousarray(kept, np.float32)
     material_ids = np.repeat(np.array(ids, np.int32), [part.count for part in parts])[keep]
     return Geometry(
-        np.ascontiguousarray(triangles[keep], np.float32),
-        arrays["normals"],
-        arrays["uvs"],
-        arrays["colours"],
-        np.ascontiguousarray(material_ids),
-        materials,
-        textures,
-        dropped,
-    )
+        np.ascontiguousarray(triangles[keep], np.float32), **arrays,
+        material_ids=material_ids, materials=materials, textures=textures, dropped=dropped,
+    )  # fmt: skip
 
 
 def sound(triangles: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:
@@ -166,10 +152,6 @@ def _materials(parts: list[SurfaceMesh]) -> tuple[list[Material], list[np.ndarra
 
 
 def _material(surface: Surface, textures: dict[str, int]) -> Material:
-    def triple(colour: Any) -> tuple[float, float, float]:
-        red, green, blue = (float(channel) for channel in colour)
-        return red, green, blue
-
     return Material(
         surface.name,
         triple(surface.diffuse),

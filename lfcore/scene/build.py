@@ -26,7 +26,7 @@ from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import ASSUMED, Notebook
 from lfcore.scene.reading import DESCRIPTIONS
 from lfcore.scene.staging import Staging, moved, staging_of
-from lfcore.scene.surface_mesh import SurfaceMesh, transform_all
+from lfcore.scene.surface_mesh import SurfaceMesh, transform_all, triple
 from lfcore.scene.transforms import parse_transform
 from lfcore.scene.upright import z_seems_up
 from lfcore.scene.view import View, lightfield_view
@@ -339,9 +339,9 @@ def _lights(description: dict, staging: Staging, to_camera: np.ndarray, file: Pa
     for index, entry in enumerate(description["lights"]):
         colour, shadows = parse_colour(entry["colour"]), entry["casts_shadows"]
         if "position_m" in entry:
-            x, y, z = (to_camera[:3, :3] @ entry["position_m"] + to_camera[:3, 3]).tolist()
+            place = triple(to_camera[:3, :3] @ entry["position_m"] + to_camera[:3, 3])
             reference = float(entry["reference_distance_m"])
-            lights.append(Light(POINT, (x, y, z), colour, reference, shadows))
+            lights.append(Light(POINT, place, colour, reference, shadows))
             continue
         given = np.asarray(entry["towards_light"], np.float64)
         # Scaled by a power of two: squares of great numbers overflow, those of small ones vanish.
@@ -355,6 +355,5 @@ def _lights(description: dict, staging: Staging, to_camera: np.ndarray, file: Pa
                 key=f"lights[{index}].towards_light",
                 remedy="Give the direction from the scene towards the light",
             )
-        x, y, z = (towards / length).tolist()
-        lights.append(Light(DIRECTIONAL, (x, y, z), colour, 0.0, shadows))
+        lights.append(Light(DIRECTIONAL, triple(towards / length), colour, 0.0, shadows))
     return lights

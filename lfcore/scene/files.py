@@ -122,11 +122,8 @@ def _scene(archive: Any, path: str | Path) -> Scene:
     arrays = {name: archive[name] for name in ARRAYS}
     for name, (dtype, shape) in ARRAYS.items():
         array = arrays[name]
-        lengths = (
-            (header["triangles"],)
-            if name in ("triangles", "material_ids")
-            else (0, header["triangles"])
-        )
+        count, every = header["triangles"], name in ("triangles", "material_ids")
+        lengths = (count,) if every else (0, count)
         if array.dtype != dtype or array.shape[1:] != shape or len(array) not in lengths:
             raise _damaged(path, f"array {name!r} is {array.dtype} {array.shape}")
     return Scene(

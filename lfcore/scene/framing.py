@@ -16,7 +16,7 @@ from lfcore.optics.focus import DepthRange, check_words, f_number_of_blur, focus
 from lfcore.scene.appearance import DIRECTIONAL, Light
 from lfcore.scene.gltf import FoundCamera
 from lfcore.scene.seen import depth_range, focus_at
-from lfcore.scene.surface_mesh import SurfaceMesh
+from lfcore.scene.surface_mesh import SurfaceMesh, triple
 from lfcore.scene.transforms import look_at, pose_from_matrix, rigid_to_camera
 
 FIELD_WIDTH = 0.7
@@ -240,8 +240,7 @@ def default_lights() -> list[Light]:
 
 
 def _unit(towards: list[float]) -> tuple[float, float, float]:
-    x, y, z = (np.array(towards) / np.linalg.norm(towards)).tolist()
-    return x, y, z
+    return triple(np.array(towards) / np.linalg.norm(towards))
 
 
 def default_focus_distances(camera: Camera, triangles: np.ndarray, number: int = 5) -> tuple:

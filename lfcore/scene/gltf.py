@@ -23,7 +23,7 @@ from lfcore.scene import draco
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.notes import LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.reading import LARGEST_MESH, read_bytes
-from lfcore.scene.surface_mesh import normalise
+from lfcore.scene.surface_mesh import normalise, triple
 
 SUFFIXES = (".glb", ".gltf")
 # Those that trimesh or this package knows; others may be used, but not required.
@@ -234,7 +234,7 @@ class Document:
         except (ValueError, TypeError, OverflowError) as error:
             raise self._broken(f"a node's pose makes no sense: {error}") from None
 
-    def lights(self, notebook: Notebook) -> list[Light]:
+    def lights(self) -> list[Light]:
         """Its lights, their vectors in the world.
 
         glTF's intensities are candela (points) and lux, and a matte surface of colour c returns
@@ -247,22 +247,20 @@ class Document:
             use = use.get("KHR_lights_punctual") if isinstance(use, dict) else None
             number = use.get("light") if isinstance(use, dict) else None
             if isinstance(number, int) and 0 <= number < len(known):
-                found.append(self._light(known[number], matrix, notebook))
+                found.append(self._light(known[number], matrix))
         return found
 
-    def _light(self, light: dict, matrix: np.ndarray, notebook: Notebook) -> Light:
+    def _light(self, light: dict, matrix: np.ndarray) -> Light:
         name, kind = light.get("name", "without name"), light.get("type")
         try:
-            colour = np.array(light.get("color", (1, 1, 1)), np.float64)
-            colour = colour * float(light.get("intensity", 1.0)) / math.pi
-            red, green, blue = colour.tolist()
+            given = np.array(light.get("color", (1, 1, 1)), np.float64)
+            colour = triple(given * float(light.get("intensity", 1.0)) / math.pi)
         except (ValueError, TypeError, OverflowError) as error:
             raise self._broken(f"light {name!r} makes no sense: {error}") from None
         if kind == "directional":
-            x, y, z = normalise(matrix[:3, 2]).tolist()  # it shines along the node's -z
-            return Light(DIRECTIONAL, (x, y, z), (red, green, blue))
-        x, y, z = matrix[:3, 3].tolist()
-        found = Light(POINT, (x, y, z), (red, green, blue), 1.0)
+            # It shines along the node's -z.
+            return Light(DIRECTIONAL, triple(normalise(matrix[:3, 2])), colour)
+        found = Light(POINT, triple(matrix[:3, 3]), colour, 1.0)
         if kind != "spot":
             return found
         spot = light.get("spot")
@@ -275,8 +273,7 @@ class Document:
         ):
             raise self._broken(f"the cone of light {name!r} makes no sense: {angles}")
         inner, outer = (max(math.cos(angle), 0.0) for angle in angles)
-        x, y, z = (-normalise(matrix[:3, 2])).tolist()
-        return replace(found, normal=(x, y, z), cone=(inner, outer))
+        return replace(found, normal=triple(-normalise(matrix[:3, 2])), cone=(inner, outer))
 
     def camera(self, notebook: Notebook) -> FoundCamera | None:
         """The first perspective camera of the scene; others are noted."""

@@ -19,10 +19,10 @@ from lfcore.pictures import read_codes
 from lfcore.scene.gltf import SUFFIXES, Document
 from lfcore.scene.gltf_materials import GltfSurfaces
 from lfcore.scene.notes import LEFT_OUT, Notebook
-from lfcore.scene.pbr import picture, surface_of_pbr
+from lfcore.scene.pbr import clipped, picture, surface_of_pbr
 from lfcore.scene.ply import with_strips
 from lfcore.scene.smoothing import crease_normals
-from lfcore.scene.surface_mesh import Colour, Surface, SurfaceMesh
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
 # Formats whose vertex colours are linear; everywhere else they are display values.
 LINEAR_COLOUR_FORMATS = (".glb", ".gltf")
@@ -301,10 +301,10 @@ def _surface_of_simple(material: Any, path: Path) -> Surface:
     emission = number("ke", 0.0)
     return Surface(
         material.name or path.stem,
-        _triple(diffuse),
-        _triple(specular),
+        clipped(diffuse),
+        clipped(specular),
         float(np.clip(shininess, 1, 1000)),
-        _triple(emission),
+        clipped(emission),
         texture,
     )
 
@@ -347,11 +347,6 @@ def _unit(values: np.ndarray) -> np.ndarray:
     if np.issubdtype(values.dtype, np.integer):
         return values / float(np.iinfo(values.dtype).max)
     return np.clip(values.astype(np.float64), 0, 1)
-
-
-def _triple(colour: Any) -> Colour:
-    red, green, blue = np.clip(np.asarray(colour, np.float64), 0, 1).tolist()
-    return red, green, blue
 
 
 def read_texture(path: str | Path, *, file: str | Path, key: str) -> np.ndarray:

@@ -25,6 +25,12 @@ if TYPE_CHECKING:
     from lfcore.scene.appearance import Light
 
 
+def film(width: int, height: int) -> dict:
+    """A film without a filter."""
+    size = {"width": width, "height": height}
+    return {"type": "hdrfilm", **size, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
+
+
 class Description:
     """Turns a scene and a camera into Mitsuba's dictionary.
 
@@ -73,13 +79,7 @@ class Description:
             "near_clip": 0.001,
             "far_clip": 1.0e5,
             "sampler": {"type": "independent"},
-            "film": {
-                "type": "hdrfilm",
-                "width": pixels,
-                "height": pixels,
-                "rfilter": {"type": "box"},
-                "pixel_format": "rgb",
-            },
+            "film": film(pixels, pixels),
         }
 
     def _light(self, light: Light) -> dict:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.scene.surface_mesh import Colour, Surface
+from lfcore.scene.surface_mesh import Colour, Surface, triple
 
 
 def surface_of_pbr(material: Any, path: Path, *, metal_left_out: float = 0.0) -> Surface:
@@ -26,7 +26,7 @@ def surface_of_pbr(material: Any, path: Path, *, metal_left_out: float = 0.0) ->
     return Surface(
         str(material.name or path.stem),
         base_colour(material),
-        emission=_triple(glow),
+        emission=clipped(glow),
         texture=picture(material.baseColorTexture, path),
         metallic=_share(metallic, metal_left_out, path) if given else -1.0,
         roughness=_share(roughness, 1.0, path),
@@ -49,7 +49,7 @@ def picture(image: Any, path: Path, mode: str = "RGB") -> np.ndarray | None:
 
 
 def base_colour(material: Any) -> Colour:
-    return _triple(factor(material)[:3])
+    return clipped(factor(material)[:3])
 
 
 def _share(value: Any, otherwise: float, path: Path) -> float:
@@ -71,6 +71,6 @@ def factor(material: Any) -> np.ndarray:
     return factor
 
 
-def _triple(colour: np.ndarray) -> tuple[float, float, float]:
-    red, green, blue = np.clip(np.asarray(colour, np.float64), 0, 1).tolist()
-    return red, green, blue
+def clipped(colour: np.ndarray) -> Colour:
+    """A colour in [0, 1]."""
+    return triple(np.clip(np.asarray(colour, np.float64), 0, 1))

@@ -8,7 +8,7 @@ import numpy as np
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.gltf import SUFFIXES, Document, FoundCamera
 from lfcore.scene.notes import NOT_USED, Notebook
-from lfcore.scene.surface_mesh import normalise
+from lfcore.scene.surface_mesh import normalise, triple
 from lfcore.scene.transforms import parse_transform
 
 
@@ -31,7 +31,7 @@ def staging_of(description: dict, file: Path, notebook: Notebook) -> Staging:
         document = Document(file.parent / name)
         key = f"objects[{index}].transform"
         matrix = parse_transform(entry.get("transform", []), file=file, key=key)
-        here = [moved(light, matrix) for light in document.lights(notebook)]
+        here = [moved(light, matrix) for light in document.lights()]
         found = document.camera(notebook)
         if here and "lights" in description:
             notebook.add_in(NOT_USED, document.path, f"{len(here)} lights: the scene has its own")
@@ -47,13 +47,12 @@ def staging_of(description: dict, file: Path, notebook: Notebook) -> Staging:
 def moved(light: Light, matrix: np.ndarray) -> Light:
     """A light after an affine (4, 4) ``matrix``; what it sends stays."""
     if light.kind == POINT:
-        x, y, z = (matrix[:3, :3] @ light.vector + matrix[:3, 3]).tolist()
+        vector = triple(matrix[:3, :3] @ light.vector + matrix[:3, 3])
         if light.is_spot:
-            axis = normalise(matrix[:3, :3] @ light.normal)
-            light = replace(light, normal=tuple(axis.tolist()))
+            light = replace(light, normal=triple(normalise(matrix[:3, :3] @ light.normal)))
     else:
-        x, y, z = normalise(matrix[:3, :3] @ light.vector).tolist()
-    return replace(light, vector=(x, y, z))
+        vector = triple(normalise(matrix[:3, :3] @ light.vector))
+    return replace(light, vector=vector)
 
 
 def _moved_camera(camera: FoundCamera, matrix: np.ndarray) -> FoundCamera:

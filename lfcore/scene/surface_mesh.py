@@ -7,12 +7,20 @@ they describe; ``lfcore.scene.assemble`` turns it into the flat arrays of a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 Colour = tuple[float, float, float]
+
+
+def triple(values: ArrayLike) -> Colour:
+    """Three numbers as a tuple of Python's floats."""
+    first, second, third = np.asarray(values, np.float64).tolist()
+    return first, second, third
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,31 +118,26 @@ def merge(parts: list[SurfaceMesh]) -> list[SurfaceMesh]:
 def _concatenate(group: list[SurfaceMesh]) -> SurfaceMesh:
     if len(group) == 1:
         return group[0]
-    columns = {
-        name: stack([getattr(part, name) for part in group], [p.triangles for p in group], name)
-        for name in ("normals", "uvs", "colours")
-    }
-    return SurfaceMesh(np.concatenate([p.triangles for p in group]), group[0].surface, **columns)
+    triangles = np.concatenate([part.triangles for part in group])
+    return SurfaceMesh(triangles, group[0].surface, **stacked(group))
 
 
-def stack(arrays: list, triangles: list[np.ndarray], name: str) -> np.ndarray | None:
-    """Concatenate one attribute over parts, filling in the default where a part lacks it.
+DEFAULTS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "normals": lambda corners: np.repeat(face_normals(corners)[:, None], 3, 1),
+    "uvs": lambda corners: np.zeros((len(corners), 3, 2)),
+    "colours": lambda corners: np.ones((len(corners), 3, 3)),
+}
+"""The attributes of a part of these triangles that lacks them."""
 
-    None when every part lacks it: what a scene does not use is left out.
-    """
-    if all(array is None for array in arrays):
-        return None
-    filled = []
-    for array, corners in zip(arrays, triangles, strict=True):
-        if array is not None:
-            filled.append(np.asarray(array, np.float64))
-        elif name == "normals":
-            filled.append(np.repeat(face_normals(corners)[:, None], 3, 1))
-        elif name == "uvs":
-            filled.append(np.zeros((len(corners), 3, 2)))
-        else:
-            filled.append(np.ones((len(corners), 3, 3)))
-    return np.concatenate(filled)
+
+def stacked(parts: list[SurfaceMesh]) -> dict[str, np.ndarray | None]:
+    """Each attribute over all parts, with :data:`DEFAULTS`; None where every part lacks it."""
+    found: dict[str, np.ndarray | None] = {}
+    for name, default in DEFAULTS.items():
+        arrays = [(getattr(part, name), part.triangles) for part in parts]
+        filled = [default(t) if a is None else np.asarray(a, np.float64) for a, t in arrays]
+        found[name] = np.concatenate(filled) if any(a is not None for a, _ in arrays) else None
+    return found
 
 
 def face_normals(triangles: np.ndarray) -> np.ndarray:

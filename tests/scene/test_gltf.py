@@ -95,7 +95,7 @@ def lights(*kinds):
 
 def test_punctual_lights(write):
     notebook = Notebook()
-    point, sun, spot = Document(write(lights("point", "directional", "spot"))).lights(notebook)
+    point, sun, spot = Document(write(lights("point", "directional", "spot"))).lights()
     assert (point.kind, point.vector) == (POINT, (1, 2, 3)) and point.reference_distance_m == 1
     np.testing.assert_allclose(point.colour, np.array([10, 5, 0]) / math.pi)
     # It shines along +y, so it stands below.

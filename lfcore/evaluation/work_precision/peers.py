@@ -51,17 +51,11 @@ def peer_rows(
                 math.ceil(SAMPLES**2 * 10 ** ((target - psnr_db) / 10)) for psnr_db, _ in sampled
             ]
             per_sample = [seconds * pixels**2 for _, seconds in sampled]
-            yield (
-                dict.fromkeys(COLUMNS)
-                | context
-                | {
-                    "setting": f"{target:g} dB",
-                    "rays_per_pixel": sum(samples),
-                    "rays": sum(samples) * pixels**2,
-                    "seconds": float(np.dot(samples, per_sample)),
-                    "expected_db": target,
-                }
-            )
+            yield dict.fromkeys(COLUMNS) | context | {
+                "setting": f"{target:g} dB", "rays_per_pixel": sum(samples),
+                "rays": sum(samples) * pixels**2, "expected_db": target,
+                "seconds": float(np.dot(samples, per_sample)),
+            }  # fmt: skip
 
 
 def _sampled(

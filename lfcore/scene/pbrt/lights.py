@@ -17,6 +17,7 @@ from lfcore.scene.notes import LEFT_OUT
 from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet
 from lfcore.scene.pbrt.spectra import parameter_rgb
 from lfcore.scene.pbrt.textures import read_picture
+from lfcore.scene.surface_mesh import Colour, triple
 
 ENDS = {"from": (0.0, 0.0, 0.0), "to": (0.0, 0.0, 1.0)}
 """The points between which a light shines, unless given."""
@@ -53,7 +54,7 @@ class LightRig:
             irradiance = emitted(parameters, "L", self.folder)
             if parameters.get("illuminance"):
                 parameters.left_out("illuminance")
-            self.lights.append(Light(DIRECTIONAL, tuple(towards), _over_pi(irradiance)))
+            self.lights.append(Light(DIRECTIONAL, towards, _over_pi(irradiance)))
         elif kind == "infinite":
             self._infinite(parameters)
         else:
@@ -68,9 +69,9 @@ class LightRig:
         if power > 0:
             # Version 4: total power in watts of an isotropic source.
             intensity = intensity / max(intensity.mean(), 1e-12) * power / (4 * math.pi)
-        light = Light(POINT, tuple(position.tolist()), _over_pi(intensity), 1.0)
+        light = Light(POINT, triple(position), _over_pi(intensity), 1.0)
         if kind == "spot":
-            light = replace(light, **_spot(parameters, to_camera))
+            light = _spot(light, parameters, to_camera)
             parameters.approximated("fades as glTF's spots")
         self.lights.append(light)
 
@@ -101,27 +102,25 @@ class LightRig:
         ``own`` are the surface's first triangle in the scene and that after its last.
         """
         for position, normal, area in zip(*vars(points).values(), strict=True):
-            x, y, z = position.tolist()
-            light = Light(POINT, (x, y, z), _over_pi(radiance * area), 1.0)
-            self.lights.append(replace(light, normal=tuple(normal.tolist()), own=own))
+            light = Light(POINT, triple(position), _over_pi(radiance * area), 1.0)
+            self.lights.append(replace(light, normal=triple(normal), own=own))
 
 
-def _over_pi(irradiance: np.ndarray) -> tuple[float, float, float]:
-    red, green, blue = (np.asarray(irradiance, np.float64) / math.pi).tolist()
-    return red, green, blue
+def _over_pi(irradiance: np.ndarray) -> Colour:
+    return triple(np.asarray(irradiance, np.float64) / math.pi)
 
 
-def _axis(parameters: ParameterSet, to_camera: np.ndarray, start: str, end: str) -> list[float]:
+def _axis(parameters: ParameterSet, to_camera: np.ndarray, start: str, end: str) -> Colour:
     """The unit vector in camera space between two of :data:`ENDS`."""
     first, last = (parameters.vector(name, ENDS[name]) for name in (start, end))
     axis = to_camera[:3, :3] @ (last - first)
     length = np.linalg.norm(axis)
     if not length > 0:
         raise parameters.error("to", "coincides with from")
-    return (axis / length).tolist()
+    return triple(axis / length)
 
 
-def _spot(parameters: ParameterSet, to_camera: np.ndarray) -> dict[str, tuple]:
+def _spot(light: Light, parameters: ParameterSet, to_camera: np.ndarray) -> Light:
     """The cone of a spot: pbrt's fades between the same angles, by another curve."""
     axis = _axis(parameters, to_camera, "from", "to")
     outer = parameters.float("coneangle", 30.0)
@@ -129,4 +128,4 @@ def _spot(parameters: ParameterSet, to_camera: np.ndarray) -> dict[str, tuple]:
     if not 0 < outer <= 90:
         raise parameters.error("coneangle", f"{outer:g} is no angle from 0 to 90")
     cosines = [max(math.cos(math.radians(max(angle, 0.0))), 0.0) for angle in (inner, outer)]
-    return {"normal": tuple(axis), "cone": (cosines[0], min(cosines))}
+    return replace(light, normal=axis, cone=(cosines[0], min(cosines)))

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from lfcore.errors import SceneError
 from lfcore.scene.procedural import textures
-from lfcore.scene.procedural.basics import Look, Parts, Rng, textured
+from lfcore.scene.procedural.basics import Look, Parts, Point, Rng, textured
 from lfcore.scene.procedural.foliage import blade, diamond, orient, rosette, shrub, tuft
 from lfcore.scene.procedural.primitives import curve, join, mesh_grid, scattered, tube
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
@@ -125,10 +125,26 @@ def tree(
     trunk = curve([foot, (foot + top) / 2 + rng.normal(scale=0.04, size=3) * height, top], 8)
     radius = 0.035 * height
     limbs = [tube(trunk, np.linspace(radius, 0.5 * radius, 8), bark, segments=9, caps=False)]
-    ends: list[np.ndarray] = []
+    ends: list[Point] = []
+
+    def branch(base: Point, direction: Point, length: float, radius: float, order: int) -> None:
+        """Add a branch and those that grow from it; the last order's ends carry leaves."""
+        end = base + direction * length
+        bow = (base + end) / 2 + (0, 0.08 * length, 0) + rng.normal(scale=0.05, size=3) * length
+        path = curve([base, bow, end], 5)
+        limbs.append(tube(path, np.linspace(radius, 0.4 * radius, 5), bark, segments=5, caps=False))
+        if order == 1:
+            ends.extend([path[2], path[3], end])
+            return
+        for share in (0.45, 0.7, 0.85, 1.0):
+            turned = direction + 0.9 * _outward(rng, 0.5)
+            turned /= np.linalg.norm(turned)
+            start = path[min(int(share * 4), 4)]
+            branch(start, turned, 0.55 * length, 0.5 * radius, order - 1)
+
     for start in np.linspace(0.45, 1.0, 9):
         base = trunk[min(int(start * 7), 7)]
-        _branch(rng, bark, base, _outward(rng, 0.75), 0.36 * height, 0.4 * radius, 3, limbs, ends)
+        branch(base, _outward(rng, 0.75), 0.36 * height, 0.4 * radius, 3)
     tips = np.array(ends)
     chosen = tips[rng.integers(0, len(tips), leaves)]
     positions = chosen + rng.normal(scale=0.035 * height, size=(leaves, 3))
@@ -142,29 +158,3 @@ def _outward(rng: Rng, lift: float) -> np.ndarray:
     turn = rng.uniform(0, 2 * np.pi)
     direction = np.array([np.cos(turn), lift * rng.uniform(0.4, 1.4), np.sin(turn)])
     return direction / np.linalg.norm(direction)
-
-
-def _branch(
-    rng: Rng,
-    bark: Surface,
-    base: np.ndarray,
-    direction: np.ndarray,
-    length: float,
-    radius: float,
-    order: int,
-    limbs: Parts,
-    tips: list[np.ndarray],
-) -> None:
-    """Add a branch and those that grow from it; the last order's ends carry leaves."""
-    end = base + direction * length
-    bow = (base + end) / 2 + (0, 0.08 * length, 0) + rng.normal(scale=0.05, size=3) * length
-    path = curve([base, bow, end], 5)
-    limbs.append(tube(path, np.linspace(radius, 0.4 * radius, 5), bark, segments=5, caps=False))
-    if order == 1:
-        tips += [path[2], path[3], end]
-        return
-    for share in (0.45, 0.7, 0.85, 1.0):
-        turned = direction + 0.9 * _outward(rng, 0.5)
-        turned /= np.linalg.norm(turned)
-        start = path[min(int(share * 4), 4)]
-        _branch(rng, bark, start, turned, 0.55 * length, 0.5 * radius, order - 1, limbs, tips)
