@@ -229,8 +229,8 @@ def _mushrooms(rng: Rng, look: Look) -> Parts:
         for index in range(11):
             turn, out = index * 2.4, 0.078 * np.sqrt((index + 0.5) / 11)
             y = 0.190 - 3.6 * out**2 - 60 * out**4
-            spot, size = (np.cos(turn) * out, y, np.sin(turn) * out), (0.010, 0.005, 0.010)
-            dots.append(sphere(size, look["white"], centre=spot, segments=5, rings=2))
+            spot, radii = (np.cos(turn) * out, y, np.sin(turn) * out), (0.010, 0.005, 0.010)
+            dots.append(sphere(radii, look["white"], centre=spot, segments=5, rings=2))
         parts += transform_all([stem, cap, *dots], place)
     return parts
 
