@@ -16,6 +16,7 @@
 #   make count     how much there is to read in the tracer's kernels
 #   make docs      the manual as a site, read from disk: build/docs/html/index.html
 #   make wheel     the wheel, installed and tried in an empty environment
+#   make release   wheel and source package of the tag at HEAD, tried on each Python: build/release/dist
 #   make digests   the table of bits that every processor is held to: after a change that means to change bits
 #   make micro     every rule, script and caption, as small as they go, and Snakemake's report: build/micro
 #   make run ARGS="--configfile my.yaml -- results/tables/" DIRECTORY=there    any other run of Snakemake
@@ -46,7 +47,7 @@ export LFCORE_DEVICE := $(DEVICE)
 endif
 
 .PHONY: tables run test quick fuzz faults smoke cluster s3 bare try micro sweep settings count lint docs \
-	wheel format digests clean distclean \
+	wheel release format digests clean distclean \
 	pins
 .DELETE_ON_ERROR:
 
@@ -128,6 +129,9 @@ wheel: | $(VENV)/bin/python
 	$(PYTHON) -m venv build/wheel/venv
 	PIP_CONSTRAINT= build/wheel/venv/bin/python -m pip --quiet --disable-pip-version-check install build/wheel/*.whl
 	cd build/wheel && venv/bin/python $(CURDIR)/.ci/try_wheel.py
+
+release:
+	sh .ci/release.sh "$(PYTHON)"
 
 format: $(VENV)/installed-dev
 	$(BIN)/ruff check --fix .

@@ -16,5 +16,5 @@ lists all, and is checked.  ``oracle`` holds slow float64 references for tests a
 
 import lazy_loader
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lfcore.colour import display_values
 from lfcore.lightfield import LightField
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import FrameLayout
@@ -37,3 +38,21 @@ def test_the_small_reader_reads_what_the_library_reads(tmp_path, make_store, lay
     assert rays.shape == (n, n, m, m, 3) and about["layout"] == layout.to_json()
     read = LightField.open(stored.path).views(0, 0, n, n, codes=True)
     assert np.abs(np.rint(255 * rays) - read).max() <= 1
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "mean"), [("2026-11-21", 16, 79.9), ("content", 16, 80.4), ("depth", 32, 83.4)]
+)
+def test_files_of_earlier_programs_open(name, size, mean):
+    """Written by the first program, the first with ``content``, and the first with ``depth``.
+
+    ``mean`` is that of the codes of the picture that this program made of the file.
+    """
+    field = LightField.open(Path(__file__).parent / "earlier" / f"{name}.mkv")
+    field.verify()
+    about, rays = reader().read(field.path)
+    read = field.views(0, 0, *field.grid, codes=True)
+    assert np.abs(np.rint(255 * rays) - read).max() <= 1
+    assert about["version"] == 1 and field.picture_size == (size, size)
+    assert (field.depth_video is not None) == (name == "depth")
+    assert abs(display_values(field.refocus()).mean() - mean) < 0.3
