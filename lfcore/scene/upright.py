@@ -1,7 +1,8 @@
 """Whether z is up in a mesh whose format does not say: as CAD programs and scanners write it.
 
-Signs of it are a word in the file, a flat foot at the lower end of z and none at the ends of y,
-and a terrain: low along z, with nearly all of its surface facing +z.
+Signs of it are a word in the file, a flat foot at the lower end of z and none at the ends of y, a
+lower end at z = 0 with y = 0 about in the middle, and a terrain: low along z, with nearly all of
+its surface facing +z.
 """
 
 import re
@@ -21,6 +22,9 @@ END = 0.02
 """The thickness of a foot, as a share of the greatest extent."""
 LEVEL = 0.9
 """The least cosine between a foot's normals and the axis."""
+ON_ZERO, ABOUT = 1e-3, 0.25
+"""The distance of a lower end from z = 0, and of the middle from y = 0, at most, as shares of the
+extent of the axis."""
 LOW, FACING_UP = 0.35, 0.7
 """Terrain: height per lesser extent, at most; and the mean of the normals' z, at least."""
 
@@ -41,6 +45,9 @@ def z_seems_up(parts: list[SurfaceMesh], path: Path) -> bool:
     area = np.linalg.norm(normals, axis=1)
     across, deep, height = high - low
     if 0 < height < LOW * min(across, deep) and normals[:, 2].sum() > FACING_UP * area.sum():
+        return True
+    middle = (low[1] + high[1]) / 2
+    if abs(low[2]) < ON_ZERO * height and abs(middle) < ABOUT * deep and abs(low[1]) > ON_ZERO * deep:
         return True
 
     def flat_end(axis: int, end: np.ndarray, sign: int) -> float:

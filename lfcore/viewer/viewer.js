@@ -150,7 +150,7 @@ class Viewer {
   /** Show the state in controls, words and link. */
   show() {
     const {field, state} = this;
-    for (const key of ["d", "a", "blades", "turn", "tx", "ty"]) {
+    for (const key of ["d", "a", "x", "y", "blades", "turn", "tx", "ty"]) {
       input(key).value = String(/** @type {any} */ (state)[key]);
     }
     for (const key of ["single", "depth", "epi"]) input(key).checked = /** @type {any} */ (state)[key];
@@ -162,10 +162,12 @@ class Viewer {
     element("a-text").textContent = `${state.a.toFixed(1)} views`;
     element("f-text").textContent = stop === null ? "not known" : `f/${stop.toPrecision(3)}`;
     if (stop !== null) input("f").value = String(Math.log2(stop));
-    for (const key of ["d", "a", "f"]) {
+    for (const [key, views] of Object.entries({x: state.x, y: state.y})) {
+      element(`${key}-text`).textContent = `${views.toFixed(1)} views`;
+    }
+    for (const key of ["d", "a", "f", "x", "y"]) {
       input(key).setAttribute("aria-valuetext", element(`${key}-text`).textContent || "");
     }
-    element("where").textContent = `${state.x.toFixed(1)}, ${state.y.toFixed(1)}`;
     element("command").textContent = command(field, state) || "no command makes this picture";
     try {
       history.replaceState(null, "", `#${toHash(field, state)}`);
@@ -192,10 +194,10 @@ class Viewer {
 
   listen() {
     const {field} = this, bounds = limits(field);
-    for (const key of ["d", "a", "tx", "ty"]) {
+    for (const key of ["d", "a", "x", "y", "tx", "ty"]) {
       [input(key).min, input(key).max] = bounds[key].map(String);
     }
-    for (const key of ["d", "a", "blades", "turn", "tx", "ty", "shape", "filter"]) {
+    for (const key of ["d", "a", "x", "y", "blades", "turn", "tx", "ty", "shape", "filter"]) {
       input(key).addEventListener("input", () => this.set({[key]: input(key).value}));
     }
     for (const key of ["single", "depth", "epi"]) {

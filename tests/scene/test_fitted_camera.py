@@ -215,8 +215,10 @@ def test_where_z_is_up_a_note_says_so(tmp_path):
     lines = [f"v {a} {b} {c}" for a, b, c in zip(x.flat, y.flat, heights.flat, strict=True)]
     lines += [f"f {k} {k + 1} {k + 10} {k + 9}" for k in range(1, 73) if k % 9]
     (tmp_path / "terrain.obj").write_text("\n".join(lines))
+    standing = trimesh.creation.capsule(2.0, 0.5)  # without a foot
+    standing.apply_translation(-standing.bounds[0] * [0, 0, 1]).export(tmp_path / "standing.stl")
     (tmp_path / "word.obj").write_text("# up axis: Z\nv 0 0 0\nv 1 0 0\nv 0 1 1\nf 1 2 3\n")
-    for name in ("cone.stl", "terrain.obj", "word.obj"):
+    for name in ("cone.stl", "standing.stl", "terrain.obj", "word.obj"):
         assert len(noted_up(tmp_path / name)) == 1
         assert not noted_up(tmp_path / name, up="z") and not noted_up(tmp_path / name, up="y")
         turned = build_scene(tmp_path / name, up="z").triangles

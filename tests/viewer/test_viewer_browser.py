@@ -204,6 +204,44 @@ def test_controls_say_what_the_state_is(opened, field):
     assert "--focus 0.5px --f-number 4.5views --aperture circle" in words["command"]
 
 
+def test_every_control_is_reached_by_tab_and_named_for_screen_readers(opened):
+    """WCAG 2.2: 2.1.1, 2.4.3, 4.1.2, and 2.5.7: all that a drag does, a slider does."""
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    tree = opened.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
+    found = [
+        (node["role"]["value"], node.get("name", {}).get("value", ""))
+        for node in tree
+        if any(one["name"] == "focusable" for one in node.get("properties", ()))
+        and node["role"]["value"] not in ("RootWebArea", "MenuListOption", "option")
+    ]
+    assert found[0] == ("application", "The light field") and all(name for _, name in found)
+    sliders = [name for role, name in found if role == "slider"]
+    ways = ["Viewpoint, left to right", "Viewpoint, top to bottom"]
+    assert sliders[:5] == ["Focus", "Aperture", "F-number", *ways]
+    reached = []
+    for _ in found:
+        ActionChains(opened).send_keys(Keys.TAB).perform()
+        reached.append(opened.execute_script("return document.activeElement.id || 'more'"))
+        if reached[-1] == "x":
+            ActionChains(opened).send_keys(Keys.ARROW_RIGHT).perform()
+    assert reached[0] == "canvas" and len(set(reached)) == len(found)
+    assert state(opened)["x"] > 0
+
+
+def test_controls_are_large_enough_for_a_finger(opened):
+    """WCAG 2.2, 2.5.8: 24 pixels; of a box to tick, its label takes the touch, too."""
+    sizes = opened.execute_script("""
+        const all = [...document.querySelectorAll("input, select, button")];
+        return all.filter((one) => one.offsetParent).map((one) => {
+          const box = (one.closest(".toggle") || one).getBoundingClientRect();
+          return Math.min(box.width, box.height);
+        });
+    """)
+    assert len(sizes) > 10 and min(sizes) >= 24
+
+
 def test_a_browser_without_webgl2_shows_single_views(browser, page, field):
     command = "Page.addScriptToEvaluateOnNewDocument"
     added = browser.execute_cdp_cmd(command, {"source": NO_WEBGL2})

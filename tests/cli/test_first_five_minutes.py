@@ -1,0 +1,212 @@
+"""Every command that README, help and tutorials show, on models that nobody here made them for."""
+
+import http.server
+import re
+import shlex
+import webbrowser
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+
+import lfcore
+from docs.site.pages import PAGES, ROOT
+from lfcore.cli import COMMANDS, EPILOG, main, parser
+
+pytestmark = pytest.mark.slow
+
+PIXELS = 48
+SCENE = re.compile(r"(scenes/\w+|(table|model)\.glb|mesh\.stl|scene\.pbrt|table)")
+FOREIGN = re.compile(r"https?://|--serve|array\.exr|(boxes|shots|views)/ ")
+"""Inputs of other programs, which are tested in tests/exchange and test_imgtool.py, and servers."""
+SMALLER = {"--pixels": str(PIXELS), "--views": "5", "--subpixels": "1", "--quality-db": "25"}
+
+
+def posts(size: float, up: str = "y") -> trimesh.Trimesh:
+    """Five posts, each farther than the one to its left, on no floor."""
+    boxes = [
+        trimesh.creation.box((0.14, 1.0, 0.14)).apply_translation((x, 0, -2.2 * x))
+        for x in (-1, -0.5, 0, 0.5, 1)
+    ]
+    mesh = trimesh.util.concatenate(boxes).apply_scale(size)
+    if up == "z":
+        mesh.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
+    return mesh
+
+
+def metres_with_camera(folder: Path) -> Path:
+    scene = trimesh.Scene(posts(1))
+    scene.camera = trimesh.scene.Camera("camera", resolution=(64, 64), fov=(40, 40))
+    scene.camera_transform = trimesh.transformations.translation_matrix((0, 0.3, 6))
+    scene.export(folder / "metres.glb")
+    return folder / "metres.glb"
+
+
+def pbrt_with_camera(folder: Path) -> Path:
+    mesh = posts(100)
+    points, corners = (
+        " ".join(map(str, np.ravel(each))) for each in (mesh.vertices * [1, 1, -1], mesh.faces)
+    )
+    (folder / "centimetres.pbrt").write_text(
+        "LookAt 0 30 -600  0 0 0  0 1 0\n"
+        'Camera "perspective" "float fov" [40]\nFilm "image" "integer xresolution" [48] '
+        '"integer yresolution" [48]\nSampler "random" "integer pixelsamples" [4]\nWorldBegin\n'
+        'LightSource "distant" "point from" [-3 4 -5] "rgb L" [2 2 2]\n'
+        f'Shape "trianglemesh" "integer indices" [{corners}] "point P" [{points}]\n'
+    )
+    return folder / "centimetres.pbrt"
+
+
+def exported(name: str, size: float, up: str):
+    def write(folder: Path) -> Path:
+        posts(size, up).export(folder / name)
+        return folder / name
+
+    return write
+
+
+MODELS = {
+    "metres.glb": (metres_with_camera, "y"),
+    "millimetres.obj": (exported("millimetres.obj", 0.02, "y"), "y"),
+    "up.ply": (exported("up.ply", 1, "z"), "z"),
+    "kilometres.stl": (exported("kilometres.stl", 1500, "z"), "z"),
+    "centimetres.pbrt": (pbrt_with_camera, "y"),
+}
+
+
+class Model:
+    """A model, what is seen of it, and its default light field."""
+
+    def __init__(self, name: str, folder: Path):
+        write, up = MODELS[name]
+        self.path, self.options = write(folder), ["--up", up] if up == "z" else []
+        scene = lfcore.load_scene(self.path, up=up if up == "z" else None)
+        self.near, self.far = scene.depth_range
+        self.field = folder / "default.mkv"
+        said = ["record", str(self.path), *self.options, "-o", str(self.field)]
+        assert main([*said, "--pixels", str(PIXELS)]) == 0
+        # The lens all but closed: everything is sharp.
+        self.sharp = lfcore.render(scene, pixels=PIXELS, f_number=64 * scene.camera.f_number)
+        depth = ["depth", str(self.path), *self.options, "--pixels", str(PIXELS)]
+        assert main([*depth, "-o", str(folder / "depth.npz")]) == 0
+        self.depth = np.load(folder / "depth.npz")["depth_m"][0]
+
+    def metres(self, text: str) -> str:
+        """A distance between 1 m and 10 m of the text, as one between what is near and far here."""
+        share = np.clip(np.log10(float(text)), 0, 1)
+        return f"{self.near * (self.far / self.near) ** share:.9g}"
+
+    def distance(self, focus: str) -> float:
+        return {"near": self.near, "far": self.far}.get(focus) or float(focus)
+
+
+@pytest.fixture(scope="module", params=MODELS)
+def model(request, tmp_path_factory):
+    return Model(request.param, tmp_path_factory.mktemp("model"))
+
+
+def shown(text: str) -> list[str]:
+    """The commands of a text, without the words beside them, which two spaces part."""
+    joined = text.replace("\\\n", " ")
+    found = (line.strip() for line in joined.splitlines())
+    commands = (re.split(r"\s{2,}", line)[0] for line in found if line.startswith("lfcore "))
+    return [one for one in commands if "COMMAND" not in one and not FOREIGN.search(f"{one} ")]
+
+
+def texts() -> dict[str, str]:
+    fences = re.compile(r"^```(?:bash)?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+    found = {"lfcore": EPILOG}
+    for name in COMMANDS:
+        found[f"lfcore {name}"] = _help(name)
+    for name, path in {"README": "../README.md", **PAGES}.items():
+        page = (ROOT / "docs" / path).read_text(encoding="utf-8")
+        found[name] = "\n".join(fences.findall(page))
+    return {name: text for name, text in found.items() if shown(text)}
+
+
+def _help(name: str) -> str:
+    top = parser()
+    commands = next(one for one in top._actions if hasattr(one, "choices") and one.choices)
+    return commands.choices[name].epilog or ""
+
+
+def adapted(command: str, model: Model) -> list[str]:
+    """Words of a command with the model in place of its scene, at few pixels."""
+    words, made, option = shlex.split(command, comments=True)[1:], [], ""
+    for word in words:
+        option = word if word.startswith("--") else option
+        if SCENE.fullmatch(word):
+            made += [str(model.path), *model.options]
+        elif option in SMALLER and word != option:
+            made.append(SMALLER[option])
+        elif option in ("--focus", "--focus-range", "--refocus") and _number(word):
+            made.append(model.metres(word))
+        else:
+            given = re.sub(r"(?<=focus=)[\d.]+", lambda found: model.metres(found[0]), word)
+            made.append(re.sub(r"^\d+views$", "3views", given))
+    if words[0] in ("record", "render", "plenoptic") and "--pixels" not in words:
+        made += ["--pixels", str(PIXELS)]
+    return made
+
+
+def _number(word: str) -> bool:
+    return bool(re.fullmatch(r"\d+(\.\d+)?", word))
+
+
+@pytest.mark.parametrize("place", texts())
+def test_every_command_that_is_shown_works_on_any_model(place, model, tmp_path, monkeypatch):
+    opened = []
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    monkeypatch.setattr(http.server.ThreadingHTTPServer, "serve_forever", lambda self: None)
+    Path("planes.csv").write_text("focus,f_number,aperture\nnear,2.8,circle\nfar,5.6,square\n")
+    for command in shown(texts()[place]):
+        words = adapted(command, model)
+        for word in words[1:2]:
+            if word.endswith(".mkv") and not Path(word).exists():
+                Path(word).symlink_to(model.field)
+        for word in words:
+            if word.endswith(".mkv") and words[0] == "depth" and not Path(word).exists():
+                Path(word).symlink_to(model.field)
+        opened.clear()
+        assert main(words) == 0, command
+        output = words[words.index("-o") + 1] if "-o" in words else None
+        if output and output.endswith((".png", ".npy", ".exr")):
+            check(words, Path(output), model, place)
+        if words[0] == "view" and output is None:
+            assert opened, command
+
+
+def check(words: list[str], output: Path, model: Model, place: str) -> None:
+    """Pictures are not blank; where one focus is given, what is there is sharp, and else blurred."""
+    files = [output] if output.exists() else sorted(Path().glob(f"{output.stem}_*{output.suffix}"))
+    assert files, words
+    for file in files:
+        if file.suffix == ".png":
+            picture = cv2.imread(str(file))[..., ::-1] / 255
+            assert picture.std() > 0.02, words
+    alone = words[0] in ("render", "refocus") and len(files) == 1 and output.suffix == ".png"
+    focus = words[words.index("--focus") + 1] if "--focus" in words else ""
+    stopped = {"--f-number", "--blur", "--views", "--from"} & set(words)
+    if not alone or stopped or place in ("stanford", "hci-ground-truth"):
+        return
+    if focus in ("near", "far") or _number(focus):
+        inside, beyond = blurs(picture, model, model.distance(focus))
+        assert inside < 0.7 * beyond and beyond > 0.02, (words, inside, beyond)
+
+
+def blurs(picture: np.ndarray, model: Model, focus: float) -> tuple[float, float]:
+    """Differences from the sharp picture at edges: near the focus, and far from it."""
+    from lfcore.colour import srgb_encode
+
+    sharp = srgb_encode(np.clip(model.sharp, 0, 1))
+    edge = cv2.morphologyEx(sharp.mean(2), cv2.MORPH_GRADIENT, np.ones((3, 3)))
+    depth = cv2.erode(np.where(np.isfinite(model.depth), model.depth, 1e9), np.ones((5, 5)))
+    off = np.abs(1 / depth - 1 / focus) / (1 / model.near - 1 / model.far)
+    apart = np.abs(picture - sharp).mean(2)
+    return tuple(
+        float((apart * edge)[where].sum() / edge[where].sum())
+        for where in ((depth < 1e9) & (off < 0.25), (depth < 1e9) & (off > 0.6))
+    )
