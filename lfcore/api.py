@@ -397,7 +397,7 @@ def record(
     from lfcore.rendering.record_depth import depth_store, record_by_depth
 
     size = Size.of(pixels)
-    scene, content = _with_lens(scene, f_number, blur)
+    scene, content = with_lens(scene, f_number, blur)
     plane = scene.plane(focus_m, f_number, focus_at=focus_at, blur=blur, pixels=size)
     camera = recorded_camera(scene.camera, plane.focus_m, plane.f_number)
     encoding = encoding or Encoding()
@@ -426,8 +426,8 @@ def record(
     return LightField.open(path)
 
 
-def _with_lens(
-    scene: Scene, f_number: float | None, blur: float | str | None
+def with_lens(
+    scene: Scene, f_number: float | None = None, blur: float | str | None = None
 ) -> tuple[Scene, dict[str, Any]]:
     """The scene, with a lens where its camera is a pinhole, and what the file says of it.
 

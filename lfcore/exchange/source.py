@@ -57,7 +57,9 @@ class Truth:
 
     def __init__(self, scene: Scene, field: LightField, device: Device | str | None = None):
         """Raises :class:`ExchangeError` for a scene that is not the light field's."""
-        if scene_digest(scene) != field.metadata.scene["digest"]:
+        # A pinhole is recorded through a fitted lens.
+        digests = {scene_digest(one) for one in (scene, scene.with_lens())}
+        if field.metadata.scene["digest"] not in digests:
             raise ExchangeError(
                 f"is not the scene of {field.path}, {field.metadata.scene['name']!r}",
                 file=scene.name,

@@ -47,7 +47,11 @@ def z_seems_up(parts: list[SurfaceMesh], path: Path) -> bool:
     if 0 < height < LOW * min(across, deep) and normals[:, 2].sum() > FACING_UP * area.sum():
         return True
     middle = (low[1] + high[1]) / 2
-    if abs(low[2]) < ON_ZERO * height and abs(middle) < ABOUT * deep and abs(low[1]) > ON_ZERO * deep:
+    if (
+        abs(low[2]) < ON_ZERO * height
+        and abs(middle) < ABOUT * deep
+        and abs(low[1]) > ON_ZERO * deep
+    ):
         return True
 
     def flat_end(axis: int, end: np.ndarray, sign: int) -> float:

@@ -91,6 +91,10 @@ def test_a_pinhole_is_not_recorded_without_a_word(tmp_path, capsys):
     assert "is a pinhole" in capsys.readouterr().err
     made("record", path, tmp_path / "b.mkv", "--blur", "3%", "--focus", "middle")
     assert "is a pinhole" not in capsys.readouterr().err
+    made("plenoptic", path, tmp_path / "a.png", "--views", "4")
+    assert "is a pinhole" in capsys.readouterr().err
+    export = ["export", str(tmp_path / "a.mkv"), "--format", "hci", "--scene", str(path)]
+    assert main([*export, "-o", str(tmp_path / "hci")]) == 0
 
 
 @pytest.mark.parametrize(
