@@ -1,7 +1,7 @@
 # Everything a newcomer types. Python 3.11 or later and make are all that must be there.
 #
 #   make tables    the thesis's tables and figures for three scenes: results/tables/index.html
-#   make test      the whole test suite; the viewer's part wants a browser: apt-get install chromium chromium-driver
+#   make test      the whole test suite; the viewer's part wants browsers (CONTRIBUTING.md)
 #   make test DEVICE=pocl      on one of several OpenCL drivers
 #   make quick     the tests for daily work, in under a minute: no Snakemake, no browser, few kernels
 #   make fuzz SECONDS=600    hostile inputs for ten minutes: a table of what came of them
