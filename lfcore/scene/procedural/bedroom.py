@@ -198,7 +198,7 @@ def _sheepskin(rng: Rng, number: int, unit: SurfaceMesh) -> SurfaceMesh:
     shape = 1 + 0.13 * np.cos(2 * turn + 0.4) + 0.07 * np.cos(5 * turn)
     x, z = 0.34 * out * shape * np.cos(turn), 0.50 * out * shape * np.sin(turn)
     directions = np.stack([0.5 * np.cos(turn) * out, np.ones(number), 0.5 * np.sin(turn) * out], -1)
-    positions = np.stack([x, np.full(number, 0.004), z], -1)
+    positions = xyz(x, 0.004, z)
     matrices = foliage.orient(rng, positions, directions, rng.uniform(0.75, 1.3, number))
     skin = scattered(unit, matrices)
     return skin.transformed(SHEEPSKIN)

@@ -152,9 +152,8 @@ def _drive(look: Look) -> Parts:
     # The guard covers the upper run of the chain.
     top = [BRACKET + (0.10, 0.03, z), BRACKET + (0.03, 0.115, z), REAR + (0.12, 0.085, z)]
     path = curve(top, 9)
-    sheet = np.stack(
-        [path + (0, -0.035, 0.012), path + (0, 0.0, 0.016), path + (0, 0.012, -0.014)], 1
-    )
+    rows = (0, -0.035, 0.012), (0, 0.0, 0.016), (0, 0.012, -0.014)
+    sheet = np.stack([path + row for row in rows], 1)
     parts.append(mesh_grid(sheet, look["paint"], crease_deg=80))
     for side, turn in ((1, -50.0), (-1, 130.0)):
         angle = np.radians(turn)

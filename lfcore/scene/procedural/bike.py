@@ -15,6 +15,7 @@ from lfcore.scene.procedural.primitives import (
     rectangle,
     scattered,
     sphere,
+    xyz,
 )
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, count, merge, transform_all
 from lfcore.scene.transforms import chain, rotate, translate
@@ -281,9 +282,7 @@ def _ivy(rng: Rng, number: int, leaf: SurfaceMesh) -> SurfaceMesh:
     x = 0.42 + rng.normal(scale=0.13 + 0.10 * np.sin(height * 2.1) ** 2, size=number)
     x = x + 0.16 * np.sin(height * 1.7)
     positions = np.stack([x, PAVEMENT_Y + height, WALL_Z + rng.uniform(0.02, 0.10, number)], -1)
-    hang = np.stack(
-        [rng.normal(scale=0.5, size=number), np.full(number, -1.0), np.full(number, 0.3)], -1
-    )
+    hang = xyz(rng.normal(scale=0.5, size=number), -1.0, 0.3)
     matrices = foliage.orient(
         rng, positions, hang, rng.uniform(0.6, 1.15, number), roll=0.5, face=(0, 0.5, 1)
     )

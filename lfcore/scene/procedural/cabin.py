@@ -204,7 +204,7 @@ def _chopping_block(look: Look) -> Parts:
 def _split(look: Look) -> Parts:
     """A quarter of a log, 12 triangles or so."""
     angle = np.linspace(0, np.pi / 2, 5) + np.pi / 4
-    rim = np.stack([np.zeros(5), np.sin(angle) - 0.45, np.cos(angle)], -1) * 0.11
+    rim = xyz(0.0, np.sin(angle) - 0.45, np.cos(angle)) * 0.11
     core = np.array([[0.0, -0.05, 0.0]])
     outline = np.concatenate([rim, core])
     points = np.stack([outline - (0.17, 0, 0), outline + (0.17, 0, 0)])

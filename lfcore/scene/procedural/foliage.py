@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.scene.procedural.basics import Parts, Range, Rng
-from lfcore.scene.procedural.primitives import curve, join, mesh_grid, scattered, tube
+from lfcore.scene.procedural.primitives import curve, join, mesh_grid, scattered, tube, xyz
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise
 
 
@@ -90,10 +90,9 @@ def rosette(
     """Leaves that rise from one foot in a spiral, the inner ones steeper."""
     turn = np.arange(number) * 2.39996 + rng.uniform(-0.3, 0.3, number)
     rise = np.linspace(lift[1], lift[0], number) * np.pi / 2
-    directions = np.stack(
-        [np.cos(turn) * np.cos(rise) * 0.9, np.sin(rise), np.sin(turn) * np.cos(rise) * 0.9], -1
-    )
-    outward = np.stack([np.cos(turn), np.full(number, -0.4), np.sin(turn)], -1)
+    level = np.cos(rise)
+    directions = xyz(np.cos(turn) * level * 0.9, np.sin(rise), np.sin(turn) * level * 0.9)
+    outward = xyz(np.cos(turn), -0.4, np.sin(turn))
     scale = rng.uniform(*size, number)
     feet = np.asarray(foot) + directions * 0.02
     return scattered(leaf, orient(rng, feet, directions, scale, roll=0.25, face=outward))
@@ -125,7 +124,7 @@ def tuft(
     order = [[0, 1, 2], [0, 2, 3]]
     leaf = SurfaceMesh(corners[order], surface, None, uv[order])
     turn, out = rng.uniform(0, 2 * np.pi, number), np.sqrt(rng.random(number))
-    flat = np.stack([np.cos(turn) * out, np.zeros(number), np.sin(turn) * out], -1)
+    flat = xyz(np.cos(turn) * out, 0.0, np.sin(turn) * out)
     positions = flat * radius
     directions = (0, 1, 0) + flat * 0.45 + rng.normal(scale=0.10, size=(number, 3))
     sizes = rng.uniform(0.6, 1.1, number) * height

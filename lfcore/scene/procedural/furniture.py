@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.scene.procedural import foliage, lettering, textures
-from lfcore.scene.procedural.basics import Look, Parts, Rng, codes, painted, textured
+from lfcore.scene.procedural.basics import Look, Parts, Range, Rng, codes, painted, textured
 from lfcore.scene.procedural.primitives import (
     box,
     cushion,
@@ -59,7 +59,7 @@ def book(
     left = (index % 16) / 16
     x = np.r_[0.0, thick / 2 + np.sin(angle) * thick / 2, thick]
     z = np.r_[-deep, np.cos(angle) * bow, -deep]
-    points = np.stack([np.stack([x, np.full(8, y), z], -1) for y in (0.0, tall)])
+    points = np.stack([xyz(x, y, z) for y in (0.0, tall)])
     u = np.r_[0.002, np.linspace(0.004, 0.0585, 6), 0.0605] + left
     uv = np.stack(np.meshgrid(u, [0.0, 1.0]), -1)
     cover = mesh_grid(points, atlas, uv, crease_deg=50)
@@ -127,6 +127,14 @@ def bed(seed: int, look: Look) -> Parts:
     return parts
 
 
+def _legs(
+    xs: Range, zs: Range, tall: float, lean: float, radii: list[float], wood: Surface, segments: int
+) -> Parts:
+    """Four legs, whose feet are ``lean`` times as far from the middle as their tops."""
+    ends = [((x * lean, 0, z * lean), (x, tall, z)) for x in xs for z in zs]
+    return [cylinder(*pair, radii, wood, segments=segments) for pair in ends]
+
+
 def night_table(look: Look) -> Parts:
     """0.46 wide, 0.52 tall, front to +z."""
     parts = [
@@ -138,11 +146,9 @@ def night_table(look: Look) -> Parts:
     for y in (0.43, 0.315):
         knob = lathe("0 0, 0.008 0, 0.008 0.012, 0.016 0.02, 0 0.028", look["brass"], segments=14)
         parts.append(knob.transformed(chain(rotate("x", 90), translate(0, y, 0.185))))
-    for x in (-0.19, 0.19):
-        for z in (-0.14, 0.14):
-            foot = (x * 1.08, 0, z * 1.08)
-            parts.append(cylinder(foot, (x, 0.26, z), [0.012, 0.02], look["walnut"], segments=10))
-    return parts
+    return parts + _legs(
+        (-0.19, 0.19), (-0.14, 0.14), 0.26, 1.08, [0.012, 0.02], look["walnut"], 10
+    )
 
 
 def table_lamp(look: Look) -> Parts:
@@ -161,13 +167,11 @@ def table_lamp(look: Look) -> Parts:
     for y, radius in ((0.27, 0.165), (0.34, 0.148), (0.42, 0.128), (0.50, 0.108)):
         rows.append(xyz(np.cos(angle) * radius * pleat, y, np.sin(angle) * radius * pleat))
     shade = mesh_grid(np.array(rows), look["shade"], None, close_columns=True, crease_deg=180)
-    rims = []
+    parts, few = [foot, shade], angle[::4]
     for y, radius in ((0.27, 0.166), (0.50, 0.109)):
-        path = np.stack(
-            [np.cos(angle[::4]) * radius, np.full(45, y), np.sin(angle[::4]) * radius], -1
-        )
-        rims.append(tube(path, 0.004, look["brass"], segments=6, closed=True))
-    return [foot, shade, *rims]
+        path = xyz(np.cos(few) * radius, y, np.sin(few) * radius)
+        parts.append(tube(path, 0.004, look["brass"], segments=6, closed=True))
+    return parts
 
 
 def bookshelf(rng: Rng, look: Look, width: float) -> Parts:
@@ -234,11 +238,7 @@ def armchair(seed: int, look: Look) -> Parts:
     parts.append(
         loose.transformed(chain(rotate("x", 68), rotate("z", 8), translate(0.03, 0.64, -0.14)))
     )
-    for x in (-0.3, 0.3):
-        for z in (-0.26, 0.28):
-            foot = (x * 1.1, 0, z * 1.1)
-            parts.append(cylinder(foot, (x, 0.22, z), [0.014, 0.022], look["walnut"], segments=12))
-    return parts
+    return parts + _legs((-0.3, 0.3), (-0.26, 0.28), 0.22, 1.1, [0.014, 0.022], look["walnut"], 12)
 
 
 def potted_plant(rng: Rng, look: Look) -> Parts:
@@ -257,7 +257,7 @@ def potted_plant(rng: Rng, look: Look) -> Parts:
     leaf = foliage.blade(0.34, 0.17, look["leaf"], bend=0.45, fold=0.10, pieces=12, widest=0.42)
     outward = tips - (0, 0.62, 0)
     directions = outward * (1.0, 0.55, 1.0) + (0, 0.02, 0)
-    face = np.stack([outward[:, 0], np.full(26, -0.35), outward[:, 2]], -1)
+    face = xyz(outward[:, 0], -0.35, outward[:, 2])
     matrices = foliage.orient(
         rng, tips, directions, rng.uniform(0.65, 1.05, 26), roll=0.35, face=face
     )
