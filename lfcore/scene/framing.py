@@ -243,8 +243,8 @@ def _unit(towards: list[float]) -> tuple[float, float, float]:
     return triple(np.array(towards) / np.linalg.norm(towards))
 
 
-def default_focus_distances(camera: Camera, triangles: np.ndarray, number: int = 5) -> tuple:
-    """``number`` distances in metres, near to far, even in dioptres over the depths that are seen.
+def default_focus_distances(camera: Camera, triangles: np.ndarray) -> tuple:
+    """Five distances in metres, near to far, even in dioptres over the depths that are seen.
 
     ``triangles`` is (T, 3, 3) in camera space.  The recorded focus where nothing is seen.
     """
@@ -253,4 +253,4 @@ def default_focus_distances(camera: Camera, triangles: np.ndarray, number: int =
     if seen is None or seen.far_m <= nearest:
         return (camera.focus_m,)
     seen = DepthRange(max(seen.near_m, nearest), seen.far_m)
-    return tuple(seen.at(float(share)) for share in np.linspace(0, 1, number))
+    return tuple(seen.at(float(share)) for share in np.linspace(0, 1, 5))

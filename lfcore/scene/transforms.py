@@ -86,7 +86,6 @@ def look_at(
     up: Sequence[float] = (0.0, 1.0, 0.0),
     *,
     file: str | Path | None = None,
-    key: str = "camera.pose",
 ) -> np.ndarray:
     """World to camera space (x right, y down, z forward) of a camera at ``position``.
 
@@ -95,16 +94,15 @@ def look_at(
     centre = np.asarray(position, np.float64)
     forward = np.asarray(target, np.float64) - centre
     if not np.linalg.norm(forward) > 0:
-        raise SceneError(
-            "position_m and look_at_m coincide", file=file, key=key, remedy="Move one of them"
-        )
+        problem = "position_m and look_at_m coincide"
+        raise SceneError(problem, file=file, key="camera.pose", remedy="Move one of them")
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, np.asarray(up, np.float64))
     if not np.linalg.norm(right) > 1e-9 * np.linalg.norm(up):
         raise SceneError(
             "up is parallel to the viewing direction",
             file=file,
-            key=f"{key}.up",
+            key="camera.pose.up",
             remedy="Give another up, for example [0, 0, 1] when looking down",
         )
     right /= np.linalg.norm(right)

@@ -157,8 +157,8 @@ def _phi_max(parameters: ParameterSet) -> float:
     return math.radians(min(max(parameters.float("phimax", 360.0), 0.0), 360.0))
 
 
-def _radius(parameters: ParameterSet, default: float = 1.0) -> float:
-    radius = parameters.float("radius", default)
+def _radius(parameters: ParameterSet) -> float:
+    radius = parameters.float("radius", 1.0)
     if not radius > 0:
         raise parameters.error("radius", f"must be above 0, not {radius}")
     return radius
