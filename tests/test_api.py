@@ -11,6 +11,8 @@ import trimesh
 import lfcore
 from lfcore.cli import main
 from lfcore.colour import srgb_encode
+from lfcore.errors import OpticsError
+from lfcore.optics.size import Size
 
 
 @pytest.fixture(scope="module")
@@ -250,3 +252,14 @@ def test_pictures_come_out_as_linear_light(recorded):
     ):
         assert (linear.dtype, codes.dtype) == (np.float32, np.uint8)
         assert np.abs(srgb_encode(linear) * 255 - codes).max() <= 0.51
+
+
+def test_a_size_is_a_side_or_a_width_and_a_height(tmp_path, capsys):
+    assert Size.of(512) == Size.of("512") == (512, 512)
+    assert Size.of((1920, 1080)) == Size.of("1920x1080") == Size(np.int64(1920), 1080)
+    for wrong in (0, True, 1.5, "12x", "0x9", (1, 2, 3), (4, 70000), None):
+        with pytest.raises(OpticsError, match=r"pixels: must be .* or two such as 1920x1080"):
+            Size.of(wrong)
+    with pytest.raises(SystemExit):
+        main(["render", "scene.yaml", "-o", str(tmp_path / "a.png"), "--pixels", "9x"])
+    assert "'9x' is no size. It must be a whole number" in capsys.readouterr().err

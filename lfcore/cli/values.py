@@ -126,7 +126,7 @@ def _checked(text: str, kind: str, check: Callable[[str], Any]) -> Any:
     try:
         return check(text)
     except OpticsError as error:
-        what = error.remedy or error.problem
+        what = error.remedy or f"It {error.problem}"
         raise argparse.ArgumentTypeError(f"{text!r} is no {kind}. {what}") from None
 
 

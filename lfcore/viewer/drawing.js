@@ -286,7 +286,7 @@ class Drawing {
 
 /** Width and height of a picture, pixels. @param {Field} field @returns {[number, number]} */
 function pictureSize(field) {
-  return field.depth ? [field.depth.pixels, field.depth.pixels] : [field.width, field.height];
+  return field.depth ? field.depth.size : [field.width, field.height];
 }
 
 /** Pixels of a view from one sample to the next. @param {Field} field @param {number} divisor */

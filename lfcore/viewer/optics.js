@@ -24,7 +24,7 @@
  * @property {string[]} pages  As of the atlas.
  * @property {number} low  Disparity of code 0.
  * @property {number} high  Disparity of code 255.
- * @property {number} pixels  Pixels of a picture.
+ * @property {[number, number]} size  Width and height of a picture, pixels.
  * @property {[number, number][]} displaced  Of each view's pixels, in pixels of the atlas.
  */
 

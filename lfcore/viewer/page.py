@@ -185,6 +185,7 @@ def _depth(field: LightFieldFile, slab: Slab, choice: Choice) -> dict[str, Any] 
     if field.metadata.depth is None:
         return None
     codes, low, high = read_disparities(field, choice)
+    shown = slab.resized(field.metadata.depth.pixels).size
     i, j = choice.samples.T
     displaced = field.metadata.depth.views(slab).displacement[i + slab.views * j]
     atlas = encode(np.repeat(codes[..., None], 3, -1), "webp", 100)
@@ -192,7 +193,7 @@ def _depth(field: LightFieldFile, slab: Slab, choice: Choice) -> dict[str, Any] 
         "pages": _pages(atlas),
         "low": low,
         "high": high,
-        "pixels": round(field.metadata.depth.pixels * choice.scale),
+        "size": [max(1, round(side * choice.scale)) for side in shown],
         "displaced": (displaced * choice.scale).round(6).tolist(),
     }
 

@@ -108,7 +108,8 @@ class Splatting {
    */
   *add(state, cells, divisor, most) {
     const {gl, drawing, depth} = this, {field} = drawing;
-    const pixels = Math.ceil(depth.pixels / divisor), ratio = depth.pixels / divisor / field.width;
+    const picture = depth.size.map((side) => Math.ceil(side / divisor));
+    const ratio = Math.max(...depth.size) / divisor / Math.max(field.width, field.height);
     const pitch = field.views / field.columns.length, scale = field.scale;
     const [low, high] = [depth.low * scale, depth.high * scale], disparity = state.single ? low : state.d * scale;
     const tilt = state.single ? [0, 0] : [state.tx * scale / field.width, state.ty * scale / field.height];
@@ -121,11 +122,11 @@ class Splatting {
     const bounds = state.single
       ? Array.from({length: POINT_LAYERS - 1}, (_, k) => (k + 1) / POINT_LAYERS * (high - low) * ratio)
       : BOUNDS.map((bound) => bound / pitch);
-    const target = [2 * (pixels + 2 * margin), 3 * (pixels + 2 * margin)];
+    const target = [2 * (picture[0] + 2 * margin), 3 * (picture[1] + 2 * margin)];
     this.resize(target);
     /** @type {Record<string, number | number[]>} */
     this.common = {
-      size: [field.width, field.height], ratio, disparity, tilt, margin, picture: [pixels, pixels],
+      size: [field.width, field.height], ratio, disparity, tilt, margin, picture,
     };
     this.count = {
       stride: step, layers: state.single ? POINT_LAYERS : 2 * BOUNDS.length + 1, behind: state.single ? 1 : 0,
@@ -174,7 +175,7 @@ class Splatting {
 
   /** Draw the picture of the rays that were added. @param {State} state */
   compose(state) {
-    const {drawing, layers} = this, pixels = /** @type {number[]} */ (this.common?.picture)[0];
+    const {drawing, layers} = this, [width, height] = /** @type {number[]} */ (this.common?.picture);
     const {cells} = this;
     // The picture of a point moves with the point.
     drawing.table(cells.flatMap((cell) => [
@@ -185,6 +186,6 @@ class Splatting {
     drawing.setAll(layers, {
       ...this.common, stride: this.count?.stride || 1, top: drawing.canvas.height, gain: drawing.field.white,
     }, {pages: 0, lens: 1, sums: 4, layers: this.count?.layers || 0, count: cells.length});
-    drawing.rectangle(0, 0, pixels, pixels);
+    drawing.rectangle(0, 0, width, height);
   }
 }

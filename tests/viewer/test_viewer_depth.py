@@ -20,11 +20,14 @@ LEAST_DB, MOST_OF_FILE = 38, 4
 pytestmark = pytest.mark.browser
 
 
-@pytest.fixture(scope="module", params=["bike", "cabin", "bedroom"])
+@pytest.fixture(
+    scope="module", params=[("bike", 128), ("cabin", 128), ("bedroom", 128), ("bike", (160, 90))]
+)
 def field(request, tmp_path_factory):
     needed()
-    path = tmp_path_factory.mktemp("field") / f"{request.param}.mkv"
-    return record(load_scene(SCENES / request.param), path, pixels=128)
+    name, size = request.param
+    path = tmp_path_factory.mktemp("field") / f"{name}.mkv"
+    return record(load_scene(SCENES / name), path, pixels=size)
 
 
 @pytest.fixture(scope="module")
