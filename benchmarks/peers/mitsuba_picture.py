@@ -32,7 +32,7 @@ LLVM = "DRJIT_LIBLLVM_PATH"
 _here: dict = {}
 
 
-def _newest_llvm() -> str | None:
+def newest_llvm() -> str | None:
     """The newest of the system's LLVM libraries: 15 cannot select some 16-wide instructions."""
     found = {}
     for path in Path("/usr/lib").glob("*/libLLVM*.so*"):
@@ -78,7 +78,7 @@ class MitsubaPicture:
             raise SkippedError(
                 "the package mitsuba is not installed (pip install mitsuba)"
             ) from None
-        self.llvm, self._threads = os.environ.get(LLVM) or _newest_llvm(), threads
+        self.llvm, self._threads = os.environ.get(LLVM) or newest_llvm(), threads
         arguments = scene, threads, self.llvm
         self._pool = ProcessPoolExecutor(1, get_context("spawn"), _open, arguments)
 

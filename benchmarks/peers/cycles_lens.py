@@ -1,0 +1,206 @@
+"""Blender's Cycles through a thin lens, with its own denoiser: the package ``bpy``.
+
+The same: triangles, normals, textures, lights, lens, focus, box filter of a pixel; ambient light is
+emission of the surfaces.  Different: highlights are left out (the scene is made matt for both), and
+values are not cut to [0, 1] per ray; so each is judged by its own converged picture.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.peers.method import SkippedError
+from benchmarks.peers.mitsuba_lens import Samples, check_plain
+from lfcore.exr import read_exr_picture
+from lfcore.optics.camera import Camera
+from lfcore.scene.appearance import POINT
+from lfcore.scene.model import Scene
+
+POWER = 4 * math.pi**2
+"""Blender's watts of a point light per unit of our irradiance at one metre of a white surface."""
+_here: dict[str, Any] = {}
+
+
+def matt(scene: Scene) -> Scene:
+    """The scene without highlights and metal."""
+    plain = {"specular": (0.0,) * 3, "metallic": -1.0}
+    return replace(scene, materials=[replace(m, **plain) for m in scene.materials])
+
+
+class CyclesLens:
+    """Pictures of a matt scene by Cycles, in a process of its own.
+
+    Raises :class:`SkippedError` for a missing package, or a scene that is not described for it.
+    """
+
+    def __init__(self, scene: Scene, threads: int):
+        check_plain(scene)
+        self._pool = ProcessPoolExecutor(1, get_context("spawn"), _open, (scene, threads))
+        try:
+            self.version = self._pool.submit(_version).result()
+        except (BrokenProcessPool, ImportError) as error:
+            self.close()
+            raise SkippedError(f"the package bpy does not run ({error})") from None
+
+    def picture(self, camera: Camera, pixels: int, samples: Samples, seed: int = 0):
+        """((pixels, pixels, 3) float32 linear light, core seconds)."""
+        return self._pool.submit(_picture, camera, pixels, samples, seed).result()
+
+    def close(self) -> None:
+        self._pool.shutdown()
+
+
+def _open(scene: Scene, threads: int) -> None:
+    import bpy
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    blender = bpy.context.scene
+    blender.render.engine = "CYCLES"
+    blender.render.threads_mode, blender.render.threads = "FIXED", threads
+    blender.render.use_persistent_data = True
+    blender.render.image_settings.file_format = "OPEN_EXR"
+    blender.render.image_settings.color_depth = "32"
+    cycles = blender.cycles
+    cycles.max_bounces, cycles.use_adaptive_sampling = 0, False
+    cycles.pixel_filter_type, cycles.denoiser = "BOX", "OPENIMAGEDENOISE"
+    cycles.filter_width = 1.0
+    _world(bpy, blender, scene)
+    _mesh(bpy, blender, scene)
+    for light in scene.lights:
+        _light(bpy, blender, light)
+    camera = bpy.data.cameras.new("camera")
+    blender.camera = bpy.data.objects.new("camera", camera)
+    blender.collection.objects.link(blender.camera)
+    _here.update(bpy=bpy, folder=tempfile.TemporaryDirectory(prefix="cycles-"))
+
+
+def _version() -> str:
+    return _here["bpy"].app.version_string
+
+
+def _world(bpy, blender, scene: Scene) -> None:
+    """The background is seen and gives no light."""
+    world = blender.world = bpy.data.worlds.new("world")
+    world.use_nodes = True
+    world.node_tree.nodes["Background"].inputs[0].default_value = (*scene.background, 1)
+    world.cycles.sampling_method = "NONE"
+    world.cycles_visibility.diffuse = False
+
+
+def _mesh(bpy, blender, scene: Scene) -> None:
+    count, mesh = scene.triangle_count, bpy.data.meshes.new("triangles")
+    flip = np.array([1, -1, -1], np.float32)  # Blender's cameras look along -z, y up
+    mesh.vertices.add(3 * count)
+    mesh.vertices.foreach_set("co", (scene.triangles * flip).ravel())
+    mesh.loops.add(3 * count)
+    mesh.loops.foreach_set("vertex_index", np.arange(3 * count, dtype=np.int32))
+    mesh.polygons.add(count)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
+    mesh.polygons.foreach_set("material_index", scene.material_ids.astype(np.int32))
+    if len(scene.uvs):
+        mesh.uv_layers.new(name="uv").data.foreach_set("uv", scene.uvs.ravel())
+    for index in range(len(scene.materials)):
+        mesh.materials.append(_material(bpy, scene, index))
+    mesh.update()
+    if len(scene.normals):
+        mesh.normals_split_custom_set((scene.normals * flip).reshape(-1, 3).tolist())
+    blender.collection.objects.link(bpy.data.objects.new("triangles", mesh))
+
+
+def _material(bpy, scene: Scene, index: int):
+    """Diffuse, plus emission of ambient light times the same colour and of its own."""
+    ours = scene.materials[index]
+    material = bpy.data.materials.new(f"material {index}")
+    material.use_nodes = True
+    nodes, link = material.node_tree.nodes, material.node_tree.links.new
+    nodes.clear()
+
+    def product(colour, factor):
+        node = nodes.new("ShaderNodeVectorMath")
+        node.operation = "MULTIPLY"
+        node.inputs[1].default_value = factor
+        if hasattr(colour, "is_linked"):
+            link(colour, node.inputs[0])
+        else:
+            node.inputs[0].default_value = colour
+        return node.outputs[0]
+
+    if ours.texture >= 0 and len(scene.uvs):
+        texture = nodes.new("ShaderNodeTexImage")
+        texture.image = _image(bpy, scene, ours.texture)
+        diffuse = product(texture.outputs["Color"], ours.diffuse)
+    else:
+        diffuse = product((1, 1, 1), ours.diffuse)
+    surface, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
+    link(diffuse, surface.inputs["Color"])
+    shader = surface.outputs[0]
+    for colour in (product(diffuse, scene.ambient), product((1, 1, 1), ours.emission)):
+        glow, both = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeAddShader")
+        link(colour, glow.inputs["Color"])
+        link(shader, both.inputs[0])
+        link(glow.outputs[0], both.inputs[1])
+        shader = both.outputs[0]
+    link(shader, output.inputs["Surface"])
+    material.cycles.emission_sampling = "NONE"
+    return material
+
+
+def _image(bpy, scene: Scene, number: int):
+    name = f"texture {number}"
+    if name not in bpy.data.images:
+        codes = scene.textures[number][::-1, :, :3] / 255.0
+        height, width = codes.shape[:2]
+        image = bpy.data.images.new(name, width, height)
+        opaque = np.concatenate([codes, np.ones((height, width, 1))], 2)
+        image.pixels.foreach_set(opaque.astype(np.float32).ravel())
+        image.pack()
+    return bpy.data.images[name]
+
+
+def _light(bpy, blender, light) -> None:
+    point, strength = light.kind == POINT, max(light.colour)
+    made = bpy.data.lights.new("light", "POINT" if point else "SUN")
+    made.color = [c / strength for c in light.colour] if strength else (0, 0, 0)
+    made.use_shadow = light.casts_shadows
+    lamp = bpy.data.objects.new("light", made)
+    blender.collection.objects.link(lamp)
+    x, y, z = light.vector[0], -light.vector[1], -light.vector[2]
+    if point:
+        made.energy = POWER * strength * (light.reference_distance_m or 1.0) ** 2
+        made.shadow_soft_size, lamp.location = 0, (x, y, z)
+    else:
+        from mathutils import Vector  # comes with bpy
+
+        made.energy, made.angle = math.pi * strength, 0
+        lamp.rotation_mode = "QUATERNION"
+        lamp.rotation_quaternion = Vector((x, y, z)).to_track_quat("Z", "Y")
+
+
+def _picture(camera: Camera, pixels: int, samples: Samples, seed: int):
+    bpy, folder = _here["bpy"], Path(_here["folder"].name)
+    blender = bpy.context.scene
+    data = blender.camera.data
+    data.angle = 2 * math.atan(camera.field_width / 2)
+    data.dof.use_dof, data.dof.focus_distance = True, camera.focus_m
+    data.dof.aperture_fstop = data.lens * 1e-3 / (2 * camera.lens_radius_m)
+    data.clip_start, data.clip_end = 1e-3, 1e5
+    blender.render.resolution_x = blender.render.resolution_y = pixels
+    blender.cycles.samples, blender.cycles.seed = samples.per_pixel, seed
+    blender.cycles.use_denoising = bool(samples.denoise)
+    with_more = samples.denoise == "auxiliary"
+    blender.cycles.denoising_input_passes = "RGB_ALBEDO_NORMAL" if with_more else "RGB"
+    blender.render.filepath = str(folder / "picture.exr")
+    begun = time.process_time()
+    bpy.ops.render.render(write_still=True)
+    seconds = time.process_time() - begun
+    return read_exr_picture(folder / "picture.exr").astype(np.float32), seconds

@@ -1,0 +1,276 @@
+"""Mitsuba 3 through a thin lens with our shading, and Intel's denoiser (OIDN) behind it.
+
+The same: triangles, normals, textures, materials, light, lens, focus, box filter of a pixel, values
+cut to [0, 1] per ray.  Different: rays are random samples of pixel and lens, and textures are not
+filtered by a footprint.  Shading is that of `lfcore.oracle.shading`, as a small integrator.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from benchmarks.peers.method import SkippedError
+from benchmarks.peers.mitsuba_picture import LLVM, newest_llvm
+from lfcore.colour import srgb_decode
+from lfcore.optics.camera import Camera
+from lfcore.scene.appearance import POINT
+from lfcore.scene.mitsuba import Description
+from lfcore.scene.model import Scene
+
+PASS_RAYS = 1 << 24
+"""The most rays of a pass; more take Mitsuba tens of bytes each and are no faster."""
+LEAST_ROUGHNESS = 0.05
+_here: dict[str, Any] = {}
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Mitsuba's settings: samples per pixel, its sampler, and the denoiser's input if there is one.
+
+    ``denoise`` is ``""``, ``"picture"``, or ``"auxiliary"`` with albedo and normals.
+    """
+
+    per_pixel: int
+    sampler: str = "multijitter"
+    denoise: str = ""
+
+
+class MitsubaLens:
+    """Pictures of a scene by Mitsuba, in a process of its own.
+
+    Raises :class:`SkippedError` for a missing package, or a scene that the integrator cannot shade.
+    """
+
+    def __init__(self, scene: Scene, threads: int):
+        check_plain(scene)
+        llvm = os.environ.get(LLVM) or newest_llvm()
+        context = get_context("spawn")
+        self._pool = ProcessPoolExecutor(1, context, _open, (scene, threads, llvm))
+        try:
+            self.version = self._pool.submit(_version).result()
+        except (BrokenProcessPool, ImportError, RuntimeError) as error:
+            self.close()
+            raise SkippedError(
+                f"Mitsuba or its denoiser does not run ({error}; LLVM: {llvm}): pip install "
+                "mitsuba mitsuba-oidn, and LLVM 16 or later"
+            ) from None
+
+    def picture(self, camera: Camera, pixels: int, samples: Samples, seed: int = 0):
+        """((pixels, pixels, 3) float32 linear light, core seconds)."""
+        return self._pool.submit(_picture, camera, pixels, samples, seed).result()
+
+    def close(self) -> None:
+        self._pool.shutdown()
+
+
+def check_plain(scene: Scene) -> None:
+    """Raise :class:`SkippedError` for a scene that the integrator cannot shade as we do."""
+    maps = ("metal_texture", "normal_texture", "emission_texture")
+    left_out = {
+        "colours at corners": len(scene.colours) > 0,
+        "cut-outs": any(scene.is_cut_out(m) for m in scene.materials),
+        "maps of metal, normals or emission": any(
+            getattr(m, name) >= 0 for m in scene.materials for name in maps
+        ),
+        "area lights and spots": any(x.is_of_emitter or x.is_spot for x in scene.lights),
+    }
+    for what, present in left_out.items():
+        if present:
+            raise SkippedError(f"{scene.name} has {what}, which are not in the integrator")
+
+
+def _open(scene: Scene, threads: int, llvm: str | None) -> None:
+    if llvm:
+        os.environ[LLVM] = llvm
+    import mitsuba
+
+    mitsuba.set_variant("llvm_ad_rgb")
+    import drjit
+
+    drjit.set_thread_count(threads)
+    mitsuba.register_integrator("shading", lambda properties: _integrator(scene)(properties))
+    _here["describe"] = Description(mitsuba, scene, leave_out_ambient=True)
+    _here["geometry"] = _geometry(mitsuba, scene)
+    _here["loaded"] = {}
+
+
+def _version() -> str:
+    import mitsuba_oidn  # noqa: F401
+
+    return _here["describe"].mitsuba.__version__
+
+
+def _geometry(mitsuba, scene: Scene):
+    """One mesh of all triangles, in their order."""
+    count = scene.triangle_count
+    mesh = mitsuba.Mesh(
+        "triangles", 3 * count, count,
+        has_vertex_normals=len(scene.normals) > 0, has_vertex_texcoords=len(scene.uvs) > 0,
+    )  # fmt: skip
+    values = mitsuba.traverse(mesh)
+    values["vertex_positions"] = scene.triangles.ravel()
+    values["faces"] = np.arange(3 * count, dtype=np.uint32)
+    if len(scene.normals):
+        values["vertex_normals"] = scene.normals.ravel()
+    if len(scene.uvs):
+        values["vertex_texcoords"] = scene.uvs.ravel()
+    values.update()
+    return mesh
+
+
+def _picture(camera: Camera, pixels: int, samples: Samples, seed: int):
+    mitsuba, loaded = _here["describe"].mitsuba, _here["loaded"]
+    key = camera, pixels, samples.sampler, samples.denoise == "auxiliary"
+    if key not in loaded:
+        sensor = _here["describe"].sensor(camera, pixels)
+        sensor["sampler"] = {"type": samples.sampler}
+        integrator = {"type": "shading", "auxiliary": key[3]}
+        loaded[key] = mitsuba.load_dict(
+            {"type": "scene", "sensor": sensor, "integrator": integrator, "all": _here["geometry"]}
+        )
+    begun = time.process_time()
+    passes = max(1, pixels**2 * samples.per_pixel // PASS_RAYS)
+    picture = 0
+    for number in range(passes):
+        spp = samples.per_pixel // passes
+        each = mitsuba.render(loaded[key], spp=spp, seed=passes * seed + number)
+        picture = picture + np.array(each) / passes
+    if samples.denoise:
+        picture = _denoised(picture)
+    return np.asarray(picture[..., :3], np.float32), time.process_time() - begun
+
+
+def _denoised(picture: np.ndarray) -> np.ndarray:
+    import mitsuba_oidn
+
+    picture = np.ascontiguousarray(picture, np.float32)
+    if picture.shape[2] == 3:
+        return mitsuba_oidn.denoise(picture, hdr=True)
+    parts = (np.ascontiguousarray(picture[..., k : k + 3]) for k in (0, 3, 6))
+    colour, albedo, normal = parts
+    return mitsuba_oidn.denoise(colour, albedo=albedo, normal=normal, hdr=True)
+
+
+def _integrator(scene: Scene):
+    """The class of the integrator, with the scene's tables on Mitsuba's device."""
+    import drjit as dr
+    import mitsuba as mi
+
+    texels, places = [np.zeros(3, np.float32)], [(0, 1, 1)]
+    for texture in scene.textures:
+        places.append((sum(len(t) for t in texels) // 3, texture.shape[1], texture.shape[0]))
+        texels.append(srgb_decode(texture[..., :3] / 255.0).astype(np.float32).ravel())
+    atlas = mi.Float(np.concatenate(texels))
+    used = [places[material.texture + 1] for material in scene.materials]
+    place = [mi.UInt32(np.array(column, np.uint32)) for column in zip(*used, strict=True)]
+    textured = mi.Bool([material.texture >= 0 for material in scene.materials])
+    material_ids = mi.UInt32(scene.material_ids.astype(np.uint32))
+
+    def table(name: str):
+        return mi.Float(np.array([getattr(m, name) for m in scene.materials], np.float32).ravel())
+
+    diffuse, specular, emission = map(table, ("diffuse", "specular", "emission"))
+    shininess, metallic, rough = map(table, ("shininess", "metallic", "roughness"))
+    has_metal = any(material.is_metallic for material in scene.materials)
+
+    def texture_colour(material, uv, active):
+        """Bilinear, wrapping; v runs up from the bottom."""
+        start, width, height = (dr.gather(mi.UInt32, each, material, active) for each in place)
+        x = uv.x * mi.Float(width) - 0.5
+        y = (1 - uv.y) * mi.Float(height) - 0.5
+        left, top = dr.floor(x), dr.floor(y)
+        share_x, share_y = x - left, y - top
+
+        def wrapped(place, size):
+            size = mi.Int32(dr.maximum(size, 1))  # 0 in lanes that are not active
+            rest = mi.Int32(place) % size
+            return mi.UInt32(dr.select(rest < 0, rest + size, rest))
+
+        colour = mi.Color3f(0)
+        for right, part_x in ((0, 1 - share_x), (1, share_x)):
+            for below, part_y in ((0, 1 - share_y), (1, share_y)):
+                column, row = wrapped(left + right, width), wrapped(top + below, height)
+                at = start + row * width + column
+                colour += part_x * part_y * dr.gather(mi.Color3f, atlas, at, active)
+        return colour
+
+    def microfacets(base, metal, roughness, normal, towards, view):
+        """pi times the BRDF of glTF 2.0's appendix B, times the cosine."""
+        half = dr.normalize(towards + view)
+        f0 = dr.lerp(mi.Color3f(0.04), base, metal)
+        fresnel = f0 + (1 - f0) * (1 - dr.dot(view, half)) ** 5
+        square = dr.maximum(roughness, LEAST_ROUGHNESS) ** 4
+        light = dr.maximum(dr.dot(normal, towards), 0)
+        seen = dr.abs(dr.dot(normal, view))
+        peak = square / dr.square(dr.square(dr.dot(normal, half)) * (square - 1) + 1)
+        for cosine in (light, seen):
+            peak /= cosine + dr.sqrt(square + (1 - square) * dr.square(cosine))
+        return ((1 - fresnel) * (1 - metal) * base + fresnel * peak) * light
+
+    class Shading(mi.SamplingIntegrator):
+        """Blinn-Phong with ambient light and shadows, as `lfcore.oracle.shading`."""
+
+        def __init__(self, properties):
+            super().__init__(properties)
+            self.auxiliary = properties.get("auxiliary", False)
+
+        def aov_names(self):
+            return ["a.R", "a.G", "a.B", "n.X", "n.Y", "n.Z"] if self.auxiliary else []
+
+        def sample(self, mi_scene, sampler, ray, medium=None, active=True):
+            si = mi_scene.ray_intersect(ray, active=active)
+            hit = active & si.is_valid()
+            material = dr.gather(mi.UInt32, material_ids, si.prim_index, hit)
+            view = -ray.d
+            normal = mi.Vector3f(si.sh_frame.n)
+            normal = dr.select(dr.dot(normal, view) < 0, -normal, normal)
+            albedo = dr.gather(mi.Color3f, diffuse, material, hit)
+            mapped = hit & dr.gather(mi.Bool, textured, material, hit)
+            albedo *= dr.select(mapped, texture_colour(material, si.uv, mapped), 1)
+            gloss = dr.gather(mi.Color3f, specular, material, hit)
+            power = dr.gather(mi.Float, shininess, material, hit)
+            colour = dr.gather(mi.Color3f, emission, material, hit)
+            metal = dr.gather(mi.Float, metallic, material, hit)
+            roughness = dr.gather(mi.Float, rough, material, hit)
+            around = albedo
+            if has_metal:
+                shown = (1 - metal) * albedo + dr.lerp(mi.Color3f(0.04), albedo, metal)
+                around = dr.select(metal >= 0, shown, albedo)
+            colour += mi.Color3f(scene.ambient) * around
+            for light in scene.lights:
+                vector = mi.Vector3f(light.vector)
+                if light.kind == POINT:
+                    away = vector - si.p
+                    distance = dr.norm(away)
+                    towards, strength = away / distance, mi.Color3f(light.colour)
+                    if light.reference_distance_m:
+                        strength *= dr.square(light.reference_distance_m / distance)
+                    shadow = si.spawn_ray_to(vector)
+                else:
+                    towards, strength = dr.normalize(vector), mi.Color3f(light.colour)
+                    shadow = si.spawn_ray(towards)
+                cosine = dr.dot(normal, towards)
+                lit = hit & (cosine > 0)
+                if light.casts_shadows:
+                    lit &= ~mi_scene.ray_test(shadow, active=lit)
+                shine = dr.power(dr.maximum(dr.dot(normal, dr.normalize(towards + view)), 0), power)
+                reflected = albedo * cosine + gloss * shine
+                if has_metal:
+                    facets = microfacets(albedo, metal, roughness, normal, towards, view)
+                    reflected = dr.select(metal >= 0, facets, reflected)
+                colour += dr.select(lit, strength * reflected, 0)
+            colour = dr.select(hit, colour, mi.Color3f(scene.background))
+            extra = []
+            if self.auxiliary:
+                extra = [*dr.select(hit, albedo, 0), *dr.select(hit, mi.Color3f(normal), 0)]
+            return dr.clip(colour, 0, 1), mi.Bool(True), extra
+
+    return Shading

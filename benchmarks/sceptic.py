@@ -1,0 +1,296 @@
+"""Our pictures against a path tracer's: python -m benchmarks.sceptic --out FILE.csv
+
+What a sceptic would time: one picture through the open round lens, focused near, in the middle and
+far.  Ours by depth and to a quality; Mitsuba 3 with the same shading, raw and with Intel's
+denoiser; and Blender's Cycles with its own, on the scene without highlights.  Seconds are processor
+seconds of all threads, scene and hierarchy loaded, the least of --repeats in turn after a warm-up.
+dB are against our converged picture, for Cycles against its own; the note says how these agree.
+
+    python -m benchmarks.sceptic --out sceptic.csv --figure sceptic.png --crops crops/
+    python -m benchmarks.sceptic --scenes bike model.glb --pixels 128 256 --most-rays 64 --out s.csv
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.measured.rows import say
+from benchmarks.measured.scenes import SCENES
+from benchmarks.peers.cycles_lens import CyclesLens, matt
+from benchmarks.peers.method import SkippedError
+from benchmarks.peers.mitsuba_lens import MitsubaLens, Samples
+from benchmarks.publish import Result, of_this_run
+from lfcore.api import load_scene
+from lfcore.evaluation.figures import contact_sheet, save_figure
+from lfcore.evaluation.true_picture import inner_psnr, true_pictures
+from lfcore.optics.lattice import Lattice
+from lfcore.optics.planes import SensorPlane
+from lfcore.rendering.by_depth import pictures_by_depth
+from lfcore.rendering.direct import focused_camera
+from lfcore.rendering.prepared import open_tracer
+from lfcore.rendering.quality import Quality, QualitySearch
+from lfcore.scene.model import Scene
+from lfcore.tracing.tracer import Tracer
+
+TRUTH = Lattice(12, 4), Lattice(10, 5)
+LATTICES = [Lattice(*each) for each in ((1, 1), (2, 1), (4, 1), (4, 1.5), (4, 2), (8, 2))]
+QUALITIES_DB = (35, 40, 45)
+MITSUBA = {
+    "Mitsuba": Samples(1),
+    "Mitsuba + OIDN": Samples(1, "multijitter", "picture"),
+    "Mitsuba random + OIDN": Samples(1, "independent", "picture"),
+    "Mitsuba + OIDN, aux.": Samples(1, "multijitter", "auxiliary"),
+}
+CYCLES = {
+    "Cycles": Samples(1, ""),
+    "Cycles + OIDN": Samples(1, "", "picture"),
+}
+RAYS = (1, 4, 16, 64, 256)
+CONVERGED = 1024
+"""Samples per pixel of a peer's own converged picture."""
+PLANES = ("near", "middle", "far")
+CROP_PX, CROP_SECONDS = 40, 0.25
+
+
+@dataclass(frozen=True)
+class Point:
+    """A method's pictures with one setting: ``make()`` returns ((P, M, M, 3), core seconds)."""
+
+    method: str
+    setting: str
+    rays: float
+    make: Callable[[], tuple[np.ndarray, np.ndarray]]
+
+
+def ours(tracer: Tracer, planes: list[SensorPlane], pixels: int, most_rays: int) -> Iterator[Point]:
+    """Our methods, each picture by itself, and all planes from the same rays."""
+
+    def alone(make: Callable[[list[SensorPlane]], np.ndarray]):
+        def run():
+            begun, made = [time.process_time()], []
+            for plane in planes:
+                made.append(make([plane])[0])
+                begun.append(time.process_time())
+            return np.stack(made), np.diff(begun)
+
+        return run
+
+    def together(make: Callable[[list[SensorPlane]], np.ndarray]):
+        def run():
+            begun = time.process_time()
+            made = make(planes)
+            return made, np.full(len(planes), (time.process_time() - begun) / len(planes))
+
+        return run
+
+    camera = tracer.scene.camera
+    for lattice in LATTICES:
+        if lattice.rays_per_pixel <= most_rays:
+
+            def by_depth(wanted, lattice=lattice):
+                return pictures_by_depth(tracer, camera, wanted, pixels, lattice)
+
+            rays = lattice.rays_per_pixel
+            yield Point("by depth", str(lattice), rays, alone(by_depth))
+            yield Point("by depth, planes together", str(lattice), rays, together(by_depth))
+    for quality in QUALITIES_DB:
+
+        def to_quality(wanted, quality=quality):
+            search = QualitySearch(tracer, camera, wanted, pixels, Quality(quality))
+            return search.pictures().pictures
+
+        yield Point("to a quality", f"{quality} dB", np.nan, alone(to_quality))
+
+
+def peer(
+    kinds: dict[str, Samples], opened, scene: Scene, planes: list[SensorPlane], pixels: int,
+    most_rays: int,
+) -> Iterator[Point]:  # fmt: skip
+    """A peer's pictures, new samples in every run."""
+    seeds = itertools.count(1)
+    for (name, kind), rays in itertools.product(kinds.items(), RAYS):
+        if rays <= most_rays:
+            samples = replace(kind, per_pixel=rays)
+
+            def run(samples=samples):
+                made = [
+                    opened.picture(focused_camera(scene.camera, p), pixels, samples, next(seeds))
+                    for p in planes
+                ]
+                pictures, seconds = zip(*made, strict=True)
+                return np.stack(pictures), np.array(seconds)
+
+            yield Point(name, f"{rays} samples", rays, run)
+
+
+def measured(points: list[Point], repeats: int) -> Iterator[tuple[Point, np.ndarray, np.ndarray]]:
+    """Each point's last pictures and least seconds, of runs in turn."""
+    seconds: dict[int, np.ndarray] = {}
+    for turn in range(repeats + 1):
+        for number, point in enumerate(points):
+            pictures, taken = point.make()
+            if turn:
+                seconds[number] = np.minimum(taken, seconds.get(number, np.inf))
+            if turn == repeats:
+                yield point, pictures, seconds[number]
+
+
+def rows_of(
+    scene: Scene, points: list[Point], truths: np.ndarray, pixels: int, repeats: int,
+    kept: dict[tuple, np.ndarray],
+) -> Iterator[dict]:  # fmt: skip
+    """A row per point and plane; pictures of the middle plane are kept for crops."""
+    for point, pictures, seconds in measured(points, repeats):
+        errors = [inner_psnr(*pair) for pair in zip(pictures, truths, strict=True)]
+        kept[scene.name, pixels, point.method, point.setting] = pictures[1]
+        row = {"scene": scene.name, "M": pixels, "method": point.method, "setting": point.setting}
+        row |= {"rays per pixel": point.rays, "core s": f"{seconds.mean():.3g}"}
+        yield row | {f"{n} dB": f"{dB:.1f}" for n, dB in zip(PLANES, errors, strict=True)}
+
+
+def study(options: argparse.Namespace) -> tuple[pd.DataFrame, str, dict[tuple, np.ndarray]]:
+    """All rows, the agreement of converged pictures in words, and pictures for crops."""
+    rows: list[dict] = []
+    agreements, kept = [], {}
+    for name in options.scenes:
+        path = SCENES / name if (SCENES / name).exists() else Path(name)
+        scene = replace(load_scene(path), name=path.stem)
+        for of_cycles in (False, True):
+            shown = replace(matt(scene), name=f"{scene.name}, matt") if of_cycles else scene
+            kinds, open_peer = (CYCLES, CyclesLens) if of_cycles else (MITSUBA, MitsubaLens)
+            if ("cycles" if of_cycles else "mitsuba") not in options.peers:
+                continue
+            try:
+                opened = open_peer(shown, options.threads)
+            except SkippedError as skipped:
+                say(f"SKIPPED {open_peer.__name__}: {skipped}")
+                continue
+            tracer = open_tracer(shown)
+            try:
+                for pixels in options.pixels:
+                    more, agrees = one_size(shown, tracer, opened, kinds, pixels, options, kept)
+                    rows += more
+                    agreements.append(f"{shown.name} {pixels}: {agrees:.0f} dB")
+            finally:
+                opened.close()
+    return pd.DataFrame(rows), "; ".join(agreements), kept
+
+
+def one_size(scene, tracer, opened, kinds, pixels, options, kept) -> tuple[list[dict], float]:
+    """Rows of a scene and size, and the dB between converged pictures of the middle plane."""
+    near, *_, far = scene.focus_distances_m
+    middle = scene.focus_distances_m[len(scene.focus_distances_m) // 2]
+    planes = [SensorPlane(focus, scene.camera.f_number) for focus in (near, middle, far)]
+    say(f"{scene.name}, {pixels} pixels: converged pictures")
+    truths = true_pictures(tracer, planes, pixels, TRUTH).pictures
+    theirs = truths.copy()
+    own_truth = [1] if "Mitsuba" in kinds else [0, 1, 2]
+    for index in own_truth:
+        camera = focused_camera(scene.camera, planes[index])
+        converged = Samples(CONVERGED, "multijitter" if "Mitsuba" in kinds else "")
+        theirs[index], _ = opened.picture(camera, pixels, converged, 0)
+    agrees = inner_psnr(truths[1], theirs[1])
+    judge = truths if "Mitsuba" in kinds else theirs
+    kept[scene.name, pixels, "true", ""] = truths[1]
+    rows = list(rows_of(
+        scene, list(ours(tracer, planes, pixels, options.most_rays)), truths, pixels,
+        options.repeats, kept,
+    ))  # fmt: skip
+    points = list(peer(kinds, opened, scene, planes, pixels, options.most_rays))
+    rows += rows_of(scene, points, judge, pixels, options.repeats, kept)
+    for row in rows:
+        say(" ".join(map(str, row.values())))
+    return rows, agrees
+
+
+def figure(table: pd.DataFrame, path: Path) -> None:
+    """dB (mean of the three planes) over core seconds, a line per method; a panel per scene."""
+    from matplotlib.figure import Figure
+
+    table = table[table["M"] == table["M"].min()]
+    scenes = table["scene"].unique()
+    drawn = Figure(figsize=(3.6 * len(scenes), 3.8))
+    panels = np.atleast_1d(drawn.subplots(1, len(scenes), sharey=True))
+    methods = list(table["method"].unique())
+    for panel, scene in zip(panels, scenes, strict=True):
+        rows = table[table["scene"] == scene]
+        for method, curve in rows.groupby("method", sort=False):
+            dB = curve[[f"{name} dB" for name in PLANES]].astype(float).mean(axis=1)
+            is_ours = method.startswith(("by depth", "to a"))
+            panel.plot(
+                curve["core s"].astype(float), dB, "o-" if is_ours else "s--", ms=4,
+                color=f"C{methods.index(method)}", label=method,
+            )  # fmt: skip
+        panel.set(xscale="log", xlabel="core seconds per picture", title=scene)
+    panels[0].set_ylabel("PSNR, dB (mean of three planes)")
+    handles = {}
+    for panel in panels:
+        handles |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
+    drawn.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
+    save_figure(path, drawn)
+
+
+def crops(table: pd.DataFrame, kept: dict[tuple, np.ndarray], folder: Path) -> None:
+    """Per scene the detail of each method's best picture in at most CROP_SECONDS."""
+    for (scene, pixels), rows in table.groupby(["scene", "M"]):
+        true = kept[scene, pixels, "true", ""]
+        x, y = busiest(true)
+        window = np.s_[y : y + CROP_PX, x : x + CROP_PX]
+        pictures, labels = [true[window]], ["converged"]
+        for method, curve in rows.groupby("method", sort=False):
+            seconds = curve["core s"].astype(float)
+            if (seconds <= CROP_SECONDS).any() and "together" not in method:
+                best = curve.loc[curve["middle dB"][seconds <= CROP_SECONDS].astype(float).idxmax()]
+                pictures.append(kept[scene, pixels, method, best["setting"]][window])
+                labels.append(f"{method}, {best['setting']}: {best['middle dB']} dB")
+        name = f"{scene}-{pixels}".replace(", ", "-")
+        contact_sheet(folder / f"{name}.png", pictures, labels, columns=4, panel_px=360)
+
+
+def busiest(picture: np.ndarray) -> tuple[int, int]:
+    """The corner (x, y) of the window with most detail, away from the border."""
+    grey = picture.mean(axis=2)
+    detail = np.hypot(*np.gradient(grey)).cumsum(0).cumsum(1)
+    size = CROP_PX
+    sums = detail[size:, size:] - detail[:-size, size:] - detail[size:, :-size]
+    sums += detail[:-size, :-size]
+    border = len(picture) // 10
+    inner = sums[border:-border, border:-border]
+    y, x = np.unravel_index(inner.argmax(), inner.shape)
+    return int(x) + border + 1, int(y) + border + 1
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser("benchmarks.sceptic", description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--figure", type=Path)
+    parser.add_argument("--crops", type=Path, help="folder of crops at equal time")
+    parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom"])
+    parser.add_argument("--peers", nargs="+", default=["mitsuba", "cycles"])
+    parser.add_argument("--pixels", nargs="+", type=int, default=[128])
+    parser.add_argument("--most-rays", type=int, default=256)
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--threads", type=int, default=2)
+    options = parser.parse_args()
+    table, agreement, kept = study(options)
+    command = f"python -m benchmarks.sceptic --scenes {' '.join(options.scenes)} --pixels " + (
+        f"{' '.join(map(str, options.pixels))} --most-rays {options.most_rays}"
+    )
+    note = f"Converged pictures of the peers agree with ours: {agreement}."
+    Result(of_this_run(command, note=note), table).write(options.out)
+    if options.figure:
+        figure(table, options.figure)
+    if options.crops:
+        crops(table, kept, options.crops)
+
+
+if __name__ == "__main__":
+    main()
