@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.peers.method import SkippedError
+from benchmarks.peers.method import SkippedError, check_installed
 from benchmarks.peers.mitsuba_lens import Samples, check_plain
 from lfcore.exr import read_exr_picture
 from lfcore.optics.camera import Camera
@@ -44,6 +44,7 @@ class CyclesLens:
     """
 
     def __init__(self, scene: Scene, threads: int):
+        check_installed("bpy")
         check_plain(scene)
         self._pool = ProcessPoolExecutor(1, get_context("spawn"), _open, (scene, threads))
         try:

@@ -3,12 +3,20 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 
 from lfcore import timing
 
 
 class SkippedError(Exception):
     """This method cannot run here; the message says what is missing."""
+
+
+def check_installed(*packages: str) -> None:
+    """Raise :class:`SkippedError` for packages that are not installed."""
+    missing = [name.replace("_", "-") for name in packages if find_spec(name) is None]
+    if missing:
+        raise SkippedError(f"not installed: pip install {' '.join(missing)}")
 
 
 @dataclass(frozen=True)

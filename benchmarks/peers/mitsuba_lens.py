@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.peers.method import SkippedError
+from benchmarks.peers.method import SkippedError, check_installed
 from benchmarks.peers.mitsuba_picture import LLVM, newest_llvm
 from lfcore.colour import srgb_decode
 from lfcore.optics.camera import Camera
@@ -50,6 +50,7 @@ class MitsubaLens:
     """
 
     def __init__(self, scene: Scene, threads: int):
+        check_installed("mitsuba", "mitsuba_oidn")
         check_plain(scene)
         llvm = os.environ.get(LLVM) or newest_llvm()
         context = get_context("spawn")
@@ -59,8 +60,8 @@ class MitsubaLens:
         except (BrokenProcessPool, ImportError, RuntimeError) as error:
             self.close()
             raise SkippedError(
-                f"Mitsuba or its denoiser does not run ({error}; LLVM: {llvm}): pip install "
-                "mitsuba mitsuba-oidn, and LLVM 16 or later"
+                f"Mitsuba or its denoiser does not run ({error}); it needs LLVM 16 or later, not "
+                f"{llvm}"
             ) from None
 
     def picture(self, camera: Camera, pixels: int, samples: Samples, seed: int = 0):

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.peers.method import Method, Run, SkippedError
+from benchmarks.peers.method import Method, Run, SkippedError, check_installed
 from lfcore.scene.mitsuba import Description
 from lfcore.scene.model import Scene
 from lfcore.timing import clocked
@@ -72,12 +72,7 @@ class MitsubaPicture:
     """One scene in Mitsuba, in a process of its own: a compiler that fails ends only that."""
 
     def __init__(self, scene: Scene, threads: int):
-        try:
-            import mitsuba  # noqa: F401
-        except ModuleNotFoundError:
-            raise SkippedError(
-                "the package mitsuba is not installed (pip install mitsuba)"
-            ) from None
+        check_installed("mitsuba")
         self.llvm, self._threads = os.environ.get(LLVM) or newest_llvm(), threads
         arguments = scene, threads, self.llvm
         self._pool = ProcessPoolExecutor(1, get_context("spawn"), _open, arguments)
