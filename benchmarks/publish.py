@@ -16,13 +16,14 @@ that made it, commit, processor, date, and what else is to be known.  A document
     <!-- end of NAME -->
 
 between whose lines the table is written, with its columns, or those of ``NAME: a; b; c``, and only
-the rows of ``NAME where N in 64 512 and scene in bike``.
+the rows of ``NAME where N in 64 512 and method in "by depth"``.
 """
 
 import argparse
 import datetime
 import io
 import re
+import shlex
 import subprocess
 import sys
 import textwrap
@@ -211,7 +212,7 @@ def _place(place: re.Match) -> str:
     rows = result.rows
     for condition in filter(None, (place[4] or "").split(" and ")):
         column, _, values = condition.partition(" in ")
-        rows = rows[_known(rows, column, place[2]).isin(values.split())]
+        rows = rows[_known(rows, column, place[2]).isin(shlex.split(values))]
     if place[3]:
         names = [name.strip() for name in place[3].split(";")]
         rows = pd.DataFrame({name: _known(rows, name, place[2]) for name in names})

@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -159,7 +160,8 @@ def rows_of(
 def study(options: argparse.Namespace) -> tuple[pd.DataFrame, str, dict[tuple, np.ndarray]]:
     """All rows, the agreement of converged pictures in words, and pictures for crops."""
     rows: list[dict] = []
-    agreements, kept = [], {}
+    agreements: list[str] = []
+    kept: dict[tuple, np.ndarray] = {}
     for name in options.scenes:
         path = SCENES / name if (SCENES / name).exists() else Path(name)
         scene = replace(load_scene(path), name=path.stem)
@@ -231,10 +233,10 @@ def figure(table: pd.DataFrame, path: Path) -> None:
             )  # fmt: skip
         panel.set(xscale="log", xlabel="core seconds per picture", title=scene)
     panels[0].set_ylabel("PSNR, dB (mean of three planes)")
-    handles = {}
+    lines: dict[str, Any] = {}
     for panel in panels:
-        handles |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
-    drawn.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
+        lines |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
+    drawn.legend(list(lines.values()), list(lines), loc="outside lower center", ncols=3)
     save_figure(path, drawn)
 
 

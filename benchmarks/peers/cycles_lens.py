@@ -33,8 +33,8 @@ _here: dict[str, Any] = {}
 
 def matt(scene: Scene) -> Scene:
     """The scene without highlights and metal."""
-    plain = {"specular": (0.0,) * 3, "metallic": -1.0}
-    return replace(scene, materials=[replace(m, **plain) for m in scene.materials])
+    plain = [replace(m, specular=(0.0, 0.0, 0.0), metallic=-1.0) for m in scene.materials]
+    return replace(scene, materials=plain)
 
 
 class CyclesLens:

@@ -139,11 +139,11 @@ def _picture(camera: Camera, pixels: int, samples: Samples, seed: int):
         )
     begun = time.process_time()
     passes = max(1, pixels**2 * samples.per_pixel // PASS_RAYS)
-    picture = 0
-    for number in range(passes):
-        spp = samples.per_pixel // passes
-        each = mitsuba.render(loaded[key], spp=spp, seed=passes * seed + number)
-        picture = picture + np.array(each) / passes
+    spp = samples.per_pixel // passes
+    picture = np.mean([
+        np.array(mitsuba.render(loaded[key], spp=spp, seed=passes * seed + number))
+        for number in range(passes)
+    ], axis=0)  # fmt: skip
     if samples.denoise:
         picture = _denoised(picture)
     return np.asarray(picture[..., :3], np.float32), time.process_time() - begun
