@@ -4,9 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, scene, unit
+from tracing_scenes import CAMERA, WALL, scene, tracer_of, unit
 
-from lfcore.opencl.device import open_device
 from lfcore.optics.bundles import macropixels, views
 from lfcore.optics.slab import Slab
 from lfcore.oracle.cut_outs import solid_of
@@ -14,14 +13,11 @@ from lfcore.oracle.intersect import closest_hits
 from lfcore.oracle.slab import all_pixels, slab_hits, trace
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.scene.needs import Needs
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 
 LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.8, 0.7))
 SUN = Light(DIRECTIONAL, unit(-0.15, -0.25, -0.95), (0.7, 0.7, 0.7))
-WALL = np.float32([[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]])
 
 
 def lace():
@@ -51,10 +47,6 @@ def curtains(cutoff=0.5, count=24, lights=()):
         ],
         lights=list(lights),
     )
-
-
-def tracer_of(world, device=None, **changes):
-    return Tracer(world, build_bvh(world.triangles), device, mipmaps=False, **changes)
 
 
 def test_a_hole_shows_what_lies_behind(device):
@@ -124,16 +116,3 @@ def test_shadows_have_the_holes_of_what_casts_them(device, outer, light):
         np.abs(trace(opaque, slab, pixels).reshape(found.shape) - expected).max(-1) > 0.01
     ).mean() > 0.2
     assert (np.abs(np.clip(found, 0, 1) - expected).max(-1) > 0.01).mean() < 1e-3
-
-
-@pytest.mark.parametrize("lanes", [1, 4, 8, 16])
-def test_every_lane_width_gives_the_same_bits(device, lanes):
-    """Colours of one width are enough here: what they look up is what hits do."""
-    world, slab = curtains(lights=[SUN]), Slab(CAMERA, 16, 6)
-    rays, bvh = macropixels(slab, all_pixels(slab)), build_bvh(world.triangles)
-    narrow = open_device(device.name, lanes=lanes)
-    own, other = (Tracer(world, bvh, each, outer=1) for each in (device, narrow))
-    for a, b in zip(own.bundle_hits(rays), other.bundle_hits(rays), strict=True):
-        assert (a == b).all()
-    if lanes == 4:
-        assert (own.bundle_radiance(rays) == other.bundle_radiance(rays)).all()

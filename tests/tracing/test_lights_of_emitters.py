@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import trimesh
-from tracing_scenes import CAMERA, scene, soup
+from tracing_scenes import CAMERA, WALL, scene, soup, tracer_of
 
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
@@ -14,26 +14,15 @@ from lfcore.scene.appearance import POINT, Light, Material
 from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.reach import lean
-from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 
-WALL = [[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]]
 BEHIND = [[[-1, -1, -6], [1, -1, -6], [0, 1, -6]]]
 WHITE = (0.9, 0.9, 0.9)
 
 
-class Rays(Tracer):
-    """A tracer that follows rays one by one (``singly``), or by blocks of one element."""
-
-    singly = False
-
-    def __init__(self, *arguments, **changes):
-        super().__init__(*arguments, **changes, outer=1, single_rays=self.singly)
-
-
-class Singly(Rays):
-    singly = True
+# By blocks of one element, one by one, and as the scene asks for.
+WAYS = [{"outer": 1, "single_rays": False}, {"outer": 1, "single_rays": True}, {}]
 
 
 def panel(middle, normal):
@@ -59,41 +48,38 @@ def world(normals=False):
     return scene(triangles, **changes)
 
 
-@pytest.mark.parametrize("kind", [Rays, Singly, Tracer])
-def test_emitters_are_the_oracles(device, kind):
-    here, slab = world(), Slab(CAMERA, 40, 4)
+def colours(here, slab, device, **way):
+    """Colours of the tracer, and those of the oracle."""
     pixels = all_pixels(slab)
-    found = kind(here, build_bvh(here.triangles), device).bundle_radiance(macropixels(slab, pixels))
-    expected = trace(here, slab, pixels).reshape(found.shape)
+    found = tracer_of(here, device, **way).bundle_radiance(macropixels(slab, pixels))
+    return found, trace(here, slab, pixels).reshape(found.shape)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_emitters_are_the_oracles(device, way):
+    found, expected = colours(world(), Slab(CAMERA, 40, 4), device, **way)
     assert np.ptp(expected) > 0.15
     assert (np.abs(found - expected).max(-1) > 0.01).mean() < 2e-3
 
 
-@pytest.mark.parametrize("kind", [Rays, Singly])
-def test_spots_are_the_oracles(device, kind):
+@pytest.mark.parametrize("way", WAYS[:2])
+def test_spots_are_the_oracles(device, way):
     """A sharp one and one that fades from its axis on: the wall has both rims in it."""
-    here, slab = world(), Slab(CAMERA, 40, 4)
     axis = (0.1, 0.2, np.sqrt(0.95))
     spots = [
         Light(POINT, (-0.5, -0.5, 0.5), WHITE, 3.0, normal=axis, cone=(1.0, 0.96)),
         Light(POINT, (0.6, 0.5, 0.5), WHITE, 3.0, normal=axis, cone=(0.98, 0.979)),
     ]
-    here = dataclasses.replace(here, lights=spots)
+    here = dataclasses.replace(world(), lights=spots)
     assert Needs.of(here).spots and not Needs.of(here).emitters
-    found = kind(here, build_bvh(here.triangles), device).bundle_radiance(
-        macropixels(slab, all_pixels(slab))
-    )
-    expected = trace(here, slab, all_pixels(slab)).reshape(found.shape)
+    found, expected = colours(here, Slab(CAMERA, 40, 4), device, **way)
     shades = len(np.unique(expected.round(2)))
     assert shades > 10 and (expected == 0.05).mean() > 0.1  # dark beside the cones
     assert (np.abs(found - expected).max(-1) > 0.01).mean() < 2e-3
 
 
 def test_highlights_of_emitters_are_the_oracles(device):
-    here, slab = world(normals=True), Slab(CAMERA, 16, 6)
-    pixels = all_pixels(slab)
-    found = Rays(here, build_bvh(here.triangles), device).bundle_radiance(macropixels(slab, pixels))
-    expected = trace(here, slab, pixels).reshape(found.shape)
+    found, expected = colours(world(normals=True), Slab(CAMERA, 16, 6), device, **WAYS[0])
     assert (np.abs(found - expected).max(-1) > 0.01).mean() < 4e-3
 
 

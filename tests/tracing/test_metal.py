@@ -4,23 +4,19 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, scene, unit
+from tracing_scenes import CAMERA, WALL, scene, tracer_of, unit
 
-from lfcore.opencl.device import open_device
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.oracle.metal import Metals, bent_normals
 from lfcore.oracle.slab import all_pixels, trace
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.scene.needs import Needs
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 
 LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.8, 0.7), 2.0)
 SUN = Light(DIRECTIONAL, unit(-0.15, -0.25, -0.95), (0.7, 0.7, 0.7), 0.0, False)
-WALL = np.float32([[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]])
 
 
 def maps():
@@ -77,10 +73,6 @@ def sheets(materials, lights=(LAMP, SUN), *, smooth=True, count=18):
         lights=list(lights),
         ambient=(0.1, 0.15, 0.2),
     )
-
-
-def tracer_of(world, device=None, **changes):
-    return Tracer(world, build_bvh(world.triangles), device, mipmaps=False, **changes)
 
 
 @pytest.mark.parametrize(
@@ -164,11 +156,3 @@ def test_flat_colours_of_a_map_bend_nothing(device):
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     bent = bent_normals(world, triangle, weights, view, normal)
     assert np.abs((bent * normal).sum(1) - 1).max() < 1e-4  # 128 is not quite a half
-
-
-def test_every_lane_width_gives_the_same_bits(device):
-    world, slab = sheets(MATERIALS["maps"], [SUN]), Slab(CAMERA, 16, 6)
-    rays, bvh = macropixels(slab, all_pixels(slab)), build_bvh(world.triangles)
-    narrow = open_device(device.name, lanes=4 if device.lanes != 4 else 8)
-    own, other = (Tracer(world, bvh, each, outer=1) for each in (device, narrow))
-    assert (own.bundle_radiance(rays) == other.bundle_radiance(rays)).all()

@@ -3,26 +3,19 @@
 import numpy as np
 import pytest
 import trimesh
-from tracing_scenes import CAMERA, scene, soup
+from tracing_scenes import CAMERA, check_hits, scene, soup, tracer_of
 
-from lfcore.opencl.device import open_device
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.oracle.shading import radiance
-from lfcore.oracle.slab import slab_hits
 from lfcore.scene.appearance import POINT, Light
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 
 LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.9, 0.9))
 
 
-class OneElement(Tracer):
-    """Blocks of one element, whatever they meet."""
-
-    def __init__(self, triangles, device=None, lights=()):
-        world = scene(triangles, lights=list(lights))
-        super().__init__(world, build_bvh(world.triangles), device, outer=1)
+def one_element(triangles, device=None, lights=()):
+    """A tracer of blocks of one element, whatever they meet."""
+    return tracer_of(scene(triangles, lights=list(lights)), device, outer=1)
 
 
 def plate(z, size=40.0):
@@ -71,7 +64,6 @@ FEW = {
 SCENES = {
     **FEW,
     "large": soup(60, 1, 1.0),
-    "many": soup(3000, 2, 0.1),
     "hidden": np.concatenate([soup(100, 4), plate(0.5)]),
     "before a wall": np.concatenate([soup(20, 5), plate(5.0)]),
     "edge-on": np.concatenate([edge_on(), plate(6.0)]),
@@ -85,15 +77,7 @@ def two_pixels(slab):
 @pytest.mark.parametrize("name", ["large", "hidden", "before a wall", "edge-on", *FEW])
 def test_triangles_are_the_oracles(device, name):
     slab = Slab(CAMERA, 40, 24)
-    tracer = OneElement(SCENES[name], device)
-    triangle, depth = tracer.slab_hits(slab, two_pixels(slab))
-    truth = slab_hits(tracer.scene, slab, np.array(two_pixels(slab)))
-    clear = truth.clear(16)
-    assert (triangle.ravel() == truth.triangle)[clear].all()
-    same = (triangle.ravel() == truth.triangle) & (truth.triangle >= 0) & clear
-    assert same.mean() > 0.1
-    error = np.abs(depth.ravel()[same] - truth.t[same]) / truth.t[same]
-    assert (error <= 16 * 2.0**-24 * np.maximum(truth.grazing[same], 1)).all()
+    check_hits(one_element(SCENES[name], device), slab, two_pixels(slab), least=0.1)
 
 
 @pytest.mark.kernels
@@ -102,7 +86,7 @@ def test_few_triangles_have_the_oracles_colours(device, name):
     """A mesh of few triangles to a block, and one whose triangles pass through each other."""
     slab = Slab(CAMERA, 100, 24)
     bundles = macropixels(slab, two_pixels(slab))
-    tracer = OneElement(FEW[name], device, [LAMP])
+    tracer = one_element(FEW[name], device, [LAMP])
     found = tracer.bundle_radiance(bundles, two_pixels(slab))
     origins, directions = bundles.rays()
     rays = origins.reshape(-1, 3), directions.reshape(-1, 3)
@@ -113,21 +97,6 @@ def test_few_triangles_have_the_oracles_colours(device, name):
 
 def test_what_covers_a_block_hides_all_beyond(device):
     slab = Slab(CAMERA, 100, 24)
-    triangle, depth = OneElement(SCENES["hidden"], device).slab_hits(slab, two_pixels(slab))
+    triangle, depth = one_element(SCENES["hidden"], device).slab_hits(slab, two_pixels(slab))
     assert (triangle == len(SCENES["hidden"]) - 1).all()
     assert np.abs(depth / 0.5 - 1).max() < 1e-6
-
-
-@pytest.mark.kernels
-@pytest.mark.parametrize("lanes", [1, 8])
-def test_every_lane_width_finds_the_same(device, lanes):
-    if not device.is_cpu:
-        pytest.skip("a GPU has one lane width")
-    slab = Slab(CAMERA, 64, 24)
-    found = []
-    for width in (16, lanes):
-        tracer = OneElement(SCENES["many"], open_device(lanes=width))
-        found.append(tracer.slab_hits(slab, two_pixels(slab)))
-    assert (found[0][0] == found[1][0]).all()
-    met = found[0][0] >= 0
-    assert np.abs(found[0][1][met] / found[1][1][met] - 1).max() < 1e-6

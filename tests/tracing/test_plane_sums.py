@@ -4,20 +4,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, closed_room, lit_soup, painted_soup, scene
+from tracing_scenes import CAMERA, closed_room, lit_soup, painted_soup, scene, traced, tracer_of
 
 from lfcore.errors import DeviceError
 from lfcore.opencl.device import open_device
 from lfcore.optics import bundles
-from lfcore.optics.plane_sums import FIXED_ONE, targets, total
+from lfcore.optics.plane_sums import FIXED_ONE, targets
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing import plane_buffers
-from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.plane_buffers import strip_rows, workers_that_fit
-from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 
@@ -60,61 +58,45 @@ def scattered(slab, plane, rays):
     return np.moveaxis(sums, -1, 0)
 
 
-def formed(tracer, slab, layout, planes=PLANES, max_rays=1 << 30, frames=False):
-    parts = []
-    for tile in layout.tiles(max_rays):
-        tracing = tracer.trace_tile(slab, tile, planes, frames=frames)
-        for _ in tracing:
-            pass
-        parts.append(tracing.plane_sums)
-    return total(slab, planes, parts).sums
+def formed(tracer, layout, planes=PLANES, **how):
+    return traced(tracer, layout, planes, **({"frames": False} | how))[1].sums
 
 
 @pytest.mark.parametrize(
-    "views, pixels, make, lanes",
-    [(*size, None) for size in SIZES] + [(16, 11, painted_soup, 1)],
+    "views, pixels, make, lanes", [(*size, None) for size in SIZES] + [(16, 11, painted_soup, 1)]
 )
 def test_sums_are_every_ray_alone(views, pixels, make, lanes, monkeypatch):
-    world = make()
-    tracer = Tracer(world, build_bvh(world.triangles), open_device(threads=1, lanes=lanes))
+    tracer = tracer_of(make(), open_device(threads=1, lanes=lanes))
     slab = Slab(CAMERA, views, pixels)
     places = all_pixels(slab)
     colours = tracer.bundle_radiance(bundles.macropixels(slab, places), places)
     rays = fixed_point(colours).reshape(pixels, pixels, views, views, 3)
     layout = FrameLayout("macropixels", views, pixels, "serpentine", 1, "yuv444p")
-    sums = formed(tracer, slab, layout)
+    sums = formed(tracer, layout)
     for plane, found in zip(PLANES, sums, strict=True):
         np.testing.assert_array_equal(found, scattered(slab, plane, rays), str(plane))
     # Tiles that begin and end amid a beam.
     for most in (2, 2 * pixels):
-        cut = formed(tracer, slab, layout, max_rays=most * views**2)
-        np.testing.assert_array_equal(cut, sums)
+        np.testing.assert_array_equal(formed(tracer, layout, max_rays=most * views**2), sums)
     # Strips of several beams, even in a picture this small.
     monkeypatch.setattr(plane_buffers, "ITEMS_A_WORKER", 1)
-    np.testing.assert_array_equal(formed(tracer, slab, layout), sums)
+    np.testing.assert_array_equal(formed(tracer, layout), sums)
 
 
 def test_frames_do_not_change_sums():
-    world = painted_soup()
-    tracer = Tracer(world, build_bvh(world.triangles), open_device(threads=1))
-    slab, layout = Slab(CAMERA, 20, 9), FrameLayout("macropixels", 20, 9)
-    with_frames = formed(tracer, slab, layout, frames=True)
-    np.testing.assert_array_equal(with_frames, formed(tracer, slab, layout))
-
-
-def white_room():
-    return scene(closed_room(1), background=(1, 1, 1), ambient=(9, 9, 9))
+    tracer = tracer_of(painted_soup(), open_device(threads=1))
+    layout = FrameLayout("macropixels", 20, 9)
+    np.testing.assert_array_equal(formed(tracer, layout, frames=True), formed(tracer, layout))
 
 
 @pytest.mark.parametrize("views, pixels", [(16, 40), (64, 17), (200, 9), (1024, 1)])
 def test_no_sum_of_white_rays_overflows(views, pixels, monkeypatch):
     """A beam of white rays on one pixel is 2^32."""
     monkeypatch.setattr(plane_buffers, "ITEMS_A_WORKER", 1)
-    world, slab = white_room(), Slab(CAMERA, views, pixels)
-    tracer = Tracer(world, build_bvh(world.triangles), open_device(threads=1))
+    white_room = scene(closed_room(1), background=(1, 1, 1), ambient=(9, 9, 9))
+    tracer = tracer_of(white_room, open_device(threads=1))
     planes = [SensorPlane(CAMERA.focus_m, CAMERA.f_number, aperture="square")]
-    layout = FrameLayout("macropixels", views, pixels)
-    sums = formed(tracer, slab, layout, planes)
+    sums = formed(tracer, FrameLayout("macropixels", views, pixels), planes)
     assert (sums == views**2 * FIXED_ONE).all()
 
 
@@ -144,9 +126,8 @@ def test_workers_are_as_many_as_memory_has_sums_for():
 
 
 def test_fewer_workers_give_the_same_sums(monkeypatch):
-    world, slab = painted_soup(), Slab(CAMERA, 3, 13)
     layout = FrameLayout("macropixels", 3, 13)
-    tracer = Tracer(world, build_bvh(world.triangles), open_device(threads=2))
-    many = formed(tracer, slab, layout, PLANES)
+    tracer = tracer_of(painted_soup(), open_device(threads=2))
+    many = formed(tracer, layout)
     monkeypatch.setattr(plane_buffers, "workers_that_fit", lambda device, each: 1)
-    assert (formed(tracer, slab, layout, PLANES) == many).all()
+    assert (formed(tracer, layout) == many).all()

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, scene, soup, unit
+from tracing_scenes import CAMERA, WALL, scene, soup, traced, tracer_of, unit
 
-from lfcore.opencl.device import open_device
 from lfcore.optics.bundles import macropixels
-from lfcore.optics.plane_sums import total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.oracle.intersect import closest_hits
@@ -14,8 +12,6 @@ from lfcore.oracle.shading import radiance, shade
 from lfcore.oracle.slab import all_pixels, slab_rays
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.storage.layout import FrameLayout
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 
@@ -23,7 +19,6 @@ LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.9, 0.9))
 NEAR = 4 * 2.0**-24
 """Of the depth: rays that lie so close to each other may differ by rounding."""
 SUN = Light(DIRECTIONAL, unit(-0.15, -0.25, -0.95), (0.7, 0.7, 0.7))
-WALL = [[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]]
 # Its plane passes through the lens: some rays of a beam see it from above, where the lamp is, and
 # more from below.
 FLOOR = [[[-9, -0.00925, 0.5], [9, -0.00925, 0.5], [0, -0.015, 12]]]
@@ -40,18 +35,9 @@ def crumbs(each):
     return (middle + rng.normal(size=(9, each, 3, 3)) * 0.004).reshape(-1, 3, 3)
 
 
-class Singly(Tracer):
-    """A tracer that follows rays one by one."""
-
-    def __init__(self, *arguments, **changes):
-        super().__init__(*arguments, **changes, single_rays=True)
-
-
-class OneElement(Tracer):
+def one_element(world, device=None):
     """A tracer whose blocks are of one element each."""
-
-    def __init__(self, *arguments, **changes):
-        super().__init__(*arguments, **changes, outer=1, single_rays=False)
+    return tracer_of(world, device, outer=1, single_rays=False)
 
 
 def fan(depth, spokes=8, size=32.0):
@@ -86,8 +72,8 @@ def unlike(first, second):
 @pytest.mark.parametrize("name", worlds())
 def test_shadows_are_the_oracles(device, name):
     here, slab = world(name), Slab(CAMERA, 40, 3)
-    tracer = OneElement(here, build_bvh(here.triangles), device)
-    found = tracer.bundle_radiance(macropixels(slab, all_pixels(slab))).reshape(-1, 3)
+    rays = macropixels(slab, all_pixels(slab))
+    found = one_element(here, device).bundle_radiance(rays).reshape(-1, 3)
     origins, directions = (part.reshape(-1, 3) for part in slab_rays(slab, all_pixels(slab)))
     hits = closest_hits(here.triangles, origins, directions)
     expected = shade(here, directions, hits)
@@ -108,8 +94,9 @@ def test_shadows_are_the_oracles(device, name):
 def test_shadows_are_those_of_single_rays(name):
     """Of pixels whose rays fill many blocks: beams have screens, and triangles part of a beam."""
     here, slab = world(name), Slab(CAMERA, 72, 24)
-    rays, bvh = macropixels(slab, all_pixels(slab)[::29]), build_bvh(here.triangles)
-    found, expected = (kind(here, bvh).bundle_radiance(rays) for kind in (OneElement, Singly))
+    rays = macropixels(slab, all_pixels(slab)[::29])
+    tracers = one_element(here), tracer_of(here, single_rays=True)
+    found, expected = (tracer.bundle_radiance(rays) for tracer in tracers)
     assert np.ptp(expected) > 0.15
     assert unlike(found, expected).mean() < 2e-5
 
@@ -124,49 +111,25 @@ def test_no_light_comes_between_triangles(light, views):
         scene(triangles, lights=[Light(*light, (0.7, 0.7, 0.7))])
         for triangles in (np.concatenate([fan(-1.0), WALL]), WALL)
     )
-    dark, lit = (
-        OneElement(each, build_bvh(each.triangles)).bundle_radiance(rays) for each in (dark, lit)
-    )
+    dark, lit = (one_element(each).bundle_radiance(rays) for each in (dark, lit))
     assert (dark == np.float32([0.1, 0.2, 0.3])).all()
     assert (lit > dark + 0.1).all()
-
-
-@pytest.mark.parametrize("lanes", [1, 4, 16])
-def test_every_lane_width_finds_the_same_shadows(lanes):
-    here, slab = world("many"), Slab(CAMERA, 40, 2)
-    bundles, bvh = macropixels(slab, all_pixels(slab)), build_bvh(here.triangles)
-    first, second = (
-        OneElement(here, bvh, open_device(threads=1, lanes=width)).bundle_radiance(bundles)
-        for width in (8, lanes)
-    )
-    assert unlike(first, second).mean() < 2e-4
 
 
 @pytest.mark.parametrize("name", ["both", "many"])
 def test_what_else_is_traced_changes_no_shadow(name):
     """An aperture closes blocks, so that others are the first to ask for what casts shadows."""
-    here, slab = world(name), Slab(CAMERA, 72, 4)
     layout = FrameLayout("macropixels", 72, 4, "raster", 1, "yuv444p")
-    planes = [SensorPlane(2.0, 2.8)]
-    tracer = OneElement(here, build_bvh(here.triangles))
-    sums = []
-    for frames in (True, False):
-        parts = []
-        for tile in layout.tiles(1 << 30):
-            tracing = tracer.trace_tile(slab, tile, planes, frames=frames)
-            for _ in tracing:
-                pass
-            parts.append(tracing.plane_sums)
-        sums.append(total(slab, planes, parts).sums)
-    assert (sums[0] == sums[1]).all()
+    tracer, planes = one_element(world(name)), [SensorPlane(2.0, 2.8)]
+    both, alone = (traced(tracer, layout, planes, frames=frames)[1] for frames in (True, False))
+    assert (both.sums == alone.sums).all()
 
 
 @pytest.mark.parametrize("name", ["both", "many"])
 def test_shadows_do_not_depend_on_the_order_of_packets(name):
     """Planes take packets by strips of pixels, frames alone one pixel after the other."""
-    here, slab = world(name), Slab(CAMERA, 72, 24)
+    slab, tracer = Slab(CAMERA, 72, 24), one_element(world(name))
     tile = FrameLayout("macropixels", 72, 24, "raster", 1, "yuv444p").tile(0, 8, 24, 6)
-    tracer = OneElement(here, build_bvh(here.triangles))
     kept, alone = (
         np.concatenate([chunk.frames.copy() for chunk in tracer.trace_tile(slab, tile, planes)])
         for planes in ([], [SensorPlane(2.0, 2.8)])

@@ -6,57 +6,17 @@ import time
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, closed_room, lit_soup, scene, soup
+from tracing_scenes import CAMERA, check_luma, closed_room, lit_soup, scene, soup, traced, tracer_of
 
 from lfcore.opencl.device import open_device
 from lfcore.optics.bundles import macropixels, probe, views
 from lfcore.optics.slab import Slab
-from lfcore.oracle import colour as truth
-from lfcore.oracle.slab import all_pixels, slab_hits, trace
+from lfcore.oracle.slab import all_pixels, trace
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.plan import leaves_a_ray
-from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
-
-
-class Scattering(Tracer):
-    """Follows every ray one by one, whatever the scene."""
-
-    def __init__(self, *arguments, **changes):
-        super().__init__(*arguments, **changes, single_rays=True)
-
-
-def tracer_of(world, device=None, kind=Scattering):
-    return kind(world, build_bvh(world.triangles), device, mipmaps=False)
-
-
-def colours(tracer, slab, max_rays=1 << 30):
-    """(M, M, N, N) luma of all rays, from frames of a tile at a time."""
-    layout = FrameLayout("macropixels", slab.views, slab.pixels, "raster", 1, "yuv444p")
-    chunks = [
-        chunk.frames.copy()
-        for tile in layout.tiles(max_rays)
-        for chunk in tracer.trace_tile(slab, tile)
-    ]
-    luma = layout.format.views(np.concatenate(chunks), layout.frame_width, layout.frame_height)[0]
-    luma = luma[:, : slab.views, : slab.views]
-    return luma.reshape(slab.pixels, slab.pixels, slab.views, slab.views)
-
-
-@pytest.mark.parametrize("views_a_side", [1, 5, 20])
-def test_hits_are_the_oracles(device, views_a_side):
-    tracer = tracer_of(scene(soup(120, views_a_side)), device)
-    slab = Slab(CAMERA, views_a_side, 24)
-    pixels = np.random.default_rng(0).integers(0, 24, (12, 2))
-    triangle, depth = tracer.slab_hits(slab, pixels)
-    expected = slab_hits(tracer.scene, slab, pixels)
-    clear = expected.clear(16)
-    assert (triangle.ravel() == expected.triangle)[clear].all()
-    same = clear & (expected.triangle >= 0)
-    error = np.abs(depth.ravel()[same] - expected.t[same]) / expected.t[same]
-    assert (error <= 16 * 2.0**-24 * np.maximum(expected.grazing[same], 1)).all()
 
 
 NARROW = dataclasses.replace(CAMERA, sensor_width_m=0.002)
@@ -78,38 +38,33 @@ def crowd():
     )
 
 
-@pytest.mark.parametrize(("make", "kind"), [(lit_soup, Scattering), (crowd, Tracer)])
-def test_colours_and_shadows_are_the_oracles(device, make, kind):
+@pytest.mark.parametrize(("make", "way"), [(lit_soup, {"single_rays": True}), (crowd, {})])
+def test_colours_and_shadows_are_the_oracles(device, make, way):
     world = make()
     slab = Slab(world.camera, 16, 5)
-    tracer = tracer_of(world, device, kind)
-    luma = colours(tracer, slab)
-    if kind is Tracer:  # enough triangles a block that its shadow rays go one by one
+    tracer = tracer_of(world, device, **way)
+    if not way:  # enough triangles a block that its shadow rays go one by one
         seen, _ = tracer.slab_hits(slab, all_pixels(slab))
         assert statistics.median(len(np.unique(block)) for block in seen) > 128
-    rays = trace(world, slab, all_pixels(slab))
-    expected = truth.ycbcr(truth.srgb_encode(rays))[..., 0].reshape(luma.shape)
-    error = np.abs(luma - np.rint(expected))
-    assert (error > 1).mean() < 2e-3
-    assert error.mean() < 0.1
+    layout = FrameLayout("macropixels", 16, 5, "raster", 1, "yuv444p")
+    check_luma(traced(tracer, layout)[0], layout, trace(world, slab, all_pixels(slab)))
 
 
 def test_tiles_and_threads_do_not_matter():
-    world, slab = crowd(), Slab(NARROW, 16, 8)
-    for kind in (Tracer, Scattering):
-        whole = colours(tracer_of(world, open_device(threads=2), kind), slab)
-        cut = colours(tracer_of(world, open_device(threads=1), kind), slab, 16 * 16 * 12)
-        assert (whole == cut).all()
+    world, layout = crowd(), FrameLayout("macropixels", 16, 8, "raster", 1, "yuv444p")
+    for way in ({}, {"single_rays": True}):
+        whole, _ = traced(tracer_of(world, open_device(threads=2), **way), layout)
+        one = tracer_of(world, open_device(threads=1), **way)
+        assert (whole == traced(one, layout, max_rays=16 * 16 * 12)[0]).all()
 
 
 def test_coarse_pictures_of_dense_scenes_are_traced_ray_by_ray():
     rng = np.random.default_rng(1)
     middle = rng.uniform([-2, -2, 3], [2, 2, 6], (60_000, 1, 3))
-    leaves = scene(middle + rng.normal(size=(60_000, 3, 3)) * 0.004)
-    tracer = Tracer(leaves, build_bvh(leaves.triangles))
+    tracer = tracer_of(middle + rng.normal(size=(60_000, 3, 3)) * 0.004)
     assert tracer.plan.single_rays(probe(Slab(CAMERA, 8, 16), macro=False))
     assert not tracer.plan.single_rays(probe(Slab(CAMERA, 64, 512)))
-    room = tracer_of(scene(closed_room()), kind=Tracer)
+    room = tracer_of(closed_room())
     assert not room.plan.single_rays(probe(Slab(CAMERA, 8, 16), macro=False))
 
 
@@ -148,7 +103,7 @@ def test_bad_triangles_cost_little(device):
     bad = np.concatenate([clean, points, lines, needles, clean[3000:]]).astype(np.float32)
     slab = Slab(CAMERA, 32, 64)
     pixels = np.stack(np.meshgrid(np.arange(24), np.arange(24)), -1).reshape(-1, 2)
-    good, worse = (tracer_of(scene(t), device, Tracer) for t in (clean, bad))
+    good, worse = (tracer_of(t, device) for t in (clean, bad))
     first, second = good.slab_hits(slab, pixels), worse.slab_hits(slab, pixels)
     neighbour = first[0] != second[0]
     assert (second[0][neighbour] >= len(clean)).all()  # only a needle may stand before it
@@ -157,7 +112,7 @@ def test_bad_triangles_cost_little(device):
 
 
 def test_bad_rays_cost_little(device):
-    tracer = tracer_of(scene(soup(2000, 4)), device, Tracer)
+    tracer = tracer_of(soup(2000, 4), device)
     rng = np.random.default_rng(0)
     origins = np.zeros((200_000, 3), np.float32)
     good = rng.normal(size=origins.shape).astype(np.float32)

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, closed_room, lit_soup, scene
+from tracing_scenes import CAMERA, closed_room, lit_soup, scene, traced, tracer_of
 
 from lfcore.opencl.device import open_device
-from lfcore.optics.plane_sums import total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.oracle import colour as truth
@@ -16,8 +15,6 @@ from lfcore.oracle.slab import all_pixels, trace
 from lfcore.storage.defaults import frame_layout
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.ycbcr import rgb_to_ycbcr
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 
@@ -29,21 +26,10 @@ PLANES = [
 ]
 
 
-def run(world, slab, layout, planes=PLANES, device=None, max_rays=1 << 30):
-    """All frames (F, bytes) of all tiles, and the planes' pictures."""
-    tracer = Tracer(world, build_bvh(world.triangles), device, mipmaps=False)
-    frames, parts = [], []
-    for tile in layout.tiles(max_rays):
-        tracing = tracer.trace_tile(slab, tile, planes)
-        frames += [chunk.frames.copy() for chunk in tracing]
-        parts.append(tracing.plane_sums)
-    return np.concatenate(frames), total(slab, planes, parts)
-
-
 def test_colours_are_the_oracles_within_a_code(device):
     world, slab = lit_soup(), Slab(CAMERA, 9, 12)
     layout = FrameLayout("macropixels", 9, 12, "raster", 1, "yuv444p")
-    frames, _ = run(world, slab, layout, device=device)
+    frames, _ = traced(tracer_of(world, device), layout)
     codes = layout.format.views(frames, layout.frame_width, layout.frame_height)
     rays = trace(world, slab, all_pixels(slab))
     expected = truth.ycbcr(truth.srgb_encode(rays))
@@ -58,7 +44,8 @@ def test_colours_are_the_oracles_within_a_code(device):
 @pytest.mark.parametrize("kind", ["macropixels", "views"])
 def test_planes_are_the_sums_of_single_rays(device, kind, pixels):
     world, slab = lit_soup(), Slab.of(CAMERA, 9, pixels)
-    _, sums = run(world, slab, frame_layout(9, pixels, "yuv444p", kind=kind), device=device)
+    layout = frame_layout(9, pixels, "yuv444p", kind=kind)
+    _, sums = traced(tracer_of(world, device), layout, PLANES)
     rays = trace(world, slab, all_pixels(slab)).reshape(8, -1, 9, 9, 3)
     for plane, picture in zip(PLANES, sums.pictures(), strict=True):
         expected = form_plane(slab, plane, rays)
@@ -72,7 +59,7 @@ def test_a_wide_picture_has_the_rays_of_its_square(device, pixels):
     world, wide = lit_soup(), Slab.of(CAMERA, 5, pixels)
     square = replace(wide, extent=None)
     left, top, width, height = wide.held.pixels
-    tracer = Tracer(world, build_bvh(world.triangles), device)
+    tracer = tracer_of(world, device)
     chunks, sums = [], []
     for slab, at in ((wide, (0, 0)), (square, (left, top))):
         layout = frame_layout(5, slab.size, "yuv444p", kind="macropixels", order="raster", pack=1)
@@ -89,49 +76,44 @@ def test_a_wide_picture_has_the_rays_of_its_square(device, pixels):
 
 
 def test_tiles_threads_and_order_do_not_matter():
-    world, slab = lit_soup(), Slab(CAMERA, 20, 16)
+    two, one = (tracer_of(lit_soup(), open_device(threads=threads)) for threads in (2, 1))
     whole = FrameLayout("macropixels", 20, 16, "raster", 1, "yuv444p")
-    frames, sums = run(world, slab, whole, device=open_device(threads=2))
-    again, cut = run(world, slab, whole, device=open_device(threads=1), max_rays=20 * 20 * 24)
+    frames, sums = traced(two, whole, PLANES)
+    again, cut = traced(one, whole, PLANES, max_rays=20 * 20 * 24)
     assert (frames == again).all() and (sums.sums == cut.sums).all()
-    other = FrameLayout("macropixels", 20, 16, "hilbert", 4, "yuv444p")
-    _, packed = run(world, slab, other, device=open_device(threads=2))
+    _, packed = traced(two, FrameLayout("macropixels", 20, 16, "hilbert", 4, "yuv444p"), PLANES)
     assert (sums.sums == packed.sums).all()
 
 
 def test_a_uniform_room_is_uniform_in_every_plane(device):
-    world, slab = scene(closed_room(), background=(0, 0, 0)), Slab(CAMERA, 33, 20)
+    tracer = tracer_of(scene(closed_room(), background=(0, 0, 0)), device)
     layout = FrameLayout("macropixels", 33, 20, pixel_format="yuv420p")
-    frames, sums = run(world, slab, layout, device=device)
-    pictures = sums.pictures()
-    for picture, plane in zip(pictures, PLANES, strict=True):
+    frames, sums = traced(tracer, layout, PLANES)
+    for picture, plane in zip(sums.pictures(), PLANES, strict=True):
         if plane.normalise == "aperture":
             expected = np.float32([0.1, 0.2, 0.3])
             reached = picture.any(axis=2)
             assert reached.mean() > 0.6
             assert np.abs(picture[reached] - expected).max() < 2.0**-19
     luma, blue, red = layout.format.views(frames, layout.frame_width, layout.frame_height)
-    code = rgb_to_ycbcr(truth.srgb_encode(np.array([0.1, 0.2, 0.3])))
-    code = np.rint(code)
+    code = np.rint(rgb_to_ycbcr(truth.srgb_encode(np.array([0.1, 0.2, 0.3]))))
     assert (luma[:, :33, :33] == code[0]).all()
     assert (blue[:, :16, :16] == code[1]).all() and (red[:, :16, :16] == code[2]).all()
 
 
 def test_a_pinhole_aperture_is_the_central_view(device):
-    world, slab = lit_soup(), Slab(CAMERA, 5, 16)
     layout = FrameLayout("views", 5, 16, "raster", 1, "yuv444p")
-    frames, sums = run(world, slab, layout, [SensorPlane(2.0, 1000.0)], device)
+    frames, sums = traced(tracer_of(lit_soup(), device), layout, [SensorPlane(2.0, 1000.0)])
     luma = layout.format.views(frames, layout.frame_width, layout.frame_height)[0][12]
     expected = truth.ycbcr(truth.srgb_encode(sums.pictures()[0]))[..., 0]
-    assert (
-        np.abs(luma[:16, :16] - expected).max() <= 0.54
-    )  # half a code, and what the encoding is off by
+    # Half a code, and what the encoding is off by.
+    assert np.abs(luma[:16, :16] - expected).max() <= 0.54
 
 
 def test_a_point_is_sharp_at_its_own_focus_only(device):
     spot = np.float32([[[-0.01, -0.01, 1.5], [0.01, -0.01, 1.5], [0, 0.02, 1.5]]])
-    world, slab = scene(spot, background=(0, 0, 0), ambient=(1, 1, 1)), Slab(CAMERA, 24, 129)
+    tracer = tracer_of(scene(spot, background=(0, 0, 0), ambient=(1, 1, 1)), device)
     planes = [SensorPlane(focus, 1.0) for focus in (0.75, 1.5, 1e6)]
-    _, sums = run(world, slab, FrameLayout("macropixels", 24, 129), planes, device)
+    _, sums = traced(tracer, FrameLayout("macropixels", 24, 129), planes)
     peaks = sums.pictures().max(axis=(1, 2, 3))
     assert peaks[1] > 2 * peaks[0] and peaks[1] > 2 * peaks[2]

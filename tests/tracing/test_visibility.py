@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from tracing_scenes import CAMERA, closed_room, scene, soup
+from tracing_scenes import CAMERA, check_hits, closed_room, scene, soup, tracer_of
 
-from lfcore.opencl.device import open_device
 from lfcore.optics.bundles import macropixels, views
 from lfcore.optics.slab import Slab
 from lfcore.oracle.intersect import closest_hits
@@ -16,28 +15,29 @@ from lfcore.oracle.slab import slab_hits
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
-
-def tracer_of(triangles, device=None, outer=None, **changes):
-    world = scene(triangles, **changes)
-    return Tracer(world, build_bvh(world.triangles), device, outer=outer)
+# How rays are followed: as the scene asks for, by blocks of some elements, or one by one.
+WAYS = [
+    {},
+    *(
+        pytest.param(way, marks=pytest.mark.kernels, id=str(way))
+        for way in (
+            {"outer": 2, "single_rays": False}, {"outer": 4, "single_rays": False},
+            {"single_rays": True},
+        )
+    ),
+]  # fmt: skip
 
 
 def some_pixels(size, count, seed=0):
     return np.random.default_rng(seed).integers(0, size, (count, 2))
 
 
-@pytest.mark.parametrize("views_a_side", [1, 5, 20])
-@pytest.mark.parametrize("seed", range(5))
-def test_slab_hits_are_the_oracles_on_soups(device, views_a_side, seed):
-    tracer = tracer_of(soup(120, seed), device)
-    slab, pixels = Slab(CAMERA, views_a_side, 24), some_pixels(24, 12, seed)
-    triangle, depth = tracer.slab_hits(slab, pixels)
-    truth = slab_hits(tracer.scene, slab, pixels)
-    clear = truth.clear(16)
-    assert (triangle.ravel() == truth.triangle)[clear].all()
-    same = (triangle.ravel() == truth.triangle) & (truth.triangle >= 0) & clear
-    error = np.abs(depth.ravel()[same] - truth.t[same]) / truth.t[same]
-    assert (error <= 16 * 2.0**-24 * np.maximum(truth.grazing[same], 1)).all()
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("views_a_side", [1, 5, 8, 16, 21, 40])
+@pytest.mark.parametrize("seed", range(3))
+def test_slab_hits_are_the_oracles_on_soups(device, way, views_a_side, seed):
+    tracer = tracer_of(soup(120, seed), device, **way)
+    check_hits(tracer, Slab(CAMERA, views_a_side, 24), some_pixels(24, 12, seed))
 
 
 def test_pixels_come_in_any_order_and_more_than_once(device):
@@ -89,10 +89,11 @@ def test_blocks_lose_no_triangle_that_falls_between_rays(device, outer):
     assert np.abs(distance[seen] / depth.ravel()[seen] - 1).max() < 1e-4
 
 
-def test_nothing_leaks_out_of_a_closed_room(device):
+@pytest.mark.parametrize("way", WAYS[:-1])
+def test_nothing_leaks_out_of_a_closed_room(device, way):
     for offset in (0.0, 0.37):
-        room = closed_room() + [offset, -offset, 0.1]
-        triangle, _ = tracer_of(room, device).slab_hits(Slab(CAMERA, 64, 32), some_pixels(32, 64))
+        tracer = tracer_of(closed_room(4) + [offset, -offset, 0.1], device, **way)
+        triangle, _ = tracer.slab_hits(Slab(CAMERA, 64, 32), some_pixels(32, 64))
         assert (triangle >= 0).all()
 
 
@@ -130,39 +131,9 @@ def test_single_rays_are_the_oracles(device, seed):
     assert (np.abs(distance[hit] - truth.t[hit]) <= bound).all()
 
 
-@pytest.mark.kernels
-@pytest.mark.parametrize("lanes", [1, 4, 8])
-def test_every_lane_width_sees_the_same(device, lanes):
-    if not device.is_cpu:
-        pytest.skip("a GPU has one lane width")
-    triangles = soup(500, 4)
-    slab, pixels = Slab(CAMERA, 20, 24), some_pixels(24, 20)
-    wide = tracer_of(triangles, open_device(lanes=16)).slab_hits(slab, pixels)
-    narrow = tracer_of(triangles, open_device(lanes=lanes)).slab_hits(slab, pixels)
-    assert (wide[0] == narrow[0]).all()
-    met = wide[0] >= 0
-    assert np.abs(wide[1][met] / narrow[1][met] - 1).max() < 1e-6
-
-
-@pytest.mark.kernels
-@pytest.mark.parametrize("lanes", [1, 4, 8])
-def test_blocks_of_several_elements_see_the_same_at_every_lane_width(device, lanes):
-    # Rays that a triangle of few can touch are tested side by side, as many as there are lanes.
-    if not device.is_cpu:
-        pytest.skip("a GPU has one lane width")
-    slab, pixels = Slab(CAMERA, 16, 64), np.argwhere(np.ones((8, 8))) + 24
-    found = []
-    for width in (16, lanes):
-        tracer = tracer_of(soup(5000, 4, 0.05), open_device(lanes=width), outer=4)
-        found.append(tracer.slab_hits(slab, pixels))
-    for wide, narrow in zip(*found, strict=True):
-        assert wide.tobytes() == narrow.tobytes()
-
-
 @pytest.mark.parametrize("single_rays", [False, True])
 def test_radiance_and_depth_of_one_pass_are_those_of_two(device, single_rays):
-    world = scene(soup(200, 3))
-    tracer = Tracer(world, build_bvh(world.triangles), device, single_rays=single_rays)
+    tracer = tracer_of(soup(200, 3), device, single_rays=single_rays)
     bundles = views(Slab(CAMERA, 3, 37), np.array([[0, 0], [2, 1]]))
     radiance, depth = tracer.radiance_and_depth(bundles)
     np.testing.assert_array_equal(radiance, tracer.bundle_radiance(bundles))
@@ -177,7 +148,7 @@ def test_copies_at_one_place_go_to_the_lowest_index(device, tracing):
     orders = list(itertools.permutations(range(3)))
     copies = np.concatenate([triangles[:, order] for order in orders[1:] + orders[:1]])
     world, slab, pixels = scene(copies), Slab(CAMERA, 16, 16), some_pixels(16, 16)
-    found = Tracer(world, build_bvh(copies), device, **tracing).slab_hits(slab, pixels)[0]
+    found = tracer_of(world, device, **tracing).slab_hits(slab, pixels)[0]
     alone = Tracer(world, build_bvh(copies[:60]), device, **tracing).slab_hits(slab, pixels)[0]
     expected = slab_hits(world, slab, pixels).triangle
     assert (found == alone).all() and found.max() > 0

@@ -7,8 +7,17 @@ import numpy as np
 import plain_scenes
 import trimesh
 
+from lfcore.optics.plane_sums import total
+from lfcore.optics.slab import Slab
+from lfcore.oracle import colour as truth
+from lfcore.oracle.slab import slab_hits
 from lfcore.scene.appearance import POINT, Light, Material
+from lfcore.scene.model import Scene
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
 
+WALL = np.float32([[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]])
+"""Two triangles that fill the picture, behind all others."""
 CAMERA = dataclasses.replace(plain_scenes.CAMERA, f_number=1.0)
 
 
@@ -38,8 +47,7 @@ def closed_room(subdivisions=3):
 def lit_soup(seed=3):
     """A soup before a wall, with smooth normals, vertex colours, gloss and a shadowing light."""
     rng = np.random.default_rng(seed)
-    wall = np.float32([[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]])
-    triangles = np.concatenate([soup(150, seed, 0.5), wall]).astype(np.float32)
+    triangles = np.concatenate([soup(150, seed, 0.5), WALL]).astype(np.float32)
     face = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals = face[:, None] / np.linalg.norm(face, axis=1)[:, None, None]
     normals = normals + rng.normal(size=(len(triangles), 3, 3)) * 0.2
@@ -57,3 +65,39 @@ def painted_soup():
     """The lit soup in ambient light alone: its programs are built in less than half the time."""
     lit = lit_soup()
     return scene(lit.triangles, colours=lit.colours)
+
+
+def tracer_of(world, device=None, **options):
+    """A tracer of a scene or of triangles, which takes texels as they are."""
+    world = world if isinstance(world, Scene) else scene(world)
+    return Tracer(world, build_bvh(world.triangles), device, mipmaps=False, **options)
+
+
+def traced(tracer, layout, planes=(), max_rays=1 << 30, frames=True):
+    """All frames of all tiles, and the sums of the planes."""
+    slab, made, parts = Slab.of(tracer.scene.camera, layout.views, layout.size), [], []
+    for tile in layout.tiles(max_rays):
+        tracing = tracer.trace_tile(slab, tile, planes, frames=frames)
+        made += [chunk.frames.copy() for chunk in tracing if frames]
+        parts.append(tracing.plane_sums)
+    return np.concatenate(made) if made else None, total(slab, planes, parts) if planes else None
+
+
+def check_hits(tracer, slab, pixels, least=0.0):
+    """Triangles are the oracle's but at edges, depths are within the rounding of float32."""
+    triangle, depth = (found.ravel() for found in tracer.slab_hits(slab, pixels))
+    expected = slab_hits(tracer.scene, slab, np.asarray(pixels))
+    clear = expected.clear(16)
+    assert (triangle == expected.triangle)[clear].all()
+    same = (triangle == expected.triangle) & (expected.triangle >= 0) & clear
+    assert same.mean() > least
+    error = np.abs(depth[same] - expected.t[same]) / expected.t[same]
+    assert (error <= 16 * 2.0**-24 * np.maximum(expected.grazing[same], 1)).all()
+
+
+def check_luma(frames, layout, rays):
+    """Luma is that of rays (F, height, width, 3), but where these graze edges."""
+    luma = layout.format.views(frames, layout.frame_width, layout.frame_height)[0]
+    expected = truth.ycbcr(truth.srgb_encode(rays))[..., 0]
+    error = np.abs(luma[:, : expected.shape[1], : expected.shape[2]] - np.rint(expected))
+    assert (error > 1).mean() < 2e-3 and error.mean() < 0.1
