@@ -100,6 +100,16 @@ def test_a_file_costs_bytes_and_errs_by_its_rays_and_its_codec(chart, reference)
     assert fine.bytes > coarse.bytes and fine.psnr_true_db > coarse.psnr_true_db + 3
 
 
+def test_a_grid_of_the_workflow_has_the_seconds_of_its_jobs(grey):
+    jobs = (
+        {"rays": 64, "seconds": 3.0},
+        {"encode_seconds": 2.0, "join_seconds": 1.0, "video_bytes": 99},
+        {"seconds": 7.0, "threads": 2},
+    )
+    row = files.grid_row(grey, 16, grey.pictures + np.float32(0.1), jobs)
+    assert (row["record_seconds"], row["seconds"], row["bytes"]) == (6.0, 14.0, 99)
+
+
 @kernels
 def test_all_methods_in_memory_make_the_same_picture(chart, reference):
     """Shift-sum by the nearest pixel is what slicing makes; the others resample otherwise."""
