@@ -275,19 +275,8 @@ def test_saved_and_loaded(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["bvh.npz"]
 
 
-def test_loading_names_the_file_and_the_remedy(tmp_path):
+def test_a_tree_that_contradicts_itself_is_not_loaded(tmp_path):
     path = tmp_path / "bvh.npz"
-    with pytest.raises(SceneError, match=r"bvh\.npz.*no such file.*Build"):
-        load_bvh(path)
-    save_bvh(path, build_bvh(soup(500)))
-    whole = path.read_bytes()
-    for size in (0, 10, len(whole) // 2, len(whole) - 1):
-        path.write_bytes(whole[:size])
-        with pytest.raises(SceneError, match=r"bvh\.npz"):
-            load_bvh(path)
-    np.savez(path, boxes=np.zeros(3))
-    with pytest.raises(SceneError, match="cannot be read as a BVH"):
-        load_bvh(path)
     bvh = build_bvh(soup(500))
     save_bvh(path, dataclasses.replace(bvh, children=bvh.children * 0))
     with pytest.raises(SceneError, match="child"):
