@@ -73,6 +73,15 @@ def test_array_of_the_wrong_shape_is_refused(tmp_path, scene):
         load_scene(tmp_path / "scene.npz")
 
 
+def test_needs_of_everything(scene):
+    assert Needs.of(scene) == Needs(
+        textures=True, cut_outs=False, physical=False, smooth_normals=False, curved=False,
+        vertex_colours=False,
+        specular=True, emission=False, ambient=True, background=False, shadows=True, point_lights=1,
+        directional_lights=1, falloff=True, coloured_lights=True, emitters=False, spots=False,
+    )  # fmt: skip
+
+
 def test_needs_shrink_with_the_scene(scene):
     """Materials that no triangle has and lights that are black do not count."""
     bare = dataclasses.replace(
