@@ -17,7 +17,7 @@ from lfcore.evaluation.stability import (
     shapes,
     tested_tracer,
 )
-from lfcore.evaluation.stability.cases import CASES
+from lfcore.evaluation.stability.cases import CASES, run_all
 from lfcore.evaluation.stability.measurement import (
     COLUMNS,
     LIMITS,
@@ -189,3 +189,12 @@ def test_a_loader_that_rounds_before_it_subtracts_fails(monkeypatch):
     rows = list(extents.far_from_the_origin(dataclasses.replace(ORACLE, rays=200)))
     assert [row.verdict for row in rows][:1] == ["pass"]
     assert {row.verdict for row in rows if row.value >= 1e3} == {"fail"}
+
+
+def test_run_all_runs_every_case():
+    seen, few = [], (lenses.refocus_shifts, lenses.apertures)
+    rows = run_all(ORACLE, few, progress=lambda *done: seen.append(done))
+    assert seen == [(1, 2), (2, 2)] and {row.case for row in rows} == {
+        "refocus shifts",
+        "apertures",
+    }

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from lfcore.evaluation.scene_records import Resolution, scene_records
-from lfcore.evaluation.table_files import readable, write_csv, write_markdown
+from lfcore.evaluation.table_files import human_bytes, readable, write_csv, write_markdown
 from lfcore.evaluation.tables import (
     TableError,
     make_table,
@@ -81,6 +81,11 @@ def test_files(tmp_path):
     assert lines[0] == "# A title" and lines[-1] == "A caption."
     assert sum(line.startswith("| bike") for line in lines) == 2
     assert {p.name for p in tmp_path.iterdir()} == {"t.csv", "t.md"}
+
+
+def test_sizes_for_people():
+    sizes = [human_bytes(n) for n in (0, 1000, 1536, 3 * 2**30)]
+    assert sizes == ["0 B", "1000 B", "1.5 KiB", "3 GiB"]
 
 
 def test_pictures_are_judged_by_the_largest_n_and_by_the_truth(tmp_path):

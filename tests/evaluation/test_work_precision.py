@@ -83,6 +83,14 @@ def test_few_rays_by_depth_beat_many_that_miss_the_pixel(chart, reference):
 
 
 @kernels
+def test_a_wanted_quality_is_reached(chart, reference):
+    rows = list(on_the_fly.quality_rows(chart, reference, [30, 34]))
+    for row, wanted in zip(rows, (30, 34), strict=True):
+        assert row["expected_db"] > wanted - 1e-3 and row["psnr_true_db"] > wanted - 2
+    assert rows[1]["rays"] > rows[0]["rays"]
+
+
+@kernels
 def test_a_file_costs_bytes_and_errs_by_its_rays_and_its_codec(chart, reference):
     scene, device, count = chart.scene, chart.device, Lattice(4, 2)
     few = files.recorded_row(scene, reference, Lattice(4, 1), device)
@@ -140,6 +148,12 @@ def test_a_peer_needs_what_independent_samples_need(grey):
         assert row["rays"] == pytest.approx(2 * samples * 64**2, rel=0.1)
         assert row["seconds"] == pytest.approx(row["rays"] * 1e-6)
         assert (row["expected_db"], row["psnr_true_db"]) == (target, None)
+
+
+def test_a_peer_that_is_not_installed_says_so(grey):
+    missing = lambda *_: Rendered("P", None, note="left out: P is not installed")  # noqa: E731
+    (row,) = peer_rows(SCENE, grey.planes, 64, [40, 45], peers={"P": missing})
+    assert row["note"] == "left out: P is not installed" and row["seconds"] is None
 
 
 def test_pareto_front():
