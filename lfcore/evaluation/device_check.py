@@ -5,8 +5,6 @@
 prints what is wrong, or nothing.  A driver that compiles wrongly may end the process.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 
