@@ -33,7 +33,7 @@ def moving(field: lfcore.LightField) -> None:
 
 def screenshot(field: lfcore.LightField, folder: Path) -> None:
     field.viewer().save(folder / "bike.html")
-    with chromium(folder / "profile", "--window-size=900,800", "--hide-scrollbars") as browser:
+    with chromium(folder / "profile", "--window-size=900,900", "--hide-scrollbars") as browser:
         visit(browser, folder / "bike.html")
         browser.save_screenshot(str(folder / "page.png"))
         high = browser.execute_script("return document.querySelector('main').offsetHeight")

@@ -32,7 +32,7 @@ EXPORT_EPILOG = """\
 examples:
   lfcore export bike.mkv --format hci --scene scenes/bike -o bike_hci
       depth, disparity and materials of every view traced again, not those of the file
-  lfcore export bike.mkv --format hci --views 9x9 --baseline 6mm -o bike_hci
+  lfcore export bike.mkv --format hci --views 9x9 --baseline 6mm -o bike_9x9
   lfcore export bike.mkv --format nerfstudio -o bike_nerf
   lfcore export bike.mkv --format quilt --tiles 8x6 -o quilt
 

@@ -22,10 +22,7 @@ pytestmark = pytest.mark.slow
 
 PIXELS = 48
 SCENE = re.compile(r"(scenes/\w+|(table|model)\.glb|mesh\.stl|scene\.pbrt|table)")
-FOREIGN = re.compile(
-    r"https?://|--serve|--all-in-focus|9x9 --baseline|8x6|"
-    r"array\.exr|chess\.mkv|(boxes|shots|views)/ "
-)
+FOREIGN = re.compile(r"https?://|--serve|array\.exr|chess\.mkv|(boxes|shots|views)/ ")
 """Inputs of other programs, which are tested in tests/exchange and test_imgtool.py, and servers."""
 READERS = ("refocus", "stack", "view", "info", "depth", "export")
 SMALLER = {"--pixels": str(PIXELS), "--views": "5", "--subpixels": "1", "--quality-db": "25"}
