@@ -13,6 +13,8 @@ What follows from it:
   as fast.
 - 4:4:4 everywhere: at N = 64 it needs 27% fewer bits than 4:2:0 at equal error of the picture, and
   at N = 512 frames are 2 dB better at equal bits.
+- 10 bits for slicing by depth: few frames are averaged, so that 8 bits leave bands on dark walls.
+  At the same bytes, views of a grey model are 1.4 dB better.
 - Preset ``medium`` up to N = 16, where the codec's noise is averaged least.
 - ``veryfast`` beyond, with what gives most of ``medium``'s quality back for 15% of its rate:
   the coefficients' trellis (1.3 dB of the lens picture), frames looked ahead (0.2 dB), and at small
@@ -129,6 +131,8 @@ def chosen_encoding(
     elif given.preset not in (None, best["preset"]):
         best = {}  # another preset has its own
     full = "yuv444p" if "yuv444p" in CODECS[given.codec] else "yuv420p"
+    if by_depth and not given.lossless and f"{full}10le" in CODECS[given.codec]:
+        full += "10le"
     best |= {"pixel_format": full, "crf": crf, "gop": KEY_EVERY}
     open_keys = [key for key in best if getattr(given, key) in (None, ())]
     chosen = replace(given, **{key: best[key] for key in open_keys})
