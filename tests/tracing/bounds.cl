@@ -95,6 +95,29 @@ kernel void boxes(global const float *in, global float *leaf, global float *out)
     vstore2((float2)(near[0][0] / near[1][0], RAY_SLACK - 1.0f), get_global_id(0), out);
 }
 
+// The float of a number in the floats' order.
+inline float float_of(int order) { return as_float(order < 0 ? order ^ 0x7fffffff : order); }
+
+// Likewise, and a depth: the largest x of a box there that the packet's frustum meets.
+kernel void frusta(global const float *in, global float *leaf, global float *out)
+{
+    in += CANDIDATE * get_global_id(0);
+    leaf += CORNERS * NODE_WIDTH * get_global_id(0);
+    const Bundle all = rays_about(in, in[6], 31.5f);
+    const Frustum frustum = make_frustum(&all, &all);
+    const float sides[6] = {0, -FAR, in[9], FAR, FAR, in[9]};
+    for (int k = 0; k < 6 * NODE_WIDTH; ++k) leaf[k] = sides[k / NODE_WIDTH];
+    int low = as_int(FAR) ^ (int)0xffffffff, high = as_int(FAR);
+    while (low < high) {
+        const int middle = (int)(((long)low + high + 1) >> 1);
+        for (int lane = 0; lane < NODE_WIDTH; ++lane) leaf[lane] = float_of(middle);
+        const vi meets = frustum_meets(&frustum, leaf, NODE_WIDTH, FAR);
+        if (row_any(meets)) low = middle;
+        else high = middle - 1;
+    }
+    vstore2((float2)(float_of(low), FRUSTUM_SLACK), get_global_id(0), out);
+}
+
 // A function that is zero along a row of a packet, its row, and the first column and row of a
 // block: the rays that it and its negative, as an occluder's edge, leave lit.
 kernel void columns(global const float *in, global const float *leaf, global float *out)

@@ -152,6 +152,24 @@ def share_of_boxes(run, outer):
     return share
 
 
+def share_of_frusta(run, outer):
+    def share(candidates):
+        c = candidates.astype(np.float64)
+        c[:, 9] = np.abs(c[:, 9])
+        turned = c[:, 4] + c[:, 9] * c[:, 5] < 0  # the last ray has the least x
+        c[turned, 4:6] *= -1
+        c[:, 7] = 1
+        o, d = placed(c)[:, [0, 2]].T
+        s, t, z = c[:, 4], c[:, 5], c[:, 9]
+        exact = o + 7.5 * s + z * (d + 7.5 * t)
+        middle = np.abs(c[:, 0] + c[:, 6] * s) + z * np.abs(c[:, 2] + c[:, 6] * t)
+        found, slack = run(c)
+        size = middle + 31.5 * (np.abs(s) + z * np.abs(t))
+        return (1 - (found - exact) / slack / size) * ((z > 0) & (size > 1e-20))
+
+    return share
+
+
 @pytest.mark.parametrize(
     ("name", "shares", "outer"),
     [
@@ -161,6 +179,7 @@ def share_of_boxes(run, outer):
         ("packets", share_of_packets, 1),
         ("corners", share_of_corners, 1),
         ("boxes", share_of_boxes, 1),
+        ("frusta", share_of_frusta, 1),
     ],
 )
 def test_more_than_half_of_a_bound_is_used(device, name, shares, outer):

@@ -27,9 +27,10 @@
 // A ray's entry into a box: T. Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013, has 3 for the far
 // end and as many for the near one, and the bound is rounded once.
 #define RAY_SLACK (1.0f + GAMMA(7.0f))
-// Frusta: centre, half extents and evaluation have 6 roundings, corners that must not be lost 7.
-// The rest is an estimate of what edges widened by EDGE_ERROR reach beyond a box.
-#define FRUSTUM_SLACK GAMMA(17.0f)
+// Frusta, in proportion to centre rays: those of packet and block (2), the widening (1), two sums
+// (2) or a sum and a corner's difference; to half extents: product, two fmas and a sum (4), a
+// corner's difference and fma (2); the bound (1).  Rows of edge functions have six, too.
+#define FRUSTUM_SLACK GAMMA(7.0f)
 // Hit points on a triangle, and the columns and rows of its rays: an estimate.
 #define HIT_SLACK GAMMA(17.0f)
 // Lines of shafts, whose normals and limits come from boxes of hit points: an estimate.
@@ -42,8 +43,9 @@
 // millionth.  Half of it darkens rays beside a neighbouring triangle, four times it loses contact
 // shadows: measured against the float64 oracle.
 #define SHADOW_MARGIN 1.0e-6f
-// Where triangles fall among samples, in samples: far more than any rounding.
-#define SAMPLE_SLACK 0.01f
+// Where triangles fall among the samples of a packet: step, reciprocal and product (3), differences
+// to the slack and to the first sample (2), the bound (1).
+#define SAMPLE_SLACK (PACKET_COLUMNS * GAMMA(6.0f))
 // A function whose slope in a row is below this share of its size is constant: over the 64 columns
 // of a packet it changes by less than a thousandth of one rounding.
 #define LEAST_SLOPE 9.0e-13f
