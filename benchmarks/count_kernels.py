@@ -19,7 +19,8 @@ HOST = (
     "tracing/tracer.py", "tracing/plan.py", "tracing/packets.py", "optics/bundles.py",
     "tracing/tile.py", "tracing/job.py", "tracing/layouts.py", "tracing/device_scene.py",
 )  # fmt: skip
-"""The host's files, in the order in which a tile passes them."""
+"""The host's files, in the order in which a tile passes them; beside them are the sample rays of
+the plan, the cuts between chunks, arrays that are another sink, and the maker of the C header."""
 ENTRY, BEGIN = "trace.cl", "trace_packets"
 BESIDE = {
     "other sinks": {"write_hits", "write_radiance", "write_depths", "hit_given_rays", "HitBuffers",
@@ -28,8 +29,8 @@ BESIDE = {
                 "OccluderCache"},
     "holes": {"is_solid", "stopped_rays"},
     "rays one by one": {"follow_rays", "ray_meets", "shaft_meets", "Ray", "Shaft"},
-    "sensor planes": {"add_view", "add_to_strip", "finish_strip", "drop_closed_blocks", "Planes",
-                      "Strip", "PREFIX_WORDS", "PREFIX_PITCH"},
+    "sensor planes": {"add_view", "add_to_strip", "finish_strip", "drop_closed_blocks",
+                      "SensorPlanes", "Strip"},
     "microfacets": {"read_maps", "read_row_maps", "reflect_light", "is_metallic",
                     "ambient_reflectance"},
 }  # fmt: skip

@@ -19,7 +19,7 @@ from lfcore.refocus.strip_tables import STRIP, StripTables, strip_tables, table_
 from lfcore.storage.layout import Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.timing import Stopwatch
-from lfcore.tracing.layouts import header
+from lfcore.tracing.header import header
 from lfcore.tracing.plane_buffers import PlaneBuffers
 from lfcore.tracing.tile import slots_of, tile_corners
 

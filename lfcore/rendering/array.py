@@ -82,7 +82,7 @@ def trace_array(
     grid = np.stack(np.meshgrid(np.arange(nx), np.arange(ny)), -1).reshape(-1, 2)
     offsets = stratified_offsets(nx * ny, samples_per_pixel, seed)
     sets = [array_bundles(array, offset, samples_per_pixel) for offset in offsets]
-    image = tracer.tiled_radiance(sets, grid, nx, out, progress)
+    image = tracer.mosaic_radiance(sets, grid, nx, out, progress)
     if samples_per_pixel > 1:
         image /= samples_per_pixel
     return image

@@ -14,6 +14,7 @@ from lfcore.scene.needs import Needs
 from lfcore.tracing import layouts
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.cut_outs import pack_cut_outs
+from lfcore.tracing.header import header
 from lfcore.tracing.layouts import CUT_OUTS, MOST_LEVELS, record
 from lfcore.tracing.packets import PacketShape
 from lfcore.tracing.surfaces import pack_surfaces
@@ -34,7 +35,7 @@ class EntryKernel:
         others = {name for of_sink in layouts.SINKS.values() for name in of_sink}
         self.device, self._unused = device, sorted(others - layouts.SINKS[sink].keys())
         # The wrapper of a kernel does not keep its program alive.
-        self._program = build_program(device, [KERNEL], {**defines, "SINK": sink}, layouts.header())
+        self._program = build_program(device, [KERNEL], {**defines, "SINK": sink}, header())
         self.kernel = cl.Kernel(self._program, "trace_packets")
         self._words: dict[int, int] = {}
 

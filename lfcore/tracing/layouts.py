@@ -7,7 +7,6 @@ compares the offset of every field with what the device's compiler has.
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from lfcore.optics.plane_tables import BEAM_COLUMNS as PACKET_COLUMNS
 from lfcore.optics.plane_tables import BLOCK, PLANE, RUN, RUNS
 from lfcore.scene.needs import FLAT_NORMALS
 
-FLOAT, INT = np.float32, np.int32
+FLOAT, INT, UINT = np.float32, np.int32, np.uint32
 MIP_LEVELS, MOST_LEVELS, NODE_WIDTH, TEXEL_BITS = 12, 64, 16, 10
 CELLS = PACKET_COLUMNS // BLOCK
 TEXTURED, CUT_OUTS, PHYSICAL = 1, 2, 4
@@ -82,6 +81,12 @@ LEVEL = np.dtype([("offset", INT), ("width", INT), ("height", INT), ("levels", I
 """A mip level of a texture: its first texel, its size, and the number of the texture's levels."""
 SLOT = np.dtype([("frame", INT), ("x", INT), ("y", INT), ("column", INT), ("row", INT)])
 """Where an element goes in frames, and its column and row on the outer grid."""
+BOXES = np.dtype([("low", FLOAT, (3, NODE_WIDTH)), ("high", FLOAT, (3, NODE_WIDTH))])
+"""The boxes of a node's children: lowest and highest x, y and z."""
+LEAF = np.dtype([("corner", FLOAT, (3, 3, NODE_WIDTH))])
+"""The triangles of a leaf: x, y and z of corners p, q and r."""
+COLOUR_ROW = np.dtype([("channel", UINT, (3, PACKET_COLUMNS))])
+"""Sums of fixed-point colours of each column of a packet."""
 SCENE_ARGUMENTS = np.dtype([
     ("ambient", FLOAT, 3),
     ("background", FLOAT, 3),
@@ -116,13 +121,13 @@ PLANE_ARGUMENTS = np.dtype([
     ("row", INT),
     ("columns", INT),
     ("rows", INT),
-    ("blocks", INT),  # blocks, or strips of stored macropixels, along a side of the lens
+    ("blocks", INT),  # blocks, or rows of stored macropixels, along a side of the lens
     ("views", INT),  # side N of the lens
     ("planes", INT),  # sorted by mask
     ("ring", INT),  # rows of a plane that a strip keeps, a power of two
 ])  # fmt: skip
 IMAGE_ARGUMENTS = np.dtype([("across", INT), ("mode", INT)])
-"""Tiles in a row of a radiance image, and ADD and STREAM."""
+"""Elements in a row of a radiance image, and ADD and STREAM."""
 
 RECORDS = {
     "MaterialRecord": MATERIAL,
@@ -130,13 +135,16 @@ RECORDS = {
     "CutOut": CUT_OUT,
     "Level": LEVEL,
     "Slot": SLOT,
-    "PlaneRecord": PLANE,
+    "Boxes": BOXES,
+    "Leaf": LEAF,
+    "ColourRow": COLOUR_ROW,
+    "SensorPlane": PLANE,
     "Run": RUN,
     "Runs": RUNS,
     "SceneArguments": SCENE_ARGUMENTS,
     "RayArguments": RAY_ARGUMENTS,
     "FrameArguments": FRAME_ARGUMENTS,
-    "PlaneArguments": PLANE_ARGUMENTS,
+    "SensorPlaneArguments": PLANE_ARGUMENTS,
     "ImageArguments": IMAGE_ARGUMENTS,
 }
 """The structs, by their names in kernels; one that holds another comes after it."""
@@ -151,7 +159,7 @@ def _write(**types: str) -> dict[str, str]:
 
 
 TREE = _read(
-    boxes="float", children="int", leaves="float", leaf_ids="int",
+    boxes="Boxes", children="int", leaves="Leaf", leaf_ids="int",
     cut_out_of="int", cut_outs="CutOut", alpha="uchar",
 )  # fmt: skip
 SURFACES = _read(
@@ -164,9 +172,9 @@ RAYS = {
     **_write(next="int", scratch="uint"),
 }
 PLANES = {
-    "plane_numbers": "const PlaneArguments ",
-    **_read(plane_records="PlaneRecord", runs="int", masks="uchar", kinds="uchar"),
-    **_write(sums="ulong4", windows="int2", strips="uint"),
+    "plane_numbers": "const SensorPlaneArguments ",
+    **_read(plane_records="SensorPlane", runs="int", masks="uchar", kinds="uchar"),
+    **_write(sums="ulong4", windows="int2", strips="ColourRow"),
 }
 SINKS = {
     "HITS": _write(triangle="int", depth="float"),
@@ -199,28 +207,3 @@ def record(layout: np.dtype, **values: Any) -> np.ndarray:
     for name, value in values.items():
         made[name] = value
     return made
-
-
-@cache
-def header() -> str:
-    """The C source that defines all of this."""
-    lines = [f"#define {name} {_literal(value)}" for name, value in CONSTANTS.items()]
-    lines += [f"#define {name} {number}" for number, name in enumerate(SINKS)]
-    for name, layout in RECORDS.items():
-        assert layout.names is not None
-        fields = "".join(f" {_member(layout[field], field)};" for field in layout.names)
-        lines.append(f"typedef struct {{{fields} }} {name};")
-    parameters = ", ".join(f"{type_}{name}" for name, type_ in PARAMETERS.items())
-    return "\n".join([*lines, f"#define PARAMETERS {parameters}"]) + "\n"
-
-
-def _literal(value: int | float) -> str:
-    return f"{value!r}f" if isinstance(value, float) else str(value)
-
-
-def _member(layout: np.dtype, name: str) -> str:
-    """The C declaration of a field."""
-    types = {np.dtype(FLOAT): "float", np.dtype(INT): "int", np.dtype(np.uint16): "ushort"}
-    types |= {known: name for name, known in RECORDS.items()}
-    size = f"[{layout.shape[0]}]" if layout.shape else ""
-    return f"{types[layout.base]} {name}{size}"

@@ -60,6 +60,10 @@ class PacketShape:
         return -(-columns // span) * -(-rows // span)
 
 
+class RepeatedPlaceError(OpticsError):
+    """Two elements have one place, so they cannot share a packet."""
+
+
 @dataclass(frozen=True)
 class Groups:
     """Elements by the packets that trace them.
@@ -105,7 +109,7 @@ class Groups:
         members = np.full((len(key), group * size[1]), -1, np.int32)
         members[strip, slots[:, 1] * group + slots[:, 0]] = np.arange(len(strips), dtype=np.int32)
         if np.count_nonzero(members >= 0) != len(strips):
-            raise OpticsError(
+            raise RepeatedPlaceError(
                 "two elements have the same place", key="coordinates",
                 remedy="Give each place once, or no coordinates",
             )  # fmt: skip

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -19,24 +18,15 @@ from lfcore.optics.plane_tables import PlaneTables, lens_tables, view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.timing import Stopwatch
+from lfcore.tracing.chunks import chunk_cuts
 from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.job import PacketJob
 from lfcore.tracing.layouts import FRAME_ARGUMENTS, SLOT, record
-from lfcore.tracing.packets import Groups, PacketShape, ranks
+from lfcore.tracing.packets import Groups, PacketShape
 from lfcore.tracing.plane_buffers import PlaneBuffers, StripBuffers
 
 if TYPE_CHECKING:
     from lfcore.storage.layout import FrameLayout
-
-CHUNK_BYTES = 64 << 20
-"""Of frames: those of a chunk and those that its encoder keeps, whatever their size."""
-ENCODER_FRAMES, LEAST_FRAMES = 56, 16
-"""What x264 keeps at the default settings, in frames handed over; the fewest for a chunk beside
-it, since each costs a call of the device."""
-GROUPED_SHARE = 2
-"""Times CHUNK_BYTES that a chunk may take so as to part no group: of 32 x 32 views of 512 pixels a
-row of groups takes 100 MiB, and to trace parted groups twice took twice as long."""
-CHUNK_RAYS = 1 << 26
 
 
 class Tile(Protocol):
@@ -132,7 +122,9 @@ class TraceSlab:
     ) -> Iterator[Chunk]:
         slots = slots_of(self.tile, self.slab, frames=self.frames)
         frame_of = slots["frame"].copy()
-        cuts = self._cuts(frame_of)
+        cuts = chunk_cuts(
+            self.layout, self.elements, frame_of if self.frames else None, self.shape.group
+        )
         ends = frame_of[cuts[1:] - 1] + 1 if self.frames else np.zeros(1, int)
         hosts = _FrameHost(self.scene.device, self.layout, int(np.diff(ends, prepend=0).max()))
         watch = Stopwatch()
@@ -153,38 +145,6 @@ class TraceSlab:
                 with hosts.frames(count) as frames:
                     yield Chunk(frames, first)
         tracing.plane_sums = self.sums.collect()
-
-    def _frames_per_chunk(self) -> int:
-        room = CHUNK_BYTES // self.layout.frame_bytes
-        if self.shape.group == 1:  # else it would part groups, whose rays are then traced twice
-            room = max(room - ENCODER_FRAMES, min(room, LEAST_FRAMES))
-        return min(max(1, room), self.tile.frame_count)
-
-    def _cuts(self, frame_of: np.ndarray) -> np.ndarray:
-        """Element indices at which chunks of whole frames begin and end.
-
-        Elements that share a packet are not parted, where a chunk has room for all of them.
-        """
-        total = len(frame_of)
-        starts = np.arange(total + 1)
-        step = max(1, CHUNK_RAYS // math.prod(self.layout.inner))
-        if self.frames:
-            starts = np.append(np.flatnonzero(np.diff(frame_of, prepend=-1)), total)
-            step = self._frames_per_chunk()
-        if step >= len(starts) - 1:
-            return np.array([0, total])
-        whole = starts[_parts_no_group(self.elements, self.shape.group)[starts]]
-        if self.frames:
-            grouped = int(np.diff(np.searchsorted(starts, whole)).max())
-            if grouped * self.layout.frame_bytes <= GROUPED_SHARE * CHUNK_BYTES:
-                step = max(step, grouped)
-        cuts, at = [0], 0
-        while cuts[-1] < total:
-            furthest = starts[min(at + step, len(starts) - 1)]
-            best = whole[np.searchsorted(whole, furthest, "right") - 1]
-            cuts.append(int(best if best > cuts[-1] else furthest))
-            at = int(np.searchsorted(starts, cuts[-1]))
-        return np.array(cuts)
 
     def _launch(self, part: slice, slots: np.ndarray, frames: cl.Buffer) -> None:
         layout = self.layout
@@ -231,16 +191,6 @@ def slots_of(tile: Tile, slab: Slab, *, frames: bool = True) -> np.ndarray:
         slots["frame"], slots["x"], slots["y"] = tile.placement(elements).T
     slots["column"], slots["row"] = (elements + grid_corner(tile, slab)).T
     return slots
-
-
-def _parts_no_group(elements: np.ndarray, group: int) -> np.ndarray:
-    """(E + 1,) bool: whether a cut before element e leaves every group x group cell whole."""
-    cells = elements // group
-    cell = ranks(cells[:, 1].astype(np.int64) << 32 | cells[:, 0])[1]
-    last = np.zeros(cell.max() + 1, np.int64)
-    np.maximum.at(last, cell, np.arange(len(cell)))
-    open_until = np.maximum.accumulate(last[cell])
-    return np.append(True, open_until == np.arange(len(cell)))
 
 
 def _plane_tables(

@@ -16,10 +16,11 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
+from lfcore.tracing.arrays import check_sets, fill_arrays
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.device_scene import DeviceScene
-from lfcore.tracing.job import PacketJob, check_sets
-from lfcore.tracing.packets import PacketShape
+from lfcore.tracing.job import PacketJob
+from lfcore.tracing.packets import PacketShape, RepeatedPlaceError
 from lfcore.tracing.plan import Plan
 from lfcore.tracing.tile import Tile, TileTracing, TraceSlab
 
@@ -86,11 +87,11 @@ class Tracer:
         """
         pixels = np.asarray(pixels).reshape(-1, 2)
         job = self.job("HITS", rays.probe(slab))
-        # Neighbours share a packet by their place on the grid, so each place may come but once.
-        column, row = pixels.astype(np.int64).T
-        keys = row << 32 | (column & 0xFFFFFFFF)
-        if len(np.unique(keys)) == len(keys):
+        try:
             return _hits(job, rays.macropixels(slab, pixels), pixels)
+        except RepeatedPlaceError:
+            column, row = pixels.astype(np.int64).T
+            keys = row << 32 | (column & 0xFFFFFFFF)
         _, first, which = np.unique(keys, return_index=True, return_inverse=True)
         triangle, depth = _hits(job, rays.macropixels(slab, pixels[first]), pixels[first])
         return triangle[which], depth[which]
@@ -109,6 +110,7 @@ class Tracer:
 
     def job(self, sink: str, bundles: Bundles, *, grouped: bool = True) -> PacketJob:
         """A job for such bundles; ``grouped``: whether elements have places."""
+        check_sets([bundles])
         return PacketJob(self._on_device, self.plan.shape(bundles, sink, grouped=grouped), sink)
 
     def bundle_radiance(
@@ -136,7 +138,7 @@ class Tracer:
         self._fill_image([bundles], None, {"radiance": radiance, "depth": depth})
         return radiance, depth
 
-    def tiled_radiance(
+    def mosaic_radiance(
         self,
         sets: Sequence[Bundles],
         coordinates: np.ndarray | None,
@@ -144,14 +146,14 @@ class Tracer:
         out: np.ndarray | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> np.ndarray:
-        """Sum of the radiance of all ``sets``, their elements tiles of one image.
+        """Sum of the radiance of all ``sets``, one image with a mosaic of the elements' pictures.
 
         Parameters
         ----------
         sets : bundles of as many elements and equal inner grids.
         coordinates : as for :meth:`bundle_hits`.
-        across : tiles in a row, a divisor of the number of elements; element e is tile
-            (e // across, e % across).
+        across : elements in a row, a divisor of their number; element e is at row e // across,
+            column e % across.
         out : written and returned, contiguous.
         progress : called with (part done, parts).
 
@@ -195,8 +197,8 @@ class Tracer:
             zeros = np.zeros((2, 4), np.float32)
             row = Bundles(zeros[:1], zeros[1], count, 1, 0.0)
             given = PacketJob(self._on_device, PacketShape(side=4, group=1), "GIVEN")
-            given.fill(
-                [row], None, {"triangle": triangle, "depth": depth, "weights": weights},
+            fill_arrays(
+                given, [row], None, {"triangle": triangle, "depth": depth, "weights": weights},
                 origins=self.device.buffer(origins), directions=self.device.buffer(directions),
             )  # fmt: skip
         return triangle, depth, weights
@@ -250,7 +252,7 @@ class Tracer:
     ) -> None:
         job = self.job("IMAGE", sets[0], grouped=coordinates is not None)
         inputs: dict[str, Any] = {} if "depth" in arrays else {"depth": None}
-        job.fill(sets, coordinates, arrays, **inputs, **options)
+        fill_arrays(job, sets, coordinates, arrays, **inputs, **options)
 
 
 def _hits(
@@ -258,5 +260,5 @@ def _hits(
 ) -> tuple[np.ndarray, np.ndarray]:
     shape = len(bundles.elements), bundles.rows, bundles.columns
     triangle, depth = page_aligned(shape, np.int32), page_aligned(shape)
-    job.fill([bundles], coordinates, {"triangle": triangle, "depth": depth})
+    fill_arrays(job, [bundles], coordinates, {"triangle": triangle, "depth": depth})
     return triangle, depth

@@ -12,7 +12,7 @@ from lfcore.refocus.array.quadrature import quadrature
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.array import array_bundles, stratified_offsets, trace_array
 from lfcore.scene.pbrt import build_pbrt_scene
-from lfcore.tracing import job
+from lfcore.tracing import arrays
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -100,8 +100,8 @@ def test_the_image_is_what_cameras_one_by_one_give(traced, monkeypatch, tile, sa
         total += tracer.bundle_radiance(array_bundles(array, offset, samples), grid)
     expected = array.mosaic((total / np.float32(samples)).reshape(3, 5, tile[1], tile[0], 3))
     np.testing.assert_array_equal(trace_array(tracer, array, samples), expected)
-    monkeypatch.setattr(job, "STREAM_BYTES", 0)
-    monkeypatch.setattr(job, "LAUNCH_RAYS", 2000)
+    monkeypatch.setattr(arrays, "STREAM_BYTES", 0)
+    monkeypatch.setattr(arrays, "LAUNCH_RAYS", 2000)
     parts = trace_array(tracer, array, samples, progress=lambda *done: None)
     np.testing.assert_array_equal(parts, expected)
     memory = np.full(expected.size + 1, np.nan, np.float32)
@@ -111,7 +111,7 @@ def test_the_image_is_what_cameras_one_by_one_give(traced, monkeypatch, tile, sa
     assert np.isnan(memory[0])
     # As on a device with memory of its own: rows of tiles at a time, copied back.
     monkeypatch.setattr(Device, "is_cpu", False)
-    monkeypatch.setattr(job, "CHUNK_RAYS", 1)
+    monkeypatch.setattr(arrays, "CHUNK_RAYS", 1)
     np.testing.assert_array_equal(trace_array(tracer, array, samples), expected)
 
 
@@ -129,7 +129,7 @@ def test_memory_that_cannot_hold_the_image(traced):
 
 
 def test_progress_ends_with_the_whole(traced, monkeypatch):
-    monkeypatch.setattr(job, "LAUNCH_RAYS", 5000)
+    monkeypatch.setattr(arrays, "LAUNCH_RAYS", 5000)
     seen = []
     trace_array(traced[1], traced[0].view.array, progress=lambda *parts: seen.append(parts))
     assert len(seen) > 1 and seen == sorted(seen) and seen[-1][0] == seen[-1][1]

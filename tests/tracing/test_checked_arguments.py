@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from tracing_scenes import CAMERA, painted_soup
 
-import lfcore.tracing.tile as tile_module
 from lfcore.errors import DeviceError, OpticsError, SceneError
 from lfcore.opencl import device as devices
 from lfcore.opencl.device import open_device
@@ -15,6 +14,7 @@ from lfcore.optics import bundles as rays
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.storage.layout import FrameLayout
+from lfcore.tracing import chunks
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.device_scene import MOST_NUMBERS, check_indices
 from lfcore.tracing.tracer import Tracer
@@ -52,13 +52,13 @@ def test_radiance_goes_to_memory_of_its_size(tracer, shape):
 @pytest.mark.parametrize("across", [-4, 0, 3, 32])
 def test_tiles_of_an_image_fill_whole_rows(tracer, across):
     with pytest.raises(OpticsError, match="across"):
-        tracer.tiled_radiance([rays.macropixels(SLAB, PIXELS)], PIXELS, across)
+        tracer.mosaic_radiance([rays.macropixels(SLAB, PIXELS)], PIXELS, across)
 
 
 def test_sets_of_an_image_have_one_shape(tracer):
     sets = [rays.macropixels(SLAB, PIXELS), rays.macropixels(SLAB, PIXELS[:8])]
     with pytest.raises(OpticsError, match="sets"):
-        tracer.tiled_radiance(sets, PIXELS, 4)
+        tracer.mosaic_radiance(sets, PIXELS, 4)
 
 
 @pytest.mark.parametrize("name, wrong", [
@@ -93,10 +93,10 @@ def test_frames_do_not_depend_on_how_much_is_made_at_once(tracer, monkeypatch):
         return np.concatenate([chunk.frames.copy() for chunk in traced])
 
     whole = frames()
-    monkeypatch.setattr(tile_module, "CHUNK_BYTES", 5 * layout.frame_bytes)
-    monkeypatch.setattr(tile_module, "ENCODER_FRAMES", 0)
-    monkeypatch.setattr(tile_module, "LEAST_FRAMES", 1)
-    monkeypatch.setattr(tile_module, "GROUPED_SHARE", 0)
+    monkeypatch.setattr(chunks, "CHUNK_BYTES", 5 * layout.frame_bytes)
+    monkeypatch.setattr(chunks, "ENCODER_FRAMES", 0)
+    monkeypatch.setattr(chunks, "LEAST_FRAMES", 1)
+    monkeypatch.setattr(chunks, "GROUPED_SHARE", 0)
     np.testing.assert_array_equal(frames(), whole)
 
 

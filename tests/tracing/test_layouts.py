@@ -9,6 +9,7 @@ from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.tracing import layouts
 from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.header import header
 from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
@@ -21,8 +22,7 @@ def offsets_on(device, tmp_path, name):
     body = " ".join(f"out[{k}] = {x};" for k, x in enumerate([f"(int)sizeof({name})", *at]))
     file = tmp_path / f"{name}.cl"
     file.write_text(f"kernel void ask(global int *out) {{ private {name} r; {body} }}\n")
-    header = layouts.header()
-    kernel = cl.Kernel(build_program(device, [str(file)], {}, header), "ask")
+    kernel = cl.Kernel(build_program(device, [str(file)], {}, header()), "ask")
     answer, buffer = np.zeros(len(at) + 1, np.int32), device.empty(4 * (len(at) + 1))
     kernel(device.queue, (1,), None, buffer)
     cl.enqueue_copy(device.queue, answer, buffer)

@@ -14,7 +14,7 @@ from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, trace
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.plan import leaves_a_ray
+from lfcore.tracing.probes import leaves_a_ray
 
 pytestmark = pytest.mark.kernels
 

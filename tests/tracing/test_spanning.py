@@ -119,21 +119,21 @@ def test_cuts_threads_and_order_do_not_matter(spans):
 def test_chunks_do_not_part_groups(monkeypatch, room, sizes):
     """A chunk ends where a row of groups does, so that no group is traced twice; unless such a row
     takes more than twice the room of a chunk."""
-    from lfcore.tracing import tile as tiles
+    from lfcore.tracing import chunks
 
     layout = FrameLayout("macropixels", 16, 16, "raster", 1, "yuv444p")
-    monkeypatch.setattr(tiles, "CHUNK_BYTES", layout.frame_bytes * room)
+    monkeypatch.setattr(chunks, "CHUNK_BYTES", layout.frame_bytes * room)
     tracer, slab = spanning(lit_soup(), 4), Slab(CAMERA, 16, 16)
     tracing = tracer.trace_tile(slab, layout.tiles(1 << 30)[0], LIT_PLANES)
     assert [len(chunk.frames) for chunk in tracing][: len(sizes)] == sizes
 
 
 def test_chunks_leave_room_for_the_encoder_where_packets_share_nothing(monkeypatch):
-    from lfcore.tracing import tile as tiles
+    from lfcore.tracing import chunks
 
     layout = FrameLayout("macropixels", 64, 8, "raster", 1, "yuv444p")
     tracer, slab = spanning(lit_soup(), 1), Slab(CAMERA, 64, 8)
-    for room, sizes in ((tiles.ENCODER_FRAMES + 24, [24, 24, 16]), (20, [16, 16, 16, 16])):
-        monkeypatch.setattr(tiles, "CHUNK_BYTES", layout.frame_bytes * room)
+    for room, sizes in ((chunks.ENCODER_FRAMES + 24, [24, 24, 16]), (20, [16, 16, 16, 16])):
+        monkeypatch.setattr(chunks, "CHUNK_BYTES", layout.frame_bytes * room)
         tracing = tracer.trace_tile(slab, layout.tiles(1 << 30)[0])
         assert [len(chunk.frames) for chunk in tracing] == sizes

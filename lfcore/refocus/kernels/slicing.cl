@@ -196,7 +196,7 @@ void form_planes(global const sample *restrict frames,
                  global int *restrict next,
                  global uint *restrict scratch,       // (workers, scratch_words): tables
                  const int scratch_words,
-                 const PlaneArguments n,
+                 const SensorPlaneArguments n,
                  global const int4 *restrict plane_info,
                  global const int *restrict pointers,
                  global const int2 *restrict runs,

@@ -43,15 +43,15 @@ void form_planes(global const sample *restrict frames,
                  global int *restrict next,
                  global uint *restrict scratch,       // (workers, 3 * BLOCK_RAYS)
                  const int scratch_words,
-                 const PlaneArguments numbers,
-                 global const PlaneRecord *restrict plane_records,
+                 const SensorPlaneArguments numbers,
+                 global const SensorPlane *restrict plane_records,
                  global const int *restrict runs,
                  global const uchar *restrict masks,
                  global const uchar *restrict kinds,
                  global ulong4 *restrict sums)
 {
     const ulong own = get_global_id(0) * (ulong)numbers.planes * numbers.width * numbers.height;
-    const Planes planes = {&numbers, plane_records, runs, masks, kinds, sums + own};
+    const SensorPlanes planes = {&numbers, plane_records, runs, masks, kinds, sums + own};
     global float *colours = (global float *)(scratch + get_global_id(0) * (ulong)scratch_words);
     const ulong chroma = (ulong)(frame_width / CHROMA) * (frame_height / CHROMA);
     const ulong frame_samples = (ulong)frame_width * frame_height + 2 * chroma;

@@ -4,6 +4,7 @@
 // two affine functions of its depth, and writes no depth buffer until another triangle may be seen,
 // too.
 #pragma once
+#include "cut_outs.cl"
 #include "triangles.cl"
 
 typedef struct {

@@ -15,13 +15,13 @@
 // Corners of LANES triangles in the frame of the block's centre ray.
 typedef struct { Triple x, y, z; } Corners;
 
-inline Corners shear_corners(const Bundle *r, global const float *leaf)
+inline Corners shear_corners(const Bundle *r, global const Leaf *leaf)
 {
     Corners c;
-    for (int k = 0; k < 3; ++k, leaf += 3 * NODE_WIDTH) {
-        const vf z = VLOAD(leaf + 2 * NODE_WIDTH);
-        c.x.of[k] = fma(-z, (vf)(r->dx), VLOAD(leaf) - r->ox);
-        c.y.of[k] = fma(-z, (vf)(r->dy), VLOAD(leaf + NODE_WIDTH) - r->oy);
+    for (int k = 0; k < 3; ++k) {
+        const vf z = VLOAD(leaf->corner[k][2]);
+        c.x.of[k] = fma(-z, (vf)(r->dx), VLOAD(leaf->corner[k][0]) - r->ox);
+        c.y.of[k] = fma(-z, (vf)(r->dy), VLOAD(leaf->corner[k][1]) - r->oy);
         c.z.of[k] = z;
     }
     return c;
@@ -63,9 +63,9 @@ inline vi beside_rays(const Axis *a)
 }
 
 // The block's 16 columns (rows, along y) that triangles can reach, a bit each.  At depth z
-// neighbouring rays of the inner grid are s + z t apart, and those of neighbouring elements a + z
-// b; for each element the extremes are the corners' as long as the former keeps its sign over the
-// triangle, since the map is projective.
+// neighbouring rays of the inner grid are s + z t apart, and neighbouring elements a + z b.  The
+// map from a triangle to the grid is projective: where s + z t keeps its sign over the triangle, an
+// element's first and last column belong to corners.
 inline vi samples_reached(const Axis *a)
 {
     Triple step, inverse, sample;
@@ -111,7 +111,8 @@ inline vf packet_error(vf depths, Vec l, const Bundle *r)
     const float h = 2.0f * r->half_extent;
     const float ox = fma(h, fabs(r->sx), fabs(r->ox)), dx = fma(h, fabs(r->tx), fabs(r->dx));
     const float oy = fma(h, fabs(r->sy), fabs(r->oy)), dy = fma(h, fabs(r->ty), fabs(r->dy));
-    const vf wide = fma(l.z, (vf)(h * fabs(r->tx)), l.x), tall = fma(l.z, (vf)(h * fabs(r->ty)), l.y);
+    const vf wide = fma(l.z, (vf)(h * fabs(r->tx)), l.x);
+    const vf tall = fma(l.z, (vf)(h * fabs(r->ty)), l.y);
     return PACKET_ERROR * (tall * fma(depths, (vf)(dx), 2.0f * (ox + wide)) +
                            wide * fma(depths, (vf)(dy), 2.0f * (oy + tall)));
 }
@@ -229,7 +230,7 @@ inline Affine affine_of(const WideAffine *f, uint lane)
 
 // Mask of those that rays anywhere in the block may meet, between its samples, too; `of_packet` as
 // for edge_functions.
-inline vi place_triangles(const Bundle *r, global const float *leaf, float z_far, int of_packet,
+inline vi place_triangles(const Bundle *r, global const Leaf *leaf, float z_far, int of_packet,
                           Placed *p)
 {
     p->v = shear_corners(r, leaf);
@@ -241,7 +242,7 @@ inline vi place_triangles(const Bundle *r, global const float *leaf, float z_far
 }
 
 // Set up the LANES triangles of a leaf.
-inline void set_up_triangles(const Bundle *r, global const float *leaf, float z_far, Triangles *out)
+inline void set_up_triangles(const Bundle *r, global const Leaf *leaf, float z_far, Triangles *out)
 {
     Placed p;
     out->keep = 0;

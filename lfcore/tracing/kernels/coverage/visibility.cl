@@ -12,8 +12,8 @@
 typedef struct {
     DepthBuffer buffers[MOST_BLOCKS];
     ListedLeaves candidates, compacted;
-    float corners[LIST * CORNERS * NODE_WIDTH];  // (LIST, CORNERS, NODE_WIDTH) of compacted leaves
-    int ids[LIST * NODE_WIDTH];                  // (LIST, NODE_WIDTH)
+    Leaf leaves[LIST];           // the compacted leaves
+    int ids[LIST * NODE_WIDTH];  // (LIST, NODE_WIDTH) their triangles
 } VisibilityMemory;
 
 // The packet's blocks, and the leaves in their way.
@@ -34,19 +34,21 @@ inline void start_visibility(const Rays *rays, global VisibilityMemory *memory, 
 
 // Append triangle `number` to the compacted leaves.  The first triangle of a leaf clears the leaf:
 // all zero, which nothing can hit, in an empty box.
-inline void compact_triangle(global const float *from, int id, int number, Visibility *v)
+inline void compact_triangle(global const Leaf *from, int id, int number, Visibility *v)
 {
     const int leaf = number / NODE_WIDTH, lane = number % NODE_WIDTH;
-    global float *to = v->memory->corners + leaf * CORNERS * NODE_WIDTH;
-    global float *box = v->compacted.of->boxes + leaf;
-    for (int k = 0; lane == 0 && k < CORNERS; ++k) vstore16((float16)(0.0f), k, to);
-    for (int k = 0; lane == 0 && k < BOX; ++k) box[k * LIST] = k < 3 ? FAR : -FAR;
-    for (int k = 0; k < CORNERS; ++k) {
-        const float x = from[k * NODE_WIDTH];
-        global float *lo = box + k % 3 * LIST, *hi = lo + 3 * LIST;
-        to[k * NODE_WIDTH + lane] = x;
-        *lo = min(*lo, x);
-        *hi = max(*hi, x);
+    global Leaf *to = v->memory->leaves + leaf;
+    global Boxes *boxes = v->compacted.of->boxes + leaf / NODE_WIDTH;
+    for (int axis = 0; axis < 3; ++axis) {
+        global float *low = boxes->low[axis] + leaf % NODE_WIDTH;
+        global float *high = boxes->high[axis] + leaf % NODE_WIDTH;
+        for (int k = 0; k < 3; ++k) {
+            const float x = from->corner[k][axis][0];
+            if (lane == 0) vstore16((float16)(0.0f), 0, to->corner[k][axis]);
+            to->corner[k][axis][lane] = x;
+            *low = min(lane || k ? *low : FAR, x);
+            *high = max(lane || k ? *high : -FAR, x);
+        }
     }
     v->memory->ids[number] = id;
     v->compacted.of->leaf[leaf] = leaf;
@@ -64,12 +66,14 @@ inline void compact_triangles(const Tree *tree, const Packet *p, float z_far, Vi
     for (int k = 0; k < v->candidates.count; ++k)
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
             const int leaf = v->candidates.of->leaf[k];
-            global const float *corners = leaf_corners(tree, leaf, lane);
+            global const Leaf *corners = leaf_corners(tree, leaf, lane);
             global const int *ids = leaf_numbers(tree, leaf, lane);
             Placed placed;
             uint bits = row_bits(place_triangles(&all, corners, z_far, 1, &placed));
-            for (; bits; bits &= bits - 1, ++number)
-                compact_triangle(corners + lowest(bits), ids[lowest(bits)], number, v);
+            for (; bits; bits &= bits - 1, ++number) {
+                const int k = lowest(bits);
+                compact_triangle(leaf_corners(tree, leaf, lane + k), ids[k], number, v);
+            }
         }
 }
 
@@ -104,11 +108,13 @@ inline void visit_block(const Tree *tree, const Bundle *bundle, const LeafList *
     for (int base = 0; base < list->count; base += LANES) {
         const int left = list->count - base;
         const uint listed = left < LANES ? (1u << left) - 1u : ~0u;
-        const vi meets = frustum_meets(&frustum, list->of->boxes + base, LIST, c->z_far);
+        global const Boxes *boxes = boxes_from(list->of->boxes + base / NODE_WIDTH,
+                                               base % NODE_WIDTH);
+        const vi meets = frustum_meets(&frustum, boxes, c->z_far);
         for (uint bits = row_bits(meets) & listed; bits; bits &= bits - 1) {
-            const int slot = base + lowest(bits);
-            if (list->of->boxes[2 * LIST + slot] > c->z_far) continue;
-            visit_leaf(tree, bundle, list->of->leaf[slot], c);
+            const int k = lowest(bits);
+            if (boxes->low[2][k] > c->z_far) continue;
+            visit_leaf(tree, bundle, list->of->leaf[base + k], c);
         }
     }
 }
@@ -161,7 +167,7 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     const int compact = p->rays->group == 1 && blocks > 1;
     Tree leaves = *tree;
     if (compact) {
-        leaves.leaves = v->memory->corners;
+        leaves.leaves = v->memory->leaves;
         leaves.leaf_ids = v->memory->ids;
     }
     const LeafList *list = compact ? &v->compacted : &v->candidates;

@@ -3,20 +3,75 @@
 // A program has one SINK: HITS, triangles and depths; IMAGE, radiance and, if asked for, depths;
 // FRAMES, sensor planes (PLANES: 1 of macropixels, 2 of views) and encoder-ready frames (BITS, 0
 // for none); GIVEN, the hits of rays that are no bundle.
-#include "pipeline.cl"
 #include "cells.cl"
 #include "given_rays.cl"
 #include "hit_buffers.cl"
 #include "radiance_image.cl"
+#include "shade.cl"
+#include "shadows.cl"
 
+// A worker's own memory; a Block's `lit` comes after it.
 typedef struct {
     float cells[(MOST_BLOCKS + 1) * COLOURS];
-    uint prefix[PREFIX_WORDS];
-    PipelineMemory pipeline;
+    ColourRow prefix[PACKET_COLUMNS + 1];
+    VisibilityMemory visibility;
+    Region regions[BLOCK_RAYS];
+    PlaneEquations planes[BLOCK_RAYS];
+    Samples samples;
+    ShadowMemory shadows;
 } Memory;
 
-// Words of a worker's Memory, and of the masks of its shadow rays.
+// Words of a worker's memory, with the masks of its shadow rays.
 #define SCRATCH_WORDS(lights) (sizeof(Memory) / 4 + (ulong)(lights) * BLOCK)
+
+typedef struct {
+    const Tree *tree;
+    const Scene *scene;
+    float pixel;  // tangent between neighbouring pixels
+    global Memory *memory;
+    Visibility visibility;
+    Block block;
+    OccluderCache cache;
+    Shadows shadows;
+} Pipeline;
+
+inline void start_pipeline(const Tree *tree, const Scene *scene, float pixel,
+                           global Memory *memory, Pipeline *p)
+{
+    p->tree = tree;
+    p->scene = scene;
+    p->pixel = pixel;
+    p->memory = memory;
+    p->block.regions.of = memory->regions;
+    p->block.planes = memory->planes;
+    p->block.samples = &memory->samples;
+    p->block.lit = (global int *)(memory + 1);
+    if (SHADOWS) start_shadows(tree, scene, &memory->shadows, &p->cache, &p->shadows);
+}
+
+// Find what a whole packet sees.
+inline void see_packet(const Packet *packet, Pipeline *p)
+{
+    start_visibility(packet->rays, &p->memory->visibility, &p->visibility);
+    find_visible(p->tree, packet, &p->visibility);
+    if (SHADOWS) enter_packet(packet, &p->shadows);
+}
+
+// Linear colours, not clamped, of one block of a packet that was seen: (3, BLOCK_RAYS).
+inline void colour_block(const Packet *packet, int number, Pipeline *p, global float *colours)
+{
+    Block *b = &p->block;
+    b->number = number;
+    b->rays = block_bundle(packet, number);
+    find_regions(p->visibility.block + number, block_inside(packet, number), &b->regions);
+    if (!b->regions.count) {
+        shade_background(p->scene, colours);
+        return;
+    }
+    sample_block(p->scene, p->pixel, b);
+    if (SHADOWS) find_lit(&p->shadows, b, p->memory->shadows.lifted);
+    shade_block(p->scene, b, colours);
+}
 
 // What the results of a program's sink go to.
 typedef struct {
@@ -41,25 +96,25 @@ inline void take_block(const Packet *packet, int block, Pipeline *p, const Sink 
 }
 
 // For each worker `sums`: (planes, height, width), `windows`: (planes,) that are empty, `strips`:
-// (planes, ring, PREFIX_PITCH) of 0.
+// (planes, ring) of 0.
 KERNEL void trace_packets(PARAMETERS)
 {
     const Tree tree = MAKE_TREE;
     const Scene scene = MAKE_SCENE;
     const Rays rays = MAKE_RAYS;
     const ulong worker = get_global_id(0), area = (ulong)plane_numbers.width * plane_numbers.height;
-    const ulong strip_words = (ulong)plane_numbers.ring * PREFIX_PITCH * plane_numbers.planes;
+    const ulong strip_rows = (ulong)plane_numbers.ring * plane_numbers.planes;
     const ulong words = SCRATCH_WORDS(scene_numbers.shadow_lights);
     global Memory *memory = (global Memory *)(scratch + worker * words);
     Pipeline pipeline;
-    start_pipeline(&tree, &scene, ray_numbers.pixel_tangent, &memory->pipeline, &pipeline);
+    start_pipeline(&tree, &scene, ray_numbers.pixel_tangent, memory, &pipeline);
     Sink sink = {
         {triangle, depth},
         {&image, radiance},
         {memory->cells, memory->prefix, {slots, frames, &frame_numbers},
          {&plane_numbers, plane_records, runs, masks, kinds,
           sums + worker * plane_numbers.planes * area},
-         {windows + worker * plane_numbers.planes, strips + worker * strip_words}, 0}};
+         {windows + worker * plane_numbers.planes, strips + worker * strip_rows}, 0}};
     PacketQueue queue = make_queue(next, &ray_numbers);
     for (Packet packet; next_packet(&rays, &queue, &packet);) {
         if (SINK == GIVEN) {

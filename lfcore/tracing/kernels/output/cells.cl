@@ -6,12 +6,12 @@
 
 #define COLOURS (3 * BLOCK_RAYS)  // of one cell
 typedef struct {
-    global float *colours;  // (cells, 3, BLOCK_RAYS), and those of one block of several elements
-    global uint *prefix;    // (PREFIX_WORDS,)
+    global float *colours;     // (cells, 3, BLOCK_RAYS), and of one block of several elements
+    global ColourRow *prefix;  // (PACKET_COLUMNS + 1,)
     Frames frames;
-    Planes planes;
+    SensorPlanes planes;
     Strip strip;
-    int u;                  // first column of the strip's pixels
+    int u;                     // first column of the strip's pixels
 } Cells;
 
 // Where the colours of a block of a packet are made.

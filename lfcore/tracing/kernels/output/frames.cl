@@ -1,12 +1,12 @@
 // Encoder-ready frames: linear light to sRGB-encoded BT.709 YCbCr, limited range, rounded once;
-// with RGB to planes of green, blue and red, full range.
+// with RGB to channels of green, blue and red, full range.
 #pragma once
 #include "srgb.cl"
 
 // Where inner grids go in planar frames.
 typedef struct {
     global const Slot *slots;  // (E,)
-    global sample *frames;     // (F, 3 planes)
+    global sample *frames;     // (F, 3 channels)
     const FrameArguments *numbers;
 } Frames;
 
@@ -31,7 +31,7 @@ inline void store_codes(uint16 sums, int wide, global sample *to)
     }
 }
 
-// LANES colours as the three planes' sums; chroma that is to be averaged takes the colours' place.
+// LANES colours as sums of three channels; chroma that is to be averaged takes the colours' place.
 inline Vec encode_part(Vec c, const FrameArguments *n, global float *chroma)
 {
     if (n->rgb) {
@@ -64,9 +64,9 @@ inline void write_rows(const CubicEncoding *e, const FrameArguments *n, int wide
             VSTORE(part.y, sums[1] + at);
             VSTORE(part.z, sums[2] + at);
         }
-        for (int plane = 0; plane < 3; ++plane)
-            if (!plane || n->chroma == 1)
-                store_codes(as_uint16(vload16(0, sums[plane])), wide, to + plane * pixels);
+        for (int channel = 0; channel < 3; ++channel)
+            if (!channel || n->chroma == 1)
+                store_codes(as_uint16(vload16(0, sums[channel])), wide, to + channel * pixels);
     }
 }
 
@@ -103,7 +103,7 @@ inline void write_frames(const Frames *out, int element, int2 at, int2 inside,
     else write_rows(0, n, inside.x, inside.y, colours, to);
     if (n->chroma == 1) return;
     const int pitch = n->width / 2;
-    for (int plane = 0; plane < 2; ++plane)
-        average_chroma(colours + plane * BLOCK_RAYS, inside.x, inside.y,
-                       frame + pixels + plane * chroma + (ulong)(y0 / 2) * pitch + x0 / 2, pitch);
+    for (int channel = 0; channel < 2; ++channel)
+        average_chroma(colours + channel * BLOCK_RAYS, inside.x, inside.y,
+                       frame + pixels + channel * chroma + (ulong)(y0 / 2) * pitch + x0 / 2, pitch);
 }

@@ -12,9 +12,6 @@
 #include "packet.cl"
 #include "plane_sums.cl"
 
-#define PREFIX_PITCH (3 * PACKET_COLUMNS)
-#define PREFIX_WORDS ((PACKET_COLUMNS + 1) * PREFIX_PITCH)
-
 // The packet's cell in `row`, `column` of its picture.
 inline int cell_at(const Rays *r, int row, int column)
 {
@@ -24,14 +21,14 @@ inline int cell_at(const Rays *r, int row, int column)
 }
 
 // How far a mask is open over the lens samples of a cell.
-inline int openness(const Planes *p, int mask, int2 at)
+inline int openness(const SensorPlanes *p, int mask, int2 at)
 {
     const int blocks = p->numbers->blocks;
     return p->kinds[(mask * blocks + at.y / BLOCK) * blocks + at.x / BLOCK];
 }
 
 // Leave out blocks of a packet that no plane's mask opens.
-inline void drop_closed_blocks(const Planes *p, Packet *packet)
+inline void drop_closed_blocks(const SensorPlanes *p, Packet *packet)
 {
     for (int block = 0; block < packet->rays->blocks; ++block) {
         if (!has_block(packet, block)) continue;
@@ -49,16 +46,16 @@ inline uint16 open_colours(global const float *colours, int16 keep)
     return as_uint16(convert_int16(fixed) & keep);
 }
 
-inline void store_prefix(private const uint16 *sum, global uint *to)
+inline void store_prefix(private const uint16 *sum, int column, global ColourRow *to)
 {
     for (int channel = 0; channel < 3; ++channel)
-        vstore16(sum[channel], 0, to + channel * PACKET_COLUMNS);
+        vstore16(sum[channel], column, to->channel[channel]);
 }
 
-// Exclusive prefix sums down the columns of fixed-point colours where the mask is open: (rows + 1,
-// 3, columns), each below 2^27.  Returns whether anything is open.
-inline int make_prefix(const Planes *p, const Packet *packet, int mask, global const float *colours,
-                       global uint *prefix)
+// Exclusive prefix sums down the columns of fixed-point colours where the mask is open: (rows + 1,)
+// rows, each below 2^27.  Returns whether anything is open.
+inline int make_prefix(const SensorPlanes *p, const Packet *packet, int mask,
+                       global const float *colours, global ColourRow *prefix)
 {
     const Rays *rays = packet->rays;
     const int side = rays->packet_side / BLOCK, chunks = rays->group * side;
@@ -66,7 +63,7 @@ inline int make_prefix(const Planes *p, const Packet *packet, int mask, global c
     int any = 0;
     for (int column = 0; column < chunks; ++column) {
         uint16 sum[3] = {0, 0, 0};
-        global uint *to = prefix + column * BLOCK;
+        global ColourRow *to = prefix;
         for (int row = 0; row < chunks; ++row) {
             const int cell = cell_at(rays, row, column);
             const int2 where = cell_position(packet, cell);
@@ -74,8 +71,8 @@ inline int make_prefix(const Planes *p, const Packet *packet, int mask, global c
             global const uchar *open = p->masks + ((ulong)mask * pitch + where.y) * pitch + where.x;
             global const float *from = colours + cell * 3 * BLOCK_RAYS;
             any |= kind;
-            for (int k = 0; k < BLOCK; ++k, to += PREFIX_PITCH, open += pitch, from += BLOCK) {
-                store_prefix(sum, to);
+            for (int k = 0; k < BLOCK; ++k, ++to, open += pitch, from += BLOCK) {
+                store_prefix(sum, column, to);
                 if (!kind) continue;
                 int16 keep = -1;
                 if (kind != 2) keep = convert_int16(as_char16(vload16(0, open)));
@@ -83,7 +80,7 @@ inline int make_prefix(const Planes *p, const Packet *packet, int mask, global c
                     sum[channel] += open_colours(from + channel * BLOCK_RAYS, keep);
             }
         }
-        store_prefix(sum, to);
+        store_prefix(sum, column, to);
     }
     return any;
 }
@@ -92,21 +89,23 @@ inline int make_prefix(const Planes *p, const Packet *packet, int mask, global c
 typedef struct {
     // (planes,) first row and one past the last that hold anything; first >= last: none.
     global int2 *window;
-    // (planes, ring, 3, PACKET_COLUMNS) zero but for those rows; row y is at y % ring.  32 bits
-    // will do: of a column a packet adds 64 rays of 2^20 at the most.
-    global uint *rows;
+    // (planes, ring) zero but for those rows; row y is at y % ring.  32 bits will do: of a column a
+    // packet adds 64 rays of 2^20 at the most.
+    global ColourRow *rows;
 } Strip;
 
 // Add the packet's rows of the `count` runs from `run` on to a row of the strip.
-inline void add_rows(global const Run *run, int count, global const uint *prefix, global uint *to)
+inline void add_rows(global const Run *run, int count, global const ColourRow *prefix,
+                     global ColourRow *row)
 {
-    for (int channel = 0; channel < 3; ++channel, prefix += PACKET_COLUMNS, to += PACKET_COLUMNS) {
+    for (int channel = 0; channel < 3; ++channel) {
+        global uint *to = row->channel[channel];
         uint16 sum[MOST_CELLS];
 #pragma unroll
         for (int k = 0; k < MOST_CELLS; ++k) sum[k] = vload16(k, to);
         for (int at = 0; at < count; ++at) {
-            global const uint *above = prefix + run[at].start * PREFIX_PITCH;
-            global const uint *below = prefix + run[at].end * PREFIX_PITCH;
+            global const uint *above = prefix[run[at].start].channel[channel];
+            global const uint *below = prefix[run[at].end].channel[channel];
 #pragma unroll
             for (int k = 0; k < MOST_CELLS; ++k) sum[k] += vload16(k, below) - vload16(k, above);
         }
@@ -116,25 +115,26 @@ inline void add_rows(global const Run *run, int count, global const uint *prefix
 }
 
 // Where the rays of a packet's rows, or columns, fall on a plane.
-inline global const Runs *runs_of(const Planes *p, int plane, int group, int pixel, int square)
+inline global const Runs *runs_of(const SensorPlanes *p, int plane, int group, int pixel,
+                                  int square)
 {
-    const PlaneRecord info = p->plane[plane];
+    const SensorPlane info = p->plane[plane];
     return (global const Runs *)(p->runs + info.runs) + pixel / group * info.stride + square;
 }
 
 // The row of a strip that holds row y of a plane.
-inline global uint *strip_row(const Planes *p, const Strip *strip, int plane, int y)
+inline global ColourRow *strip_row(const SensorPlanes *p, const Strip *strip, int plane, int y)
 {
     const int ring = p->numbers->ring;
-    return strip->rows + ((ulong)plane * ring + (y & (ring - 1))) * PREFIX_PITCH;
+    return strip->rows + (ulong)plane * ring + (y & (ring - 1));
 }
 
 // Add a packet of linear colours (cells, 3, BLOCK_RAYS) to its strip.  Its first row of
-// pixels is v, a multiple of its group; `prefix` (PREFIX_WORDS) is scratch.
-inline void add_to_strip(const Planes *p, const Packet *packet, int v, global const float *colours,
-                         global uint *prefix, const Strip *strip)
+// pixels is v, a multiple of its group; `prefix` (PACKET_COLUMNS + 1,) is scratch.
+inline void add_to_strip(const SensorPlanes *p, const Packet *packet, int v,
+                         global const float *colours, global ColourRow *prefix, const Strip *strip)
 {
-    const PlaneArguments *n = p->numbers;
+    const SensorPlaneArguments *n = p->numbers;
     const Rays *rays = packet->rays;
     const int square = packet->at.y / rays->packet_side;
     int have = -1, any = 0;
@@ -160,14 +160,12 @@ inline void add_to_strip(const Planes *p, const Packet *packet, int v, global co
 }
 
 // A row of a strip, zeroed, as red, green, blue, 0 of every column
-inline void take_row(global uint *row, private uint4 *line)
+inline void take_row(global ColourRow *row, private uint4 *line)
 {
-    for (int column = 0; column < PACKET_COLUMNS; column += 8, row += 8, line += 8) {
-        const uint8 red = vload8(0, row), green = vload8(0, row + PACKET_COLUMNS);
-        const uint8 blue = vload8(0, row + 2 * PACKET_COLUMNS);
-        vstore8((uint8)(0), 0, row);
-        vstore8((uint8)(0), 0, row + PACKET_COLUMNS);
-        vstore8((uint8)(0), 0, row + 2 * PACKET_COLUMNS);
+    for (int k = 0; k < PACKET_COLUMNS / 8; ++k, line += 8) {
+        const uint8 red = vload8(k, row->channel[0]), green = vload8(k, row->channel[1]);
+        const uint8 blue = vload8(k, row->channel[2]);
+        for (int channel = 0; channel < 3; ++channel) vstore8((uint8)(0), k, row->channel[channel]);
         // As processors interleave: within each half of a register.
         const uint8 low = (uint8)(0, 8, 1, 9, 4, 12, 5, 13), high = low + (uint8)(2);
         const uint8 even = (uint8)(0, 1, 8, 9, 4, 5, 12, 13), odd = even + (uint8)(2);
@@ -175,9 +173,9 @@ inline void take_row(global uint *row, private uint4 *line)
         const uint8 rg2 = shuffle2(red, green, high), b2 = shuffle2(blue, (uint8)(0), high);
         const uint8 pairs[4] = {shuffle2(rg, b, even), shuffle2(rg, b, odd),
                                 shuffle2(rg2, b2, even), shuffle2(rg2, b2, odd)};
-        for (int k = 0; k < 4; ++k) {
-            line[k] = pairs[k].lo;
-            line[k + 4] = pairs[k].hi;
+        for (int pair = 0; pair < 4; ++pair) {
+            line[pair] = pairs[pair].lo;
+            line[pair + 4] = pairs[pair].hi;
         }
     }
 }
@@ -197,9 +195,10 @@ inline void add_columns(global const Run *run, global const Run *end, const priv
 
 // Add a strip to the planes and empty it.  Its first column of pixels is u, a multiple of the
 // packets' group; `square` is its place on the lens.
-inline void finish_strip(const Planes *p, const Rays *rays, int u, int square, const Strip *strip)
+inline void finish_strip(const SensorPlanes *p, const Rays *rays, int u, int square,
+                         const Strip *strip)
 {
-    const PlaneArguments *n = p->numbers;
+    const SensorPlaneArguments *n = p->numbers;
     private uint4 line[PACKET_COLUMNS];
     for (int plane = 0; plane < n->planes; ++plane) {
         const int2 window = strip->window[plane];

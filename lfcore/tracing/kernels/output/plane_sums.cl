@@ -6,27 +6,27 @@
 #include "lanes.cl"
 
 typedef struct {
-    const PlaneArguments *numbers;
-    global const PlaneRecord *plane;  // (planes,)
+    const SensorPlaneArguments *numbers;
+    global const SensorPlane *plane;  // (planes,)
     global const int *runs;     // where rays fall: Runs of packets, or targets of views
     global const uchar *masks;  // (masks, N, N) 255 where open; for packets, N in whole packets
     global const uchar *kinds;  // (masks, blocks, blocks) 0 closed, 1 partly, 2 wholly open
     global ulong4 *sums;        // (planes, height, width) of this worker: red, green, blue, 0
-} Planes;
+} SensorPlanes;
 
-inline global ulong4 *sums_of(const Planes *p, int plane)
+inline global ulong4 *sums_of(const SensorPlanes *p, int plane)
 {
     return p->sums + (ulong)plane * p->numbers->width * p->numbers->height;
 }
 
 // Add a block of pixels of one view, of lens sample `view`, whose first pixel of those that it has
 // is `at`: `runs` holds the target of every pixel column for each lens column, rows alike.
-inline void add_view(const Planes *p, int2 view, int2 at, global const float *colours)
+inline void add_view(const SensorPlanes *p, int2 view, int2 at, global const float *colours)
 {
-    const PlaneArguments *n = p->numbers;
+    const SensorPlaneArguments *n = p->numbers;
     const int columns = min(BLOCK, n->columns - at.x), rows = min(BLOCK, n->rows - at.y);
     for (int plane = 0; plane < n->planes; ++plane) {
-        const PlaneRecord info = p->plane[plane];
+        const SensorPlane info = p->plane[plane];
         if (!p->masks[((ulong)info.mask * n->views + view.y) * n->views + view.x]) continue;
         global const int *across = p->runs + info.runs + view.x * n->size + n->column + at.x;
         global const int *down = p->runs + info.runs + view.y * n->size + n->row + at.y;

@@ -1,7 +1,7 @@
 // Linear radiance as floats: nothing is clamped.
 //
-// Element e is tile (e / across, e % across) of one image; with one tile across, elements follow
-// each other.
+// The image is a mosaic of the elements' pictures: element e is in row e / across, column e %
+// across.
 #pragma once
 #include "packet.cl"
 

@@ -88,10 +88,10 @@ inline vf reflected(const Surface *s, vf albedo, vf grazing, vf specular)
 }
 inline Vec reflect_light(const Surface *s, Vec towards, vf cosine, vf attenuation)
 {
-    Vec h = plus3(towards, s->view);
+    Vec h = plus3(towards, s->to_viewer);
     h = scale3(h, inverse_sqrt(max(dot3(h, h), (vf)(NOTHING_LEFT))));
-    const vf specular = microfacets(s, h, cosine, fabs(dot3(s->normal, s->view)));
-    const vf off = max(1.0f - dot3(s->view, h), (vf)(0.0f)), off2 = off * off;
+    const vf specular = microfacets(s, h, cosine, fabs(dot3(s->normal, s->to_viewer)));
+    const vf off = max(1.0f - dot3(s->to_viewer, h), (vf)(0.0f)), off2 = off * off;
     const vf grazing = off2 * off2 * off;
     const vf lit = pick((vf)(0.0f), cosine * attenuation, GT(attenuation, (vf)(0.0f)));
     const Vec c = {reflected(s, s->albedo.x, grazing, specular),

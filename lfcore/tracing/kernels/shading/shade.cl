@@ -39,7 +39,7 @@ inline int is_glossy(const Material *m)
 // A highlight: a power of the cosine between the normal and halfway to the viewer.
 inline vf highlight(const Surface *s, Vec towards, vi facing)
 {
-    const Vec h = plus3(towards, s->view);
+    const Vec h = plus3(towards, s->to_viewer);
     const vf halfway = dot3(s->normal, h) * inverse_sqrt(max(dot3(h, h), (vf)(NOTHING_LEFT)));
     const vi glossy = facing & GE(halfway, (vf)(s->material->specular_cutoff));
     if (!row_any(glossy)) return 0.0f;
@@ -81,8 +81,8 @@ inline Vec unlit_light(const Scene *scene, const Surface *s)
     return plus3(times3(metallic ? ambient_reflectance(s) : s->albedo, ambient), emission);
 }
 
-// Blocks of more regions read their textures ray by ray: tiles would not pay.
-#define TILED_REGIONS 8
+// Blocks of more regions read their textures ray by ray: patches would not pay.
+#define PATCHED_REGIONS 8
 
 // The range of texture coordinates over a region of a block of one element.
 inline float4 coordinate_range(global const PlaneEquations *p, Rectangle at)
@@ -93,11 +93,11 @@ inline float4 coordinate_range(global const PlaneEquations *p, Rectangle at)
 }
 
 // Read the texels under what a block of few regions sees of a material.
-inline void read_tile(const Scene *scene, const Block *b, int key, const Material *m,
-                      TexelTile *tile)
+inline void read_patch(const Scene *scene, const Block *b, int key, const Material *m,
+                      TexelPatch *patch)
 {
-    tile->columns = 0;
-    if (!TEXTURED || !m->base.height || OUTER > 1 || b->regions.count > TILED_REGIONS) return;
+    patch->columns = 0;
+    if (!TEXTURED || !m->base.height || OUTER > 1 || b->regions.count > PATCHED_REGIONS) return;
     float4 range = (float4)(FAR, FAR, -FAR, -FAR);
     for (int k = 0; k < b->regions.count; ++k) {
         global const PlaneEquations *p = b->planes + k;
@@ -108,24 +108,24 @@ inline void read_tile(const Scene *scene, const Block *b, int key, const Materia
         range.lo = min(range.lo, own.lo);
         range.hi = max(range.hi, own.hi);
     }
-    make_tile(scene->texels, m->base, range, tile);
+    make_patch(scene->texels, m->base, range, patch);
 }
 
 // Colours of the texture of a row of rays.
-inline Vec texture_row(const Scene *scene, const TexelTile *tile, const Material *m,
+inline Vec texture_row(const Scene *scene, const TexelPatch *patch, const Material *m,
                        global const Samples *samples, int at)
 {
     const vf u = VLOAD(samples->uv + at), v = VLOAD(samples->uv + BLOCK_RAYS + at);
-    if (tile->columns) return sample_tile(tile, u, v);
+    if (patch->columns) return sample_patch(patch, u, v);
     return sample_texture(scene->texels, m->base, u, v);
 }
 
 // The material's own colour, times that of texture and corners.
-inline Vec albedo_row(const Scene *scene, const TexelTile *tile, const Material *m,
+inline Vec albedo_row(const Scene *scene, const TexelPatch *patch, const Material *m,
                       global const Samples *samples, int at)
 {
     Vec c = spread3(m->diffuse);
-    if (TEXTURED && m->base.height) c = times3(c, texture_row(scene, tile, m, samples, at));
+    if (TEXTURED && m->base.height) c = times3(c, texture_row(scene, patch, m, samples, at));
     if (VERTEX_COLOURS) c = times3(c, load3(samples->tint, at));
     return c;
 }
@@ -176,8 +176,8 @@ inline int list_keys(const Block *b, private int *keys)
 inline void shade_key(const Scene *scene, const Block *b, int key, global float *colours)
 {
     const Material material = read_material(scene, key);
-    TexelTile tile;
-    read_tile(scene, b, key, &material, &tile);
+    TexelPatch patch;
+    read_patch(scene, b, key, &material, &patch);
     Surface s;
     s.material = &material;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
@@ -186,8 +186,8 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
         s.point = load3(b->samples->point, at);
         s.normal = load3(b->samples->normal, at);
         if (PHYSICAL || is_glossy(&material))
-            s.view = viewer_row(&b->rays, row_at(at, b->rays.half_extent));
-        s.albedo = albedo_row(scene, &tile, &material, b->samples, at);
+            s.to_viewer = viewer_row(&b->rays, row_at(at, b->rays.half_extent));
+        s.albedo = albedo_row(scene, &patch, &material, b->samples, at);
         if (PHYSICAL) read_row_maps(scene, b->samples, at, &s);
         store3(pick3(load3(colours, at), light_row(scene, b, &s, at), mine), colours, at);
     }

@@ -66,7 +66,7 @@ inline void light_block(const Shadows *s, const Block *b, global const LightReco
     for (find_facing(b, light, wanted); next_span(s, b, wanted, &box);) {
         LightSpaceRays l;
         l.rays = make_shadow_rays(light, &box);
-        l.view = make_light_space(&l.rays);
+        l.space = make_light_space(&l.rays);
         l.samples = b->samples;
         if (project_hits(s, &l)) cast_light_space(s, &l);
         else cast_single_rays(s, b, light);

@@ -21,17 +21,17 @@ typedef struct {
 // coordinates there, places over the distance, are thirty thousand at the most.
 #define NEAREST_SHARE 1.0e-4f
 
-// Boxes of every strip of STRIP rays of a block: one without hit points has lows beyond its highs.
-#define STRIP (LANES > 8 ? LANES : 8)
-#define STRIPS (BLOCK_RAYS / STRIP)
-typedef struct { float lo[3][STRIPS], hi[3][STRIPS]; } StripBoxes;
+// Boxes of each stripe, STRIPE rays of a block: one without hit points has lows beyond its highs.
+#define STRIPE (LANES > 8 ? LANES : 8)
+#define STRIPES (BLOCK_RAYS / STRIPE)
+typedef struct { float lo[3][STRIPES], hi[3][STRIPES]; } StripeBoxes;
 
 // A set of shadow rays in light space.
 typedef struct {
     ShadowRays rays;
-    LightSpace view;
-    StripBoxes strips;
-    uint lit;                       // strips that have any active rays, a bit each
+    LightSpace space;
+    StripeBoxes stripes;
+    uint lit;                       // stripes that have any active rays, a bit each
     global const Samples *samples;  // where the block's rays start
 } LightSpaceRays;
 
@@ -48,17 +48,17 @@ inline LightSpace make_light_space(const ShadowRays *r)
 }
 
 // u, v, d of a row of hit points.
-inline Vec project_row(const ShadowRays *r, const LightSpace *view, global const float *point,
+inline Vec project_row(const ShadowRays *r, const LightSpace *space, global const float *point,
                        int at)
 {
     vf x[3];
     for (int k = 0; k < 3; ++k)
-        x[k] = VLOAD(point + view->axes[k] * BLOCK_RAYS + at) - axis(r->apex, view->axes[k]);
+        x[k] = VLOAD(point + space->axes[k] * BLOCK_RAYS + at) - axis(r->apex, space->axes[k]);
     if (r->is_point) {
-        const vf inverse = reciprocal(x[2] * view->sign);
+        const vf inverse = reciprocal(x[2] * space->sign);
         return (Vec){x[0] * inverse, x[1] * inverse, inverse};
     }
-    return (Vec){fma((vf)(-view->slope_x), x[2], x[0]), fma((vf)(-view->slope_y), x[2], x[1]),
+    return (Vec){fma((vf)(-space->slope_x), x[2], x[0]), fma((vf)(-space->slope_y), x[2], x[1]),
                  x[2]};
 }
 
@@ -67,31 +67,31 @@ inline Vec project_row(const ShadowRays *r, const LightSpace *view, global const
 inline int project_hits(const Shadows *s, LightSpaceRays *l)
 {
     const ShadowRays *r = &l->rays;
-    LightSpace *view = &l->view;
+    LightSpace *space = &l->space;
     Box hits = {{FAR, FAR, FAR}, {-FAR, -FAR, -FAR}};
     l->lit = 0;
-    for (int strip = 0; strip < STRIPS; ++strip) {
+    for (int stripe = 0; stripe < STRIPES; ++stripe) {
         Ranges ranges;
         clear_ranges(&ranges);
-        for (int at = strip * STRIP; at < (strip + 1) * STRIP; at += LANES) {
+        for (int at = stripe * STRIPE; at < (stripe + 1) * STRIPE; at += LANES) {
             const vi within = VLOAD(s->active + at);
-            const Vec seen = project_row(r, view, s->origins, at);
+            const Vec seen = project_row(r, space, s->origins, at);
             store3(seen, s->seen, at);
             add_to_ranges(&ranges, seen, within);
         }
         const Box box = box_of(&ranges);
         for (int k = 0; k < 3; ++k) {
-            l->strips.lo[k][strip] = box.lo[k];
-            l->strips.hi[k][strip] = box.hi[k];
+            l->stripes.lo[k][stripe] = box.lo[k];
+            l->stripes.hi[k][stripe] = box.hi[k];
             hits.lo[k] = min(hits.lo[k], box.lo[k]);
             hits.hi[k] = max(hits.hi[k], box.hi[k]);
         }
-        l->lit |= (uint)(box.lo[0] <= box.hi[0]) << strip;
+        l->lit |= (uint)(box.lo[0] <= box.hi[0]) << stripe;
     }
     for (int k = 0; k < 3; ++k) {
-        view->middle[k] = 0.5f * (hits.lo[k] + hits.hi[k]);
-        view->half_extent[k] = 0.5f * BOUND_SLACK * (hits.hi[k] - hits.lo[k]);
-        view->most[k] = max(fabs(hits.lo[k]), fabs(hits.hi[k]));
+        space->middle[k] = 0.5f * (hits.lo[k] + hits.hi[k]);
+        space->half_extent[k] = 0.5f * BOUND_SLACK * (hits.hi[k] - hits.lo[k]);
+        space->most[k] = max(fabs(hits.lo[k]), fabs(hits.hi[k]));
     }
     if (!r->is_point) return 1;
     const float nearest = NEAREST_SHARE * largest_component(r->half_extent);
@@ -107,7 +107,7 @@ inline vf component(Vec n, int k) { return k == 0 ? n.x : k == 1 ? n.y : n.z; }
 
 // WideAffine of LANES triangles of a leaf; returns those of `may` that reach the hit points' box in
 // the picture.
-inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, global const float *leaf,
+inline uint set_up_picture(const ShadowRays *r, const LightSpace *space, global const Leaf *leaf,
                            vi may, PictureEdges *out)
 {
     Occluders o;
@@ -115,17 +115,18 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, global c
 #pragma unroll
     for (int k = 3; k >= 0 && row_any(may); --k) {
         const Plane plane = k == 3 ? face_plane(r, &o, &may) : edge_plane(r, &o, k);
-        const vf a = component(plane.n, view->axes[0]), b = component(plane.n, view->axes[1]);
-        const vf n = component(plane.n, view->axes[2]), c = r->is_point ? n * view->sign : plane.c;
-        vf largest = fma(a, (vf)(view->middle[0]), b * view->middle[1]) +
-                     fma(fabs(a), (vf)(view->half_extent[0]), fabs(b) * view->half_extent[1]);
-        vf error = fma(fabs(a), (vf)(view->most[0]), fma(fabs(b), (vf)(view->most[1]), fabs(c)));
+        const vf a = component(plane.n, space->axes[0]), b = component(plane.n, space->axes[1]);
+        const vf n = component(plane.n, space->axes[2]);
+        const vf c = r->is_point ? n * space->sign : plane.c;
+        vf largest = fma(a, (vf)(space->middle[0]), b * space->middle[1]) +
+                     fma(fabs(a), (vf)(space->half_extent[0]), fabs(b) * space->half_extent[1]);
+        vf error = fma(fabs(a), (vf)(space->most[0]), fma(fabs(b), (vf)(space->most[1]), fabs(c)));
         vf g = 0.0f;
         if (k == 3) {
-            const vf along = fma(a, (vf)(view->slope_x), fma(b, (vf)(view->slope_y), n));
+            const vf along = fma(a, (vf)(space->slope_x), fma(b, (vf)(space->slope_y), n));
             g = r->is_point ? plane.c : along;
-            largest += fma(g, (vf)(view->middle[2]), fabs(g) * view->half_extent[2]);
-            error = fma(fabs(g), (vf)(view->most[2]), error);
+            largest += fma(g, (vf)(space->middle[2]), fabs(g) * space->half_extent[2]);
+            error = fma(fabs(g), (vf)(space->most[2]), error);
         }
         const vf function[PICTURE_TERMS] = {a, b, g, c, fma(error, (vf)(LIGHT_SPACE_ERROR), c)};
         for (int term = 0; term < PICTURE_TERMS; ++term) VSTORE(function[term], out->of[k][term]);
@@ -134,11 +135,11 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *view, global c
     return row_bits(may);
 }
 
-// Which of the occluders `keep` may reach each strip of the block, a bit each.
-inline void reach_strips(const StripBoxes *strips, const PictureEdges *f, uint keep,
+// Which of the occluders `keep` may reach each stripe of the block, a bit each.
+inline void reach_stripes(const StripeBoxes *stripes, const PictureEdges *f, uint keep,
                          private int *reaching)
 {
-    for (int first = 0; first < STRIPS; first += LANES) {
+    for (int first = 0; first < STRIPES; first += LANES) {
         vi found = 0;
         for (uint left = keep; left; left &= left - 1) {
             const uint lane = lowest(left);
@@ -148,7 +149,7 @@ inline void reach_strips(const StripBoxes *strips, const PictureEdges *f, uint k
                 vf largest = function[MOST_C][lane];
                 for (int axis = 0; axis < (k == 3 ? 3 : 2); ++axis) {
                     const float x = function[axis][lane];
-                    const float *extreme = x > 0.0f ? strips->hi[axis] : strips->lo[axis];
+                    const float *extreme = x > 0.0f ? stripes->hi[axis] : stripes->lo[axis];
                     largest = fma((vf)(x), VLOAD(extreme + first), largest);
                 }
                 may &= GE(largest, (vf)(0.0f));
@@ -191,12 +192,12 @@ inline vi behind_occluder(const PictureEdges *f, uint lane, int id, Vec seen, vi
     return inside & GT(beyond, (vf)(0.0f)) & ~EQ(triangle, (vi)(id));
 }
 
-// Take from s->active the rays of a strip behind the occluders `keep`, of triangles `ids`.
-inline void cast_strip(const Shadows *s, const PictureEdges *f, uint keep, global const int *ids,
-                       int strip, LightSpaceRays *l)
+// Take from s->active the rays of a stripe behind the occluders `keep`, of triangles `ids`.
+inline void cast_stripe(const Shadows *s, const PictureEdges *f, uint keep, global const int *ids,
+                       int stripe, LightSpaceRays *l)
 {
     vi lit = 0;
-    for (int at = strip * STRIP; at < (strip + 1) * STRIP; at += LANES) {
+    for (int at = stripe * STRIPE; at < (stripe + 1) * STRIPE; at += LANES) {
         vi open = VLOAD(s->active + at);
         const Vec seen = load3(s->seen, at);
         const vi triangle = VLOAD(l->samples->triangle + at);
@@ -210,24 +211,24 @@ inline void cast_strip(const Shadows *s, const PictureEdges *f, uint keep, globa
         VSTORE(open, s->active + at);
         lit |= open;
     }
-    if (!row_any(lit)) l->lit ^= 1u << strip;
+    if (!row_any(lit)) l->lit ^= 1u << stripe;
 }
 
 // Take from s->active the rays behind LANES triangles of a leaf; false when none is left.
 inline int cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
 {
-    global const float *corners = leaf_corners(s->tree, leaf, lane);
+    global const Leaf *corners = leaf_corners(s->tree, leaf, lane);
     global const int *ids = leaf_numbers(s->tree, leaf, lane);
     PictureEdges edges;
     const vi may = ~(shaft_misses(&l->rays.shaft, corners) |
                      are_of_light(l->rays.light_triangles, ids));
-    const uint keep = set_up_picture(&l->rays, &l->view, corners, may, &edges);
+    const uint keep = set_up_picture(&l->rays, &l->space, corners, may, &edges);
     if (!keep) return 1;
-    private int reaching[STRIPS];
-    reach_strips(&l->strips, &edges, keep, reaching);
+    private int reaching[STRIPES];
+    reach_stripes(&l->stripes, &edges, keep, reaching);
     for (uint left = l->lit; left; left &= left - 1) {
-        const uint strip = lowest(left);
-        if (reaching[strip]) cast_strip(s, &edges, reaching[strip], ids, strip, l);
+        const uint stripe = lowest(left);
+        if (reaching[stripe]) cast_stripe(s, &edges, reaching[stripe], ids, stripe, l);
     }
     return l->lit != 0;
 }

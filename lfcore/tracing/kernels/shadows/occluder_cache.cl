@@ -9,7 +9,6 @@
 #include "receiver.cl"
 
 #define ENTRIES 256
-#define OCCLUDER_WORDS 12   // four affine functions of three terms
 #define POOL 1024           // occluders of all entries
 #define MOST_OCCLUDERS 128  // of one entry; with more, the block is shadowed as a whole
 
@@ -23,9 +22,12 @@ typedef struct {
     int first, count;     // the first row of LANES in the pool; occluders, or one of the above
 } CacheEntry;
 
+// LANES occluders: the terms of four affine functions.
+typedef struct { float of[4][3][LANES]; } OccluderRow;
+
 typedef struct OccluderCache {
     CacheEntry entry[ENTRIES];
-    global float *pool;  // (POOL / LANES, OCCLUDER_WORDS, LANES)
+    global OccluderRow *pool;  // (POOL / LANES,)
     int used;            // rows of the pool
     int element;         // whose rays, of the packet's elements; -1: none
     Bundle rays;         // of that element's part of the packet, as if they were one block
@@ -135,9 +137,10 @@ typedef struct {
 inline void keep_occluder(OccluderCache *c, CacheEntry *entry, const WideAffine *e, int lane)
 {
     const int at = entry->count++;
-    global float *to = c->pool + (entry->first + at / LANES) * OCCLUDER_WORDS * LANES + at % LANES;
-    for (int k = 0; k < OCCLUDER_WORDS; ++k)
-        to[k * LANES] = ((const float *)&e[k / 3].of[k % 3])[lane];
+    global OccluderRow *to = c->pool + entry->first + at / LANES;
+    for (int k = 0; k < 4; ++k)
+        for (int term = 0; term < 3; ++term)
+            to->of[k][term][at % LANES] = ((const float *)&e[k].of[term])[lane];
 }
 
 // Keep those of LANES triangles that can darken a ray.  False once no more are wanted: one of them
@@ -204,9 +207,10 @@ inline CacheEntry *entry_of(Shadows *s, int triangle, int number)
 inline int cast_entry(const OccluderCache *c, const CacheEntry *entry, ShadowMask *m)
 {
     for (int at = 0; at < entry->count; at += LANES) {
-        global const float *from = c->pool + (entry->first * LANES + at) * OCCLUDER_WORDS;
+        global const OccluderRow *from = c->pool + entry->first + at / LANES;
         WideAffine e[4];
-        for (int k = 0; k < OCCLUDER_WORDS; ++k) e[k / 3].of[k % 3] = VLOAD(from + k * LANES);
+        for (int k = 0; k < 4; ++k)
+            for (int term = 0; term < 3; ++term) e[k].of[term] = VLOAD(from->of[k][term]);
         if (!cast_occluders(e, LT(IOTA, (vf)(entry->count - at)), m)) return 0;
     }
     return 1;

@@ -28,10 +28,11 @@ inline vf shadow_margin(Vec n, Vec v, float3 size)
 }
 
 // The corners of LANES triangles, relative to a place.
-inline void load_corners(global const float *leaf, float3 place, Vec *v)
+inline void load_corners(global const Leaf *leaf, float3 place, Vec *v)
 {
-    for (int k = 0; k < 3; ++k, leaf += 3 * NODE_WIDTH) {
-        const Vec p = {VLOAD(leaf), VLOAD(leaf + NODE_WIDTH), VLOAD(leaf + 2 * NODE_WIDTH)};
+    for (int k = 0; k < 3; ++k) {
+        const Vec p = {VLOAD(leaf->corner[k][0]), VLOAD(leaf->corner[k][1]),
+                       VLOAD(leaf->corner[k][2])};
         v[k] = minus3(p, spread3(place));
     }
 }

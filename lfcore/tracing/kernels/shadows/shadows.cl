@@ -7,7 +7,7 @@
 typedef struct {
     int active[2 * BLOCK_RAYS];
     float seen[3 * BLOCK_RAYS];
-    float pool[POOL * OCCLUDER_WORDS];
+    OccluderRow pool[POOL / LANES];
     PlaneEquations element_planes;
     float lifted[CURVED ? 3 * BLOCK_RAYS : 1];
 } ShadowMemory;

@@ -8,7 +8,7 @@
 inline int leaf_blocks(const Tree *tree, const Ray *r, int leaf, float far, int own, int2 light)
 {
     for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-        global const float *at = leaf_corners(tree, leaf, lane);
+        global const Leaf *at = leaf_corners(tree, leaf, lane);
         global const int *ids = leaf_numbers(tree, leaf, lane);
         Sheared s;
         shear_leaf(r, at, &s);

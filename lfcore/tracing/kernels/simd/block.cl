@@ -70,7 +70,7 @@ inline float row_dy(const Bundle *r, Row at) { return AT_OFFSETS(at.y, at.v, r->
 
 // Terms of an affine function over a block: 1, x, y, and for several elements u, v and y u - x v.
 // Only edge functions have the last: D . (O x W) multiplies a step of the origin by one of the
-// direction.  Where blocks have no u and v, nothing is made of what their numbers stand for.
+// direction.  Blocks of one element have no u and v: their U, V and BILINEAR are never read.
 enum { ONE, X, Y, U = OUTER > 1 ? 3 : 0, V = OUTER > 1 ? 4 : 0, BILINEAR = OUTER > 1 ? 5 : 0 };
 #define AFFINE_TERMS (OUTER > 1 ? 6 : 3)
 typedef struct { float of[AFFINE_TERMS]; } Affine;

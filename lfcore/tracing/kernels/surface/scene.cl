@@ -56,7 +56,7 @@ typedef struct {
     const Material *material;
     Vec albedo, point;
     Vec normal;     // of unit length
-    Vec view;       // direction to the viewer, of unit length; only specular materials have it
+    Vec to_viewer;  // direction to the viewer, of unit length; only specular materials have it
     // Scenes with PHYSICAL alone.
     Vec geometric;  // the normal before the normal map
     vf metallic;

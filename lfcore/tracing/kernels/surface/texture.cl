@@ -52,17 +52,17 @@ inline Vec sample_texture(global const uint *texels, Level image, vf u, vf v)
     return add_texel(sum, fetch(texels, yb + xb), fx * wy);
 }
 
-// A texel tile, the few texels that rays of a block fall into: bilinear interpolation between them
+// A texel patch, the few texels that rays of a block fall into: bilinear interpolation between them
 // is
 //     sum of d[j][i] s_i(x) s_j(y),  s_0 = 1,  s_1(x) = x,  s_k(x) = min(x, k - 1)
 // from the first texel to the last: no addresses, and no gathers, by the ray.
-#define TEXEL_TILE 5
+#define TEXEL_PATCH 5
 typedef struct {
     int columns, rows;      // texels, at least two; 0 where there are too many
     float u, v, left, top;  // whole numbers: turns of the texture, and the first texel within it
     float width, height;
-    float4 d[TEXEL_TILE][TEXEL_TILE];
-} TexelTile;
+    float4 d[TEXEL_PATCH][TEXEL_PATCH];
+} TexelPatch;
 
 // Texels along a line, one after the other, to the coefficients of such a sum.
 typedef struct { float4 before, slope; } Summing;
@@ -82,8 +82,8 @@ inline float4 decode_texel(uint packed)
     return root * root;
 }
 
-// The tile of rays whose coordinates lie within `range`: least u and v, most u and v.
-inline void make_tile(global const uint *texels, Level image, float4 range, TexelTile *p)
+// The patch of rays whose coordinates lie within `range`: least u and v, most u and v.
+inline void make_patch(global const uint *texels, Level image, float4 range, TexelPatch *p)
 {
     const float u0 = range.x, v0 = range.y, u1 = range.z, v1 = range.w;
     p->columns = 0;
@@ -95,7 +95,7 @@ inline void make_tile(global const uint *texels, Level image, float4 range, Texe
     p->top = floor(fma(1.0f - (v1 - p->v), p->height, -0.5f));
     const float across = fma(u1 - p->u, p->width, -0.5f) - p->left;
     const float down = fma(1.0f - (v0 - p->v), p->height, -0.5f) - p->top;
-    if (!(across < TEXEL_TILE - 1 && down < TEXEL_TILE - 1)) return;
+    if (!(across < TEXEL_PATCH - 1 && down < TEXEL_PATCH - 1)) return;
     p->columns = (int)across + 2;
     p->rows = (int)down + 2;
     const int first = p->left < 0.0f ? image.width - 1 : (int)p->left;
@@ -125,14 +125,14 @@ inline Vec mix_row(private const float4 *d, int columns, private const vf *s)
     return row;
 }
 
-// The colour at texture coordinates within the tile.
-inline Vec sample_tile(const TexelTile *p, vf u, vf v)
+// The colour at texture coordinates within the patch.
+inline Vec sample_patch(const TexelPatch *p, vf u, vf v)
 {
     // In texels from the centre of the first one.
     const vf x = fma(u - p->u, (vf)(p->width), (vf)(-0.5f)) - p->left;
     const vf y = fma(1.0f - (v - p->v), (vf)(p->height), (vf)(-0.5f)) - p->top;
     const int columns = p->columns;
-    vf s[TEXEL_TILE];
+    vf s[TEXEL_PATCH];
     s[1] = x;
     for (int i = 2; i < columns; ++i) s[i] = min(x, (vf)(i - 1.0f));
     Vec sum = fma3(y, mix_row(p->d[1], columns, s), mix_row(p->d[0], columns, s));

@@ -54,12 +54,11 @@ inline vi beside_interval(const Frustum *f, const Interval *a, vf lo, vf hi, vf 
            LT(hi, min(fma(z0, d_lo, a->o_lo - w0), fma(z1, d_lo, a->o_lo - w1)));
 }
 
-// Mask of the LANES boxes, `pitch` apart, that the rays may meet nearer than z_far.
-inline vi frustum_meets(const Frustum *f, global const float *boxes, int pitch, float z_far)
+// Mask of LANES boxes that the rays may meet nearer than z_far.
+inline vi frustum_meets(const Frustum *f, global const Boxes *b, float z_far)
 {
-    const vf z_lo = VLOAD(boxes + 2 * pitch), z1 = VLOAD(boxes + 5 * pitch);
-    const vf z0 = max(z_lo, (vf)(0.0f));
-    return ~(beside_interval(f, &f->x, VLOAD(boxes), VLOAD(boxes + 3 * pitch), z0, z1) |
-             beside_interval(f, &f->y, VLOAD(boxes + pitch), VLOAD(boxes + 4 * pitch), z0, z1) |
+    const vf z_lo = VLOAD(b->low[2]), z1 = VLOAD(b->high[2]), z0 = max(z_lo, (vf)(0.0f));
+    return ~(beside_interval(f, &f->x, VLOAD(b->low[0]), VLOAD(b->high[0]), z0, z1) |
+             beside_interval(f, &f->y, VLOAD(b->low[1]), VLOAD(b->high[1]), z0, z1) |
              LE(z1, (vf)(0.0f)) | GT(z_lo, (vf)(z_far)));
 }

@@ -5,7 +5,7 @@
 // has doubles, the edge functions are formed in them, and a difference of two products of floats is
 // then rounded once, so that its sign is exact and nothing leaks, at edges or at vertices.
 #pragma once
-#include "tree.cl"
+#include "cut_outs.cl"
 
 #ifdef cl_khr_fp64
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
@@ -46,14 +46,14 @@ inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
 
 // Mask of the LANES boxes that the ray passes before t_far; `nearest` receives where it enters
 // them.
-inline vi ray_meets(const Ray *r, global const float *boxes, float t_far,
+inline vi ray_meets(const Ray *r, global const Boxes *boxes, float t_far,
                     private float *nearest)
 {
     vf near = 0.0f, far = t_far;
     vi miss = 0;
     for (int k = 0; k < 3; ++k) {
         const float o = axis(r->origin, k), inverse = axis(r->inverse, k);
-        const vf lo = VLOAD(boxes + k * NODE_WIDTH), hi = VLOAD(boxes + (3 + k) * NODE_WIDTH);
+        const vf lo = VLOAD(boxes->low[k]), hi = VLOAD(boxes->high[k]);
         if (inverse == 0.0f) {
             // 0 times infinity is no number: the ray is beside the slab or within it, all along.
             miss |= GT(lo, (vf)(o)) | LT(hi, (vf)(o));
@@ -64,7 +64,7 @@ inline vi ray_meets(const Ray *r, global const float *boxes, float t_far,
         far = min(far, max(a, b) * RAY_SLACK);
     }
     VSTORE(near, nearest);
-    return LE(near, far) & LE(VLOAD(boxes), VLOAD(boxes + 3 * NODE_WIDTH)) & ~miss;
+    return LE(near, far) & LE(VLOAD(boxes->low[0]), VLOAD(boxes->high[0])) & ~miss;
 }
 
 // LANES triangles sheared onto a ray, and the mask of those that it passes through.
@@ -80,15 +80,14 @@ inline vi hold_origin(Triple a)
     return LE(least3(a), (vf)(0.0f)) & GE(most3(a), (vf)(0.0f));
 }
 
-inline void shear_leaf(const Ray *r, global const float *leaf, Sheared *s)
+inline void shear_leaf(const Ray *r, global const Leaf *leaf, Sheared *s)
 {
     const float ox = axis(r->origin, r->kx), oy = axis(r->origin, r->ky);
     const float oz = axis(r->origin, r->kz);
     for (int k = 0; k < 3; ++k) {
-        global const float *corner = leaf + 3 * k * NODE_WIDTH;
-        const vf z = VLOAD(corner + r->kz * NODE_WIDTH) - oz;
-        s->x.of[k] = fma(-z, (vf)(r->sx), VLOAD(corner + r->kx * NODE_WIDTH) - ox);
-        s->y.of[k] = fma(-z, (vf)(r->sy), VLOAD(corner + r->ky * NODE_WIDTH) - oy);
+        const vf z = VLOAD(leaf->corner[k][r->kz]) - oz;
+        s->x.of[k] = fma(-z, (vf)(r->sx), VLOAD(leaf->corner[k][r->kx]) - ox);
+        s->y.of[k] = fma(-z, (vf)(r->sy), VLOAD(leaf->corner[k][r->ky]) - oy);
         s->z.of[k] = z;
     }
     s->mask = hold_origin(s->x) & hold_origin(s->y);

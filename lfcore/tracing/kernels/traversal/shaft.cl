@@ -64,29 +64,29 @@ inline Shaft make_shaft(const float *light, int is_point, const Box *box)
 }
 
 // Mask of the LANES boxes that reach into the shaft.
-inline vi shaft_meets(const Shaft *shaft, global const float *boxes)
+inline vi shaft_meets(const Shaft *shaft, global const Boxes *boxes)
 {
     vi miss = 0;
     for (int k = 0; k < 3; ++k)
-        miss |= GT(VLOAD(boxes + k * NODE_WIDTH), (vf)(shaft->hi[k])) |
-                LT(VLOAD(boxes + (3 + k) * NODE_WIDTH), (vf)(shaft->lo[k]));
+        miss |= GT(VLOAD(boxes->low[k]), (vf)(shaft->hi[k])) |
+                LT(VLOAD(boxes->high[k]), (vf)(shaft->lo[k]));
     for (int line = 0; line < 6; ++line) {
         const int a = line / 2, b = (a + 1) % 3;
         const float na = shaft->na[line], nb = shaft->nb[line];
-        const vf xa = VLOAD(boxes + (na > 0.0f ? a : 3 + a) * NODE_WIDTH);
-        const vf xb = VLOAD(boxes + (nb > 0.0f ? b : 3 + b) * NODE_WIDTH);
+        const vf xa = VLOAD(na > 0.0f ? boxes->low[a] : boxes->high[a]);
+        const vf xb = VLOAD(nb > 0.0f ? boxes->low[b] : boxes->high[b]);
         miss |= GT(fma(xa, (vf)(na), xb * nb), (vf)(shaft->limit[line]));
     }
     return ~miss;
 }
 
 // Mask of LANES triangles whose corners all lie beyond one face of the shaft.
-inline vi shaft_misses(const Shaft *shaft, global const float *leaf)
+inline vi shaft_misses(const Shaft *shaft, global const Leaf *leaf)
 {
     Triple v[3];
     vi miss = 0;
     for (int axis = 0; axis < 3; ++axis) {
-        for (int k = 0; k < 3; ++k) v[axis].of[k] = VLOAD(leaf + (3 * k + axis) * NODE_WIDTH);
+        for (int k = 0; k < 3; ++k) v[axis].of[k] = VLOAD(leaf->corner[k][axis]);
         miss |= GT(least3(v[axis]), (vf)(shaft->hi[axis])) |
                 LT(most3(v[axis]), (vf)(shaft->lo[axis]));
     }

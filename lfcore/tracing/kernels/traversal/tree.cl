@@ -1,14 +1,23 @@
 // The hierarchy: nodes of sixteen children, and leaves of sixteen triangles.
 #pragma once
-#include "cut_outs.cl"
+#include "block.cl"
 
-#define BOX 6  // lowest x, y, z, then highest
-#define CORNERS 9
+// 1 where a scene has textures, or triangles with holes.
+#define TEXTURED ((TEXTURES & TEXTURED_BIT) != 0)
+#define CUT_OUTS ((TEXTURES & CUT_OUTS_BIT) != 0)
 
 typedef struct {
-    global const float *boxes;   // (K, BOX, 16) children of the wide nodes
+    global const int *of;          // (T,) a triangle's record; -1: no holes
+    global const CutOut *records;  // (C,)
+    global const uchar *alpha;     // pictures of codes
+} CutOuts;
+
+inline int has_holes(const CutOuts *c, int triangle) { return CUT_OUTS && c->of[triangle] >= 0; }
+
+typedef struct {
+    global const Boxes *boxes;   // (K,) of the wide nodes' children
     global const int *children;  // (K, 16) a node, or -1 less a leaf
-    global const float *leaves;  // (L, CORNERS, 16) corners
+    global const Leaf *leaves;   // (L,)
     global const int *leaf_ids;  // (L, 16) triangles
     CutOuts cut_outs;            // those of the triangles that have holes
 } Tree;
@@ -18,10 +27,14 @@ typedef struct {
     {.boxes = boxes, .children = children, .leaves = leaves, .leaf_ids = leaf_ids,            \
      .cut_outs = {.of = cut_out_of, .records = cut_outs, .alpha = alpha}}
 
-// LANES triangles of a leaf, and their numbers.
-inline global const float *leaf_corners(const Tree *tree, int leaf, int lane)
+// Records of 16 boxes or triangles from `lane` on: element 0 of each array is that lane.
+inline global const Boxes *boxes_from(global const Boxes *boxes, int lane)
 {
-    return tree->leaves + leaf * CORNERS * NODE_WIDTH + lane;
+    return (global const Boxes *)(boxes->low[0] + lane);
+}
+inline global const Leaf *leaf_corners(const Tree *tree, int leaf, int lane)
+{
+    return (global const Leaf *)(tree->leaves[leaf].corner[0][0] + lane);
 }
 inline global const int *leaf_numbers(const Tree *tree, int leaf, int lane)
 {
@@ -31,7 +44,7 @@ inline global const int *leaf_numbers(const Tree *tree, int leaf, int lane)
 // Leaves with their boxes.
 #define LIST 64
 typedef struct {
-    float boxes[BOX * LIST];  // (BOX, LIST)
+    Boxes boxes[LIST / NODE_WIDTH];
     int leaf[LIST];
 } ListedLeaves;
 typedef struct {

@@ -34,14 +34,14 @@ inline uint meet_children(const Tree *tree, const Volume *volume, int node, floa
 {
     uint bits = 0;
     for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-        global const float *boxes = tree->boxes + node * BOX * NODE_WIDTH + lane;
+        global const Boxes *boxes = boxes_from(tree->boxes + node, lane);
         vi meets;
         if (volume->kind == RAY) {
             meets = ray_meets((const Ray *)volume->of, boxes, far, near + lane);
         } else {
             if (volume->kind == SHAFT) meets = shaft_meets((const Shaft *)volume->of, boxes);
-            else meets = frustum_meets((const Frustum *)volume->of, boxes, NODE_WIDTH, far);
-            VSTORE(VLOAD(boxes + 2 * NODE_WIDTH), near + lane);
+            else meets = frustum_meets((const Frustum *)volume->of, boxes, far);
+            VSTORE(VLOAD(boxes->low[2]), near + lane);
         }
         bits |= row_bits(meets) << lane;
     }
@@ -88,9 +88,13 @@ inline void gather_leaves(const Tree *tree, const Volume *volume, float far, Sta
     while (list->count < LIST) {
         const int child = next_leaf(tree, volume, far, stack);
         if (child == ROOT) return;
-        global const float *boxes = tree->boxes + child / NODE_WIDTH * BOX * NODE_WIDTH;
-        const int at = list->count++, lane = child % NODE_WIDTH;
-        for (int k = 0; k < BOX; ++k) list->of->boxes[k * LIST + at] = boxes[k * NODE_WIDTH + lane];
+        const int at = list->count++;
+        global const Boxes *from = boxes_from(tree->boxes + child / NODE_WIDTH, child % NODE_WIDTH);
+        global Boxes *to = list->of->boxes + at / NODE_WIDTH;
+        for (int k = 0; k < 3; ++k) {
+            to->low[k][at % NODE_WIDTH] = from->low[k][0];
+            to->high[k][at % NODE_WIDTH] = from->high[k][0];
+        }
         list->of->leaf[at] = -1 - tree->children[child];
     }
 }
