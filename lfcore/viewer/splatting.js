@@ -50,6 +50,7 @@ void main() {
 }`;
 
 const LAYERS = `${COMMON}
+#define HOLE 16  // pixels
 uniform highp sampler2D sums;
 uniform int count, layers, behind;
 uniform float ratio, stride, disparity, margin;
@@ -76,6 +77,16 @@ void main() {
     last = found;
   }
   if (behind > 0 && last.w > 0.0) sum += last * (left / last.w);
+  // What no view sees is as the farthest around it.
+  for (int r = 1; behind > 0 && sum.w <= 0.0 && r <= HOLE; r++) {
+    for (int layer = layers - 1; layer >= 0 && sum.w <= 0.0; layer--) {
+      vec2 corner = vec2(layer & 1, layer >> 1) * (picture + 2.0 * margin) + margin;
+      for (int k = 0; k < 9; k++) {
+        vec2 there = at + float(r) * vec2(k % 3 - 1, k / 3 - 1);
+        if (clamp(there, vec2(0.0), picture - 1.0) == there) sum += texelFetch(sums, ivec2(corner + there), 0);
+      }
+    }
+  }
   colour = vec4(shown(sum.w > 0.0 ? sum.rgb / sum.w : vec3(0.0)), 1.0);
 }`;
 
@@ -185,7 +196,9 @@ class Splatting {
     this.gl.useProgram(layers);
     drawing.setAll(layers, {
       ...this.common, stride: this.count?.stride || 1, top: drawing.canvas.height, gain: drawing.field.white,
-    }, {pages: 0, lens: 1, sums: 4, layers: this.count?.layers || 0, count: cells.length});
+    }, {
+      pages: 0, lens: 1, sums: 4, layers: this.count?.layers || 0, behind: this.count?.behind || 0, count: cells.length,
+    });
     drawing.rectangle(0, 0, width, height);
   }
 }
