@@ -2,7 +2,7 @@
 #
 #   make tables    the thesis's tables and figures for three scenes: results/tables/index.html
 #   make test      the whole test suite; the viewer's part wants browsers (CONTRIBUTING.md)
-#   make test DEVICE=pocl      on one of several OpenCL drivers
+#   make test DEVICE=pocl      on one of several OpenCL drivers; SUPPORT=yes: keep the row of README's table
 #   make quick     the tests for daily work, in under a minute: no Snakemake, no browser, few kernels
 #   make fuzz SECONDS=600    hostile inputs for ten minutes: a table of what came of them
 #   make faults KILLS=100      kills, full disks, missing folders: the same results afterwards
@@ -44,6 +44,9 @@ export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONHOME
 ifdef DEVICE
 export LFCORE_DEVICE := $(DEVICE)
+endif
+ifdef SUPPORT
+export SUPPORT
 endif
 
 .PHONY: tables run test quick fuzz faults smoke cluster s3 bare try micro sweep settings count lint docs \

@@ -6,9 +6,10 @@
 Each program runs in a process of its own bound to one core, on the same rays; the one that begins
 changes from round to round.  Seconds are of the processor, with the host's part, and means of the
 best quarter of the rounds.  Columns ``N = ...`` are speeds: seconds of the other commit over those
-of this tree.  ``--work``: ``hits`` or ``radiance`` of 64 squares of pixels, ``frames`` with five
-planes of 16 tiles, spread over the picture.  ``--held-to core-avx2`` adds rows of Intel's runtime
-held to that instruction set.
+of this tree.  ``--devices intel pocl`` runs the other on one OpenCL device and this tree on a
+second: with HEAD, driver against driver.  ``--work``: ``hits`` or ``radiance`` of 64 squares,
+``frames`` with five planes of 16 tiles, spread over the picture.  ``--held-to core-avx2`` adds rows
+of Intel's runtime held to that instruction set.
 """
 
 import argparse
@@ -38,8 +39,10 @@ class Program:
     Programs are kept in ``cache``: old commits took those of one instruction set for another's.
     """
 
-    def __init__(self, root: Path, core: int, cache: Path, held_to: str = ""):
+    def __init__(self, root: Path, core: int, cache: Path, held_to: str = "", device: str = ""):
         environment = os.environ | {"XDG_CACHE_HOME": str(cache)}
+        if device:
+            environment["LFCORE_DEVICE"] = device
         if held_to:
             environment["CL_CONFIG_CPU_TARGET_ARCH"] = held_to
         self._process = subprocess.Popen(
@@ -121,6 +124,8 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--rounds", type=int, default=8)
     parser.add_argument("--mrays", type=float, default=16.0, help="million rays of a case")
     parser.add_argument("--held-to", nargs="+", default=[], metavar="SET", help="e.g. core-avx2")
+    parser.add_argument("--devices", nargs=2, default=["", ""], metavar="NAME",
+                        help="of the other and of this tree")  # fmt: skip
     parser.add_argument("--core", type=int, default=max(os.sched_getaffinity(0)))
     parser.add_argument("--out", type=Path, required=True, help="CSV file")
     options = parser.parse_args(arguments)
@@ -136,7 +141,10 @@ def main() -> None:
         for held_to in ("", *options.held_to):
             cache = other.parent / f"cache-{held_to}"
             cache.mkdir()
-            programs = [Program(root, options.core, cache, held_to) for root in (other, ROOT)]
+            programs = [
+                Program(root, options.core, cache, held_to, device)
+                for root, device in zip((other, ROOT), options.devices, strict=True)
+            ]
             try:
                 found += rows(programs, held_to, options)
             finally:

@@ -7,6 +7,7 @@
     python -m benchmarks.publish --take full --command "snakemake ..." results    # docs/results/
     python -m benchmarks.publish --take peers --command "python benchmarks/tracer.py ..." tracer.csv
     python -m benchmarks.publish --take against --command "..." against.csv
+    python -m benchmarks.publish --take drivers --command "..." drivers.csv
 
 A result file, ``benchmarks/published/NAME.csv``, begins with lines ``# key: value``: the command
 that made it, commit, processor, date, and what else is to be known.  A document has a place for it,
@@ -176,7 +177,7 @@ def peers(file: Path) -> pd.DataFrame:
 
 def against(file: Path) -> pd.DataFrame:
     """The published columns of a run of ``benchmarks/against.py``."""
-    return _three_digits(pd.read_csv(file)[list(AGAINST)].rename(columns=AGAINST))
+    return _three_digits(pd.read_csv(file).filter(list(AGAINST)).rename(columns=AGAINST))
 
 
 def _three_digits(rows: pd.DataFrame) -> pd.DataFrame:
@@ -271,7 +272,12 @@ def main(argv: list[str] | None = None) -> int:
         if options.take == "full":
             take_full(options.folder, options.configfile, provenance)
         elif options.take:
-            takers = {"peers": peers, "true_picture": true_picture, "against": against}
+            takers = {
+                "peers": peers,
+                "true_picture": true_picture,
+                "against": against,
+                "drivers": against,
+            }
             rows = takers.get(options.take, tables)(options.folder)
             Result(provenance, rows).write(RESULTS / f"{options.take}.csv")
         stale = [path for path, text in documents().items() if path.read_text("utf-8") != text]
