@@ -15,7 +15,7 @@ KEY = ["system", "Python", "OpenCL drivers", "tests"]
 
 def keep(drivers: list[str], chosen: str, counts: dict[str, int]) -> None:
     """Replace or add the row of this run in ``published/support.csv``."""
-    run = of_this_run("make test SUPPORT=yes")
+    run = of_this_run(f"SUPPORT=yes pytest {chosen}")
     system = f"{platform.system()} {platform.machine()}"
     today = datetime.date.today().isoformat()
     identity = [system, platform.python_version(), ", ".join(drivers), chosen]
