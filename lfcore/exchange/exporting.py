@@ -93,5 +93,6 @@ def _quality(source: Source, free: FreeViews) -> str:
     if max(source.columns_m.max(), source.rows_m.max()) > outermost:
         note += ", and less beyond the outermost recorded views"
     if expected < POOR_DB:
-        note += f". Below {POOR_DB:g} dB, edges show: record with a larger --views"
+        more = f"--depth displaced --views {free.slab.views + 2}"
+        note += f". Below {POOR_DB:g} dB, edges show: record with {more}"
     return note
