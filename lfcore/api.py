@@ -457,7 +457,7 @@ def _planned(
     if encoding.lossless:
         return planned.lattice, encoding, found | {"db": round(planned.expected_db, 2)}
     trials = Trials(tracer, camera, planned.lattice, size, planes, spec)
-    if codec_takes:
+    if encoding.crf is None:
         crf, codec_db = trials.chosen(share_db(quality.quality_db, 1 - OF_RAYS))
         encoding = replace(encoding, crf=crf)
     else:

@@ -45,7 +45,8 @@ def _prepare_windows() -> None:
     if intel.exists() and "OCL_ICD_FILENAMES" not in os.environ:
         os.environ["OCL_ICD_FILENAMES"] = str(intel)
         # Its own libraries are beside it: its loader asks for the first, its compiler for the rest.
-        os.add_dll_directory(str(intel.parent))
+        if sys.platform == "win32":  # for the type checker: only Windows has this function
+            os.add_dll_directory(str(intel.parent))
         os.environ["PATH"] = os.pathsep.join([str(intel.parent), os.environ["PATH"]])
 
 

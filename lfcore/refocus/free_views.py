@@ -138,7 +138,7 @@ class FreeViews:
             depths = self._rays[1][numbers] if held else read_depths(self.field, numbers)
             places = [
                 self._places(number, point, depth)
-                for number, depth in zip(numbers, depths, strict=True)
+                for number, depth in zip(numbers.tolist(), depths, strict=True)
             ]
             for reach in (0.25, 0.5):
                 more = np.full_like(found, -1.0)

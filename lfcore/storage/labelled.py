@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,7 +28,7 @@ class MadeViews:
 
     positions_m: np.ndarray
     size: Size
-    row: Callable[[LightFieldFile, int], np.ndarray]
+    row: Callable[[Any, int], np.ndarray]
 
 
 def labelled_views(
