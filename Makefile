@@ -2,7 +2,7 @@
 #
 #   make tables    the thesis's tables and figures for three scenes: results/tables/index.html
 #   make test      the whole test suite; the viewer's part wants browsers (CONTRIBUTING.md)
-#   make test DEVICE=pocl      on one of several OpenCL drivers; SUPPORT=yes: keep the row of README's table
+#   make test DEVICE=pocl      on one of several OpenCL drivers; SUPPORT=yes: keep a row of the table in docs/robustness.md
 #   make quick     the tests for daily work, in under a minute: no Snakemake, no browser, few kernels
 #   make fuzz SECONDS=600    hostile inputs for ten minutes: a table of what came of them
 #   make faults KILLS=100      kills, full disks, missing folders: the same results afterwards

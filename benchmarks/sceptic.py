@@ -129,7 +129,7 @@ def peer(
                 pictures, seconds = zip(*made, strict=True)
                 return np.stack(pictures), np.array(seconds)
 
-            yield Point(name, f"{rays} samples", rays, run)
+            yield Point(name, f"{rays} sample{'s' * (rays > 1)}", rays, run)
 
 
 def measured(points: list[Point], repeats: int) -> Iterator[tuple[Point, np.ndarray, np.ndarray]]:

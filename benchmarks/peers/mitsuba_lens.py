@@ -22,7 +22,7 @@ from benchmarks.peers.mitsuba_picture import LLVM, newest_llvm
 from lfcore.colour import srgb_decode
 from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import POINT
-from lfcore.scene.mitsuba import Description
+from lfcore.scene.mitsuba import thin_lens
 from lfcore.scene.model import Scene
 
 PASS_RAYS = 1 << 24
@@ -98,7 +98,7 @@ def _open(scene: Scene, threads: int, llvm: str | None) -> None:
 
     drjit.set_thread_count(threads)
     mitsuba.register_integrator("shading", lambda properties: _integrator(scene)(properties))
-    _here["describe"] = Description(mitsuba, scene, leave_out_ambient=True)
+    _here["mitsuba"] = mitsuba
     _here["geometry"] = _geometry(mitsuba, scene)
     _here["loaded"] = {}
 
@@ -106,7 +106,7 @@ def _open(scene: Scene, threads: int, llvm: str | None) -> None:
 def _version() -> str:
     import mitsuba_oidn  # noqa: F401
 
-    return _here["describe"].mitsuba.__version__
+    return _here["mitsuba"].__version__
 
 
 def _geometry(mitsuba, scene: Scene):
@@ -128,10 +128,10 @@ def _geometry(mitsuba, scene: Scene):
 
 
 def _picture(camera: Camera, pixels: int, samples: Samples, seed: int):
-    mitsuba, loaded = _here["describe"].mitsuba, _here["loaded"]
+    mitsuba, loaded = _here["mitsuba"], _here["loaded"]
     key = camera, pixels, samples.sampler, samples.denoise == "auxiliary"
     if key not in loaded:
-        sensor = _here["describe"].sensor(camera, pixels)
+        sensor = thin_lens(mitsuba, camera, pixels)
         sensor["sampler"] = {"type": samples.sampler}
         integrator = {"type": "shading", "auxiliary": key[3]}
         loaded[key] = mitsuba.load_dict(

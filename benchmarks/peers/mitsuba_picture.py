@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.peers.method import Method, Run, SkippedError, check_installed
-from lfcore.scene.mitsuba import Description
+from lfcore.scene.mitsuba import Description, thin_lens
 from lfcore.scene.model import Scene
 from lfcore.timing import clocked
 
@@ -56,7 +56,7 @@ def _open(scene: Scene, threads: int, llvm: str | None) -> None:
 
 def _load(slab) -> str:
     describe = _here["describe"]
-    sensor = describe.sensor(slab.camera, slab.pixels)
+    sensor = thin_lens(describe.mitsuba, slab.camera, slab.pixels)
     _here["scene"] = describe.mitsuba.load_dict(describe.all(sensor))
     return describe.mitsuba.__version__
 

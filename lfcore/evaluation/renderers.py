@@ -31,7 +31,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.pictures import read_codes
 from lfcore.progress import Progress, silent
 from lfcore.rendering.direct import focused_camera, trace_picture
-from lfcore.scene.mitsuba import Description
+from lfcore.scene.mitsuba import Description, thin_lens
 from lfcore.scene.model import Scene
 from lfcore.scene.povray import FILE, write_mesh, write_view
 from lfcore.timing import clocked_warm
@@ -193,7 +193,7 @@ def mitsuba(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Render
         module = _import_mitsuba()
         camera = focused_camera(scene.camera, plane)
         describe = Description(module, scene)
-        loaded = module.load_dict(describe.all(describe.sensor(camera, pixels)))
+        loaded = module.load_dict(describe.all(thin_lens(module, camera, pixels)))
     except (NotRenderedError, SceneError) as error:
         return Rendered(name, None, note=f"left out: {error}")
     note = f"Mitsuba {module.__version__} scalar_rgb, random lens points"

@@ -31,6 +31,22 @@ def film(width: int, height: int) -> dict:
     return {"type": "hdrfilm", **size, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
 
 
+def thin_lens(mitsuba: ModuleType, camera: Camera, pixels: int) -> dict:
+    """The lens, focused, and pictures of ``pixels`` a side."""
+    transform = mitsuba.ScalarTransform4f()
+    return {
+        "type": "thinlens",
+        "to_world": transform.look_at([0, 0, 0], [0, 0, 1], [0, -1, 0]),
+        "fov": 2 * math.degrees(math.atan(camera.field_width / 2)),
+        "aperture_radius": camera.lens_radius_m,
+        "focus_distance": camera.focus_m,
+        "near_clip": 0.001,
+        "far_clip": 1.0e5,
+        "sampler": {"type": "independent"},
+        "film": film(pixels, pixels),
+    }
+
+
 class Description:
     """Turns a scene and a camera into Mitsuba's dictionary.
 
@@ -66,21 +82,6 @@ class Description:
             if mesh is not None:
                 out[f"mesh_{material}"] = mesh
         return out
-
-    def sensor(self, camera: Camera, pixels: int) -> dict:
-        """The lens, focused, and pictures of ``pixels`` a side."""
-        transform = self.mitsuba.ScalarTransform4f()
-        return {
-            "type": "thinlens",
-            "to_world": transform.look_at([0, 0, 0], [0, 0, 1], [0, -1, 0]),
-            "fov": 2 * math.degrees(math.atan(camera.field_width / 2)),
-            "aperture_radius": camera.lens_radius_m,
-            "focus_distance": camera.focus_m,
-            "near_clip": 0.001,
-            "far_clip": 1.0e5,
-            "sampler": {"type": "independent"},
-            "film": film(pixels, pixels),
-        }
 
     def _light(self, light: Light) -> dict:
         # A diffuse surface of ours returns its colour times the irradiance, without 1/pi.
