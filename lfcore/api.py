@@ -449,9 +449,8 @@ def _planned(
     near_far = quality.focus_range_m or depth_range(tracer, Slab.of(camera, 4, size))
     planes = planes_between(camera, *(near_far or (math.inf, math.inf)))
     codec_takes = encoding.crf is None and not encoding.lossless
-    wanted = share_db(quality.quality_db, OF_RAYS) if codec_takes else quality.quality_db
-    of_rays = replace(quality, quality_db=wanted)
-    planned = QualitySearch(tracer, camera, planes, size, of_rays).plan()
+    search = QualitySearch(tracer, camera, planes, size, quality)
+    planned = search.plan(share_db(0.0, OF_RAYS) if codec_takes else 0.0)
     spec = chosen_encoding(planned.lattice.views, encoding, by_depth=True)
     found = {"focus_m": [planes[0].focus_m, planes[-1].focus_m]}
     if encoding.lossless:

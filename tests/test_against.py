@@ -34,7 +34,9 @@ def test_a_commit_and_this_tree_take_turns(revision, tmp_path, monkeypatch, caps
     monkeypatch.setattr("sys.argv", words)
     against.main()
     rows = list(csv.DictReader(out.open()))
-    assert [(row["work"], row["scene"]) for row in rows] == [("frames", "bike"), ("hits", "bike")]
+    assert [(row["work"], row["scene"]) for row in rows] == [
+        (work, "bike") for work in against.WORK
+    ]
     assert worktrees() == before  # the other checkout is gone
     assert "hits, bike, N = 4" in capsys.readouterr().err
 

@@ -159,8 +159,8 @@ class QualitySearch:
             else:
                 self._add_pair(rounds, min(PAIR_SHARE * missing, GROWTH * rounds.rays))
 
-    def plan(self) -> PlannedRays:
-        """Predict the lattice that reaches the quality, without tracing it.
+    def plan(self, spare_db: float = 0.0) -> PlannedRays:
+        """Predict the lattice that reaches the quality and ``spare_db`` more, without tracing it.
 
         The pilot traces a tenth of its rays, at least 9 per pixel.  The longer side of a view
         is a multiple of 8 pixels, for encoders.
@@ -168,9 +168,10 @@ class QualitySearch:
         """
         rounds = self._pilot()
         while True:
-            wanted = rounds.rays_of_one(self.quality.quality_db)
+            wanted = rounds.rays_of_one(self.quality.quality_db + spare_db)
             if wanted > self.quality.most_rays:
-                raise self._too_much(wanted, rounds.db_of_one(self.quality.most_rays))
+                reachable = rounds.db_of_one(self.quality.most_rays) - spare_db
+                raise self._too_much(wanted, reachable)
             lacking = PILOT_SHARE * wanted - rounds.rays
             if lacking < 1:
                 break

@@ -1,5 +1,5 @@
 // What kernels compute where a bound counts its error, of one candidate of CANDIDATE numbers per
-// work-item: a number that has the error, and the bound.  `leaf`: (9, 16), equal triangles.
+// work-item: a number that has the error, and the bound.  `leaf` holds equal triangles.
 #include "numerics.cl"
 #ifdef HALF_COLUMNS
 #undef MOST_COLUMNS
@@ -12,7 +12,7 @@
 
 // Corners p and q, steps s, t and of elements a, b, half extent, and a ray's x, y, u, v: twice the
 // edge function there, widened by its bound.
-kernel void edges(global const float *in, global const float *leaf, global float *out)
+kernel void edges(global const float *in, global const Leaf *leaf, global float *out)
 {
     in += CANDIDATE * get_global_id(0);
     const Bundle r = {0, 0, 0, 0, in[6], in[6], in[7], in[7], in[8], in[9], in[10]};
@@ -26,7 +26,7 @@ kernel void edges(global const float *in, global const float *leaf, global float
 }
 
 // An affine function and the half extent: its spread.
-kernel void spreads(global const float *in, global const float *leaf, global float *out)
+kernel void spreads(global const float *in, global const Leaf *leaf, global float *out)
 {
     in += CANDIDATE * get_global_id(0);
     WideAffine e;
@@ -44,7 +44,7 @@ inline Bundle rays_about(global const float *in, float c, float half_extent)
 }
 
 // The edge function opposite r at a ray on the diagonal of a block.
-inline float edge_at(const Bundle *r, global const float *leaf, int of_packet, float at, vf *error)
+inline float edge_at(const Bundle *r, global const Leaf *leaf, int of_packet, float at, vf *error)
 {
     const Corners v = shear_corners(r, leaf);
     const Vec p = corner_of(&v, 0), q = corner_of(&v, 1);
@@ -57,10 +57,10 @@ inline float edge_at(const Bundle *r, global const float *leaf, int of_packet, f
 
 // An element, the places in it of a packet's centre and a block's, and of a ray from the latter:
 // how much more the packet's widened edge function is than the block's.
-kernel void packets(global const float *in, global const float *leaf, global float *out)
+kernel void packets(global const float *in, global const Leaf *leaf, global float *out)
 {
     in += CANDIDATE * get_global_id(0);
-    leaf += CORNERS * NODE_WIDTH * get_global_id(0);
+    leaf += get_global_id(0);
     const Bundle all = rays_about(in, in[6], 31.5f), one = rays_about(in, in[7], 7.5f);
     vf error, unused;
     const float wide = edge_at(&all, leaf, 1, in[7] + in[8] - in[6], &error);
@@ -69,28 +69,30 @@ kernel void packets(global const float *in, global const float *leaf, global flo
 }
 
 // Likewise: the first corner's x from the packet's centre ray.
-kernel void corners(global const float *in, global const float *leaf, global float *out)
+kernel void corners(global const float *in, global const Leaf *leaf, global float *out)
 {
     in += CANDIDATE * get_global_id(0);
     const Bundle all = rays_about(in, in[6], 31.5f);
-    const Corners v = shear_corners(&all, leaf + CORNERS * NODE_WIDTH * get_global_id(0));
+    const Corners v = shear_corners(&all, leaf + get_global_id(0));
     const Axis x = make_axis(&all, all.sx, all.tx, all.ox, all.dx, v.x, v.z);
     vstore2((float2)(FIRST(v.x.of[0]), FIRST(x.error)), get_global_id(0), out);
 }
 
 // A ray's origin and direction, and the places of a box's sides in its way along x and y: the ratio
 // of the distances that the kernels find.
-kernel void boxes(global const float *in, global float *leaf, global float *out)
+kernel void boxes(global const float *in, global Boxes *box, global float *out)
 {
     in += CANDIDATE * get_global_id(0);
-    leaf += CORNERS * NODE_WIDTH * get_global_id(0);
+    box += get_global_id(0);
     private float near[2][LANES];
     int exponent;
     const Ray r = scaled_ray(vload3(0, in), vload3(1, in), &exponent);
     for (int k = 0; k < 2; ++k) {
-        for (int side = 0; side < 6 * NODE_WIDTH; ++side) leaf[side] = side < 3 * NODE_WIDTH ? -FAR : FAR;
-        for (int lane = 0; lane < NODE_WIDTH; ++lane) leaf[k * NODE_WIDTH + lane] = in[6 + k];
-        ray_meets(&r, leaf, FAR, near[k]);
+        for (int lane = 0; lane < NODE_WIDTH; ++lane) {
+            for (int a = 0; a < 3; ++a) box->low[a][lane] = a == k ? in[6 + k] : -FAR;
+            for (int a = 0; a < 3; ++a) box->high[a][lane] = FAR;
+        }
+        ray_meets(&r, box, FAR, near[k]);
     }
     vstore2((float2)(near[0][0] / near[1][0], RAY_SLACK - 1.0f), get_global_id(0), out);
 }
@@ -99,19 +101,22 @@ kernel void boxes(global const float *in, global float *leaf, global float *out)
 inline float float_of(int order) { return as_float(order < 0 ? order ^ 0x7fffffff : order); }
 
 // Likewise, and a depth: the largest x of a box there that the packet's frustum meets.
-kernel void frusta(global const float *in, global float *leaf, global float *out)
+kernel void frusta(global const float *in, global Boxes *box, global float *out)
 {
     in += CANDIDATE * get_global_id(0);
-    leaf += CORNERS * NODE_WIDTH * get_global_id(0);
+    box += get_global_id(0);
     const Bundle all = rays_about(in, in[6], 31.5f);
     const Frustum frustum = make_frustum(&all, &all);
-    const float sides[6] = {0, -FAR, in[9], FAR, FAR, in[9]};
-    for (int k = 0; k < 6 * NODE_WIDTH; ++k) leaf[k] = sides[k / NODE_WIDTH];
+    const float from[3] = {0, -FAR, in[9]}, to[3] = {FAR, FAR, in[9]};
+    for (int k = 0; k < 3 * NODE_WIDTH; ++k) {
+        box->low[k / NODE_WIDTH][k % NODE_WIDTH] = from[k / NODE_WIDTH];
+        box->high[k / NODE_WIDTH][k % NODE_WIDTH] = to[k / NODE_WIDTH];
+    }
     int low = as_int(FAR) ^ (int)0xffffffff, high = as_int(FAR);
     while (low < high) {
         const int middle = (int)(((long)low + high + 1) >> 1);
-        for (int lane = 0; lane < NODE_WIDTH; ++lane) leaf[lane] = float_of(middle);
-        const vi meets = frustum_meets(&frustum, leaf, NODE_WIDTH, FAR);
+        for (int lane = 0; lane < NODE_WIDTH; ++lane) box->low[0][lane] = float_of(middle);
+        const vi meets = frustum_meets(&frustum, box, FAR);
         if (row_any(meets)) low = middle;
         else high = middle - 1;
     }
@@ -120,7 +125,7 @@ kernel void frusta(global const float *in, global float *leaf, global float *out
 
 // A function that is zero along a row of a packet, its row, and the first column and row of a
 // block: the rays that it and its negative, as an occluder's edge, leave lit.
-kernel void columns(global const float *in, global const float *leaf, global float *out)
+kernel void columns(global const float *in, global const Leaf *leaf, global float *out)
 {
     in += CANDIDATE * get_global_id(0);
     ShadowMask m;

@@ -12,8 +12,8 @@ from tracing_scenes import scene
 
 from lfcore.opencl.device import build_program, cl
 from lfcore.optics.bundles import Bundles
-from lfcore.tracing import layouts
 from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.header import header
 from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
@@ -25,7 +25,7 @@ CANDIDATE, ROUNDS, KEPT, CHILDREN = 16, 40, 300, 30
 
 def runner(device, name, **defines):
     """Candidates (K, 16) and triangles (K, 9), if any -> two numbers of each, (2, K) float64."""
-    program = build_program(device, [str(KERNELS)], DEFINES | defines, layouts.header())
+    program = build_program(device, [str(KERNELS)], DEFINES | defines, header())
     kernel = cl.Kernel(program, name)
 
     def run(candidates, triangles=None):
