@@ -15,7 +15,7 @@ from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.plane_tables import view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.refocus.strip_tables import STRIP, StripTables, strip_tables, table_words
+from lfcore.refocus.strip_tables import RECORDS, STRIP, StripTables, strip_tables, table_words
 from lfcore.storage.layout import Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.timing import Stopwatch
@@ -58,7 +58,7 @@ class PlaneFormer:
             # register even where they take two.
             defines |= {"STRIP": STRIP, "LANES": 16 if self.device.lanes > 1 else 1}
         file = "refocus/kernels/" + ("slicing_views.cl" if views else "slicing.cl")
-        program = build_program(self.device, [file], defines, header())
+        program = build_program(self.device, [file], defines, header(**RECORDS))
         self._kernel = cl.Kernel(program, "form_planes")
         planes = list(planes)
         tables = view_tables(slab, planes) if views else _strips(slab, planes, tile)

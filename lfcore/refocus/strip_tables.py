@@ -21,6 +21,17 @@ from lfcore.optics.slab import Slab
 STRIP = 32
 MOST_COLUMNS = 112
 """STRIP * MOST_COLUMNS samples of at most 2^20 each are less than 2^32."""
+INT = np.int32
+PLANE = np.dtype([("mask", INT), ("columns", INT), ("rows", INT), ("per_pixel", INT)])
+"""A plane: its mask, its first pointers of columns and of rows, and whether each pixel has runs of
+its own (with magnification)."""
+RUN = np.dtype([("end", INT), ("target", INT)])
+"""A run: one past its last lens column, or the table's row of its last lens row, and the offset to
+the target pixel."""
+TABLE_ROWS = np.dtype([("count", INT), ("end", INT, STRIP)])
+"""The rows of a strip's table, each the sum of the strip's lens rows before its end."""
+RECORDS = {"StripPlane": PLANE, "StripRun": RUN, "TableRows": TABLE_ROWS}
+"""The structs that only ``slicing.cl`` has."""
 
 
 def table_words(views: int) -> int:
@@ -36,25 +47,22 @@ class StripTables(PlaneTables):
     Attributes
     ----------
     order, left, top, width, height : as of :class:`PlaneTables`.
-    info : (P, 4) int32: mask; where the plane's ``pointers`` of columns and of rows begin; 1 where
-        each pixel has runs of its own (with magnification), else 0.
-    runs : (R, 2) int32: one past the last lens column, or the row of the strip's table, and the
-        offset to the target pixel.
+    info : (P,) PLANE.
+    runs : (R,) RUN.
     masks : (masks, N, N) uint8, 255 where open, indexed [j, i].
     kinds : (masks, strips, chunks) uint8, of 16 columns of a strip: 0 closed, 1 partly, 2 open.
     pointers : flat int32: for each pixel (or for all) the first of its runs of columns, and for
         each pixel and strip the first of its runs of rows; each list ends with one past its last.
-    ends : (masks, strips, STRIP + 1) int32: how many rows a strip's table has for the planes of a
-        mask, then the lens rows of the strip, one past the last, that each is the sum of.
+    table_rows : (masks, strips) TABLE_ROWS.
     """
 
     pointers: np.ndarray
-    ends: np.ndarray
+    table_rows: np.ndarray
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
         """What goes to the kernel, in its order."""
-        return self.info, self.pointers, self.runs, self.masks, self.kinds, self.ends
+        return self.info, self.pointers, self.runs, self.masks, self.kinds, self.table_rows
 
 
 def strip_tables(
@@ -63,57 +71,58 @@ def strip_tables(
     """Tables for a tile of macropixels."""
     masks, which = distinct_masks(slab, list(planes))
     order = np.argsort(which, kind="stable")
-    info = np.zeros((len(planes), 4), np.int32)
+    info = np.zeros(len(planes), PLANE)
     moves_of = [offsets(slab, planes[plane]) for plane in order]
     columns = [runs_of(moves, MOST_COLUMNS, slab.views) for moves in moves_of]
     rows = [runs_of(moves, STRIP, STRIP) for moves in moves_of]
-    ends = table_rows(which[order], [runs for _, runs in rows], slab.views, len(masks))
-    pointers, runs = [], []
+    numbered = table_rows(which[order], [runs for _, runs in rows], slab.views, len(masks))
+    pointers, runs = [np.zeros(0, np.int32)], [np.zeros(0, RUN)]
     pointed = used = 0
-    for row, (plane, moves) in enumerate(zip(order, moves_of, strict=True)):
-        info[row] = which[plane], 0, 0, len(moves) > 1
-        for axis, (starts, found) in enumerate((columns[row], rows[row])):
-            info[row, 1 + axis] = pointed
+    info["mask"] = which[order]
+    info["per_pixel"] = [len(moves) > 1 for moves in moves_of]
+    for row in range(len(planes)):
+        for axis, (starts, found) in (("columns", columns[row]), ("rows", rows[row])):
+            info[axis][row] = pointed
             pointers.append(starts + used)
             runs.append(found)
             pointed, used = pointed + len(starts), used + len(found)
     return StripTables(
         order,
         info,
-        np.concatenate(runs or [np.zeros((0, 2))]).astype(np.int32),
+        np.concatenate(runs),
         masks,
         strip_kinds(masks),
         *reached_region(slab, planes, moves_of, u0, v0, u1, v1),
-        np.concatenate(pointers or [np.zeros(0)]).astype(np.int32),
-        ends,
+        np.concatenate(pointers).astype(np.int32),
+        numbered,
     )
 
 
 def table_rows(which: np.ndarray, runs_of_rows: list, size: int, masks: int) -> np.ndarray:
-    """The rows that the table of each strip needs: ``ends`` of :class:`StripTables`.
+    """The rows that the table of each strip needs: ``table_rows`` of :class:`StripTables`.
 
-    Runs (R, 2) of each plane, whose mask is ``which``, are changed: the end of a run, one past
+    Runs (R,) of each plane, whose mask is ``which``, are changed: the end of a run, one past
     its last lens row, becomes the number of the table's row that ends there, from 1.
     """
     strips = -(-size // STRIP)
     needed = np.zeros((masks, strips * STRIP), bool)
     for mask, runs in zip(which, runs_of_rows, strict=True):
-        needed[mask, runs[:, 0] - 1] = True
+        needed[mask, runs["end"] - 1] = True
     numbers = np.cumsum(needed.reshape(masks, strips, STRIP), axis=2, dtype=np.int32)
     for mask, runs in zip(which, runs_of_rows, strict=True):
-        runs[:, 0] = numbers[mask].reshape(-1)[runs[:, 0] - 1]
-    ends = np.zeros((masks, strips, STRIP + 1), np.int32)
-    ends[:, :, 0] = numbers[:, :, -1]
+        runs["end"] = numbers[mask].reshape(-1)[runs["end"] - 1]
+    found = np.zeros((masks, strips), TABLE_ROWS)
+    found["count"] = numbers[:, :, -1]
     mask, strip, row = np.nonzero(needed.reshape(masks, strips, STRIP))
-    ends[mask, strip, numbers[mask, strip, row]] = row + 1
-    return ends
+    found["end"][mask, strip, numbers[mask, strip, row] - 1] = row + 1
+    return found
 
 
 def runs_of(moves: np.ndarray, step: int, each: int) -> tuple[np.ndarray, np.ndarray]:
     """Runs of equal offset in ``moves`` (positions, N), which end at multiples of ``step`` too.
 
-    Returns (starts, runs): runs (R, 2) int32 as in :class:`StripTables`, and where those of each
-    ``each`` samples of each position begin, and one past the last: (positions * ceil(N / each) + 1)
+    Returns (starts, runs): runs (R,) RUN, and where those of each ``each`` samples of each position
+    begin, and one past the last: (positions * ceil(N / each) + 1).
     """
     positions, size = moves.shape
     begins = np.ones(moves.shape, bool)
@@ -124,7 +133,9 @@ def runs_of(moves: np.ndarray, step: int, each: int) -> tuple[np.ndarray, np.nda
     ends[ends == 0] = size
     lists = -(-size // each)
     starts = np.searchsorted(row * lists + column // each, np.arange(positions * lists + 1))
-    return starts, np.stack([ends, moves[row, column]], axis=1).astype(np.int32)
+    runs = np.zeros(len(row), RUN)
+    runs["end"], runs["target"] = ends, moves[row, column]
+    return starts, runs
 
 
 def strip_kinds(masks: np.ndarray) -> np.ndarray:

@@ -8,11 +8,11 @@ from lfcore.tracing.layouts import CONSTANTS, FLOAT, INT, PARAMETERS, RECORDS, S
 
 
 @cache
-def header() -> str:
-    """The C source of all constants, records and parameters."""
+def header(**records: np.dtype) -> str:
+    """The C source of all constants, records and parameters, and of ``records`` by their names."""
     lines = [f"#define {name} {_literal(value)}" for name, value in CONSTANTS.items()]
     lines += [f"#define {name} {number}" for number, name in enumerate(SINKS)]
-    for name, layout in RECORDS.items():
+    for name, layout in (RECORDS | records).items():
         assert layout.names is not None
         fields = "".join(f" {_member(layout[field], field)};" for field in layout.names)
         lines.append(f"typedef struct {{{fields} }} {name};")

@@ -7,31 +7,35 @@ from tracing_scenes import CAMERA, painted_soup
 from lfcore.opencl.device import build_program, cl
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
+from lfcore.refocus import strip_tables
 from lfcore.tracing import layouts
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.header import header
 from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
+RECORDS = layouts.RECORDS | strip_tables.RECORDS
 
 
 def offsets_on(device, tmp_path, name):
     """The size of a record and the offsets of its fields, as the device's compiler has them."""
-    fields = layouts.RECORDS[name].names
+    fields = RECORDS[name].names
     at = [f"(int)((private char *)&r.{field} - (private char *)&r)" for field in fields]
     body = " ".join(f"out[{k}] = {x};" for k, x in enumerate([f"(int)sizeof({name})", *at]))
     file = tmp_path / f"{name}.cl"
     file.write_text(f"kernel void ask(global int *out) {{ private {name} r; {body} }}\n")
-    kernel = cl.Kernel(build_program(device, [str(file)], {}, header()), "ask")
+    kernel = cl.Kernel(
+        build_program(device, [str(file)], {}, header(**strip_tables.RECORDS)), "ask"
+    )
     answer, buffer = np.zeros(len(at) + 1, np.int32), device.empty(4 * (len(at) + 1))
     kernel(device.queue, (1,), None, buffer)
     cl.enqueue_copy(device.queue, answer, buffer)
     return answer.tolist()
 
 
-@pytest.mark.parametrize("name", layouts.RECORDS)
+@pytest.mark.parametrize("name", RECORDS)
 def test_every_field_has_its_offset(device, tmp_path, name):
-    layout = layouts.RECORDS[name]
+    layout = RECORDS[name]
     known = [layout.itemsize, *(layout.fields[field][1] for field in layout.names)]
     assert offsets_on(device, tmp_path, name) == known
 

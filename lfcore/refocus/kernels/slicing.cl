@@ -17,12 +17,12 @@ typedef struct {
     int strips;                    // of a macropixel
     int left, top, width, height;  // region of the accumulators in plane pixels
     int views;                     // side N of a macropixel
-    global const int4 *plane;      // (planes,) mask, pointers of columns, pointers of rows, runs per pixel
+    global const StripPlane *plane;  // (planes,)
     global const int *pointers;
-    global const int2 *runs;       // one past the last column or row of the table, offset
+    global const StripRun *runs;
     global const uchar *masks;     // (masks, N, N) 255 where open
     global const uchar *kinds;     // (masks, strips, chunks) 0 closed, 1 partly, 2 wholly open
-    global const int *ends;        // (masks, strips, STRIP + 1) number of rows of the table, their ends
+    global const TableRows *table_rows;  // (masks, strips)
     global ulong4 *sums;           // (planes, height, width) of this worker
 } Strips;
 
@@ -115,16 +115,16 @@ inline void prefix(vu r, vu g, vu b, global uint4 *here)
 #endif
 }
 
-// The summed-area table of a strip, whose first row and first column are 0: a row for each of the lens rows
-// `ends` (one past the last of a run), of the sums from the strip's first row.  LANES columns are walked
-// down the strip, their sums in registers.
+// The summed-area table of a strip, whose first row and first column are 0: a row for each lens row at which
+// a run ends, of the sums from the strip's first row.  LANES columns are walked down the strip, their sums in
+// registers.
 inline void make_strip(const Strips *s, const Macropixel *m, int mask, int strip, global uint4 *table)
 {
     const int pitch = PITCH(s->views), chunks = (s->views + CHUNK - 1) / CHUNK, y0 = strip * STRIP;
     global const uchar *kinds = s->kinds + (mask * s->strips + strip) * chunks;
     global const uchar *open = s->masks + ((ulong)mask * s->views + y0) * s->views;
-    global const int *ends = s->ends + (mask * s->strips + strip) * (STRIP + 1);
-    const int rows = ends[0];
+    global const TableRows *ends = s->table_rows + mask * s->strips + strip;
+    const int rows = ends->count;
     for (int x = 0; x < s->views; x += LANES) {
         global uint4 *here = table + LEAD + 1 + x;
         const int kind = kinds[x / CHUNK], count = s->views - x;
@@ -135,7 +135,7 @@ inline void make_strip(const Strips *s, const Macropixel *m, int mask, int strip
         }
         Row light;
         for (int row = 1, y = 0; row <= rows; ++row) {
-            for (const int end = ends[row]; y < end; ++y) {
+            for (const int end = ends->end[row - 1]; y < end; ++y) {
                 next_row(m, x, y0 + y, count, y == 0, &light);
                 vu lets = (vu)(0xffffffffu);
                 if (kind == 1) lets = load_mask(open + y * s->views + x, count);
@@ -148,24 +148,24 @@ inline void make_strip(const Strips *s, const Macropixel *m, int mask, int strip
 
 inline void add_strip(const Strips *s, int plane, int strip, int u, int v, global const uint4 *table)
 {
-    const int4 info = s->plane[plane];
+    const StripPlane info = s->plane[plane];
     const int pitch = PITCH(s->views);
     global ulong4 *sums = s->sums + (ulong)plane * s->width * s->height;
-    global const int *columns = s->pointers + info.y + (info.w ? u : 0);
-    global const int *rows = s->pointers + info.z + (info.w ? v : 0) * s->strips + strip;
+    global const int *columns = s->pointers + info.columns + (info.per_pixel ? u : 0);
+    global const int *rows = s->pointers + info.rows + (info.per_pixel ? v : 0) * s->strips + strip;
     int before_row = 0;
     for (int b = rows[0]; b < rows[1]; ++b) {
-        const int2 down = s->runs[b];
-        const int y = v + down.y - s->top;
-        global const uint4 *top = table + before_row * pitch + LEAD, *bottom = table + down.x * pitch + LEAD;
-        before_row = down.x;
+        const StripRun down = s->runs[b];
+        const int y = v + down.target - s->top;
+        global const uint4 *top = table + before_row * pitch + LEAD, *bottom = table + down.end * pitch + LEAD;
+        before_row = down.end;
         if (y < 0 || y >= s->height) continue;
         global ulong4 *line = sums + (ulong)y * s->width;
         uint4 before = 0;
         for (int a = columns[0]; a < columns[1]; ++a) {
-            const int2 across = s->runs[a];
-            const int x = u + across.y - s->left;
-            const uint4 here = bottom[across.x] - top[across.x];
+            const StripRun across = s->runs[a];
+            const int x = u + across.target - s->left;
+            const uint4 here = bottom[across.end] - top[across.end];
             if (x >= 0 && x < s->width) line[x] += convert_ulong4(here - before);
             before = here;
         }
@@ -177,7 +177,7 @@ inline void add_macropixel(const Strips *s, const Macropixel *m, int strip, int 
 {
     int have = -1;
     for (int plane = 0; plane < s->planes; ++plane) {
-        const int mask = s->plane[plane].x;
+        const int mask = s->plane[plane].mask;
         if (mask != have) {
             make_strip(s, m, mask, strip, table);
             have = mask;
@@ -197,17 +197,17 @@ void form_planes(global const sample *restrict frames,
                  global uint *restrict scratch,       // (workers, scratch_words): tables
                  const int scratch_words,
                  const SensorPlaneArguments n,
-                 global const int4 *restrict plane_info,
+                 global const StripPlane *restrict plane_records,
                  global const int *restrict pointers,
-                 global const int2 *restrict runs,
+                 global const StripRun *restrict runs,
                  global const uchar *restrict masks,
                  global const uchar *restrict kinds,
-                 global const int *restrict ends,
+                 global const TableRows *restrict table_rows,
                  global ulong4 *restrict sums)
 {
     const ulong own = get_global_id(0) * (ulong)n.planes * n.width * n.height;
     const Strips strips = {n.planes, n.blocks, n.left, n.top, n.width, n.height, inner,
-                           plane_info, pointers, runs, masks, kinds, ends, sums + own};
+                           plane_records, pointers, runs, masks, kinds, table_rows, sums + own};
     global uint4 *table = (global uint4 *)(scratch + get_global_id(0) * (ulong)scratch_words);
     const int pitch = PITCH(inner);
     for (int k = 0; k < pitch; ++k) table[k] = 0;
