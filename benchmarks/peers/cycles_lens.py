@@ -119,7 +119,10 @@ def _mesh(bpy, blender, scene: Scene) -> None:
 
 
 def _material(bpy, scene: Scene, index: int):
-    """Diffuse, plus emission of ambient light times the same colour and of its own."""
+    """Diffuse, plus emission of ambient light times the same colour and of its own.
+
+    Emission is for the camera's rays alone: surfaces do not light each other.
+    """
     ours = scene.materials[index]
     material = bpy.data.materials.new(f"material {index}")
     material.use_nodes = True
@@ -145,9 +148,11 @@ def _material(bpy, scene: Scene, index: int):
     surface, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
     link(diffuse, surface.inputs["Color"])
     shader = surface.outputs[0]
+    to_camera = nodes.new("ShaderNodeLightPath").outputs["Is Camera Ray"]
     for colour in (product(diffuse, scene.ambient), product((1, 1, 1), ours.emission)):
         glow, both = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeAddShader")
         link(colour, glow.inputs["Color"])
+        link(to_camera, glow.inputs["Strength"])
         link(shader, both.inputs[0])
         link(glow.outputs[0], both.inputs[1])
         shader = both.outputs[0]
