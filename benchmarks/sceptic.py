@@ -214,10 +214,13 @@ def one_size(scene, tracer, opened, kinds, pixels, options, kept) -> tuple[list[
 
 
 def figure(table: pd.DataFrame, path: Path) -> None:
-    """dB (mean of the three planes) over core seconds, a line per method; a panel per scene."""
+    """dB (mean of the three planes) over core seconds, a line per method; a panel per scene as it
+    is, or per matt one if there are no others."""
     from matplotlib.figure import Figure
 
     table = table[table["M"] == table["M"].min()]
+    is_matt = table["scene"].str.endswith(", matt")
+    table = table if is_matt.all() else table[~is_matt]
     scenes = table["scene"].unique()
     drawn = Figure(figsize=(3.6 * len(scenes), 3.8))
     panels = np.atleast_1d(drawn.subplots(1, len(scenes), sharey=True))
