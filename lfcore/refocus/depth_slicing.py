@@ -25,6 +25,7 @@ from lfcore.opencl.device import Device, build_program, cl, open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import LensCells, ViewSet, lens_cells
 from lfcore.optics.size import Size
+from lfcore.storage.depth_stream import DepthCodes
 
 BOUNDS_PX = (0.5, 2.0)
 """Sweeps, pixels of the picture, that part what is in focus from what lies before and behind it:
@@ -46,6 +47,7 @@ class DepthSlicer:
     pixels : longer side of the pictures; need not divide that of the views.
     bounds_px, least_px : as for the reference, default as measured.
     fill_far : give the farthest light of a pixel what all rays leave, as holes at edges need.
+    codes : of depths, where rays of a file are added (:meth:`add_stored`) and not traced ones.
 
     Raises
     ------
@@ -63,6 +65,7 @@ class DepthSlicer:
         bounds_px: Sequence[float] = BOUNDS_PX,
         least_px: float | None = None,
         fill_far: bool = False,
+        codes: DepthCodes | None = None,
     ):
         for plane in planes:
             plane.check(views.slab)
@@ -80,11 +83,11 @@ class DepthSlicer:
         if least_px is None:
             least_px = min(LEAST_OF_RAY, LEAST_OF_ALL / slab.views) * pixels / slab.pixels
         self.least_px = least_px
-        program = build_program(
-            self.device,
-            ["refocus/kernels/depth_slicing.cl"],
-            {"N_BOUNDS": len(bounds_px), "FILL_FAR": int(fill_far)},
-        )
+        self._table = np.zeros(1, np.float32) if codes is None else codes.table
+        defines = {"N_BOUNDS": len(bounds_px), "FILL_FAR": int(fill_far), "STORED": 0}
+        if codes is not None:
+            defines |= {"STORED": 1, "CODE": "uchar" if codes.format.bits == 8 else "ushort"}
+        program = build_program(self.device, ["refocus/kernels/depth_slicing.cl"], defines)
         self._add = cl.Kernel(program, "add_rays")
         self._compose = cl.Kernel(program, "compose")
         self._cells = [self._cells_of(plane) for plane in self.planes]
@@ -94,7 +97,7 @@ class DepthSlicer:
         self._strips = -(-self.size.height // self._rows)
         self._planes = self.device.buffer(self._plane_records())
         size = self.sums_bytes(len(planes), self.size, len(bounds_px), self._rows)
-        self._sums = [self.device.zeros(size) for _ in range(2)]
+        self._sums = self.device.zeros(size)
 
     def _cells_of(self, plane: SensorPlane) -> LensCells:
         """What the views stand for in a plane's aperture."""
@@ -109,7 +112,7 @@ class DepthSlicer:
     def sums_bytes(
         planes: int, size: Size, bounds: int = len(BOUNDS_PX), rows: int | None = None
     ) -> int:
-        """Bytes of each of the two arrays of sums, in strips of ``rows``, default one strip."""
+        """Bytes of the sums, in strips of ``rows``, default one strip."""
         rows = rows or size.height
         lines = -(-size.height // rows) * (rows + 1)
         return planes * (2 * bounds + 1) * lines * (size.width + 1) * 32
@@ -157,30 +160,50 @@ class DepthSlicer:
             1.
         depth : (K, rows, columns) float32, metres; infinity for a miss.
         """
-        (columns, rows), device = self.views.slab.size, self.device
-        ranges = np.stack([depth.min(axis=2), depth.max(axis=2)], -1).astype(np.float32)
-        records = self._cell_records(part)
-        if light.shape != (records.shape[1], rows, columns, 3) or depth.shape != light.shape[:3]:
+        shape = (len(self.views.positions[part]), *self.views.slab.size[::-1])
+        if light.shape != (*shape, 3) or depth.shape != shape:
             raise ValueError(f"rays of shapes {light.shape} and {depth.shape} are not these views'")
+        ranges = np.stack([depth.min(axis=2), depth.max(axis=2)], -1).astype(np.float32)
+        self._add_rays(part, self._shown(light), self._shown(depth), ranges)
+
+    def add_stored(
+        self, part: np.ndarray, light: cl.Buffer, codes: np.ndarray, first_row: int = 0
+    ) -> None:
+        """Add rows of views of a file, from ``first_row`` on.
+
+        ``light`` holds (K, 3, rows, columns) uint32, 2^20 to one, ``codes`` (K, rows, columns).
+        """
+        ends = np.stack([codes.min(axis=2), codes.max(axis=2)], -1)
+        self._add_rays(part, light, self._shown(codes, codes.dtype), self._table[ends], first_row)
+
+    def _shown(self, host: np.ndarray, dtype: type | np.dtype = np.float32) -> cl.Buffer:
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
-        hosts = [np.ascontiguousarray(a, np.float32) for a in (light, depth)]
-        rays = [cl.Buffer(device.context, flags, hostbuf=a) for a in hosts]
+        return cl.Buffer(self.device.context, flags, hostbuf=np.ascontiguousarray(host, dtype))
+
+    def _add_rays(
+        self, part: slice | np.ndarray, light: cl.Buffer, depth: cl.Buffer, ranges: np.ndarray,
+        first_row: int = 0,
+    ) -> None:  # fmt: skip
+        device, (views, rows, _) = self.device, ranges.shape
         self._add(
             device.queue,
             (self._strips, len(self.planes)),
             (1, 1),
-            *rays,
+            light,
+            depth,
+            device.buffer(self._table),
             device.buffer(ranges),
-            device.buffer(records),
+            device.buffer(self._cell_records(part)),
             self._planes,
             self._bounds,
-            np.int32(records.shape[1]),
-            np.int32(columns),
+            np.int32(views),
+            np.int32(self.views.slab.size.width),
             np.int32(rows),
+            np.int32(first_row),
             np.float32(self.least_px),
             np.int32(self._rows),
             *map(np.int32, self.size),
-            *self._sums,
+            self._sums,
         )
         device.queue.finish()
 
@@ -198,7 +221,7 @@ class DepthSlicer:
             device.queue,
             (self._strips, len(self.planes)),
             (1, 1),
-            *self._sums,
+            self._sums,
             device.buffer(room),
             np.int32(self._rows),
             *map(np.int32, self.size),

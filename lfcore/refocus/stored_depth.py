@@ -8,7 +8,6 @@ import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, cl, open_device
-from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
 from lfcore.refocus.depth_slicing import DepthSlicer
@@ -49,7 +48,7 @@ def slice_stored(
     side = stored.pixels if pixels is None else picture_side(field, pixels)
     device = device if isinstance(device, Device) else open_device(device)
     size = Size(*field.require_slab().picture(side)[2:])
-    each = 2 * DepthSlicer.sums_bytes(1, size)
+    each = DepthSlicer.sums_bytes(1, size)
     if each > device.device.global_mem_size // 2:
         raise OpticsError(
             f"sums of a picture of {size} pixels take {each / 2**30:.1f} GiB",
@@ -60,9 +59,11 @@ def slice_stored(
     made = []
     for number, group in enumerate(groups):
         views = stored.views(field.require_slab())
-        slicer = DepthSlicer(views, group, side, device)
+        by_views = field.layout.kind == "views"
+        codes = stored.codes if by_views else None
+        slicer = DepthSlicer(views, group, side, device, codes=codes)
         tell = _of_all(progress, number, len(groups))
-        (_add_views if field.layout.kind == "views" else _add_macropixels)(field, slicer, tell)
+        (_add_views if by_views else _add_macropixels)(field, slicer, tell)
         made.append(slicer.pictures())
     return np.concatenate(made)
 
@@ -146,37 +147,35 @@ class _Taker:
     def __init__(self, field: LightFieldFile, slicer: DepthSlicer):
         self.device, self._slicer, self._field = slicer.device, slicer, field
         self.open_samples = _samples(field.layout.views)
-        self._depths = _depths_of_views(field)
+        self._codes = _codes_of_views(field)
+        self._shown = np.zeros(0)
 
     def group_size(self, width: int, height: int) -> int:
-        return max(1, VIEWS_RAYS // (width * height))
+        return VIEWS_RAYS // (width * height)
 
     def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
-        _, _, width, height = region
-        fixed = np.empty((len(samples), 3, height, width), np.uint32)
-        cl.enqueue_copy(self.device.queue, fixed, views)
-        light = np.moveaxis(fixed, 1, -1) / np.float32(FIXED_ONE)
-        # Both streams have the same elements in the same order.
-        found = [next(self._depths) for _ in samples]
-        if [place for place, _ in found] != [tuple(sample) for sample in samples.tolist()]:
-            raise AssertionError("the streams of colours and depths are in unlike order")
+        top, rows = region[1] - self._field.extent.pixels[1], region[3]
+        if not top:  # both streams have the same elements in the same order
+            found = [next(self._codes) for _ in samples]
+            if [place for place, _ in found] != [tuple(sample) for sample in samples.tolist()]:
+                raise AssertionError("the streams of colours and depths are in unlike order")
+            self._shown = np.stack([codes for _, codes in found])
         index = samples[:, 1] * self._field.layout.views + samples[:, 0]
-        self._slicer.add(index, light, np.stack([depth for _, depth in found]))
+        self._slicer.add_stored(index, views, self._shown[:, top : top + rows], top)
 
 
-def _depths_of_views(field: LightFieldFile) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
-    """((i, j), (H, W) float32 metres) of every view that can be read, in the order of frames."""
-    codes = field.require_depth().codes
+def _codes_of_views(field: LightFieldFile) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
+    """((i, j), (H, W) codes) of every view that can be read, in the order of frames."""
     for elements, pictures in _elements(field):
         for place, picture in zip(elements.tolist(), pictures, strict=True):
-            yield tuple(place), codes.depth(picture)
+            yield tuple(place), picture
 
 
 def _elements(field: LightFieldFile) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """((E, 2) outer coordinates, (E, rows, columns) codes) of some frames at a time."""
     video = field.require_depth_video()
     layout, readable = video.layout, {part.index for part in field.segments}
-    columns, rows = map(np.arange, layout.inner)
+    columns, rows = layout.inner
     for tile, first, frames in frame_chunks(video):
         if tile.index not in readable:
             continue
@@ -184,5 +183,7 @@ def _elements(field: LightFieldFile) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         elements = tile.elements()
         places = tile.placement(elements)
         here = (places[:, 0] >= first) & (places[:, 0] < first + len(frames))
-        at, x, y = places[here].T[..., None, None]
-        yield elements[here], plane[at - first, y + rows[:, None], x + columns]
+        shown = [
+            plane[at - first, y : y + rows, x : x + columns] for at, x, y in places[here].tolist()
+        ]
+        yield elements[here], np.stack(shown)

@@ -31,7 +31,7 @@ class TakesViews(Protocol):
         """(K, 2) int32 (i, j): the views that are wanted."""
 
     def group_size(self, width: int, height: int) -> int:
-        """How many views of that size are taken at a time."""
+        """How many views of that size are taken at a time; 0 for some of their rows."""
 
     def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
         """Take views (K, 3, h, w) uint32, 2^20 to one, of samples (K, 2); region is their
@@ -93,10 +93,15 @@ class FrameSummer:
         wanted = self._is_open[elements[:, 1], elements[:, 0]]
         elements, places = elements[wanted], places[wanted]
         places[:, 1:3] += self._corner
-        step = self.summer.group_size(*self._pixels[2:])
-        for start in range(0, len(elements), step):
-            part = slice(start, start + step)
-            self._unpack(frames, places[part], elements[part], self._pixels)
+        left, top, width, height = self._pixels
+        step = self.summer.group_size(width, height)
+        rows = height if step else max(1, self.summer.group_size(width, 1))
+        for start in range(0, len(elements), max(1, step)):
+            part = slice(start, start + max(1, step))
+            for row in range(0, height, rows):
+                region = left, top + row, width, min(rows, height - row)
+                moved = places[part] + np.array([0, 0, row, 0], np.int32)
+                self._unpack(frames, moved, elements[part], region)
 
     def _add_macropixels(self, frames: cl.Buffer, places: np.ndarray, tile: Tile) -> None:
         left, top = self._pixels[:2]

@@ -129,7 +129,7 @@ def trace_by_depth(
     """
     device = tracer.device
     size = Size(*views.slab.picture(pixels)[2:])
-    needed = 2 * DepthSlicer.sums_bytes(len(planes), size)
+    needed = DepthSlicer.sums_bytes(len(planes), size)
     if needed > device.device.global_mem_size // 2:
         raise OpticsError(
             f"sums of {len(planes)} pictures of {size} pixels take {needed / 2**30:.1f} GiB",

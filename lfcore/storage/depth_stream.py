@@ -67,10 +67,11 @@ class DepthCodes:
 
     def depth(self, codes: np.ndarray) -> np.ndarray:
         """float32 metres, infinity for 0 dioptres."""
-        return self._depths[codes]
+        return self.table[codes]
 
     @cached_property
-    def _depths(self) -> np.ndarray:
+    def table(self) -> np.ndarray:
+        """float32 metres of every code."""
         inverse = self.far + np.arange(self.last + 1) * ((self.near - self.far) / self.last)
         with np.errstate(divide="ignore", over="ignore"):
             return (1.0 / inverse).astype(np.float32)

@@ -20,6 +20,7 @@ from lfcore.optics.ray_cells import views_of
 from lfcore.optics.slab import Slab
 from lfcore.oracle.depth_slicing import slice_by_depth
 from lfcore.pictures import read_codes
+from lfcore.refocus import stored_depth
 from lfcore.refocus.depth_slicing import BOUNDS_PX, DepthSlicer
 from lfcore.refocus.free_views import inverse_depth
 from lfcore.refocus.views import read_views
@@ -77,8 +78,10 @@ def traced(tracer, displaced, slab=SLAB):
 
 
 @pytest.mark.parametrize(("displaced", "slab"), [(True, SLAB), (False, SLAB), (True, TALL)])
-def test_without_loss_the_store_gives_what_is_made_on_the_fly(tmp_path, tracer, displaced, slab):
-    """Views and macropixels alike, to the last bit."""
+def test_without_loss_the_store_gives_what_is_made_on_the_fly(
+    tmp_path, tracer, displaced, slab, monkeypatch
+):
+    """Views, some rows of them at a time and macropixels alike, to the last bit."""
     light, depth = traced(tracer, displaced, slab)
     views, pictures = views_of(slab, displaced=displaced), []
     for kind, pack in (("views", 1), ("views", 2), ("macropixels", 4)):
@@ -86,8 +89,10 @@ def test_without_loss_the_store_gives_what_is_made_on_the_fly(tmp_path, tracer, 
         field = stored(path, tracer, kind, displaced, slab=slab, pack=pack)
         there = field.views(0, 0, 3, 3, codes=True).reshape(light.shape)
         np.testing.assert_array_equal(there, srgb_codes(light))
-        pictures.append(field.refocus_many(PLANES))
-        assert pictures[-1].shape == (4, PIXELS, slab.size.width // 2, 3)
+        for rays in (1 << 22, 3 * slab.size.width):
+            monkeypatch.setattr(stored_depth, "VIEWS_RAYS", rays)
+            pictures.append(field.refocus_many(PLANES))
+            assert pictures[-1].shape == (4, PIXELS, slab.size.width // 2, 3)
     codes = field.metadata.depth.codes
     held = codes.depth(codes.of_depth(depth))
     samples = np.stack(np.meshgrid(range(3), range(3)), -1).reshape(-1, 2)

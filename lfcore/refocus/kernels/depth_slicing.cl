@@ -4,15 +4,27 @@
 // in whatever order, by however many threads and in however many parts rays are added.  Each work-item owns
 // a strip of rows of one plane; no two ever write to the same place.
 //
-// A box of a few pixels is added pixel by pixel to `sums`.  A larger one is added to `edges`, the differences
-// of such sums along both axes, where it is 16 numbers whatever its size (F. Crow, "Summed-area tables for
-// texture mapping", SIGGRAPH 1984, the other way round).
+// Boxes of the inner layers have a few pixels and are added pixel by pixel.  The nearest and the farthest layer
+// hold the differences of such sums along both axes, where a box is 16 numbers whatever its size (F. Crow,
+// "Summed-area tables for texture mapping", SIGGRAPH 1984, the other way round).
+//
+// STORED: rays are of a file, light in planes of fixed point and codes of depth of type CODE.
 
 #define STEPS 256
 #define ONE 1099511627776.0f  // 2^40: the weight of a ray whose cell is open
-#define FEW_PIXELS 16
 #define LAYERS (2 * N_BOUNDS + 1)
 #define ABREAST 16  // rays of a row
+
+#if STORED
+typedef uint light_t;
+typedef CODE depth_t;
+#define LIGHT_ONE 1048576.0f  // 2^20
+#define METRES(code) table[code]
+#else
+typedef float light_t, depth_t;
+#define LIGHT_ONE 1.0f
+#define METRES(depth) (depth)
+#endif
 
 typedef struct {
     float x, y;            // where the ray of pixel (0, 0) falls, in pixels of the picture
@@ -29,21 +41,20 @@ typedef struct {
     float pitch;   // of the lens samples, metres
 } Plane;
 
-// Rows of a strip of `sums` and `edges`: one more of each, where what ends outside is dropped.
+// Rows of a strip of sums: one more of each layer, where what ends outside is dropped.
 typedef struct {
-    global long4 *sums, *edges;
+    global long4 *sums;
     int top, rows, width;
     float far;  // beyond every box that reaches a picture
 } Strip;
 
-inline Strip make_strip(global long4 *sums, global long4 *edges, int plane, int strip, int strip_rows, int2 size)
+inline Strip make_strip(global long4 *sums, int plane, int strip, int strip_rows, int2 size)
 {
     const ulong count = (ulong)(strip_rows + 1) * (size.x + 1);
     const int strips = (size.y + strip_rows - 1) / strip_rows;
     const ulong at = (ulong)(plane * strips + strip) * LAYERS * count;
     const int top = strip * strip_rows;
-    return (Strip){sums + at, edges + at, top, min(strip_rows, size.y - top), size.x,
-                   4.0f * max(size.x, size.y)};
+    return (Strip){sums + at, top, min(strip_rows, size.y - top), size.x, 4.0f * max(size.x, size.y)};
 }
 
 inline ulong layer_size(const Strip *s, int strip_rows) { return (ulong)(strip_rows + 1) * (s->width + 1); }
@@ -103,15 +114,21 @@ inline void add_edges(const Strip *s, global long4 *to, int4 box, long4 colour)
     }
 }
 
-inline void add_box(const Strip *s, ulong layer, int4 box, long4 colour)
+// Whether a layer holds differences.
+inline int is_outermost(int layer) { return layer == 0 || layer == LAYERS - 1; }
+
+inline void add_box(const Strip *s, global long4 *to, int outermost, int4 box, long4 colour)
 {
+    if (outermost) {
+        add_edges(s, to, box, colour);
+        return;
+    }
     const int columns = floor_pixel(box.z - 1) - floor_pixel(box.x) + 1;
     const int rows = floor_pixel(box.w - 1) - floor_pixel(box.y) + 1;
     const int inside = box.x >= 0 && box.y >= s->top * STEPS && box.x < s->width * STEPS &&
                        box.y < (s->top + s->rows) * STEPS;
-    if (columns <= 2 && rows <= 2 && inside) add_four(s, s->sums + layer, box, colour);
-    else if (columns * rows <= FEW_PIXELS) add_few(s, s->sums + layer, box, colour);
-    else add_edges(s, s->edges + layer, box, colour);
+    if (columns <= 2 && rows <= 2 && inside) add_four(s, to, box, colour);
+    else add_few(s, to, box, colour);
 }
 
 // The layers of what is swept by so many pixels, the nearest first.
@@ -137,14 +154,17 @@ inline void add_row(const Strip *s,
                     int columns,
                     float least,
                     constant const float *bounds,
-                    global const float *light,
-                    global const float *depth)
+                    global const light_t *light,
+                    ulong channel,
+                    int pixel,
+                    global const depth_t *depth,
+                    global const float *table)
 {
     const float16 along = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     for (int start = 0; start < columns; start += ABREAST) {
         const int rays = min(ABREAST, columns - start);
         float z[ABREAST];
-        for (int k = 0; k < ABREAST; ++k) z[k] = depth[start + min(k, rays - 1)];
+        for (int k = 0; k < ABREAST; ++k) z[k] = METRES(depth[start + min(k, rays - 1)]);
         const float16 moves = (p.delta - 1.0f / vload16(0, z)) * p.scale;
         const float16 half_x = 0.5f * max(fabs(moves) * cell.side_x, least);
         const float16 half_y = 0.5f * max(fabs(moves) * cell.side_y, least);
@@ -168,12 +188,14 @@ inline void add_row(const Strip *s,
         for (int k = 0; k < rays; ++k) {
             if (!seen[k]) continue;
             const int4 box = (int4)(at[0][k], at[1][k], at[2][k], at[3][k]);
-            const float3 lit = clamp(vload3(start + k, light), 0.0f, 1.0f);
+            global const light_t *from = light + (start + k) * pixel;
+            const float3 lit = clamp((float3)(from[0], from[channel], from[2 * channel]) / LIGHT_ONE, 0.0f, 1.0f);
             const float4 colour = (float4)(lit * share[k], share[k]);
-            const ulong first = layer[k] * layer_size(s, strip_rows);
+            global long4 *to = s->sums + layer[k] * layer_size(s, strip_rows);
+            const int outermost = is_outermost(layer[k]);
             // But for the smallest boxes 32 bits hold it, and products of 32 bits cost least.
-            if (share[k] < 0x1p30f) add_box(s, first, box, convert_long4(convert_int4_rte(colour)));
-            else add_box(s, first, box, convert_long4_rte(colour));
+            if (share[k] < 0x1p30f) add_box(s, to, outermost, box, convert_long4(convert_int4_rte(colour)));
+            else add_box(s, to, outermost, box, convert_long4_rte(colour));
         }
     }
 }
@@ -187,8 +209,9 @@ inline int reaches(const Strip *s, Plane p, Cell cell, float y, float least, flo
 }
 
 kernel __attribute__((reqd_work_group_size(1, 1, 1)))
-void add_rays(global const float *restrict light,    // (views, rows, columns, 3)
-              global const float *restrict depth,    // (views, rows, columns), metres
+void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3); (views, 3, rows, columns) if STORED
+              global const depth_t *restrict depth,  // (views, rows, columns), metres, or codes
+              global const float *restrict table,    // metres of each code
               global const float2 *restrict ranges,  // (views, rows) least and most depth of a row
               global const Cell *restrict cells,     // (planes, views)
               global const Plane *restrict planes,
@@ -196,32 +219,34 @@ void add_rays(global const float *restrict light,    // (views, rows, columns, 3
               const int n_views,
               const int columns,
               const int rows,
+              const int first_row,                   // of the views
               const float least,                     // side of a box, pixels
               const int strip_rows,
               const int width,                       // of the pictures
               const int height,
-              global long4 *restrict sums,
-              global long4 *restrict edges)
+              global long4 *restrict sums)
 {
     const int plane = get_global_id(1);
-    const Strip s = make_strip(sums, edges, plane, get_global_id(0), strip_rows, (int2)(width, height));
+    const ulong channel = STORED ? (ulong)rows * columns : 1;
+    const Strip s = make_strip(sums, plane, get_global_id(0), strip_rows, (int2)(width, height));
     const Plane p = planes[plane];
     for (int view = 0; view < n_views; ++view) {
         const Cell cell = cells[plane * n_views + view];
         if (!(cell.share > 0.0f)) continue;
         for (int v = 0; v < rows; ++v) {
-            const float y = fma((float)v, p.step, cell.y);
+            const float y = fma((float)(first_row + v), p.step, cell.y);
             const ulong row = (ulong)view * rows + v;
             if (!reaches(&s, p, cell, y, least, ranges[row])) continue;
             const ulong at = row * columns;
-            add_row(&s, strip_rows, p, cell, y, columns, least, bounds, light + 3 * at, depth + at);
+            global const light_t *of_row = light + (STORED ? 3 * view * channel + (ulong)v * columns : 3 * at);
+            add_row(&s, strip_rows, p, cell, y, columns, least, bounds, of_row, channel, STORED ? 1 : 3, depth + at,
+                    table);
         }
     }
 }
 
 // Pictures from the sums: layers front to back, each taking no more of a pixel than those before it left.
 kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global long4 *restrict sums,
-                    global long4 *restrict edges,
                     global const float *restrict room,  // (planes, height, width): weight of all rays that fall there
                     const int strip_rows,
                     const int width,
@@ -229,11 +254,11 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global long4 
                     global float *restrict pictures)    // (planes, height, width, 3)
 {
     const int plane = get_global_id(1);
-    const Strip s = make_strip(sums, edges, plane, get_global_id(0), strip_rows, (int2)(width, height));
+    const Strip s = make_strip(sums, plane, get_global_id(0), strip_rows, (int2)(width, height));
     const ulong pitch = width + 1, size = layer_size(&s, strip_rows);
     for (int y = 0; y < s.rows; ++y) {
-        for (int layer = 0; layer < LAYERS; ++layer) {
-            global long4 *row = s.edges + layer * size + y * pitch;
+        for (int layer = 0; layer < LAYERS; layer += max(1, LAYERS - 1)) {
+            global long4 *row = s.sums + layer * size + y * pitch;
             long4 along = 0;
             for (int x = 0; x < width; ++x) {
                 along += row[x];
@@ -247,7 +272,7 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global long4 
             float3 colour = 0.0f, last = 0.0f;
             for (int layer = 0; layer < LAYERS; ++layer) {
                 const ulong from = layer * size + y * pitch + x;
-                const float4 found = convert_float4(s.sums[from] + s.edges[from]) / ONE;
+                const float4 found = convert_float4(s.sums[from]) / ONE;
                 const float used = min(found.w, left);
                 if (!(used > 0.0f)) continue;
                 colour += found.xyz * (used / found.w);
